@@ -65,7 +65,9 @@ def _task(workbench: Workbench, page: StudioPage) -> None:
     workbench.change_obstacle(box)
     place = Pose.from_rpy([0.45, -0.25, 0.3], 3.14159265, 0.0, 0.0)
     workbench.move_goal(place)
-    workbench.set_stages((*pick_stages(box, workbench.gripper_links()), *place_stages(box, place)))
+    workbench.set_entries(
+        "stages", (*pick_stages(box, workbench.gripper_links()), *place_stages(box, place))
+    )
     page.refresh()
 
 

@@ -24,5 +24,7 @@ def attempt(state: StudioState, action: Callable[[], Outcome]) -> Outcome:
         first = error.errors(include_url=False)[0]
         where = ".".join(str(step) for step in first["loc"])
         return Failure(state, "A setting is out of its range", f"{where}: {first['msg']}")
+    except ValueError as error:
+        return Failure(state, "Something is missing", str(error))
     except ArmwrightError as error:
         return Failure(state, "The service did not answer", str(error))

@@ -7,7 +7,7 @@ from typing import Any
 
 from pydantic import BaseModel
 
-from armwright_client import IkRequest, PlanRequest, TaskRequest
+from armwright_client import IkRequest, PlanRequest, TaskRequest, TourRequest
 from armwright_client.base import Request
 
 
@@ -64,6 +64,35 @@ def task_python(url: str, request: TaskRequest) -> str:
             "    )",
             "for stage in task.stages:",
             "    print(stage.kind, stage.trajectory.duration, stage.certificate.verified)",
+            "",
+        ]
+    )
+
+
+def tour_python(url: str, request: TourRequest) -> str:
+    """A Python program that plans the same tour with `armwright_client`.
+
+    Args:
+        url: Address of the service.
+        request: The tour's request.
+    """
+    fields = _changed_fields(request)
+    robot, goals = fields.pop("robot"), fields.pop("goals")
+    used = [n for value in (*goals, *fields.values()) for n in _models(value)]
+    return "\n".join(
+        [
+            f"from armwright_client import {', '.join(sorted({'Client', *used}))}",
+            "",
+            f"with Client({url!r}) as client:",
+            "    tour = client.plan_tour(",
+            f"        {robot!r},",
+            "        [",
+            *(f"            {_code(goal)}," for goal in goals),
+            "        ],",
+            *(f"        {name}={_code(value)}," for name, value in fields.items()),
+            "    )",
+            "for leg in tour.legs:",
+            "    print(leg.origin, leg.target, leg.trajectory.duration, leg.certificate.verified)",
             "",
         ]
     )

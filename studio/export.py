@@ -1,4 +1,4 @@
-"""Files for controllers: of a motion one, of a task an archive with one for each motion."""
+"""Files for controllers: of a motion one, of a task or tour an archive of one each motion."""
 
 import io
 import zipfile
@@ -7,8 +7,8 @@ from typing import Any
 
 from armwright_client import Client, Obstacle, Scene, TaskStageReport
 from armwright_client.export import ExportFormat
-from studio.requests import plan_request, set_fields
-from studio.result import Planned, TaskPlanned
+from studio.requests import plan_request, set_fields, tour_request
+from studio.result import Planned, TaskPlanned, TourPlanned
 
 #: Settings of a plan that its export takes as well.
 _OPTIONS = ("scene", "attached", "margin")
@@ -30,13 +30,13 @@ class ExportFile:
 
 
 def export_file(
-    client: Client, outcome: Planned | TaskPlanned, file_format: ExportFormat
+    client: Client, outcome: Planned | TaskPlanned | TourPlanned, file_format: ExportFormat
 ) -> ExportFile:
     """A plan as a file for a controller, proved as the controller moves.
 
     Args:
         client: That asks the service.
-        outcome: A motion, or the motions of a task.
+        outcome: A motion, or the motions of a task or tour.
         file_format: Of the file, or of those in the archive.
 
     Raises:
@@ -44,6 +44,8 @@ def export_file(
     """
     if isinstance(outcome, TaskPlanned):
         return _archive(client, outcome, file_format)
+    if isinstance(outcome, TourPlanned):
+        return _legs(client, outcome, file_format)
     fields = set_fields(plan_request(outcome.state))
     options = {name: value for name, value in fields.items() if name in _OPTIONS}
     made = client.export(outcome.state.robot, outcome.plan.trajectory, file_format, **options)
@@ -71,6 +73,18 @@ def _archive(client: Client, outcome: TaskPlanned, file_format: ExportFormat) ->
             )
             archive.writestr(f"{stage.index:02}_{stage.kind}_{made.file_name}", made.content)
     return ExportFile(f"task_{file_format}.zip", held.getvalue())
+
+
+def _legs(client: Client, outcome: TourPlanned, file_format: ExportFormat) -> ExportFile:
+    """Each leg in a file, in order; all are from rest to rest."""
+    fields = set_fields(tour_request(outcome.state))
+    options = {name: value for name, value in fields.items() if name in _OPTIONS}
+    held = io.BytesIO()
+    with zipfile.ZipFile(held, "w", zipfile.ZIP_DEFLATED) as archive:
+        for number, leg in enumerate(outcome.plan.legs):
+            made = client.export(outcome.state.robot, leg.trajectory, file_format, **options)
+            archive.writestr(f"{number:02}_leg_{made.file_name}", made.content)
+    return ExportFile(f"tour_{file_format}.zip", held.getvalue())
 
 
 def _moves(stage: TaskStageReport) -> bool:

@@ -9,7 +9,7 @@ from scipy.spatial.transform import Rotation
 
 from armwright_client import Obstacle, Pose
 from studio.pose import rotation, wxyz
-from studio.result import Planned, TaskPlanned
+from studio.result import Planned, TaskPlanned, TourPlanned
 from studio.workbench import Workbench
 
 #: Frames each second: what browsers draw without falling behind.
@@ -102,6 +102,32 @@ def task_frames(workbench: Workbench, planned: TaskPlanned) -> MotionFrames:
             carried[item.id] = LinkPoses(
                 np.array([place[0] for place in places]), np.array([place[1] for place in places])
             )
+    return MotionFrames(times, joints, links, carried)
+
+
+def tour_frames(workbench: Workbench, planned: TourPlanned) -> MotionFrames:
+    """The frames of all legs of a tour, with the stays at its goals between them.
+
+    Args:
+        workbench: That asks for the poses.
+        planned: The tour.
+    """
+    legs, duration = planned.plan.legs, planned.plan.time
+    begins = np.array([leg.begins for leg in legs])
+    times = np.linspace(0.0, duration, min(_MAX_FRAMES, max(2, int(duration * _RATE) + 1)))
+    # Before its first leg the arm stands where that begins.
+    numbers = np.maximum(np.searchsorted(begins, times, side="right") - 1, 0)
+    joints: list[list[float]] = []
+    for number, leg in enumerate(legs):
+        own = np.clip(times[numbers == number] - begins[number], 0.0, leg.trajectory.duration)
+        joints += leg.trajectory.sample(own) if len(own) else []
+    asked = workbench.link_poses_of(joints, dict(planned.state.fingers))
+    links = {name: link_poses(poses) for name, poses in asked.items()}
+    obstacles = {item.id: item for item in planned.state.obstacles}
+    carried = {
+        name: _carried(links[link], obstacles[name].pose)
+        for name, link in planned.state.attached.items()
+    }
     return MotionFrames(times, joints, links, carried)
 
 

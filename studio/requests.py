@@ -15,6 +15,7 @@ from armwright_client import (
     Start,
     TaskRequest,
     Timing,
+    TourRequest,
 )
 from studio.state import StudioState
 
@@ -24,6 +25,10 @@ _LIVE_TIMEOUT = 2.0
 MAX_BRANCHES = 8
 #: Settings of a plan that a task takes as well.
 _OF_TASKS = ("margin", "seed", "timeout", "timing")
+#: And a tour.
+_OF_TOURS = (*_OF_TASKS, "clearance")
+#: Goals of a tour and waypoints of a tool path at least.
+_FEWEST = 2
 #: Models of the settings that are objects.
 _MODELS = {"timing": Timing, "clearance": Clearance}
 
@@ -91,6 +96,57 @@ def task_request(state: StudioState, *, keep: bool = True) -> TaskRequest:
         keep=keep or None,
         **_nested(settings),
     )
+
+
+def tour_request(state: StudioState, *, keep: bool = True) -> TourRequest:
+    """The request for the goals of the tour in the best order, from the start on.
+
+    Args:
+        state: Of the studio.
+        keep: Whether the service keeps request and answer, for the page that shows them.
+
+    Raises:
+        pydantic.ValidationError: A goal or a setting is not as the API has it.
+        ValueError: There are no two goals.
+    """
+    if len(state.goals) < _FEWEST:
+        raise ValueError("a tour has two goals or more: add them first")
+    body = {"robot": state.robot, "goals": [dict(entry) for entry in state.goals]}
+    read = TourRequest.model_validate_json(json.dumps({**body, **state.tour_options}))
+    settings = {
+        path: value for path, value in state.settings.items() if path.partition(".")[0] in _OF_TOURS
+    }
+    fields = set_fields(read)
+    return TourRequest(
+        **fields,
+        start=Start(joints=state.start),
+        scene=scene_of(state),
+        attached=_attached(state),
+        keep=keep or None,
+        **_nested(settings),
+    )
+
+
+def path_request(state: StudioState, *, keep: bool = True) -> PlanRequest:
+    """The request for a motion of the tool along the waypoints, from the start on.
+
+    Args:
+        state: Of the studio.
+        keep: Whether the service keeps request and answer, for the page that shows them.
+
+    Raises:
+        pydantic.ValidationError: A waypoint or a setting is not as the API has it.
+        ValueError: There are no two waypoints.
+    """
+    if len(state.waypoints) < _FEWEST:
+        raise ValueError("a tool path has two waypoints or more: add them first")
+    last = state.waypoints[-1]
+    pose = last.get("pose") or {"position": last.get("point")}
+    goal = Goal.model_validate_json(json.dumps({"pose": pose}))
+    request = plan_request(state, keep=keep)
+    options = {"waypoints": [dict(entry) for entry in state.waypoints], **state.path_options}
+    changes = {"goal": goal, "planner": "cartesian", "planner_options": options}
+    return request.model_copy(update=changes)
 
 
 def set_fields(request: Any, without: Sequence[str] = ()) -> dict[str, Any]:

@@ -5,7 +5,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import Any, TypeAlias
 
-from armwright_client import Plan, Problem, TaskPlan
+from armwright_client import Plan, Problem, TaskPlan, Tour
 from service.viewer.words import certificate_sentences, problem_sentences
 from studio.branch import Branch, branches
 from studio.state import StudioState
@@ -81,6 +81,41 @@ class TaskPlanned:
 
 
 @dataclass(frozen=True, slots=True)
+class TourPlanned:
+    """Certified motions from goal to goal of a tour.
+
+    Args:
+        state: That they were planned for.
+        plan: The answer of the service.
+    """
+
+    state: StudioState
+    plan: Tour
+
+    @property
+    def plan_id(self) -> str | None:
+        """Id of the kept tour."""
+        return self.plan.plan_id
+
+    @property
+    def title(self) -> str:
+        """Number of goals and duration."""
+        return f"Tour of {len(self.plan.order)} goals: {self.plan.time:.3f} s."
+
+    @property
+    def sentences(self) -> list[str]:
+        """The order, each leg with its duration and whether it is proved, and what is left out."""
+        plan = self.plan
+        gap = "" if plan.gap is None else f"; at most {100.0 * plan.gap:.1f} % longer than needed"
+        lines = [f"Order: {', '.join(plan.order)}{gap}"]
+        for number, leg in enumerate(plan.legs):
+            proof = "proved" if leg.certificate.verified else "not proved"
+            ends = f"{leg.origin or 'start'} to {leg.target or 'end'}"
+            lines.append(f"{number}: {ends}: {leg.trajectory.duration:.2f} s, {proof}")
+        return [*lines, *(f"Left out: {one.id}, {one.message}" for one in plan.unvisited)]
+
+
+@dataclass(frozen=True, slots=True)
 class Failure:
     """A plan that there is not, and why.
 
@@ -109,7 +144,7 @@ class Failure:
     shown: tuple[float, ...] | None = None
 
 
-Outcome: TypeAlias = Planned | TaskPlanned | Failure
+Outcome: TypeAlias = Planned | TaskPlanned | TourPlanned | Failure
 
 
 def failure(state: StudioState, problem: Problem) -> Failure:

@@ -1,6 +1,6 @@
 """Fields of a form, read from the API's OpenAPI document."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple, get_args
 
 from armwright_client.planner import KnownPlanner
@@ -20,6 +20,22 @@ PATHS = (
     "collisions",
     "timeout",
     "seed",
+)
+
+#: Options of a tour and of a tool path that have a widget.
+_TOUR_OPTIONS = ("end", "precedence", "rounds", "leg_timeout", "allow_partial")
+_PATH_OPTIONS = (
+    "tool_speed",
+    "speed_band",
+    "blend",
+    "tolerance",
+    "approach",
+    "retreat",
+    "branch_changes",
+    "orientation",
+    "max_deviation",
+    "max_orientation_deviation",
+    "allow_partial",
 )
 
 #: Types of JSON with a widget of their own.
@@ -62,6 +78,55 @@ class EntryForms(NamedTuple):
     tag: str
     fields: Mapping[str, tuple[FormField, ...]]
 
+    def kind(self, entry: Mapping[str, Any]) -> str:
+        """The kind of an entry; the only one where entries do not name theirs."""
+        return str(entry[self.tag]) if self.tag else next(iter(self.fields))
+
+
+def goal_form(document: Mapping[str, Any]) -> EntryForms:
+    """The form of a tour's goals, from the OpenAPI document of the service."""
+    return _list_form(document, "TourRequest", "goals", "goal")
+
+
+def waypoint_form(document: Mapping[str, Any]) -> EntryForms:
+    """The form of a tool path's waypoints, from the OpenAPI document of the service."""
+    return _list_form(document, "CartesianOptions", "waypoints", "waypoint")
+
+
+def tour_fields(document: Mapping[str, Any]) -> tuple[FormField, ...]:
+    """Options of a tour, from the OpenAPI document of the service."""
+    return _option_fields(document, "TourRequest", _TOUR_OPTIONS)
+
+
+def path_fields(document: Mapping[str, Any]) -> tuple[FormField, ...]:
+    """Options of a tool path, from the OpenAPI document of the service."""
+    return _option_fields(document, "CartesianOptions", _PATH_OPTIONS)
+
+
+def _list_form(document: Mapping[str, Any], model: str, name: str, word: str) -> EntryForms:
+    schemas = document["components"]["schemas"]
+    items = _resolved(schemas, schemas[model]["properties"][name])["items"]
+    return EntryForms("", {word: _fields_of(schemas, _resolved(schemas, items))})
+
+
+def _option_fields(
+    document: Mapping[str, Any], model: str, names: Sequence[str]
+) -> tuple[FormField, ...]:
+    schemas = document["components"]["schemas"]
+    found = {field.path: field for field in _fields_of(schemas, schemas[model])}
+    return tuple(found[name] for name in names if name in found)
+
+
+def _fields_of(
+    schemas: Mapping[str, Any], schema: Mapping[str, Any], without: str = ""
+) -> tuple[FormField, ...]:
+    required = schema.get("required", ())
+    return tuple(
+        _form_field(schemas, path, item)._replace(required=path in required)
+        for path, item in schema["properties"].items()
+        if path != without
+    )
+
 
 def entry_forms(document: Mapping[str, Any], model: str, name: str) -> EntryForms:
     """Forms of a list whose entries have one of several kinds.
@@ -83,13 +148,7 @@ def entry_forms(document: Mapping[str, Any], model: str, name: str) -> EntryForm
     # The mapping is sorted by name; the alternatives stand in the API's own order.
     for reference in (item["$ref"] for item in items["oneOf"]):
         kind = kinds[reference]
-        schema = schemas[reference.rpartition("/")[2]]
-        required = schema.get("required", ())
-        fields[kind] = tuple(
-            _form_field(schemas, path, item)._replace(required=path in required)
-            for path, item in schema["properties"].items()
-            if path != tag
-        )
+        fields[kind] = _fields_of(schemas, schemas[reference.rpartition("/")[2]], tag)
     return EntryForms(tag, fields)
 
 

@@ -78,6 +78,25 @@ def place_stages(obstacle: Obstacle, tip: Pose) -> Entries:
     )
 
 
+def goal_entry(state: StudioState, tip: Pose) -> dict[str, Any]:
+    """The goal of the studio as a goal of a tour.
+
+    Args:
+        state: Of the studio.
+        tip: The goal, in the root frame.
+    """
+    return {"joints": [*state.goal_joints]} if state.goal_pose is None else pose_entry(tip)
+
+
+def pose_entry(tip: Pose) -> dict[str, Any]:
+    """The goal of the studio as a waypoint of a tool path.
+
+    Args:
+        tip: The goal, in the root frame.
+    """
+    return {"pose": _wire(tip)}
+
+
 def aimed(stage: dict[str, Any], state: StudioState, tip: Pose) -> dict[str, Any]:
     """A stage at the goal: of a move, a grasp among others, or a place of the held object.
 

@@ -28,6 +28,10 @@ class StudioState:
         settings: Values of further fields of a plan request, by their path: "timing.method".
         constraints: Of a plan, each by its fields as the API has them.
         stages: Of a task, each by its fields as the API has them.
+        goals: Of a tour, likewise.
+        waypoints: Of a tool path, likewise.
+        tour_options: Of the tour, by name.
+        path_options: Of the tool path, by name.
     """
 
     robot: str
@@ -40,6 +44,10 @@ class StudioState:
     settings: Mapping[str, Any] = field(default_factory=lambda: MappingProxyType({}))
     constraints: Entries = ()
     stages: Entries = ()
+    goals: Entries = ()
+    waypoints: Entries = ()
+    tour_options: Mapping[str, Any] = field(default_factory=lambda: MappingProxyType({}))
+    path_options: Mapping[str, Any] = field(default_factory=lambda: MappingProxyType({}))
 
     def with_setting(self, path: str, value: Any) -> "StudioState":
         """The state with a setting changed; None leaves the field to the service."""
@@ -79,6 +87,18 @@ class StudioState:
         while f"{kind}_{number}" in ids:
             number += 1
         return f"{kind}_{number}"
+
+
+def with_option(options: Mapping[str, Any], name: str, value: Any) -> Mapping[str, Any]:
+    """Options with one of them changed.
+
+    Args:
+        options: By name.
+        name: Of the option.
+        value: Its value; None leaves it to the service.
+    """
+    rest = {key: item for key, item in options.items() if key != name}
+    return MappingProxyType(rest if value is None else rest | {name: value})
 
 
 @dataclass(frozen=True, slots=True)

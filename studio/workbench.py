@@ -10,7 +10,6 @@ from armwright_client import (
     Client,
     NoIkSolution,
     Obstacle,
-    Plan,
     Pose,
     Robot,
     Scene,
@@ -20,17 +19,26 @@ from armwright_client.export import ExportFormat
 from armwright_client.geometry import GeometryAnswer
 from studio.attempt import attempt
 from studio.branch import Branch, Verdict, branches
-from studio.code import curl, ik_python, plan_python, task_python
 from studio.entries import Entries
 from studio.export import ExportFile, export_file
 from studio.joint_ranges import home, joint_ranges
+from studio.planning import plan_motion, plan_task, plan_tool_path, plan_tour
 from studio.pose import stays_in
-from studio.requests import ik_request, plan_request, set_fields, task_request
-from studio.result import Outcome, Planned, TaskPlanned
+from studio.requests import ik_request, set_fields
+from studio.result import Outcome, Planned, TaskPlanned, TourPlanned
 from studio.scene_files import MOVEIT, listed, read_obstacles
-from studio.settings_form import EntryForms, FormField, entry_forms, form_fields
+from studio.settings_form import (
+    EntryForms,
+    FormField,
+    entry_forms,
+    form_fields,
+    goal_form,
+    path_fields,
+    tour_fields,
+    waypoint_form,
+)
 from studio.shapes import ShapeKind, new_obstacle
-from studio.state import History, StudioState
+from studio.state import History, StudioState, with_option
 from studio.upload import robot_upload
 
 #: Where new obstacles appear [m]: before most arms, within their reach.
@@ -56,6 +64,10 @@ class Workbench:
         self.fields: tuple[FormField, ...] = form_fields(document)
         self.constraint_forms: EntryForms = entry_forms(document, "PlanRequest", "constraints")
         self.stage_forms: EntryForms = entry_forms(document, "TaskRequest", "stages")
+        self.goal_forms: EntryForms = goal_form(document)
+        self.waypoint_forms: EntryForms = waypoint_form(document)
+        self.tour_fields = tour_fields(document)
+        self.path_fields = path_fields(document)
         self.outcome: Outcome | None = None
         self.pinned: Planned | None = None
         self.branches: tuple[Branch, ...] = ()
@@ -275,13 +287,23 @@ class Workbench:
         """
         self._change(self.state.with_setting(path, value), f"setting {path}")
 
-    def set_constraints(self, entries: Entries, key: str | None = None) -> None:
-        """Change the constraints of the plan."""
-        self._change(replace(self.state, constraints=entries), key)
+    def set_entries(self, name: str, entries: Entries, key: str | None = None) -> None:
+        """Change a list of the state.
 
-    def set_stages(self, entries: Entries, key: str | None = None) -> None:
-        """Change the stages of the task."""
-        self._change(replace(self.state, stages=entries), key)
+        Args:
+            name: "constraints" of the plan, "stages" of the task, "goals" of the tour, or
+                "waypoints" of the tool path.
+            entries: In order.
+            key: See `History.change`.
+        """
+        changes: dict[str, Any] = {name: entries}
+        self._change(replace(self.state, **changes), key)
+
+    def set_option(self, which: str, name: str, value: Any) -> None:
+        """Change an option of the "tour" or of the tool "path"; None leaves it to the service."""
+        options = with_option(getattr(self.state, f"{which}_options"), name, value)
+        changes: dict[str, Any] = {f"{which}_options": options}
+        self._change(replace(self.state, **changes), f"{which} {name}")
 
     def gripper_links(self) -> list[str]:
         """Links with geometry that do not move in the frame of the tip: they may touch a load."""
@@ -307,12 +329,22 @@ class Workbench:
 
     def plan(self) -> Outcome:
         """Plan from start to goal; a motion with its certificate, or a failure explained."""
-        self.outcome = attempt(self.state, self._plan)
+        self.outcome = attempt(self.state, lambda: plan_motion(self.client, self.state))
         return self.outcome
 
     def plan_task(self) -> Outcome:
         """Plan the stages of the task as one, from the start on."""
-        self.outcome = attempt(self.state, self._plan_task)
+        self.outcome = attempt(self.state, lambda: plan_task(self.client, self.state))
+        return self.outcome
+
+    def plan_tour(self) -> Outcome:
+        """Plan the goals of the tour in the best order, from the start on."""
+        self.outcome = attempt(self.state, lambda: plan_tour(self.client, self.state))
+        return self.outcome
+
+    def plan_tool_path(self) -> Outcome:
+        """Plan a motion of the tool along the waypoints, from the start on."""
+        self.outcome = attempt(self.state, lambda: plan_tool_path(self.client, self.state))
         return self.outcome
 
     def pin(self) -> None:
@@ -330,44 +362,14 @@ class Workbench:
             ApiError: The service refuses it.
             ValueError: There is no motion.
         """
-        if not isinstance(self.outcome, Planned | TaskPlanned):
+        if not isinstance(self.outcome, Planned | TaskPlanned | TourPlanned):
             raise ValueError("there is no motion yet: plan one first")
         return export_file(self.client, self.outcome, file_format)
-
-    def plan_code(self) -> tuple[str, str]:
-        """The present plan request as Python and as curl."""
-        request = plan_request(self.state, keep=False)
-        return plan_python(self.url, request), curl(self.url, "/v1/plan", request)
-
-    def task_code(self) -> tuple[str, str]:
-        """The request of the task as Python and as curl."""
-        request = task_request(self.state, keep=False)
-        return task_python(self.url, request), curl(self.url, "/v1/tasks", request)
-
-    def ik_code(self, tip: Pose) -> str:
-        """The inverse kinematics of the goal as Python.
-
-        Args:
-            tip: Pose of the tip at the goal, in the root frame.
-        """
-        return ik_python(self.url, self.state.robot, ik_request(self.state, tip))
 
     def view_url(self) -> str | None:
         """Address of the page of the latest plan, or of its failure, if the service kept it."""
         plan_id = None if self.outcome is None else self.outcome.plan_id
         return None if plan_id is None else f"{self.url.rstrip('/')}/v1/plans/{plan_id}/view"
-
-    def _plan(self) -> Planned:
-        request = plan_request(self.state)
-        options = set_fields(request, without=("robot", "start", "goal"))
-        plan: Plan = self.client.plan(request.robot, request.start, request.goal, **options)
-        return Planned(self.state, plan)
-
-    def _plan_task(self) -> TaskPlanned:
-        request = task_request(self.state)
-        options = set_fields(request, without=("robot", "start", "stages"))
-        task = self.client.plan_task(request.robot, request.start, request.stages, **options)
-        return TaskPlanned(self.state, task)
 
     def _take_obstacles(self, obstacles: Sequence[Obstacle]) -> None:
         nothing: Mapping[str, str] = MappingProxyType({})

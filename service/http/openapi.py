@@ -7,6 +7,7 @@ from fastapi.openapi.utils import get_openapi
 
 from service.http import openapi_examples, openapi_fields, openapi_problems
 from service.http.errors import KINDS, PROBLEM_MEDIA_TYPE
+from service.schemas.cartesian import CartesianOptions
 from service.schemas.problem import Problem
 from service.schemas.robot import RobotBody
 
@@ -91,6 +92,11 @@ def install(app: FastAPI) -> None:
             # Bodies that routes read by themselves, because they come in more than one form.
             robot = RobotBody.model_json_schema(ref_template="#/components/schemas/{model}")
             schemas |= {**robot.pop("$defs"), "RobotBody": robot} | schemas
+            # Of planner_options, which is free in the request's own schema.
+            options = CartesianOptions.model_json_schema(
+                ref_template="#/components/schemas/{model}"
+            )
+            schemas |= {**options.pop("$defs"), "CartesianOptions": options} | schemas
             openapi_fields.describe_fields(schemas)
             longest = app.state.settings.max_timeout
             openapi_fields.bound_timeouts(schemas, longest)

@@ -49,7 +49,7 @@ class EntriesPanel:
         self._widgets: dict[str, Any] = {}
         self._fields: list[viser.GuiFolderHandle] = []
         gui = page.server.gui
-        kind = gui.add_dropdown(f"Kind of {word}", [*forms.fields])
+        kind = gui.add_dropdown(f"Kind of {word}", [*forms.fields], visible=len(forms.fields) > 1)
         add = gui.add_button(f"Add {word}")
         add.on_click(lambda _: self._run(partial(self._add, kind.value)))
         self._text = gui.add_markdown("")
@@ -76,14 +76,14 @@ class EntriesPanel:
     def refresh(self) -> None:
         """Show the entries, and the fields of the chosen one."""
         entries = self._read()
-        tag = self._forms.tag
-        self._text.content = describe(entries, tag) or f"No {self._word} yet."
-        labels = labels_of(entries, tag)
+        forms = self._forms
+        self._text.content = describe(entries, forms) or f"No {self._word} yet."
+        labels = labels_of(entries, forms)
         if labels != [*self._choice.options]:
             self._choice.options = labels
         chosen = self.chosen
         put_value(self._choice, labels[0 if chosen is None else chosen + 1])
-        kind = None if chosen is None else str(entries[chosen][tag])
+        kind = None if chosen is None else forms.kind(entries[chosen])
         if kind != self._kind:
             self._make_fields(kind)
         if chosen is not None:
@@ -104,15 +104,7 @@ class EntriesPanel:
                     self._widgets[field.path] = self._widget(field)
 
     def _widget(self, field: FormField) -> Any:
-        gui = self._page.server.gui
-        label = f"{field.path} *" if field.required else field.path
-        hint = field.description or None
-        widget: Any
-        if field.kind in ("choice", "flag"):
-            choices = field.choices or ("yes", "no")
-            widget = gui.add_dropdown(label, [_DEFAULT, *map(str, choices)], hint=hint)
-        else:
-            widget = gui.add_text(label, "", hint=hint)
+        widget = field_widget(self._page.server.gui, field)
         on_user_update(widget, lambda value: self._run(partial(self._set, field, value)))
         return widget
 
@@ -152,14 +144,29 @@ class EntriesPanel:
         self._page.queue.put(f"{self._word} {id(action)}", command)
 
 
-def labels_of(entries: Entries, tag: str) -> list[str]:
+def field_widget(gui: viser.GuiApi, field: FormField) -> Any:
+    """The widget of a field: a choice, or a text.
+
+    Args:
+        gui: To add it to.
+        field: Of the form.
+    """
+    label = f"{field.path} *" if field.required else field.path
+    hint = field.description or None
+    if field.kind in ("choice", "flag"):
+        choices = field.choices or ("yes", "no")
+        return gui.add_dropdown(label, [_DEFAULT, *map(str, choices)], hint=hint)
+    return gui.add_text(label, "", hint=hint)
+
+
+def labels_of(entries: Entries, forms: EntryForms) -> list[str]:
     """Choices of the entry to be edited: none, and each by its number and kind.
 
     Args:
         entries: In order.
-        tag: Field that names the kind.
+        forms: By their kind.
     """
-    return [_NONE, *(f"{i} {entry[tag]}" for i, entry in enumerate(entries))]
+    return [_NONE, *(f"{i} {forms.kind(entry)}" for i, entry in enumerate(entries))]
 
 
 def number_in(label: str) -> int | None:
@@ -172,18 +179,18 @@ def number_in(label: str) -> int | None:
     return int(number) if number.isdigit() else None
 
 
-def describe(entries: Entries, tag: str) -> str:
+def describe(entries: Entries, forms: EntryForms) -> str:
     """The entries as a list in Markdown: each by its kind and its fields, shortened.
 
     Args:
         entries: In order.
-        tag: Field that names the kind.
+        forms: By their kind.
     """
     lines = []
     for number, entry in enumerate(entries):
-        rest = ", ".join(f"{k}={json.dumps(v)}" for k, v in entry.items() if k != tag)
+        rest = ", ".join(f"{k}={json.dumps(v)}" for k, v in entry.items() if k != forms.tag)
         short = rest if len(rest) <= _MAX_TEXT else f"{rest[:_MAX_TEXT]}…"
-        lines.append(f"{number}. **{entry[tag]}** {f'`{short}`' if short else ''}".rstrip())
+        lines.append(f"{number}. **{forms.kind(entry)}** {f'`{short}`' if short else ''}".rstrip())
     return "\n".join(lines)
 
 

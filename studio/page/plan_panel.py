@@ -40,7 +40,7 @@ class PlanPanel:
                 "constraint",
                 workbench.constraint_forms,
                 lambda: workbench.state.constraints,
-                workbench.set_constraints,
+                partial(workbench.set_entries, "constraints"),
                 lambda kind: {workbench.constraint_forms.tag: kind},
             )
         pin = gui.add_button("Pin to compare", hint="The next plan is drawn and listed beside it.")

@@ -3,19 +3,21 @@
 import numpy as np
 import viser
 
-from armwright_client import ApiError, ArmwrightError, Pose
+from armwright_client import ApiError, ArmwrightError
 from studio.explain import colliding_pairs
-from studio.motion_frames import MotionFrames, motion_frames, task_frames
+from studio.motion_frames import MotionFrames, motion_frames, task_frames, tour_frames
 from studio.page.command_queue import CommandQueue
 from studio.page.goal_panel import GoalPanel
 from studio.page.pair_drawing import PairDrawing
+from studio.page.paths_panel import PathsPanel
 from studio.page.plan_panel import PlanPanel
 from studio.page.play_panel import PlayPanel
 from studio.page.robot_drawing import GhostDrawing, RobotDrawing, surfaces
 from studio.page.robot_panel import FingerSliders, JointSliders, RobotPanel
 from studio.page.scene_panel import ScenePanel
 from studio.page.task_panel import TaskPanel
-from studio.result import Failure, Outcome, Planned, TaskPlanned
+from studio.result import Failure, Outcome, Planned, TaskPlanned, TourPlanned
+from studio.shown_code import all_code
 from studio.workbench import Workbench
 
 #: Robot at the start or in motion, and the pinned motion.
@@ -61,6 +63,8 @@ class StudioPage:
             self._scene = ScenePanel(self)
         with tabs.add_tab("Task"):
             self._task = TaskPanel(self)
+        with tabs.add_tab("Paths"):
+            self._paths = PathsPanel(self)
         with tabs.add_tab("Code"):
             self._code = gui.add_markdown("")
         self.rebuild()
@@ -108,10 +112,11 @@ class StudioPage:
             self._scene.refresh()
             self._plan.refresh()
             self._task.refresh()
+            self._paths.refresh()
             tip = self.workbench.goal_tip()
             self._goal.refresh(tip, self.workbench.branches)
             self.show_goal()
-            self._show_code(tip)
+            self._code.content = all_code(self.workbench.url, self.workbench.state, tip)
 
     def show_looks(self, looks: bool) -> None:
         """Draw the robot by what it looks like, or by its collision geometry.
@@ -142,13 +147,16 @@ class StudioPage:
         """Load the motion that was planned, or show the pair of a failure."""
         outcome, pinned = self.workbench.outcome, self.workbench.pinned
         self._mark(outcome)
-        if isinstance(outcome, TaskPlanned):
+        if isinstance(outcome, TaskPlanned | TourPlanned):
             self._pinned_frames = None
             if self._pinned_robot is not None:
                 self._pinned_robot.set_visible(False)
             if self._ghosts is not None:
                 self._ghosts.clear()
-            self._play.load(task_frames(self.workbench, outcome))
+            if isinstance(outcome, TaskPlanned):
+                self._play.load(task_frames(self.workbench, outcome))
+            else:
+                self._play.load(tour_frames(self.workbench, outcome))
         elif isinstance(outcome, Planned):
             self._pinned_frames = None if pinned is None else motion_frames(self.workbench, pinned)
             if self._pinned_robot is not None:
@@ -182,25 +190,6 @@ class StudioPage:
             for name, poses in frames.carried.items():
                 if name in drawings:
                     drawings[name].show_frame(poses, number)
-
-    def _show_code(self, tip: Pose) -> None:
-        try:
-            python, curl = self.workbench.plan_code()
-        except ValueError as error:  # pydantic's: a setting out of its range
-            self._code.content = f"The request is not valid: {error}"
-            return
-        ik = self.workbench.ik_code(tip)
-        task = ""
-        if self.workbench.state.stages:
-            try:
-                stages, _ = self.workbench.task_code()
-                task = f"The task:\n\n```python\n{stages}```\n\n"
-            except ValueError as error:
-                task = f"The task is not valid yet: {error}\n\n"
-        self._code.content = (
-            f"{task}The plan:\n\n```python\n{python}```\n\n```sh\n{curl}\n```\n\n"
-            f"The configurations that reach the goal:\n\n```python\n{ik}```"
-        )
 
     def _set_up_scene(self) -> None:
         gui, scene = self.server.gui, self.server.scene

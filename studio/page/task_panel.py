@@ -7,7 +7,7 @@ from armwright_client import Obstacle
 from studio.page.entries_panel import EntriesPanel
 from studio.page.panel import Page, put_value
 from studio.page.plan_panel import describe
-from studio.result import Failure, TaskPlanned
+from studio.result import Outcome, TaskPlanned
 from studio.stages import aimed, new_stage, pick_stages, place_stages
 
 #: In the dropdown of objects: there is none.
@@ -23,6 +23,7 @@ class TaskPanel:
 
     def __init__(self, page: Page) -> None:
         self._page = page
+        self._outcome: Outcome | None = None
         gui, workbench = page.server.gui, page.workbench
         self.button = gui.add_button("Plan the task", color="blue")
         self.button.on_click(lambda _: page.queue.put("plan", self._plan))
@@ -37,7 +38,7 @@ class TaskPanel:
                 "stage",
                 workbench.stage_forms,
                 lambda: workbench.state.stages,
-                workbench.set_stages,
+                partial(workbench.set_entries, "stages"),
                 lambda kind: new_stage(kind, workbench.state),
             )
             aim = gui.add_button(
@@ -55,9 +56,7 @@ class TaskPanel:
             put_value(self._object, names[-1])
         self._stages.refresh()
         outcome = workbench.outcome
-        ours = isinstance(outcome, TaskPlanned) or (
-            isinstance(outcome, Failure) and bool(outcome.state.stages)
-        )
+        ours = isinstance(outcome, TaskPlanned) or (outcome and outcome is self._outcome)
         words = describe(outcome, workbench.view_url()) if ours else "Add stages, then plan them."
         self._text.content = words
 
@@ -65,7 +64,7 @@ class TaskPanel:
         self._text.content = "Planning …"
         self.button.disabled = True
         try:
-            self._page.workbench.plan_task()
+            self._outcome = self._page.workbench.plan_task()
         finally:
             self.button.disabled = False
         self._page.refresh()
@@ -79,7 +78,7 @@ class TaskPanel:
             if word == "pick"
             else place_stages(obstacle, workbench.goal_tip())
         )
-        workbench.set_stages((*workbench.state.stages, *more))
+        workbench.set_entries("stages", (*workbench.state.stages, *more))
 
     def _aim(self) -> None:
         workbench, number = self._page.workbench, self._stages.chosen
@@ -87,7 +86,7 @@ class TaskPanel:
             raise ValueError("choose a stage first")
         stages = workbench.state.stages
         stage = aimed(dict(stages[number]), workbench.state, workbench.goal_tip())
-        workbench.set_stages((*stages[:number], stage, *stages[number + 1 :]))
+        workbench.set_entries("stages", (*stages[:number], stage, *stages[number + 1 :]))
 
     def _chosen_object(self) -> Obstacle:
         for item in self._page.workbench.state.obstacles:

@@ -1,4 +1,4 @@
-"""One service for all tests of the studio of a module."""
+"""One service for all tests of the studio."""
 
 from collections.abc import Iterator
 
@@ -11,7 +11,7 @@ from studio.workbench import Workbench
 from tests.service.server import serving
 
 
-@pytest.fixture(scope="module")
+@pytest.fixture(scope="package")
 def url(tmp_path_factory: pytest.TempPathFactory) -> Iterator[str]:
     folder = tmp_path_factory.mktemp("studio")
     with serving(create_app(Settings(data_dir=folder, workers=1))) as http:

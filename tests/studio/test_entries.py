@@ -4,8 +4,9 @@ import pytest
 
 from studio.entries import moved, with_field, without
 from studio.page.entries_panel import describe, labels_of, number_in, text_of, value_of
-from studio.settings_form import FormField
+from studio.settings_form import EntryForms, FormField
 
+FORMS = EntryForms("kind", {"a": (), "b": (), "c": ()})
 ENTRIES = ({"kind": "a"}, {"kind": "b"}, {"kind": "c", "x": [1.0, 2.0]})
 
 
@@ -28,13 +29,13 @@ def test_fields_are_set_and_left_out() -> None:
 
 
 def test_a_choice_names_its_entry() -> None:
-    labels = labels_of(ENTRIES, "kind")
+    labels = labels_of(ENTRIES, FORMS)
     assert [number_in(label) for label in labels] == [None, 0, 1, 2]
     assert labels[1:] == ["0 a", "1 b", "2 c"]
 
 
 def test_entries_are_described() -> None:
-    assert describe(ENTRIES, "kind").splitlines()[2] == "2. **c** `x=[1.0, 2.0]`"
+    assert describe(ENTRIES, FORMS).splitlines()[2] == "2. **c** `x=[1.0, 2.0]`"
 
 
 @pytest.mark.parametrize(

@@ -22,6 +22,7 @@ from studio.page.local_server import serve_page
 from studio.page.studio_page import StudioPage
 from studio.pose import rotation
 from studio.result import Failure, Planned, TaskPlanned, compare
+from studio.shown_code import ik_code, plan_code, task_code
 from studio.stages import pick_stages, place_stages
 from studio.workbench import Workbench
 from tests.planning.sequence import fingers
@@ -84,7 +85,7 @@ def test_the_code_that_is_shown_does_the_same(workbench: Workbench) -> None:
     workbench.set_setting("clearance.preferred", 0.03)
     outcome = workbench.plan()
     assert isinstance(outcome, Planned)
-    python, curl = workbench.plan_code()
+    python, curl = plan_code(workbench.url, workbench.state)
     printed = io.StringIO()
     with redirect_stdout(printed):
         exec(compile(python, "shown", "exec"), {})
@@ -113,7 +114,7 @@ def test_a_moved_goal_is_answered_by_branches(workbench: Workbench) -> None:
     workbench.choose_branch(1)
     assert workbench.state.goal_joints == best.joints
     assert workbench.state.goal_pose is None
-    code = workbench.ik_code(pose)
+    code = ik_code(workbench.url, workbench.state, pose)
     printed = io.StringIO()
     with redirect_stdout(printed):
         exec(compile(code, "shown", "exec"), {})
@@ -220,7 +221,7 @@ def test_a_task_is_edited_planned_and_played(workbench: Workbench) -> None:
     assert "panda_hand" in links
     assert "panda_link5" not in links
     tip = Pose.from_rpy([0.5, -0.2, 0.3], 3.14159265, 0.0, 0.0)
-    workbench.set_stages((*pick_stages(crate, links), *place_stages(crate, tip)))
+    workbench.set_entries("stages", (*pick_stages(crate, links), *place_stages(crate, tip)))
     outcome = workbench.plan_task()
     assert isinstance(outcome, TaskPlanned), outcome
     assert all(stage.certificate.verified for stage in outcome.plan.stages)
@@ -248,7 +249,7 @@ def test_a_task_is_edited_planned_and_played(workbench: Workbench) -> None:
         points = files[name]["points"]
         np.testing.assert_allclose(points[0]["positions"], end, atol=1e-6)
         end = points[-1]["positions"]
-    python, curl = workbench.task_code()
+    python, curl = task_code(workbench.url, workbench.state)
     printed = io.StringIO()
     with redirect_stdout(printed):
         exec(compile(python, "shown", "exec"), {})
@@ -262,11 +263,11 @@ def test_a_task_is_edited_planned_and_played(workbench: Workbench) -> None:
 def test_stages_and_constraints_that_do_not_fit_are_failures_in_words(
     workbench: Workbench,
 ) -> None:
-    workbench.set_stages(({"kind": "approach"},))
+    workbench.set_entries("stages", ({"kind": "approach"},))
     outcome = workbench.plan_task()
     assert isinstance(outcome, Failure)
     assert "distance" in outcome.detail
-    workbench.set_constraints(({"type": "orientation", "cone_angle": -1.0},))
+    workbench.set_entries("constraints", ({"type": "orientation", "cone_angle": -1.0},))
     outcome = workbench.plan()
     assert isinstance(outcome, Failure)
     assert "constraints" in outcome.detail
@@ -279,7 +280,7 @@ def test_constraints_of_the_form_are_held(workbench: Workbench) -> None:
     workbench.set_start(HOME)
     workbench.set_goal_joints([0.3, *HOME[1:]])
     down = {"type": "orientation", "axis": [0, 0, 1], "direction": [0, 0, -1], "cone_angle": 0.2}
-    workbench.set_constraints((down,))
+    workbench.set_entries("constraints", (down,))
     outcome = workbench.plan()
     assert isinstance(outcome, Planned), outcome
     (use,) = outcome.plan.certificate.path_constraints
@@ -334,9 +335,9 @@ def test_fingers_are_set_and_move(workbench: Workbench) -> None:
     assert isinstance(outcome, Planned), outcome
     # A plan keeps them where they are; the opening is twice the way of each plate.
     np.testing.assert_allclose(opening(motion_frames(workbench, outcome).links), 0.06, atol=1e-9)
-    python, _ = workbench.plan_code()
+    python, _ = plan_code(workbench.url, workbench.state)
     assert "fingers={'claw_left': 0.03}" in python.replace('"', "'")
-    workbench.set_stages(({"kind": "open"}, {"kind": "move", "goal": {"joints": ASIDE}}))
+    workbench.set_entries("stages", ({"kind": "open"}, {"kind": "move", "goal": {"joints": ASIDE}}))
     task = workbench.plan_task()
     assert isinstance(task, TaskPlanned), task
     seen = opening(task_frames(workbench, task).links)

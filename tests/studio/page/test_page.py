@@ -117,6 +117,21 @@ def test_stages_are_added_and_planned_in_the_page(studio: StudioPage, shown: Sho
     assert not shown.faults
 
 
+def test_waypoints_are_added_in_the_page(studio: StudioPage, shown: Shown) -> None:
+    page = shown.page
+    page.get_by_role("tab", name="Paths").click()
+    page.get_by_role("button", name="Plan the tool path").click()
+    told = page.get_by_text("two waypoints or more").filter(visible=True)
+    expect(told).to_be_visible(timeout=20_000)
+    page.get_by_role("button", name="Add waypoint", exact=True).click()
+    added = page.locator("li", has_text="waypoint").filter(visible=True)
+    expect(added).to_be_visible(timeout=20_000)
+    (waypoint,) = studio.workbench.state.waypoints
+    place = waypoint["pose"]["position"]
+    np.testing.assert_allclose(place, studio.workbench.goal_tip().position, atol=1e-6)
+    assert not shown.faults
+
+
 def test_foreign_pages_are_refused(studio: StudioPage) -> None:
     where = address(studio)
     assert httpx.get(f"http://{where}/").status_code == 200

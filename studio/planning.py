@@ -1,0 +1,76 @@
+"""Questions to the service that plan: motions, tasks, tours and tool paths."""
+
+from armwright_client import Client
+from studio.requests import (
+    path_request,
+    plan_request,
+    set_fields,
+    task_request,
+    tour_request,
+)
+from studio.result import Planned, TaskPlanned, TourPlanned
+from studio.state import StudioState
+
+
+def plan_motion(client: Client, state: StudioState) -> Planned:
+    """A motion from start to goal.
+
+    Args:
+        client: That asks the service.
+        state: Of the studio.
+
+    Raises:
+        ApiError: There is none.
+    """
+    request = plan_request(state)
+    options = set_fields(request, without=("robot", "start", "goal"))
+    return Planned(state, client.plan(request.robot, request.start, request.goal, **options))
+
+
+def plan_tool_path(client: Client, state: StudioState) -> Planned:
+    """A motion of the tool along the waypoints.
+
+    Args:
+        client: That asks the service.
+        state: Of the studio.
+
+    Raises:
+        ApiError: There is none.
+        ValueError: There are no two waypoints.
+    """
+    request = path_request(state)
+    options = set_fields(request, without=("robot", "start", "goal"))
+    return Planned(state, client.plan(request.robot, request.start, request.goal, **options))
+
+
+def plan_task(client: Client, state: StudioState) -> TaskPlanned:
+    """The stages of the task as one, from the start on.
+
+    Args:
+        client: That asks the service.
+        state: Of the studio.
+
+    Raises:
+        ApiError: There is no way through them.
+    """
+    request = task_request(state)
+    options = set_fields(request, without=("robot", "start", "stages"))
+    return TaskPlanned(
+        state, client.plan_task(request.robot, request.start, request.stages, **options)
+    )
+
+
+def plan_tour(client: Client, state: StudioState) -> TourPlanned:
+    """The goals of the tour in the order that takes the least time, from the start on.
+
+    Args:
+        client: That asks the service.
+        state: Of the studio.
+
+    Raises:
+        ApiError: There is no such tour.
+        ValueError: There are no two goals.
+    """
+    request = tour_request(state)
+    options = set_fields(request, without=("robot", "goals"))
+    return TourPlanned(state, client.plan_tour(request.robot, request.goals, **options))
