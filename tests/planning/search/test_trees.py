@@ -1,0 +1,54 @@
+"""The kernels of RRT-Connect: what is between the states they look at is proved, or cut off."""
+
+import numpy as np
+import pytest
+
+from obstacles.checker import Checker
+from obstacles.scene import Scene
+from planning.deadline import Deadline
+from planning.explored import Explored
+from planning.search.rrt_connect import rrt_connect
+from planning.search.trees import EDGES, FOUND, PATH, Draws, grow_kernel, new_trees
+from tests.planning.scenes import box, builtin
+
+BEFORE, BEHIND = np.array([-0.6, 0.2]), np.array([0.6, 0.2])
+
+
+def wire() -> Checker:
+    """A wire that two links in a plane pass between the looks at a step."""
+    at = 1.7 * np.array([np.cos(0.15), 0.0, np.sin(0.15)])
+    post = box("wire", (1e-5, 1.0, 1e-5), (at[0], at[1], at[2]))
+    return Checker.of(builtin("planar_rr"), Scene((post,)))
+
+
+def grown(seed: int) -> tuple[np.ndarray, int]:
+    """The path between two configurations, and how many steps were cut off."""
+    checker, limit = wire(), np.full(2, 3.0)
+    roots, draws = np.array([BEFORE, BEHIND]), Draws(-limit, limit, 9.0, 2.0, 0.0)
+    trees = new_trees(roots, 2000, np.array([seed], dtype=np.uint64))
+    assert grow_kernel(checker.model.arrays, trees, draws, roots, 2000, 2000) == FOUND
+    assert trees.tally[EDGES] <= 2000
+    return trees.path[: trees.tally[PATH]].copy(), int((trees.parents == -2).sum())
+
+
+@pytest.mark.parametrize("seed", range(8))
+def test_paths_past_what_no_look_finds_are_proved(seed: int) -> None:
+    path, _ = grown(seed)
+    assert np.array_equal(path[[0, -1]], [BEFORE, BEHIND])
+    motion, _ = wire().polyline(path)
+    assert motion.free
+    again, _ = grown(seed)
+    assert np.array_equal(path, again)
+
+
+def test_steps_over_it_were_taken_and_cut_off() -> None:
+    assert sum(cut for _, cut in map(grown, range(8))) > 0
+
+
+def test_what_is_kept_of_trees_is_proved() -> None:
+    checker, explored = wire(), Explored()
+    found = rrt_connect(checker, BEFORE, [BEHIND], 0, Deadline.after(30.0), 20_000, explored)
+    assert found.waypoints is not None
+    assert explored.runs == found.runs
+    assert explored.edges
+    assert all(checker.free(edge.begin, edge.end) for edge in explored.edges)
