@@ -213,7 +213,7 @@ def test_turned_triangles_of_a_body_that_is_not_convex_do_not_matter() -> None:
     np.testing.assert_allclose(np.abs(windings(points, triangles)), [1.0, 1.0, 0.0], atol=1e-9)
 
 
-@pytest.mark.parametrize("part", [1, 7, 40])
+@pytest.mark.parametrize("part", [1, 40])
 def test_triangles_that_are_there_twice_or_are_none_do_not_open_a_body(part: int) -> None:
     body = ring()
     faces = np.array(body.faces)

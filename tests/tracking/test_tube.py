@@ -103,7 +103,7 @@ def test_points_of_random_errors_stay_within(name: str) -> None:
     robot = geometry(name)
     chain, rng = robot.chain, np.random.default_rng(0)
     lower, upper = chain.sampling_bounds()
-    for _ in range(30):
+    for _ in range(12):
         q = rng.uniform(lower, upper)
         error = rng.uniform(-0.3, 0.3, chain.n)
         around = tube(robot, constant_bounds(robot, q, error))

@@ -182,7 +182,7 @@ def test_a_constraint_that_bars_the_way_is_named() -> None:
     wall = Scene((box("wall", (0.2, 0.05, 0.3), (0.4, 0.0, 0.45)),))
     wanted = ConstraintSet(CHAIN, (line,))
     problem = Problem(ROBOT, wall, start, (JointGoal(goal),), constraints=wanted)
-    answer = plan(problem, Options(timeout=6.0))
+    answer = plan(problem, Options(timeout=3.0))
     assert isinstance(answer, Failure)
     assert answer.details["constraints_that_unblock"] == [0]
     (wider,) = answer.details["relaxations"]

@@ -21,7 +21,7 @@ BAND = JointConstraint("jy", 0.0, 0.1, 0.1)
 WIDE = JointConstraint("jx", 0.0, 0.8, 0.8)
 
 
-def relaxation(scene: Scene, *constraints: JointConstraint, seconds: float = 10.0) -> Relaxation:
+def relaxation(scene: Scene, *constraints: JointConstraint, seconds: float = 1.5) -> Relaxation:
     hard = ConstraintSet(CHAIN, constraints)
     model = Checker.of(slider(), scene).model
     checker = ConstrainedChecker(model, 0.0, constraints=hard, spare=np.zeros(len(hard.rows)))
