@@ -25,15 +25,20 @@ def test_version_and_help(capsys: pytest.CaptureFixture[str]) -> None:
     assert "serve" in capsys.readouterr().out
 
 
-def test_it_ends_promptly_and_remembers(tmp_path: Path) -> None:
+def test_nothing_outlives_a_server_that_is_killed_and_the_next_remembers_and_ends_promptly(
+    tmp_path: Path,
+) -> None:
     with serve(tmp_path) as (process, client):
         assert client.get("/readyz").json()["workers"] == 2
         assert store_scene(client, "kept") == 201
         below = descendants(process.pid)
         assert len(below) >= 3, "the fork server and two workers"
-        process.send_signal(signal.SIGTERM)
-        assert process.wait(10.0) == 0
-        assert wait_until(lambda: not any(alive(pid) for pid in below), 10.0)
+        process.kill()
+        process.wait()
+        assert wait_until(lambda: not any(alive(pid) for pid in below), 20.0)
+    store = open_store(Settings(data_dir=tmp_path).storage_url)
+    assert store.documents.get("scene", "kept").content
+    store.close()
     with serve(tmp_path) as (process, client):
         assert client.get("/v1/scenes/kept").status_code == 200
         assert store_scene(client, "kept") == 409
@@ -60,18 +65,6 @@ def test_it_ends_promptly_while_it_warms_up(tmp_path: Path, number: signal.Signa
         # Compiling all kernels takes more than a minute; it must not wait for them.
         assert process.wait(20.0) in (0, -signal.SIGKILL)
         assert wait_until(lambda: not any(alive(pid) for pid in below), 10.0)
-
-
-def test_nothing_outlives_a_server_that_is_killed(tmp_path: Path) -> None:
-    with serve(tmp_path) as (process, client):
-        assert store_scene(client, "written") == 201
-        below = descendants(process.pid)
-        process.kill()
-        process.wait()
-        assert wait_until(lambda: not any(alive(pid) for pid in below), 20.0)
-    store = open_store(Settings(data_dir=tmp_path).storage_url)
-    assert store.documents.get("scene", "written").content
-    store.close()
 
 
 @pytest.mark.parametrize("arguments", [["--port", "70000"], ["--workers", "0"]])
