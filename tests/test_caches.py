@@ -36,7 +36,8 @@ def caches(name: str) -> Iterator[tuple[str, ast.FunctionDef]]:
     """Files and functions of the product that are decorated by a cache of functools."""
     for folder in (*PRODUCT, "studio", "client/armwright_client"):
         for path in sorted((ROOT / folder).rglob("*.py")):
-            for node in ast.walk(ast.parse(path.read_text())):
+            text = path.read_text()
+            for node in ast.walk(ast.parse(text if f"@{name}" in text else "")):
                 if isinstance(node, ast.FunctionDef):
                     for decorator in node.decorator_list:
                         called = decorator.func if isinstance(decorator, ast.Call) else decorator
