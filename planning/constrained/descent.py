@@ -51,7 +51,10 @@ class Descents:
             if allowed <= 0.0:
                 break
             work.pace[LEFT], began = allowed, time.perf_counter()
-            go_on(model, self.goal, q, steps, work, course)
+            try:
+                go_on(model, self.goal, q, steps, work, course)
+            except np.linalg.LinAlgError:  # rounding hides what a step does: the arm is too large
+                break
             if np.isfinite(allowed):
                 taken = time.perf_counter() - began
                 self.longest = max(self.longest, taken / max(allowed - work.pace[LEFT], 1.0))

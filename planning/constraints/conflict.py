@@ -122,7 +122,10 @@ def _least_violation(
         q = np.clip(first, chain.limits.lower, chain.limits.upper)
         q = np.array(q) if start == 0 else random.uniform(low, high)
         told = np.empty(2)
-        descend(None, goal, q, told)
+        try:
+            descend(None, goal, q, told)
+        except np.linalg.LinAlgError:  # the arm is so large that rounding hides what a step does
+            continue
         rank = (max(float(told[0]), _HELD), float(told[1]))
         if rank < best:
             best, best_q = rank, q

@@ -2,6 +2,8 @@
 
 import numpy as np
 
+from kinematics.dh import chain_from_dh
+from kinematics.dh_table import DhRow, DhTable
 from kinematics.forward import forward
 from kinematics.robots import builtin_chain
 from planning.constraints.conflict import conflict
@@ -40,6 +42,21 @@ def test_two_that_exclude_each_other_are_named_among_others() -> None:
     assert "constraint 0" in found.message
     assert "constraint 2" in found.message
     assert "0.38 m" in found.hint
+
+
+def test_an_arm_of_a_thousand_kilometres_is_answered_too() -> None:
+    """Rounding makes the matrix of a step indefinite there; found by random requests."""
+    rows = (
+        DhRow("revolute", 1e6, 124982.13042318285, 1e6, 1e6, 0.5, 1.0),
+        DhRow("revolute", 1.0, -1.0, 1e6, 1e6, 0.0, 1e-300),
+        DhRow("revolute", -492122.2085170258, 0.0, -1.0, 1e-9, 0.0, 1e-9),
+    )
+    chain = chain_from_dh("long", DhTable("standard", rows))
+    place = PositionConstraint(SphereRegion([0.0, 0.8451461856615526, 0.0], 0.0))
+    found = conflict(ConstraintSet(chain, (place, place)))
+    assert found is not None
+    assert found.constraints == (1,)
+    assert "Any one of these helps" in found.hint
 
 
 def test_one_that_nothing_can_reach_is_told_alone() -> None:
