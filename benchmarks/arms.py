@@ -3,14 +3,15 @@
 Every URDF is uploaded without an edit: as a request whose only fields beside the files are
 ``default_limits`` and, where a tree has several arms, ``tip_link``: one of the candidates that the
 refusal names. Told are the processor time of the upload, plans among obstacles, round trips of
-inverse kinematics, and verdicts beside FCL on the triangles themselves, moved by pinocchio.
+inverse kinematics, and verdicts beside FCL on the triangles themselves, moved by pinocchio. Of arms
+that come with an SRDF, a second table tells what ``allow_suspected`` does where it is not sent.
 """
 
 import argparse
 import base64
 import json
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from statistics import median
@@ -44,11 +45,13 @@ SCENES, PROBLEMS = 3, 2
 ROUND_TRIPS, VERDICTS = 30, 200
 #: Configurations tried for one that is free.
 TRIES = 400
+#: Configurations of which the free ones are counted, with and without suspected pairs.
+STATES = 2000
 #: A round trip ends this close to where it began [m, and as the entries of a rotation].
 CLOSE = 1e-4
 #: Verdicts may differ for distances below this [m].
 BAND = 1e-6
-BEGIN, END = "<!-- arms: begin -->", "<!-- arms: end -->"
+BEGIN, END = "<!-- {}: begin -->", "<!-- {}: end -->"
 
 #: By name: the URDF in the package, and the tip where the tree has several arms.
 UPLOADS = {
@@ -85,6 +88,15 @@ UPLOADS = {
     ),
 }
 
+#: SRDFs of the package, of arms whose links touch where they may.
+SRDFS = {
+    "UR5": "ur_description/srdf/ur5.srdf",
+    "PR2, left": "pr2_description/srdf/pr2.srdf",
+    "PR2, right": "pr2_description/srdf/pr2.srdf",
+    "Baxter, left": "baxter_description/srdf/baxter_manipulation.srdf",
+    "Baxter, right": "baxter_description/srdf/baxter_manipulation.srdf",
+}
+
 
 @dataclass(frozen=True)
 class Row:
@@ -115,8 +127,27 @@ class Row:
     verdicts: tuple[int, int]
 
 
-def request(name: str) -> RobotBody:
-    """The upload of an arm."""
+@dataclass(frozen=True)
+class SuspectedRow:
+    """Shares of random configurations of an arm that are free of the robot itself.
+
+    Args:
+        name: Of the arm.
+        pairs: Suspected ones.
+        as_it_lies: Without an SRDF.
+        allowed: With ``allow_suspected``.
+        with_srdf: With the SRDF.
+    """
+
+    name: str
+    pairs: int
+    as_it_lies: float
+    allowed: float
+    with_srdf: float
+
+
+def request(name: str, **more: object) -> RobotBody:
+    """The upload of an arm, with ``more`` fields."""
     urdf, tip = UPLOADS[name]
     text = (package() / urdf).read_text()
     links = parse_urdf(text).links.values()
@@ -129,6 +160,7 @@ def request(name: str) -> RobotBody:
             "tip_link": tip,
             "default_limits": {"acceleration": "10 x velocity"},
             "meshes": {uri: base64.b64encode(mesh_bytes(uri)).decode() for uri in uris} or None,
+            **more,
         }
     )
 
@@ -180,6 +212,21 @@ def measure(name: str) -> Row:
     )  # fmt: skip
 
 
+def measure_suspected(name: str) -> SuspectedRow:
+    """Upload an arm as it lies, with ``allow_suspected``, and with its SRDF."""
+    srdf = (package() / SRDFS[name]).read_text()
+    robots = [
+        uploaded(request(name, **more))[0]
+        for more in ({}, {"allow_suspected": True}, {"srdf": srdf})
+    ]
+    shares = []
+    for robot in robots:
+        drawn = configurations(robot, np.random.default_rng(0))
+        checker = Checker.of(robot, Scene())
+        shares.append(float(np.mean([checker.valid(next(drawn)) for _ in range(STATES)])))
+    return SuspectedRow(name, len(robots[0].suspected), *shares)
+
+
 def free_ends(checker: Checker, drawn: Iterator[Array]) -> list[Array]:
     """Free configurations for the problems of a scene."""
     found: list[Array] = []
@@ -229,27 +276,54 @@ def _line(row: Row) -> str:
     )
 
 
+def suspected_table(rows: list[SuspectedRow]) -> str:
+    """The rows as Markdown."""
+    head = "| arm | suspected pairs | free as it lies | with `allow_suspected` | with its SRDF |"
+    return "\n".join([head, "|---|---|---|---|---|", *map(_suspected_line, rows)])
+
+
+def _suspected_line(row: SuspectedRow) -> str:
+    shares = (row.as_it_lies, row.allowed, row.with_srdf)
+    return f"| {row.name} | {row.pairs} | " + " | ".join(f"{share:.0%}" for share in shares) + " |"
+
+
+def _written(text: str, mark: str, lines: str) -> str:
+    """A page with the lines between its marks replaced."""
+    begin, end = BEGIN.format(mark), END.format(mark)
+    before, after = text.split(begin, maxsplit=1)[0], text.split(end)[1]
+    return f"{before}{begin}\n{lines}\n{end}{after}"
+
+
 def main() -> None:
-    """Measure, print and perhaps write the table."""
+    """Measure, print and perhaps write the tables."""
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--arms", nargs="+", default=list(UPLOADS), choices=list(UPLOADS))
+    parser.add_argument("--arms", nargs="*", default=list(UPLOADS), choices=list(UPLOADS))
+    parser.add_argument("--suspected", nargs="*", choices=list(SRDFS), help="by default of --arms")
     parser.add_argument("--rows", type=Path, help="JSON of rows: kept, and not measured again")
-    parser.add_argument("--write", type=Path, help="page whose table is replaced")
+    parser.add_argument("--write", type=Path, help="page whose tables are replaced")
     given = parser.parse_args()
     kept = json.loads(given.rows.read_text()) if given.rows and given.rows.is_file() else {}
-    for name in given.arms:
-        if name not in kept:
-            kept[name] = asdict(measure(name))
-            print(_line(Row(**kept[name])), flush=True)
+    suspected = [name for name in SRDFS if name in given.arms]
+    if given.suspected is not None:
+        suspected = given.suspected
+    work: dict[str, tuple[Callable[[str], Row | SuspectedRow], str]] = {}
+    work |= {name: (measure, name) for name in given.arms}
+    work |= {f"suspected: {name}": (measure_suspected, name) for name in suspected}
+    for key, (make, name) in work.items():
+        if key not in kept:
+            kept[key] = asdict(make(name))
+            print(key, kept[key], flush=True)
             if given.rows:
                 given.rows.write_text(json.dumps(kept))
-    rows = [Row(**kept[name]) for name in UPLOADS if name in kept]
+    arms = table([Row(**kept[name]) for name in UPLOADS if name in kept])
+    touching = suspected_table(
+        [SuspectedRow(**kept[key]) for name in SRDFS if (key := f"suspected: {name}") in kept]
+    )
     if given.write:
         text = given.write.read_text()
-        before, after = text.split(BEGIN)[0], text.split(END)[1]
-        given.write.write_text(f"{before}{BEGIN}\n{table(rows)}\n{END}{after}")
+        given.write.write_text(_written(_written(text, "arms", arms), "suspected", touching))
     else:
-        print(table(rows))
+        print(arms, touching, sep="\n\n")
 
 
 if __name__ == "__main__":

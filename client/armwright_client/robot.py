@@ -278,7 +278,7 @@ class Robot(Answer):
         allowed_collisions: Pairs of links that may touch.
         allowed_collision_reasons: For each of these pairs.
         suspected_collisions: Without an SRDF: pairs that touch in the zero pose, in a named state
-            or nearly always; they are checked unless the upload says `allow_suspected`.
+            or often at random; they are checked unless the upload says `allow_suspected`.
         lint: What is odd in the description.
     """
 

@@ -276,6 +276,6 @@ class RobotAnswer(Answer):
     suspected_collisions: list[SuspectedPair] = Field(
         default_factory=list,
         description="without an SRDF: pairs that touch in the zero pose, in a named state or "
-        "nearly always, and are checked unless the upload says allow_suspected",
+        "often at random, and are checked unless the upload says allow_suspected",
     )
     lint: list[str] = Field(description="what is odd in the description")

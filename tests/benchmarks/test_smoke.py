@@ -64,7 +64,10 @@ SMALL: Mapping[str, tuple[list[str], Mapping[str, Any]]] = {
     "optimize_peers": (["PROBLEMS", "--timeout", "10"], {}),
     "peers": (["PROBLEMS", "--timeout", "5"], {}),
     "projection": (["--points", "3"], {"SOLIDS": 1}),
-    "arms": (["--arms", "UR3"], {"SCENES": 1, "PROBLEMS": 1, "ROUND_TRIPS": 2, "VERDICTS": 5}),
+    "arms": (
+        ["--arms", "UR5"],
+        {"SCENES": 1, "PROBLEMS": 1, "ROUND_TRIPS": 2, "VERDICTS": 5, "STATES": 20},
+    ),
     "clearance": (["--arm", "ur5e", "--count", "1"], {}),
     "clearance_sharpness": (["--random", "2", "--samples", "20"], {"REPEATS": 1}),
     "reach": (["--poses", "200", "--robots", "kr6_sixx"], {"_ONE_BY_ONE": 2}),

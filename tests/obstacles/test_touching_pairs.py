@@ -1,5 +1,7 @@
 """Pairs that touch in sampled and named configurations, beside distances in closed form."""
 
+import re
+
 import numpy as np
 
 from kinematics.serial_chain import serial_chain
@@ -62,3 +64,16 @@ def test_pairs_that_touch_nearly_always_are_told_and_always_ones_allowed() -> No
     assert suspected_pairs(nearly)[("one", "three")] == "nearly always"
     assert arm(one=2.0).allowed[("one", "three")] == "always"
     assert always_touching(arm(), {}) == set()
+
+
+def test_pairs_that_touch_often_are_told_with_how_often() -> None:
+    # The third ball is in the first one where |elbow| is above 2 acos((one + 0.1) / 2), of 3.
+    for radius in (0.9, 1.3, 1.5):
+        share = 1.0 - 2.0 * np.arccos(0.5 * (radius + 0.1)) / 3.0
+        found = suspected_pairs(arm(one=radius))
+        if share < 0.35:
+            assert found == {}
+            continue
+        told = re.fullmatch(r"in (\d+) of 100 random configurations", found[("one", "three")])
+        assert told is not None
+        assert abs(int(told[1]) - 100.0 * share) < 15.0
