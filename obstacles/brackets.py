@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from kinematics.arrays import Array, Indices
 from kinematics.bounded_cache import bounded_cache
+from kinematics.preparation_limit import check_preparation_time
 from obstacles.closest_point import hull_distances
 from obstacles.hull import convex_hull
 from obstacles.piece import Piece, PieceKind
@@ -105,7 +106,11 @@ class Brackets:
 def brackets(robot: RobotGeometry) -> Brackets:
     """``Brackets.of``, kept by the robot's content."""
     most = max(min(MOST, _TOGETHER // max(len(robot.pieces), 1)), _LEAST)
-    return Brackets(robot, tuple(sphere_set(piece, most) for piece in robot.pieces))
+    sets = []
+    for piece in robot.pieces:
+        check_preparation_time()
+        sets.append(sphere_set(piece, most))
+    return Brackets(robot, tuple(sets))
 
 
 def _inside(piece: Piece, points: Array) -> NDArray[np.bool_]:

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from kinematics.arrays import Array, frozen
+from kinematics.preparation_limit import check_preparation_time
 from obstacles.closest_point import hull_distances
 from obstacles.hull import Hull, convex_hull
 from obstacles.mesh import Faces
@@ -157,6 +158,7 @@ def _halves(bodies: _Bodies, part: _Part) -> list[_Part]:
 
 
 def _cover(part: _Part, bodies: _Bodies) -> ConvexPart:
+    check_preparation_time()
     if not len(part.triangles):  # a box all of which is inside
         return hull_part(convex_hull(part.inner))
     corners, rounding = _thin(convex_hull(part.points), _THINNING * bodies.diagonal)
@@ -186,6 +188,7 @@ def _thin(hull: Hull, tolerance: float) -> tuple[Array, float]:
 
 def _with_best_cut(part: _Part) -> _Part:
     """The part with its volume and its best cut."""
+    check_preparation_time()
     points = np.unique(part.points, axis=0)
     best, volume = part._replace(volume=hull_volume(points)), growing_volumes([points])[0]
     edges = part.triangles[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2, 3)

@@ -22,6 +22,7 @@ from scipy.sparse.csgraph import connected_components
 
 from kinematics.arrays import Array, frozen
 from kinematics.bounded_cache import bounded_cache
+from kinematics.preparation_limit import check_preparation_time
 from obstacles.closest_point import mesh_distances
 from obstacles.convex_cover import ConvexPart, cut_bodies, hull_part
 from obstacles.hull import Hull, convex_hull
@@ -162,8 +163,11 @@ def _decompose(vertices: Array, faces: Faces) -> tuple[ConvexPart, ...]:
 
 
 def _body(vertices: Array, faces: Faces) -> _Body:
+    check_preparation_time()
     hull = convex_hull(vertices[np.unique(faces)])
+    check_preparation_time()
     once, faces = _without_repeats(faces), oriented(faces)
+    check_preparation_time()
     solid = hull.solid and is_solid(vertices, faces)
     if hull.solid and not solid and len(once) < len(faces):
         # A triangle that is there twice winds around twice: without it there may be an inside.
@@ -185,6 +189,7 @@ def _without_repeats(faces: Faces) -> Faces:
 
 def _is_hull(hull: Hull, vertices: Array, faces: Faces) -> bool:
     """Whether every point of a hull's surface is one of the mesh inside it."""
+    check_preparation_time()
     if len(hull.vertices) > _EXACT_CORNERS:
         return False
     corners = hull.vertices[hull.triangles]

@@ -12,6 +12,7 @@ import numpy as np
 
 from kinematics.arrays import Array
 from kinematics.bounded_cache import bounded_cache
+from kinematics.preparation_limit import check_preparation_time
 from obstacles.bvh import FIRST, LAST, NODE_WIDTH, SKIP, tree
 from obstacles.piece import Piece, PieceKind, Surface, core_of
 from obstacles.support_table import LEAST_CORNERS, Lists, support_table
@@ -120,6 +121,7 @@ class PieceSet(NamedTuple):
                 tables.append(_table(piece.vertices.tobytes()))
                 cell += len(tables[-1])
             if piece.surface is not None:
+                check_preparation_time()
                 own, triangles = _surface(piece.surface)
                 _shift(own, node, corner)
                 row[NODE], row[NODE_STOP] = node, node + len(own)

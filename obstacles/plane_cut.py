@@ -6,6 +6,7 @@ from scipy.spatial import ConvexHull, QhullError
 
 from kinematics.arrays import Array, Indices
 from kinematics.compiled.kernel import kernel
+from kinematics.preparation_limit import check_preparation_time
 
 
 def _spread(count: int) -> Array:
@@ -57,6 +58,7 @@ def growing_volumes(slabs: list[Array]) -> list[float]:
     """Volumes of the hulls of the first one, two, ... slabs of points (k, 3) [m^3]."""
     corners, volumes = np.zeros((0, 3)), []
     for points in slabs:
+        check_preparation_time()
         corners = _farthest(np.vstack([corners, points]))
         volumes.append(hull_volume(corners))
     return volumes

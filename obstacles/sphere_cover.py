@@ -22,9 +22,12 @@ from kinematics.compiled.kernel import kernel
 from obstacles.cell_cut import ascending_order, cut_cell
 
 #: Times that cells and balls are fitted to each other, each time there are twice as many, and last.
-_BETWEEN, _ROUNDS = 3, 8
+_BETWEEN, _ROUNDS = 1, 4
 #: Steps towards the best centre, each this much shorter than the one before.
-_STEPS, _SHORTER = 48, 0.88
+_STEPS, _SHORTER = 24, 0.78
+#: Steps from one look at which corners and planes no later step can make the decisive ones to the
+#: next.
+_BETWEEN_LOOKS = 3
 #: What the better half of a cell counts for beside the worse one.
 _SMALLER = 0.25
 #: A cut that leaves more of the excess than this gains little.
@@ -57,20 +60,30 @@ def _best_ball(points: Array, planes: Array, share: float, ball: Array) -> None:
         ball: Filled, shape (5,).
     """
     x, y, z = 0.0, 0.0, 0.0
-    count = points.shape[0]
+    count, faces = points.shape[0], planes.shape[0]
     for k in range(count):
         x += points[k, 0] / count
         y += points[k, 1] / count
         z += points[k, 2] / count
+    corners, sides = np.arange(count), np.arange(faces)
+    away, heights = np.empty(count), np.empty(faces)
     best, step = np.inf, -1.0
-    for _ in range(_STEPS):
-        corner, radius = _farthest(points, x, y, z)
+    for turn in range(_STEPS):
+        corner, square = 0, -1.0
+        for k in range(count):
+            v = corners[k]
+            a, b, c = x - points[v, 0], y - points[v, 1], z - points[v, 2]
+            away[k] = a * a + b * b + c * c
+            if away[k] > square:
+                square, corner = away[k], v
+        radius = math.sqrt(square)
         highest, face = -np.inf, 0
-        for k in range(planes.shape[0]):
-            height = planes[k, 0] * x + planes[k, 1] * y + planes[k, 2] * z - planes[k, 3]
-            if height > highest:
-                highest, face = height, k
-        if planes.shape[0] == 0:
+        for k in range(faces):
+            f = sides[k]
+            heights[k] = planes[f, 0] * x + planes[f, 1] * y + planes[f, 2] * z - planes[f, 3]
+            if heights[k] > highest:
+                highest, face = heights[k], f
+        if faces == 0:
             highest = 0.0
         # The first one, a mean of corners, is in the piece whatever rounding says.
         if step < 0.0 or (highest <= 0.0 and radius + share * highest < best):
@@ -81,17 +94,33 @@ def _best_ball(points: Array, planes: Array, share: float, ball: Array) -> None:
             break
         gx, gy = (points[corner, 0] - x) / radius, (points[corner, 1] - y) / radius
         gz = (points[corner, 2] - z) / radius
-        if planes.shape[0] > 0:
+        if faces > 0:
             gx -= share * planes[face, 0]
             gy -= share * planes[face, 1]
             gz -= share * planes[face, 2]
         length = math.sqrt(gx * gx + gy * gy + gz * gz)
         if length < _ROUNDING:
             break
+        if turn % _BETWEEN_LOOKS == 0:
+            # Distances and heights change by no more than all steps to come together.
+            spread = 2.0 * step / (1.0 - _SHORTER) + _ROUNDING
+            count = _keep(corners, away, count, max(radius - spread, 0.0) ** 2)
+            faces = _keep(sides, heights, faces, highest - spread)
         x += step * gx / length
         y += step * gy / length
         z += step * gz / length
         step *= _SHORTER
+
+
+@kernel
+def _keep(numbers: Indices, values: Array, count: int, least: float) -> int:
+    """Keep those of the first ``count`` numbers whose values are so large; how many they are."""
+    kept = 0
+    for k in range(count):
+        if values[k] >= least:
+            numbers[kept] = numbers[k]
+            kept += 1
+    return kept
 
 
 @kernel
@@ -125,7 +154,8 @@ def _split(
     next cuts gain then. No half is answered of a cell that has no length.
     """
     n, longest, length = np.zeros(3), np.zeros(3), 0.0
-    least, best = np.inf, np.zeros(3)
+    least, trial = np.inf, np.empty((2, 5))
+    chosen = (points, edges, points[:0], edges[:0])
     for side in range(4):
         if side < 3:
             for axis in range(3):
@@ -136,13 +166,15 @@ def _split(
                 longest[0], longest[1], longest[2] = n[0], n[1], n[2]
         else:
             _towards_farthest(points, ball, n)
-        _halve(points, edges, planes, n, pair)
-        first, second = pair[0, 3] - pair[0, 4], pair[1, 3] - pair[1, 4]
+        halves = _halve(points, edges, planes, n, trial)
+        first, second = trial[0, 3] - trial[0, 4], trial[1, 3] - trial[1, 4]
         excess = max(first, second) + _SMALLER * min(first, second)
         if max(first, second) < _GAINED * (ball[3] - ball[4]) and excess < least:
-            least = excess
-            best[0], best[1], best[2] = n[0], n[1], n[2]
-    return _halve(points, edges, planes, best if least < np.inf else longest, pair)
+            least, chosen = excess, halves
+            pair[:] = trial
+    if least < np.inf:
+        return chosen
+    return _halve(points, edges, planes, longest, pair)
 
 
 @kernel

@@ -99,6 +99,8 @@ def _spheres(
     core = np.frombuffer(corners).reshape(-1, 3)
     if kind != PieceKind.POLYTOPE:
         core = _around(kind, radius, half)
+        # A ball reaches so much farther beyond the round piece than beyond what is about it.
+        enough -= radius / math.cos(math.pi / _SIDES) - radius
     hull = convex_hull(core)
     if len(hull.vertices) <= 2 and (rounding > 0.0 or len(hull.vertices) == 1):
         return _along(hull.vertices[0], hull.vertices[-1], rounding, most, enough)

@@ -10,6 +10,7 @@ from functools import partial
 from typing import NamedTuple
 
 from kinematics.arrays import Array
+from kinematics.preparation_limit import PreparationTimedOut, preparation_limit
 from kinematics.trajectory import Trajectory
 from obstacles.checker import Checker
 from planning.clearance_report import clearance_report
@@ -73,7 +74,12 @@ def plan(
     if wrong is not None:
         return wrong
     stages = Stages(options.observer)
-    answer = _Pipeline(problem, options, chosen, parametrization, stages, deadline).run()
+    pipeline = _Pipeline(problem, options, chosen, parametrization, stages, deadline)
+    try:
+        with preparation_limit(deadline.at):
+            answer = pipeline.run()
+    except PreparationTimedOut as late:
+        answer = Failure(late.code, late.message, late.hint or "", late.details["stage"])
     return replace(answer, stages=tuple(stages.reports))
 
 
@@ -271,11 +277,16 @@ class _Pipeline:
         if not self.problem.robot.pieces:
             notes += ("The robot has no collision geometry: nothing is known of collisions.",)
         optimised = proved.waypoints is not None
-        certificate = proved.certificate
-        clearance = clearance_report(
-            ready.checkers, timed.trajectory, self.options.clearance, self.problem.margin,
-            (certificate.min_obstacle_clearance, certificate.min_self_clearance),
-        )  # fmt: skip
+        clearance, certificate = None, proved.certificate
+        try:
+            clearance = clearance_report(
+                ready.checkers, timed.trajectory, self.options.clearance, self.problem.margin,
+                (certificate.min_obstacle_clearance, certificate.min_self_clearance),
+            )  # fmt: skip
+        except PreparationTimedOut:
+            # What is proved is answered; the report is of what is only preferred.
+            self.deadline.interruptions.occurred = True
+            notes += ("There was no time to look where the motion is nearer than preferred.",)
         timing = timing_report(self.parametrization, timed.solver)
         return Plan(
             planner=OPTIMIZE if optimised else found.planner,

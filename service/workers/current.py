@@ -3,6 +3,7 @@
 import time
 from collections.abc import Callable
 
+from kinematics.preparation_limit import limit_preparation
 from planning.deadline import Deadline
 from service.workers.task import NEVER
 
@@ -51,6 +52,7 @@ def begin(deadline: Deadline, report: Report | None, silence: float = 0.0) -> No
         silence: Time from now on in which nothing is reported [s].
     """
     _Current.deadline, _Current.report, _Current.stage = deadline, report, None
+    limit_preparation(deadline.at)
     _Current.silent_until = time.monotonic() + silence if silence > 0.0 else 0.0
 
 

@@ -1,19 +1,25 @@
 """From a problem to a certified trajectory, on real arms in real scenes."""
 
 import time
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
+import trimesh
 
+from kinematics import preparation_limit
 from kinematics.errors import InvalidGoal, InvalidOption, InvalidRobotState, MissingLimit
 from kinematics.forward import forward
 from kinematics.ik.numeric import solve
 from kinematics.pose import from_rpy, rotation_error, transform
+from kinematics.preparation_limit import PreparationTimedOut
 from kinematics.serial_chain import serial_chain
 from kinematics.urdf import parse_urdf
 from obstacles.checker import Checker
 from obstacles.robot_geometry import robot_geometry
-from obstacles.scene import Scene
+from obstacles.scene import Obstacle, Scene
+from obstacles.shapes import Mesh
+from planning import pipeline
 from planning.options import Options
 from planning.pipeline import plan
 from planning.problem import JointGoal, PoseGoal, Problem
@@ -253,3 +259,43 @@ def test_missing_limit_names_the_joints() -> None:
     robot = robot_geometry(serial_chain(description), description)
     with pytest.raises(MissingLimit, match="no acceleration limit is known"):
         plan(Problem(robot, Scene(), np.zeros(1), (JointGoal(np.ones(1) * 0.5),)), Options())
+
+
+def test_a_mesh_that_takes_too_long_to_prepare_is_told_at_the_deadline(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    body = trimesh.creation.torus(0.1, 0.0321, major_sections=12, minor_sections=8)
+    ring = Mesh(np.asarray(body.vertices), np.asarray(body.faces, dtype=np.int64))
+    scene = Scene((Obstacle("ring", ring, transform(np.eye(3), [2.0, 0.0, 0.5])),))
+    goal = HOME.copy()
+    goal[0] += 0.3
+    problem = Problem(builtin("panda"), scene, HOME, (JointGoal(goal),))
+    # Nobody knows how fast the machine is: time is up at the fifth look.
+    looks = iter([0.0] * 4)
+    clock = SimpleNamespace(monotonic=lambda: next(looks, np.inf))
+    with monkeypatch.context() as late:
+        late.setattr(preparation_limit, "time", clock)
+        answer = plan(problem, Options(timeout=20.0))
+    assert isinstance(answer, Failure)
+    assert (answer.code, answer.stage) == ("TIMED_OUT", "preparation")
+    assert "meshes were being prepared" in answer.message
+    assert "more time" in answer.hint
+    solved(problem)
+
+
+def test_what_is_proved_is_answered_where_there_is_no_time_for_the_report(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    goal = HOME.copy()
+    goal[0] += 0.3
+    problem = Problem(builtin("panda"), Scene(), HOME, (JointGoal(goal),))
+    assert solved(problem).clearance is not None
+
+    def late(*_: object) -> None:
+        raise PreparationTimedOut("time was up")
+
+    monkeypatch.setattr(pipeline, "clearance_report", late)
+    answer = solved(problem)
+    assert answer.clearance is None
+    assert not answer.deterministic
+    assert any("no time" in note for note in answer.notes)

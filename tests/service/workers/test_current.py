@@ -5,6 +5,8 @@ from types import SimpleNamespace
 
 import pytest
 
+from kinematics import preparation_limit
+from kinematics.preparation_limit import PreparationTimedOut, check_preparation_time
 from planning import deadline
 from planning.deadline import Deadline
 from service.workers import current
@@ -20,8 +22,8 @@ class Clock:
 @pytest.fixture(autouse=True)
 def clock(monkeypatch: pytest.MonkeyPatch) -> Iterator[Clock]:
     made = Clock()
-    # Of these two modules only: servers of other tests may run in threads of this process.
-    for module in (current, deadline):
+    # Of these modules only: servers of other tests may run in threads of this process.
+    for module in (current, deadline, preparation_limit):
         monkeypatch.setattr(module, "time", SimpleNamespace(monotonic=lambda: made.now))
     yield made
     current.end()
@@ -82,3 +84,14 @@ def test_the_stage_of_another_job_is_forgotten(clock: Clock) -> None:
     current.begin(NEVER, lambda _, stage: second.append(stage))
     current.report(0.3, "search")
     assert (first, second) == (["search"], ["search"])
+
+
+def test_meshes_are_prepared_until_the_deadline_of_the_job(clock: Clock) -> None:
+    check_preparation_time()
+    current.begin(Deadline(123.0), None)
+    check_preparation_time()
+    clock.now = 123.0
+    with pytest.raises(PreparationTimedOut):
+        check_preparation_time()
+    current.end()
+    check_preparation_time()
