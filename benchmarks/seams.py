@@ -1,12 +1,12 @@
 """Seams on lines, arcs, cylinders, spheres and a saddle, followed by four arms and judged densely.
 
     python -m benchmarks.seams [--seams 13] [--arms panda ur5e kr6_sixx iiwa_rail] [--peer]
-        [--length 1.0]
+        [--length 1.0] [--descartes PYTHON]
 
 For each arm ``--seams`` times five shapes with two tolerances in turn: welding (free spin, tilt of
 5 degrees) and painting (free spin, tilt of 15 degrees), 200 waypoints each, past a post beside the
-work. Beside it, with ``--peer``, a ladder graph as Descartes has it: every waypoint a layer, the
-spin sampled every 15 degrees, joints interpolated straight between waypoints.
+work. Beside it, with ``--peer``, those of ``benchmarks.seam_peers`` on our own kinematics, and with
+``--descartes`` tesseract's Descartes in an interpreter that has it (``benchmarks/seam_descartes``).
 
 With ``--length`` all seams are as long as that, and the post stands farther from the work.
 
@@ -17,25 +17,20 @@ python-fcl for collisions, at times that are no multiple of anything.
 import argparse
 import time
 from collections import Counter
+from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
 import pinocchio
 
+from benchmarks import seam_peers
 from benchmarks.fcl_judge import FclJudge
+from benchmarks.seam_arms import SPEED, STARTS, Arm, load
+from benchmarks.seam_peers import ORIENTATION, POSITION
 from kinematics.arrays import Array
 from kinematics.pose import transform
-from kinematics.robots import builtin_srdf, builtin_urdf
-from kinematics.serial_chain import serial_chain
-from kinematics.srdf import parse_srdf
-from kinematics.urdf import parse_urdf
-from obstacles.checker import Checker
-from obstacles.robot_geometry import RobotGeometry, robot_geometry
 from obstacles.scene import Obstacle, Scene
 from obstacles.shapes import Cylinder
-from planning.cartesian.seam_path import seam_places, seam_runs
-from planning.cartesian.seam_search import SeamSearch
-from planning.deadline import Deadline
 from planning.options import CartesianOptions, Options
 from planning.pipeline import plan
 from planning.problem import PoseGoal, Problem
@@ -45,31 +40,9 @@ from planning.tool_tolerance import ToolTolerance
 
 #: Waypoints of a seam.
 WAYPOINTS = 200
-#: Speed of the tool [m/s].
-SPEED = 0.1
 #: Instants that the judge looks at.
 INSTANTS = 701
-#: Deviation that the request allows beyond its tolerance [m], [rad].
-POSITION, ORIENTATION = 1e-4, 1e-3
 SHAPES = ("line", "arc", "cylinder", "sphere", "saddle")
-STARTS = {
-    "panda": [0.0, -0.785, 0.0, -2.356, 0.0, 1.571, 0.785],
-    "ur5e": [0.2, -1.2, 1.5, -1.9, -1.57, 0.2],
-    "kr6_sixx": [0.1, -1.2, 1.5, 0.1, 1.2, 0.1],
-    "iiwa_rail": [0.0, 0.1, 0.6, 0.0, -1.5, 0.1, 1.0, 0.0],
-}
-_RAIL = """<link name="rail"/><joint name="rail_joint" type="prismatic"><parent link="rail"/>
-<child link="iiwa_link_0"/><axis xyz="0 1 0"/>
-<limit lower="-1" upper="1" velocity="1" effort="1000"/></joint>"""
-
-
-class Arm(NamedTuple):
-    """An arm with pinocchio's model of it."""
-
-    robot: RobotGeometry
-    model: pinocchio.Model
-    data: pinocchio.Data
-    frame: int
 
 
 class Verdict(NamedTuple):
@@ -78,24 +51,6 @@ class Verdict(NamedTuple):
     away: float
     tilt: float
     collides: bool
-
-
-def load(name: str) -> Arm:
-    """An arm of the benchmark."""
-    urdf = builtin_urdf("iiwa14" if name == "iiwa_rail" else name)
-    semantics, limits = None, None
-    if name == "iiwa_rail":
-        urdf = urdf.replace("</robot>", _RAIL + "</robot>")
-        limits = {"rail_joint": {"acceleration": 2.0, "jerk": 50.0}}
-        for k in range(1, 8):
-            limits[f"iiwa_joint_{k}"] = {"acceleration": 8.0, "jerk": 500.0}
-    else:
-        semantics = parse_srdf(builtin_srdf(name))
-    description = parse_urdf(urdf)
-    chain = serial_chain(description, semantics=semantics, joint_limits=limits)
-    model = pinocchio.buildModelFromXML(urdf)
-    robot = robot_geometry(chain, description, {}, semantics)
-    return Arm(robot, model, model.createData(), model.getFrameId(chain.tip_link))
 
 
 def seam(
@@ -172,68 +127,59 @@ def judge(arm: Arm, scene: Scene, waypoints: tuple[SeamWaypoint, ...], answer: P
     return Verdict(away, tilt, collides)
 
 
-def ladder(arm: Arm, scene: Scene, asked: SeamOptions, start: Array) -> tuple[bool, float]:
-    """A ladder graph over every waypoint; whether there is a way, and the time taken [s].
-
-    The spin is sampled, the tilt is not, and nothing is refined or proved.
-    """
-    began = time.perf_counter()
-    exact = SeamOptions(asked.waypoints, ToolTolerance.of({}, ("rz",)), tool_speed=SPEED)
-    places = seam_places(seam_runs(exact, 0.0))
-    checker = Checker.of(arm.robot, scene)
-    search = SeamSearch(checker, places, start, SPEED, Deadline.after(20.0))
-    graph = search.prepare(places.layers(every=True))
-    graph.jump = 0.3
-    search.check_all(graph)
-    search.solve(graph)
-    first, last, _ = graph.longest()
-    return last - first == len(places.s) - 1, time.perf_counter() - began
-
-
 def main() -> None:
     """Measure."""
     parser = argparse.ArgumentParser(description="Seams followed by arms.")
     parser.add_argument("--seams", type=int, default=13)
     parser.add_argument("--arms", nargs="+", default=list(STARTS), choices=list(STARTS))
     parser.add_argument("--peer", action="store_true")
+    parser.add_argument("--descartes", type=Path, help="an interpreter that has tesseract")
     parser.add_argument("--length", type=float, help="of all seams [m]")
     chosen = parser.parse_args()
     for name in chosen.arms:
-        _measure(name, chosen.seams, chosen.peer, chosen.length)
+        arm = load(name)
+        place = [0.45, 0.45, 0.4] if chosen.length is None else [0.0, 0.6, 0.4]
+        scene = Scene((Obstacle("post", Cylinder(0.03, 0.8), transform(None, place)),))
+        random, count = np.random.default_rng(7), chosen.seams * len(SHAPES)
+        asked = [
+            SeamOptions(
+                seam(SHAPES[k % len(SHAPES)], random, chosen.length),
+                ToolTolerance.of({}, ("rz",), np.radians(5.0 if k % 2 else 15.0)),
+                tool_speed=SPEED,
+            )
+            for k in range(count)
+        ]
+        _measure(name, arm, scene, asked)
+        if chosen.peer:
+            seam_peers.measure(name, arm, scene, asked)
+        if chosen.descartes is not None and name in seam_peers.CLOSED_FORMS:
+            seam_peers.measure_descartes(chosen.descartes, name, arm, scene, asked)
 
 
-def _measure(name: str, count: int, peer: bool, length: float | None) -> None:
-    arm, random = load(name), np.random.default_rng(7)
+def _measure(name: str, arm: Arm, scene: Scene, seams: list[SeamOptions]) -> None:
     start = np.array(STARTS[name])
-    place = [0.45, 0.45, 0.4] if length is None else [0.0, 0.6, 0.4]
-    scene = Scene((Obstacle("post", Cylinder(0.03, 0.8), transform(None, place)),))
-    times, shares, peer_times = [], [], []
+    times, shares, unclean = [], [], 0
     reasons: Counter[str] = Counter()
-    unclean = peer_solved = 0
-    for k in range(count * len(SHAPES)):
-        waypoints = seam(SHAPES[k % len(SHAPES)], random, length)
-        tilt = np.radians(5.0 if k % 2 else 15.0)
-        asked = SeamOptions(waypoints, ToolTolerance.of({}, ("rz",), tilt), tool_speed=SPEED)
-        problem = Problem(arm.robot, scene, start, (PoseGoal(waypoints[-1].T_base_tip),))
+    for asked in seams:
+        goal = PoseGoal(asked.waypoints[-1].T_base_tip)
+        problem = Problem(arm.robot, scene, start, (goal,))
         how = CartesianOptions(seam=asked)
         began, computed = time.perf_counter(), time.process_time()
         answer = plan(problem, Options(planner="cartesian", cartesian=how, timeout=20.0))
         taken = time.perf_counter() - began, time.process_time() - computed
-        if peer:
-            solved, seconds = ladder(arm, scene, asked, start)
-            peer_solved += solved
-            peer_times.append(seconds)
         if not isinstance(answer, Plan):
             reasons[str(answer.details.get("reason", answer.code))] += 1
             continue
         times.append(taken)
         assert answer.certificate.tool_speed is not None
         shares.append(answer.certificate.tool_speed.share)
-        verdict = judge(arm, scene, waypoints, answer)
-        wrong = verdict.away > POSITION or verdict.tilt > tilt + ORIENTATION or verdict.collides
-        unclean += wrong
-    total = count * len(SHAPES)
-    print(f"{name}: {len(times)} of {total} followed, {unclean} unclean, failures {dict(reasons)}")
+        verdict = judge(arm, scene, asked.waypoints, answer)
+        tilted = verdict.tilt > asked.tolerance.tilt + ORIENTATION
+        unclean += verdict.away > POSITION or tilted or verdict.collides
+    print(
+        f"{name}: {len(times)} of {len(seams)} followed, {unclean} unclean, "
+        f"failures {dict(reasons)}"
+    )
     if times:
         wall, processor = 1e3 * np.array(times).T
         print(
@@ -241,8 +187,6 @@ def _measure(name: str, count: int, peer: bool, length: float | None) -> None:
             f"processor time: median {np.median(processor):.0f} ms"
         )
         print(f"  share within the band: median {np.median(shares):.3f}, least {min(shares):.3f}")
-    if peer:
-        print(f"  ladder: {peer_solved} of {total}, median {1e3 * np.median(peer_times):.0f} ms")
 
 
 if __name__ == "__main__":

@@ -23,12 +23,13 @@ OF_PEERS = {
     "optimize_peers_drake": "constrained_ik_drake",
     "peers_mplib": "mplib",
     "peers_sscbirrt": "mujoco",
+    "seam_descartes": "tesseract_robotics",
 }
 #: What other scripts import: nothing to run.
 WITHOUT_MAIN = {
     "__init__", "crowd", "example_arms", "fcl_judge", "machines", "mbm_ompl", "mbm_problems",
-    "mesh_scenes", "poses", "ratios", "recheck", "task_check", "task_export", "task_problems",
-    "task_sampling", "triangles",
+    "mesh_scenes", "poses", "ratios", "recheck", "seam_arms", "seam_peers", "task_check",
+    "task_export", "task_problems", "task_sampling", "triangles",
 }  # fmt: skip
 #: Have tests of their own, with services of their own: tests/service/jobs/test_agent_jobs.py makes
 #: the faults of `agents`, in one process; tests/studio/test_workbench.py runs `studio_arms`.
@@ -73,7 +74,10 @@ SMALL: Mapping[str, tuple[list[str], Mapping[str, Any]]] = {
     "reach": (["--poses", "200", "--robots", "kr6_sixx"], {"_ONE_BY_ONE": 2}),
     "tours": (["--spots", "4", "--timeout", "30"], {}),
     "tour_peers": (["CASE", "0.1", "nobody"], {}),
-    "seams": (["--seams", "1", "--arms", "ur5e"], {"INSTANTS": 11, "SHAPES": ("line",)}),
+    "seams": (
+        ["--seams", "1", "--arms", "ur5e", "--peer"],
+        {"INSTANTS": 11, "SHAPES": ("line",), "WAYPOINTS": 40},
+    ),
     "scale": (["--obstacles", "5", "--points", "50"], {"_STATES": 8, "_REPEATS": 1, "_PLANS": 1}),
     "startup": (["--runs", "1", "--workers", "1"], {"_WARM_UPS": 0, "_SETTLED": 0.2}),
     "tasks": (["PROBLEMS", "--robots", "panda", "--kinds", "shelf", "--count", "1"], {}),
