@@ -3,7 +3,8 @@
 The arm of a scene's problem is to go near an object. Here it grasps the object, and puts it down
 elsewhere on what it stands on. One grasp and one place are looked for beforehand until somebody
 else shows motions between them, a witness; they are hidden among seventeen other grasps and eleven
-other places at random, of which nothing is known.
+other places at random, of which nothing is known. Grasps and places that no configuration reaches
+free of collision are not shown to the witness: in a cage they are most.
 """
 
 from collections.abc import Callable, Iterator, MutableMapping, Sequence
@@ -24,6 +25,7 @@ from obstacles.robot_geometry import RobotGeometry
 from obstacles.scene import Obstacle, Scene
 from obstacles.shapes import Box, Cylinder, Mesh
 from planning.options import Options
+from planning.reach.evaluation import ReachOptions, reach
 from planning.sequence.region import grasp_region
 from planning.sequence.stage import (
     Attach,
@@ -50,10 +52,13 @@ _REACH_OF_HAND = 0.1034
 _FAR = 0.1
 #: What is nearer than this to an object holds it up [m].
 _SUPPORTS = 2e-3
-#: The place is at most so far from where the object stands, along x and y [m].
-_SHIFT = 0.3
-#: Random places tried for one task.
-_ATTEMPTS = 6
+#: The place is at most so far from where the object stands, along x and y [m]; in a cage, whose
+#: walls are near, no farther than the second.
+_SHIFT, _SHIFT_IN_CAGE = 0.3, 0.15
+#: Random grasps and places drawn for one task, and shown to the witness at most.
+_ATTEMPTS, _SHOWN = 400, 6
+#: Ways up and back at which the tool must get there too [m], as far as the stages ask at least.
+_LIFT, _APPROACH = 0.01, 0.02
 #: Acceleration limits of the UR5, whose URDF has none [rad/s^2].
 _UR5_ACCELERATION = 10.0
 _UR5_START = np.array([0.0, -1.9, 1.9, -1.57, -1.57, 0.0])
@@ -184,28 +189,52 @@ class _Maker:
         grip = np.linalg.inv(about.T_world_obstacle) @ T_grasp
         start = case.start if chosen.start is None else chosen.start
         held, world = _supports(scene, about), World(chosen.robot, scene)
+        shift = _SHIFT_IN_CAGE if case.kind.startswith("cage") else _SHIFT
+        shown = 0
         for attempt in range(_ATTEMPTS):
-            place = _shifted(about.T_world_obstacle, random)
-            stages = _stages(chosen, about.id, grip[None], place[None], held)
+            place = _shifted(about.T_world_obstacle, random, shift)
+            angle = 0.0 if attempt == 0 else random.uniform(-np.pi, np.pi)
+            turned = grasp_region(grip, (0.0, 0.0, 1.0), (angle, angle), (0.0, 0.0), (1, 1))[0]
+            if not _within_reach(chosen, scene, about, turned, place):
+                continue
+            stages = _stages(chosen, about.id, turned[None], place[None], held)
             if case.name not in known and witness(Task(world, start, stages), case.text):
                 known[case.name] = attempt
             if known.get(case.name) == attempt:
-                grips, places = _hidden(grip, place, about.T_world_obstacle, random)
+                grips, places = _hidden(turned, place, about.T_world_obstacle, shift, random)
                 stages = _stages(chosen, about.id, grips, places, held)
                 return TaskProblem(case.name, case.text, Task(world, start, stages), about.id)
+            shown += 1
+            if shown == _SHOWN and case.name not in known:
+                break
         known[case.name] = None
         return None
 
 
-def _shifted(T: Array, random: np.random.Generator) -> Array:
-    """A pose on the same level, turned about the vertical."""
-    shift = [*random.uniform(-_SHIFT, _SHIFT, 2), 0.0]
+def _within_reach(chosen: Arm, scene: Scene, about: Obstacle, grip: Array, place: Array) -> bool:
+    """Whether the tool gets to a grasp and to that at a place free of collision, and above both.
+
+    The object itself is left out of this look, where it stands and where it is put.
+    """
+    others = Scene([one for one in scene.obstacles if one.id != about.id])
+    at = np.array([about.T_world_obstacle @ grip, place @ grip])
+    above, before = at.copy(), at.copy()
+    above[:, 2, 3] += _LIFT
+    before[:, :3, 3] -= _APPROACH * at[:, :3, 2]
+    options = ReachOptions(choice="first", clearance=False, threads=1)
+    found = reach(chosen.robot, others, np.concatenate([at, above, before]), options)
+    return bool(found.is_reached.all())
+
+
+def _shifted(T: Array, random: np.random.Generator, most: float) -> Array:
+    """A pose on the same level, at most so far away along x and y, turned about the vertical."""
+    shift = [*random.uniform(-most, most, 2), 0.0]
     turn = from_axis_angle(np.array([0.0, 0.0, 1.0]), random.uniform(-np.pi, np.pi))
     return np.asarray(transform(turn @ T[:3, :3], T[:3, 3] + shift))
 
 
 def _hidden(
-    grip: Array, place: Array, T_object: Array, random: np.random.Generator
+    grip: Array, place: Array, T_object: Array, shift: float, random: np.random.Generator
 ) -> tuple[Array, Array]:
     """All grasps and places, the known ones among them."""
     others = [
@@ -216,7 +245,7 @@ def _hidden(
             strict=True,
         )
     ]
-    more = [_shifted(T_object, random) for _ in range(PLACES - 1)]
+    more = [_shifted(T_object, random, shift) for _ in range(PLACES - 1)]
     grips, places = np.array([grip, *others]), np.array([place, *more])
     return grips[random.permutation(GRASPS)], places[random.permutation(PLACES)]
 
