@@ -13,7 +13,7 @@ from kinematics.arrays import Array
 from kinematics.chain import Chain
 from kinematics.ik import numeric
 from kinematics.jacobian import geometric
-from planning.cartesian.seam_path import SeamPlaces, pack_tolerance
+from planning.cartesian.seam_path import SeamPlaces, corner_angle, pack_tolerance
 from planning.cartesian.seam_search import SeamGraph, SeamSearch
 from planning.deadline import Deadline
 from planning.result import Failure
@@ -48,6 +48,12 @@ _HINTS: dict[Reason, str] = {
     "deviation": "Allow a larger max_deviation, or waypoints farther apart.",
     "time": "Allow more time.",
 }
+
+
+_BEND_HINT = (
+    "Allow a larger max_deviation, give the waypoints a blend, or lead the path through arcs (via) "
+    "where it is a curve."
+)
 
 
 @dataclass(frozen=True, slots=True)
@@ -126,6 +132,28 @@ def explain_stop(places: SeamPlaces, number: int, stop: Stop) -> Failure:
         _HINTS[stop.reason],
         _NAME,
         details={"reason": stop.reason, "waypoint": waypoint, "fraction": fraction, **stop.details},
+    )
+
+
+def explain_bend(places: SeamPlaces) -> Failure:
+    """Failure of a seam that bends more sharply than a spline of the joints can follow.
+
+    Args:
+        places: Of the seam.
+    """
+    bends = [
+        (corner_angle(first.motion, second.motion), first.asked + 1)
+        for run in places.runs
+        for first, second in pairwise(run.parts)
+    ]
+    angle, waypoint = max(bends, default=(0.0, 1))
+    return Failure(
+        "PLANNING_FAILED",
+        "the joints would have to turn too sharply to keep the tool within its tolerance; the path "
+        f"bends most at waypoints[{waypoint}], by {math.degrees(angle):.3g} degrees",
+        _BEND_HINT,
+        _NAME,
+        details={"reason": "deviation", "waypoint": waypoint, "bend": angle},
     )
 
 

@@ -10,7 +10,7 @@ from kinematics.arrays import Array
 from kinematics.forward import forward
 from kinematics.pose import transform
 from planning.cartesian.leading import free_part
-from planning.cartesian.seam_failure import explain_search, explain_stop
+from planning.cartesian.seam_failure import explain_bend, explain_search, explain_stop
 from planning.cartesian.seam_following import refine, segments
 from planning.cartesian.seam_nodes import COARSE, DENSE, Density
 from planning.cartesian.seam_path import seam_places, seam_runs
@@ -134,8 +134,7 @@ def _follow(
     query: Query, search: SeamSearch, joints: Array, tolerances: Tolerances
 ) -> tuple[ToolSegment, ...] | Failure:
     """Joint paths of the runs, proved free: of the calmer way, or of the one that was found."""
-    stop = Stop(0.0, "deviation", "the joints would have to turn too sharply", {})
-    number = 0
+    number, stop = 0, None
     for way in (refine(search, joints), joints):
         paths = segments(search.checker, search.places, way, tolerances, query.deadline)
         if paths is None:
@@ -146,8 +145,10 @@ def _follow(
             return tuple(free)
         number, stop = stops[0]
     if query.deadline.passed:
-        stop = replace(stop, reason="time", message="time was up")
-    return explain_stop(search.places, number, stop)
+        stop = Stop(0.0 if stop is None else stop.at, "time", "time was up", {})
+    return (
+        explain_bend(search.places) if stop is None else explain_stop(search.places, number, stop)
+    )
 
 
 def _approach_and_retreat(

@@ -16,7 +16,7 @@ from kinematics.arrays import Array
 from kinematics.chain import Chain, JointType
 from obstacles.checker import Checker
 from planning.cartesian.seam_kernels import Layers, Steps, Ways, layer_kernel, project_kernel
-from planning.cartesian.seam_nodes import COARSE, TWO_TURNS, Density, Nodes, nodes
+from planning.cartesian.seam_nodes import COARSE, DENSE, TWO_TURNS, Density, Nodes, nodes
 from planning.cartesian.seam_path import SeamPlaces
 from planning.deadline import Deadline
 
@@ -161,6 +161,8 @@ class SeamSearch:
         """Layers with their configurations and costs."""
         chain = self.chain
         found = nodes(chain, self.places, layers, self.start, density)
+        if density is DENSE:
+            found = self._with_neighbours(layers, found, density.most)
         joints, firsts = found.joints, found.firsts
         lower, upper = _narrow(chain)
         half = 0.5 * (upper - lower)
@@ -177,6 +179,38 @@ class SeamSearch:
         empty = np.zeros(m, dtype=np.int64)
         return SeamGraph(
             layers, found, costs, np.full(m, np.inf), empty - 1, empty.copy(), empty != 0
+        )
+
+    def _with_neighbours(self, layers: NDArray[np.int64], found: Nodes, most: int) -> Nodes:
+        """Configurations, where a layer has none those of the layers beside it moved there.
+
+        At the end of an arm's reach samples miss the few deviations that are left.
+        """
+        firsts, chain = found.firsts, self.chain
+        if np.diff(firsts).all():
+            return found
+        rows = [found.joints[firsts[k] : firsts[k + 1]] for k in range(len(layers))]
+        limits = np.array(_narrow(chain))
+        for way in (1, -1):
+            for k in range(len(rows))[::way]:
+                beside = k - way
+                if len(rows[k]) or not 0 <= beside < len(rows) or not len(rows[beside]):
+                    continue
+                moved, place = (
+                    rows[beside][:most].copy(),
+                    np.full(len(rows[beside][:most]), layers[k]),
+                )
+                errors = np.empty((len(moved), 2))
+                project_kernel(
+                    chain.model, self.places.nominal[place], self.places.boxes[place], limits,
+                    _ROUNDS, moved, errors,
+                )  # fmt: skip
+                rows[k] = moved[errors.max(axis=1) <= _REACHED]
+        counts = [len(row) for row in rows]
+        return Nodes(
+            np.ascontiguousarray(np.concatenate(rows)),
+            np.concatenate([[0], np.cumsum(counts)]),
+            found.outside & (np.array(counts) == 0),
         )
 
     def solve(self, graph: SeamGraph) -> None:
