@@ -165,6 +165,8 @@ class PlanRequest(WithFingers, Keepable):
             return values
         options = values.get("planner_options")
         waypoints = options.get("waypoints") if isinstance(options, dict) else None
+        if waypoints == []:
+            raise ValueError("planner_options.waypoints is empty: a seam has two at least")
         last = waypoints[-1] if isinstance(waypoints, list) and waypoints else None
         if not isinstance(last, dict) or str(values.get("planner")).lower() != "cartesian":
             return values

@@ -58,6 +58,10 @@ class ReachTolerance(Body):
         for axis in self.free:
             if getattr(self, axis) is not None:
                 raise ValueError(f"{axis} is free and has a range; give one of them")
+        for name in ("x", "y", "z", "rx", "ry", "rz"):
+            given = getattr(self, name)
+            if given is not None and given[0] > given[1]:
+                raise ValueError(f"{name}: {given[0]:g} is above {given[1]:g}")
         return self
 
 

@@ -172,6 +172,11 @@ def test_a_frame_moves_points_and_normals(client: httpx.Client) -> None:
     np.testing.assert_allclose(ends[:3, 0], [1, 0, 0], atol=1e-3)
 
 
+def test_the_deadline_of_a_seam_is_told(client: httpx.Client) -> None:
+    told = problem(client.post("/v1/plan", json=seam() | {"timeout": 0.01}), 504, "TIMED_OUT")
+    assert told["hint"]
+
+
 def test_a_seam_out_of_reach_says_where_and_by_how_much(client: httpx.Client) -> None:
     far = [{"point": [x, 0.0, 0.4], "normal": UP} for x in np.linspace(0.5, 1.3, 17).tolist()]
     document = problem(client.post("/v1/plan", json=seam(waypoints=far)), 422, "PLANNING_FAILED")
@@ -191,6 +196,8 @@ def test_a_seam_out_of_reach_says_where_and_by_how_much(client: httpx.Client) ->
         ({"tolerance": {"x": [0.1, -0.1]}}, "VALIDATION_ERROR", "0.1 is above -0.1"),
         ({"tolerance": {"rz": [0.0, 0.1], "free": ["rz"]}}, "VALIDATION_ERROR", "rz has a range"),
         ({"tolerance": {"tilt": 0.0}}, "VALIDATION_ERROR", "tilt"),
+        ({"tolerance": {"tilt": -0.1}}, "VALIDATION_ERROR", "tilt"),
+        ({"waypoints": []}, "VALIDATION_ERROR", "waypoints"),
         ({"tolerance": {"frame": "moon"}}, "INVALID_LINK_NAME", "moon"),
         ({"tolerance": {"frame": "panda_hand"}}, "INVALID_LINK_NAME", "moves with the arm"),
         ({"tool_speed": 0.0}, "VALIDATION_ERROR", "tool_speed"),

@@ -115,6 +115,10 @@ def test_it_is_a_job_with_progress_where_that_is_asked_for(client: httpx.Client)
     ("changes", "index", "code", "message"),
     [
         ({"stages": [{"kind": "detach", "object": "crate"}]}, 0, "VALIDATION_ERROR", "to be held"),
+        ({"stages": [{"kind": "place", "poses": [{"position": [0.5, 0.2, 0.2]}]}]}, 0,
+         "VALIDATION_ERROR", "held"),
+        ({"stages": stages((8, {"region": None, "poses": [
+            {"position": [0.5, 0.2, 0.2], "frame": "moon"}]}))}, 8, "INVALID_LINK_NAME", "moon"),
         ({"stages": stages((4, {"object": "box"}))}, 4, "INVALID_OBJECT_NAME", "'box'"),
         ({"stages": stages((2, {"touch_links": ["claw"]}))}, 2, "INVALID_LINK_NAME", "'claw'"),
         ({"stages": stages((8, {"region": None, "poses": [
@@ -145,6 +149,12 @@ def test_what_is_wrong_is_told_with_stage_and_cure(
         ((2, {"region": None, "grasps": []}), "stages[2].grasps"),
         ((2, {"region": None, "grasps": [{"position": [0, 0, 0]}] * 10_001}), "stages[2].grasps"),
         ((2, {"region": None}), "stages[2]"),
+        (
+            (2, {"region": None, "grasps": [{"position": [0, 0, 0], "frame": "moon"}]}),
+            "stages[2].grasps[0].frame",
+        ),
+        ((8, {"region": None, "poses": []}), "stages[8].poses"),
+        ((8, {"region": {"pose": {"position": [0.5, 0, 0.2]}, "samples": [0, 1, 1]}}), "samples"),
         ((0, {"kind": "fly"}), "stages[0]"),
         ((5, {"distance": [0.1]}), "stages[5].distance"),
         ((0, {"blend": 0.1}), "stages[0]"),
@@ -167,6 +177,11 @@ def test_the_deadline_holds_for_ten_thousand_grasps(client: httpx.Client) -> Non
     told = problem(client.post("/v1/tasks", json=asked), 422, "PLANNING_FAILED")
     assert told["details"]["index"] == 2
     assert told["details"]["trials_omitted"] > 0
+
+
+def test_the_deadline_of_a_task_is_told(client: httpx.Client) -> None:
+    told = problem(client.post("/v1/tasks", json=TASK | {"timeout": 0.01}), 504, "TIMED_OUT")
+    assert told["hint"]
 
 
 def test_the_first_stages_are_answered_only_where_that_is_asked_for(client: httpx.Client) -> None:

@@ -116,6 +116,11 @@ def test_what_is_out_of_reach_is_named_or_left_out(client: httpx.Client) -> None
     ("fields", "code", "words"),
     [
         ({"goals": []}, "VALIDATION_ERROR", "goals"),
+        ({"goals": [GOALS[0], {"any_of": []}]}, "VALIDATION_ERROR", "goals[1].any_of"),
+        ({"goals": [GOALS[0], {"pose": {"position": [0.5, 0, 0.4], "frame": "moon"}}]},
+         "INVALID_LINK_NAME", "moon"),
+        ({"goals": [GOALS[0], {"pose": {"position": [0.5, 0, 0.4]}, "tolerance":
+          {"x": [0.01, -0.01]}}]}, "VALIDATION_ERROR", "goals[1].tolerance"),
         ({"goals": [GOALS[0]] * 501}, "VALIDATION_ERROR", "500"),
         ({"goals": [GOALS[0], GOALS[0]]}, "INVALID_GOAL_CONSTRAINTS",
          "goals[0] and goals[1] have the same id 'hole_0'"),
