@@ -2,10 +2,11 @@
 
 import io
 import zipfile
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from armwright_client import Client, Obstacle, Scene, TaskStageReport
+from armwright_client import Client, Obstacle, Scene, Segment, TaskStageReport, TimedTrajectory
 from armwright_client.export import ExportFormat
 from studio.requests import plan_request, set_fields, tour_request
 from studio.result import Planned, TaskPlanned, TourPlanned
@@ -53,26 +54,63 @@ def export_file(
 
 
 def _archive(client: Client, outcome: TaskPlanned, file_format: ExportFormat) -> ExportFile:
-    """Each motion of the arm in a file, in order; what the gripper does between them is in none."""
+    """Each motion from rest to rest in a file, in order; what the gripper does is in none.
+
+    Stages that the arm passes without resting are one motion: no controller could begin with the
+    second. It is proved with the pairs that may touch in all of them.
+    """
     margin: dict[str, Any] = {
         name: value for name, value in outcome.state.settings.items() if name == "margin"
     }
     held = io.BytesIO()
     with zipfile.ZipFile(held, "w", zipfile.ZIP_DEFLATED) as archive:
-        for stage in outcome.plan.stages:
-            if not _moves(stage):
-                continue
+        for stages in _motions(outcome.plan.stages):
+            first, last = stages[0], stages[-1]
             made = client.export(
                 outcome.state.robot,
-                stage.trajectory,
+                _joined([stage.trajectory for stage in stages]),
                 file_format,
-                scene=Scene(obstacles=_places(outcome, stage)),
-                attached=stage.after.as_options()["attached"],
-                allowed_collisions=stage.certificate.allowed_collisions,
+                scene=Scene(obstacles=_places(outcome, first)),
+                attached=first.after.as_options()["attached"],
+                allowed_collisions=_allowed_in_all(stages),
                 **margin,
             )
-            archive.writestr(f"{stage.index:02}_{stage.kind}_{made.file_name}", made.content)
+            numbers = f"{first.index:02}" + (f"-{last.index:02}" if last is not first else "")
+            archive.writestr(f"{numbers}_{first.kind}_{made.file_name}", made.content)
     return ExportFile(f"task_{file_format}.zip", held.getvalue())
+
+
+def _motions(stages: Sequence[TaskStageReport]) -> list[list[TaskStageReport]]:
+    """Stages that move the arm, those together that it passes without resting."""
+    groups: list[list[TaskStageReport]] = []
+    goes_on = False
+    for stage in stages:
+        if goes_on:
+            groups[-1].append(stage)
+        elif stage.passes or _moves(stage):
+            groups.append([stage])
+        goes_on = stage.passes
+    return groups
+
+
+def _joined(parts: Sequence[TimedTrajectory]) -> TimedTrajectory:
+    """Motions in turn as one."""
+    segments: list[Segment] = []
+    begin = 0.0
+    for part in parts:
+        segments += [
+            item.model_copy(update={"t0": begin + item.t0, "t1": begin + item.t1})
+            for item in part.segments
+        ]
+        begin += part.duration
+    return parts[0].model_copy(update={"duration": begin, "segments": segments})
+
+
+def _allowed_in_all(stages: Sequence[TaskStageReport]) -> list[tuple[str, str]]:
+    """Pairs that may touch in every stage."""
+    first, *others = (stage.certificate.allowed_collisions for stage in stages)
+    kept = [{frozenset(pair) for pair in pairs} for pairs in others]
+    return [(a, b) for a, b in first if all(frozenset((a, b)) in pairs for pairs in kept)]
 
 
 def _legs(client: Client, outcome: TourPlanned, file_format: ExportFormat) -> ExportFile:

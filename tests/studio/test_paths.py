@@ -12,7 +12,7 @@ from armwright_client import Pose
 from studio.motion_frames import motion_frames, tour_frames
 from studio.page.local_server import serve_page
 from studio.page.studio_page import StudioPage
-from studio.result import Failure, Planned, TourPlanned
+from studio.result import Failure, Planned, TaskPlanned, TourPlanned
 from studio.shown_code import path_code, tour_code
 from studio.stages import goal_entry, pose_entry
 from studio.workbench import Workbench
@@ -92,6 +92,27 @@ def test_a_tool_path_is_planned_and_played(workbench: Workbench) -> None:
     assert workbench.export("csv").content
     workbench.set_option("path", "tool_speed", None)
     assert dict(workbench.state.path_options) == {"tolerance": {"free": ["rz"]}}
+
+
+def test_stages_that_are_passed_are_exported_as_one_motion(workbench: Workbench) -> None:
+    workbench.set_start(HOME)
+    on = [0.4, -0.2, 0.3, -1.5, 0.2, 1.2, -0.3]
+    goals = [{"kind": "move", "goal": {"joints": joints}} for joints in (ASIDE, on, HOME)]
+    workbench.set_entries("stages", ({**goals[0], "blend": 0.3}, *goals[1:]))
+    outcome = workbench.plan_task()
+    assert isinstance(outcome, TaskPlanned), outcome
+    assert [stage.passes for stage in outcome.plan.stages] == [True, False, False]
+    exported = workbench.export("joint_trajectory_json")
+    with zipfile.ZipFile(io.BytesIO(exported.content)) as archive:
+        files = {name: json.loads(archive.read(name))["points"] for name in archive.namelist()}
+    assert [name.partition("_armwright")[0] for name in sorted(files)] == ["00-01_move", "02_move"]
+    for points, ends in zip((files[n] for n in sorted(files)), ((HOME, on), (on, HOME)),
+                            strict=True):  # fmt: skip
+        for point, place in zip((points[0], points[-1]), ends, strict=True):
+            np.testing.assert_allclose(point["positions"], place, atol=1e-6)
+            np.testing.assert_allclose(point["velocities"], 0.0, atol=1e-6)
+        inside = np.abs([point["velocities"] for point in points[1:-1]]).max(axis=1)
+        assert inside.min() > 1e-3
 
 
 def test_the_forms_are_those_of_the_api(workbench: Workbench) -> None:
