@@ -198,7 +198,8 @@ class _Pipeline:
             timing,
             self.deadline,
             found.levels[:-1],
-            keep_path=found.attempt.keep_path or isinstance(found.checker, ConstrainedChecker),
+            keep_path=found.attempt.keep_path,
+            holds=found.checker.holds if isinstance(found.checker, ConstrainedChecker) else None,
         ):
             yield partial(_time_polyline, motion, self.parametrization.method)
 

@@ -38,6 +38,10 @@ class ConstrainedChecker(Checker):
         limit = np.minimum(0.5 * self.spare, _MOST_NARROWING)
         return narrow_rows(self.constraints, _NARROWING, limit)
 
+    def holds(self, states: Array) -> bool:
+        """Whether configurations (k, n) hold all constraints as they were asked for."""
+        return not (self.constraints.residuals(states) > 0.0).any()
+
     def curve(self, b0: Array, b1: Array, b2: Array, b3: Array | None = None) -> Motion:
         """Prove the joint motion b0 + b1 s + b2 s^2 + b3 s^3 over 0 <= s <= 1, each (n,)."""
         powers = [b0, b1, b2] if b3 is None else [b0, b1, b2, b3]

@@ -44,6 +44,7 @@ def motions(
     preferred: Sequence[Checker] = (),
     *,
     keep_path: bool = False,
+    holds: Callable[[Array], bool] | None = None,
 ) -> Iterator[Callable[[], ScaledTime]]:
     """Motions to be tried in turn, until one is proved.
 
@@ -55,6 +56,8 @@ def motions(
         deadline: When corners are not looked at any more.
         preferred: Checkers of falling clearance that corners are blended by where they keep it.
         keep_path: Whether the motion keeps to the polyline but for its rounded corners.
+        holds: Whether states (k, n) hold the path's constraints, where it has some: a spline that
+            leaves the polyline is looked at before it is proved.
 
     Raises:
         InvalidOption: Times were given that do not fit the waypoints, or an interpolation that
@@ -76,7 +79,9 @@ def motions(
         )
     if len(points) > 2:
         leaves = timing.blend_tolerance is None and not keep_path
-        rounded = _RoundedMotion(checker, points, parametrization, timing, deadline, preferred)
+        rounded = _RoundedMotion(
+            checker, points, parametrization, timing, deadline, preferred, holds
+        )
         if leaves:
             yield rounded.smooth
         if not leaves or rounded.left_path:
@@ -96,6 +101,7 @@ class _RoundedMotion:
         timing: What else was asked of the timing.
         deadline: When corners are not looked at any more.
         preferred: Checkers of falling clearance.
+        holds: As in ``motions``.
     """
 
     checker: Checker
@@ -104,8 +110,9 @@ class _RoundedMotion:
     timing: TimingOptions
     deadline: Deadline
     preferred: Sequence[Checker]
+    holds: Callable[[Array], bool] | None = None
     left_path: bool = field(default=False, init=False)
-    _found_reaches: Array | None = field(default=None, init=False)
+    _found_reaches: dict[bool, Array] = field(default_factory=dict, init=False)
 
     def time_on_path(self) -> ScaledTime:
         """The motion with rounded corners."""
@@ -115,7 +122,7 @@ class _RoundedMotion:
     def smooth(self) -> ScaledTime:
         """The spline near the motion where it is as far from everything, else the motion itself."""
         names = self.checker.model.chain.joint_names
-        rounded = self.parametrization.near_corners(self.points, self._reaches(), names)
+        rounded = self.parametrization.near_corners(self.points, self._reaches(even=True), names)
         if rounded is not None:
             for spline in self.parametrization.splines_near(rounded, self.points):
                 if self._keeps_clear(spline.trajectory, rounded):
@@ -123,12 +130,14 @@ class _RoundedMotion:
                     return spline
         return self.time_on_path()
 
-    def _reaches(self) -> Array:
-        if self._found_reaches is None:
-            self._found_reaches = self._find_reaches()
-        return self._found_reaches
+    def _reaches(self, *, even: bool = False) -> Array:
+        """Reaches of the corners that are proved free, found once for each way to pass them."""
+        even = even or self.parametrization.even_corners
+        if even not in self._found_reaches:
+            self._found_reaches[even] = self._find_reaches(even)
+        return self._found_reaches[even]
 
-    def _find_reaches(self) -> Array:
+    def _find_reaches(self, even: bool) -> Array:
         parametrization, timing = self.parametrization, self.timing
         largest = largest_reaches(self.points)
         if timing.blend_tolerance is not None:
@@ -139,13 +148,15 @@ class _RoundedMotion:
             self.points,
             self.deadline,
             smooth=parametrization.smooth,
-            most=parametrization.widest_reaches(self.points, largest),
+            most=parametrization.widest_reaches(self.points, largest, even=even),
             preferred=self.preferred,
         )
 
     def _keeps_clear(self, motion: Trajectory, rounded: Trajectory) -> bool:
         """Whether a motion keeps most of the clearance that the one with rounded corners keeps."""
         count = _INSTANTS * motion.pieces
+        if self.holds is not None and not self.holds(_instants(motion, count)):
+            return False
         for level in (*(_lower(level) for level in self.preferred), self.checker):
             if _is_clear(level, motion, count):
                 return True
@@ -163,8 +174,12 @@ def _lower(level: Checker) -> Checker:
 
 def _is_clear(level: Checker, motion: Trajectory, count: int) -> bool:
     """Whether a checker finds instants of a motion free, evenly spaced between its ends."""
-    times = np.linspace(0.0, motion.duration, count + 2)[1:-1]
-    return level.all_valid(motion.sample(times))
+    return level.all_valid(_instants(motion, count))
+
+
+def _instants(motion: Trajectory, count: int) -> Array:
+    """States at instants evenly spaced between a motion's ends, shape (count, n)."""
+    return motion.sample(np.linspace(0.0, motion.duration, count + 2)[1:-1])
 
 
 def _splines(

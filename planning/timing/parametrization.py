@@ -18,6 +18,7 @@ from planning.timing.even_corners import (
     pass_even_corners,
     time_even_corners,
 )
+from planning.timing.failure import TimingFailed
 from planning.timing.method import PathLimits, TimingMethod
 from planning.timing.path import JointPath
 from planning.timing.quintic_fit import SPAN_RATES, fit_quintic
@@ -62,8 +63,13 @@ class TimeParametrization:
     @property
     def even_corners(self) -> bool:
         """Whether rounded corners are passed at constant speed: at rest at the ends, no loads."""
+        return self.few_pieces and self.loads is None
+
+    @property
+    def few_pieces(self) -> bool:
+        """Whether motions of few pieces are tried first, which loads may slow down a little."""
         moving = any(v is not None and v.any() for v in (self.start_velocity, self.end_velocity))
-        return self.method.even_corners and self.loads is None and not moving
+        return self.method.even_corners and not moving
 
     def near_corners(
         self, waypoints: Array, reaches: Array, joint_names: Sequence[str]
@@ -72,7 +78,7 @@ class TimeParametrization:
 
         None where the method has no such splines. Arguments are those of ``time_polyline``.
         """
-        if not (self.method.near_path and self.even_corners and len(waypoints) > 2):
+        if not (self.method.near_path and self.few_pieces and len(waypoints) > 2):
             return None
         path = blend(waypoints, reaches, smooth=self.smooth)
         return pass_even_corners(path, joint_names, self.jerk_bounds)
@@ -86,18 +92,37 @@ class TimeParametrization:
         """
         limits, legs = self.jerk_bounds, len(waypoints) - 1
         for rate in SPAN_RATES:
-            spline = fit_quintic(motion, motion.joint_names, limits, legs, rate)
-            if spline.trajectory.duration <= WORTH * motion.duration:
+            spline = self._slow_down_a_little(
+                fit_quintic(motion, motion.joint_names, limits, legs, rate)
+            )
+            if spline is not None and spline.trajectory.duration <= WORTH * motion.duration:
                 yield spline
 
-    def widest_reaches(self, waypoints: Array, largest: Array) -> Array:
+    def _slow_down_a_little(self, scaled: ScaledTime) -> ScaledTime | None:
+        """The motion slowed down for the loads; None where that takes far longer than without.
+
+        Without the loads nothing is much faster: what keeps them by a little more time is worth its
+        few pieces.
+        """
+        if self.loads is None:
+            return scaled
+        try:
+            slowed = slow_down(self.loads, scaled)
+        except TimingFailed:
+            return None
+        if slowed.trajectory.duration > WORTH * scaled.trajectory.duration:
+            return None
+        return slowed._replace(solver=scaled.solver)
+
+    def widest_reaches(self, waypoints: Array, largest: Array, *, even: bool = False) -> Array:
         """Reaches of a polyline's corners that are worth being proved free, shape (k - 2,).
 
         Args:
             waypoints: Merged, shape (k, n), k >= 3.
             largest: Reaches at most, shape (k - 2,).
+            even: Whether corners are to be passed at constant speed though there are loads.
         """
-        if not self.even_corners or len(waypoints) < 3:
+        if not (self.even_corners or (even and self.few_pieces)) or len(waypoints) < 3:
             return largest
         return fastest_reaches(waypoints, self.jerk_bounds, largest)
 
@@ -146,6 +171,11 @@ class TimeParametrization:
         path = blend(waypoints, reaches, smooth=self.smooth)
         if self.even_corners:
             return time_even_corners(path, joint_names, self.jerk_bounds)
+        if self.few_pieces and not reaches.any():
+            legs = time_even_corners(path, joint_names, self.jerk_bounds)
+            slowed = self._slow_down_a_little(legs)
+            if slowed is not None:
+                return slowed
         rounded = self.time(path, joint_names)
         if not (self.smooth and reaches.any()):
             return rounded

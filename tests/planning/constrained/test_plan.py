@@ -87,6 +87,10 @@ def test_upright_around_a_post() -> None:
     start, goal = at([0.35, -0.35, 0.4], NARROW), at([0.35, 0.4, 0.35], NARROW)
     answer = planned(start, goal, pillar(0.1, 0.5), UPRIGHT)
     assert answer.planner == "rrt_connect"
+    assert answer.timing is not None
+    assert answer.timing.solver == "quintic_spline"
+    # Eight or twelve pieces a second.
+    assert answer.trajectory.pieces <= 20.0 * max(1.0, answer.trajectory.duration / 1.6)
     found = worst(answer.trajectory, tilt)
     assert found <= np.radians(10.0) + 1e-6
     (report,) = answer.certificate.path_constraints
@@ -99,6 +103,8 @@ def test_in_a_thin_plane_around_a_post() -> None:
     plane = PositionConstraint(PlaneRegion([0.0, 0.0, 0.4], UP, 2e-3))
     answer = planned(start, goal, pillar(0.1, 0.5), plane)
     assert worst(answer.trajectory, lambda T: abs(T[2, 3] - 0.4)) <= 2e-3 + 1e-6
+    assert answer.timing is not None
+    assert answer.timing.solver in ("quintic_spline", "double_s")
 
 
 def test_along_a_line_with_a_fixed_orientation() -> None:

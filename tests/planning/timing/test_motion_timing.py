@@ -40,6 +40,38 @@ def planned(scene: Scene, limits: dict[str, Any] | None = None, **timing: Any) -
     return plan(problem, options)
 
 
+@pytest.mark.parametrize("scene", [POST, Scene()])
+@pytest.mark.parametrize(
+    ("load", "limits"),
+    [
+        ("torque", {"torque_limits": True, "payload": Payload(1.0)}),
+        ("tool_speed", {"tool_speed": 1.04}),
+    ],
+)
+def test_loads_that_hardly_slow_a_motion_down_leave_it_few_pieces(
+    scene: Scene, load: str, limits: dict[str, Any]
+) -> None:
+    answer, free = planned(scene, **limits), planned(scene)
+    assert isinstance(answer, Plan)
+    assert isinstance(free, Plan)
+    assert answer.timing is not None
+    assert answer.timing.solver in ("quintic_spline", "double_s")
+    assert answer.trajectory.pieces <= 20
+    assert answer.certificate.limits[load].worst_ratio <= 1.0 + 1e-9
+    assert answer.trajectory.duration <= 1.1 * free.trajectory.duration
+    chain = builtin("panda").chain
+    for order, bound in enumerate((chain.limits.velocity, chain.limits.acceleration), 1):
+        assert worst_ratio(answer.trajectory, bound, order) <= 1.0 + 1e-9
+
+
+def test_a_tool_speed_that_slows_a_motion_down_is_kept_where_it_binds_alone() -> None:
+    answer = planned(POST, tool_speed=0.5)
+    assert isinstance(answer, Plan)
+    assert answer.timing is not None
+    assert answer.timing.solver == "interior_point"
+    assert 0.99 <= answer.certificate.limits["tool_speed"].worst_ratio <= 1.0 + 1e-9
+
+
 @pytest.mark.parametrize("method", ["toppra", "spline", "jerk_limited"])
 def test_every_method_gives_certified_motions(method: str) -> None:
     limits = builtin("panda").chain.limits
