@@ -15,6 +15,13 @@ from tests.command_line.commands import Run
 from tests.service.robots import ASIDE, BOX_OBJ, FLOOR, POST, bench, urdf
 from tests.service.server import serving
 
+REACH = {"poses": [{"position": [1, 0, 1]}]}
+TASK = {"stages": [{"kind": "wait", "duration": 1}]}
+TOUR = {
+    "goals": [{"id": "near", "joints": [0.2, 0.0]}, {"id": "far", "joints": [0.4, 0.0]}],
+    "rounds": 0,
+}
+
 
 @pytest.fixture(scope="module")
 def client(tmp_path_factory: pytest.TempPathFactory) -> Iterator[httpx.Client]:
@@ -110,6 +117,35 @@ def test_a_terminal_shows_the_stages_of_a_service(
     nowhere = run(*words[:5], "9,9", "--url", url)
     assert nowhere.code == 4
     assert "GOAL_STATE_INVALID" in nowhere.err
+
+
+@pytest.mark.parametrize(
+    ("command", "body", "operation"),
+    [
+        (("reach",), REACH, "POST /v1/robots/planar_rr/reach"),
+        (("task", "--start", "0,0"), TASK, "POST /v1/tasks"),
+        (("tour", "--start", "0,0"), TOUR, "POST /v1/tours"),
+    ],
+    ids=["reach", "task", "tour"],
+)
+def test_long_commands_are_jobs_of_a_service_on_a_terminal(
+    run: Run,
+    client: httpx.Client,
+    url: str,
+    stages: list[str],
+    tmp_path: Path,
+    command: tuple[str, ...],
+    body: dict[str, object],
+    operation: str,
+) -> None:
+    request = tmp_path / "request.json"
+    request.write_text(json.dumps(body))
+    words = (command[0], "planar_rr", str(request), *command[1:], "--timeout", "60", "--json")
+    there, here = run(*words, "--url", url), run(*words)
+    assert there.code == 0, there.out
+    assert there.json.keys() == here.json.keys()
+    assert len(stages) >= 2
+    assert client.get("/v1/jobs").json()["jobs"][0]["operation"] == operation
 
 
 def test_who_interrupts_a_command_ends_its_job(
