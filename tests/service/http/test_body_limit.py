@@ -1,15 +1,40 @@
 """Limits of request bodies: sizes announced and not, and bodies that stop arriving."""
 
 import asyncio
+import selectors
 from collections.abc import Sequence
+from types import SimpleNamespace
 from typing import Any
+from unittest import mock
 
 import pytest
 
+from service.http import body_limit
 from service.http.body_limit import BodyLimit
 from service.http.errors import HttpProblemError, status_of
 
 SIZE = 10
+
+
+class Waiting(selectors.SelectSelector):
+    """Waits for nothing, and counts how long it would have waited [s]."""
+
+    waited = 0.0
+
+    def select(self, timeout: float | None = None) -> Any:
+        self.waited += timeout or 0.0
+        return super().select(0.0)
+
+
+class Clockless(asyncio.SelectorEventLoop):
+    """A loop whose time passes only while it waits, however busy the machine is."""
+
+    def __init__(self) -> None:
+        self._waiting = Waiting()
+        super().__init__(self._waiting)
+
+    def time(self) -> float:
+        return self._waiting.waited
 
 
 def run(
@@ -44,7 +69,10 @@ def run(
     if encoding is not None:
         headers.append((b"transfer-encoding", encoding.encode()))
     scope = {"type": scope_type, "headers": headers}
-    asyncio.run(BodyLimit(app, SIZE, 0.05, 0.15)(scope, receive, send))
+    with asyncio.Runner(loop_factory=Clockless) as runner:
+        clock = SimpleNamespace(monotonic=runner.get_loop().time)
+        with mock.patch.object(body_limit, "time", clock):
+            runner.run(BodyLimit(app, SIZE, 0.05, 0.15)(scope, receive, send))
     return received
 
 
