@@ -80,7 +80,7 @@ def faulty_client(faulty_app: FastAPI) -> Iterator[httpx.Client]:
     """A client of the application with paths that fail."""
     with pytest.MonkeyPatch.context() as patch:
         more = (*RECIPE.modules, "tests.service.chores")
-        patch.setattr("service.app.RECIPE", RECIPE._replace(modules=more))
+        patch.setattr("service.app.RECIPE", RECIPE._replace(modules=more, enrich=None))
         with serving(faulty_app) as client:
             yield client
 
