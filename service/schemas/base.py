@@ -42,6 +42,8 @@ class Body(BaseModel):
     one_of: ClassVar[tuple[str, ...]] = ()
     #: Fields that are given only beside one of others, in the published schema as well.
     only_beside: ClassVar[Beside] = {}
+    #: Other rules of several fields, as the published schema has them.
+    published_rules: ClassVar[tuple[JsonDict, ...]] = ()
 
     @classmethod
     def __get_pydantic_json_schema__(
@@ -57,6 +59,7 @@ class Body(BaseModel):
         if cls.one_of:
             rules.append({"oneOf": [is_given(name) for name in cls.one_of]})
         rules += [_schema_beside(name, others) for name, others in cls.only_beside.items()]
+        rules += cls.published_rules
         if rules:
             inner = handler.resolve_ref_schema(schema)
             inner["allOf"] = [*inner.get("allOf", ()), *rules]

@@ -3,8 +3,18 @@
 from typing import Annotated, Any, ClassVar, Literal
 
 from pydantic import Field, ValidationError, model_validator
+from pydantic.config import JsonDict
 
-from service.schemas.base import Answer, Beside, Body, NonNegative, Point, Vector3, check_company
+from service.schemas.base import (
+    Answer,
+    Beside,
+    Body,
+    NonNegative,
+    Point,
+    Vector3,
+    check_company,
+    is_given,
+)
 from service.schemas.pose import FramedPose, PoseAnswer
 from service.schemas.seam import MAX_WAYPOINTS, Blend, StraightOffset, ToolTolerance, Waypoint
 
@@ -18,6 +28,22 @@ Ends = Annotated[list[NonNegative], Field(min_length=1, max_length=MAX_TIMED_MOT
 
 class ToolMotion(Body):
     """A line, or an arc through a point or about a centre, from where the tool is."""
+
+    only_beside: ClassVar[Beside] = {"normal": ("center",)}
+    published_rules: ClassVar[tuple[JsonDict, ...]] = (
+        {
+            "oneOf": [
+                {
+                    "properties": {"type": {"const": "lin"}},
+                    "not": {"anyOf": [is_given("via"), is_given("center")]},
+                },
+                {
+                    "properties": {"type": {"const": "circ"}},
+                    "oneOf": [is_given("via"), is_given("center")],
+                },
+            ]
+        },
+    )
 
     type: Literal["lin", "circ"] = Field(examples=["lin"], description="line or arc")
     pose: FramedPose = Field(description="of the tip where the motion ends")
