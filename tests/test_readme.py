@@ -1,5 +1,6 @@
 """The example of the README does what the README says."""
 
+import os
 import re
 import subprocess
 import sys
@@ -20,7 +21,11 @@ def address() -> Iterator[str]:
     command = [sys.executable, "-m", "service.cli", "serve", "--port", "0", "--workers", "1"]
     with tempfile.TemporaryDirectory() as folder:
         running = subprocess.Popen(
-            [*command, "--data-dir", folder], stdout=subprocess.PIPE, text=True
+            [*command, "--data-dir", folder],
+            stdout=subprocess.PIPE,
+            text=True,
+            # A busy machine may take longer over the first plan of a worker than users wait.
+            env=os.environ | {"ARMWRIGHT_DEFAULT_TIMEOUT": "60"},
         )
         assert running.stdout is not None
         try:
@@ -46,6 +51,6 @@ def test_example_prints_what_the_readme_says(address: str) -> None:
                 time.sleep(0.2)
     code = example[1].replace("http://127.0.0.1:8000", address)
     answer = subprocess.run(
-        [sys.executable, "-c", code], capture_output=True, text=True, check=True, timeout=60.0
+        [sys.executable, "-c", code], capture_output=True, text=True, check=False, timeout=90.0
     )
-    assert answer.stdout == printed[1]
+    assert (answer.stdout, answer.stderr) == (printed[1], "")
