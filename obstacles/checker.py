@@ -17,9 +17,17 @@ from obstacles.line_check import certify_edge, certify_path
 from obstacles.proximity import closest_pair, closest_pairs, near_pairs
 from obstacles.robot_geometry import RobotGeometry
 from obstacles.scene import Scene
-from obstacles.state_check import bracket_on, first_blocked, verdict_on, verdicts_on
+from obstacles.state_check import (
+    blocked_share,
+    bracket_on,
+    first_blocked,
+    verdict_on,
+    verdicts_on,
+)
 
 _FLOAT = np.dtype(np.float64)
+#: Parts of a straight motion at whose ends ``blocked_share`` looks.
+_LOOKS = 16
 #: Near pairs there is room for at first.
 _NEAR_PAIRS = 64
 
@@ -41,6 +49,12 @@ def _curve_verdict() -> Callable[[ModelArrays, Array, Array, Array, Array, float
     """``certify_curve`` likewise."""
     none = np.zeros(1)
     return direct(certify_curve, any_model(), none, none, none, none, 0.0, none)
+
+
+@cache
+def _blocked_share() -> Callable[[ModelArrays, Array, Array, float, int], float]:
+    """``blocked_share`` likewise."""
+    return direct(blocked_share, any_model(), np.zeros(1), np.zeros(1), 0.0, 1)
 
 
 def any_model() -> ModelArrays:
@@ -213,6 +227,15 @@ class Checker:
         """Whether the straight joint motion is proved free: ``segment`` without the report."""
         a, b = np.ascontiguousarray(start, _FLOAT), np.ascontiguousarray(end, _FLOAT)
         return _edge_verdict()(self.model.arrays, a, b, float(self.slack)) == FREE
+
+    def blocked_share(self, start: Array, end: Array) -> float | None:
+        """Share of the straight motion at which a state is not ``valid``; None if no look finds it.
+
+        Fifteen states between ``start`` and ``end``, both (n,), cost less than a proof that fails.
+        """
+        a, b = np.ascontiguousarray(start, _FLOAT), np.ascontiguousarray(end, _FLOAT)
+        share = _blocked_share()(self.model.arrays, a, b, float(self.slack), _LOOKS)
+        return None if share < 0.0 else share
 
     def polyline(self, waypoints: Array) -> tuple[Motion, int]:
         """Prove every leg of a polyline (k, n); what was found and the leg it is about."""

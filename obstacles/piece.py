@@ -73,7 +73,10 @@ class Piece:
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "T_owner_piece", frozen(self.T_owner_piece))
-        object.__setattr__(self, "vertices", frozen(np.reshape(self.vertices, (-1, 3))))
+        corners = self.vertices
+        if getattr(corners, "ndim", 0) != 2:
+            corners = np.reshape(corners, (-1, 3))
+        object.__setattr__(self, "vertices", frozen(corners))
 
     def placed(self, T: Array) -> "Piece":
         """The piece moved by ``T`` (4, 4): from its owner's frame into the one T maps into."""

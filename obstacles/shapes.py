@@ -27,8 +27,8 @@ MAX_POINTS = 200_000
 MAX_VERTICES = 100_000
 _UNIT_TOLERANCE = 1e-12
 #: Looked up once: in an enumeration that takes longer than the rest of a box.
-_POLYTOPE = PieceKind.POLYTOPE
-_HERE = np.eye(4)
+_POLYTOPE, _CYLINDER = PieceKind.POLYTOPE, PieceKind.CYLINDER
+_HERE = frozen(np.eye(4))
 _CORNERS = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)])
 
 
@@ -71,7 +71,9 @@ class Box(Shape):
 
     def pieces(self) -> tuple[Piece, ...]:
         """One polytope of eight corners."""
-        return (Piece(_POLYTOPE, _HERE, 0.5 * self.size * _CORNERS),)
+        corners = 0.5 * self.size * _CORNERS
+        corners.setflags(write=False)
+        return (Piece(_POLYTOPE, _HERE, corners),)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -116,7 +118,7 @@ class Cylinder(Shape):
 
     def pieces(self) -> tuple[Piece, ...]:
         """One cylinder."""
-        return (Piece(PieceKind.CYLINDER, np.eye(4), _NONE, self.radius, 0.5 * self.height),)
+        return (Piece(_CYLINDER, _HERE, _NONE, self.radius, 0.5 * self.height),)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -298,7 +300,7 @@ class PointCloud(Shape):
         return _rounded(self.points[k], self.radius)
 
 
-_NONE = np.zeros((0, 3))
+_NONE = frozen(np.zeros((0, 3)))
 
 
 def _rounded(vertices: ArrayLike, rounding: float) -> Piece:

@@ -1,6 +1,6 @@
 """The first planner: a straight motion in joint space, proved free or given up at once."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import ClassVar
 
 import numpy as np
@@ -27,11 +27,21 @@ def straight_line(
     """
     motions = []
     for goal in goals:
-        motion = checker.segment(start, goal)
+        motion = _blocked(checker, start, goal) or checker.segment(start, goal)
         motions.append(motion)
         if motion.free:
             return np.array([start, goal]), motions
     return None, motions
+
+
+def _blocked(checker: Checker, start: Array, goal: Array) -> Motion | None:
+    """What a state on the way meets, where a look at a few of them finds one."""
+    share = checker.blocked_share(start, goal)
+    if share is None:
+        return None
+    there = start + share * (goal - start)
+    found = checker.segment(there, there)
+    return None if found.free else replace(found, at=share)
 
 
 @dataclass(frozen=True, slots=True)

@@ -197,7 +197,13 @@ def _grow(
         side = 0 if trees.sizes[0] <= trees.sizes[1] else 1
         if failed == _PATIENCE:
             side, failed = 1 - side, 0
-        near = _draw(trees, side, draws, target)
+        near = 0
+        if tally[EDGES] == 0:
+            # The first step is one from the start straight to a goal, and so is what it meets.
+            for j in range(target.shape[0]):
+                target[j] = trees.points[1, 0, j]
+        else:
+            near = _draw(trees, side, draws, target)
         reached = _step(model, work, draws, trees, side, near, vectors)
         if reached < 0:
             failed += 1
