@@ -27,15 +27,15 @@ def straight_line(
     """
     motions = []
     for goal in goals:
-        motion = _blocked(checker, start, goal) or checker.segment(start, goal)
+        motion = _early_contact(checker, start, goal) or checker.segment(start, goal)
         motions.append(motion)
         if motion.free:
             return np.array([start, goal]), motions
     return None, motions
 
 
-def _blocked(checker: Checker, start: Array, goal: Array) -> Motion | None:
-    """What a state on the way meets, where a look at a few of them finds one."""
+def _early_contact(checker: Checker, start: Array, goal: Array) -> Motion | None:
+    """Contact that a look at a few states on the way finds; None where it finds none."""
     share = checker.blocked_share(start, goal)
     if share is None:
         return None
