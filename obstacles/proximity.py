@@ -36,12 +36,12 @@ def _stand(model: ModelArrays, q: Array) -> Workspace:
     """A workspace with the robot standing still in ``q``."""
     work = workspace(model)
     work.joints[:] = 0.0
-    _stand_in(model, work, q)
+    stand_in(model, work, q)
     return work
 
 
 @kernel(allocates=False)
-def _stand_in(model: ModelArrays, work: Workspace, q: Array) -> None:
+def stand_in(model: ModelArrays, work: Workspace, q: Array) -> None:
     """Let the robot stand still in ``q`` in a workspace whose joints do not stray."""
     for joint in range(q.shape[0]):
         work.joints[0, joint] = q[joint]
@@ -124,13 +124,13 @@ def closest_pair(model: ModelArrays, q: Array) -> tuple[float, int]:
     Overlap is told as 0 or below, but not how deep it is.
     """
     work = _stand(model, q)
-    best, closest = _closest(model, work, np.inf, model.surfaces.shape[0] == 0)
+    best, closest = closest_in(model, work, np.inf, model.surfaces.shape[0] == 0)
     if model.surfaces.shape[0] == 0 or closest < 0:
         return best, closest
     # Triangles are looked at where their covers are near, and that is known now.
     reach, closest = max(best, 0.0) + _DEPTH, -1
     while closest < 0:
-        best, closest = _closest(model, work, reach, True)
+        best, closest = closest_in(model, work, reach, True)
         reach *= 4.0
     return best, closest
 
@@ -151,12 +151,12 @@ def closest_pairs(
     work = workspace(model)
     work.joints[:] = 0.0
     for k in range(states.shape[0]):
-        _stand_in(model, work, states[k])
-        distances[k], pairs[k] = _closest(model, work, within, True)
+        stand_in(model, work, states[k])
+        distances[k], pairs[k] = closest_in(model, work, within, True)
 
 
 @kernel(allocates=False)
-def _closest(model: ModelArrays, work: Workspace, best: float, exact: bool) -> tuple[float, int]:
+def closest_in(model: ModelArrays, work: Workspace, best: float, exact: bool) -> tuple[float, int]:
     """The closest pair if it is closer than ``best`` [m], by triangles or else by covers."""
     p, m = model.skipped.shape[0], model.scene.shape[0]
     shapes, placed = Shapes(model.corners, model.tables, model.surfaces), work.placed

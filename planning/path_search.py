@@ -20,6 +20,7 @@ from planning.problem import Problem
 from planning.ready import Ready
 from planning.result import Attempt, Failure
 from planning.search.clearance import keep_clear
+from planning.search.quickening import quicken
 from planning.search.shortcut import shortcut
 from planning.search.straight_line import StraightLine
 from planning.stages import Stages
@@ -63,6 +64,7 @@ class PathSearch:
         planners: Tried in turn.
         stages: Reports of the stages.
         deadline: The end of all stages.
+        limits: Of velocity, acceleration and jerk, as ``estimate_limits`` has them, shape (3, n).
     """
 
     problem: Problem
@@ -70,6 +72,7 @@ class PathSearch:
     planners: tuple[Planner, ...]
     stages: Stages
     deadline: Deadline
+    limits: Array
 
     def find(self, ready: Ready) -> FoundPath | Failure:
         """Let the planners try in turn; with the robot in its solids' hulls first, if it can be."""
@@ -184,9 +187,10 @@ class PathSearch:
             return found._replace(levels=found.levels[-1:])
         if len(found.waypoints) > 2:
             found = self._replace_path(found, "shortcut", self._shortcut)
-        is_preferred = found.checker is found.levels[0]
+        is_kept = found.checker is found.levels[0] and len(found.waypoints) == 2
         is_straight = found.planner == self.options.planner == StraightLine.name
-        if is_preferred or is_straight or isinstance(found.checker, ConstrainedChecker):
+        is_held = isinstance(found.checker, ConstrainedChecker)
+        if is_kept or is_straight or is_held or len(found.levels) == 1:
             return found
         return self._replace_path(found, "clearance", self._keep_clear)
 
@@ -210,7 +214,11 @@ class PathSearch:
 
     def _keep_clear(self, found: FoundPath) -> Array:
         reached = found.levels.index(found.checker)
-        return keep_clear(found.levels[: reached + 1], found.waypoints, self.deadline)
+        path = keep_clear(found.levels[: reached + 1], found.waypoints, self.deadline)
+        # What is optimised afterwards is made quicker there.
+        if self.deadline.passed or self.options.refine is not None:
+            return path
+        return quicken(found.levels, path, self.limits)
 
 
 def _describe_attempt(attempt: Attempt) -> tuple[bool, str]:

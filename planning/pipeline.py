@@ -141,6 +141,7 @@ class _Pipeline:
             planners=self.planners,
             stages=self.stages,
             deadline=self.deadline,
+            limits=self.parametrization.estimate_limits,
         )
         found = search.find(ready)
         if isinstance(found, Failure):

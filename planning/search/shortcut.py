@@ -85,7 +85,7 @@ def shortcut(checker: Checker, waypoints: Array, deadline: Deadline) -> Array:
 
 
 @kernel(allocates=False)
-def _free(
+def is_free(
     model: ModelArrays, work: Workspace, a: Array, b: Array, slack: float, checks: Indices
 ) -> bool:
     """Whether the straight motion from a to b, both (n,), is proved free."""
@@ -120,7 +120,7 @@ def _skip(
         low, high = at + 1, count - 1
         while low < high and checks[0] < _MAX_CHECKS:
             # Waypoints before ``size`` are final; ``at`` itself may have been overwritten.
-            if _free(model, work, points[size - 1], points[high], slack, checks):
+            if is_free(model, work, points[size - 1], points[high], slack, checks):
                 low = high
             else:
                 high = (low + high) // 2
@@ -156,7 +156,7 @@ def _thin(model: ModelArrays, work: Workspace, corners: _Corners, slack: float, 
         # The waypoint before it is still the one that it was tried with.
         known = tried[at] > 0
         while at < count - 1 and not known and checks[0] < _MAX_CHECKS:
-            if not _free(model, work, points[size - 1], points[at + 1], slack, checks):
+            if not is_free(model, work, points[size - 1], points[at + 1], slack, checks):
                 break
             at += 1
         _copy(points, at, size)
@@ -213,7 +213,7 @@ def _round(
                 # To the last bit: these two stay waypoints.
                 for j in range(n):
                     a[j], b[j] = points[k - 1, j], points[k + 1, j]
-            if _free(model, work, a, b, slack, checks):
+            if is_free(model, work, a, b, slack, checks):
                 break
             tried[k] += 1
         if tried[k] == _CUTS:

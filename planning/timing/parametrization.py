@@ -13,6 +13,7 @@ from kinematics.trajectory import Trajectory
 from planning.effort_limits import EffortLimits
 from planning.timing.blend import blend, merge
 from planning.timing.effort_limits import slow_down
+from planning.timing.estimate import estimate_limits
 from planning.timing.even_corners import (
     fastest_reaches,
     pass_even_corners,
@@ -131,6 +132,11 @@ class TimeParametrization:
         """Limits of velocity, acceleration and jerk, shape (3, n)."""
         assert self.jerk is not None
         return np.stack([self.velocity, self.acceleration, self.jerk])
+
+    @property
+    def estimate_limits(self) -> Array:
+        """Limits of velocity, acceleration and jerk for estimates of times, shape (3, n)."""
+        return estimate_limits(self.velocity, self.acceleration, self.jerk)
 
     @property
     def bounds(self) -> dict[str, Array]:

@@ -1,5 +1,6 @@
 """Paths moved away from what they pass: farther by FCL, still free, with the same ends."""
 
+from functools import cache
 from itertools import pairwise
 
 import numpy as np
@@ -18,17 +19,18 @@ from tests.planning.scenes import HOME, box, builtin
 START, GOAL = np.array([-1.2, 0.9]), np.array([1.2, 0.9])
 
 
-def distances(path: Array, scene: Scene, name: str = "planar_rr") -> Array:
-    """Distances along a path, by FCL at steps of a hundredth of a radian."""
+def distances(path: Array, scene: Scene, name: str = "planar_rr", step: float = 0.01) -> Array:
+    """Distances along a path, by FCL at steps of so many radians."""
     world, values = FclWorld(builtin(name), scene), []
     for a, b in pairwise(path):
-        steps = int(np.abs(b - a).max() / 0.01) + 2
+        steps = int(np.abs(b - a).max() / step) + 2
         values += [
             world.clearance(a + share * (b - a)).distance for share in np.linspace(0.0, 1.0, steps)
         ]
     return np.array(values)
 
 
+@cache
 def grazing_scene() -> tuple[Scene, Array]:
     """A bar that the straight motion between START and GOAL passes at 3 mm, and that motion."""
     path, low, high = np.array([START, GOAL]), 0.5, 2.6

@@ -1,0 +1,52 @@
+"""The shortfall of a straight motion: what its states lack to the margins, on average."""
+
+import math
+
+import numpy as np
+
+from kinematics.arrays import Array
+from kinematics.chain import MAX_JOINTS
+from kinematics.compiled.kernel import kernel
+from kinematics.compiled.simd import on_stack
+from obstacles.edge_check import FREE
+from obstacles.kernel_work import Workspace
+from obstacles.model_arrays import ModelArrays
+from obstacles.proximity import closest_in, stand_in
+from obstacles.state_check import verdict_in
+
+
+@kernel(allocates=False)
+def line_shortfall(
+    model: ModelArrays, work: Workspace, a: Array, b: Array, spacing: float, most: float
+) -> float:
+    """Mean shortfall of the straight motion from a to b, both (n,) [m].
+
+    The motion is divided into parts of equal length, the middles of which are looked at. A state
+    that keeps all margins lacks nothing; one that does not, the most that a pair of it lacks.
+
+    Args:
+        model: The packed robot and scene, with the margins.
+        work: A workspace of the model.
+        a: Where it begins, shape (n,) [rad or m].
+        b: Where it ends, shape (n,).
+        spacing: Length of a part at most, Euclidean in joint space.
+        most: Beyond this the answer is infinite: fewer states are looked at then [m].
+    """
+    n, square = a.shape[0], 0.0
+    for j in range(n):
+        square += (b[j] - a[j]) ** 2
+    parts = max(1, math.ceil(math.sqrt(square) / spacing))
+    q, asked, total = on_stack(MAX_JOINTS)[:n], on_stack(1).view(np.int64), 0.0
+    for part in range(parts):
+        share = (part + 0.5) / parts
+        for j in range(n):
+            q[j] = a[j] + share * (b[j] - a[j])
+        if verdict_in(model, work, q, 0.0, asked) == FREE:
+            continue
+        work.joints[:] = 0.0
+        stand_in(model, work, q)
+        nearest, _ = closest_in(model, work, 0.0, True)
+        total -= nearest
+        if total > most * parts:
+            return np.inf
+    return total / parts

@@ -1,0 +1,276 @@
+"""A path made quicker where that is worth the clearance it costs.
+
+A path that was moved away from what it passes has many corners, and each of them costs time. Here
+waypoints are left out, drawn half-way to the line between their neighbours, put together two by
+two, or cut off, whichever brings most, as long as
+
+    cost = sum over legs of  time (1 + weight * shortfall / preferred)
+
+falls: the time estimated, and how far the leg is below the preferred clearance on average. So a
+long way round is not taken for the sake of a few millimetres, nor clearance given away for nothing.
+A step is only looked at for clearance where the time alone would make it worth its while, and only
+proved where it still is then.
+"""
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from kinematics.arrays import Array, Indices
+from kinematics.compiled.kernel import kernel
+from kinematics.compiled.simd import on_stack
+from obstacles.checker import Checker
+from obstacles.kernel_work import Workspace, workspace
+from obstacles.model_arrays import ModelArrays
+from obstacles.shortfall import line_shortfall
+from planning.search.shortcut import is_free
+from planning.timing.estimate import LEG_ROWS, TIME, estimated_time
+
+#: Time that a motion in contact costs, as a multiple of that of one with the preferred clearance.
+_WEIGHT = 6.0
+#: States looked at for their clearance are this far apart at most, Euclidean in joint space.
+_SPACING = 0.25
+#: Steps of a waypoint: left out, drawn in, put together with the next, cut off at the half and at
+#: the quarter of its legs.
+_STEPS = 5
+_LEFT_OUT, _DRAWN_IN, _JOINED = 0, 1, 2
+#: A step that lowers the cost by less than this share is none.
+_LEAST_GAIN = 3e-3
+#: Edge checks after which the path stays as it is.
+_MAX_CHECKS = 60
+#: Paths with more waypoints stay as they are.
+_MAX_WAYPOINTS = 48
+
+
+class _Way(NamedTuple):
+    """A path that is made quicker, with room for c waypoints.
+
+    Args:
+        points: The waypoints, shape (c, n).
+        shortfall: Mean of each leg, shape (c,) [m].
+        trial: The waypoints after a step, shape (c, n).
+        expected: Shortfalls after it, shape (c,).
+        legs: As ``estimated_time`` fills them.
+        tried: Steps of each waypoint that are known to bring nothing, a bit each, shape (c,).
+        costs: After each step, shape (c, _STEPS).
+    """
+
+    points: Array
+    shortfall: Array
+    trial: Array
+    expected: Array
+    legs: Array
+    tried: Indices
+    costs: Array
+
+
+class _Models(NamedTuple):
+    """What a path is held to.
+
+    Args:
+        preferred: With the preferred clearance.
+        least: With the margins.
+        slack: Distance to keep beyond them [m].
+        limits: Of velocity, acceleration and jerk, shape (3, n).
+        weight: Of a shortfall [1/m].
+    """
+
+    preferred: ModelArrays
+    least: ModelArrays
+    slack: float
+    limits: Array
+    weight: float
+
+
+def quicken(levels: Sequence[Checker], waypoints: Array, limits: Array) -> Array:
+    """Make a polyline quicker whose legs are proved free; what comes back is proved too.
+
+    Args:
+        levels: Checkers of falling clearance; the legs are proved free by the last.
+        waypoints: The polyline, shape (k, n) [rad or m]; its ends stay.
+        limits: Of velocity, acceleration and jerk, shape (3, n), as ``estimate_limits`` has them.
+    """
+    preferred, least = levels[0], levels[-1]
+    if len(levels) < 2 or not 2 < len(waypoints) <= _MAX_WAYPOINTS:
+        return waypoints
+    weight = _WEIGHT / preferred.model.margin
+    points = np.ascontiguousarray(waypoints, np.float64)
+    return quicken_kernel(
+        preferred.model.arrays, least.model.arrays, float(least.slack), points, limits, weight
+    )
+
+
+@kernel
+def quicken_kernel(
+    preferred: ModelArrays, least: ModelArrays, slack: float, waypoints: Array, limits: Array,
+    weight: float,
+) -> Array:  # fmt: skip
+    """``quicken`` of waypoints (k, n), k >= 3."""
+    room, n = waypoints.shape[0] + _MAX_CHECKS, waypoints.shape[1]
+    way = _Way(
+        np.empty((room, n)), np.empty(room), np.empty((room, n)), np.empty(room),
+        np.empty((LEG_ROWS, room)), np.zeros(room, dtype=np.int64), np.empty((room, _STEPS)),
+    )  # fmt: skip
+    way.points[: waypoints.shape[0]] = waypoints
+    models = _Models(preferred, least, slack, limits, weight)
+    count = _quicken(models, workspace(least), way, waypoints.shape[0])
+    return way.points[:count].copy()
+
+
+@kernel(allocates=False)
+def _quicken(models: _Models, work: Workspace, way: _Way, count: int) -> int:
+    """Take steps while they bring something; the number of waypoints then."""
+    points, shortfall = way.points, way.shortfall
+    for k in range(count - 1):
+        shortfall[k] = line_shortfall(
+            models.preferred, work, points[k], points[k + 1], _SPACING, np.inf
+        )
+    checks = on_stack(1).view(np.int64)
+    checks[0] = 0
+    cost = _cost(models, points, shortfall, way.legs, count)
+    while checks[0] < _MAX_CHECKS:
+        enough = (1.0 - _LEAST_GAIN) * cost
+        _write_costs(models, way, count)
+        after = enough
+        while checks[0] < _MAX_CHECKS:
+            k, step = _cheapest(way.costs, count)
+            if not way.costs[k, step] < enough:
+                break
+            way.costs[k, step] = np.inf
+            way.tried[k] |= 1 << step
+            after = _try(models, work, way, count, k, step, enough, checks)
+            if after < enough:
+                count = _take(way, count, k, step)
+                break
+        if not after < enough:
+            break
+        cost = after
+    return count
+
+
+@kernel(allocates=False)
+def _write_costs(models: _Models, way: _Way, count: int) -> None:
+    """Write what the path costs after each step if its new legs lack nothing."""
+    for k in range(1, count - 1):
+        for step in range(_STEPS):
+            way.costs[k, step] = np.inf
+            if way.tried[k] & (1 << step) or (step == _JOINED and k == count - 2):
+                continue
+            size = _step(way, count, k, step)
+            way.costs[k, step] = _cost(models, way.trial, way.expected, way.legs, size)
+
+
+@kernel(allocates=False)
+def _cheapest(costs: Array, count: int) -> tuple[int, int]:
+    """The waypoint and the step after which the path costs least."""
+    at, best = 1, 0
+    for k in range(1, count - 1):
+        for step in range(_STEPS):
+            if costs[k, step] < costs[at, best]:
+                at, best = k, step
+    return at, best
+
+
+@kernel(allocates=False)
+def _cost(models: _Models, points: Array, shortfall: Array, legs: Array, count: int) -> float:
+    """Cost of a path of ``count`` waypoints [s]."""
+    total = estimated_time(points, count, models.limits, legs)
+    for k in range(count - 1):
+        total += models.weight * shortfall[k] * legs[TIME, k]
+    return total
+
+
+@kernel(allocates=False)
+def _sizes(step: int) -> tuple[int, int]:
+    """How many waypoints a step takes out, and how many it brings in their place."""
+    if step == _LEFT_OUT:
+        return 1, 0
+    if step == _DRAWN_IN:
+        return 1, 1
+    return (2, 1) if step == _JOINED else (1, 2)
+
+
+@kernel(allocates=False)
+def _step(way: _Way, count: int, k: int, step: int) -> int:
+    """Write the path after a step of waypoint k, its new legs lacking nothing; its waypoints."""
+    points, trial, expected = way.points, way.trial, way.expected
+    taken, brought = _sizes(step)
+    size = count - taken + brought
+    for i in range(size):
+        source = i if i < k else i + taken - brought
+        if i < k or i >= k + brought:
+            for j in range(points.shape[1]):
+                trial[i, j] = points[source, j]
+        if i < k - 1 or i >= k + brought:
+            expected[i] = way.shortfall[source]
+        else:
+            expected[i] = 0.0
+    if step == _DRAWN_IN:
+        _draw_in(points, k, trial)
+    elif step == _JOINED:
+        for j in range(points.shape[1]):
+            trial[k, j] = 0.5 * (points[k, j] + points[k + 1, j])
+    elif step != _LEFT_OUT:
+        share = 0.5 if step == _JOINED + 1 else 0.25
+        for j in range(points.shape[1]):
+            trial[k, j] = points[k, j] + share * (points[k - 1, j] - points[k, j])
+            trial[k + 1, j] = points[k, j] + share * (points[k + 1, j] - points[k, j])
+    return size
+
+
+@kernel(allocates=False)
+def _draw_in(points: Array, k: int, trial: Array) -> None:
+    """Write waypoint k half-way to its place on the line between its neighbours."""
+    before, after = 0.0, 0.0
+    for j in range(points.shape[1]):
+        before += (points[k, j] - points[k - 1, j]) ** 2
+        after += (points[k + 1, j] - points[k, j]) ** 2
+    before, after = np.sqrt(before), np.sqrt(after)
+    share = before / max(before + after, 1e-12)
+    for j in range(points.shape[1]):
+        on_line = points[k - 1, j] + share * (points[k + 1, j] - points[k - 1, j])
+        trial[k, j] = 0.5 * (points[k, j] + on_line)
+
+
+@kernel(allocates=False)
+def _try(
+    models: _Models, work: Workspace, way: _Way, count: int, k: int, step: int, enough: float,
+    checks: Indices,
+) -> float:  # fmt: skip
+    """What the path costs after a step; infinite where that is not enough or not proved free."""
+    trial, expected, legs = way.trial, way.expected, way.legs
+    size = _step(way, count, k, step)
+    cost = _cost(models, trial, expected, legs, size)
+    _, brought = _sizes(step)
+    for i in range(k - 1, k + brought):
+        worth = models.weight * legs[TIME, i]
+        most = (enough - cost) / worth if worth > 0.0 else np.inf
+        expected[i] = line_shortfall(models.preferred, work, trial[i], trial[i + 1], _SPACING, most)
+        cost += worth * expected[i]
+        if not cost < enough:
+            return np.inf
+    for i in range(k - 1, k + brought):
+        if not is_free(models.least, work, trial[i], trial[i + 1], models.slack, checks):
+            return np.inf
+    return cost
+
+
+@kernel(allocates=False)
+def _take(way: _Way, count: int, k: int, step: int) -> int:
+    """Make the path after a step the path; its waypoints. Steps beside it may be tried again."""
+    taken, brought = _sizes(step)
+    size, tried = count - taken + brought, way.tried
+    if brought < taken:
+        for i in range(k, size):
+            tried[i] = tried[i + 1]
+    elif brought > taken:
+        for i in range(size - 1, k, -1):
+            tried[i] = tried[i - 1]
+    for i in range(max(k - 2, 0), min(k + brought + 1, size)):
+        tried[i] = 0
+    for i in range(size):
+        way.shortfall[i] = way.expected[i]
+        for j in range(way.points.shape[1]):
+            way.points[i, j] = way.trial[i, j]
+    return size
