@@ -218,7 +218,7 @@ class PathSearch:
         # What is optimised afterwards is made quicker there.
         if self.deadline.passed or self.options.refine is not None:
             return path
-        return quicken(found.levels, path, self.limits)
+        return quicken(found.levels, path, self.limits, spacious=reached == 0)
 
 
 def _describe_attempt(attempt: Attempt) -> tuple[bool, str]:

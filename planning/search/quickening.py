@@ -36,7 +36,7 @@ _SPACING = 0.25
 _STEPS = 5
 _LEFT_OUT, _DRAWN_IN, _JOINED = 0, 1, 2
 #: A step that lowers the cost by less than this share is none.
-_LEAST_GAIN = 3e-3
+_LEAST_GAIN = 1e-2
 #: Edge checks after which the path stays as it is.
 _MAX_CHECKS = 60
 #: Paths with more waypoints stay as they are.
@@ -83,13 +83,16 @@ class _Models(NamedTuple):
     weight: float
 
 
-def quicken(levels: Sequence[Checker], waypoints: Array, limits: Array) -> Array:
+def quicken(
+    levels: Sequence[Checker], waypoints: Array, limits: Array, *, spacious: bool = False
+) -> Array:
     """Make a polyline quicker whose legs are proved free; what comes back is proved too.
 
     Args:
         levels: Checkers of falling clearance; the legs are proved free by the last.
         waypoints: The polyline, shape (k, n) [rad or m]; its ends stay.
         limits: Of velocity, acceleration and jerk, shape (3, n), as ``estimate_limits`` has them.
+        spacious: Whether the legs are known to be proved free by the first, too.
     """
     preferred, least = levels[0], levels[-1]
     if len(levels) < 2 or not 2 < len(waypoints) <= _MAX_WAYPOINTS:
@@ -97,14 +100,15 @@ def quicken(levels: Sequence[Checker], waypoints: Array, limits: Array) -> Array
     weight = _WEIGHT / preferred.model.margin
     points = np.ascontiguousarray(waypoints, np.float64)
     return quicken_kernel(
-        preferred.model.arrays, least.model.arrays, float(least.slack), points, limits, weight
-    )
+        preferred.model.arrays, least.model.arrays, float(least.slack), points, limits, weight,
+        spacious,
+    )  # fmt: skip
 
 
 @kernel
 def quicken_kernel(
     preferred: ModelArrays, least: ModelArrays, slack: float, waypoints: Array, limits: Array,
-    weight: float,
+    weight: float, spacious: bool,
 ) -> Array:  # fmt: skip
     """``quicken`` of waypoints (k, n), k >= 3."""
     room, n = waypoints.shape[0] + _MAX_CHECKS, waypoints.shape[1]
@@ -113,22 +117,30 @@ def quicken_kernel(
         np.empty((LEG_ROWS, room)), np.zeros(room, dtype=np.int64), np.empty((room, _STEPS)),
     )  # fmt: skip
     way.points[: waypoints.shape[0]] = waypoints
-    models = _Models(preferred, least, slack, limits, weight)
-    count = _quicken(models, workspace(least), way, waypoints.shape[0])
+    models, work = _Models(preferred, least, slack, limits, weight), workspace(least)
+    way.shortfall[:] = 0.0
+    if not spacious:
+        _write_shortfalls(models, work, way, waypoints.shape[0])
+    count = _quicken(models, work, way, waypoints.shape[0])
     return way.points[:count].copy()
+
+
+@kernel(allocates=False)
+def _write_shortfalls(models: _Models, work: Workspace, way: _Way, count: int) -> None:
+    """Write what each leg lacks."""
+    points = way.points
+    for k in range(count - 1):
+        way.shortfall[k] = line_shortfall(
+            models.preferred, work, points[k], points[k + 1], _SPACING, np.inf
+        )
 
 
 @kernel(allocates=False)
 def _quicken(models: _Models, work: Workspace, way: _Way, count: int) -> int:
     """Take steps while they bring something; the number of waypoints then."""
-    points, shortfall = way.points, way.shortfall
-    for k in range(count - 1):
-        shortfall[k] = line_shortfall(
-            models.preferred, work, points[k], points[k + 1], _SPACING, np.inf
-        )
     checks = on_stack(1).view(np.int64)
     checks[0] = 0
-    cost = _cost(models, points, shortfall, way.legs, count)
+    cost = _cost(models, way.points, way.shortfall, way.legs, count)
     while checks[0] < _MAX_CHECKS:
         enough = (1.0 - _LEAST_GAIN) * cost
         _write_costs(models, way, count)
