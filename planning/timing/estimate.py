@@ -94,4 +94,4 @@ def _corner_speed(points: Array, k: int, limits: Array, legs: Array) -> float:
             bend, jolt = min(bend, limits[1, j] / turn), min(jolt, limits[2, j] / turn)
     reach = _REACH * min(before, after)
     square = min(bend * reach, (jolt * reach * reach) ** (2.0 / 3.0))
-    return min(square, legs[SPEED, k - 1], legs[SPEED, k])
+    return float(min(square, legs[SPEED, k - 1], legs[SPEED, k]))
