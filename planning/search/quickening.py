@@ -66,7 +66,7 @@ class _Way(NamedTuple):
 
 
 class _Models(NamedTuple):
-    """What a path is held to.
+    """Models and limits that a path is held to.
 
     Args:
         preferred: With the preferred clearance.
@@ -195,7 +195,7 @@ def _cost(models: _Models, points: Array, shortfall: Array, legs: Array, count: 
 
 @kernel(allocates=False)
 def _sizes(step: int) -> tuple[int, int]:
-    """How many waypoints a step takes out, and how many it brings in their place."""
+    """Numbers of waypoints that a step takes out and brings in their place."""
     if step == _LEFT_OUT:
         return 1, 0
     if step == _DRAWN_IN:
@@ -250,7 +250,7 @@ def _try(
     models: _Models, work: Workspace, way: _Way, count: int, k: int, step: int, enough: float,
     checks: Indices,
 ) -> float:  # fmt: skip
-    """What the path costs after a step; infinite where that is not enough or not proved free."""
+    """Cost of the path after a step; infinite where that is not enough or not proved free."""
     trial, expected, legs = way.trial, way.expected, way.legs
     size = _step(way, count, k, step)
     cost = _cost(models, trial, expected, legs, size)
