@@ -1,4 +1,4 @@
-"""Connections of the client that waits: urllib3 sends in half of the time that httpx takes.
+"""Connections of the synchronous client: urllib3 takes a third less processor time than httpx.
 
 Errors are those of httpx, so that both clients tell the same.
 """
