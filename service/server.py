@@ -14,6 +14,7 @@ from pydantic import ValidationError
 
 from service import logs
 from service.app import create_app
+from service.garbage import collect_when_idle, leave_out_what_is_loaded
 from service.http.connection import (
     ConnectionLimits,
     connection_class,
@@ -40,15 +41,21 @@ class _Server(uvicorn.Server):
         super().__init__(config)
         self._application = app
         self._greeting = greeting
+        self._collecting: asyncio.Task[None] | None = None
 
     async def startup(self, sockets: list[socket.socket] | None = None) -> None:
         await super().startup(sockets)
         if self.started:
+            leave_out_what_is_loaded()
+            supervisor = self._application.state.supervisor
+            self._collecting = asyncio.create_task(collect_when_idle(lambda: supervisor.has_work))
             print(self._greeting, flush=True)  # noqa: T201
 
     async def shutdown(self, sockets: list[socket.socket] | None = None) -> None:
         supervisor = self._application.state.supervisor
         self._application.state.stopping = True
+        if self._collecting is not None:
+            self._collecting.cancel()
         # Open event streams end now, and what runs as a job goes on when the service is back.
         await self._application.state.jobs.stop()
         asyncio.get_running_loop().call_later(_DRAIN, supervisor.abandon)
