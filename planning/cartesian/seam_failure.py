@@ -54,6 +54,10 @@ _BEND_HINT = (
     "Allow a larger max_deviation, give the waypoints a blend, or lead the path through arcs (via) "
     "where it is a curve."
 )
+_RANGE_HINT = (
+    "Where the path bends, ranges of position that leave out 0 can be kept across it only: let "
+    "them hold 0, or turn their axes with the path."
+)
 
 
 @dataclass(frozen=True, slots=True)
@@ -147,11 +151,12 @@ def explain_bend(places: SeamPlaces) -> Failure:
         for first, second in pairwise(run.parts)
     ]
     angle, waypoint = max(bends, default=(0.0, 1))
+    ranged = any((t.upper > t.lower)[:RX].any() for t in places.tolerances)
     return Failure(
         "PLANNING_FAILED",
         "the joints would have to turn too sharply to keep the tool within its tolerance; the path "
         f"bends most at waypoints[{waypoint}], by {math.degrees(angle):.3g} degrees",
-        _BEND_HINT,
+        f"{_BEND_HINT} {_RANGE_HINT}" if ranged else _BEND_HINT,
         _NAME,
         details={"reason": "deviation", "waypoint": waypoint, "bend": angle},
     )

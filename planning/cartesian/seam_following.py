@@ -17,6 +17,7 @@ from kinematics.trajectory import Trajectory
 from obstacles.checker import Checker
 from planning.cartesian.seam_kernels import project_kernel
 from planning.cartesian.seam_path import SeamPlaces, pack_tolerance
+from planning.cartesian.seam_ranges import is_within_at_own_places
 from planning.cartesian.seam_search import SeamSearch
 from planning.deadline import Deadline
 from planning.timing.path import JointPath
@@ -45,6 +46,8 @@ _KNOT_ANGLE = 0.12
 _LEAST_KNOTS = 6
 #: Share of the deviations allowed that the spline may use.
 _SHARE = 0.7
+#: Share that it may use as seen from the places that the tool is at, as the proof measures.
+_OWN_SHARE = 0.95
 #: Times that places are put where the spline leaves the tolerance.
 _MAX_INSERTIONS = 7
 #: Newton steps of a projection.
@@ -99,6 +102,8 @@ def segments(
     joints: Array,
     deviations: Tolerances,
     deadline: Deadline,
+    *,
+    own_places: bool = False,
 ) -> tuple[ToolSegment, ...] | None:
     """Joint paths of all runs of a seam; None where a spline can't be brought into the tolerance.
 
@@ -108,13 +113,15 @@ def segments(
         joints: Configurations there, shape (k, n).
         deviations: By how much the tolerances may be exceeded.
         deadline: When to give up.
+        own_places: Whether to look at the tolerance from the tool's own places on the path too.
     """
     finished: list[ToolSegment] = []
     first = 0
     for number, last in enumerate(places.ends):
         chosen = _knots(places, first, last)
         s = np.append(places.s[chosen[:-1]], 1.0)
-        path = _spline_within(checker, places, number, (s, joints[chosen]), deviations)
+        knots = s, joints[chosen]
+        path = _spline_within(checker, places, number, knots, deviations, own_places)
         if path is None or deadline.passed:
             return None
         finished.append(ToolSegment(path, joints[first], joints[last], 1.0, None))
@@ -140,6 +147,7 @@ def _spline_within(
     number: int,
     knots: tuple[Array, Array],
     deviations: Tolerances,
+    own_places: bool,
 ) -> JointPath | None:
     """The spline through the configurations of a run, with more of them where it needs them."""
     chain, run = checker.model.chain, places.runs[number]
@@ -166,6 +174,9 @@ def _spline_within(
         if not pieces.size:
             c = np.ascontiguousarray(np.moveaxis(spline.c[::-1], 0, 2))
             path = JointPath(c, np.diff(s))
+            most = _OWN_SHARE * np.array(deviations.pair)
+            if own_places and not is_within_at_own_places(run, T, most):
+                return None
             low, high = Trajectory(chain.joint_names, path.breaks, c).piece_extrema()
             is_inside = (low >= limits.lower).all() and (high <= limits.upper).all()
             return path if is_inside else None

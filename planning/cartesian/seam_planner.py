@@ -14,6 +14,7 @@ from planning.cartesian.seam_failure import explain_bend, explain_search, explai
 from planning.cartesian.seam_following import refine, segments
 from planning.cartesian.seam_nodes import COARSE, DENSE, Density
 from planning.cartesian.seam_path import seam_places, seam_runs
+from planning.cartesian.seam_ranges import with_fewer_ranges
 from planning.cartesian.seam_search import SeamJoints, SeamSearch
 from planning.cartesian.tool_following import follow
 from planning.options import CartesianOptions
@@ -117,26 +118,32 @@ def _search(
     for every, density in looks:
         if query.deadline.passed and (unfound or failure):
             break
-        found = search.run(every, density)
-        if found.joints is None:
-            unfound.append(found)
-            continue
-        followed = _follow(query, search, found.joints, tolerances)
-        if not isinstance(followed, Failure):
-            return found, followed
-        failure = found, followed
+        for places, own in with_fewer_ranges(search.places, tolerances.position):
+            narrower = replace(search, places=places)
+            found = narrower.run(every, density)
+            if found.joints is None:
+                unfound.append(found)
+                break
+            followed = _follow(query, narrower, found.joints, tolerances, own)
+            if not isinstance(followed, Failure):
+                return found, followed
+            failure = failure or (found, followed)
+            if followed.details.get("reason") != "deviation":
+                break
     if failure is not None:
         return failure
     return unfound[-1], explain_search(search, [found.graph for found in unfound], advise=advise)
 
 
 def _follow(
-    query: Query, search: SeamSearch, joints: Array, tolerances: Tolerances
+    query: Query, search: SeamSearch, joints: Array, tolerances: Tolerances, own_places: bool
 ) -> tuple[ToolSegment, ...] | Failure:
     """Joint paths of the runs, proved free: of the calmer way, or of the one that was found."""
     number, stop = 0, None
     for way in (refine(search, joints), joints):
-        paths = segments(search.checker, search.places, way, tolerances, query.deadline)
+        paths = segments(
+            search.checker, search.places, way, tolerances, query.deadline, own_places=own_places
+        )
         if paths is None:
             continue
         free = [free_part(query.checker, path) for path in paths]

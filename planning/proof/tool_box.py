@@ -11,6 +11,9 @@ Over an interval of half length h each component of e stays within |rate| h + |s
 h^2 / 2 of its value in the middle; the axis z of D, which says rx, ry and the tilt, turns by at
 most |w x z| h and terms of second order, all of D by |w| h and such terms. With ry = b off zero rx
 and rz change 1 / cos b times as fast. Intervals are halved until the box is kept all over, or left.
+
+Beyond an end of the path N is the pose at that end. What the place runs beyond it at most within an
+interval counts along the path, and as a turn of N.
 """
 
 import math
@@ -93,13 +96,16 @@ class Place(NamedTuple):
 
     Args:
         judged: Whether the interval is short enough to tell.
-        s: Place on the motion in the middle, from 0 to 1.
+        s: Place on the motion in the middle, from 0 to 1; that of the end where the tool is beyond.
         pace: Its rate [1/s].
         bend: Bound of the change of its rate [1/s^2].
         error: Deviation e from the place [m].
         rate: Its rate [m/s].
         second: Bound of its second derivative [m/s^2].
-        over: How far the tool can be beyond the ends of the motion [m].
+        onward: Direction of the path in the middle, of length 1.
+        over: How much farther beyond the ends of the motion, or less far, the tool can be than in
+            the middle [m].
+        curved: Angle by which the path there can be off its direction in the middle [rad].
     """
 
     judged: bool
@@ -109,7 +115,9 @@ class Place(NamedTuple):
     error: Vector
     rate: Vector
     second: float
+    onward: Vector
     over: float
+    curved: float
 
 
 @dataclass(frozen=True, slots=True)
@@ -260,14 +268,17 @@ def _bound(
     turned = 0.0 if fixed else m[TURN] * place.bend
     second += (turning * turning + turned) * (size + fastest * half)
     rate = place.rate if fixed else subtract(place.rate, cross(w_N, place.error))
-    lost = rounding_bound(n, lengths) + place.over
+    beyond = m[TURN] * place.over / (m[LENGTH] if m[KIND] == 0.0 else m[LENGTH] * m[SWEEP])
+    # The axes can stand still beyond an end, where the rates have them turn on.
+    stopped = 0.0 if fixed else beyond
+    lost = rounding_bound(n, lengths) + stopped * (size + fastest * half)
+    turned_away = place.curved + turning * half + stopped
     for k in range(3):
         axis = (A[0, k], A[1, k], A[2, k])
         value[k] = dot(axis, place.error)
         spread[k] = abs(dot(axis, rate)) * half + 0.5 * second * half * half + lost
-    beyond = m[TURN] * place.over / (m[LENGTH] if m[KIND] == 0.0 else m[LENGTH] * m[SWEEP])
-    beyond += rounding_bound(n, 1.0)
-    _bound_rotation(m, place, motion, half, fixed, beyond, found)
+        spread[k] += place.over * min(1.0, abs(dot(axis, place.onward)) + turned_away)
+    _bound_rotation(m, place, motion, half, fixed, beyond + rounding_bound(n, 1.0), found)
     return True
 
 
@@ -329,13 +340,15 @@ def _line_place(m: Array, p: Vector, motion: RelativeMotion, half: float) -> Pla
     u, length = vector_at(m, ALONG), m[LENGTH]
     y = subtract(p, vector_at(m, START))
     x, speed = dot(u, y), dot(u, motion.velocity)
-    error, rate = subtract(y, scale(x, u)), subtract(motion.velocity, scale(speed, u))
+    rate = subtract(motion.velocity, scale(speed, u))
     travel = abs(speed) * half + motion.bend
-    over = max(0.0, travel - x, x + travel - length)
+    over = min(travel, max(0.0, travel - x, x + travel - length))
     a = motion.acceleration
     if not length > 0.0:
-        return Place(False, 0.0, 0.0, 0.0, error, rate, a, over)
-    return Place(True, x / length, speed / length, a / length, error, rate, a, over)
+        return Place(False, 0.0, 0.0, 0.0, y, rate, a, u, over, 0.0)
+    at = min(max(x, 0.0), length)
+    error = subtract(y, scale(at, u))
+    return Place(True, at / length, speed / length, a / length, error, rate, a, u, over, 0.0)
 
 
 @kernel
@@ -349,7 +362,7 @@ def _arc_place(m: Array, p: Vector, motion: RelativeMotion, half: float, worst: 
     fastest = math.sqrt(dot(v, v)) + motion.acceleration * half
     nearest = distance - motion.moved
     if nearest <= 0.5 * distance:
-        return Place(False, 0.0, 0.0, 0.0, y, v, 0.0, 0.0)
+        return Place(False, 0.0, 0.0, 0.0, y, v, 0.0, normal, 0.0, 0.0)
     spoke = (
         (a * first[0] + b * side[0]) / distance,
         (a * first[1] + b * side[1]) / distance,
@@ -360,14 +373,17 @@ def _arc_place(m: Array, p: Vector, motion: RelativeMotion, half: float, worst: 
     faster = (motion.acceleration + 2.0 * fastest * fastest / nearest) / nearest
     travel = min(abs(across) * half + 0.5 * faster * half * half, motion.moved / nearest)
     if travel > MAX_TURN:
-        return Place(False, 0.0, 0.0, 0.0, y, v, 0.0, 0.0)
+        return Place(False, 0.0, 0.0, 0.0, y, v, 0.0, normal, 0.0, 0.0)
     phi = follow_angle(math.atan2(b, a), worst)
     off, sweep = distance - radius, m[SWEEP]
     outwards, upwards = dot(spoke, v), dot(normal, v)
+    at = min(max(phi, 0.0), sweep)
+    # From the centre to the place, in the axes of the spoke: the spoke itself between the ends.
+    c, s = radius * math.cos(at - phi), radius * math.sin(at - phi)
     error = (
-        off * spoke[0] + height * normal[0],
-        off * spoke[1] + height * normal[1],
-        off * spoke[2] + height * normal[2],
+        (distance - c) * spoke[0] - s * ahead[0] + height * normal[0],
+        (distance - c) * spoke[1] - s * ahead[1] + height * normal[1],
+        (distance - c) * spoke[2] - s * ahead[2] + height * normal[2],
     )
     rate = (
         outwards * spoke[0] + off * across * ahead[0] + upwards * normal[0],
@@ -376,5 +392,6 @@ def _arc_place(m: Array, p: Vector, motion: RelativeMotion, half: float, worst: 
     )
     swiftest = fastest / nearest
     second = motion.acceleration + radius * (faster + swiftest * swiftest)
-    over = radius * max(0.0, travel - phi, phi + travel - sweep)
-    return Place(True, phi / sweep, across / sweep, faster / sweep, error, rate, second, over)
+    over = radius * min(travel, max(0.0, travel - phi, phi + travel - sweep))
+    pace, bend = across / sweep, faster / sweep
+    return Place(True, at / sweep, pace, bend, error, rate, second, ahead, over, travel)

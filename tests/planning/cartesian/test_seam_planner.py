@@ -17,7 +17,7 @@ from planning.problem import PoseGoal, Problem
 from planning.result import Failure, Plan
 from planning.seam_options import SeamOptions, SeamWaypoint, StraightOffset
 from planning.timing.options import TimingOptions
-from planning.tool_tolerance import ToolTolerance
+from planning.tool_tolerance import Axis, ToolTolerance
 from tests.planning.pinocchio_panda import PinocchioPanda
 from tests.planning.scenes import HOME, box, builtin
 
@@ -219,3 +219,48 @@ def test_deadlines_end_the_search() -> None:
     answer = plan(problem, how)
     assert isinstance(answer, Failure)
     assert answer.code == "TIMED_OUT"
+
+
+def on_wave(count: int = 40) -> tuple[SeamWaypoint, ...]:
+    """Waypoints on a line that swings to either side, with the tool straight down."""
+    R = np.diag([1.0, -1.0, -1.0])
+    ys = np.linspace(-0.15, 0.15, count)
+    return tuple(
+        SeamWaypoint(transform(R, [0.48 + 0.03 * math.sin(12.0 * y), y, 0.35])) for y in ys
+    )
+
+
+@pytest.mark.parametrize("axes", [("x",), ("y",), ("x", "y"), ("x", "z")])
+@pytest.mark.parametrize("is_arc", [False, True])
+def test_ranges_of_position_are_proved_where_the_path_bends(
+    axes: tuple[Axis, ...], is_arc: bool
+) -> None:
+    points = on_wave()
+    if is_arc:
+        first, middle, last = (points[k].T_base_tip for k in (4, 12, 20))
+        points = (SeamWaypoint(first), SeamWaypoint(last, via=middle[:3, 3]))
+    box = ToolTolerance.of(dict.fromkeys(axes, (-1e-3, 1e-3)), ("rz",), tilt=0.1)
+    answer = followed(ask(points, box))
+    oracle, worst = PinocchioPanda(), 0.0
+    wide = box.widened(1e-4, 1e-3)
+    for report in answer.tool_motions:
+        if report.part != "seam":
+            continue
+        times = np.linspace(report.begins, min(report.ends, answer.trajectory.duration), 12)
+        T = np.array([oracle.pose(q) for q in answer.trajectory.sample(times)])
+        # The nearest of many places on the motion; between two of them it is off by little.
+        places = report.motion.poses(np.linspace(0.0, 1.0, 2001 if is_arc else 201))
+        away = np.linalg.norm(T[:, None, :3, 3] - places[None, :, :3, 3], axis=2)
+        nominal = places[away.argmin(axis=1)]
+        worst = max(worst, float(wide.excess(wide.deviations(nominal, T))[:, 0].max()))
+    assert worst <= 5e-5
+
+
+def test_a_range_along_a_bend_that_leaves_out_the_path_is_refused_with_advice() -> None:
+    points = on_wave()
+    first, middle, last = (points[k].T_base_tip for k in (4, 12, 20))
+    arc = SeamWaypoint(first), SeamWaypoint(last, via=middle[:3, 3])
+    answer = ask(arc, ToolTolerance.of({"x": (5e-4, 1e-3)}, ("rz",), tilt=0.1))
+    assert isinstance(answer, Failure)
+    assert (answer.code, answer.details["reason"]) == ("PLANNING_FAILED", "deviation")
+    assert "leave out 0" in answer.hint

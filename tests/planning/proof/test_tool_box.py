@@ -60,11 +60,27 @@ def test_a_box_is_proved_exactly_where_dense_samples_keep_it(seed: int) -> None:
         motion = arc_via(T[0], T[-1], T[len(T) // 2, :3, 3] + [0.0, 0.0, 0.01])
     at = places(motion, T)
     if at.min() < -HAIR or at.max() > 1.0 + HAIR:
-        # The tool goes beyond the ends, which counts as a deviation of its own.
         motion = _long_line(T)
-        at = places(motion, T)
-    if at.min() < -HAIR or at.max() > 1.0 + HAIR:
-        pytest.fail("the motion of this seed does not suit the test: take another")
+    _check_box_is_sharp(trajectory, motion, T, seed)
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_a_box_is_proved_exactly_beyond_the_ends_of_a_motion(seed: int) -> None:
+    trajectory = random_motion(seed)
+    T = forward(CHAIN, trajectory.sample(TIMES))
+    first, last = len(T) // 4, 3 * len(T) // 4
+    motion = line(T[first], T[last])
+    if seed % 2:
+        motion = arc_via(T[first], T[last], T[len(T) // 2, :3, 3] + [0.0, 0.0, 0.01])
+    at = places(motion, T)
+    assert at.min() < -0.01 or at.max() > 1.01
+    _check_box_is_sharp(trajectory, motion, T, seed)
+
+
+def _check_box_is_sharp(
+    trajectory: Trajectory, motion: ToolMotion, T: np.ndarray, seed: int
+) -> None:
+    """A box a little wider than the deviations is proved, one a little narrower is refused."""
     axes = Rotation.random(random_state=seed).as_matrix() if seed % 3 else None
     d = euler(motion, T, axes)
     middle, half = 0.5 * (d.max(axis=0) + d.min(axis=0)), 0.5 * np.ptp(d, axis=0)
