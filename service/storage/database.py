@@ -8,6 +8,7 @@ from pathlib import Path
 
 from sqlalchemy import Connection, Engine, create_engine, event, make_url, text
 from sqlalchemy.engine import URL
+from sqlalchemy.engine.interfaces import DBAPIConnection
 from sqlalchemy.exc import (
     ArgumentError,
     DataError,
@@ -17,7 +18,7 @@ from sqlalchemy.exc import (
     SQLAlchemyError,
 )
 from sqlalchemy.exc import TimeoutError as PoolTimeout
-from sqlalchemy.pool import QueuePool
+from sqlalchemy.pool import ConnectionPoolEntry, QueuePool
 
 from service.problem import ProblemError
 from service.storage.file_lock import FileLock, FileLocked
@@ -37,6 +38,12 @@ _LOCK_TIMEOUT = 2.0
 _CONNECT_TIMEOUT = 3
 _STATEMENT_TIMEOUT = 10_000
 _ACKNOWLEDGE_TIMEOUT = 10_000
+#: Chooses LZ4, which takes a fifth of the time of PostgreSQL's own method, if the server has it
+#: (from PostgreSQL 14, if it was built with it); changes nothing otherwise.
+_QUICK_COMPRESSION = (
+    "SELECT set_config(name, 'lz4', false) FROM pg_settings"
+    " WHERE name = 'default_toast_compression' AND 'lz4' = ANY(enumvals)"
+)
 #: When a caller is told to ask again while the database can't be used [s].
 _RETRY_AFTER = 2
 #: Faults of a statement, not of the database.
@@ -275,7 +282,7 @@ def _postgresql_engine(url: URL) -> Engine:
         f" -c lock_timeout={int(1000 * _LOCK_TIMEOUT)}",
     }
     try:
-        return create_engine(
+        engine = create_engine(
             url,
             connect_args=arguments,
             pool_size=_CONNECTIONS,
@@ -289,6 +296,16 @@ def _postgresql_engine(url: URL) -> Engine:
             f"the driver for PostgreSQL can't be loaded ({error}). Install it: "
             "pip install 'armwright[postgres]'"
         ) from None
+    event.listen(engine, "connect", _compress_quickly)
+    return engine
+
+
+def _compress_quickly(connection: DBAPIConnection, _record: ConnectionPoolEntry) -> None:
+    """Have PostgreSQL compress large answers with LZ4, where it can."""
+    cursor = connection.cursor()
+    cursor.execute(_QUICK_COMPRESSION)
+    cursor.close()
+    connection.commit()
 
 
 def _reason(error: Exception) -> str:

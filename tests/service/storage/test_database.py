@@ -132,6 +132,21 @@ def test_servers_share_a_postgresql_database(postgresql: PostgreSQL) -> None:
         database.close()
 
 
+def test_postgresql_compresses_large_answers_with_lz4(postgresql: PostgreSQL) -> None:
+    database = Database(postgresql.database())
+    content = b'{"joints":[0.1,0.2]}' * 10_000
+    keep = text(
+        "INSERT INTO answers (tenant, key, endpoint, request_hash, created, body)"
+        " VALUES ('', 'k', '', '', 0, :body)"
+    )
+    with database.transaction() as connection:
+        connection.execute(keep, {"body": content})
+    with database.reading() as connection:
+        kept = text("SELECT body, pg_column_compression(body) FROM answers")
+        assert connection.execute(kept).one() == (content, "lz4")
+    database.close()
+
+
 # ---------------------------------------------------------------------------------- faults
 
 
