@@ -26,6 +26,8 @@ from service.storage.schema import DURABILITY, DamagedFile, NewerSchema, migrate
 
 #: Connections of one process. SQLite has one writer anyway; PostgreSQL allows a hundred in all.
 _CONNECTIONS = 5
+#: Pages of a SQLite file that each connection keeps [KiB]; the system keeps what was read anyway.
+_PAGES_KEPT = 512
 #: Longest wait for a connection of the pool, and for the turn to write [s].
 _TURN_TIMEOUT = 5.0
 #: Longest wait for transactions when a database is closed, and the time between two looks [s].
@@ -257,8 +259,16 @@ def _sqlite_engine(url: URL) -> Engine:
         pool_timeout=_TURN_TIMEOUT,
         hide_parameters=True,
     )
+    event.listen(engine, "connect", _bound_pages)
     event.listen(engine, "begin", _begin)
     return engine
+
+
+def _bound_pages(connection: DBAPIConnection, _: object) -> None:
+    """Bound the memory of a new connection, which else grows with what is stored to 2 MiB."""
+    cursor = connection.cursor()
+    cursor.execute(f"PRAGMA cache_size = -{_PAGES_KEPT}")
+    cursor.close()
 
 
 def _in_use(engine: Engine) -> bool:

@@ -96,6 +96,17 @@ def test_a_file_has_a_write_ahead_log(path: Path) -> None:
     connection.close()
 
 
+def test_each_connection_keeps_few_pages_of_a_file(path: Path) -> None:
+    database = Database(f"sqlite:///{path}")
+    try:
+        with database.reading() as first, database.reading() as second:
+            for connection in (first, second):
+                bound = connection.execute(text("PRAGMA cache_size")).scalar_one()
+                assert bound == -512  # negative: KiB
+    finally:
+        database.close()
+
+
 # ----------------------------------------------------------------------------------- locks
 
 
