@@ -27,7 +27,7 @@ class Branch(NamedTuple):
     """One configuration that reaches the pose.
 
     Args:
-        number: Counted from 1, best first.
+        number: Counted from 0, best first.
         joints: [rad or m].
         verdict: Verdict on it.
         reason: Why it was rejected, in words; empty where it is valid.
@@ -60,7 +60,7 @@ def branches(solutions: Sequence[Mapping[str, Any]]) -> tuple[Branch, ...]:
             solution.get("rejected_because") or "",
             solution.get("branch") or "",
         )
-        for number, solution in enumerate(solutions, 1)
+        for number, solution in enumerate(solutions)
     )
 
 

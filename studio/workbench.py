@@ -198,9 +198,9 @@ class Workbench:
         """Make one of the configurations that reach the goal's pose the goal.
 
         Args:
-            number: Of the branch, counted from 1.
+            number: Of the branch, counted from 0.
         """
-        self.set_goal_joints(self.branches[number - 1].joints)
+        self.set_goal_joints(self.branches[number].joints)
 
     def _solve(self, pose: Pose) -> tuple[Branch, ...]:
         request = ik_request(self.state, pose)

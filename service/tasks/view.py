@@ -235,7 +235,7 @@ def _of_check(kept: Kept) -> _Shown:
     cell = robot_in_scene(kept.robot, kept.scene, body, first_configuration(chain, body.joints))
     rows = np.atleast_2d(np.array(body.joints)).tolist()
     shown = [
-        _configuration_of(f"configuration {i + 1}", row, _verdict(kept.answer, i))
+        _configuration_of(f"configuration {i}", row, _verdict(kept.answer, i))
         for i, row in enumerate(rows)
     ]
     count = sum(item.verdict == "valid" for item in shown)

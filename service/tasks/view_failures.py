@@ -53,7 +53,7 @@ def of_plan(kept: Kept, body: PlanRequest) -> Iterator[Configuration]:
         yield _end("start", body.start.joints, detail if stage == "start" else None)
     goals = body.goal.any_of or [body.goal]
     alone = len(goals) == 1
-    for number, goal in enumerate(goals, 1):
+    for number, goal in enumerate(goals):
         name = "goal" if alone else f"goal {number}"
         if goal.joints is not None:
             yield _end(name, goal.joints, detail if stage == "goal" and alone else None)
@@ -171,9 +171,9 @@ def solutions(answers: list[dict[str, Any]], label: str) -> Iterator[Configurati
 
     Args:
         answers: As the API answers them.
-        label: Of all of them; each gets its number.
+        label: Of all of them; each gets its number, counted from 0.
     """
-    for number, answer in enumerate(answers, 1):
+    for number, answer in enumerate(answers):
         why = answer.get("rejected_because")
         name = f"{label} {number}" + (f" ({answer['branch']})" if answer.get("branch") else "")
         if why is None:

@@ -111,7 +111,9 @@ def test_a_moved_goal_is_answered_by_branches(workbench: Workbench) -> None:
         np.testing.assert_allclose(T[:3, :3], rotation(pose).as_matrix(), atol=1e-4)
     best = workbench.branches[0]
     assert best.verdict is Verdict.VALID
-    workbench.choose_branch(1)
+    assert [branch.number for branch in workbench.branches] == [*range(len(workbench.branches))]
+    assert best.label.startswith("0 ")
+    workbench.choose_branch(0)
     assert workbench.state.goal_joints == best.joints
     assert workbench.state.goal_pose is None
     code = ik_code(workbench.url, workbench.state, pose)

@@ -81,7 +81,7 @@ function label(frames, pair) {
     if (at && !at.some((v) => v < 0 || v > 1)) list.push({ ...item, at });
   };
   if (!motion) data.configurations.forEach((item, i) => {
-    const mark = { sign: sign(item)[0], number: i + 1 };
+    const mark = { sign: sign(item)[0], number: i };
     if (i === state.chosen) add(items, Matrix.origin(tips[i]), { text: `${mark.sign} ${mark.number}`, chosen: true });
     else if (state.shown.others) add(marks, Matrix.origin(tips[i]), mark);
   });
@@ -179,7 +179,7 @@ function fill() {
     data.configurations.forEach((item, i) => {
       const button = document.createElement("button");
       button.type = "button"; button.setAttribute("aria-pressed", "false");
-      button.textContent = `${i + 1}. ${sign(item)}: ${item.label}${item.reason ? `. ${item.reason}` : ""}`;
+      button.textContent = `${i}. ${sign(item)}: ${item.label}${item.reason ? `. ${item.reason}` : ""}`;
       button.addEventListener("click", () => choose(i));
       byId("list").append(button);
     });

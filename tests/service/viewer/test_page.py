@@ -103,8 +103,8 @@ def test_a_failure_shows_the_candidates_and_why(
     content = failure
     page, _ = show(browser, content, tmp_path)
     shown = page.inner_text("#list")
-    assert "1. • asked for: start" in shown
-    assert "2. ✗ collides: goal, IK solution 1" in shown
+    assert "0. • asked for: start" in shown
+    assert "1. ✗ collides: goal, IK solution 0" in shown
     assert "'post'" in shown
     assert "GOAL_IN_COLLISION" in page.inner_text("#words")
     chosen = document(content)["configurations"][1]
@@ -114,7 +114,7 @@ def test_a_failure_shows_the_candidates_and_why(
     assert colours(page) > 20
     labels = page.locator("#labels span").all_inner_texts()
     assert set(chosen["pair"]) <= set(labels)
-    assert {"• 1", "✗ 2"} <= set(labels)
+    assert {"• 0", "✗ 1"} <= set(labels)
     assert "overlap" in page.inner_text("#now")
     # The label of the chosen configuration is where its tip is seen.
     places = page.evaluate("""() => { const box = document.querySelector("#labels .chosen");
@@ -137,9 +137,9 @@ def test_checks_and_inverse_kinematics_have_pages(
     body = {"robot": "panda", "scene": place, "joints": [HOME, hit, [9.0, *HOME[1:]]]}
     page, _ = show(browser, fetch(served.client, "/v1/check", body), tmp_path)
     shown = page.inner_text("#list")
-    assert "1. ✓ valid: configuration 1" in shown
-    assert "✗ collides: configuration 2" in shown
-    assert "⊘ outside limits: configuration 3" in shown
+    assert "0. ✓ valid: configuration 0" in shown
+    assert "1. ✗ collides: configuration 1" in shown
+    assert "2. ⊘ outside limits: configuration 2" in shown
     solve = {"pose": {"position": [0.42, 0.28, 0.2], "rpy": [3.14, 0, 0]}, "all_solutions": True}
     content = fetch(served.client, "/v1/robots/ur5e/ik", solve | {"scene": place})
     page, _ = show(browser, content, tmp_path)
@@ -280,8 +280,8 @@ def test_failed_tasks_and_tours_show_what_was_tried(
     for item, hits in zip(tried, found, strict=True):
         assert set(item["pair"]) in [set(hit["pair"]) for hit in hits]
     page, _ = show(browser, content, tmp_path)
-    assert "2. \u2717 collides: stage 2, choice 0." in page.inner_text("#list")
-    assert any("2 to 19" in text or "3 to 19" in text for text in
+    assert "1. \u2717 collides: stage 2, choice 0." in page.inner_text("#list")
+    assert any("1 to 18" in text or "2 to 18" in text for text in
                page.locator("#labels span").all_inner_texts())  # fmt: skip
     moves = {"stages": [{"kind": "move", "goal": far}]}
     words = document(fetch(served.client, "/v1/tasks", example | moves))["sentences"]
