@@ -5,7 +5,8 @@
 The requests stand in `service/http/openapi_examples.json`. They are sent, in their order, to a
 service that is started for them; the answers are written beside them. To add an example, write its
 operation, title, path and request, with status 0 and answer null, and run this. In paths `{job}`
-and `{plan}` stand for what the last header Location named.
+and `{plan}` stand for what the last header Location named. A job is waited for, unless the next
+request cancels it. Of files the first bytes are shown.
 """
 
 import json
@@ -33,6 +34,8 @@ ROWS = 4
 NUMBERS = 16
 #: Lines of texts that the document shows.
 LINES = 12
+#: Bytes of files that the document shows.
+BYTES = 120
 #: A batch of two motions of two joints [s].
 _JOB_TIME = 30.0
 
@@ -50,13 +53,14 @@ def send_all(client: httpx.Client, requests: Sequence[Example]) -> Iterator[Exam
     methods = _methods(client.get("/openapi.json").json())
     last: dict[str, str] = {}
     bundle: Any = None
-    for example in requests:
+    following = [example.operation for example in requests[1:]] + [""]
+    for example, follower in zip(requests, following, strict=True):
         path = example.path.format_map(last)
         body = bundle if example.request == BUNDLE else example.request
         response = client.request(methods[example.operation], path, json=body)
         folder, _, name = response.headers.get("location", "").rpartition("/")
         last[folder.rpartition("/")[2].removesuffix("s")] = name
-        if response.status_code == httpx.codes.ACCEPTED:
+        if response.status_code == httpx.codes.ACCEPTED and follower != "cancel_job":
             assert wait_until(lambda: _ended(client, last["job"]), _JOB_TIME)
         answer = _content(response)
         bundle = answer if example.operation == "get_bundle" else bundle
@@ -91,6 +95,8 @@ def _ended(client: httpx.Client, job: str) -> bool:
 def _content(response: httpx.Response) -> Any:
     if response.content and "json" in response.headers.get("content-type", ""):
         return response.json()
+    if "octet-stream" in response.headers.get("content-type", ""):
+        return response.content[:BYTES].decode("latin-1").encode("unicode_escape").decode() + "..."
     return response.text or None
 
 

@@ -69,5 +69,6 @@ def add_examples(paths: dict[str, Any]) -> None:
 def _add(media: dict[str, Any], title: str, value: Any) -> None:
     """Add an example under the next free name of a kind of content."""
     listed = media.setdefault("examples", {})
-    listed[f"example_{len(listed) + 1}"] = {"summary": title, "value": value}
+    number = 1 + sum(name.startswith("example_") for name in listed)
+    listed[f"example_{number}"] = {"summary": title, "value": value}
     media.pop("example", None)

@@ -6,6 +6,7 @@ from http import HTTPStatus
 from typing import Any
 
 from service.http.errors import KINDS, PROBLEM_MEDIA_TYPE
+from service.http.openapi_problem_examples import components, references
 
 Operation = dict[str, Any]
 
@@ -29,6 +30,8 @@ _PLANNING = (
 )  # fmt: skip
 _DYNAMICS = (*_ROBOT, "MISSING_INERTIA")
 _DESCRIPTION = ("INVALID_ROBOT_DESCRIPTION", "MISSING_LIMIT")
+#: Shown where an answer may be any other fault of the request or of the service.
+_ANY_OTHER = {"4XX": "METHOD_NOT_ALLOWED", "5XX": "CRASH"}
 #: Of single operations, beside those of their form.
 _MORE: dict[str, tuple[str, ...]] = {
     "create_robot": (*_DESCRIPTION, "QUOTA_EXCEEDED"),
@@ -68,11 +71,12 @@ _MORE: dict[str, tuple[str, ...]] = {
 
 
 def add_problems(document: dict[str, Any]) -> None:
-    """List the problems of every operation, by status.
+    """List the problems of every operation, by status, each with an example.
 
     Args:
         document: The OpenAPI document with its jobs and schemas; responses are added.
     """
+    shown = set(_ANY_OTHER.values())
     for path, operations in document["paths"].items():
         for operation in operations.values():
             by_status = defaultdict(list)
@@ -80,10 +84,18 @@ def add_problems(document: dict[str, Any]) -> None:
                 by_status[KINDS[code].status].append(code)
             responses = operation["responses"]
             for status, codes in sorted(by_status.items()):
-                responses.setdefault(str(status), _response(status, codes))
-            for pattern in ("4XX", "5XX"):  # the last word, where it is not a status of its own
+                response = responses.setdefault(str(status), _response(status, codes))
+                response["content"][PROBLEM_MEDIA_TYPE]["examples"] = references(codes)
+                shown |= set(codes)
+            for pattern, code in _ANY_OTHER.items():  # the last word, as no status of its own
                 if pattern in responses:
                     responses[pattern] = responses.pop(pattern)
+                    content = responses[pattern]["content"]
+                    responses[pattern]["content"] = {
+                        kind: {**media, "examples": references([code])}
+                        for kind, media in content.items()
+                    }
+    document["components"]["examples"] = components(shown)
 
 
 def _codes(path: str, operation: Operation) -> Iterator[str]:
