@@ -110,9 +110,7 @@ def test_a_moved_goal_is_answered_by_branches(workbench: Workbench) -> None:
         np.testing.assert_allclose(T[:3, 3], pose.position, atol=1e-5)
         np.testing.assert_allclose(T[:3, :3], rotation(pose).as_matrix(), atol=1e-4)
     best = workbench.branches[0]
-    assert best.verdict is Verdict.VALID
-    assert [branch.number for branch in workbench.branches] == [*range(len(workbench.branches))]
-    assert best.label.startswith("0 ")
+    assert best.label == "0 ✓"
     workbench.choose_branch(0)
     assert workbench.state.goal_joints == best.joints
     assert workbench.state.goal_pose is None
