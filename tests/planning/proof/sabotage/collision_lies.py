@@ -54,10 +54,12 @@ def _state_check(sabotage: Sabotage) -> None:
     sabotage.method(Checker, "clearance", lambda self, q: (1.0, None))
     sabotage.method(Checker, "segment", between)
     sabotage.method(Checker, "free", lambda self, start, end: between(self, start, end).free)
+    sabotage.method(Checker, "blocked_share", lambda self, start, end: None)
 
 
 def _edge_check(sabotage: Sabotage) -> None:
     sabotage.method(Checker, "free", lambda self, start, end: True)
+    sabotage.method(Checker, "blocked_share", lambda self, start, end: None)
     sabotage.method(Checker, "segment", _free)
     sabotage.method(Checker, "curve", _free)
     sabotage.method(Checker, "polyline", lambda self, points: (_free(self), len(points) - 1))
