@@ -24,7 +24,7 @@ INLINE_BYTES = 32 * 1024
 async def validated_by_worker(
     request: Request, model: type[BaseModel], content: bytes
 ) -> BaseModel:
-    """An instance of a body's model, validated by a worker, with empty parts.
+    """An instance of a body's model, validated by a worker, with parts cut short.
 
     Raises:
         ProblemError: VALIDATION_ERROR; as `check_field_count` and `WorkerSupervisor.submit`.

@@ -28,8 +28,8 @@ def outline(model: str, content: bytes) -> BaseModel | TaskProblem:
         content: JSON.
 
     Returns:
-        An instance without its lists of objects and with long texts cut; lists of numbers stay,
-        since they are counted.
+        An instance with the first object of each list of them and with long texts cut; lists of
+        numbers stay, since they are counted.
     """
     module, _, name = model.partition(":")
     expected: type[BaseModel] = getattr(importlib.import_module(module), name)
@@ -56,7 +56,8 @@ def _part(name: str, value: Any) -> Any:
     if isinstance(value, BaseModel):
         return _outline(value)
     if isinstance(value, list) and value and isinstance(value[0], BaseModel):
-        return [_outline(item) for item in value] if name in _INSPECTED else []
+        # The first stands for all: rules of a model ask whether there are any.
+        return [_outline(item) for item in (value if name in _INSPECTED else value[:1])]
     if isinstance(value, dict):
         return {key: _part(key, item) for key, item in value.items()}
     # The beginning stands for the whole: a field that was given stays given.

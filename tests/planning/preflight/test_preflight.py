@@ -124,9 +124,9 @@ def test_time_for_meshes_never_seen_counts_and_is_told() -> None:
     problem = Problem(robot, scene, start, (JointGoal(goal),))
     began = time.monotonic()
     answer = plan(problem, Options(timeout=0.1))
-    took = time.monotonic() - began
+    assert 0.1 <= time.monotonic() - began
     assert isinstance(answer, Failure)
-    assert (answer.code, answer.stage) == ("TIMED_OUT", "preflight")
-    assert "made ready for collision checks" in answer.message
-    assert 0.05 < answer.details["seconds"] < took
+    assert (answer.code, answer.stage) == ("TIMED_OUT", "preparation")
+    assert "while meshes were being prepared" in answer.message
+    assert "what was prepared so far is kept" in answer.hint
     assert isinstance(plan(problem, Options(timeout=10.0)), Plan)

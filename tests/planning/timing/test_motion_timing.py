@@ -17,6 +17,7 @@ from planning.deadline import Deadline
 from planning.optimize.options import RefineOptions
 from planning.options import Options
 from planning.pipeline import plan
+from planning.preferred_clearance import DEFAULT_PREFERRED, PreferredClearance
 from planning.problem import JointGoal, Problem
 from planning.proof import certificate
 from planning.proof.certificate import Certificate
@@ -34,10 +35,15 @@ POST = pillar(0.6, 0.505)
 ASIDE = np.array([1.2, -0.3, 0.0, -2.0, 0.0, 1.8, 0.785])
 
 
-def planned(scene: Scene, limits: dict[str, Any] | None = None, **timing: Any) -> Plan | Failure:
+def planned(
+    scene: Scene,
+    limits: dict[str, Any] | None = None,
+    preferred: float = DEFAULT_PREFERRED,
+    **timing: Any,
+) -> Plan | Failure:
     problem = Problem(builtin("panda"), scene, HOME, (JointGoal(ASIDE),))
     options = Options(timing=TimingOptions(**timing), limits=limits or {}, timeout=30.0)
-    return plan(problem, options)
+    return plan(problem, replace(options, clearance=PreferredClearance(preferred)))
 
 
 @pytest.mark.parametrize("scene", [POST, Scene()])
@@ -141,9 +147,10 @@ def test_a_natural_spline_is_refused_with_its_velocities_since_plans_rest_at_the
 
 
 def test_corners_are_cut_within_the_tolerance() -> None:
-    wide = planned(POST)
-    narrow = planned(POST, blend_tolerance=0.01)
-    sharp = planned(POST, blend_tolerance=0.0)
+    # Without a preferred distance, which may choose corners narrower than the tolerance.
+    wide = planned(POST, preferred=0.0)
+    narrow = planned(POST, preferred=0.0, blend_tolerance=0.01)
+    sharp = planned(POST, preferred=0.0, blend_tolerance=0.0)
     assert isinstance(wide, Plan)
     assert isinstance(narrow, Plan)
     assert isinstance(sharp, Plan)

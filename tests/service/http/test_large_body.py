@@ -42,6 +42,19 @@ def large(client: httpx.Client, path: str, body: Any, method: str = "POST") -> h
     return client.request(method, path, content=content, headers=headers)
 
 
+def test_rules_of_a_large_body_are_checked_on_the_whole_of_it(client: httpx.Client) -> None:
+    """With constraints no pose is needed."""
+    path = "/v1/robots/panda/ik"
+    region = {"type": "sphere", "center": [0.4, 0.1, 0.5], "radius": 0.05}
+    place = {"type": "position", "region": region}
+    body = {"method": "constrained", "constraints": [place]}
+    solutions = answer(client.post(path, json=body))["solutions"]
+    assert solutions
+    assert answer(large(client, path, body))["solutions"] == solutions
+    detail = problem(large(client, path, body | {"constraints": []}), 422, "VALIDATION_ERROR")
+    assert "give exactly one of pose, poses" in json.dumps(detail)
+
+
 def test_a_large_body_is_answered_as_a_small_one(client: httpx.Client) -> None:
     small = answer(client.post("/v1/plan", json=PLAN))
     assert answer(large(client, "/v1/plan", PLAN))["trajectory"] == small["trajectory"]
@@ -91,13 +104,15 @@ def test_a_large_body_is_refused_as_a_small_one(client: httpx.Client, body: byte
 
 
 def test_an_outline_has_what_the_server_looks_at() -> None:
-    body = json.dumps(PLAN | {"planner_options": {"range": 0.5, "text": "x" * 5000}}).encode()
+    options = {"range": 0.5, "text": "x" * 5000}
+    body = json.dumps(PLAN | {"planner_options": options, "scene": scene(FLOOR, POST)}).encode()
     found = outline("service.schemas.plan:PlanRequest", body)
     assert isinstance(found, PlanRequest)
     assert (found.robot, found.timeout) == ("panda", 60.0)
     assert found.planner_options == {"range": 0.5, "text": "x" * 64}
     assert isinstance(found.scene, Scene)
-    assert found.scene.obstacles == []
+    assert found.scene.obstacles is not None
+    assert [obstacle.id for obstacle in found.scene.obstacles] == ["floor"], "the first for all"
     refused = outline("service.schemas.plan:PlanRequest", b"{}")
     assert isinstance(refused, TaskProblem)
     assert refused.code == "VALIDATION_ERROR"
