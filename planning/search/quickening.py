@@ -2,12 +2,14 @@
 
 A path that was moved away from what it passes has many corners, and each of them costs time. Here
 waypoints are left out, drawn half-way to the line between their neighbours, put together two by
-two, or cut off, whichever brings most, as long as
+two (half-way, or outside, where the legs beside them meet), or cut off, whichever brings most, as
+long as
 
     cost = sum over legs of  time (1 + weight * shortfall / preferred)
 
 falls: the time estimated, and how far the leg is below the preferred clearance on average. So a
 long way round is not taken for the sake of a few millimetres, nor clearance given away for nothing.
+Where the legs that a step replaces lack nothing the new ones are proved to lack nothing either.
 A step is only looked at for clearance where the time alone would make it worth its while, and only
 proved where it still is then.
 """
@@ -31,10 +33,10 @@ from planning.timing.estimate import LEG_ROWS, TIME, estimated_time
 _WEIGHT = 6.0
 #: States looked at for their clearance are this far apart at most, Euclidean in joint space.
 _SPACING = 0.25
-#: Steps of a waypoint: left out, drawn in, put together with the next, cut off at the half and at
-#: the quarter of its legs.
-_STEPS = 5
-_LEFT_OUT, _DRAWN_IN, _JOINED = 0, 1, 2
+#: Steps of a waypoint: left out, drawn in, put together with the next half-way or where the legs
+#: beside both meet, cut off at the half and at the quarter of its legs.
+_STEPS = 6
+_LEFT_OUT, _DRAWN_IN, _JOINED, _MET = 0, 1, 2, 3
 #: A step that lowers the cost by less than this share is none.
 _LEAST_GAIN = 1e-2
 #: Edge checks after which the path stays as it is.
@@ -72,7 +74,7 @@ class _Models(NamedTuple):
         preferred: With the preferred clearance.
         least: With the margins.
         slack: Distance to keep beyond them [m].
-        limits: Of velocity, acceleration and jerk, shape (3, n).
+        limits: Of velocity, acceleration and jerk, then least and greatest position, shape (5, n).
         weight: Of a shortfall [1/m].
     """
 
@@ -97,7 +99,8 @@ def quicken(
     preferred, least = levels[0], levels[-1]
     if len(levels) < 2 or not 2 < len(waypoints) <= _MAX_WAYPOINTS:
         return waypoints
-    weight = _WEIGHT / preferred.model.margin
+    weight, reach = _WEIGHT / preferred.model.margin, preferred.model.chain.limits
+    limits = np.concatenate([limits, [reach.lower, reach.upper]])
     points = np.ascontiguousarray(waypoints, np.float64)
     return quicken_kernel(
         preferred.model.arrays, least.model.arrays, float(least.slack), points, limits, weight,
@@ -167,7 +170,7 @@ def _write_costs(models: _Models, way: _Way, count: int) -> None:
     for k in range(1, count - 1):
         for step in range(_STEPS):
             way.costs[k, step] = np.inf
-            if way.tried[k] & (1 << step) or (step == _JOINED and k == count - 2):
+            if way.tried[k] & (1 << step) or (_JOINED <= step <= _MET and k == count - 2):
                 continue
             size = _step(way, count, k, step)
             way.costs[k, step] = _cost(models, way.trial, way.expected, way.legs, size)
@@ -200,7 +203,7 @@ def _sizes(step: int) -> tuple[int, int]:
         return 1, 0
     if step == _DRAWN_IN:
         return 1, 1
-    return (2, 1) if step == _JOINED else (1, 2)
+    return (2, 1) if _JOINED <= step <= _MET else (1, 2)
 
 
 @kernel(allocates=False)
@@ -223,8 +226,10 @@ def _step(way: _Way, count: int, k: int, step: int) -> int:
     elif step == _JOINED:
         for j in range(points.shape[1]):
             trial[k, j] = 0.5 * (points[k, j] + points[k + 1, j])
+    elif step == _MET:
+        _meet(points, k, trial)
     elif step != _LEFT_OUT:
-        share = 0.5 if step == _JOINED + 1 else 0.25
+        share = 0.5 if step == _MET + 1 else 0.25
         for j in range(points.shape[1]):
             trial[k, j] = points[k, j] + share * (points[k - 1, j] - points[k, j])
             trial[k + 1, j] = points[k, j] + share * (points[k + 1, j] - points[k, j])
@@ -246,6 +251,29 @@ def _draw_in(points: Array, k: int, trial: Array) -> None:
 
 
 @kernel(allocates=False)
+def _meet(points: Array, k: int, trial: Array) -> None:
+    """Write waypoint k where the legs before k and after k + 1, made longer, are closest.
+
+    Each of them is made longer by the distance of both waypoints at most.
+    """
+    aa, bb, ab, ac, bc, cc = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
+    for j in range(points.shape[1]):
+        a, b = points[k, j] - points[k - 1, j], points[k + 1, j] - points[k + 2, j]
+        c = points[k + 1, j] - points[k, j]
+        aa, bb, ab = aa + a * a, bb + b * b, ab + a * b
+        ac, bc, cc = ac + a * c, bc + b * c, cc + c * c
+    # Points k + s a and k + 1 + t b: their distance is least where both derivatives are 0.
+    square = max(aa * bb - ab * ab, 1e-9 * aa * bb)
+    s = (ac * bb - bc * ab) / max(square, 1e-12)
+    t = (ac * ab - bc * aa) / max(square, 1e-12)
+    s = min(max(s, 0.0), np.sqrt(cc / max(aa, 1e-12)))
+    t = min(max(t, 0.0), np.sqrt(cc / max(bb, 1e-12)))
+    for j in range(points.shape[1]):
+        a, b = points[k, j] - points[k - 1, j], points[k + 1, j] - points[k + 2, j]
+        trial[k, j] = 0.5 * (points[k, j] + s * a + points[k + 1, j] + t * b)
+
+
+@kernel(allocates=False)
 def _try(
     models: _Models, work: Workspace, way: _Way, count: int, k: int, step: int, enough: float,
     checks: Indices,
@@ -253,8 +281,16 @@ def _try(
     """Cost of the path after a step; infinite where that is not enough or not proved free."""
     trial, expected, legs = way.trial, way.expected, way.legs
     size = _step(way, count, k, step)
+    for j in range(trial.shape[1]):
+        if not models.limits[3, j] <= trial[k, j] <= models.limits[4, j]:
+            return np.inf
     cost = _cost(models, trial, expected, legs, size)
-    _, brought = _sizes(step)
+    taken, brought = _sizes(step)
+    if not np.any(way.shortfall[k - 1 : k + taken]):
+        for i in range(k - 1, k + brought):
+            if not is_free(models.preferred, work, trial[i], trial[i + 1], 0.0, checks):
+                return np.inf
+        return cost
     for i in range(k - 1, k + brought):
         worth = models.weight * legs[TIME, i]
         most = (enough - cost) / worth if worth > 0.0 else np.inf

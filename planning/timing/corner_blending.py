@@ -13,7 +13,7 @@ from planning.timing.blend import largest_reaches
 #: How often a corner's reach is halved before the motion stops there instead.
 _HALVINGS = 7
 #: Reaches tried at a corner to keep a preferred clearance: narrower ones cost much time.
-_HALVINGS_PREFERRED = 2
+_HALVINGS_PREFERRED = 3
 
 
 def certified_reaches(

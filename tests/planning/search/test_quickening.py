@@ -69,6 +69,18 @@ def test_clearance_is_not_given_away_for_a_short_time() -> None:
     assert lacking[1] < 0.25 * lacking[0]
 
 
+def test_legs_that_keep_the_preferred_clearance_are_replaced_by_such_legs() -> None:
+    scene, _ = grazing_scene()
+    levels, gained = levels_in(scene), []
+    for path in detours(12, scene):
+        if all(levels[0].free(a, b) for a, b in pairwise(path)):
+            quick = quicken(levels, path, LIMITS, spacious=True)
+            assert distances(quick, scene, step=0.02).min() > 0.02 - 1e-6
+            gained.append(seconds(quick) / seconds(path))
+    assert len(gained) > 2
+    assert np.median(gained) < 0.95
+
+
 def test_without_a_preferred_clearance_paths_stay_as_they_are() -> None:
     path = np.array([START, [0.0, 0.2], GOAL])
     assert quicken(levels_in(Scene(), 0.0), path, LIMITS) is path
