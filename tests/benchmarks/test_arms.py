@@ -22,13 +22,16 @@ def test_the_page_is_rewritten_between_its_marks(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     page = tmp_path / "page.md"
-    page.write_text(f"before\n{arms.BEGIN}\nold\n{arms.END}\nafter\n")
+    marks = [arms.BEGIN.format("arms"), "old", arms.END.format("arms"), "between"]
+    marks += [arms.BEGIN.format("suspected"), "old", arms.END.format("suspected")]
+    page.write_text("\n".join(["before", *marks, "after\n"]))
     monkeypatch.setattr(arms, "measure", lambda _: ROW)
     monkeypatch.setattr("sys.argv", ["arms", "--arms", "UR3", "--write", str(page)])
     arms.main()
     text = page.read_text()
     assert text.startswith("before\n")
     assert text.endswith("after\n")
+    assert "between" in text
     assert "old" not in text
     assert "| UR3 | 6 |" in text
 

@@ -124,7 +124,7 @@ def test_time_for_meshes_never_seen_counts_and_is_told() -> None:
     problem = Problem(robot, scene, start, (JointGoal(goal),))
     began = time.monotonic()
     answer = plan(problem, Options(timeout=0.1))
-    assert 0.1 <= time.monotonic() - began
+    assert time.monotonic() - began >= 0.1
     assert isinstance(answer, Failure)
     assert (answer.code, answer.stage) == ("TIMED_OUT", "preparation")
     assert "while meshes were being prepared" in answer.message
