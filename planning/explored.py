@@ -44,16 +44,18 @@ class Explored:
     runs: int = 0
     edges: list[Edge] = field(default_factory=list)
     left_out: int = 0
+    _begins: bool = field(default=False, init=False, repr=False)
 
     def begin(self, planner: str) -> None:
-        """A run begins with nothing explored.
+        """A run begins; what the one before it explored stays until it has an edge.
 
         Args:
             planner: Its name.
         """
         self.runs = self.runs + 1 if planner == self.planner else 1
-        self.planner, self.left_out = planner, 0
-        self.edges.clear()
+        if planner != self.planner:
+            self.edges.clear()
+        self.planner, self.left_out, self._begins = planner, 0, True
 
     def add(self, begin: Array, end: Array, part: str = WHOLE) -> None:
         """Keep an edge while there is room.
@@ -63,6 +65,9 @@ class Explored:
             end: Shape (n,) [rad or m].
             part: The tree that it belongs to.
         """
+        if self._begins:
+            self.edges.clear()
+            self._begins = False
         if len(self.edges) < self.max_edges:
             self.edges.append(Edge(np.array(begin), np.array(end), part))
         else:

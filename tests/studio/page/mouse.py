@@ -13,6 +13,8 @@ from scipy.spatial.transform import Rotation
 _STEPS = 3
 #: Software WebGL draws a few frames each second; a handle is hovered only once one is drawn [ms].
 _FRAME = 200
+#: Time in which a handle that was just added is drawn and hovered [ms].
+_HOVER = 2000
 #: Frames that a drag may take to arrive.
 _FRAMES = 50
 
@@ -53,7 +55,7 @@ def drag(page: Page, begin: Pixel, end: Pixel, arrived: Callable[[], bool]) -> b
         arrived: Whether the program has heard of it; until then the button stays pressed.
     """
     page.mouse.move(*begin)
-    page.wait_for_timeout(_FRAME)
+    page.wait_for_timeout(_HOVER)
     page.mouse.down()
     for part in np.linspace(0.0, 1.0, _STEPS + 1)[1:]:
         page.mouse.move(*(a + part * (b - a) for a, b in zip(begin, end, strict=True)))
