@@ -1,6 +1,6 @@
 """Questions to the service that plan: motions, tasks, tours and tool paths."""
 
-from armwright_client import Client
+from armwright_client import Client, PlanRequest
 from studio.requests import (
     path_request,
     plan_request,
@@ -22,9 +22,7 @@ def plan_motion(client: Client, state: StudioState) -> Planned:
     Raises:
         ApiError: There is none.
     """
-    request = plan_request(state)
-    options = set_fields(request, without=("robot", "start", "goal"))
-    return Planned(state, client.plan(request.robot, request.start, request.goal, **options))
+    return _planned(client, state, plan_request(state))
 
 
 def plan_tool_path(client: Client, state: StudioState) -> Planned:
@@ -38,9 +36,7 @@ def plan_tool_path(client: Client, state: StudioState) -> Planned:
         ApiError: There is none.
         ValueError: There are no two waypoints.
     """
-    request = path_request(state)
-    options = set_fields(request, without=("robot", "start", "goal"))
-    return Planned(state, client.plan(request.robot, request.start, request.goal, **options))
+    return _planned(client, state, path_request(state))
 
 
 def plan_task(client: Client, state: StudioState) -> TaskPlanned:
@@ -74,3 +70,8 @@ def plan_tour(client: Client, state: StudioState) -> TourPlanned:
     request = tour_request(state)
     options = set_fields(request, without=("robot", "goals"))
     return TourPlanned(state, client.plan_tour(request.robot, request.goals, **options))
+
+
+def _planned(client: Client, state: StudioState, request: PlanRequest) -> Planned:
+    options = set_fields(request, without=("robot", "start", "goal"))
+    return Planned(state, client.plan(request.robot, request.start, request.goal, **options))
