@@ -15,6 +15,7 @@ from pydantic import ValidationError
 from service import logs
 from service.app import create_app
 from service.garbage import collect_when_idle, leave_out_what_is_loaded
+from service.housekeeping import take_one_arena
 from service.http.connection import (
     ConnectionLimits,
     connection_class,
@@ -99,6 +100,7 @@ def serve(
     except OSError as error:
         return _refuse(f"can't listen on {settings.host} port {settings.port}: {error}")
     logs.configure(settings.log_format)
+    take_one_arena()
     app = create_app(settings, launched, is_agent=is_agent)
     config = uvicorn.Config(
         HealthOnly(app) if is_agent else app,

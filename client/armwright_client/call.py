@@ -184,14 +184,14 @@ class EventEndpoint(Generic[P]):
 
 def _bind(build: Callable[..., Any], group: Any, kind: type, action: str) -> Any:
     """The method of a group, or of its class where there is no group."""
-    shown = _signature(build, issubclass(kind, AsyncGroup), action)
+    awaited = issubclass(kind, AsyncGroup)
     if group is None:
 
         @wraps(build)
         def of_class(group: Any, *args: Any, **kwargs: Any) -> Any:
             return getattr(group, build.__name__)(*args, **kwargs)
 
-        of_class.__signature__ = shown  # type: ignore[attr-defined]
+        of_class.__signature__ = _signature(build, awaited, action)  # type: ignore[attr-defined]
         return of_class
     bound = build.__get__(group)
     perform = getattr(group._sender, action)
@@ -204,7 +204,7 @@ def _bind(build: Callable[..., Any], group: Any, kind: type, action: str) -> Any
             raise InvalidArgument(_refusal(error)) from error
         return perform(call)
 
-    method.__signature__ = _without_first(shown)  # type: ignore[attr-defined]
+    method.__signature__ = _bound_signature(build, awaited, action)  # type: ignore[attr-defined]
     return method
 
 
@@ -225,7 +225,9 @@ def _signature(build: Callable[..., Any], awaited: bool, action: str) -> Signatu
 
 
 @cache
-def _without_first(shown: Signature) -> Signature:
+def _bound_signature(build: Callable[..., Any], awaited: bool, action: str) -> Signature:
+    """The signature of a method that has its group already."""
+    shown = _signature(build, awaited, action)
     return shown.replace(parameters=list(shown.parameters.values())[1:])
 
 

@@ -6,6 +6,8 @@ Errors are those of httpx, so that both clients tell the same.
 import time
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
+from dataclasses import dataclass
+from typing import Protocol
 from urllib.request import getproxies
 
 import httpx
@@ -28,6 +30,70 @@ _ERRORS: tuple[tuple[type[Exception], type[httpx.RequestError]], ...] = (
     (exceptions.LocationValueError, httpx.UnsupportedProtocol),
     (exceptions.HTTPError, httpx.NetworkError),
 )
+
+
+#: Nothing is sent again by the library: `armwright_client.retry` says when it is.
+_NO_RETRY = urllib3.Retry(False, redirect=False)
+
+
+class Response(Protocol):
+    """A response that was read to its end: of httpx, or `Received`."""
+
+    @property
+    def status_code(self) -> int:
+        """The HTTP status."""
+
+    @property
+    def is_success(self) -> bool:
+        """Whether the status is 2xx."""
+
+    @property
+    def headers(self) -> Mapping[str, str]:
+        """Its headers, whose names are looked up in either case."""
+
+    @property
+    def content(self) -> bytes:
+        """Its body, unpacked."""
+
+    @property
+    def text(self) -> str:
+        """Its body as text."""
+
+    @property
+    def reason_phrase(self) -> str:
+        """The words of its status."""
+
+
+@dataclass(frozen=True, slots=True)
+class Received:
+    """A response as urllib3 has read it: to make one of httpx takes longer than to read a plan.
+
+    Args:
+        status_code: The HTTP status.
+        headers: Its headers.
+        content: Its body, unpacked.
+    """
+
+    status_code: int
+    headers: Mapping[str, str]
+    content: bytes
+
+    @property
+    def is_success(self) -> bool:
+        """Whether the status is 2xx."""
+        return 200 <= self.status_code < 300
+
+    @property
+    def text(self) -> str:
+        """The body as text, as httpx decodes it."""
+        # The body was unpacked: httpx must not do it again.
+        told = [field for field in self.headers.items() if field[0].lower() != "content-encoding"]
+        return httpx.Response(self.status_code, headers=told, content=self.content).text
+
+    @property
+    def reason_phrase(self) -> str:
+        """The words of the status."""
+        return httpx.codes.get_reason_phrase(self.status_code)
 
 
 class Connections:
@@ -58,7 +124,7 @@ class Connections:
         headers: Mapping[str, str],
         content: bytes | None,
         limits: httpx.Timeout,
-    ) -> httpx.Response:
+    ) -> Received:
         """The response to a request, read to its end.
 
         Args:
@@ -81,16 +147,13 @@ class Connections:
                 headers=headers,
                 body=content,
                 timeout=urllib3.Timeout(connect=limits.connect, read=limits.read),
-                retries=False,
+                retries=_NO_RETRY,
                 redirect=False,
                 assert_same_host=False,
             )
             body = response.data
         self._used = time.monotonic()
-        fields = list(response.headers.items())
-        # The body was unpacked: httpx must not do it again.
-        told = [field for field in fields if field[0].lower() != "content-encoding"]
-        return httpx.Response(response.status, headers=told, content=body)
+        return Received(response.status, response.headers, body)
 
     def close(self) -> None:
         """Close all that are not in use."""

@@ -13,7 +13,7 @@ from pydantic import ValidationError
 
 from armwright_client.base import Request
 from armwright_client.call import Call, EventCall
-from armwright_client.connections import direct
+from armwright_client.connections import Response, direct
 from armwright_client.error_codes import from_problem
 from armwright_client.errors import (
     ArmwrightError,
@@ -152,7 +152,7 @@ class Wire:
         # Waiting for one of the client's own connections is no fault of the service.
         return httpx.Timeout(read_timeout, connect=min(self._timeout, _CONNECT), pool=None)
 
-    def wait(self, call: Call[Any], attempt: int, response: httpx.Response) -> float | None:
+    def wait(self, call: Call[Any], attempt: int, response: Response) -> float | None:
         """Time to wait before sending again [s], None where that makes no sense."""
         if not call.repeatable and call.key is None:
             return None
@@ -178,7 +178,7 @@ class Session:
             time.sleep(seconds)
         return answer(call, response)
 
-    def _ask(self, call: Call[Any]) -> httpx.Response:
+    def _ask(self, call: Call[Any]) -> Response:
         """The response to one request, by the shortest way that can send it."""
         if self._connections is None or not _is_plain(call):
             return self._http.send(self._wire.request(self._http, call))
@@ -268,7 +268,7 @@ def as_job(call: Call[Any]) -> Call[Job]:
     return replace(call, read=Job.read, headers=headers, deadline=None, repeatable=False)
 
 
-def answer(call: Call[A], response: httpx.Response) -> A:
+def answer(call: Call[A], response: Response) -> A:
     """The answer in a response.
 
     Raises:
@@ -290,7 +290,7 @@ def answer(call: Call[A], response: httpx.Response) -> A:
         ) from error
 
 
-def failure(call: Call[Any], response: httpx.Response) -> ArmwrightError:
+def failure(call: Call[Any], response: Response) -> ArmwrightError:
     """The error that a response reports; `UnexpectedAnswer` if it is not from the service."""
     problem = _problem(response)
     if problem is not None:
@@ -308,7 +308,7 @@ def failure(call: Call[Any], response: httpx.Response) -> ArmwrightError:
     )
 
 
-def _problem(response: httpx.Response) -> Problem | None:
+def _problem(response: Response) -> Problem | None:
     media_type = response.headers.get("content-type", "").split(";")[0].strip().lower()
     if media_type not in ("application/problem+json", "application/json"):
         return None

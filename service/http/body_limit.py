@@ -7,7 +7,6 @@ file meanwhile, so that clients that send slowly take up no memory.
 import asyncio
 import tempfile
 import time
-from typing import IO
 
 from starlette.datastructures import Headers
 from starlette.requests import ClientDisconnect
@@ -53,10 +52,12 @@ class BodyLimit:
             return
         arrival = scope.setdefault(ARRIVAL, time.monotonic())
         self._check_head(Headers(scope=scope))
-        with tempfile.SpooledTemporaryFile(_IN_MEMORY) as stored:
-            await self._store(receive, arrival, stored)
-            stored.seek(0)
-            unread = [stored.read()]
+        content, is_whole = await self._next(receive, arrival)
+        if is_whole:
+            self._check_size(len(content))
+        else:
+            content = await self._stored(content, receive, arrival)
+        unread = [content]
 
         async def receive_stored() -> Message:
             if unread:
@@ -81,19 +82,31 @@ class BodyLimit:
         ):
             raise self._too_large()
 
-    async def _store(self, receive: Receive, arrival: float, stored: IO[bytes]) -> None:
-        size, more = 0, True
-        while more:
-            left = arrival + self._deadline - time.monotonic()
-            message = await self._in_time(receive, left)
-            if message["type"] == "http.disconnect":
-                raise ClientDisconnect
-            part = message.get("body", b"")
-            size += len(part)
-            if size > self._max_size:
-                raise self._too_large()
-            stored.write(part)
-            more = message.get("more_body", False)
+    async def _stored(self, first: bytes, receive: Receive, arrival: float) -> bytes:
+        """A body that comes in parts, which wait in a file if they are large."""
+        with tempfile.SpooledTemporaryFile(_IN_MEMORY) as stored:
+            part, size, is_whole = first, 0, False
+            while True:
+                size += len(part)
+                self._check_size(size)
+                stored.write(part)
+                if is_whole:
+                    break
+                part, is_whole = await self._next(receive, arrival)
+            stored.seek(0)
+            return stored.read()
+
+    async def _next(self, receive: Receive, arrival: float) -> tuple[bytes, bool]:
+        """The next part of a body, and whether it is the last one."""
+        left = arrival + self._deadline - time.monotonic()
+        message = await self._in_time(receive, left)
+        if message["type"] == "http.disconnect":
+            raise ClientDisconnect
+        return message.get("body", b""), not message.get("more_body", False)
+
+    def _check_size(self, size: int) -> None:
+        if size > self._max_size:
+            raise self._too_large()
 
     async def _in_time(self, receive: Receive, left: float) -> Message:
         try:

@@ -2,6 +2,8 @@
 
 import asyncio
 import time
+from collections.abc import AsyncIterator
+from contextlib import asynccontextmanager
 from typing import TypeVar
 
 from fastapi import Request
@@ -74,18 +76,8 @@ async def compute(
     admission: Admission = request.app.state.admission
     admission.note(request.method, request.url.path, job.task)
     timed = job.with_deadline(deadline_of(request, seconds))
-    submitted = supervisor.submit(timed, client=client_of(request))
-    working = asyncio.ensure_future(submitted)
-    leaving = asyncio.ensure_future(_disconnection(request))
-    try:
-        await asyncio.wait({working, leaving}, return_when=asyncio.FIRST_COMPLETED)
-        if not working.done():
-            raise ProblemError("PREEMPTED", "the client left", stage="worker", status=_CLIENT_LEFT)
-        return working.result()
-    finally:
-        working.cancel()
-        leaving.cancel()
-        await asyncio.gather(working, leaving, return_exceptions=True)
+    async with _ending_with_client(request):
+        return await supervisor.submit(timed, client=client_of(request))
 
 
 async def compute_at_once(request: Request, job: Job[_R]) -> _R:
@@ -112,6 +104,42 @@ def client_of(request: Request) -> str:
     if key is not None:
         return key
     return "" if request.client is None else request.client.host
+
+
+@asynccontextmanager
+async def _ending_with_client(request: Request) -> AsyncIterator[None]:
+    """Cancel what is awaited within when the client leaves.
+
+    Raises:
+        ProblemError: PREEMPTED, it left.
+    """
+    # As `asyncio.timeout` does it: a task for the work and another one to wait for whichever ends
+    # first would cost more than the rest of a request's way to its worker.
+    awaiting = asyncio.current_task()
+    assert awaiting is not None
+    has_left = False
+
+    def note(leaving: "asyncio.Task[None]") -> None:
+        nonlocal has_left
+        # Whatever is wrong with the connection: nobody can be answered on it.
+        if not leaving.cancelled():
+            has_left = True
+            leaving.exception()
+            awaiting.cancel()
+
+    leaving = asyncio.create_task(_disconnection(request))
+    leaving.add_done_callback(note)
+    try:
+        yield
+    except asyncio.CancelledError:
+        if has_left and awaiting.uncancel() == 0:
+            raise ProblemError(
+                "PREEMPTED", "the client left", stage="worker", status=_CLIENT_LEFT
+            ) from None
+        raise
+    finally:
+        leaving.remove_done_callback(note)
+        leaving.cancel()
 
 
 async def _disconnection(request: Request) -> None:

@@ -7,7 +7,7 @@ import time
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
-from typing import Any
+from typing import Any, cast
 
 import h11
 from starlette.types import Receive, Scope, Send
@@ -83,8 +83,8 @@ class Connection(H11Protocol):
 
     def connection_made(self, transport: asyncio.BaseTransport) -> None:
         """Begin to wait for a request, or refuse the connection where there are too many."""
-        assert isinstance(transport, asyncio.Transport)
-        self._joined = JoinedWrites(transport)
+        # Of any event loop: those of uvloop look like asyncio's, but don't descend from them.
+        self._joined = JoinedWrites(cast(asyncio.Transport, transport))
         super().connection_made(self._joined)
         if len(self.connections) > self._limits.count:
             self._refuse(

@@ -28,7 +28,8 @@ def parse_json(content: bytes) -> Any:
     """
     check_field_count(content)
     try:
-        value = from_json(content, allow_inf_nan=False)
+        # Names of fields come again; names of robots and scenes would fill a cache for good.
+        value = from_json(content, allow_inf_nan=False, cache_strings="keys")
     except ValueError as error:
         raise _syntax_problem(content, str(error)) from None
     if not _has_fields(value, _field_count(content)):
@@ -113,7 +114,7 @@ def _duplicate_problem(content: bytes) -> ProblemError:
 
 def _syntax_problem(content: bytes, message: str) -> ProblemError:
     try:
-        lenient = from_json(content, allow_inf_nan=True)
+        lenient = from_json(content, allow_inf_nan=True, cache_strings="keys")
     except ValueError:
         paths = []
     else:

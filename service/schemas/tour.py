@@ -150,7 +150,9 @@ class TourRequest(Keepable):
         20, description="rounds of search and proof after the first tour that is proved"
     )
     leg_timeout: Annotated[Positive, Field(le=600.0)] = Field(
-        2.0, description="longest that one leg is planned [s]"
+        10.0,
+        description="longest that one leg is planned [s]; before that, planners end after a number "
+        "of edges",
     )
     allow_partial: bool = Field(
         False, description="whether a tour that leaves goals out is an answer"

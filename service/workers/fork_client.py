@@ -128,6 +128,11 @@ class ForkServer:
         self._loop = asyncio.get_running_loop()
         self._loop.add_reader(launched.control, self._receive)
 
+    @property
+    def holds_workers(self) -> bool:
+        """Whether workers live for as long as this is not ended: a twin's have another's end."""
+        return isinstance(self._launched, Launched)
+
     async def fork(self, channel: socket.socket) -> WorkerProcess:
         """Fork a worker once the fork server is warm.
 

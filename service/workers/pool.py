@@ -171,7 +171,8 @@ class WorkerPool:
                 await self._fork_server.lost.wait()
                 self._available.clear()
                 lost, self._fork_server = self._fork_server, None
-                self._lost.append(lost)
+                if lost.holds_workers:
+                    self._lost.append(lost)
                 await lost.reap()
                 _log.warning("the fork server has ended; another takes its place")
             except Exception:  # noqa: BLE001  (whatever it is, the next attempt may succeed)

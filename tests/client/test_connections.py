@@ -1,6 +1,7 @@
 """Connections straight to a service: errors, threads, what is kept open, and the same answers."""
 
 import contextlib
+import gzip
 import socket
 import threading
 from collections.abc import Iterator
@@ -28,6 +29,9 @@ class Seen:
     clients: set[Any] = field(default_factory=set)
     asked: list[tuple[str, str, dict[str, str], bytes]] = field(default_factory=list)
     closes: bool = False
+    status: int = 200
+    headers: dict[str, str] = field(default_factory=lambda: {"Content-Type": "application/json"})
+    content: bytes = HEALTH
 
 
 @contextlib.contextmanager
@@ -42,13 +46,14 @@ def server() -> Iterator[Seen]:
             content = self.rfile.read(int(self.headers.get("Content-Length", "0")))
             seen.clients.add(self.client_address)
             seen.asked.append((self.command, self.path, dict(self.headers), content))
-            self.send_response(200)
-            self.send_header("Content-Type", "application/json")
-            self.send_header("Content-Length", str(len(HEALTH)))
+            self.send_response(seen.status)
+            for name, value in seen.headers.items():
+                self.send_header(name, value)
+            self.send_header("Content-Length", str(len(seen.content)))
             if seen.closes:
                 self.send_header("Connection", "close")
             self.end_headers()
-            self.wfile.write(HEALTH)
+            self.wfile.write(seen.content)
 
         do_POST = do_GET
 
@@ -93,6 +98,37 @@ def test_a_connection_is_kept_while_it_is_fresh_and_open(monkeypatch: pytest.Mon
         for _ in range(3):
             client.healthz()
         assert len(seen.clients) == 4
+
+
+@pytest.mark.parametrize(
+    ("status", "headers", "content"),
+    [
+        (404, {"Content-Type": "application/problem+json"}, b'{"code":"NOT_FOUND","detail":"no"}'),
+        (429, {"content-type": "application/problem+json", "RETRY-AFTER": "99"}, b'{"code":"X"}'),
+        (502, {"Content-Type": "text/html; charset=latin-1"}, "<p>gestört</p>".encode("latin-1")),
+        (
+            502,
+            {"Content-Type": "text/html", "Content-Encoding": "gzip"},
+            gzip.compress(b"<p>!", mtime=0),
+        ),
+        (302, {"Location": "https://login"}, b""),
+        (200, {"Content-Type": "text/html"}, "<p>Grüße \xff".encode("latin-1")),
+    ],
+)
+def test_refusals_are_told_as_by_httpx(
+    status: int, headers: dict[str, str], content: bytes
+) -> None:
+    told = []
+    with server() as seen:
+        seen.status, seen.headers, seen.content = status, headers, content
+        for transport in (None, httpx.HTTPTransport()):
+            with (
+                Client(seen.url, transport=transport) as client,
+                pytest.raises(ours.ArmwrightError) as refused,
+            ):
+                client.healthz()
+            told.append((type(refused.value), str(refused.value), vars(refused.value)))
+    assert told[0] == told[1]
 
 
 def test_threads_share_them() -> None:

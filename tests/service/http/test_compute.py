@@ -116,3 +116,49 @@ def test_a_client_that_leaves_ends_the_work() -> None:
     assert (left.value.code, left.value.status) == ("PREEMPTED", 499)
     assert supervisor.cancelled
     assert time.monotonic() - begun < 5.0
+
+
+def test_whoever_cancels_a_request_is_not_taken_for_its_client() -> None:
+    supervisor = Supervisor(3600.0)
+
+    async def run() -> None:
+        working = asyncio.create_task(compute(request(supervisor), chores.add.job(1, 2)))
+        await asyncio.sleep(0.01)
+        working.cancel()
+        with pytest.raises(asyncio.CancelledError):
+            await working
+        await asyncio.sleep(0)
+        assert len(asyncio.all_tasks()) == 1, "nobody waits for the client any more"
+
+    asyncio.run(run())
+    assert supervisor.cancelled
+
+
+def test_a_time_limit_around_a_request_is_told_as_one() -> None:
+    supervisor = Supervisor(3600.0)
+
+    async def run() -> None:
+        with pytest.raises(TimeoutError):
+            async with asyncio.timeout(0.01):
+                await compute(request(supervisor), chores.add.job(1, 2))
+
+    asyncio.run(run())
+    assert supervisor.cancelled
+
+
+def test_a_connection_that_fails_counts_as_one_that_has_ended() -> None:
+    supervisor = Supervisor(3600.0)
+
+    async def fail() -> dict[str, Any]:
+        await asyncio.sleep(0.01)
+        raise OSError("reset")
+
+    async def run() -> None:
+        broken = Request(request(supervisor).scope, fail)
+        with pytest.raises(ProblemError, match="the client left"):
+            await compute(broken, chores.add.job(1, 2))
+        # What was cancelled for the client is not cancelled any more.
+        await asyncio.sleep(0.01)
+
+    asyncio.run(run())
+    assert supervisor.cancelled

@@ -2,6 +2,7 @@
 
 import json
 import time
+import tracemalloc
 from typing import Any
 
 import pytest
@@ -48,6 +49,18 @@ def test_the_number_of_fields_is_bounded_before_anything_is_parsed() -> None:
 def test_colons_in_texts_are_no_fields() -> None:
     text = '\\": ' * (MAX_FIELDS + 1)
     assert parse_json(json.dumps({"moveit": text}).encode()) == {"moveit": text}
+
+
+def test_nothing_stays_of_what_was_parsed() -> None:
+    parse_json(b'{"name": "arm"}')
+    tracemalloc.start()
+    try:
+        for number in range(5000):
+            parse_json(b'{"name": "a robot that is named once: %d"}' % number)
+        kept, _ = tracemalloc.get_traced_memory()
+    finally:
+        tracemalloc.stop()
+    assert kept < 50_000
 
 
 def test_the_fields_of_one_object_are_bounded_exactly() -> None:
