@@ -27,7 +27,7 @@ from obstacles.collision_model import CollisionModel, ModelArrays
 from obstacles.robot_geometry import RobotGeometry
 from obstacles.scene import Scene
 from planning.deadline import Deadline
-from planning.reach import kernel
+from planning.reach import assessment, kernel
 from planning.reach.tolerance import Tolerance
 
 Choice = Literal["manipulability", "clearance", "limits", "first"]
@@ -47,16 +47,16 @@ _ON_AXIS = 1e-10
 _PLAN, _ROW = frozen(np.zeros((1, PLAN_COLUMNS))), frozen([0.0])
 #: Values of the types that all arms and settings have.
 _ARM = Arm(_PLAN, _PLAN, 0, _ROW, _ROW)
-_SETTINGS = kernel.ReachSettings(0.0, 0.0, 0, False, False)
+_SETTINGS = assessment.ReachSettings(0.0, 0.0, 0, False, False)
 
 
 class Status(IntEnum):
     """Outcome of a pose; each one came nearer than those before."""
 
-    OUT_OF_REACH = kernel.OUT_OF_REACH
-    OUTSIDE_LIMITS = kernel.OUTSIDE_LIMITS
-    IN_COLLISION = kernel.IN_COLLISION
-    REACHED = kernel.REACHED
+    OUT_OF_REACH = assessment.OUT_OF_REACH
+    OUTSIDE_LIMITS = assessment.OUTSIDE_LIMITS
+    IN_COLLISION = assessment.IN_COLLISION
+    REACHED = assessment.REACHED
 
 
 @dataclass(frozen=True, slots=True)
@@ -134,8 +134,8 @@ class _Query:
     link: str | None
     arm: Arm
     form: Structure | None
-    parts: kernel.Parts
-    settings: kernel.ReachSettings
+    parts: assessment.Parts
+    settings: assessment.ReachSettings
     options: ReachOptions
 
 
@@ -174,7 +174,7 @@ def reach(
         raise InvalidPose("the poses must be finite 4x4 transforms, shape (m, 4, 4)")
     deviations = how.tolerance.deviations()
     query = _query(robot, scene, link, how, deviations)
-    results = np.zeros((len(T), kernel.COLUMNS))
+    results = np.zeros((len(T), assessment.COLUMNS))
     joints = np.full((len(T), chain.n), np.nan)
     step, completed = max(_CHUNK // len(deviations), 1), 0
     while completed < len(T) and not (deadline is not None and deadline.passed):
@@ -199,7 +199,7 @@ def _query(
     arm = Arm(plan, chain.model, link_number(chain, link or chain.tip_link), lower, upper)
     model = CollisionModel(robot, scene, options.margin).arrays
     turns = np.zeros(0) if form is None else _last_turns(arm, form, deviations)
-    settings = kernel.ReachSettings(
+    settings = assessment.ReachSettings(
         TOLERANCE,
         0.0,
         CHOICES.index(options.choice),
@@ -213,6 +213,8 @@ def _last_turns(arm: Arm, form: Structure, deviations: Array) -> Array:
     """By how much deviations (s, 4, 4) turn the last joint [rad], (0,) where they do more."""
     last = len(arm.lower) - 1
     row = arm.model[last + 2 + arm.link]
+    if arm.model[0, 2] > 0.0:  # bodies off the chain may turn with the last joint too
+        return np.zeros(0)
     if len(deviations) == 1 or int(row[0]) != last or arm.model[last + 1, 0] != 0.0:
         return np.zeros(0)
     if form.locked == last:  # then its angle is the parameter of the closed form
@@ -225,17 +227,17 @@ def _last_turns(arm: Arm, form: Structure, deviations: Array) -> Array:
     return np.asarray(np.arctan2(M[:, 1, 0], M[:, 0, 0]))
 
 
-def _parts(model: ModelArrays, last: int, turns: Array) -> kernel.Parts:
+def _parts(model: ModelArrays, last: int, turns: Array) -> assessment.Parts:
     """A packed robot and scene, whole and parted at joint number ``last``."""
     if not len(turns):
-        return kernel.Parts(model, model, model, turns)
+        return assessment.Parts(model, model, model, turns)
     moves = model.joints == last
     body, group = moves[model.bodies[:, 0]], moves[model.groups[:, 2:]].any(axis=1)
     before, behind = (
         model._replace(bodies=model.bodies[body == k], groups=model.groups[group == k])
         for k in (False, True)
     )
-    return kernel.Parts(model, before, behind, turns)
+    return assessment.Parts(model, before, behind, turns)
 
 
 def _by_closed_form(query: _Query, targets: Array, results: Array, joints: Array) -> None:
@@ -280,9 +282,11 @@ def _by_search(query: _Query, targets: Array, results: Array, joints: Array) -> 
 
     shared(share, m, query.options.threads)
     # Several rounds find the same configuration: only whether there is one is known.
-    results[:, kernel.BRANCHES] = np.minimum(results[:, kernel.BRANCHES], 1.0)
+    results[:, assessment.BRANCHES] = np.minimum(results[:, assessment.BRANCHES], 1.0)
     solved = rows[..., query.chain.n + INSIDE].reshape(m, _ROUNDS, s)
-    results[:, kernel.SAMPLES] = np.minimum(results[:, kernel.SAMPLES], solved.any(axis=1).sum(1))
+    results[:, assessment.SAMPLES] = np.minimum(
+        results[:, assessment.SAMPLES], solved.any(axis=1).sum(1)
+    )
 
 
 def _start(chain: Chain, seed: int) -> Array:
@@ -302,21 +306,21 @@ def parameter_values(chain: Chain, form: Structure) -> Array:
 
 
 def _answer(results: Array, joints: Array, options: ReachOptions) -> Reach:
-    status = results[:, kernel.STATUS].astype(np.int64)
+    status = results[:, assessment.STATUS].astype(np.int64)
     missed = status != Status.REACHED
     figures = results.copy()
     figures[missed] = np.nan
-    clearance = figures[:, kernel.CLEARANCE]
+    clearance = figures[:, assessment.CLEARANCE]
     if not options.clearance:
         clearance = np.full(len(results), np.nan)
     return Reach(
         status,
-        results[:, kernel.BRANCHES].astype(np.int64),
-        results[:, kernel.SAMPLES].astype(np.int64),
+        results[:, assessment.BRANCHES].astype(np.int64),
+        results[:, assessment.SAMPLES].astype(np.int64),
         joints,
-        figures[:, kernel.MANIPULABILITY],
+        figures[:, assessment.MANIPULABILITY],
         clearance,
-        figures[:, kernel.LIMIT_DISTANCE],
+        figures[:, assessment.LIMIT_DISTANCE],
         len(results),
     )
 
@@ -325,7 +329,7 @@ def _answer(results: Array, joints: Array, options: ReachOptions) -> Reach:
 def _closed_form() -> Any:
     """``closed_form_reach_kernel`` without a look at its arguments' types."""
     row, rows = np.zeros(1), np.zeros((1, 1))
-    parts = kernel.Parts(any_model(), any_model(), any_model(), row)
+    parts = assessment.Parts(any_model(), any_model(), any_model(), row)
     return direct(
         kernel.closed_form_reach_kernel, _ARM, parts, np.zeros((1, 1, 4, 4)), row, row,
         _SETTINGS, rows, rows,

@@ -1,0 +1,238 @@
+"""Outcome of a pose whose deviations turn the last joint alone: all of them at once."""
+
+import numpy as np
+
+from kinematics.arrays import Array, Indices
+from kinematics.compiled.kernel import kernel
+from kinematics.ik.plan import Arm
+from kinematics.ik.refine import CODE
+from kinematics.ik.verification import near_kernel
+from obstacles.edge_check import FREE
+from obstacles.model_arrays import ModelArrays
+from obstacles.state_check import verdict_in
+from planning.reach.assessment import (
+    BRANCHES,
+    BY_CLEARANCE,
+    BY_LIMITS,
+    BY_MANIPULABILITY,
+    BY_ORDER,
+    GAIN,
+    IN_COLLISION,
+    LEFT,
+    NO_BETTER,
+    OUT,
+    REACHED,
+    SAMPLES,
+    STATUS,
+    Parts,
+    ReachSettings,
+    ReachWork,
+    judge,
+    keep,
+    limit_distance_kernel,
+    manipulability,
+    ones,
+)
+
+#: Share by which values of the manipulability differ by rounding at most.
+_ROUNDING = 1e-9
+# Columns of the tallies of deviations that turn the last joint.
+_FREE, _SEEN, _OPEN, _CODES = 0, 1, 2, 3
+
+
+@kernel(allocates=False)
+def assess_turns(  # noqa: C901, PLR0912, PLR0915
+    arm: Arm, parts: Parts, work: ReachWork, table: Array, seed: Array, settings: ReachSettings,
+    result: Array, joints: Array,
+) -> None:  # fmt: skip
+    """``assess`` for all deviations at once where they turn the last joint alone.
+
+    What does not move with it is looked at once a branch, and so is the manipulability. The first
+    deviation is looked at in all branches, since mostly no other one has more of them.
+
+    Args:
+        arm: The chain up to the link and its closed form.
+        parts: The packed robot and scene.
+        work: Memory.
+        table: A row for each branch of the first deviation, shape (r, n + MORE).
+        seed: Configuration that whole turns are to be near, shape (n,).
+        settings: How to judge.
+        result: Of the pose, brought up to date, shape (COLUMNS,).
+        joints: The best configuration, likewise, shape (n,).
+    """
+    last, best, q, tallies = seed.shape[0] - 1, -np.inf, work.q, work.tallies
+    tallies[:], work.struck[0] = 0, 0
+    for row in range(table.shape[0]):
+        work.looked[row, :] = OUT
+        if not _take_row(arm, table, row, q):
+            continue
+        bit = 1 << int(table[row, last + 1 + CODE])
+        around, high, value, pair = -1, True, 0.0, -1
+        for s in range(tallies.shape[0]):
+            q[last], fits, _ = near_kernel(
+                table[row, last] + parts.turns[s], arm.lower[last], arm.upper[last], seed[last]
+            )
+            if not fits:
+                continue
+            if around < 0:
+                around = verdict_in(parts.before, work.collision, q, settings.margin, work.asked)
+                result[STATUS] = max(result[STATUS], IN_COLLISION)
+                if around == FREE:
+                    high = _may_be_better(arm, parts, work, settings, best)
+            if around != FREE:
+                break
+            again = settings.redundant and tallies[s, _SEEN] & bit != 0
+            counts = tallies[s, _FREE] == 0 or (s == 0 and not again)
+            wanted = high
+            if settings.choice == BY_LIMITS:
+                value = limit_distance_kernel(arm, q)
+                wanted = value > best
+            verdict = NO_BETTER
+            if wanted:
+                # The places of all the others are those of the look before.
+                verdict, value, pair = judge(
+                    parts.behind, parts.whole, work, q, settings, value, best
+                )
+            if verdict == NO_BETTER and counts:
+                wanted = False
+                verdict = verdict_in(parts.behind, work.collision, q, settings.margin, work.asked)
+            if verdict == NO_BETTER:
+                work.looked[row, s] = LEFT
+                tallies[s, _OPEN] += 1
+                tallies[s, _CODES] |= bit
+                continue
+            if verdict != FREE:
+                work.struck[0] |= bit
+                continue
+            _count(tallies[s], bit, again)
+            if wanted:
+                value, high = _value_and_rest(arm, parts, work, settings, value, pair)
+                if value > best:
+                    best = value
+                    keep(arm, work, q, result, joints)
+            if settings.choice == BY_ORDER:
+                break
+        if settings.choice == BY_ORDER and best > -np.inf:
+            break
+    if settings.choice != BY_ORDER:
+        _look_again(arm, parts, work, table, seed, settings)
+    _sum_up(tallies, result)
+
+
+@kernel(allocates=False)
+def _sum_up(tallies: Indices, result: Array) -> None:
+    """Write what the deviations come to."""
+    for s in range(tallies.shape[0]):
+        if tallies[s, _FREE] > 0:
+            result[STATUS] = REACHED
+            result[SAMPLES] += 1
+            result[BRANCHES] = max(result[BRANCHES], tallies[s, _FREE])
+
+
+@kernel(allocates=False)
+def _value_and_rest(
+    arm: Arm, parts: Parts, work: ReachWork, settings: ReachSettings, value: float, pair: int
+) -> tuple[float, bool]:
+    """The value of ``work.q``, which is free, and whether another turn of it may be better.
+
+    Args:
+        arm: The chain up to the link.
+        parts: The packed robot and scene.
+        work: Memory.
+        settings: How to judge.
+        value: Its value but for the manipulability.
+        pair: Its closest pair.
+    """
+    if settings.choice == BY_LIMITS:
+        return value, True
+    if settings.choice == BY_CLEARANCE:
+        return value, _moves_with(parts.whole, pair, work.q.shape[0] - 1)
+    return manipulability(arm, work, work.q), False
+
+
+@kernel(allocates=False)
+def _look_again(
+    arm: Arm, parts: Parts, work: ReachWork, table: Array, seed: Array, settings: ReachSettings
+) -> None:
+    """Look at what was left, at deviations that may have more free branches than any has yet."""
+    last, q, tallies = seed.shape[0] - 1, work.q, work.tallies
+    most = 0
+    for s in range(tallies.shape[0]):
+        most = max(most, tallies[s, _FREE])
+    # Those first that were not free at another deviation.
+    for number in range(2 * table.shape[0]):
+        row = number % table.shape[0]
+        bit, placed = 1 << int(table[row, last + 1 + CODE]), False
+        if number < table.shape[0] and work.struck[0] & bit == 0:
+            continue
+        for s in range(tallies.shape[0]):
+            if work.looked[row, s] != LEFT:
+                continue
+            again = settings.redundant and tallies[s, _SEEN] & bit != 0
+            if again or _at_most(tallies[s], settings) <= most:
+                continue
+            if not placed:
+                _take_row(arm, table, row, q)
+            q[last], _, _ = near_kernel(
+                table[row, last] + parts.turns[s], arm.lower[last], arm.upper[last], seed[last]
+            )
+            if not placed:
+                verdict_in(parts.before, work.collision, q, settings.margin, work.asked)
+                placed = True
+            tallies[s, _OPEN] -= 1
+            work.looked[row, s] = OUT
+            found = verdict_in(parts.behind, work.collision, q, settings.margin, work.asked)
+            if found == FREE:
+                _count(tallies[s], bit, again)
+                most = max(most, tallies[s, _FREE])
+
+
+@kernel(allocates=False)
+def _moves_with(model: ModelArrays, pair: int, joint: int) -> bool:
+    """Whether the last joint moves one of a pair of the packed robot and scene."""
+    scene = model.scene.shape[0]
+    apart = pair - model.skipped.shape[0] * scene
+    if pair < 0 or apart < 0:
+        return bool(pair >= 0 and model.joints[pair // scene] == joint)
+    i, j = model.self_pairs[apart, 0], model.self_pairs[apart, 1]
+    return bool(model.joints[i] == joint or model.joints[j] == joint)
+
+
+@kernel(allocates=False)
+def _take_row(arm: Arm, table: Array, row: int, q: Array) -> bool:
+    """Copy a row's joints to ``q`` (n,); whether all but the last are inside their limits."""
+    inside = True
+    for j in range(q.shape[0]):
+        q[j] = table[row, j]
+        if j < q.shape[0] - 1:
+            inside = inside and arm.lower[j] <= q[j] <= arm.upper[j]
+    return inside
+
+
+@kernel(allocates=False)
+def _count(tally: Indices, bit: int, again: bool) -> None:
+    """Count a branch that is free at a deviation."""
+    if not again:
+        tally[_FREE] += 1
+        tally[_SEEN] |= bit
+
+
+@kernel(allocates=False)
+def _at_most(tally: Indices, settings: ReachSettings) -> int:
+    """Largest number of branches that can be free at a deviation."""
+    if settings.redundant:
+        return ones(tally[_SEEN] | tally[_CODES])
+    return int(tally[_FREE] + tally[_OPEN])
+
+
+@kernel(allocates=False)
+def _may_be_better(
+    arm: Arm, parts: Parts, work: ReachWork, settings: ReachSettings, best: float
+) -> bool:
+    """Whether a turn of the last joint from ``work.q``, otherwise free, may be better than all."""
+    if settings.choice == BY_CLEARANCE and best > settings.margin:
+        found = verdict_in(parts.before, work.collision, work.q, best + GAIN, work.asked)
+        return found == FREE
+    if settings.choice == BY_MANIPULABILITY and best > 0.0:
+        return manipulability(arm, work, work.q) > best * (1.0 - _ROUNDING)
+    return True
