@@ -142,11 +142,20 @@ def joints_without_inertia(chain: Chain) -> tuple[str, ...]:
 
 
 def _check_inertias(chain: Chain) -> None:
-    """Refuse a chain none of whose moving links has an inertia.
+    """Refuse a chain none of whose moving links has an inertia, or with joints that follow others.
 
     Raises:
-        MissingInertia: None has.
+        MissingInertia: None has, or what followers carry is not in the equations of motion.
     """
+    if chain.followers:
+        carrying = ", ".join(repr(follower.name) for follower in chain.followers)
+        raise MissingInertia(
+            f"the equations of motion of robot {chain.name!r} are not known: they leave out what "
+            f"joint(s) {carrying} carry, which mimic joints of the chain",
+            hint="Make these joints fixed in the description, or leave out what needs forces.",
+            joints=[follower.name for follower in chain.followers],
+            links=[],
+        )
     if len(massless_joints(chain)) < chain.n:
         return
     names = [link.name for link in chain.links if link.joint >= 0]

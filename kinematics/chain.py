@@ -19,6 +19,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from kinematics.arrays import Array, Indices, frozen
 from kinematics.errors import InvalidLinkName, InvalidRobotState, MissingLimit
+from kinematics.follower import Follower
 
 #: Chains longer than this are refused: no arm has so many joints, a bomb may.
 MAX_JOINTS = 64
@@ -105,7 +106,8 @@ class Link:
 
     Args:
         name: The link's name.
-        joint: Index of the joint that carries it, -1 for what stands still.
+        joint: The body it is part of: the index of the joint that carries it, -1 for what stands
+            still, n + k for what follower k of the chain carries.
         T_joint_link: The link's frame in that joint's frame, shape (4, 4).
         inertia: Mass properties in the link's frame; None where the description has none.
     """
@@ -142,12 +144,15 @@ class Chain:
             Denavit-Hartenberg table that the chain was built from; None for other chains.
         root_link: Name of the link whose frame all poses are in; the base link where empty.
         root_aliases: Other names of that frame, as fixed virtual joints of an SRDF give them.
+        followers: Joints off the chain that mimic one of it (``kinematics.follower``).
 
     Also known: ``index``, where each link stands in ``links``; ``model``, all that forward
-    kinematics reads in one array (1 + n + len(links), 14): n and the tip's number, then a joint's
-    type and offset or a link's joint and frame in a row, frames by their upper three rows, and
-    last the links' numbers in the order of their joints; ``content_hash``; ``memo``, where what was
-    made of a chain last can wait for the next call: finding it by hash costs more than a frame.
+    kinematics reads in one array (1 + n + len(links) + 2 len(followers), 14): n and the tip's
+    number, then a joint's type and offset or a link's joint and frame in a row, frames by their
+    upper three rows, and last the links' numbers in the order of their joints; where there are
+    followers, their number and first row behind n and the tip, and two rows for each: type, frame
+    and parent, then leader, multiplier and offset; ``content_hash``; ``memo``, where what was made
+    of a chain last can wait for the next call: finding it by hash costs more than a frame.
     """
 
     name: str
@@ -166,6 +171,7 @@ class Chain:
     dh_convention: str | None = None
     root_link: str = ""
     root_aliases: tuple[str, ...] = ()
+    followers: tuple[Follower, ...] = ()
     index: Mapping[str, int] = field(init=False, repr=False)
     model: Array = field(init=False, repr=False)
     content_hash: str = field(init=False, repr=False)
@@ -185,6 +191,12 @@ class Chain:
         object.__setattr__(self, "root_link", self.root_link or self.base_link)
         by_name = {link.name: i for i, link in enumerate(self.links)}
         object.__setattr__(self, "index", MappingProxyType(by_name))
+        if self.tip_link in by_name and self.links[by_name[self.tip_link]].joint >= n:
+            raise InvalidLinkName(
+                f"{self.tip_link!r} can't be the tip: it hangs on a joint that mimics another",
+                hint="Name a link that joints of the chain carry.",
+                link=self.tip_link,
+            )
         object.__setattr__(self, "model", _model(self))
         object.__setattr__(self, "content_hash", _content_hash(self))
 
@@ -201,6 +213,17 @@ class Chain:
     def n(self) -> int:
         """Number of joints."""
         return len(self.joint_names)
+
+    @property
+    def body_count(self) -> int:
+        """Bodies that move: one for each joint and each follower."""
+        return len(self.joint_names) + len(self.followers)
+
+    def joint_of(self, body: int) -> str:
+        """Name of the joint that moves a body, one of the chain's or a follower."""
+        if body < len(self.joint_names):
+            return self.joint_names[body]
+        return self.followers[body - len(self.joint_names)].name
 
     @property
     def tip(self) -> Link:
@@ -271,6 +294,11 @@ def _model(chain: Chain) -> Array:
         (link.joint, *link.T_joint_link[:3].flat, k)
         for link, k in zip(chain.links, order, strict=True)
     ]
+    if chain.followers:
+        rows[0] = (*rows[0][:2], len(chain.followers), len(rows), *[0.0] * 10)
+    for each in chain.followers:
+        rows.append((each.joint_type, *each.T_parent_joint[:3].flat, each.parent))
+        rows.append((each.leader, each.multiplier, each.offset, *[0.0] * 11))
     return frozen(rows)
 
 
@@ -288,6 +316,8 @@ def _content_hash(chain: Chain) -> str:
     arrays += [getattr(chain.limits, item.name) for item in fields(chain.limits)]
     for array in arrays:
         digest.update(np.ascontiguousarray(array).tobytes())
+    for each in chain.followers:
+        digest.update(each.text().encode() + each.T_parent_joint.tobytes())
     for link in chain.links:
         digest.update(f"{link.name}\0{link.joint}\0".encode() + link.T_joint_link.tobytes())
         if link.inertia is not None:

@@ -180,6 +180,18 @@ class RobotDescription:
         """The joints fastened to ``link``, in the order of the file."""
         return tuple(joint for joint in self.joints.values() if joint.parent == link)
 
+    def leader(self, joint: JointDescription) -> tuple[str, float, float]:
+        """The joint at the end of a line of mimics, and q = multiplier q_leader + offset.
+
+        A joint that mimics none leads itself, by 1 and 0.
+        """
+        multiplier, offset, leader = 1.0, 0.0, joint
+        while leader.mimic is not None:
+            offset += multiplier * leader.mimic.offset
+            multiplier *= leader.mimic.multiplier
+            leader = self.joints[leader.mimic.joint]
+        return leader.name, multiplier, offset
+
     def parent_joint(self, link: str) -> JointDescription | None:
         """The joint that carries ``link``; None for the root."""
         return next((joint for joint in self.joints.values() if joint.child == link), None)

@@ -7,7 +7,7 @@ import numpy as np
 from kinematics.arrays import Array
 from kinematics.chain import Chain
 from kinematics.errors import InvalidRobotState
-from kinematics.forward import all_poses, link_number, one_pose
+from kinematics.forward import all_poses, link_number, one_pose, write_branches
 from kinematics.jacobian import both_of_one, one_jacobian
 
 
@@ -24,6 +24,7 @@ class KinematicsEvaluator:
 
     Raises:
         InvalidLinkName: No such link.
+        InvalidOption: The link hangs on a joint that mimics another.
     """
 
     __slots__ = (
@@ -52,6 +53,8 @@ class KinematicsEvaluator:
     def link_poses(self, q: Array) -> Array:
         """Poses of all links, shape (len(links), 4, 4); see ``forward.link_poses``."""
         if self._poses_of(self._model, q, self._poses):
+            if self.chain.followers:
+                write_branches(self.chain, q, self._poses)
             return self._poses
         raise self._wrong(q)
 

@@ -131,7 +131,8 @@ def fingers(
 ) -> Fingers:
     """The joints of the branches that hang on the body of a chain's last joint.
 
-    Those that hang on others are no fingers: those of a second arm, a head.
+    Those that hang on others are no fingers: those of a second arm, a head; nor are those that
+    follow a joint of the chain.
 
     Args:
         description: The tree.
@@ -143,6 +144,8 @@ def fingers(
     while waiting:
         link = waiting.pop(0)
         for joint in description.children(link):
+            if joint.name in chosen.followers:
+                continue  # What it carries moves with the arm.
             waiting.append(joint.child)
             if joint.moves or link in behind:
                 behind.add(joint.child)
@@ -161,12 +164,7 @@ def fingers(
 def _finger(description: RobotDescription, joint: JointDescription) -> Finger:
     if not joint.moves:
         return Finger(joint, "")
-    multiplier, offset, leader = 1.0, 0.0, joint
-    while leader.mimic is not None:
-        offset += multiplier * leader.mimic.offset
-        multiplier *= leader.mimic.multiplier
-        leader = description.joints[leader.mimic.joint]
-    return Finger(joint, leader.name, multiplier, offset)
+    return Finger(joint, *description.leader(joint))
 
 
 def _states(

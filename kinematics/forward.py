@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from kinematics.arrays import Array
+from kinematics.branch import branch_to, is_on_branch, require_on_chain
 from kinematics.chain import Chain
 from kinematics.compiled.kernel import direct, kernel
 from kinematics.compiled.simd import LANES, on_stack
@@ -20,6 +21,7 @@ from kinematics.frame import (
     at_joint_kernel,
     compose_kernel,
     move_kernel,
+    step_kernel,
     store_kernel,
 )
 from kinematics.sincos import TURNS, few_turns_kernel, turn_at_kernel
@@ -63,7 +65,10 @@ def pose_kernel(model: Array, q: Array, link: int, T: Array) -> bool:
 
 @kernel(allocates=False, unlocks=False)
 def poses_kernel(model: Array, q: Array, poses: Array) -> bool:
-    """Write the poses (len(links), 4, 4) of all links; False where q does not fit."""
+    """Write the poses (len(links), 4, 4) of all links; False where q does not fit.
+
+    Those of links on followers, the last in order, stay as they are.
+    """
     if not fits_kernel(model, q):
         return False
     n = q.shape[0]
@@ -73,6 +78,8 @@ def poses_kernel(model: Array, q: Array, poses: Array) -> bool:
     for k in range(poses.shape[0]):
         link = int(model[1 + n + k, 13])
         row = 1 + n + link
+        if int(model[row, 0]) >= n:
+            break
         while joint < int(model[row, 0]):
             joint += 1
             c, s = turn_at_kernel(q, joint, few, turns)
@@ -110,9 +117,10 @@ def poses_batch_kernel(model: Array, q: Array, poses: Array) -> None:
 
 @kernel(allocates=False)
 def frames_kernel(model: Array, q: Array, frames: Array) -> None:
-    """Write T_base_i of every joint into ``frames`` (n, 4, 4), of which the last rows stay.
+    """Write T_base_i of every body into ``frames`` (bodies, 4, 4), of which the last rows stay.
 
-    ``model`` is ``Chain.model``. Cosines and sines are the library's, to the last bit.
+    ``model`` is ``Chain.model``. Cosines and sines are the library's, to the last bit. Bodies that
+    there is no row for, as followers come last, are left out.
     """
     B = IDENTITY
     for i in range(q.shape[0]):
@@ -128,14 +136,36 @@ def frames_kernel(model: Array, q: Array, frames: Array) -> None:
             B[10],
             B[11],
         )
+    if model[0, 2] > 0.0:
+        follower_frames_kernel(model, q, frames)
+
+
+@kernel(allocates=False)
+def follower_frames_kernel(model: Array, q: Array, frames: Array) -> None:
+    """Write T_base_k of the bodies on followers behind those of the chain in ``frames``."""
+    n, first = q.shape[0], int(model[0, 3])
+    for k in range(min(int(model[0, 2]), frames.shape[0] - n)):
+        row = first + 2 * k
+        parent, leader = int(model[row, 13]), int(model[row + 1, 0])
+        B = IDENTITY
+        if parent >= 0:
+            F = frames[parent]
+            B = (
+                F[0, 0], F[0, 1], F[0, 2], F[0, 3], F[1, 0], F[1, 1], F[1, 2], F[1, 3],
+                F[2, 0], F[2, 1], F[2, 2], F[2, 3],
+            )  # fmt: skip
+        B = step_kernel(model, row, model[row + 1, 1] * q[leader] + model[row + 1, 2], B)
+        for at in range(4):
+            frames[n + k, 0, at], frames[n + k, 1, at] = B[at], B[4 + at]
+            frames[n + k, 2, at] = B[8 + at]
 
 
 @kernel
 def frames_batch_kernel(model: Array, q: Array, frames: Array) -> None:
-    """``frames_kernel`` for a batch: q (m, n), frames (m, n, 4, 4), last rows too."""
+    """``frames_kernel`` for a batch: q (m, n), frames (m, bodies, 4, 4), last rows too."""
     for k in range(q.shape[0]):
         frames_kernel(model, q[k], frames[k])
-        for i in range(q.shape[1]):
+        for i in range(frames.shape[1]):
             for column in range(3):
                 frames[k, i, 3, column] = 0.0
             frames[k, i, 3, 3] = 1.0
@@ -160,33 +190,38 @@ def _examples() -> tuple[Array, Array]:
 
 
 def link_number(chain: Chain, name: str) -> int:
-    """Index of a link in ``chain.links``.
+    """Index in ``chain.links`` of a link that a joint of the chain carries, or none.
 
     Raises:
         InvalidLinkName: There is no such link.
+        InvalidOption: It hangs on a joint that mimics one of the chain.
     """
     number = chain.index.get(name)
-    return number if number is not None else chain.index[chain.link(name).name]
+    if number is None:
+        number = chain.index[chain.link(name).name]
+    if chain.followers:
+        require_on_chain(chain, name)
+    return number
 
 
 def joint_frames(chain: Chain, q: ArrayLike) -> Array:
-    """Frames of all joints in the base frame, after their motion.
+    """Frames of all bodies in the base frame: of the joints after their motion, then of followers.
 
     Args:
         chain: The robot.
         q: One configuration (n,) or a batch (..., n) [rad or m].
 
     Returns:
-        T_base_i, shape (..., n, 4, 4).
+        T_base_i, shape (..., bodies, 4, 4).
 
     Raises:
         InvalidRobotState: Wrong length or not finite.
     """
     q = chain.configuration(q)
     flat = q.reshape(-1, chain.n)
-    frames = np.empty((flat.shape[0], chain.n, 4, 4))
+    frames = np.empty((flat.shape[0], chain.body_count, 4, 4))
     frames_batch_kernel(chain.model, flat, frames)
-    return frames.reshape(*q.shape[:-1], chain.n, 4, 4)
+    return frames.reshape(*q.shape[:-1], chain.body_count, 4, 4)
 
 
 def forward(chain: Chain, q: ArrayLike, link: str | None = None) -> Array:
@@ -206,6 +241,9 @@ def forward(chain: Chain, q: ArrayLike, link: str | None = None) -> Array:
         InvalidRobotState: Wrong length or not finite.
         InvalidLinkName: No such link.
     """
+    if chain.followers and is_on_branch(chain, link):
+        branch = branch_to(chain, link or chain.tip_link)
+        return forward(branch.chain, branch.positions(chain.configuration(q)), link)
     number = -1 if link is None else link_number(chain, link)
     # The usual case, one configuration that is as it should be, is told by the kernel itself.
     one: Any = q
@@ -243,7 +281,7 @@ def link_poses(
     if out is not None:
         return _poses_into(chain, chain.configuration(q), links, out)
     if links is not None:
-        numbers = [link_number(chain, name) for name in links]
+        numbers = [chain.index[chain.link(name).name] for name in links]
         return link_poses(chain, q)[..., numbers, :, :]
     try:
         with_one, model, shape = chain.memo["link_poses"]
@@ -255,6 +293,8 @@ def link_poses(
         if one.dtype is _FLOAT and one.ndim == 1:
             poses = _empty(shape)
             if with_one(model, one, poses):
+                if chain.followers:
+                    write_branches(chain, one, poses)
                 return poses
     except (AttributeError, TypeError):
         pass
@@ -262,7 +302,17 @@ def link_poses(
     flat = q.reshape(-1, chain.n)
     poses = np.empty((flat.shape[0], *shape))
     poses_batch_kernel(chain.model, flat, poses)
+    if chain.followers:
+        write_branches(chain, flat, poses)
     return poses.reshape(*q.shape[:-1], *shape)
+
+
+def write_branches(chain: Chain, q: Array, poses: Array) -> None:
+    """Write the poses (..., links, 4, 4) of the links that hang on followers, at q (..., n)."""
+    frames = joint_frames(chain, q)
+    for k, link in enumerate(chain.links):
+        if link.joint >= chain.n:
+            poses[..., k, :, :] = frames[..., link.joint, :, :] @ link.T_joint_link
 
 
 def _poses_into(chain: Chain, q: Array, links: Sequence[str] | None, out: Array) -> Array:
@@ -273,4 +323,6 @@ def _poses_into(chain: Chain, q: Array, links: Sequence[str] | None, out: Array)
             f"out must be a writable contiguous float64 array of shape {shape}, and no links named"
         )
     poses_batch_kernel(chain.model, q.reshape(-1, chain.n), out.reshape(-1, *shape[-3:]))
+    if chain.followers:
+        write_branches(chain, q, out)
     return out

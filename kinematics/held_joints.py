@@ -10,10 +10,10 @@ from kinematics.errors import InvalidRobotDescription
 def held_positions(
     description: RobotDescription, moving: Sequence[str], asked: Mapping[str, float]
 ) -> tuple[dict[str, float], list[str]]:
-    """Positions of all joints off a chain, and what is odd about them.
+    """Positions of the joints off a chain that stand still, and what is odd about them.
 
     A joint that is not named stands at 0, or at its limit nearest to 0; a mimic joint follows
-    the held value of the joint it mimics.
+    the held value of the joint it mimics. One that follows a joint of the chain is not held.
 
     Args:
         description: The tree.
@@ -40,8 +40,10 @@ def held_positions(
     ]
     held = {joint.name: _position(joint, asked, lint) for joint in free}
     for joint in off_chain:
-        if joint.mimic is not None:
-            held[joint.name] = _mimic_position(description, joint, held, moving)
+        leader, multiplier, offset = description.leader(joint)
+        if joint.mimic is not None and (leader not in moving or multiplier == 0.0):
+            # What follows a joint that does not move (fixed, floating) stands at the offset.
+            held[joint.name] = multiplier * held.get(leader, 0.0) + offset
     return held, lint
 
 
@@ -72,25 +74,3 @@ def _position(joint: JointDescription, asked: Mapping[str, float], lint: list[st
             value=value,
         )
     return float(value)
-
-
-def _mimic_position(
-    description: RobotDescription,
-    joint: JointDescription,
-    held: Mapping[str, float],
-    moving: Sequence[str],
-) -> float:
-    multiplier, offset, leader = 1.0, 0.0, joint
-    while leader.mimic is not None:
-        offset += multiplier * leader.mimic.offset
-        multiplier *= leader.mimic.multiplier
-        leader = description.joints[leader.mimic.joint]
-    if leader.name in moving:
-        raise InvalidRobotDescription(
-            f"joint {joint.name!r} off the chain mimics {leader.name!r} on it: its links would "
-            "move in a way a serial chain can't tell",
-            hint="Make it fixed, or choose a tip_link above the joint it mimics.",
-            joint=joint.name,
-        )
-    # What follows a joint that does not move (fixed, floating) stands at the offset.
-    return multiplier * held.get(leader.name, 0.0) + offset

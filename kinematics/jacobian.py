@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from kinematics.arrays import Array
+from kinematics.branch import branch_to, is_on_branch
 from kinematics.chain import Chain
 from kinematics.compiled.kernel import direct, kernel
 from kinematics.compiled.simd import LANES, on_stack
@@ -239,6 +240,10 @@ def pose_and_jacobian(chain: Chain, q: ArrayLike, link: str | None = None) -> tu
         InvalidRobotState: Wrong length or not finite.
         InvalidLinkName: No such link.
     """
+    if chain.followers and is_on_branch(chain, link):
+        branch = branch_to(chain, link or chain.tip_link)
+        T, J = pose_and_jacobian(branch.chain, branch.positions(chain.configuration(q)), link)
+        return T, J @ branch.matrix
     number = -1 if link is None else link_number(chain, link)
     memo = chain.memo
     if "pose_and_jacobian" not in memo:
@@ -276,6 +281,10 @@ def geometric(
         InvalidRobotState: Wrong length or not finite.
         InvalidLinkName: No such link.
     """
+    if chain.followers and is_on_branch(chain, link):
+        branch = branch_to(chain, link or chain.tip_link)
+        at = branch.positions(chain.configuration(q))
+        return np.asarray(geometric(branch.chain, at, link, point) @ branch.matrix)
     if point is None:
         # The usual case, one configuration that is as it should be, is told by the kernel itself.
         number = -1 if link is None else link_number(chain, link)
@@ -322,6 +331,10 @@ def geometric_rate(
     q = chain.configuration(q)
     rates = chain.configuration(rates, "joint_velocities")
     q, rates = np.broadcast_arrays(q, rates)
+    if is_on_branch(chain, link):
+        branch = branch_to(chain, link or chain.tip_link)
+        at, moving = branch.positions(q), branch.rates(rates)
+        return np.asarray(geometric_rate(branch.chain, at, moving, link, point) @ branch.matrix)
     carrier = chain.link(link or chain.tip_link)
     flat = np.ascontiguousarray(q.reshape(-1, chain.n))
     Jd = np.empty((flat.shape[0], 6, chain.n))

@@ -41,7 +41,8 @@ def frame_pose(chain: Chain, frame: str, joints: Array | None, where: str) -> Ar
             raise InvalidLinkName(
                 f"{where}: the link {frame!r} moves with the arm",
                 hint=f"Frames are: {', '.join(frame_names(chain))}. Poses on work that a joint "
-                f"carries: make a robot of the same description with base_link {frame!r}.",
+                f"carries: make a robot of the same description with base_link {frame!r}. An "
+                f"obstacle that stands on {frame!r} goes into attached, with that link.",
                 frame=frame,
             )
         return link.T_joint_link
@@ -57,7 +58,7 @@ def frame_pose(chain: Chain, frame: str, joints: Array | None, where: str) -> Ar
 def frame_names(chain: Chain) -> list[str]:
     """Frames that a request can name: links that stand still, names of the root, the tool."""
     standing = [link.name for link in chain.links if link.joint < 0]
-    return [*standing, *(chain.root_aliases or (WORLD,)), TOOL]
+    return [*dict.fromkeys([*standing, *(chain.root_aliases or (WORLD,))]), TOOL]
 
 
 def root_notes(chain: Chain) -> list[str]:

@@ -1,7 +1,7 @@
 """From a tree to a serial chain: one path of joints moves, everything else is held still."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from types import MappingProxyType
 
 import numpy as np
@@ -12,7 +12,9 @@ from kinematics.chain import MAX_JOINTS, Chain, JointType, Link
 from kinematics.chain_ends import choose_ends, joints_above, joints_between
 from kinematics.description import JointDescription, RobotDescription
 from kinematics.errors import InvalidRobotDescription
+from kinematics.follower import Follower
 from kinematics.held_joints import held_positions
+from kinematics.joint_followers import follower_notes, joint_followers, narrowed_limits
 from kinematics.joint_limits import joint_limit_values
 from kinematics.likely_tip import leaves
 from kinematics.pose import align_z, from_axis_angle, inverse, transform
@@ -35,8 +37,11 @@ class Selection:
         base_link: Where it starts.
         tip_link: Where it ends.
         joints: Names of its moving joints, base to tip.
-        held: Positions of all other moving joints [rad or m], by name.
+        held: Positions of all other joints that could move, without ``followers``, by name
+            [rad or m].
         lint: What was chosen without being asked for, one sentence each.
+        followers: The joints off the chain that mimic one of it, by name, each with the joint that
+            leads, multiplier and offset.
     """
 
     base_link: str
@@ -44,6 +49,7 @@ class Selection:
     joints: tuple[str, ...]
     held: Mapping[str, float]
     lint: tuple[str, ...]
+    followers: Mapping[str, tuple[str, float, float]] = field(default_factory=dict)
 
 
 def serial_chain(
@@ -58,10 +64,11 @@ def serial_chain(
     """Cut a serial chain out of a tree.
 
     Every link of the tree becomes a link of the chain: those of side branches are carried by the
-    joint they hang on, those above the base stand still. All poses are in the frame of the tree's
-    root, wherever the chain begins. Where the tip does not hang on the base, but both on a link
-    above, the base is the root: work on a positioner, with the arm that works on it beside. The
-    positioner's joints are the first of the chain, and what stands on the floor moves with them.
+    joint they hang on, or by one that mimics a joint of the chain; those above the base stand
+    still. All poses are in the frame of the tree's root, wherever the chain begins. Where the tip
+    does not hang on the base, but both on a link above, the base is the root: work on a positioner,
+    with the arm that works on it beside. The positioner's joints are the first of the chain, and
+    what stands on the floor moves with them.
 
     Args:
         description: The tree.
@@ -82,11 +89,17 @@ def serial_chain(
     chosen = select(description, base_link, tip_link, held, semantics)
     above = joints_above(description, chosen.base_link, chosen.tip_link)
     joints = [description.joints[name] for name in chosen.joints]
-    offsets, links = _unfold(description, chosen)
+    offsets, links, followers = _unfold(description, chosen)
     limits, continuous = joint_limit_values(joints, joint_limits or {}, description.joints)
-    if any(joint.moves for joint in above):
+    limits, continuous = narrowed_limits(
+        limits, continuous, chosen.joints, description, chosen.followers
+    )
+    if chosen.followers or any(joint.moves for joint in above):
         limits = replace(limits, effort=np.full(len(joints), np.nan))
     prismatic = [joint.type == "prismatic" for joint in joints]
+    aliases = () if semantics is None else semantics.root_aliases(description.root)
+    if above:
+        aliases = (chosen.base_link,)  # not "world": what stands in the world moves over the work
     return Chain(
         name=description.name,
         joint_names=chosen.joints,
@@ -101,7 +114,8 @@ def serial_chain(
         viscous_friction=np.array([joint.damping for joint in joints]),
         coulomb_friction=np.array([joint.friction for joint in joints]),
         root_link=chosen.base_link if above else description.root,
-        root_aliases=() if semantics is None or above else semantics.root_aliases(description.root),
+        root_aliases=aliases,
+        followers=tuple(followers),
     )
 
 
@@ -141,25 +155,33 @@ def select(
             f"{len(names)} joints move between {base!r} and {tip!r}, at most {MAX_JOINTS} may"
         )
     positions, lint = held_positions(description, names, held or {})
+    followers = joint_followers(description, names, base)
+    lint += follower_notes(description, followers)
     turned = [joint.name for joint in joints_above(description, base, tip) if joint.moves]
     if turned:
         lint.append(_SEEN_FROM_WORK.format(base=base, joints=", ".join(turned)))
-    return Selection(base, tip, names, MappingProxyType(positions), (*ends.lint, *lint))
+    lint = [*ends.lint, *lint]
+    return Selection(base, tip, names, MappingProxyType(positions), tuple(lint), followers)
 
 
 # ------------------------------------------------------------------------ frames and limits
 
 
-def _unfold(description: RobotDescription, chosen: Selection) -> tuple[list[Array], list[Link]]:
-    """Offsets of the chain's joints, and every link with the joint that carries it.
+def _unfold(
+    description: RobotDescription, chosen: Selection
+) -> tuple[list[Array], list[Link], list[Follower]]:
+    """Offsets of the chain's joints, every link with the joint that carries it, and followers.
 
     The first offset and the links that stand still are in the root frame.
     """
     index = {name: i for i, name in enumerate(chosen.joints)}
     offsets = [np.eye(4)] * len(index)
     links: list[Link] = []
+    followers: list[Follower] = []
     reverse = {j.name for j in joints_above(description, chosen.base_link, chosen.tip_link)}
     is_still = not any(description.joints[name].moves for name in reverse)
+    # The weight of what followers carry is felt by other joints than those that carry them.
+    is_still = is_still and not chosen.followers
     standing = _poses_to_base(description, chosen) if not reverse else {chosen.base_link: np.eye(4)}
     waiting = [(chosen.base_link, -1, standing[chosen.base_link])]
     seen = {chosen.base_link}
@@ -176,6 +198,10 @@ def _unfold(description: RobotDescription, chosen: Selection) -> tuple[list[Arra
                 align = transform(align_z(joint.axis))
                 offsets[index[joint.name]] = T @ joint.T_parent_joint @ align
                 waiting.append((joint.child, index[joint.name], inverse(align)))
+            elif joint.name in chosen.followers:
+                followers.append(_follower(joint, carrier, T, chosen))
+                body = len(index) + len(followers) - 1
+                waiting.append((joint.child, body, inverse(transform(align_z(joint.axis)))))
             else:
                 waiting.append((joint.child, carrier, T @ _held_motion(joint, chosen.held)))
         above = description.parent_joint(name)
@@ -191,7 +217,21 @@ def _unfold(description: RobotDescription, chosen: Selection) -> tuple[list[Arra
                 waiting.append((above.parent, carrier, back))
             else:
                 waiting.append((above.parent, carrier, standing[above.parent]))
-    return offsets, links
+    return offsets, links, followers
+
+
+def _follower(joint: JointDescription, carrier: int, T: Array, chosen: Selection) -> Follower:
+    """A joint that hangs on body ``carrier`` at the link whose frame there is T."""
+    leader, multiplier, offset = chosen.followers[joint.name]
+    return Follower(
+        name=joint.name,
+        joint_type=int(JointType.PRISMATIC if joint.type == "prismatic" else JointType.REVOLUTE),
+        parent=carrier,
+        leader=chosen.joints.index(leader),
+        T_parent_joint=T @ joint.T_parent_joint @ transform(align_z(joint.axis)),
+        multiplier=multiplier,
+        offset=offset,
+    )
 
 
 def _poses_to_base(description: RobotDescription, chosen: Selection) -> dict[str, Array]:

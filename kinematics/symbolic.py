@@ -13,6 +13,7 @@ from numpy.typing import ArrayLike
 
 from kinematics.arrays import Array
 from kinematics.bounded_cache import bounded_cache
+from kinematics.branch import require_on_chain
 from kinematics.chain import Chain
 from kinematics.errors import InvalidOption, InvalidRobotState
 
@@ -129,6 +130,7 @@ def _motion(joint_type: int, q: Expression) -> Expression:
 
 
 def _link_frame(chain: Chain, frames: list[Expression], link: str | None) -> Expression:
+    require_on_chain(chain, link or chain.tip_link)
     carrier = chain.link(link or chain.tip_link)
     if carrier.joint < 0:
         return casadi.DM(carrier.T_joint_link)

@@ -1,6 +1,6 @@
 """Exact verdicts about configurations and joint motions: free, colliding, how far apart."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from functools import cache
 from typing import NamedTuple
@@ -12,9 +12,10 @@ from kinematics.arrays import Array, Indices
 from kinematics.chain import Chain, Limits, Link
 from kinematics.compiled.kernel import direct
 from obstacles.collision_model import CollisionModel, ModelArrays
+from obstacles.corner_check import round_corners
 from obstacles.edge_check import COLLIDING, FREE, certify_curve
 from obstacles.line_check import certify_edge, certify_path
-from obstacles.proximity import closest_pair, closest_pairs, near_pairs
+from obstacles.proximity import closest_pair, closest_state, near_pairs
 from obstacles.robot_geometry import RobotGeometry
 from obstacles.scene import Scene
 from obstacles.state_check import (
@@ -55,6 +56,25 @@ def _curve_verdict() -> Callable[[ModelArrays, Array, Array, Array, Array, float
 def _blocked_share() -> Callable[[ModelArrays, Array, Array, float, int], float]:
     """``blocked_share`` likewise."""
     return direct(blocked_share, any_model(), np.zeros(1), np.zeros(1), 0.0, 1)
+
+
+@cache
+def _verdicts() -> Callable[[ModelArrays, Array, float, Array], int]:
+    """``verdicts_on`` likewise."""
+    return direct(verdicts_on, any_model(), np.zeros((1, 1)), 0.0, np.zeros(1))
+
+
+@cache
+def _first_blocked() -> Callable[[ModelArrays, Array, float], int]:
+    """``first_blocked`` likewise."""
+    return direct(first_blocked, any_model(), np.zeros((1, 1)), 0.0)
+
+
+@cache
+def _round_corners() -> Callable[[ModelArrays, Array, float, int, bool, bool, int, Array], int]:
+    """``round_corners`` likewise."""
+    corners = 0.0, 1, True, True, 0, np.zeros(1)
+    return direct(round_corners, any_model(), np.zeros((1, 1)), *corners)
 
 
 def any_model() -> ModelArrays:
@@ -148,17 +168,16 @@ class Checker:
         distance, pair = closest_pair(self.model.arrays, np.ascontiguousarray(q))
         return distance - self.slack, None if pair < 0 else self.model.pair_name(pair)
 
-    def closest(self, states: Array, within: float) -> tuple[Array, list[tuple[str, str] | None]]:
-        """``clearance`` of states (k, n) as far as it is below ``within`` [m].
+    def closest(self, states: Array, within: float) -> tuple[float, int, tuple[str, str] | None]:
+        """The least ``clearance`` of states (k, n), if it is below ``within`` [m].
 
         Returns:
-            The distances, ``within`` where nothing is closer, shape (k,) [m], and the pairs.
+            The distance, ``within`` where nothing is closer [m], the number of the state, and the
+            pair; -1 and None where nothing is.
         """
         points = np.ascontiguousarray(states, _FLOAT)
-        distances, pairs = np.empty(len(points)), np.empty(len(points), dtype=np.int64)
-        closest_pairs(self.model.arrays, points, float(within + self.slack), distances, pairs)
-        names = [None if pair < 0 else self.model.pair_name(int(pair)) for pair in pairs]
-        return distances - self.slack, names
+        found, state, pair = closest_state(self.model.arrays, points, float(within + self.slack))
+        return found - self.slack, state, None if pair < 0 else self.model.pair_name(pair)
 
     def gradient(self, q: Array, within: float) -> Proximity:
         """Signed distances of all pairs closer than ``within`` [m], and their gradients.
@@ -191,14 +210,14 @@ class Checker:
     def all_valid(self, states: Array) -> bool:
         """Whether all of the configurations (k, n) are ``valid``."""
         points = np.ascontiguousarray(states, _FLOAT)
-        blocked = first_blocked(self.model.arrays, points, float(self.slack))
+        blocked = _first_blocked()(self.model.arrays, points, float(self.slack))
         return bool(blocked == len(points))
 
     def each_valid(self, states: Array) -> NDArray[np.bool_]:
         """Which of the configurations (k, n) are ``valid``, shape (k,)."""
         points = np.ascontiguousarray(states, _FLOAT)
         verdicts = np.empty(len(points))
-        verdicts_on(self.model.arrays, points, float(self.slack), verdicts)
+        _verdicts()(self.model.arrays, points, float(self.slack), verdicts)
         return np.asarray(verdicts == FREE)
 
     def bracket(self, q: Array) -> "Bracket":
@@ -236,6 +255,29 @@ class Checker:
         a, b = np.ascontiguousarray(start, _FLOAT), np.ascontiguousarray(end, _FLOAT)
         share = _blocked_share()(self.model.arrays, a, b, float(self.slack), _LOOKS)
         return None if share < 0.0 else share
+
+    def round_corners(
+        self, waypoints: Array, reaches: Array, halvings: int, *, keep: bool, smooth: bool
+    ) -> Iterator[int]:
+        """Find the first of each corner's reach, its half, ... whose ``curve`` is free.
+
+        Args:
+            waypoints: Shape (k, n), none that repeats its predecessor.
+            reaches: Largest reaches, 0 for corners that are not asked about, shape (k - 2,); filled
+                with those found, negative where none is free.
+            halvings: Reaches tried at a corner.
+            keep: Whether corners that are not ``valid`` themselves are passed over.
+            smooth: Whether two cubics of continuous curvature round a corner, or a parabola.
+
+        Yields:
+            The number of corners done, whenever the search may be given up.
+        """
+        points, done = np.ascontiguousarray(waypoints, _FLOAT), 0
+        while done < len(reaches):
+            done = _round_corners()(
+                self.model.arrays, points, float(self.slack), halvings, keep, smooth, done, reaches
+            )
+            yield done
 
     def polyline(self, waypoints: Array) -> tuple[Motion, int]:
         """Prove every leg of a polyline (k, n); what was found and the leg it is about."""

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from kinematics.arrays import Array, Indices
-from kinematics.bounded_cache import bounded_cache
+from kinematics.bounded_cache import array_bytes, bounded_cache
 from kinematics.chain import Chain
 from obstacles.brackets import Brackets, brackets
 from obstacles.bvh import Tree, tree
@@ -268,7 +268,7 @@ def _bodies(robot: RobotGeometry, met: bytes) -> tuple[Indices, Indices, Indices
     return _readonly(bodies), _readonly(carried), _readonly(outermost[meets[outermost]])
 
 
-@bounded_cache(maxsize=16)
+@bounded_cache(maxsize=16, weigh=array_bytes)
 def _scene_part(scene: Scene) -> _ScenePart:
     packed = scene_set(scene)
     rows = packed.rows.copy()

@@ -35,7 +35,15 @@ from kinematics.compiled.kernel import kernel
 from obstacles.bounds import balls_apart, quick_bound
 from obstacles.bvh import EXTENT, FIRST, LAST, SKIP, gap
 from obstacles.gjk import BETWEEN, CLOSER, FARTHER, STILL, allowance, separation
-from obstacles.kernel_work import Workspace, drift, place, visit, widened, workspace
+from obstacles.kernel_work import (
+    Workspace,
+    pair_drift,
+    pair_stray,
+    place,
+    visit,
+    widened,
+    workspace,
+)
 from obstacles.mesh_distance import LOOKS
 from obstacles.mesh_motion import surface_share
 from obstacles.model_arrays import ModelArrays
@@ -99,17 +107,15 @@ class _Entries(NamedTuple):
 
 @kernel(allocates=False, inline="always")
 def _compare(
-    model: ModelArrays, work: Workspace, pair: Pair, still: int, last: int, apart: float,
-    axes: Array, at: int,
-) -> int:  # fmt: skip
+    model: ModelArrays, work: Workspace, pair: Pair, own: bool, apart: float, axes: Array, at: int
+) -> int:
     """Compare a pair of pieces on the interval visited.
 
     Args:
         model: The packed robot and scene.
         work: The workspace, its second piece placed.
         pair: The pieces; the second is one of ``work.placed``.
-        still: The joint that carries the first, -1 for the base.
-        last: The joint that carries the second.
+        own: Whether the first is the robot's too, and not of the scene.
         apart: Their margin [m].
         axes: Axes across which pairs part, shape (e, 3).
         at: The row of this pair's.
@@ -118,12 +124,14 @@ def _compare(
         FARTHER (apart all over it), CLOSER (at most ``apart`` in the middle) or BETWEEN.
     """
     a, i, placed, j = pair
-    twists, strays, tally = work.twists, work.strays, work.tally
-    enough, most = apart + _ROUNDING_ERROR, strays[j, 3 * still + 3]
+    twists, strays, tally, seen = work.twists, work.strays, work.tally, i if own else -1
+    enough, most = apart + _ROUNDING_ERROR, pair_stray(model.chain, model.joints, strays, seen, j)
     lower, n = quick_bound(a, i, placed, j, enough + most)
     lost, verdict = most, FARTHER
     if not lower > enough + most:
-        moving = drift(twists, placed, strays, j, last, still) if most > 0.0 else STILL
+        moving = STILL
+        if most > 0.0:
+            moving = pair_drift(model.chain, model.joints, twists, placed, strays, seen, j)
         if lower > enough:
             lost = allowance(n, moving)
         if not lower > enough + lost:
@@ -178,7 +186,8 @@ def _examine(  # noqa: C901, PLR0912, PLR0915
                 place(model, work, a)
                 place(model, work, b)
                 free = balls_apart(placed, a, b)
-                free -= strays[b, 3 * joints[a] + 3] + model.own_margin + margin
+                free -= pair_stray(model.chain, joints, strays, a, b)
+                free -= model.own_margin + margin
                 if free > _ROUNDING_ERROR:
                     tally[_CLEARANCE] = min(tally[_CLEARANCE], free)
                     continue
@@ -199,8 +208,8 @@ def _examine(  # noqa: C901, PLR0912, PLR0915
                 for row in range(3):
                     axes[kept, row] = 0.0 if i < 0 else hints[entry, row]
                 verdict = _compare(
-                    model, work, Pair(placed, a, placed, b), joints[a], joints[b],
-                    model.own_margin + margin, axes, kept,
+                    model, work, Pair(placed, a, placed, b), True, model.own_margin + margin, axes,
+                    kept,
                 )  # fmt: skip
                 if verdict == CLOSER:
                     return kept, p * m + s
@@ -247,7 +256,7 @@ def _examine(  # noqa: C901, PLR0912, PLR0915
                 for row in range(3):
                     axes[kept, row] = 0.0 if k < 0 else hints[entry, row]
                 verdict = _compare(
-                    model, work, Pair(scene, piece, placed, i), -1, joints[i],
+                    model, work, Pair(scene, piece, placed, i), False,
                     scene[piece, MARGIN] + extra, axes, kept,
                 )  # fmt: skip
                 if verdict == CLOSER:

@@ -20,17 +20,18 @@ _WIDER = 4
 
 
 class Workspace(NamedTuple):
-    """Room for n joints and p pieces of the robot; one for each thread.
+    """Room for n joints, b bodies and p pieces of the robot; one for each thread.
 
     Args:
         joints: A configuration, how far each joint strays from it at most, how far it goes to first
             order, and the rest that the first order leaves out; shape (4, n).
-        frames: T_base_joint, shape (n, 4, 4).
+        frames: T_base_body, shape (b, 4, 4).
         twists: How far each body turns (3) and its point at the origin goes (3) to first order, and
-            how far all revolute joints up to it stray; row 0 is the base, shape (n + 1, 7).
+            how far all revolute joints up to it stray; row 0 is the base, shape (b + 1, 7).
         placed: Rows of the robot's pieces, in the base frame, shape (p, WIDTH).
-        strays: Of piece i when only joints >= k move: how far any of its points gets; the same with
-            levers as long as they can become, and the second order; shape (p, 3 (n + 1)).
+        strays: Of piece i, seen from body k - 1 on its way to the base: how far any of its points
+            gets; the same with levers as long as they can become, and the second order;
+            shape (p, 3 (b + 1)).
         stamps: The visit at which each piece was placed; the number of visits last, shape (p + 1,).
         room: Shape (9, 3).
         stack: Room for ``surface_distance``.
@@ -60,14 +61,15 @@ class Workspace(NamedTuple):
 def workspace(model: ModelArrays) -> Workspace:
     """Room for the kernels that look at ``model``."""
     n, p = int(model.chain[0, 0]), model.joints.shape[0]
+    bodies = n + int(model.chain[0, 2])
     stamps = np.full(p + 1, -1, dtype=np.int64)
     stamps[p] = 0
     return Workspace(
         np.empty((4, n)),
-        np.empty((n, 4, 4)),
-        np.empty((n + 1, 7)),
+        np.empty((bodies, 4, 4)),
+        np.empty((bodies + 1, 7)),
         model.robot.copy(),
-        np.zeros((p, 3 * (n + 1))),
+        np.zeros((p, 3 * (bodies + 1))),
         stamps,
         np.empty((9, 3)),
         np.empty(STACK),
@@ -134,6 +136,33 @@ def visit(model: ModelArrays, work: Workspace) -> None:
             twists[j + 1, 3] += zx
             twists[j + 1, 4] += zy
             twists[j + 1, 5] += zz
+    if model.chain[0, 2] > 0.0:
+        _twist_followers(model.chain, work)
+
+
+@kernel(allocates=False)
+def _twist_followers(chain: Array, work: Workspace) -> None:
+    """``visit``'s twists of the bodies on followers: each is its parent's and its own joint's."""
+    n, first = int(chain[0, 0]), int(chain[0, 3])
+    for k in range(int(chain[0, 2])):
+        row = first + 2 * k
+        F, before = work.frames[n + k], work.twists[int(chain[row, 13]) + 1]
+        twist = work.twists[n + k + 1]
+        leader, multiplier = int(chain[row + 1, 0]), chain[row + 1, 1]
+        u = multiplier * work.joints[2, leader]
+        zx, zy, zz = u * F[0, 2], u * F[1, 2], u * F[2, 2]
+        for column in range(7):
+            twist[column] = before[column]
+        if chain[row, 0] == 0.0:
+            x, y, z = F[0, 3], F[1, 3], F[2, 3]
+            twist[0] += zx
+            twist[1] += zy
+            twist[2] += zz
+            zx, zy, zz = y * zz - z * zy, z * zx - x * zz, x * zy - y * zx
+            twist[6] += abs(multiplier) * work.joints[1, leader]
+        twist[3] += zx
+        twist[4] += zy
+        twist[5] += zz
 
 
 @kernel(allocates=False)
@@ -172,26 +201,47 @@ def _write_strays(
     strays: Array, i: int,
 ) -> None:  # fmt: skip
     """Write how far piece i gets while the joints from each one on move; see ``motion``."""
-    radius = placed[i, RADIUS]
+    radius, n = placed[i, RADIUS], int(chain[0, 0])
     cx, cy, cz = placed[i, CENTER], placed[i, CENTER + 1], placed[i, CENTER + 2]
-    moved, first, second = 0.0, 0.0, 0.0
-    for j in range(last, -1, -1):
-        delta = joints[1, j]
+    moved, first, second, j = 0.0, 0.0, 0.0, last
+    while j >= 0:
+        parent, row, leader, share = j - 1, 1 + j, j, 1.0
+        if j >= n:
+            row = int(chain[0, 3]) + 2 * (j - n)
+            parent, leader, share = int(chain[row, 13]), int(chain[row + 1, 0]), chain[row + 1, 1]
+            share = abs(share)
+        delta = share * joints[1, leader]
         if delta > 0.0:
-            before = twists[j, 6]
-            if chain[1 + j, 0] == 0.0:
+            before = twists[parent + 1, 6]
+            if chain[row, 0] == 0.0:
                 x, y, z = cx - frames[j, 0, 3], cy - frames[j, 1, 3], cz - frames[j, 2, 3]
                 along = x * frames[j, 0, 2] + y * frames[j, 1, 2] + z * frames[j, 2, 2]
                 square = x * x + y * y + z * z - along * along
                 lever = math.sqrt(max(square, 0.0)) + radius + moved
                 moved += lever * delta
                 first += lever * delta
-                second += lever * (joints[3, j] + delta * (0.5 * delta + before))
+                second += lever * (share * joints[3, leader] + delta * (0.5 * delta + before))
             else:
                 moved += delta
                 first += delta
-                second += joints[3, j] + delta * before
-        strays[i, 3 * j], strays[i, 3 * j + 1], strays[i, 3 * j + 2] = moved, first, second
+                second += share * joints[3, leader] + delta * before
+        at = 3 * (parent + 1)
+        strays[i, at], strays[i, at + 1], strays[i, at + 2] = moved, first, second
+        j = parent
+
+
+@kernel(allocates=False)
+def meeting_body(chain: Array, a: int, b: int) -> int:
+    """The last body that both a and b hang on, or one of them where the other hangs on it.
+
+    Bodies have smaller numbers than what hangs on them; -1 is the base.
+    """
+    n, first = int(chain[0, 0]), int(chain[0, 3])
+    while a != b:
+        if a > b:
+            a, b = b, a
+        b = b - 1 if b < n else int(chain[first + 2 * (b - n), 13])
+    return a
 
 
 @kernel(allocates=False)
@@ -212,3 +262,44 @@ def drift(twists: Array, placed: Array, strays: Array, j: int, last: int, still:
         strays[j, 3 * base + 2] - twists[base, 6] * strays[j, 3 * base + 1],
         strays[j, 3 * base],
     )
+
+
+@kernel(allocates=False)
+def pair_stray(chain: Array, joints: Indices, strays: Array, i: int, j: int) -> float:
+    """How far points of pieces i and j of the robot get towards each other at most [m].
+
+    With -1 for i that is how far piece j gets. Where one hangs on the other, it is how far that one
+    gets seen from the other; else both do, seen from the body that both hang on.
+    """
+    still, last = joints[i] if i >= 0 else -1, joints[j]
+    if last < int(chain[0, 0]):
+        return float(strays[j, 3 * still + 3])
+    meeting = meeting_body(chain, still, last)
+    both = strays[j, 3 * meeting + 3]
+    return float(both if meeting == still else both + strays[i, 3 * meeting + 3])
+
+
+@kernel(allocates=False)
+def pair_drift(
+    chain: Array, joints: Indices, twists: Array, placed: Array, strays: Array, i: int, j: int
+) -> Drift:
+    """The motion of piece j of the robot seen from the body of its piece i, or from the base (-1).
+
+    Where neither hangs on the other, with p and r points of the two, c and d their centres, seen
+    from the body that both hang on: along n these get apart by
+    n . (v_c - v_d) + n . (w_c x (p - c)) - n . (w_d x (r - d)) to first order, the last at most
+    r_d |w_d|, and the second orders add up.
+    """
+    still, last = joints[i] if i >= 0 else -1, joints[j]
+    if last < int(chain[0, 0]):
+        return drift(twists, placed, strays, j, last, still)
+    meeting = meeting_body(chain, still, last)
+    v = drift(twists, placed, strays, j, last, meeting)
+    if meeting == still:
+        return v
+    u = drift(twists, placed, strays, i, still, meeting)
+    turned = u[6] * math.sqrt(u[3] * u[3] + u[4] * u[4] + u[5] * u[5])
+    return (
+        v[0] - u[0], v[1] - u[1], v[2] - u[2], v[3], v[4], v[5], v[6],
+        v[7] + u[7] + turned, v[8] + u[8],
+    )  # fmt: skip

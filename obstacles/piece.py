@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from kinematics.arrays import Array, frozen
-from kinematics.bounded_cache import bounded_cache
+from kinematics.bounded_cache import array_bytes, bounded_cache
 from kinematics.compiled.kernel import kernel
 
 
@@ -128,7 +128,7 @@ class Core(NamedTuple):
 
 
 #: Obstacles that move from request to request keep their cores.
-@bounded_cache(maxsize=4096)
+@bounded_cache(maxsize=4096, weigh=array_bytes)
 def core_of(kind: int, vertices: bytes, radius: float, half_height: float) -> Core:
     """The core of a piece by what it is made of; the bytes are those of its corners (k, 3)."""
     zero = np.zeros(3)

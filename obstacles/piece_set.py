@@ -11,7 +11,7 @@ from typing import NamedTuple
 import numpy as np
 
 from kinematics.arrays import Array
-from kinematics.bounded_cache import bounded_cache
+from kinematics.bounded_cache import array_bytes, bounded_cache
 from kinematics.preparation_limit import check_preparation_time
 from obstacles.bvh import FIRST, LAST, NODE_WIDTH, SKIP, tree
 from obstacles.piece import Piece, PieceKind, Surface, core_of
@@ -186,7 +186,7 @@ def _rows(pieces: Sequence[Piece]) -> Array:
 
 
 #: Obstacles that only move from request to request keep all else of their rows.
-@bounded_cache(maxsize=4096)
+@bounded_cache(maxsize=4096, weigh=array_bytes)
 def _row(kind: int, corners: bytes, radius: float, half_height: float, rounding: float) -> Array:
     """The row of a piece in its own frame, shape (WIDTH,)."""
     count, row = len(corners) // _CORNER_BYTES, np.zeros(WIDTH)

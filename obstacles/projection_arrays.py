@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from kinematics.arrays import Array, Indices
-from kinematics.bounded_cache import bounded_cache
+from kinematics.bounded_cache import array_bytes, bounded_cache
 from obstacles.hull import Hull, convex_hull, principal_axes
 from obstacles.piece import Piece, PieceArrays, PieceKind, core_of
 from obstacles.scene import Obstacle
@@ -227,7 +227,7 @@ def _core(piece: Piece) -> _Core:
 
 
 #: Obstacles that only move from request to request keep their cores.
-@bounded_cache(maxsize=4096)
+@bounded_cache(maxsize=4096, weigh=array_bytes)
 def _plain(
     kind: PieceKind, corners: bytes, radius: float, half_height: float, rounding: float
 ) -> _Core:

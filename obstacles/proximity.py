@@ -20,7 +20,7 @@ from obstacles.bounds import balls_apart, quick_bound
 from obstacles.bvh import FIRST, LAST, SKIP, gap
 from obstacles.epa import contact
 from obstacles.gjk import BETWEEN, CLOSER, FARTHER, STILL, separation
-from obstacles.kernel_work import Workspace, place, visit, workspace
+from obstacles.kernel_work import Workspace, meeting_body, place, visit, workspace
 from obstacles.mesh_distance import DESK, surface_distance
 from obstacles.model_arrays import ModelArrays
 from obstacles.piece_set import CENTER, MARGIN, NODE_STOP, OWNER, RADIUS, Pair, Shapes
@@ -123,7 +123,15 @@ def closest_pair(model: ModelArrays, q: Array) -> tuple[float, int]:
 
     Overlap is told as 0 or below, but not how deep it is.
     """
-    work = _stand(model, q)
+    work = workspace(model)
+    work.joints[:] = 0.0
+    return closest_of(model, work, q)
+
+
+@kernel(allocates=False)
+def closest_of(model: ModelArrays, work: Workspace, q: Array) -> tuple[float, int]:
+    """``closest_pair`` in a workspace whose joints do not stray."""
+    stand_in(model, work, q)
     best, closest = closest_in(model, work, np.inf, model.surfaces.shape[0] == 0)
     if model.surfaces.shape[0] == 0 or closest < 0:
         return best, closest
@@ -136,23 +144,36 @@ def closest_pair(model: ModelArrays, q: Array) -> tuple[float, int]:
 
 
 @kernel
-def closest_pairs(
-    model: ModelArrays, states: Array, within: float, distances: Array, pairs: Indices
-) -> None:
-    """``closest_pair`` of states (k, n), as far as it is closer than ``within`` [m].
+def closest_state(model: ModelArrays, states: Array, within: float) -> tuple[float, int, int]:
+    """Least distance [m] of ``closest_pair`` over states (k, n), the state and the pair.
+
+    By their covers the closest state is found first: what is closer by triangles in another one is
+    hardly anything then, and a look at it is short.
 
     Args:
         model: The packed robot and scene.
         states: Shape (k, n).
-        within: [m].
-        distances: Filled, ``within`` where nothing is closer, shape (k,) [m].
-        pairs: Filled, -1 where nothing is closer, shape (k,).
+        within: Where nothing is closer than this, it is the answer, and state and pair are -1 [m].
     """
-    work = workspace(model)
+    work, covers = workspace(model), model.surfaces.shape[0] == 0
     work.joints[:] = 0.0
+    best, closest, pair = within, -1, -1
     for k in range(states.shape[0]):
         stand_in(model, work, states[k])
-        distances[k], pairs[k] = closest_in(model, work, within, True)
+        distance, found = closest_in(model, work, best, covers)
+        if found >= 0:
+            best, closest, pair = distance, k, found
+    if covers or closest < 0:
+        return best, closest, pair
+    # That state takes the turn of the first one, which comes in its place.
+    first, best, closest, pair = closest, within, -1, -1
+    for turn in range(states.shape[0]):
+        k = first if turn == 0 else 0 if turn == first else turn
+        stand_in(model, work, states[k])
+        distance, found = closest_in(model, work, best, True)
+        if found >= 0:
+            best, closest, pair = distance, k, found
+    return best, closest, pair
 
 
 @kernel(allocates=False)
@@ -200,21 +221,42 @@ def distance_gradient(
         chain: ``Chain.model``.
         frames: Of the joints, shape (n, 4, 4).
         still: The joint that carries the first piece, -1 for the base.
-        joint: The joint that carries the second piece, beyond ``still``.
+        joint: The joint that carries the second piece, beyond ``still``, or its body.
         n: Unit direction from the second piece to the first.
         p: The point of the second piece.
         gradient: Filled, shape (n,).
     """
     gradient[:] = 0.0
-    for k in range(still + 1, joint + 1):
-        zx, zy, zz = frames[k, 0, 2], frames[k, 1, 2], frames[k, 2, 2]
-        if chain[1 + k, 0] == 0.0:
-            x, y, z = p[0] - frames[k, 0, 3], p[1] - frames[k, 1, 3], p[2] - frames[k, 2, 3]
-            zx, zy, zz = zy * z - zz * y, zz * x - zx * z, zx * y - zy * x
-        gradient[k] = -(n[0] * zx + n[1] * zy + n[2] * zz)
+    if joint < gradient.shape[0]:
+        for k in range(still + 1, joint + 1):
+            gradient[k] = -_rate_along(chain, 1 + k, frames[k], n, p)
+        return
+    # From both bodies to the one that both hang on; what joints before that do moves neither.
+    meeting = meeting_body(chain, still, joint)
+    for side in range(2):
+        body, sign = (joint, -1.0) if side == 0 else (still, 1.0)
+        while body != meeting:
+            leader, parent, row = body, body - 1, 1 + body
+            share = sign
+            if body >= gradient.shape[0]:
+                row = int(chain[0, 3]) + 2 * (body - gradient.shape[0])
+                parent, leader = int(chain[row, 13]), int(chain[row + 1, 0])
+                share *= chain[row + 1, 1]
+            gradient[leader] += share * _rate_along(chain, row, frames[body], n, p)
+            body = parent
 
 
-class _NearPairs(NamedTuple):
+@kernel(allocates=False)
+def _rate_along(chain: Array, row: int, F: Array, n: Vector, p: Vector) -> float:
+    """Rate along n of a point p that a joint with this row and frame carries."""
+    zx, zy, zz = F[0, 2], F[1, 2], F[2, 2]
+    if chain[row, 0] == 0.0:
+        x, y, z = p[0] - F[0, 3], p[1] - F[1, 3], p[2] - F[2, 3]
+        zx, zy, zz = zy * z - zz * y, zz * x - zx * z, zx * y - zy * x
+    return float(n[0] * zx + n[1] * zy + n[2] * zz)
+
+
+class NearPairs(NamedTuple):
     """Answer of ``near_pairs``, with room for r of them.
 
     Args:
@@ -250,7 +292,7 @@ class _Asked(NamedTuple):
 
 @kernel(allocates=False)
 def _add_near_pair(
-    model: ModelArrays, work: Workspace, asked: _Asked, within: float, near: _NearPairs, count: int
+    model: ModelArrays, work: Workspace, asked: _Asked, within: float, near: NearPairs, count: int
 ) -> int:
     """Write a pair to row ``count`` if it is near; how many there are then."""
     a, i, still, j, apart, number = asked
@@ -300,7 +342,12 @@ def near_pairs(
     Returns:
         How many there are, which can be more than fit.
     """
-    work, near = _stand(model, q), _NearPairs(found, distances, gradients)
+    return near_pairs_in(model, _stand(model, q), within, NearPairs(found, distances, gradients))
+
+
+@kernel(allocates=False)
+def near_pairs_in(model: ModelArrays, work: Workspace, within: float, near: NearPairs) -> int:
+    """``near_pairs`` where the robot stands in a workspace."""
     p, m = model.skipped.shape[0], model.scene.shape[0]
     count = 0
     for root in range(model.roots.shape[0]):
@@ -324,7 +371,7 @@ def near_pairs(
 
 @kernel(allocates=False)
 def _add_near_obstacles(
-    model: ModelArrays, work: Workspace, i: int, within: float, near: _NearPairs, count: int
+    model: ModelArrays, work: Workspace, i: int, within: float, near: NearPairs, count: int
 ) -> int:
     """``near_pairs`` of piece i with what is in the tree."""
     nodes, items, scene = model.nodes, model.items, model.scene

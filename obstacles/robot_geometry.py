@@ -111,7 +111,7 @@ class RobotGeometry:
 
         Raises:
             InvalidLinkName: No such link.
-            InvalidScene: The object's name is a link's already.
+            InvalidScene: The object's name is a link's already, or it is a half-space.
         """
         holder = self.chain.link(link)
         touched = {self.chain.link(name).name for name in touch_links} | {link}
@@ -119,6 +119,11 @@ class RobotGeometry:
             raise InvalidScene(
                 f"attached object {attached.id!r} has the name of a link or attached object",
                 hint="Give it a name of its own.",
+            )
+        if any(piece.kind == PieceKind.HALFSPACE for piece in attached.pieces()):
+            raise InvalidScene(
+                f"attached object {attached.id!r} is a half-space: what a link carries has an end",
+                hint="Give a box that is as large as the arm reaches.",
             )
         own = tuple(p.placed(holder.T_joint_link) for p in attached.pieces())
         same = {name for name, j in zip(self.links, self.joints, strict=True) if j == holder.joint}

@@ -2,13 +2,13 @@
 
 import numpy as np
 
-from kinematics.bounded_cache import bounded_cache
+from kinematics.bounded_cache import array_bytes, bounded_cache
 from obstacles.piece import Piece
 from obstacles.piece_set import GROUP, GROUP_STOP, PieceSet, ball_rows
 from obstacles.scene import Scene
 
 
-@bounded_cache(maxsize=16)
+@bounded_cache(maxsize=16, weigh=array_bytes)
 def scene_set(scene: Scene) -> PieceSet:
     """A scene's pieces in the order of its obstacles, clouds as balls; read-only.
 

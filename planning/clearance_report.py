@@ -25,7 +25,8 @@ class CloseSpan:
     Args:
         begins: When it begins [s].
         ends: When it ends [s].
-        distance: The least distance in it, margins of obstacles taken off [m].
+        distance: The least distance in it, margins of obstacles taken off [m]; where obstacles and
+            own links are near, that which lacks most of what is preferred.
         pair: The bodies that come so near.
     """
 
@@ -116,14 +117,8 @@ def _span(
     preferred: tuple[float, float],
 ) -> CloseSpan:
     """The span of the instants from ``first`` to ``last``, out to the next that are not close."""
-    least, nearest = np.inf, ("", "")
-    below, pairs = spacious.closest(positions[first : last + 1], 0.0)
-    for lacking, pair in zip(below.tolist(), pairs, strict=True):
-        if pair is None:
-            continue
-        is_obstacle = pair[1] in spacious.model.obstacles
-        distance = lacking + preferred[0 if is_obstacle else 1]
-        if distance < least:
-            least, nearest = distance, pair
+    lacking, _, pair = spacious.closest(positions[first : last + 1], 0.0)
+    is_own = pair is None or pair[1] not in spacious.model.obstacles
+    distance = max(lacking + preferred[is_own], 0.0)
     begins, ends = times[max(first - 1, 0)], times[min(last + 1, len(times) - 1)]
-    return CloseSpan(float(begins), float(ends), max(float(least), 0.0), nearest)
+    return CloseSpan(float(begins), float(ends), distance, pair or ("", ""))

@@ -36,6 +36,10 @@ class Deadline:
         """The deadline that many seconds from now, for a part of this one's work."""
         return Deadline(time.monotonic() + seconds, self.interruptions)
 
+    def at_most(self, seconds: float) -> "Deadline":
+        """This deadline, or the one that many seconds from now if that is sooner."""
+        return Deadline(min(self.at, time.monotonic() + seconds), self.interruptions)
+
     @property
     def remaining(self) -> float:
         """Remaining time [s], 0 when time is up."""

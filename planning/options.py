@@ -123,6 +123,8 @@ class Options:
         clearance: Distances that paths keep wherever there is room.
         goal_costs: Weights by which one of a pose's configurations is chosen.
         explored: Keeps the tree or roadmap of the last planner; None for not at all.
+        max_edges: Edges that each planner may look at, for one motion of many: the search then ends
+            alike on every machine, and why it failed is not looked into; None for no such bound.
 
     Raises:
         InvalidOption: The timeout is not in (0, 600].
@@ -140,6 +142,7 @@ class Options:
     clearance: PreferredClearance = field(default_factory=PreferredClearance)
     goal_costs: GoalCosts = field(default_factory=GoalCosts)
     explored: Explored | None = field(default=None, repr=False, compare=False)
+    max_edges: int | None = None
 
     def __post_init__(self) -> None:
         if not 0.0 < self.timeout <= MAX_TIMEOUT:

@@ -105,6 +105,8 @@ class PathSearch:
         if attempt.failure is not None:
             return attempt.failure
         failure = self._no_path(attempt, deadline)
+        if self.options.max_edges is not None:
+            return failure
         diagnosis = self.stages.run(
             "diagnosis", partial(self._diagnose, ready), lambda answer: (True, answer.sentence)
         )
@@ -129,7 +131,10 @@ class PathSearch:
         self, ready: Ready, checker: Checker, until: Deadline, max_edges: int | None = None
     ) -> Query:
         options = self.options
-        return Query(self.problem, ready, checker, options.seed, until, max_edges, options.explored)
+        return Query(
+            self.problem, ready, checker, options.seed, until, max_edges, options.max_edges,
+            options.explored,
+        )  # fmt: skip
 
     def _ask_planners(
         self, planners: Sequence[Planner], query: Query, levels: tuple[Checker, ...]
@@ -166,7 +171,7 @@ class PathSearch:
     def _diagnose(self, ready: Ready) -> Diagnosis | Relaxation:
         """Diagnosis of a failed search, within the time reserved for it."""
         problem, seed = self.problem, self.options.seed
-        until = self.deadline.within(min(_MAX_DIAGNOSIS, self.deadline.remaining))
+        until = self.deadline.at_most(_MAX_DIAGNOSIS)
         exact = ready.checkers[-1]
         if isinstance(exact, ConstrainedChecker):
             return find_relaxation(exact, ready.start, ready.goals, seed, until)
@@ -210,11 +215,11 @@ class PathSearch:
         checker, waypoints = found.checker, found.waypoints
         if isinstance(checker, ConstrainedChecker):
             return shortcut_along(Manifold(checker), waypoints, self.options.seed, self.deadline)
-        return shortcut(checker, waypoints, self.deadline)
+        return shortcut(checker, waypoints, self.deadline, found.levels[-1])
 
     def _keep_clear(self, found: FoundPath) -> Array:
         reached = found.levels.index(found.checker)
-        path = keep_clear(found.levels[: reached + 1], found.waypoints, self.deadline)
+        path = keep_clear(found.levels, found.waypoints, self.deadline, reached)
         # What is optimised afterwards is made quicker there.
         if self.deadline.passed or self.options.refine is not None:
             return path

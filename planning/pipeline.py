@@ -48,7 +48,10 @@ _REFINING_SHARE = 0.8
 
 
 def plan(
-    problem: Problem, options: Options, planners: tuple[Planner, ...] | None = None
+    problem: Problem,
+    options: Options,
+    planners: tuple[Planner, ...] | None = None,
+    within: Deadline | None = None,
 ) -> Plan | Failure:
     """Find, shorten, time and prove a motion, all before one deadline.
 
@@ -56,6 +59,7 @@ def plan(
         problem: The robot, the scene, start and goal.
         options: Planner, timing, timeout, seed.
         planners: Tried in turn, in place of those that the options name.
+        within: The end of what this plan is a part of; learns whether time was up.
 
     Returns:
         A plan whose trajectory is proved, or a failure that says what to try.
@@ -65,7 +69,8 @@ def plan(
         InvalidGoal: Goals that do not go with the planner or the constraints.
         MissingLimit: A velocity or acceleration limit is not known.
     """
-    deadline = Deadline.after(options.timeout)
+    timeout = options.timeout
+    deadline = Deadline.after(timeout) if within is None else within.at_most(timeout)
     options = refinement_options(options, problem)
     chosen = choose_planners(problem, options) if planners is None else planners
     options = with_limits(options, problem.constraints)
@@ -79,6 +84,7 @@ def plan(
         with preparation_limit(deadline.at):
             answer = pipeline.run()
     except PreparationTimedOut as late:
+        deadline.interruptions.occurred = True
         answer = Failure(late.code, late.message, late.hint or "", late.details["stage"])
     return replace(answer, stages=tuple(stages.reports))
 

@@ -23,6 +23,7 @@ class Query:
         deadline: When to stop.
         max_edges: Edges after which trees stop where a path is only preferred; None for no such
             bound.
+        bound: Edges after which every planner stops; None for its own bounds.
         explored: Keeps the edges that trees and roadmaps prove; None for not at all.
     """
 
@@ -32,6 +33,7 @@ class Query:
     seed: int
     deadline: Deadline
     max_edges: int | None = None
+    bound: int | None = None
     explored: Explored | None = None
 
     @property

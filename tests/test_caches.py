@@ -14,6 +14,7 @@ BY_NUMBER = {
     "kinematics/ik/numeric.py": "tables of a chain",
     "dynamics/body.py": "a row of numbers for each link of a chain",
     "dynamics/base_parameters.py": "matrices of a chain",
+    "planning/timing/choice.py": "limits of a chain's joints",
     "service/http/state.py": "a path",
     "service/storage/prepared_files.py": "a path",
 }
@@ -28,7 +29,7 @@ WITHOUT_A_BOUND = {
     ("obstacles/triangles.py", "_inner_radius"),
     ("service/viewer/page.py", "_asset"),
     ("client/armwright_client/call.py", "_signature"),
-    ("client/armwright_client/call.py", "_without_first"),
+    ("client/armwright_client/call.py", "_bound_signature"),
 }
 
 

@@ -91,7 +91,7 @@ def lines(chain: Chain, q: Array, link: str | None = None) -> Lines:
         q: Configurations, shape (m, n) [rad or m].
         link: The link; the tip where none is named.
     """
-    frames = joint_frames(chain, q).reshape(-1, chain.n, 4, 4)
+    frames = joint_frames(chain, q).reshape(-1, chain.body_count, 4, 4)
     carrier = chain.link(link or chain.tip_link)
     frames = frames[:, : carrier.joint + 1]
     end = frames[:, -1] @ carrier.T_joint_link[:, 3]

@@ -1,5 +1,6 @@
 """A checker of joint motions that also have to hold constraints."""
 
+from collections.abc import Iterator
 from dataclasses import dataclass, field
 from itertools import pairwise
 
@@ -55,6 +56,12 @@ class ConstrainedChecker(Checker):
             return Motion(False, False, float(s[worst]), pair, -np.inf, 1)
         return Checker.curve(self, b0, b1, b2, b3)
 
+    def round_corners(
+        self, waypoints: Array, reaches: Array, halvings: int, *, keep: bool, smooth: bool
+    ) -> Iterator[int]:
+        """``Checker.round_corners``, one ``curve`` after the other."""
+        return round_one_by_one(self, waypoints, reaches, halvings, keep=keep, smooth=smooth)
+
     def free(self, start: Array, end: Array) -> bool:
         """Whether the straight joint motion is proved free and holds all rows."""
         line = np.column_stack([start, end - start])
@@ -71,6 +78,35 @@ class ConstrainedChecker(Checker):
             if not motion.free:
                 return motion, leg
         return motion, len(waypoints) - 1
+
+
+def round_one_by_one(
+    checker: Checker, waypoints: Array, reaches: Array, halvings: int, *, keep: bool, smooth: bool
+) -> Iterator[int]:
+    """``Checker.round_corners`` by what the checker says of each ``curve``."""
+    for i, widest in enumerate(reaches.tolist()):
+        corner, legs = waypoints[i + 1], np.diff(waypoints[i : i + 3], axis=0)
+        u = legs / np.linalg.norm(legs, axis=1, keepdims=True)
+        if widest > 0.0:
+            reaches[i] = -1.0
+            tried = 0 if keep and not checker.valid(corner) else halvings
+            for reach in widest * 0.5 ** np.arange(tried):
+                if _is_corner_free(checker, corner, u, reach, smooth):
+                    reaches[i] = reach
+                    break
+        yield i + 1
+
+
+def _is_corner_free(checker: Checker, corner: Array, u: Array, reach: float, smooth: bool) -> bool:
+    turn = reach * (u[1] - u[0])
+    if not smooth:
+        return checker.curve(corner - reach * u[0], 2.0 * reach * u[0], turn).free
+    none = np.zeros_like(corner)
+    # The second one is looked at backwards.
+    return all(
+        checker.curve(corner - reach * away, reach * away, none, turn / 6.0).free
+        for away in (u[0], -u[1])
+    )
 
 
 def narrow_rows(constraints: ConstraintSet, share: float, limit: Array | float = np.inf) -> Array:

@@ -10,6 +10,9 @@ from planning.planner import Query
 from planning.problem import PoseGoal
 from planning.result import Attempt
 
+#: Edges of trees without constraints that take as long as one extension along constraints.
+_EDGES_AN_EXTENSION = 20
+
 
 @dataclass(frozen=True, slots=True)
 class ProjectedRrt:
@@ -34,6 +37,7 @@ class ProjectedRrt:
             query.deadline,
             _more_goals(checker, query),
             query.explored,
+            None if query.bound is None else query.bound // _EDGES_AN_EXTENSION,
         )
         return Attempt(waypoints, f"{extensions} extensions along the constraints.")
 

@@ -12,6 +12,7 @@ hundred extensions of many steps each, gain new roots while they grow (``GoalReg
 and spend their time in projections and proofs: a tree for both would be a third one.
 """
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from itertools import pairwise
@@ -180,6 +181,7 @@ def projected_rrt(
     deadline: Deadline,
     more_goals: MoreGoals | None = None,
     explored: Explored | None = None,
+    max_extensions: int | None = None,
 ) -> tuple[Array | None, int]:
     """Grow trees from start and goals until they meet.
 
@@ -191,6 +193,7 @@ def projected_rrt(
         deadline: When to stop.
         more_goals: Finds goals near configurations that were reached; None where goals are points.
         explored: Keeps the edges of the last pair of trees.
+        max_extensions: When to stop, too; None for never.
 
     Returns:
         Waypoints (k, n) whose legs hold and are free, None where it found none in time; and how
@@ -198,7 +201,9 @@ def projected_rrt(
     """
     spent, budget, pair = 0, _FIRST_BUDGET, 0
     goals = list(goals)
-    while not deadline.passed:
+    most = math.inf if max_extensions is None else max_extensions
+    while spent < most and not deadline.passed:
+        budget = int(min(budget, most - spent))
         random = np.random.default_rng((seed, pair * _SEED_STRIDE))
         trees = _Tree([start]), _Tree(goals)
         path, extensions = _grow_pair(manifold, trees, goals, random, budget, deadline, more_goals)

@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from kinematics.arrays import Array, frozen
+from kinematics.branch import require_on_chain
 from kinematics.chain import Chain
 from kinematics.errors import InvalidGoal
 from kinematics.pose import inverse
@@ -40,7 +41,10 @@ class Attachment:
         Raises:
             InvalidLinkName: No such link.
             InvalidGoal: Both move with the same joint.
+            InvalidOption: A link hangs on a joint that mimics another.
         """
+        for name in (link, reference_link):
+            require_on_chain(chain, name or chain.tip_link)
         body = chain.link(link or chain.tip_link)
         joint, T = -1, np.eye(4)
         if reference_link is not None:

@@ -5,7 +5,7 @@ import math
 import numpy as np
 
 from kinematics.arrays import Array
-from kinematics.chain import JointType
+from kinematics.body_tree import BodyTree
 from obstacles.robot_geometry import RobotGeometry
 
 
@@ -32,19 +32,21 @@ def joint_tolerance(robot: RobotGeometry, clearance: float) -> float | None:
 
 
 def lever_arms(robot: RobotGeometry) -> Array:
-    """R_k of each joint, shape (n,): [m], 1 for a slide; infinite before a slide without stops."""
+    """R_k of each joint, shape (n,): [m], 1 for a slide; infinite before a slide without stops.
+
+    A joint that others follow has theirs added, times their multipliers.
+    """
     chain = robot.chain
-    solids = np.zeros(chain.n)
-    for piece, joint in zip(robot.pieces, robot.joints.tolist(), strict=True):
-        if joint >= 0:
+    tree = BodyTree.of(chain)
+    largest = tree.positions(np.maximum(np.abs(chain.limits.lower), np.abs(chain.limits.upper)))
+    beyond = np.zeros(len(tree.parents))
+    for piece, body in zip(robot.pieces, robot.joints.tolist(), strict=True):
+        if body >= 0:
             center, radius = piece.bounding_sphere()
-            solids[joint] = max(solids[joint], float(np.linalg.norm(center)) + radius)
-    arms = np.zeros(chain.n)
-    reach = 0.0
-    for k in range(chain.n - 1, -1, -1):
-        arms[k] = reach = max(reach, float(solids[k]))
-        reach += float(np.linalg.norm(chain.offsets[k][:3, 3]))
-        if chain.joint_types[k] == JointType.PRISMATIC:
-            stroke = max(abs(float(chain.limits.lower[k])), abs(float(chain.limits.upper[k])))
-            arms[k], reach = 1.0, reach + stroke
-    return arms
+            beyond[body] = max(beyond[body], float(np.linalg.norm(center)) + radius)
+    for body in range(len(beyond) - 1, -1, -1):
+        parent = tree.parents[body]
+        if parent >= 0:
+            stroke = float(largest[body]) if tree.slides[body] else 0.0
+            beyond[parent] = max(beyond[parent], beyond[body] + float(tree.lengths[body]) + stroke)
+    return tree.of_leaders(np.where(tree.slides, 1.0, beyond))

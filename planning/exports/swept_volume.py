@@ -15,7 +15,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from kinematics.arrays import Array
-from kinematics.chain import Chain, JointType
+from kinematics.body_tree import BodyTree
 from kinematics.errors import InvalidOption
 from kinematics.forward import joint_frames
 from kinematics.trajectory import Trajectory
@@ -90,9 +90,10 @@ def _cell_hull(begin: Array, end: Array, tolerance: float) -> Hull:
 
 def _cells(motion: Trajectory, robot: RobotGeometry, tolerance: float) -> Array:
     """Times between which chords are good enough, the ends of the motion among them [s]."""
-    levers = _lever_arms(motion, robot)
+    tree = BodyTree.of(robot.chain)
+    levers = _lever_arms(motion, robot, tree)
     rates, accelerations = (
-        np.maximum(-low, high) for low, high in map(motion.piece_extrema, (1, 2))
+        tree.rates(np.maximum(-low, high)) for low, high in map(motion.piece_extrema, (1, 2))
     )
     times = [np.zeros(1)]
     for k, (begin, end) in enumerate(zip(motion.breaks, motion.breaks[1:], strict=False)):
@@ -106,34 +107,27 @@ def _acceleration_bound(levers: Array, rates: Array, accelerations: Array) -> fl
     """The largest acceleration of any point [m/s^2].
 
     Args:
-        levers: Of each joint, shape (n,) [m]; 1 or more for a slide.
-        rates: Largest of each joint, shape (n,) [rad/s or m/s].
-        accelerations: Largest of each joint, shape (n,) [rad/s^2 or m/s^2].
+        levers: Of each joint, those that follow others last, shape (b,) [m]; 1 or more for a slide.
+        rates: Largest of each joint, shape (b,) [rad/s or m/s].
+        accelerations: Largest of each joint, shape (b,) [rad/s^2 or m/s^2].
     """
     n = len(levers)
     outer = np.maximum(np.arange(n)[:, None], np.arange(n))
     return float(levers @ accelerations + rates @ levers[outer] @ rates)
 
 
-def _lever_arms(motion: Trajectory, robot: RobotGeometry) -> Array:
-    """The farthest that a point can be from each joint that carries it, shape (n,) [m]."""
-    chain = robot.chain
-    lengths = np.linalg.norm(chain.offsets[:, :3, 3], axis=1) + _slides(motion, chain)
-    levers = np.zeros(chain.n)
+def _lever_arms(motion: Trajectory, robot: RobotGeometry, tree: BodyTree) -> Array:
+    """The farthest that a point can be from each joint that carries it, shape (bodies,) [m]."""
+    extrema = motion.extrema()
+    largest = tree.positions(np.maximum(np.abs(extrema.minimum), np.abs(extrema.maximum)))
+    lengths = tree.lengths + np.where(tree.slides, largest, 0.0)
+    levers = np.zeros(len(lengths))
     for piece, joint in zip(robot.pieces, robot.joints, strict=True):
-        if joint < 0:
-            continue
         center, radius = piece.bounding_sphere()
-        farthest = float(np.linalg.norm(center)) + radius
-        for k in range(int(joint), -1, -1):
+        farthest, k = float(np.linalg.norm(center)) + radius, int(joint)
+        while k >= 0:
             levers[k] = max(levers[k], farthest)
             farthest += float(lengths[k])
+            k = int(tree.parents[k])
     # A point moves as far as its slide does: a lever of one.
-    return np.where(chain.joint_types == JointType.PRISMATIC, np.maximum(levers, 1.0), levers)
-
-
-def _slides(motion: Trajectory, chain: Chain) -> Array:
-    """The largest distance that each slide is moved out by, 0 for what turns, shape (n,) [m]."""
-    extrema = motion.extrema()
-    largest = np.maximum(np.abs(extrema.minimum), np.abs(extrema.maximum))
-    return np.where(chain.joint_types == JointType.PRISMATIC, largest, 0.0)
+    return np.where(tree.slides, np.maximum(levers, 1.0), levers)

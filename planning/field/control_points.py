@@ -13,6 +13,7 @@ from kinematics.dh import frame_origins
 from kinematics.errors import InvalidOption
 from kinematics.forward import frames_kernel
 from kinematics.jacobian import jacobian_kernel
+from kinematics.vec3 import cross
 from obstacles.piece import Piece, PieceKind
 from obstacles.robot_geometry import RobotGeometry
 
@@ -108,6 +109,26 @@ def _axis_points(piece: Piece) -> list[tuple[Array, float]]:
     return points
 
 
+@kernel(allocates=False)
+def _follower_kernel(chain: Array, frames: Array, point: Array, body: int, J: Array) -> None:
+    """Write the linear rows of the Jacobian of a point that a follower's body carries into J."""
+    n = J.shape[1]
+    J[:] = 0.0
+    while body >= 0:
+        row, leader, parent, share = 1 + body, body, body - 1, 1.0
+        if body >= n:
+            row = int(chain[0, 3]) + 2 * (body - n)
+            leader, parent, share = int(chain[row + 1, 0]), int(chain[row, 13]), chain[row + 1, 1]
+        F = frames[body]
+        v = (F[0, 2], F[1, 2], F[2, 2])
+        if chain[row, 0] == 0.0:
+            v = cross(v, (point[0] - F[0, 3], point[1] - F[1, 3], point[2] - F[2, 3]))
+        J[0, leader] += share * v[0]
+        J[1, leader] += share * v[1]
+        J[2, leader] += share * v[2]
+        body = parent
+
+
 @kernel
 def control_points_kernel(
     chain: Array,
@@ -119,7 +140,7 @@ def control_points_kernel(
 ) -> None:
     """Write the control points (m, 3) and their linear Jacobians (m, 3, n) at q (n,)."""
     n = q.shape[0]
-    frames, J = np.empty((n, 4, 4)), np.empty((6, n))
+    frames, J = np.empty((n + int(chain[0, 2]), 4, 4)), np.empty((6, n))
     frames_kernel(chain, q, frames)
     for i in range(joints.shape[0]):
         F = frames[joints[i]]
@@ -128,7 +149,9 @@ def control_points_kernel(
             for k in range(3):
                 points[i, row] += F[row, k] * places[i, k]
         # The Jacobian of the whole arm at this point, cut off after the joint that carries it.
-        jacobian_kernel(chain, frames, points[i], joints[i], J)
+        jacobian_kernel(chain, frames, points[i], min(joints[i], n - 1), J)
+        if joints[i] >= n:
+            _follower_kernel(chain, frames, points[i], joints[i], J)
         for row in range(3):
             for j in range(n):
                 jacobians[i, row, j] = J[row, j]

@@ -52,7 +52,7 @@ def explain_stop(
     pushes = np.linalg.norm(value.repulsive_forces, axis=1)
     if pushes.max(initial=0.0) > 0.0:
         i = int(pushes.argmax())
-        joint = chain.joint_names[int(where.joints[i])]
+        joint = chain.joint_of(int(where.joints[i]))
         obstacle = obstacles[int(value.nearest[i])]
         details["repelled"] = {
             "point": i,

@@ -240,7 +240,7 @@ class CollisionProof:
         asked = f", {apart:.6g} m are asked for" if apart > 0.0 else ""
         message = f"{names[0]!r} and {names[1]!r} are {distance:.6g} m apart{asked}"
         details = {"pair": list(names), "distance": distance, "margin": apart}
-        q = sweep.joints[:, VALUE]
+        q = sweep.joints[: trajectory.n, VALUE]
         for where, end in (("start", trajectory.start), ("goal", trajectory.end)):
             if np.abs(q - end).max() <= _AT_AN_END:
                 message, details["at"] = f"{message} at the {where}", where

@@ -34,6 +34,9 @@ VALUE = 0
 TIME = 1
 BOUND = 2
 
+# Columns of ``LimitUses.uses``.
+RATIO, JOINT, AT, EXCESS, BEYOND = range(5)
+
 
 class Extrema(NamedTuple):
     """Least and largest value of each joint's position or derivative, each of shape (n,).
@@ -66,8 +69,7 @@ def extrema(breaks: Array, coefficients: Array, order: int) -> Extrema:
     n, k = coefficients.shape[1:]
     highest, lowest = np.empty((n, 3)), np.empty((n, 3))
     stack = np.empty((_MAX_DEPTH + 2, k + 3))
-    largest_kernel(breaks, coefficients, order, 1.0, stack, highest)
-    largest_kernel(breaks, coefficients, order, -1.0, stack, lowest)
+    extrema_kernel(breaks, coefficients, order, stack, highest, lowest)
     return Extrema(
         -lowest[:, VALUE],
         lowest[:, TIME],
@@ -90,7 +92,7 @@ def jumps(trajectory: Trajectory, order: int) -> Array:
     return found
 
 
-@kernel
+@kernel(allocates=False)
 def jumps_kernel(breaks: Array, coefficients: Array, order: int, found: Array) -> None:
     """Kernel of ``jumps``."""
     m, n, size = coefficients.shape
@@ -107,27 +109,89 @@ def jumps_kernel(breaks: Array, coefficients: Array, order: int, found: Array) -
             found[i, j] = after - before
 
 
+class LimitUses(NamedTuple):
+    """Use of limits by position and the first derivatives, joint by joint and the worst of each.
+
+    Args:
+        uses: Of each order: the largest share of a range that is used, from its middle; whose and
+            when [s]; how far a bound is beyond its limit, as a share of it, for positions in their
+            own unit; whose; shape (orders, 5).
+        highest: Largest value, its time and a bound of it, shape (orders, n, 3).
+        lowest: The same of the negative.
+    """
+
+    uses: Array
+    highest: Array
+    lowest: Array
+
+
+def limit_uses(trajectory: Trajectory, lower: Array, upper: Array) -> LimitUses:
+    """Use of limits by a motion and its derivatives, and all their extrema.
+
+    Args:
+        trajectory: The motion.
+        lower: Lower limits of positions, velocities, ..., infinite for none, shape (orders, n).
+        upper: Upper ones.
+    """
+    orders, n = lower.shape
+    found = LimitUses(np.empty((orders, 5)), np.empty((orders, n, 3)), np.empty((orders, n, 3)))
+    stack = np.empty((_MAX_DEPTH + 2, trajectory.coefficients.shape[2] + 3))
+    limit_uses_kernel(trajectory.breaks, trajectory.coefficients, lower, upper, stack, found)
+    return found
+
+
 @kernel(allocates=False)
-def largest_kernel(
-    breaks: Array, coefficients: Array, order: int, sign: float, stack: Array, largest: Array
+def limit_uses_kernel(
+    breaks: Array, coefficients: Array, lower: Array, upper: Array, stack: Array, found: LimitUses
 ) -> None:
-    """Write the largest value of ``sign`` times a derivative, its time, and a bound, (n, 3).
+    """Write ``limit_uses``."""
+    for order in range(lower.shape[0]):
+        highest, lowest, use = found.highest[order], found.lowest[order], found.uses[order]
+        extrema_kernel(breaks, coefficients, order, stack, highest, lowest)
+        use[RATIO], use[JOINT], use[AT], use[EXCESS], use[BEYOND] = -1.0, 0.0, 0.0, -np.inf, 0.0
+        for j in range(lower.shape[1]):
+            half = 0.5 * (upper[order, j] - lower[order, j])
+            unit = 1.0 if order == 0 else half
+            excess = max(highest[j, BOUND] - upper[order, j], lowest[j, BOUND] + lower[order, j])
+            excess = excess / unit if half < np.inf or order == 0 else -np.inf
+            # What is no number is beyond all limits.
+            excess = np.inf if np.isnan(excess) else excess
+            if excess > use[EXCESS]:
+                use[EXCESS], use[BEYOND] = excess, j
+            middle = 0.5 * (upper[order, j] + lower[order, j])
+            ratio, time = 0.0, highest[j, TIME]
+            if 0.0 < half < np.inf:
+                above, below = highest[j, VALUE] - middle, lowest[j, VALUE] + middle
+                ratio = max(above, below) / half
+                time = highest[j, TIME] if above >= below else lowest[j, TIME]
+            if ratio > use[RATIO]:
+                use[RATIO], use[JOINT], use[AT] = ratio, j, time
+
+
+@kernel(allocates=False)
+def extrema_kernel(
+    breaks: Array, coefficients: Array, order: int, stack: Array, highest: Array, lowest: Array
+) -> None:
+    """Write the largest value of a derivative, its time and a bound, and of its negative, (n, 3).
 
     ``stack`` (_MAX_DEPTH + 2, k + 3) is scratch: Bernstein coefficients, and where a part begins
     and ends in its piece.
     """
     m, n, size = coefficients.shape
     for j in range(n):
-        largest[j, VALUE], largest[j, TIME], largest[j, BOUND] = -np.inf, 0.0, -np.inf
+        for largest in (highest, lowest):
+            largest[j, VALUE], largest[j, TIME], largest[j, BOUND] = -np.inf, 0.0, -np.inf
         for i in range(m):
             length = breaks[i + 1] - breaks[i]
-            count = to_bernstein(coefficients[i, j], length, order, sign, stack[0])
-            _search(stack, count, size, breaks[i], length, largest[j])
+            b = stack[_MAX_DEPTH + 1]
+            count = to_bernstein(coefficients[i, j], length, order, b)
+            _search(stack, count, size, 1.0, breaks[i], length, highest[j])
+            _search(stack, count, size, -1.0, breaks[i], length, lowest[j])
 
 
 @kernel(allocates=False)
-def to_bernstein(c: Array, length: float, order: int, sign: float, b: Array) -> int:
-    """Write the Bernstein coefficients of ``sign`` times a derivative on [0, length]; their count.
+def to_bernstein(c: Array, length: float, order: int, b: Array) -> int:
+    """Write the Bernstein coefficients of a derivative on [0, length]; their count.
 
     b_i = sum_k C(i, k) / C(d, k) a_k for sum_k a_k u^k, d the degree.
     """
@@ -137,7 +201,7 @@ def to_bernstein(c: Array, length: float, order: int, sign: float, b: Array) -> 
     if count < 1:
         b[0] = 0.0
         return 1
-    power = sign
+    power = 1.0
     for k in range(count):
         factor = power
         for step in range(order):
@@ -158,18 +222,29 @@ def to_bernstein(c: Array, length: float, order: int, sign: float, b: Array) -> 
 
 @kernel(allocates=False)
 def _search(
-    stack: Array, count: int, size: int, begin: float, length: float, largest: Array
+    stack: Array, count: int, size: int, sign: float, begin: float, length: float, largest: Array
 ) -> None:
     """Raise the largest value, its time and its bound (3,) to those of a polynomial's parts.
 
-    Row 0 of the stack holds the whole one.
+    The stack's last row holds the whole one, which is taken times ``sign``.
     """
     low, high = size + 1, size + 2
-    whole = 0.0
+    b, whole, hull = stack[_MAX_DEPTH + 1], 0.0, -np.inf
     for k in range(count):
-        whole = max(whole, abs(stack[0, k]))
+        whole, hull = max(whole, abs(b[k])), max(hull, sign * b[k])
+    first, last = sign * b[0], sign * b[count - 1]
+    if first > largest[VALUE]:
+        largest[VALUE], largest[TIME] = first, begin
+    if last > largest[VALUE]:
+        largest[VALUE], largest[TIME] = last, begin + length
+    if hull <= largest[VALUE] + _SHARP * abs(largest[VALUE]) + _SHARP_OF_SIZE * whole:
+        largest[BOUND] = max(largest[BOUND], hull + _ROUNDING * whole)
+        return
+    for k in range(count):
+        stack[0, k] = sign * b[k]
     stack[0, low], stack[0, high] = 0.0, 1.0
-    top = 1
+    _split(stack, 0, count, low, high)
+    top = 2
     while top > 0:
         top -= 1
         part = stack[top]
@@ -180,7 +255,7 @@ def _search(
             if part[k] > largest[VALUE]:
                 largest[VALUE], largest[TIME] = part[k], begin + part[end] * length
         spare = _SHARP * abs(largest[VALUE]) + _SHARP_OF_SIZE * whole
-        if hull <= largest[VALUE] + spare or top >= _MAX_DEPTH:
+        if hull <= largest[VALUE] + spare or top >= _MAX_DEPTH - 1:
             largest[BOUND] = max(largest[BOUND], hull + _ROUNDING * whole)
             continue
         _split(stack, top, count, low, high)

@@ -13,16 +13,16 @@ import numpy as np
 
 from kinematics.arrays import Array
 from kinematics.compiled.kernel import kernel
-from planning.proof.joint_frames import forward_kernel
-from planning.proof.motion_bounds import (
+from planning.proof.displacement import (
     MOVED,
-    VALUE,
+    TWIST,
     displacement_along,
     displacement_bounds,
-    outside_box,
-    place,
-    reach,
+    lowest,
+    meeting_body,
 )
+from planning.proof.joint_frames import follower_frames, forward_kernel
+from planning.proof.motion_bounds import TYPE, VALUE, enclose_followers, outside_box, place, reach
 from planning.proof.pair_table import PairArrays
 from planning.proof.proposals import propose
 from planning.proof.separating_direction import Vector, direction, gap, rounding_bound
@@ -44,7 +44,7 @@ from planning.proof.sweep_state import (
 #: A pair that moves less than this in an interval [m] is decided by its distance alone.
 RESOLUTION = 1e-7
 #: The clearance told is at least this share of the true one, where that is less than _ENOUGH.
-_SHARP_SHARE = 0.91
+_SHARP_SHARE = 0.95
 #: Clearance beyond which a sharper bound is of no interest [m].
 _ENOUGH = 0.18
 #: Where the covers of parts of meshes are this far apart [m], that is told for the parts' distance.
@@ -58,14 +58,14 @@ _PARTED = 0.02
 #: It is not asked for where elements move farther than this [m]: hardly any direction would do.
 _HOPELESS = 0.05
 #: Nor where the direction there is parts them by this share of the motion: some halvings will do.
-_HALVES = 0.25
+_HALVES = 0.2
 #: Below so small a motion it is always worth it [m].
 _WORTH = 1e-4
 
 #: Bounds of a pair on an interval: lower bound of its distance [m]; what GJK says it is at most
-#: [m]; how far the two move [m]; clearance that needs no sharper bound [m]; whether halving parts
-#: them; the direction.
-PairBounds = tuple[float, float, float, float, bool, Vector]
+#: [m]; how far the two move, and how far along the direction [m]; clearance that needs no sharper
+#: bound [m]; whether halving parts them; the direction.
+PairBounds = tuple[float, float, tuple[float, float], float, bool, Vector]
 
 
 @kernel(allocates=False)
@@ -80,8 +80,11 @@ def check_interval(model: PairArrays, w: Sweep) -> bool:
     first, last = w.starts[depth], w.starts[depth] + w.counts[depth]
     w.starts[depth + 1] = last
     counters[OPEN], counters[REFERRED] = 0, 0
-    forward_kernel(model.joint_types, model.offsets, w.joints[:, VALUE], w.frames)
-    w.interval[REACH] = reach(model.joint_types, model.offsets, w.joints)
+    enclose_followers(model.leaders, model.leads, w.joints)
+    types, n = model.bodies[TYPE], model.bodies.shape[1] - model.leaders.shape[0]
+    forward_kernel(types, model.offsets, w.joints[:n, VALUE], w.frames)
+    follower_frames(model.bodies, model.offsets, n, w.joints[:, VALUE], w.frames)
+    w.interval[REACH] = reach(types, model.offsets, w.joints)
     for entry in range(first, last):  # noqa: SIM110  numba compiles no generator here
         if not _check_pair(model, w, entry, last):
             return False
@@ -121,7 +124,7 @@ def _check_pair(model: PairArrays, w: Sweep, entry: int, last: int) -> bool:
         u = (0.0, 0.0, 0.0)
         if known:
             u = (w.directions[entry, 0], w.directions[entry, 1], w.directions[entry, 2])
-        lower, upper, moved, enough, parted, u = _bound_pair(model, w, i, j, apart, u)
+        lower, upper, (most, moved), enough, parted, u = _bound_pair(model, w, i, j, apart, u)
         holds = _holds_others(model, i) or _holds_others(model, j)
         if lower > apart and (lower >= enough or (moved < RESOLUTION and not holds)):
             note_clearance(w, against, i, j, lower)
@@ -145,7 +148,8 @@ def _check_pair(model: PairArrays, w: Sweep, entry: int, last: int) -> bool:
         if last + w.counters[OPEN] + w.counters[REFERRED] >= w.pairs.shape[0]:
             return False
         if not holds and (finest or upper <= apart):
-            _refer(w, i, j, moved)
+            # By all their motion: the direction is GJK's, and the referee has another.
+            _refer(w, i, j, most)
         else:
             _keep_open(w, last, i, j, u)
     return True
@@ -190,7 +194,7 @@ def _place_element(model: PairArrays, w: Sweep, k: int) -> None:
     if k < model.moving:
         center = (w.centers[k, 0], w.centers[k, 1], w.centers[k, 2])
         displacement_bounds(
-            model.joint_types,
+            model.bodies,
             w.frames,
             center,
             model.radii[k],
@@ -214,15 +218,18 @@ def _bound_pair(model: PairArrays, w: Sweep, i: int, j: int, apart: float, u: Ve
         u: The direction to try first, 0 for none.
     """
     against = OWN if i < model.moving else OBSTACLE
-    after, sharp = model.joints[i] + 1, w.counters[SHARP] == 1
+    after, sharp = _seen_from(model, i, j), w.counters[SHARP] == 1
     lengths = w.interval[REACH] + model.extents[i] + model.extents[j]
-    lost = rounding_bound(model.joint_types.shape[0], lengths)
-    moved = w.moves[j, after, MOVED] + lost
+    lost = rounding_bound(model.bodies.shape[1], lengths)
+    most = w.moves[j, after, MOVED] + lost
+    if model.joints[i] >= after:
+        most += w.moves[i, after, MOVED]
+    moved = most
     enough = sharp_enough(w.nearest[against], sharp)
     need = max(apart, enough)
     lower = _bounding_distance(model, w, i, j, need + moved) - moved
     if model.kinds[i] < 0 or model.kinds[j] < 0 or (lower > apart and lower >= enough):
-        return lower, np.inf, moved, enough, False, (0.0, 0.0, 0.0)
+        return lower, np.inf, (most, moved), enough, False, (0.0, 0.0, 0.0)
     if u[0] == 0.0 and u[1] == 0.0 and u[2] == 0.0:
         u = (
             w.centers[j, 0] - w.centers[i, 0],
@@ -230,38 +237,69 @@ def _bound_pair(model: PairArrays, w: Sweep, i: int, j: int, apart: float, u: Ve
             w.centers[j, 2] - w.centers[i, 2],
         )
     parts, u = direction(model.kinds, w.poses, i, j, u)
-    separation, along, upper = -np.inf, moved, np.inf
+    separation, lower, upper = -np.inf, -np.inf, np.inf
     if parts:
-        separation, along = _gap_and_motion_along(model, w, i, j, u)
-        along = min(moved, along + lost)
-    lower = separation - along
+        separation, lower, _ = _bound_along(model, w, i, j, u, (most, lost, need))
     settled = lower > apart and lower >= enough
-    by_halving = moved > _HOPELESS or separation - need > _HALVES * along
+    by_halving = moved > _HOPELESS or separation - need > _HALVES * (separation - lower)
     if not settled and (moved <= _WORTH or not by_halving):
         axis = w.proposal.axis
         axis[0], axis[1], axis[2] = -u[0], -u[1], -u[2]
         upper = propose(model.proposals, i, j, w.poses, w.centers, need + moved, w.proposal)
         parts, u = direction(model.kinds, w.poses, i, j, (-axis[0], -axis[1], -axis[2]))
         if parts:
-            separation, along = _gap_and_motion_along(model, w, i, j, u)
-            along = min(moved, along + lost)
-            lower = separation - along
-        moved = along
+            separation, lower, moved = _bound_along(model, w, i, j, u, (most, lost, need))
         if upper > COVERED or not (_holds_others(model, i) or _holds_others(model, j)):
             w.nearest[against] = min(w.nearest[against], upper)
             enough = sharp_enough(w.nearest[against], sharp)
     parted = separation - max(apart, enough) > _PARTED * moved
-    return lower, upper, moved, enough, parted, u
+    return lower, upper, (most, moved), enough, parted, u
 
 
 @kernel(allocates=False, inline="code")
-def _gap_and_motion_along(
-    model: PairArrays, w: Sweep, i: int, j: int, u: Vector
-) -> tuple[float, float]:
-    """Gap of two elements along a unit direction, and the motion along it [m]."""
-    separation = gap(model.kinds, model.sizes, model.columns, model.starts, w.poses, i, j, u)
-    moves, after = w.moves[j], model.joints[i] + 1
-    return separation, displacement_along(moves, after, model.radii[j], w.interval[HALF], u)
+def _bound_along(
+    model: PairArrays, w: Sweep, i: int, j: int, u: Vector, known: tuple[float, float, float]
+) -> tuple[float, float, float]:
+    """Gap of two elements along a unit direction, the least all over the interval, and the motion.
+
+    Args:
+        model: The pairs.
+        w: The sweep, both elements placed.
+        i: One element.
+        j: The other.
+        u: The direction.
+        known: How far they move at most, what rounding can have done, and what lower bound is
+            enough [m].
+    """
+    most, lost, need = known
+    separation, top = gap(model.kinds, model.sizes, model.columns, model.starts, w.poses, i, j, u)
+    moves, after, half, other = w.moves[j], _seen_from(model, i, j), w.interval[HALF], 0.0
+    if model.joints[i] >= after:  # the first moves too
+        other = displacement_along(w.moves[i], after, model.radii[i], half, u)
+    moved = min(most, displacement_along(moves, after, model.radii[j], half, u) + other + lost)
+    lower = separation - moved
+    if lower <= need < separation and moves[after, TWIST] < np.inf:
+        size = (model.sizes[j, 0], model.sizes[j, 1], model.sizes[j, 2])
+        span = (model.starts[j], model.starts[j + 1])
+        center = (w.centers[j, 0], w.centers[j, 1], w.centers[j, 2])
+        way = (center, moves, after, half)
+        bottom = lowest(model.kinds[j], size, model.columns, span, w.poses, j, u, way)
+        # It turns directions to others of up to four times the length.
+        lower = max(lower, bottom - top - other - 4.0 * lost)
+    return separation, lower, moved
+
+
+@kernel(allocates=False, inline="code")
+def _seen_from(model: PairArrays, i: int, j: int) -> int:
+    """The number after that of the body from which the motion of elements i and j is bounded.
+
+    It is that of element i where j's body hangs on it. Where neither hangs on the other it is the
+    last body that both hang on; then the first moves too, and both bounds add up.
+    """
+    still, last = model.joints[i], model.joints[j]
+    if last < model.bodies.shape[1] - model.leaders.shape[0]:
+        return int(still + 1)
+    return int(meeting_body(model.bodies, still, last) + 1)
 
 
 @kernel(allocates=False, inline="code")

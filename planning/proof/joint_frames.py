@@ -4,6 +4,7 @@ import numpy as np
 
 from kinematics.arrays import Array, Indices
 from kinematics.compiled.kernel import kernel
+from planning.proof.motion_bounds import PARENT, TYPE
 
 
 @kernel(allocates=False)
@@ -33,3 +34,35 @@ def forward_kernel(types: Indices, offsets: Array, q: Array, frames: Array) -> N
             frames[i, row, 1] = y * c - x * s
             frames[i, row, 2] = z
             frames[i, row, 3] = p + z * d
+
+
+@kernel(allocates=False)
+def follower_frames(bodies: Indices, offsets: Array, first: int, q: Array, frames: Array) -> None:
+    """``forward_kernel`` of the bodies from ``first`` on, which follow others and hang on any.
+
+    Args:
+        bodies: Rows TYPE and PARENT, shape (2, b).
+        offsets: Of their joints at 0 in the frames of the bodies before, shape (b, 4, 4).
+        first: The first of them.
+        q: Positions of all joints, shape (b,) [rad or m].
+        frames: Of all bodies, those from ``first`` on are written, shape (b, 4, 4).
+    """
+    for i in range(first, q.shape[0]):
+        A, parent = offsets[i], bodies[PARENT, i]
+        for row in range(3):
+            for column in range(4):
+                value = A[row, column]
+                if parent >= 0:
+                    B = frames[parent]
+                    value = B[row, 3] if column == 3 else 0.0
+                    for k in range(3):
+                        value += B[row, k] * A[k, column]
+                frames[i, row, column] = value
+        if bodies[TYPE, i] == 1:
+            for row in range(3):
+                frames[i, row, 3] += frames[i, row, 2] * q[i]
+            continue
+        c, s = np.cos(q[i]), np.sin(q[i])
+        for row in range(3):
+            x, y = frames[i, row, 0], frames[i, row, 1]
+            frames[i, row, 0], frames[i, row, 1] = x * c + y * s, y * c - x * s

@@ -5,7 +5,6 @@ from inside and bounded from outside (``extrema``). Torques and the tool's speed
 intervals of time (``effort``).
 """
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 
@@ -16,9 +15,11 @@ from kinematics.chain import Limits
 from kinematics.trajectory import Trajectory
 from planning.limits import JERK_JUMP, RATIO_TOLERANCE, MotionLimits, position_excess
 from planning.proof.effort import effort_uses
-from planning.proof.extrema import extrema, jumps
+from planning.proof.extrema import TIME, VALUE, LimitUses, extrema, jumps, limit_uses
 from planning.proof.violation import Violation
 
+#: By the order of the derivative.
+QUANTITIES = ("position", "velocity", "acceleration", "jerk")
 #: Largest jump of position and velocity between pieces [rad or m, rad/s or m/s].
 JUMP_TOLERANCE = 1e-9
 #: Roots with less of an imaginary part than this share of their size are real: two that have met
@@ -56,18 +57,31 @@ def check_limits(
         limits: Limits of its joints.
         wanted: Limits in place of them; a jerk that is named here has to be bounded.
     """
-    reports, wrong = {}, []
-    reports["position"], violation = _check_position(trajectory, limits)
-    wrong += [violation] if violation else []
-    for order, name in ((1, "velocity"), (2, "acceleration"), (3, "jerk")):
+    reports, wrong = dict[str, LimitReport](), list[Violation]()
+    names = ["position"]
+    for name in QUANTITIES[1:]:
         limit = wanted.bounds.get(name, getattr(limits, name))
         if not np.isfinite(limit).any():
             continue
-        if order == 3 and np.abs(jumps(trajectory, 2)).max(initial=0.0) > JERK_JUMP:
+        if name == "jerk" and np.abs(jumps(trajectory, 2)).max(initial=0.0) > JERK_JUMP:
             wrong += [_jump_violation(trajectory)] if name in wanted.bounds else []
             continue
-        reports[name], violation = _check_peaks(trajectory, limit, order, name)
-        wrong += [violation] if violation else []
+        names.append(name)
+    orders = 1 + QUANTITIES.index(names[-1])
+    lower, upper = np.full((orders, trajectory.n), -np.inf), np.full((orders, trajectory.n), np.inf)
+    lower[0], upper[0] = limits.lower, limits.upper
+    for name in names[1:]:
+        limit = wanted.bounds.get(name, getattr(limits, name))
+        upper[QUANTITIES.index(name)] = np.where(np.isfinite(limit), limit, np.inf)
+    lower[1:] = -upper[1:]
+    found = limit_uses(trajectory, lower, upper)
+    for name in names:
+        order = QUANTITIES.index(name)
+        ratio, joint, time, excess, beyond = found.uses[order].tolist()
+        reports[name] = LimitReport(ratio, trajectory.joint_names[int(joint)], time)
+        if excess > RATIO_TOLERANCE:
+            range_ = lower[order], upper[order]
+            wrong.append(_violation(trajectory, order, found, range_, int(beyond)))
     for name, use in (effort_uses(wanted.effort, trajectory) if wanted.effort else {}).items():
         joint = trajectory.joint_names[use.joint]
         reports[name] = LimitReport(use.ratio, joint, use.time)
@@ -82,10 +96,11 @@ def check_limits(
 def check_continuity(trajectory: Trajectory) -> tuple[dict[str, float], list[Violation]]:
     """The largest jumps of position and velocity between pieces, and the first that is one."""
     continuity, wrong = {}, []
-    for order, name in enumerate(("position", "velocity")):
-        largest = np.abs(jumps(trajectory, order)).max(axis=1, initial=0.0)
-        continuity[name] = float(largest.max(initial=0.0))
+    for order, name in enumerate(QUANTITIES[:2]):
+        sizes = np.abs(jumps(trajectory, order))
+        continuity[name] = float(sizes.max(initial=0.0))
         if continuity[name] > JUMP_TOLERANCE:
+            largest = sizes.max(axis=1)
             at = int(np.argmax(largest > JUMP_TOLERANCE))
             first = float(largest[at])
             message = f"the {name} jumps by {first:.3g} between two pieces"
@@ -103,29 +118,29 @@ def _jump_violation(trajectory: Trajectory) -> Violation:
     return Violation("jerk", float(trajectory.breaks[at + 1]), message, details)
 
 
-def _check_peaks(
-    trajectory: Trajectory, limit: Array, order: int, name: str
-) -> tuple[LimitReport, Violation | None]:
-    is_limited = np.isfinite(limit)
-    ends = extrema(trajectory.breaks, trajectory.coefficients, order)
-    is_high = ends.maximum >= -ends.minimum
-    peaks = np.where(is_high, ends.maximum, -ends.minimum)
-    times = np.where(is_high, ends.time_of_maximum, ends.time_of_minimum)
-    over = np.where(is_limited, limit, 1.0)
-    ratios = np.where(is_limited, peaks / over, 0.0)
-    bounds = np.where(is_limited, np.maximum(ends.upper, -ends.lower) / over, 0.0)
-    j = int(np.argmax(ratios))
-    report = LimitReport(float(ratios[j]), trajectory.joint_names[j], float(times[j]))
-    if bounds.max() <= 1.0 + RATIO_TOLERANCE:
-        return report, None
-    k = int(np.argmax(bounds))
-    most = np.where(is_limited, limit, np.inf) * (1.0 + RATIO_TOLERANCE)
-    time, k = _first_excess(trajectory, order, -most, most) or (float(times[k]), k)
-    joint, value = trajectory.joint_names[k], float(peaks[k])
-    message = f"joint {joint!r} has {name} {value:.6g}, its limit is {limit[k]:.6g}"
-    return report, Violation(
-        name, time, message, {"joint": joint, "value": value, "limit": float(limit[k])}
-    )
+def _violation(
+    trajectory: Trajectory, order: int, found: LimitUses, limits: tuple[Array, Array], k: int
+) -> Violation:
+    """The first violation of a limit, joint k's where no value is found that is one."""
+    lower, upper = limits
+    spare = RATIO_TOLERANCE * (1.0 if order == 0 else np.where(upper < np.inf, upper, 0.0))
+    highest, lowest = found.highest[order], found.lowest[order]
+    first = _first_excess(trajectory, order, lower - spare, upper + spare)
+    name, high, low = QUANTITIES[order], float(highest[k, VALUE]), -float(lowest[k, VALUE])
+    if order == 0:
+        time, k = first or (0.0, k)
+        high, low = float(highest[k, VALUE]), -float(lowest[k, VALUE])
+        is_above = high - upper[k] >= lower[k] - low
+        value, limit = (high, float(upper[k])) if is_above else (low, float(lower[k]))
+        message = position_excess(trajectory.joint_names[k], value, limit)
+    else:
+        time, k = first or (float(highest[k, TIME] if high >= -low else lowest[k, TIME]), k)
+        high, low = float(highest[k, VALUE]), -float(lowest[k, VALUE])
+        value, limit = max(high, -low), float(upper[k])
+        joint = trajectory.joint_names[k]
+        message = f"joint {joint!r} has {name} {value:.6g}, its limit is {limit:.6g}"
+    details = {"joint": trajectory.joint_names[k], "value": value, "limit": limit}
+    return Violation(name, time, message, details)
 
 
 def _first_excess(
@@ -165,29 +180,3 @@ def _leaves(coefficients: Array, order: int, length: float, bounds: tuple[float,
         if not bounds[0] <= value(0.5 * (a + b)) <= bounds[1]:
             return a
     return crossings[-1]
-
-
-def _check_position(trajectory: Trajectory, limits: Limits) -> tuple[LimitReport, Violation | None]:
-    names: Sequence[str] = trajectory.joint_names
-    lower, upper = limits.lower, limits.upper
-    ends = extrema(trajectory.breaks, trajectory.coefficients, 0)
-    half = 0.5 * (upper - lower)
-    is_limited = np.isfinite(half) & (half > 0.0)
-    middle = 0.5 * (np.where(is_limited, upper, 0.0) + np.where(is_limited, lower, 0.0))
-    half = np.where(is_limited, half, np.inf)
-    above, below = ends.maximum - middle, middle - ends.minimum
-    ratios = np.maximum(above, below) / half
-    j = int(np.argmax(ratios))
-    time = float((ends.time_of_maximum if above[j] >= below[j] else ends.time_of_minimum)[j])
-    report = LimitReport(float(ratios[j]), names[j], time)
-    outside = np.maximum(lower - ends.lower, ends.upper - upper)
-    k = int(np.argmax(outside))
-    if outside[k] <= RATIO_TOLERANCE:
-        return report, None
-    edges = lower - RATIO_TOLERANCE, upper + RATIO_TOLERANCE
-    time, k = _first_excess(trajectory, 0, *edges) or (0.0, k)
-    is_above = ends.maximum[k] - upper[k] >= lower[k] - ends.minimum[k]
-    value, limit = (ends.maximum[k], upper[k]) if is_above else (ends.minimum[k], lower[k])
-    message = position_excess(names[k], float(value), float(limit))
-    details = {"joint": names[k], "value": float(value), "limit": float(limit)}
-    return report, Violation("position", time, message, details)

@@ -1,20 +1,8 @@
-"""Bounds of motion over an interval of time, for joints and for the solids that they carry.
+"""Bounds of the joints' motion over an interval of time, and places of the solids they carry.
 
 On an interval [m - h, m + h] of time a joint is q(m + s) = c_0 + c_1 s + ..., its coefficients
 found by Taylor's shift. Written apart from the planner's own kernels on purpose: a fault there must
 not be believed here. What rounding can have done to any number is part of its bound.
-
-How far a ball of radius r about a centre c, carried by joint j, moves seen from the body of joint
-i, is bounded twice, from the motion joint by joint,
-
-    D <- min(D + (rho_k + r + D) delta_k, 2 (rho_k + r + D))      for k = j, ..., i + 1
-
-(rho_k the distance of c from axis k, delta_k the radius of joint k's values; a slide adds
-delta_k), and from its velocity v and turning rate w in the middle of the interval and the largest
-acceleration a that any of its points can have in it: along a direction u no point moves farther
-than
-
-    |u.v| h + r |u x w| h + a h^2 / 2.
 """
 
 import math
@@ -23,14 +11,11 @@ import numpy as np
 
 from kinematics.arrays import Array, Indices
 from kinematics.compiled.kernel import kernel
-from planning.proof.separating_direction import Vector
 
 #: Unit of rounding [relative].
 UNIT_ROUNDOFF = 2.0**-53
 #: What sums of products of bounds may have lost themselves [relative].
 OUTWARD = 1.0 + 1e-12
-#: What a sum of products that cancel may have lost of the sum of their sizes [relative].
-_CANCELLED = 1e-12
 
 # Columns of what ``enclose`` writes of each joint.
 #: Its value in the middle of the interval [rad or m].
@@ -45,7 +30,13 @@ SPEED = 3
 ACCELERATION = 4
 #: How far the true motion may be from value and rate as they are told [rad or m].
 ROUNDING = 5
-JOINT_COLUMNS = 6
+#: Its acceleration in the middle [rad/s^2 or m/s^2].
+BOW = 6
+#: Its largest absolute jerk in the interval, infinite where its acceleration jumps.
+JERK = 7
+#: How far the true motion may be from value, rate and BOW as they are told [rad or m].
+BOW_ROUNDING = 8
+JOINT_COLUMNS = 9
 
 # Columns of what ``piece_bounds`` writes of each joint in each piece of a trajectory.
 #: Least value [rad or m].
@@ -62,18 +53,21 @@ VALUE_JUMP = 4
 VELOCITY_JUMP = 5
 #: How far the true motion may be from what is computed of it [rad or m].
 PIECE_ROUNDING = 6
-PIECE_COLUMNS = 7
+#: Largest absolute jerk [rad/s^3 or m/s^3].
+MAX_JERK = 7
+#: What the next piece jumps by in acceleration [rad/s^2 or m/s^2].
+ACCELERATION_JUMP = 8
+PIECE_COLUMNS = 9
 
-# Columns of what ``displacement_bounds`` writes, seen from the predecessor of each joint.
-#: How far any point moves at most [m].
-MOVED = 0
-#: What acceleration and rounding add to first order [m].
-BEND = 1
-#: First of the three columns of the centre's velocity in the middle [m/s].
-VELOCITY = 2
-#: First of the three columns of the turning rate in the middle [rad/s].
-TURN = 5
-MOVE_COLUMNS = 8
+# Rows of what says how bodies hang on each other: first those of the chain's joints, then those on
+# joints that follow them; a body hangs on one of a smaller number.
+#: Type of the joint that moves a body, 0 revolute, 1 prismatic.
+TYPE = 0
+#: The body before it, -1 for the base.
+PARENT = 1
+
+#: Jumps of acceleration that are rounding, as a share of the largest acceleration.
+_SMOOTH = 1e-6
 
 
 @kernel(allocates=False)
@@ -85,7 +79,7 @@ def enclose(coefficients: Array, at: float, half: float, scratch: Array, joints:
         at: The interval's middle in the piece's own time, 0 or more [s].
         half: Half the interval's length [s].
         scratch: Shape (2, k).
-        joints: Filled, columns VALUE to ROUNDING, shape (n, JOINT_COLUMNS).
+        joints: Filled, columns VALUE to BOW_ROUNDING, shape (n, JOINT_COLUMNS).
     """
     n, k = coefficients.shape
     c, size = scratch[0], scratch[1]
@@ -102,19 +96,52 @@ def enclose(coefficients: Array, at: float, half: float, scratch: Array, joints:
                 size[i] += at * size[i + 1]
         rounded = unit * size[0]
         rate = c[1] if k > 1 else 0.0
-        radius, speed, acceleration, power, lower_power = 0.0, 0.0, 0.0, 1.0, 0.0
+        radius, speed, acceleration, jerk = 0.0, 0.0, 0.0, 0.0
+        power, lower_power, least_power = 1.0, 0.0, 0.0
         for i in range(1, k):
             largest = abs(c[i]) + unit * size[i]
             radius += largest * power * half
             speed += i * largest * power
             acceleration += i * (i - 1) * largest * lower_power
-            lower_power, power = power, power * half
+            jerk += i * (i - 1) * (i - 2) * largest * least_power
+            least_power, lower_power, power = lower_power, power, power * half
         joints[j, VALUE] = c[0]
         joints[j, RADIUS] = (radius + rounded) * OUTWARD
         joints[j, RATE] = rate
         joints[j, SPEED] = speed * OUTWARD
         joints[j, ACCELERATION] = acceleration * OUTWARD
-        joints[j, ROUNDING] = (rounded + unit * (size[1] * half if k > 1 else 0.0)) * OUTWARD
+        rounded += unit * (size[1] * half if k > 1 else 0.0)
+        joints[j, ROUNDING] = rounded * OUTWARD
+        joints[j, BOW] = 2.0 * c[2] if k > 2 else 0.0
+        joints[j, JERK] = jerk * OUTWARD
+        rounded += unit * (size[2] * half * half if k > 2 else 0.0)
+        joints[j, BOW_ROUNDING] = rounded * OUTWARD
+
+
+@kernel(allocates=False)
+def enclose_followers(leaders: Indices, leads: Array, joints: Array) -> None:
+    """Enclose the joints that follow others: q = m q_j + b, so everything is |m| times as large.
+
+    Args:
+        leaders: The joint j that each of them follows, shape (f,).
+        leads: Multiplier m and offset b of each, shape (f, 2).
+        joints: From ``enclose``, the last f rows filled, shape (n + f, JOINT_COLUMNS).
+    """
+    first = joints.shape[0] - leaders.shape[0]
+    for k in range(leaders.shape[0]):
+        row, j, m, b = first + k, leaders[k], leads[k, 0], leads[k, 1]
+        size = abs(m)
+        # A product and a sum are rounded.
+        lost = 4.0 * UNIT_ROUNDOFF * (size * abs(joints[j, VALUE]) + abs(b))
+        joints[row, VALUE] = m * joints[j, VALUE] + b
+        joints[row, RADIUS] = (size * joints[j, RADIUS] + lost) * OUTWARD
+        joints[row, RATE] = m * joints[j, RATE]
+        joints[row, SPEED] = size * joints[j, SPEED] * OUTWARD
+        joints[row, ACCELERATION] = size * joints[j, ACCELERATION] * OUTWARD
+        joints[row, ROUNDING] = (size * joints[j, ROUNDING] + lost) * OUTWARD
+        joints[row, BOW] = m * joints[j, BOW]
+        joints[row, JERK] = size * joints[j, JERK] * OUTWARD
+        joints[row, BOW_ROUNDING] = (size * joints[j, BOW_ROUNDING] + lost) * OUTWARD
 
 
 @kernel
@@ -124,7 +151,7 @@ def piece_bounds(breaks: Array, coefficients: Array, table: Array) -> None:
     Args:
         breaks: Shape (m + 1,) [s].
         coefficients: Shape (m, n, k).
-        table: Filled, columns LOWEST to PIECE_ROUNDING, shape (m, n, PIECE_COLUMNS).
+        table: Filled, columns LOWEST to ACCELERATION_JUMP, shape (m, n, PIECE_COLUMNS).
     """
     m, n, k = coefficients.shape
     scratch = np.empty((2, k))
@@ -139,7 +166,9 @@ def piece_bounds(breaks: Array, coefficients: Array, table: Array) -> None:
             table[i, j, FASTEST] = joints[j, SPEED]
             table[i, j, MAX_ACCELERATION] = joints[j, ACCELERATION]
             table[i, j, PIECE_ROUNDING] = joints[j, ROUNDING]
+            table[i, j, MAX_JERK] = joints[j, JERK]
             table[i, j, VALUE_JUMP], table[i, j, VELOCITY_JUMP] = 0.0, 0.0
+            table[i, j, ACCELERATION_JUMP] = 0.0
             if i + 1 < m:
                 rate = coefficients[i + 1, j, 1] if k > 1 else 0.0
                 rounded = 2.0 * ends[j, ROUNDING] / length + 16.0 * UNIT_ROUNDOFF * joints[j, SPEED]
@@ -148,6 +177,9 @@ def piece_bounds(breaks: Array, coefficients: Array, table: Array) -> None:
                     jump + table[i, j, FASTEST] * 16.0 * UNIT_ROUNDOFF * length
                 )
                 table[i, j, VELOCITY_JUMP] = abs(rate - ends[j, RATE]) + rounded
+                bow = 2.0 * coefficients[i + 1, j, 2] if k > 2 else 0.0
+                rounded = 2.0 * rounded / length + 16.0 * UNIT_ROUNDOFF * joints[j, ACCELERATION]
+                table[i, j, ACCELERATION_JUMP] = abs(bow - ends[j, BOW]) + rounded
 
 
 @kernel(allocates=False)
@@ -169,28 +201,38 @@ def enclose_span(
     """``enclose`` pieces first .. last of a trajectory about the start of piece ``middle``.
 
     ``table`` is that of ``piece_bounds``. The motion differs by its jumps from one whose value and
-    rate are continuous, and that one is enclosed.
+    rate are continuous, acceleration too where its jumps are rounding, and that one is enclosed.
     """
     n, k = coefficients.shape[1], coefficients.shape[2]
     for j in range(n):
         value = coefficients[middle, j, 0]
         low = high = value
         speed, acceleration, rounded, jumps, rate_jumps = 0.0, 0.0, 0.0, 0.0, 0.0
+        jerk, bow_jumps = 0.0, 0.0
         for i in range(first, last + 1):
             low, high = min(low, table[i, j, LOWEST]), max(high, table[i, j, HIGHEST])
             speed = max(speed, table[i, j, FASTEST])
             acceleration = max(acceleration, table[i, j, MAX_ACCELERATION])
+            jerk = max(jerk, table[i, j, MAX_JERK])
             rounded = max(rounded, table[i, j, PIECE_ROUNDING])
             if i < last:
                 jumps += table[i, j, VALUE_JUMP]
                 rate_jumps += table[i, j, VELOCITY_JUMP]
+                bow_jumps += table[i, j, ACCELERATION_JUMP]
         rounded += jumps + rate_jumps * 2.0 * half
         joints[j, VALUE] = value
         joints[j, RADIUS] = (max(high - value, value - low) + rounded) * OUTWARD
         joints[j, RATE] = coefficients[middle, j, 1] if k > 1 else 0.0
+        # Jumps of acceleration that are but rounding are spread over the span, others end there.
+        smooth = bow_jumps <= _SMOOTH * acceleration
+        if smooth:
+            speed, acceleration = speed + bow_jumps * 2.0 * half, acceleration + bow_jumps
         joints[j, SPEED] = (speed + rate_jumps) * OUTWARD
         joints[j, ACCELERATION] = acceleration * OUTWARD
         joints[j, ROUNDING] = rounded * OUTWARD
+        joints[j, BOW] = 2.0 * coefficients[middle, j, 2] if k > 2 else 0.0
+        joints[j, JERK] = jerk * OUTWARD if smooth else np.inf
+        joints[j, BOW_ROUNDING] = (rounded + bow_jumps * 2.0 * half * half) * OUTWARD
 
 
 @kernel(allocates=False)
@@ -221,86 +263,6 @@ def place(
             x, y, z = own[i, 0, column], own[i, 1, column], own[i, 2, column]
             poses[i, row, column] = a * x + b * y + c * z
         poses[i, row, 3] += t
-
-
-@kernel(allocates=False)
-def displacement_bounds(
-    types: Indices,
-    frames: Array,
-    center: Vector,
-    radius: float,
-    carrier: int,
-    joints: Array,
-    half: float,
-    moves: Array,
-) -> None:
-    """Bound how a ball carried by a joint moves on an interval, seen from every body before it.
-
-    Args:
-        types: Of the joints, shape (n,).
-        frames: T_base_joint in the middle of the interval, shape (n, 4, 4).
-        center: Of the ball in the base frame [m].
-        radius: Of the ball [m].
-        carrier: The joint it moves with.
-        joints: From ``enclose``, shape (n, JOINT_COLUMNS).
-        half: Half the interval's length [s].
-        moves: Row k is filled for joints k .. carrier moving, columns MOVED to TURN,
-            shape (n, MOVE_COLUMNS).
-    """
-    x, y, z = center
-    far, speed, acceleration, rounded = 0.0, 0.0, 0.0, 0.0
-    vx, vy, vz, wx, wy, wz = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
-    for j in range(carrier, -1, -1):
-        rate = joints[j, RATE]
-        ax, ay, az = frames[j, 0, 2], frames[j, 1, 2], frames[j, 2, 2]
-        if types[j] == 1:
-            far += joints[j, RADIUS]
-            speed += joints[j, SPEED]
-            acceleration += joints[j, ACCELERATION]
-            rounded += joints[j, ROUNDING]
-            vx, vy, vz = vx + rate * ax, vy + rate * ay, vz + rate * az
-        else:
-            dx, dy, dz = x - frames[j, 0, 3], y - frames[j, 1, 3], z - frames[j, 2, 3]
-            cx, cy, cz = ay * dz - az * dy, az * dx - ax * dz, ax * dy - ay * dx
-            # Distance of any point of the ball from the axis, wherever the joints behind it are.
-            lever = math.sqrt(cx * cx + cy * cy + cz * cz) + radius + far
-            # Seen from the body before: centripetal, and twice the turn times what moves in it.
-            turn = joints[j, SPEED]
-            acceleration += (joints[j, ACCELERATION] + turn * turn) * lever + 2.0 * turn * speed
-            speed += turn * lever
-            rounded += joints[j, ROUNDING] * lever
-            # No point is displaced by more than the circle's diameter.
-            far += min(lever * joints[j, RADIUS], 2.0 * lever)
-            vx, vy, vz = vx + rate * cx, vy + rate * cy, vz + rate * cz
-            wx, wy, wz = wx + rate * ax, wy + rate * ay, wz + rate * az
-        # The last term is what sums of the velocity's products can have rounded off.
-        bend = 0.5 * acceleration * half * half + rounded + _CANCELLED * speed * half
-        first = math.sqrt(vx * vx + vy * vy + vz * vz)
-        first += radius * math.sqrt(wx * wx + wy * wy + wz * wz)
-        moves[j, MOVED] = min(far, first * half + bend) * OUTWARD
-        moves[j, BEND] = bend
-        moves[j, VELOCITY], moves[j, VELOCITY + 1], moves[j, VELOCITY + 2] = vx, vy, vz
-        moves[j, TURN], moves[j, TURN + 1], moves[j, TURN + 2] = wx, wy, wz
-
-
-@kernel(allocates=False)
-def displacement_along(moves: Array, j: int, radius: float, half: float, u: Vector) -> float:
-    """Displacement bound of a ball's points along a unit direction, seen from before joint j [m].
-
-    Args:
-        moves: From ``displacement_bounds``, shape (n, MOVE_COLUMNS).
-        j: The first joint that moves.
-        radius: Of the ball [m].
-        half: Half the interval's length [s].
-        u: The direction.
-    """
-    x, y, z = u
-    first = x * moves[j, VELOCITY] + y * moves[j, VELOCITY + 1] + z * moves[j, VELOCITY + 2]
-    wx, wy, wz = moves[j, TURN], moves[j, TURN + 1], moves[j, TURN + 2]
-    a, b, c = y * wz - z * wy, z * wx - x * wz, x * wy - y * wx
-    turned = radius * math.sqrt(a * a + b * b + c * c)
-    moved = ((abs(first) + turned) * half + moves[j, BEND]) * OUTWARD
-    return float(min(moves[j, MOVED], moved))
 
 
 @kernel(allocates=False)

@@ -7,13 +7,14 @@ pair of elements that can be proved apart settles all pairs below it.
 
 from dataclasses import dataclass, replace
 from itertools import combinations
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from kinematics.arrays import Array, Indices, frozen
-from kinematics.bounded_cache import bounded_cache
+from kinematics.bounded_cache import array_bytes, bounded_cache
+from kinematics.chain import Chain
 from obstacles.bvh import FIRST, tree
 from obstacles.piece import Piece, PieceArrays, PieceKind
 from obstacles.robot_geometry import RobotGeometry
@@ -25,6 +26,7 @@ from planning.proof.element_boxes import (
     hold_items,
     placed_boxes,
 )
+from planning.proof.motion_bounds import PARENT, TYPE
 from planning.proof.proposals import (
     FIRST_NODE,
     STOP_NODE,
@@ -41,21 +43,26 @@ HOLDER = -1
 
 
 class PairArrays(NamedTuple):
-    """Arrays that the proof's kernels read (n joints, e elements, v vertices).
+    """Arrays that the proof's kernels read (n joints, b bodies, e elements, v vertices).
+
+    The joints of the chain come first, then those that follow them; each moves a body.
 
     Elements of the robot come first: its pieces, then what is below them; then those of the scene
     alike, and at last the tree over the scene's pieces.
 
     Args:
-        joint_types: 0 revolute, 1 prismatic, shape (n,).
-        offsets: T_(i-1)_i of every joint at 0, shape (n, 4, 4).
+        bodies: Type of the joint that moves each body, 0 revolute, 1 prismatic, and the body before
+            it, shape (2, b).
+        offsets: Of every joint at 0 in the frame of the body before, shape (b, 4, 4).
+        leads: Multiplier and offset of the joints that follow others, shape (b - n, 2).
+        leaders: The joints that these follow, shape (b - n,).
         roots: Pairs that everything hangs below; the second is the robot's and moves against the
             first; shape (k, 2).
         moving: How many elements are the robot's.
         margins: Distance that each element of the scene is to be kept away, of a holder the most of
             those below it, shape (e,) [m].
         margin: To be kept from obstacles beyond that [m].
-        joints: Joint that carries each element, -1 for what stands still, shape (e,).
+        joints: Body that each element is part of, -1 for what stands still, shape (e,).
         kinds: Of the elements' cores, as ``PieceKind``, or HOLDER, shape (e,).
         starts: Vertices of element i are ``vertices[starts[i]:starts[i + 1]]``, shape (e + 1,).
         columns: The vertices in their elements' frames, shape (3, v): so loops compile to vectors.
@@ -72,8 +79,10 @@ class PairArrays(NamedTuple):
         proposals: The elements as GJK reads them.
     """
 
-    joint_types: Indices
+    bodies: Indices
     offsets: Array
+    leads: Array
+    leaders: Indices
     roots: Indices
     moving: int
     margins: Array
@@ -183,7 +192,7 @@ class _Elements(NamedTuple):
         return cls(*map(np.concatenate, zip(*blocks, strict=True)))
 
 
-@bounded_cache(maxsize=8)
+@bounded_cache(maxsize=8, weigh=array_bytes)
 def _arrays(robot: RobotGeometry, scene: Scene, opened: Rows) -> PairArrays:
     packed, p = packed_pieces(robot, scene, opened), len(robot.pieces)
     still, owners, margins = scene.pieces()
@@ -204,8 +213,7 @@ def _arrays(robot: RobotGeometry, scene: Scene, opened: Rows) -> PairArrays:
     walls = moving + np.flatnonzero(still.kinds == PieceKind.HALFSPACE)
     tops = [len(joints) - len(boxed.kinds)] if len(boxed.kinds) else []
     return PairArrays(
-        joint_types=robot.chain.joint_types,
-        offsets=robot.chain.offsets,
+        **_joints(robot.chain),
         roots=_roots(robot, scene, [*tops, *walls.tolist()], skipped),
         moving=moving,
         margins=everything.margins,
@@ -233,6 +241,20 @@ def _arrays(robot: RobotGeometry, scene: Scene, opened: Rows) -> PairArrays:
             packed.rows, everything.row, everything.first, packed.corners, packed.tables
         ),
     )
+
+
+def _joints(chain: Chain) -> dict[str, NDArray[Any]]:
+    """The columns of ``PairArrays`` that tell how bodies hang on each other."""
+    n, followers = chain.n, chain.followers
+    bodies = np.empty((2, n + len(followers)), dtype=np.int64)
+    bodies[TYPE, :n], bodies[PARENT, :n] = chain.joint_types, np.arange(-1, n - 1)
+    for k, follower in enumerate(followers, start=n):
+        bodies[:, k] = follower.joint_type, follower.parent
+    own = np.array([f.T_parent_joint for f in followers]).reshape(-1, 4, 4)
+    leads = np.array([[f.multiplier, f.offset] for f in followers]).reshape(-1, 2)
+    leaders = np.array([f.leader for f in followers], dtype=np.int64)
+    offsets = frozen(np.concatenate([chain.offsets, own]))
+    return {"bodies": bodies, "offsets": offsets, "leads": leads, "leaders": leaders}
 
 
 def _pairs_that_may_touch(robot: RobotGeometry, scene: Scene) -> NDArray[np.bool_]:

@@ -15,7 +15,7 @@ from typing import NamedTuple
 import numpy as np
 
 from kinematics.arrays import Array, Indices
-from kinematics.bounded_cache import bounded_cache
+from kinematics.bounded_cache import array_bytes, bounded_cache
 from kinematics.compiled.kernel import kernel
 from obstacles.gjk import STILL, separation
 from obstacles.piece import Piece
@@ -132,7 +132,7 @@ def _with_surfaces(pieces: Iterable[Piece], first: int, opened: Rows) -> list[Pi
     ]
 
 
-@bounded_cache(maxsize=16)
+@bounded_cache(maxsize=16, weigh=array_bytes)
 def _scene_rows(scene: Scene, opened: Rows) -> PieceSet:
     """A scene's pieces in the order of its obstacles, clouds as balls."""
     shaped, row = list[tuple[Piece, ...]](), 0

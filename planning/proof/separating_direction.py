@@ -48,13 +48,14 @@ def highest(columns: Array, start: int, stop: int, x: float, y: float, z: float)
 def height(
     kind: int, size: Vector, columns: Array, start: int, stop: int, poses: Array, i: int, u: Vector
 ) -> float:
-    """Support function of piece i (no half-space), placed, along a unit direction [m]."""
+    """Support function of piece i (no half-space), placed, along a direction [m]."""
     x, y, z = u
     a = poses[i, 0, 0] * x + poses[i, 1, 0] * y + poses[i, 2, 0] * z
     b = poses[i, 0, 1] * x + poses[i, 1, 1] * y + poses[i, 2, 1] * z
     c = poses[i, 0, 2] * x + poses[i, 1, 2] * y + poses[i, 2, 2] * z
     radius, half, offset = size
-    base = poses[i, 0, 3] * x + poses[i, 1, 3] * y + poses[i, 2, 3] * z + offset
+    base = poses[i, 0, 3] * x + poses[i, 1, 3] * y + poses[i, 2, 3] * z
+    base += offset * math.sqrt(x * x + y * y + z * z)
     if kind == _POLYTOPE:
         return float(base + highest(columns, start, stop, a, b, c))
     rim = radius * math.sqrt(a * a + b * b)
@@ -89,8 +90,10 @@ def gap(
     i: int,
     j: int,
     u: Vector,
-) -> float:
+) -> tuple[float, float]:
     """Lower bound of the distance of pieces i and j along a unit direction, but for rounding [m].
+
+    And how far piece i goes along it.
 
     Args:
         kinds: Of the pieces' cores, as ``PieceKind``, shape (p,).
@@ -109,7 +112,8 @@ def gap(
         top = height(kinds[i], size, columns, starts[i], starts[i + 1], poses, i, u)
     size = (sizes[j, 0], sizes[j, 1], sizes[j, 2])
     back = (-u[0], -u[1], -u[2])
-    return float(-height(kinds[j], size, columns, starts[j], starts[j + 1], poses, j, back) - top)
+    bottom = -height(kinds[j], size, columns, starts[j], starts[j + 1], poses, j, back)
+    return float(bottom - top), float(top)
 
 
 @kernel(allocates=False)

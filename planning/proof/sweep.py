@@ -10,11 +10,14 @@ from planning.proof.interval_check import check_interval
 from planning.proof.pair_table import PairArrays
 from planning.proof.sweep_state import (
     OPEN,
+    PROBE,
     REFERRED,
     SHARP,
     TOP,
     VISITS,
     Sweep,
+    moves_far,
+    pass_on,
     pop_interval,
     push_halves,
 )
@@ -52,10 +55,15 @@ def run(
             return PAUSED
         seen += 1
         pop_interval(breaks, coefficients, w)
+        if moves_far(w):
+            pass_on(w, breaks)
+            continue
         if not check_interval(model, w):
             w.counters[TOP] += 1
             w.counters[VISITS] -= 1
             return FULL
+        if w.counters[PROBE] == 1:
+            continue
         if w.counters[REFERRED] > 0:
             return ASKING
         if w.counters[OPEN] > 0:

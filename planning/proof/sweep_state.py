@@ -12,10 +12,11 @@ import numpy as np
 from kinematics.arrays import Array, Indices
 from kinematics.compiled.kernel import kernel
 from kinematics.trajectory import Trajectory
+from planning.proof.displacement import MOVE_COLUMNS
 from planning.proof.motion_bounds import (
     JOINT_COLUMNS,
-    MOVE_COLUMNS,
     PIECE_COLUMNS,
+    RADIUS,
     enclose,
     enclose_span,
     piece_bounds,
@@ -29,6 +30,9 @@ _PAIRS = 512
 #: Elements that wait while those below one are looked at: two trees, each halved at every step, and
 #: one sibling for each.
 _WAITING = 256
+#: Motions of all joints together to either side of an interval's middle in which it is halved at
+#: once [rad or m]: hardly any pair is settled on it.
+_FAR = 0.8
 #: Halvings of a trajectory after which time has no digits left to halve.
 MAX_DEPTH = 80
 
@@ -51,7 +55,9 @@ MIDDLE = 6
 LAST = 7
 #: 1 while intervals are halved until the clearance told is sharp, 0 until all is free.
 SHARP = 8
-COUNTERS = 9
+#: 1 where the last one is looked at for nothing but how near things come in it.
+PROBE = 9
+COUNTERS = 10
 
 # Columns of the last interval: in the time of its piece where it lies in one, else from the start.
 #: Where it begins [s].
@@ -74,12 +80,12 @@ OWN = 1
 
 
 class Sweep(NamedTuple):
-    """State of a sweep (c pairs, e elements, r of them the robot's, n joints, d depths).
+    """State of a sweep (c pairs, e elements, r of them the robot's, b bodies, d depths).
 
     Args:
-        counters: By TOP to SHARP, shape (COUNTERS,).
+        counters: By TOP to PROBE, shape (COUNTERS,).
         piece_bounds: Of the trajectory's pieces, from ``motion_bounds.piece_bounds``.
-        spans: First and last piece and depth of the intervals that wait, shape (d, 3).
+        spans: First and last piece of the intervals that wait, depth, and 1 for a probe, (d, 4).
         ends: Where they begin and end, if they lie in one piece, in its own time, shape (d, 2) [s].
         interval: The last one, by BEGIN to REACH, shape (INTERVAL_COLUMNS,).
         pairs: Elements open on the intervals that wait, those of each depth behind those of the
@@ -89,11 +95,11 @@ class Sweep(NamedTuple):
         counts: How many these are, shape (d,).
         referred: Pairs for the referee, shape (c, 2).
         referred_moves: How far each of these moves in the last interval, shape (c,) [m].
-        joints: Of ``motion_bounds.enclose``, in the last interval.
-        frames: T_base_joint in its middle, shape (n, 4, 4).
+        joints: Of ``motion_bounds.enclose``, and of those that follow, in the last interval.
+        frames: T_base_body in its middle, shape (b, 4, 4).
         poses: Of the elements there, shape (e, 4, 4).
         centers: Of their balls, shape (e, 3) [m].
-        moves: Of ``displacement_bounds``, for each element that moves, (r, n, MOVE_COLUMNS).
+        moves: Of ``displacement_bounds``, for each element that moves, (r, b, MOVE_COLUMNS).
         stamps: The visit for which each element was placed, -1 for none, shape (e,).
         clearance: Proved so far, by OBSTACLE and OWN, shape (2,) [m].
         closest: The pairs these belong to, -1 for none, shape (2, 2).
@@ -135,21 +141,21 @@ def start_sweep(trajectory: Trajectory, model: PairArrays) -> Sweep:
         trajectory: The motion.
         model: The pairs.
     """
-    n, depths = trajectory.n, MAX_DEPTH + 2
+    n, b, depths = trajectory.n, model.bodies.shape[1], MAX_DEPTH + 2
     k, e = len(model.roots), len(model.joints)
     capacity = max(_PAIRS, 4 * k)
     pairs, directions = np.empty((capacity, 2), dtype=np.int64), np.zeros((capacity, 3))
     pairs[:k] = model.roots
     counts = np.zeros(depths, dtype=np.int64)
     counts[0] = k
-    frames = np.zeros((n, 4, 4))
+    frames = np.zeros((b, 4, 4))
     frames[:, 3, 3] = 1.0
     bounds = np.empty((trajectory.pieces, n, PIECE_COLUMNS))
     piece_bounds(trajectory.breaks, trajectory.coefficients, bounds)
     sweep = Sweep(
         counters=np.zeros(COUNTERS, dtype=np.int64),
         piece_bounds=bounds,
-        spans=np.empty((depths, 3), dtype=np.int64),
+        spans=np.zeros((depths, 4), dtype=np.int64),
         ends=np.empty((depths, 2)),
         interval=np.zeros(INTERVAL_COLUMNS),
         pairs=pairs,
@@ -158,11 +164,11 @@ def start_sweep(trajectory: Trajectory, model: PairArrays) -> Sweep:
         counts=counts,
         referred=np.empty((capacity, 2), dtype=np.int64),
         referred_moves=np.zeros(capacity),
-        joints=np.empty((n, JOINT_COLUMNS)),
+        joints=np.empty((b, JOINT_COLUMNS)),
         frames=frames,
         poses=np.empty((e, 4, 4)),
         centers=np.empty((e, 3)),
-        moves=np.empty((model.moving, n, MOVE_COLUMNS)),
+        moves=np.empty((model.moving, b, MOVE_COLUMNS)),
         stamps=np.full(e, -1, dtype=np.int64),
         clearance=np.full(2, np.inf),
         closest=np.full((2, 2), -1, dtype=np.int64),
@@ -171,7 +177,12 @@ def start_sweep(trajectory: Trajectory, model: PairArrays) -> Sweep:
         proposal=Proposal.empty(),
         waiting=np.empty((_WAITING, 2), dtype=np.int64),
     )
-    push_pieces(sweep, trajectory.breaks, 0, trajectory.pieces - 1, 0)
+    last = trajectory.pieces - 1
+    push_pieces(sweep, trajectory.breaks, 0, last, 0)
+    # The end, for how sharp a bound has to be: motions often come nearest to something there.
+    end = piece_length(trajectory.breaks, last)
+    push_part(sweep, last, end, end, 0)
+    sweep.spans[sweep.counters[TOP] - 1, 3] = 1
     # The start alone first: what touches there is the first violation.
     push_part(sweep, 0, 0.0, 0.0, 0)
     return sweep
@@ -193,7 +204,7 @@ def push_pieces(w: Sweep, breaks: Array, first: int, last: int, depth: int) -> N
         push_part(w, first, 0.0, piece_length(breaks, first), depth)
         return
     top = w.counters[TOP]
-    w.spans[top, 0], w.spans[top, 1], w.spans[top, 2] = first, last, depth
+    w.spans[top, 0], w.spans[top, 1], w.spans[top, 2], w.spans[top, 3] = first, last, depth, 0
     w.counters[TOP] = top + 1
 
 
@@ -201,7 +212,7 @@ def push_pieces(w: Sweep, breaks: Array, first: int, last: int, depth: int) -> N
 def push_part(w: Sweep, piece: int, begin: float, end: float, depth: int) -> None:
     """Put a part of one piece on top of the intervals that wait, ends in its own time."""
     top = w.counters[TOP]
-    w.spans[top, 0], w.spans[top, 1], w.spans[top, 2] = piece, piece, depth
+    w.spans[top, 0], w.spans[top, 1], w.spans[top, 2], w.spans[top, 3] = piece, piece, depth, 0
     w.ends[top, BEGIN], w.ends[top, 1] = begin, end
     w.counters[TOP] = top + 1
 
@@ -223,14 +234,22 @@ def push_halves(w: Sweep, breaks: Array, both: bool) -> None:
 
 
 @kernel(allocates=False)
+def pass_on(w: Sweep, breaks: Array) -> None:
+    """Put the halves of the last interval in its place, with the pairs open before it."""
+    depth = w.counters[DEPTH]
+    w.starts[depth + 1], w.counters[OPEN] = w.starts[depth], w.counts[depth]
+    push_halves(w, breaks, True)
+
+
+@kernel(allocates=False)
 def pop_interval(breaks: Array, coefficients: Array, w: Sweep) -> None:
-    """Take the interval on top and enclose the joints on it."""
+    """Take the interval on top and enclose the joints of the chain on it."""
     top = w.counters[TOP] - 1
     w.counters[TOP] = top
     w.counters[VISITS] += 1
     first, last, depth = w.spans[top, 0], w.spans[top, 1], w.spans[top, 2]
     w.counters[FIRST], w.counters[LAST], w.counters[DEPTH] = first, last, depth
-    w.counters[MIDDLE] = first
+    w.counters[MIDDLE], w.counters[PROBE] = first, w.spans[top, 3]
     if first == last:
         begin, end = w.ends[top, BEGIN], w.ends[top, 1]
         middle = 0.5 * (begin + end)
@@ -248,6 +267,15 @@ def pop_interval(breaks: Array, coefficients: Array, w: Sweep) -> None:
         enclose(coefficients[first], middle, half, w.shift, w.joints)
     else:
         enclose_span(coefficients, w.piece_bounds, first, last, w.counters[MIDDLE], half, w.joints)
+
+
+@kernel(allocates=False)
+def moves_far(w: Sweep) -> bool:
+    """Whether the joints move so far in the last interval that a look at it would settle little."""
+    far = 0.0
+    for j in range(w.piece_bounds.shape[1]):  # those of the chain: what follows is not enclosed yet
+        far += w.joints[j, RADIUS]
+    return bool(far > _FAR and w.counters[DEPTH] < MAX_DEPTH)
 
 
 @kernel(allocates=False)

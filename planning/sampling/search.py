@@ -147,6 +147,10 @@ class OmplPlanner:
 
     def plan(self, query: Query) -> Attempt:
         """Plan from the start to any of the goals."""
+        options = complete_options(self.name, self.options)
+        if query.bound is not None:
+            own = options["max_edges"]
+            options = {**options, "max_edges": min(query.bound, int(own or query.bound))}
         search = _Search(
             self.name,
             planner_by_name(self.name),
@@ -154,7 +158,7 @@ class OmplPlanner:
             query.checker,
             query.ready.start,
             query.ready.goals,
-            complete_options(self.name, self.options),
+            options,
             query.deadline,
             query.explored,
         )

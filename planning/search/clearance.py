@@ -1,21 +1,38 @@
 """Moving a path away from what it passes, as far as there is room.
 
-Legs that are not proved at the preferred clearance are cut into short ones. Their ends step away
+Legs that come nearer than the preferred clearance are cut into short ones. Their ends step away
 from everything that is nearer than preferred, along the gradients of the distances. Each leg then
-counts as one of the highest clearance at which it is proved, and stretches of legs of one clearance
-are shortened at that clearance.
+counts as one of the highest clearance that its states keep, and of stretches of legs of one
+clearance waypoints are left out at that clearance. All of it is one kernel: what it looks at are
+states, and what it proves are the legs that it makes.
 """
 
+import math
 from collections.abc import Sequence
-from itertools import pairwise
+from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
-from kinematics.arrays import Array
+from kinematics.arrays import Array, Indices
+from kinematics.chain import MAX_JOINTS
+from kinematics.compiled.kernel import kernel
+from kinematics.compiled.simd import on_stack
+from kinematics.linear_solve import cholesky_solve_kernel
 from obstacles.checker import Checker
+from obstacles.edge_check import FREE
+from obstacles.kernel_work import Workspace, workspace
+from obstacles.model_arrays import ModelArrays
+from obstacles.proximity import NearPairs, near_pairs_in, stand_in
+from obstacles.state_check import verdict_in
 from planning.deadline import Deadline
-from planning.search.shortcut import shortcut
+from planning.search.shortcut import (
+    Held,
+    distance,
+    is_free,
+    looks_free,
+    path_length,
+    skip_waypoints,
+)
 
 #: Legs are cut no shorter than this, Euclidean in joint space.
 _LEAST_LEG = 0.18
@@ -27,115 +44,304 @@ _STEPS = 4
 _LONGEST_STEP = 0.1
 #: Distance that a step gains beyond what is missing, for the legs beside it [m].
 _BEYOND = 5e-3
-#: Singular values below this part of the largest count as zero in a step.
-_RANK_TOLERANCE = 1e-2
+#: Directions in which distances change by less than this share of what they do in all are damped.
+_DAMPING = 1e-2
+#: Near pairs that a step takes into account.
+_NEAR_PAIRS = 64
 #: A path longer than so many times the one before is not taken.
 _MAX_DETOUR = 1.07
 
 
-def keep_clear(levels: Sequence[Checker], waypoints: Array, deadline: Deadline) -> Array:
+class _Levels(NamedTuple):
+    """Models of falling clearance, and the one that proves.
+
+    Args:
+        preferred: With the preferred clearance.
+        half: With a half of it.
+        least: With the margins.
+        slack: Distance to keep beyond them [m].
+        last: The level that the path keeps already: 1 is ``half``, 2 ``least``.
+        limits: Least and greatest positions, shape (2, n).
+    """
+
+    preferred: ModelArrays
+    half: ModelArrays
+    least: ModelArrays
+    slack: float
+    last: int
+    limits: Array
+
+
+class _Points(NamedTuple):
+    """A path that is moved, with room for c waypoints.
+
+    Args:
+        before: The waypoints as they were, shape (c, n).
+        after: As they are, shape (c, n).
+        valid: Whether each keeps the preferred clearance, shape (c,).
+        level: Of each leg; while it is cut, whether it keeps the preferred clearance, shape (c,).
+        moved: Whether each waypoint has moved, shape (c,).
+        checks: Edge checks that were made, shape (1,).
+    """
+
+    before: Array
+    after: Array
+    valid: Indices
+    level: Indices
+    moved: Indices
+    checks: Indices
+
+
+def keep_clear(
+    levels: Sequence[Checker], waypoints: Array, deadline: Deadline, reached: int | None = None
+) -> Array:
     """Move a polyline whose legs are proved free to where it keeps the preferred clearance.
 
     Args:
-        levels: Checkers of falling clearance; the legs are proved free by the last.
+        levels: Checkers of falling clearance, three at most; the last proves what comes back.
         waypoints: The polyline, shape (k, n) [rad or m]; its ends stay.
         deadline: When to stop trying.
+        reached: The level that the polyline keeps; the last where it is not told.
 
     Returns:
         A polyline from the same start to the same goal, proved free by the last checker.
     """
-    preferred = levels[0]
-    if len(levels) < 2:
+    last = len(levels) - 1
+    reached = last if reached is None else reached
+    if reached < 1 or deadline.passed:
         return waypoints
-    before, spacious = _split(preferred, waypoints)
-    if spacious.all():
-        return waypoints
-    after = before.copy()
-    for k in range(1, len(before) - 1):
-        if not preferred.valid(before[k]) and not deadline.passed:
-            after[k] = _retreat(preferred, before[k])
-    after = _proved(levels[-1], before, after)
-    moved = (after != before).any(axis=1)
-    legs = [
-        0 if spacious[k] and not (moved[k] or moved[k + 1]) else _level(levels, *after[k : k + 2])
-        for k in range(len(after) - 1)
-    ]
-    answer = _shortened(levels, after, legs, deadline)
-    return answer if _length(answer) <= _MAX_DETOUR * _length(waypoints) else waypoints
+    preferred, half, least = levels[0].model, levels[min(1, last)].model, levels[-1]
+    reach = preferred.chain.limits
+    points = np.ascontiguousarray(waypoints, np.float64)
+    # Of two levels, the second one is the last.
+    number = 2 if reached == last else 1
+    answer = keep_clear_kernel(
+        preferred.arrays, half.arrays, least.model.arrays, float(least.slack), number, points,
+        np.stack([reach.lower, reach.upper]),
+    )  # fmt: skip
+    return waypoints if len(answer) == 0 else answer
 
 
-def _split(preferred: Checker, waypoints: Array) -> tuple[Array, NDArray[np.bool_]]:
-    """The polyline with its legs halved until they keep the preferred clearance; which legs do."""
-    points, spacious, open_legs = [waypoints[0]], list[bool](), list(pairwise(waypoints))[::-1]
-    while open_legs:
-        a, b = open_legs.pop()
-        short = float(np.linalg.norm(b - a)) < 2.0 * _LEAST_LEG
-        free, middle = preferred.free(a, b), 0.5 * (a + b)
-        if short and not free and preferred.valid(a) and preferred.valid(b):
+@kernel
+def keep_clear_kernel(
+    preferred: ModelArrays, half: ModelArrays, least: ModelArrays, slack: float, last: int,
+    waypoints: Array, limits: Array,
+) -> Array:  # fmt: skip
+    """``keep_clear`` of waypoints (k, n); none where they are to stay as they are."""
+    room, n = max(waypoints.shape[0], _MAX_WAYPOINTS) + 2, waypoints.shape[1]
+    levels = _Levels(preferred, half, least, slack, last, limits)
+    work = workspace(least)
+    points = _Points(
+        np.empty((room, n)), np.empty((room, n)), np.zeros(room, dtype=np.int64),
+        np.zeros(room, dtype=np.int64), np.zeros(room, dtype=np.int64),
+        np.zeros(1, dtype=np.int64),
+    )  # fmt: skip
+    count, spacious = _split(levels, work, points, waypoints, np.empty((room, n)))
+    if spacious:
+        return waypoints[:0].copy()
+    for k in range(count):
+        _copy(points.before[k], points.after[k])
+    near = NearPairs(
+        np.empty(_NEAR_PAIRS, dtype=np.int64), np.empty(_NEAR_PAIRS), np.empty((_NEAR_PAIRS, n))
+    )
+    normal = np.empty((n, n))
+    for k in range(1, count - 1):
+        if not points.valid[k]:
+            points.moved[k] = _retreat(levels, work, near, normal, points.after[k])
+    _prove(levels, work, points, count)
+    _rate(levels, work, points, count)
+    count = _skip_stretches(levels, work, points, count)
+    if path_length(points.after, count) > _MAX_DETOUR * path_length(waypoints, waypoints.shape[0]):
+        return waypoints[:0].copy()
+    return points.after[:count].copy()
+
+
+@kernel(allocates=False)
+def _keeps(model: ModelArrays, work: Workspace, q: Array) -> bool:
+    """Whether q (n,) keeps the margins of a model."""
+    return bool(verdict_in(model, work, q, 0.0, on_stack(1).view(np.int64)) == FREE)
+
+
+@kernel(allocates=False)
+def _clears(model: ModelArrays, work: Workspace, a: Array, b: Array) -> bool:
+    """Whether a, b and the states looked at between them keep the margins of a model."""
+    return _keeps(model, work, a) and _keeps(model, work, b) and looks_free(model, work, a, b, 0.0)
+
+
+@kernel(allocates=False)
+def _split(
+    levels: _Levels, work: Workspace, points: _Points, waypoints: Array, ends: Array
+) -> tuple[int, bool]:
+    """Write the path with its legs halved until they keep the preferred clearance, or are short.
+
+    Args:
+        levels: The models.
+        work: A workspace.
+        points: Filled.
+        waypoints: The path, shape (k, n).
+        ends: Room for ends of legs that wait, the next one last, shape (c, n).
+
+    Returns:
+        The number of waypoints, and whether all of the path keeps the preferred clearance.
+    """
+    before, valid, level, n = points.before, points.valid, points.level, waypoints.shape[1]
+    waiting, count, spacious = waypoints.shape[0] - 1, 1, True
+    for k in range(waiting):
+        _copy(waypoints[waiting - k], ends[k])
+    _copy(waypoints[0], before[0])
+    valid[0] = _keeps(levels.preferred, work, before[0])
+    while waiting > 0:
+        a, b = before[count - 1], ends[waiting - 1]
+        valid[count] = _keeps(levels.preferred, work, b)
+        both = valid[count - 1] and valid[count]
+        if both and looks_free(levels.preferred, work, a, b, 0.0):
+            _copy(b, before[count])
+            level[count - 1] = 1
+            count, waiting = count + 1, waiting - 1
+            continue
+        spacious = False
+        short = distance(a, b) < 2.0 * _LEAST_LEG
+        if count + waiting >= _MAX_WAYPOINTS or (short and not both):
+            _copy(b, before[count])
+            level[count - 1] = 0
+            count, waiting = count + 1, waiting - 1
+            continue
+        if short:
             # Only what lies between its ends is too near.
-            points += [middle, b]
-            spacious += [False, False]
-        elif free or short or len(points) + len(open_legs) >= _MAX_WAYPOINTS:
-            points.append(b)
-            spacious.append(free)
-        else:
-            open_legs += [(middle, b), (a, middle)]
-    return np.array(points), np.array(spacious)
+            for j in range(n):
+                before[count + 1, j] = b[j]
+                before[count, j] = 0.5 * (a[j] + b[j])
+            valid[count + 1], valid[count] = 1, _keeps(levels.preferred, work, before[count])
+            level[count - 1] = level[count] = 0
+            count, waiting = count + 2, waiting - 1
+            continue
+        for j in range(n):
+            ends[waiting, j] = 0.5 * (a[j] + b[j])
+        waiting += 1
+    return count, spacious
 
 
-def _retreat(preferred: Checker, q: Array) -> Array:
-    """A configuration near q (n,) that keeps more of the preferred clearance; q where none does."""
-    limits = preferred.model.chain.limits
-    best, missing = q, np.inf
-    for _ in range(_STEPS):
-        near = preferred.gradient(q, 0.0)
-        if not len(near.distances):
-            return q
-        worst = -float(near.distances.min())
-        if worst < missing:
-            best, missing = q, worst
-        wanted = _BEYOND - near.distances
-        step = np.linalg.lstsq(near.gradients, wanted, rcond=_RANK_TOLERANCE)[0]
-        length = float(np.linalg.norm(step))
-        if not length > 0.0:
+@kernel(allocates=False)
+def _retreat(levels: _Levels, work: Workspace, near: NearPairs, normal: Array, q: Array) -> bool:
+    """Move q (n,) to where it keeps more of the preferred clearance; whether it has moved.
+
+    With G the gradients of the distances and w what they are to gain, a step is
+    (G^T G + mu 1)^-1 G^T w, as damped least squares.
+    """
+    model, n, least = levels.preferred, q.shape[0], np.inf
+    best, step = on_stack(MAX_JOINTS)[:n], on_stack(MAX_JOINTS)[:n]
+    _copy(q, best)
+    moved = False
+    for attempt in range(_STEPS + 1):
+        work.joints[:] = 0.0
+        stand_in(model, work, q)
+        count = min(near_pairs_in(model, work, 0.0, near), _NEAR_PAIRS)
+        missing = 0.0
+        for row in range(count):
+            missing = max(missing, -near.distances[row])
+        if missing < least:
+            least, moved = missing, attempt > 0
+            _copy(q, best)
+        if count == 0 or attempt == _STEPS:
             break
-        q = np.clip(q + min(1.0, _LONGEST_STEP / length) * step, limits.lower, limits.upper)
-    return q if preferred.valid(q) else best
+        _write_normal_equations(near, count, normal, step)
+        if cholesky_solve_kernel(normal, step, n) >= 0:
+            break
+        square = 0.0
+        for j in range(n):
+            square += step[j] * step[j]
+        share = min(1.0, _LONGEST_STEP / max(math.sqrt(square), 1e-12))
+        for j in range(n):
+            q[j] = min(max(q[j] + share * step[j], levels.limits[0, j]), levels.limits[1, j])
+    _copy(best, q)
+    return moved
 
 
-def _proved(checker: Checker, before: Array, after: Array) -> Array:
-    """The points moved where their legs are proved free, and as they were where they are not."""
-    moved = (after != before).any(axis=1)
-    points = after.copy()
-    while True:
-        back = False
-        for k in range(len(points) - 1):
-            if (moved[k] or moved[k + 1]) and not checker.free(points[k], points[k + 1]):
-                for i in (k, k + 1):
-                    points[i], moved[i], back = before[i], False, True
-        if not back:
-            return points
+@kernel(allocates=False)
+def _write_normal_equations(near: NearPairs, count: int, normal: Array, step: Array) -> None:
+    """Write G^T G + mu 1, shape (n, n), and G^T w, shape (n,)."""
+    n, total = step.shape[0], 0.0
+    for i in range(n):
+        for j in range(i + 1):
+            normal[i, j] = 0.0
+            for row in range(count):
+                normal[i, j] += near.gradients[row, i] * near.gradients[row, j]
+        step[i] = 0.0
+        for row in range(count):
+            step[i] += near.gradients[row, i] * (_BEYOND - near.distances[row])
+        total += normal[i, i]
+    for i in range(n):
+        normal[i, i] += _DAMPING * _DAMPING * total + 1e-12
 
 
-def _shortened(
-    levels: Sequence[Checker], points: Array, legs: Sequence[int], deadline: Deadline
-) -> Array:
-    """The polyline with each stretch of legs of one level shortened at that level."""
-    answer, first = [points[0]], 0
-    for k in range(1, len(points)):
-        if k == len(legs) or legs[k] != legs[first]:
-            stretch = points[first : k + 1]
-            if len(stretch) > 2:
-                stretch = shortcut(levels[legs[first]], stretch, deadline)
-            answer += list(stretch[1:])
-            first = k
-    return np.array(answer)
+@kernel(allocates=False)
+def _prove(levels: _Levels, work: Workspace, points: _Points, count: int) -> None:
+    """Take the waypoints back that have moved and whose legs are not proved free."""
+    before, after, moved = points.before, points.after, points.moved
+    floor = _floor(levels, levels.last)
+    k = 0
+    while k < count - 1:
+        free = not (moved[k] or moved[k + 1])
+        if free or is_free(floor, work, after[k], after[k + 1], points.checks):
+            k += 1
+            continue
+        for i in (k, k + 1):
+            moved[i] = 0
+            _copy(before[i], after[i])
+        # The leg before has another end now.
+        k = max(k - 1, 0)
 
 
-def _level(levels: Sequence[Checker], a: Array, b: Array) -> int:
-    """The first level that proves the straight motion from a to b, else the last."""
-    return next((k for k, level in enumerate(levels[:-1]) if level.free(a, b)), len(levels) - 1)
+@kernel(allocates=False)
+def _floor(levels: _Levels, level: int) -> Held:
+    """Models for legs of a level: looked at with its own, proved with the last."""
+    if level == 0:
+        return Held(levels.preferred, 0.0, levels.least, levels.slack, False)
+    if level == 1:
+        return Held(levels.half, 0.0, levels.least, levels.slack, False)
+    return Held(levels.least, levels.slack, levels.least, levels.slack, False)
 
 
-def _length(points: Array) -> float:
-    return float(np.linalg.norm(np.diff(points, axis=0), axis=1).sum())
+@kernel(allocates=False)
+def _rate(levels: _Levels, work: Workspace, points: _Points, count: int) -> None:
+    """Write the level of each leg: the first that its ends and the looks between them keep."""
+    after, valid, level, moved = points.after, points.valid, points.level, points.moved
+    for k in range(count):
+        if moved[k]:
+            valid[k] = _keeps(levels.preferred, work, after[k])
+    for k in range(count - 1):
+        if level[k] and not (moved[k] or moved[k + 1]):
+            level[k] = 0
+            continue
+        a, b = after[k], after[k + 1]
+        level[k] = levels.last
+        if valid[k] and valid[k + 1] and looks_free(levels.preferred, work, a, b, 0.0):
+            level[k] = 0
+        elif levels.last > 1 and _clears(levels.half, work, a, b):
+            level[k] = 1
+
+
+@kernel(allocates=False)
+def _skip_stretches(levels: _Levels, work: Workspace, points: _Points, count: int) -> int:
+    """Leave waypoints out between legs of one level, at that level; how many there are then."""
+    after, level, checks = points.after, points.level, points.checks
+    size, first = 1, 0
+    while first < count - 1:
+        end = first + 1
+        while end < count - 1 and level[end] == level[first]:
+            end += 1
+        stretch, held = after[first : end + 1], _floor(levels, level[first])
+        left = end + 1 - first
+        if left > 2:
+            left = skip_waypoints(held, work, stretch, left, checks)
+        for k in range(1, left):
+            _copy(stretch[k], after[size])
+            size += 1
+        first = end
+    return size
+
+
+@kernel(allocates=False)
+def _copy(source: Array, place: Array) -> None:
+    for j in range(source.shape[0]):
+        place[j] = source[j]

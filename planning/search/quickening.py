@@ -26,7 +26,7 @@ from obstacles.checker import Checker
 from obstacles.kernel_work import Workspace, workspace
 from obstacles.model_arrays import ModelArrays
 from obstacles.shortfall import line_shortfall
-from planning.search.shortcut import is_free
+from planning.search.shortcut import Held, are_proved, is_free
 from planning.timing.estimate import LEG_ROWS, TIME, estimated_time
 
 #: Time that a motion in contact costs, as a multiple of that of one with the preferred clearance.
@@ -76,6 +76,7 @@ class _Models(NamedTuple):
         slack: Distance to keep beyond them [m].
         limits: Of velocity, acceleration and jerk, then least and greatest position, shape (5, n).
         weight: Of a shortfall [1/m].
+        later: Whether legs that lack nothing by the looks are proved free in the end.
     """
 
     preferred: ModelArrays
@@ -83,6 +84,7 @@ class _Models(NamedTuple):
     slack: float
     limits: Array
     weight: float
+    later: bool
 
 
 def quicken(
@@ -119,13 +121,29 @@ def quicken_kernel(
         np.empty((room, n)), np.empty(room), np.empty((room, n)), np.empty(room),
         np.empty((LEG_ROWS, room)), np.zeros(room, dtype=np.int64), np.empty((room, _STEPS)),
     )  # fmt: skip
-    way.points[: waypoints.shape[0]] = waypoints
-    models, work = _Models(preferred, least, slack, limits, weight), workspace(least)
-    way.shortfall[:] = 0.0
-    if not spacious:
-        _write_shortfalls(models, work, way, waypoints.shape[0])
-    count = _quicken(models, work, way, waypoints.shape[0])
+    models, work = _Models(preferred, least, slack, limits, weight, True), workspace(least)
+    count = _start(models, work, way, waypoints, spacious)
+    count = _quicken(models, work, way, count)
+    if not are_proved(
+        Held(preferred, 0.0, least, slack, True), work, way.points[:count], waypoints
+    ):
+        # Between two looks it came too near: once more, with a proof of every leg.
+        at_once = _Models(preferred, least, slack, limits, weight, False)
+        count = _quicken(at_once, work, way, _start(models, work, way, waypoints, spacious))
     return way.points[:count].copy()
+
+
+@kernel(allocates=False)
+def _start(models: _Models, work: Workspace, way: _Way, waypoints: Array, spacious: bool) -> int:
+    """Write the waypoints (k, n) and what their legs lack; their number."""
+    count = int(waypoints.shape[0])
+    for k in range(count):
+        way.tried[k], way.shortfall[k] = 0, 0.0
+        for j in range(waypoints.shape[1]):
+            way.points[k, j] = waypoints[k, j]
+    if not spacious:
+        _write_shortfalls(models, work, way, count)
+    return count
 
 
 @kernel(allocates=False)
@@ -287,8 +305,9 @@ def _try(
     cost = _cost(models, trial, expected, legs, size)
     taken, brought = _sizes(step)
     if not np.any(way.shortfall[k - 1 : k + taken]):
+        held = Held(models.preferred, 0.0, models.least, models.slack, models.later)
         for i in range(k - 1, k + brought):
-            if not is_free(models.preferred, work, trial[i], trial[i + 1], 0.0, checks):
+            if not is_free(held, work, trial[i], trial[i + 1], checks):
                 return np.inf
         return cost
     for i in range(k - 1, k + brought):
@@ -298,8 +317,9 @@ def _try(
         cost += worth * expected[i]
         if not cost < enough:
             return np.inf
+    held = Held(models.least, models.slack, models.least, models.slack, False)
     for i in range(k - 1, k + brought):
-        if not is_free(models.least, work, trial[i], trial[i + 1], models.slack, checks):
+        if not is_free(held, work, trial[i], trial[i + 1], checks):
             return np.inf
     return cost
 

@@ -140,7 +140,8 @@ class RrtConnect:
         ready, max_edges = query.ready, self.max_edges
         if not query.exact:
             max_edges = self.max_edges_in_hulls
-        max_edges = min(max_edges, query.max_edges or max_edges)
+        bounds = [bound for bound in (query.max_edges, query.bound) if bound is not None]
+        max_edges = min([max_edges, *bounds])
         result = rrt_connect(
             query.checker,
             ready.start,
@@ -152,7 +153,7 @@ class RrtConnect:
         )
         detail = f"{result.edges} edges checked"
         detail += "." if result.runs == 1 else f" in {result.runs} runs."
-        is_short = query.max_edges is not None
+        is_short = len(bounds) > 0
         if result.waypoints is not None or query.deadline.passed or is_short or not query.exact:
             return Attempt(result.waypoints, detail)
         other = self.fallback.plan(query)

@@ -1,12 +1,15 @@
-"""Shortening a path by straight cuts, each of them proved free before it is taken.
+"""Shortening a path by straight cuts that are proved free.
 
 Waypoints are left out as far as can be. Then, round by round, every corner that is left is cut off:
 whole, or else by a line between the middles of its legs, their quarters, their eighths, and the new
 corners in the next round. What failed at a corner is not tried again before a neighbour of it has
 moved. In the end waypoints are left out once more. Which cut is tried next depends on what the last
 ones gained, so few edge checks are spent where there is nothing to gain, and nothing is random. All
-of a round is one kernel: a cut is an edge check and little else. Random cuts along the path, the
+of it is one kernel: a cut is an edge check and little else. Random cuts along the path, the
 usual way, need several times as many checks for paths of the same length.
+
+A cut is proved before it is taken. Where cuts are looked for with more clearance than is proved,
+states of each are looked at, and the legs that are left in the end are proved.
 """
 
 import math
@@ -32,8 +35,10 @@ _ROUNDS = 6
 _MAX_CHECKS = 250
 #: Intervals of a check beyond which it counts as another one.
 _INTERVALS_A_CHECK = 40
-#: States between the ends of a cut that are looked at before it is proved.
-_LOOKS = 8
+#: States of a cut that are looked at before it is proved are this far apart at most, Euclidean in
+#: joint space, as far as so many parts of it go.
+_SPACING = 0.1
+_MAX_PARTS = 16
 #: A cut that needs more intervals is not worth its proof.
 _MAX_INTERVALS = 800
 #: A round that gains less than this share of the length was the last.
@@ -44,12 +49,30 @@ _CUTS = 4
 _LEAST_GAIN = 5e-4
 
 
-class _Corners(NamedTuple):
-    """A path whose corners are being cut, as ``round_kernel`` has it.
+class Held(NamedTuple):
+    """Models that a straight motion is held to.
 
     Args:
-        points: The waypoints, shape (c, n).
-        tried: Cuts at each waypoint that are known to fail, shape (c,).
+        look: What its states are looked at with.
+        look_slack: Distance to keep beyond the margins of ``look`` [m].
+        proof: What it is proved with.
+        slack: Distance to keep beyond the margins of ``proof`` [m].
+        later: Whether it is proved later, when all that was cut off since is not proved any more.
+    """
+
+    look: ModelArrays
+    look_slack: float
+    proof: ModelArrays
+    slack: float
+    later: bool
+
+
+class Corners(NamedTuple):
+    """A path whose corners are being cut.
+
+    Args:
+        points: The waypoints, with capacity for one more a check, shape (c, n).
+        tried: Cuts at each waypoint that are known to fail, from the widest on, shape (c,).
         checks: Edge checks that were made, shape (1,).
     """
 
@@ -58,69 +81,121 @@ class _Corners(NamedTuple):
     checks: Indices
 
 
-def shortcut(checker: Checker, waypoints: Array, deadline: Deadline) -> Array:
+def shortcut(
+    checker: Checker, waypoints: Array, deadline: Deadline, proof: Checker | None = None
+) -> Array:
     """Shorten a polyline whose legs are proved free; what comes back is too.
 
     The budget is counted in edge checks, so that the same path is shortened in the same way.
 
     Args:
-        checker: Proves the cuts.
+        checker: Finds the cuts.
         waypoints: The polyline, shape (k, n) [rad or m].
         deadline: When to stop trying.
+        proof: Proves what comes back, with less clearance than ``checker`` looks for; without it
+            each cut is proved by ``checker``.
     """
-    # A check brings one corner more at most.
-    capacity = len(waypoints) + _MAX_CHECKS
-    points, tried = np.empty((capacity, waypoints.shape[1])), np.zeros(capacity, dtype=np.int64)
-    points[: len(waypoints)] = waypoints
-    model, slack, checks = checker.model.arrays, checker.slack, np.zeros(1, dtype=np.int64)
-    count = skip_kernel(model, slack, points, len(waypoints), checks)
-    before = np.inf
-    for _ in range(_ROUNDS):
-        length = length_kernel(points, count)
-        if deadline.passed or count < 3 or before - length < _LEAST_ROUND * before:
-            break
-        before = length
-        count = round_kernel(model, slack, points, tried, count, _LEAST_GAIN * length, checks)
-    return np.array(points[: thin_kernel(model, slack, points, tried, count, checks)])
-
-
-@kernel(allocates=False)
-def is_free(
-    model: ModelArrays, work: Workspace, a: Array, b: Array, slack: float, checks: Indices
-) -> bool:
-    """Whether the straight motion from a to b, both (n,), is proved free."""
-    asked, outcome = on_stack(1).view(np.int64), on_stack(4)
-    if blocked_at(model, work, a, b, slack, 2, _LOOKS, asked) >= 0.0:
-        checks[0] += 1
-        return False
-    verdict = certify_line(model, work, a, b, slack, _MAX_INTERVALS, outcome)
-    # A motion that grazes takes thousands of intervals: it counts as many checks.
-    checks[0] += 1 + int(outcome[2]) // _INTERVALS_A_CHECK
-    return bool(verdict == FREE)
+    proof = checker if proof is None else proof
+    points = np.ascontiguousarray(waypoints, np.float64)
+    return shorten_kernel(
+        checker.model.arrays, float(checker.slack), proof.model.arrays, float(proof.slack), points,
+        0 if deadline.passed else _ROUNDS, proof is not checker,
+    )  # fmt: skip
 
 
 @kernel
-def skip_kernel(
-    model: ModelArrays, slack: float, points: Array, count: int, checks: Indices
-) -> int:
+def shorten_kernel(
+    look: ModelArrays, look_slack: float, proof: ModelArrays, slack: float, waypoints: Array,
+    rounds: int, later: bool,
+) -> Array:  # fmt: skip
+    """``shortcut`` of waypoints (k, n) in so many rounds.
+
+    Cuts that are proved later have clearance to spare by the looks, and most are cut off again.
+    Where the proof fails in the end, all is done once more with a proof of every cut.
+    """
+    work, room = workspace(proof), waypoints.shape[0] + _MAX_CHECKS
+    corners = Corners(
+        np.empty((room, waypoints.shape[1])), np.empty(room, dtype=np.int64),
+        np.empty(1, dtype=np.int64),
+    )  # fmt: skip
+    held = Held(look, look_slack, proof, slack, later)
+    count = _shorten(held, work, corners, waypoints, rounds)
+    if later and not are_proved(held, work, corners.points[:count], waypoints):
+        at_once = Held(look, look_slack, proof, slack, False)
+        count = _shorten(at_once, work, corners, waypoints, rounds)
+    return corners.points[:count].copy()
+
+
+@kernel(allocates=False)
+def _shorten(held: Held, work: Workspace, corners: Corners, waypoints: Array, rounds: int) -> int:
+    """Fill the corners with a path that is shortened; the number of its waypoints."""
+    points, count = corners.points, waypoints.shape[0]
+    for k in range(count):
+        for j in range(waypoints.shape[1]):
+            points[k, j] = waypoints[k, j]
+    corners.tried[:] = 0
+    corners.checks[0] = 0
+    count, before = skip_waypoints(held, work, points, count, corners.checks), np.inf
+    for _ in range(rounds):
+        length = path_length(points, count)
+        if count < 3 or before - length < _LEAST_ROUND * before:
+            break
+        before = length
+        count = cut_corners(held, work, corners, count, _LEAST_GAIN * length)
+    return thin_waypoints(held, work, corners, count)
+
+
+@kernel(allocates=False)
+def looks_free(model: ModelArrays, work: Workspace, a: Array, b: Array, slack: float) -> bool:
+    """Whether all states are free that are looked at between a and b, both (n,)."""
+    parts, length = 2, distance(a, b)
+    while parts < _MAX_PARTS and parts * _SPACING < length:
+        parts *= 2
+    return blocked_at(model, work, a, b, slack, 2, parts, on_stack(1).view(np.int64)) < 0.0
+
+
+@kernel(allocates=False)
+def is_free(held: Held, work: Workspace, a: Array, b: Array, checks: Indices) -> bool:
+    """Whether the straight motion from a to b, both (n,), is free by looks and, if now, proved."""
+    checks[0] += 1
+    if not looks_free(held.look, work, a, b, held.look_slack):
+        return False
+    if held.later:
+        return True
+    outcome = on_stack(4)
+    verdict = certify_line(held.proof, work, a, b, held.slack, _MAX_INTERVALS, outcome)
+    # A motion that grazes takes thousands of intervals: it counts as many checks.
+    checks[0] += int(outcome[2]) // _INTERVALS_A_CHECK
+    return bool(verdict == FREE)
+
+
+@kernel(allocates=False)
+def are_proved(held: Held, work: Workspace, points: Array, known: Array) -> bool:
+    """Whether the legs of a path (k, n) are proved free that are not legs of one known to be."""
+    outcome = on_stack(4)
+    for k in range(points.shape[0] - 1):
+        a, b, is_known = points[k], points[k + 1], False
+        for i in range(known.shape[0] - 1):
+            is_known |= distance(known[i], a) == 0.0 and distance(known[i + 1], b) == 0.0
+        if is_known:
+            continue
+        if certify_line(held.proof, work, a, b, held.slack, _MAX_INTERVALS, outcome) != FREE:
+            return False
+    return True
+
+
+@kernel(allocates=False)
+def skip_waypoints(held: Held, work: Workspace, points: Array, count: int, checks: Indices) -> int:
     """From each of ``count`` waypoints go straight to the farthest that a bisection finds in sight.
 
     The waypoints that stay are moved to the front of ``points``; returns their number.
     """
-    return _skip(model, workspace(model), slack, points, count, checks)
-
-
-@kernel(allocates=False)
-def _skip(
-    model: ModelArrays, work: Workspace, slack: float, points: Array, count: int, checks: Indices
-) -> int:
-    """``skip_kernel`` in a workspace."""
     at, size = 0, 1
     while at < count - 1:
         low, high = at + 1, count - 1
         while low < high and checks[0] < _MAX_CHECKS:
             # Waypoints before ``size`` are final; ``at`` itself may have been overwritten.
-            if is_free(model, work, points[size - 1], points[high], slack, checks):
+            if is_free(held, work, points[size - 1], points[high], checks):
                 low = high
             else:
                 high = (low + high) // 2
@@ -129,26 +204,13 @@ def _skip(
     return size
 
 
-@kernel
-def thin_kernel(
-    model: ModelArrays,
-    slack: float,
-    points: Array,
-    tried: Indices,
-    count: int,
-    checks: Indices,
-) -> int:
+@kernel(allocates=False)
+def thin_waypoints(held: Held, work: Workspace, corners: Corners, count: int) -> int:
     """From each of ``count`` waypoints go straight past as many others as can be left out.
 
-    Corners whose whole cut is known to fail, as ``tried`` of ``round_kernel`` tells, are not tried
-    again. The waypoints that stay are moved to the front of ``points``; returns their number.
+    Corners whose whole cut is known to fail are not tried again. The waypoints that stay are moved
+    to the front; returns their number.
     """
-    return _thin(model, workspace(model), _Corners(points, tried, checks), slack, count)
-
-
-@kernel(allocates=False)
-def _thin(model: ModelArrays, work: Workspace, corners: _Corners, slack: float, count: int) -> int:
-    """``thin_kernel`` in a workspace."""
     points, tried, checks = corners.points, corners.tried, corners.checks
     at, size = 0, 1
     while at < count - 1:
@@ -156,7 +218,7 @@ def _thin(model: ModelArrays, work: Workspace, corners: _Corners, slack: float, 
         # The waypoint before it is still the one that it was tried with.
         known = tried[at] > 0
         while at < count - 1 and not known and checks[0] < _MAX_CHECKS:
-            if not is_free(model, work, points[size - 1], points[at + 1], slack, checks):
+            if not is_free(held, work, points[size - 1], points[at + 1], checks):
                 break
             at += 1
         _copy(points, at, size)
@@ -164,42 +226,24 @@ def _thin(model: ModelArrays, work: Workspace, corners: _Corners, slack: float, 
     return size
 
 
-@kernel
-def round_kernel(
-    model: ModelArrays,
-    slack: float,
-    points: Array,
-    tried: Indices,
-    count: int,
-    worth: float,
-    checks: Indices,
-) -> int:
-    """Cut off every corner of a path as far as is proved free; the number of waypoints then.
+@kernel(allocates=False)
+def cut_corners(held: Held, work: Workspace, corners: Corners, count: int, worth: float) -> int:
+    """Cut off every corner of a path as far as is free; the number of waypoints then.
 
     Args:
-        model: The packed robot and scene.
-        slack: Distance to keep beyond the margins [m].
-        points: The waypoints, with capacity for one more a check, shape (c, n).
-        tried: Cuts at each waypoint that are known to fail, from the widest on, shape (c,).
+        held: The models.
+        work: A workspace of theirs.
+        corners: The path.
         count: Number of waypoints.
         worth: A corner that is worth less is left as it is, in the unit of the path's length.
-        checks: Edge checks that were made, shape (1,).
     """
-    return _round(model, workspace(model), _Corners(points, tried, checks), slack, count, worth)
-
-
-@kernel(allocates=False)
-def _round(
-    model: ModelArrays, work: Workspace, corners: _Corners, slack: float, count: int, worth: float
-) -> int:
-    """``round_kernel`` in a workspace."""
     points, tried, checks = corners.points, corners.tried, corners.checks
     n = points.shape[1]
     a, b = on_stack(MAX_JOINTS)[:n], on_stack(MAX_JOINTS)[:n]
     k = 1
     while k < count - 1:
-        before, after = _distance(points[k - 1], points[k]), _distance(points[k], points[k + 1])
-        if before + after - _distance(points[k - 1], points[k + 1]) < worth:
+        before, after = distance(points[k - 1], points[k]), distance(points[k], points[k + 1])
+        if before + after - distance(points[k - 1], points[k + 1]) < worth:
             k += 1
             continue
         while tried[k] < _CUTS:
@@ -213,7 +257,7 @@ def _round(
                 # To the last bit: these two stay waypoints.
                 for j in range(n):
                     a[j], b[j] = points[k - 1, j], points[k + 1, j]
-            if is_free(model, work, a, b, slack, checks):
+            if is_free(held, work, a, b, checks):
                 break
             tried[k] += 1
         if tried[k] == _CUTS:
@@ -245,17 +289,18 @@ def _copy(points: Array, source: int, place: int) -> None:
         points[place, j] = points[source, j]
 
 
-@kernel
-def length_kernel(points: Array, count: int) -> float:
+@kernel(allocates=False)
+def path_length(points: Array, count: int) -> float:
     """Length of the path through the first ``count`` points."""
     length = 0.0
     for k in range(count - 1):
-        length += _distance(points[k], points[k + 1])
+        length += distance(points[k], points[k + 1])
     return length
 
 
 @kernel(allocates=False)
-def _distance(a: Array, b: Array) -> float:
+def distance(a: Array, b: Array) -> float:
+    """Euclidean distance of two configurations (n,)."""
     square = 0.0
     for k in range(a.shape[0]):
         square += (b[k] - a[k]) ** 2

@@ -152,24 +152,29 @@ def reverse_joint_path(path: JointPath) -> JointPath:
 
 
 def plan_free(
-    cell: Cell, settings: StageSettings, start: Array, end: Array, timeout: float, seed: int
+    cell: Cell,
+    settings: StageSettings,
+    ends: tuple[Array, Array],
+    max_edges: int,
+    deadline: Deadline,
+    seed: int,
 ) -> Plan | Failure:
     """A free motion between two configurations, proved.
 
     Args:
         cell: The robot in its surroundings.
         settings: Planner, timing, margin and constraints.
-        start: Shape (n,) [rad or m].
-        end: Shape (n,) [rad or m].
-        timeout: Longest time it may take [s].
+        ends: Configurations at its start and at its end, each of shape (n,) [rad or m].
+        max_edges: Edges that each planner may look at.
+        deadline: When to give up.
         seed: Of everything random.
     """
-    options = _options(settings.options, timeout, seed)
-    return pipeline.plan(_problem(cell, settings, start, end), options)
+    options = replace(_options(settings.options, deadline, seed), max_edges=max_edges)
+    return pipeline.plan(_problem(cell, settings, *ends), options, within=deadline)
 
 
 def plan_line(
-    cell: Cell, settings: StageSettings, found: Line, timeout: float, seed: int
+    cell: Cell, settings: StageSettings, found: Line, deadline: Deadline, seed: int
 ) -> Plan | Failure:
     """A straight motion in time, proved.
 
@@ -177,12 +182,12 @@ def plan_line(
         cell: The robot in its surroundings.
         settings: Timing, margin and constraints.
         found: The line.
-        timeout: Longest time it may take [s].
+        deadline: When to give up.
         seed: Of everything random.
     """
-    options = _options(settings.options, timeout, seed)
+    options = _options(settings.options, deadline, seed)
     problem = _problem(cell, settings, found.start, found.end)
-    return pipeline.plan(problem, options, (FoundLine(found.path),))
+    return pipeline.plan(problem, options, (FoundLine(found.path),), deadline)
 
 
 def _problem(cell: Cell, settings: StageSettings, start: Array, end: Array) -> Problem:
@@ -196,8 +201,8 @@ def _problem(cell: Cell, settings: StageSettings, start: Array, end: Array) -> P
     )
 
 
-def _options(options: Options, timeout: float, seed: int) -> Options:
-    longest = min(options.timeout, max(timeout, _LEAST_TIMEOUT))
+def _options(options: Options, deadline: Deadline, seed: int) -> Options:
+    longest = min(options.timeout, max(deadline.remaining, _LEAST_TIMEOUT))
     return replace(options, timeout=longest, seed=seed)
 
 

@@ -5,6 +5,7 @@ from collections import Counter
 from kinematics.arrays import Array
 from planning.sequence.node import Node
 from planning.sequence.result import Trial
+from planning.sequence.stage import Grasp, Stage
 from planning.sequence.target import Candidates, Outcome
 
 #: Outcomes by how near they come to a solution.
@@ -94,3 +95,17 @@ def _note(trial: Trial, reason: str, joints: Array | None) -> None:
     trial.reasons[reason] = trial.reasons.get(reason, 0) + 1
     if trial.joints is None:
         trial.joints = joints
+
+
+def hint_of(stage: Stage, reason: str) -> str:
+    """Return what to try where a stage fails for a reason."""
+    if "out_of_reach" in reason or "outside_limits" in reason:
+        return "Bring what it aims at nearer to the robot, or give more alternatives."
+    if "collision" in reason or "too near" in reason:
+        return (
+            "Give more alternatives, move what is in the way, or name the pairs that may touch in "
+            "touch_links, support or allowed_collisions."
+        )
+    if isinstance(stage, Grasp):
+        return "Give more grasps, or more places."
+    return "Give more alternatives, shorter distances, or a smaller margin."

@@ -91,6 +91,7 @@ class SequencePlan:
         exhausted: Whether every combination was tried or can't be shorter by its estimate.
         complete: Whether these are all stages; not where only the first ones could be done.
         failure: Why the later stages could not be done; None where all are.
+        deterministic: Whether the same task gives the same answer again: time ended no search.
     """
 
     stages: tuple[StagePlan, ...]
@@ -100,6 +101,7 @@ class SequencePlan:
     exhausted: bool
     complete: bool = True
     failure: "SequenceFailure | None" = None
+    deterministic: bool = True
 
 
 @dataclass(frozen=True, slots=True, eq=False)

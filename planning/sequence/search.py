@@ -27,9 +27,9 @@ from planning.sequence.node import (
     target_world,
 )
 from planning.sequence.passing import pass_ends
-from planning.sequence.record import Record
+from planning.sequence.record import Record, hint_of
 from planning.sequence.result import Improvement, SequenceFailure, SequencePlan, StagePlan
-from planning.sequence.stage import Grasp, Stage, describe_stage
+from planning.sequence.stage import Grasp, describe_stage
 from planning.sequence.step import Step, plan_step
 from planning.sequence.target import Target
 from planning.sequence.target_finder import TargetFinder
@@ -40,8 +40,12 @@ from planning.sequence.world import Cells, World
 _DEPTH_BONUS = 5.0
 #: Share of the time of the best answer's later segments that others will take likewise.
 _LIKELY_REST = 0.7
-#: Longest time for a free motion, by how often it was tried [s].
-_FREE_TIMEOUTS = (0.3, 1.2, 5.0)
+#: Edges that a planner of a free motion may look at, by how often it was tried: some tenths of a
+#: second at first, some seconds at last. Nine of ten motions in shelves take 400, all 3,000. They
+#: are edges, not seconds: what is tried next depends on the seed alone.
+_FREE_EDGES = (10_000, 50_000, 200_000)
+#: Codes of free motions that may be found by a longer search.
+_MAY_SUCCEED = ("PLANNING_FAILED", "TIMED_OUT")
 #: Seconds by which a node whose free motion took too long counts as longer.
 _LATE_PENALTY = 2.0
 #: Share of the time for the search where the first stages are an answer too: these need a proof.
@@ -116,7 +120,7 @@ class _Search:
         """Search until nothing is left or time is up."""
         root = Node(None, 0, self._task.world, self._task.start, {})
         self._push(root, 0.0)
-        while self._open and not self._until.passed:
+        while self._open and not self._is_over():
             _, _, node = heappop(self._open)
             if node.is_dead or self._is_longer(node):
                 continue
@@ -125,6 +129,10 @@ class _Search:
             else:
                 self._advance(node)
         return self._answer()
+
+    def _is_over(self) -> bool:
+        """Whether nothing more is to be tried; no clock decides where nothing is to be improved."""
+        return (self._best is not None and self._options.improve <= 0.0) or self._until.passed
 
     # --------------------------------------------------------------------- the tree of choices
 
@@ -265,9 +273,9 @@ class _Search:
             self._improve(leaf, stages, duration)
 
     def _plan(self, node: Node, step: Step) -> Failure | None:
-        timeout = _FREE_TIMEOUTS[min(node.attempts, len(_FREE_TIMEOUTS) - 1)]
+        max_edges = _FREE_EDGES[min(node.attempts, len(_FREE_EDGES) - 1)]
         self._report(step)
-        planned = plan_step(self._cells, step, timeout, self._until, self._task.seed)
+        planned = plan_step(self._cells, step, max_edges, self._until, self._task.seed)
         if isinstance(planned, Failure):
             return planned
         step.plan = planned
@@ -279,7 +287,7 @@ class _Search:
             return
         self._record.note_failure(node, step.index, failure.message)
         node.attempts += 1
-        again = failure.code == "TIMED_OUT" and node.attempts < len(_FREE_TIMEOUTS)
+        again = failure.code in _MAY_SUCCEED and node.attempts < len(_FREE_EDGES)
         if node.parent is not None:
             node.parent.blame(node.target)
         if again and step.motion == "free":
@@ -299,8 +307,7 @@ class _Search:
 
     def _improve(self, leaf: Node, stages: tuple[StagePlan, ...], duration: float) -> None:
         if self._best is None:
-            left = min(self._options.improve, self._deadline.remaining)
-            self._until = self._deadline.within(left)
+            self._until = self._deadline.at_most(self._options.improve)
         self._best = _Best(leaf, stages, duration)
         milliseconds = 1e3 * (time.perf_counter() - self._began)
         self._improvements.append(Improvement(milliseconds, duration))
@@ -325,6 +332,7 @@ class _Search:
                 self._record.trials,
                 tuple(self._improvements),
                 exhausted=not self._open,
+                deterministic=not self._deadline.interruptions.occurred,
             )
         failure = self._failure()
         if self._options.allow_partial and len(self._prefix) < len(self._task.stages):
@@ -332,8 +340,9 @@ class _Search:
         if self._options.allow_partial and self._prefix:
             duration = sum(stage.trajectory.duration for stage in self._prefix)
             return SequencePlan(
-                self._prefix, duration, failure.trials, (), False, complete=False, failure=failure
-            )
+                self._prefix, duration, failure.trials, (), False, complete=False, failure=failure,
+                deterministic=not self._deadline.interruptions.occurred,
+            )  # fmt: skip
         return failure
 
     def _prove_farthest(self) -> None:
@@ -352,7 +361,7 @@ class _Search:
         farthest = self._record.farthest()
         k, reason, times = farthest if farthest is not None else (0, "time was up", 1)
         what = describe_stage(self._task.stages, k)
-        hint = _hint(self._task.stages[k], reason)
+        hint = hint_of(self._task.stages[k], reason)
         details = {"index": k, "reason": reason, "count": times}
         if self._until.passed:
             code = "TIMED_OUT"
@@ -369,19 +378,6 @@ class _Search:
 
 def _describe_stop(led: LineStopped) -> str:
     return f"the tool comes {led.distance:.3g} m straight: {led.stop.message}"
-
-
-def _hint(stage: Stage, reason: str) -> str:
-    if "out_of_reach" in reason or "outside_limits" in reason:
-        return "Bring what it aims at nearer to the robot, or give more alternatives."
-    if "collision" in reason or "too near" in reason:
-        return (
-            "Give more alternatives, move what is in the way, or name the pairs that may touch in "
-            "touch_links, support or allowed_collisions."
-        )
-    if isinstance(stage, Grasp):
-        return "Give more grasps, or more places."
-    return "Give more alternatives, shorter distances, or a smaller margin."
 
 
 def _rest_of(best: _Best, steps: int) -> float:

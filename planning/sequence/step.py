@@ -99,14 +99,14 @@ def least_passing(
 
 
 def plan_step(
-    cells: Cells, step: Step, timeout: float, deadline: Deadline, seed: int
+    cells: Cells, step: Step, max_edges: int, deadline: Deadline, seed: int
 ) -> StagePlan | Failure:
     """The proved motion of a step.
 
     Args:
         cells: Cells that were put together.
         step: The stage with its ends.
-        timeout: Longest time for a free motion [s].
+        max_edges: Edges that each planner of a free motion may look at.
         deadline: The end of everything.
         seed: Of everything random.
     """
@@ -120,14 +120,13 @@ def plan_step(
         )
     settings = step.stage.settings
     cell = cells.cell(step.world, step.allowed, settings.margin)
-    remaining = deadline.remaining
     if step.motion == "none":
         return _plan_still(step, cell, deadline, began)
     if step.motion == "straight":
         assert step.line is not None
-        plan = plan_line(cell, settings, step.line, remaining, seed)
+        plan = plan_line(cell, settings, step.line, deadline, seed)
     else:
-        plan = plan_free(cell, settings, step.start, step.end, min(timeout, remaining), seed)
+        plan = plan_free(cell, settings, (step.start, step.end), max_edges, deadline, seed)
     if isinstance(plan, Failure):
         return plan
     return StagePlan(

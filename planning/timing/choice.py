@@ -1,16 +1,18 @@
 """The time parametrization that options ask for, within the limits of a robot or those given."""
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from functools import lru_cache
 
 import numpy as np
 
 from dynamics.payload import with_payload
-from kinematics.arrays import Array
+from kinematics.arrays import Array, frozen
 from kinematics.chain import Chain, Limits
 from kinematics.errors import InvalidOption, MissingLimit
 from planning.effort_limits import EffortLimits
 from planning.timing.method import JerkUse, TimingMethod, timing_method
-from planning.timing.options import TimingOptions
+from planning.timing.options import Method, Solver, TimingOptions
 from planning.timing.parametrization import TimeParametrization
 
 # Limits that every method must know.
@@ -43,7 +45,40 @@ def chosen_parametrization(
         MissingInertia: Torques are limited and some link's inertia is not known.
         InvalidOption: A boundary velocity has the wrong length, or the robot is missing.
     """
-    overrides = dict(overrides or {})
+    usual = not (overrides or timing.torque_limits or timing.tool_speed is not None)
+    if usual and chain is not None and limits is chain.limits:
+        scalings = timing.velocity_scaling, timing.acceleration_scaling, timing.jerk_scaling
+        parametrization = _within_limits_of(chain, timing.method, timing.solver, scalings)
+        if timing.start_velocity is None and timing.end_velocity is None:
+            return parametrization
+    else:
+        parametrization = _within_limits(timing, joint_names, limits, dict(overrides or {}), chain)
+    return replace(
+        parametrization,
+        start_velocity=_velocity(timing.start_velocity, "start_velocity", joint_names),
+        end_velocity=_velocity(timing.end_velocity, "end_velocity", joint_names),
+    )
+
+
+#: Requests for a robot mostly ask for the same.
+@lru_cache(maxsize=64)
+def _within_limits_of(
+    chain: Chain, method: Method | None, solver: Solver | None, scalings: tuple[float, float, float]
+) -> TimeParametrization:
+    """``_within_limits`` of a robot, of its positions' derivatives alone."""
+    velocity, acceleration, jerk = scalings
+    timing = TimingOptions(method, velocity, acceleration, jerk, solver=solver)
+    return _within_limits(timing, chain.joint_names, chain.limits, {}, chain)
+
+
+def _within_limits(
+    timing: TimingOptions,
+    joint_names: Sequence[str],
+    limits: Limits,
+    overrides: Mapping[str, Array],
+    chain: Chain | None,
+) -> TimeParametrization:
+    """``chosen_parametrization`` from rest to rest."""
     method = timing_method(timing.method, timing.solver)
     chosen = {
         name: overrides[name] if name in overrides else limits.require(name, joint_names)
@@ -58,16 +93,16 @@ def chosen_parametrization(
         missing = np.isnan(limits.jerk)
         chosen["jerk"] = np.where(missing, _JERK_FACTOR * chosen["acceleration"], limits.jerk)
         ruled = tuple(name for name, is_ruled in zip(joint_names, missing, strict=True) if is_ruled)
-    scaled = {name: values * getattr(timing, f"{name}_scaling") for name, values in chosen.items()}
+    scaled = {
+        name: frozen(values * getattr(timing, f"{name}_scaling")) for name, values in chosen.items()
+    }
     return TimeParametrization(
         method,
         scaled["velocity"],
         scaled["acceleration"],
         scaled.get("jerk"),
         _loads(timing, joint_names, overrides, chain),
-        _velocity(timing.start_velocity, "start_velocity", joint_names),
-        _velocity(timing.end_velocity, "end_velocity", joint_names),
-        ruled,
+        ruled=ruled,
     )
 
 

@@ -1,12 +1,12 @@
 """Time parametrization: the method and all the limits that a path is timed by."""
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from kinematics.arrays import Array
+from kinematics.arrays import Array, frozen
 from kinematics.chain import Chain
 from kinematics.errors import InvalidOption
 from kinematics.trajectory import Trajectory
@@ -55,6 +55,13 @@ class TimeParametrization:
     start_velocity: Array | None = None
     end_velocity: Array | None = None
     ruled: tuple[str, ...] = ()
+    _jerk_bounds: Array | None = field(init=False, repr=False)
+
+    def __post_init__(self) -> None:
+        bounds = None
+        if self.jerk is not None:
+            bounds = frozen(np.stack([self.velocity, self.acceleration, self.jerk]))
+        object.__setattr__(self, "_jerk_bounds", bounds)
 
     @property
     def smooth(self) -> bool:
@@ -130,8 +137,8 @@ class TimeParametrization:
     @property
     def jerk_bounds(self) -> Array:
         """Limits of velocity, acceleration and jerk, shape (3, n)."""
-        assert self.jerk is not None
-        return np.stack([self.velocity, self.acceleration, self.jerk])
+        assert self._jerk_bounds is not None
+        return self._jerk_bounds
 
     @property
     def estimate_limits(self) -> Array:

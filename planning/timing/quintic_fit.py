@@ -13,9 +13,11 @@ import numpy as np
 
 from kinematics.arrays import Array
 from kinematics.compiled.kernel import kernel
+from kinematics.errors import InvalidOption
+from kinematics.polynomial import sample_kernel
 from kinematics.trajectory import Trajectory
 from planning.timing.banded_cholesky import solve_wide_band_kernel
-from planning.timing.time_scaling import ScaledTime, fit
+from planning.timing.time_scaling import ScaledTime, fit_kernel, scaled_motion
 
 #: Degree of the spline: four derivatives are continuous.
 DEGREE = 5
@@ -58,23 +60,51 @@ def fit_quintic(
 
     Returns:
         The spline, and the factor by which its time was scaled at last.
+
+    Raises:
+        InvalidOption: A limit is not positive, or none bounds the motion.
     """
     count = max(MIN_SPANS, math.ceil(rate * motion.duration))
     count = min(count, max(MIN_SPANS, _SPANS_PER_LEG * legs))
-    spans = np.full(count, motion.duration / count)
-    shares = (np.arange(_POINTS) + 0.5) / _POINTS
-    begins = np.arange(count)[:, None] * spans[:, None]
-    times = np.empty(2 + count * _POINTS)
-    times[:2] = 0.0, motion.duration
-    inner = begins + spans[:, None] * shares
-    np.minimum(inner.ravel(), motion.duration, out=times[2:])
-    sampled = motion.sample(times)
-    ends, points = sampled[:2], sampled[2:].reshape(count, _POINTS, motion.n)
-    coefficients = np.zeros((count, motion.n, DEGREE + 1))
-    fit_spans_kernel(points, shares, ends, limits, spans, coefficients)
-    breaks = np.concatenate([[0.0], np.cumsum(spans)])
-    spline = Trajectory(tuple(joint_names), breaks, coefficients)
-    return fit(spline, *limits)._replace(solver="quintic_spline")
+    breaks, coefficients = np.empty(count + 1), np.empty((count, motion.n, DEGREE + 1))
+    bounds = np.ascontiguousarray(limits, dtype=np.float64)
+    if not (bounds > 0.0).all():
+        raise InvalidOption("limits must be positive", hint="Give inf where there is none.")
+    factor = fit_motion_kernel(motion.breaks, motion.coefficients, bounds, breaks, coefficients)
+    return scaled_motion(joint_names, breaks, coefficients, factor)._replace(
+        solver="quintic_spline"
+    )
+
+
+@kernel
+def fit_motion_kernel(
+    given: Array, pieces: Array, limits: Array, breaks: Array, coefficients: Array
+) -> float:
+    """Write breaks and coefficients of the spline near a motion; the factor of ``fit_kernel``.
+
+    Args:
+        given: Breaks of the motion, shape (m + 1,) [s].
+        pieces: Its coefficients, shape (m, n, k).
+        limits: Of velocity, acceleration and jerk, shape (3, n).
+        breaks: Filled, shape (N + 1,) [s].
+        coefficients: Filled, shape (N, n, 6).
+    """
+    size, n, duration = coefficients.shape[0], coefficients.shape[1], given[-1]
+    spans, shares = np.full(size, duration / size), np.empty(_POINTS)
+    times = np.empty(2 + size * _POINTS)
+    times[0], times[1] = 0.0, duration
+    for p in range(_POINTS):
+        shares[p] = (p + 0.5) / _POINTS
+        for i in range(size):
+            times[2 + i * _POINTS + p] = min((i + shares[p]) * spans[i], duration)
+    sampled = np.empty((2 + size * _POINTS, n))
+    sample_kernel(given, pieces, times, 0, sampled)
+    points = sampled[2:].reshape((size, _POINTS, n))
+    fit_spans_kernel(points, shares, sampled[:2], limits, spans, coefficients)
+    breaks[0] = 0.0
+    for i in range(size):
+        breaks[i + 1] = breaks[i] + spans[i]
+    return fit_kernel(breaks, coefficients, limits)
 
 
 @kernel
@@ -97,12 +127,12 @@ def fit_spans_kernel(
     size, n = points.shape[0], points.shape[2]
     bases = np.empty((size, DEGREE + 1, DEGREE + 1))
     trial, excess = np.empty((size, n, DEGREE + 1)), np.empty(size)
-    lengths, smooth = spans.copy(), np.empty(size)
+    lengths, smooth, rates = spans.copy(), np.empty(size), 1.0 / limits
     fastest, factor = np.inf, np.inf
     for _ in range(_ROUNDS):
         bases_kernel(lengths, bases)
         _fit_kernel(points, shares, ends, lengths, bases, trial)
-        _excess_kernel(trial, lengths, limits, excess)
+        _excess_kernel(trial, lengths, rates, excess)
         worst, duration = 0.0, 0.0
         for i in range(size):
             worst = max(worst, excess[i])
@@ -145,18 +175,21 @@ def bases_kernel(spans: Array, bases: Array) -> None:
             # From the last function down: each is made of itself and the one before.
             for j in range(p, -1, -1):
                 first = at - p + j
+                rise, away, fall, left = 0.0, 0.0, 0.0, 0.0
+                if j > 0:
+                    rise = 1.0 / (knots[first + p] - knots[first])
+                    away = knots[at] - knots[first]
+                if j < p:
+                    fall = 1.0 / (knots[first + p + 1] - knots[first + 1])
+                    left = knots[first + p + 1] - knots[at]
                 for k in range(p, -1, -1):
                     value = 0.0
                     if j > 0:
-                        rise = knots[first + p] - knots[first]
-                        away = knots[at] - knots[first]
                         before = table[j - 1, k - 1] if k > 0 else 0.0
-                        value += (before + away * table[j - 1, k]) / rise
+                        value += (before + away * table[j - 1, k]) * rise
                     if j < p:
-                        fall = knots[first + p + 1] - knots[first + 1]
-                        left = knots[first + p + 1] - knots[at]
                         before = table[j, k - 1] if k > 0 else 0.0
-                        value += (left * table[j, k] - before) / fall
+                        value += (left * table[j, k] - before) * fall
                     table[j, k] = value
 
 
@@ -208,28 +241,30 @@ def _normal_equations_kernel(
     size, count, n = points.shape
     values, target = np.empty(DEGREE + 1), np.empty(n)
     for i in range(size):
+        # Functions of free control points are in the middle; the others' parts are known.
+        low, high = max(0, _FIXED - i), min(DEGREE, right.shape[0] - 1 + _FIXED - i)
         for p in range(count):
+            place = shares[p] * spans[i]
             target[:] = points[i, p]
             for j in range(DEGREE + 1):
                 value = 0.0
                 for k in range(DEGREE, -1, -1):
-                    value = value * (shares[p] * spans[i]) + bases[i, j, k]
+                    value = value * place + bases[i, j, k]
                 values[j] = value
+                if not low <= j <= high:
+                    for joint in range(n):
+                        target[joint] -= value * control[i + j, joint]
+            for j in range(low, high + 1):
+                row, value = i + j - _FIXED, values[j]
+                for other in range(low, j + 1):
+                    band[row, j - other] += value * values[other]
                 for joint in range(n):
-                    target[joint] -= value * control[i + j, joint]
-            for j in range(DEGREE + 1):
-                row = i + j - _FIXED
-                if row < 0 or row >= right.shape[0]:
-                    continue
-                for other in range(max(0, _FIXED - i), j + 1):
-                    band[row, j - other] += values[j] * values[other]
-                for joint in range(n):
-                    right[row, joint] += values[j] * target[joint]
+                    right[row, joint] += value * target[joint]
 
 
 @kernel(allocates=False)
-def _excess_kernel(coefficients: Array, spans: Array, limits: Array, excess: Array) -> None:
-    """Write by which factor each span is too short for the limits at some places in it."""
+def _excess_kernel(coefficients: Array, spans: Array, rates: Array, excess: Array) -> None:
+    """Write by which factor each span is too short for 1 / ``rates`` (3, n) at places in it."""
     size, n = coefficients.shape[:2]
     for i in range(size):
         velocity, acceleration, jerk = 0.0, 0.0, 0.0
@@ -240,7 +275,7 @@ def _excess_kernel(coefficients: Array, spans: Array, limits: Array, excess: Arr
                 v = c[1] + (2.0 * c[2] + (3.0 * c[3] + (4.0 * c[4] + 5.0 * c[5] * t) * t) * t) * t
                 a = 2.0 * c[2] + (6.0 * c[3] + (12.0 * c[4] + 20.0 * c[5] * t) * t) * t
                 j = 6.0 * c[3] + (24.0 * c[4] + 60.0 * c[5] * t) * t
-                velocity = max(velocity, abs(v) / limits[0, joint])
-                acceleration = max(acceleration, abs(a) / limits[1, joint])
-                jerk = max(jerk, abs(j) / limits[2, joint])
+                velocity = max(velocity, abs(v) * rates[0, joint])
+                acceleration = max(acceleration, abs(a) * rates[1, joint])
+                jerk = max(jerk, abs(j) * rates[2, joint])
         excess[i] = max(velocity, math.sqrt(acceleration), jerk ** (1.0 / 3.0))

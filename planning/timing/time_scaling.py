@@ -3,12 +3,13 @@
 Time stretched by a factor f divides velocity by f, acceleration by f^2, jerk by f^3.
 """
 
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from kinematics.arrays import Array, frozen
+from kinematics.arrays import Array
 from kinematics.compiled.kernel import kernel
 from kinematics.errors import InvalidOption
 from kinematics.polynomial import extrema_kernel
@@ -102,14 +103,28 @@ def fit(
         InvalidOption: As in ``dilate``, or no limit given bounds the motion.
     """
     limits = _bounds(trajectory.n, velocity, acceleration, jerk)
-    worst = _worst(trajectory.breaks, trajectory.coefficients, limits)
-    factor = _least_factor(worst)
+    breaks, coefficients = trajectory.breaks.copy(), trajectory.coefficients.copy()
+    return scaled_motion(
+        trajectory.joint_names, breaks, coefficients, fit_kernel(breaks, coefficients, limits)
+    )
+
+
+def scaled_motion(
+    joint_names: Sequence[str], breaks: Array, coefficients: Array, factor: float
+) -> ScaledTime:
+    """The motion that ``fit_kernel`` has left, which takes the arrays as they are.
+
+    Raises:
+        InvalidOption: No limit bounds the motion.
+    """
     if not factor > 0.0:
         raise InvalidOption(
             "no limit bounds this motion, so there is no fastest one",
             hint="Give finite velocity, acceleration or jerk limits, and a motion that moves.",
         )
-    return _stretch(trajectory, _near(limits, worst, factor), factor * (1.0 + _HAIR))
+    for array in (breaks, coefficients):
+        array.setflags(write=False)
+    return ScaledTime(Trajectory(tuple(joint_names), breaks, coefficients), factor)
 
 
 def checked_limits(values: ArrayLike, name: str, n: int) -> Array:
@@ -142,33 +157,11 @@ def _bounds(n: int, *limits: ArrayLike | None) -> Array:
 
 
 def _stretch(trajectory: Trajectory, limits: Array, factor: float) -> ScaledTime:
-    breaks, coefficients = _dilated(trajectory, factor)
-    worst = _worst(breaks, coefficients, limits)
-    while (missing := _missing_factor(worst)) > 1.0:
-        factor *= missing * (1.0 + _HAIR)
-        breaks, coefficients = _dilated(trajectory, factor)
-        worst = _worst(breaks, coefficients, _near(limits, worst, missing))
+    breaks, coefficients = trajectory.breaks.copy(), trajectory.coefficients.copy()
+    factor = stretch_kernel(breaks, coefficients, limits, factor)
     if factor == 1.0:
         return ScaledTime(trajectory, factor)
-    return ScaledTime(Trajectory(trajectory.joint_names, breaks, coefficients), factor)
-
-
-def _near(limits: Array, worst: Array, factor: float) -> Array:
-    """The limits that are worth another look once time is stretched, inf for the others.
-
-    Ratios whose limits are used up just so by that factor are looked at again; others are far below
-    1 afterwards.
-    """
-    near = worst > _NEAR * factor ** np.arange(1.0, 4.0)
-    return np.where(near[:, None], limits, np.inf)
-
-
-def _dilated(trajectory: Trajectory, factor: float) -> tuple[Array, Array]:
-    """Breaks and coefficients of ``Trajectory.dilate``, which are looked at before they are one."""
-    if factor == 1.0:
-        return trajectory.breaks, trajectory.coefficients
-    powers = np.power(float(factor), -np.arange(trajectory.degree + 1.0))
-    return frozen(trajectory.breaks * factor), frozen(trajectory.coefficients * powers)
+    return scaled_motion(trajectory.joint_names, breaks, coefficients, factor)
 
 
 def _worst(breaks: Array, coefficients: Array, limits: Array) -> Array:
@@ -176,6 +169,84 @@ def _worst(breaks: Array, coefficients: Array, limits: Array) -> Array:
     worst = np.zeros(3)
     worst_kernel(breaks, coefficients, limits, worst)
     return worst
+
+
+@kernel
+def fit_kernel(breaks: Array, coefficients: Array, limits: Array) -> float:
+    """Scale the time of a motion in place so that all limits just hold; the factor.
+
+    Args:
+        breaks: Shape (m + 1,) [s].
+        coefficients: Shape (m, n, k).
+        limits: Of velocity, acceleration and jerk, inf where there is none, shape (3, n).
+
+    Returns:
+        Factor of its duration, 0 where no limit bounds it.
+    """
+    worst, factor = np.zeros(3), 0.0
+    worst_kernel(breaks, coefficients, limits, worst)
+    for row in range(3):
+        factor = max(factor, worst[row] ** (1.0 / (row + 1.0)))
+    if not factor > 0.0:
+        return 0.0
+    near = limits.copy()
+    _spare_kernel(worst, factor, near)
+    return stretch_kernel(breaks, coefficients, near, factor * (1.0 + _HAIR))
+
+
+@kernel
+def stretch_kernel(breaks: Array, coefficients: Array, limits: Array, factor: float) -> float:
+    """Stretch a motion in place by a factor, and by more until its limits hold; the whole factor.
+
+    Args:
+        breaks: Shape (m + 1,) [s].
+        coefficients: Shape (m, n, k).
+        limits: inf where none is to be looked at, shape (3, n).
+        factor: Of its duration, at least.
+    """
+    given, pieces = breaks.copy(), coefficients.copy()
+    near, worst = limits.copy(), np.zeros(3)
+    while True:
+        if factor != 1.0:
+            _dilate_kernel(given, pieces, factor, breaks, coefficients)
+        worst[:] = 0.0
+        worst_kernel(breaks, coefficients, near, worst)
+        missing = 1.0
+        for row in range(3):
+            if worst[row] > 1.0:
+                # The root of a ratio just above 1 may round to 1.
+                over = max(worst[row] ** (1.0 / (row + 1.0)), 1.0 + _HAIR)
+                missing = max(missing, over)
+        if not missing > 1.0:
+            return factor
+        factor *= missing * (1.0 + _HAIR)
+        near[:] = limits
+        _spare_kernel(worst, missing, near)
+
+
+@kernel(allocates=False)
+def _dilate_kernel(
+    given: Array, pieces: Array, factor: float, breaks: Array, coefficients: Array
+) -> None:
+    """Write breaks and coefficients of ``Trajectory.dilate``."""
+    for i in range(given.shape[0]):
+        breaks[i] = given[i] * factor
+    for k in range(pieces.shape[2]):
+        power = factor ** float(-k)
+        for i in range(pieces.shape[0]):
+            for joint in range(pieces.shape[1]):
+                coefficients[i, joint, k] = pieces[i, joint, k] * power
+
+
+@kernel(allocates=False)
+def _spare_kernel(worst: Array, factor: float, limits: Array) -> None:
+    """Set limits to inf that are not worth another look once time is stretched by a factor.
+
+    Ratios whose limits are used up just so by it are looked at again; others are far below 1.
+    """
+    for row in range(3):
+        if not worst[row] > _NEAR * factor ** (row + 1.0):
+            limits[row] = np.inf
 
 
 @kernel
@@ -200,11 +271,3 @@ def worst_kernel(breaks: Array, coefficients: Array, limits: Array, worst: Array
         for joint in range(n):
             peak = max(best[joint, 2], -best[joint, 0])
             worst[row] = max(worst[row], peak / limits[row, joint])
-
-
-def _missing_factor(worst: Array) -> float:
-    """The factor by which time is still too short: the largest ratio^(1 / order), at least 1."""
-    # The root of a ratio just above 1 may round to 1.
-    ratios = enumerate(map(float, worst), start=1)
-    over = (max(r ** (1.0 / k), 1.0 + _HAIR) for k, r in ratios if r > 1.0)
-    return max(over, default=1.0)

@@ -34,6 +34,11 @@ _DETOUR, _DETOUR_TIME = 1.5, 0.1
 #: Times that differ by less are equal [s].
 SAME_TIME = 1e-5
 
+#: Edges that a planner of one leg may look at: seconds. Counted in edges, not in time, the tour
+#: depends on the seed alone.
+_MAX_EDGES = 200_000
+#: A leg that is planned at all is planned for so long [s].
+_LEAST_TIMEOUT = 1e-3
 #: Rows of a table between two looks at the clock: milliseconds.
 _ROWS_AT_ONCE = 32
 
@@ -113,6 +118,7 @@ class LegTable:
     clearances: dict[int, float] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
+        self.options = replace(self.options, observer=None, max_edges=_MAX_EDGES)
         if self.grouped:
             self.times += np.float32(_BETWEEN_GROUPS) * (self.group[:, None] != self.group[None])
 
@@ -161,20 +167,20 @@ class LegTable:
             self.clearances[k] = float(self.checker.clearance(self.joints[k])[0])
         return self.clearances[k]
 
-    def plan(self, a: int, b: int, timeout: float) -> Leg | Failure:
+    def plan(self, a: int, b: int, deadline: Deadline) -> Leg | Failure:
         """The proved leg from one configuration to another; its time is known then.
 
         Args:
             a: Number of the first configuration.
             b: Number of the second.
-            timeout: How long it may take [s].
+            deadline: When to give up.
         """
         known = self.legs.get((a, b)) or self.failures.get((a, b))
         if known is not None:
             return known
         back = self.legs.get((b, a))
         if back is not None:
-            leg = self._reverse(back, Deadline.after(timeout))
+            leg = self._reverse(back, deadline)
             if leg is not None:
                 self.legs[a, b] = leg
                 return leg
@@ -183,7 +189,9 @@ class LegTable:
             self.problem.robot, self.problem.scene, self.joints[a], (goal,), self.problem.margin,
             constraints=self.problem.constraints,
         )  # fmt: skip
-        plan = pipeline.plan(problem, replace(self.options, timeout=timeout, observer=None))
+        left = max(deadline.remaining, _LEAST_TIMEOUT)
+        options = replace(self.options, timeout=min(left, self.options.timeout))
+        plan = pipeline.plan(problem, options, within=deadline)
         if isinstance(plan, Failure):
             self.failures[a, b] = plan
             self.set_time(a, b, IMPOSSIBLE)

@@ -136,7 +136,8 @@ class TourOptions:
             keep no preferred clearance where none is asked for: it costs time, and the tour is to
             take the least.
         rounds: Rounds of search and proof after the first tour that is proved.
-        leg_timeout: Longest that one leg is planned [s].
+        leg_timeout: Longest that one leg is planned [s]; planners end before it on all but very
+            slow machines, after a number of edges.
         allow_partial: Whether a tour that leaves goals out is an answer.
 
     Raises:
@@ -145,7 +146,7 @@ class TourOptions:
 
     planning: Options = field(default_factory=_quick_options)
     rounds: int = 20
-    leg_timeout: float = 2.0
+    leg_timeout: float = 10.0
     allow_partial: bool = False
 
     def __post_init__(self) -> None:

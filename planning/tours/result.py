@@ -114,6 +114,7 @@ class Tour:
         lower_bound: No tour over the configurations that were found takes less [s].
         search: Effort of the search.
         notes: What was done to the request.
+        deterministic: Whether the same tour is found again: time ended no search.
     """
 
     visits: tuple[Visit, ...]
@@ -124,6 +125,7 @@ class Tour:
     lower_bound: float
     search: SearchReport
     notes: tuple[str, ...] = ()
+    deterministic: bool = True
 
     @property
     def gap(self) -> float:

@@ -196,7 +196,7 @@ class TourSearch:
                 break
             a, b = self._configuration(before), self._configuration(after)
             expected = self.legs.time(a, b)
-            self.legs.plan(a, b, min(self.options.leg_timeout, self.deadline.remaining))
+            self.legs.plan(a, b, self.deadline.at_most(self.options.leg_timeout))
             if abs(self.legs.time(a, b) - expected) > SAME_TIME:
                 changed += [before, after]
             if self.best is None:
@@ -325,6 +325,7 @@ class TourSearch:
                 improvements=tuple(self.improvements),
                 stopped=stopped,
             ),
+            deterministic=not self.deadline.interruptions.occurred,
         )
 
     def _visits(self, shown: Sequence[int], legs: Sequence[Leg]) -> tuple[tuple[Visit, ...], float]:

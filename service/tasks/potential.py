@@ -58,7 +58,7 @@ def _value(
     value = field.at(q)
     points = [
         {
-            "joint": chain.joint_names[where.joints[i]],
+            "joint": chain.joint_of(int(where.joints[i])),
             "origin": value.points[i].tolist(),
             "radius": float(where.radii[i]),
             "goal": field.goals[i].tolist(),

@@ -162,6 +162,7 @@ def _answer(outcome: SequencePlan, asked: Task, body: TaskRequest) -> dict[str, 
         },
         "reproducibility": {
             "seed": body.seed,
+            "deterministic": outcome.deterministic,
             "robot_hash": asked.world.robot.content_hash,
             "scene_hash": asked.world.scene.content_hash,
             "request_hash": hashlib.sha256(body.model_dump_json().encode()).hexdigest(),

@@ -48,7 +48,8 @@ def tour(
     if isinstance(outcome, Failure):
         return _refusal(outcome)
     answer = tour_answer(outcome, problem, body.timing.sample_period)
-    return to_json(answer | _surroundings(body, cell), inf_nan_mode="null")
+    surroundings = _surroundings(body, cell, deterministic=outcome.deterministic)
+    return to_json(answer | surroundings, inf_nan_mode="null")
 
 
 def _refusal(failure: Failure) -> TaskProblem:
@@ -58,13 +59,14 @@ def _refusal(failure: Failure) -> TaskProblem:
     )
 
 
-def _surroundings(body: TourRequest, cell: RobotInScene) -> dict[str, Any]:
+def _surroundings(body: TourRequest, cell: RobotInScene, *, deterministic: bool) -> dict[str, Any]:
     """Fields of the answer that say what it is about."""
     return {
         **in_frame(cell.robot.chain),
         "allowed_collisions": cell.allowed,
         "reproducibility": {
             "seed": body.seed,
+            "deterministic": deterministic,
             "robot_hash": cell.robot.content_hash,
             "scene_hash": cell.scene.content_hash,
             "request_hash": hashlib.sha256(body.model_dump_json().encode()).hexdigest(),

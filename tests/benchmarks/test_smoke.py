@@ -32,8 +32,9 @@ WITHOUT_MAIN = {
     "task_export", "task_problems", "task_sampling", "triangles",
 }  # fmt: skip
 #: Have tests of their own, with services of their own: tests/service/jobs/test_agent_jobs.py makes
-#: the faults of `agents`, in one process; tests/studio/test_workbench.py runs `studio_arms`.
-ELSEWHERE = {"agents", "http", "studio_arms"}
+#: the faults of `agents`, in one process; tests/studio/test_workbench.py runs `studio_arms`, and
+#: tests/studio/page drags, plans and plays as `first_motion` does, which installs everything anew.
+ELSEWHERE = {"agents", "first_motion", "http", "studio_arms"}
 #: Arguments of scripts that start a server.
 OF_SERVERS: Mapping[str, list[str]] = {
     "batch": ["--count", "3", "--workers", "1", "--rounds", "1"],

@@ -3,13 +3,15 @@
 import gc
 import resource
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 import pytest
 
 from dynamics.symbolic import equations_function
 from kinematics import bounded_cache as module
-from kinematics.bounded_cache import allocated_bytes, bounded_cache
+from kinematics.arrays import Array
+from kinematics.bounded_cache import allocated_bytes, array_bytes, bounded_cache
 from obstacles.piece_set import _surface_tree
 from tests.dynamics.samples import random_chain
 
@@ -43,6 +45,27 @@ def test_memory_stays_within_the_limit_while_values_come_and_go() -> None:
         assert allocated_bytes() - before < 8.5 * MEBIBYTE
     assert resident() - first < 12 * MEBIBYTE
     assert made == list(range(200)), "what was asked for last is kept"
+
+
+def test_arrays_in_tuples_are_weighed_without_measuring() -> None:
+    class Two(NamedTuple):
+        block: Array
+        rest: tuple[Array | None, float]
+
+    two = Two(np.zeros((3, 4)), (np.zeros(5), 1.0))
+    assert array_bytes(two) == 8 * 17
+    assert array_bytes((None, "text")) == 0
+    made: list[int] = []
+
+    @bounded_cache(maxsize=1000, limit=8 * MEBIBYTE, weigh=array_bytes)
+    def block(number: int) -> Two:
+        made.append(number)
+        return Two(np.full(MEBIBYTE // 8, float(number)), (None, 0.0))
+
+    for number in range(9):
+        block(number)
+    assert made == list(range(9))
+    assert block.cache_info().currsize == 1, "all older ones were dropped"
 
 
 def test_small_values_are_bounded_by_their_number() -> None:

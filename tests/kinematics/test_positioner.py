@@ -8,7 +8,7 @@ from dynamics.gravity import gravity_vector
 from kinematics.errors import InvalidLinkName, InvalidRobotDescription, MissingInertia
 from kinematics.forward import link_poses
 from kinematics.robots import builtin_urdf
-from kinematics.root_frame import frame_pose
+from kinematics.root_frame import frame_names, frame_pose
 from kinematics.serial_chain import select, serial_chain
 from kinematics.urdf import parse_urdf
 
@@ -95,3 +95,11 @@ def test_a_frame_that_moves_is_refused_with_the_robot_that_has_it(urdf: str) -> 
     with pytest.raises(InvalidLinkName, match="moves with the arm") as error:
         frame_pose(chain, "sledge", None, "frame")
     assert "base_link 'sledge'" in (error.value.hint or "")
+    assert "goes into attached" in (error.value.hint or "")
+
+
+def test_the_world_is_no_name_of_a_frame_that_turns(urdf: str) -> None:
+    chain = serial_chain(parse_urdf(urdf), "work")
+    assert frame_names(chain) == ["work", "table", "tool"]
+    with pytest.raises(InvalidLinkName, match="no frame 'world'"):
+        frame_pose(chain, "world", None, "frame")

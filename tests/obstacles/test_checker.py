@@ -94,14 +94,22 @@ def test_many_states_are_answered_as_one_by_one(name: str) -> None:
         assert ours.each_valid(many).tolist() == valid
         assert not ours.all_valid(many)
         assert ours.all_valid(many[valid])
-        distances, pairs = ours.closest(many, within)
-        for q, distance, pair in zip(many, distances, pairs, strict=True):
-            clearance, nearest = ours.clearance(q)
-            if clearance > 0.0:
-                assert distance == pytest.approx(min(clearance, within), abs=1e-12)
-                assert pair == (nearest if clearance < within else None)
+        assert ours.closest(many[:0], within) == (within, -1, None)
+        near = [ours.clearance(q) for q in many]
+        for free in (many[valid], many[valid][::-1], *many[valid, None]):
+            distance, state, pair = ours.closest(free, within)
+            least = min(ours.clearance(q)[0] for q in free)
+            assert distance == pytest.approx(min(least, within), abs=1e-12)
+            if least < within:
+                clearance, nearest = ours.clearance(free[state])
+                assert distance == pytest.approx(clearance, abs=1e-12)
+                assert pair == nearest
             else:
-                assert distance <= 0.0
+                assert (state, pair) == (-1, None)
+        distance, state, pair = ours.closest(many, within)
+        assert distance <= 0.0
+        assert near[state][0] <= 0.0
+        assert pair is not None
     assert ours.all_valid(many[:0])
 
 

@@ -1,6 +1,7 @@
 """Planners by name, the cascade, and what each of them answers a query."""
 
 from collections.abc import Mapping
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -12,15 +13,17 @@ from obstacles.checker import Checker
 from obstacles.scene import Scene
 from planning.cartesian.planner import Cartesian
 from planning.constrained.checker import ConstrainedChecker
+from planning.constrained.planner import ProjectedRrt
 from planning.constraints.constraint_set import ConstraintSet
 from planning.constraints.joint import JointConstraint
 from planning.deadline import Deadline
 from planning.options import CartesianOptions, Options, ToolMotionOptions
+from planning.pipeline import plan
 from planning.planner import Query
 from planning.planners import CASCADE, PLANNERS, ByConstraints, Skipped, choose_planners
 from planning.problem import JointGoal, PoseGoal, Problem
 from planning.ready import Ready
-from planning.result import Attempt
+from planning.result import Attempt, Failure
 from planning.sampling.planners import PLANNERS as OMPL_PLANNERS
 from planning.search.rrt_connect import RrtConnect
 from planning.timing.options import TimingOptions
@@ -132,6 +135,30 @@ def test_the_fallback_has_its_turn_with_the_exact_robot_only() -> None:
     in_hulls = Query(exact.problem, ready, exact.checker, 3, Deadline.after(20.0))
     assert trees.plan(in_hulls).detail == "200 edges checked."
     assert fallback.queries == 1
+
+
+@pytest.mark.parametrize("name", ["auto", *sorted(OMPL_PLANNERS)])
+def test_a_bound_ends_a_planner_where_there_is_no_path(name: str) -> None:
+    """No clock does: a minute is left."""
+    asked = replace(query(SHUT, seconds=60.0), bound=400)
+    for planner in choose_planners(problem(SHUT), Options(planner=name)):
+        assert planner.plan(asked).waypoints is None
+    assert not asked.deadline.interruptions.occurred
+
+
+def test_a_bound_ends_trees_along_constraints() -> None:
+    asked = replace(query(SHUT, constrained=True, seconds=60.0), bound=400)
+    attempt = ProjectedRrt("rrt_connect").plan(asked)
+    assert attempt.waypoints is None
+    assert attempt.detail == "20 extensions along the constraints."
+    assert not asked.deadline.interruptions.occurred
+
+
+def test_a_bounded_search_is_not_diagnosed() -> None:
+    failure = plan(problem(SHUT), Options(max_edges=400))
+    assert isinstance(failure, Failure)
+    assert failure.code == "PLANNING_FAILED"
+    assert "diagnosis" not in [stage.name for stage in failure.stages]
 
 
 def cartesian(goals: tuple[PoseGoal, ...], **options: Any) -> Cartesian:

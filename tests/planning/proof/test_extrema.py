@@ -5,7 +5,17 @@ import pytest
 
 from kinematics.arrays import Array
 from kinematics.trajectory import Trajectory
-from planning.proof.extrema import extrema, jumps, to_bernstein
+from planning.proof.extrema import (
+    AT,
+    BEYOND,
+    EXCESS,
+    JOINT,
+    RATIO,
+    extrema,
+    jumps,
+    limit_uses,
+    to_bernstein,
+)
 
 
 def by_roots(p: np.polynomial.Polynomial, length: float) -> tuple[float, float]:
@@ -59,7 +69,7 @@ def test_a_narrow_peak_is_found() -> None:
 
 def test_bernstein_coefficients_are_the_control_points() -> None:
     b = np.empty(6)
-    count = to_bernstein(np.array([1.0, 2.0, -3.0, 4.0]), 2.0, 0, 1.0, b)
+    count = to_bernstein(np.array([1.0, 2.0, -3.0, 4.0]), 2.0, 0, b)
     # Of 1 + 4 u - 12 u^2 + 32 u^3 by hand.
     np.testing.assert_allclose(b[:count], [1.0, 1.0 + 4.0 / 3.0, 1.0 + 8.0 / 3.0 - 4.0, 25.0])
 
@@ -72,3 +82,48 @@ def test_jumps_of_every_order() -> None:
     # At t = 1 the first piece has value 10, velocity 20, acceleration 30, jerk 24.
     for order, jump in enumerate((1e-3, 2e-3, 60.0 - 30.0, 0.0)):
         assert jumps(motion, order)[0, 0] == pytest.approx(jump, abs=1e-12)
+
+
+def test_uses_of_limits_are_those_of_the_extrema() -> None:
+    """Position and derivatives at once, with limits on both sides, on one or on none."""
+    random = np.random.default_rng(8)
+    for _ in range(40):
+        m, n, size = int(random.integers(1, 5)), 4, int(random.integers(1, 8))
+        breaks = np.concatenate([[0.0], np.cumsum(10.0 ** random.uniform(-1.0, 0.5, m))])
+        motion = Trajectory(tuple("abcd"), breaks, random.normal(size=(m, n, size)))
+        lower = -random.uniform(0.1, 5.0, (4, n))
+        upper = np.where(np.arange(4)[:, None] == 0, lower + random.uniform(0.1, 9.0, n), -lower)
+        lower[0, 1], upper[0, 2], lower[1:, 3], upper[1:, 3] = -np.inf, np.inf, -np.inf, np.inf
+        found = limit_uses(motion, lower, upper)
+        for order in range(4):
+            ends = extrema(breaks, motion.coefficients, order)
+            np.testing.assert_array_equal(found.highest[order, :, 0], ends.maximum)
+            np.testing.assert_array_equal(found.lowest[order, :, 0], -ends.minimum)
+            half = 0.5 * (upper[order] - lower[order])
+            both = np.isfinite(half)
+            middle = 0.5 * (upper[order][both] + lower[order][both])
+            ratios = np.zeros(n)
+            ratios[both] = np.maximum(ends.maximum[both] - middle, middle - ends.minimum[both])
+            ratios[both] /= half[both]
+            use = found.uses[order]
+            assert use[RATIO] == pytest.approx(ratios.max(), rel=1e-12)
+            assert use[JOINT] == np.argmax(ratios)
+            at = motion.sample([min(use[AT], breaks[-1])], order)[0, int(use[JOINT])]
+            before = motion.sample([max(use[AT] - 1e-9, 0.0)], order)[0, int(use[JOINT])]
+            extreme = ends.maximum[int(use[JOINT])], ends.minimum[int(use[JOINT])]
+            near = [abs(value - end) for value in (at, before) for end in extreme]
+            assert ratios.max() == 0.0 or min(near) <= 1e-5 * (1.0 + np.abs(extreme).max())
+            excess = np.maximum(lower[order] - ends.lower, ends.upper - upper[order])
+            if order:
+                excess[both] /= half[both]
+            assert use[EXCESS] == pytest.approx(excess.max(), rel=1e-9, abs=1e-12)
+            assert use[BEYOND] == np.argmax(excess)
+
+
+def test_what_is_no_number_is_beyond_all_limits() -> None:
+    motion = Trajectory(("a", "b"), np.array([0.0, 1.0]), np.zeros((1, 2, 2)))
+    bound = np.array([[5.0, 5.0], [0.0, 1.0]])
+    found = limit_uses(motion, -bound, bound)
+    # A joint that may not move and does not: no share of its limit can be told.
+    assert found.uses[1, EXCESS] == np.inf
+    assert found.uses[1, BEYOND] == 0

@@ -15,7 +15,7 @@ THERE_AND_BACK = through([-0.9, 0.0], [0.35, 0.0], [-0.9, 0.0])
 
 
 def check(started: Started, intervals: int = 1) -> bool:
-    """Look at the first interval, the start alone, or at the second one, the whole motion."""
+    """Look at the first interval, the start alone, or at the third one, the whole motion."""
     trajectory = started.trajectory
     for _ in range(intervals):
         pop_interval(trajectory.breaks, trajectory.coefficients, started.sweep)
@@ -56,7 +56,7 @@ def test_an_overlap_is_referred_as_soon_as_it_is_seen(
 ) -> None:
     """Over an interval that moves little, where the distance is asked for; else it is halved."""
     started = start(through([0.5 - reach, 0.0], [0.5 + reach, 0.0]))
-    assert check(started, 2)
+    assert check(started, 3)
     assert left(started) == expected
 
 
@@ -88,7 +88,7 @@ def test_a_pair_that_may_touch_is_not_looked_at() -> None:
 def test_over_an_interval_that_moves_farther_than_the_gap_it_stays_open() -> None:
     """0.05 before the wall in its middle, 1.3 m away at its ends: it proves nothing."""
     started = start(THERE_AND_BACK)
-    assert check(started, 2)
+    assert check(started, 3)
     assert left(started) == (1, 0)
     i, j = started.sweep.pairs[started.sweep.starts[1]]
     assert started.table.names(int(i), int(j)) == ("ball", "wall")
@@ -97,12 +97,12 @@ def test_over_an_interval_that_moves_farther_than_the_gap_it_stays_open() -> Non
 def test_along_a_wall_motion_costs_no_distance() -> None:
     """A direction is found in which the ball does not move: one interval settles two metres."""
     started = start(through([0.0, -0.3], [0.0, 0.3]))
-    assert check(started, 2)
+    assert check(started, 3)
     assert left(started) == (0, 0)
     # Its ball and box alone would leave 0.1 m of the 0.4 m.
     assert 0.05 <= started.sweep.clearance[OBSTACLE] <= 0.4
     near = start(through([0.39, -0.3], [0.39, 0.3]))
-    assert check(near, 2)
+    assert check(near, 3)
     assert left(near) == (0, 0)
     assert 0.008 <= near.sweep.clearance[OBSTACLE] <= 0.01
 
@@ -128,7 +128,7 @@ def test_without_room_for_what_stays_open_it_says_so() -> None:
     started = start(THERE_AND_BACK)
     k = len(started.table.arrays.roots)
     narrow = started.sweep._replace(pairs=started.sweep.pairs[:k].copy())
-    assert not check(started._replace(sweep=narrow), 2)
+    assert not check(started._replace(sweep=narrow), 3)
 
 
 def test_clearances_that_are_told_need_to_be_sharp() -> None:

@@ -76,7 +76,9 @@ def test_what_is_apart_is_parted_by_the_proposal(seed: int) -> None:
         # From the ball towards the solid: the proof checks it from the solid towards the ball.
         assert told == pytest.approx(upper, abs=1e-5)
         u = (float(-axis[0]), float(-axis[1]), float(-axis[2]))
-        apart = gap(arrays.kinds, arrays.sizes, arrays.columns, arrays.starts, sweep.poses, i, 0, u)
+        apart, _ = gap(
+            arrays.kinds, arrays.sizes, arrays.columns, arrays.starts, sweep.poses, i, 0, u
+        )
         assert apart == pytest.approx(lower, abs=1e-5)
         parted += 1
     assert parted > 5

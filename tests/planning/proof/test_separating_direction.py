@@ -19,7 +19,8 @@ def proved(pieces: list[Piece], u: Array) -> float:
     some, n = direction(arrays.kinds, arrays.poses, 0, 1, (u[0], u[1], u[2]))
     if not some:
         return -np.inf
-    return gap(arrays.kinds, arrays.sizes, columns, arrays.starts, arrays.poses, 0, 1, n)
+    found, _ = gap(arrays.kinds, arrays.sizes, columns, arrays.starts, arrays.poses, 0, 1, n)
+    return float(found)
 
 
 @pytest.mark.parametrize(("one", "other"), list(itertools.combinations_with_replacement(KINDS, 2)))

@@ -16,6 +16,7 @@ from planning.proof.sweep_state import (
     LAST,
     OBSTACLE,
     OPEN,
+    PROBE,
     REFERRED,
     TOP,
     VISITS,
@@ -34,7 +35,7 @@ def settled(started: Started) -> list[tuple[float, float]]:
     while True:
         state = started.go(most=1)
         assert state in (PAUSED, DONE)
-        if not sweep.counters[OPEN]:
+        if not sweep.counters[OPEN] and not sweep.counters[PROBE]:
             first, last = sweep.counters[FIRST], sweep.counters[LAST]
             begins = started.trajectory.breaks[first] if first == last else 0.0
             middle, half = begins + sweep.interval[CENTER], sweep.interval[HALF]
@@ -107,6 +108,25 @@ def test_what_touches_at_the_start_is_asked_about_first() -> None:
     assert started.go() == ASKING
     assert started.sweep.counters[VISITS] == 1
     assert started.sweep.interval[CENTER] == started.sweep.interval[HALF] == 0.0
+
+
+def test_what_touches_at_the_end_is_asked_about_when_its_time_has_come() -> None:
+    """The end is looked at early, for how near things come; what touches there is no first."""
+    started = start(through([-0.9, 0.0], [0.2, 0.0], [0.45, 0.0]))
+    assert started.go() == ASKING
+    sweep = started.sweep
+    assert sweep.counters[PROBE] == 0
+    first, last = sweep.counters[FIRST], sweep.counters[LAST]
+    begins = started.trajectory.breaks[first] if first == last else 0.0
+    assert begins + sweep.interval[CENTER] < 2.0
+
+
+def test_the_end_tells_how_sharp_a_bound_has_to_be() -> None:
+    """Only the end is near: what is far from it is not halved for the sake of its own distance."""
+    near, far = start(through([-0.9, 0.0], [0.399, 0.0])), start(through([-0.9, 0.0], [0.25, 0.0]))
+    assert near.go() == far.go() == DONE
+    assert 0.9 * 0.001 <= near.sweep.clearance[OBSTACLE] <= 0.001
+    assert 0.9 * 0.15 <= far.sweep.clearance[OBSTACLE] <= 0.15
 
 
 def test_a_graze_is_halved_until_that_is_of_no_use() -> None:

@@ -18,11 +18,14 @@ from planning.proof.sweep_state import (
     OBSTACLE,
     OPEN,
     OWN,
+    PROBE,
     TOP,
     VISITS,
     Sweep,
     enlarge,
+    moves_far,
     note_clearance,
+    pass_on,
     pop_interval,
     push_halves,
     start_sweep,
@@ -46,6 +49,12 @@ def begun(trajectory: Trajectory) -> Sweep:
     return start_sweep(trajectory, PairTable.of(slider(), WALL, 0.0).arrays)
 
 
+def pop_ends(trajectory: Trajectory, w: Sweep) -> None:
+    """Take the start and the end, so that the whole motion is next."""
+    for _ in range(2):
+        pop_interval(trajectory.breaks, trajectory.coefficients, w)
+
+
 def span(trajectory: Trajectory, w: Sweep) -> tuple[float, float]:
     """The last interval from the start of the trajectory [s]."""
     one = w.counters[FIRST] == w.counters[LAST]
@@ -53,17 +62,23 @@ def span(trajectory: Trajectory, w: Sweep) -> tuple[float, float]:
     return float(begins + w.interval[BEGIN]), float(begins + w.interval[END])
 
 
-def test_it_starts_with_the_start_alone_and_then_all() -> None:
+def test_it_starts_with_the_start_alone_and_probes_the_end_and_then_takes_all() -> None:
     trajectory = random_motion(1)
     w = begun(trajectory)
-    assert w.counters[TOP] == 2
+    assert w.counters[TOP] == 3
     pop_interval(trajectory.breaks, trajectory.coefficients, w)
     assert span(trajectory, w) == (0.0, 0.0)
     np.testing.assert_allclose(w.joints[:, VALUE], trajectory.start)
+    assert w.counters[PROBE] == 0
+    pop_interval(trajectory.breaks, trajectory.coefficients, w)
+    assert span(trajectory, w) == pytest.approx((trajectory.duration, trajectory.duration))
+    np.testing.assert_allclose(w.joints[:, VALUE], trajectory.end)
+    assert w.counters[PROBE] == 1
     pop_interval(trajectory.breaks, trajectory.coefficients, w)
     assert span(trajectory, w) == (0.0, trajectory.duration)
+    assert w.counters[PROBE] == 0
     assert w.counters[TOP] == 0
-    assert w.counters[VISITS] == 2
+    assert w.counters[VISITS] == 3
 
 
 @pytest.mark.parametrize("pieces", [1, 2, 5, 8])
@@ -71,7 +86,7 @@ def test_halves_tile_the_trajectory_in_order(pieces: int) -> None:
     random = np.random.default_rng(2)
     trajectory = random_motion(3, pieces)
     w = begun(trajectory)
-    pop_interval(trajectory.breaks, trajectory.coefficients, w)
+    pop_ends(trajectory, w)
     reached = 0.0
     while w.counters[TOP] > 0:
         pop_interval(trajectory.breaks, trajectory.coefficients, w)
@@ -92,8 +107,8 @@ def test_halves_tile_the_trajectory_in_order(pieces: int) -> None:
 def test_pieces_are_halved_near_the_middle_in_time() -> None:
     trajectory = through(*[[0.1 * k, 0.0] for k in range(6)], times=[0, 1, 2, 3, 9, 10])
     w = begun(trajectory)
-    for _ in range(2):
-        pop_interval(trajectory.breaks, trajectory.coefficients, w)
+    pop_ends(trajectory, w)
+    pop_interval(trajectory.breaks, trajectory.coefficients, w)
     # The first break that is not before the middle of ten seconds.
     assert w.interval[CENTER] == 9.0
     assert w.interval[HALF] >= 9.0
@@ -103,7 +118,7 @@ def test_the_first_half_alone_leaves_out_what_is_later() -> None:
     trajectory = random_motion(4, 4)
     for depth in range(6):
         w = begun(trajectory)
-        pop_interval(trajectory.breaks, trajectory.coefficients, w)
+        pop_ends(trajectory, w)
         pop_interval(trajectory.breaks, trajectory.coefficients, w)
         for _ in range(depth):
             push_halves(w, trajectory.breaks, False)
@@ -133,14 +148,42 @@ def test_joints_are_enclosed_on_every_interval() -> None:
 def test_open_pairs_are_those_of_the_halves() -> None:
     trajectory = random_motion(7)
     w = begun(trajectory)
-    for _ in range(2):
-        pop_interval(trajectory.breaks, trajectory.coefficients, w)
+    pop_ends(trajectory, w)
+    pop_interval(trajectory.breaks, trajectory.coefficients, w)
     w.counters[OPEN] = 3
     push_halves(w, trajectory.breaks, True)
     assert w.counts[1] == 3
     assert w.counters[TOP] == 2
     pop_interval(trajectory.breaks, trajectory.coefficients, w)
     assert w.counters[DEPTH] == 1
+
+
+def test_what_is_passed_on_unseen_has_the_pairs_it_had() -> None:
+    trajectory = random_motion(7)
+    w = begun(trajectory)
+    pop_ends(trajectory, w)
+    pop_interval(trajectory.breaks, trajectory.coefficients, w)
+    before, whole = int(w.counts[0]), span(trajectory, w)
+    pass_on(w, trajectory.breaks)
+    assert w.counters[TOP] == 2
+    assert (w.starts[1], w.counts[1]) == (w.starts[0], before)
+    reached = whole[0]
+    while w.counters[TOP] > 0:
+        pop_interval(trajectory.breaks, trajectory.coefficients, w)
+        assert w.counters[DEPTH] == 1
+        assert span(trajectory, w)[0] == pytest.approx(reached)
+        reached = span(trajectory, w)[1]
+    assert reached == pytest.approx(whole[1])
+
+
+def test_far_is_what_all_joints_move_together() -> None:
+    for reach, far in ((0.3, False), (4.0, True)):
+        trajectory = through([0.0, 0.0], [reach, reach])
+        w = begun(trajectory)
+        pop_ends(trajectory, w)
+        assert not moves_far(w)
+        pop_interval(trajectory.breaks, trajectory.coefficients, w)
+        assert moves_far(w) is far
 
 
 def test_the_least_clearance_is_noted_with_its_pair() -> None:

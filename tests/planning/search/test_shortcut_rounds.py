@@ -6,17 +6,21 @@ import numpy as np
 import pytest
 
 from kinematics.arrays import Array, Indices
+from kinematics.compiled.kernel import kernel
 from obstacles.checker import Checker
+from obstacles.kernel_work import workspace
 from obstacles.model_arrays import ModelArrays
 from obstacles.scene import Scene
 from planning.deadline import Deadline
 from planning.search.shortcut import (
     _MAX_CHECKS,
-    length_kernel,
-    round_kernel,
+    Corners,
+    Held,
+    cut_corners,
+    path_length,
     shortcut,
-    skip_kernel,
-    thin_kernel,
+    skip_waypoints,
+    thin_waypoints,
 )
 from tests.planning.scenes import box, builtin
 from tests.planning.slider import slider
@@ -26,6 +30,34 @@ RADIUS, HALF = 0.05, 0.15
 BLOCKED = Checker.of(slider(), Scene((box("block", (0.3, 0.3, 0.3), (0.0, 0.0, 0.0)),)))
 OPEN = Checker.of(slider(), Scene())
 AROUND = np.array([[-0.6, 0.0], [-0.5, 0.5], [0.0, 0.7], [0.5, 0.5], [0.6, 0.0]])
+
+
+@kernel
+def skip(model: ModelArrays, slack: float, points: Array, count: int, checks: Indices) -> int:
+    held = Held(model, slack, model, slack, False)
+    return skip_waypoints(held, workspace(model), points, count, checks)
+
+
+@kernel
+def thin_tried(
+    model: ModelArrays, slack: float, points: Array, tried: Indices, count: int, checks: Indices
+) -> int:
+    held = Held(model, slack, model, slack, False)
+    return thin_waypoints(held, workspace(model), Corners(points, tried, checks), count)
+
+
+@kernel
+def cut(
+    model: ModelArrays, slack: float, points: Array, tried: Indices, count: int, worth: float,
+    checks: Indices,
+) -> int:  # fmt: skip
+    held = Held(model, slack, model, slack, False)
+    return cut_corners(held, workspace(model), Corners(points, tried, checks), count, worth)
+
+
+@kernel
+def length_of(points: Array, count: int) -> float:
+    return path_length(points, count)
 
 
 def gap(path: Array) -> float:
@@ -57,13 +89,13 @@ def one_round(checker: Checker, path: Array, worth: float = 0.0) -> tuple[Array,
     points, checks = with_room(path), spent(0)
     tried = np.zeros(len(points), dtype=np.int64)
     arrays = checker.model.arrays
-    count = round_kernel(arrays, checker.slack, points, tried, len(path), worth, checks)
+    count = cut(arrays, checker.slack, points, tried, len(path), worth, checks)
     return points[:count].copy(), tried[:count].copy(), int(checks[0])
 
 
 def thin(model: ModelArrays, slack: float, points: Array, count: int, checks: Indices) -> int:
-    """``thin_kernel`` where nothing is known of any corner."""
-    return thin_kernel(model, slack, points, np.zeros(count, dtype=np.int64), count, checks)
+    """``thin_tried`` where nothing is known of any corner."""
+    return thin_tried(model, slack, points, np.zeros(count, dtype=np.int64), count, checks)
 
 
 def test_corners_that_are_known_to_stay_are_not_tried_again() -> None:
@@ -71,31 +103,31 @@ def test_corners_that_are_known_to_stay_are_not_tried_again() -> None:
     points, tried, checks = with_room(AROUND), np.zeros(len(with_room(AROUND)), np.int64), spent(0)
     arrays, count = BLOCKED.model.arrays, len(AROUND)
     for _ in range(8):
-        count = round_kernel(arrays, 0.0, points, tried, count, 1e-3, checks)
+        count = cut(arrays, 0.0, points, tried, count, 1e-3, checks)
     again, known, anew = points.copy(), spent(0), spent(0)
     assert (tried[1 : count - 1] > 0).any()
-    kept = thin_kernel(arrays, 0.0, points, tried, count, known)
+    kept = thin_tried(arrays, 0.0, points, tried, count, known)
     assert thin(arrays, 0.0, again, count, anew) == kept
     np.testing.assert_array_equal(points[:kept], again[:kept])
     assert known[0] < anew[0]
 
 
-@pytest.mark.parametrize("kernel", [skip_kernel, thin])
-def test_without_a_block_only_the_ends_stay(kernel: object) -> None:
-    assert callable(kernel)
+@pytest.mark.parametrize("leave_out", [skip, thin])
+def test_without_a_block_only_the_ends_stay(leave_out: object) -> None:
+    assert callable(leave_out)
     points, checks = AROUND.copy(), spent(0)
-    assert kernel(OPEN.model.arrays, 0.0, points, len(points), checks) == 2
+    assert leave_out(OPEN.model.arrays, 0.0, points, len(points), checks) == 2
     np.testing.assert_array_equal(points[:2], AROUND[[0, -1]])
-    assert checks[0] == (1 if kernel is skip_kernel else len(AROUND) - 2)
+    assert checks[0] == (1 if leave_out is skip else len(AROUND) - 2)
 
 
-@pytest.mark.parametrize("kernel", [skip_kernel, thin])
-def test_waypoints_that_are_left_out_leave_a_free_path_of_old_ones(kernel: object) -> None:
-    assert callable(kernel)
+@pytest.mark.parametrize("leave_out", [skip, thin])
+def test_waypoints_that_are_left_out_leave_a_free_path_of_old_ones(leave_out: object) -> None:
+    assert callable(leave_out)
     fine = np.concatenate([a + np.linspace(0.0, 0.9, 6)[:, None] * (b - a)
                            for a, b in pairwise(AROUND)] + [AROUND[-1:]])  # fmt: skip
     points = fine.copy()
-    count = kernel(BLOCKED.model.arrays, 0.0, points, len(points), spent(0))
+    count = leave_out(BLOCKED.model.arrays, 0.0, points, len(points), spent(0))
     kept = points[:count]
     assert 3 <= count < len(fine) // 2
     assert gap(kept) > 0.0
@@ -104,12 +136,12 @@ def test_waypoints_that_are_left_out_leave_a_free_path_of_old_ones(kernel: objec
     assert (order[0], order[-1]) == (0, len(fine) - 1)
 
 
-@pytest.mark.parametrize("kernel", [skip_kernel, thin])
-def test_when_the_checks_are_spent_nothing_more_is_left_out(kernel: object) -> None:
+@pytest.mark.parametrize("leave_out", [skip, thin])
+def test_when_the_checks_are_spent_nothing_more_is_left_out(leave_out: object) -> None:
     """Not even without a block: what has not been proved stays as it was."""
-    assert callable(kernel)
+    assert callable(leave_out)
     points, checks = AROUND.copy(), spent(_MAX_CHECKS)
-    assert kernel(OPEN.model.arrays, 0.0, points, len(points), checks) == len(AROUND)
+    assert leave_out(OPEN.model.arrays, 0.0, points, len(points), checks) == len(AROUND)
     np.testing.assert_array_equal(points, AROUND)
     assert checks[0] == _MAX_CHECKS
 
@@ -117,7 +149,7 @@ def test_when_the_checks_are_spent_nothing_more_is_left_out(kernel: object) -> N
 def test_a_bisection_that_runs_out_of_checks_goes_no_farther_than_was_proved() -> None:
     """The one check that is left fails: what follows is the next waypoint."""
     points, checks = AROUND.copy(), spent(_MAX_CHECKS - 1)
-    count = skip_kernel(BLOCKED.model.arrays, 0.0, points, len(points), checks)
+    count = skip(BLOCKED.model.arrays, 0.0, points, len(points), checks)
     np.testing.assert_array_equal(points[:count], AROUND)
     assert gap(points[:count]) > 0.0
 
@@ -152,7 +184,7 @@ def test_a_corner_that_no_cut_improves_stays_and_is_not_tried_again() -> None:
     points, again = with_room(tight), spent(0)
     marks = np.zeros(len(points), dtype=np.int64)
     marks[1] = 4
-    assert round_kernel(BLOCKED.model.arrays, 0.0, points, marks, 3, 0.0, again) == 3
+    assert cut(BLOCKED.model.arrays, 0.0, points, marks, 3, 0.0, again) == 3
     assert again[0] == 0
 
 
@@ -162,7 +194,7 @@ def test_a_corner_is_tried_again_when_its_neighbour_has_moved() -> None:
     points, checks = with_room(path), spent(0)
     marks = np.zeros(len(points), dtype=np.int64)
     marks[2] = 4
-    count = round_kernel(OPEN.model.arrays, 0.0, points, marks, 4, 0.0, checks)
+    count = cut(OPEN.model.arrays, 0.0, points, marks, 4, 0.0, checks)
     assert count == 2
     np.testing.assert_array_equal(points[:2], path[[0, 3]])
 
@@ -179,7 +211,7 @@ def test_a_corner_worth_less_than_asked_for_is_left() -> None:
 def test_a_round_stops_where_the_checks_do() -> None:
     points, checks = with_room(AROUND), spent(_MAX_CHECKS)
     marks = np.zeros(len(points), dtype=np.int64)
-    assert round_kernel(OPEN.model.arrays, 0.0, points, marks, 5, 0.0, checks) == 5
+    assert cut(OPEN.model.arrays, 0.0, points, marks, 5, 0.0, checks) == 5
     np.testing.assert_array_equal(points[:5], AROUND)
 
 
@@ -199,7 +231,7 @@ def test_in_no_time_waypoints_are_left_out_but_no_corner_is_cut() -> None:
     rested = shortcut(BLOCKED, AROUND, Deadline.after(60.0))
     points = AROUND.copy()
     arrays = BLOCKED.model.arrays
-    count = skip_kernel(arrays, 0.0, points, len(points), spent(0))
+    count = skip(arrays, 0.0, points, len(points), spent(0))
     count = thin(arrays, 0.0, points, count, spent(0))
     np.testing.assert_array_equal(late, points[:count])
     assert length(rested) < length(late)
@@ -234,7 +266,7 @@ def test_a_path_through_one_point_twice_loses_its_loop() -> None:
 def test_lengths_are_those_of_numpy() -> None:
     path = np.random.default_rng(0).normal(size=(9, 5))
     for count in range(1, 10):
-        assert length_kernel(path, count) == pytest.approx(length(path[:count]), rel=1e-12)
+        assert length_of(path, count) == pytest.approx(length(path[:count]), rel=1e-12)
 
 
 @pytest.mark.parametrize("seed", range(6))

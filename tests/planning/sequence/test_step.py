@@ -59,7 +59,7 @@ def test_a_stage_beside_a_passed_end_has_a_bound_without_rests() -> None:
         assert least_passing(world, stages, k, ends) == pytest.approx(expected)
         assert expected < least_travel(world, plain, *ends)
     step = _free(passes=True, bound=0.1)
-    planned = plan_step(Cells(), step, 5.0, LATER, 0)
+    planned = plan_step(Cells(), step, 10_000, LATER, 0)
     assert isinstance(planned, StagePlan)
     step.plan = planned
     # The plan rests at both ends; without rests it may be quicker.
@@ -68,7 +68,7 @@ def test_a_stage_beside_a_passed_end_has_a_bound_without_rests() -> None:
 
 
 def test_a_free_motion_is_proved_from_end_to_end() -> None:
-    planned = plan_step(Cells(), _free(allowed=(("table", "crate"),), target=3), 5.0, LATER, 0)
+    planned = plan_step(Cells(), _free(allowed=(("table", "crate"),), target=3), 10_000, LATER, 0)
     assert isinstance(planned, StagePlan)
     assert (planned.index, planned.kind, planned.name, planned.target) == (4, "move", "over", 3)
     assert planned.certificate.verified
@@ -82,18 +82,18 @@ def test_standing_in_a_collision_is_no_plan_and_says_what_to_name() -> None:
     deep = np.array([-0.46, 0.32, 0.0, -2.4, 0.0, 2.75, 0.3])
     world = crate.world()
     step = Step(2, Wait(0.3), "none", world, world, (), deep, deep)
-    failure = plan_step(Cells(), step, 1.0, LATER, 0)
+    failure = plan_step(Cells(), step, 10_000, LATER, 0)
     assert isinstance(failure, Failure)
     assert (failure.code, failure.stage) == ("INVALID_MOTION_PLAN", "certificate")
     assert "touch_links" in failure.hint
     assert failure.details["kind"] == "collision"
-    free = plan_step(Cells(), replace(step, start=crate.HOME, end=crate.HOME), 1.0, LATER, 0)
+    free = plan_step(Cells(), replace(step, start=crate.HOME, end=crate.HOME), 10_000, LATER, 0)
     assert isinstance(free, StagePlan)
     assert free.plan is None
     assert free.trajectory.duration == 0.3
 
 
 def test_no_time_is_told() -> None:
-    failure = plan_step(Cells(), _free(), 5.0, Deadline.after(-1.0), 0)
+    failure = plan_step(Cells(), _free(), 10_000, Deadline.after(-1.0), 0)
     assert isinstance(failure, Failure)
     assert failure.code == "TIMED_OUT"

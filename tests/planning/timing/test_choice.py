@@ -16,6 +16,7 @@ from planning.timing.choice import (
 )
 from planning.timing.method import timing_method
 from planning.timing.options import Method, Payload, TimingOptions
+from planning.timing.parametrization import TimeParametrization
 
 NAMES = ("a", "b")
 CHAIN = builtin_chain("panda")
@@ -35,6 +36,24 @@ def test_limits_given_come_before_the_robots_and_are_scaled() -> None:
     )
     np.testing.assert_array_equal(robot.velocity, np.full(7, 0.1))
     np.testing.assert_array_equal(robot.acceleration, CHAIN.limits.acceleration)
+
+
+def test_a_robots_own_limits_are_worked_out_once() -> None:
+    def ask(timing: TimingOptions) -> TimeParametrization:
+        return chosen_parametrization(timing, CHAIN.joint_names, CHAIN.limits, None, CHAIN)
+
+    half = TimingOptions(velocity_scaling=0.5)
+    assert ask(half).velocity is ask(TimingOptions(velocity_scaling=0.5)).velocity
+    apart = chosen_parametrization(half, CHAIN.joint_names, CHAIN.limits)
+    for name, values in ask(half).bounds.items():
+        np.testing.assert_array_equal(values, apart.bounds[name])
+    assert ask(half).ruled == apart.ruled
+    assert (ask(TimingOptions()).velocity == CHAIN.limits.velocity).all()
+    moving = ask(TimingOptions("toppra", start_velocity=(0.1,) * 7))
+    assert moving.start_velocity is not None
+    assert ask(TimingOptions("toppra")).start_velocity is None
+    assert ask(TimingOptions(tool_speed=0.1)).loads is not None
+    assert ask(TimingOptions()).loads is None
 
 
 @pytest.mark.parametrize(

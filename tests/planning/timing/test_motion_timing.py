@@ -1,18 +1,21 @@
 """Plans timed by every method: certified, within limits, at rest at both ends."""
 
 import itertools
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 import pytest
 
 from benchmarks.ratios import worst_ratio
+from kinematics.arrays import Array
 from kinematics.errors import InvalidOption, MissingLimit
 from kinematics.trajectory import Trajectory
 from obstacles.checker import Checker, Motion
 from obstacles.scene import Scene
 from planning import pipeline
+from planning.constrained.checker import round_one_by_one
 from planning.deadline import Deadline
 from planning.optimize.options import RefineOptions
 from planning.options import Options
@@ -265,6 +268,14 @@ class _NotAt:
     def curve(self, *_: np.ndarray) -> Motion:
         """Every curve is free."""
         return Motion(True, False, 1.0, None, 1.0, 1)
+
+    def round_corners(
+        self, waypoints: Array, reaches: Array, halvings: int, *, keep: bool, smooth: bool
+    ) -> Iterator[int]:
+        """Round every corner, one curve after the other."""
+        return round_one_by_one(
+            cast("Checker", self), waypoints, reaches, halvings, keep=keep, smooth=smooth
+        )
 
 
 def test_a_spline_that_comes_nearer_than_its_waypoints_is_not_offered() -> None:

@@ -117,13 +117,13 @@ def test_own_links_are_held_against_their_own_clearance(client: httpx.Client) ->
 def test_a_margin_from_obstacles_and_a_smaller_one_among_own_links_both_hold(
     client: httpx.Client,
 ) -> None:
-    """30 mm from a wall, at least 9.0 mm between own links, displaced by 9.6 mm: all is clear."""
+    """30 mm from a wall, at least 9.5 mm between own links, displaced by 10 mm: all is clear."""
     wall = {"type": "box", "size": [0.1, 2, 2]}
     body = {
         "robot": "panda",
         "reference": {"type": "hold", "joints": [*HOME[:6], 0.2], "duration": 1.0},
         "controller": {"type": "computed_torque", "natural_frequency": 12.0},
-        "disturbance": {"torque": [1.032, 0, 0, 0, 0, 0, 0]},
+        "disturbance": {"torque": [1.075, 0, 0, 0, 0, 0, 0]},
         "scene": {
             "obstacles": [{"id": "wall", "shape": wall, "pose": {"position": [0.5617, 0, 0.5]}}]
         },
@@ -131,8 +131,8 @@ def test_a_margin_from_obstacles_and_a_smaller_one_among_own_links_both_hold(
     }
     around = answer(client.post("/v1/simulate", json=body))["tube"]
     assert around["obstacles"]["clearance"] == pytest.approx(0.030, abs=2e-3)
-    assert around["reference_clearance"] == pytest.approx(0.0090, abs=2e-4)
-    assert around["displacement"] == pytest.approx(0.0096, abs=2e-4)
+    assert around["reference_clearance"] == pytest.approx(0.0095, abs=2e-4)
+    assert around["displacement"] == pytest.approx(0.0100, abs=2e-4)
     assert around["clears"], around["reason"]
     # A link that sees another one displaced by more than its clearance has a larger one of it.
     assert around["own_links"]["remaining"] > 0.0

@@ -1,11 +1,10 @@
 """The mouse on the studio's canvas: places of the scene on the screen, and drags of handles."""
 
 from collections.abc import Callable
-from typing import NamedTuple
+from typing import NamedTuple, Protocol
 
 import numpy as np
-import viser
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 from playwright.sync_api import Page
 from scipy.spatial.transform import Rotation
 
@@ -19,6 +18,22 @@ _HOVER = 2000
 _FRAMES = 50
 
 
+class Camera(Protocol):
+    """Where a camera is and how it looks: its z at the scene, its y down."""
+
+    @property
+    def position(self) -> NDArray[np.float64]:
+        """In the root frame, shape (3,) [m]."""
+
+    @property
+    def wxyz(self) -> NDArray[np.float64]:
+        """Orientation, a unit quaternion, shape (4,)."""
+
+    @property
+    def fov(self) -> float:
+        """Vertical field of view [rad]."""
+
+
 class Pixel(NamedTuple):
     """A place on the screen, in pixels from the window's upper left corner."""
 
@@ -26,7 +41,7 @@ class Pixel(NamedTuple):
     y: float
 
 
-def pixel(page: Page, camera: viser.CameraHandle, point: ArrayLike) -> Pixel:
+def pixel(page: Page, camera: Camera, point: ArrayLike) -> Pixel:
     """Where a point of the scene is on the screen: a pinhole camera that looks along its z.
 
     Args:

@@ -15,6 +15,7 @@ from obstacles.piece_set import RADIUS
 from obstacles.robot_geometry import RobotGeometry, hulled
 from obstacles.scene import Obstacle, Scene
 from obstacles.shapes import Box, Cylinder, Shape
+from planning.constrained.checker import round_one_by_one
 from planning.search.shortcut import shortcut
 from planning.timing.blend import blend, largest_reaches
 from planning.timing.corner_blending import certified_reaches
@@ -63,6 +64,7 @@ def _edge_check(sabotage: Sabotage) -> None:
     sabotage.method(Checker, "segment", _free)
     sabotage.method(Checker, "curve", _free)
     sabotage.method(Checker, "polyline", lambda self, points: (_free(self), len(points) - 1))
+    sabotage.method(Checker, "round_corners", round_one_by_one)
 
 
 def _edge_check_at_ends(sabotage: Sabotage) -> None:
@@ -76,6 +78,7 @@ def _edge_check_at_ends(sabotage: Sabotage) -> None:
     sabotage.method(
         Checker, "curve", lambda self, b0, b1, b2, b3=0.0: segment(self, b0, b0 + b1 + b2 + b3)
     )
+    sabotage.method(Checker, "round_corners", round_one_by_one)
 
 
 #: ``collision_model``, which packs a robot and a scene for every kernel of the planners.
@@ -170,14 +173,19 @@ def _small_hulls(sabotage: Sabotage) -> None:
 
 
 def _shortcut_to_the_end(sabotage: Sabotage) -> None:
-    sabotage.replace(shortcut, lambda checker, waypoints, deadline: waypoints[[0, -1]])
+    sabotage.replace(shortcut, lambda checker, waypoints, *values: waypoints[[0, -1]])
 
 
 def _shortcut_in_an_empty_scene(sabotage: Sabotage) -> None:
-    def blind(true: Callable[..., Array], checker: Checker, *values: Any) -> Array:
-        model = checker.model
+    def emptied(value: Any) -> Any:
+        if not isinstance(value, Checker):
+            return value
+        model = value.model
         empty = CollisionModel(model.robot, _without_scene(model.scene), model.margin)
-        return true(Checker(empty, checker.slack), *values)
+        return Checker(empty, value.slack)
+
+    def blind(true: Callable[..., Array], *values: Any) -> Array:
+        return true(*map(emptied, values))
 
     sabotage.wrap(shortcut, blind)
 

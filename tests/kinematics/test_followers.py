@@ -1,0 +1,234 @@
+"""Joints off the chain that mimic one of it, against pinocchio with the mimics as joints."""
+
+import pickle
+
+import numpy as np
+import pinocchio as pin
+import pytest
+
+from kinematics.arrays import Array
+from kinematics.chain import Chain
+from kinematics.errors import InvalidLinkName, InvalidOption, InvalidRobotDescription
+from kinematics.evaluator import KinematicsEvaluator
+from kinematics.follower import parents
+from kinematics.forward import forward, joint_frames, link_poses
+from kinematics.ik.inverse import inverse_kinematics
+from kinematics.jacobian import geometric, geometric_rate, pose_and_jacobian
+from kinematics.serial_chain import select, serial_chain
+from kinematics.urdf import parse_urdf
+from tests.followers import ARM, FOLLOWERS, configurations, follower_positions, urdf
+
+CARRIED = ("crank", "rod", "cover", "flap", "piston", "drum")
+
+
+class Oracle:
+    """pinocchio's model of the tree, in which the followers are joints like the others."""
+
+    def __init__(self) -> None:
+        self.model = pin.buildModelFromXML(urdf())
+        self.data = self.model.createData()
+
+    def _places(self, name: str) -> tuple[int, int]:
+        joint = self.model.joints[self.model.getJointId(name)]
+        return joint.idx_q, joint.idx_v
+
+    def configuration(self, q: Array) -> Array:
+        full = np.array(pin.neutral(self.model))
+        values = dict(zip([joint[0] for joint in ARM], q, strict=True)) | follower_positions(q)
+        for name, value in values.items():
+            at, _ = self._places(name)
+            joint = self.model.joints[self.model.getJointId(name)]
+            if joint.nq == 2:
+                full[at : at + 2] = np.cos(value), np.sin(value)
+            else:
+                full[at] = value
+        return full
+
+    def matrix(self) -> Array:
+        """L with full velocities = L q_dot."""
+        L = np.zeros((self.model.nv, 6))
+        zero = follower_positions(np.zeros(6))
+        for j, (name, *_) in enumerate(ARM):
+            L[self._places(name)[1], j] = 1.0
+            unit = follower_positions(np.eye(6)[j])
+            for follower, value in unit.items():
+                L[self._places(follower)[1], j] = value - zero[follower]
+        return L
+
+    def pose(self, q: Array, link: str) -> Array:
+        pin.framesForwardKinematics(self.model, self.data, self.configuration(q))
+        return np.array(self.data.oMf[self.model.getFrameId(link)].homogeneous)
+
+    def jacobian(self, q: Array, link: str) -> Array:
+        J = pin.computeFrameJacobian(
+            self.model, self.data, self.configuration(q), self.model.getFrameId(link),
+            pin.LOCAL_WORLD_ALIGNED,
+        )  # fmt: skip
+        return np.asarray(J @ self.matrix())
+
+    def jacobian_rate(self, q: Array, rates: Array, link: str) -> Array:
+        pin.computeJointJacobiansTimeVariation(
+            self.model, self.data, self.configuration(q), self.matrix() @ rates
+        )
+        pin.updateFramePlacements(self.model, self.data)
+        frame = self.model.getFrameId(link)
+        J = pin.getFrameJacobianTimeVariation(self.model, self.data, frame, pin.LOCAL_WORLD_ALIGNED)
+        return np.asarray(J @ self.matrix())
+
+
+@pytest.fixture(scope="module")
+def chain() -> Chain:
+    return serial_chain(parse_urdf(urdf()), tip_link="flange")
+
+
+@pytest.fixture(scope="module")
+def oracle() -> Oracle:
+    return Oracle()
+
+
+def test_followers_of_the_chain(chain: Chain) -> None:
+    assert chain.n == 6
+    assert {f.name: f.leader for f in chain.followers} == {
+        "crank_joint": 1, "rod_joint": 1, "cover_joint": 3, "flap_joint": 3, "piston_joint": 2,
+        "drum_joint": 0}  # fmt: skip
+    flap = next(f for f in chain.followers if f.name == "flap_joint")
+    assert (flap.multiplier, flap.offset) == pytest.approx((-0.15, -0.04))
+    before = parents(chain.n, chain.followers)
+    assert (before < np.arange(chain.body_count)).all()
+    assert before[chain.link("rod").joint] == chain.link("crank").joint
+    assert before[chain.link("drum").joint] == -1
+    assert before[chain.link("cover").joint] == 2
+
+
+@pytest.mark.parametrize("link", [*CARRIED, "flange", "base"])
+def test_poses_and_jacobians_against_pinocchio(chain: Chain, oracle: Oracle, link: str) -> None:
+    rng = np.random.default_rng(3)
+    states = configurations(20, 1)
+    together = forward(chain, states, link)
+    every, columns = link_poses(chain, states), geometric(chain, states, link)
+    evaluator = KinematicsEvaluator(chain)
+    for k, q in enumerate(states):
+        expected = oracle.pose(q, link)
+        one = link_poses(chain, q)[chain.index[link]]
+        again = evaluator.link_poses(q)[chain.index[link]]
+        for T in (together[k], every[k, chain.index[link]], forward(chain, q, link), one, again):
+            np.testing.assert_allclose(T, expected, atol=1e-12)
+        out = np.empty((len(chain.links), 4, 4))
+        np.testing.assert_allclose(
+            link_poses(chain, q, out=out)[chain.index[link]], expected, atol=1e-12
+        )
+        J = oracle.jacobian(q, link)
+        np.testing.assert_allclose(columns[k], J, atol=1e-12)
+        T, J_walk = pose_and_jacobian(chain, q, link)
+        np.testing.assert_allclose(T, expected, atol=1e-12)
+        np.testing.assert_allclose(J_walk, J, atol=1e-12)
+        rates = rng.uniform(-2.0, 2.0, 6)
+        Jd = geometric_rate(chain, q, rates, link)
+        np.testing.assert_allclose(Jd, oracle.jacobian_rate(q, rates, link), atol=1e-11)
+
+
+def test_a_point_on_a_carried_link(chain: Chain, oracle: Oracle) -> None:
+    point, h = np.array([0.1, -0.2, 0.3]), 1e-6
+    for q in configurations(5, 2):
+        J = geometric(chain, q, "flap", point)
+        for j in range(6):
+            step = h * np.eye(6)[j]
+            a, b = (oracle.pose(q + s, "flap") for s in (-step, step))
+            moved = (b[:3, :3] @ point + b[:3, 3] - a[:3, :3] @ point - a[:3, 3]) / (2.0 * h)
+            np.testing.assert_allclose(J[:3, j], moved, atol=1e-8)
+
+
+def test_frames_of_bodies_are_those_of_their_links(chain: Chain) -> None:
+    q = configurations(1, 4)[0]
+    frames = joint_frames(chain, q)
+    assert frames.shape == (12, 4, 4)
+    np.testing.assert_array_equal(frames[:, 3], np.tile([0.0, 0.0, 0.0, 1.0], (12, 1)))
+    for link in chain.links:
+        if link.joint >= 0:
+            T = frames[link.joint] @ link.T_joint_link
+            np.testing.assert_allclose(T, forward(chain, q, link.name), atol=1e-14)
+
+
+def test_a_pickled_chain_keeps_its_followers(chain: Chain) -> None:
+    again = pickle.loads(pickle.dumps(chain))
+    assert again == chain
+    np.testing.assert_array_equal(again.model, chain.model)
+    other = serial_chain(parse_urdf(urdf().replace('"0.08"', '"0.09"')), tip_link="flange")
+    assert other.content_hash != chain.content_hash
+
+
+def test_without_followers_nothing_is_added() -> None:
+    chain = serial_chain(parse_urdf(urdf(())))
+    assert chain.followers == ()
+    assert chain.model.shape == (1 + 6 + 7, 14)
+    assert chain.body_count == 6
+
+
+def test_a_multiplier_of_zero_holds_the_joint() -> None:
+    fixed = (("stay", "revolute", "fore", "cover", "0 0 0.3", "0 0 1", "j2", 0.0, 0.5),)
+    description = parse_urdf(urdf(fixed))
+    assert select(description, tip_link="flange").held["stay"] == 0.5
+    assert serial_chain(description, tip_link="flange").followers == ()
+
+
+def test_goals_and_tips_on_followers_are_refused(chain: Chain) -> None:
+    with pytest.raises(InvalidOption, match=r"'flap'.*mimics"):
+        inverse_kinematics(chain, np.eye(4), link="flap")
+    with pytest.raises(InvalidOption, match=r"'flap'.*mimics"):
+        KinematicsEvaluator(chain, "flap")
+    with pytest.raises(InvalidRobotDescription, match="mimics"):
+        serial_chain(parse_urdf(urdf()), tip_link="flap")
+    with pytest.raises(InvalidLinkName, match="'nowhere'"):
+        forward(chain, np.zeros(6), "nowhere")
+
+
+def test_a_chain_on_its_own_follower_is_refused() -> None:
+    carrier = (
+        '<link name="floor"/><joint name="lift" type="prismatic"><parent link="floor"/>'
+        '<child link="base"/><axis xyz="0 0 1"/><limit lower="0" upper="1"/>'
+        '<mimic joint="j1"/></joint></robot>'
+    )
+    text = urdf(()).replace("</robot>", carrier)
+    with pytest.raises(InvalidRobotDescription, match=r"'lift' carries the chain.*'j1'"):
+        serial_chain(parse_urdf(text), "base", "flange")
+
+
+def _one(limits: str, multiplier: float, offset: float, kind: str = "revolute") -> str:
+    follower = ("cover_joint", kind, "fore", "cover", "0.2 0 0.1", "1 0 0", "j4")
+    return urdf(((*follower, multiplier, offset),), limits)
+
+
+@pytest.mark.parametrize(
+    ("limits", "multiplier", "offset", "expected"),
+    [
+        ('lower="-1" upper="2"', 1.0, 0.0, (-1.0, 2.0)),
+        ('lower="-1" upper="2"', -1.0, 0.0, (-2.0, 1.0)),
+        ('lower="-1" upper="0.8"', -0.5, 0.2, (-1.2, 2.4)),
+        ('lower="-9" upper="9"', 1.0, 0.0, (-3.0, 3.0)),
+        ('lower="4" upper="5"', 1.0, 0.0, (-3.0, 3.0)),
+        ('lower="0" upper="0"', 1.0, 0.0, (-3.0, 3.0)),
+    ],
+)
+def test_limits_of_a_follower_narrow_its_leaders(
+    limits: str, multiplier: float, offset: float, expected: tuple[float, float]
+) -> None:
+    description = parse_urdf(_one(limits, multiplier, offset))
+    chain = serial_chain(description, tip_link="flange")
+    assert (chain.limits.lower[3], chain.limits.upper[3]) == pytest.approx(expected)
+    notes = [line for line in select(description, tip_link="flange").lint if "mimics" in line]
+    assert any("'cover_joint'" in line and "'j4'" in line for line in notes)
+    if expected != (-3.0, 3.0):
+        assert any(f"[{expected[0]:g}, {expected[1]:g}]" in line for line in notes), notes
+    elif "9" not in limits:
+        assert any("not used" in line for line in notes), notes
+
+
+def test_rates_of_a_follower_narrow_its_leaders() -> None:
+    text = _one('lower="-9" upper="9"', -4.0, 0.0).replace('velocity="0"', 'velocity="1"')
+    chain = serial_chain(parse_urdf(text), tip_link="flange")
+    np.testing.assert_allclose(chain.limits.velocity, [2.0, 2.0, 2.0, 0.25, 2.0, 2.0])
+    np.testing.assert_allclose(chain.limits.acceleration, np.full(6, 6.0))
+
+
+def test_followers_are_all_that_is_named(chain: Chain) -> None:
+    assert {f.name for f in chain.followers} == {str(joint[0]) for joint in FOLLOWERS}

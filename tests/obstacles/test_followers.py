@@ -1,0 +1,148 @@
+"""Verdicts, edges and gradients of a robot with links that mimic, against FCL and differences."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from benchmarks.fcl_judge import FclJudge
+from kinematics.forward import link_poses
+from kinematics.serial_chain import serial_chain
+from kinematics.urdf import parse_urdf
+from obstacles.checker import Checker
+from obstacles.kernel_work import meeting_body, pair_stray, place, visit, workspace
+from obstacles.robot_geometry import RobotGeometry, robot_geometry
+from obstacles.scene import Obstacle, Scene
+from obstacles.shapes import Box, Sphere
+from tests.followers import configurations, urdf
+from tests.obstacles.solids import random_transform
+from tests.obstacles.test_edge_check_oracle import at, edges
+
+
+@pytest.fixture(scope="module")
+def robot() -> RobotGeometry:
+    description = parse_urdf(urdf())
+    return robot_geometry(serial_chain(description, tip_link="flange"), description)
+
+
+def scene(seed: int) -> Scene:
+    """A few solids on a ring about the arm."""
+    random = np.random.default_rng(seed)
+    found = []
+    for k in range(8):
+        T, angle, away = (
+            random_transform(random, 1.0),
+            random.uniform(-3, 3),
+            random.uniform(0.5, 1),
+        )
+        T[:3, 3] = away * np.cos(angle), away * np.sin(angle), random.uniform(0.2, 1.3)
+        solid = Box(random.uniform(0.1, 0.4, 3)) if k % 2 else Sphere(0.15)
+        found.append(Obstacle(f"solid {k}", solid, T))
+    return Scene(tuple(found))
+
+
+@pytest.mark.parametrize("seed", [1, 2, 3])
+def test_verdicts_are_those_of_fcl(robot: RobotGeometry, seed: int) -> None:
+    around = scene(seed)
+    checker, judge = Checker.of(robot, around), FclJudge(robot, around)
+    states = configurations(300, seed)
+    free = checker.each_valid(states)
+    assert 30 < int(free.sum()) < 290
+    for q, is_free in zip(states, free, strict=True):
+        if is_free == judge.collides(q):
+            # FCL's solids are as ours but for rounding.
+            assert abs(checker.clearance(q)[0]) < 1e-6
+
+
+def test_what_hits_names_the_link_that_mimics(robot: RobotGeometry) -> None:
+    q = np.zeros(6)
+    T = link_poses(robot.chain, q)[robot.chain.index["drum"]].copy()
+    T[:3, 3] += 0.2 * T[:3, 0]
+    wall = Obstacle("wall", Box([0.03, 0.03, 0.03]), T)
+    checker = Checker.of(robot, Scene((wall,)))
+    assert not checker.valid(q)
+    assert checker.closest(q[None], 0.1)[2] == ("drum", "wall")
+    # The drum turns out of its way, by the joint that it follows alone.
+    assert checker.valid(np.array([1.0, 0.0, 0.0, 0.0, 0.0, 0.0]))
+
+
+@pytest.mark.parametrize("seed", [1, 2, 3])
+def test_fcl_finds_no_collision_on_a_proved_edge(robot: RobotGeometry, seed: int) -> None:
+    around = scene(seed)
+    checker, judge = Checker.of(robot, around), FclJudge(robot, around)
+    nearer, proved = replace(checker, slack=0.0), 0
+    for start, powers in edges(robot, seed, 60):
+        motion = checker.curve(start, *powers)
+        states = np.array([at(start, powers, s) for s in np.linspace(0.0, 1.0, 41)])
+        if motion.colliding:
+            assert judge.collides(at(start, powers, motion.at))
+        if not motion.free:
+            continue
+        proved += 1
+        least = min(nearer.clearance(q)[0] for q in states)
+        assert motion.clearance <= least + 1e-9
+        if least < 0.05:
+            assert not any(judge.collides(q) for q in states)
+    assert proved > 5
+
+
+def test_strays_of_two_links_bound_how_they_get_nearer(robot: RobotGeometry) -> None:
+    """Seen from the body that both hang on, whichever joints lead them."""
+    model, random = Checker.of(robot, Scene()).model.arrays, np.random.default_rng(5)
+    work, chain, branched, tight = workspace(model), robot.chain, 0, 0.0
+    carried = np.array([piece.bounding_sphere()[0] for piece in robot.pieces])
+    for _ in range(40):
+        q, delta = configurations(1, int(random.integers(0, 10**6)))[0], random.uniform(0.0, 0.3, 6)
+        work.joints[0], work.joints[1], work.joints[2], work.joints[3] = q, delta, delta, 0.0
+        visit(model, work)
+        for i in range(len(robot.pieces)):
+            place(model, work, i)
+        samples = np.vstack([q, q + delta * random.uniform(-1.0, 1.0, (60, 6))])
+        samples = np.vstack([samples, q + delta, q - delta])
+        poses = link_poses(chain, samples)
+        numbers = [chain.index[name] for name in robot.links]
+        inverses = np.linalg.inv([link.T_joint_link for link in chain.links])
+        frames = poses[:, numbers] @ inverses[numbers]
+        centers = np.einsum("skij,kj->ski", frames[..., :3, :3], carried) + frames[..., :3, 3]
+        for i, j in model.self_pairs:
+            gaps = np.linalg.norm(centers[:, i] - centers[:, j], axis=1)
+            stray = pair_stray(model.chain, model.joints, work.strays, i, j)
+            nearer = float(gaps[0] - gaps.min())
+            assert nearer <= stray + 1e-12
+            meeting = meeting_body(model.chain, model.joints[i], model.joints[j])
+            branched += meeting != model.joints[i]
+            tight = max(tight, nearer / stray if stray > 0.0 else 0.0)
+    assert branched > 200
+    assert tight > 0.5
+
+
+def test_bodies_meet_where_both_hang(robot: RobotGeometry) -> None:
+    chain, body = robot.chain, {link.name: link.joint for link in robot.chain.links}
+    for one, other, meeting in (
+        ("turret", "crank", "turret"), ("crank", "rod", "crank"), ("rod", "fore", "turret"),
+        ("cover", "flange", "fore"), ("flap", "piston", "upper"), ("drum", "turret", "base"),
+        ("flap", "cover", "cover"), ("base", "rod", "base"),
+    ):  # fmt: skip
+        for a, b in ((one, other), (other, one)):
+            assert meeting_body(chain.model, body[a], body[b]) == body[meeting]
+
+
+def test_gradients_are_those_of_differences(robot: RobotGeometry) -> None:
+    step, compared, jumps, followed = 1e-6, 0, 0, 0
+    carried = {"crank", "rod", "cover", "flap", "piston", "drum"}
+    for seed, q in enumerate(configurations(10, 7)):
+        checker = Checker.of(robot, scene(seed), 0.01)
+        near = checker.gradient(q, 0.2)
+        for j in range(6):
+            e = step * np.eye(6)[j]
+            ahead, behind = (
+                dict(zip(found.pairs.tolist(), found.distances, strict=True))
+                for found in (checker.gradient(q + e, 0.21), checker.gradient(q - e, 0.21))
+            )
+            for row, pair in enumerate(near.pairs.tolist()):
+                slope = (ahead[pair] - behind[pair]) / (2.0 * step)
+                compared += 1
+                followed += not carried.isdisjoint(checker.model.pair_name(pair))
+                jumps += abs(slope - near.gradients[row, j]) > 1e-3
+    assert jumps <= 0.02 * compared
+    assert followed > 200
