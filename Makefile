@@ -106,8 +106,8 @@ bench-http: $(TOOLS)  ## Measure what HTTP costs on some of them: make bench-htt
 serve: $(INSTALLED)  ## Serve the API on HOST:PORT (127.0.0.1:8000)
 	$(BIN)/armwright serve --host $(HOST) --port $(PORT)
 
-clients: $(TOOLS)  ## Generate clients of the API in Python and TypeScript into build/clients (wants the network)
-	$(BIN)/python scripts/generated_clients.py
+clients: $(TOOLS)  ## Generate clients of the API in Python and TypeScript into build/clients, tried on URL if given (wants the network)
+	$(BIN)/python scripts/generated_clients.py $(if $(URL),--url $(URL))
 
 # In a folder of its own, so that the app's stays small.
 site:  ## Build the documentation as a site into build/site (wants the network once)

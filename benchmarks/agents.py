@@ -16,6 +16,7 @@ import threading
 import time
 from collections import Counter
 from collections.abc import Callable, Iterator
+from contextlib import closing
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -197,8 +198,9 @@ def faults(options: argparse.Namespace) -> Counter[str]:
     with (
         postgresql() as database,
         processes(database, options.machines, options.machines) as (url, servers, agents),
+        closing(Rows(url)) as rows,
     ):
-        rows, trial, ended = Rows(url), Trial(options.jobs, servers), 0
+        trial, ended = Trial(options.jobs, servers), 0
 
         chaos = Faults(agents, servers, database, options.freeze, counts)
 
@@ -256,9 +258,9 @@ def speed(options: argparse.Namespace) -> dict[str, float]:
         with (
             postgresql() as database,
             processes(database, 1, agents, "agents" if agents else "server") as (url, (server,), _),
+            closing(Rows(url)) as rows,
             httpx.Client(base_url=server.url, timeout=60.0) as client,
         ):
-            rows = Rows(url)
             for kind, batch in (("batch", batch_body(options.problems)), ("jobs", None)):
                 for warm in (True, False):
                     before, began = rows.ended(), time.monotonic()

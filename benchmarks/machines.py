@@ -115,15 +115,27 @@ class Rows:
 
     def __init__(self, url: str) -> None:
         self._url = url.replace("postgresql+psycopg", "postgresql")
+        self._connection: psycopg.Connection | None = None
 
     def ask(self, query: str) -> list[tuple[Any, ...]]:
         """The rows of a query, as soon as the database answers."""
         while True:
             try:
-                with psycopg.connect(self._url, connect_timeout=3) as connection:
-                    return connection.execute(query.encode()).fetchall()
+                # Kept: a new one for each look would cost PostgreSQL as much as what is measured.
+                if self._connection is None:
+                    self._connection = psycopg.connect(
+                        self._url, connect_timeout=3, autocommit=True
+                    )
+                return self._connection.execute(query.encode()).fetchall()
             except psycopg.Error:
+                self.close()
                 time.sleep(0.5)
+
+    def close(self) -> None:
+        """Give the connection back; the next look makes another one."""
+        connection, self._connection = self._connection, None
+        if connection is not None:
+            connection.close()
 
     def ended(self) -> int:
         """The number of jobs that have ended."""

@@ -5,27 +5,42 @@ elsewhere on what it stands on. One grasp and one place are looked for beforehan
 else shows motions between them, a witness; they are hidden among seventeen other grasps and eleven
 other places at random, of which nothing is known. Grasps and places that no configuration reaches
 free of collision are not shown to the witness: in a cage they are most.
+
+The scenes were made for the Panda. The UR5 does not get into the cages from where the Panda
+stands, so it stands there where `place_base` finds the most room for the grasp.
 """
 
 from collections.abc import Callable, Iterator, MutableMapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from itertools import chain, islice, zip_longest
 from pathlib import Path
 from typing import NamedTuple, TypeAlias
 
 import fcl
 import numpy as np
+import yaml
 
 from benchmarks.example_arms import ARMS
 from benchmarks.mbm_problems import Case, cases, panda, scene_at_root
 from kinematics.arrays import Array
 from kinematics.forward import forward
-from kinematics.pose import from_axis_angle, rotation_z, transform
+from kinematics.pose import (
+    from_axis_angle,
+    from_quaternion,
+    inverse,
+    rotation_z,
+    to_quaternion,
+    transform,
+)
+from obstacles.checker import Checker
 from obstacles.mesh import load_mesh
 from obstacles.robot_geometry import RobotGeometry
 from obstacles.scene import Obstacle, Scene
 from obstacles.shapes import Box, Cylinder, Mesh
 from planning.options import Options
+from planning.reach.base_placement import moved, place_base
 from planning.reach.evaluation import ReachOptions, reach
+from planning.reach.tolerance import Tolerance
 from planning.sequence.region import grasp_region
 from planning.sequence.stage import (
     Attach,
@@ -40,12 +55,16 @@ from planning.sequence.stage import (
     Straight,
 )
 from planning.sequence.task import Task
-from planning.sequence.world import World
+from planning.sequence.world import World, sorted_pair
 
 GRASPS, PLACES = 18, 12
-#: Kinds of scenes that have something to be picked, and somewhere to put it.
-KINDS = ("bookshelf_small", "bookshelf_tall", "bookshelf_thin", "cage", "table_pick",
-         "table_under_pick")  # fmt: skip
+#: Scenes that have something to be picked, and somewhere to put it: shelves, cages, tables.
+SORTS = (
+    ("bookshelf_small", "bookshelf_tall", "bookshelf_thin"),
+    ("cage",),
+    ("table_pick", "table_under_pick"),
+)
+KINDS = tuple(chain.from_iterable(SORTS))
 #: From the flange to between the finger tips [m].
 _REACH_OF_HAND = 0.1034
 #: Objects farther than this from between the finger tips are none that the problem is about [m].
@@ -62,6 +81,10 @@ _LIFT, _APPROACH = 0.01, 0.02
 #: Acceleration limits of the UR5, whose URDF has none [rad/s^2].
 _UR5_ACCELERATION = 10.0
 _UR5_START = np.array([0.0, -1.9, 1.9, -1.57, -1.57, 0.0])
+#: Where the UR5 may stand before a cage: how high, and how far towards it [m].
+_HEIGHTS, _FORWARD = (0.0, 0.15, 0.3), (-0.1, 0.0, 0.1, 0.2)
+#: Turns of the grasp about the tool's axis that are tried from there.
+_TURNS = 24
 #: The Panda's hand on its flange.
 _HAND_TURN = -np.pi / 4.0
 
@@ -135,7 +158,7 @@ def problems(
     witness: Witness,
     known: Known,
 ) -> Iterator[TaskProblem]:
-    """Tasks for an arm, as many as there are of each kind of scene.
+    """Tasks for an arm, as many in shelves as in cages and on tables where there are.
 
     Args:
         chosen: The arm.
@@ -147,20 +170,18 @@ def problems(
     """
     problems_folder, folder = folders
     reference = panda(folder)
-    lists = [
-        [case for case in cases(problems_folder, reference.chain.joint_names, 1)
-         if case.kind == f"{kind}_panda"]
-        for kind in kinds
-    ]  # fmt: skip
-    made = 0
-    for row in range(max(map(len, lists))):
-        for some in lists:
-            if row < len(some) and made < count:
-                case = some[row]
+    found = list(cases(problems_folder, reference.chain.joint_names, 1))
+
+    def tasks_of(sort: Sequence[str]) -> Iterator[TaskProblem]:
+        lists = [[case for case in found if case.kind == f"{kind}_panda"] for kind in sort]
+        for row, some in enumerate(zip_longest(*lists)):
+            for case in filter(None, some):
                 problem = _Maker(chosen, case, reference, row).problem(witness, known)
                 if problem is not None:
-                    made += 1
                     yield problem
+
+    turns = zip_longest(*(tasks_of([kind for kind in sort if kind in kinds]) for sort in SORTS))
+    return islice(filter(None, chain.from_iterable(turns)), count)
 
 
 class _Maker:
@@ -169,24 +190,21 @@ class _Maker:
     def __init__(self, chosen: Arm, case: Case, reference: RobotGeometry, seed: int) -> None:
         self._chosen, self._case = chosen, case
         self._random = np.random.default_rng([seed, *case.name.encode()])
-        self._scene = scene_at_root(case.text)
         self._T_tool = forward(reference.chain, case.goal)
 
     def problem(self, witness: Witness, known: Known) -> TaskProblem | None:
         """The task of the scene; None where no place has a witness."""
-        case, chosen, scene = self._case, self._chosen, self._scene
+        case, chosen, random = self._case, self._chosen, self._random
         if case.name in known and known[case.name] is None:
             return None
-        T_tool, random = self._T_tool, self._random
-        tip = T_tool[:3, 3] + _REACH_OF_HAND * T_tool[:3, 2]
-        about = min(
-            scene.obstacles, key=lambda o: float(np.linalg.norm(o.T_world_obstacle[:3, 3] - tip))
-        )
-        if np.linalg.norm(about.T_world_obstacle[:3, 3] - tip) > _FAR:
+        found = _object(scene_at_root(case.text), self._T_tool)
+        if found is None:
             return None
-        ahead = float((about.T_world_obstacle[:3, 3] - tip) @ T_tool[:3, 2])
-        T_grasp = transform(T_tool[:3, :3], T_tool[:3, 3] + ahead * T_tool[:3, 2])
-        grip = np.linalg.inv(about.T_world_obstacle) @ T_grasp
+        if case.kind.startswith("cage") and chosen.name != "panda":
+            T_base_world = inverse(_base(chosen, scene_at_root(case.text), *found))
+            case = replace(case, text=_moved_text(case.text, T_base_world))
+        scene, (name, grip) = scene_at_root(case.text), found
+        about = scene.obstacle(name)
         start = case.start if chosen.start is None else chosen.start
         held, world = _supports(scene, about), World(chosen.robot, scene)
         shift = _SHIFT_IN_CAGE if case.kind.startswith("cage") else _SHIFT
@@ -211,19 +229,69 @@ class _Maker:
         return None
 
 
+def _object(scene: Scene, T_tool: Array) -> tuple[str, Array] | None:
+    """What a problem's goal is about, and the tool's grasp of it; None where nothing is near."""
+    tip = T_tool[:3, 3] + _REACH_OF_HAND * T_tool[:3, 2]
+    about = min(
+        scene.obstacles, key=lambda o: float(np.linalg.norm(o.T_world_obstacle[:3, 3] - tip))
+    )
+    if np.linalg.norm(about.T_world_obstacle[:3, 3] - tip) > _FAR:
+        return None
+    ahead = float((about.T_world_obstacle[:3, 3] - tip) @ T_tool[:3, 2])
+    T_grasp = transform(T_tool[:3, :3], T_tool[:3, 3] + ahead * T_tool[:3, 2])
+    return about.id, inverse(about.T_world_obstacle) @ T_grasp
+
+
+def _base(chosen: Arm, scene: Scene, name: str, grip: Array) -> Array:
+    """Where the base has most room for a grasp and none of the arm is in the way at the start.
+
+    Returns:
+        T_world_base.
+    """
+    about = scene.obstacle(name)
+    others = Scene([one for one in scene.obstacles if one.id != name])
+    x, y, _ = about.T_world_obstacle[:3, 3]
+    ahead = np.array([x, y, 0.0]) / np.hypot(x, y)
+    up = np.array([0.0, 0.0, 1.0])
+    bases = [transform(np.eye(3), far * ahead + high * up) for high in _HEIGHTS for far in _FORWARD]
+    assert chosen.start is not None
+    bases = [
+        T for T in bases
+        if Checker.of(chosen.robot, moved(scene, inverse(T))).valid(chosen.start)
+    ]  # fmt: skip
+    options = ReachOptions(Tolerance.free("rz", samples=_TURNS), choice="clearance", threads=1)
+    grasp = about.T_world_obstacle @ grip
+    return place_base(chosen.robot, others, grasp[None], bases, options)[0].T_world_base
+
+
+def _moved_text(text: str, T: Array) -> str:
+    """The text of a scene with every object moved by T."""
+    read = yaml.safe_load(text)
+    for entry in read["world"]["collision_objects"]:
+        for pose in entry["primitive_poses"]:
+            R = from_quaternion(pose["orientation"])
+            there = T @ transform(R, pose["position"])
+            pose["position"] = there[:3, 3].tolist()
+            pose["orientation"] = to_quaternion(there[:3, :3]).tolist()
+    return str(yaml.safe_dump(read))
+
+
 def _within_reach(chosen: Arm, scene: Scene, about: Obstacle, grip: Array, place: Array) -> bool:
     """Whether the tool gets to a grasp and to that at a place free of collision, and above both.
 
-    The object itself is left out of this look, where it stands and where it is put.
+    The object itself is looked at in the grasp only, where nothing but the fingers may touch it.
     """
     others = Scene([one for one in scene.obstacles if one.id != about.id])
+    fingers = Scene(scene.obstacles, {sorted_pair(link, about.id) for link in chosen.touches})
     at = np.array([about.T_world_obstacle @ grip, place @ grip])
     above, before = at.copy(), at.copy()
     above[:, 2, 3] += _LIFT
     before[:, :3, 3] -= _APPROACH * at[:, :3, 2]
     options = ReachOptions(choice="first", clearance=False, threads=1)
     found = reach(chosen.robot, others, np.concatenate([at, above, before]), options)
-    return bool(found.is_reached.all())
+    if not found.is_reached.all():
+        return False
+    return bool(reach(chosen.robot, fingers, at[:1], options).is_reached.all())
 
 
 def _shifted(T: Array, random: np.random.Generator, most: float) -> Array:

@@ -12,6 +12,7 @@ witnesses, with all grasps and places before it.
 import argparse
 import json
 import time
+from collections import Counter
 from pathlib import Path
 
 import numpy as np
@@ -50,12 +51,21 @@ def main() -> None:
             used, (chosen.problems, folder), chosen.count, chosen.kinds, _Witness(check), known
         )
         tasks = list(found)
+        _tell(used, tasks, known)
         if chosen.export is not None:
             export(chosen.export, used, tasks, folder)
             continue
         _measure(used, tasks, check, chosen.improve)
         if chosen.peer:
             _measure_peer(used, tasks, check)
+
+
+def _tell(used: Arm, tasks: list[TaskProblem], known: "_Known") -> None:
+    """How many tasks and scenes without one there are of each kind."""
+    made = Counter(problem.name.split("/")[0] for problem in tasks)
+    without = Counter(name.split("/")[0] for name, row in known.items() if row is None)
+    for kind in sorted(made | without):
+        print(f"{used.name}: {made[kind]} tasks in {kind}, {without[kind]} scenes gave none")
 
 
 class _Known(dict[str, int | None]):

@@ -23,6 +23,7 @@ import numpy as np
 
 import armwright as aw
 from kinematics.arrays import Array, Indices
+from planning.deadline import Deadline
 from planning.options import Options
 from planning.preferred_clearance import PreferredClearance
 from planning.problem import JointGoal
@@ -228,7 +229,7 @@ def _proved_time(legs: LegTable, found: list[int]) -> float:
     total = 0.0 if found else np.inf
     for a, b in pairwise(found):
         legs.check(a, b)
-        leg = legs.plan(a, b, 2.0)
+        leg = legs.plan(a, b, Deadline.after(2.0))
         total += np.inf if isinstance(leg, Failure) else leg.trajectory.duration
     return total
 
