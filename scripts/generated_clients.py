@@ -1,10 +1,10 @@
 """Generate clients of the API in Python and TypeScript from its OpenAPI document.
 
-    python scripts/generated_clients.py [FOLDER]
+    python scripts/generated_clients.py [FOLDER] [--url URL]
 
 Writes `openapi.json`, the package `armwright_api_client` and, where npm is there, the types
-`armwright_api.ts` with a first request `plan.ts`, which the TypeScript compiler checks. npm fetches
-its tools from its registry.
+`armwright_api.ts` with a first request `plan.ts`, which the TypeScript compiler checks and, with
+`--url`, Node.js sends to the service there. npm fetches its tools from its registry.
 """
 
 import argparse
@@ -31,7 +31,8 @@ _FIRST_PLAN = """\
 import createClient from "openapi-fetch";
 import type { paths } from "./armwright_api";
 
-const armwright = createClient<paths>({ baseUrl: "http://127.0.0.1:8000" });
+declare const process: { argv: string[] };
+const armwright = createClient<paths>({ baseUrl: process.argv[2] ?? "http://127.0.0.1:8000" });
 const { data, error } = await armwright.POST("/v1/plan", {
   body: {
     robot: "panda",
@@ -88,18 +89,32 @@ def generate_types(document: Path, folder: Path) -> None:
         ("npm", "install", "--silent", "--no-audit", "--no-fund", *_NODE_PACKAGES),
         ("npx", "openapi-typescript", document.name, "-o", "armwright_api.ts",
          "--default-non-nullable", "false"),
-        ("npx", "tsc", "--noEmit", "--strict", "--skipLibCheck", "--target", "es2022",
+        ("npx", "tsc", "--strict", "--skipLibCheck", "--target", "es2022",
          "--module", "esnext", "--moduleResolution", "bundler", "plan.ts"),
     )  # fmt: skip
     for command in commands:
         subprocess.run(command, cwd=folder, check=True)
 
 
+def run_first_plan(folder: Path, url: str) -> str:
+    """Send the first request to a running service; the line that it prints.
+
+    Args:
+        folder: With the client that was generated.
+        url: Of the service.
+    """
+    command = ["node", "plan.js", url]
+    answer = subprocess.run(command, cwd=folder, check=True, capture_output=True, text=True)
+    return answer.stdout.strip()
+
+
 def main() -> None:
     """Generate both clients."""
     parser = argparse.ArgumentParser(description="Generate clients of the API.")
     parser.add_argument("folder", type=Path, nargs="?", default=ROOT / "build/clients")
-    folder: Path = parser.parse_args().folder
+    parser.add_argument("--url", help="a running service to which plan.ts is sent")
+    asked = parser.parse_args()
+    folder: Path = asked.folder
     folder.mkdir(parents=True, exist_ok=True)
     document = write_document(folder)
     warnings = generate_python(document, folder)
@@ -109,6 +124,8 @@ def main() -> None:
         return
     generate_types(document, folder)
     print(f"{folder / 'armwright_api.ts'}: types, and plan.ts has been checked with them")
+    if asked.url is not None:
+        print("plan.ts:", run_first_plan(folder, asked.url))
 
 
 if __name__ == "__main__":

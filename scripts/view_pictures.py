@@ -16,6 +16,29 @@ PICTURES = Path(__file__).parents[1] / "docs" / "pictures"
 SIZE: ViewportSize = {"width": 1180, "height": 980}
 
 
+#: A seam of two arcs over a bench; the tool may turn about its own axis and tilt.
+SEAM = {
+    "robot": "panda",
+    "start": {"state": "home"},
+    "planner": "cartesian",
+    "planner_options": {
+        "waypoints": [
+            {"point": [0.45, -0.25, 0.3], "normal": [-0.3, 0.0, 1.0]},
+            {"point": [0.6, 0.0, 0.35], "normal": [-0.3, 0.0, 1.0], "via": [0.57, -0.14, 0.34]},
+            {"point": [0.45, 0.25, 0.3], "normal": [-0.3, 0.0, 1.0], "via": [0.57, 0.14, 0.34]},
+        ],
+        "tolerance": {"free": ["rz"], "tilt": 0.26},
+        "tool_speed": 0.1,
+    },
+    "scene": {
+        "obstacles": [
+            {"id": "bench", "shape": {"type": "box", "size": [0.5, 0.8, 0.2]},
+             "pose": {"position": [0.6, 0.0, 0.1]}},
+        ]
+    },
+}  # fmt: skip
+
+
 def draw(folder: Path) -> None:
     """Draw them.
 
@@ -23,17 +46,19 @@ def draw(folder: Path) -> None:
         folder: For the database of the service.
     """
     with serving(create_app(Settings(data_dir=folder, workers=1))) as client, browsing() as browser:
-        plan = client.post("/v1/plan", json=DETOUR | {"keep": True}).json()
-        page = folder / "view.html"
-        page.write_bytes(client.get(f"/v1/plans/{plan['plan_id']}/view").content)
-        shown = browser.new_page(viewport=SIZE)
-        shown.goto(page.as_uri())
-        shown.check("#show-ghosts")
-        shown.evaluate("setTime(0.4 * motion.duration)")
-        shown.select_option("#curve", index=1)
-        shown.evaluate("view.zoom(0.62)")
-        shown.wait_for_timeout(500)
-        shown.screenshot(path=PICTURES / "view_plan.png")
+        for request, name, share in ((DETOUR, "view_plan", 0.4), (SEAM, "seam", 0.7)):
+            answer = client.post("/v1/plan", json=request | {"keep": True})
+            assert answer.status_code == 200, answer.text
+            page = folder / f"{name}.html"
+            page.write_bytes(client.get(f"/v1/plans/{answer.json()['plan_id']}/view").content)
+            shown = browser.new_page(viewport=SIZE)
+            shown.goto(page.as_uri())
+            shown.check("#show-ghosts")
+            shown.evaluate(f"setTime({share} * motion.duration)")
+            shown.select_option("#curve", index=1)
+            shown.evaluate("view.zoom(0.62)")
+            shown.wait_for_timeout(500)
+            shown.screenshot(path=PICTURES / f"{name}.png")
 
 
 if __name__ == "__main__":

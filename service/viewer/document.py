@@ -8,6 +8,7 @@ import numpy as np
 
 from kinematics.arrays import Array
 from kinematics.chain import Chain, JointType
+from kinematics.follower import Follower
 from kinematics.trajectory import Trajectory
 from obstacles.robot_geometry import RobotGeometry
 from obstacles.scene import Obstacle, Scene
@@ -127,6 +128,7 @@ def robot_document(
         "robot": chain.name,
         "joints": _joints(chain),
         "offsets": [_flat(A) for A in chain.offsets],
+        "followers": [_follower(follower) for follower in chain.followers],
         "tip": {"name": tip.name, "joint": tip.joint, "frame": _flat(tip.T_joint_link)},
         "bodies": [body_document(body) for body in drawn],
         "simplified": [body.name for body in solid if body.simplified],
@@ -159,6 +161,18 @@ def motion_document(
         "breaks": motion.breaks.tolist(),
         "coefficients": motion.coefficients.tolist(),
         **sampled,
+    }
+
+
+def _follower(follower: Follower) -> dict[str, Any]:
+    """A joint off the chain that mimics one of it, and the body before it."""
+    return {
+        "parent": follower.parent,
+        "leader": follower.leader,
+        "multiplier": follower.multiplier,
+        "offset": follower.offset,
+        "slides": follower.joint_type == JointType.PRISMATIC,
+        "frame": _flat(follower.T_parent_joint),
     }
 
 

@@ -24,8 +24,8 @@ from studio.workbench import Workbench
 _ROBOT_COLOR = (90, 110, 140)
 _PINNED_COLOR = (204, 121, 167)
 #: Where the camera begins [m].
-_CAMERA = (1.0, -1.2, 0.9)
-_LOOK_AT = (0.2, 0.0, 0.4)
+CAMERA = (1.0, -1.2, 0.9)
+LOOK_AT = (0.2, 0.0, 0.4)
 
 
 class StudioPage:
@@ -198,8 +198,8 @@ class StudioPage:
         scene.set_up_direction("+z")
         scene.add_grid("/grid", width=4.0, height=4.0, cell_size=0.1, section_size=1.0)
         scene.add_frame("/root", axes_length=0.15, axes_radius=0.004)
-        self.server.initial_camera.position = np.array(_CAMERA)
-        self.server.initial_camera.look_at = np.array(_LOOK_AT)
+        self.server.initial_camera.position = np.array(CAMERA)
+        self.server.initial_camera.look_at = np.array(LOOK_AT)
 
     def _report(self, error: Exception) -> None:
         """Show the error of a command on the page."""

@@ -11,6 +11,11 @@ class Arm {
       const moved = this.data.joints[i].slides ? Matrix.slideZ(q[i]) : Matrix.turnZ(q[i]);
       frames[i] = Matrix.multiply(Matrix.multiply(frames[i - 1], this.data.offsets[i]), moved);
     }
+    // Bodies on joints that mimic one of the chain are numbered behind those of the chain.
+    this.data.followers.forEach(({ parent, leader, multiplier, offset, slides, frame }, k) => {
+      const value = multiplier * q[leader] + offset, moved = slides ? Matrix.slideZ(value) : Matrix.turnZ(value);
+      frames[this.count + k] = Matrix.multiply(Matrix.multiply(frames[parent], frame), moved);
+    });
     return frames;
   }
   tip(q) {
