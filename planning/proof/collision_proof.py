@@ -237,8 +237,9 @@ class CollisionProof:
         against = OWN if i < self._table.arrays.moving else OBSTACLE
         note_clearance(sweep, against, i, j, distance)
         names = self._table.names(i, j)
-        asked = f", {apart:.6g} m are asked for" if apart > 0.0 else ""
-        message = f"{names[0]!r} and {names[1]!r} are {distance:.6g} m apart{asked}"
+        message = f"{names[0]!r} and {names[1]!r} {_describe(distance)}"
+        if apart > 0.0:
+            message += f", {apart:.6g} m are asked for"
         details = {"pair": list(names), "distance": distance, "margin": apart}
         q = sweep.joints[: trajectory.n, VALUE]
         for where, end in (("start", trajectory.start), ("goal", trajectory.end)):
@@ -248,3 +249,9 @@ class CollisionProof:
         decided = distance <= apart or sweep.referred_moves[at] < RESOLUTION
         kind = "collision" if decided else "undecided"
         self.violation = Violation(kind, time, message, details)
+
+
+def _describe(distance: float) -> str:
+    if abs(distance) <= RESOLUTION:
+        return "touch"
+    return f"overlap by {-distance:.6g} m" if distance < 0.0 else f"are {distance:.6g} m apart"

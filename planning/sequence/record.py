@@ -101,7 +101,7 @@ def hint_of(stage: Stage, reason: str) -> str:
     """Return what to try where a stage fails for a reason."""
     if "out_of_reach" in reason or "outside_limits" in reason:
         return "Bring what it aims at nearer to the robot, or give more alternatives."
-    if "collision" in reason or "too near" in reason:
+    if any(word in reason for word in ("collision", "too near", " touch", " overlap", " apart")):
         return (
             "Give more alternatives, move what is in the way, or name the pairs that may touch in "
             "touch_links, support or allowed_collisions."

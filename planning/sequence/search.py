@@ -366,7 +366,7 @@ class _Search:
         if self._until.passed:
             code = "TIMED_OUT"
             message = (
-                f"no proved answer within the timeout of {self._options.timeout:g} s; the search "
+                f"no proved answer within the timeout of {self._options.timeout:.3g} s; the search "
                 f"came to {what}: {reason} ({times} times)"
             )
             hint = f"Allow more time. {hint}"

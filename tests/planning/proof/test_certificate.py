@@ -1,5 +1,7 @@
 """The certificate: what it proves holds, what it refuses is wrong, and it says when and where."""
 
+import re
+
 import numpy as np
 import pytest
 
@@ -129,6 +131,19 @@ def test_margin_is_held_from_obstacles_not_between_links() -> None:
     assert refused.violation is not None
     assert refused.violation.kind == "collision"
     assert refused.violation.details["margin"] == 1.0
+    assert "m apart, 1 m are asked for" in refused.violation.message
+
+
+def test_violations_say_overlap_where_solids_overlap() -> None:
+    robot = builtin("planar_rr")
+    trajectory = cubic(robot, np.array([0.0, 0.0]), np.array([0.1, 0.0]))
+    post = Scene((box("post", (0.1, 0.1, 0.5), _around(robot, 0.05)),))
+    certificate = certify(trajectory, robot, post, limits=NO_LIMITS)
+    assert certificate.violation is not None
+    overlap = re.search(r"overlap by ([0-9.]+) m at the start", certificate.violation.message)
+    assert overlap is not None
+    depth = FclWorld(robot, post).clearance(trajectory.start).distance
+    assert float(overlap[1]) == pytest.approx(-depth, abs=1e-4)
 
 
 def test_clearances_from_obstacles_and_of_the_robot_itself_are_told_apart() -> None:

@@ -1,9 +1,10 @@
 """The record of a search: outcomes come only nearer, reasons are counted, the latest stage told."""
 
 import numpy as np
+import pytest
 
 from planning.sequence.node import Node
-from planning.sequence.record import Record
+from planning.sequence.record import Record, hint_of
 from planning.sequence.stage import Grasp, Wait
 from planning.sequence.step import Step
 from planning.sequence.target import Candidates, Outcome, Target, Verdict
@@ -96,3 +97,10 @@ def test_a_step_that_stands_still_lasts_its_bound_until_it_has_a_plan() -> None:
     solved = crate.plan().stages[0]
     step.plan = solved
     assert step.least_time == solved.trajectory.duration
+
+
+@pytest.mark.parametrize(
+    "reason", ["'a' and 'b' touch at the start", "'a' and 'b' overlap by 0.1 m at the start"]
+)
+def test_what_touches_is_cured_by_naming_what_may_touch(reason: str) -> None:
+    assert "allowed_collisions" in hint_of(Wait(0.4), reason)
