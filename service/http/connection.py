@@ -205,12 +205,14 @@ class Connection(H11Protocol):
         admission = self._admission
         if admission is None or not self._is_idle or self._limits.count < len(self.connections):
             return False
-        if admission.wants_rest(data):
-            self._wait_for_rest(data)
-            return True
         request = read_simple(data)
         if request is None:
             return False
+        if request.missing:
+            if not admission.wants_rest(request):
+                return False
+            self._wait_for_rest(data)
+            return True
         client = "" if self.client is None else self.client[0]
         content = admission.refusal(request, client, self)
         if content is None:

@@ -22,9 +22,14 @@ class Coming:
 
 
 class ComingRequests:
-    """Requests from their admission until they are answered, by whatever carries them."""
+    """Requests from their admission until they are answered, by whatever carries them.
+
+    Attributes:
+        changes: counts what came and what went.
+    """
 
     def __init__(self) -> None:
+        self.changes = 0
         self._requests: dict[object, Coming] = {}
         self._clients: Counter[str] = Counter()
 
@@ -33,11 +38,13 @@ class ComingRequests:
         self.forget(carrier)
         self._requests[carrier] = Coming(task, client)
         self._clients[client] += 1
+        self.changes += 1
 
     def forget(self, carrier: object) -> None:
         """Note that the request of a carrier, if there is one, was answered or given up."""
         request = self._requests.pop(carrier, None)
         if request is not None:
+            self.changes += 1
             self._clients[request.client] -= 1
             if not self._clients[request.client]:
                 del self._clients[request.client]

@@ -22,6 +22,8 @@ _MAX_RETRY = 60
 #: An estimate of what is still to be done is good for this long while the queue is the same [s]:
 #: adding it up anew would be most of what a refusal costs.
 _GOOD_FOR = 0.01
+#: Refusals that are kept as long as that: a crowd asks for a few kinds of things.
+_MAX_EARLY = 64
 
 
 @dataclass(slots=True)
@@ -62,6 +64,8 @@ class SupervisorState:
         self._accepting = False
         self._estimates: dict[str | None, float] = {}
         self._estimated = (-math.inf, -1)
+        self._early: dict[tuple[str, float, str], QueueFull] = {}
+        self._early_state = (-math.inf, (-1, -1, -1))
 
     @property
     def ready(self) -> bool:
@@ -171,6 +175,25 @@ class SupervisorState:
             seconds: Time until its deadline [s].
             client: Whom it is from.
         """
+        now, changes = time.monotonic(), self._changes()
+        until, known = self._early_state
+        if now > until or changes != known:
+            self._early.clear()
+            self._early_state = (now + _GOOD_FOR, changes)
+        found = self._early.get((task, seconds, client))
+        if found is not None:
+            self.counters.rejected += 1
+            return found
+        found = self._early_refusal(task, seconds, client)
+        if found is not None and len(self._early) < _MAX_EARLY:
+            self._early[task, seconds, client] = found
+        return found
+
+    def _changes(self) -> tuple[int, int, int]:
+        """A value that changes with whoever waits, is on the way, or has a worker."""
+        return self._waiting.changes, self.coming.changes, len(self._idle)
+
+    def _early_refusal(self, task: str, seconds: float, client: str) -> QueueFull | None:
         running = sum(1 for _ in self._running())
         queued = len(self._waiting) + running
         ahead = self.coming.ahead(client, queued)

@@ -44,12 +44,17 @@ def admission(wait: float) -> tuple[Admission, Supervisor]:
 def test_a_post_in_one_piece_is_simple() -> None:
     request = read_simple(post("/v1/plan", b"{}", "Content-Type: application/json"))
     assert request is not None
-    assert (request.path, request.body) == ("/v1/plan", b"{}")
+    assert request == ("/v1/plan", b"{}", 0)
+
+
+def test_what_is_missing_of_a_body_is_counted() -> None:
+    whole = post("/v1/plan", b'{"timeout": 2}')
+    assert read_simple(whole[:-3]) == ("/v1/plan", b'{"timeout":', 3)
 
 
 @pytest.mark.parametrize(
     "data",
-    [b"", b"GET /v1/plan HTTP/1.1\r\nHost: x\r\n\r\n", post("/v1/plan", b"{}")[:-1],
+    [b"", b"GET /v1/plan HTTP/1.1\r\nHost: x\r\n\r\n", post("/v1/plan", b"{}")[:30],
      post("/v1/plan", b"{}") + b"x", post("/v1/plan", b"{}", "Content-Length: 2"),
      post("/v1/plan", b"{}", "Transfer-Encoding: chunked"), post("/v1/plan", b"{}", "Expect: x"),
      post("/v1/plan", b"{}", "Prefer: respond-async"), post("/v1/plan", b"{}", "Upgrade: x"),
@@ -64,7 +69,9 @@ def test_all_others_take_the_usual_way(data: bytes) -> None:
     ("content", "seconds"),
     [(b"{}", 10.0), (b'{"timeout": 2}', 2.0), (b'{"timeout" :2.5e0}', 2.5),
      (b'{"timeout": 1e9}', 60.0), (b'{"timeout": null}', 10.0),
-     (b'{"a": {"timeout": 1}, "timeout": 3}', 3.0)],
+     (b'{"a": {"timeout": 1}, "timeout": 3}', 3.0),
+     (b'{"a": {"timeout": 5}, "timeout": 3, "b": "\\"timeout\\""}', 5.0),
+     (b'{"a": ["timeout"], "timeouts": 7}', 10.0)],
 )  # fmt: skip
 def test_the_timeout_is_read_without_parsing(content: bytes, seconds: float) -> None:
     assert named_timeout(content, SETTINGS) == seconds
@@ -99,13 +106,18 @@ def test_others_are_let_in_and_count_until_they_are_answered() -> None:
 
 def test_the_rest_of_a_short_body_is_waited_for_while_there_is_work() -> None:
     gate, supervisor = admission(5.0)
+
+    def is_awaited(data: bytes) -> bool:
+        request = read_simple(data)
+        return request is not None and gate.wants_rest(request)
+
     whole = post("/v1/robots/ur5e/ik", b'{"timeout": 2}')
-    assert gate.wants_rest(whole[:-3])
-    assert gate.wants_rest(whole.partition(b"{")[0])
-    assert not gate.wants_rest(whole), "nothing is missing"
-    assert not gate.wants_rest(whole[:30]), "the head is not complete"
-    assert not gate.wants_rest(post("/v1/plan", b"{}")[:-1]), "not known yet"
+    assert is_awaited(whole[:-3])
+    assert is_awaited(whole.partition(b"{")[0])
+    assert not is_awaited(whole), "nothing is missing"
+    assert not is_awaited(whole[:30]), "the head is not complete"
+    assert not is_awaited(post("/v1/plan", b"{}")[:-1]), "not known yet"
     large = post("/v1/robots/ur5e/ik", b" " * 70_000)
-    assert not gate.wants_rest(large[:-1])
+    assert not is_awaited(large[:-1])
     supervisor.has_work = False
-    assert not gate.wants_rest(whole[:-3])
+    assert not is_awaited(whole[:-3])

@@ -65,3 +65,28 @@ def test_what_is_still_parsed_counts_against_those_that_arrive() -> None:
             await asyncio.gather(*jobs)
 
     asyncio.run(run())
+
+
+def test_an_early_refusal_is_judged_anew_when_somebody_comes_or_goes() -> None:
+    async def run() -> None:
+        async with supervisor(1) as workers:
+            await ready(workers)
+            await workers.submit(chore("nap", 0.3))
+            task = chore("nap", 0.3).task
+            for carrier in range(4):
+                workers.coming.note(carrier, task, "")
+            rejected = workers.counters.rejected
+            refused = workers.early_refusal(task, 0.5)
+            assert refused is not None
+            assert workers.early_refusal(task, 0.5) is refused, "nothing has changed"
+            assert workers.counters.rejected == rejected + 2, "each one counts"
+            for carrier in range(4):
+                workers.coming.forget(carrier)
+            assert workers.early_refusal(task, 0.5) is None, "a worker is free at once"
+            job = asyncio.ensure_future(workers.submit(chore("nap", 0.3)))
+            await working(workers, 1)
+            assert workers.early_refusal(task, 0.35) is not None, "it has work again"
+            await job
+            assert workers.early_refusal(task, 0.35) is None, "and has ended it"
+
+    asyncio.run(run())
