@@ -141,7 +141,8 @@ def core_of(kind: int, vertices: bytes, radius: float, half_height: float) -> Co
     box = np.array([0.0, 0.0, 0.0, radius, radius, half_height])
     if kind == PieceKind.CYLINDER:
         return Core(zero, float(np.hypot(radius, half_height)), box, None)
-    return Core(*_cone_ball(radius, half_height), box, None)
+    height, reach = cone_ball(radius, half_height)
+    return Core(np.array([0.0, 0.0, height]), reach, box, None)
 
 
 @kernel(allocates=False, unlocks=False)
@@ -169,13 +170,15 @@ def polytope_core(corners: Array, box: Array) -> tuple[float, bool]:
     return np.sqrt(farthest), is_box and octants == 255
 
 
-def _cone_ball(radius: float, half_height: float) -> tuple[Array, float]:
+@kernel(allocates=False, unlocks=False)
+def cone_ball(radius: float, half_height: float) -> tuple[float, float]:
+    """How far up a cone's axis the middle of the ball that holds it is, and its radius [m]."""
     height = 2.0 * half_height
     if radius >= height:
-        return np.array([0.0, 0.0, -half_height]), radius
+        return -half_height, radius
     # The circle through the apex and the rim of the base.
     ball = (height * height + radius * radius) / (2.0 * height)
-    return np.array([0.0, 0.0, half_height - ball]), ball
+    return half_height - ball, ball
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -14,6 +14,7 @@ from kinematics.arrays import Array, frozen
 from kinematics.errors import InvalidObjectName, InvalidPose, InvalidScene
 from kinematics.pose import from_matrix, transform
 from obstacles.piece import Piece, PieceArrays
+from obstacles.primitives import Primitive, Primitives, primitive_pieces
 from obstacles.shapes import MAX_SIZE, Mesh, PointCloud, Shape
 
 MAX_OBSTACLES = 10_000
@@ -96,9 +97,16 @@ class Obstacle:
         return isinstance(self.shape, PointCloud)
 
     @property
+    def is_primitive(self) -> bool:
+        """Whether it is one of the ``Primitive`` solids."""
+        return self.shape.primitive is not None
+
+    @property
     def count(self) -> int:
         """How many pieces it has."""
         shape = self.shape
+        if shape.primitive is not None:
+            return 1
         return len(shape.points) if isinstance(shape, PointCloud) else len(self.pieces())
 
     def balls(self) -> PieceArrays:
@@ -132,6 +140,7 @@ class Scene:
     ids: tuple[str, ...] = field(init=False, repr=False)
     _frames: frozenset[str] = field(init=False, repr=False)
     _packed: Packed | None = field(default=None, init=False, repr=False)
+    _primitives: Primitives | None = field(default=None, init=False, repr=False)
 
     if TYPE_CHECKING:  # the constructor takes any iterables
 
@@ -220,29 +229,62 @@ class Scene:
         assert self._packed is not None
         return self._packed
 
+    @property
+    def primitives(self) -> Primitives:
+        """Obstacles that are primitives, in their order."""
+        if self._primitives is None:
+            object.__setattr__(self, "_primitives", _primitives(self.obstacles))
+        assert self._primitives is not None
+        return self._primitives
+
     def _pack(self) -> Packed:
-        # Those that are no clouds together: a call for each of many small ones costs the most.
-        blocks: list[PieceArrays] = []
-        for cloud, run in groupby(self.obstacles, lambda o: o.is_cloud):
-            if cloud:
+        # Primitives together, and other solids: a call for each of many small ones costs the most.
+        blocks, primitive = list[PieceArrays](), 0
+        for way, run in groupby(self.obstacles, _way_of_packing):
+            if way == _AS_PRIMITIVES:
+                first, primitive = primitive, primitive + sum(1 for _ in run)
+                blocks.append(primitive_pieces(self.primitives.part(first, primitive)))
+            elif way == _AS_BALLS:
                 blocks += [obstacle.balls() for obstacle in run]
             else:
                 blocks.append(PieceArrays.pack([p for o in run for p in o.pieces()]))
-        counts = [obstacle.count for obstacle in self.obstacles]
-        index = np.repeat(np.arange(len(counts), dtype=np.int64), counts)
-        index.setflags(write=False)
-        all_margins = np.array([o.margin for o in self.obstacles], dtype=np.float64)
-        return (
-            PieceArrays.joined(blocks or [PieceArrays.pack(())]),
-            index,
-            frozen(all_margins[index]),
-        )
+        index = np.arange(len(self.obstacles), dtype=np.int64)
+        margins = np.array([o.margin for o in self.obstacles], dtype=np.float64)
+        if primitive < len(index):
+            index = index.repeat([obstacle.count for obstacle in self.obstacles])
+            margins = margins[index]
+        for array in (index, margins):
+            array.setflags(write=False)
+        return PieceArrays.joined(blocks or [PieceArrays.pack(())]), index, margins
 
     def piece(self, k: int) -> Piece:
         """Piece ``k`` of those that ``pieces`` packs, in the robot's root frame."""
         owners = self.pieces()[1]
         owner = int(owners[k])
         return self.obstacles[owner].piece(k - int(np.searchsorted(owners, owner)))
+
+
+_AS_PRIMITIVES, _AS_BALLS, _AS_PIECES = range(3)
+
+
+def _way_of_packing(obstacle: Obstacle) -> int:
+    if obstacle.is_primitive:
+        return _AS_PRIMITIVES
+    return _AS_BALLS if obstacle.is_cloud else _AS_PIECES
+
+
+def _primitives(obstacles: Iterable[Obstacle]) -> Primitives:
+    chosen = [obstacle for obstacle in obstacles if obstacle.is_primitive]
+    kinds = np.array([obstacle.shape.primitive for obstacle in chosen], dtype=np.int64)
+    measures = np.array([obstacle.shape.measures() for obstacle in chosen]).reshape(-1, 3)
+    # No zero of theirs is negative: those of placed pieces are not either.
+    poses = np.array([obstacle.T_world_obstacle for obstacle in chosen]).reshape(-1, 4, 4) + 0.0
+    for k, obstacle in enumerate(chosen):
+        if obstacle.shape.primitive is Primitive.HALFSPACE:
+            poses[k] = obstacle.pieces()[0].T_owner_piece
+    for array in (kinds, measures, poses):
+        array.setflags(write=False)
+    return Primitives(kinds, measures, poses)
 
 
 def checked_name(name: str, what: str) -> str:

@@ -2,10 +2,37 @@
 
 import numpy as np
 
+from kinematics.arrays import Array, Indices
 from kinematics.bounded_cache import array_bytes, bounded_cache
+from kinematics.compiled.kernel import kernel
 from obstacles.piece import Piece
-from obstacles.piece_set import GROUP, GROUP_STOP, PieceSet, ball_rows
-from obstacles.scene import Scene
+from obstacles.piece_set import (
+    CENTER,
+    GROUP,
+    GROUP_STOP,
+    HALF,
+    KIND,
+    MIDDLE,
+    POSE,
+    RADIUS,
+    ROUNDING,
+    SIZE,
+    WIDTH,
+    CoreKind,
+    PieceSet,
+    ball_rows,
+)
+from obstacles.primitives import Primitive, Primitives, write_core
+from obstacles.scene import Obstacle, Scene
+
+_CORE_KINDS = np.array(
+    [CoreKind.BOX, CoreKind.POINT, CoreKind.CYLINDER, CoreKind.CONE, CoreKind.HALFSPACE],
+    dtype=np.int64,
+)
+_CORE_KINDS.setflags(write=False)
+_BOX, _BALL = int(Primitive.BOX), int(Primitive.BALL)
+_HALFSPACE = int(Primitive.HALFSPACE)
+_NOTHING = PieceSet.of(())
 
 
 @bounded_cache(maxsize=16, weigh=array_bytes)
@@ -15,22 +42,30 @@ def scene_set(scene: Scene) -> PieceSet:
     Args:
         scene: What stands around. Its rows name no obstacle and no margin.
     """
-    shaped = [() if obstacle.is_cloud else obstacle.pieces() for obstacle in scene.obstacles]
-    packed = pack(scene, shaped)
+    packed = pack(scene, [shaped_pieces(obstacle) for obstacle in scene.obstacles])
     for array in packed:
         array.setflags(write=False)
     return packed
 
 
+def shaped_pieces(obstacle: Obstacle) -> tuple[Piece, ...]:
+    """Pieces of an obstacle that is neither a primitive nor a cloud, none of others."""
+    return () if obstacle.is_primitive or obstacle.is_cloud else obstacle.pieces()
+
+
 def pack(scene: Scene, shaped: list[tuple[Piece, ...]]) -> PieceSet:
-    """Pack the pieces of each obstacle, none of a cloud, and between them the balls of clouds."""
+    """Pack the ``shaped_pieces`` of each obstacle, and between them primitives and clouds."""
+    primitives = primitive_rows(scene.primitives)
+    if len(primitives) == len(scene.obstacles):
+        return _NOTHING._replace(rows=primitives)
     packed = PieceSet.of([piece for own in shaped for piece in own])
-    if not any(obstacle.is_cloud for obstacle in scene.obstacles):
-        return packed
-    blocks, first, before = [packed.rows[:0]], 0, 0
+    blocks, first, before, primitive = [packed.rows[:0]], 0, 0, 0
     for obstacle, own in zip(scene.obstacles, shaped, strict=True):
         rows = packed.rows[first : first + len(own)]
-        if obstacle.is_cloud:
+        if obstacle.is_primitive:
+            rows = primitives[primitive : primitive + 1]
+            primitive += 1
+        elif obstacle.is_cloud:
             balls = obstacle.balls()
             rows = ball_rows(balls.centers, balls.radii[0])
         else:
@@ -39,3 +74,34 @@ def pack(scene: Scene, shaped: list[tuple[Piece, ...]]) -> PieceSet:
         first, before = first + len(own), before + len(rows)
         blocks.append(rows)
     return packed._replace(rows=np.vstack(blocks))
+
+
+def primitive_rows(primitives: Primitives) -> Array:
+    """Rows of primitives, one each, shape (k, WIDTH)."""
+    rows = np.zeros((len(primitives.kinds), WIDTH))
+    primitive_rows_kernel(primitives, _CORE_KINDS, rows)
+    return rows
+
+
+@kernel(allocates=False, unlocks=False)
+def primitive_rows_kernel(primitives: Primitives, cores: Indices, rows: Array) -> None:
+    """Write ``primitive_rows``, which hold zeros; ``cores`` has the kind of each one's core."""
+    kinds, measures, poses = primitives.kinds, primitives.measures, primitives.poses
+    for k in range(kinds.shape[0]):
+        kind, row = kinds[k], rows[k]
+        row[KIND] = cores[kind]
+        height, row[RADIUS] = write_core(kind, measures[k], row[MIDDLE : MIDDLE + 6])
+        for axis in range(3):
+            row[CENTER + axis] = poses[k, axis, 2] * height + poses[k, axis, 3]
+            for column in range(4):
+                row[POSE + 4 * axis + column] = poses[k, axis, column]
+            if kind == _BOX:
+                row[SIZE + axis] = row[HALF + axis]
+        if kind == _BALL:
+            # It has no turn of its own.
+            row[ROUNDING] = measures[k, 0]
+            for axis in range(3):
+                for column in range(3):
+                    row[POSE + 4 * axis + column] = 1.0 if axis == column else 0.0
+        elif kind not in (_BOX, _HALFSPACE):
+            row[SIZE], row[SIZE + 1] = measures[k, 0], 0.5 * measures[k, 1]

@@ -4,7 +4,7 @@ import math
 from abc import ABC, abstractmethod
 from collections.abc import Iterable
 from dataclasses import dataclass, fields, replace
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -17,6 +17,7 @@ from obstacles.decomposition import convex_pieces
 from obstacles.hull import convex_hull
 from obstacles.mesh import checked_mesh
 from obstacles.piece import Piece, PieceKind, Surface
+from obstacles.primitives import Primitive
 
 #: Nothing an arm can meet is thinner than a micrometre or longer than ten kilometres; beyond that
 #: the distance iterations would lose their digits.
@@ -36,6 +37,12 @@ class Shape(ABC):
     """A solid in its own frame."""
 
     __slots__ = ()
+    #: Which primitive it is, None where it is none of them.
+    primitive: ClassVar[Primitive | None] = None
+
+    def measures(self) -> tuple[float, float, float]:
+        """Those of a primitive, as ``Primitive`` lists them, 0 where it has fewer [m]."""
+        raise NotImplementedError
 
     @abstractmethod
     def pieces(self) -> tuple[Piece, ...]:
@@ -57,6 +64,7 @@ class Box(Shape):
         InvalidScene: A size is not finite, not positive or out of range.
     """
 
+    primitive: ClassVar[Primitive] = Primitive.BOX
     size: Array
 
     if TYPE_CHECKING:  # the constructor takes whatever makes an array
@@ -68,6 +76,10 @@ class Box(Shape):
         for axis, value in zip("xyz", size.tolist(), strict=True):
             _length(value, f"box size along {axis}")
         object.__setattr__(self, "size", size)
+
+    def measures(self) -> tuple[float, float, float]:
+        """Its edges [m]."""
+        return tuple(self.size.tolist())
 
     def pieces(self) -> tuple[Piece, ...]:
         """One polytope of eight corners."""
@@ -87,10 +99,15 @@ class Sphere(Shape):
         InvalidScene: The radius is not finite, not positive or out of range.
     """
 
+    primitive: ClassVar[Primitive] = Primitive.BALL
     radius: float
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "radius", _length(self.radius, "sphere radius"))
+
+    def measures(self) -> tuple[float, float, float]:
+        """Its radius [m]."""
+        return (self.radius, 0.0, 0.0)
 
     def pieces(self) -> tuple[Piece, ...]:
         """One rounded point."""
@@ -109,12 +126,17 @@ class Cylinder(Shape):
         InvalidScene: A size is not finite, not positive or out of range.
     """
 
+    primitive: ClassVar[Primitive] = Primitive.CYLINDER
     radius: float
     height: float
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "radius", _length(self.radius, "cylinder radius"))
         object.__setattr__(self, "height", _length(self.height, "cylinder height"))
+
+    def measures(self) -> tuple[float, float, float]:
+        """Radius and height [m]."""
+        return (self.radius, self.height, 0.0)
 
     def pieces(self) -> tuple[Piece, ...]:
         """One cylinder."""
@@ -158,12 +180,17 @@ class Cone(Shape):
         InvalidScene: A size is not finite, not positive or out of range.
     """
 
+    primitive: ClassVar[Primitive] = Primitive.CONE
     radius: float
     height: float
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "radius", _length(self.radius, "cone radius"))
         object.__setattr__(self, "height", _length(self.height, "cone height"))
+
+    def measures(self) -> tuple[float, float, float]:
+        """Radius and height [m]."""
+        return (self.radius, self.height, 0.0)
 
     def pieces(self) -> tuple[Piece, ...]:
         """One cone."""
@@ -182,6 +209,7 @@ class HalfSpace(Shape):
         InvalidScene: Not finite, or the normal has no direction.
     """
 
+    primitive: ClassVar[Primitive] = Primitive.HALFSPACE
     normal: Array
     offset: float
 
@@ -203,6 +231,10 @@ class HalfSpace(Shape):
             raise InvalidScene(f"halfspace lies {float(offset):.6g} m away; at most {MAX_SIZE:g} m")
         object.__setattr__(self, "normal", normal)
         object.__setattr__(self, "offset", float(offset))
+
+    def measures(self) -> tuple[float, float, float]:
+        """None."""
+        return (0.0, 0.0, 0.0)
 
     def pieces(self) -> tuple[Piece, ...]:
         """One half-space."""

@@ -37,7 +37,7 @@ from obstacles.piece_set import (
 )
 from obstacles.robot_geometry import RobotGeometry
 from obstacles.scene import Scene
-from obstacles.scene_set import pack, scene_set
+from obstacles.scene_set import pack, scene_set, shaped_pieces
 from obstacles.support_table import Lists
 
 #: The pieces of a robot or a scene, packed.
@@ -135,9 +135,7 @@ def _with_surfaces(pieces: Iterable[Piece], first: int, opened: Rows) -> list[Pi
 @bounded_cache(maxsize=16, weigh=array_bytes)
 def _scene_rows(scene: Scene, opened: Rows) -> PieceSet:
     """A scene's pieces in the order of its obstacles, clouds as balls."""
-    shaped, row = list[tuple[Piece, ...]](), 0
-    for obstacle in scene.obstacles:
-        shaped.append(() if obstacle.is_cloud else obstacle.pieces())
+    shaped, row = [shaped_pieces(obstacle) for obstacle in scene.obstacles], 0
     if not any(piece.surface is not None for pieces in shaped for piece in pieces):
         return scene_set(scene)
     for at, obstacle in enumerate(scene.obstacles):
