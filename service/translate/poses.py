@@ -89,7 +89,7 @@ def scene(body: scene_schema.Scene) -> Scene:
     allowed = frozenset((first, second) for first, second in body.allowed_collisions or ())
     if body.moveit is not None:
         read = scene_from_moveit(body.moveit)
-        made = Scene(read.obstacles, read.allowed_collisions | allowed)
+        made = Scene(read.obstacles, read.allowed_collisions | allowed) if allowed else read
     else:
         obstacles = tuple(_obstacle(item) for item in body.obstacles or ())
         made = Scene(obstacles, allowed)

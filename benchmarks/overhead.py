@@ -1,0 +1,233 @@
+"""Time that a plan costs beyond planning: in the client, the server, the worker, and as JSON.
+
+    python -m benchmarks.overhead [--count 200] [--scenes none stored inline moveit moveit_again]
+
+A client with one connection asks a server with one worker for the plans that this process makes of
+the same problems with `planning.pipeline.plan`; they take turns. The built-in Panda moves among
+ten boxes:
+
+* ``none``: without them; ``stored``: in a scene that is stored, and named by requests;
+* ``inline``: each request brings them, as obstacles;
+* ``moveit``: as the text of a MoveIt planning scene that was never seen; ``moveit_again``: as one
+  that was.
+
+Where a request brings a scene of its own, this process plans in a new one, too: whatever planning
+prepares for a scene is no part of the difference. Beside the differences by the clock stand the
+processor times of a request in client, server and worker; the latter is told less that of planning
+in this process.
+"""
+
+import argparse
+import itertools
+import time
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+
+import numpy as np
+
+from armwright.robot import load_robot
+from armwright_client import Box, Client, Obstacle, Pose
+from armwright_client import Scene as SceneBody
+from benchmarks.batch import processor_times
+from benchmarks.machines import local_server
+from kinematics.arrays import Array
+from obstacles import shapes
+from obstacles.checker import Checker
+from obstacles.robot_geometry import RobotGeometry
+from obstacles.scene import Obstacle as DomainObstacle
+from obstacles.scene import Scene
+from planning.options import Options
+from planning.pipeline import plan
+from planning.problem import JointGoal, Problem
+from planning.result import Plan
+
+#: Around this state the hand is in front of the arm.
+MIDDLE = np.array([0.0, -0.3, 0.0, -2.2, 0.0, 2.0, 0.785])
+#: How far states are from it at most, joint by joint [rad].
+SPREAD = np.array([1.2, 0.5, 0.4, 0.5, 0.4, 0.5, 1.0])
+MOTIONS = 8
+#: Least distance of starts and goals from boxes [m].
+CLEARANCE = 0.03
+#: Requests of each kind before those that count: caches fill.
+WARM_UP = 20
+SCENES = ("none", "stored", "inline", "moveit", "moveit_again")
+_COLUMNS = (
+    "in process", "over HTTP", "difference", "its p10", "less stages", "client", "server", "worker",
+)  # fmt: skip
+_OBJECT = """\
+    - id: {id}
+      header: {{frame_id: panda_link0}}
+      primitives:
+        - type: box
+          dimensions: {size}
+      primitive_poses:
+        - position: {position}
+          orientation: [0, 0, 0, 1]
+"""
+
+
+@dataclass(frozen=True)
+class Asked:
+    """One problem, planned both ways.
+
+    Args:
+        inside: Time of planning in this process [s].
+        outside: Time until the client had the plan [s].
+        planning: Processor time of planning in this process [s].
+        client: Processor time of the client [s].
+        stages: Time of all stages by the answer [s].
+    """
+
+    inside: float
+    outside: float
+    planning: float
+    client: float
+    stages: float
+
+
+def boxes() -> list[tuple[str, list[float], list[float]]]:
+    """Name, size and position of each box: a table, and what stands around on it [m]."""
+    random = np.random.default_rng(4)
+    found = [("table", [1.0, 1.6, 0.04], [0.7, 0.0, -0.1])]
+    for index in range(9):
+        angle, reach = random.uniform(-1.3, 1.3), random.uniform(0.45, 0.8)
+        size = random.uniform([0.05, 0.05, 0.1], [0.15, 0.15, 0.4]).round(3)
+        place = [reach * np.cos(angle), reach * np.sin(angle), -0.08 + size[2] / 2]
+        found.append((f"box_{index}", size.tolist(), np.round(place, 3).tolist()))
+    return found
+
+
+def moveit_text(title: str) -> str:
+    """The boxes as the text of a MoveIt planning scene."""
+    objects = "".join(_OBJECT.format(id=name, size=s, position=p) for name, s, p in boxes())
+    return f"name: {title}\nrobot_model_name: panda\nworld:\n  collision_objects:\n{objects}"
+
+
+def scene() -> Scene:
+    """The boxes as a scene that is not prepared yet."""
+    return Scene(
+        tuple(DomainObstacle(name, shapes.Box(s), _pose(place)) for name, s, place in boxes())
+    )
+
+
+def _pose(position: list[float]) -> Array:
+    T = np.eye(4)
+    T[:3, 3] = position
+    return T
+
+
+def scene_body(name: str | None) -> SceneBody:
+    """The boxes as requests have them."""
+    obstacles = [
+        Obstacle(id=box, shape=Box(size=size), pose=Pose(position=place))
+        for box, size, place in boxes()
+    ]
+    return SceneBody(name=name, obstacles=obstacles)
+
+
+def motions(robot: RobotGeometry) -> list[tuple[Array, Array]]:
+    """Starts and goals that keep clear of the boxes, and between which there is a motion."""
+    random, cell = np.random.default_rng(1), scene()
+    checker, found = Checker.of(robot, cell, CLEARANCE), list[tuple[Array, Array]]()
+    while len(found) < MOTIONS:
+        ends = (MIDDLE + SPREAD * random.uniform(-1.0, 1.0, (2, 7))).round(6)
+        is_free = all(checker.valid(q) for q in ends)
+        if is_free and isinstance(plan(_problem(robot, cell, ends[0], ends[1]), Options()), Plan):
+            found.append((ends[0], ends[1]))
+    return found
+
+
+def _problem(robot: RobotGeometry, cell: Scene, start: Array, goal: Array) -> Problem:
+    return Problem(robot, cell, start, (JointGoal(goal),))
+
+
+def ask(
+    client: Client,
+    problem: Problem,
+    body: SceneBody | str | None,
+) -> Asked:
+    """Plan a problem here, then over HTTP."""
+    goal = problem.goals[0]
+    assert isinstance(goal, JointGoal)
+    start, end = problem.start.tolist(), goal.joints.tolist()
+    began, spent = time.perf_counter(), time.process_time()
+    here = plan(problem, Options())
+    inside, planning = time.perf_counter() - began, time.process_time() - spent
+    began, spent = time.perf_counter(), time.process_time()
+    named = {} if body is None else {"scene": body}
+    there = client.plan("panda", start, end, **named)  # type: ignore[arg-type]
+    outside, took = time.perf_counter() - began, time.process_time() - spent
+    assert isinstance(here, Plan)
+    assert there.path.joints == here.path.waypoints.tolist()
+    stages = 1e-3 * sum(stage.milliseconds for stage in there.stages)
+    return Asked(inside, outside, planning, took, stages)
+
+
+def bodies(kind: str) -> Callable[[], SceneBody | str | None]:
+    """A function that gives the scene of each request in turn."""
+    if kind == "none":
+        return lambda: None
+    if kind == "stored":
+        return lambda: "boxes"
+    if kind == "inline":
+        return lambda: scene_body(None)
+    counted = itertools.count() if kind == "moveit" else itertools.repeat("again")
+    return lambda: SceneBody(moveit=moveit_text(f"cell_{next(counted)}"))
+
+
+def cells(kind: str) -> Iterator[Scene]:
+    """The scene of each problem, new where requests bring theirs."""
+    kept = Scene() if kind == "none" else scene()
+    while True:
+        yield kept if kind in ("none", "stored", "moveit_again") else scene()
+
+
+def measure(kind: str, client: Client, pid: int, robot: RobotGeometry, count: int) -> str:
+    """Ask a number of times and give a line of the table."""
+    pairs = itertools.cycle(motions(robot))
+    body, cell = bodies(kind), cells(kind)
+    rows: list[Asked] = []
+    for asked in range(WARM_UP + count):
+        if asked == WARM_UP:
+            before = processor_times(pid)
+        start, goal = next(pairs)
+        rows.append(ask(client, _problem(robot, next(cell), start, goal), body()))
+    after = processor_times(pid)
+    spent = {one: at - before.get(one, 0.0) for one, at in after.items()}
+    server = spent.pop(pid)
+    rows = rows[WARM_UP:]
+    planning = sum(row.planning for row in rows)
+    inside, outside, client_time, stages = (
+        1e3 * np.array([(row.inside, row.outside, row.client, row.stages) for row in rows]).T
+    )
+    told = (
+        np.median(inside),
+        np.median(outside),
+        np.median(outside - inside),
+        np.percentile(outside - inside, 10),
+        np.median(outside - stages),
+        np.median(client_time),
+        1e3 * server / count,
+        1e3 * (sum(spent.values()) - planning) / count,
+    )
+    return f"{kind:13}" + "".join(
+        f"{value:{len(name) + 2}.2f}" for name, value in zip(_COLUMNS, told, strict=True)
+    )
+
+
+def main() -> None:
+    """Run the benchmark from the command line."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--count", type=int, default=200)
+    parser.add_argument("--scenes", nargs="+", default=SCENES, choices=SCENES)
+    asked = parser.parse_args()
+    robot = load_robot("panda")
+    with local_server({"ARMWRIGHT_WORKERS": "1"}) as (pid, url), Client(url) as client:
+        client.scenes.create(scene_body("boxes"))
+        print(f"{'[ms]':13}" + "".join(f"  {name}" for name in _COLUMNS))
+        for kind in asked.scenes:
+            print(measure(kind, client, pid, robot, asked.count), flush=True)
+
+
+if __name__ == "__main__":
+    main()
