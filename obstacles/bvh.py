@@ -14,6 +14,8 @@ from kinematics.compiled.kernel import kernel
 
 #: Pieces in a leaf: a walk step costs about as much as a look at two of them.
 _LEAF = 2
+#: Spans that wait while others are halved: one a level of a tree, which halves what it holds.
+_DEEPEST = 128
 
 
 #: What stands in which columns of a node: its box by the lowest and the highest corner, half the
@@ -64,70 +66,69 @@ def _sort_by_middles(
         width *= 2
 
 
-@kernel
-def _grow(
-    low: Array, high: Array, items: Indices, boxes: Array, skips: Indices, spans: Indices, most: int
+@kernel(allocates=False, unlocks=False)
+def grow_kernel(
+    low: Array, high: Array, most: int, items: Indices, work: Indices, nodes: Array
 ) -> int:
-    """Write the nodes over boxes ``low``, ``high`` (m, 3) and sort ``items`` (m,) by leaf."""
+    """Write the nodes (2 m, 10) over boxes ``low``, ``high`` (m, 3); how many there are.
+
+    ``items`` (m,) are sorted by leaf; ``work`` (m + 2 _DEEPEST,) is scratch.
+    """
     m = items.shape[0]
-    stack = np.empty((128, 2), dtype=np.int64)
-    stack[0, 0], stack[0, 1] = 0, m
-    least, largest, spare = np.empty(3), np.empty(3), np.empty(m, dtype=np.int64)
-    top, made = 1, 0
+    for k in range(m):
+        items[k] = k
+    spare, stack = work[:m], work[m:]
+    stack[0], stack[1] = 0, m
+    top, made = 2 if m > 0 else 0, 0
     while top > 0:
-        top -= 1
-        first, last = stack[top, 0], stack[top, 1]
+        top -= 2
+        first, last = stack[top], stack[top + 1]
         node = made
         made += 1
-        spans[node, 0], spans[node, 1] = first, last
+        longest, length = 0, -1.0
         for axis in range(3):
-            least[axis], largest[axis] = np.inf, -np.inf
-            boxes[node, axis], boxes[node, 3 + axis] = np.inf, -np.inf
-        for entry in range(first, last):
-            k = items[entry]
-            for axis in range(3):
-                boxes[node, axis] = min(boxes[node, axis], low[k, axis])
-                boxes[node, 3 + axis] = max(boxes[node, 3 + axis], high[k, axis])
+            lowest, highest, least, largest = np.inf, -np.inf, np.inf, -np.inf
+            for entry in range(first, last):
+                k = items[entry]
+                lowest, highest = min(lowest, low[k, axis]), max(highest, high[k, axis])
                 middle = low[k, axis] + high[k, axis]
-                least[axis], largest[axis] = min(least[axis], middle), max(largest[axis], middle)
+                least, largest = min(least, middle), max(largest, middle)
+            nodes[node, BOX + axis], nodes[node, BOX + 3 + axis] = lowest, highest
+            if largest - least > length:
+                longest, length = axis, largest - least
+        nodes[node, FIRST], nodes[node, LAST] = first, last
         if last - first <= most:
             continue
-        longest = 0
-        for axis in range(1, 3):
-            if largest[axis] - least[axis] > largest[longest] - least[longest]:
-                longest = axis
         _sort_by_middles(low, high, longest, items, spare, first, last)
         half = (first + last) // 2
-        stack[top, 0], stack[top, 1] = half, last
-        stack[top + 1, 0], stack[top + 1, 1] = first, half
-        top += 2
+        stack[top], stack[top + 1] = half, last
+        stack[top + 2], stack[top + 3] = first, half
+        top += 4
     # All that follow a node and lie in its span are below it.
     for node in range(made - 1, -1, -1):
         after = node + 1
-        while after < made and spans[after, 0] < spans[node, 1]:
-            after = skips[after]
-        skips[node] = after
+        while after < made and nodes[after, FIRST] < nodes[node, LAST]:
+            after = int(nodes[after, SKIP])
+        nodes[node, SKIP] = after
     for node in range(made):
-        if spans[node, 1] - spans[node, 0] > most:
-            spans[node, 0], spans[node, 1] = -1, -1
+        square = 0.0
+        for axis in range(3):
+            square += (nodes[node, BOX + 3 + axis] - nodes[node, BOX + axis]) ** 2
+        nodes[node, EXTENT] = 0.5 * np.sqrt(square)
+        if nodes[node, LAST] - nodes[node, FIRST] > most:
+            nodes[node, FIRST], nodes[node, LAST] = -1.0, -1.0
     return made
 
 
 def tree(low: Array, high: Array, most: int = _LEAF) -> Tree:
     """The tree over boxes from ``low`` to ``high``, both (m, 3), at most so many in a leaf."""
     m = len(low)
-    items = np.arange(m, dtype=np.int64)
-    room = max(2 * m, 1)
-    boxes, skips = np.empty((room, 6)), np.empty(room, dtype=np.int64)
-    spans = np.empty((room, 2), dtype=np.int64)
-    made = _grow(
-        np.ascontiguousarray(low), np.ascontiguousarray(high), items, boxes, skips, spans, most
+    items, nodes = np.empty(m, dtype=np.int64), np.empty((2 * m, NODE_WIDTH))
+    work = np.empty(m + 2 * _DEEPEST, dtype=np.int64)
+    made = grow_kernel(
+        np.ascontiguousarray(low), np.ascontiguousarray(high), most, items, work, nodes
     )
-    made = made if m else 0
-    nodes = np.empty((made, NODE_WIDTH))
-    nodes[:, BOX : BOX + 6] = boxes[:made]
-    nodes[:, EXTENT] = 0.5 * np.linalg.norm(boxes[:made, 3:] - boxes[:made, :3], axis=1)
-    nodes[:, SKIP], nodes[:, FIRST : LAST + 1] = skips[:made], spans[:made]
+    nodes = nodes[:made].copy()
     for array in (nodes, items):
         array.setflags(write=False)
     return Tree(nodes, items)

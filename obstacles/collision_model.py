@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from kinematics.arrays import Array, Indices
 from kinematics.bounded_cache import array_bytes, bounded_cache
 from kinematics.chain import Chain
+from kinematics.compiled.kernel import kernel
 from obstacles.brackets import Brackets, brackets
 from obstacles.bvh import Tree, tree
 from obstacles.model_arrays import ModelArrays
@@ -36,6 +37,7 @@ from obstacles.scene_set import scene_set
 __all__ = ["CollisionModel", "ModelArrays", "all_pieces", "skipped_pairs"]
 
 _T = TypeVar("_T", bound=np.generic)
+_HALFSPACE = int(CoreKind.HALFSPACE)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -118,31 +120,38 @@ def _packed(robot: RobotGeometry, scene: Scene, margin: float, own_margin: float
     scene.check_placed()
     own, around = _robot_part(robot), _scene_part(scene)
     skipped = skipped_pairs(robot, scene)
-    self_pairs, grid, groups = _own_pairs(robot, scene.allowed_collisions)
-    bodies, carried, moving = _bodies(robot, (~skipped.all(axis=1)).tobytes())
+    skipped.setflags(write=False)
     robot_set = own.pieces.behind(around.pieces)
+    for array in robot_set:
+        array.setflags(write=False)
+    met, allowed = skipped.all(axis=1).tobytes(), scene.allowed_collisions
+    met_things = len(around.tree.items) > 0
+    searches = _searches(robot, allowed, met, met_things)
+    roots = searches.roots
+    if len(around.walls):
+        roots = _with_walls(roots, searches.moving, met_things, skipped, around)
     return ModelArrays(
         chain=robot.chain.model,
         joints=own.carriers,
-        robot=_readonly(robot_set.rows),
+        robot=robot_set.rows,
         scene=around.pieces.rows,
-        corners=_readonly(robot_set.corners),
-        tables=_readonly(robot_set.tables),
-        surfaces=_readonly(robot_set.surfaces),
-        self_pairs=self_pairs,
-        groups=groups,
-        grid_axes=grid.axes,
-        grid_starts=grid.starts,
-        grid_values=grid.values,
+        corners=robot_set.corners,
+        tables=robot_set.tables,
+        surfaces=robot_set.surfaces,
+        self_pairs=searches.self_pairs,
+        groups=searches.groups,
+        grid_axes=searches.grid.axes,
+        grid_starts=searches.grid.starts,
+        grid_values=searches.grid.values,
         nodes=around.tree.nodes,
         items=around.tree.items,
-        skipped=_readonly(skipped),
+        skipped=skipped,
         spheres=own.brackets.spheres,
         sphere_starts=own.brackets.starts,
-        bodies=bodies,
-        carried=carried,
-        walls=_readonly(around.walls),
-        roots=_readonly(_roots(moving, groups, skipped, around)),
+        bodies=searches.bodies,
+        carried=searches.carried,
+        walls=around.walls,
+        roots=roots,
         margin=float(margin),
         own_margin=float(own_margin),
     )
@@ -166,12 +175,14 @@ def skipped_pairs(robot: RobotGeometry, scene: Scene) -> NDArray[np.bool_]:
     skipped = np.zeros((len(robot.pieces), len(scene.obstacles)), dtype=np.bool_)
     skipped[robot.joints < 0] = True
     if scene.allowed_collisions:
-        links = np.array(robot.links)
         column = {name: k for k, name in enumerate(scene.ids)}
-        for a, b in scene.allowed_collisions:
+        # Most that scenes allow is of the robot's own links.
+        named = [pair for pair in scene.allowed_collisions if not column.keys().isdisjoint(pair)]
+        for a, b in named:
             for link, obstacle in ((a, b), (b, a)):
                 if obstacle in column:
-                    skipped[links == link, column[obstacle]] = True
+                    rows = [i for i, name in enumerate(robot.links) if name == link]
+                    skipped[rows, column[obstacle]] = True
     return skipped
 
 
@@ -184,6 +195,21 @@ class _RobotPart(NamedTuple):
     pairs: Indices
     grid: PairGrid
     brackets: Brackets
+
+
+class _Searches(NamedTuple):
+    """Where searches start and what they compare, columns as in ``ModelArrays``.
+
+    ``moving`` are the pieces that meet things, outermost first.
+    """
+
+    self_pairs: Indices
+    grid: PairGrid
+    groups: Indices
+    bodies: Indices
+    carried: Indices
+    moving: Indices
+    roots: Indices
 
 
 class _ScenePart(NamedTuple):
@@ -204,11 +230,10 @@ def _robot_part(robot: RobotGeometry) -> _RobotPart:
     rows = np.vstack([packed.rows, *balls])
     carriers = _readonly(np.concatenate([robot.joints, carried]))
     bodies = {int(joint): p + k for k, joint in enumerate(carried)}
-    own = packed._replace(rows=rows)
+    own = packed._replace(rows=_readonly(rows))
     return _RobotPart(own, carriers, bodies, _readonly(pairs), grid, brackets(robot))
 
 
-@bounded_cache(maxsize=64)
 def _own_pairs(
     robot: RobotGeometry, allowed: frozenset[tuple[str, str]]
 ) -> tuple[Indices, PairGrid, Indices]:
@@ -248,15 +273,31 @@ def _groups(robot: RobotGeometry, bodies: Mapping[int, int], self_pairs: Indices
 
 #: In scenes that allow the same, and most allow nothing, a robot's are the same.
 @bounded_cache(maxsize=64)
-def _bodies(robot: RobotGeometry, met: bytes) -> tuple[Indices, Indices, Indices]:
-    """``ModelArrays.bodies`` and ``carried``, and the pieces that meet things, outermost first.
+def _searches(
+    robot: RobotGeometry, allowed: frozenset[tuple[str, str]], unmet: bytes, met_things: bool
+) -> _Searches:
+    """Searches in a scene, those against half-spaces left out.
 
     Args:
         robot: The robot.
-        met: Bytes of a mask (p,): which of its pieces meet anything.
+        allowed: Pairs of names that may touch.
+        unmet: Bytes of a mask (p,): which of its pieces meet nothing.
+        met_things: Whether there is anything that is no half-space.
     """
+    self_pairs, grid, groups = _own_pairs(robot, allowed)
+    bodies, carried, moving = _bodies(robot, unmet)
+    # What is carried farthest out meets things first.
+    first = moving if met_things else moving[:0]
+    roots = np.zeros((len(first) + len(groups), 2), dtype=np.int64)
+    roots[: len(first), 0], roots[: len(first), 1] = first, -1
+    roots[len(first) :, 0] = -1 - np.arange(len(groups))
+    return _Searches(self_pairs, grid, groups, bodies, carried, moving, _readonly(roots))
+
+
+def _bodies(robot: RobotGeometry, unmet: bytes) -> tuple[Indices, Indices, Indices]:
+    """``ModelArrays.bodies`` and ``carried``, and the pieces that meet things, outermost first."""
     rows = _robot_part(robot).bodies
-    meets = np.frombuffer(met, dtype=np.bool_)
+    meets = ~np.frombuffer(unmet, dtype=np.bool_)
     outermost = np.argsort(-robot.joints, kind="stable")
     carried = outermost[(meets & (robot.joints >= 0))[outermost]]
     # All moving bodies, for their balls: some may have no piece that meets anything.
@@ -273,40 +314,69 @@ def _scene_part(scene: Scene) -> _ScenePart:
     packed = scene_set(scene)
     rows = packed.rows.copy()
     counts = np.array([obstacle.count for obstacle in scene.obstacles], dtype=np.int64)
-    rows[:, OWNER] = np.repeat(np.arange(len(counts)), counts)
-    rows[:, MARGIN] = np.repeat([obstacle.margin for obstacle in scene.obstacles], counts)
-    wall = rows[:, KIND] == CoreKind.HALFSPACE
-    solid = np.flatnonzero(~wall)
-    grown = tree(*_bounds(rows[solid]))
-    items = _readonly(solid[grown.items])
-    kept = packed._replace(rows=_readonly(rows))
-    return _ScenePart(kept, Tree(grown.nodes, items), np.flatnonzero(wall))
+    margins = np.array([obstacle.margin for obstacle in scene.obstacles], dtype=np.float64)
+    low, high = np.empty((len(rows), 3)), np.empty((len(rows), 3))
+    order = np.empty(len(rows), dtype=np.int64)
+    solids = bound_rows_kernel(counts, margins, rows, low, high, order)
+    grown = tree(low[:solids], high[:solids])
+    items = order[grown.items]
+    for array in (rows, order, items):
+        array.setflags(write=False)
+    return _ScenePart(packed._replace(rows=rows), Tree(grown.nodes, items), order[solids:])
 
 
-def _bounds(rows: Array) -> tuple[Array, Array]:
-    """Lowest and highest corners of pieces in the base frame, margins on, both (m, 3)."""
-    T = rows[:, POSE : POSE + 12].reshape(-1, 3, 4)
-    middle = np.einsum("kij,kj->ki", T[:, :, :3], rows[:, MIDDLE : MIDDLE + 3]) + T[:, :, 3]
-    half = np.einsum("kij,kj->ki", np.abs(T[:, :, :3]), rows[:, HALF : HALF + 3])
-    half += rows[:, MARGIN : MARGIN + 1]
-    return middle - half, middle + half
+@kernel(allocates=False, unlocks=False)
+def bound_rows_kernel(
+    counts: Indices, margins: Array, rows: Array, low: Array, high: Array, order: Indices
+) -> int:
+    """Write the obstacles and their margins into the rows (m, WIDTH) of a scene's pieces.
+
+    Args:
+        counts: Pieces of each obstacle.
+        margins: Of each obstacle [m].
+        rows: Of the pieces.
+        low: Filled with the lowest corners of pieces, margins on, half-spaces left out, (m, 3) [m].
+        high: Filled with the highest corners.
+        order: Filled with the numbers of these pieces, and behind them those of half-spaces, (m,).
+
+    Returns:
+        How many pieces are no half-spaces.
+    """
+    k, solids, m = 0, 0, rows.shape[0]
+    for owner in range(counts.shape[0]):
+        for _ in range(counts[owner]):
+            row = rows[k]
+            row[OWNER], row[MARGIN] = owner, margins[owner]
+            if row[KIND] != _HALFSPACE:
+                for axis in range(3):
+                    at = POSE + 4 * axis
+                    middle, half = 0.0, 0.0
+                    for other in range(3):
+                        middle += row[at + other] * row[MIDDLE + other]
+                        half += abs(row[at + other]) * row[HALF + other]
+                    middle, half = middle + row[at + 3], half + row[MARGIN]
+                    low[solids, axis], high[solids, axis] = middle - half, middle + half
+                order[solids] = k
+                solids += 1
+            k += 1
+    walls = solids
+    for k in range(m):
+        if rows[k, KIND] == _HALFSPACE:
+            order[walls] = k
+            walls += 1
+    return solids
 
 
-def _roots(
-    moving: Indices, groups: Indices, skipped: NDArray[np.bool_], around: _ScenePart
-) -> Indices:
-    # What is carried farthest out meets things first.
-    first = moving if len(around.tree.items) else moving[:0]
-    walls = list[tuple[int, int]]()
-    if len(around.walls):
-        owners = around.pieces.rows[:, OWNER].astype(np.int64)
-        walls = [(i, k) for i in moving for k in around.walls if not skipped[i, owners[k]]]
-    roots = np.zeros((len(first) + len(walls) + len(groups), 2), dtype=np.int64)
-    roots[: len(first), 0], roots[: len(first), 1] = first, -1
-    if walls:
-        roots[len(first) : len(first) + len(walls)] = walls
-    roots[len(first) + len(walls) :, 0] = -1 - np.arange(len(groups))
-    return roots
+def _with_walls(
+    roots: Indices, moving: Indices, met_things: bool, skipped: NDArray[np.bool_],
+    around: _ScenePart,
+) -> Indices:  # fmt: skip
+    """Roots with those of searches against half-spaces, which come before own pairs."""
+    owners = around.pieces.rows[:, OWNER].astype(np.int64)
+    walls = [(i, k) for i in moving for k in around.walls if not skipped[i, owners[k]]]
+    first = len(moving) if met_things else 0
+    against = np.array(walls, dtype=np.int64).reshape(-1, 2)
+    return _readonly(np.concatenate([roots[:first], against, roots[first:]]))
 
 
 def _readonly(array: NDArray[_T]) -> NDArray[_T]:

@@ -21,6 +21,7 @@ MAX_OBSTACLES = 10_000
 MAX_NAME = 256
 #: All pieces of a scene, whose each is, and its margin.
 Packed: TypeAlias = tuple[PieceArrays, NDArray[np.int64], Array]
+_HALFSPACE = int(Primitive.HALFSPACE)
 _LAST_ROW = [0.0, 0.0, 0.0, 1.0]
 
 
@@ -274,14 +275,16 @@ def _way_of_packing(obstacle: Obstacle) -> int:
 
 
 def _primitives(obstacles: Iterable[Obstacle]) -> Primitives:
-    chosen = [obstacle for obstacle in obstacles if obstacle.is_primitive]
-    kinds = np.array([obstacle.shape.primitive for obstacle in chosen], dtype=np.int64)
-    measures = np.array([obstacle.shape.measures() for obstacle in chosen]).reshape(-1, 3)
+    chosen = [obstacle for obstacle in obstacles if obstacle.shape.primitive is not None]
+    listed = [obstacle.shape.primitive for obstacle in chosen]
+    kinds = np.array(listed, dtype=np.int64)
+    measures = np.array([x for obstacle in chosen for x in obstacle.shape.measures()])
     # No zero of theirs is negative: those of placed pieces are not either.
     poses = np.array([obstacle.T_world_obstacle for obstacle in chosen]).reshape(-1, 4, 4) + 0.0
-    for k, obstacle in enumerate(chosen):
-        if obstacle.shape.primitive is Primitive.HALFSPACE:
-            poses[k] = obstacle.pieces()[0].T_owner_piece
+    if _HALFSPACE in listed:
+        for k in np.flatnonzero(kinds == _HALFSPACE).tolist():
+            poses[k] = chosen[k].pieces()[0].T_owner_piece
+    measures = measures.reshape(-1, 3)
     for array in (kinds, measures, poses):
         array.setflags(write=False)
     return Primitives(kinds, measures, poses)

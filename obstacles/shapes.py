@@ -37,8 +37,8 @@ class Shape(ABC):
     """A solid in its own frame."""
 
     __slots__ = ()
-    #: Which primitive it is, None where it is none of them.
-    primitive: ClassVar[Primitive | None] = None
+    #: Which ``Primitive`` it is, None where it is none of them.
+    primitive: ClassVar[int | None] = None
 
     def measures(self) -> tuple[float, float, float]:
         """Those of a primitive, as ``Primitive`` lists them, 0 where it has fewer [m]."""
@@ -64,7 +64,7 @@ class Box(Shape):
         InvalidScene: A size is not finite, not positive or out of range.
     """
 
-    primitive: ClassVar[Primitive] = Primitive.BOX
+    primitive: ClassVar[int] = int(Primitive.BOX)
     size: Array
 
     if TYPE_CHECKING:  # the constructor takes whatever makes an array
@@ -99,7 +99,7 @@ class Sphere(Shape):
         InvalidScene: The radius is not finite, not positive or out of range.
     """
 
-    primitive: ClassVar[Primitive] = Primitive.BALL
+    primitive: ClassVar[int] = int(Primitive.BALL)
     radius: float
 
     def __post_init__(self) -> None:
@@ -126,7 +126,7 @@ class Cylinder(Shape):
         InvalidScene: A size is not finite, not positive or out of range.
     """
 
-    primitive: ClassVar[Primitive] = Primitive.CYLINDER
+    primitive: ClassVar[int] = int(Primitive.CYLINDER)
     radius: float
     height: float
 
@@ -180,7 +180,7 @@ class Cone(Shape):
         InvalidScene: A size is not finite, not positive or out of range.
     """
 
-    primitive: ClassVar[Primitive] = Primitive.CONE
+    primitive: ClassVar[int] = int(Primitive.CONE)
     radius: float
     height: float
 
@@ -209,7 +209,7 @@ class HalfSpace(Shape):
         InvalidScene: Not finite, or the normal has no direction.
     """
 
-    primitive: ClassVar[Primitive] = Primitive.HALFSPACE
+    primitive: ClassVar[int] = int(Primitive.HALFSPACE)
     normal: Array
     offset: float
 

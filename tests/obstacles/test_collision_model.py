@@ -12,7 +12,16 @@ from obstacles.checker import Checker
 from obstacles.collision_model import CollisionModel, all_pieces, skipped_pairs
 from obstacles.mesh_distance import touching
 from obstacles.piece import Piece, PieceKind
-from obstacles.piece_set import CENTER, GROUP, GROUP_STOP, POSE, RADIUS, PieceSet
+from obstacles.piece_set import (
+    CENTER,
+    GROUP,
+    GROUP_STOP,
+    MARGIN,
+    OWNER,
+    POSE,
+    RADIUS,
+    PieceSet,
+)
 from obstacles.robot_geometry import RobotGeometry
 from obstacles.scene import Obstacle, Scene
 from obstacles.shapes import Box, HalfSpace, PointCloud, Sphere
@@ -278,3 +287,46 @@ def test_a_link_may_be_in_a_halfspace_that_it_is_allowed_to_touch() -> None:
     assert clearance == pytest.approx(0.8)
     assert pair == ("tool", "ball")
     assert Checker.of(robot, both).free(-below, below)
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_leaves_hold_the_corners_of_their_solids_with_margins(seed: int) -> None:
+    """Boxes along the axes about turned boxes, by their corners; half-spaces are in no leaf."""
+    scene = mixed(seed)
+    model = CollisionModel(builtin("planar_rr"), scene, 0.02).arrays
+    owners = model.scene[:, OWNER].astype(int)
+    np.testing.assert_array_equal(owners, scene.pieces()[1])
+    np.testing.assert_array_equal(model.scene[:, MARGIN], scene.pieces()[2])
+    walls = [k for k, i in enumerate(owners) if isinstance(scene.obstacles[i].shape, HalfSpace)]
+    assert model.walls.tolist() == walls
+    assert sorted([*model.items.tolist(), *walls]) == list(range(len(owners)))
+    signs = np.array(list(itertools.product((-1.0, 1.0), repeat=3)))
+    for node in model.nodes[model.nodes[:, FIRST] >= 0.0]:
+        corners = []
+        for k in model.items[int(node[FIRST]) : int(node[LAST])]:
+            piece, margin = scene.piece(int(k)), float(model.scene[k, MARGIN])
+            T, box = piece.T_owner_piece, piece.local_box()
+            if len(piece.vertices) == 1:  # a ball needs no turn
+                T, box = np.eye(4), np.hstack([T[:3, :3] @ box[:3] + T[:3, 3], box[3:]])
+            turned = (box[:3] + signs * box[3:]) @ T[:3, :3].T + T[:3, 3]
+            corners += [turned - margin, turned + margin]
+        placed = np.vstack(corners)
+        np.testing.assert_allclose(node[:3], placed.min(axis=0), atol=1e-14)
+        np.testing.assert_allclose(node[3:6], placed.max(axis=0), atol=1e-14)
+
+
+def test_half_spaces_come_between_the_tree_and_own_pairs() -> None:
+    robot, scene = builtin("panda"), mixed(5)
+    packed = CollisionModel(robot, scene).arrays
+    walls = set(packed.walls.tolist())
+    met = [i for i in np.argsort(-robot.joints, kind="stable") if robot.joints[i] >= 0]
+    expected = [(i, -1) for i in met] + [(i, k) for i in met for k in packed.walls]
+    expected += [(-1 - g, 0) for g in range(len(packed.groups))]
+    assert [tuple(root) for root in packed.roots.tolist()] == expected
+    alone = CollisionModel(robot, Scene(o for o in scene.obstacles if is_wall(o))).arrays
+    assert {k for i, k in alone.roots.tolist() if i >= 0} == set(range(len(walls)))
+    assert not (alone.roots[:, 1] == -1).any()
+
+
+def is_wall(obstacle: Obstacle) -> bool:
+    return isinstance(obstacle.shape, HalfSpace)
