@@ -138,7 +138,8 @@ def certify(
     """
     wanted = limits or MotionLimits()
     effort = constrained_efforts(wanted.effort, constraints, robot.chain)
-    wanted = replace(wanted, effort=effort)
+    if effort is not wanted.effort:
+        wanted = replace(wanted, effort=effort)
     reports, wrong = check_limits(trajectory, robot.chain.limits, wanted)
     continuity, jumps = check_continuity(trajectory)
     wrong += jumps
@@ -163,11 +164,12 @@ def certify(
     wrong += [proof.violation] if proof.violation else []
     free = solid and proof.violation is None
     obstacle, own = proof.clearances
+    obstacle_pair, own_pair = proof.closest(OBSTACLE), proof.closest(OWN)
     first = min(wrong, key=lambda violation: violation.time) if wrong else None
     return Certificate(
         verified=first is None,
         min_clearance=min(obstacle, own),
-        clearance_pair=proof.closest(OBSTACLE if obstacle <= own else OWN),
+        clearance_pair=obstacle_pair if obstacle <= own else own_pair,
         min_obstacle_clearance=obstacle,
         min_self_clearance=own,
         method=METHOD,
@@ -178,8 +180,8 @@ def certify(
         path_deviation=deviation,
         path_constraints=kept,
         proved=Proved(within, free, _reasons(wrong, None if solid else _no_solids(robot))),
-        obstacle_pair=proof.closest(OBSTACLE),
-        self_pair=proof.closest(OWN),
+        obstacle_pair=obstacle_pair,
+        self_pair=own_pair,
         tool_box=box,
         tool_speed=speed,
     )

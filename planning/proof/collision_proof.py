@@ -95,7 +95,7 @@ class CollisionProof:
 
     def closest(self, against: int) -> tuple[str, str] | None:
         """The pair with the least clearance, of those with obstacles or of the robot's own."""
-        i, j = (int(k) for k in self._sweep.closest[against])
+        i, j = self._sweep.closest[against].tolist()
         return self._table.names(i, j) if i >= 0 else None
 
     def run(self) -> None:

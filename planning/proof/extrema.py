@@ -28,6 +28,8 @@ _MAX_DEPTH = 60
 _NEAREST = 1e-12
 #: Steps towards the root of a derivative.
 _ROOT_STEPS = 8
+#: A step this short ends the search: the part's hull is off by as little.
+_ROOT_FOUND = 1e-14
 
 # Columns of what the kernel writes of each joint.
 VALUE = 0
@@ -95,18 +97,36 @@ def jumps(trajectory: Trajectory, order: int) -> Array:
 @kernel(allocates=False)
 def jumps_kernel(breaks: Array, coefficients: Array, order: int, found: Array) -> None:
     """Kernel of ``jumps``."""
-    m, n, size = coefficients.shape
-    for i in range(m - 1):
-        length = breaks[i + 1] - breaks[i]
-        for j in range(n):
-            before, after = 0.0, 0.0
-            for k in range(size - 1, order - 1, -1):
-                factor = 1.0
-                for step in range(order):
-                    factor *= k - step
-                before = before * length + factor * coefficients[i, j, k]
-                after = factor * coefficients[i + 1, j, k]
-            found[i, j] = after - before
+    for i in range(found.shape[0]):
+        for j in range(found.shape[1]):
+            found[i, j] = _jump(breaks, coefficients, order, i, j)
+
+
+@kernel(allocates=False)
+def largest_jump(breaks: Array, coefficients: Array, order: int) -> float:
+    """The largest of the ``jumps`` of a derivative, whatever its sign; 0 where there are none."""
+    largest = 0.0
+    for i in range(coefficients.shape[0] - 1):
+        for j in range(coefficients.shape[1]):
+            size = abs(_jump(breaks, coefficients, order, i, j))
+            # What is no number is told as such.
+            if size > largest or np.isnan(size):
+                largest = size
+    return largest
+
+
+@kernel(allocates=False)
+def _jump(breaks: Array, coefficients: Array, order: int, i: int, j: int) -> float:
+    """Jump of joint j's derivative at the end of piece i."""
+    length, size = breaks[i + 1] - breaks[i], coefficients.shape[2]
+    before, after = 0.0, 0.0
+    for k in range(size - 1, order - 1, -1):
+        factor = 1.0
+        for step in range(order):
+            factor *= k - step
+        before = before * length + factor * coefficients[i, j, k]
+        after = factor * coefficients[i + 1, j, k]
+    return after - before
 
 
 class LimitUses(NamedTuple):
@@ -181,6 +201,16 @@ def extrema_kernel(
     for j in range(n):
         for largest in (highest, lowest):
             largest[j, VALUE], largest[j, TIME], largest[j, BOUND] = -np.inf, 0.0, -np.inf
+        # Where pieces begin first: of the others few exceed the largest of these.
+        factor = 1.0
+        for step in range(order):
+            factor *= order - step
+        for i in range(m if order < size else 0):
+            value = factor * coefficients[i, j, order]
+            if value > highest[j, VALUE]:
+                highest[j, VALUE], highest[j, TIME] = value, breaks[i]
+            if -value > lowest[j, VALUE]:
+                lowest[j, VALUE], lowest[j, TIME] = -value, breaks[i]
         for i in range(m):
             length = breaks[i + 1] - breaks[i]
             b = stack[_MAX_DEPTH + 1]
@@ -295,8 +325,11 @@ def _where_to_split(b: Array, count: int) -> float:
             low = t
         else:
             high = t
+        before = t
         step = t - slope / curvature if curvature < 0.0 else low
         t = step if low < step < high else 0.5 * (low + high)
+        if abs(t - before) <= _ROOT_FOUND:
+            break
     return min(max(t, _NEAREST), 1.0 - _NEAREST)
 
 

@@ -15,7 +15,15 @@ from kinematics.chain import Limits
 from kinematics.trajectory import Trajectory
 from planning.limits import JERK_JUMP, RATIO_TOLERANCE, MotionLimits, position_excess
 from planning.proof.effort import effort_uses
-from planning.proof.extrema import TIME, VALUE, LimitUses, extrema, jumps, limit_uses
+from planning.proof.extrema import (
+    TIME,
+    VALUE,
+    LimitUses,
+    extrema,
+    jumps,
+    largest_jump,
+    limit_uses,
+)
 from planning.proof.violation import Violation
 
 #: By the order of the derivative.
@@ -58,26 +66,27 @@ def check_limits(
         wanted: Limits in place of them; a jerk that is named here has to be bounded.
     """
     reports, wrong = dict[str, LimitReport](), list[Violation]()
+    bounds = [wanted.bounds.get(name, getattr(limits, name)) for name in QUANTITIES[1:]]
+    upper = np.array([limits.upper, *bounds])
+    finite = np.isfinite(upper[1:])
+    upper[1:][~finite] = np.inf
+    lower = -upper
+    lower[0] = limits.lower
     names = ["position"]
-    for name in QUANTITIES[1:]:
-        limit = wanted.bounds.get(name, getattr(limits, name))
-        if not np.isfinite(limit).any():
+    for name, is_limited in zip(QUANTITIES[1:], finite.any(axis=1), strict=True):
+        if not is_limited:
             continue
-        if name == "jerk" and np.abs(jumps(trajectory, 2)).max(initial=0.0) > JERK_JUMP:
+        if name == "jerk" and _largest_jump(trajectory, 2) > JERK_JUMP:
             wrong += [_jump_violation(trajectory)] if name in wanted.bounds else []
             continue
         names.append(name)
     orders = 1 + QUANTITIES.index(names[-1])
-    lower, upper = np.full((orders, trajectory.n), -np.inf), np.full((orders, trajectory.n), np.inf)
-    lower[0], upper[0] = limits.lower, limits.upper
-    for name in names[1:]:
-        limit = wanted.bounds.get(name, getattr(limits, name))
-        upper[QUANTITIES.index(name)] = np.where(np.isfinite(limit), limit, np.inf)
-    lower[1:] = -upper[1:]
+    lower, upper = lower[:orders], upper[:orders]
     found = limit_uses(trajectory, lower, upper)
+    uses = found.uses.tolist()
     for name in names:
         order = QUANTITIES.index(name)
-        ratio, joint, time, excess, beyond = found.uses[order].tolist()
+        ratio, joint, time, excess, beyond = uses[order]
         reports[name] = LimitReport(ratio, trajectory.joint_names[int(joint)], time)
         if excess > RATIO_TOLERANCE:
             range_ = lower[order], upper[order]
@@ -97,16 +106,19 @@ def check_continuity(trajectory: Trajectory) -> tuple[dict[str, float], list[Vio
     """The largest jumps of position and velocity between pieces, and the first that is one."""
     continuity, wrong = {}, []
     for order, name in enumerate(QUANTITIES[:2]):
-        sizes = np.abs(jumps(trajectory, order))
-        continuity[name] = float(sizes.max(initial=0.0))
+        continuity[name] = _largest_jump(trajectory, order)
         if continuity[name] > JUMP_TOLERANCE:
-            largest = sizes.max(axis=1)
+            largest = np.abs(jumps(trajectory, order)).max(axis=1)
             at = int(np.argmax(largest > JUMP_TOLERANCE))
             first = float(largest[at])
             message = f"the {name} jumps by {first:.3g} between two pieces"
             time = float(trajectory.breaks[at + 1])
             wrong.append(Violation("continuity", time, message, {"quantity": name, "jump": first}))
     return continuity, wrong
+
+
+def _largest_jump(trajectory: Trajectory, order: int) -> float:
+    return float(largest_jump(trajectory.breaks, trajectory.coefficients, order))
 
 
 def _jump_violation(trajectory: Trajectory) -> Violation:

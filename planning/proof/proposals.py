@@ -83,10 +83,11 @@ class Proposal(NamedTuple):
     rows: Array
     simplex: Array
 
-    @classmethod
-    def empty(cls) -> "Proposal":
-        """Arrays to be filled."""
-        return cls(np.empty(3), np.empty((2, WIDTH)), np.empty((8, 3)))
+
+@kernel
+def empty_proposal() -> Proposal:
+    """Arrays to be filled."""
+    return Proposal(np.empty(3), np.empty((2, WIDTH)), np.empty((8, 3)))
 
 
 def packed_pieces(robot: RobotGeometry, scene: Scene, opened: Rows = None) -> PieceSet:

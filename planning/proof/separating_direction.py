@@ -15,6 +15,7 @@ import numpy as np
 
 from kinematics.arrays import Array, Indices
 from kinematics.compiled.kernel import kernel
+from kinematics.compiled.simd import LANES, lane, load
 from obstacles.piece import PieceKind
 
 Vector = tuple[float, float, float]
@@ -33,15 +34,23 @@ _UNITS_A_PIECE = 64.0
 _UNIT = 2.0**-53
 
 
-# Reordering changes a sum of three products by what is allowed for rounding, and lets the maximum
-# compile to vectors; nothing here can be NaN: vertices are finite and so is the direction.
-@kernel(fastmath=True, allocates=False)
+@kernel(allocates=False)
 def highest(columns: Array, start: int, stop: int, x: float, y: float, z: float) -> float:
     """Largest of x v_0 + y v_1 + z v_2 over the columns v from start to stop of (3, v)."""
-    best = -np.inf
-    for k in range(start, stop):
-        best = max(best, x * columns[0, k] + y * columns[1, k] + z * columns[2, k])
-    return best
+    a, b, c = columns[0], columns[1], columns[2]
+    if stop - start < LANES:
+        most = -np.inf
+        for k in range(start, stop):
+            most = max(most, x * a[k] + y * b[k] + z * c[k])
+        return most
+    best = x * load(a, start) + y * load(b, start) + z * load(c, start)
+    for begin in range(start + LANES, stop, LANES):
+        k = min(begin, stop - LANES)  # the last eight may hold some of those before again
+        best = max(best, x * load(a, k) + y * load(b, k) + z * load(c, k))
+    most = lane(best, 0)
+    for number in range(1, LANES):
+        most = max(most, lane(best, number))
+    return most
 
 
 @kernel(allocates=False)

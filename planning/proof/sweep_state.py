@@ -23,7 +23,7 @@ from planning.proof.motion_bounds import (
     piece_length,
 )
 from planning.proof.pair_table import PairArrays
-from planning.proof.proposals import Proposal
+from planning.proof.proposals import Proposal, empty_proposal
 
 #: Pairs there is room for at first.
 _PAIRS = 512
@@ -141,47 +141,55 @@ def start_sweep(trajectory: Trajectory, model: PairArrays) -> Sweep:
         trajectory: The motion.
         model: The pairs.
     """
-    n, b, depths = trajectory.n, model.bodies.shape[1], MAX_DEPTH + 2
-    k, e = len(model.roots), len(model.joints)
+    sizes = model.bodies.shape[1], len(model.joints), model.moving
+    return _start_kernel(trajectory.breaks, trajectory.coefficients, model.roots, sizes)
+
+
+@kernel
+def _start_kernel(
+    breaks: Array, coefficients: Array, roots: Indices, sizes: tuple[int, int, int]
+) -> Sweep:
+    """``start_sweep`` of so many bodies and elements, and elements that move."""
+    bodies, elements, moving = sizes
+    depths, k, (m, n, powers) = MAX_DEPTH + 2, roots.shape[0], coefficients.shape
     capacity = max(_PAIRS, 4 * k)
-    pairs, directions = np.empty((capacity, 2), dtype=np.int64), np.zeros((capacity, 3))
-    pairs[:k] = model.roots
-    counts = np.zeros(depths, dtype=np.int64)
+    pairs, directions = np.empty((capacity, 2), np.int64), np.empty((capacity, 3))
+    pairs[:k], directions[:k] = roots, 0.0
+    starts, counts = np.zeros(depths, np.int64), np.zeros(depths, np.int64)
     counts[0] = k
-    frames = np.zeros((b, 4, 4))
+    frames = np.zeros((bodies, 4, 4))
     frames[:, 3, 3] = 1.0
-    bounds = np.empty((trajectory.pieces, n, PIECE_COLUMNS))
-    piece_bounds(trajectory.breaks, trajectory.coefficients, bounds)
+    bounds = np.empty((m, n, PIECE_COLUMNS))
+    piece_bounds(breaks, coefficients, bounds)
     sweep = Sweep(
-        counters=np.zeros(COUNTERS, dtype=np.int64),
-        piece_bounds=bounds,
-        spans=np.zeros((depths, 4), dtype=np.int64),
-        ends=np.empty((depths, 2)),
-        interval=np.zeros(INTERVAL_COLUMNS),
-        pairs=pairs,
-        directions=directions,
-        starts=np.zeros(depths, dtype=np.int64),
-        counts=counts,
-        referred=np.empty((capacity, 2), dtype=np.int64),
-        referred_moves=np.zeros(capacity),
-        joints=np.empty((b, JOINT_COLUMNS)),
-        frames=frames,
-        poses=np.empty((e, 4, 4)),
-        centers=np.empty((e, 3)),
-        moves=np.empty((model.moving, b, MOVE_COLUMNS)),
-        stamps=np.full(e, -1, dtype=np.int64),
-        clearance=np.full(2, np.inf),
-        closest=np.full((2, 2), -1, dtype=np.int64),
-        nearest=np.full(2, np.inf),
-        shift=np.empty((2, trajectory.coefficients.shape[2])),
-        proposal=Proposal.empty(),
-        waiting=np.empty((_WAITING, 2), dtype=np.int64),
+        np.zeros(COUNTERS, np.int64),
+        bounds,
+        np.zeros((depths, 4), np.int64),
+        np.empty((depths, 2)),
+        np.zeros(INTERVAL_COLUMNS),
+        pairs,
+        directions,
+        starts,
+        counts,
+        np.empty((capacity, 2), np.int64),
+        np.empty(capacity),
+        np.empty((bodies, JOINT_COLUMNS)),
+        frames,
+        np.empty((elements, 4, 4)),
+        np.empty((elements, 3)),
+        np.empty((moving, bodies, MOVE_COLUMNS)),
+        np.full(elements, -1, np.int64),
+        np.full(2, np.inf),
+        np.full((2, 2), -1, np.int64),
+        np.full(2, np.inf),
+        np.empty((2, powers)),
+        empty_proposal(),
+        np.empty((_WAITING, 2), np.int64),
     )
-    last = trajectory.pieces - 1
-    push_pieces(sweep, trajectory.breaks, 0, last, 0)
+    push_pieces(sweep, breaks, 0, m - 1, 0)
     # The end, for how sharp a bound has to be: motions often come nearest to something there.
-    end = piece_length(trajectory.breaks, last)
-    push_part(sweep, last, end, end, 0)
+    end = piece_length(breaks, m - 1)
+    push_part(sweep, m - 1, end, end, 0)
     sweep.spans[sweep.counters[TOP] - 1, 3] = 1
     # The start alone first: what touches there is the first violation.
     push_part(sweep, 0, 0.0, 0.0, 0)

@@ -13,6 +13,7 @@ from planning.proof.extrema import (
     RATIO,
     extrema,
     jumps,
+    largest_jump,
     limit_uses,
     to_bernstein,
 )
@@ -82,6 +83,16 @@ def test_jumps_of_every_order() -> None:
     # At t = 1 the first piece has value 10, velocity 20, acceleration 30, jerk 24.
     for order, jump in enumerate((1e-3, 2e-3, 60.0 - 30.0, 0.0)):
         assert jumps(motion, order)[0, 0] == pytest.approx(jump, abs=1e-12)
+        largest = largest_jump(motion.breaks, motion.coefficients, order)
+        assert largest == pytest.approx(abs(jump), abs=1e-12)
+
+
+def test_the_largest_jump_is_no_number_where_some_jump_is_none() -> None:
+    c, breaks = np.zeros((3, 2, 2)), np.arange(4.0)
+    c[1, 1, 0], c[2, 0, 0] = np.nan, 3.0
+    assert np.isnan(largest_jump(breaks, c, 0))
+    assert largest_jump(breaks, c, 1) == 0.0
+    assert largest_jump(breaks[:2], c[:1], 0) == 0.0
 
 
 def test_uses_of_limits_are_those_of_the_extrema() -> None:

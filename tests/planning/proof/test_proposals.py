@@ -14,7 +14,7 @@ from obstacles.shapes import HalfSpace, PointCloud
 from obstacles.signed_distance import signed_distance
 from planning.proof.interval_check import check_interval
 from planning.proof.pair_table import HOLDER, PairTable
-from planning.proof.proposals import FIRST_NODE, STOP_NODE, Proposal, packed_pieces, propose
+from planning.proof.proposals import FIRST_NODE, STOP_NODE, empty_proposal, packed_pieces, propose
 from planning.proof.separating_direction import gap
 from planning.proof.sweep_state import Sweep, pop_interval, start_sweep
 from tests.obstacles.arms import cup, mesh_shape
@@ -54,7 +54,7 @@ def placed(scene: Scene) -> tuple[PairTable, Sweep]:
 
 def proposed(table: PairTable, sweep: Sweep, i: int, j: int) -> tuple[float, Array]:
     """What is proposed for elements i and j: their distance about, and the direction."""
-    proposal = Proposal.empty()
+    proposal = empty_proposal()
     proposal.axis[:] = sweep.centers[i] - sweep.centers[j] + [1e-3, 2e-3, 3e-3]
     upper = propose(table.arrays.proposals, i, j, sweep.poses, sweep.centers, np.inf, proposal)
     return float(upper), proposal.axis / np.linalg.norm(proposal.axis)

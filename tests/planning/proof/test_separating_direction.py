@@ -8,7 +8,7 @@ import pytest
 from kinematics.arrays import Array
 from obstacles.piece import Piece, PieceArrays, PieceKind
 from obstacles.signed_distance import halfspace_distance, signed_distance
-from planning.proof.separating_direction import direction, gap, rounding_bound
+from planning.proof.separating_direction import direction, gap, highest, rounding_bound
 from tests.obstacles.solids import KINDS, NO_VERTICES, coal_distance, random_solid, random_transform
 
 
@@ -74,3 +74,14 @@ def test_what_is_no_direction_proves_nothing(u: list[float]) -> None:
 def test_rounding_grows_with_lengths_and_stays_far_below_what_is_decided() -> None:
     assert 0.0 < rounding_bound(7, 3.0) < 1e-12
     assert rounding_bound(7, 6.0) == pytest.approx(2.0 * rounding_bound(7, 3.0))
+
+
+@pytest.mark.parametrize("count", [0, 1, 7, 8, 9, 15, 16, 17, 40, 133])
+def test_the_highest_of_some_columns_is_that_of_all_their_products(count: int) -> None:
+    random = np.random.default_rng(count)
+    for _ in range(20):
+        columns, (x, y, z) = random.normal(size=(3, count + 9)), random.normal(size=3)
+        start = int(random.integers(0, 9))
+        products = np.array([x, y, z]) @ columns[:, start : start + count]
+        found = highest(columns, start, start + count, x, y, z)
+        assert found == pytest.approx(products.max(initial=-np.inf), rel=1e-14, abs=1e-15)
