@@ -98,6 +98,8 @@ class Connection(H11Protocol):
                 )
             )
             return
+        if (admission := self._admission) is not None:
+            admission.intake.note_connection()
         self._watch_head()
 
     def connection_lost(self, exc: Exception | None) -> None:

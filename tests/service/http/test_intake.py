@@ -2,6 +2,7 @@
 
 import asyncio
 from functools import partial
+from itertools import pairwise
 
 from service.http.intake import Intake
 from service.http.refusals import Refusals
@@ -21,6 +22,25 @@ def test_one_request_is_taken_in_each_turn_and_others_have_theirs_between() -> N
     assert asyncio.run(run()) == [
         "request 0", "turn 0", "request 1", "turn 1", "request 2", "turn 2", "turn 3", "later",
     ]  # fmt: skip
+
+
+def test_connections_that_are_made_go_first_but_not_for_ever() -> None:
+    async def run(connections: int) -> list[int]:
+        intake, seen, turn = Intake(), list[int](), 0
+        for _ in range(4):
+            intake.take(lambda: seen.append(turn))
+        while len(seen) < 4:
+            if turn < connections:
+                intake.note_connection()
+            await asyncio.sleep(0)
+            turn += 1
+        return seen
+
+    assert asyncio.run(run(0)) == [0, 0, 1, 2]
+    assert asyncio.run(run(3)) == [0, 3, 4, 5], "three turns for three connections"
+    gaps = [b - a for a, b in pairwise(asyncio.run(run(10_000)))]
+    assert max(gaps) < 12, "whoever goes on connecting keeps nobody from being answered"
+    assert min(gaps[1:]) > 4
 
 
 def test_a_request_that_fails_does_not_hold_up_the_next() -> None:
