@@ -3,8 +3,11 @@
 import hashlib
 
 from dynamics.motor import Motor
+from kinematics.arrays import Array
 from kinematics.chain import Chain
+from kinematics.root_frame import TOOL
 from obstacles.decomposition import keep_decompositions
+from obstacles.placement import in_frame, place
 from obstacles.scene import Scene
 from obstacles.visual_geometry import VisualGeometry
 from service.schemas import scene as scene_schema
@@ -81,17 +84,55 @@ def scene(source: Reference | scene_schema.Scene | None) -> Scene:
         NotPrepared: The document of a stored scene has to be prepared first.
         InvalidScene: An inline scene is not valid.
     """
+    return _scene(source)[1][0]
+
+
+def placed_scene(
+    source: Reference | scene_schema.Scene | None,
+    frame: str | None,
+    chain: Chain,
+    joints: Array | None,
+) -> Scene:
+    """A scene in the root frame of a robot.
+
+    One that is kept is kept placed as well: with new obstacles all that planning prepares for a
+    scene would be made anew for each request.
+
+    Args:
+        source: The scene.
+        frame: Of obstacles that name none; None for the root frame.
+        chain: The robot.
+        joints: Where the frame "tool" is meant, shape (n,) [rad or m]; None where nothing says so.
+
+    Raises:
+        NotPrepared: As `scene`.
+        InvalidScene: As `scene`.
+        InvalidLinkName: A frame is unknown, or moves.
+    """
+    key, (found, size) = _scene(source)
+    named = found if frame is None else in_frame(found, frame)
+    if key is None or not named.frames or TOOL in named.frames:
+        return place(named, chain, joints)
+    return _SCENES.get((key, frame, chain), lambda: (place(named, chain), size))[0]
+
+
+def _scene(
+    source: Reference | scene_schema.Scene | None,
+) -> tuple[object | None, tuple[Scene, int]]:
+    """The key that a scene is kept under, None where it is not; the scene with its bytes."""
     if source is None:
-        return Scene()
+        return None, (Scene(), 0)
     if isinstance(source, Reference):
         _keep_decompositions(source)
-        return _SCENES.get(source.hash, lambda: disk_cache.read_scene_and_size(source))[0]
+        found = _SCENES.get(source.hash, lambda: disk_cache.read_scene_and_size(source))
+        return source.hash, found
     text = source.moveit
     if text is None:
-        return poses.scene(source)
+        return None, (poses.scene(source), 0)
     # To read YAML takes longer than to plan in what it tells; many requests bring the same text.
-    key = hashlib.sha256(source.model_dump_json(exclude_none=True).encode()).hexdigest()
-    return _SCENES.get(("inline", key), lambda: (poses.scene(source), len(text)))[0]
+    digest = hashlib.sha256(source.model_dump_json(exclude_none=True).encode()).hexdigest()
+    key = ("inline", digest)
+    return key, _SCENES.get(key, lambda: (poses.scene(source), len(text)))
 
 
 def _keep_decompositions(reference: Reference) -> None:

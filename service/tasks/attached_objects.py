@@ -13,7 +13,6 @@ from kinematics.errors import InvalidScene
 from kinematics.forward import link_number
 from obstacles.attachment import Attachment, grasp, hold
 from obstacles.finger_geometry import with_fingers
-from obstacles.placement import in_frame, place
 from obstacles.robot_geometry import RobotGeometry
 from obstacles.scene import Obstacle, Scene
 from service.schemas import scene as schema
@@ -82,10 +81,8 @@ def requested_scene(
         InvalidLinkName: A frame is unknown, or moves.
     """
     source = None if isinstance(body.scene, str) else body.scene
-    scene = worker_cache.scene(reference or source)
-    if source is not None and body.frame is not None:
-        scene = in_frame(scene, body.frame)
-    return place(scene, chain, joints)
+    frame = None if source is None else body.frame
+    return worker_cache.placed_scene(reference or source, frame, chain, joints)
 
 
 def robot_in_scene(

@@ -1,7 +1,12 @@
 """Scenes as workers keep them: a text that comes again is not read again."""
 
+import numpy as np
 import pytest
 
+from kinematics.errors import InvalidLinkName
+from kinematics.forward import forward
+from kinematics.robots import builtin_chain
+from obstacles.placement import in_frame, place
 from service.schemas.scene import Scene
 from service.storage import worker_cache
 from service.translate import poses
@@ -39,3 +44,44 @@ def test_the_text_of_a_scene_is_read_once(monkeypatch: pytest.MonkeyPatch) -> No
     for number, other in enumerate(others):
         assert worker_cache.scene(other) == original(other)
         assert len(read) == 2 + number
+
+
+def text_in(*frames: str) -> str:
+    """A scene with a box in each frame."""
+    boxes = "".join(
+        f"\n    - id: box_{frame}\n      header: {{frame_id: {frame}}}"
+        "\n      primitives: [{type: box, dimensions: [0.1, 0.2, 0.3]}]"
+        "\n      primitive_poses: [{position: [0.4, 0.1, 0.2], orientation: [0, 0, 0, 1]}]"
+        for frame in frames
+    )
+    return f"world:\n  collision_objects:{boxes}\n"
+
+
+def test_a_scene_that_is_kept_is_kept_in_the_root_frame_too() -> None:
+    panda, ur5e = builtin_chain("panda"), builtin_chain("ur5e")
+    source = Scene(moveit=text_in("panda_link0", "world"))
+    placed = worker_cache.placed_scene(source, None, panda, None)
+    assert placed == place(poses.scene(source), panda)
+    assert worker_cache.placed_scene(source, None, panda, np.zeros(7)) is placed
+    # Another robot has other frames.
+    with pytest.raises(InvalidLinkName, match="panda_link0"):
+        worker_cache.placed_scene(source, None, ur5e, None)
+    # Obstacles that name no frame are in that of the request.
+    rootless = Scene(moveit=TEXT % "0.75")
+    for frame in (None, "panda_link0", "world"):
+        expected = poses.scene(rootless)
+        if frame is not None:
+            expected = place(in_frame(expected, frame), panda)
+        assert worker_cache.placed_scene(rootless, frame, panda, None) == expected
+
+
+def test_what_is_at_the_tool_is_placed_for_each_request() -> None:
+    panda = builtin_chain("panda")
+    source = Scene(moveit=text_in("tool", "panda_link0"))
+    drawn = np.random.default_rng(3).uniform(-1.0, 1.0, (4, 7))
+    for q in drawn:
+        placed = worker_cache.placed_scene(source, None, panda, q)
+        expected = forward(panda, q) @ poses.scene(source).obstacles[0].T_world_obstacle
+        np.testing.assert_allclose(placed.obstacles[0].T_world_obstacle, expected, atol=1e-12)
+    with pytest.raises(InvalidLinkName, match="where the tool is"):
+        worker_cache.placed_scene(source, None, panda, None)
