@@ -1,10 +1,10 @@
 """Time that a plan costs beyond planning: in the client, the server, the worker, and as JSON.
 
-    python -m benchmarks.overhead [--count 200] [--scenes none stored inline moveit moveit_again]
+    python -m benchmarks.overhead [--rounds 30] [--scenes none stored inline moveit moveit_again]
 
 A client with one connection asks a server with one worker for the plans that this process makes of
-the same problems with `planning.pipeline.plan`; they take turns. The built-in Panda moves among
-ten boxes:
+the same problems with `planning.pipeline.plan`; in each round it plans eight motions, then asks for
+them. The built-in Panda moves among ten boxes:
 
 * ``none``: without them; ``stored``: in a scene that is stored, and named by requests;
 * ``inline``: each request brings them, as obstacles;
@@ -12,9 +12,9 @@ ten boxes:
   that was.
 
 Where a request brings a scene of its own, this process plans in a new one, too: whatever planning
-prepares for a scene is no part of the difference. Beside the differences by the clock stand the
-processor times of a request in client, server and worker; the latter is told less that of planning
-in this process.
+prepares for a scene is no part of the difference. Beside the differences by the clock, of medians
+and of the least times of each motion, stand the processor times of a request in client, server and
+worker; the latter is told less that of planning in this process.
 """
 
 import argparse
@@ -48,11 +48,10 @@ SPREAD = np.array([1.2, 0.5, 0.4, 0.5, 0.4, 0.5, 1.0])
 MOTIONS = 8
 #: Least distance of starts and goals from boxes [m].
 CLEARANCE = 0.03
-#: Requests of each kind before those that count: caches fill.
-WARM_UP = 20
 SCENES = ("none", "stored", "inline", "moveit", "moveit_again")
 _COLUMNS = (
-    "in process", "over HTTP", "difference", "its p10", "less stages", "client", "server", "worker",
+    "in process", "over HTTP", "difference", "of minima", "less stages",
+    "client", "server", "worker",
 )  # fmt: skip
 _OBJECT = """\
     - id: {id}
@@ -67,21 +66,19 @@ _OBJECT = """\
 
 
 @dataclass(frozen=True)
-class Asked:
-    """One problem, planned both ways.
+class Spent:
+    """Times of one plan.
 
     Args:
-        inside: Time of planning in this process [s].
-        outside: Time until the client had the plan [s].
-        planning: Processor time of planning in this process [s].
-        client: Processor time of the client [s].
-        stages: Time of all stages by the answer [s].
+        clock: Until it was there [s].
+        processor: Of this process [s].
+        path: What was found.
+        stages: Time of all stages [s].
     """
 
-    inside: float
-    outside: float
-    planning: float
-    client: float
+    clock: float
+    processor: float
+    path: list[list[float]]
     stages: float
 
 
@@ -141,26 +138,28 @@ def _problem(robot: RobotGeometry, cell: Scene, start: Array, goal: Array) -> Pr
     return Problem(robot, cell, start, (JointGoal(goal),))
 
 
-def ask(
-    client: Client,
-    problem: Problem,
-    body: SceneBody | str | None,
-) -> Asked:
-    """Plan a problem here, then over HTTP."""
-    goal = problem.goals[0]
-    assert isinstance(goal, JointGoal)
-    start, end = problem.start.tolist(), goal.joints.tolist()
+def spent_inside(problem: Problem) -> Spent:
+    """Plan in this process."""
     began, spent = time.perf_counter(), time.process_time()
-    here = plan(problem, Options())
-    inside, planning = time.perf_counter() - began, time.process_time() - spent
+    answer = plan(problem, Options())
+    clock, processor = time.perf_counter() - began, time.process_time() - spent
+    assert isinstance(answer, Plan)
+    stages = 1e-3 * sum(stage.milliseconds for stage in answer.stages)
+    return Spent(clock, processor, answer.path.waypoints.tolist(), stages)
+
+
+def spent_outside(
+    client: Client, start: list[float], goal: list[float], body: SceneBody | str | None
+) -> Spent:
+    """Have a plan made over HTTP."""
     began, spent = time.perf_counter(), time.process_time()
-    named = {} if body is None else {"scene": body}
-    there = client.plan("panda", start, end, **named)  # type: ignore[arg-type]
-    outside, took = time.perf_counter() - began, time.process_time() - spent
-    assert isinstance(here, Plan)
-    assert there.path.joints == here.path.waypoints.tolist()
-    stages = 1e-3 * sum(stage.milliseconds for stage in there.stages)
-    return Asked(inside, outside, planning, took, stages)
+    if body is None:
+        answer = client.plan("panda", start, goal)
+    else:
+        answer = client.plan("panda", start, goal, scene=body)
+    clock, processor = time.perf_counter() - began, time.process_time() - spent
+    stages = 1e-3 * sum(stage.milliseconds for stage in answer.stages)
+    return Spent(clock, processor, answer.path.joints, stages)
 
 
 def bodies(kind: str) -> Callable[[], SceneBody | str | None]:
@@ -182,43 +181,51 @@ def cells(kind: str) -> Iterator[Scene]:
         yield kept if kind in ("none", "stored", "moveit_again") else scene()
 
 
-def measure(kind: str, client: Client, pid: int, robot: RobotGeometry, count: int) -> str:
-    """Ask a number of times and give a line of the table."""
-    pairs = itertools.cycle(motions(robot))
-    body, cell = bodies(kind), cells(kind)
-    rows: list[Asked] = []
-    for asked in range(WARM_UP + count):
-        if asked == WARM_UP:
-            before = processor_times(pid)
-        start, goal = next(pairs)
-        rows.append(ask(client, _problem(robot, next(cell), start, goal), body()))
-    after = processor_times(pid)
-    spent = {one: at - before.get(one, 0.0) for one, at in after.items()}
-    server = spent.pop(pid)
-    rows = rows[WARM_UP:]
-    planning = sum(row.planning for row in rows)
-    inside, outside, client_time, stages = (
-        1e3 * np.array([(row.inside, row.outside, row.client, row.stages) for row in rows]).T
-    )
-    told = (
-        np.median(inside),
-        np.median(outside),
-        np.median(outside - inside),
-        np.percentile(outside - inside, 10),
-        np.median(outside - stages),
-        np.median(client_time),
-        1e3 * server / count,
-        1e3 * (sum(spent.values()) - planning) / count,
-    )
+def measure(kind: str, client: Client, pid: int, robot: RobotGeometry, rounds: int) -> str:
+    """Plan all motions both ways in each round, and give a line of the table."""
+    moves, body, cell = motions(robot), bodies(kind), cells(kind)
+    inside: list[Spent] = []
+    outside: list[Spent] = []
+    server = workers = 0.0
+    for number in range(rounds + 1):
+        if number == 1:  # in the first one caches filled
+            inside, outside, server, workers = [], [], 0.0, 0.0
+        problems = [_problem(robot, next(cell), *ends) for ends in moves]
+        inside += [spent_inside(problem) for problem in problems]
+        requests = [(start.tolist(), goal.tolist(), body()) for start, goal in moves]
+        before = processor_times(pid)
+        outside += [spent_outside(client, *request) for request in requests]
+        after = processor_times(pid)
+        spent = {one: at - before.get(one, 0.0) for one, at in after.items()}
+        server += spent.pop(pid)
+        workers += sum(spent.values())
+    assert [one.path for one in inside] == [one.path for one in outside]
+    told = _told(inside, outside)
+    told.append(1e3 * server / len(outside))
+    told.append(1e3 * (workers - sum(one.processor for one in inside)) / len(outside))
     return f"{kind:13}" + "".join(
         f"{value:{len(name) + 2}.2f}" for name, value in zip(_COLUMNS, told, strict=True)
     )
 
 
+def _told(inside: list[Spent], outside: list[Spent]) -> list[float]:
+    """The columns of a line that the clock of this process tells [ms]."""
+    here, there = (1e3 * np.array([one.clock for one in part]) for part in (inside, outside))
+    stages = 1e3 * np.array([one.stages for one in outside])
+    # Motion by motion: they take different times.
+    median, least = (
+        np.median([of(there[k::MOTIONS]) - of(here[k::MOTIONS]) for k in range(MOTIONS)])
+        for of in (np.median, np.min)
+    )
+    client = 1e3 * np.median([one.processor for one in outside])
+    return [float(np.median(here)), float(np.median(there)), float(median), float(least),
+            float(np.median(there - stages)), float(client)]  # fmt: skip
+
+
 def main() -> None:
     """Run the benchmark from the command line."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--count", type=int, default=200)
+    parser.add_argument("--rounds", type=int, default=30)
     parser.add_argument("--scenes", nargs="+", default=SCENES, choices=SCENES)
     asked = parser.parse_args()
     robot = load_robot("panda")
@@ -226,7 +233,7 @@ def main() -> None:
         client.scenes.create(scene_body("boxes"))
         print(f"{'[ms]':13}" + "".join(f"  {name}" for name in _COLUMNS))
         for kind in asked.scenes:
-            print(measure(kind, client, pid, robot, asked.count), flush=True)
+            print(measure(kind, client, pid, robot, asked.rounds), flush=True)
 
 
 if __name__ == "__main__":

@@ -39,7 +39,7 @@ ELSEWHERE = {"agents", "first_motion", "http", "studio_arms"}
 OF_SERVERS: Mapping[str, list[str]] = {
     "batch": ["--count", "3", "--workers", "1", "--rounds", "1"],
     "interactive": ["--jobs", "3", "--requests", "3", "--pause", "0", "--settle", "0"],
-    "overhead": ["--count", "2", "--scenes", "none", "moveit"],
+    "overhead": ["--rounds", "1", "--scenes", "none", "moveit"],
     "overload": ["--clients", "4", "--seconds", "0.3", "--settle", "0", "--requests", "plan"],
     "soak": ["--minutes", "0.02", "--clients", "2", "--rate", "50", "--kill-every", "0.4"],
 }
