@@ -1,6 +1,7 @@
 """Answers that workers compute for robots and scenes, which are prepared first where needed."""
 
 from collections.abc import Awaitable, Callable
+from functools import partial
 from typing import TypeVar
 
 from fastapi import Request
@@ -11,7 +12,7 @@ from service.http.state import models_of, note_reference, repository_of, setting
 from service.problem import ProblemError, from_fields
 from service.schemas.scene import Scene
 from service.storage.cache_key import Reference
-from service.storage.robot_repository import is_built_in
+from service.storage.robot_repository import RobotRepository, is_built_in
 from service.task_references import prepare_robot, prepare_scene, robot_model
 from service.tasks.result import CacheMiss, RobotModel, TaskProblem
 from service.workers.process import OnProgress
@@ -65,20 +66,22 @@ async def _robot_and_scene(
     """
     repository = repository_of(request)
     scene_name = scene_source if isinstance(scene_source, str) else None
-
-    def look_up() -> tuple[Reference, Reference | None]:
-        found = repository.robot(robot_name)
-        return found, None if scene_name is None else repository.scene(scene_name)
-
     arm = repository.recall("robot", robot_name)
     cell = None if scene_name is None else repository.recall("scene", scene_name)
     if arm is None or (scene_name is not None and cell is None):
-        arm, cell = await run_in_threadpool(look_up)
+        arm, cell = await run_in_threadpool(_look_up, repository, robot_name, scene_name)
     assert arm is not None
     note_reference(request, arm)
     if cell is not None:
         note_reference(request, cell)
     return arm, cell
+
+
+def _look_up(
+    repository: RobotRepository, robot_name: str, scene_name: str | None
+) -> tuple[Reference, Reference | None]:
+    robot = repository.robot(robot_name)
+    return robot, None if scene_name is None else repository.scene(scene_name)
 
 
 async def model(request: Request, name: str) -> RobotModel:
@@ -122,11 +125,18 @@ async def answer(
     Raises:
         ProblemError: NOT_FOUND; what the task refused; all of `compute`.
     """
-
-    async def job() -> Job[_R | TaskProblem | CacheMiss]:
-        return make_job(*await _robot_and_scene(request, robot_name, scene_source))
-
+    # Not a function in here: its annotations would be evaluated for every request.
+    job = partial(_job, request, make_job, robot_name, scene_source)
     return await _answer(request, job, timeout, on_progress)
+
+
+async def _job(
+    request: Request,
+    make_job: Callable[[Reference, Reference | None], Job[_R | TaskProblem | CacheMiss]],
+    robot_name: str,
+    scene_source: str | Scene | None,
+) -> Job[_R | TaskProblem | CacheMiss]:
+    return make_job(*await _robot_and_scene(request, robot_name, scene_source))
 
 
 async def answer_at_once(

@@ -50,9 +50,13 @@ class BodyLimit:
         if scope["type"] != "http" or JOB_CONTEXT in scope:
             await self._app(scope, receive, send)
             return
+        has_arrived = (
+            ARRIVAL in scope
+        )  # whole, and waited for its turn: there is nothing to wait for
         arrival = scope.setdefault(ARRIVAL, time.monotonic())
         self._check_head(Headers(scope=scope))
-        content, is_whole = await self._next(receive, arrival)
+        message = await receive() if has_arrived else await self._in_time(receive, arrival)
+        content, is_whole = _part(message)
         if is_whole:
             self._check_size(len(content))
         else:
@@ -92,23 +96,16 @@ class BodyLimit:
                 stored.write(part)
                 if is_whole:
                     break
-                part, is_whole = await self._next(receive, arrival)
+                part, is_whole = _part(await self._in_time(receive, arrival))
             stored.seek(0)
             return stored.read()
-
-    async def _next(self, receive: Receive, arrival: float) -> tuple[bytes, bool]:
-        """The next part of a body, and whether it is the last one."""
-        left = arrival + self._deadline - time.monotonic()
-        message = await self._in_time(receive, left)
-        if message["type"] == "http.disconnect":
-            raise ClientDisconnect
-        return message.get("body", b""), not message.get("more_body", False)
 
     def _check_size(self, size: int) -> None:
         if size > self._max_size:
             raise self._too_large()
 
-    async def _in_time(self, receive: Receive, left: float) -> Message:
+    async def _in_time(self, receive: Receive, arrival: float) -> Message:
+        left = arrival + self._deadline - time.monotonic()
         try:
             # Not wait_for: until Python 3.12 it may swallow a cancellation.
             async with asyncio.timeout(max(min(self._silence, left), 0.0)):
@@ -132,3 +129,14 @@ class BodyLimit:
             hint="Split the request, or raise ARMWRIGHT_MAX_BODY_SIZE where the service is run.",
             max_body_size=self._max_size,
         )
+
+
+def _part(message: Message) -> tuple[bytes, bool]:
+    """The part of a body that a message brings, and whether it is the last one.
+
+    Raises:
+        ClientDisconnect: It says that the client left.
+    """
+    if message["type"] == "http.disconnect":
+        raise ClientDisconnect
+    return message.get("body", b""), not message.get("more_body", False)

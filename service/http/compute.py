@@ -1,6 +1,7 @@
 """The work of a request, done in a worker: for a client that waits, or as part of a job."""
 
 import asyncio
+import contextlib
 import time
 from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager
@@ -12,6 +13,7 @@ from planning.deadline import Deadline
 from service.access.caller import caller_of
 from service.http.admission import Admission
 from service.http.body_limit import ARRIVAL
+from service.http.departure import DEPARTURE, Departure
 from service.http.job_context import end_dry_run, job_context
 from service.http.state import settings_of, supervisor_of
 from service.problem import ProblemError
@@ -74,7 +76,7 @@ async def compute(
         background = Background(seconds, context.on_start, silence)
         return await supervisor.submit(job, on_progress or context.on_progress, background)
     admission: Admission = request.app.state.admission
-    admission.note(request.method, request.url.path, job.task)
+    admission.note(request.method, request.scope["path"], job.task)
     timed = job.with_deadline(deadline_of(request, seconds))
     async with _ending_with_client(request):
         return await supervisor.submit(timed, client=client_of(request))
@@ -117,32 +119,29 @@ async def _ending_with_client(request: Request) -> AsyncIterator[None]:
     # first would cost more than the rest of a request's way to its worker.
     awaiting = asyncio.current_task()
     assert awaiting is not None
-    has_left = False
-
-    def note(leaving: "asyncio.Task[None]") -> None:
-        nonlocal has_left
-        # Whatever is wrong with the connection: nobody can be answered on it.
-        if not leaving.cancelled():
-            has_left = True
-            leaving.exception()
-            awaiting.cancel()
-
-    leaving = asyncio.create_task(_disconnection(request))
-    leaving.add_done_callback(note)
+    departure, leaving = request.scope.get(DEPARTURE), None
+    if departure is None:  # of another server
+        departure = Departure()
+        leaving = asyncio.create_task(_tell_disconnection(request, departure))
+    departure.tell(awaiting.cancel)
     try:
         yield
     except asyncio.CancelledError:
-        if has_left and awaiting.uncancel() == 0:
+        if departure.has_come and awaiting.uncancel() == 0:
             raise ProblemError(
                 "PREEMPTED", "the client left", stage="worker", status=_CLIENT_LEFT
             ) from None
         raise
     finally:
-        leaving.remove_done_callback(note)
-        leaving.cancel()
+        departure.forget(awaiting.cancel)
+        if leaving is not None:
+            leaving.cancel()
 
 
-async def _disconnection(request: Request) -> None:
-    # The body has been read, so the only message there can still be is the last one.
-    while (await request.receive())["type"] != "http.disconnect":
-        pass
+async def _tell_disconnection(request: Request, departure: Departure) -> None:
+    # The body has been read, so the only message there can still be is the last one; and whatever
+    # is wrong with the connection, nobody can be answered on it.
+    with contextlib.suppress(Exception):
+        while (await request.receive())["type"] != "http.disconnect":
+            pass
+    departure.come()

@@ -15,6 +15,7 @@ from uvicorn.protocols.http.h11_impl import H11Protocol
 
 from service.http.admission import Admission, read_simple
 from service.http.body_limit import ARRIVAL
+from service.http.departure import DEPARTURE, Departure
 from service.http.errors import PROBLEM_MEDIA_TYPE, document, status_of
 from service.http.joined_writes import JoinedWrites
 from service.http.security_headers import SECURITY_HEADERS
@@ -80,6 +81,7 @@ class Connection(H11Protocol):
         self._held: bytes | None = None
         self._begun = b""
         self._rest_timer: asyncio.TimerHandle | None = None
+        self._departure = Departure()
 
     def connection_made(self, transport: asyncio.BaseTransport) -> None:
         """Begin to wait for a request, or refuse the connection where there are too many."""
@@ -108,6 +110,7 @@ class Connection(H11Protocol):
         self._stop_rest_timer()
         self._end_request()
         super().connection_lost(exc)
+        self._departure.come()
 
     def data_received(self, data: bytes) -> None:
         """Take what arrived; a head that has begun must end in time."""
@@ -158,7 +161,8 @@ class Connection(H11Protocol):
             self._pass_on(data + held)
 
     async def _answer(self, scope: Scope, receive: Receive, send: Send) -> None:
-        """The application; it is told when a request came that had to wait for its turn."""
+        """The application, told when a request came that had to wait for its turn."""
+        scope[DEPARTURE] = self._departure
         arrival, self._arrival = self._arrival, None
         if arrival is not None:
             scope[ARRIVAL] = arrival

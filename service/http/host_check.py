@@ -59,6 +59,7 @@ class HostCheck:
     def __init__(self, app: ASGIApp, names: frozenset[str]) -> None:
         self._app = app
         self._names = names
+        self._allowed = ""
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
         """Pass a request on.
@@ -69,12 +70,17 @@ class HostCheck:
         if scope["type"] == "http" and JOB_CONTEXT not in scope:
             host = Headers(scope=scope).get("host")
             # HTTP/1.1 without the header is refused by the parser; older requests come from probes.
-            if host is not None and not allowed_host(host, self._names):
-                raise HttpProblemError(
-                    "HOST_NOT_ALLOWED",
-                    f"this service does not answer for the host {host[:100]!r}",
-                    {"Connection": "close"},
-                    stage="request",
-                    hint="List the name in ARMWRIGHT_ALLOWED_HOSTS where the service is run.",
-                )
+            if host is not None and host != self._allowed:
+                self._check(host)
         await self._app(scope, receive, send)
+
+    def _check(self, host: str) -> None:
+        if not allowed_host(host, self._names):
+            raise HttpProblemError(
+                "HOST_NOT_ALLOWED",
+                f"this service does not answer for the host {host[:100]!r}",
+                {"Connection": "close"},
+                stage="request",
+                hint="List the name in ARMWRIGHT_ALLOWED_HOSTS where the service is run.",
+            )
+        self._allowed = host  # most requests come in the same name

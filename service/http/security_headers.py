@@ -1,6 +1,5 @@
 """Headers of every answer that tell browsers to be careful with it."""
 
-from starlette.datastructures import MutableHeaders
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 #: Answers are data: nothing in them may be run, shown in a frame or taken for another type.
@@ -11,6 +10,7 @@ SECURITY_HEADERS = {
     "X-Content-Type-Options": "nosniff",
     "X-Frame-Options": "DENY",
 }
+_FIELDS = [(name.lower().encode(), value.encode()) for name, value in SECURITY_HEADERS.items()]
 
 
 class SecurityHeaders:
@@ -31,9 +31,11 @@ class SecurityHeaders:
 
         async def send_with_headers(message: Message) -> None:
             if message["type"] == "http.response.start":
-                headers = MutableHeaders(scope=message)
-                for name, value in SECURITY_HEADERS.items():
-                    headers.setdefault(name, value)
+                own = {name for name, _ in message.setdefault("headers", [])}
+                message["headers"] = [
+                    *message["headers"],
+                    *(field for field in _FIELDS if field[0] not in own),
+                ]
             await send(message)
 
         await self._app(scope, receive, send_with_headers)
