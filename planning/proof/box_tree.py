@@ -13,13 +13,27 @@ from obstacles.bvh import BOX, FIRST, LAST, SKIP
 
 _BOX = slice(BOX, BOX + 6)
 # What is found of leaves.
-_LEAVES_ONCE, _LEAVES_APART, _LEAVES_LACK = 0, 1, 2
+LEAVES_ONCE, _LEAVES_APART, _LEAVES_LACK = 0, 1, 2
 # What is found of nodes.
-_CONTAINED, _WRONG_BOXES, _HANGS_WRONG = 0, 1, 2
+CONTAINED, WRONG_BOXES, _HANGS_WRONG = 0, 3, 4
 
 
 class BrokenTree(RuntimeError):
     """A tree of boxes lacks a solid or holds one twice: the program is at fault, not the caller."""
+
+
+def refuse_broken(found: int) -> None:
+    """Refuse a tree by what the kernels below found of it.
+
+    Raises:
+        BrokenTree: It does not hold every solid, or node, once.
+    """
+    if found == _LEAVES_APART:
+        raise BrokenTree("the leaves of a tree of boxes do not follow each other")
+    if found == _LEAVES_LACK:
+        raise BrokenTree("a tree of boxes does not hold every solid once")
+    if found == _HANGS_WRONG:
+        raise BrokenTree("a node of a tree of boxes hangs below none or several")
 
 
 def leaf_boxes(nodes: Array, items: Indices, low: Array, high: Array) -> Array:
@@ -38,11 +52,7 @@ def leaf_boxes(nodes: Array, items: Indices, low: Array, high: Array) -> Array:
         BrokenTree: Some solid is in no leaf, or in several.
     """
     boxes, seen = np.empty((len(nodes), 6)), np.zeros(len(low), dtype=np.int64)
-    found = leaf_boxes_kernel(nodes, items, low, high, seen, boxes)
-    if found == _LEAVES_APART:
-        raise BrokenTree("the leaves of a tree of boxes do not follow each other")
-    if found == _LEAVES_LACK:
-        raise BrokenTree("a tree of boxes does not hold every solid once")
+    refuse_broken(leaf_boxes_kernel(nodes, items, low, high, seen, boxes))
     return boxes
 
 
@@ -72,7 +82,7 @@ def leaf_boxes_kernel(
             for axis in range(3):
                 boxes[k, axis] = min(boxes[k, axis], low[item, axis])
                 boxes[k, 3 + axis] = max(boxes[k, 3 + axis], high[item, axis])
-    return _LEAVES_ONCE if next_item == m else _LEAVES_APART
+    return LEAVES_ONCE if next_item == m else _LEAVES_APART
 
 
 def check_nodes(nodes: Array, first: int, roots: Indices, boxes: Array) -> tuple[Array, Indices]:
@@ -94,9 +104,8 @@ def check_nodes(nodes: Array, first: int, roots: Indices, boxes: Array) -> tuple
     hung = np.zeros(len(nodes), dtype=np.int64)
     children = np.empty(2 * len(nodes), dtype=np.int64)
     found, count = check_nodes_kernel(nodes, first, roots, hung, boxes, children)
-    if found == _HANGS_WRONG:
-        raise BrokenTree("a node of a tree of boxes hangs below none or several")
-    if found == _WRONG_BOXES:
+    refuse_broken(found)
+    if found == WRONG_BOXES:
         right = nodes.copy()
         right[:, _BOX] = boxes
         nodes = right
@@ -147,4 +156,4 @@ def check_nodes_kernel(
                 and nodes[k, BOX + 3 + axis] >= boxes[k, 3 + axis]
             ):
                 contained = False
-    return _CONTAINED if contained else _WRONG_BOXES, count
+    return CONTAINED if contained else WRONG_BOXES, count

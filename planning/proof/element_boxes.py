@@ -5,40 +5,43 @@ import numpy as np
 from kinematics.arrays import Array, Indices
 from kinematics.compiled.kernel import kernel
 from obstacles.bvh import BOX, FIRST, LAST, SKIP
+from obstacles.piece import PieceKind
 
+_HALFSPACE = int(PieceKind.HALFSPACE)
 #: What rounding may have taken off a box [relative].
 _BOX_ROUNDING = 1e-15
 
 
-def placed_boxes(poses: Array, boxes: Array, chosen: Indices) -> tuple[Array, Array]:
-    """Boxes along the axes that hold turned boxes.
+@kernel(allocates=False, unlocks=False)
+def solid_boxes_kernel(
+    kinds: Indices, poses: Array, boxes: Array, numbers: Indices, low: Array, high: Array
+) -> int:
+    """Write boxes along the axes that hold the turned boxes of pieces, half-spaces left out.
 
     Args:
-        poses: Of all pieces, shape (p, 4, 4).
+        kinds: As ``PieceKind``, shape (p,).
+        poses: Shape (p, 4, 4).
         boxes: Middles and half sizes of boxes that hold them, in their own frames, shape (p, 6).
-        chosen: Those that are asked for, shape (m,).
+        numbers: Filled with those that are no half-spaces, shape (p,).
+        low: Filled with their lowest corners, shape (p, 3) [m].
+        high: Filled with their highest corners, shape (p, 3) [m].
 
     Returns:
-        Lowest and highest corners, shape (m, 3) each [m].
+        How many there are.
     """
-    low, high = np.empty((len(chosen), 3)), np.empty((len(chosen), 3))
-    placed_boxes_kernel(poses, boxes, chosen, low, high)
-    return low, high
-
-
-@kernel(allocates=False, unlocks=False)
-def placed_boxes_kernel(
-    poses: Array, boxes: Array, chosen: Indices, low: Array, high: Array
-) -> None:
-    """Write ``placed_boxes``."""
-    for entry in range(chosen.shape[0]):
-        k = chosen[entry]
+    m = 0
+    for k in range(kinds.shape[0]):
+        if kinds[k] == _HALFSPACE:
+            continue
         for row in range(3):
             middle, half = poses[k, row, 3], 0.0
             for axis in range(3):
                 middle += poses[k, row, axis] * boxes[k, axis]
                 half += abs(poses[k, row, axis]) * boxes[k, 3 + axis]
-            low[entry, row], high[entry, row] = middle - half, middle + half
+            low[m, row], high[m, row] = middle - half, middle + half
+        numbers[m] = k
+        m += 1
+    return m
 
 
 def boxes_of_nodes(nodes: Array) -> Array:
@@ -58,48 +61,35 @@ def boxes_of_nodes_kernel(nodes: Array, boxes: Array) -> None:
             boxes[k, 3 + axis] = 0.5 * (high - low) + _BOX_ROUNDING * (abs(low) + abs(high))
 
 
+@kernel(allocates=False)
 def hold_items(
-    nodes: Array, items: Indices, children: Indices, margins: Array
-) -> tuple[Indices, Indices, Array]:
-    """Elements directly below the nodes of a tree.
+    nodes: Array, items: Indices, children: Indices, margins: Array, below: Indices,
+    kids: Indices, most: Array,
+) -> None:  # fmt: skip
+    """Hang items and nodes below the nodes of a tree.
 
     Args:
         nodes: Shape (t, 10), columns as in ``obstacles.bvh``.
-        items: Elements in the order of the leaves, shape (m,).
-        children: Elements below the inner nodes, two of each in turn.
-        margins: Of the items, in the same order, shape (m,) [m].
-
-    Returns:
-        How many hang below each node, shape (t,), which, one node's behind the other's, and the
-        largest margin below each node, shape (t,) [m].
+        items: Items in the order of the leaves, shape (m,).
+        children: Nodes below the inner nodes, two of each in turn.
+        margins: Of all items, by their numbers [m].
+        below: Filled with where those below each node start in ``kids``, shape (t + 1,).
+        kids: Filled with items, and with nodes counted from -1 down, one node's behind the
+            other's, shape (m + t - 1,).
+        most: Filled with the largest margin below each node, shape (t,) [m].
     """
-    t = len(nodes)
-    spans, kids = np.empty(t, dtype=np.int64), np.empty(len(items) + len(children), dtype=np.int64)
-    most = np.empty(t)
-    hold_items_kernel(nodes, items, children, margins, spans, kids, most)
-    return spans, kids, most
-
-
-@kernel(allocates=False, unlocks=False)
-def hold_items_kernel(
-    nodes: Array, items: Indices, children: Indices, margins: Array, spans: Indices,
-    kids: Indices, most: Array,
-) -> None:  # fmt: skip
-    """Write ``hold_items``."""
     made, inner = 0, 0
     for k in range(nodes.shape[0]):
-        most[k] = 0.0
+        below[k], most[k] = made, 0.0
         if nodes[k, FIRST] >= 0.0:
-            first, last = int(nodes[k, FIRST]), int(nodes[k, LAST])
-            spans[k] = last - first
-            for entry in range(first, last):
+            for entry in range(int(nodes[k, FIRST]), int(nodes[k, LAST])):
                 kids[made] = items[entry]
                 made += 1
-                most[k] = max(most[k], margins[entry])
+                most[k] = max(most[k], margins[items[entry]])
         else:
-            spans[k] = 2
-            kids[made], kids[made + 1] = children[inner], children[inner + 1]
+            kids[made], kids[made + 1] = -1 - children[inner], -1 - children[inner + 1]
             made, inner = made + 2, inner + 2
+    below[nodes.shape[0]] = made
     for k in range(nodes.shape[0] - 1, -1, -1):
         if not nodes[k, FIRST] >= 0.0:
             most[k] = max(most[k + 1], most[int(nodes[k + 1, SKIP])])

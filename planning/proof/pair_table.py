@@ -7,7 +7,7 @@ pair of elements that can be proved apart settles all pairs below it.
 
 from dataclasses import dataclass, replace
 from itertools import combinations
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,20 +15,12 @@ from numpy.typing import NDArray
 from kinematics.arrays import Array, Indices, frozen
 from kinematics.bounded_cache import array_bytes, bounded_cache
 from kinematics.chain import Chain
-from obstacles.bvh import FIRST, tree
 from obstacles.piece import Piece, PieceArrays, PieceKind
 from obstacles.robot_geometry import RobotGeometry
 from obstacles.scene import Scene
-from planning.proof.box_tree import check_nodes, leaf_boxes
-from planning.proof.element_boxes import (
-    boxes_of_nodes,
-    extents,
-    hold_items,
-    placed_boxes,
-)
+from planning.proof.elements import HOLDER, Elements, boxes_over, join, solids
 from planning.proof.motion_bounds import PARENT, TYPE
 from planning.proof.proposals import (
-    FIRST_NODE,
     STOP_NODE,
     PackedPieces,
     ProposalRows,
@@ -37,9 +29,9 @@ from planning.proof.proposals import (
     rows_before,
 )
 
-_HERE = frozen(np.eye(4))
-#: The kind of an element that only holds others; the rest are of ``PieceKind``.
-HOLDER = -1
+__all__ = ["HOLDER", "PairArrays", "PairTable"]
+
+_HALFSPACE = int(PieceKind.HALFSPACE)
 
 
 class PairArrays(NamedTuple):
@@ -168,83 +160,63 @@ class PairTable:
         return replace(piece, vertices=corners, offset_radius=0.0, surface=None)
 
 
-class _Elements(NamedTuple):
-    """Some elements, columns as in ``PairArrays``; how many vertices and kids each has."""
-
-    kinds: Indices
-    counts: Indices
-    vertices: Array
-    sizes: Array
-    poses: Array
-    centers: Array
-    radii: Array
-    boxes: Array
-    kid_counts: Indices
-    kids: Indices
-    parts: Indices
-    row: Indices
-    first: Indices
-    margins: Array
-
-    @classmethod
-    def concatenate(cls, *blocks: "_Elements") -> "_Elements":
-        """Those of several one behind the other."""
-        return cls(*map(np.concatenate, zip(*blocks, strict=True)))
-
-
 @bounded_cache(maxsize=8, weigh=array_bytes)
 def _arrays(robot: RobotGeometry, scene: Scene, opened: Rows) -> PairArrays:
     packed, p = packed_pieces(robot, scene, opened), len(robot.pieces)
     still, owners, margins = scene.pieces()
-    nodes = int(packed.rows[p:, STOP_NODE].max(initial=0.0))
-    own, own_extents, corners = _own(robot, rows_before(opened, p))
+    own, corners = _own(robot, rows_before(opened, p))
     # The scene's corners come first in what is packed.
     ahead = len(packed.corners) - corners
-    own = own._replace(first=np.where(own.first >= 0, own.first + ahead, -1))
+    if ahead:
+        own = own._replace(first=np.where(own.first >= 0, own.first + ahead, -1))
     moving = len(own.kinds)
-    around = _solids(still, packed, slice(p, None), slice(0, nodes), moving)
-    placed = around.row - p
-    around = around._replace(parts=owners[placed], margins=margins[placed])
-    boxed = _tree(still, margins, moving, moving + len(around.kinds))
-    everything = _Elements.concatenate(own, around, boxed)
-    joints = np.full(len(everything.kinds), -1, dtype=np.int64)
-    joints[:moving] = robot.joints[own.parts]
-    skipped = _pairs_that_may_touch(robot, scene)
-    walls = moving + np.flatnonzero(still.kinds == PieceKind.HALFSPACE)
-    tops = [len(joints) - len(boxed.kinds)] if len(boxed.kinds) else []
+    around = _around(packed, still, owners, margins, moving)
+    boxed = boxes_over(still, margins, moving, moving + len(around.kinds))
+    joined, skipped = join(own, around, boxed), _pairs_that_may_touch(robot, scene)
+    tops = [moving + len(around.kinds)] if len(boxed.kinds) else []
+    tops += (moving + np.flatnonzero(still.kinds == _HALFSPACE)).tolist()
     return PairArrays(
-        **_joints(robot.chain),
-        roots=_roots(robot, scene, [*tops, *walls.tolist()], skipped),
+        *_joints(robot.chain),
+        roots=_roots(robot, scene, tops, skipped),
         moving=moving,
-        margins=everything.margins,
+        margins=joined.margins,
         margin=0.0,
-        joints=joints,
-        kinds=everything.kinds,
-        starts=_starts(everything.counts),
-        columns=np.ascontiguousarray(everything.vertices.T),
-        sizes=everything.sizes,
-        poses=everything.poses,
-        centers=everything.centers,
-        radii=everything.radii,
-        boxes=everything.boxes,
-        extents=np.concatenate(
-            [
-                own_extents,
-                *(extents(block.boxes, block.poses, block.sizes) for block in (around, boxed)),
-            ]
-        ),
-        below=_starts(everything.kid_counts),
-        kids=everything.kids,
-        parts=everything.parts,
+        joints=joined.joints,
+        kinds=joined.kinds,
+        starts=joined.starts,
+        columns=joined.vertices,
+        sizes=joined.sizes,
+        poses=joined.poses,
+        centers=joined.centers,
+        radii=joined.radii,
+        boxes=joined.boxes,
+        extents=joined.extents,
+        below=joined.below,
+        kids=joined.kids,
+        parts=joined.parts,
         skipped=skipped,
         proposals=ProposalRows(
-            packed.rows, everything.row, everything.first, packed.corners, packed.tables
+            packed.rows, joined.row, joined.first, packed.corners, packed.tables
         ),
     )
 
 
-def _joints(chain: Chain) -> dict[str, NDArray[Any]]:
-    """The columns of ``PairArrays`` that tell how bodies hang on each other."""
+def _around(
+    packed: PackedPieces, still: PieceArrays, owners: Indices, margins: Array, moving: int
+) -> Elements:
+    """The scene's elements but the tree over them."""
+    p = len(packed.rows) - len(still)
+    nodes = int(packed.rows[p:, STOP_NODE].max(initial=0.0))
+    around = solids(still, packed, slice(p, None), slice(0, nodes), moving)
+    if not nodes:
+        return around._replace(parts=owners, margins=margins)
+    placed = around.row - p
+    return around._replace(parts=owners[placed], margins=margins[placed])
+
+
+@bounded_cache(maxsize=8, weigh=array_bytes)
+def _joints(chain: Chain) -> tuple[Indices, Array, Array, Indices]:
+    """The first columns of ``PairArrays``, which tell how bodies hang on each other."""
     n, followers = chain.n, chain.followers
     bodies = np.empty((2, n + len(followers)), dtype=np.int64)
     bodies[TYPE, :n], bodies[PARENT, :n] = chain.joint_types, np.arange(-1, n - 1)
@@ -254,7 +226,7 @@ def _joints(chain: Chain) -> dict[str, NDArray[Any]]:
     leads = np.array([[f.multiplier, f.offset] for f in followers]).reshape(-1, 2)
     leaders = np.array([f.leader for f in followers], dtype=np.int64)
     offsets = frozen(np.concatenate([chain.offsets, own]))
-    return {"bodies": bodies, "offsets": offsets, "leads": leads, "leaders": leaders}
+    return bodies, offsets, leads, leaders
 
 
 def _pairs_that_may_touch(robot: RobotGeometry, scene: Scene) -> NDArray[np.bool_]:
@@ -269,6 +241,8 @@ def _pairs_that_may_touch(robot: RobotGeometry, scene: Scene) -> NDArray[np.bool
         return skipped
     columns, rows = {name: k for k, name in enumerate(scene.ids)}, _pieces_by_name(robot)
     for pair in scene.allowed_collisions:
+        if pair[0] not in columns and pair[1] not in columns:  # as most that scenes allow
+            continue
         for link, name in (pair, pair[::-1]):
             if link in rows and name in columns:
                 skipped[rows[link], columns[name]] = True
@@ -285,77 +259,12 @@ def _pieces_by_name(robot: RobotGeometry) -> dict[str, list[int]]:
 
 
 @bounded_cache(maxsize=8)
-def _own(robot: RobotGeometry, opened: Rows) -> tuple[_Elements, Array, int]:
-    """The robot's elements alone, their extents, and how many corners are packed with them."""
+def _own(robot: RobotGeometry, opened: Rows) -> tuple[Elements, int]:
+    """The robot's elements alone, and how many corners are packed with them."""
     packed = packed_pieces(robot, Scene(()), opened)
-    own = _solids(robot.arrays, packed, slice(None), slice(None), 0)
-    own = own._replace(parts=own.row, margins=np.zeros(len(own.kinds)))
-    return own, extents(own.boxes, own.poses, own.sizes), len(packed.corners)
-
-
-def _starts(counts: Indices) -> Indices:
-    return np.concatenate([[0], np.cumsum(counts)]).astype(np.int64)
-
-
-def _solids(
-    arrays: PieceArrays, packed: PackedPieces, rows: slice, nodes: slice, base: int
-) -> _Elements:
-    """Pieces, and behind them what covers among them cover; the first is element ``base``."""
-    p, own = len(arrays), packed.rows[rows]
-    covers = own[:, STOP_NODE] > 0.0
-    first_node = nodes.start or 0
-    kids = (own[covers, FIRST_NODE].astype(np.int64) - first_node) + base + p
-    none = np.zeros(p, dtype=np.int64)
-    numbers = np.arange(len(packed.rows), dtype=np.int64)[rows]
-    pieces = _Elements(
-        arrays.kinds, np.diff(arrays.starts), arrays.vertices, arrays.sizes, arrays.poses,
-        arrays.centers, arrays.radii, arrays.boxes, covers.astype(np.int64), kids,
-        none, numbers, none - 1, none.astype(np.float64),
-    )  # fmt: skip
-    tree_nodes = packed.surfaces[nodes]
-    if not len(tree_nodes):
-        return pieces
-    spans = (own[covers, STOP_NODE] - own[covers, FIRST_NODE]).astype(np.int64)
-    owner = np.repeat(np.flatnonzero(covers), spans)
-    leaf = tree_nodes[:, FIRST] >= 0.0
-    first = np.where(leaf, tree_nodes[:, FIRST], -1.0).astype(np.int64)
-    corners = packed.corners[(first[leaf, None] + np.arange(3)).reshape(-1)]
-    triangles = corners.reshape(-1, 3, 3)
-    of_leaves = np.empty((len(leaf), 6))
-    of_leaves[leaf] = np.hstack([triangles.min(axis=1), triangles.max(axis=1)])
-    tops = own[covers, FIRST_NODE].astype(np.int64) - first_node
-    tree_nodes, children = check_nodes(tree_nodes, first_node, tops, of_leaves)
-    boxes, kids = boxes_of_nodes(tree_nodes), children + (base + p)
-    poses = arrays.poses[owner]
-    centers = (poses[:, :3, :3] @ boxes[:, :3, None])[..., 0] + poses[:, :3, 3]
-    below = _Elements(
-        np.where(leaf, int(PieceKind.POLYTOPE), HOLDER), np.where(leaf, 3, 0), corners,
-        np.zeros((len(leaf), 3)), poses, centers, np.linalg.norm(boxes[:, 3:], axis=1), boxes,
-        np.where(leaf, 0, 2), kids, 0 * owner, numbers[owner], first, np.zeros(len(leaf)),
-    )  # fmt: skip
-    return _Elements.concatenate(pieces, below)
-
-
-def _tree(still: PieceArrays, margins: Array, moving: int, base: int) -> _Elements:
-    """A tree over the scene's pieces but half-spaces; its top is element ``base``."""
-    solid = np.flatnonzero(still.kinds != PieceKind.HALFSPACE)
-    low, high = placed_boxes(still.poses, still.boxes, solid)
-    grown = tree(low, high)
-    nodes, count = grown.nodes, len(grown.nodes)
-    children = np.zeros(0, dtype=np.int64)
-    if count:
-        of_leaves = leaf_boxes(nodes, grown.items, low, high)
-        nodes, children = check_nodes(nodes, 0, np.zeros(1, dtype=np.int64), of_leaves)
-    items = solid[grown.items]
-    spans, kids, most = hold_items(nodes, moving + items, children + base, margins[items])
-    boxes, none = boxes_of_nodes(nodes), np.zeros(count, dtype=np.int64)
-    still_poses = np.empty((count, 4, 4))
-    still_poses[:] = _HERE
-    return _Elements(
-        none + HOLDER, none, np.zeros((0, 3)), np.zeros((count, 3)), still_poses,
-        boxes[:, :3], np.linalg.norm(boxes[:, 3:], axis=1), boxes, spans, kids, none - 1, none,
-        none - 1, most,
-    )  # fmt: skip
+    own = solids(robot.arrays, packed, slice(None), slice(None), 0)
+    joints = robot.joints[own.row]
+    return own._replace(parts=own.row, joints=joints), len(packed.corners)
 
 
 def _roots(
@@ -363,13 +272,16 @@ def _roots(
 ) -> Indices:
     """Pairs that everything hangs below: robot and scene, and the robot's own."""
     met = np.flatnonzero(~skipped.all(axis=1)) if skipped.size else np.zeros(0, dtype=np.int64)
-    around = np.empty((len(met), len(tops), 2), dtype=np.int64)
-    around[:, :, 0], around[:, :, 1] = tops, met[:, None]
     own, names = _own_pairs(robot)
     if not names.isdisjoint(scene.allowed_collisions):
         links = robot.links
         own = own[[not scene.allows(links[i], links[j]) for i, j in own.tolist()]]
-    return np.concatenate([around.reshape(-1, 2), own])
+    against = len(met) * len(tops)
+    roots = np.empty((against + len(own), 2), dtype=np.int64)
+    roots[against:] = own
+    around = roots[:against].reshape(len(met), len(tops), 2)
+    around[:, :, 0], around[:, :, 1] = tops, met[:, None]
+    return roots
 
 
 @bounded_cache(maxsize=8)

@@ -101,10 +101,10 @@ def packed_pieces(robot: RobotGeometry, scene: Scene, opened: Rows = None) -> Pi
     p = len(robot.pieces)
     around = _scene_rows(scene, rows_from(opened, p))
     own = _robot_rows(robot, rows_before(opened, p)).behind(around)
-    p = len(robot.pieces)
-    rows = np.vstack([own.rows, around.rows])
-    grouped = rows[p:, GROUP_STOP] > 0.0
-    rows[p:, GROUP : GROUP_STOP + 1][grouped] += p
+    rows = np.concatenate([own.rows, around.rows])
+    if len(around.surfaces):
+        grouped = rows[p:, GROUP_STOP] > 0.0
+        rows[p:, GROUP : GROUP_STOP + 1][grouped] += p
     return own._replace(rows=rows)
 
 
@@ -133,9 +133,15 @@ def _with_surfaces(pieces: Iterable[Piece], first: int, opened: Rows) -> list[Pi
     ]
 
 
-@bounded_cache(maxsize=16, weigh=array_bytes)
 def _scene_rows(scene: Scene, opened: Rows) -> PieceSet:
     """A scene's pieces in the order of its obstacles, clouds as balls."""
+    if not any(obstacle.is_mesh for obstacle in scene.obstacles):
+        return scene_set(scene)
+    return _rows_with_meshes(scene, opened)
+
+
+@bounded_cache(maxsize=16, weigh=array_bytes)
+def _rows_with_meshes(scene: Scene, opened: Rows) -> PieceSet:
     shaped, row = [shaped_pieces(obstacle) for obstacle in scene.obstacles], 0
     if not any(piece.surface is not None for pieces in shaped for piece in pieces):
         return scene_set(scene)
