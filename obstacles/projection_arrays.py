@@ -10,9 +10,18 @@ from numpy.typing import ArrayLike, NDArray
 
 from kinematics.arrays import Array, Indices
 from kinematics.bounded_cache import array_bytes, bounded_cache
+from kinematics.compiled.kernel import kernel
+from kinematics.compiled.simd import on_stack
 from obstacles.hull import Hull, convex_hull, principal_axes
 from obstacles.piece import Piece, PieceArrays, PieceKind, core_of
-from obstacles.scene import Obstacle
+from obstacles.primitives import Primitive, Primitives, write_core
+from obstacles.scene import (
+    AS_BALLS,
+    AS_PRIMITIVES,
+    Obstacle,
+    primitives_of,
+    way_of_packing,
+)
 from obstacles.winding import winding_numbers
 
 HULL = int(PieceKind.POLYTOPE)
@@ -21,6 +30,11 @@ CONE = int(PieceKind.CONE)
 HALFSPACE = int(PieceKind.HALFSPACE)
 #: Boxes about their frame have a shorter way than other hulls.
 BOX = 4
+#: Kinds of primitives here, in the order of theirs.
+_PRIMITIVE_KINDS = np.array([BOX, HULL, CYLINDER, CONE, HALFSPACE], dtype=np.int64)
+_PRIMITIVE_KINDS.setflags(write=False)
+_BOX, _BALL = int(Primitive.BOX), int(Primitive.BALL)
+_HALFSPACE = int(Primitive.HALFSPACE)
 #: Winding number beyond which a point is inside.
 INSIDE = 0.5
 
@@ -80,15 +94,19 @@ class _Block(NamedTuple):
 
 def pack_obstacles(obstacles: Sequence[Obstacle]) -> ProjectionArrays:
     """Pack obstacles, in their order, for ``projection.project_kernel``."""
+    # Those that are packed alike together: a call for each of many small ones costs the most.
     blocks, counts, filled = [_EMPTY], list[int](), list[int]()
-    for cloud, run in groupby(obstacles, lambda o: o.is_cloud):
-        if cloud:
+    for way, run in groupby(obstacles, way_of_packing):
+        if way == AS_PRIMITIVES:
+            blocks.append(_primitive_block(primitives_of(run)))
+            counts += [1] * len(blocks[-1].kinds)
+            filled += [0] * len(blocks[-1].kinds)
+        elif way == AS_BALLS:
             own = [_cloud(obstacle.balls()) for obstacle in run]
             counts += [len(block.kinds) for block in own]
             filled += [0] * len(own)
             blocks += own
         else:
-            # Together: a call for each of many small ones costs the most.
             parts, enclosing = zip(*map(convex_parts, run), strict=True)
             counts += [len(pieces) for pieces in parts]
             filled += enclosing
@@ -97,8 +115,9 @@ def pack_obstacles(obstacles: Sequence[Obstacle]) -> ProjectionArrays:
     joined = (
         blocks[1] if len(blocks) == 2 else _Block(*map(np.concatenate, zip(*blocks, strict=True)))
     )
-    first = _indices(np.cumsum([0, *counts]))[:-1]
-    ends = np.column_stack([first, first + _indices(filled)])
+    starts = _starts(_indices(counts))
+    ends = np.empty((len(counts), 2), dtype=np.int64)
+    ends[:, 0], ends[:, 1] = starts[:-1], starts[:-1] + _indices(filled)
     return ProjectionArrays(
         kinds=joined.kinds,
         poses=joined.poses,
@@ -107,14 +126,20 @@ def pack_obstacles(obstacles: Sequence[Obstacle]) -> ProjectionArrays:
         across=joined.across,
         solid=joined.solid,
         corners=joined.corners,
-        corner_starts=_indices(np.cumsum([0, *joined.corner_counts])),
+        corner_starts=_starts(joined.corner_counts),
         triangles=joined.triangles,
         planes=joined.planes,
-        triangle_starts=_indices(np.cumsum([0, *joined.triangle_counts])),
+        triangle_starts=_starts(joined.triangle_counts),
         owners=np.repeat(np.arange(len(counts)), counts),
-        enclosing=_indices(ends),
+        enclosing=ends,
         around=_all_around(joined.balls, ends),
     )
+
+
+def _starts(counts: Indices) -> Indices:
+    starts = np.zeros(len(counts) + 1, dtype=np.int64)
+    counts.cumsum(out=starts[1:])
+    return starts
 
 
 def _all_around(balls: Array, ends: Indices) -> Array:
@@ -150,6 +175,47 @@ def _is_enclosed(piece: Piece, filled: Sequence[Piece]) -> bool:
     number, faces = np.empty(1), np.arange(len(corners)).reshape(-1, 3)
     winding_numbers(piece.vertices.mean(axis=0)[None], corners, faces, number)
     return bool(number[0] > INSIDE)
+
+
+def _primitive_block(primitives: Primitives) -> _Block:
+    kinds = primitives.kinds
+    k, sizes, balls = len(kinds), np.zeros((len(kinds), 4)), np.empty((len(kinds), 4))
+    primitive_balls_kernel(primitives, sizes, balls)
+    # A ball is a rounded point; the rest need no corners.
+    one = (kinds == Primitive.BALL).astype(np.int64)
+    points = int(one.sum())
+    across = np.empty((k, 3))
+    across[:] = _ALONG_X
+    return _Block(
+        kinds=_PRIMITIVE_KINDS[kinds],
+        poses=primitives.poses,
+        sizes=sizes,
+        balls=balls,
+        across=across,
+        solid=np.zeros(k, dtype=np.bool_),
+        corners=np.zeros((points, 3)),
+        corner_counts=one,
+        triangles=np.zeros((points, 3), dtype=np.int64),
+        planes=np.zeros((points, 4)),
+        triangle_counts=one,
+    )
+
+
+@kernel(allocates=False, unlocks=False)
+def primitive_balls_kernel(primitives: Primitives, sizes: Array, balls: Array) -> None:
+    """Write ``sizes``, which hold zeros, and ``balls`` of primitives, as ``ProjectionArrays``."""
+    kinds, poses, box = primitives.kinds, primitives.poses, on_stack(6)
+    for k in range(kinds.shape[0]):
+        measures = primitives.measures[k]
+        height, balls[k, 3] = write_core(kinds[k], measures, box)
+        for row in range(3):
+            balls[k, row] = poses[k, row, 2] * height + poses[k, row, 3]
+        if kinds[k] == _BOX:
+            sizes[k, 0], sizes[k, 1], sizes[k, 3] = box[3], box[4], box[5]
+        elif kinds[k] == _BALL:
+            sizes[k, 2] = measures[0]
+        elif kinds[k] != _HALFSPACE:
+            sizes[k, 0], sizes[k, 1] = measures[0], 0.5 * measures[1]
 
 
 def _cloud(cloud: PieceArrays) -> _Block:

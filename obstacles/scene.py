@@ -234,18 +234,18 @@ class Scene:
     def primitives(self) -> Primitives:
         """Obstacles that are primitives, in their order."""
         if self._primitives is None:
-            object.__setattr__(self, "_primitives", _primitives(self.obstacles))
+            object.__setattr__(self, "_primitives", primitives_of(self.obstacles))
         assert self._primitives is not None
         return self._primitives
 
     def _pack(self) -> Packed:
         # Primitives together, and other solids: a call for each of many small ones costs the most.
         blocks, primitive = list[PieceArrays](), 0
-        for way, run in groupby(self.obstacles, _way_of_packing):
-            if way == _AS_PRIMITIVES:
+        for way, run in groupby(self.obstacles, way_of_packing):
+            if way == AS_PRIMITIVES:
                 first, primitive = primitive, primitive + sum(1 for _ in run)
                 blocks.append(primitive_pieces(self.primitives.part(first, primitive)))
-            elif way == _AS_BALLS:
+            elif way == AS_BALLS:
                 blocks += [obstacle.balls() for obstacle in run]
             else:
                 blocks.append(PieceArrays.pack([p for o in run for p in o.pieces()]))
@@ -265,16 +265,18 @@ class Scene:
         return self.obstacles[owner].piece(k - int(np.searchsorted(owners, owner)))
 
 
-_AS_PRIMITIVES, _AS_BALLS, _AS_PIECES = range(3)
+AS_PRIMITIVES, AS_BALLS, AS_PIECES = range(3)
 
 
-def _way_of_packing(obstacle: Obstacle) -> int:
+def way_of_packing(obstacle: Obstacle) -> int:
+    """How an obstacle is packed: with its neighbours that are packed alike."""
     if obstacle.is_primitive:
-        return _AS_PRIMITIVES
-    return _AS_BALLS if obstacle.is_cloud else _AS_PIECES
+        return AS_PRIMITIVES
+    return AS_BALLS if obstacle.is_cloud else AS_PIECES
 
 
-def _primitives(obstacles: Iterable[Obstacle]) -> Primitives:
+def primitives_of(obstacles: Iterable[Obstacle]) -> Primitives:
+    """Those of some obstacles that are primitives, in their order."""
     chosen = [obstacle for obstacle in obstacles if obstacle.shape.primitive is not None]
     listed = [obstacle.shape.primitive for obstacle in chosen]
     kinds = np.array(listed, dtype=np.int64)

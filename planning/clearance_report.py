@@ -102,10 +102,12 @@ def clearance_report(
 
 def _runs(close: NDArray[np.bool_]) -> list[tuple[int, int]]:
     """First and last index of each run of true values."""
-    steps = np.flatnonzero(np.diff(np.concatenate([[False], close, [False]]).astype(np.int8)))
-    return [
-        (int(first), int(last) - 1) for first, last in zip(steps[::2], steps[1::2], strict=True)
-    ]
+    marks, runs, last = close.tobytes(), list[tuple[int, int]](), 0
+    while (first := marks.find(1, last)) >= 0:
+        last = marks.find(0, first)
+        last = len(marks) if last < 0 else last
+        runs.append((first, last - 1))
+    return runs
 
 
 def _span(

@@ -20,7 +20,7 @@ from typing import ClassVar
 import numpy as np
 
 from kinematics.arrays import Array
-from kinematics.bounded_cache import bounded_cache
+from kinematics.bounded_cache import array_bytes, bounded_cache
 from obstacles.checker import Checker
 from obstacles.fcl_projection import FclProjector
 from obstacles.projection import Projector
@@ -217,7 +217,7 @@ def _weighted_points(
     return where, weights
 
 
-@bounded_cache(maxsize=16)
+@bounded_cache(maxsize=16, weigh=lambda projector: array_bytes(projector.arrays))
 def _projector(scene: Scene) -> Projector:
     return Projector(scene)
 

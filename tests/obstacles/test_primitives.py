@@ -5,10 +5,12 @@ import numpy as np
 import pytest
 
 from kinematics.pose import transform
+from obstacles import projection_arrays
 from obstacles.piece import Piece, PieceArrays
 from obstacles.piece_set import CENTER, RADIUS, PieceSet
 from obstacles.primitives import Primitive
-from obstacles.scene import Obstacle, Scene
+from obstacles.projection_arrays import pack_obstacles
+from obstacles.scene import AS_BALLS, AS_PIECES, Obstacle, Scene
 from obstacles.scene_set import pack, primitive_rows, scene_set
 from obstacles.shapes import (
     Box,
@@ -140,3 +142,25 @@ def _shape_of(kind: str, piece: Piece) -> Shape:
     if kind == "sphere":
         return Sphere(piece.offset_radius)
     return (Cylinder if kind == "cylinder" else Cone)(piece.radius, 2.0 * piece.half_height)
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_for_projections_they_are_packed_as_their_pieces_are(
+    seed: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    random = np.random.default_rng(200 + seed)
+    scene = random_scene(200 + seed, 1 + seed % 9)
+    if seed % 2:
+        others = [Capsule(0.1, 0.2), PointCloud(random.normal(size=(3, 3)), 0.1), CUP]
+        more = [obstacle(random, 20 + k, shape) for k, shape in enumerate(others)]
+        both = [*scene.obstacles, *more]
+        scene = Scene(both[k] for k in random.permutation(len(both)))
+    packed = pack_obstacles(scene.obstacles)
+    monkeypatch.setattr(
+        projection_arrays, "way_of_packing", lambda o: AS_BALLS if o.is_cloud else AS_PIECES
+    )
+    expected = pack_obstacles(scene.obstacles)
+    for name in type(packed)._fields:
+        found, wanted = getattr(packed, name), getattr(expected, name)
+        assert (found.dtype, found.shape) == (wanted.dtype, wanted.shape), name
+        np.testing.assert_array_equal(found, wanted, err_msg=name)
