@@ -12,6 +12,7 @@ from typing import Any
 
 import httpx
 import pytest
+import urllib3.connection
 
 import armwright_client as ours
 from armwright_client import Client, connections
@@ -167,3 +168,25 @@ def test_proxies_and_transports_are_left_to_httpx(monkeypatch: pytest.MonkeyPatc
     assert direct("http://host", httpx.HTTPTransport()) is None
     monkeypatch.setenv("http_proxy", "http://proxy:3128")
     assert direct("http://host", None) is None
+
+
+@pytest.mark.parametrize("size", [0, 1, 1000, 65_000, 65_536, 70_000, 3_000_000])
+def test_bodies_of_any_size_arrive_whole(size: int, monkeypatch: pytest.MonkeyPatch) -> None:
+    content = bytes(index % 251 for index in range(size))
+    sent: list[int] = []
+    original = urllib3.connection.HTTPConnection.send
+
+    def note(connection: Any, data: Any) -> None:
+        sent.append(len(data))
+        original(connection, data)
+
+    monkeypatch.setattr(urllib3.connection.HTTPConnection, "send", note)
+    with server() as seen:
+        straight = Connections(seen.url)
+        for _ in range(2):
+            received = straight.send("POST", "/v1/plan", {"X-Test": "yes"}, content, LIMITS)
+            assert received.content == HEALTH
+        straight.close()
+        assert [asked[3] for asked in seen.asked] == [content, content]
+    # A short one goes out with its head; a long one is not copied.
+    assert len(sent) == (2 if size <= 65_000 else 4)
