@@ -195,7 +195,7 @@ def ladder(arm: Arm, scene: Scene, asked: SeamOptions, start: Array) -> bool:
     exact = SeamOptions(asked.waypoints, ToolTolerance.of({}, ("rz",)), tool_speed=SPEED)
     places = seam_places(seam_runs(exact, 0.0))
     checker = Checker.of(arm.robot, scene)
-    search = SeamSearch(checker, places, start, SPEED, Deadline.after(20.0))
+    search = SeamSearch(checker, places, start, (SPEED,), Deadline.after(20.0))
     graph = search.prepare(places.layers(every=True))
     graph.jump = 0.3
     search.check_all(graph)

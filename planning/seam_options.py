@@ -20,15 +20,19 @@ class SeamWaypoint:
         via: Point on the arc from the waypoint before, shape (3,) [m]; None for a line.
         tolerance: On the way to it and there; None for that of the seam.
         blend: Distance from it at which the tool may leave the way [m]; None for that of all.
+        tool_speed: Speed to be kept on the way to it [m/s]; None for that of the seam.
     """
 
     T_base_tip: Array
     via: Array | None = None
     tolerance: ToolTolerance | None = None
     blend: float | None = None
+    tool_speed: float | None = None
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "T_base_tip", frozen(self.T_base_tip))
+        if self.tool_speed is not None and not self.tool_speed > 0.0:
+            raise InvalidOption("tool_speed must be positive [m/s]")
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -58,7 +62,8 @@ class SeamOptions:
     Args:
         waypoints: In order, two at least.
         tolerance: By how much the tool may deviate from the path through them.
-        tool_speed: Speed to be kept along the seam [m/s]; None for the largest the limits allow.
+        tool_speed: Speed to be kept on ways to waypoints that have none of their own [m/s]; None
+            for the largest that the limits allow, of all of them.
         speed_band: Largest difference from it, as part of it.
         approach: Motion that ends at the seam's start; None for none.
         retreat: Motion that begins at its end; None for none.
@@ -66,7 +71,8 @@ class SeamOptions:
             branch; None where the whole seam is to be followed in one.
 
     Raises:
-        InvalidOption: There are too few waypoints, or a speed is out of its range.
+        InvalidOption: There are too few waypoints, a speed is out of its range, or some ways have
+            one and others have none.
     """
 
     waypoints: tuple[SeamWaypoint, ...]
@@ -84,3 +90,20 @@ class SeamOptions:
             raise InvalidOption("tool_speed must be positive [m/s]")
         if not 0.0 < self.speed_band <= 1.0:
             raise InvalidOption("speed_band must be above 0 and at most 1")
+        speeds = self._asked_speeds()
+        if None in speeds and any(speed is not None for speed in speeds):
+            raise InvalidOption(
+                f"waypoints[{speeds.index(None) + 1}] has no tool_speed, and others have",
+                hint="Give tool_speed in the options too: it holds for those without.",
+            )
+
+    @property
+    def speeds(self) -> tuple[float, ...]:
+        """Speed to be kept on the way to each waypoint but the first [m/s]; empty for none."""
+        return tuple(speed for speed in self._asked_speeds() if speed is not None)
+
+    def _asked_speeds(self) -> list[float | None]:
+        return [
+            self.tool_speed if point.tool_speed is None else point.tool_speed
+            for point in self.waypoints[1:]
+        ]

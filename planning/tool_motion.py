@@ -173,6 +173,22 @@ class SpeedBand:
     high: float
     spans: tuple[tuple[float, float], ...]
 
+    @classmethod
+    def of_spans(
+        cls, spans: Sequence[tuple[float, float, float | None]], width: float
+    ) -> "tuple[SpeedBand, ...]":
+        """The bands about the speeds that are asked for in spans of time.
+
+        Args:
+            spans: When each begins and ends [s], and the speed asked for [m/s]; None for none.
+            width: Largest difference from a speed, as part of it.
+        """
+        bands = []
+        for speed in dict.fromkeys(speed for *_, speed in spans if speed is not None):
+            mine = joined_spans([(begins, ends) for begins, ends, own in spans if own == speed])
+            bands.append(cls(speed * (1.0 - width), speed * (1.0 + width), mine))
+        return tuple(bands)
+
 
 def joined_spans(spans: Sequence[tuple[float, float]]) -> tuple[tuple[float, float], ...]:
     """Spans of time, those joined that follow each other at once."""
@@ -194,7 +210,8 @@ class TimedToolMotions:
         max_orientation: How far its orientation may be off [rad]; None where it is free.
         tolerances: Of each motion the box that the tool may be in, to which the two deviations are
             added on all sides; None where they alone count. Empty where they do for all motions.
-        speed: Speeds to be kept: the largest is a limit, of the least it is told where it holds.
+        speeds: Speeds to be kept, each at times of its own: the largest is a limit, of the least it
+            is told where it holds.
         begins: When each begins where that is later than the end of the one before, so that the
             tool is free in between, shape (k,) [s]; None where each follows at once.
 
@@ -207,7 +224,7 @@ class TimedToolMotions:
     max_position: float
     max_orientation: float | None = None
     tolerances: tuple[ToolTolerance | None, ...] = ()
-    speed: SpeedBand | None = None
+    speeds: tuple[SpeedBand, ...] = ()
     begins: Array | None = None
 
     def __post_init__(self) -> None:

@@ -92,7 +92,7 @@ class ToolPath:
         tolerances: How far the tool may be off its motions.
         transits: Free motions before some of the motions: the index of the motion that each leads
             to, and its waypoints, shape (k, n).
-        speed_band: Least and largest speed of the tool in motions with a tolerance [m/s]; None
+        speed_band: Largest difference from the speeds that runs ask for, as part of them; None
             where none is asked for.
     """
 
@@ -102,7 +102,7 @@ class ToolPath:
     stop: Stop | None
     tolerances: Tolerances
     transits: tuple[tuple[int, Array], ...] = ()
-    speed_band: tuple[float, float] | None = None
+    speed_band: float | None = None
 
     @property
     def waypoints(self) -> Array:

@@ -27,6 +27,7 @@ class RunPart(NamedTuple):
         asked: Index of the motion of the request that it is a part of.
         blends: Whether it rounds the corner at the end of that motion.
         tolerance: Box that the tool may be in; None where it is to follow the motion.
+        tool_speed: Speed to be kept [m/s]; None for none.
     """
 
     motion: ToolMotion
@@ -35,6 +36,7 @@ class RunPart(NamedTuple):
     asked: int
     blends: bool
     tolerance: ToolTolerance | None
+    tool_speed: float | None
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -48,7 +50,8 @@ class ToolRun:
         blends: Whether each rounds the corner at the end of that motion.
         tolerances: Of each motion the box that the tool may be in; empty where it is to follow the
             motions.
-        tool_speed: Speed to be kept [m/s]; None for the largest that the limits allow.
+        tool_speeds: Of each motion the speed to be kept [m/s]; empty for the largest that the
+            limits allow.
         name: Of what it is a part.
     """
 
@@ -56,7 +59,7 @@ class ToolRun:
     asked: tuple[int, ...]
     blends: tuple[bool, ...]
     tolerances: tuple[ToolTolerance, ...] = ()
-    tool_speed: float | None = None
+    tool_speeds: tuple[float, ...] = ()
     name: PartName = "motion"
 
     @classmethod
@@ -82,7 +85,8 @@ class ToolRun:
         """The motions with their places."""
         breaks = self.breaks.tolist()
         boxes = self.tolerances or (None,) * len(self.motions)
-        columns = (self.motions, breaks[:-1], breaks[1:], self.asked, self.blends, boxes)
+        speeds = self.tool_speeds or (None,) * len(self.motions)
+        columns = (self.motions, breaks[:-1], breaks[1:], self.asked, self.blends, boxes, speeds)
         return tuple(RunPart(*row) for row in zip(*columns, strict=True))
 
     @property

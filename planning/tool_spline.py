@@ -40,7 +40,7 @@ def spline_near(
         parametrization: The limits.
     """
     motion = timed.trajectory
-    if parametrization.loads is not None or run.tolerances or run.tool_speed is not None:
+    if parametrization.loads is not None or run.tolerances or run.tool_speeds:
         return timed
     allowed = (_SHARE * tolerances.pair[0], _SHARE * tolerances.pair[1])
     best = timed

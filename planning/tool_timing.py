@@ -17,7 +17,7 @@ from planning.timing.parametrization import TimeParametrization
 from planning.timing.path import JointPath
 from planning.timing.steady_speed import time_at_steady_speed
 from planning.timing.time_scaling import ScaledTime
-from planning.tool_motion import SpeedBand, TimedToolMotions, ToolMotion, joined_spans
+from planning.tool_motion import SpeedBand, TimedToolMotions, ToolMotion
 from planning.tool_path import ToolPath
 from planning.tool_run import RunPart, ToolRun, run_of
 from planning.tool_spline import spline_near
@@ -29,6 +29,8 @@ _LOOKS = 5
 _INSTANTS = 1001
 #: Part of the width of a band of speed by which a steady speed may vary with the path.
 _BAND_SHARE = 0.5
+#: Places of a path that differ by less than this part of it are one.
+_SAME_PLACE = 1e-9
 #: A steady motion that is slowed down for torques by more than this factor is held against another.
 _AS_FAST = 1.02
 
@@ -69,22 +71,20 @@ class TimedToolPath:
             tolerances.position,
             tolerances.orientation,
             tuple(part.tolerance for part in parts),
-            self._speed_band(),
+            self._speed_bands(),
             np.array([report.begins for report in self.reports]),
         )
 
-    def _speed_band(self) -> SpeedBand | None:
-        """The speed to be kept, and when."""
-        band = self.path.speed_band
-        if band is None:
-            return None
-        parts = _begun_parts(self.path)
+    def _speed_bands(self) -> tuple[SpeedBand, ...]:
+        """The speeds to be kept, and when."""
+        width = self.path.speed_band
+        if width is None:
+            return ()
         spans = [
-            (report.begins, report.ends)
-            for report, part in zip(self.reports, parts, strict=True)
-            if part.tolerance is not None
+            (report.begins, report.ends, part.tool_speed)
+            for report, part in zip(self.reports, _begun_parts(self.path), strict=True)
         ]
-        return SpeedBand(*band, joined_spans(spans))
+        return SpeedBand.of_spans(spans, width)
 
     def trajectory(self, chain: Chain) -> Trajectory:
         """The parts one after the other; a short stay where there are none."""
@@ -185,11 +185,11 @@ def _time_motion(
     parametrization: TimeParametrization,
 ) -> ScaledTime:
     run = run_of(motion)
-    if run.tool_speed is not None:
-        parametrization = parametrization.at_tool_speed(chain, run.tool_speed)
+    if run.tool_speeds:
         steady = _time_steadily(chain, tool_path, run, path, parametrization)
         if steady is not None:
             return steady
+        parametrization = parametrization.at_tool_speed(chain, min(run.tool_speeds))
     if parametrization.method.follows_path:
         return parametrization.time(path, chain.joint_names)
     knots = path.breaks
@@ -212,28 +212,56 @@ def _time_steadily(
     path: JointPath,
     parametrization: TimeParametrization,
 ) -> ScaledTime | None:
-    """The motion at a steady speed of the tool; None where another one keeps it as far."""
+    """The motion at steady speeds of the tool; None where another one keeps them as far."""
     band = tool_path.speed_band
-    if band is None or run.tool_speed is None or path.corners or not parametrization.smooth:
+    if band is None or path.corners or not parametrization.smooth:
         return None
+    path, speeds = _cut_where_speeds_change(chain, run, path)
+    parametrization = parametrization.at_tool_speed(chain, max(run.tool_speeds))
     places = path.breaks[:-1, None] + np.outer(path.lengths, np.linspace(0.0, 1.0, _LOOKS))
     at = np.minimum(places.ravel(), path.length)
     along = np.einsum("kij,kj->ki", geometric(chain, path.sample(at))[:, :3], path.sample(at, 1))
     rates = np.linalg.norm(along, axis=1).reshape(places.shape).max(axis=1)
     with np.errstate(divide="ignore"):
-        wanted = run.tool_speed / rates
-    variation = _BAND_SHARE * (1.0 - band[0] / run.tool_speed)
+        wanted = speeds / rates
     steady = time_at_steady_speed(
-        path, chain.joint_names, parametrization.jerk_bounds, wanted, variation
+        path, chain.joint_names, parametrization.jerk_bounds, wanted, _BAND_SHARE * band
     )
     if steady is None:
         return None
     timed = parametrization.slow_down_for_effort(steady.timed)
     if len(steady.speeds) == 1 and timed.factor <= _AS_FAST:
         return timed
+    if len(set(run.tool_speeds)) > 1:
+        # Another one keeps the least of the speeds everywhere.
+        return timed
     other = parametrization.time(path, chain.joint_names)
-    shares = [_share_in_band(chain, one.trajectory, band[0]) for one in (timed, other)]
+    low = (1.0 - band) * run.tool_speeds[0]
+    shares = [_share_in_band(chain, one.trajectory, low) for one in (timed, other)]
     return timed if shares[0] >= shares[1] else other
+
+
+def _cut_where_speeds_change(
+    chain: Chain, run: ToolRun, path: JointPath
+) -> tuple[JointPath, Array]:
+    """A path with a break where the tool passes from one speed to another, and those of pieces.
+
+    Returns:
+        The path, and the speed asked for on each of its p pieces, shape (p,) [m/s].
+    """
+    asked = np.array(run.tool_speeds)
+    changes = np.flatnonzero(np.diff(asked))
+    if not changes.size:
+        return path, np.full(len(path.lengths), asked[0])
+    # Times of a motion at ds/dt = 1 are places.
+    motion = Trajectory(chain.joint_names, path.breaks, path.coefficients)
+    cuts = np.array(passing_times(chain, path, motion, run.parts))[changes]
+    for cut in cuts.tolist():
+        if np.abs(motion.breaks - cut).min() > _SAME_PLACE * path.length:
+            motion = concatenate(motion.split(cut))
+    middles = 0.5 * (motion.breaks[1:] + motion.breaks[:-1])
+    speeds = asked[np.append(changes, len(asked) - 1)][np.searchsorted(cuts, middles)]
+    return JointPath(motion.coefficients, np.diff(motion.breaks)), speeds
 
 
 def _share_in_band(chain: Chain, motion: Trajectory, low: float) -> float:

@@ -54,7 +54,7 @@ class ToolTolerance:
             for the axes of the pose itself.
 
     Raises:
-        InvalidOption: A range is empty, or beyond what can be asked for.
+        InvalidOption: A range is empty, or one of ry beyond what can be asked for.
     """
 
     lower: Array
@@ -73,8 +73,6 @@ class ToolTolerance:
                     f"tolerance of {axis}: {low:g} is above {high:g}",
                     hint="Give [least, largest] deviation.",
                 )
-        if np.abs([self.lower[:RX], self.upper[:RX]]).max() > MAX_POSITION:
-            raise InvalidOption(f"a tolerance of position is at most {MAX_POSITION:g} m")
         if not self.tilt > 0.0:
             raise InvalidOption("tilt must be positive", hint="Leave it out for no tilt at all.")
         angles = max(abs(self.lower[RY]), abs(self.upper[RY]))
@@ -102,13 +100,17 @@ class ToolTolerance:
             axes: Fixed axes, shape (3, 3); None for those of the pose.
 
         Raises:
-            InvalidOption: As the constructor; or a translation is called free.
+            InvalidOption: As the constructor; a range of position is beyond what can be asked for,
+                or a translation is called free.
         """
         lower, upper = np.zeros(SIZE), np.zeros(SIZE)
         if tilt is not None:
             lower[RX:RZ], upper[RX:RZ] = -tilt, tilt
         for axis, (low, high) in ranges.items():
             lower[AXES.index(axis)], upper[AXES.index(axis)] = low, high
+        # Not of what a deviation is added to, see ``widened``.
+        if np.abs([lower[:RX], upper[:RX]]).max() > MAX_POSITION:
+            raise InvalidOption(f"a tolerance of position is at most {MAX_POSITION:g} m")
         for axis in free:
             if axis not in ROTATIONS:
                 raise InvalidOption(

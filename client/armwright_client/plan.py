@@ -81,7 +81,7 @@ class CartesianOptions(Request):
             a rest at every corner.
         waypoints: Of a seam, in place of motions.
         tolerance: Of all waypoints: by how much the tool may deviate; exact if left out.
-        tool_speed: To be kept along the waypoints [m/s].
+        tool_speed: To be kept on the way to waypoints that have none of their own [m/s].
         speed_band: Largest difference from it, as part of it.
         approach: Motion to the first waypoint.
         retreat: Motion from the last waypoint.
@@ -122,6 +122,7 @@ class CartesianOptions(Request):
                     begins=report.begins,
                     part=report.part,
                     tolerance=self._tolerance(report),
+                    tool_speed=self._tool_speed(report),
                 )
                 for report in reports
             ],
@@ -138,11 +139,23 @@ class CartesianOptions(Request):
         if self.waypoints is None or report.part != "seam":
             return None
         waypoint = self.waypoints[report.motion + 1]
-        if waypoint.point is None or waypoint.direction is not None:
+        free = set(waypoint.free)
+        if waypoint.point is not None and waypoint.direction is None:
+            # Without a direction any angle about the normal will do.
+            free.add("rz")
+        if not free:
             return waypoint.tolerance
-        # Without a direction any angle about the normal will do.
         given = waypoint.tolerance or self.tolerance or ToolTolerance()
-        return given.model_copy(update={"rz": None, "free": sorted({*given.free, "rz"})})
+        changes: dict[str, Any] = dict.fromkeys(free & {"x", "y", "z"}, (-1.0, 1.0))
+        turns = free - set(changes)
+        changes |= dict.fromkeys(turns) | {"free": sorted({*given.free, *turns})}
+        return given.model_copy(update=changes)
+
+    def _tool_speed(self, report: "ToolMotionReport") -> float | None:
+        """The speed to the waypoint that a part of a seam leads to, where it has its own."""
+        if self.waypoints is None or report.part != "seam":
+            return None
+        return self.waypoints[report.motion + 1].tool_speed
 
 
 class ToolMotionReport(Answer):

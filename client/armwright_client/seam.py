@@ -7,7 +7,14 @@ from pydantic import Field
 from armwright_client.base import Answer, NonNegative, Positive, Request, Vector3, VectorLike
 from armwright_client.pose import AnyPose, Pose
 
-__all__ = ["StraightOffset", "ToolSpeed", "ToolTolerance", "ToolToleranceUse", "Waypoint"]
+__all__ = [
+    "StraightOffset",
+    "ToolSpeed",
+    "ToolSpeedBand",
+    "ToolTolerance",
+    "ToolToleranceUse",
+    "Waypoint",
+]
 
 Range = tuple[float, float]
 
@@ -49,7 +56,10 @@ class Waypoint(Request):
         frame: Of point, normal, direction and via.
         via: Point on the arc from the waypoint before; a line if left out.
         tolerance: On the way to it and there; that of the options if left out.
+        free: Axes that are free there and on the way to it, beside what the tolerance says:
+            rotations by any angle, x, y and z by up to 1 m.
         blend: Distance from it at which the tool may leave the way [m].
+        tool_speed: To be kept on the way to it [m/s]; that of the options if left out.
     """
 
     pose: AnyPose | None = None
@@ -59,7 +69,9 @@ class Waypoint(Request):
     frame: str | None = None
     via: Vector3 | None = None
     tolerance: ToolTolerance | None = None
+    free: list[Literal["x", "y", "z", "rx", "ry", "rz"]] = Field(default_factory=list)
     blend: NonNegative | None = None
+    tool_speed: Positive | None = None
 
     @classmethod
     def at(cls, pose: Pose, *, tolerance: ToolTolerance | None = None) -> Self:
@@ -100,8 +112,8 @@ class ToolToleranceUse(Answer):
     time: float
 
 
-class ToolSpeed(Answer):
-    """Speed of the tool along a seam.
+class ToolSpeedBand(Answer):
+    """Speed of the tool where one speed is asked for.
 
     Args:
         share: Of the seam's length, on which the speed is proved to be within the band.
@@ -116,3 +128,13 @@ class ToolSpeed(Answer):
     most: float
     low: float
     high: float
+
+
+class ToolSpeed(ToolSpeedBand):
+    """Speed of the tool along a seam; of several speeds the least and the largest.
+
+    Args:
+        bands: The same for each of the speeds that are asked for, if they differ.
+    """
+
+    bands: list[ToolSpeedBand] | None = None

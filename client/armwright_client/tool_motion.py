@@ -57,12 +57,14 @@ class TimedToolMotion(ToolMotion):
         begins: When it begins [s]; when the motion before ends if left out.
         part: Of a "seam" tolerance and tool speed hold.
         tolerance: By how much the tool may deviate in this motion.
+        tool_speed: Of a "seam": to be kept in this motion [m/s]; that of all if left out.
     """
 
     start: AnyPose | None = None
     begins: NonNegative | None = None
     part: Part | None = None
     tolerance: ToolTolerance | None = None
+    tool_speed: Positive | None = None
 
 
 class TimedToolMotions(Request):
@@ -78,7 +80,7 @@ class TimedToolMotions(Request):
         max_orientation_deviation: Of its orientation from that at the same place [rad].
         orientation: "free" leads the origin only.
         tolerance: By how much the tool may deviate in motions of a seam without one of their own.
-        tool_speed: To be kept in motions of a seam [m/s].
+        tool_speed: To be kept in motions of a seam that have none of their own [m/s].
         speed_band: Largest difference from it, as part of it.
     """
 

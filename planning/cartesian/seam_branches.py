@@ -65,7 +65,7 @@ def plan_seam(query: Query, options: CartesianOptions, tolerances: Tolerances) -
         None,
         tolerances,
         tuple(transits),
-        _speed_band(seam),
+        seam.speed_band if seam.speeds else None,
     )
     notes: tuple[str, ...] = ()
     if changes:
@@ -125,9 +125,3 @@ def _with_advice(failure: Failure, seam: SeamOptions) -> Failure:
         failure,
         hint=f"{failure.hint} Or allow branch_changes: the arm may go on in another branch.",
     )
-
-
-def _speed_band(seam: SeamOptions) -> tuple[float, float] | None:
-    if seam.tool_speed is None:
-        return None
-    return seam.tool_speed * (1.0 - seam.speed_band), seam.tool_speed * (1.0 + seam.speed_band)

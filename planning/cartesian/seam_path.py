@@ -102,12 +102,12 @@ def seam_runs(options: SeamOptions, blend: float) -> tuple[ToolRun, ...]:
     rounded: list[ToolRun] = []
     for first, last in _smooth_parts(motions, blends):
         rounded += _join(runs(motions[first:last], blends[first:last]), first)
-    boxes = [point.tolerance or options.tolerance for point in points]
+    boxes, speeds = [point.tolerance or options.tolerance for point in points], options.speeds
     return tuple(
         replace(
             run,
             tolerances=tuple(boxes[asked + 1] for asked in run.asked),
-            tool_speed=options.tool_speed,
+            tool_speeds=tuple(speeds[asked] for asked in run.asked) if speeds else (),
             name="seam",
         )
         for run in rounded

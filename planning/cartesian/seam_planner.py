@@ -87,7 +87,7 @@ def plan_in_one_branch(
     seam = options.seam
     assert seam is not None
     places = seam_places(seam_runs(seam, options.blend))
-    search = SeamSearch(query.checker, places, start, seam.tool_speed, query.deadline)
+    search = SeamSearch(query.checker, places, start, seam.speeds, query.deadline)
     found, followed = _search(query, search, tolerances, advise=seam.branch_changes is None)
     if isinstance(followed, Failure):
         return followed

@@ -120,14 +120,14 @@ class SeamSearch:
         checker: The robot in its scene.
         places: Of the seam.
         start: Configuration before the seam, shape (n,).
-        tool_speed: Speed along it [m/s]; None for none.
+        tool_speeds: Speed on the way to each waypoint but the first [m/s]; empty for none.
         deadline: When to stop.
     """
 
     checker: Checker
     places: SeamPlaces
     start: Array
-    tool_speed: float | None
+    tool_speeds: tuple[float, ...]
     deadline: Deadline
 
     @property
@@ -216,7 +216,9 @@ class SeamSearch:
     def solve(self, graph: SeamGraph) -> None:
         """Find the cheapest way to each configuration."""
         along = self.places.along[graph.layers]
-        times = np.diff(along) / (self.tool_speed or _SPEED)
+        speeds = np.array(self.tool_speeds or (_SPEED,))
+        ways = np.minimum(self.places.waypoint[graph.layers[:-1]], len(speeds) - 1)
+        times = np.diff(along) / speeds[ways]
         blocked = np.array(graph.blocked, dtype=np.int64).reshape(-1, 2)
         layer_kernel(
             Layers(graph.nodes.joints, graph.nodes.firsts, graph.costs, times),

@@ -28,7 +28,7 @@ from planning.proof.limits import LimitReport, check_continuity, check_limits
 from planning.proof.sweep_state import OBSTACLE, OWN
 from planning.proof.tool_box import BoxUse, check_tool_boxes
 from planning.proof.tool_deviation import PathDeviation, check_tool_motions
-from planning.proof.tool_speed_band import SpeedUse, check_speed_band
+from planning.proof.tool_speed_band import SpeedUse, check_speed_bands
 from planning.proof.violation import Violation
 from planning.tool_motion import TimedToolMotions
 
@@ -151,7 +151,7 @@ def certify(
     if tool_motions is not None:
         deviation, off = check_tool_motions(robot.chain, trajectory, tool_motions)
         box, outside = check_tool_boxes(robot.chain, trajectory, tool_motions)
-        speed, fast = check_speed_band(robot.chain, trajectory, tool_motions.speed)
+        speed, fast = check_speed_bands(robot.chain, trajectory, tool_motions.speeds)
         wrong += [violation for violation in (off, outside, fast) if violation]
     within = not wrong
     margin = constrained_margin(margin, constraints)

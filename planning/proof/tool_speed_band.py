@@ -13,6 +13,7 @@ than that by at most
 """
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -60,6 +61,8 @@ class SpeedUse:
         low: Least speed asked for [m/s].
         high: Largest speed asked for [m/s].
         verified: Whether the speed is proved to be below the upper end of the band at all t.
+        length: Of the path, at most [m].
+        bands: The same of each band, where there are several; they differ in speed.
     """
 
     share: float
@@ -68,21 +71,53 @@ class SpeedUse:
     low: float
     high: float
     verified: bool
+    length: float
+    bands: "tuple[SpeedUse, ...]" = ()
 
 
-def check_speed_band(
-    chain: Chain, trajectory: Trajectory, band: SpeedBand | None
+def check_speed_bands(
+    chain: Chain, trajectory: Trajectory, bands: Sequence[SpeedBand]
 ) -> tuple[SpeedUse | None, Violation | None]:
-    """Prove that the tool is nowhere faster than its band, and where it is within it.
+    """Prove that the tool is nowhere faster than its bands, and where it is within them.
 
     Args:
         chain: The robot; its tip is the tool.
         trajectory: Of all its joints, in its order.
-        band: Speeds, and when they are asked for; None where they are not.
+        bands: Speeds, and when each is asked for.
+
+    Returns:
+        None and None without bands; else the use of all of them, and the first violation.
     """
-    if band is None:
+    if not bands:
         return None, None
     arm = Arm(chain.joint_types, chain.offsets, chain.tip.T_joint_link, chain.tip.joint)
+    uses, wrong = [], []
+    for band in bands:
+        use, violation = _check_band(arm, trajectory, band)
+        uses.append(use)
+        wrong += [violation] if violation is not None else []
+    first = min(wrong, key=lambda violation: violation.time) if wrong else None
+    return (uses[0] if len(uses) == 1 else _joined(uses)), first
+
+
+def _joined(uses: Sequence[SpeedUse]) -> SpeedUse:
+    length = sum(use.length for use in uses)
+    within = sum(use.share * use.length for use in uses)
+    return SpeedUse(
+        within / length if length > 0.0 else 1.0,
+        min(use.least for use in uses),
+        max(use.most for use in uses),
+        min(use.low for use in uses),
+        max(use.high for use in uses),
+        all(use.verified for use in uses),
+        length,
+        tuple(uses),
+    )
+
+
+def _check_band(
+    arm: Arm, trajectory: Trajectory, band: SpeedBand
+) -> tuple[SpeedUse, Violation | None]:
     totals = np.array([0.0, 0.0, np.inf, 0.0, np.inf])
     speeds = np.array([band.low, band.high * (1.0 + _ROUNDING)])
     for begin, end in band.spans:
@@ -94,9 +129,10 @@ def check_speed_band(
                 totals[_ABOVE] += trajectory.breaks[piece]
                 break
     is_slow = bool(totals[_MOST] <= speeds[1])
-    share = float(totals[_WITHIN] / totals[_LENGTH]) if totals[_LENGTH] > 0.0 else 1.0
+    length = float(totals[_LENGTH])
+    share = float(totals[_WITHIN]) / length if length > 0.0 else 1.0
     least = float(totals[_LEAST]) if totals[_LEAST] < np.inf else 0.0
-    use = SpeedUse(share, least, float(totals[_MOST]), band.low, band.high, is_slow)
+    use = SpeedUse(share, least, float(totals[_MOST]), band.low, band.high, is_slow, length)
     if is_slow:
         return use, None
     time = float(totals[_ABOVE]) if totals[_ABOVE] < np.inf else float(band.spans[0][0])

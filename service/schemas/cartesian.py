@@ -16,7 +16,14 @@ from service.schemas.base import (
     is_given,
 )
 from service.schemas.pose import FramedPose, PoseAnswer
-from service.schemas.seam import MAX_WAYPOINTS, Blend, StraightOffset, ToolTolerance, Waypoint
+from service.schemas.seam import (
+    MAX_WAYPOINTS,
+    Blend,
+    Speed,
+    StraightOffset,
+    ToolTolerance,
+    Waypoint,
+)
 
 MAX_MOTIONS = 200
 #: Of a seam: one for each waypoint and two where it rounds a corner, and the ways there and back.
@@ -108,8 +115,8 @@ class CartesianOptions(Body):
     tolerance: ToolTolerance | None = Field(
         None, description="of all waypoints: by how much the tool may deviate; exact if left out"
     )
-    tool_speed: Annotated[float, Field(gt=0.0, le=100.0)] | None = Field(
-        None, description="to be kept along the waypoints [m/s]"
+    tool_speed: Speed | None = Field(
+        None, description="to be kept on the way to waypoints that have none of their own [m/s]"
     )
     speed_band: Annotated[float, Field(gt=0.0, le=1.0)] = Field(
         0.1, description="largest difference from tool_speed, as part of it"
@@ -149,6 +156,15 @@ class TimedToolMotion(ToolMotion):
     tolerance: ToolTolerance | None = Field(
         None, description="by how much the tool may deviate in this motion"
     )
+    tool_speed: Speed | None = Field(
+        None, description='of a "seam": to be kept in this motion [m/s]; that of all if left out'
+    )
+
+    @model_validator(mode="after")
+    def _check_speed(self) -> "TimedToolMotion":
+        if self.tool_speed is not None and self.part != "seam":
+            raise ValueError('tool_speed belongs to motions whose part is "seam"')
+        return self
 
 
 class TimedToolMotions(Body):
@@ -171,8 +187,10 @@ class TimedToolMotions(Body):
         description="by how much the tool may deviate in motions that are parts of a seam and have "
         "no tolerance of their own; the deviations are added on all sides",
     )
-    tool_speed: Annotated[float, Field(gt=0.0, le=100.0)] | None = Field(
-        None, description="to be kept in motions that are parts of a seam [m/s]"
+    tool_speed: Speed | None = Field(
+        None,
+        description="to be kept in motions that are parts of a seam and have none of their own "
+        "[m/s]",
     )
     speed_band: Annotated[float, Field(gt=0.0, le=1.0)] = Field(
         0.1, description="largest difference from tool_speed, as part of it"

@@ -114,8 +114,8 @@ _OPTIONS = (
     "Of the planner that is named.\n"
     "* `cartesian`: motions [{type: lin | circ, pose, via, center, normal, blend}], max_deviation, "
     "max_orientation_deviation, orientation, allow_partial, blend; or waypoints [{pose | point, "
-    "normal, direction; via, tolerance, blend}], tolerance {x, y, z, rx, ry, rz, free, tilt, "
-    "frame}, tool_speed, speed_band, approach, retreat {direction, distance, frame}\n"
+    "normal, direction; via, tolerance, free, blend, tool_speed}], tolerance {x, y, z, rx, ry, rz, "
+    "free, tilt, frame}, tool_speed, speed_band, approach, retreat {direction, distance, frame}\n"
 ) + "\n".join(f"* `{name}`: {describe_options(name)}" for name in SAMPLING)
 
 

@@ -15,6 +15,8 @@ LengthRange = Annotated[list[Length], Field(min_length=2, max_length=2)]
 AngleRange = Annotated[list[Angle], Field(min_length=2, max_length=2)]
 Blend = Annotated[float, Field(ge=0.0, le=10.0)]
 Rotation = Literal["rx", "ry", "rz"]
+Axis = Literal["x", "y", "z", "rx", "ry", "rz"]
+Speed = Annotated[float, Field(gt=0.0, le=100.0)]
 
 
 class ToolTolerance(Body):
@@ -72,8 +74,20 @@ class Waypoint(Body):
     tolerance: ToolTolerance | None = Field(
         None, description="on the way to it and there; that of the options if left out"
     )
+    free: list[Axis] = Field(
+        default_factory=list,
+        max_length=6,
+        description="axes that are free there and on the way to it, beside what tolerance says: "
+        "rotations by any angle, x, y and z by up to 1 m",
+        examples=[["rz"]],
+    )
     blend: Blend | None = Field(
         None, description="distance from it at which the tool may leave the way [m]"
+    )
+    tool_speed: Speed | None = Field(
+        None,
+        description="to be kept on the way to it [m/s]; that of the options if left out, which has "
+        "to be there if others have their own",
     )
 
     @model_validator(mode="after")
@@ -85,6 +99,9 @@ class Waypoint(Body):
             raise ValueError("direction belongs to point and normal")
         if self.normal is not None and not any(self.normal):
             raise ValueError("normal: has no length")
+        for name in self.free:
+            if self.tolerance is not None and getattr(self.tolerance, name) is not None:
+                raise ValueError(f"{name} has a range and is free")
         return self
 
 
@@ -111,8 +128,8 @@ class ToolToleranceAnswer(Answer):
     time: float = Field(description="when [s]")
 
 
-class ToolSpeedAnswer(Answer):
-    """Speed of the tool along a seam."""
+class ToolSpeedBandAnswer(Answer):
+    """Speed of the tool where one speed is asked for."""
 
     share: float = Field(
         description="of the seam's length, on which the speed is proved to be within the band"
@@ -121,3 +138,11 @@ class ToolSpeedAnswer(Answer):
     most: float = Field(description="a bound of the largest speed over all t [m/s]")
     low: float = Field(description="least speed of the band [m/s]")
     high: float = Field(description="largest, which is a limit [m/s]")
+
+
+class ToolSpeedAnswer(ToolSpeedBandAnswer):
+    """Speed of the tool along a seam; of several speeds the least and the largest."""
+
+    bands: list[ToolSpeedBandAnswer] | None = Field(
+        None, description="the same for each of the speeds that are asked for, if they differ"
+    )

@@ -4,6 +4,7 @@ import math
 from typing import Any
 
 from planning.proof.certificate import Certificate
+from planning.proof.tool_speed_band import SpeedUse
 from service.translate.problems import plain
 
 
@@ -58,8 +59,8 @@ def certificate_answer(certificate: Certificate, begins: float = 0.0) -> dict[st
     if box is not None:
         answer["tool_tolerance"] = {"share": box.share, "time": box.time + begins}
     if speed is not None:
-        names = ("share", "least", "most", "low", "high")
-        answer["tool_speed"] = {name: getattr(speed, name) for name in names}
+        bands = [_speed_answer(band) for band in speed.bands] or None
+        answer["tool_speed"] = _speed_answer(speed) | {"bands": bands}
     violation = certificate.violation
     if violation is not None:
         answer["violation"] = {
@@ -69,6 +70,10 @@ def certificate_answer(certificate: Certificate, begins: float = 0.0) -> dict[st
             **plain(violation.details),
         }
     return answer
+
+
+def _speed_answer(use: SpeedUse) -> dict[str, float]:
+    return {name: getattr(use, name) for name in ("share", "least", "most", "low", "high")}
 
 
 def _finite(value: float) -> float | None:

@@ -1,6 +1,6 @@
 """Seams from wire to domain: poses of waypoints, axes of tolerances."""
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -11,7 +11,7 @@ from kinematics.errors import InvalidGoal, InvalidOption
 from kinematics.pose import transform
 from kinematics.root_frame import TOOL, frame_pose
 from planning.seam_options import SeamOptions, SeamWaypoint, StraightOffset
-from planning.tool_tolerance import RZ, Axis, ToolTolerance
+from planning.tool_tolerance import AXES, MAX_POSITION, ROTATIONS, Axis, ToolTolerance
 from service.schemas import seam as schema
 from service.schemas.cartesian import CartesianOptions
 from service.translate import poses
@@ -63,10 +63,11 @@ def _waypoint(
     else:
         along = places[min(k + 1, len(places) - 1)] - places[max(min(k, len(places) - 2), 0)]
         T = _on_surface(item, along, where)
-        if item.direction is None:
-            box = _with_free_spin(box or common)
+    free = {*item.free, "rz"} if item.point is not None and item.direction is None else item.free
+    if free:
+        box = _freed(box or common, free, where)
     via = None if item.via is None else np.array(item.via)
-    return SeamWaypoint(T, via, box, item.blend)
+    return SeamWaypoint(T, via, box, item.blend, item.tool_speed)
 
 
 def _on_surface(item: schema.Waypoint, along: Array, where: str) -> Array:
@@ -86,10 +87,17 @@ def _on_surface(item: schema.Waypoint, along: Array, where: str) -> Array:
     return np.asarray(transform(np.column_stack([x, np.cross(z, x), z]), _place(item)))
 
 
-def _with_free_spin(box: ToolTolerance) -> ToolTolerance:
+def _freed(box: ToolTolerance, axes: Collection[str], where: str) -> ToolTolerance:
+    """A tolerance of which some axes are free: rotations by any angle, positions by the most."""
     lower, upper = box.lower.copy(), box.upper.copy()
-    lower[RZ], upper[RZ] = -np.inf, np.inf
-    return replace(box, lower=lower, upper=upper)
+    for k, axis in enumerate(AXES):
+        if axis in axes:
+            most = np.inf if axis in ROTATIONS else MAX_POSITION
+            lower[k], upper[k] = -most, most
+    try:
+        return replace(box, lower=lower, upper=upper)
+    except InvalidOption as error:
+        raise InvalidOption(f"{where}.free: {error.message}", hint=error.hint) from None
 
 
 def tolerance(given: schema.ToolTolerance | None, chain: Chain, where: str) -> ToolTolerance:

@@ -12,7 +12,7 @@ from kinematics.trajectory import Trajectory
 from planning.cartesian.motions import tool_motions
 from planning.options import CartesianOptions, ToolMotionOptions
 from planning.result import ToolMotionReport
-from planning.tool_motion import SpeedBand, TimedToolMotions, ToolMotion, joined_spans
+from planning.tool_motion import SpeedBand, TimedToolMotions, ToolMotion
 from planning.tool_tolerance import ToolTolerance
 from service.schemas import cartesian
 from service.translate import poses
@@ -61,7 +61,7 @@ def timed_tool_motions(
         body.max_deviation,
         None if body.orientation == "free" else body.max_orientation_deviation,
         _tolerances(body, chain),
-        _speed_band(body, times, starts),
+        _speed_bands(body, times, starts),
         starts,
     )
 
@@ -87,17 +87,18 @@ def _tolerances(body: cartesian.TimedToolMotions, chain: Chain) -> tuple[ToolTol
     return tuple(boxes)
 
 
-def _speed_band(body: cartesian.TimedToolMotions, times: Array, starts: Array) -> SpeedBand | None:
-    """The speed to be kept, and when."""
-    if body.tool_speed is None:
-        return None
-    speed, band = body.tool_speed, body.speed_band
+def _speed_bands(
+    body: cartesian.TimedToolMotions, times: Array, starts: Array
+) -> tuple[SpeedBand, ...]:
+    """The speeds to be kept, and when."""
     spans = [
-        (float(starts[k]), float(times[k + 1]))
-        for k, item in enumerate(body.motions)
+        (begins, ends, body.tool_speed if item.tool_speed is None else item.tool_speed)
+        for item, begins, ends in zip(
+            body.motions, starts.tolist(), times[1:].tolist(), strict=True
+        )
         if item.part == "seam"
     ]
-    return SpeedBand(speed * (1.0 - band), speed * (1.0 + band), joined_spans(spans))
+    return SpeedBand.of_spans(spans, body.speed_band)
 
 
 def tool_motions_answer(reports: Sequence[ToolMotionReport]) -> list[dict[str, Any]]:

@@ -84,7 +84,8 @@ def test_a_seam_is_checked_in_a_motion_that_anybody_made(client: httpx.Client) -
     proof = judge(found["trajectory"], asked)
     assert proof["verified"]
     for name in ("tool_tolerance", "tool_speed"):
-        for key, value in found["certificate"][name].items():
+        told = {key: value for key, value in found["certificate"][name].items() if key != "bands"}
+        for key, value in told.items():
             assert proof[name][key] == pytest.approx(value, rel=1e-3, abs=1e-6)
     # With less tilt, or a slower tool, it is violated where dense samples say so.
     times = np.linspace(plan.tool_motions[1].begins, plan.tool_motions[-1].ends, 4001)
@@ -187,6 +188,41 @@ def test_a_seam_out_of_reach_says_where_and_by_how_much(client: httpx.Client) ->
     assert isinstance(details["would_help"], list)
 
 
+def test_waypoints_have_free_axes_and_speeds_of_their_own(client: httpx.Client) -> None:
+    waypoints = [
+        Waypoint(point=tuple(p), normal=(0.0, 0.0, 1.0), direction=(1.0, 0.0, 0.0), free=["rz"])
+        for p in POINTS
+    ]
+    waypoints[10:] = [one.model_copy(update={"tool_speed": 0.05}) for one in waypoints[10:]]
+    # Along its own z axis the tool may be anywhere: it has to be on the seam across it only.
+    waypoints[10:] = [one.model_copy(update={"free": ["rz", "z"]}) for one in waypoints[10:]]
+    asked = CartesianOptions(waypoints=waypoints, tool_speed=0.1)
+    found = answer(client.post("/v1/plan", json=BODY | {"planner_options": asked.as_options()}))
+    plan = ClientPlan.model_validate(found)
+    use = plan.certificate.tool_speed
+    assert plan.certificate.verified
+    assert use is not None
+    assert use.bands is not None
+    assert [band.high for band in use.bands] == pytest.approx([0.11, 0.055])
+    assert all(band.share > 0.6 and band.most <= band.high for band in use.bands)
+    assert plan.tool_motions is not None
+    held = asked.seam_in_time(plan.tool_motions).model_dump(mode="json", exclude_none=True)
+    body = {"robot": "panda", "trajectory": found["trajectory"], "tool_motions": held}
+    again = answer(client.post("/v1/validate", json=body))
+    assert again["verified"]
+    for told, now in zip(
+        found["certificate"]["tool_speed"]["bands"], again["tool_speed"]["bands"], strict=True
+    ):
+        assert now == pytest.approx(told, rel=1e-3)
+    # Half of the speed is too fast for the second part.
+    for motion in held["motions"]:
+        if motion.get("tool_speed") == 0.05:
+            motion["tool_speed"] = 0.04
+    slow = answer(client.post("/v1/validate", json=body))
+    assert not slow["verified"]
+    assert slow["violation"]["kind"] == "tool_speed"
+
+
 @pytest.mark.parametrize(
     ("changes", "code", "words"),
     [
@@ -201,6 +237,26 @@ def test_a_seam_out_of_reach_says_where_and_by_how_much(client: httpx.Client) ->
         ({"tolerance": {"frame": "moon"}}, "INVALID_LINK_NAME", "moon"),
         ({"tolerance": {"frame": "panda_hand"}}, "INVALID_LINK_NAME", "moves with the arm"),
         ({"tool_speed": 0.0}, "VALIDATION_ERROR", "tool_speed"),
+        (
+            {"waypoints": [{"point": p, "normal": UP, "tool_speed": 0.0} for p in POINTS[:2]]},
+            "VALIDATION_ERROR",
+            "waypoints[0].tool_speed",
+        ),
+        (
+            {
+                "waypoints": [
+                    {"point": p, "normal": UP, "free": ["x"], "tolerance": {"x": [0.0, 0.1]}}
+                    for p in POINTS[:2]
+                ]
+            },
+            "VALIDATION_ERROR",
+            "x has a range and is free",
+        ),
+        (
+            {"waypoints": [{"point": p, "normal": UP, "free": ["ry"]} for p in POINTS[:2]]},
+            "VALIDATION_ERROR",
+            "waypoints[0].free: tolerance of ry",
+        ),
         (
             {"waypoints": [{"point": POINTS[0], "normal": UP}] * 2},
             "INVALID_GOAL_CONSTRAINTS",

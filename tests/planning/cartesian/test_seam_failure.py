@@ -22,7 +22,7 @@ def layers(layer: int) -> tuple[SeamSearch, SeamGraph, np.ndarray]:
     points = tuple(SeamWaypoint(transform(DOWN, [0.5, y, 0.4])) for y in np.linspace(-0.2, 0.2, 9))
     places = seam_places(seam_runs(SeamOptions(points, ToolTolerance.of({}, ("rz",))), 0.0))
     checker = Checker.of(builtin("panda"), Scene())
-    search = SeamSearch(checker, places, np.array(HOME), None, Deadline.after(60.0))
+    search = SeamSearch(checker, places, np.array(HOME), (), Deadline.after(60.0))
     graph = search.prepare(places.layers())
     search.check_all(graph)
     mine = np.arange(graph.nodes.firsts[layer], graph.nodes.firsts[layer + 1])

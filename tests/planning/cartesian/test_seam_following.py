@@ -26,7 +26,7 @@ def line_search(reach: float) -> SeamSearch:
     tolerance = ToolTolerance.of({}, ("rz",), tilt=TILT)
     places = seam_places(seam_runs(SeamOptions(points, tolerance), 0.0))
     checker = Checker.of(builtin("panda"), Scene())
-    return SeamSearch(checker, places, np.array(HOME), None, Deadline.after(60.0))
+    return SeamSearch(checker, places, np.array(HOME), (), Deadline.after(60.0))
 
 
 @pytest.mark.parametrize("reach", [0.15, 0.3, 0.4])

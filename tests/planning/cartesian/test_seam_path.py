@@ -31,7 +31,7 @@ def test_only_sharp_corners_part_the_runs(factor: float, count: int) -> None:
     assert [asked for run in runs for asked in run.asked] == [0, 1]
     assert sum(run.length for run in runs) == pytest.approx(0.4)
     assert {run.name for run in runs} == {"seam"}
-    assert {run.tool_speed for run in runs} == {0.1}
+    assert {speed for run in runs for speed in run.tool_speeds} == {0.1}
 
 
 def test_a_blend_joins_what_a_sharp_corner_parts() -> None:

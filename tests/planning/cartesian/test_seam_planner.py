@@ -1,6 +1,7 @@
 """Seams: plans with free and tolerant axes against dense samples of pinocchio's kinematics."""
 
 import math
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -89,6 +90,76 @@ def tool_speeds(answer: Plan) -> np.ndarray:
     joints = answer.trajectory.sample(np.minimum(times, answer.trajectory.duration))
     points = np.array([oracle.pose(q)[:3, 3] for q in joints])
     return np.asarray(np.linalg.norm(np.diff(points, axis=0), axis=1) / (times[1] - times[0]))
+
+
+def with_speeds(waypoints: tuple[SeamWaypoint, ...], speeds: dict[int, float]) -> Any:
+    """Waypoints of which some have a speed of their own, from their number on."""
+    rows, speed = [], None
+    for k, waypoint in enumerate(waypoints):
+        speed = speeds.get(k, speed)
+        rows.append(replace(waypoint, tool_speed=speed))
+    return tuple(rows)
+
+
+def test_each_part_of_a_seam_has_the_speed_that_is_asked_for_it() -> None:
+    waypoints = with_speeds(on_cylinder(), {20: 0.05, 40: 0.14})
+    answer = followed(ask(waypoints))
+    use = answer.certificate.tool_speed
+    assert use is not None
+    assert [band.low for band in use.bands] == pytest.approx([0.09, 0.045, 0.126])
+    assert [band.high for band in use.bands] == pytest.approx([0.11, 0.055, 0.154])
+    assert (use.low, use.high) == (use.bands[1].low, use.bands[2].high)
+    assert use.share > 0.9
+    for band in use.bands:
+        assert band.share > 0.85
+        assert band.most <= band.high
+    assert sum(band.length for band in use.bands) == pytest.approx(use.length)
+    # What the arm does, by pinocchio: part by part no faster than its band, and within it inside.
+    parts = [report for report in answer.tool_motions if report.part == "seam"]
+    oracle = PinocchioPanda()
+    for report in parts:
+        asked = waypoints[report.asked + 1].tool_speed or SPEED
+        times = np.linspace(report.begins, report.ends, 30)
+        joints = answer.trajectory.sample(np.minimum(times, answer.trajectory.duration))
+        points = np.array([oracle.pose(q)[:3, 3] for q in joints])
+        speeds = np.linalg.norm(np.diff(points, axis=0), axis=1) / (times[1] - times[0])
+        assert speeds.max() <= 1.1 * asked + 1e-6
+        if report.asked in (10, 30, 50):
+            assert speeds.min() >= 0.9 * asked
+
+
+@pytest.mark.parametrize("method", ["toppra", "jerk_limited"])
+def test_no_part_is_faster_than_its_speed_at_corners_and_stops(method: Any) -> None:
+    # A rectangle with a rest at two corners and arcs at the others.
+    corners = np.array([[0.5, -0.15], [0.5, 0.15], [0.6, 0.15], [0.6, -0.15], [0.5, -0.14]])
+    R = np.diag([1.0, -1.0, -1.0])
+    speeds, blends = (None, 0.1, 0.05, 0.15, 0.03), (None, 0.0, 0.03, 0.0, None)
+    waypoints = tuple(
+        SeamWaypoint(transform(R, [*corner, 0.35]), blend=blend, tool_speed=speed)
+        for corner, speed, blend in zip(corners, speeds, blends, strict=True)
+    )
+    seam = SeamOptions(waypoints, SPIN)
+    problem = Problem(builtin("panda"), Scene(), HOME, (PoseGoal(waypoints[-1].T_base_tip),))
+    how = CartesianOptions(seam=seam)
+    timing = TimingOptions(method)
+    answer = followed(plan(problem, Options(planner="cartesian", cartesian=how, timing=timing)))
+    use = answer.certificate.tool_speed
+    assert use is not None
+    assert len(use.bands) == 4
+    for band in use.bands:
+        assert band.most <= band.high
+    if method == "jerk_limited":
+        assert min(band.share for band in use.bands) > 0.5
+
+
+def test_speeds_of_some_ways_only_are_refused() -> None:
+    waypoints = with_speeds(on_cylinder(10), {5: 0.1})
+    with pytest.raises(InvalidOption, match=r"waypoints\[1\] has no tool_speed") as refused:
+        SeamOptions(waypoints, SPIN)
+    assert "options" in (refused.value.hint or "")
+    assert SeamOptions(waypoints, SPIN, tool_speed=0.2).speeds == (0.2,) * 4 + (0.1,) * 5
+    with pytest.raises(InvalidOption, match="positive"):
+        SeamWaypoint(np.eye(4), tool_speed=0.0)
 
 
 def test_a_seam_with_a_free_spin_and_a_tilt_is_followed_at_its_speed() -> None:

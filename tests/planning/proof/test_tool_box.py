@@ -10,7 +10,7 @@ from kinematics.jacobian import geometric
 from kinematics.robots import builtin_chain
 from kinematics.trajectory import Trajectory
 from planning.proof.tool_box import check_tool_boxes
-from planning.proof.tool_speed_band import check_speed_band
+from planning.proof.tool_speed_band import check_speed_bands
 from planning.tool_motion import SpeedBand, TimedToolMotions, ToolMotion, arc_via, line
 from planning.tool_tolerance import ToolTolerance
 
@@ -128,7 +128,7 @@ def test_speeds_are_those_of_the_jacobian() -> None:
         [np.linalg.norm(geometric(CHAIN, a)[:3] @ b) for a, b in zip(q, rates, strict=True)]
     )
     low, high = np.quantile(speeds, 0.3), 1.01 * speeds.max()
-    use, violation = check_speed_band(CHAIN, trajectory, SpeedBand(low, high, ((0.0, 2.0),)))
+    use, violation = check_speed_bands(CHAIN, trajectory, [SpeedBand(low, high, ((0.0, 2.0),))])
     assert use is not None
     assert violation is None
     inside = speeds[speeds >= low].sum() / speeds.sum()
@@ -136,9 +136,9 @@ def test_speeds_are_those_of_the_jacobian() -> None:
     assert speeds.max() <= use.most <= high
     assert use.least == pytest.approx(speeds.min(), abs=2e-2)
     slow = SpeedBand(0.0, 0.97 * speeds.max(), ((0.0, 2.0),))
-    use, violation = check_speed_band(CHAIN, trajectory, slow)
+    use, violation = check_speed_bands(CHAIN, trajectory, [slow])
     assert use is not None
     assert not use.verified
     assert violation is not None
     assert speeds[np.argmin(np.abs(TIMES - violation.time))] >= 0.96 * speeds.max()
-    assert check_speed_band(CHAIN, trajectory, None) == (None, None)
+    assert check_speed_bands(CHAIN, trajectory, []) == (None, None)

@@ -117,7 +117,7 @@ TOOL_MOTIONS = {
     "motions": [
         MOTIONS[0] | {"start": POSE, "part": "approach"},
         MOTIONS[1] | {"part": "seam", "begins": 1.5,
-                      "tolerance": {"x": [-0.001, 0.001], "tilt": 0.1}},
+                      "tolerance": {"x": [-0.001, 0.001], "tilt": 0.1}, "tool_speed": 0.05},
         MOTIONS[2] | {"part": "seam"},
     ],
     "begins": 0.5, "ends": [1.0, 2.0, 3.0], "max_deviation": 1e-3,
