@@ -6,7 +6,7 @@ from collections.abc import Callable
 
 #: Pause before a request is refused that would be too late [s]. Whoever asks again at once is
 #: slowed down: refusals must not use up what workers need.
-_PAUSE = 0.04
+_PAUSE = 0.034
 #: Refusals that are due within this are sent with the first one [s]: the event loop wakes up once
 #: for all of them, and so do clients on this machine.
 _BUNCH = 0.01
