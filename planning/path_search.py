@@ -15,7 +15,7 @@ from planning.deadline import Deadline
 from planning.diagnosis import Diagnosis, diagnose
 from planning.options import Options
 from planning.planner import Planner, Query
-from planning.planners import CASCADE, CASCADE_AGAIN
+from planning.planners import CASCADE
 from planning.problem import Problem
 from planning.ready import Ready
 from planning.result import Attempt, Failure
@@ -38,7 +38,7 @@ _PREFERRED_SHARE = 0.4
 #: Edges that the cascade's trees may look at for a path to the best goals, before all are tried.
 _MAX_EDGES_TO_BEST = 2000
 #: Edges that the cascade's trees may look at for such a path.
-_MAX_PREFERRED_EDGES = 250
+_MAX_PREFERRED_EDGES = 500
 
 
 class FoundPath(NamedTuple):
@@ -83,23 +83,21 @@ class PathSearch:
         for checker in ready.checkers:
             levels = clearance_levels(checker, self.options.clearance)
             until = deadline.within(_PREFERRED_SHARE * deadline.remaining)
-            preferred, planners = best if chooses else ready, self.planners
+            preferred = best if chooses else ready
             spacious = self._spacious_query(preferred, levels, until)
             if spacious is not None:
-                found, attempt = self._ask_planners(planners, spacious, levels)
+                found, attempt = self._ask_planners(self.planners, spacious, levels)
                 if found is not None:
                     return found
-                if len(spacious.ready.goals) == len(preferred.goals):
-                    planners = CASCADE_AGAIN
             if chooses:
                 query = self._query(best, checker, until, _MAX_EDGES_TO_BEST)
-                found, attempt = self._ask_planners(planners, query, levels)
+                found, attempt = self._ask_planners(self.planners, query, levels)
                 if found is not None:
                     return found
             share = 1.0 if checker is ready.checkers[-1] else _HULLS_SHARE
             until = deadline.within(share * deadline.remaining)
             query = self._query(ready, checker, until)
-            found, attempt = self._ask_planners(planners, query, levels)
+            found, attempt = self._ask_planners(self.planners, query, levels)
             if found is not None:
                 return found
         if attempt.failure is not None:

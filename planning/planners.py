@@ -9,7 +9,7 @@ from kinematics.errors import InvalidOption
 from planning.cartesian.planner import Cartesian
 from planning.constrained.checker import ConstrainedChecker
 from planning.constrained.planner import ProjectedRrt
-from planning.field.options import QUICK, FieldOptions
+from planning.field.options import FieldOptions
 from planning.field.planner import PotentialField
 from planning.optimize.options import OPTIMIZE
 from planning.options import Options
@@ -20,10 +20,6 @@ from planning.sampling.planners import PLANNERS as OMPL_PLANNERS
 from planning.sampling.search import OmplPlanner
 from planning.search.rrt_connect import RrtConnect
 from planning.search.straight_line import StraightLine
-
-#: Share of the time that is left, and number of goals (the nearest), for the cascade's field.
-_FIELD_SHARE = 0.1
-_FIELD_GOALS = 2
 
 
 @dataclass(frozen=True, slots=True)
@@ -54,39 +50,13 @@ class ByConstraints:
         return (self.constrained if constrained else self.free).plan(query)
 
 
-@dataclass(frozen=True, slots=True)
-class Skipped:
-    """A place in the cascade that is left out.
-
-    Args:
-        name: Name of the planner that is left out.
-        reason: Why, one sentence.
-    """
-
-    name: str
-    reason: str
-    needs_goals: bool = True
-
-    def plan(self, query: Query) -> Attempt:  # noqa: ARG002
-        """No path, and the reason."""
-        return Attempt(None, f"Left out: {self.reason}")
-
-
 #: Planners tried in turn where none is named.
 CASCADE: tuple[Planner, ...] = (
     StraightLine(),
     ByConstraints(
-        PotentialField(QUICK, share=_FIELD_SHARE, max_goals=_FIELD_GOALS),
-        Skipped("potential_field", "its forces do not include constraints."),
-    ),
-    ByConstraints(
         RrtConnect(fallback=OmplPlanner.of("rrt_connect", {})), ProjectedRrt("rrt_connect")
     ),
 )
-
-#: Those of them that are asked once more with less clearance than preferred: a descent that led
-#: nowhere with the preferred one rarely arrives with less, and costs as much again.
-CASCADE_AGAIN = tuple(planner for planner in CASCADE if planner.name != PotentialField.name)
 
 
 def _reject_options(options: Options) -> None:

@@ -4,7 +4,8 @@ One tree takes a step towards a random configuration; the other one then goes st
 where that ended. The path on which they meet is proved free. The smaller tree is the one to grow:
 the end that stands in a narrow place gets the attempts that it needs. A node from which a step
 failed is only grown towards configurations near it: far ones keep choosing the same nodes at the
-border of the tree, and meet the same obstacles. Sources: "RRT-Connect: an efficient approach to
+border of the tree, and meet the same obstacles. Most draws lie about the straight line from start
+to goal. Sources: "RRT-Connect: an efficient approach to
 single-query path planning", IEEE International Conference on Robotics and Automation, 2000;
 "Dynamic-domain RRTs: efficient exploration by controlling the sampling domain", the same
 conference, 2005.
@@ -82,10 +83,10 @@ def rrt_connect(
     max_edges: int,
     explored: Explored | None = None,
 ) -> RrtResult:
-    """Grow trees from a configuration and from the goals until they meet, and once more.
+    """Grow trees from a configuration and from the goals until they meet.
 
-    The last pair of trees has as many edges as the first path took; the shorter path is the
-    answer.
+    Where the path is long, another pair of trees has as many edges as it took; the shorter path is
+    the answer.
 
     Args:
         checker: The robot in its scene.

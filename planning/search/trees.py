@@ -43,6 +43,13 @@ _MAX_CUTS = 3
 _PATIENCE = 3
 #: Draws in a row that may be rejected because the nearest node has met something.
 _MAX_DRAWS = 100
+#: Share of the draws that lie about the straight line from the start to the first goal, and how far
+#: beside it at most in each joint, as a share of its length. Most paths are there, and shorter;
+#: the other draws find those that are not.
+_DRAWS_BESIDE, _BESIDE = 0.7, 0.5
+#: A path so many times as long as the straight line is worth another pair of trees: shortening does
+#: for the others what that would do.
+_LONG = 3.0
 #: Parent of a node that was cut off; that of a root is -1.
 _CUT = -2
 
@@ -128,7 +135,7 @@ def new_trees(roots: Array, budget: int, random: State) -> Trees:
 def grow_kernel(
     model: ModelArrays, trees: Trees, draws: Draws, roots: Array, budget: int, until: int
 ) -> int:
-    """Grow a pair of trees until they meet, then another one with as many edges.
+    """Grow a pair of trees until they meet; if the path is long, another one with as many edges.
 
     Args:
         model: The packed robot and scene.
@@ -148,7 +155,7 @@ def grow_kernel(
         if _grow(model, work, draws, trees, vectors, min(until, most)):
             first = tally[PATH] == 0
             _keep_path(trees)
-            if not first:
+            if not first or not _is_long(trees.path, tally[PATH]):
                 return FOUND
             tally[EDGES_BEFORE] = tally[EDGES]
             _plant(trees, roots)
@@ -229,10 +236,17 @@ def _grow(
 def _draw(trees: Trees, side: int, draws: Draws, target: Array) -> int:
     """Draw a configuration (n,) to grow towards; the node that is nearest to it."""
     low, high = draws.low, draws.high
-    near = 0
+    start, goal, near = trees.points[0, 0], trees.points[1, 0], 0
+    width = _BESIDE * math.sqrt(_square(trees.points[0], 0, goal))
     for _ in range(_MAX_DRAWS):
+        beside = uniform_kernel(trees.random) < _DRAWS_BESIDE
+        share = uniform_kernel(trees.random) if beside else 0.0
         for j in range(target.shape[0]):
-            target[j] = low[j] + (high[j] - low[j]) * uniform_kernel(trees.random)
+            part = uniform_kernel(trees.random)
+            target[j] = low[j] + (high[j] - low[j]) * part
+            if beside:
+                middle = start[j] + share * (goal[j] - start[j])
+                target[j] = min(max(middle + width * (2.0 * part - 1.0), low[j]), high[j])
         near, away = _nearest(trees, side, target)
         if away <= draws.domain or not trees.met[side, near]:
             break
@@ -344,6 +358,12 @@ def _keep_path(trees: Trees) -> None:
         for j in range(path.shape[1]):
             path[row - begin, j] = path[row, j]
     tally[PATH] = end - begin
+
+
+@kernel(allocates=False)
+def _is_long(path: Array, count: int) -> bool:
+    """Whether a path of so many waypoints (k, n) is a detour that is worth another search."""
+    return _length(path, 0, count) > _LONG * math.sqrt(_square(path, 0, path[count - 1]))
 
 
 @kernel(allocates=False)

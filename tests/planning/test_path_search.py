@@ -26,10 +26,9 @@ def stages(scene: Scene) -> list[str]:
     return names[1 : names.index("shortcut")]
 
 
-def test_with_less_clearance_the_potential_field_is_not_asked_again() -> None:
-    first = ["straight_line", "potential_field", "rrt_connect"]
-    assert stages(Scene((LONG, SHORT))) == [*first, "straight_line", "rrt_connect"]
+def test_where_there_is_no_room_both_planners_are_asked_again_with_less_clearance() -> None:
+    assert stages(Scene((LONG, SHORT))) == 2 * ["straight_line", "rrt_connect"]
 
 
 def test_where_there_is_room_one_search_is_enough() -> None:
-    assert stages(Scene((LONG,))) == ["straight_line", "potential_field", "rrt_connect"]
+    assert stages(Scene((LONG,))) == ["straight_line", "rrt_connect"]

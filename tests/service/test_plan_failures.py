@@ -121,7 +121,7 @@ def test_no_way_at_all_is_told_in_time_with_what_was_tried(client: httpx.Client)
     assert 0.5 < time.monotonic() - start < 10.0, "no way would be looked for without end"
     assert document["hint"]
     tried = [stage["name"] for stage in document["details"]["stages"]]
-    cascade = ["straight_line", "potential_field", "rrt_connect"]
+    cascade = ["straight_line", "rrt_connect"]
     # With the preferred clearance first, then as near as the margin allows: a descent only once.
     assert tried == ["preflight", *cascade, "straight_line", "rrt_connect", "diagnosis"]
     assert document["details"]["blocked_by"][0]["pair"] == ["lower", "ball"]
