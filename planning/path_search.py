@@ -38,7 +38,7 @@ _PREFERRED_SHARE = 0.4
 #: Edges that the cascade's trees may look at for a path to the best goals, before all are tried.
 _MAX_EDGES_TO_BEST = 2000
 #: Edges that the cascade's trees may look at for such a path.
-_MAX_PREFERRED_EDGES = 500
+_MAX_PREFERRED_EDGES = 1000
 
 
 class FoundPath(NamedTuple):

@@ -4,6 +4,7 @@ The readers are the application's own, so that a file means here what it means t
 """
 
 from collections.abc import Callable
+from dataclasses import fields
 from typing import Any
 
 import numpy as np
@@ -118,13 +119,13 @@ def _mesh(name: str, content: bytes, kind: str) -> Obstacle:
 def _shape(shape: Any) -> Shape:
     """A shape of the application as the client has it: the same name, the same fields."""
     name = {"HalfSpace": "Halfspace"}.get(type(shape).__name__, type(shape).__name__)
-    fields = {
-        item: value.tolist() if isinstance(value, np.ndarray) else value
-        for item in type(shape).__dataclass_fields__
-        for value in (getattr(shape, item),)
-        if not item.startswith("_")
+    values = {
+        item.name: value.tolist() if isinstance(value, np.ndarray) else value
+        for item in fields(shape)
+        for value in (getattr(shape, item.name),)
+        if not item.name.startswith("_")
     }
-    made: Shape = _SHAPES[name].of(**fields)
+    made: Shape = _SHAPES[name].of(**values)
     return made
 
 

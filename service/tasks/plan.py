@@ -47,14 +47,13 @@ _PACKAGES = ("numpy", "scipy", "numba", "ompl", "python-fcl")
 _PROGRESS = {
     "preflight": 0.0,
     "straight_line": 0.1,
-    "potential_field": 0.15,
     "shortcut": 0.6,
     "clearance": 0.65,
     "timing": 0.7,
     "certificate": 0.85,
 }
 #: The same for every planner that searches.
-_SEARCHING = 0.25
+_SEARCHING = 0.2
 
 
 @task(grace=GRACE)

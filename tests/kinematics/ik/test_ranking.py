@@ -100,7 +100,8 @@ def test_all_solutions_with_whole_turns() -> None:
     assert len({tuple(np.round(s.joints, 6)) for s in many}) == len(many)
     assert np.abs(forward(chain, np.array([s.joints for s in many])) - T).max() < 1e-9
     distances = [np.linalg.norm(s.joints - q) for s in many]
-    assert distances == sorted(distances)
+    # Turns that are as far either way are equal but for rounding.
+    assert np.diff(distances).min() >= -1e-12
     np.testing.assert_allclose(many[0].joints, q, atol=1e-9)
 
 

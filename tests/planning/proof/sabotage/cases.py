@@ -329,6 +329,11 @@ _CASES: dict[str, Callable[[], Case]] = {
     "ur5e around a wall, by random trees": _of(
         "ur5e", _WALL, _UR_START, _UR_GOAL, planner="rrt_connect"
     ),
+    "panda around a post another way": _of("panda", _POST, HOME, _ASIDE, seed=3),
+    "ur5e around a wall another way": _of("ur5e", _WALL, _UR_START, _UR_GOAL, seed=2),
+    "elbow around a post another way": _of(
+        "elbow_wrist", pillar(0.0, 0.5), _ELBOW_START, _ELBOW_GOAL, seed=1
+    ),
     "elbow around a post": _of("elbow_wrist", pillar(0.0, 0.5), _ELBOW_START, _ELBOW_GOAL),
     "dh arm around a post": lambda: _joint_case(
         _dh_arm(), _dh_robot(), pillar(0.0, 0.55), np.array([-0.8, -0.6, 0.9]),
@@ -367,6 +372,9 @@ _CASES: dict[str, Callable[[], Case]] = {
     "panda along a blocked line": lambda: _line_case(
         HOME, (0.05, 0.35, -0.2), Scene((box("brick", (0.1, 0.1, 0.1), (0.35, 0.2, 0.4)),)),
         TimingOptions("toppra"),
+    ),
+    "panda straight through a post": _of(
+        "panda", _POST, HOME, _ASIDE, planner="straight_line"
     ),
     "panda starting in a box": _of("panda", _BRICK, HOME, _ASIDE, planner="straight_line"),
     "panda ending in a box": _of("panda", _BRICK, _ASIDE, HOME, planner="straight_line"),

@@ -34,6 +34,13 @@ _BLOCKED = (
 )  # fmt: skip
 
 
+#: With corners that may not be cut.
+_ANOTHER_WAY = (
+    "panda around a post another way", "ur5e around a wall another way",
+    "elbow around a post another way",
+)  # fmt: skip
+
+
 _EVERY_BLOCKED = (
     *_BLOCKED, "panda around a post, jerk limited", "panda around a post, by splines",
     "panda past a post with a margin", "panda unfolding",
@@ -73,6 +80,7 @@ def _edge_check_at_ends(sabotage: Sabotage) -> None:
             return _free(self)
         return Motion(False, True, 0.0, ("one", "other"), -np.inf, 2)
 
+    sabotage.method(Checker, "blocked_share", lambda self, start, end: None)
     sabotage.method(Checker, "segment", segment)
     sabotage.method(Checker, "free", lambda self, start, end: segment(self, start, end).free)
     sabotage.method(
@@ -214,7 +222,8 @@ COLLISION_LIES = (
         ("panda starting in a box", "panda ending in a box"), _COLLISION),
     Lie("edge check", "always free", _edge_check,
         (*_EVERY_BLOCKED, "panda along a blocked line"), _COLLISION),
-    Lie("edge check", "looks at the ends alone", _edge_check_at_ends, _EVERY_BLOCKED, _COLLISION),
+    Lie("edge check", "looks at the ends alone", _edge_check_at_ends,
+        (*_EVERY_BLOCKED, "panda straight through a post"), _COLLISION),
     Lie("packed scene", "obstacles shrunk", _packed(lambda r, s, m: (r, _shrunk_scene(s), m)),
         (*_BLOCKED, "ur5e around a wall, by random trees"), _COLLISION),
     Lie("packed scene", "an obstacle dropped", _packed(lambda r, s, m: (r, _without_scene(s), m)),
@@ -234,9 +243,9 @@ COLLISION_LIES = (
     Lie("shortcut", "straight to the end", _shortcut_to_the_end, _BLOCKED, _COLLISION),
     Lie("shortcut", "in an empty scene", _shortcut_in_an_empty_scene, _BLOCKED, _COLLISION),
     Lie("corner blending", "every corner rounded fully", _corners_rounded_fully,
-        ("panda around a post", "ur5e around a wall", "elbow around a post"), _COLLISION),
+        _ANOTHER_WAY, _COLLISION),
     Lie("corner blending", "corners rounded wider than proved", _corners_rounded_wider,
-        ("panda around a post", "ur5e around a wall", "elbow around a post"), _COLLISION),
+        _ANOTHER_WAY, _COLLISION),
     Lie("packed scene", "box tree elsewhere", _tree_elsewhere, _BLOCKED, _COLLISION),
     Lie("pair choice", "own pairs dropped", _own_pairs_dropped, ("panda unfolding",), _COLLISION),
 )  # fmt: skip
