@@ -11,6 +11,7 @@ from planning.optimize.spline import SplineSpace
 from planning.optimize.task import End, Task
 from planning.timing.blend import blend
 from planning.timing.minimum_time import time_path
+from planning.timing.time_scaling import fitting_factor
 from tests.planning.optimize.motions import PANDA, iterate, task
 from tests.planning.scenes import HOME
 
@@ -124,8 +125,10 @@ def test_where_no_duration_keeps_the_limits_the_nearest_to_them_is_taken() -> No
         SplineSpace.uniform(3, 16),
         Trajectory(NAMES, np.array([0.0, 1.0]), line),
     )
-    best = ratio(at.trajectory(NAMES), between(start, goal))
+    # By how much a motion would have to be slowed down: no more than for its speed at the ends.
+    bounds = between(start, goal).bounds
+    best = fitting_factor(at.trajectory(NAMES), **bounds)
     assert best > 1.0
     for k in range(14):
         other = replace(at, duration=1.5**k).with_ends(start, goal)
-        assert ratio(other.trajectory(NAMES), between(start, goal)) > 0.9 * best
+        assert fitting_factor(other.trajectory(NAMES), **bounds) > 0.999 * best
