@@ -68,7 +68,7 @@ def bound_from(rows: Array, k: int, corners: Array, x: float, y: float, z: float
     v = rows[k, POSE + 1] * a + rows[k, POSE + 5] * b + rows[k, POSE + 9] * c
     w = rows[k, POSE + 2] * a + rows[k, POSE + 6] * b + rows[k, POSE + 10] * c
     if rows[k, KIND] < _BOX:
-        return _from_core(rows, k, corners, u, v, w)
+        return from_core(rows, k, corners, u, v, w)
     u = abs(u - rows[k, MIDDLE]) - rows[k, HALF]
     v = abs(v - rows[k, MIDDLE + 1]) - rows[k, HALF + 1]
     w = abs(w - rows[k, MIDDLE + 2]) - rows[k, HALF + 2]
@@ -80,7 +80,7 @@ def bound_from(rows: Array, k: int, corners: Array, x: float, y: float, z: float
 
 
 @kernel(allocates=False)
-def _from_core(rows: Array, k: int, corners: Array, x: float, y: float, z: float) -> float:
+def from_core(rows: Array, k: int, corners: Array, x: float, y: float, z: float) -> float:
     """``bound_from`` of the rarer kinds, the point in the frame of the piece."""
     kind, rounding = rows[k, KIND], rows[k, ROUNDING]
     if kind == _HALFSPACE:

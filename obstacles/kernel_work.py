@@ -7,6 +7,9 @@ import numpy as np
 
 from kinematics.arrays import Array, Indices
 from kinematics.compiled.kernel import kernel
+from kinematics.compiled.simd import LANES
+from kinematics.compiled.simd_frames import FRAME_SIZE
+from kinematics.compiled.simd_transpose import aligned_kernel
 from kinematics.forward import frames_kernel
 from obstacles.gjk import Drift
 from obstacles.mesh_distance import STACK
@@ -17,6 +20,8 @@ from obstacles.piece_set import CENTER, POSE, RADIUS
 _ENTRIES, _INTERVALS = 1024, 256
 #: Factor by which room grows.
 _WIDER = 4
+#: Numbers of a ball's middle in lanes.
+BALL_SIZE = 3 * LANES
 
 
 class Workspace(NamedTuple):
@@ -40,6 +45,8 @@ class Workspace(NamedTuple):
         hints: Their separating axes, and none for the roots, shape (3, e, 3).
         spans: Intervals left, shape (2, s, 2).
         lists: First and number of the entries of each, shape (2, s, 2).
+        lanes: Of eight states, a vector each: their joints, the cosines and sines of these, the
+            frames of bodies, and the middles of the bodies' balls; flat.
     """
 
     joints: Array
@@ -55,6 +62,7 @@ class Workspace(NamedTuple):
     hints: Array
     spans: Array
     lists: Indices
+    lanes: Array
 
 
 @kernel
@@ -78,6 +86,9 @@ def workspace(model: ModelArrays) -> Workspace:
         _hints(model.roots.shape[0], _ENTRIES),
         np.empty((2, _INTERVALS, 2)),
         np.empty((2, _INTERVALS, 2), dtype=np.int64),
+        aligned_kernel(
+            3 * LANES * n + FRAME_SIZE * bodies + BALL_SIZE * (p - model.skipped.shape[0])
+        ),
     )
 
 
@@ -106,6 +117,7 @@ def widened(model: ModelArrays, work: Workspace) -> Workspace:
         _hints(model.roots.shape[0], entries),
         np.empty((2, intervals, 2)),
         np.empty((2, intervals, 2), dtype=np.int64),
+        work.lanes,
     )
 
 

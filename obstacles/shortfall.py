@@ -7,12 +7,11 @@ import numpy as np
 from kinematics.arrays import Array
 from kinematics.chain import MAX_JOINTS
 from kinematics.compiled.kernel import kernel
-from kinematics.compiled.simd import on_stack
-from obstacles.edge_check import FREE
+from kinematics.compiled.simd import LANES, on_stack
 from obstacles.kernel_work import Workspace
+from obstacles.lane_check import blocked_lanes, write_states
 from obstacles.model_arrays import ModelArrays
 from obstacles.proximity import closest_in, stand_in
-from obstacles.state_check import verdict_in
 
 
 @kernel(allocates=False)
@@ -36,17 +35,22 @@ def line_shortfall(
     for j in range(n):
         square += (b[j] - a[j]) ** 2
     parts = max(1, math.ceil(math.sqrt(square) / spacing))
-    q, asked, total = on_stack(MAX_JOINTS)[:n], on_stack(1).view(np.int64), 0.0
-    for part in range(parts):
-        share = (part + 0.5) / parts
-        for j in range(n):
-            q[j] = a[j] + share * (b[j] - a[j])
-        if verdict_in(model, work, q, 0.0, asked) == FREE:
-            continue
-        work.joints[:] = 0.0
-        stand_in(model, work, q)
-        nearest, _ = closest_in(model, work, 0.0, True)
-        total -= nearest
-        if total > most * parts:
-            return np.inf
+    q, shares, total = on_stack(MAX_JOINTS)[:n], on_stack(LANES), 0.0
+    for first in range(0, parts, LANES):
+        count = min(LANES, parts - first)
+        for number in range(count):
+            shares[number] = (first + number + 0.5) / parts
+        write_states(work, a, b, shares, 0, count)
+        near = blocked_lanes(model, work, 0.0, (1 << count) - 1, 0, 0)
+        for number in range(count):
+            if near >> number & 1 == 0:
+                continue
+            for j in range(n):
+                q[j] = a[j] + shares[number] * (b[j] - a[j])
+            work.joints[:] = 0.0
+            stand_in(model, work, q)
+            nearest, _ = closest_in(model, work, 0.0, True)
+            total -= nearest
+            if total > most * parts:
+                return np.inf
     return total / parts

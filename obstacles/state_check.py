@@ -29,7 +29,7 @@ from obstacles.pair_grid import grid_bound
 from obstacles.piece_set import CENTER, MARGIN, NODE_STOP, OWNER, RADIUS, Pair, Shapes
 
 #: What floating point may have cost a distance of a few metres [m], with room to spare.
-_ROUNDING_ERROR = 1e-9
+ROUNDING_ERROR = 1e-9
 #: Pairs of two bodies from which on it pays to bring the balls of all pieces into the base frame.
 _FEW = 4
 
@@ -89,7 +89,7 @@ def _around_body(
     _place_ball(rows, row, work.frames, model.joints[row], work.placed)
     placed, verdict, wall = work.placed, FREE, 0
     x, y, z = placed[row, CENTER], placed[row, CENTER + 1], placed[row, CENTER + 2]
-    reach = max(rows[row, RADIUS] + extra + _ROUNDING_ERROR, 0.0)
+    reach = max(rows[row, RADIUS] + extra + ROUNDING_ERROR, 0.0)
     square, node, end, entry, stop = reach * reach, 0, nodes.shape[0], 0, 0
     # One loop over half-spaces, nodes and what is in them: what it does is pasted in once.
     while True:
@@ -125,7 +125,7 @@ def _body_against(
     x, y, z = placed[row, CENTER], placed[row, CENTER + 1], placed[row, CENTER + 2]
     if last - first > 1:
         bound = bound_from(scene, k, model.corners, x, y, z)
-        if bound > model.robot[row, RADIUS] + apart + _ROUNDING_ERROR:
+        if bound > model.robot[row, RADIUS] + apart + ROUNDING_ERROR:
             return FREE
     verdict = FREE
     for entry in range(first, last):
@@ -134,7 +134,7 @@ def _body_against(
             continue
         found = _bracket(model, work, i, k, apart)
         if found == UNDECIDED:
-            found = _ask(model, work, scene, k, i, apart, asked, i * scene.shape[0] + k)
+            found = exact_verdict(model, work, scene, k, i, apart, asked, i * scene.shape[0] + k)
         if found == COLLIDING:
             return found
         verdict = max(verdict, found)
@@ -149,7 +149,7 @@ def _own_pairs(model: ModelArrays, work: Workspace, apart: float, asked: Indices
     first_pair, verdict, ready = pieces * model.scene.shape[0], FREE, False
     for group in range(model.groups.shape[0]):
         start, stop, a, b = model.groups[group]
-        if balls_apart(placed, a, b) > apart + _ROUNDING_ERROR:
+        if balls_apart(placed, a, b) > apart + ROUNDING_ERROR:
             continue
         if not ready and stop - start > _FEW:
             for i in range(pieces):
@@ -158,13 +158,13 @@ def _own_pairs(model: ModelArrays, work: Workspace, apart: float, asked: Indices
             ready = True
         for s in range(start, stop):
             i, j = pairs[s, 0], pairs[s, 1]
-            if ready and balls_apart(placed, i, j) > apart + _ROUNDING_ERROR:
+            if ready and balls_apart(placed, i, j) > apart + ROUNDING_ERROR:
                 continue
             if model.grid_axes[s, 0, 2] > 0.0:
                 proved = grid_bound(
                     model.grid_axes, model.grid_starts, model.grid_values, s, joints[i], work.joints
                 )
-                if proved > apart + _ROUNDING_ERROR:
+                if proved > apart + ROUNDING_ERROR:
                     continue
             found = _bracket_pair(
                 model.spheres,
@@ -174,7 +174,7 @@ def _own_pairs(model: ModelArrays, work: Workspace, apart: float, asked: Indices
             )  # fmt: skip
             if found == UNDECIDED:
                 _place(model, work, i)
-                found = _ask(model, work, placed, i, j, apart, asked, first_pair + s)
+                found = exact_verdict(model, work, placed, i, j, apart, asked, first_pair + s)
             if found == COLLIDING:
                 return found
             verdict = max(verdict, found)
@@ -204,10 +204,10 @@ def _bracket(model: ModelArrays, work: Workspace, i: int, k: int, apart: float) 
             frames[joint, 2, 0] * x + frames[joint, 2, 1] * y + frames[joint, 2, 2] * z
             + frames[joint, 2, 3],
         )  # fmt: skip
-        if distance > spheres[sphere, OUTER] + apart + _ROUNDING_ERROR:
+        if distance > spheres[sphere, OUTER] + apart + ROUNDING_ERROR:
             sphere = int(spheres[sphere, AFTER])
             continue
-        if exact and distance <= spheres[sphere, INNER] + apart - _ROUNDING_ERROR:
+        if exact and distance <= spheres[sphere, INNER] + apart - ROUNDING_ERROR:
             return COLLIDING
         sphere += 1
         if spheres[sphere - 1, AFTER] == sphere:
@@ -227,7 +227,7 @@ def _bracket_pair(
     """
     a, a_end, a_joint = one
     b, b_end, b_joint = other
-    middle, far = _moved(spheres, b, frames, b_joint), spheres[b, OUTER] + apart + _ROUNDING_ERROR
+    middle, far = _moved(spheres, b, frames, b_joint), spheres[b, OUTER] + apart + ROUNDING_ERROR
     while a < a_end:
         center = _moved(spheres, a, frames, a_joint)
         away = subtract(center, middle)
@@ -239,14 +239,14 @@ def _bracket_pair(
         a += 1
         if spheres[a - 1, AFTER] != a:
             continue
-        k, reach = b, spheres[a - 1, OUTER] + apart + _ROUNDING_ERROR
+        k, reach = b, spheres[a - 1, OUTER] + apart + ROUNDING_ERROR
         while k < b_end:
             away = subtract(center, _moved(spheres, k, frames, b_joint))
             distance = math.sqrt(dot(away, away))
             if distance > spheres[k, OUTER] + reach:
                 k = int(spheres[k, AFTER])
                 continue
-            overlap = spheres[a - 1, INNER] + spheres[k, INNER] + apart - _ROUNDING_ERROR
+            overlap = spheres[a - 1, INNER] + spheres[k, INNER] + apart - ROUNDING_ERROR
             if distance <= overlap:
                 return COLLIDING
             k += 1
@@ -270,7 +270,7 @@ def _moved(spheres: Array, k: int, frames: Array, joint: int) -> Vector:
 
 
 @kernel(allocates=False)
-def _ask(
+def exact_verdict(
     model: ModelArrays, work: Workspace, rows: Array, k: int, i: int, apart: float, asked: Indices,
     number: int,
 ) -> int:  # fmt: skip
@@ -281,7 +281,7 @@ def _ask(
             asked[asked[0]] = number
         return UNDECIDED
     _place(model, work, i)
-    enough, axis = apart + _ROUNDING_ERROR, work.room[8]
+    enough, axis = apart + ROUNDING_ERROR, work.room[8]
     pair = Pair(rows, k, work.placed, i)
     lower, n = quick_bound(rows, k, work.placed, i, enough)
     if lower > enough:

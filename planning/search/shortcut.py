@@ -25,8 +25,8 @@ from obstacles.checker import Checker
 from obstacles.collision_model import ModelArrays
 from obstacles.edge_check import FREE
 from obstacles.kernel_work import Workspace, workspace
+from obstacles.lane_check import blocked_between
 from obstacles.line_check import certify_line
-from obstacles.state_check import blocked_at
 from planning.deadline import Deadline
 
 #: Rounds after which a path counts as short.
@@ -151,7 +151,7 @@ def looks_free(model: ModelArrays, work: Workspace, a: Array, b: Array, slack: f
     parts, length = 2, distance(a, b)
     while parts < _MAX_PARTS and parts * _SPACING < length:
         parts *= 2
-    return blocked_at(model, work, a, b, slack, 2, parts, on_stack(1).view(np.int64)) < 0.0
+    return not blocked_between(model, work, a, b, slack, 2, parts)
 
 
 @kernel(allocates=False)

@@ -15,13 +15,16 @@ from numpy.typing import NDArray
 
 from kinematics.arrays import Array, Indices
 from kinematics.compiled.kernel import kernel
-from kinematics.compiled.simd import on_stack
+from kinematics.compiled.simd import LANES, on_stack
 from kinematics.random import State, uniform_kernel
 from obstacles.edge_check import COLLIDING, FREE
 from obstacles.kernel_work import Workspace, workspace
+from obstacles.lane_check import blocked_between, blocked_lanes, write_states
 from obstacles.line_check import certify_line
 from obstacles.model_arrays import ModelArrays
-from obstacles.state_check import blocked_at
+from obstacles.state_check import verdict_in
+from planning.search.nearest_node import nearest_node, place_node
+from planning.search.path_length import is_detour, path_length, square_distance, write_step
 
 # Outcomes of growing trees.
 #: The clock is to be looked at.
@@ -36,6 +39,8 @@ _MAX_INTERVALS = 800
 #: States of a step that are looked at, its end first, where that is all, and before a proof: half
 #: of the steps collide.
 _LOOKS, _LOOKS_BEFORE_PROOF = 4, 2
+#: The verdict on a step that was not looked at.
+_UNKNOWN = -1
 #: Cuts after which every step is proved before it is taken.
 _MAX_CUTS = 3
 #: Failed steps in a row after which the larger tree has a turn: it may come by where the smaller
@@ -47,9 +52,6 @@ _MAX_DRAWS = 100
 #: beside it at most in each joint, as a share of its length. Most paths are there, and shorter;
 #: the other draws find those that are not.
 _DRAWS_BESIDE, _BESIDE = 0.7, 0.5
-#: A path so many times as long as the straight line is worth another pair of trees: shortening does
-#: for the others what that would do.
-_LONG = 3.0
 #: Parent of a node that was cut off; that of a root is -1.
 _CUT = -2
 
@@ -71,6 +73,7 @@ class Trees(NamedTuple):
 
     Args:
         points: Shape (2, c, n).
+        blocks: The same for ``nearest_node``, shape (2, c n) with c a multiple of 8.
         parents: Node that each was reached from, -1 for roots, shape (2, c).
         met: Whether a step from a node failed, shape (2, c).
         proved: Whether the step to a node is proved, shape (2, c).
@@ -81,6 +84,7 @@ class Trees(NamedTuple):
     """
 
     points: Array
+    blocks: Array
     parents: Indices
     met: NDArray[np.bool_]
     proved: NDArray[np.bool_]
@@ -117,8 +121,10 @@ def new_trees(roots: Array, budget: int, random: State) -> Trees:
         random: State of the random generator, shape (1,).
     """
     capacity, n = budget + len(roots), roots.shape[1]
+    capacity += -capacity % LANES
     trees = Trees(
         points=np.empty((2, capacity, n)),
+        blocks=np.empty((2, capacity * n)),
         parents=np.empty((2, capacity), dtype=np.int64),
         met=np.empty((2, capacity), dtype=np.bool_),
         proved=np.empty((2, capacity), dtype=np.bool_),
@@ -148,14 +154,14 @@ def grow_kernel(
     Returns:
         GOING, SPENT or FOUND.
     """
-    work, vectors, tally = workspace(model), np.empty((2, roots.shape[1])), trees.tally
+    work, vectors, tally = workspace(model), np.empty((3, roots.shape[1])), trees.tally
     while True:
         # The second pair has as many edges as the first path took.
         most = tally[EDGES_BEFORE] if tally[PATH] > 0 else budget
         if _grow(model, work, draws, trees, vectors, min(until, most)):
             first = tally[PATH] == 0
             _keep_path(trees)
-            if not first or not _is_long(trees.path, tally[PATH]):
+            if not first or not is_detour(trees.path, tally[PATH]):
                 return FOUND
             tally[EDGES_BEFORE] = tally[EDGES]
             _plant(trees, roots)
@@ -185,6 +191,7 @@ def _add(trees: Trees, side: int, q: Array, parent: int) -> int:
     node = trees.sizes[side]
     for j in range(q.shape[0]):
         trees.points[side, node, j] = q[j]
+    place_node(trees.blocks[side], node, q)
     trees.parents[side, node] = parent
     trees.met[side, node], trees.proved[side, node] = False, False
     trees.sizes[side] = node + 1
@@ -197,7 +204,7 @@ def _grow(
 ) -> bool:
     """Grow both trees until they meet on a proved path or ``until`` edges; whether they meet.
 
-    ``vectors`` is room for a target and the end of a step, (2, n).
+    ``vectors`` is room for a target and for the ends of two steps, (3, n).
     """
     target, tally, failed = vectors[0], trees.tally, 0
     while tally[EDGES] < until:
@@ -211,17 +218,21 @@ def _grow(
                 target[j] = trees.points[1, 0, j]
         else:
             near = _draw(trees, side, draws, target)
-        reached = _step(model, work, draws, trees, side, near, vectors)
+        reached, node, follows = _extend(model, work, draws, trees, side, near, vectors)
         if reached < 0:
             failed += 1
             continue
         failed = 0
         for j in range(target.shape[0]):
             target[j] = trees.points[side, reached, j]
-        node, left = _nearest(trees, 1 - side, target)
+        left = square_distance(trees.points[1 - side], node, target)
+        if follows != _UNKNOWN and left > 0.0 and tally[EDGES] < until:
+            tally[EDGES] += 1
+            node = _take(trees, 1 - side, node, vectors[2], follows == FREE, False)
+            left = square_distance(trees.points[1 - side], max(node, 0), target)
         while node >= 0 and left > 0.0 and tally[EDGES] < until:
             node = _step(model, work, draws, trees, 1 - side, node, vectors)
-            left = _square(trees.points[1 - side], max(node, 0), target)
+            left = square_distance(trees.points[1 - side], max(node, 0), target)
         if node >= 0 and left == 0.0:
             tally[_HERE] = reached if side == 0 else node
             tally[_THERE] = node if side == 0 else reached
@@ -237,7 +248,7 @@ def _draw(trees: Trees, side: int, draws: Draws, target: Array) -> int:
     """Draw a configuration (n,) to grow towards; the node that is nearest to it."""
     low, high = draws.low, draws.high
     start, goal, near = trees.points[0, 0], trees.points[1, 0], 0
-    width = _BESIDE * math.sqrt(_square(trees.points[0], 0, goal))
+    width = _BESIDE * math.sqrt(square_distance(trees.points[0], 0, goal))
     for _ in range(_MAX_DRAWS):
         beside = uniform_kernel(trees.random) < _DRAWS_BESIDE
         share = uniform_kernel(trees.random) if beside else 0.0
@@ -247,29 +258,58 @@ def _draw(trees: Trees, side: int, draws: Draws, target: Array) -> int:
             if beside:
                 middle = start[j] + share * (goal[j] - start[j])
                 target[j] = min(max(middle + width * (2.0 * part - 1.0), low[j]), high[j])
-        near, away = _nearest(trees, side, target)
+        near, away = nearest_node(trees.blocks[side], trees.sizes[side], target)
         if away <= draws.domain or not trees.met[side, near]:
             break
     return near
 
 
 @kernel(allocates=False)
-def _nearest(trees: Trees, side: int, q: Array) -> tuple[int, float]:
-    """The node of a tree that is nearest to q (n,), and how far away it is."""
-    points, best, node = trees.points[side], np.inf, 0
-    for i in range(trees.sizes[side]):
-        away = _square(points, i, q)
-        if away < best:
-            best, node = away, i
-    return node, math.sqrt(best)
+def _extend(
+    model: ModelArrays, work: Workspace, draws: Draws, trees: Trees, side: int, at: int,
+    vectors: Array,
+) -> tuple[int, int, int]:  # fmt: skip
+    """``_step``, together with looks at the step of the other tree that is to follow it.
+
+    Two thirds of all steps end in something, which one state tells. The others share their looks
+    with the step towards their end: eight states cost little more than one.
+
+    Returns:
+        The number of the step, the node of the other tree that is nearest to its end, and the
+        verdict on the step from there, written into ``vectors[2]``, if it was looked at.
+    """
+    if trees.tally[_CUTS] >= _MAX_CUTS:
+        reached = _step(model, work, draws, trees, side, at, vectors)
+        if reached < 0:
+            return reached, 0, _UNKNOWN
+        end = trees.points[side, reached]
+        node, _ = nearest_node(trees.blocks[1 - side], trees.sizes[1 - side], end)
+        return reached, node, _UNKNOWN
+    end, shares = vectors[1], on_stack(LANES)
+    trees.tally[EDGES] += 1
+    write_step(trees.points[side, at], vectors[0], draws.step, end)
+    if verdict_in(model, work, end, draws.slack, on_stack(1).view(np.int64)) != FREE:
+        return _take(trees, side, at, end, False, False), 0, _UNKNOWN
+    node, _ = nearest_node(trees.blocks[1 - side], trees.sizes[1 - side], end)
+    write_step(trees.points[1 - side, node], end, draws.step, vectors[2])
+    shares[0], shares[1], shares[2] = 0.5, 0.25, 0.75
+    write_states(work, trees.points[side, at], end, shares, 0, 3)
+    shares[3], shares[4], shares[5], shares[6] = 1.0, 0.5, 0.25, 0.75
+    write_states(work, trees.points[1 - side, node], vectors[2], shares, 3, 7)
+    blocked = blocked_lanes(model, work, draws.slack, 0b1111111, 0b111, 0b1111000)
+    reached = _take(trees, side, at, end, blocked & 0b111 == 0, False)
+    return reached, node, FREE if blocked & 0b1111000 == 0 else COLLIDING
 
 
-@kernel(allocates=False, inline="always")
-def _square(points: Array, i: int, q: Array) -> float:
-    square = 0.0
-    for j in range(q.shape[0]):
-        square += (points[i, j] - q[j]) ** 2
-    return square
+@kernel(allocates=False)
+def _take(trees: Trees, side: int, at: int, end: Array, free: bool, proved: bool) -> int:
+    """Add a step from node ``at`` to ``end`` if it is free; its number, -1 if it is not taken."""
+    if not free:
+        trees.met[side, at] = True
+        return -1
+    node = _add(trees, side, end, at)
+    trees.proved[side, node] = proved
+    return node
 
 
 @kernel(allocates=False)
@@ -278,26 +318,16 @@ def _step(
     vectors: Array,
 ) -> int:  # fmt: skip
     """Add a step from node ``at`` towards ``vectors[0]``; its number, -1 if it is not taken."""
-    origin, target, end = trees.points[side, at], vectors[0], vectors[1]
-    square, outcome = _square(trees.points[side], at, target), on_stack(4)
-    asked = on_stack(1).view(np.int64)
-    arrives = square <= draws.step * draws.step
-    share = 1.0 if arrives else draws.step / math.sqrt(square)
-    for j in range(target.shape[0]):
-        end[j] = target[j] if arrives else origin[j] + share * (target[j] - origin[j])
+    origin, end = trees.points[side, at], vectors[1]
+    write_step(origin, vectors[0], draws.step, end)
     trees.tally[EDGES] += 1
     proves = trees.tally[_CUTS] >= _MAX_CUTS
-    looks, verdict = _LOOKS_BEFORE_PROOF if proves else _LOOKS, COLLIDING
-    if blocked_at(model, work, origin, end, draws.slack, 1, looks, asked) < 0.0:
-        verdict = FREE
-        if proves:
-            verdict = certify_line(model, work, origin, end, draws.slack, _MAX_INTERVALS, outcome)
-    if verdict != FREE:
-        trees.met[side, at] = True
-        return -1
-    node = _add(trees, side, end, at)
-    trees.proved[side, node] = proves
-    return node
+    looks = _LOOKS_BEFORE_PROOF if proves else _LOOKS
+    free = not blocked_between(model, work, origin, end, draws.slack, 1, looks)
+    if free and proves:
+        verdict = certify_line(model, work, origin, end, draws.slack, _MAX_INTERVALS, on_stack(4))
+        free = verdict == FREE
+    return _take(trees, side, at, end, free, bool(proves))
 
 
 @kernel(allocates=False)
@@ -330,6 +360,7 @@ def _cut(trees: Trees, side: int, first: int) -> None:
             parents[node] = _CUT
             for j in range(points.shape[1]):
                 points[node, j] = np.inf
+            place_node(trees.blocks[side], node, points[node])
 
 
 @kernel(allocates=False)
@@ -352,23 +383,9 @@ def _keep_path(trees: Trees) -> None:
         for j in range(path.shape[1]):
             path[end, j] = points[1, node, j]
         node, end = parents[1, node], end + 1
-    if begin > 0 and _length(path, begin, end) >= _length(path, 0, begin):
+    if begin > 0 and path_length(path, begin, end) >= path_length(path, 0, begin):
         return
     for row in range(begin, end):
         for j in range(path.shape[1]):
             path[row - begin, j] = path[row, j]
     tally[PATH] = end - begin
-
-
-@kernel(allocates=False)
-def _is_long(path: Array, count: int) -> bool:
-    """Whether a path of so many waypoints (k, n) is a detour that is worth another search."""
-    return _length(path, 0, count) > _LONG * math.sqrt(_square(path, 0, path[count - 1]))
-
-
-@kernel(allocates=False)
-def _length(path: Array, begin: int, end: int) -> float:
-    length = 0.0
-    for row in range(begin + 1, end):
-        length += math.sqrt(_square(path, row - 1, path[row]))
-    return length
