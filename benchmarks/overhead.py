@@ -200,7 +200,7 @@ def measure(kind: str, client: Client, pid: int, robot: RobotGeometry, rounds: i
         server += spent.pop(pid)
         workers += sum(spent.values())
     assert [one.path for one in inside] == [one.path for one in outside]
-    told = _told(inside, outside)
+    told = _clock_columns(inside, outside)
     told.append(1e3 * server / len(outside))
     told.append(1e3 * (workers - sum(one.processor for one in inside)) / len(outside))
     return f"{kind:13}" + "".join(
@@ -208,7 +208,7 @@ def measure(kind: str, client: Client, pid: int, robot: RobotGeometry, rounds: i
     )
 
 
-def _told(inside: list[Spent], outside: list[Spent]) -> list[float]:
+def _clock_columns(inside: list[Spent], outside: list[Spent]) -> list[float]:
     """The columns of a line that the clock of this process tells [ms]."""
     here, there = (1e3 * np.array([one.clock for one in part]) for part in (inside, outside))
     stages = 1e3 * np.array([one.stages for one in outside])

@@ -143,29 +143,24 @@ class PotentialField:
 
     Args:
         options: Parameters of the field and of the descent.
-        share: Share of the time that is left for it.
-        max_goals: Goals tried, the nearest first; None for all.
     """
 
     options: FieldOptions
-    share: float = 1.0
-    max_goals: int | None = None
     name: ClassVar[str] = "potential_field"
     needs_goals: ClassVar[bool] = True
 
     def plan(self, query: Query) -> Attempt:
         """Descend to the first goal that can be reached so."""
         problem, ready = query.problem, query.ready
-        deadline = query.deadline.within(self.share * query.deadline.remaining)
         result = potential_field(
             problem.robot,
             query.checker,
             problem.scene,
             ready.start,
-            ready.goals[: self.max_goals],
+            ready.goals,
             self.options,
             query.seed,
-            deadline,
+            query.deadline,
         )
         descent = Descent(result.visited, result.potentials, result.iterations)
         if result.waypoints is not None:
