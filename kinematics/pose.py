@@ -70,10 +70,14 @@ def from_quaternion(xyzw: ArrayLike) -> Matrix:
     Raises:
         InvalidPose: The norm differs from 1 by more than 1e-3.
     """
-    q = _finite(xyzw, (4,), "quaternion_xyzw")
-    norm = float(np.linalg.norm(q))
+    q = np.asarray(xyzw, dtype=np.float64)
+    square = float(q.dot(q)) if q.shape == (4,) else math.inf
+    if not math.isfinite(square):
+        _finite(q, (4,), "quaternion_xyzw")
+    norm = math.sqrt(square)
     check_quaternion_norm(norm)
-    x, y, z, w = q / norm
+    # In Python's own numbers, as the error of a matrix below.
+    x, y, z, w = (q / norm).tolist()
     return np.array(
         [
             [1.0 - 2.0 * (y * y + z * z), 2.0 * (x * y - z * w), 2.0 * (x * z + y * w)],
@@ -143,6 +147,14 @@ def from_matrix(rotation: ArrayLike) -> Matrix:
     # The nearest rotation: what a text with six digits lost is put right.
     u, _, vt = np.linalg.svd(R)
     return np.asarray(u @ vt)
+
+
+def is_exact_rotation(R: Matrix) -> bool:
+    """Whether `from_matrix` answers a matrix (3, 3) as it is: a rotation to rounding."""
+    if not math.isfinite(float(np.add.reduce(R, axis=None))):
+        return False
+    error, determinant = _orthonormal_error(R)
+    return bool(error <= _ROUNDING) and determinant > 0.0
 
 
 def _orthonormal_error(R: Matrix) -> tuple[float, float]:

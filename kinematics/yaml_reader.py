@@ -3,12 +3,14 @@
 Aliases, equal keys, depth and length are refused before anything is built of the text.
 """
 
+import math
 from collections import Counter
 from collections.abc import Hashable, Mapping
 from typing import Any, TypeAlias
 
-import numpy as np
 import yaml
+
+from kinematics.plain_yaml import NotPlain, read_plain
 
 Node: TypeAlias = Any
 
@@ -132,6 +134,13 @@ def read_yaml(text: str | bytes) -> Node:
     if len(text) > MAX_BYTES:
         raise UnreadableYaml(f"{len(text)} bytes, at most {MAX_BYTES} are taken")
     try:
+        return read_plain(text)
+    except NotPlain:
+        return _parsed(text)
+
+
+def _parsed(text: str | bytes) -> Node:
+    try:
         values = _read_events(text)
         return values.root if values.complete else yaml.load(text, Loader=_Loader)  # nosec B506
     except (yaml.YAMLError, ValueError, TypeError, RecursionError) as error:
@@ -179,7 +188,7 @@ def finite_number(node: Node) -> float | None:
             number = float(node)
         except (ValueError, OverflowError):
             return None
-        return number if np.isfinite(number) else None
+        return number if math.isfinite(number) else None
     return None
 
 

@@ -16,6 +16,8 @@ from obstacles.shapes import Box, Cone, Cylinder, HalfSpace, Mesh, Shape, Sphere
 
 #: ``moveit_msgs/CollisionObject.REMOVE``: the object is no longer there.
 _REMOVE = 1
+#: Numbers of a planning scene are smaller, as a rule; others are looked at more closely.
+_USUAL = 1e9
 
 
 def scene_from_moveit(text: str | bytes) -> Scene:
@@ -127,7 +129,8 @@ def _obstacles(
         T = T @ _pose(entry["pose"], f"{where}.pose")
     solids: list[tuple[Shape, Array, str]] = []
     for kind, poses, read in _KINDS:
-        solids += _solids(entry, kind, poses, read, where)
+        if kind in entry or poses in entry:
+            solids += _solids(entry, kind, poses, read, where)
     if not solids:
         raise InvalidScene(
             f"{where}: it has no solid",
@@ -254,7 +257,7 @@ def _pose(
     node: Node, where: str, position: str = "position", orientation: str = "orientation"
 ) -> Array:
     fields = _mapping(node, where)
-    unknown = set(fields) - {position, orientation}
+    unknown = fields.keys() - {position, orientation}
     if unknown:
         raise InvalidScene(f"{where}: unknown {', '.join(sorted(map(str, unknown)))}")
     p = _vector(fields.get(position, [0, 0, 0]), 3, f"{where}.{position}")
@@ -290,10 +293,16 @@ def _sequence(node: Node, where: str) -> list[Node]:
 def _vector(node: Node, count: int, where: str) -> list[float]:
     if isinstance(node, dict) and set(node) == set("xyzw"[:count]):
         node = [node[axis] for axis in "xyzw"[:count]]
+    if type(node) is list and len(node) == count and all(map(_is_usual_number, node)):
+        return [float(value) for value in node]
     values = _sequence(node, where)
     if len(values) != count:
         raise InvalidScene(f"{where}: needed are {count} numbers, found are {len(values)}")
     return [_number(value, f"{where}[{i}]") for i, value in enumerate(values)]
+
+
+def _is_usual_number(node: Node) -> bool:
+    return type(node) in (float, int) and -_USUAL <= node <= _USUAL
 
 
 def _number(node: Node, where: str) -> float:

@@ -1,9 +1,11 @@
 """The scene: named obstacles in the robot's root frame, as one immutable value."""
 
 import hashlib
+import struct
 from collections import Counter
 from collections.abc import Iterable
 from dataclasses import dataclass, field, fields
+from functools import cache
 from itertools import groupby
 from typing import TYPE_CHECKING, TypeAlias
 
@@ -12,7 +14,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from kinematics.arrays import Array, frozen
 from kinematics.errors import InvalidObjectName, InvalidPose, InvalidScene
-from kinematics.pose import from_matrix, transform
+from kinematics.pose import from_matrix, is_exact_rotation, transform
 from obstacles.piece import Piece, PieceArrays
 from obstacles.primitives import Primitive, Primitives, primitive_pieces
 from obstacles.shapes import MAX_SIZE, Mesh, PointCloud, Shape
@@ -23,6 +25,7 @@ MAX_NAME = 256
 Packed: TypeAlias = tuple[PieceArrays, NDArray[np.int64], Array]
 _HALFSPACE = int(Primitive.HALFSPACE)
 _LAST_ROW = [0.0, 0.0, 0.0, 1.0]
+_FLOAT = struct.Struct("=d")
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -330,6 +333,8 @@ def _restored(
 def _rigid(T: Array, name: str) -> Array:
     try:
         matrix = frozen(T)
+        if _is_exact(matrix):
+            return matrix
         if matrix.shape != (4, 4) or matrix[3].tolist() != _LAST_ROW:
             raise InvalidPose("it is no 4x4 matrix whose last row is [0, 0, 0, 1]")
         rotation = from_matrix(matrix[:3, :3])
@@ -340,15 +345,34 @@ def _rigid(T: Array, name: str) -> Array:
     return frozen(transform(rotation, matrix[:3, 3]))
 
 
+def _is_exact(matrix: Array) -> bool:
+    """Whether a read-only matrix is a rigid motion that needs no rounding, within `MAX_SIZE`."""
+    if matrix.shape != (4, 4) or matrix[3].tolist() != _LAST_ROW:
+        return False
+    x, y, z = matrix[:3, 3].tolist()
+    near = abs(x) <= MAX_SIZE and abs(y) <= MAX_SIZE and abs(z) <= MAX_SIZE
+    return near and is_exact_rotation(matrix[:3, :3])
+
+
+@cache
+def _field_names(shape: type[Shape]) -> tuple[str, ...]:
+    return tuple(item.name for item in fields(shape))  # type: ignore[arg-type]
+
+
 def _content_hash(scene: Scene) -> str:
     digest = hashlib.sha256()
     for obstacle in scene.obstacles:
-        digest.update(f"{obstacle.id}\0{type(obstacle.shape).__name__}\0".encode())
-        for item in fields(obstacle.shape):  # type: ignore[arg-type]
-            values = np.asarray(getattr(obstacle.shape, item.name))
-            digest.update(f"{item.name}{values.shape}".encode() + values.tobytes())
+        shape = obstacle.shape
+        digest.update(f"{obstacle.id}\0{type(shape).__name__}\0".encode())
+        for name in _field_names(type(shape)):
+            values = getattr(shape, name)
+            if type(values) is float:  # as an array of no dimensions has it
+                digest.update(f"{name}()".encode() + _FLOAT.pack(values))
+            else:
+                values = np.asarray(values)
+                digest.update(f"{name}{values.shape}".encode() + values.tobytes())
         digest.update(obstacle.T_world_obstacle.tobytes())
-        digest.update(np.float64(obstacle.margin).tobytes())
+        digest.update(_FLOAT.pack(obstacle.margin))
         if obstacle.frame is not None:
             digest.update(f"frame\0{obstacle.frame}\0".encode())
     for a, b in sorted(scene.allowed_collisions):

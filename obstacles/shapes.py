@@ -27,6 +27,7 @@ MAX_SIZE = 1e4
 MAX_POINTS = 200_000
 MAX_VERTICES = 100_000
 _UNIT_TOLERANCE = 1e-12
+_FEW = 16
 #: Looked up once: in an enumeration that takes longer than the rest of a box.
 _POLYTOPE, _CYLINDER = PieceKind.POLYTOPE, PieceKind.CYLINDER
 _HERE = frozen(np.eye(4))
@@ -73,8 +74,10 @@ class Box(Shape):
 
     def __post_init__(self) -> None:
         size = _finite(self.size, (3,), "box size")
-        for axis, value in zip("xyz", size.tolist(), strict=True):
-            _length(value, f"box size along {axis}")
+        sizes = size.tolist()
+        if not (min(sizes) >= MIN_SIZE and max(sizes) <= MAX_SIZE):
+            for axis, value in zip("xyz", sizes, strict=True):
+                _length(value, f"box size along {axis}")
         object.__setattr__(self, "size", size)
 
     def measures(self) -> tuple[float, float, float]:
@@ -378,6 +381,8 @@ def _finite(values: ArrayLike | Iterable[Any], shape: tuple[int, ...] | None, na
         raise InvalidScene(f"{name}: not an array of numbers") from None
     if shape is not None and array.shape != shape:
         raise InvalidScene(f"{name}: shape {array.shape}, needed is {shape}")
-    if not np.isfinite(array).all():
+    # Of a few numbers Python is quicker than numpy is at a call.
+    few = array.size <= _FEW
+    if not (all(map(math.isfinite, array.ravel().tolist())) if few else np.isfinite(array).all()):
         raise InvalidScene(f"{name}: not finite")
     return array

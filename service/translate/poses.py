@@ -22,7 +22,7 @@ def transform(pose: pose_schema.Pose) -> Array:
     Raises:
         InvalidPose: The orientation is no rotation.
     """
-    matrix = np.eye(3)
+    matrix = None
     if pose.quaternion_xyzw is not None:
         matrix = rotation.from_quaternion(pose.quaternion_xyzw)
     elif pose.rotation_matrix is not None:

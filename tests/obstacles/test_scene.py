@@ -1,15 +1,19 @@
 """Scenes: immutable, named, hashed by content."""
 
+import dataclasses
+import hashlib
+import math
 import pickle
 from typing import Any
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 from kinematics.errors import InvalidObjectName, InvalidScene
-from kinematics.pose import transform
+from kinematics.pose import from_matrix, transform
 from obstacles.scene import Obstacle, Scene
-from obstacles.shapes import Box, PointCloud, Sphere
+from obstacles.shapes import Box, Cylinder, HalfSpace, PointCloud, Sphere
 from tests.obstacles.solids import random_transform
 
 UNIT = Box(np.array([1.0, 1.0, 1.0]))
@@ -91,3 +95,44 @@ def test_the_hash_follows_the_content() -> None:
         Scene(base.obstacles, frozenset({("a", "b")})),
     ]
     assert len({scene.content_hash for scene in [base, *others]}) == len(others) + 1
+
+
+def test_the_hash_is_that_of_names_and_arrays() -> None:
+    shapes = [
+        Box([0.1, 0.2, 0.3]),
+        Sphere(0.1),
+        Cylinder(0.1, 0.4),
+        HalfSpace([0.0, 0.0, 2.0], 1.0),
+    ]
+    rotations = Rotation.random(len(shapes), random_state=1).as_matrix()
+    obstacles = [
+        Obstacle(f"o{k}", shape, transform(R, [0.1 * k, -0.0, 1e-9]), 0.01 * k)
+        for k, (shape, R) in enumerate(zip(shapes, rotations, strict=True))
+    ]
+    digest = hashlib.sha256()
+    for obstacle in obstacles:
+        digest.update(f"{obstacle.id}\0{type(obstacle.shape).__name__}\0".encode())
+        for item in dataclasses.fields(obstacle.shape):  # type: ignore[arg-type]
+            values = np.asarray(getattr(obstacle.shape, item.name))
+            digest.update(f"{item.name}{values.shape}".encode() + values.tobytes())
+        digest.update(obstacle.T_world_obstacle.tobytes() + np.float64(obstacle.margin).tobytes())
+    assert Scene(tuple(obstacles)).content_hash == digest.hexdigest()
+
+
+@pytest.mark.parametrize("place", [(0, 0), (1, 2), (0, 3), (2, 3)])
+@pytest.mark.parametrize("value", [math.nan, math.inf, -math.inf, 1e308, 2e4])
+def test_poses_that_are_no_rigid_motions_are_refused(place: tuple[int, int], value: float) -> None:
+    T = np.eye(4)
+    T[place] = value
+    with pytest.raises(InvalidScene):
+        Obstacle("a", Sphere(0.1), T)
+
+
+def test_mirrors_are_refused_and_rotations_keep_their_bits() -> None:
+    with pytest.raises(InvalidScene):
+        Obstacle("a", Sphere(0.1), np.diag([1.0, 1.0, -1.0, 1.0]))
+    for R in Rotation.random(200, random_state=2).as_matrix():
+        T = transform(from_matrix(R), [0.1, 0.2, 0.3])
+        placed = Obstacle("a", Sphere(0.1), T).T_world_obstacle
+        assert placed.tobytes() == T.tobytes()
+        assert not placed.flags.writeable
