@@ -1,7 +1,9 @@
 """One monotonic deadline that every stage of a plan is held to."""
 
 import time
+from collections.abc import Mapping
 from dataclasses import dataclass, field
+from typing import Any
 
 
 @dataclass(slots=True)
@@ -13,6 +15,16 @@ class Interruptions:
     """
 
     occurred: bool = False
+
+    def told_in(self, code: str, details: Mapping[str, Any]) -> dict[str, Any]:
+        """Details of a failure, with ``deterministic: False`` where any occurred.
+
+        Args:
+            code: Of the failure. TIMED_OUT says as much by itself.
+            details: Of the failure.
+        """
+        told = {} if code == "TIMED_OUT" or not self.occurred else {"deterministic": False}
+        return {**details, **told}
 
 
 @dataclass(frozen=True, slots=True)

@@ -86,6 +86,9 @@ def plan(
     except PreparationTimedOut as late:
         deadline.interruptions.occurred = True
         answer = Failure(late.code, late.message, late.hint or "", late.details["stage"])
+    if isinstance(answer, Failure):
+        details = deadline.interruptions.told_in(answer.code, answer.details)
+        answer = replace(answer, details=details)
     return replace(answer, stages=tuple(stages.reports))
 
 

@@ -304,10 +304,20 @@ class Unsolved(Answer):
 
 
 class IkAnswer(InFrame):
-    """Solutions, best first, and the trace of a gradient if it was asked for."""
+    """Solutions, best first, and the trace of a gradient if it was asked for.
+
+    Args:
+        solutions: Best first.
+        unsolved: Empty for one pose.
+        deterministic: Whether the same request gives the same answer: no search was ended by time.
+        trace: Of the gradient.
+        allowed_collisions: Pairs that may touch.
+        plan_id: Of the kept plan, if it was kept.
+    """
 
     solutions: list[IkSolution]
     unsolved: list[Unsolved] = Field(default_factory=list)
+    deterministic: bool = True
     trace: GradientTrace | None = None
     allowed_collisions: list[tuple[str, str]] = Field(default_factory=list)
     plan_id: str | None = None
@@ -319,12 +329,14 @@ class IkBatch(InFrame):
     Args:
         solutions: Of each pose, best first; empty where there is none.
         unsolved: The poses that have none, and why.
+        deterministic: Whether the same request gives the same answer: no search was ended by time.
         allowed_collisions: Pairs that may touch.
         plan_id: Of the kept plan, if it was kept.
     """
 
     solutions: list[list[IkSolution]]
     unsolved: list[Unsolved] = Field(default_factory=list)
+    deterministic: bool = True
     trace: GradientTrace | None = None
     allowed_collisions: list[tuple[str, str]] = Field(default_factory=list)
     plan_id: str | None = None

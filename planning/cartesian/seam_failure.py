@@ -15,7 +15,6 @@ from kinematics.ik import numeric
 from kinematics.jacobian import geometric
 from planning.cartesian.seam_path import SeamPlaces, corner_angle, pack_tolerance
 from planning.cartesian.seam_search import SeamGraph, SeamSearch
-from planning.deadline import Deadline
 from planning.result import Failure
 from planning.tool_path import Reason, Stop
 from planning.tool_tolerance import RX, RZ, ToolTolerance
@@ -279,7 +278,7 @@ def _discontinuous(search: SeamSearch, graph: SeamGraph, layer: int) -> _Reason:
 
 def _helpful_tolerances(search: SeamSearch) -> Iterator[dict[str, Any]]:
     """Wider tolerances with which the seam has a way, the least of each kind."""
-    deadline = Deadline.after(min(_SHARE * search.deadline.remaining, _MAX_TIME))
+    deadline = search.deadline.within(min(_SHARE * search.deadline.remaining, _MAX_TIME))
     kinds = (
         [({"free": ["rz"]}, _with_free_spin)],
         [({"tilt": tilt}, lambda t, tilt=tilt: _with_tilt(t, tilt)) for tilt in _TILTS],

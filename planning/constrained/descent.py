@@ -26,7 +26,8 @@ class Descents:
     Args:
         goal: Constraints and objective, for the kernels.
         deadline: When to stop; None for never.
-        longest: The longest that a linearisation took on the average of some steps [s].
+        longest: The longest that a linearisation took on the average of some steps [s of a
+            processor]: how busy the machine is would make the count, and so the result, another.
     """
 
     goal: Goal
@@ -50,14 +51,15 @@ class Descents:
             allowed = self._allowed(model, q, work)
             if allowed <= 0.0:
                 break
-            work.pace[LEFT], began = allowed, time.perf_counter()
+            work.pace[LEFT], began = allowed, time.thread_time()
             try:
                 go_on(model, self.goal, q, steps, work, course)
             except np.linalg.LinAlgError:  # rounding hides what a step does: the arm is too large
                 break
             if np.isfinite(allowed):
-                taken = time.perf_counter() - began
+                taken = time.thread_time() - began
                 self.longest = max(self.longest, taken / max(allowed - work.pace[LEFT], 1.0))
+                self._note_cut(work)
         return q
 
     def _work(self, model: ModelArrays | None) -> Work:
@@ -67,14 +69,19 @@ class Descents:
             self.work[alone] = make_work(model, self.goal)
         return self.work[alone]
 
+    def _note_cut(self, work: Work) -> None:
+        """Say so where a step ended for want of linearisations: it may have been another one."""
+        if self.deadline is not None and work.pace[LEFT] <= 0.0:
+            self.deadline.interruptions.occurred = True
+
     def _allowed(self, model: ModelArrays | None, q: Array, work: Work) -> float:
         """Linearisations that the time left is enough for; 0 where it is up."""
         if self.deadline is None or model is None:
             return 0.0 if self.deadline is not None and self.deadline.passed else np.inf
         if self.longest == 0.0:
-            began = time.perf_counter()
+            began = time.thread_time()
             linearise(model, self.goal, q, work)
-            self.longest = time.perf_counter() - began
+            self.longest = time.thread_time() - began
         if self.deadline.passed:
             return 0.0
         return max(float(np.ceil(self.deadline.remaining / (_DEARER * self.longest))), 2.0)

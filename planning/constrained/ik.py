@@ -139,11 +139,13 @@ class ConstrainedIk:
         solutions: Best first; empty where there is none.
         nearest: The attempt with the least violation.
         starts: Starts that were spent.
+        deterministic: Whether the same search gives the same result again: time did not end it.
     """
 
     solutions: tuple[ConstrainedSolution, ...]
     nearest: ConstrainedSolution
     starts: int
+    deterministic: bool = True
 
 
 def constrained_ik(
@@ -250,7 +252,13 @@ class _Search:
         if self.found and self.found[0].solver == "descent" and gain > LEAST_GAIN:
             self._finish(self.found[0])
         nearest = min([*self.found, *self.attempts], key=self.violation)
-        return ConstrainedIk(tuple(self.found[: self.how.most]), nearest, starts)
+        deadline = self.how.deadline
+        return ConstrainedIk(
+            tuple(self.found[: self.how.most]),
+            nearest,
+            starts,
+            deterministic=deadline is None or not deadline.interruptions.occurred,
+        )
 
     def _time_up(self) -> bool:
         return self.how.deadline is not None and self.how.deadline.passed

@@ -373,6 +373,7 @@ class _Search:
         else:
             code = "PLANNING_FAILED"
             message = f"no combination can be done: {what} fails: {reason} ({times} times)"
+        details = self._deadline.interruptions.told_in(code, details)
         return SequenceFailure(code, message, hint, k, details, self._record.trials, self._prefix)
 
 

@@ -56,7 +56,12 @@ def plan_tour(
         InvalidOption: An unknown planner or option.
         MissingLimit: A velocity or acceleration limit is not known.
     """
-    return _TourPlanner(problem, options or TourOptions(), report).run()
+    planner = _TourPlanner(problem, options or TourOptions(), report)
+    answer = planner.run()
+    if isinstance(answer, Tour):
+        return answer
+    details = planner.deadline.interruptions.told_in(answer.code, answer.details)
+    return replace(answer, details=details)
 
 
 @dataclass(slots=True, eq=False)

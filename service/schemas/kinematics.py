@@ -297,6 +297,11 @@ class IkAnswer(InFrame):
     unsolved: list[Unsolved] = Field(
         default_factory=list, description="with many poses: those without a solution, and why"
     )
+    deterministic: bool = Field(
+        True,
+        description="whether the same request gives the same answer; false where time ended a "
+        "search under constraints",
+    )
     trace: GradientTrace | None = None
     allowed_collisions: list[list[str]] = Field(
         default_factory=list, description="of the request, as they were obeyed"

@@ -66,7 +66,8 @@ def answer(
     if not solved.solutions:
         return _refusal(wanted, solved, body)
     content: dict[str, Any] = {
-        "solutions": [_solution(chain, body.link, T, wanted, s) for s in solved.solutions]
+        "solutions": [_solution(chain, body.link, T, wanted, s) for s in solved.solutions],
+        "deterministic": solved.deterministic,
     }
     if cell is None:
         # Own links are apart; of obstacles nothing is known.
@@ -118,6 +119,7 @@ def _refusal(wanted: ConstraintSet, solved: ConstrainedIk, body: IkRequest) -> T
         "nearest_joints": solved.nearest.joints.tolist(),
         "constraints": constraints.uses(wanted, solved.nearest.residuals),
         "starts": solved.starts,
+        "deterministic": solved.deterministic,
     }
     clash = conflict(wanted, None, body.seed)
     if clash is not None:

@@ -129,8 +129,15 @@ def combined_answer(answers: list[dict[str, Any] | TaskProblem]) -> dict[str, An
             if isinstance(answer, TaskProblem)
         ],
     }
+    if not all(map(_is_deterministic, answers)):
+        combined["deterministic"] = False
     for answer in answers:
         if isinstance(answer, dict) and "allowed_collisions" in answer:
             combined["allowed_collisions"] = answer["allowed_collisions"]
             break
     return combined
+
+
+def _is_deterministic(answer: dict[str, Any] | TaskProblem) -> bool:
+    told = answer.details if isinstance(answer, TaskProblem) else answer
+    return bool(told.get("deterministic", True))

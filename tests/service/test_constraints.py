@@ -11,7 +11,9 @@ from kinematics.robots import builtin_chain
 from service.schemas.certificate import CertificateAnswer
 from service.schemas.kinematics import IkAnswer
 from service.schemas.plan import PlanAnswer
+from service.tasks import inverse_kinematics
 from tests.service.robots import HOME, POST, answer, problem, scene
+from tests.service.tasks.ask import PANDA, problem_of
 
 CHAIN = builtin_chain("panda")
 UPRIGHT = {
@@ -24,9 +26,13 @@ PLACE = {
 
 
 def ik(client: httpx.Client, **body: Any) -> Any:
+    return ik_answer(client, **body)["solutions"]
+
+
+def ik_answer(client: httpx.Client, **body: Any) -> Any:
     found = answer(client.post("/v1/robots/panda/ik", json={"method": "constrained"} | body))
     IkAnswer.model_validate(found)
-    return found["solutions"]
+    return found
 
 
 def tilt(q: Any) -> float:
@@ -162,6 +168,13 @@ def test_impossible_sets_name_their_conflict(client: httpx.Client) -> None:
     document = problem(refused, 422, "INVALID_GOAL_CONSTRAINTS")
     assert document["details"]["conflict"] == [0, 1]
     np.testing.assert_allclose(document["details"]["relaxations"], 0.38, atol=1e-3)
+
+
+def test_a_search_that_time_ended_says_so(client: httpx.Client) -> None:
+    assert ik_answer(client, constraints=[UPRIGHT, PLACE], timeout=60.0)["deterministic"]
+    body = {"method": "constrained", "constraints": [UPRIGHT, PLACE], "timeout": 1e-6}
+    late = problem_of(inverse_kinematics.ik, PANDA, body)
+    assert late.details["deterministic"] is False
 
 
 def test_no_room_is_told_with_what_is_in_the_way(client: httpx.Client) -> None:

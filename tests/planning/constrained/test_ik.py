@@ -1,6 +1,8 @@
 """Configurations under constraints: held by pinocchio's frames, clear by the checker, and best."""
 
 import itertools
+import time
+from types import SimpleNamespace
 
 import numpy as np
 import pinocchio as pin
@@ -13,6 +15,7 @@ from kinematics.forward import forward
 from kinematics.robots import builtin_urdf
 from obstacles.checker import Checker
 from obstacles.scene import Scene
+from planning import deadline as deadlines
 from planning.constrained.ik import IkOptions, constrained_ik
 from planning.constraints.constraint_set import ConstraintSet
 from planning.constraints.joint import JointConstraint
@@ -216,5 +219,27 @@ def test_requests_that_make_no_sense() -> None:
     for wrong in ({"objective": "speed"}, {"solver": "magic"}, {"most": 0}):
         with pytest.raises(InvalidOption):
             IkOptions(**wrong)
-    late = IkOptions(deadline=Deadline.after(0.0), starts=50)
-    assert constrained_ik(ROBOT, nothing, None, late).starts == 1
+
+
+def test_a_search_that_time_ended_says_so() -> None:
+    nothing = ConstraintSet(CHAIN, ())
+    late = constrained_ik(ROBOT, nothing, None, IkOptions(deadline=Deadline.after(0.0), starts=50))
+    assert late.starts == 1
+    assert not late.deterministic
+    for patient in (None, Deadline.after(600.0)):
+        found = constrained_ik(ROBOT, nothing, None, IkOptions(deadline=patient, starts=3))
+        assert found.deterministic
+
+
+def test_a_slow_machine_finds_the_same_configurations(monkeypatch: pytest.MonkeyPatch) -> None:
+    wanted = ConstraintSet(
+        CHAIN, (PositionConstraint(BoxRegion(tip_pose(draws(3, 1)[0]), np.full(3, 0.01))),)
+    )
+    fast = constrained_ik(ROBOT, wanted, None, IkOptions(most=4, starts=12))
+    clock = SimpleNamespace(monotonic=lambda: 100.0 * time.monotonic())
+    monkeypatch.setattr(deadlines, "time", clock)
+    patient = IkOptions(most=4, starts=12, deadline=Deadline.after(6000.0))
+    slow = constrained_ik(ROBOT, wanted, None, patient)
+    assert slow.deterministic
+    for one, other in zip(slow.solutions, fast.solutions, strict=True):
+        np.testing.assert_array_equal(one.joints, other.joints)

@@ -115,6 +115,17 @@ def test_many_poses_are_answered_in_order_with_the_reasons_of_those_without() ->
     assert combined_answer([]) == {"solutions": [], "unsolved": []}
 
 
+def test_many_poses_say_so_where_time_ended_the_search_for_one() -> None:
+    whole: Any = {"solutions": [], "deterministic": True}
+    refused = TaskProblem("NO_IK_SOLUTION", "too late", None, {"deterministic": False})
+    assert "deterministic" not in combined_answer([whole, whole])
+    assert (
+        combined_answer([whole, {"solutions": [], "deterministic": False}])["deterministic"]
+        is False
+    )
+    assert combined_answer([refused, whole])["deterministic"] is False
+
+
 # -------------------------------------------------------------------------------- collisions
 
 
