@@ -4,8 +4,10 @@
 this machine only. Clients ask at a fixed rate for all kinds of things that workers keep caches of;
 meanwhile busy workers are killed, and now and then the fork server. Every job has an idempotency
 key and is asked for twice. At last each job that was acknowledged is looked for and its plan is
-compared with what was asked. A kill costs a request its first attempt, never its answer: all
-deadlines leave time for a second one, so no answer may be a fault of the server.
+compared with what was asked. Memory is fitted by a line: that of the server, that of workers within
+their lives, and the largest in each life over all lives. A kill costs a request its first attempt,
+never its answer: all deadlines leave time for a second one, so no answer may be a fault of the
+server.
 """
 
 import argparse
@@ -28,6 +30,7 @@ import httpx
 import numpy as np
 
 from benchmarks.machines import local_server
+from benchmarks.memory import Lives, growth, resident
 from tests.service.processes import alive, children
 from tests.service.robots import ASIDE, FLOOR, HOME, POST, bench, scene
 
@@ -37,6 +40,8 @@ _WARM_UP = 1.0 / 3.0
 _LOOK = 1.0
 #: Deadline of all requests [s]: beyond two attempts and the wait of both on a busy machine.
 _TIMEOUT = 30.0
+#: Place of its start behind a process's name in ``/proc/<pid>/stat``.
+_STARTED = 19
 #: Settings of the server; all jobs are kept, to be compared at the end.
 _ENVIRONMENT = {
     "ARMWRIGHT_WORKERS": "2",
@@ -45,8 +50,6 @@ _ENVIRONMENT = {
     "ARMWRIGHT_LOG_LEVEL": "error",
     "ARMWRIGHT_DEFAULT_TIMEOUT": str(_TIMEOUT),
 }
-_PAGE = os.sysconf("SC_PAGE_SIZE")
-_MEBIBYTE = 2.0**20
 
 
 def _goal(number: int) -> list[float]:
@@ -211,7 +214,9 @@ class Soak:
 
 
 def kill(pid: int, stop: float, every: float, done: Counter[str]) -> None:
-    """Kill busy workers, and in place of every twentieth the fork server.
+    """Kill workers, and in place of every twentieth the fork server.
+
+    The oldest worker is spared: a leak shows in those that live for long.
 
     Args:
         pid: Of the server.
@@ -224,6 +229,8 @@ def kill(pid: int, stop: float, every: float, done: Counter[str]) -> None:
         parents = {one: bool(children(one)) for one in family(pid)}
         kind = "fork server" if (done.total() + 1) % 20 == 0 else "worker"
         victims = [one for one, parent in parents.items() if parent == (kind == "fork server")]
+        if kind == "worker":
+            victims = sorted(victims, key=birth)[1:]
         if victims:
             with suppress(OSError):
                 os.kill(random.choice(victims), signal.SIGKILL)
@@ -246,28 +253,11 @@ def family(pid: int) -> list[int]:
     return found
 
 
-def resident(pid: int) -> float:
-    """Memory of a process [MiB]; 0 where it has ended."""
+def birth(pid: int) -> int:
+    """When a process was started [ticks since the machine was]; 0 if it has ended."""
     with suppress(OSError, IndexError):
-        return int(Path(f"/proc/{pid}/statm").read_text().split()[1]) * _PAGE / _MEBIBYTE
-    return 0.0
-
-
-def slope(times: list[float], values: list[float]) -> tuple[float, float]:
-    """Slope of a line through values [MiB/h], and its standard error from ten parts of the time."""
-    if len(times) < 20:
-        return 0.0, 0.0
-    x, y = np.array(times) / 3600.0, np.array(values)
-    rate = float(np.polyfit(x, y, 1)[0])
-    # Neighbouring looks tell the same: means of parts are taken for independent.
-    means = [
-        (a.mean(), b.mean())
-        for a, b in zip(np.array_split(x, 10), np.array_split(y, 10), strict=True)
-    ]
-    at, mean = np.array(means).T
-    line = np.polynomial.Polynomial.fit(at, mean, 1)
-    rest = float(np.sum((mean - line(at)) ** 2)) / (len(at) - 2)
-    return rate, float(np.sqrt(rest / np.sum((at - at.mean()) ** 2)))
+        return int(Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()[_STARTED])
+    return 0
 
 
 def main() -> None:
@@ -294,22 +284,27 @@ def main() -> None:
             thread.start()
         times: list[float] = []
         own: list[float] = []
-        largest = 0.0
+        workers, warm_up = Lives(), _WARM_UP * 60.0 * chosen.minutes
         while any(thread.is_alive() for thread in threads):
             time.sleep(_LOOK)
-            largest = max([largest, *map(resident, family(pid))])
-            if time.monotonic() - began > _WARM_UP * 60.0 * chosen.minutes:
-                times.append(time.monotonic() - began)
+            now = time.monotonic() - began
+            workers.look(now, {one: resident(one) for one in family(pid) if not children(one)})
+            if now > warm_up:
+                times.append(now)
                 own.append(resident(pid))
         verdict = soak.judge()
-        rate, error = slope(times, own)
         counts = {" ".join(map(str, key)).strip(): n for key, n in sorted(soak.answers.items())}
         print(json.dumps(counts))
         print(f"kills {dict(kills)}")
         print(verdict)
         print(
-            f"server {own[-1] if own else resident(pid):.0f} MiB, {rate:+.1f} +- {error:.1f} MiB/h "
-            f"after the warm-up; largest worker {largest:.0f} MiB"
+            f"server {own[-1] if own else resident(pid):.0f} MiB, {growth(times, own)} after the "
+            f"warm-up of {warm_up:.0f} s"
+        )
+        within, over = workers.within(warm_up), workers.over(warm_up)
+        print(
+            f"workers: largest {workers.largest:.0f} MiB; within the {within.samples} lives longer "
+            f"than the warm-up {within}; of the largest in {over.samples} lives {over}"
         )
         failed = sum(n for (_, status, _), n in soak.answers.items() if status >= 500)
         print(f"answers of 500 and above {failed}, faults {len(soak.faults)}")

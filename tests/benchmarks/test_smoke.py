@@ -27,9 +27,10 @@ OF_PEERS = {
 }
 #: What other scripts import: nothing to run.
 WITHOUT_MAIN = {
-    "__init__", "crowd", "example_arms", "fcl_judge", "machines", "mbm_ompl", "mbm_problems",
-    "mesh_scenes", "poses", "ratios", "recheck", "seam_arms", "seam_peers", "task_check",
-    "task_export", "task_problems", "task_sampling", "triangles",
+    "__init__", "crowd", "determinism_requests", "example_arms", "fcl_judge", "machines",
+    "mbm_ompl", "mbm_problems", "memory", "mesh_scenes", "poses", "ratios", "recheck",
+    "seam_arms", "seam_peers", "task_check", "task_export", "task_problems", "task_sampling",
+    "triangles",
 }  # fmt: skip
 #: Have tests of their own, with services of their own: tests/service/jobs/test_agent_jobs.py makes
 #: the faults of `agents`, in one process; tests/studio/test_workbench.py runs `studio_arms`, and
@@ -41,6 +42,18 @@ OF_SERVERS: Mapping[str, list[str]] = {
     "interactive": ["--jobs", "3", "--requests", "3", "--pause", "0", "--settle", "0"],
     "overhead": ["--rounds", "1", "--scenes", "none", "moveit"],
     "overload": ["--clients", "4", "--seconds", "0.3", "--settle", "0", "--requests", "plan"],
+    "determinism": [
+        "--repeats",
+        "2",
+        "--servers",
+        "1",
+        "--busy",
+        "1",
+        "--kinds",
+        "auto",
+        "ik",
+        "batch",
+    ],
     "soak": ["--minutes", "0.02", "--clients", "2", "--rate", "50", "--kill-every", "0.4"],
 }
 #: Runs all others.
