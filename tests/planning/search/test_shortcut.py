@@ -100,3 +100,14 @@ def test_the_same_path_is_shortened_in_the_same_way() -> None:
     path = detour(checker, np.random.default_rng(3))
     first, again = (shortcut(checker, path, Deadline.after(60.0)) for _ in range(2))
     np.testing.assert_array_equal(first, again)
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_what_is_looked_at_with_a_clearance_keeps_it_between_looks_too(seed: int) -> None:
+    """Looks farther apart than a clearance would let corners of the bar come much nearer."""
+    clearance = 0.03
+    proof = Checker.of(builtin("planar_rr"), BAR)
+    wished = Checker.of(builtin("planar_rr"), BAR, clearance)
+    path = detour(wished, np.random.default_rng(seed))
+    short = shortcut(wished, path, Deadline.after(60.0), proof)
+    assert least_distance(short, BAR) >= 0.9 * clearance
