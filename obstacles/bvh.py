@@ -16,6 +16,8 @@ from kinematics.compiled.kernel import kernel
 _LEAF = 2
 #: Spans that wait while others are halved: one a level of a tree, which halves what it holds.
 _DEEPEST = 128
+#: Records that are sorted sooner than they are parted.
+_FEW = 12
 
 
 #: What stands in which columns of a node: its box by the lowest and the highest corner, half the
@@ -38,97 +40,186 @@ class Tree(NamedTuple):
 
 
 @kernel(allocates=False)
-def _sort_by_middles(
-    low: Array, high: Array, axis: int, items: Indices, spare: Indices, first: int, last: int
-) -> None:
-    """Sort items[first:last] by the middles of their boxes; equal ones keep their order.
-
-    Runs of sorted items are merged pairwise into the spare array (m,), and copied back.
-    """
-    width = 1
-    while width < last - first:
-        for begin in range(first, last, 2 * width):
-            half, end = min(begin + width, last), min(begin + 2 * width, last)
-            left, right = begin, half
-            for at in range(begin, end):
-                takes_left = right == end
-                if left < half and right < end:
-                    a, b = items[left], items[right]
-                    takes_left = low[a, axis] + high[a, axis] <= low[b, axis] + high[b, axis]
-                if takes_left:
-                    spare[at] = items[left]
-                    left += 1
-                else:
-                    spare[at] = items[right]
-                    right += 1
-        for at in range(first, last):
-            items[at] = spare[at]
-        width *= 2
+def _sort_few(middles: Array, items: Indices, first: int, last: int, axes: int) -> None:
+    """Sort records first to last - 1 of middles and items in the order of ``axes``."""
+    for entry in range(first + 1, last):
+        x, y, z, item = middles[entry, 0], middles[entry, 1], middles[entry, 2], items[entry]
+        at = entry
+        while at > first and _is_before(x, y, z, item, middles, items, at - 1, axes):
+            _move(middles, items, at - 1, at)
+            at -= 1
+        middles[at, 0], middles[at, 1], middles[at, 2], items[at] = x, y, z, item
 
 
-@kernel(allocates=False, unlocks=False)
-def grow_kernel(
-    low: Array, high: Array, most: int, items: Indices, work: Indices, nodes: Array
+@kernel(allocates=False, inline="code")
+def _is_before(
+    x: float, y: float, z: float, item: int, middles: Array, items: Indices, k: int, axes: int
+) -> bool:
+    """Whether a record comes before record k: by its first axis, where equal by the next, ..."""
+    while axes > 0:
+        axis = axes & 3
+        own = x if axis == 1 else y if axis == 2 else z
+        if own != middles[k, axis - 1]:
+            return bool(own < middles[k, axis - 1])
+        axes >>= 2
+    return bool(item < items[k])
+
+
+@kernel(allocates=False, inline="code")
+def _is_after(
+    x: float, y: float, z: float, item: int, middles: Array, items: Indices, k: int, axes: int
+) -> bool:
+    """Whether a record comes after record k."""
+    return item != items[k] and not _is_before(x, y, z, item, middles, items, k, axes)
+
+
+@kernel(allocates=False, inline="code")
+def _move(middles: Array, items: Indices, source: int, target: int) -> None:
+    """Copy a record."""
+    for axis in range(3):
+        middles[target, axis] = middles[source, axis]
+    items[target] = items[source]
+
+
+@kernel(allocates=False)
+def _part(
+    middles: Array, items: Indices, span: tuple[int, int], half: int, axes: int, draw: int
 ) -> int:
-    """Write the nodes (2 m, 10) over boxes ``low``, ``high`` (m, 3); how many there are.
+    """Reorder the records of a span so that those that come first lie before ``half``.
 
-    ``items`` (m,) are sorted by leaf; ``work`` (m + 2 _DEEPEST,) is scratch.
+    Records are parted about one of them until ``half`` is where it would be if all were sorted.
+
+    Returns:
+        The state of the generator that draws them, begun by ``draw``: no order of a mesh's
+        triangles makes bad choices likely.
     """
-    m = items.shape[0]
-    for k in range(m):
-        items[k] = k
-    spare, stack = work[:m], work[m:]
-    stack[0], stack[1] = 0, m
-    top, made = 2 if m > 0 else 0, 0
-    while top > 0:
-        top -= 2
-        first, last = stack[top], stack[top + 1]
-        node = made
-        made += 1
-        longest, length = 0, -1.0
-        for axis in range(3):
-            lowest, highest, least, largest = np.inf, -np.inf, np.inf, -np.inf
+    low, high = span[0], span[1] - 1
+    while high - low >= _FEW:
+        draw = (draw * 1103515245 + 12345) % 2147483648
+        k = low + (draw >> 4) % (high - low + 1)
+        x, y, z, item = middles[k, 0], middles[k, 1], middles[k, 2], items[k]
+        i, j = low, high
+        while i <= j:
+            while _is_after(x, y, z, item, middles, items, i, axes):
+                i += 1
+            while _is_before(x, y, z, item, middles, items, j, axes):
+                j -= 1
+            if i <= j:
+                a, b, c, other = middles[i, 0], middles[i, 1], middles[i, 2], items[i]
+                _move(middles, items, j, i)
+                middles[j, 0], middles[j, 1], middles[j, 2], items[j] = a, b, c, other
+                i += 1
+                j -= 1
+        if half <= j:
+            high = j
+        elif half >= i:
+            low = i
+        else:
+            return draw
+    _sort_few(middles, items, low, high + 1, axes)
+    return draw
+
+
+@kernel(allocates=False)
+def _longest_axis(middles: Array, first: int, last: int) -> int:
+    """Axis along which the middles of a span are spread most."""
+    longest, length = 0, -1.0
+    for axis in range(3):
+        least, largest = np.inf, -np.inf
+        for entry in range(first, last):
+            middle = middles[entry, axis]
+            least, largest = min(least, middle), max(largest, middle)
+        if largest - least > length:
+            longest, length = axis, largest - least
+    return longest
+
+
+@kernel(allocates=False, inline="code")
+def _in_front(axes: int, axis: int) -> int:
+    """The order that compares by ``axis`` first, and where equal as ``axes`` did."""
+    code, place = axis + 1, 2
+    while axes > 0:
+        if axes & 3 != axis + 1:
+            code |= (axes & 3) << place
+            place += 2
+        axes >>= 2
+    return code
+
+
+@kernel(allocates=False)
+def _close(low: Array, high: Array, items: Indices, most: int, nodes: Array) -> None:
+    """Write the boxes of nodes whose spans are known, their sizes and where each goes on."""
+    made = nodes.shape[0]
+    for node in range(made - 1, -1, -1):
+        first, last = int(nodes[node, FIRST]), int(nodes[node, LAST])
+        nodes[node, :3], nodes[node, 3:6] = np.inf, -np.inf
+        after = node + 1
+        if last - first <= most:
             for entry in range(first, last):
                 k = items[entry]
-                lowest, highest = min(lowest, low[k, axis]), max(highest, high[k, axis])
-                middle = low[k, axis] + high[k, axis]
-                least, largest = min(least, middle), max(largest, middle)
-            nodes[node, BOX + axis], nodes[node, BOX + 3 + axis] = lowest, highest
-            if largest - least > length:
-                longest, length = axis, largest - least
-        nodes[node, FIRST], nodes[node, LAST] = first, last
-        if last - first <= most:
-            continue
-        _sort_by_middles(low, high, longest, items, spare, first, last)
-        half = (first + last) // 2
-        stack[top], stack[top + 1] = half, last
-        stack[top + 2], stack[top + 3] = first, half
-        top += 4
-    # All that follow a node and lie in its span are below it.
-    for node in range(made - 1, -1, -1):
-        after = node + 1
-        while after < made and nodes[after, FIRST] < nodes[node, LAST]:
-            after = int(nodes[after, SKIP])
+                for axis in range(3):
+                    nodes[node, axis] = min(nodes[node, axis], low[k, axis])
+                    nodes[node, 3 + axis] = max(nodes[node, 3 + axis], high[k, axis])
+        else:
+            # The node next to it is its first half, and that after all below that one the other.
+            for _ in range(2):
+                for axis in range(3):
+                    nodes[node, axis] = min(nodes[node, axis], nodes[after, axis])
+                    nodes[node, 3 + axis] = max(nodes[node, 3 + axis], nodes[after, 3 + axis])
+                after = int(nodes[after, SKIP])
+            nodes[node, FIRST], nodes[node, LAST] = -1.0, -1.0
         nodes[node, SKIP] = after
-    for node in range(made):
         square = 0.0
         for axis in range(3):
             square += (nodes[node, BOX + 3 + axis] - nodes[node, BOX + axis]) ** 2
         nodes[node, EXTENT] = 0.5 * np.sqrt(square)
-        if nodes[node, LAST] - nodes[node, FIRST] > most:
-            nodes[node, FIRST], nodes[node, LAST] = -1.0, -1.0
+
+
+@kernel(allocates=False, unlocks=False)
+def grow_kernel(
+    low: Array, high: Array, most: int, items: Indices, middles: Array, nodes: Array
+) -> int:
+    """Write the nodes (2 m - 1, 10) over boxes ``low``, ``high`` (m, 3); how many there are.
+
+    ``items`` (m,) are sorted by leaf; ``middles`` (m + _DEEPEST, 3) is scratch.
+    """
+    m = items.shape[0]
+    for k in range(m):
+        items[k] = k
+        for axis in range(3):
+            middles[k, axis] = low[k, axis] + high[k, axis]
+    # Spans that wait: where each begins and ends, and the order in which its items would stand.
+    stack = middles[m:]
+    stack[0, 0], stack[0, 1], stack[0, 2] = 0.0, float(m), 0.0
+    top, made, draw = 1 if m > 0 else 0, 0, 1
+    while top > 0:
+        top -= 1
+        first, last, axes = int(stack[top, 0]), int(stack[top, 1]), int(stack[top, 2])
+        nodes[made, FIRST], nodes[made, LAST] = first, last
+        made += 1
+        if last - first <= most:
+            _sort_few(middles, items, first, last, axes)
+            continue
+        axes = _in_front(axes, _longest_axis(middles, first, last))
+        half = (first + last) // 2
+        draw = _part(middles, items, (first, last), half, axes, draw)
+        stack[top, 0], stack[top, 1], stack[top, 2] = half, last, axes
+        stack[top + 1, 0], stack[top + 1, 1], stack[top + 1, 2] = first, half, axes
+        top += 2
+    _close(low, high, items, most, nodes[:made])
     return made
 
 
 def tree(low: Array, high: Array, most: int = _LEAF) -> Tree:
     """The tree over boxes from ``low`` to ``high``, both (m, 3), at most so many in a leaf."""
     m = len(low)
-    items, nodes = np.empty(m, dtype=np.int64), np.empty((2 * m, NODE_WIDTH))
-    work = np.empty(m + 2 * _DEEPEST, dtype=np.int64)
+    items, nodes = np.empty(m, dtype=np.int64), np.empty((max(2 * m - 1, 0), NODE_WIDTH))
+    middles = np.empty((m + _DEEPEST, 3))
     made = grow_kernel(
-        np.ascontiguousarray(low), np.ascontiguousarray(high), most, items, work, nodes
+        np.ascontiguousarray(low), np.ascontiguousarray(high), most, items, middles, nodes
     )
-    nodes = nodes[:made].copy()
+    if made < len(nodes):
+        nodes = nodes[:made].copy()
     for array in (nodes, items):
         array.setflags(write=False)
     return Tree(nodes, items)

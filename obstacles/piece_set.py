@@ -14,7 +14,7 @@ from kinematics.arrays import Array
 from kinematics.bounded_cache import array_bytes, bounded_cache
 from kinematics.preparation_limit import check_preparation_time
 from obstacles.bvh import FIRST, LAST, NODE_WIDTH, SKIP, tree
-from obstacles.piece import Piece, PieceKind, Surface, core_of
+from obstacles.piece import Piece, PieceKind, core_of
 from obstacles.support_table import LEAST_CORNERS, Lists, support_table
 
 
@@ -106,7 +106,7 @@ class PieceSet(NamedTuple):
         rows = _rows(pieces)
         kinds = rows[:, KIND].tolist()
         corners, tables = [np.zeros((0, 3))], [np.zeros(0, dtype=np.int32)]
-        surfaces = [np.zeros((0, NODE_WIDTH))]
+        surfaces, shifts = [np.zeros((0, NODE_WIDTH))], list[tuple[int, int]]()
         corner, cell, node = 0, 0, 0
         for i, (kind, piece) in enumerate(zip(kinds, pieces, strict=True)):
             if kind not in _CORNERED and piece.surface is None:
@@ -122,8 +122,9 @@ class PieceSet(NamedTuple):
                 cell += len(tables[-1])
             if piece.surface is not None:
                 check_preparation_time()
-                own, triangles = _surface(piece.surface)
-                _shift(own, node, corner)
+                own, triangles = _surface_tree(piece.surface.triangles.tobytes())
+                surfaces.append(own)
+                shifts.append((node, corner))
                 row[NODE], row[NODE_STOP] = node, node + len(own)
                 row[ANCHOR] = corner + len(triangles)
                 corners += [triangles, piece.surface.anchors]
@@ -132,10 +133,11 @@ class PieceSet(NamedTuple):
                 if piece.surface.count:
                     row[GROUP] = i - piece.surface.place
                     row[GROUP_STOP] = row[GROUP] + piece.surface.count
-                surfaces.append(own)
                 node += len(own)
-        packed = np.ascontiguousarray(np.vstack(corners))
-        return cls(rows, packed, np.concatenate(tables), np.vstack(surfaces))
+        packed, nodes = np.ascontiguousarray(np.vstack(corners)), np.vstack(surfaces)
+        for (first, before), own in zip(shifts, surfaces[1:], strict=True):
+            _shift(nodes[first : first + len(own)], first, before)
+        return cls(rows, packed, np.concatenate(tables), nodes)
 
     def behind(self, other: "PieceSet") -> "PieceSet":
         """Pieces with the corners and tables of ``other`` before theirs."""
@@ -210,27 +212,24 @@ def _row(kind: int, corners: bytes, radius: float, half_height: float, rounding:
     return row
 
 
-def _surface(surface: Surface) -> tuple[Array, Array]:
-    """The tree over a cover's triangles, and their corners in its leaves' order."""
-    nodes, triangles = _surface_tree(surface.triangles.tobytes())
-    return nodes.copy(), triangles
-
-
-@bounded_cache(maxsize=1024)
+@bounded_cache(maxsize=1024, weigh=array_bytes)
 def _surface_tree(triangles: bytes) -> tuple[Array, Array]:
+    """The tree over a cover's triangles, and their corners in its leaves' order."""
     corners = np.frombuffer(triangles).reshape(-1, 3, 3)
-    grown = tree(corners.min(axis=1), corners.max(axis=1), 1)
+    a, b, c = corners[:, 0], corners[:, 1], corners[:, 2]
+    grown = tree(np.minimum(np.minimum(a, b), c), np.maximum(np.maximum(a, b), c), 1)
     nodes = grown.nodes.copy()
     leaves = nodes[:, FIRST] >= 0.0
     nodes[leaves, FIRST : LAST + 1] *= 3.0
-    return nodes, np.ascontiguousarray(corners[grown.items].reshape(-1, 3))
+    nodes.setflags(write=False)
+    return nodes, corners[grown.items].reshape(-1, 3)
 
 
 def _shift(nodes: Array, by: int, corners: int) -> None:
     """Renumber nodes that come to stand behind others, in place."""
-    leaves = nodes[:, FIRST] >= 0.0
+    leaves = nodes[:, FIRST : FIRST + 1] >= 0.0
     nodes[:, SKIP] += by
-    nodes[leaves, FIRST : LAST + 1] += corners
+    np.add(nodes[:, FIRST : LAST + 1], corners, out=nodes[:, FIRST : LAST + 1], where=leaves)
 
 
 @bounded_cache(maxsize=1024)
