@@ -4,7 +4,7 @@ import os
 import re
 import subprocess
 import sys
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 
@@ -18,11 +18,16 @@ COMMAND = [sys.executable, "-m", "service.cli"]
 
 @contextmanager
 def serve(
-    data: Path, *, warm: bool = True, environment: Mapping[str, str] = {}
+    data: Path,
+    *,
+    warm: bool = True,
+    environment: Mapping[str, str] = {},
+    under: Sequence[str] = (),
 ) -> Iterator[tuple[subprocess.Popen[str], httpx.Client]]:
-    """Run the command and give the process with a client, once it is ready."""
+    """Run the command, if need be under another one, and give the process with a client, once it is
+    ready."""
     process = subprocess.Popen(
-        [*COMMAND, "serve", "--port", "0", "--data-dir", str(data)],
+        [*under, *COMMAND, "serve", "--port", "0", "--data-dir", str(data)],
         cwd=ROOT,
         env=os.environ | {"ARMWRIGHT_WORKERS": "2"} | dict(environment),
         stdout=subprocess.PIPE,

@@ -1,5 +1,6 @@
 """Nothing acknowledged is lost or done twice, though servers are killed and databases locked."""
 
+import resource
 import sqlite3
 import subprocess
 import threading
@@ -69,6 +70,28 @@ def test_a_locked_database_is_told_and_all_goes_on_when_it_is_free(tmp_path: Pat
         assert time.monotonic() - began < 10.0
         answer(submit(client, "after"), 202)
         assert wait_until(lambda: statuses(client) == ["succeeded"] * 2, 60.0)
+
+
+def test_a_full_disk_is_told_and_all_goes_on_when_there_is_room(tmp_path: Path) -> None:
+    with serve(tmp_path) as (process, client):
+        answer(submit(client, "before"), 202)
+        # No file of the server may grow any more, as on a disk that is full.
+        before = resource.prlimit(process.pid, resource.RLIMIT_FSIZE, (0, resource.RLIM_INFINITY))
+        scene = {"name": "s", "obstacles": []}
+        for _ in range(3):
+            refused = client.post("/v1/scenes", json=scene)
+            problem(refused, 503, "STORAGE_UNAVAILABLE")
+            assert int(refused.headers["retry-after"]) >= 1
+            problem(submit(client, "meanwhile"), 503, "STORAGE_UNAVAILABLE")
+        problem(client.get("/readyz"), 503, "STORAGE_UNAVAILABLE")
+        assert client.get("/healthz").status_code == 200
+        answer(client.post("/v1/check", json=CHECK))
+        resource.prlimit(process.pid, resource.RLIMIT_FSIZE, before)
+        assert wait_until(lambda: client.get("/readyz").status_code == 200, 10.0)
+        answer(client.post("/v1/scenes", json=scene), 201)
+        answer(submit(client, "meanwhile"), 202)
+        answer(submit(client, "after"), 202)
+        assert wait_until(lambda: statuses(client) == ["succeeded"] * 3, 60.0)
 
 
 def test_a_second_server_on_one_folder_is_refused(tmp_path: Path) -> None:

@@ -1,12 +1,15 @@
 """Connections of a real server: heads that do not end, too many of them, and what is no HTTP."""
 
 import json
+import os
+import re
 import signal
 import socket
 import subprocess
 import time
 from collections.abc import Iterator
 from contextlib import ExitStack, suppress
+from pathlib import Path
 from typing import Any, NamedTuple
 
 import httpx
@@ -15,6 +18,7 @@ import pytest
 from service.http.security_headers import SECURITY_HEADERS
 from tests.service.commands import serve
 from tests.service.http.exchange import FIELDS
+from tests.service.processes import children, descendants, wait_until
 from tests.service.robots import bench, stuck
 from tests.times import quickest
 
@@ -147,6 +151,41 @@ def test_connections_are_capped_and_others_are_told(running: Running) -> None:
             document = refusal(read(one_too_many), 503, "OVERLOADED")
     assert "too many connections" in document["detail"]
     assert running.client.get("/healthz").status_code == 200, "the others were let go"
+
+
+def test_descriptors_are_left_for_workers(tmp_path: Path) -> None:
+    """However many connections there are, a worker that dies is replaced, and health is told."""
+    under, settings = ["prlimit", "--nofile=200:200"], {"ARMWRIGHT_WORKERS": "1"}
+    with ExitStack() as held:
+        process, client = held.enter_context(serve(tmp_path, environment=settings, under=under))
+        running = Running(process, client)
+
+        def alive() -> bool:
+            return 'armwright_workers{state="alive"} 1.0' in client.get("/metrics").text
+
+        assert wait_until(alive, 30.0)
+        before = starts(client)
+        # This client asks again and again, and so keeps its own connection.
+        for number in range(250):
+            held.enter_context(running.connect())
+            if number % 50 == 0:
+                assert client.get("/healthz").status_code == 200
+        with running.connect() as one_too_many:
+            refusal(read(one_too_many), 503, "OVERLOADED")
+        for pid in descendants(process.pid):
+            if not children(pid):
+                os.kill(pid, signal.SIGKILL)
+        assert wait_until(lambda: starts(client) > before, 30.0)
+        assert wait_until(alive, 30.0)
+        assert client.get("/readyz").status_code == 200
+
+
+def starts(client: httpx.Client) -> float:
+    """How many workers were started, the first ones too."""
+    found = re.search(
+        r"^armwright_worker_starts_total (\S+)", client.get("/metrics").text, re.MULTILINE
+    )
+    return float(found[1]) if found else 0.0
 
 
 def test_large_bodies_that_are_held_take_no_memory(running: Running) -> None:
