@@ -36,8 +36,8 @@ _MAX_CHECKS = 250
 #: Intervals of a check beyond which it counts as another one.
 _INTERVALS_A_CHECK = 40
 #: States of a cut that are looked at before it is proved are this far apart at most, Euclidean in
-#: joint space, as far as so many parts of it go. A link of a metre goes 3 cm between two of them: the
-#: preferred clearance is mostly 2 cm, and corners of obstacles would reach into wider gaps.
+#: joint space, as far as so many parts of it go. A link of a metre goes 3 cm between two of them:
+#: the preferred clearance is mostly 2 cm, and corners of obstacles would reach into wider gaps.
 _SPACING = 0.03
 _MAX_PARTS = 64
 #: A cut that needs more intervals is not worth its proof.
