@@ -14,6 +14,7 @@ from kinematics.compiled.kernel import direct
 from obstacles.collision_model import CollisionModel, ModelArrays
 from obstacles.corner_check import round_corners
 from obstacles.edge_check import COLLIDING, FREE, certify_curve
+from obstacles.lane_states import mark_blocked
 from obstacles.line_check import certify_edge, certify_path
 from obstacles.proximity import closest_pair, closest_state, near_pairs
 from obstacles.robot_geometry import RobotGeometry
@@ -23,7 +24,6 @@ from obstacles.state_check import (
     bracket_on,
     first_blocked,
     verdict_on,
-    verdicts_on,
 )
 
 _FLOAT = np.dtype(np.float64)
@@ -59,9 +59,15 @@ def _blocked_share() -> Callable[[ModelArrays, Array, Array, float, int], float]
 
 
 @cache
-def _verdicts() -> Callable[[ModelArrays, Array, float, Array], int]:
-    """``verdicts_on`` likewise."""
-    return direct(verdicts_on, any_model(), np.zeros((1, 1)), 0.0, np.zeros(1))
+def _mark_blocked() -> Callable[[ModelArrays, Array, float, Array], None]:
+    """``mark_blocked`` likewise."""
+    return direct(mark_blocked, any_model(), np.zeros((1, 1)), 0.0, np.zeros(1))
+
+
+@cache
+def _closest_state() -> Callable[[ModelArrays, Array, float], tuple[float, int, int]]:
+    """``closest_state`` likewise."""
+    return direct(closest_state, any_model(), np.zeros((1, 1)), 0.0)
 
 
 @cache
@@ -176,7 +182,8 @@ class Checker:
             pair; -1 and None where nothing is.
         """
         points = np.ascontiguousarray(states, _FLOAT)
-        found, state, pair = closest_state(self.model.arrays, points, float(within + self.slack))
+        beyond = float(within + self.slack)
+        found, state, pair = _closest_state()(self.model.arrays, points, beyond)
         return found - self.slack, state, None if pair < 0 else self.model.pair_name(pair)
 
     def gradient(self, q: Array, within: float) -> Proximity:
@@ -216,9 +223,9 @@ class Checker:
     def each_valid(self, states: Array) -> NDArray[np.bool_]:
         """Which of the configurations (k, n) are ``valid``, shape (k,)."""
         points = np.ascontiguousarray(states, _FLOAT)
-        verdicts = np.empty(len(points))
-        _verdicts()(self.model.arrays, points, float(self.slack), verdicts)
-        return np.asarray(verdicts == FREE)
+        blocked = np.empty(len(points))
+        _mark_blocked()(self.model.arrays, points, float(self.slack), blocked)
+        return np.asarray(blocked == 0.0)
 
     def bracket(self, q: Array) -> "Bracket":
         """Verdict of the spheres alone, with the pairs that they leave to the exact test."""

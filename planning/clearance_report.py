@@ -1,14 +1,19 @@
 """Spans of a motion in which it comes nearer to something than is preferred."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import cache
 
 import numpy as np
 from numpy.typing import NDArray
 
 from kinematics.arrays import Array
+from kinematics.compiled.kernel import direct, kernel
+from kinematics.polynomial import sample_kernel
 from kinematics.trajectory import Trajectory
-from obstacles.checker import Checker
+from obstacles.checker import Checker, any_model
+from obstacles.lane_states import mark_blocked
+from obstacles.model_arrays import ModelArrays
 from planning.preferred_clearance import PreferredClearance
 
 #: Instants that are looked at, at least this many and no farther apart than the period [s].
@@ -85,19 +90,52 @@ def clearance_report(
     most = max((obstacle.margin for obstacle in scene.obstacles), default=0.0)
     if known[0] - most > distance and known[1] > own:
         return ClearanceReport(distance, own, margin, (), motion.duration / count)
-    times = np.linspace(0.0, motion.duration, count + 1)
-    positions = np.ascontiguousarray(motion.sample(times))
-    close = np.ones(len(times), dtype=np.bool_)
-    for checker in checkers:
-        spacious = Checker(checker.model.with_margins(distance, own))
-        close[close] = ~spacious.each_valid(positions[close])
+    # The values of linspace, in a quarter of its time.
+    times: Array = np.arange(count + 1, dtype=np.float64) * (motion.duration / count)
+    times[-1] = motion.duration
+    states, blocked = np.empty((len(times), motion.n)), np.empty(len(times))
+    spacious = _with_distances(checkers[0], distance, own)
+    _look()(spacious.model.arrays, motion.breaks, motion.coefficients, times, states, blocked)
+    close = blocked != 0.0
+    for checker in checkers[1:]:
         if not close.any():
             break
+        spacious = _with_distances(checker, distance, own)
+        close[close] = ~spacious.each_valid(states[close])
     spans = tuple(
-        _span(spacious, times, positions, first, last, (distance, own))
-        for first, last in _runs(close)
+        _span(spacious, times, states, first, last, (distance, own)) for first, last in _runs(close)
     )
     return ClearanceReport(distance, own, margin, spans, motion.duration / count)
+
+
+def _with_distances(checker: Checker, distance: float, own: float) -> Checker:
+    return Checker(checker.model.with_margins(distance, own))
+
+
+@cache
+def _look() -> Callable[[ModelArrays, Array, Array, Array, Array, Array], None]:
+    """``look_kernel`` without the look at its arguments' types."""
+    instants = np.zeros(1), np.zeros((1, 1)), np.zeros(1)
+    return direct(look_kernel, any_model(), np.zeros(1), np.zeros((1, 1, 1)), *instants)
+
+
+@kernel
+def look_kernel(
+    model: ModelArrays, breaks: Array, coefficients: Array, times: Array, states: Array,
+    blocked: Array,
+) -> None:  # fmt: skip
+    """Write the states of a motion at some times, and which of them are not free.
+
+    Args:
+        model: The packed robot and scene.
+        breaks: Of the motion, shape (m + 1,) [s].
+        coefficients: Of the motion, shape (m, n, k).
+        times: Shape (p,) [s].
+        states: Filled, shape (p, n) [rad or m].
+        blocked: Filled with 1 for those that are not free, 0 for the others, shape (p,).
+    """
+    sample_kernel(breaks, coefficients, times, 0, states)
+    mark_blocked(model, states, 0.0, blocked)
 
 
 def _runs(close: NDArray[np.bool_]) -> list[tuple[int, int]]:
@@ -113,13 +151,13 @@ def _runs(close: NDArray[np.bool_]) -> list[tuple[int, int]]:
 def _span(
     spacious: Checker,
     times: Array,
-    positions: Array,
+    states: Array,
     first: int,
     last: int,
     preferred: tuple[float, float],
 ) -> CloseSpan:
     """The span of the instants from ``first`` to ``last``, out to the next that are not close."""
-    lacking, _, pair = spacious.closest(positions[first : last + 1], 0.0)
+    lacking, _, pair = spacious.closest(states[first : last + 1], 0.0)
     is_own = pair is None or pair[1] not in spacious.model.obstacles
     distance = max(lacking + preferred[is_own], 0.0)
     begins, ends = times[max(first - 1, 0)], times[min(last + 1, len(times) - 1)]

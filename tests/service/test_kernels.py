@@ -22,6 +22,7 @@ UNREACHED = {
     "obstacles.ball_distance.distance_from",
     "obstacles.ball_distance.nearest_from",
     "obstacles.state_check.bracket_on",
+    "obstacles.state_check.verdicts_on",
 }
 #: Prints the kernels of modules that the service imports, and that nothing on the list calls.
 FIND_UNREACHED = """
