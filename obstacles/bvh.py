@@ -5,6 +5,7 @@ all below it by going on at its ``skips``. Halved at the median along the longes
 "Real-time collision detection", chapter 6.
 """
 
+from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
@@ -13,9 +14,9 @@ from kinematics.arrays import Array, Indices
 from kinematics.compiled.kernel import kernel
 
 #: Pieces in a leaf: a walk step costs about as much as a look at two of them.
-_LEAF = 2
+LEAF = 2
 #: Spans that wait while others are halved: one a level of a tree, which halves what it holds.
-_DEEPEST = 128
+DEEPEST = 128
 #: Records that are sorted sooner than they are parted.
 _FEW = 12
 
@@ -181,7 +182,7 @@ def grow_kernel(
 ) -> int:
     """Write the nodes (2 m - 1, 10) over boxes ``low``, ``high`` (m, 3); how many there are.
 
-    ``items`` (m,) are sorted by leaf; ``middles`` (m + _DEEPEST, 3) is scratch.
+    ``items`` (m,) are sorted by leaf; ``middles`` (m + DEEPEST, 3) is scratch.
     """
     m = items.shape[0]
     for k in range(m):
@@ -210,11 +211,18 @@ def grow_kernel(
     return made
 
 
-def tree(low: Array, high: Array, most: int = _LEAF) -> Tree:
+@lru_cache(maxsize=4096)
+def node_count(m: int, most: int = LEAF) -> int:
+    """Nodes of the tree over m boxes, at most so many in a leaf."""
+    half = m // 2
+    return min(m, 1) if m <= most else 1 + node_count(half, most) + node_count(m - half, most)
+
+
+def tree(low: Array, high: Array, most: int = LEAF) -> Tree:
     """The tree over boxes from ``low`` to ``high``, both (m, 3), at most so many in a leaf."""
     m = len(low)
     items, nodes = np.empty(m, dtype=np.int64), np.empty((max(2 * m - 1, 0), NODE_WIDTH))
-    middles = np.empty((m + _DEEPEST, 3))
+    middles = np.empty((m + DEEPEST, 3))
     made = grow_kernel(
         np.ascontiguousarray(low), np.ascontiguousarray(high), most, items, middles, nodes
     )

@@ -244,7 +244,10 @@ class Scene:
     def _pack(self) -> Packed:
         # Primitives together, and other solids: a call for each of many small ones costs the most.
         blocks, primitive = list[PieceArrays](), 0
-        for way, run in groupby(self.obstacles, way_of_packing):
+        count = len(self.primitives.kinds)
+        if count and count == len(self.obstacles):
+            blocks, primitive = [primitive_pieces(self.primitives)], count
+        for way, run in groupby(self.obstacles[primitive:], way_of_packing):
             if way == AS_PRIMITIVES:
                 first, primitive = primitive, primitive + sum(1 for _ in run)
                 blocks.append(primitive_pieces(self.primitives.part(first, primitive)))

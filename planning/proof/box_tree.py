@@ -13,7 +13,7 @@ from obstacles.bvh import BOX, FIRST, LAST, SKIP
 
 _BOX = slice(BOX, BOX + 6)
 # What is found of leaves.
-LEAVES_ONCE, _LEAVES_APART, _LEAVES_LACK = 0, 1, 2
+LEAVES_ONCE, _LEAVES_APART, LEAVES_LACK = 0, 1, 2
 # What is found of nodes.
 CONTAINED, WRONG_BOXES, _HANGS_WRONG = 0, 3, 4
 
@@ -30,7 +30,7 @@ def refuse_broken(found: int) -> None:
     """
     if found == _LEAVES_APART:
         raise BrokenTree("the leaves of a tree of boxes do not follow each other")
-    if found == _LEAVES_LACK:
+    if found == LEAVES_LACK:
         raise BrokenTree("a tree of boxes does not hold every solid once")
     if found == _HANGS_WRONG:
         raise BrokenTree("a node of a tree of boxes hangs below none or several")
@@ -77,7 +77,7 @@ def leaf_boxes_kernel(
         for entry in range(first, last):
             item = items[entry]
             if item < 0 or item >= m or seen[item] != 0:
-                return _LEAVES_LACK
+                return LEAVES_LACK
             seen[item] = 1
             for axis in range(3):
                 boxes[k, axis] = min(boxes[k, axis], low[item, axis])

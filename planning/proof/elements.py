@@ -65,12 +65,14 @@ def join(own: Elements, around: Elements, boxed: Elements) -> Elements:
     e = len(own.kinds) + len(around.kinds) + len(boxed.kinds)
     v = len(own.vertices) + len(around.vertices) + len(boxed.vertices)
     k = len(own.kids) + len(around.kids) + len(boxed.kids)
-    joined = _room(e, (3, v), k)
+    joined = empty_elements(e, (3, v), k)
     _join()(own, around, boxed, joined)
     return joined
 
 
-def _room(e: int, corners: tuple[int, int], kids: int) -> Elements:
+def empty_elements(e: int, corners: tuple[int, int], kids: int) -> Elements:
+    """Arrays to be filled with so many elements, corners and elements below others."""
+
     def numbers(count: int) -> Indices:
         return np.empty(count, dtype=np.int64)
 
@@ -97,7 +99,7 @@ def _room(e: int, corners: tuple[int, int], kids: int) -> Elements:
 @cache
 def _join() -> Any:
     """``join_kernel`` without the look at its arguments' types, which would cost more than it."""
-    return direct(join_kernel, *(_room(0, (0, 3), 0) for _ in range(4)))
+    return direct(join_kernel, *(empty_elements(0, (0, 3), 0) for _ in range(4)))
 
 
 @kernel(allocates=False, unlocks=False)
@@ -203,7 +205,7 @@ def _starts(counts: Indices) -> Indices:
     return np.concatenate([[0], np.cumsum(counts)]).astype(np.int64)
 
 
-class _Solids(NamedTuple):
+class SolidBoxes(NamedTuple):
     """Pieces of a scene that a tree is grown over (m of them, of p).
 
     Args:
@@ -219,14 +221,15 @@ class _Solids(NamedTuple):
     margins: Array
 
 
-class _Scratch(NamedTuple):
+class Scratch(NamedTuple):
     """Workspace of ``hold_kernel``: boxes (t, 6), and zeros (1 + 2 m + 3 t)."""
 
     boxes: Array
     zeros: Indices
 
     @classmethod
-    def of(cls, m: int, t: int) -> "_Scratch":
+    def of(cls, m: int, t: int) -> "Scratch":
+        """For m solids and t nodes."""
         return cls(np.empty((t, 6)), np.zeros(1 + 2 * m + 3 * t, dtype=np.int64))
 
 
@@ -245,11 +248,11 @@ def boxes_over(arrays: PieceArrays, margins: Array, first: int, base: int) -> El
     p = len(arrays)
     numbers, low, high = np.empty(p, dtype=np.int64), np.empty((p, 3)), np.empty((p, 3))
     m = solid_boxes_kernel(arrays.kinds, arrays.poses, arrays.boxes, numbers, low, high)
-    solids = _Solids(numbers[:m], low[:m], high[:m], margins)
+    solids = SolidBoxes(numbers[:m], low[:m], high[:m], margins)
     grown = tree(solids.low, solids.high)
     t = len(grown.nodes)
-    boxed = _room(t, (0, 3), max(m + t - 1, 0))
-    refuse_broken(_hold()(grown, solids, first, base, _Scratch.of(m, t), boxed))
+    boxed = empty_elements(t, (0, 3), max(m + t - 1, 0))
+    refuse_broken(_hold()(grown, solids, first, base, Scratch.of(m, t), boxed))
     return boxed
 
 
@@ -257,13 +260,13 @@ def boxes_over(arrays: PieceArrays, margins: Array, first: int, base: int) -> El
 def _hold() -> Any:
     """``hold_kernel`` without the look at its arguments' types."""
     none, room = np.zeros(0, dtype=np.int64), np.zeros((0, 3))
-    nothing = Tree(np.zeros((0, 10)), none), _Solids(none, room, room, np.zeros(0))
-    return direct(hold_kernel, *nothing, 0, 0, _Scratch.of(0, 0), _room(0, (0, 3), 0))
+    nothing = Tree(np.zeros((0, 10)), none), SolidBoxes(none, room, room, np.zeros(0))
+    return direct(hold_kernel, *nothing, 0, 0, Scratch.of(0, 0), empty_elements(0, (0, 3), 0))
 
 
 @kernel(allocates=False, unlocks=False)
 def hold_kernel(
-    grown: Tree, solids: _Solids, first: int, base: int, scratch: _Scratch, boxed: Elements
+    grown: Tree, solids: SolidBoxes, first: int, base: int, scratch: Scratch, boxed: Elements
 ) -> int:
     """Write ``boxes_over`` from a tree that is checked before; what was found of it."""
     nodes, m, t = grown.nodes, solids.numbers.shape[0], grown.nodes.shape[0]

@@ -19,6 +19,7 @@ from obstacles.piece import Piece, PieceArrays, PieceKind
 from obstacles.robot_geometry import RobotGeometry
 from obstacles.scene import Scene
 from planning.proof.elements import HOLDER, Elements, boxes_over, join, solids
+from planning.proof.joined_pieces import join_pieces
 from planning.proof.motion_bounds import PARENT, TYPE
 from planning.proof.proposals import (
     STOP_NODE,
@@ -170,10 +171,14 @@ def _arrays(robot: RobotGeometry, scene: Scene, opened: Rows) -> PairArrays:
     if ahead:
         own = own._replace(first=np.where(own.first >= 0, own.first + ahead, -1))
     moving = len(own.kinds)
-    around = _around(packed, still, owners, margins, moving)
-    boxed = boxes_over(still, margins, moving, moving + len(around.kinds))
-    joined, skipped = join(own, around, boxed), _pairs_that_may_touch(robot, scene)
-    tops = [moving + len(around.kinds)] if len(boxed.kinds) else []
+    if (packed.rows[p:, STOP_NODE] > 0.0).any():
+        around = _around(packed, still, owners, margins, moving)
+        boxed = boxes_over(still, margins, moving, moving + len(around.kinds))
+        joined, nodes = join(own, around, boxed), len(boxed.kinds)
+    else:
+        joined, nodes = join_pieces(own, still, owners, margins, p)
+    skipped = _pairs_that_may_touch(robot, scene)
+    tops = [len(joined.kinds) - nodes] if nodes else []
     tops += (moving + np.flatnonzero(still.kinds == _HALFSPACE)).tolist()
     return PairArrays(
         *_joints(robot.chain),
@@ -204,12 +209,10 @@ def _arrays(robot: RobotGeometry, scene: Scene, opened: Rows) -> PairArrays:
 def _around(
     packed: PackedPieces, still: PieceArrays, owners: Indices, margins: Array, moving: int
 ) -> Elements:
-    """The scene's elements but the tree over them."""
+    """The scene's elements but the tree over them, some of them below covers."""
     p = len(packed.rows) - len(still)
-    nodes = int(packed.rows[p:, STOP_NODE].max(initial=0.0))
+    nodes = int(packed.rows[p:, STOP_NODE].max())
     around = solids(still, packed, slice(p, None), slice(0, nodes), moving)
-    if not nodes:
-        return around._replace(parts=owners, margins=margins)
     placed = around.row - p
     return around._replace(parts=owners[placed], margins=margins[placed])
 

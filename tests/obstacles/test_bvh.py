@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 from scipy.spatial import cKDTree
 
 from kinematics.arrays import Array, Indices
-from obstacles.bvh import EXTENT, FIRST, LAST, NODE_WIDTH, SKIP, Tree, gap, tree
+from obstacles.bvh import EXTENT, FIRST, LAST, NODE_WIDTH, SKIP, Tree, gap, node_count, tree
 from tests.properties import numbers
 
 
@@ -164,3 +164,11 @@ def test_the_gap_is_the_square_of_the_distance_from_the_box(
     clipped = np.clip(p, low, high)
     assert gap(nodes, 0, p[0], p[1], p[2]) == pytest.approx(((p - clipped) ** 2).sum(), abs=1e-15)
     assert gap(nodes, 0, clipped[0], clipped[1], clipped[2]) == 0.0
+
+
+@pytest.mark.parametrize("most", [1, 2, 5])
+def test_nodes_are_counted_before_there_are_any(most: int) -> None:
+    random = np.random.default_rng(9)
+    for count in (*range(40), 333, 1000):
+        low = random.normal(size=(count, 3))
+        assert node_count(count, most) == len(tree(low, low + 1.0, most).nodes)

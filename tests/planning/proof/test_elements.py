@@ -11,8 +11,10 @@ from obstacles.piece import PieceArrays, PieceKind
 from obstacles.scene import Scene
 from planning.proof import elements
 from planning.proof.box_tree import BrokenTree
-from planning.proof.elements import HOLDER, Elements, boxes_over, join
+from planning.proof.elements import HOLDER, Elements, boxes_over, join, solids
+from planning.proof.joined_pieces import join_pieces
 from planning.proof.pair_table import PairTable
+from planning.proof.proposals import packed_pieces
 from tests.obstacles.test_collision_model import mixed
 from tests.obstacles.test_primitives import random_scene
 from tests.planning.proof.test_proposals import scattered
@@ -130,3 +132,23 @@ def test_a_tree_that_lacks_a_solid_is_refused(monkeypatch: pytest.MonkeyPatch, l
     monkeypatch.setattr(elements, "tree", lie)
     with pytest.raises(BrokenTree):
         boxes_over(still, margins, 0, 100)
+
+
+@pytest.mark.parametrize("scene", [*SCENES, Scene(), random_scene(8, 400)])
+def test_one_kernel_joins_what_several_do(scene: Scene) -> None:
+    robot = builtin("panda")
+    own = solids(robot.arrays, packed_pieces(robot, Scene()), slice(None), slice(None), 0)
+    own = own._replace(parts=own.row, joints=robot.joints[own.row])
+    still, owners, margins = scene.pieces()
+    p, moving = len(robot.pieces), len(own.kinds)
+    packed = packed_pieces(robot, scene)
+    around = solids(still, packed, slice(p, None), slice(0, 0), moving)
+    around = around._replace(parts=owners, margins=margins)
+    boxed = boxes_over(still, margins, moving, moving + len(still))
+    expected = join(own, around, boxed)
+    found, nodes = join_pieces(own, still, owners, margins, p)
+    assert nodes == len(boxed.kinds)
+    for name in Elements._fields:
+        one, other = getattr(found, name), getattr(expected, name)
+        assert one.dtype == other.dtype
+        np.testing.assert_array_equal(one, other, name)

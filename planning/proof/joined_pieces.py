@@ -1,0 +1,136 @@
+"""Elements of a robot among pieces that stand still, packed by one kernel.
+
+Most scenes that were never seen hold no mesh: nothing of theirs is below a cover, and a call for
+each step of packing them would cost more than the step.
+"""
+
+from functools import cache
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from kinematics.arrays import Array, Indices
+from kinematics.compiled.kernel import direct, kernel
+from obstacles.bvh import DEEPEST, LEAF, NODE_WIDTH, Tree, grow_kernel, node_count
+from obstacles.piece import PieceArrays, PieceKind
+from planning.proof.box_tree import (
+    CONTAINED,
+    LEAVES_LACK,
+    WRONG_BOXES,
+    refuse_broken,
+)
+from planning.proof.element_boxes import extents_kernel, solid_boxes_kernel
+from planning.proof.elements import (
+    Elements,
+    Scratch,
+    SolidBoxes,
+    append,
+    empty_elements,
+    hold_kernel,
+)
+
+_HALFSPACE = int(PieceKind.HALFSPACE)
+
+
+class PieceColumns(NamedTuple):
+    """The columns of ``PieceArrays``, for kernels."""
+
+    kinds: Indices
+    starts: Indices
+    vertices: Array
+    sizes: Array
+    poses: Array
+    centers: Array
+    radii: Array
+    boxes: Array
+
+    @classmethod
+    def of(cls, arrays: PieceArrays) -> "PieceColumns":
+        """Those of some pieces."""
+        return cls(*[getattr(arrays, name) for name in cls._fields])
+
+
+def join_pieces(
+    own: Elements, arrays: PieceArrays, owners: Indices, margins: Array, row: int
+) -> tuple[Elements, int]:
+    """``join`` of a robot's elements with a scene's pieces, none a cover, and the tree over them.
+
+    Args:
+        own: The robot's.
+        arrays: The scene's pieces.
+        owners: The obstacle that each belongs to, shape (p,).
+        margins: Of each of them, shape (p,) [m].
+        row: Their first row in what is packed for GJK.
+
+    Returns:
+        The elements, and how many of them are nodes of the tree.
+
+    Raises:
+        BrokenTree: The tree lacks a piece or holds one twice.
+    """
+    m = int(np.count_nonzero(arrays.kinds != _HALFSPACE))
+    t, corners = node_count(m), len(own.vertices) + len(arrays.vertices)
+    kids = len(own.kids) + max(m + t - 1, 0)
+    joined = empty_elements(len(own.kinds) + len(arrays) + t, (3, corners), kids)
+    pieces = PieceColumns.of(arrays)
+    refuse_broken(_join_pieces()(own, pieces, owners, margins, row, joined))
+    return joined, t
+
+
+@cache
+def _join_pieces() -> Any:
+    """``join_pieces_kernel`` without the look at its arguments' types."""
+    none, owners = PieceColumns.of(PieceArrays.pack(())), np.zeros(0, dtype=np.int64)
+    own, joined = empty_elements(0, (0, 3), 0), empty_elements(0, (3, 0), 0)
+    return direct(join_pieces_kernel, own, none, owners, np.zeros(0), 0, joined)
+
+
+@kernel(unlocks=False)
+def join_pieces_kernel(
+    own: Elements, pieces: PieceColumns, owners: Indices, margins: Array, row: int, joined: Elements
+) -> int:
+    """Write ``join_pieces``; what was found of the tree."""
+    joined.starts[0], joined.below[0] = 0, 0
+    append(own, 0, joined)
+    base, p = own.kinds.shape[0], pieces.kinds.shape[0]
+    append(_as_elements(pieces, owners, margins, row), base, joined)
+    numbers, low, high = np.empty(p, np.int64), np.empty((p, 3)), np.empty((p, 3))
+    m = solid_boxes_kernel(pieces.kinds, pieces.poses, pieces.boxes, numbers, low, high)
+    solids = SolidBoxes(numbers[:m], low[:m], high[:m], margins)
+    items, middles = np.empty(m, np.int64), np.empty((m + DEEPEST, 3))
+    nodes = np.empty((max(2 * m - 1, 0), NODE_WIDTH))
+    t = grow_kernel(solids.low, solids.high, LEAF, items, middles, nodes)
+    if base + p + t != joined.kinds.shape[0]:
+        return LEAVES_LACK
+    scratch = Scratch(np.empty((t, 6)), np.zeros(1 + 2 * m + 3 * t, np.int64))
+    boxed = _empty_elements(t, 0, max(m + t - 1, 0))
+    found = hold_kernel(Tree(nodes[:t], items), solids, base, base + p, scratch, boxed)
+    if found in (CONTAINED, WRONG_BOXES):
+        append(boxed, base + p, joined)
+    return found
+
+
+@kernel
+def _as_elements(pieces: PieceColumns, owners: Indices, margins: Array, row: int) -> Elements:
+    """``solids`` of pieces that cover nothing and stand still."""
+    p = pieces.kinds.shape[0]
+    none, far = np.zeros(p + 1, np.int64), np.empty(p)
+    still = np.full(p, -1, np.int64)
+    extents_kernel(pieces.boxes, pieces.poses, pieces.sizes, far)
+    return Elements(
+        still, pieces.kinds, pieces.starts, pieces.vertices, pieces.sizes, pieces.poses,
+        pieces.centers, pieces.radii, pieces.boxes, far, none, none[:0], owners,
+        np.arange(row, row + p), still, margins,
+    )  # fmt: skip
+
+
+@kernel
+def _empty_elements(e: int, corners: int, kids: int) -> Elements:
+    """``empty_elements`` of elements whose corners lie in rows."""
+    return Elements(
+        np.empty(e, np.int64), np.empty(e, np.int64), np.empty(e + 1, np.int64),
+        np.empty((corners, 3)), np.empty((e, 3)), np.empty((e, 4, 4)), np.empty((e, 3)),
+        np.empty(e), np.empty((e, 6)), np.empty(e), np.empty(e + 1, np.int64),
+        np.empty(kids, np.int64), np.empty(e, np.int64), np.empty(e, np.int64),
+        np.empty(e, np.int64), np.empty(e),
+    )  # fmt: skip
