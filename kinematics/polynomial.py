@@ -233,11 +233,11 @@ def extrema_kernel(
                 continue
             if inside_hull_kernel(c, count, low, high, spare):
                 continue
-            _interior_kernel(c, count, breaks[i], h, table, roots, spare, row)
+            widen_inside_kernel(c, count, breaks[i], h, table, roots, spare, row)
 
 
 @kernel
-def _interior_kernel(
+def widen_inside_kernel(
     c: Array,
     count: int,
     start: float,
@@ -273,7 +273,7 @@ def piece_extrema_kernel(
             widen_kernel(c, count, 0.0, 0.0, best)
             widen_kernel(c, count, 1.0, 1.0, best)
             if count > 2 and not inside_hull_kernel(c, count, best[0], best[2], spare):
-                _interior_kernel(c, count, 0.0, 1.0, table, roots, spare, best)
+                widen_inside_kernel(c, count, 0.0, 1.0, table, roots, spare, best)
             lower[i, joint], upper[i, joint] = best[0], best[2]
 
 

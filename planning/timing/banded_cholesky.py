@@ -4,6 +4,7 @@ import math
 
 from kinematics.arrays import Array
 from kinematics.compiled.kernel import kernel
+from kinematics.compiled.simd import LANES, load, store
 
 
 @kernel(allocates=False)
@@ -46,15 +47,16 @@ def solve_banded_kernel(band: Array, right: Array) -> bool:
 
 
 @kernel(allocates=False)
-def solve_wide_band_kernel(band: Array, right: Array) -> bool:
+def solve_wide_band_kernel(band: Array, right: Array, width: int) -> bool:
     """Solve A X = B in place by Cholesky's factors; False where A is not positive definite.
 
     Args:
-        band: The symmetric A with w - 1 diagonals on either side, shape (N, w): ``band[i, k]`` is
-            the entry in row i, column i - k. Its factors take its place.
-        right: B, and the answer X, shape (N, n).
+        band: The symmetric A with w - 1 diagonals on either side, shape (N, >= w): ``band[i, k]``
+            is the entry in row i, column i - k. Its factors take its place.
+        right: B, and the answer X, its columns to whole vectors, shape (N, 8 b).
+        width: w.
     """
-    size, width = band.shape
+    size = band.shape[0]
     for i in range(size):
         for k in range(min(width - 1, i), -1, -1):
             column = i - k
@@ -67,16 +69,15 @@ def solve_wide_band_kernel(band: Array, right: Array) -> bool:
             if not value > 0.0:
                 return False
             band[i, 0] = math.sqrt(value)
-    for i in range(size):
-        for j in range(right.shape[1]):
-            value = right[i, j]
+    for block in range(0, right.shape[1], LANES):
+        for i in range(size):
+            total = load(right[i], block)
             for m in range(max(0, i - width + 1), i):
-                value -= band[i, i - m] * right[m, j]
-            right[i, j] = value / band[i, 0]
-    for i in range(size - 1, -1, -1):
-        for j in range(right.shape[1]):
-            value = right[i, j]
+                total = total - band[i, i - m] * load(right[m], block)
+            store(right[i], block, total / band[i, 0])
+        for i in range(size - 1, -1, -1):
+            total = load(right[i], block)
             for m in range(i + 1, min(size, i + width)):
-                value -= band[m, m - i] * right[m, j]
-            right[i, j] = value / band[i, 0]
+                total = total - band[m, m - i] * load(right[m], block)
+            store(right[i], block, total / band[i, 0])
     return True

@@ -13,14 +13,15 @@ import numpy as np
 
 from kinematics.arrays import Array
 from kinematics.compiled.kernel import kernel
+from kinematics.compiled.simd import LANES, fill, load
 from kinematics.errors import InvalidOption
 from kinematics.polynomial import sample_kernel
 from kinematics.trajectory import Trajectory
-from planning.timing.banded_cholesky import solve_wide_band_kernel
+from planning.timing.limit_ratios import largest_lane
+from planning.timing.quintic_basis import DEGREE, ORDER
+from planning.timing.quintic_least_squares import fit_points, least_squares_room
 from planning.timing.time_scaling import ScaledTime, fit_kernel, scaled_motion
 
-#: Degree of the spline: four derivatives are continuous.
-DEGREE = 5
 #: Spans for each second of a motion that are tried in turn [1/s]: 13 and 20 pieces in 1.6 s. With
 #: more it keeps nearer to the path and takes a few per cent longer.
 SPAN_RATES = (8.0, 12.0)
@@ -38,8 +39,6 @@ _ROUNDS = 8
 _STEP = 0.6
 # A span becomes shorter by this factor of its excess at most: limits hardly matter where it rests.
 _MIN_EXCESS = 0.3
-# Control points at either end that rest there: position, velocity and acceleration.
-_FIXED = 3
 
 
 def fit_quintic(
@@ -124,14 +123,21 @@ def fit_spans_kernel(
     Returns:
         Factor by which the motion has to be made longer to keep the limits at the places looked at.
     """
-    size, n = points.shape[0], points.shape[2]
-    bases = np.empty((size, DEGREE + 1, DEGREE + 1))
-    trial, excess = np.empty((size, n, DEGREE + 1)), np.empty(size)
-    lengths, smooth, rates = spans.copy(), np.empty(size), 1.0 / limits
+    size, count, n = points.shape
+    width = -(-n // LANES) * LANES
+    wide_points, wide_ends = np.zeros((size, count, width)), np.zeros((2, width))
+    wide_points[:, :, :n], wide_ends[:, :n] = points, ends
+    # Joints that are none keep every limit.
+    rates = np.zeros((3, width))
+    rates[:, :n] = 1.0 / limits
+    room = least_squares_room(size, count, width)
+    trial, best = np.empty((size, ORDER, width)), np.empty((size, ORDER, width))
+    excess, smooth = np.empty(size), np.empty(size)
+    lengths = np.ones(-(-size // LANES) * LANES)
+    lengths[:size] = spans
     fastest, factor = np.inf, np.inf
     for _ in range(_ROUNDS):
-        bases_kernel(lengths, bases)
-        _fit_kernel(points, shares, ends, lengths, bases, trial)
+        fit_points(room, wide_points, shares, wide_ends, lengths, trial)
         _excess_kernel(trial, lengths, rates, excess)
         worst, duration = 0.0, 0.0
         for i in range(size):
@@ -139,7 +145,8 @@ def fit_spans_kernel(
             duration += lengths[i]
         if worst * duration < fastest:
             fastest, factor = worst * duration, worst
-            spans[:], coefficients[:] = lengths, trial
+            spans[:] = lengths[:size]
+            trial, best = best, trial
         for i in range(size):
             lengths[i] *= max(excess[i], _MIN_EXCESS * worst) ** _STEP
         total = 0.0
@@ -149,133 +156,40 @@ def fit_spans_kernel(
             total += smooth[i]
         for i in range(size):
             lengths[i] = smooth[i] * worst * duration / total
+    for i in range(size):
+        for joint in range(n):
+            for k in range(ORDER):
+                coefficients[i, joint, k] = best[i, k, joint]
     return factor
 
 
-@kernel
-def bases_kernel(spans: Array, bases: Array) -> None:
-    """Write the basis functions of a clamped quintic spline as polynomials of the time in a span.
-
-    Args:
-        spans: Shape (N,) [s].
-        bases: The k-th coefficient of the j-th function that is not zero in span i, shape
-            (N, 6, 6): bases[i, j, k].
-    """
-    size = spans.shape[0]
-    knots = np.empty(size + 2 * DEGREE + 1)
-    knots[: DEGREE + 1] = 0.0
-    for i in range(size):
-        knots[DEGREE + 1 + i] = knots[DEGREE + i] + spans[i]
-    knots[DEGREE + 1 + size :] = knots[DEGREE + size]
-    for i in range(size):
-        at, table = i + DEGREE, bases[i]
-        table[:] = 0.0
-        table[0, 0] = 1.0
-        for p in range(1, DEGREE + 1):
-            # From the last function down: each is made of itself and the one before.
-            for j in range(p, -1, -1):
-                first = at - p + j
-                rise, away, fall, left = 0.0, 0.0, 0.0, 0.0
-                if j > 0:
-                    rise = 1.0 / (knots[first + p] - knots[first])
-                    away = knots[at] - knots[first]
-                if j < p:
-                    fall = 1.0 / (knots[first + p + 1] - knots[first + 1])
-                    left = knots[first + p + 1] - knots[at]
-                for k in range(p, -1, -1):
-                    value = 0.0
-                    if j > 0:
-                        before = table[j - 1, k - 1] if k > 0 else 0.0
-                        value += (before + away * table[j - 1, k]) * rise
-                    if j < p:
-                        before = table[j, k - 1] if k > 0 else 0.0
-                        value += (left * table[j, k] - before) * fall
-                    table[j, k] = value
-
-
-@kernel
-def _fit_kernel(
-    points: Array, shares: Array, ends: Array, spans: Array, bases: Array, coefficients: Array
-) -> None:
-    """Write the coefficients of the spline of least squares that rests at both ends."""
-    size, n = points.shape[0], points.shape[2]
-    unknown = size + DEGREE - 2 * _FIXED
-    control = np.zeros((size + DEGREE, n))
-    for row in range(_FIXED):
-        control[row] = ends[0]
-        control[size + DEGREE - 1 - row] = ends[1]
-    band, right = np.zeros((unknown, DEGREE + 1)), np.zeros((unknown, n))
-    _normal_equations_kernel(points, shares, spans, bases, control, band, right)
-    solve_wide_band_kernel(band, right)
-    control[_FIXED : _FIXED + unknown] = right
-    for i in range(size):
-        for joint in range(n):
-            for k in range(DEGREE + 1):
-                value = 0.0
-                for j in range(DEGREE + 1):
-                    value += bases[i, j, k] * control[i + j, joint]
-                coefficients[i, joint, k] = value
-
-
-@kernel
-def _normal_equations_kernel(
-    points: Array,
-    shares: Array,
-    spans: Array,
-    bases: Array,
-    control: Array,
-    band: Array,
-    right: Array,
-) -> None:
-    """Add up the normal equations of the control points between the fixed ones.
-
-    Args:
-        points: Shape (N, p, n).
-        shares: Shape (p,).
-        spans: Shape (N,) [s].
-        bases: Shape (N, 6, 6).
-        control: Control points, 0 where unknown, shape (N + 5, n).
-        band: Matrix for ``solve_wide_band_kernel``, comes as zeros, shape (N - 1, 6).
-        right: Right-hand sides, come as zeros, shape (N - 1, n).
-    """
-    size, count, n = points.shape
-    values, target = np.empty(DEGREE + 1), np.empty(n)
-    for i in range(size):
-        # Functions of free control points are in the middle; the others' parts are known.
-        low, high = max(0, _FIXED - i), min(DEGREE, right.shape[0] - 1 + _FIXED - i)
-        for p in range(count):
-            place = shares[p] * spans[i]
-            target[:] = points[i, p]
-            for j in range(DEGREE + 1):
-                value = 0.0
-                for k in range(DEGREE, -1, -1):
-                    value = value * place + bases[i, j, k]
-                values[j] = value
-                if not low <= j <= high:
-                    for joint in range(n):
-                        target[joint] -= value * control[i + j, joint]
-            for j in range(low, high + 1):
-                row, value = i + j - _FIXED, values[j]
-                for other in range(low, j + 1):
-                    band[row, j - other] += value * values[other]
-                for joint in range(n):
-                    right[row, joint] += value * target[joint]
-
-
 @kernel(allocates=False)
-def _excess_kernel(coefficients: Array, spans: Array, rates: Array, excess: Array) -> None:
-    """Write by which factor each span is too short for 1 / ``rates`` (3, n) at places in it."""
-    size, n = coefficients.shape[:2]
+def _excess_kernel(pieces: Array, spans: Array, rates: Array, excess: Array) -> None:
+    """Write by which factor each span is too short for 1 / ``rates`` (3, n') at places in it."""
+    size, width = pieces.shape[0], pieces.shape[2]
     for i in range(size):
         velocity, acceleration, jerk = 0.0, 0.0, 0.0
-        for place in range(_PLACES):
-            t = spans[i] * place / (_PLACES - 1)
-            for joint in range(n):
-                c = coefficients[i, joint]
-                v = c[1] + (2.0 * c[2] + (3.0 * c[3] + (4.0 * c[4] + 5.0 * c[5] * t) * t) * t) * t
-                a = 2.0 * c[2] + (6.0 * c[3] + (12.0 * c[4] + 20.0 * c[5] * t) * t) * t
-                j = 6.0 * c[3] + (24.0 * c[4] + 60.0 * c[5] * t) * t
-                velocity = max(velocity, abs(v) * rates[0, joint])
-                acceleration = max(acceleration, abs(a) * rates[1, joint])
-                jerk = max(jerk, abs(j) * rates[2, joint])
+        for block in range(0, width, LANES):
+            c1, c2, c3 = (
+                load(pieces[i, 1], block),
+                load(pieces[i, 2], block),
+                load(pieces[i, 3], block),
+            )
+            c4, c5 = load(pieces[i, 4], block), load(pieces[i, 5], block)
+            v1, v2, v3, v4 = 2.0 * c2, 3.0 * c3, 4.0 * c4, 5.0 * c5
+            a1, a2, a3, j1, j2 = 6.0 * c3, 12.0 * c4, 20.0 * c5, 24.0 * c4, 60.0 * c5
+            fastest, strongest, roughest = fill(0.0), fill(0.0), fill(0.0)
+            for place in range(_PLACES):
+                t = spans[i] * place / (_PLACES - 1)
+                v = c1 + (v1 + (v2 + (v3 + v4 * t) * t) * t) * t
+                a = v1 + (a1 + (a2 + a3 * t) * t) * t
+                j = a1 + (j1 + j2 * t) * t
+                fastest, strongest = max(fastest, abs(v)), max(strongest, abs(a))
+                roughest = max(roughest, abs(j))
+            fastest = fastest * load(rates[0], block)
+            strongest = strongest * load(rates[1], block)
+            roughest = roughest * load(rates[2], block)
+            velocity = max(velocity, largest_lane(fastest))
+            acceleration = max(acceleration, largest_lane(strongest))
+            jerk = max(jerk, largest_lane(roughest))
         excess[i] = max(velocity, math.sqrt(acceleration), jerk ** (1.0 / 3.0))

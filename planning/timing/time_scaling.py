@@ -12,8 +12,8 @@ from numpy.typing import ArrayLike
 from kinematics.arrays import Array
 from kinematics.compiled.kernel import kernel
 from kinematics.errors import InvalidOption
-from kinematics.polynomial import extrema_kernel
 from kinematics.trajectory import Trajectory
+from planning.timing.limit_ratios import worst_kernel
 from planning.timing.options import Solver
 
 # Aimed at below each limit, so that whoever evaluates the polynomials in another order of
@@ -247,27 +247,3 @@ def _spare_kernel(worst: Array, factor: float, limits: Array) -> None:
     for row in range(3):
         if not worst[row] > _NEAR * factor ** (row + 1.0):
             limits[row] = np.inf
-
-
-@kernel
-def worst_kernel(breaks: Array, coefficients: Array, limits: Array, worst: Array) -> None:
-    """Write the exact worst ratios of velocity, acceleration and jerk to their limits.
-
-    Args:
-        breaks: Shape (m + 1,) [s].
-        coefficients: Shape (m, n, k).
-        limits: inf where there is none, shape (3, n).
-        worst: Comes as zeros, shape (3,).
-    """
-    n, size = coefficients.shape[1:]
-    work, best = np.empty((size + 3, size)), np.empty((n, 4))
-    for row in range(3):
-        least = np.inf
-        for joint in range(n):
-            least = min(least, limits[row, joint])
-        if not least < np.inf:
-            continue
-        extrema_kernel(breaks, coefficients, row + 1, True, work, best)
-        for joint in range(n):
-            peak = max(best[joint, 2], -best[joint, 0])
-            worst[row] = max(worst[row], peak / limits[row, joint])

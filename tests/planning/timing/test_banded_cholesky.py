@@ -38,12 +38,18 @@ def test_wide_bands_with_several_right_hand_sides_are_solved_as_by_scipy() -> No
         band[:, 0] = rng.uniform(6.0, 8.0, size)
         for k in range(1, min(width, size)):
             band[k:, k] = rng.uniform(-0.6, 0.6, size - k)
-        right = rng.normal(size=(size, 3))
+        right = rng.normal(size=(size, 16))
         lower = np.zeros((min(width, size), size))
         for k in range(min(width, size)):
             lower[k, : size - k] = band[k:, k]
         expected = solveh_banded(lower, right, lower=True)
         answer = right.copy()
-        assert solve_wide_band_kernel(band.copy(), answer)
+        assert solve_wide_band_kernel(band.copy(), answer, width)
         np.testing.assert_allclose(answer, expected, rtol=1e-12, atol=1e-13)
-    assert not solve_wide_band_kernel(np.array([[1.0, 0.0], [1.0, 2.0]]) * [1, 2], np.ones((2, 1)))
+        solved = answer
+        # Diagonals beyond those that count are not read.
+        wide, answer = np.pad(band, ((0, 0), (0, 2)), constant_values=np.nan), right.copy()
+        assert solve_wide_band_kernel(wide, answer, width)
+        np.testing.assert_array_equal(answer, solved)
+    indefinite = np.array([[1.0, 0.0], [1.0, 2.0]]) * [1, 2]
+    assert not solve_wide_band_kernel(indefinite, np.ones((2, 8)), 2)

@@ -7,13 +7,8 @@ from scipy.interpolate import BSpline
 from benchmarks.ratios import worst_ratio
 from planning.timing.blend import blend, largest_reaches, merge
 from planning.timing.even_corners import fastest_reaches, time_even_corners
-from planning.timing.quintic_fit import (
-    DEGREE,
-    MIN_SPANS,
-    bases_kernel,
-    fit_quintic,
-    fit_spans_kernel,
-)
+from planning.timing.quintic_basis import DEGREE, ROW, TABLE, write_bases, write_values
+from planning.timing.quintic_fit import MIN_SPANS, fit_quintic, fit_spans_kernel
 from planning.timing.time_scaling import ScaledTime
 from tests.planning.timing.timed_paths import PANDA_ACCELERATION, PANDA_VELOCITY, names
 
@@ -32,30 +27,38 @@ def _rounded(seed: int, corners: int = 3) -> tuple[np.ndarray, ScaledTime]:
     return points, time_even_corners(blend(points, reaches, smooth=True), names(7), LIMITS)
 
 
-def test_basis_functions_are_those_of_scipy() -> None:
-    spans = np.random.default_rng(0).uniform(0.1, 1.0, 8)
-    bases = np.empty((8, 6, 6))
-    bases_kernel(spans, bases)
-    knots = _knots(spans)
-    for i in range(8):
+@pytest.mark.parametrize("size", [6, 8, 13, 16])
+def test_basis_functions_are_those_of_scipy(size: int) -> None:
+    whole, shares = -(-size // 8) * 8, np.array([0.0, 0.3, 0.6, 0.999])
+    spans = np.random.default_rng(0).uniform(0.1, 1.0, whole)
+    tables, values = np.empty(whole // 8 * TABLE), np.zeros((4 * whole, ROW))
+    write_bases(spans, size, np.empty(whole + 2 * DEGREE + 1), tables)
+    write_values(tables, spans, shares, values)
+    bases = tables.reshape(whole // 8, 6, 6, 8).transpose(0, 3, 1, 2).reshape(whole, 6, 6)
+    knots = _knots(spans[:size])
+    for i in range(size):
         begins = knots[DEGREE + i]
-        times = np.linspace(0.0, 0.999 * spans[i], 5)
+        times = shares * spans[i]
         expected = BSpline.design_matrix(begins + times, knots, DEGREE).toarray()[:, i : i + 6]
         ours = np.stack([np.polynomial.polynomial.polyval(times, row) for row in bases[i]], axis=1)
         np.testing.assert_allclose(ours, expected, atol=1e-12)
+        at_points = values[4 * i : 4 * i + 4]
+        np.testing.assert_allclose(at_points[:, DEGREE::-1], expected, atol=1e-12)
+        assert not at_points[:, 6:].any()
 
 
-def test_the_spline_is_that_of_least_squares_with_ends_at_rest() -> None:
+@pytest.mark.parametrize("n", [1, 2, 7, 8, 14])
+def test_the_spline_is_that_of_least_squares_with_ends_at_rest(n: int) -> None:
     rng = np.random.default_rng(1)
-    points, shares = rng.normal(size=(9, 4, 2)), np.array([0.1, 0.4, 0.6, 0.9])
-    ends, spans = rng.normal(size=(2, 2)), rng.uniform(0.1, 0.4, 9)
-    coefficients, limits = np.zeros((9, 2, 6)), np.ones((3, 2))
+    points, shares = rng.normal(size=(9, 4, n)), np.array([0.1, 0.4, 0.6, 0.9])
+    ends, spans = rng.normal(size=(2, n)), rng.uniform(0.1, 0.4, 9)
+    coefficients, limits = np.zeros((9, n, 6)), np.ones((3, n))
     factor = fit_spans_kernel(points, shares, ends, limits, spans, coefficients)
     breaks = np.concatenate([[0.0], np.cumsum(spans)])
     times = (breaks[:-1, None] + spans[:, None] * shares).ravel()
     design = BSpline.design_matrix(times, _knots(spans), DEGREE).toarray()
-    control = np.concatenate([np.tile(ends[0], (3, 1)), np.zeros((8, 2)), np.tile(ends[1], (3, 1))])
-    right = points.reshape(-1, 2) - design @ control
+    control = np.concatenate([np.tile(ends[0], (3, 1)), np.zeros((8, n)), np.tile(ends[1], (3, 1))])
+    right = points.reshape(-1, n) - design @ control
     control[3:-3] = np.linalg.lstsq(design[:, 3:-3], right, rcond=None)[0]
     spline = BSpline(_knots(spans), control, DEGREE)
     for order in range(3):
