@@ -21,13 +21,12 @@ from numpy.typing import NDArray
 
 from kinematics.arrays import Array
 from kinematics.compiled.kernel import kernel
+from kinematics.compiled.simd import Lanes, anywhere, choose
 
 # Steps of Newton's method, safeguarded by bisection: eight are usual.
 _MAX_STEPS = 80
 #: A speed is found when a step changes it by less than this part.
 CONVERGED = 1e-15
-# The same while reaches are compared.
-_ROUGH = 1e-4
 # Phases that take less than this part of their leg's time are rounding: no pieces.
 _NO_TIME = 1e-12
 #: Phases of a leg, at most: two ramps of three and a stretch at constant speed.
@@ -35,12 +34,6 @@ MAX_PHASES = 7
 # Speeds and lengths that differ by less than this part are the same: a ramp between them would be
 # rounding, run through for its square root of a second.
 _SAME = 1e-13
-# Shares of the largest reach of a corner that are tried in turn; 0 is a stop.
-_SHARES = 8
-# Rounds over all corners; a third gains less than a thousandth.
-_ROUNDS = 2
-# Corners on either side whose speeds follow while the reach of a corner is looked for.
-_NEIGHBOURS = 2
 
 
 class Legs(NamedTuple):
@@ -55,22 +48,8 @@ class Legs(NamedTuple):
     limits: Array
 
 
-class CornerLimits(NamedTuple):
-    """Limits of constant speeds through corners that cubics of reach r round.
-
-    Args:
-        speed: Largest speed v whatever the reach, inf for none, shape (k,).
-        acceleration: Largest v^2 / r, shape (k,).
-        jerk: Largest v^3 / r^2, shape (k,).
-    """
-
-    speed: Array
-    acceleration: Array
-    jerk: Array
-
-
-@kernel(allocates=False)
-def ramp_time(change: float, acceleration: float, jerk: float) -> float:
+@kernel(inline="code", allocates=False)
+def ramp_time(change: Lanes, acceleration: float, jerk: float) -> Lanes:
     """Least time of a change of speed with no acceleration at its ends [s].
 
     Args:
@@ -78,29 +57,75 @@ def ramp_time(change: float, acceleration: float, jerk: float) -> float:
         acceleration: Largest one.
         jerk: Largest one.
     """
-    if change * jerk <= acceleration * acceleration:
-        return 2.0 * math.sqrt(change / jerk)
-    return change / acceleration + acceleration / jerk
+    square = acceleration * acceleration
+    time = change / acceleration + acceleration / jerk
+    if anywhere(change * jerk <= square):
+        time = choose(change * jerk <= square, 2.0 * math.sqrt(change / jerk), time)
+    return time
 
 
-@kernel(allocates=False)
-def _ramp_length(low: float, high: float, acceleration: float, jerk: float) -> float:
+@kernel(inline="code", allocates=False)
+def _ramp_length(low: Lanes, high: Lanes, acceleration: float, jerk: float) -> Lanes:
     return 0.5 * (low + high) * ramp_time(high - low, acceleration, jerk)
 
 
-@kernel(allocates=False)
-def _ramp_slope(low: float, high: float, acceleration: float, jerk: float) -> float:
+@kernel(inline="code", allocates=False)
+def _ramp_slope(low: Lanes, high: Lanes, acceleration: float, jerk: float) -> Lanes:
     """Derivative of a ramp's length by its higher speed; inf where both speeds are the same."""
-    change = high - low
-    rate = 1.0 / acceleration
-    if change * jerk <= acceleration * acceleration:
-        rate = 1.0 / math.sqrt(max(change * jerk, 1e-300))
-    time = ramp_time(change, acceleration, jerk)
-    return 0.5 * time + 0.5 * (low + high) * rate
+    change, square = high - low, acceleration * acceleration
+    rate = (change - change) + 1.0 / acceleration
+    if anywhere(change * jerk <= square):
+        bent = 1.0 / math.sqrt(max(change * jerk, 1e-300))
+        rate = choose(change * jerk <= square, bent, rate)
+    return 0.5 * ramp_time(change, acceleration, jerk) + 0.5 * (low + high) * rate
+
+
+@kernel(inline="code", allocates=False)
+def _excess(
+    start: Lanes, end: Lanes, speed: Lanes, length: Lanes, limits: Array, alike: bool
+) -> Lanes:
+    """By how much the ramps to a speed from both ends of a leg are longer than it."""
+    ramp = _ramp_length(start, speed, limits[1], limits[2])
+    other = ramp if alike else _ramp_length(end, speed, limits[1], limits[2])
+    return ramp + other - length
+
+
+@kernel(inline="code", allocates=False)
+def _peak_speed(
+    start: Lanes, end: Lanes, length: Lanes, limits: Array, tolerance: float, alike: bool
+) -> Lanes:
+    """``peak_speed``; ``alike`` says that both ends have the same speed, which halves the work."""
+    v, a, j = float(limits[0]), float(limits[1]), float(limits[2])
+    low = max(start, end)
+    rises = _excess(start, end, low, 0.0, limits, alike) < (1.0 - _SAME) * length
+    if not anywhere(rises):
+        return low
+    # A number in as many lanes as the others have.
+    high = (low - low) + v
+    if not v < np.inf:
+        # From rest half the leg is run through in more time than this, at the least acceleration.
+        high = low + math.sqrt(2.0 * a * length) + length * math.sqrt(a / length) + 1e-12
+    sought = rises & (_excess(start, end, high, length, limits, alike) > 0.0)
+    answer = choose(rises, high, low)
+    below, above = low, high
+    speed = 0.5 * (below + above)
+    for _ in range(_MAX_STEPS):
+        if not anywhere(sought):
+            break
+        excess = _excess(start, end, speed, length, limits, alike)
+        above, below = choose(excess > 0.0, speed, above), choose(excess > 0.0, below, speed)
+        slope = _ramp_slope(start, speed, a, j)
+        slope = slope + (slope if alike else _ramp_slope(end, speed, a, j))
+        better = speed - excess / slope
+        better = choose((below < better) & (better < above), better, 0.5 * (below + above))
+        answer = choose(sought, better, answer)
+        sought = sought & (abs(better - speed) > tolerance * speed)
+        speed = better
+    return answer
 
 
 @kernel(allocates=False)
-def peak_speed(start: float, end: float, length: float, limits: Array, tolerance: float) -> float:
+def peak_speed(start: Lanes, end: Lanes, length: Lanes, limits: Array, tolerance: float) -> Lanes:
     """Largest speed of a leg that is begun and ended at given speeds; the larger if none is higher.
 
     Args:
@@ -110,51 +135,25 @@ def peak_speed(start: float, end: float, length: float, limits: Array, tolerance
         limits: Of speed, acceleration and jerk along it, shape (3,).
         tolerance: Error of the speed, as a part of it.
     """
-    v, a, j = float(limits[0]), float(limits[1]), float(limits[2])
-    low = max(start, end)
-    ramps = _ramp_length(start, low, a, j) + _ramp_length(end, low, a, j)
-    if ramps >= (1.0 - _SAME) * length:
-        return low
-    high = v
-    if not high < np.inf:
-        # From rest half the leg is run through in more time than this, at the least acceleration.
-        high = low + math.sqrt(2.0 * a * length) + length * math.sqrt(a / length) + 1e-12
-    if _ramp_length(start, high, a, j) + _ramp_length(end, high, a, j) <= length:
-        return high
-    below, above = low, high
-    speed = 0.5 * (below + above)
-    for _ in range(_MAX_STEPS):
-        excess = _ramp_length(start, speed, a, j) + _ramp_length(end, speed, a, j) - length
-        if excess > 0.0:
-            above = speed
-        else:
-            below = speed
-        slope = _ramp_slope(start, speed, a, j) + _ramp_slope(end, speed, a, j)
-        better = speed - excess / slope
-        if not below < better < above:
-            better = 0.5 * (below + above)
-        if abs(better - speed) <= tolerance * speed:
-            return better
-        speed = better
-    return speed
+    return _peak_speed(start, end, length, limits, tolerance, False)
 
 
 @kernel(allocates=False)
-def _reachable_speed(start: float, length: float, limits: Array, tolerance: float) -> float:
+def reachable_speed(start: Lanes, length: Lanes, limits: Array, tolerance: float) -> Lanes:
     """The largest speed that a leg allows at its end."""
-    return peak_speed(start, start, 2.0 * length, limits, tolerance)
+    return _peak_speed(start, start, 2.0 * length, limits, tolerance, True)
 
 
 @kernel(allocates=False)
-def leg_time(start: float, end: float, length: float, limits: Array, tolerance: float) -> float:
+def leg_time(start: Lanes, end: Lanes, length: Lanes, limits: Array, tolerance: float) -> Lanes:
     """Least time of a leg between two speeds that it leaves room for [s]."""
-    if length <= 0.0:
-        return 0.0
+    if not anywhere(length > 0.0):
+        return length - length
     peak = peak_speed(start, end, length, limits, tolerance)
-    a, j = limits[1], limits[2]
+    a, j = float(limits[1]), float(limits[2])
     ramps = _ramp_length(start, peak, a, j) + _ramp_length(end, peak, a, j)
     time = ramp_time(peak - start, a, j) + ramp_time(peak - end, a, j)
-    return time + max(length - ramps, 0.0) / peak
+    return choose(length > 0.0, time + max(length - ramps, 0.0) / peak, 0.0)
 
 
 @kernel(allocates=False)
@@ -171,120 +170,18 @@ def lower_speeds_kernel(legs: Legs, speeds: Array, tolerance: float) -> float:
     for i in range(m):
         if speeds[i + 1] > speeds[i]:
             length, limits = legs.lengths[i], legs.limits[i]
-            reachable = _reachable_speed(speeds[i], length, limits, tolerance)
+            reachable = reachable_speed(speeds[i], length, limits, tolerance)
             speeds[i + 1] = min(speeds[i + 1], reachable)
     for i in range(m - 1, -1, -1):
         if speeds[i] > speeds[i + 1]:
             length, limits = legs.lengths[i], legs.limits[i]
-            reachable = _reachable_speed(speeds[i + 1], length, limits, tolerance)
+            reachable = reachable_speed(speeds[i + 1], length, limits, tolerance)
             speeds[i] = min(speeds[i], reachable)
     time = 0.0
     for i in range(m):
         start, end = speeds[i], speeds[i + 1]
         time += leg_time(start, end, legs.lengths[i], legs.limits[i], tolerance)
     return time
-
-
-@kernel
-def _time_between(
-    legs: Legs,
-    corners: CornerLimits,
-    reaches: Array,
-    first: int,
-    last: int,
-    ends: tuple[float, float],
-    speeds: Array,
-) -> float:
-    """Time of the legs from ``first`` to before ``last`` with the corners between them [s].
-
-    Args:
-        legs: All legs, not shortened by reaches.
-        corners: Limits of the corners between them.
-        reaches: Of all corners, shape (k,).
-        first: Number of the first leg.
-        last: Number of the leg after the last one.
-        ends: Speeds before the first leg and after the last; the time is infinite where the legs
-            do not leave room for them.
-        speeds: The speeds at the ends of these legs are written here, shape (k + 2,).
-    """
-    k = reaches.shape[0]
-    rest = np.empty(last - first)
-    for i in range(first, last):
-        rest[i - first] = legs.lengths[i]
-        if i > 0:
-            rest[i - first] -= reaches[i - 1]
-        if i < k:
-            rest[i - first] -= reaches[i]
-    speeds[first], speeds[last] = ends
-    time = 0.0
-    for i in range(first, last - 1):
-        r = reaches[i]
-        bent = math.sqrt(corners.acceleration[i] * r)
-        speeds[i + 1] = min(corners.speed[i], bent, (corners.jerk[i] * r * r) ** (1.0 / 3.0))
-    part = speeds[first : last + 1]
-    time += lower_speeds_kernel(Legs(rest, legs.limits[first:last]), part, _ROUGH)
-    if speeds[first] < (1.0 - _ROUGH) * ends[0] or speeds[last] < (1.0 - _ROUGH) * ends[1]:
-        return np.inf
-    for i in range(first, last - 1):
-        if reaches[i] > 0.0:
-            if speeds[i + 1] <= 0.0:
-                return np.inf
-            time += 2.0 * reaches[i] / speeds[i + 1]
-    return time
-
-
-@kernel
-def fastest_reaches_kernel(
-    legs: Legs, corners: CornerLimits, largest: Array, reaches: Array
-) -> None:
-    """Write reaches of corners with which the motion is fastest, nearly.
-
-    A wide curve is fast, but leaves less of its legs to speed up on. The same share of the largest
-    reach is tried for all corners first, then others for each corner in turn while the speeds some
-    corners away stay what they are.
-
-    Args:
-        legs: The whole legs, m = k + 1.
-        corners: Limits of the corners between them.
-        largest: Reaches at most, shape (k,).
-        reaches: Shape (k,).
-    """
-    k = largest.shape[0]
-    rest, speeds, trial, other = (0.0, 0.0), np.zeros(k + 2), np.empty(k), np.zeros(k + 2)
-    # Windows about two corners have a speed in common up to this distance of the corners.
-    settled, around = np.zeros(k, dtype=np.bool_), 2 * _NEIGHBOURS + 1
-    best = np.inf
-    for share in range(_SHARES + 1):
-        for i in range(k):
-            trial[i] = largest[i] * share / _SHARES
-        time = _time_between(legs, corners, trial, 0, k + 1, rest, other)
-        if time < best:
-            best = time
-            reaches[:], speeds[:] = trial, other
-    for _ in range(_ROUNDS):
-        for i in range(k):
-            # Nothing that its time hangs on has changed since it was looked at.
-            if settled[i]:
-                continue
-            settled[i] = True
-            # Corner i lies between the legs i and i + 1.
-            first, last = max(i - _NEIGHBOURS, 0), min(i + 2 + _NEIGHBOURS, k + 1)
-            ends = (speeds[first], speeds[last])
-            trial[:] = reaches
-            # Beyond the ends curves go on at the same speeds: their reaches stay as they are.
-            local = _time_between(legs, corners, trial, first, last, ends, other)
-            known = reaches[i]
-            for share in range(_SHARES + 1):
-                trial[i] = largest[i] * share / _SHARES
-                if trial[i] == known:
-                    continue
-                time = _time_between(legs, corners, trial, first, last, ends, other)
-                if time < local:
-                    local = time
-                    reaches[i] = trial[i]
-                    speeds[first : last + 1] = other[first : last + 1]
-                    for j in range(max(i - around, 0), min(i + around + 1, k)):
-                        settled[j] = j == i
 
 
 @kernel(allocates=False)

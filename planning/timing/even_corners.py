@@ -10,12 +10,11 @@ from kinematics.arrays import Array
 from kinematics.compiled.kernel import kernel
 from kinematics.trajectory import Trajectory
 from planning.timing.blend import largest_reaches
+from planning.timing.corner_reaches import CornerLimits, fastest_reaches_kernel
 from planning.timing.double_s import (
     CONVERGED,
     MAX_PHASES,
-    CornerLimits,
     Legs,
-    fastest_reaches_kernel,
     lower_speeds_kernel,
     polyline_phases_kernel,
 )
