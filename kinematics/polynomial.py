@@ -4,6 +4,8 @@ A piece has ascending coefficients c, p(t) = sum_k c_k t^k on [0, h]. Ranges are
 interval, q(u) = p(h u), so that neither the length of a piece nor its units matter.
 """
 
+import numpy as np
+
 from kinematics.arrays import Array
 from kinematics.compiled.kernel import kernel
 
@@ -68,6 +70,27 @@ def sample_kernel(
                     factor *= k - i
                 value = value * u + factor
             values[row, joint] = value
+
+
+@kernel
+def sample_between_kernel(breaks: Array, coefficients: Array, states: Array) -> None:
+    """Write values at instants evenly spaced between the ends, but not at them, to (p, n)."""
+    count = states.shape[0]
+    times, step = np.empty(count), breaks[-1] / (count + 1)
+    for i in range(count):
+        times[i] = min((i + 1) * step, breaks[-1])
+    sample_kernel(breaks, coefficients, times, 0, states)
+
+
+@kernel(allocates=False)
+def are_pieces_kernel(breaks: Array, coefficients: Array) -> bool:
+    """Whether breaks (m + 1,) ascend from 0 and coefficients (m, n, k) are finite."""
+    sound = breaks[0] == 0.0 and breaks[-1] < np.inf
+    for i in range(1, breaks.shape[0]):
+        sound &= breaks[i] > breaks[i - 1]
+    for number in coefficients.reshape(coefficients.size):
+        sound &= abs(number) < np.inf
+    return bool(sound)
 
 
 @kernel

@@ -2,16 +2,19 @@
 
 import hashlib
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import cache
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from kinematics.arrays import Array, frozen
+from kinematics.compiled.kernel import direct
 from kinematics.errors import InvalidOption, InvalidTrajectory
 from kinematics.polynomial import (
+    are_pieces_kernel,
     extrema_kernel,
     piece_extrema_kernel,
     sample_kernel,
@@ -72,10 +75,16 @@ class Trajectory:
     coefficients: Array
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "joint_names", tuple(self.joint_names))
-        for name in ("breaks", "coefficients"):
-            object.__setattr__(self, name, _numbers(getattr(self, name), name))
-        _check(self)
+        names = tuple(self.joint_names)
+        breaks, coefficients = (
+            _array(self.breaks, "breaks"),
+            _array(self.coefficients, "coefficients"),
+        )
+        object.__setattr__(self, "joint_names", names)
+        object.__setattr__(self, "breaks", breaks)
+        object.__setattr__(self, "coefficients", coefficients)
+        if not _is_sound(names, breaks, coefficients):
+            _refuse(self)
 
     @property
     def content_hash(self) -> str:
@@ -310,18 +319,34 @@ def stay(joint_names: Sequence[str], position: ArrayLike, duration: float = REST
     return Trajectory(tuple(joint_names), np.array([0.0, duration]), coefficients)
 
 
-def _numbers(values: ArrayLike, name: str) -> Array:
+@cache
+def _are_pieces() -> Callable[[Array, Array], bool]:
+    """``are_pieces_kernel`` for a trajectory's arrays, without numba's look at their types."""
+    return direct(are_pieces_kernel, frozen(np.zeros(1)), frozen(np.zeros((1, 1, 1))))
+
+
+def _array(values: ArrayLike, name: str) -> Array:
     try:
-        array = frozen(values)
+        return frozen(values)
     except (TypeError, ValueError) as error:
         raise InvalidTrajectory(f"the {name} are not an array of numbers: {error}") from None
-    if not np.isfinite(array).all():
-        raise InvalidTrajectory(f"the {name} are not all finite")
-    return array
 
 
-def _check(trajectory: Trajectory) -> None:
+def _is_sound(names: tuple[str, ...], breaks: Array, c: Array) -> bool:
+    """Whether ``_refuse`` has nothing to refuse, told at the least cost."""
+    if breaks.ndim != 1 or c.ndim != 3:
+        return False
+    fits = 1 < len(breaks) == len(c) + 1 and c.shape[1] == len(names) > 0
+    fits = fits and 0 < c.shape[2] <= MAX_DEGREE + 1 and len(set(names)) == len(names)
+    return fits and _are_pieces()(breaks, c)
+
+
+def _refuse(trajectory: Trajectory) -> None:
+    """Say what is wrong with a trajectory's numbers."""
     names, breaks, c = trajectory.joint_names, trajectory.breaks, trajectory.coefficients
+    for array, name in ((breaks, "breaks"), (c, "coefficients")):
+        if not np.isfinite(array).all():
+            raise InvalidTrajectory(f"the {name} are not all finite")
     if not names or len(set(names)) != len(names):
         raise InvalidTrajectory("the joint names of a trajectory must be distinct, at least one")
     if breaks.ndim != 1 or len(breaks) < 2:

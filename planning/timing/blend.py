@@ -144,6 +144,38 @@ def blend(waypoints: ArrayLike, reaches: ArrayLike, smooth: bool = False) -> Joi
 
 
 @kernel
+def smooth_blend_kernel(waypoints: Array, reaches: Array) -> tuple[Array, Array]:
+    """Coefficients (p, n, 4) and lengths (p,) of ``blend(..., smooth=True)``.
+
+    Args:
+        waypoints: Shape (k, n), at least two of them distinct.
+        reaches: Of the corners, not negative, shape (k - 2,).
+    """
+    k, n = waypoints.shape
+    kept = np.empty(k, dtype=np.int64)
+    count = keep_kernel(waypoints, kept)
+    widest = np.zeros(max(k - 2, 0))
+    largest_reaches_kernel(waypoints, kept[:count], widest)
+    corners, lengths = np.empty((count, n)), np.zeros(count - 1)
+    directions, ends = np.empty((count - 1, n)), np.zeros(count)
+    for i in range(count):
+        for joint in range(n):
+            corners[i, joint] = waypoints[kept[i], joint]
+    for i in range(count - 1):
+        lengths[i] = _distance(corners[i + 1], corners[i])
+        for joint in range(n):
+            directions[i, joint] = (corners[i + 1, joint] - corners[i, joint]) / lengths[i]
+    for i in range(1, count - 1):
+        reach = min(reaches[kept[i] - 1], widest[kept[i] - 1])
+        if reach >= _LEAST_REACH * min(lengths[i - 1], lengths[i]):
+            ends[i] = reach
+    room = 3 * count - 5 if count > 2 else 1
+    coefficients, spans = np.zeros((room, n, 4)), np.empty(room)
+    used = blend_kernel(corners, lengths, directions, ends, True, coefficients, spans)
+    return coefficients[:used], spans[:used]
+
+
+@kernel
 def blend_kernel(
     corners: Array,
     lengths: Array,

@@ -2,14 +2,17 @@
 
 import math
 from collections.abc import Sequence
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from kinematics.arrays import Array
 from kinematics.compiled.kernel import kernel
+from kinematics.polynomial import shift_kernel
 from kinematics.trajectory import Trajectory
-from planning.timing.blend import largest_reaches
+from planning.timing.blend import keep_kernel, largest_reaches_kernel, smooth_blend_kernel
+from planning.timing.composition import compose_kernel
 from planning.timing.corner_reaches import CornerLimits, fastest_reaches_kernel
 from planning.timing.double_s import (
     CONVERGED,
@@ -18,12 +21,23 @@ from planning.timing.double_s import (
     lower_speeds_kernel,
     polyline_phases_kernel,
 )
-from planning.timing.jerk_profile import compose_pieces_kernel
 from planning.timing.path import JointPath
 from planning.timing.time_scaling import ScaledTime, dilate
 
 # Degree of q(t): straight pieces in phases of constant jerk, cubics at constant speed.
 _DEGREE = 3
+
+
+class Pieces(NamedTuple):
+    """Cubic pieces of a motion, not yet looked at.
+
+    Args:
+        breaks: Shape (m + 1,) [s].
+        coefficients: Shape (m, n, 4).
+    """
+
+    breaks: Array
+    coefficients: Array
 
 
 def fastest_reaches(waypoints: Array, limits: Array, largest: Array) -> Array:
@@ -38,8 +52,7 @@ def fastest_reaches(waypoints: Array, limits: Array, largest: Array) -> Array:
         Reaches for ``blend``, shape (k - 2,).
     """
     reaches = np.zeros(len(largest))
-    most = np.minimum(largest, largest_reaches(waypoints))
-    corner_reaches_kernel(np.ascontiguousarray(waypoints), limits, most, reaches)
+    corner_reaches_kernel(np.ascontiguousarray(waypoints), limits, largest, reaches)
     return reaches
 
 
@@ -67,7 +80,11 @@ def corner_reaches_kernel(waypoints: Array, limits: Array, largest: Array, reach
                 limit = limits[row, joint] / (steepest if row == 0 else turn)
                 at_corners[row, i] = min(at_corners[row, i], limit)
     corners = CornerLimits(at_corners[0], at_corners[1], at_corners[2])
-    fastest_reaches_kernel(Legs(lengths, along), corners, largest, reaches)
+    kept, widest = np.empty(legs + 1, dtype=np.int64), np.zeros(legs - 1)
+    largest_reaches_kernel(waypoints, kept[: keep_kernel(waypoints, kept)], widest)
+    for i in range(legs - 1):
+        widest[i] = min(widest[i], largest[i])
+    fastest_reaches_kernel(Legs(lengths, along), corners, widest, reaches)
 
 
 def time_even_corners(path: JointPath, joint_names: Sequence[str], limits: Array) -> ScaledTime:
@@ -92,20 +109,62 @@ def pass_even_corners(path: JointPath, joint_names: Sequence[str], limits: Array
         limits: Of velocity (inf where there is none), acceleration and jerk, shape (3, n); rounding
             may exceed them.
     """
-    count = len(path.lengths)
+    return Trajectory(tuple(joint_names), *pieces_kernel(path.coefficients, path.lengths, limits))
+
+
+@kernel
+def rounded_pieces_kernel(waypoints: Array, reaches: Array, limits: Array) -> Pieces:
+    """The pieces of ``pass_even_corners`` along ``blend`` of a merged polyline.
+
+    Args:
+        waypoints: Shape (k, n), k >= 2.
+        reaches: Of the corners, within their largest ones, shape (k - 2,).
+        limits: Of velocity, acceleration and jerk, shape (3, n).
+    """
+    path, spans = smooth_blend_kernel(waypoints, reaches)
+    return pieces_kernel(path, spans, limits)
+
+
+@kernel
+def pieces_kernel(coefficients: Array, lengths: Array, limits: Array) -> Pieces:
+    """The pieces of ``pass_even_corners``.
+
+    Args:
+        coefficients: Of the path, cubics, shape (p, n, 4).
+        lengths: Of its pieces, shape (p,).
+        limits: Of velocity, acceleration and jerk, shape (3, n).
+    """
+    count, n = coefficients.shape[:2]
     straight, along = np.empty(count, dtype=np.bool_), np.empty((count, 3))
     speeds = np.zeros(count + 1)
-    path_speeds_kernel(path.coefficients, path.lengths, limits, straight, along, speeds)
-    room = MAX_PHASES * len(path.lengths)
-    phases, owners = np.empty((room, 5)), np.empty(room, dtype=np.int64)
-    used = polyline_phases_kernel(path.lengths, straight, along, speeds, phases, owners)
-    phases, owners = phases[:used], owners[:used]
-    powers = path.coefficients.shape[2]
-    pieces = np.zeros((used, path.n, 3 * powers - 2))
-    work = np.empty((2, 3 * powers - 2))
-    compose_pieces_kernel(path.coefficients, owners, phases, work, pieces)
-    breaks = np.concatenate([[0.0], np.cumsum(phases[:, 4])])
-    return Trajectory(tuple(joint_names), breaks, pieces[:, :, : _DEGREE + 1])
+    path_speeds_kernel(coefficients, lengths, limits, straight, along, speeds)
+    phases, owners = np.empty((MAX_PHASES * count, 5)), np.empty(MAX_PHASES * count, dtype=np.int64)
+    used = polyline_phases_kernel(lengths, straight, along, speeds, phases, owners)
+    breaks, pieces = np.zeros(used + 1), np.empty((used, n, _DEGREE + 1))
+    shifted, product, inner = np.empty(4), np.empty(10), np.empty(3)
+    whole = np.zeros(10)
+    for i in range(used):
+        owner, start = owners[i], phases[i, 0]
+        inner[0], inner[1], inner[2] = phases[i, 1], phases[i, 2], phases[i, 3]
+        breaks[i + 1] = breaks[i] + phases[i, 4]
+        for joint in range(n):
+            c, out = coefficients[owner, joint], pieces[i, joint]
+            if straight[owner]:
+                out[0] = c[0] + start * c[1]
+                for k in range(_DEGREE):
+                    # Not minus 0.
+                    out[k + 1] = 0.0 + c[1] * inner[k]
+                continue
+            # At constant speed a curve stays a cubic.
+            shift_kernel(c, start, shifted)
+            top = _DEGREE
+            while top > 0 and shifted[top] == 0.0:
+                top -= 1
+            whole[:] = 0.0
+            compose_kernel(shifted, top, inner, product, whole)
+            for k in range(_DEGREE + 1):
+                out[k] = whole[k]
+    return Pieces(breaks, pieces)
 
 
 @kernel

@@ -13,12 +13,14 @@ import numpy as np
 
 from kinematics.arrays import Array
 from kinematics.errors import InvalidOption
+from kinematics.polynomial import sample_between_kernel
 from kinematics.trajectory import Trajectory, stay
 from obstacles.checker import Checker
 from planning.deadline import Deadline
 from planning.limits import RATIO_TOLERANCE
 from planning.timing.blend import largest_reaches, merge, reach_for_deviation
 from planning.timing.corner_blending import certified_reaches
+from planning.timing.even_corners import Pieces
 from planning.timing.failure import TimingFailed
 from planning.timing.options import TimingOptions
 from planning.timing.parametrization import TimeParametrization, merge_repeated
@@ -122,9 +124,9 @@ class _RoundedMotion:
     def smooth(self) -> ScaledTime:
         """The spline near the motion where it is as far from everything, else the motion itself."""
         names = self.checker.model.chain.joint_names
-        rounded = self.parametrization.near_corners(self.points, self._reaches(even=True), names)
+        rounded = self.parametrization.near_corners(self.points, self._reaches(even=True))
         if rounded is not None:
-            for spline in self.parametrization.splines_near(rounded, self.points):
+            for spline in self.parametrization.splines_near(rounded, self.points, names):
                 if self._keeps_clear(spline.trajectory, rounded):
                     self.left_path = True
                     return spline
@@ -152,15 +154,20 @@ class _RoundedMotion:
             preferred=self.preferred,
         )
 
-    def _keeps_clear(self, motion: Trajectory, rounded: Trajectory) -> bool:
+    def _keeps_clear(self, motion: Trajectory, rounded: Pieces) -> bool:
         """Whether a motion keeps most of the clearance that the one with rounded corners keeps."""
-        count = _INSTANTS * motion.pieces
-        if self.holds is not None and not self.holds(_instants(motion, count)):
+        states = _states_between(motion.breaks, motion.coefficients, _INSTANTS * motion.pieces)
+        if self.holds is not None and not self.holds(states):
             return False
-        for level in (*(_lower(level) for level in self.preferred), self.checker):
-            if _is_clear(level, motion, count):
+        on_path: Array | None = None
+        for number in range(len(self.preferred) + 1):
+            preferred = number < len(self.preferred)
+            level = _lower(self.preferred[number]) if preferred else self.checker
+            if level.all_valid(states):
                 return True
-            if _is_clear(level, rounded, count):
+            if on_path is None:
+                on_path = _states_between(*rounded, len(states))
+            if level.all_valid(on_path):
                 return False
         return False
 
@@ -172,14 +179,11 @@ def _lower(level: Checker) -> Checker:
     return replace(level, model=model.with_margins(*margins))
 
 
-def _is_clear(level: Checker, motion: Trajectory, count: int) -> bool:
-    """Whether a checker finds instants of a motion free, evenly spaced between its ends."""
-    return level.all_valid(_instants(motion, count))
-
-
-def _instants(motion: Trajectory, count: int) -> Array:
+def _states_between(breaks: Array, coefficients: Array, count: int) -> Array:
     """States at instants evenly spaced between a motion's ends, shape (count, n)."""
-    return motion.sample(np.linspace(0.0, motion.duration, count + 2)[1:-1])
+    states = np.empty((count, coefficients.shape[1]))
+    sample_between_kernel(breaks, coefficients, states)
+    return states
 
 
 def _splines(

@@ -15,14 +15,15 @@ from planning.timing.blend import blend, merge
 from planning.timing.effort_limits import slow_down
 from planning.timing.estimate import estimate_limits
 from planning.timing.even_corners import (
+    Pieces,
     fastest_reaches,
-    pass_even_corners,
+    rounded_pieces_kernel,
     time_even_corners,
 )
 from planning.timing.failure import TimingFailed
 from planning.timing.method import PathLimits, TimingMethod
 from planning.timing.path import JointPath
-from planning.timing.quintic_fit import SPAN_RATES, fit_quintic
+from planning.timing.quintic_fit import SPAN_RATES, fit_pieces
 from planning.timing.spline import Ends, chord_knots, spline_trajectory
 from planning.timing.time_scaling import ScaledTime, dilate, fit, fitting_factor
 
@@ -79,31 +80,33 @@ class TimeParametrization:
         moving = any(v is not None and v.any() for v in (self.start_velocity, self.end_velocity))
         return self.method.even_corners and not moving
 
-    def near_corners(
-        self, waypoints: Array, reaches: Array, joint_names: Sequence[str]
-    ) -> Trajectory | None:
+    def near_corners(self, waypoints: Array, reaches: Array) -> Pieces | None:
         """A motion that ``splines_near`` may be near to; rounding may exceed the limits.
 
-        None where the method has no such splines. Arguments are those of ``time_polyline``.
+        None where the method has no such splines.
+
+        Args:
+            waypoints: Shape (k, n), merged.
+            reaches: For ``blend``, within the largest ones, shape (k - 2,).
         """
         if not (self.method.near_path and self.few_pieces and len(waypoints) > 2):
             return None
-        path = blend(waypoints, reaches, smooth=self.smooth)
-        return pass_even_corners(path, joint_names, self.jerk_bounds)
+        return rounded_pieces_kernel(waypoints, reaches, self.jerk_bounds)
 
-    def splines_near(self, motion: Trajectory, waypoints: Array) -> Iterator[ScaledTime]:
+    def splines_near(
+        self, motion: Pieces, waypoints: Array, joint_names: Sequence[str]
+    ) -> Iterator[ScaledTime]:
         """Splines of few pieces near a motion, ever nearer; none that take far longer than it.
 
         Args:
             motion: Of ``near_corners``.
             waypoints: Of its path, merged, shape (k, n).
+            joint_names: n names.
         """
         limits, legs = self.jerk_bounds, len(waypoints) - 1
         for rate in SPAN_RATES:
-            spline = self._slow_down_a_little(
-                fit_quintic(motion, motion.joint_names, limits, legs, rate)
-            )
-            if spline is not None and spline.trajectory.duration <= WORTH * motion.duration:
+            spline = self._slow_down_a_little(fit_pieces(motion, joint_names, limits, legs, rate))
+            if spline is not None and spline.trajectory.duration <= WORTH * motion.breaks[-1]:
                 yield spline
 
     def _slow_down_a_little(self, scaled: ScaledTime) -> ScaledTime | None:

@@ -17,6 +17,7 @@ from kinematics.compiled.simd import LANES, fill, load
 from kinematics.errors import InvalidOption
 from kinematics.polynomial import sample_kernel
 from kinematics.trajectory import Trajectory
+from planning.timing.even_corners import Pieces
 from planning.timing.limit_ratios import largest_lane
 from planning.timing.quintic_basis import DEGREE, ORDER
 from planning.timing.quintic_least_squares import fit_points, least_squares_room
@@ -63,16 +64,24 @@ def fit_quintic(
     Raises:
         InvalidOption: A limit is not positive, or none bounds the motion.
     """
-    count = max(MIN_SPANS, math.ceil(rate * motion.duration))
-    count = min(count, max(MIN_SPANS, _SPANS_PER_LEG * legs))
-    breaks, coefficients = np.empty(count + 1), np.empty((count, motion.n, DEGREE + 1))
     bounds = np.ascontiguousarray(limits, dtype=np.float64)
     if not (bounds > 0.0).all():
         raise InvalidOption("limits must be positive", hint="Give inf where there is none.")
-    factor = fit_motion_kernel(motion.breaks, motion.coefficients, bounds, breaks, coefficients)
-    return scaled_motion(joint_names, breaks, coefficients, factor)._replace(
-        solver="quintic_spline"
-    )
+    pieces = Pieces(motion.breaks, motion.coefficients)
+    return fit_pieces(pieces, joint_names, bounds, legs, rate)
+
+
+def fit_pieces(
+    motion: Pieces, joint_names: Sequence[str], limits: Array, legs: int, rate: float
+) -> ScaledTime:
+    """``fit_quintic`` near pieces that nothing has looked at, within limits that are positive."""
+    duration, n = float(motion.breaks[-1]), motion.coefficients.shape[1]
+    count = max(MIN_SPANS, math.ceil(rate * duration))
+    count = min(count, max(MIN_SPANS, _SPANS_PER_LEG * legs))
+    breaks, coefficients = np.empty(count + 1), np.empty((count, n, DEGREE + 1))
+    factor = fit_motion_kernel(*motion, limits, breaks, coefficients)
+    scaled = scaled_motion(joint_names, breaks, coefficients, factor)
+    return ScaledTime(scaled.trajectory, factor, "quintic_spline")
 
 
 @kernel

@@ -9,11 +9,13 @@ from numpy.polynomial import polynomial as power_basis
 
 from kinematics.arrays import Array
 from kinematics.polynomial import (
+    are_pieces_kernel,
     bracketed_root_kernel,
     horner_kernel,
     inside_hull_kernel,
     inside_sums_kernel,
     piece_extrema_kernel,
+    sample_between_kernel,
     sample_kernel,
     shift_kernel,
     unit_derivative_kernel,
@@ -236,3 +238,33 @@ def test_the_range_of_a_piece_holds_its_values_tightly(
     spread = np.ptp(values) + 1e-12 * (1.0 + np.abs(values).max())
     assert lower[0, 0] - 1e-9 * spread <= values.min() <= lower[0, 0] + 1e-4 * spread
     assert upper[0, 0] + 1e-9 * spread >= values.max() >= upper[0, 0] - 1e-4 * spread
+
+
+def test_samples_between_the_ends_are_evenly_spaced() -> None:
+    rng = np.random.default_rng(5)
+    breaks = np.concatenate([[0.0], np.cumsum(rng.uniform(0.1, 1.0, 4))])
+    coefficients = rng.normal(size=(4, 3, 5))
+    for count in (1, 2, 7, 40):
+        states, expected = np.empty((2, count, 3))
+        sample_between_kernel(breaks, coefficients, states)
+        for row, t in enumerate(np.linspace(0.0, breaks[-1], count + 2)[1:-1]):
+            piece = int(np.searchsorted(breaks, t, side="right")) - 1
+            for joint in range(3):
+                expected[row, joint] = Polynomial(coefficients[piece, joint])(t - breaks[piece])
+        np.testing.assert_allclose(states, expected, rtol=1e-12, atol=1e-12)
+
+
+def test_pieces_are_told_from_what_is_none() -> None:
+    breaks, coefficients = np.array([0.0, 0.5, 2.0]), np.ones((2, 3, 4))
+    assert are_pieces_kernel(breaks, coefficients)
+    for wrong in ([0.1, 0.5, 2.0], [0.0, 0.5, 0.5], [0.0, 0.5, 0.4]):
+        assert not are_pieces_kernel(np.array(wrong), coefficients)
+    for number in (np.nan, np.inf, -np.inf):
+        for row in range(3):
+            there = breaks.copy()
+            there[row] = number
+            assert not are_pieces_kernel(there, coefficients)
+        for place in (0, 11, 23):
+            numbers_there = coefficients.copy()
+            numbers_there.flat[place] = number
+            assert not are_pieces_kernel(breaks, numbers_there)
