@@ -22,7 +22,7 @@ from typing import Any
 
 import httpx
 
-from benchmarks.machines import ENDED, Process, Rows, processes
+from benchmarks.machines import ENDED, Process, Rows, processes, processor_times
 from tests.service.postgresql import PostgreSQL, postgresql
 
 _HOME = [0.0, -0.785, 0.0, -2.356, 0.0, 1.571, 0.785]
@@ -32,6 +32,8 @@ _STANDSTILL = 180.0
 _WAITING = 100
 #: How often the rows are looked at [s].
 _LOOK = 0.5
+#: The same where seconds are told.
+_SHORT_LOOK = 0.02
 
 
 def goal(number: int) -> list[float]:
@@ -250,39 +252,65 @@ def faults(options: argparse.Namespace) -> Counter[str]:
 def speed(options: argparse.Namespace) -> dict[str, float]:
     """Seconds that jobs, and one batch, take with one server alone, one agent and two.
 
+    Beside them stands the processor time that each of them cost the workers, the processes that
+    hand them their work, the server and PostgreSQL [ms].
+
     Args:
         options: Numbers of jobs and of problems.
     """
-    seconds = {}
+    figures: dict[str, float] = {}
+    kinds = {"batch": options.problems, "jobs": options.jobs}
     for name, agents in (("server alone", 0), ("one agent", 1), ("two agents", 2)):
         with (
             postgresql() as database,
-            processes(database, 1, agents, "agents" if agents else "server") as (url, (server,), _),
-            closing(Rows(url)) as rows,
-            httpx.Client(base_url=server.url, timeout=60.0) as client,
+            processes(database, 1, agents, "agents" if agents else "server") as started,
+            closing(Rows(started[0])) as rows,
+            httpx.Client(base_url=started[1][0].url, timeout=60.0) as client,
         ):
-            for kind, batch in (("batch", batch_body(options.problems)), ("jobs", None)):
-                for warm in (True, False):
-                    before, began = rows.ended(), time.monotonic()
-                    count = 1 if batch is not None else 8 if warm else options.jobs
-                    for number in range(count):
-                        path = "/v1/plan" if batch is None else "/v1/plan/batch"
-                        client.post(
-                            path,
-                            json=body(number) if batch is None else batch,
-                            headers={"Prefer": "respond-async"},
-                        ).raise_for_status()
-                    while rows.running():
-                        time.sleep(0.05)
-                    assert rows.ended() >= before + count
-                    seconds[f"{name}, {kind}"] = time.monotonic() - began
-    for kind, count in (("batch", options.problems), ("jobs", options.jobs)):
+            for kind, count in kinds.items():
+                _send(client, rows, kind, count if kind == "batch" else 8)
+                before = _processor_times(database, *started[1:])
+                began = time.monotonic()
+                _send(client, rows, kind, count)
+                figures[f"{name}, {kind}"] = time.monotonic() - began
+                after = _processor_times(database, *started[1:])
+                for part, spent in after.items():
+                    each = 1e3 * (spent - before[part]) / count
+                    figures[f"{name}, {kind}: {part}, ms each"] = each
+    for kind, count in kinds.items():
         alone, one, two = (
-            seconds[f"{n}, {kind}"] for n in ("server alone", "one agent", "two agents")
+            figures[f"{n}, {kind}"] for n in ("server alone", "one agent", "two agents")
         )
-        seconds[f"{kind}: two agents, times as fast as one"] = one / two
-        seconds[f"{kind}: one agent more than a server, ms each"] = 1e3 * (one - alone) / count
-    return seconds
+        figures[f"{kind}: two agents, times as fast as one"] = one / two
+        figures[f"{kind}: one agent more than a server, ms each"] = 1e3 * (one - alone) / count
+    return figures
+
+
+def _send(client: httpx.Client, rows: Rows, kind: str, count: int) -> None:
+    """Send a batch of so many problems, or so many jobs, and wait until all have ended."""
+    before = rows.ended()
+    path = "/v1/plan/batch" if kind == "batch" else "/v1/plan"
+    bodies = [batch_body(count)] if kind == "batch" else [body(number) for number in range(count)]
+    for content in bodies:
+        answer = client.post(path, json=content, headers={"Prefer": "respond-async"})
+        answer.raise_for_status()
+    while rows.running():
+        time.sleep(_SHORT_LOOK)
+    assert rows.ended() >= before + len(bodies)
+
+
+def _processor_times(
+    database: PostgreSQL, servers: list[Process], agents: list[Process]
+) -> dict[str, float]:
+    """The processor time that each part has had [s]."""
+    times = {"workers": 0.0, "agents": 0.0, "server": 0.0}
+    for part, started in (("server", servers), ("agents", agents)):
+        for process in started:
+            spent = processor_times(process.process.pid)
+            times[part] += spent.pop(process.process.pid)
+            times["workers"] += sum(spent.values())
+    times["PostgreSQL"] = sum(processor_times(database.pid).values())
+    return times
 
 
 def batch_body(problems: int) -> dict[str, Any]:

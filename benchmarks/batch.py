@@ -12,7 +12,6 @@ they share them.
 import argparse
 import statistics
 import time
-from contextlib import suppress
 from dataclasses import dataclass
 from itertools import pairwise
 from typing import Any
@@ -20,8 +19,7 @@ from typing import Any
 import httpx
 import numpy as np
 
-from benchmarks.machines import local_server
-from tests.service.processes import descendants
+from benchmarks.machines import local_server, processor_times
 
 #: Around this state the hand is above the table, and below the shelf.
 MIDDLE = np.array([0.0, 0.2, 0.0, -1.9, 0.0, 2.1, 0.785])
@@ -60,16 +58,6 @@ class Round:
     server: float
     workers: float
     succeeded: int
-
-
-def processor_times(pid: int) -> dict[int, float]:
-    """The processor time that a process and those below it have had, with all threads [s]."""
-    times = {}
-    for process in (pid, *descendants(pid)):
-        with suppress(OSError):  # it has just ended
-            # clock_getcpuclockid of glibc: the clock of a process has its number in it.
-            times[process] = time.clock_gettime((~process << 3) | 2)
-    return times
 
 
 def free_states(client: httpx.Client, count: int) -> list[list[float]]:

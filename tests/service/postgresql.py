@@ -37,6 +37,12 @@ class PostgreSQL:
             check=True, capture_output=True, cwd=folder, user=self._account,
         )  # fmt: skip
 
+    @property
+    def pid(self) -> int:
+        """The number of its first process, below which all others are."""
+        assert self._process is not None
+        return self._process.pid
+
     def start(self) -> None:
         """Start the server and wait until it answers."""
         # Nothing here outlives the machine.
