@@ -6,6 +6,7 @@ checker sees the tasks themselves; the server has their names. `service.tasks` h
 
 from typing import TYPE_CHECKING
 
+from service.tasks.chunk_sizes import TURN
 from service.workers.task import GRACE, TaskReference
 
 if TYPE_CHECKING:
@@ -33,6 +34,7 @@ if TYPE_CHECKING:
     import service.tasks.view
 
     cut = service.tasks.batch.cut
+    plan_part = service.tasks.batch.plan_part
     split = service.tasks.batch.split
     check = service.tasks.check.check
     project = service.tasks.check.project
@@ -73,6 +75,7 @@ if TYPE_CHECKING:
     tour = service.tasks.tours.tour
 else:
     cut = TaskReference("service.tasks.batch:cut")
+    plan_part = TaskReference("service.tasks.batch:plan_part", GRACE + TURN)
     split = TaskReference("service.tasks.batch:split")
     check = TaskReference("service.tasks.check:check")
     project = TaskReference("service.tasks.check:project")

@@ -3,7 +3,6 @@
 import asyncio
 import math
 import time
-from collections.abc import Iterator
 
 from fastapi import Request
 from pydantic_core import to_json
@@ -11,17 +10,19 @@ from starlette.concurrency import run_in_threadpool
 
 from kinematics.errors import ArmwrightError
 from service.http import answers
+from service.http.compute import allowed_time
 from service.http.errors import document, from_domain
 from service.http.job_context import JobContext
-from service.http.plan_answer import plan_answer
+from service.http.metrics import Metrics
 from service.http.state import settings_of, supervisor_of
+from service.jobs.batch_parts import Part, Parts
 from service.jobs.storage_retry import STORAGE_RETRY
-from service.problem import ProblemError, unexpected_fault
+from service.problem import ProblemError, from_fields, unexpected_fault
 from service.storage import prepared_files
 from service.storage.cache_key import Reference
 from service.storage.database import StorageUnavailable
-from service.task_references import split
-from service.tasks.result import BatchItem
+from service.task_references import plan, plan_part, split
+from service.tasks.result import PlannedPart, PlanOutcome, SplitBatch, TaskProblem
 from service.workers.faults import ShuttingDown
 
 #: The progress of a batch is told at most this often [s].
@@ -32,19 +33,21 @@ class Batch:
     """A batch that is being planned.
 
     Args:
-        count: Its problems.
-        request: Their request.
+        request: The request for it.
         context: Of the job that it has become.
     """
 
-    def __init__(self, count: int, request: Request, context: JobContext) -> None:
+    def __init__(self, request: Request, context: JobContext) -> None:
         self._request = request
         self._context = context
         self._settings = settings_of(request)
+        self._supervisor = supervisor_of(request)
+        self._metrics: Metrics = request.app.state.metrics
+        self._batch = SplitBatch((), b"", None)
         self._scene: Reference | None = None
-        self._items: tuple[BatchItem, ...] = ()
-        self._results: list[bytes] = [b""] * count
-        self._shares = [0.0] * count
+        self._parts = Parts(())
+        self._results: list[bytes] = []
+        self._shares: list[float] = []
         self._done = 0
         self._failed = 0
         self._reported = -math.inf
@@ -56,14 +59,13 @@ class Batch:
         Raises:
             ProblemError: The scene of all problems is not valid; the service ends.
         """
-        self._report()
         await self._split()
-        waiting = iter(range(len(self._items)))
+        self._report()
         try:
-            # Each worker has one of them at most, so that other jobs get their turns.
+            # Each worker has one part at most, so that other jobs get their turns.
             async with asyncio.TaskGroup() as group:
-                for _ in range(min(supervisor_of(self._request).count, len(self._items))):
-                    group.create_task(self._plan_items(waiting))
+                for _ in range(min(self._supervisor.count, len(self._results))):
+                    group.create_task(self._plan_parts())
         except* ProblemError as errors:
             raise errors.exceptions[0] from None
         finally:
@@ -76,52 +78,105 @@ class Batch:
         """Have a worker take the request apart, and build a scene that all problems share."""
         folder, name = str(self._settings.prepared_dir), f"batch-{self._context.id}"
         content = await self._request.body()
-        self._items, shared = await answers.build(self._request, split.job(content, folder, name))
-        if shared is not None:
-            self._scene = Reference("scene", name, shared, folder)
+        self._batch = await answers.build(self._request, split.job(content, folder, name))
+        if self._batch.scene_hash is not None:
+            self._scene = Reference("scene", name, self._batch.scene_hash, folder)
+        count = len(self._batch.items)
+        self._parts = Parts(self._batch.items)
+        self._results, self._shares = [b""] * count, [0.0] * count
 
-    async def _plan_items(self, waiting: Iterator[int]) -> None:
-        for index in waiting:
+    async def _plan_parts(self) -> None:
+        while part := self._parts.take(self._supervisor.count):
             try:
                 left = self._context.deadline - time.monotonic()
                 async with asyncio.timeout(max(left, 0.0)):
-                    self._results[index] = await self._plan_once_possible(index)
+                    planned = await self._plan_once_possible(part)
             except ShuttingDown:  # the whole batch is done again when the service is back
                 raise
-            except ProblemError as problem:
-                self._note(index, problem)
-            except ArmwrightError as error:
-                self._note(index, from_domain(error))
             except TimeoutError:
-                self._note(index, _timeout_problem(self._settings.job_deadline))
-            except Exception:  # noqa: BLE001  (a mistake of ours costs this problem alone)
-                self._note(index, unexpected_fault(f"problem {index} of job {self._context.id}"))
-            self._done += 1
-            self._shares[index] = 1.0
+                for index in part.indices:
+                    self._note_problem(index, _timeout_problem(self._settings.job_deadline))
+            except Exception as error:  # noqa: BLE001  (it costs the problem alone whose it is)
+                self._note_fault(part, error)
+            else:
+                self._note(part, planned)
             self._report()
 
-    async def _plan_once_possible(self, index: int) -> bytes:
-        """The plan of a problem, tried again for as long as the storage can't be used."""
+    async def _plan_once_possible(self, part: Part) -> PlannedPart:
+        """The plans of a part, tried again for as long as the storage can't be used."""
         while True:
             try:
-                return await self._plan(index)
+                return await self._plan(part)
             except StorageUnavailable:
                 await asyncio.sleep(STORAGE_RETRY)
 
-    async def _plan(self, index: int) -> bytes:
-        item = self._items[index]
+    async def _plan(self, part: Part) -> PlannedPart:
+        first = part.indices[0]
+        item = self._batch.items[first]
+        scene = self._scene if item.shared else None
+        seconds = allowed_time(self._settings, item.timeout)
+        content = part.request(self._batch.head)
 
-        def on_progress(share: float, _stage: str) -> None:
-            self._shares[index] = max(self._shares[index], min(share, 1.0))
+        def on_progress(done: float, _stage: str) -> None:
+            # So many problems are done, and the share of the next one.
+            count = min(int(done), len(part.indices) - 1)
+            for index in part.indices[:count]:
+                self._shares[index] = 1.0
+            index = part.indices[count]
+            self._shares[index] = max(self._shares[index], min(done - count, 1.0))
             self._report()
 
-        scene = self._scene if item.shared else None
-        return await plan_answer(self._request, item, item.content, scene, on_progress)
+        return await answers.answer(
+            self._request,
+            lambda robot, stored: plan_part.job(robot, scene or stored, content, seconds),
+            item.robot,
+            item.scene,
+            timeout=item.timeout,
+            on_progress=on_progress,
+        )
 
-    def _note(self, index: int, problem: ProblemError) -> None:
+    # ------------------------------------------------------------------------------ outcomes
+
+    def _note(self, part: Part, planned: PlannedPart) -> None:
+        """Note what became of the first problems of a part; the others wait again."""
+        count = len(planned.outcomes)
+        self._supervisor.durations.note(plan.name, planned.seconds / count)
+        self._parts.put_back(part.indices[count:])
+        for index, outcome in zip(part.indices, planned.outcomes, strict=False):
+            self._note_outcome(index, outcome)
+
+    def _note_outcome(self, index: int, outcome: PlanOutcome | TaskProblem) -> None:
+        if isinstance(outcome, PlanOutcome):
+            self._metrics.count_plan(outcome.planner, outcome.stages)
+            self._end(index, outcome.content)
+            return
+        code, details = outcome.code, outcome.details
+        self._note_problem(index, from_fields(code, outcome.message, outcome.hint, details))
+
+    def _note_fault(self, part: Part, error: Exception) -> None:
+        """Note the fault of a problem; those of a part are tried alone, to learn whose it is."""
+        if len(part.indices) > 1:
+            self._parts.put_back(part.indices, alone=True)
+            return
+        index = part.indices[0]
+        if isinstance(error, ProblemError):
+            self._note_problem(index, error)
+        elif isinstance(error, ArmwrightError):
+            self._note_problem(index, from_domain(error))
+        else:
+            mishap = unexpected_fault(f"problem {index} of job {self._context.id}")
+            self._note_problem(index, mishap)
+
+    def _note_problem(self, index: int, problem: ProblemError) -> None:
+        self._metrics.count_failure(problem.code, problem.details.get("stages"))
         self._failed += 1
         instance = f"{self._request.url.path}#/problems/{self._context.first + index}"
-        self._results[index] = to_json(document(problem, instance))
+        self._end(index, to_json(document(problem, instance)))
+
+    def _end(self, index: int, result: bytes) -> None:
+        self._results[index] = result
+        self._shares[index] = 1.0
+        self._done += 1
 
     def _report(self, *, at_once: bool = False) -> None:
         """Tell the progress; not more often than anybody sees, and never too late by much."""

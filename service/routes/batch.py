@@ -4,8 +4,8 @@ from fastapi import APIRouter, Request, Response
 
 from service.http import answers
 from service.http.compute import allowed_time
-from service.http.job_context import end_dry_run, job_context
-from service.http.json_route import JobRoute
+from service.http.job_context import DeferToJob, job_context
+from service.http.json_route import Handler, JobRoute
 from service.http.openapi import RESPONSES
 from service.http.state import settings_of
 from service.jobs.batch import Batch
@@ -14,7 +14,24 @@ from service.schemas.batch import BatchAnswer, BatchRequest
 from service.schemas.job import JobSummary
 
 _RESULT = {200: {"description": "The result of the job", "model": BatchAnswer}}
-router = APIRouter(prefix="/v1", tags=["planning"], route_class=JobRoute, responses=RESPONSES)
+
+
+class BatchRoute(JobRoute):
+    """A route whose jobs are batches: what was checked when it came is not validated again."""
+
+    def _behind_checks(self, handle: Handler) -> Handler:
+        check = super()._behind_checks(handle)
+
+        async def plan_or_check(request: Request) -> Response:
+            context = job_context(request)
+            if context is None:
+                return await check(request)
+            return Response(await Batch(request, context).run(), media_type="application/json")
+
+        return plan_or_check
+
+
+router = APIRouter(prefix="/v1", tags=["planning"], route_class=BatchRoute, responses=RESPONSES)
 
 
 @router.post(
@@ -30,12 +47,7 @@ async def plan_batch(body: BatchRequest, request: Request) -> Response:
     One that fails, or that brings a worker down, costs the others nothing.
     """
     await _check(body, request)
-    end_dry_run(request)
-    context = job_context(request)
-    assert context is not None
-    return Response(
-        await Batch(len(body.problems), request, context).run(), media_type="application/json"
-    )
+    raise DeferToJob
 
 
 async def _check(body: BatchRequest, request: Request) -> None:
@@ -49,8 +61,6 @@ async def _check(body: BatchRequest, request: Request) -> None:
             hint="Send them in several batches.",
             batch_limit=settings.batch_limit,
         )
-    if job_context(request) is not None:
-        return
     parts = (body, *body.problems)
     for seconds in {part.timeout for part in parts}:
         allowed_time(settings, seconds)

@@ -7,6 +7,9 @@ from dataclasses import dataclass
 LONGEST = 3.0
 #: Time that a chunk takes at least [s]: its share of the engine's work stays below some per cent.
 SHORTEST = 0.5
+#: Time after which a worker begins with no further problem of a part [s]: to hand out a part costs
+#: as much as half a plan, and what somebody waits for takes the worker if this lasts much longer.
+TURN = 0.04
 #: Chunks that each worker gets while there is enough left: the last ones are small, so that all
 #: workers end at about the same time.
 _TURNS = 2

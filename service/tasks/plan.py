@@ -71,7 +71,27 @@ def plan(
     Raises:
         ArmwrightError: The request is at fault.
     """
-    body, cell, problem = question(robot, scene, content)
+    return plan_outcome(
+        robot, scene, PlanRequest.model_validate_json(content), framed=names_frame(content)
+    )
+
+
+def plan_outcome(
+    robot: Reference, scene: Reference | None, body: PlanRequest, *, framed: bool
+) -> PlanOutcome | TaskProblem:
+    """The plan that a request asks for, within the deadline of the current job.
+
+    Args:
+        robot: The robot.
+        scene: The stored scene, where there is one.
+        body: The request.
+        framed: Whether it may name a frame.
+
+    Raises:
+        NotPrepared: The robot or the scene has to be prepared first.
+        ArmwrightError: The request is at fault.
+    """
+    body, cell, problem = _posed(robot, scene, body, framed=framed)
     deadline = current.deadline()
     if deadline.passed:
         return timed_out("the work was done", "certificate")
@@ -98,11 +118,17 @@ def question(
         ArmwrightError: The request is at fault.
     """
     body = PlanRequest.model_validate_json(content)
+    return _posed(robot, scene, body, framed=names_frame(content))
+
+
+def _posed(
+    robot: Reference, scene: Reference | None, body: PlanRequest, *, framed: bool
+) -> tuple[PlanRequest, RobotInScene, Problem]:
     geometry = worker_cache.robot(robot).geometry
     body = with_states(body, geometry.states)
     start = first_configuration(geometry.chain, body.start.joints)
     around = robot_in_scene(robot, scene, body, start)
-    if names_frame(content):
+    if framed:
         body = plan_in_root_frame(body, geometry.chain)
     cell = _collision_cell(around, body.collisions)
     return body, cell, problems.problem(body, cell.robot, cell.scene)

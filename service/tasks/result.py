@@ -102,11 +102,11 @@ class BatchItem:
     """One problem of a batch.
 
     Args:
-        robot: Its name.
+        robot: Its name, perhaps that of all problems.
         scene: The name of a stored scene, if it is in one.
         shared: Whether it is in the scene that the batch gives inline.
         timeout: As the request names it [s].
-        content: The request for its plan, JSON.
+        content: What the batch says of this problem alone, JSON.
     """
 
     robot: str
@@ -114,3 +114,37 @@ class BatchItem:
     shared: bool
     timeout: float | None
     content: bytes
+
+    def __reduce__(self) -> tuple[type["BatchItem"], tuple[object, ...]]:
+        # There may be ten thousand of them.
+        fields = (self.robot, self.scene, self.shared, self.timeout, self.content)
+        return BatchItem, fields
+
+
+@dataclass(frozen=True, slots=True)
+class SplitBatch:
+    """A batch that was taken apart.
+
+    Args:
+        items: Its problems, in order.
+        head: The fields that stand beside them, without a scene given inline: JSON, each with a
+            comma behind it.
+        scene_hash: Of the document of a scene given inline; None where there is none.
+    """
+
+    items: tuple[BatchItem, ...]
+    head: bytes
+    scene_hash: str | None
+
+
+@dataclass(frozen=True, slots=True)
+class PlannedPart:
+    """Outcomes of the first problems of a part of a batch.
+
+    Args:
+        outcomes: A plan or a problem for each, in order; those that are left come later.
+        seconds: Time that they took together [s].
+    """
+
+    outcomes: tuple[PlanOutcome | TaskProblem, ...]
+    seconds: float

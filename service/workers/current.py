@@ -19,6 +19,7 @@ class _Current:
     stage: str | None = None
     last_report: float = 0.0
     silent_until: float = 0.0
+    parts_done: int = 0
 
 
 def deadline() -> Deadline:
@@ -40,7 +41,7 @@ def report(progress: float, stage: str) -> None:
         return
     if stage != _Current.stage or now - _Current.last_report >= _REPORT_PERIOD:
         _Current.stage, _Current.last_report = stage, now
-        _Current.report(float(progress), stage)
+        _Current.report(_Current.parts_done + float(progress), stage)
 
 
 def begin(deadline: Deadline, report: Report | None, silence: float = 0.0) -> None:
@@ -51,9 +52,20 @@ def begin(deadline: Deadline, report: Report | None, silence: float = 0.0) -> No
         report: Receives its progress; None where nobody listens.
         silence: Time from now on in which nothing is reported [s].
     """
-    _Current.deadline, _Current.report, _Current.stage = deadline, report, None
-    limit_preparation(deadline.at)
+    _Current.report = report
+    begin_part(0, deadline)
     _Current.silent_until = time.monotonic() + silence if silence > 0.0 else 0.0
+
+
+def begin_part(number: int, deadline: Deadline) -> None:
+    """Go on to a part of the current job; its progress is reported beyond that of those before it.
+
+    Args:
+        number: Counts the parts that are done: the progress from then on is above it.
+        deadline: When this part must be done.
+    """
+    _Current.deadline, _Current.parts_done, _Current.stage = deadline, number, None
+    limit_preparation(deadline.at)
 
 
 def end() -> None:

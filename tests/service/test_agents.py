@@ -18,7 +18,7 @@ from service.cli import main
 from service.settings import Settings
 from service.storage.job_store import JobRecord
 from service.storage.queue_store import Chunk
-from service.task_references import plan
+from service.task_references import plan, plan_part
 from tests.service.conftest import Served
 from tests.service.jobs.requests import EASY, STUCK, batch, ended, submit
 from tests.service.postgresql import PostgreSQL
@@ -107,7 +107,7 @@ def planning_pids(served: Served) -> set[int]:
     return {
         worker.process.pid
         for worker in served.supervisor._pool.workers
-        if worker.ticket is not None and worker.ticket.job.task == plan.name
+        if worker.ticket is not None and worker.ticket.job.task == plan_part.name
     }
 
 
