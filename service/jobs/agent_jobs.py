@@ -13,7 +13,6 @@ from service.http.answers import BUILD_TIMEOUT
 from service.jobs import records
 from service.jobs.engine import Engine, TryLater, engine_schema
 from service.jobs.execution import BATCH_PATH
-from service.jobs.joining import joined_answer
 from service.jobs.live_job import LiveJob
 from service.jobs.runner import Jobs
 from service.jobs.storage_retry import when_possible
@@ -58,7 +57,6 @@ class AgentJobs(Jobs):
     ) -> None:
         super().__init__(app, store, settings)
         self._database = store.database
-        self._queue = store.queue
         self._supervisor = supervisor
         self._engine: Engine | None = None
         self._taking: asyncio.Task[None] | None = None
@@ -181,7 +179,7 @@ class AgentJobs(Jobs):
 
     async def _join(self, batch: str | None) -> None:
         """End a batch if the chunk that has ended was its last one."""
-        if batch is not None and not await when_possible(self._queue.join, batch, joined_answer):
+        if batch is not None and not await when_possible(self._queue.join, batch):
             await self._report(batch)
 
     async def _save(self, live: LiveJob) -> None:

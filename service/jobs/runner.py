@@ -12,6 +12,7 @@ from service.access.caller import ANYONE, Caller
 from service.jobs import records
 from service.jobs.event_stream import follow_live, follow_stored
 from service.jobs.execution import JobExecution
+from service.jobs.joining import joined_answer
 from service.jobs.live_job import LiveJob
 from service.jobs.purge import purge_periodically
 from service.problem import ProblemError
@@ -46,6 +47,7 @@ class Jobs(JobExecution):
 
     def __init__(self, app: ASGIApp, store: Store, settings: Settings) -> None:
         super().__init__(app, store, settings)
+        self._queue = store.queue
         self._closing = asyncio.Event()
 
     # ------------------------------------------------------------------------- life of all
@@ -174,7 +176,16 @@ class Jobs(JobExecution):
             return live.record, live.answer
         if not _ID.fullmatch(job_id):
             raise no_job(job_id)
-        return await run_in_threadpool(self._store.get, job_id)
+        return await run_in_threadpool(self._stored, job_id)
+
+    def _stored(self, job_id: str) -> tuple[JobRecord, JobAnswer | None]:
+        record, answer = self._store.get(job_id)
+        if answer is None and record.is_answered_in_chunks:
+            chunks = self._queue.chunk_answers(job_id)
+            if sum(chunk.size for chunk in chunks) != record.size:  # it is forgotten just now
+                raise no_job(job_id)
+            answer = joined_answer(chunks)
+        return record, answer
 
     async def list(
         self, status: Status | None, before: str, limit: int, tenant: str | None = None
@@ -231,6 +242,9 @@ class Jobs(JobExecution):
             return None
         if record.status not in ENDED and (self._stopping or not self._is_shared):
             return None
-        return follow_stored(
-            lambda: self.get(job_id), after, self._closing, self._settings.keep_alive
-        )
+
+        async def stored() -> tuple[JobRecord, JobAnswer | None]:
+            # Events tell problems, but no results.
+            return await run_in_threadpool(self._store.get, job_id)
+
+        return follow_stored(stored, after, self._closing, self._settings.keep_alive)

@@ -5,7 +5,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any, Literal
 
-from sqlalchemy import bindparam, delete, func, insert, select, update
+from sqlalchemy import bindparam, delete, exists, func, insert, select, update
 
 from service.problem import ProblemError
 from service.storage.database import Database
@@ -81,6 +81,11 @@ class JobRecord:
     first: int | None = None
     size: int | None = None
 
+    @property
+    def is_answered_in_chunks(self) -> bool:
+        """Whether it is a batch whose answer is that of its chunks, one after another."""
+        return self.parent is None and self.size is not None and self.status == "succeeded"
+
 
 @dataclass(frozen=True, slots=True)
 class JobAnswer:
@@ -113,6 +118,15 @@ _CANCEL = (
     .returning(*RECORD)
 )
 _CANCEL_CHUNKS = delete(jobs).where(jobs.c.parent == bindparam("of_id"))
+_CHUNK, _BATCH = jobs.alias("chunk"), jobs.alias("batch")
+_SIZE_OF_CHUNKS = (
+    select(func.sum(func.length(_CHUNK.c.answer)))
+    .where(_CHUNK.c.parent == jobs.c.id)
+    .correlate(jobs)
+    .scalar_subquery()
+)
+_HAS_BATCH = exists().where(_BATCH.c.id == jobs.c.parent)
+_DELETE_LEFT_CHUNKS = delete(jobs).where(_IS_CHUNK, ~_HAS_BATCH)
 _OUTDATED = delete(jobs).where(HAS_ENDED, ~_IS_CHUNK, jobs.c.ended < bindparam("oldest"))
 
 
@@ -157,7 +171,7 @@ class JobStore:
                 keep_answer(connection, told.key, told.of(record))
 
     def get(self, job_id: str) -> tuple[JobRecord, JobAnswer | None]:
-        """A job and its answer, once there is one.
+        """A job and its answer, once there is one and unless it is in its chunks.
 
         Raises:
             ProblemError: NOT_FOUND.
@@ -204,7 +218,8 @@ class JobStore:
         """End a job, whichever server works on it; None if it has ended already."""
         with self._database.transaction() as connection:
             row = connection.execute(_CANCEL, {"of_id": job_id, "now": ended}).one_or_none()
-            connection.execute(_CANCEL_CHUNKS, {"of_id": job_id})
+            if row is not None:  # else they may be its answer
+                connection.execute(_CANCEL_CHUNKS, {"of_id": job_id})
         return None if row is None else JobRecord(*row)
 
     def adopt(self, limit: int) -> list[JobRecord]:
@@ -283,7 +298,9 @@ class JobStore:
             select(
                 jobs.c.id,
                 func.row_number().over(order_by=newest).label("rank"),
-                func.sum(func.length(jobs.c.answer)).over(order_by=newest).label("total"),
+                func.sum(func.coalesce(func.length(jobs.c.answer), _SIZE_OF_CHUNKS))
+                .over(order_by=newest)
+                .label("total"),
             )
             .where(HAS_ENDED, ~_IS_CHUNK)
             .subquery()
@@ -295,6 +312,7 @@ class JobStore:
         with self._database.transaction() as connection:
             connection.execute(_OUTDATED, {"oldest": ended_before})
             connection.execute(delete(jobs).where(jobs.c.id.in_(superfluous)))
+            connection.execute(_DELETE_LEFT_CHUNKS)
 
 
 def no_job(job_id: str) -> ProblemError:

@@ -5,8 +5,11 @@ from dataclasses import dataclass
 
 #: Time that a chunk takes at most [s]: what is lost with a machine, and what others wait for.
 LONGEST = 3.0
-#: Time that a chunk takes at least [s]: its share of the engine's work stays below some per cent.
-SHORTEST = 0.5
+#: Time that a chunk takes at least [s]: some ten times what it costs the engine. Agents end as far
+#: apart as the last chunks last.
+SHORTEST = 0.1
+#: A batch that one agent does within this stays whole [s].
+_WHOLE = 0.5
 #: Time after which a worker begins with no further problem of a part [s]: to hand out a part costs
 #: as much as half a plan, and what somebody waits for takes the worker if this lasts much longer.
 TURN = 0.04
@@ -44,6 +47,8 @@ def chunk_sizes(count: int, pace: Pace) -> list[int]:
     share = pace.workers / (_TURNS * max(pace.all_workers, pace.workers))
     smallest = max(math.ceil(SHORTEST * rate), pace.workers)
     largest = max(math.ceil(LONGEST * rate), smallest)
+    if count <= math.ceil(_WHOLE * rate):
+        return [count]
     sizes = []
     while count > 0:
         size = min(max(math.ceil(count * share), smallest), largest, count)

@@ -208,7 +208,7 @@ def test_a_batch_is_cut_spread_and_joined_in_order(postgresql: PostgreSQL, tmp_p
         assert one.app.sizes
         assert other.app.sizes
         await no_messages(url)
-        assert [r.id for r in await server.list(None, "", 10)] == [job], "no chunk is left"
+        assert [r.id for r in await server.list(None, "", 10)] == [job], "chunks are not listed"
 
     run(url, tmp_path, scenario)
 

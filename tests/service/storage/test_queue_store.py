@@ -1,7 +1,8 @@
 """Jobs for agents in the database: claimed by one, cut into chunks and joined, in transactions."""
 
 import dataclasses
-from collections.abc import Iterator, Sequence
+import time
+from collections.abc import Iterator
 
 import pytest
 
@@ -89,11 +90,6 @@ def test_chunks_tell_their_progress_and_are_joined_once(stores: tuple[Store, Sto
     assert batch is not None
     one.queue.cut(batch, CHUNKS)
     parts = [other.queue.claim(f"{job()}-{number}") for number in range(2)]
-    seen: list[Sequence[ChunkAnswer]] = []
-
-    def answer(chunks: Sequence[ChunkAnswer]) -> JobAnswer:
-        seen.append(chunks)
-        return DONE
 
     def end(part: JobRecord | None, status: str, content: bytes) -> None:
         assert part is not None
@@ -101,7 +97,7 @@ def test_chunks_tell_their_progress_and_are_joined_once(stores: tuple[Store, Sto
         assert other.jobs.update(ended, JobAnswer("application/json", content))
 
     end(parts[1], "failed", b"late")
-    assert not one.queue.join(job(), answer)
+    assert not one.queue.join(job())
     one.queue.report(job())
     standing = one.jobs.get(job())[0]
     assert (standing.status, standing.stage) == ("running", "1 of 3 problems")
@@ -109,12 +105,38 @@ def test_chunks_tell_their_progress_and_are_joined_once(stores: tuple[Store, Sto
     one.queue.report(job())
     assert one.jobs.get(job())[0] == standing, "no event without news"
     end(parts[0], "succeeded", b"early")
-    assert other.queue.join(job(), answer)
-    assert one.queue.join(job(), answer)
-    assert seen == [[ChunkAnswer(0, 2, True, b"early"), ChunkAnswer(2, 1, False, b"late")]]
-    ended, joined = one.jobs.get(job())
-    assert (ended.status, ended.progress, joined) == ("succeeded", 1.0, DONE)
+    assert other.queue.join(job())
+    ended, own = one.jobs.get(job())
+    assert (ended.status, ended.progress, own) == ("succeeded", 1.0, None)
+    assert ended.is_answered_in_chunks
+    assert one.queue.join(job()), "again"
+    assert one.jobs.cancel(job(), 3000.0) is None, "it has ended"
+    assert one.jobs.get(job())[0] == ended
     assert one.queue.claim(f"{job()}-0") is None
+    assert not other.jobs.update(dataclasses.replace(parts[0] or ended, status="failed"), DONE)
+    answers = [ChunkAnswer(0, 2, True, b"early"), ChunkAnswer(2, 1, False, b"late")]
+    assert one.queue.chunk_answers(job()) == answers
+    assert [stored.id for stored in one.jobs.list(None, "", 10)] == [job()]
+
+
+def test_chunks_are_forgotten_with_their_batch(stores: tuple[Store, Store]) -> None:
+    one, other = stores
+    batch = one.queue.claim(job())
+    assert batch is not None
+    one.queue.cut(batch, CHUNKS)
+    for number in range(2):
+        part = other.queue.claim(f"{job()}-{number}")
+        assert part is not None
+        ended = dataclasses.replace(part, status="succeeded", ended=2000.0)
+        assert other.jobs.update(ended, JobAnswer("application/json", b"x" * 600))
+    assert one.queue.join(job())
+    newer = record(2, status="succeeded", ended=time.time() + 60.0)
+    one.jobs.add(newer, JobAnswer("application/json", b"y" * 600))
+    one.jobs.purge(0.0, 10, 1800)
+    assert len(one.queue.chunk_answers(job())) == 2
+    one.jobs.purge(0.0, 10, 1799)
+    assert one.queue.chunk_answers(job()) == []
+    assert [stored.id for stored in one.jobs.list(None, "", 10)] == [newer.id]
 
 
 def test_a_batch_that_was_cancelled_has_no_chunks(stores: tuple[Store, Store]) -> None:
@@ -126,7 +148,7 @@ def test_a_batch_that_was_cancelled_has_no_chunks(stores: tuple[Store, Store]) -
     assert one.jobs.cancel(job(), 3000.0) is not None
     assert other.jobs.taken_away([f"{job()}-0"]) == {f"{job()}-0"}
     assert other.queue.claim(f"{job()}-1") is None
-    assert other.queue.join(job(), lambda _: DONE)
+    assert other.queue.join(job())
     assert one.jobs.get(job())[0].status == "cancelled"
 
 
