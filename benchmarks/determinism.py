@@ -23,10 +23,12 @@ from typing import Any, NamedTuple
 
 import httpx
 
-from benchmarks.determinism_requests import HURRIED, PATIENT, Request
+from benchmarks.determinism_requests import HURRIED, PATIENT, REFUSED, Request
 from benchmarks.machines import ENDED, local_server
 
 _CLIENTS = 4
+#: Answers between two lines of progress.
+_TOLD_EVERY = 100
 #: Longer than any request may take [s].
 _LONGEST = 310.0
 #: Times, which no two answers share, and names of jobs.
@@ -134,8 +136,10 @@ def repeated(
         ThreadPoolExecutor(_CLIENTS) as pool,
     ):
         answers = pool.map(lambda name: ask(client, kinds[name]), order)
-        for name, answer in zip(order, answers, strict=True):
+        for count, (name, answer) in enumerate(zip(order, answers, strict=True), 1):
             found[name].append(answer)
+            if count % _TOLD_EVERY == 0:
+                print(f"{count} of {len(order)} answers", file=sys.stderr, flush=True)
     return found
 
 
@@ -182,7 +186,7 @@ def main() -> None:
     parser.add_argument("--kinds", nargs="*", help="requests; all if left out")
     parser.add_argument("--url", help="of a server that runs already, in place of its own")
     chosen = parser.parse_args()
-    requests = {**PATIENT, **HURRIED}
+    requests = {**PATIENT, **REFUSED, **HURRIED}
     kinds = {name: requests[name] for name in chosen.kinds or requests}
     found: dict[str, list[Told]] = {name: [] for name in kinds}
     each = -(-chosen.repeats // chosen.servers)

@@ -207,6 +207,49 @@ PATIENT: Mapping[str, Request] = {
     ),
 }  # fmt: skip
 
+#: The first link would have to pass one of these.
+_STUCK = _PLANAR | {
+    "scene": scene(
+        *(
+            {
+                "id": f"ball_{k}",
+                "shape": {"type": "sphere", "radius": 0.15},
+                "pose": {"position": [x, 0.0, z]},
+            }
+            for k, (x, z) in enumerate([(0.4, 0.4), (0.4, -0.4), (-0.4, 0.4), (-0.4, -0.4)])
+        )
+    ),
+    "planner": "bit_star",
+    "planner_options": {"max_edges": 300},
+}
+_FAR = [{"point": [0.5 + 0.1 * k, 0.0, 0.3], "normal": [0.0, 0.0, 1.0]} for k in range(8)]
+
+#: Of requests that can't be answered the problem is to be one, with all its details.
+REFUSED: Mapping[str, Request] = {
+    "no way": ("/v1/plan", _STUCK),
+    "seam out of reach": (
+        "/v1/plan",
+        {name: _PLAN[name] for name in ("robot", "start", "timeout")}
+        | {"planner": "cartesian", "planner_options": _FREE | {"waypoints": _FAR}},
+    ),
+    "goal in the post": (
+        "/v1/plan",
+        _PLAN | {"goal": {"pose": {"position": [0.42, 0.28, 0.4], "quaternion_xyzw": _TURN}}},
+    ),
+    "task without a place": _task(allow_partial=True, scene=_CRATE | {"obstacles": [
+        *_CRATE["obstacles"],
+        {"id": "full", "shape": {"type": "box", "size": [0.3, 0.3, 0.3]},
+         "pose": {"position": [0.5, 0.25, 0.3]}},
+    ]}),
+    "tour out of reach": _tour(goals=[{"joints": ASIDE}, {"pose": {"position": [2.0, 0.0, 0.3]}}]),
+    "ik in conflict": _ik(
+        method="constrained",
+        constraints=[_UPRIGHT, {"type": "position", "region": {
+            "type": "sphere", "center": [1.5, 0.0, 0.3], "radius": 0.01}}],
+        pose=None,
+    ),
+}  # fmt: skip
+
 HURRIED: Mapping[str, Request] = {
     "auto, 30 ms": ("/v1/plan", _PLAN | {"timeout": 0.03}),
     "pose goal, 30 ms": ("/v1/plan", _POSE_PLAN | {"timeout": 0.03}),
