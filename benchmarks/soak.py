@@ -38,6 +38,8 @@ from tests.service.robots import ASIDE, FLOOR, HOME, POST, bench, scene
 _WARM_UP = 1.0 / 3.0
 #: Between two looks at the memory [s].
 _LOOK = 1.0
+#: Between two looks at whether all clients have their answers [s].
+_GLANCE = 0.05
 #: Deadline of all requests [s]: beyond two attempts and the wait of both on a busy machine.
 _TIMEOUT = 30.0
 #: Place of its start behind a process's name in ``/proc/<pid>/stat``.
@@ -124,6 +126,7 @@ class Soak:
         faults: Answers that should not have been, in words.
         jobs: Ids of acknowledged jobs by their numbers.
         twice: Jobs whose key gave another job the second time.
+        turns: How many of its requests each client has behind it.
     """
 
     url: str
@@ -132,15 +135,18 @@ class Soak:
     faults: list[str] = field(default_factory=list)
     jobs: dict[int, str] = field(default_factory=dict)
     twice: int = 0
+    turns: Counter[int] = field(default_factory=Counter)
 
-    def ask(self, numbers: Iterator[int], pause: float) -> None:
+    def ask(self, me: int, numbers: Iterator[int], pause: float) -> None:
         """Ask one thing after the other.
 
         Args:
+            me: Number of the client.
             numbers: Of requests, shared by all clients.
             pause: Between two of them [s].
         """
         names = [*REQUESTS, "robot", "job"]
+        self.turns[me] = 0
         with httpx.Client(base_url=self.url, timeout=60.0) as client:
             for number in numbers:
                 if time.monotonic() > self.stop:
@@ -156,6 +162,7 @@ class Soak:
                         self.note(name, client.post(path, json=body(number)))
                 except httpx.HTTPError as error:
                     self.faults.append(f"{name} {number}: {error!r}")
+                self.turns[me] += 1
                 time.sleep(pause)
 
     def _upload(self, client: httpx.Client, number: int) -> None:
@@ -213,19 +220,25 @@ class Soak:
         )
 
 
-def kill(pid: int, stop: float, every: float, done: Counter[str]) -> None:
+def kill(pid: int, soak: Soak, every: float, done: Counter[str]) -> None:
     """Kill workers, and in place of every twentieth the fork server.
 
-    The oldest worker is spared: a leak shows in those that live for long.
+    The oldest worker is spared: a leak shows in those that live for long. Requests that were there
+    at a kill have been answered before the next one: two kills of one are CRASH by design.
 
     Args:
         pid: Of the server.
-        stop: Until when [s].
-        every: Time between two kills [s].
+        soak: What is asked of it, and until when.
+        every: Least time between two kills [s].
         done: Counts them.
     """
-    while time.monotonic() + every < stop:
+    while time.monotonic() + every < soak.stop:
+        before = dict(soak.turns)
         time.sleep(every)
+        while any(soak.turns[me] == turn for me, turn in before.items()):
+            if time.monotonic() > soak.stop:
+                return
+            time.sleep(_GLANCE)
         parents = {one: bool(children(one)) for one in family(pid)}
         kind = "fork server" if (done.total() + 1) % 20 == 0 else "worker"
         victims = [one for one, parent in parents.items() if parent == (kind == "fork server")]
@@ -266,7 +279,9 @@ def main() -> None:
     parser.add_argument("--minutes", type=float, default=30.0)
     parser.add_argument("--rate", type=float, default=8.0, help="requests a second at most")
     parser.add_argument("--clients", type=int, default=4)
-    parser.add_argument("--kill-every", type=float, default=5.0, help="seconds between two kills")
+    parser.add_argument(
+        "--kill-every", type=float, default=5.0, help="least seconds between two kills"
+    )
     chosen = parser.parse_args()
     with local_server(_ENVIRONMENT | {"ARMWRIGHT_MARK": str(os.getpid())}) as (pid, url):
         began = time.monotonic()
@@ -275,11 +290,10 @@ def main() -> None:
         kills: Counter[str] = Counter()
         pause = chosen.clients / chosen.rate
         threads = [
-            threading.Thread(target=soak.ask, args=(numbers, pause)) for _ in range(chosen.clients)
+            threading.Thread(target=soak.ask, args=(me, numbers, pause))
+            for me in range(chosen.clients)
         ]
-        threads.append(
-            threading.Thread(target=kill, args=(pid, soak.stop, chosen.kill_every, kills))
-        )
+        threads.append(threading.Thread(target=kill, args=(pid, soak, chosen.kill_every, kills)))
         for thread in threads:
             thread.start()
         times: list[float] = []
