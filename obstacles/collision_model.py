@@ -177,7 +177,9 @@ def skipped_pairs(robot: RobotGeometry, scene: Scene) -> NDArray[np.bool_]:
     if scene.allowed_collisions:
         column = {name: k for k, name in enumerate(scene.ids)}
         # Most that scenes allow is of the robot's own links.
-        named = [pair for pair in scene.allowed_collisions if not column.keys().isdisjoint(pair)]
+        named = [
+            pair for pair in scene.allowed_collisions if pair[0] in column or pair[1] in column
+        ]
         for a, b in named:
             for link, obstacle in ((a, b), (b, a)):
                 if obstacle in column:

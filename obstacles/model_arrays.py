@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from kinematics.arrays import Array, Indices
+from kinematics.compiled.kernel import kernel
 from obstacles.support_table import Lists
 
 
@@ -67,3 +68,15 @@ class ModelArrays(NamedTuple):
     roots: Indices
     margin: float
     own_margin: float
+
+
+@kernel(allocates=False, inline="always")
+def at_margins(model: ModelArrays, margin: float, own_margin: float) -> ModelArrays:
+    """The model with other margins from obstacles and between the robot's own pieces [m]."""
+    return ModelArrays(
+        model.chain, model.joints, model.robot, model.scene, model.corners, model.tables,
+        model.surfaces, model.self_pairs, model.groups, model.grid_axes, model.grid_starts,
+        model.grid_values, model.nodes, model.items, model.skipped, model.spheres,
+        model.sphere_starts, model.bodies, model.carried, model.walls, model.roots, margin,
+        own_margin,
+    )  # fmt: skip

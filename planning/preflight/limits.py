@@ -48,7 +48,10 @@ def snap_to_limits(chain: Chain, q: Array, tolerance: float) -> tuple[Array, Lim
         The nearest configuration inside the limits, and None; where some joint is farther outside,
         the configuration as it is, and the worst violation.
     """
-    inside = np.clip(q, chain.limits.lower, chain.limits.upper)
+    # As np.clip, which takes several times as long.
+    inside = np.minimum(np.maximum(q, chain.limits.lower), chain.limits.upper)
+    if inside.tolist() == q.tolist():
+        return inside, None
     j = int(np.argmax(np.abs(inside - q)))
     excess = float(abs(q[j] - inside[j]))
     if excess <= tolerance:

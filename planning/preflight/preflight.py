@@ -143,12 +143,14 @@ def _ready_in_hulls(problem: Problem, hulls: Checker) -> Ready | None:
 
 
 def _nearest_first(goals: list[Array], start: Array) -> list[Array]:
+    if len(goals) < 2:
+        return goals
     return sorted(goals, key=lambda q: float(np.linalg.norm(q - start)))
 
 
 def _notes(asked: Array, start: Array) -> tuple[str, ...]:
     """A note where the start was moved."""
-    if np.array_equal(start, asked):
+    if start.tolist() == asked.tolist():
         return ()
     moved = float(np.abs(start - asked).max())
     return (f"The start was outside a limit by {moved:.3g} and was moved onto it.",)

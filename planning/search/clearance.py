@@ -8,27 +8,30 @@ states, and what it proves are the legs that it makes.
 """
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from functools import cache
 from typing import NamedTuple
 
 import numpy as np
 
 from kinematics.arrays import Array, Indices
 from kinematics.chain import MAX_JOINTS
-from kinematics.compiled.kernel import kernel
+from kinematics.compiled.kernel import direct, kernel
 from kinematics.compiled.simd import on_stack
 from kinematics.linear_solve import cholesky_solve_kernel
-from obstacles.checker import Checker
+from obstacles.checker import Checker, any_model
 from obstacles.edge_check import FREE
 from obstacles.kernel_work import Workspace, workspace
-from obstacles.model_arrays import ModelArrays
+from obstacles.model_arrays import ModelArrays, at_margins
 from obstacles.proximity import NearPairs, near_pairs_in, stand_in
 from obstacles.state_check import verdict_in
 from planning.deadline import Deadline
 from planning.search.shortcut import (
     Held,
+    Look,
     distance,
     is_free,
+    look_of,
     looks_free,
     path_length,
     skip_waypoints,
@@ -53,20 +56,20 @@ _MAX_DETOUR = 1.07
 
 
 class _Levels(NamedTuple):
-    """Models of falling clearance, and the one that proves.
+    """Distances of falling clearance, and what is proved.
 
     Args:
-        preferred: With the preferred clearance.
-        half: With a half of it.
-        least: With the margins.
-        slack: Distance to keep beyond them [m].
+        preferred: The preferred clearance.
+        half: A half of it.
+        least: The margins, and the slack.
+        slack: Distance to keep beyond the margins [m].
         last: The level that the path keeps already: 1 is ``half``, 2 ``least``.
         limits: Least and greatest positions, shape (2, n).
     """
 
-    preferred: ModelArrays
-    half: ModelArrays
-    least: ModelArrays
+    preferred: Look
+    half: Look
+    least: Look
     slack: float
     last: int
     limits: Array
@@ -98,7 +101,8 @@ def keep_clear(
     """Move a polyline whose legs are proved free to where it keeps the preferred clearance.
 
     Args:
-        levels: Checkers of falling clearance, three at most; the last proves what comes back.
+        levels: Checkers of falling clearance, three at most, of one robot in one scene; the last
+            proves what comes back.
         waypoints: The polyline, shape (k, n) [rad or m]; its ends stay.
         deadline: When to stop trying.
         reached: The level that the polyline keeps; the last where it is not told.
@@ -110,33 +114,38 @@ def keep_clear(
     reached = last if reached is None else reached
     if reached < 1 or deadline.passed:
         return waypoints
-    preferred, half, least = levels[0].model, levels[min(1, last)].model, levels[-1]
-    reach = preferred.chain.limits
-    points = np.ascontiguousarray(waypoints, np.float64)
+    half, least = levels[min(1, last)], levels[-1]
+    reach = least.model.chain.limits
     # Of two levels, the second one is the last.
     number = 2 if reached == last else 1
-    answer = keep_clear_kernel(
-        preferred.arrays, half.arrays, least.model.arrays, float(least.slack), number, points,
-        np.stack([reach.lower, reach.upper]),
+    held = _Levels(
+        look_of(levels[0], 0.0), look_of(half, 0.0), look_of(least), float(least.slack), number,
+        np.array([reach.lower, reach.upper]),
     )  # fmt: skip
+    points = np.ascontiguousarray(waypoints, np.float64)
+    answer = _keep_clear_directly()(least.model.arrays, held, points)
     return waypoints if len(answer) == 0 else answer
 
 
+@cache
+def _keep_clear_directly() -> Callable[[ModelArrays, _Levels, Array], Array]:
+    """``keep_clear_kernel`` without the look at its arguments' types, which would cost too much."""
+    look, points = Look(0.0, 0.0, 0.0), np.zeros((1, 1))
+    levels = _Levels(look, look, look, 0.0, 1, points)
+    return direct(keep_clear_kernel, any_model(), levels, points)
+
+
 @kernel
-def keep_clear_kernel(
-    preferred: ModelArrays, half: ModelArrays, least: ModelArrays, slack: float, last: int,
-    waypoints: Array, limits: Array,
-) -> Array:  # fmt: skip
+def keep_clear_kernel(model: ModelArrays, levels: _Levels, waypoints: Array) -> Array:
     """``keep_clear`` of waypoints (k, n); none where they are to stay as they are."""
     room, n = max(waypoints.shape[0], _MAX_WAYPOINTS) + 2, waypoints.shape[1]
-    levels = _Levels(preferred, half, least, slack, last, limits)
-    work = workspace(least)
+    work = workspace(model)
     points = _Points(
         np.empty((room, n)), np.empty((room, n)), np.zeros(room, dtype=np.int64),
         np.zeros(room, dtype=np.int64), np.zeros(room, dtype=np.int64),
         np.zeros(1, dtype=np.int64),
     )  # fmt: skip
-    count, spacious = _split(levels, work, points, waypoints, np.empty((room, n)))
+    count, spacious = _split(model, work, levels, points, waypoints, np.empty((room, n)))
     if spacious:
         return waypoints[:0].copy()
     for k in range(count):
@@ -147,36 +156,40 @@ def keep_clear_kernel(
     normal = np.empty((n, n))
     for k in range(1, count - 1):
         if not points.valid[k]:
-            points.moved[k] = _retreat(levels, work, near, normal, points.after[k])
-    _prove(levels, work, points, count)
-    _rate(levels, work, points, count)
-    count = _skip_stretches(levels, work, points, count)
+            points.moved[k] = _retreat(model, work, levels, near, normal, points.after[k])
+    _prove(model, work, levels, points, count)
+    _rate(model, work, levels, points, count)
+    count = _skip_stretches(model, work, levels, points, count)
     if path_length(points.after, count) > _MAX_DETOUR * path_length(waypoints, waypoints.shape[0]):
         return waypoints[:0].copy()
     return points.after[:count].copy()
 
 
 @kernel(allocates=False)
-def _keeps(model: ModelArrays, work: Workspace, q: Array) -> bool:
-    """Whether q (n,) keeps the margins of a model."""
-    return bool(verdict_in(model, work, q, 0.0, on_stack(1).view(np.int64)) == FREE)
+def _keeps(model: ModelArrays, work: Workspace, look: Look, q: Array) -> bool:
+    """Whether q (n,) keeps distances."""
+    looked = at_margins(model, look.margin, look.own_margin)
+    return bool(verdict_in(looked, work, q, look.slack, on_stack(1).view(np.int64)) == FREE)
 
 
 @kernel(allocates=False)
-def _clears(model: ModelArrays, work: Workspace, a: Array, b: Array) -> bool:
-    """Whether a, b and the states looked at between them keep the margins of a model."""
-    return _keeps(model, work, a) and _keeps(model, work, b) and looks_free(model, work, a, b, 0.0)
+def _clears(model: ModelArrays, work: Workspace, look: Look, a: Array, b: Array) -> bool:
+    """Whether a, b and the states looked at between them keep distances."""
+    ends = _keeps(model, work, look, a) and _keeps(model, work, look, b)
+    return ends and looks_free(model, work, look, a, b)
 
 
 @kernel(allocates=False)
 def _split(
-    levels: _Levels, work: Workspace, points: _Points, waypoints: Array, ends: Array
-) -> tuple[int, bool]:
+    model: ModelArrays, work: Workspace, levels: _Levels, points: _Points, waypoints: Array,
+    ends: Array,
+) -> tuple[int, bool]:  # fmt: skip
     """Write the path with its legs halved until they keep the preferred clearance, or are short.
 
     Args:
-        levels: The models.
+        model: The packed robot and scene.
         work: A workspace.
+        levels: The distances.
         points: Filled.
         waypoints: The path, shape (k, n).
         ends: Room for ends of legs that wait, the next one last, shape (c, n).
@@ -189,12 +202,12 @@ def _split(
     for k in range(waiting):
         _copy(waypoints[waiting - k], ends[k])
     _copy(waypoints[0], before[0])
-    valid[0] = _keeps(levels.preferred, work, before[0])
+    valid[0] = _keeps(model, work, levels.preferred, before[0])
     while waiting > 0:
         a, b = before[count - 1], ends[waiting - 1]
-        valid[count] = _keeps(levels.preferred, work, b)
+        valid[count] = _keeps(model, work, levels.preferred, b)
         both = valid[count - 1] and valid[count]
-        if both and looks_free(levels.preferred, work, a, b, 0.0):
+        if both and looks_free(model, work, levels.preferred, a, b):
             _copy(b, before[count])
             level[count - 1] = 1
             count, waiting = count + 1, waiting - 1
@@ -211,7 +224,7 @@ def _split(
             for j in range(n):
                 before[count + 1, j] = b[j]
                 before[count, j] = 0.5 * (a[j] + b[j])
-            valid[count + 1], valid[count] = 1, _keeps(levels.preferred, work, before[count])
+            valid[count + 1], valid[count] = 1, _keeps(model, work, levels.preferred, before[count])
             level[count - 1] = level[count] = 0
             count, waiting = count + 2, waiting - 1
             continue
@@ -222,20 +235,23 @@ def _split(
 
 
 @kernel(allocates=False)
-def _retreat(levels: _Levels, work: Workspace, near: NearPairs, normal: Array, q: Array) -> bool:
+def _retreat(
+    model: ModelArrays, work: Workspace, levels: _Levels, near: NearPairs, normal: Array, q: Array
+) -> bool:
     """Move q (n,) to where it keeps more of the preferred clearance; whether it has moved.
 
     With G the gradients of the distances and w what they are to gain, a step is
     (G^T G + mu 1)^-1 G^T w, as damped least squares.
     """
-    model, n, least = levels.preferred, q.shape[0], np.inf
+    looked = at_margins(model, levels.preferred.margin, levels.preferred.own_margin)
+    n, least = q.shape[0], np.inf
     best, step = on_stack(MAX_JOINTS)[:n], on_stack(MAX_JOINTS)[:n]
     _copy(q, best)
     moved = False
     for attempt in range(_STEPS + 1):
         work.joints[:] = 0.0
         stand_in(model, work, q)
-        count = min(near_pairs_in(model, work, 0.0, near), _NEAR_PAIRS)
+        count = min(near_pairs_in(looked, work, 0.0, near), _NEAR_PAIRS)
         missing = 0.0
         for row in range(count):
             missing = max(missing, -near.distances[row])
@@ -275,14 +291,16 @@ def _write_normal_equations(near: NearPairs, count: int, normal: Array, step: Ar
 
 
 @kernel(allocates=False)
-def _prove(levels: _Levels, work: Workspace, points: _Points, count: int) -> None:
+def _prove(
+    model: ModelArrays, work: Workspace, levels: _Levels, points: _Points, count: int
+) -> None:
     """Take the waypoints back that have moved and whose legs are not proved free."""
     before, after, moved = points.before, points.after, points.moved
     floor = _floor(levels, levels.last)
     k = 0
     while k < count - 1:
         free = not (moved[k] or moved[k + 1])
-        if free or is_free(floor, work, after[k], after[k + 1], points.checks):
+        if free or is_free(model, work, floor, after[k], after[k + 1], points.checks):
             k += 1
             continue
         for i in (k, k + 1):
@@ -294,35 +312,39 @@ def _prove(levels: _Levels, work: Workspace, points: _Points, count: int) -> Non
 
 @kernel(allocates=False)
 def _floor(levels: _Levels, level: int) -> Held:
-    """Models for legs of a level: looked at with its own, proved with the last."""
+    """Distances that legs of a level are held to: by looks its own, proved the margins."""
     if level == 0:
-        return Held(levels.preferred, 0.0, levels.least, levels.slack, False)
+        return Held(levels.preferred, levels.slack, False)
     if level == 1:
-        return Held(levels.half, 0.0, levels.least, levels.slack, False)
-    return Held(levels.least, levels.slack, levels.least, levels.slack, False)
+        return Held(levels.half, levels.slack, False)
+    return Held(levels.least, levels.slack, False)
 
 
 @kernel(allocates=False)
-def _rate(levels: _Levels, work: Workspace, points: _Points, count: int) -> None:
+def _rate(
+    model: ModelArrays, work: Workspace, levels: _Levels, points: _Points, count: int
+) -> None:
     """Write the level of each leg: the first that its ends and the looks between them keep."""
     after, valid, level, moved = points.after, points.valid, points.level, points.moved
     for k in range(count):
         if moved[k]:
-            valid[k] = _keeps(levels.preferred, work, after[k])
+            valid[k] = _keeps(model, work, levels.preferred, after[k])
     for k in range(count - 1):
         if level[k] and not (moved[k] or moved[k + 1]):
             level[k] = 0
             continue
         a, b = after[k], after[k + 1]
         level[k] = levels.last
-        if valid[k] and valid[k + 1] and looks_free(levels.preferred, work, a, b, 0.0):
+        if valid[k] and valid[k + 1] and looks_free(model, work, levels.preferred, a, b):
             level[k] = 0
-        elif levels.last > 1 and _clears(levels.half, work, a, b):
+        elif levels.last > 1 and _clears(model, work, levels.half, a, b):
             level[k] = 1
 
 
 @kernel(allocates=False)
-def _skip_stretches(levels: _Levels, work: Workspace, points: _Points, count: int) -> int:
+def _skip_stretches(
+    model: ModelArrays, work: Workspace, levels: _Levels, points: _Points, count: int
+) -> int:
     """Leave waypoints out between legs of one level, at that level; how many there are then."""
     after, level, checks = points.after, points.level, points.checks
     size, first = 1, 0
@@ -333,7 +355,7 @@ def _skip_stretches(levels: _Levels, work: Workspace, points: _Points, count: in
         stretch, held = after[first : end + 1], _floor(levels, level[first])
         left = end + 1 - first
         if left > 2:
-            left = skip_waypoints(held, work, stretch, left, checks)
+            left = skip_waypoints(model, work, held, stretch, left, checks)
         for k in range(1, left):
             _copy(stretch[k], after[size])
             size += 1

@@ -14,19 +14,19 @@ A step is only looked at for clearance where the time alone would make it worth 
 proved where it still is then.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from functools import cache
 from typing import NamedTuple
 
 import numpy as np
 
 from kinematics.arrays import Array, Indices
-from kinematics.compiled.kernel import kernel
-from kinematics.compiled.simd import on_stack
-from obstacles.checker import Checker
+from kinematics.compiled.kernel import direct, kernel
+from obstacles.checker import Checker, any_model
 from obstacles.kernel_work import Workspace, workspace
-from obstacles.model_arrays import ModelArrays
+from obstacles.model_arrays import ModelArrays, at_margins
 from obstacles.shortfall import line_shortfall
-from planning.search.shortcut import Held, are_proved, is_free
+from planning.search.shortcut import Held, Look, are_proved, is_free, look_of
 from planning.timing.estimate import LEG_ROWS, TIME, estimated_time
 
 #: Time that a motion in contact costs, as a multiple of that of one with the preferred clearance.
@@ -56,6 +56,7 @@ class _Way(NamedTuple):
         legs: As ``estimated_time`` fills them.
         tried: Steps of each waypoint that are known to bring nothing, a bit each, shape (c,).
         costs: After each step, shape (c, _STEPS).
+        checks: Edge checks that were made, shape (1,).
     """
 
     points: Array
@@ -65,22 +66,23 @@ class _Way(NamedTuple):
     legs: Array
     tried: Indices
     costs: Array
+    checks: Indices
 
 
-class _Models(NamedTuple):
-    """Models and limits that a path is held to.
+class _Bounds(NamedTuple):
+    """Distances and limits that a path is held to.
 
     Args:
-        preferred: With the preferred clearance.
-        least: With the margins.
-        slack: Distance to keep beyond them [m].
+        preferred: The preferred clearance.
+        least: The margins, and the slack.
+        slack: Distance to keep beyond the margins [m].
         limits: Of velocity, acceleration and jerk, then least and greatest position, shape (5, n).
         weight: Of a shortfall [1/m].
         later: Whether legs that lack nothing by the looks are proved free in the end.
     """
 
-    preferred: ModelArrays
-    least: ModelArrays
+    preferred: Look
+    least: Look
     slack: float
     limits: Array
     weight: float
@@ -93,7 +95,8 @@ def quicken(
     """Make a polyline quicker whose legs are proved free; what comes back is proved too.
 
     Args:
-        levels: Checkers of falling clearance; the legs are proved free by the last.
+        levels: Checkers of falling clearance, of one robot in one scene; the legs are proved free
+            by the last.
         waypoints: The polyline, shape (k, n) [rad or m]; its ends stay.
         limits: Of velocity, acceleration and jerk, shape (3, n), as ``estimate_limits`` has them.
         spacious: Whether the legs are known to be proved free by the first, too.
@@ -104,37 +107,46 @@ def quicken(
     weight, reach = _WEIGHT / preferred.model.margin, preferred.model.chain.limits
     limits = np.concatenate([limits, [reach.lower, reach.upper]])
     points = np.ascontiguousarray(waypoints, np.float64)
-    return quicken_kernel(
-        preferred.model.arrays, least.model.arrays, float(least.slack), points, limits, weight,
-        spacious,
-    )  # fmt: skip
+    slack = float(least.slack)
+    bounds = _Bounds(look_of(preferred, 0.0), look_of(least), slack, limits, weight, True)
+    return _quicken_directly()(least.model.arrays, bounds, points, spacious)
+
+
+@cache
+def _quicken_directly() -> Callable[[ModelArrays, _Bounds, Array, bool], Array]:
+    """``quicken_kernel`` without the look at its arguments' types, which would cost too much."""
+    look, points = Look(0.0, 0.0, 0.0), np.zeros((1, 1))
+    bounds = _Bounds(look, look, 0.0, points, 0.0, True)
+    return direct(quicken_kernel, any_model(), bounds, points, True)
 
 
 @kernel
-def quicken_kernel(
-    preferred: ModelArrays, least: ModelArrays, slack: float, waypoints: Array, limits: Array,
-    weight: float, spacious: bool,
-) -> Array:  # fmt: skip
-    """``quicken`` of waypoints (k, n), k >= 3."""
+def quicken_kernel(model: ModelArrays, bounds: _Bounds, waypoints: Array, spacious: bool) -> Array:
+    """``quicken`` of waypoints (k, n), k >= 3, legs that lack nothing proved later."""
     room, n = waypoints.shape[0] + _MAX_CHECKS, waypoints.shape[1]
     way = _Way(
         np.empty((room, n)), np.empty(room), np.empty((room, n)), np.empty(room),
         np.empty((LEG_ROWS, room)), np.zeros(room, dtype=np.int64), np.empty((room, _STEPS)),
+        np.empty(1, dtype=np.int64),
     )  # fmt: skip
-    models, work = _Models(preferred, least, slack, limits, weight, True), workspace(least)
-    count = _start(models, work, way, waypoints, spacious)
-    count = _quicken(models, work, way, count)
-    if not are_proved(
-        Held(preferred, 0.0, least, slack, True), work, way.points[:count], waypoints
-    ):
+    work, held = workspace(model), Held(bounds.preferred, bounds.slack, True)
+    count = _start(model, work, bounds, way, waypoints, spacious)
+    count = _quicken(model, work, bounds, way, count)
+    if not are_proved(model, work, held, way.points[:count], waypoints):
         # Between two looks it came too near: once more, with a proof of every leg.
-        at_once = _Models(preferred, least, slack, limits, weight, False)
-        count = _quicken(at_once, work, way, _start(models, work, way, waypoints, spacious))
+        at_once = _Bounds(
+            bounds.preferred, bounds.least, bounds.slack, bounds.limits, bounds.weight, False
+        )
+        count = _start(model, work, at_once, way, waypoints, spacious)
+        count = _quicken(model, work, at_once, way, count)
     return way.points[:count].copy()
 
 
 @kernel(allocates=False)
-def _start(models: _Models, work: Workspace, way: _Way, waypoints: Array, spacious: bool) -> int:
+def _start(
+    model: ModelArrays, work: Workspace, bounds: _Bounds, way: _Way, waypoints: Array,
+    spacious: bool,
+) -> int:  # fmt: skip
     """Write the waypoints (k, n) and what their legs lack; their number."""
     count = int(waypoints.shape[0])
     for k in range(count):
@@ -142,29 +154,30 @@ def _start(models: _Models, work: Workspace, way: _Way, waypoints: Array, spacio
         for j in range(waypoints.shape[1]):
             way.points[k, j] = waypoints[k, j]
     if not spacious:
-        _write_shortfalls(models, work, way, count)
+        _write_shortfalls(model, work, bounds, way, count)
     return count
 
 
 @kernel(allocates=False)
-def _write_shortfalls(models: _Models, work: Workspace, way: _Way, count: int) -> None:
+def _write_shortfalls(
+    model: ModelArrays, work: Workspace, bounds: _Bounds, way: _Way, count: int
+) -> None:
     """Write what each leg lacks."""
-    points = way.points
+    points, look = way.points, bounds.preferred
+    looked = at_margins(model, look.margin, look.own_margin)
     for k in range(count - 1):
-        way.shortfall[k] = line_shortfall(
-            models.preferred, work, points[k], points[k + 1], _SPACING, np.inf
-        )
+        way.shortfall[k] = line_shortfall(looked, work, points[k], points[k + 1], _SPACING, np.inf)
 
 
 @kernel(allocates=False)
-def _quicken(models: _Models, work: Workspace, way: _Way, count: int) -> int:
+def _quicken(model: ModelArrays, work: Workspace, bounds: _Bounds, way: _Way, count: int) -> int:
     """Take steps while they bring something; the number of waypoints then."""
-    checks = on_stack(1).view(np.int64)
+    checks = way.checks
     checks[0] = 0
-    cost = _cost(models, way.points, way.shortfall, way.legs, count)
+    cost = _cost(bounds, way.points, way.shortfall, way.legs, count)
     while checks[0] < _MAX_CHECKS:
         enough = (1.0 - _LEAST_GAIN) * cost
-        _write_costs(models, way, count)
+        _write_costs(bounds, way, count)
         after = enough
         while checks[0] < _MAX_CHECKS:
             k, step = _cheapest(way.costs, count)
@@ -172,7 +185,7 @@ def _quicken(models: _Models, work: Workspace, way: _Way, count: int) -> int:
                 break
             way.costs[k, step] = np.inf
             way.tried[k] |= 1 << step
-            after = _try(models, work, way, count, k, step, enough, checks)
+            after = _try(model, work, bounds, way, count, k, step, enough)
             if after < enough:
                 count = _take(way, count, k, step)
                 break
@@ -183,7 +196,7 @@ def _quicken(models: _Models, work: Workspace, way: _Way, count: int) -> int:
 
 
 @kernel(allocates=False)
-def _write_costs(models: _Models, way: _Way, count: int) -> None:
+def _write_costs(bounds: _Bounds, way: _Way, count: int) -> None:
     """Write what the path costs after each step if its new legs lack nothing."""
     for k in range(1, count - 1):
         for step in range(_STEPS):
@@ -191,7 +204,7 @@ def _write_costs(models: _Models, way: _Way, count: int) -> None:
             if way.tried[k] & (1 << step) or (_JOINED <= step <= _MET and k == count - 2):
                 continue
             size = _step(way, count, k, step)
-            way.costs[k, step] = _cost(models, way.trial, way.expected, way.legs, size)
+            way.costs[k, step] = _cost(bounds, way.trial, way.expected, way.legs, size)
 
 
 @kernel(allocates=False)
@@ -206,11 +219,11 @@ def _cheapest(costs: Array, count: int) -> tuple[int, int]:
 
 
 @kernel(allocates=False)
-def _cost(models: _Models, points: Array, shortfall: Array, legs: Array, count: int) -> float:
+def _cost(bounds: _Bounds, points: Array, shortfall: Array, legs: Array, count: int) -> float:
     """Cost of a path of ``count`` waypoints [s]."""
-    total = estimated_time(points, count, models.limits, legs)
+    total = estimated_time(points, count, bounds.limits, legs)
     for k in range(count - 1):
-        total += models.weight * shortfall[k] * legs[TIME, k]
+        total += bounds.weight * shortfall[k] * legs[TIME, k]
     return total
 
 
@@ -293,33 +306,34 @@ def _meet(points: Array, k: int, trial: Array) -> None:
 
 @kernel(allocates=False)
 def _try(
-    models: _Models, work: Workspace, way: _Way, count: int, k: int, step: int, enough: float,
-    checks: Indices,
+    model: ModelArrays, work: Workspace, bounds: _Bounds, way: _Way, count: int, k: int, step: int,
+    enough: float,
 ) -> float:  # fmt: skip
     """Cost of the path after a step; infinite where that is not enough or not proved free."""
     trial, expected, legs = way.trial, way.expected, way.legs
     size = _step(way, count, k, step)
     for j in range(trial.shape[1]):
-        if not models.limits[3, j] <= trial[k, j] <= models.limits[4, j]:
+        if not bounds.limits[3, j] <= trial[k, j] <= bounds.limits[4, j]:
             return np.inf
-    cost = _cost(models, trial, expected, legs, size)
+    cost = _cost(bounds, trial, expected, legs, size)
     taken, brought = _sizes(step)
     if not np.any(way.shortfall[k - 1 : k + taken]):
-        held = Held(models.preferred, 0.0, models.least, models.slack, models.later)
+        held = Held(bounds.preferred, bounds.slack, bounds.later)
         for i in range(k - 1, k + brought):
-            if not is_free(held, work, trial[i], trial[i + 1], checks):
+            if not is_free(model, work, held, trial[i], trial[i + 1], way.checks):
                 return np.inf
         return cost
+    looked = at_margins(model, bounds.preferred.margin, bounds.preferred.own_margin)
     for i in range(k - 1, k + brought):
-        worth = models.weight * legs[TIME, i]
+        worth = bounds.weight * legs[TIME, i]
         most = (enough - cost) / worth if worth > 0.0 else np.inf
-        expected[i] = line_shortfall(models.preferred, work, trial[i], trial[i + 1], _SPACING, most)
+        expected[i] = line_shortfall(looked, work, trial[i], trial[i + 1], _SPACING, most)
         cost += worth * expected[i]
         if not cost < enough:
             return np.inf
-    held = Held(models.least, models.slack, models.least, models.slack, False)
+    held = Held(bounds.least, bounds.slack, False)
     for i in range(k - 1, k + brought):
-        if not is_free(held, work, trial[i], trial[i + 1], checks):
+        if not is_free(model, work, held, trial[i], trial[i + 1], way.checks):
             return np.inf
     return cost
 

@@ -12,14 +12,17 @@ conference, 2005.
 """
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass, replace
+from functools import cache, lru_cache
 from typing import ClassVar, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from kinematics.arrays import Array
-from obstacles.checker import Checker
+from kinematics.compiled.kernel import direct
+from obstacles.checker import Checker, any_model
+from obstacles.collision_model import ModelArrays
 from planning.deadline import Deadline
 from planning.explored import Explored
 from planning.planner import Planner, Query
@@ -97,20 +100,21 @@ def rrt_connect(
         max_edges: Edges after which to stop; the last pair may take as many again.
         explored: Keeps the edges of the last pair of trees.
     """
-    chain, known = checker.model.chain, [start, *goals]
-    roots, model = np.array(known), checker.model.arrays
+    chain, roots, model = checker.model.chain, np.array([start, *goals]), checker.model.arrays
+    grow, slack = _grow(), float(checker.slack)
     edges, runs, budget = 0, 0, float(_FIRST_BUDGET)
     while edges < max_edges and not deadline.passed:
         share = min(int(budget), max_edges - edges)
         box = search_box if runs % _NEARBY == _NEARBY - 1 else nearby_box
-        low, high = box(chain, known)
+        low, high = box(chain, roots)
         domain = _DOMAIN * math.sqrt(float(((high - low) ** 2).sum()) / 6.0)
-        draws = Draws(low, high, domain, _STEPS[runs % len(_STEPS)], checker.slack)
-        trees = new_trees(roots, share, _random_state(seed, runs))
+        draws = Draws(low, high, domain, _STEPS[runs % len(_STEPS)], slack)
+        random = np.array(_random_state(seed, runs), np.uint64)
+        trees = new_trees(len(roots), chain.n, share, random)
         outcome, until = GOING, 0
         while outcome == GOING and not deadline.passed:
             until += _EDGES_A_LOOK
-            outcome = grow_kernel(model, trees, draws, roots, share, until)
+            outcome = grow(model, trees, draws, roots, share, until)
         before, nodes = int(trees.tally[EDGES_BEFORE]), int(trees.tally[PATH])
         edges, runs = edges + before + int(trees.tally[EDGES]), runs + (2 if before else 1)
         _keep(trees, checker, 2 if before else 1, explored)
@@ -161,10 +165,20 @@ class RrtConnect:
         return replace(other, detail=f"{detail} OMPL: {other.detail}")
 
 
-def _random_state(seed: int, run: int) -> NDArray[np.uint64]:
+@cache
+def _grow() -> Callable[[ModelArrays, Trees, Draws, Array, int, int], int]:
+    """``grow_kernel`` without the look at its arguments' types."""
+    roots = np.zeros((2, 1))
+    trees = new_trees(2, 1, 1, np.zeros(1, np.uint64))
+    draws = Draws(roots[0], roots[0], 0.0, 0.0, 0.0)
+    return direct(grow_kernel, any_model(), trees, draws, roots, 1, 1)
+
+
+#: Most requests leave the seed as it is, and making a state takes longer than some searches.
+@lru_cache(maxsize=1024)
+def _random_state(seed: int, run: int) -> tuple[int]:
     """The state (1,) of a generator of random numbers by which a pair of trees begins."""
-    state = np.random.SeedSequence((seed, run)).generate_state(1, np.uint64)
-    return state.astype(np.uint64)
+    return (int(np.random.SeedSequence((seed, run)).generate_state(1, np.uint64)[0]),)
 
 
 def _keep(trees: Trees, checker: Checker, runs: int, explored: Explored | None) -> None:

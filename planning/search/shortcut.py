@@ -13,20 +13,22 @@ states of each are looked at, and the legs that are left in the end are proved.
 """
 
 import math
+from collections.abc import Callable
+from functools import cache
 from typing import NamedTuple
 
 import numpy as np
 
 from kinematics.arrays import Array, Indices
 from kinematics.chain import MAX_JOINTS
-from kinematics.compiled.kernel import kernel
+from kinematics.compiled.kernel import direct, kernel
 from kinematics.compiled.simd import on_stack
-from obstacles.checker import Checker
-from obstacles.collision_model import ModelArrays
+from obstacles.checker import Checker, any_model
 from obstacles.edge_check import FREE
 from obstacles.kernel_work import Workspace, workspace
 from obstacles.lane_check import blocked_between
 from obstacles.line_check import certify_line
+from obstacles.model_arrays import ModelArrays, at_margins
 from planning.deadline import Deadline
 
 #: Rounds after which a path counts as short.
@@ -50,20 +52,30 @@ _CUTS = 4
 _LEAST_GAIN = 5e-4
 
 
-class Held(NamedTuple):
-    """Models that a straight motion is held to.
+class Look(NamedTuple):
+    """Distances that states which are looked at keep.
 
     Args:
-        look: What its states are looked at with.
-        look_slack: Distance to keep beyond the margins of ``look`` [m].
-        proof: What it is proved with.
-        slack: Distance to keep beyond the margins of ``proof`` [m].
+        margin: From obstacles, beyond their own margins [m].
+        own_margin: Between the robot's own pieces [m].
+        slack: From everything, beyond these [m].
+    """
+
+    margin: float
+    own_margin: float
+    slack: float
+
+
+class Held(NamedTuple):
+    """Distances that a straight motion is held to.
+
+    Args:
+        look: Kept by the states of it that are looked at.
+        slack: Distance to keep beyond the model's margins, which is proved [m].
         later: Whether it is proved later, when all that was cut off since is not proved any more.
     """
 
-    look: ModelArrays
-    look_slack: float
-    proof: ModelArrays
+    look: Look
     slack: float
     later: bool
 
@@ -93,42 +105,53 @@ def shortcut(
         checker: Finds the cuts.
         waypoints: The polyline, shape (k, n) [rad or m].
         deadline: When to stop trying.
-        proof: Proves what comes back, with less clearance than ``checker`` looks for; without it
-            each cut is proved by ``checker``.
+        proof: Proves what comes back, with less clearance in the same scene than ``checker`` looks
+            for; without it each cut is proved by ``checker``.
     """
     proof = checker if proof is None else proof
     points = np.ascontiguousarray(waypoints, np.float64)
-    return shorten_kernel(
-        checker.model.arrays, float(checker.slack), proof.model.arrays, float(proof.slack), points,
-        0 if deadline.passed else _ROUNDS, proof is not checker,
-    )  # fmt: skip
+    held = Held(look_of(checker), float(proof.slack), proof is not checker)
+    rounds = 0 if deadline.passed else _ROUNDS
+    return _shorten_directly()(proof.model.arrays, held, points, rounds)
+
+
+def look_of(checker: Checker, slack: float | None = None) -> Look:
+    """Distances that a checker keeps; ``slack`` in place of its own [m]."""
+    model = checker.model
+    spare = checker.slack if slack is None else slack
+    return Look(float(model.margin), float(model.own_margin), float(spare))
+
+
+@cache
+def _shorten_directly() -> Callable[[ModelArrays, Held, Array, int], Array]:
+    """``shorten_kernel`` without the look at its arguments' types, which would cost too much."""
+    held = Held(Look(0.0, 0.0, 0.0), 0.0, True)
+    return direct(shorten_kernel, any_model(), held, np.zeros((1, 1)), 1)
 
 
 @kernel
-def shorten_kernel(
-    look: ModelArrays, look_slack: float, proof: ModelArrays, slack: float, waypoints: Array,
-    rounds: int, later: bool,
-) -> Array:  # fmt: skip
+def shorten_kernel(model: ModelArrays, held: Held, waypoints: Array, rounds: int) -> Array:
     """``shortcut`` of waypoints (k, n) in so many rounds.
 
     Cuts that are proved later have clearance to spare by the looks, and most are cut off again.
     Where the proof fails in the end, all is done once more with a proof of every cut.
     """
-    work, room = workspace(proof), waypoints.shape[0] + _MAX_CHECKS
+    work, room = workspace(model), waypoints.shape[0] + _MAX_CHECKS
     corners = Corners(
         np.empty((room, waypoints.shape[1])), np.empty(room, dtype=np.int64),
         np.empty(1, dtype=np.int64),
     )  # fmt: skip
-    held = Held(look, look_slack, proof, slack, later)
-    count = _shorten(held, work, corners, waypoints, rounds)
-    if later and not are_proved(held, work, corners.points[:count], waypoints):
-        at_once = Held(look, look_slack, proof, slack, False)
-        count = _shorten(at_once, work, corners, waypoints, rounds)
+    count = _shorten(model, work, held, corners, waypoints, rounds)
+    if held.later and not are_proved(model, work, held, corners.points[:count], waypoints):
+        at_once = Held(held.look, held.slack, False)
+        count = _shorten(model, work, at_once, corners, waypoints, rounds)
     return corners.points[:count].copy()
 
 
 @kernel(allocates=False)
-def _shorten(held: Held, work: Workspace, corners: Corners, waypoints: Array, rounds: int) -> int:
+def _shorten(
+    model: ModelArrays, work: Workspace, held: Held, corners: Corners, waypoints: Array, rounds: int
+) -> int:
     """Fill the corners with a path that is shortened; the number of its waypoints."""
     points, count = corners.points, waypoints.shape[0]
     for k in range(count):
@@ -136,42 +159,47 @@ def _shorten(held: Held, work: Workspace, corners: Corners, waypoints: Array, ro
             points[k, j] = waypoints[k, j]
     corners.tried[:] = 0
     corners.checks[0] = 0
-    count, before = skip_waypoints(held, work, points, count, corners.checks), np.inf
+    count, before = skip_waypoints(model, work, held, points, count, corners.checks), np.inf
     for _ in range(rounds):
         length = path_length(points, count)
         if count < 3 or before - length < _LEAST_ROUND * before:
             break
         before = length
-        count = cut_corners(held, work, corners, count, _LEAST_GAIN * length)
-    return thin_waypoints(held, work, corners, count)
+        count = cut_corners(model, work, held, corners, count, _LEAST_GAIN * length)
+    return thin_waypoints(model, work, held, corners, count)
 
 
 @kernel(allocates=False)
-def looks_free(model: ModelArrays, work: Workspace, a: Array, b: Array, slack: float) -> bool:
+def looks_free(model: ModelArrays, work: Workspace, look: Look, a: Array, b: Array) -> bool:
     """Whether all states are free that are looked at between a and b, both (n,)."""
     parts, length = 2, distance(a, b)
     while parts < _MAX_PARTS and parts * _SPACING < length:
         parts *= 2
-    return not blocked_between(model, work, a, b, slack, 2, parts)
+    looked = at_margins(model, look.margin, look.own_margin)
+    return not blocked_between(looked, work, a, b, look.slack, 2, parts)
 
 
 @kernel(allocates=False)
-def is_free(held: Held, work: Workspace, a: Array, b: Array, checks: Indices) -> bool:
+def is_free(
+    model: ModelArrays, work: Workspace, held: Held, a: Array, b: Array, checks: Indices
+) -> bool:
     """Whether the straight motion from a to b, both (n,), is free by looks and, if now, proved."""
     checks[0] += 1
-    if not looks_free(held.look, work, a, b, held.look_slack):
+    if not looks_free(model, work, held.look, a, b):
         return False
     if held.later:
         return True
     outcome = on_stack(4)
-    verdict = certify_line(held.proof, work, a, b, held.slack, _MAX_INTERVALS, outcome)
+    verdict = certify_line(model, work, a, b, held.slack, _MAX_INTERVALS, outcome)
     # A motion that grazes takes thousands of intervals: it counts as many checks.
     checks[0] += int(outcome[2]) // _INTERVALS_A_CHECK
     return bool(verdict == FREE)
 
 
 @kernel(allocates=False)
-def are_proved(held: Held, work: Workspace, points: Array, known: Array) -> bool:
+def are_proved(
+    model: ModelArrays, work: Workspace, held: Held, points: Array, known: Array
+) -> bool:
     """Whether the legs of a path (k, n) are proved free that are not legs of one known to be."""
     outcome = on_stack(4)
     for k in range(points.shape[0] - 1):
@@ -180,13 +208,15 @@ def are_proved(held: Held, work: Workspace, points: Array, known: Array) -> bool
             is_known |= distance(known[i], a) == 0.0 and distance(known[i + 1], b) == 0.0
         if is_known:
             continue
-        if certify_line(held.proof, work, a, b, held.slack, _MAX_INTERVALS, outcome) != FREE:
+        if certify_line(model, work, a, b, held.slack, _MAX_INTERVALS, outcome) != FREE:
             return False
     return True
 
 
 @kernel(allocates=False)
-def skip_waypoints(held: Held, work: Workspace, points: Array, count: int, checks: Indices) -> int:
+def skip_waypoints(
+    model: ModelArrays, work: Workspace, held: Held, points: Array, count: int, checks: Indices
+) -> int:
     """From each of ``count`` waypoints go straight to the farthest that a bisection finds in sight.
 
     The waypoints that stay are moved to the front of ``points``; returns their number.
@@ -196,7 +226,7 @@ def skip_waypoints(held: Held, work: Workspace, points: Array, count: int, check
         low, high = at + 1, count - 1
         while low < high and checks[0] < _MAX_CHECKS:
             # Waypoints before ``size`` are final; ``at`` itself may have been overwritten.
-            if is_free(held, work, points[size - 1], points[high], checks):
+            if is_free(model, work, held, points[size - 1], points[high], checks):
                 low = high
             else:
                 high = (low + high) // 2
@@ -206,7 +236,9 @@ def skip_waypoints(held: Held, work: Workspace, points: Array, count: int, check
 
 
 @kernel(allocates=False)
-def thin_waypoints(held: Held, work: Workspace, corners: Corners, count: int) -> int:
+def thin_waypoints(
+    model: ModelArrays, work: Workspace, held: Held, corners: Corners, count: int
+) -> int:
     """From each of ``count`` waypoints go straight past as many others as can be left out.
 
     Corners whose whole cut is known to fail are not tried again. The waypoints that stay are moved
@@ -219,7 +251,7 @@ def thin_waypoints(held: Held, work: Workspace, corners: Corners, count: int) ->
         # The waypoint before it is still the one that it was tried with.
         known = tried[at] > 0
         while at < count - 1 and not known and checks[0] < _MAX_CHECKS:
-            if not is_free(held, work, points[size - 1], points[at + 1], checks):
+            if not is_free(model, work, held, points[size - 1], points[at + 1], checks):
                 break
             at += 1
         _copy(points, at, size)
@@ -228,12 +260,15 @@ def thin_waypoints(held: Held, work: Workspace, corners: Corners, count: int) ->
 
 
 @kernel(allocates=False)
-def cut_corners(held: Held, work: Workspace, corners: Corners, count: int, worth: float) -> int:
+def cut_corners(
+    model: ModelArrays, work: Workspace, held: Held, corners: Corners, count: int, worth: float
+) -> int:
     """Cut off every corner of a path as far as is free; the number of waypoints then.
 
     Args:
-        held: The models.
+        model: The packed robot and scene.
         work: A workspace of theirs.
+        held: The distances to be kept.
         corners: The path.
         count: Number of waypoints.
         worth: A corner that is worth less is left as it is, in the unit of the path's length.
@@ -258,7 +293,7 @@ def cut_corners(held: Held, work: Workspace, corners: Corners, count: int, worth
                 # To the last bit: these two stay waypoints.
                 for j in range(n):
                     a[j], b[j] = points[k - 1, j], points[k + 1, j]
-            if is_free(held, work, a, b, checks):
+            if is_free(model, work, held, a, b, checks):
                 break
             tried[k] += 1
         if tried[k] == _CUTS:

@@ -112,29 +112,28 @@ class Draws(NamedTuple):
     slack: float
 
 
-def new_trees(roots: Array, budget: int, random: State) -> Trees:
-    """Room for trees with so many edges.
+def new_trees(size: int, n: int, budget: int, random: State) -> Trees:
+    """Room for trees with so many edges, which ``grow_kernel`` plants.
 
     Args:
-        roots: The start and the goals, shape (1 + g, n) [rad or m].
+        size: Number of roots: the start and the goals.
+        n: Number of joints.
         budget: Edges that a pair may look at.
         random: State of the random generator, shape (1,).
     """
-    capacity, n = budget + len(roots), roots.shape[1]
+    capacity = budget + size
     capacity += -capacity % LANES
-    trees = Trees(
+    return Trees(
         points=np.empty((2, capacity, n)),
         blocks=np.empty((2, capacity * n)),
         parents=np.empty((2, capacity), dtype=np.int64),
         met=np.empty((2, capacity), dtype=np.bool_),
         proved=np.empty((2, capacity), dtype=np.bool_),
-        sizes=np.empty(2, dtype=np.int64),
+        sizes=np.zeros(2, dtype=np.int64),
         random=random,
         tally=np.zeros(6, dtype=np.int64),
         path=np.empty((2 * capacity, n)),
     )
-    plant_kernel(trees, roots)
-    return trees
 
 
 @kernel
@@ -155,6 +154,8 @@ def grow_kernel(
         GOING, SPENT or FOUND.
     """
     work, vectors, tally = workspace(model), np.empty((3, roots.shape[1])), trees.tally
+    if trees.sizes[0] == 0:
+        _plant(trees, roots)
     while True:
         # The second pair has as many edges as the first path took.
         most = tally[EDGES_BEFORE] if tally[PATH] > 0 else budget
@@ -171,14 +172,9 @@ def grow_kernel(
             return GOING
 
 
-@kernel
-def plant_kernel(trees: Trees, roots: Array) -> None:
-    """Begin anew with roots (1 + g, n): the start, and the goals."""
-    _plant(trees, roots)
-
-
 @kernel(allocates=False)
 def _plant(trees: Trees, roots: Array) -> None:
+    """Begin anew with roots (1 + g, n): the start, and the goals."""
     trees.sizes[0], trees.sizes[1] = 0, 0
     trees.tally[EDGES], trees.tally[_CUTS] = 0, 0
     for root in range(roots.shape[0]):

@@ -9,7 +9,8 @@ from obstacles.checker import Checker
 from obstacles.scene import Scene
 from planning.clearance import clearance_levels
 from planning.preferred_clearance import PreferredClearance
-from planning.search.quickening import _meet, quicken_kernel
+from planning.search.quickening import _Bounds, _meet, quicken_kernel
+from planning.search.shortcut import look_of
 from planning.timing.estimate import estimate_limits
 from tests.planning.scenes import box
 from tests.planning.search.test_shortcut_rounds import HALF, RADIUS, gap
@@ -89,9 +90,9 @@ def quicker(path: Array, upper: float) -> Array:
         Checker.of(slider(), SCENE), PreferredClearance(PREFERRED)
     )
     limits = np.concatenate([MOTION, [[-2.0, -2.0], [2.0, upper]]])
-    return quicken_kernel(
-        preferred.model.arrays, least.model.arrays, float(least.slack), path, limits, 300.0, True
-    )
+    slack = float(least.slack)
+    bounds = _Bounds(look_of(preferred, 0.0), look_of(least), slack, limits, 300.0, True)
+    return quicken_kernel(least.model.arrays, bounds, path, True)
 
 
 @pytest.mark.parametrize("seed", range(12))

@@ -16,6 +16,7 @@ from planning.search.shortcut import (
     _MAX_CHECKS,
     Corners,
     Held,
+    Look,
     cut_corners,
     path_length,
     shortcut,
@@ -34,16 +35,16 @@ AROUND = np.array([[-0.6, 0.0], [-0.5, 0.5], [0.0, 0.7], [0.5, 0.5], [0.6, 0.0]]
 
 @kernel
 def skip(model: ModelArrays, slack: float, points: Array, count: int, checks: Indices) -> int:
-    held = Held(model, slack, model, slack, False)
-    return skip_waypoints(held, workspace(model), points, count, checks)
+    held = Held(Look(model.margin, model.own_margin, slack), slack, False)
+    return skip_waypoints(model, workspace(model), held, points, count, checks)
 
 
 @kernel
 def thin_tried(
     model: ModelArrays, slack: float, points: Array, tried: Indices, count: int, checks: Indices
 ) -> int:
-    held = Held(model, slack, model, slack, False)
-    return thin_waypoints(held, workspace(model), Corners(points, tried, checks), count)
+    held = Held(Look(model.margin, model.own_margin, slack), slack, False)
+    return thin_waypoints(model, workspace(model), held, Corners(points, tried, checks), count)
 
 
 @kernel
@@ -51,8 +52,8 @@ def cut(
     model: ModelArrays, slack: float, points: Array, tried: Indices, count: int, worth: float,
     checks: Indices,
 ) -> int:  # fmt: skip
-    held = Held(model, slack, model, slack, False)
-    return cut_corners(held, workspace(model), Corners(points, tried, checks), count, worth)
+    held = Held(Look(model.margin, model.own_margin, slack), slack, False)
+    return cut_corners(model, workspace(model), held, Corners(points, tried, checks), count, worth)
 
 
 @kernel
