@@ -1,4 +1,4 @@
-"""Untrusted YAML, read strictly: the one door to the YAML parser.
+"""Untrusted YAML, read strictly: the one door to the YAML parsers.
 
 Aliases, equal keys, depth and length are refused before anything is built of the text.
 """
@@ -10,7 +10,7 @@ from typing import Any, TypeAlias
 
 import yaml
 
-from kinematics.plain_yaml import NotPlain, read_plain
+from kinematics.quick_yaml import UnsureYaml, read_quickly
 
 Node: TypeAlias = Any
 
@@ -134,8 +134,8 @@ def read_yaml(text: str | bytes) -> Node:
     if len(text) > MAX_BYTES:
         raise UnreadableYaml(f"{len(text)} bytes, at most {MAX_BYTES} are taken")
     try:
-        return read_plain(text)
-    except NotPlain:
+        return read_quickly(text, _MAX_DEPTH)
+    except UnsureYaml:
         return _parsed(text)
 
 
