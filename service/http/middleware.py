@@ -4,10 +4,10 @@ import logging
 
 from fastapi import FastAPI
 from starlette.middleware.cors import CORSMiddleware
-from starlette.middleware.gzip import GZipMiddleware
 
 from service.http.access_check import AccessCheck
 from service.http.body_limit import BodyLimit
+from service.http.compression import Compression
 from service.http.direct_routes import DirectRoutes
 from service.http.handlers import UnexpectedErrors
 from service.http.host_check import HostCheck
@@ -46,7 +46,7 @@ def install(app: FastAPI, settings: Settings, metrics: Metrics) -> None:
     # The last one added is the outermost.
     app.add_middleware(DirectRoutes, application=app)
     app.add_middleware(
-        GZipMiddleware,
+        Compression,
         minimum_size=_COMPRESSED_SIZE,
         compresslevel=_LEVEL,
         thread_minimum_size=_THREAD_SIZE,

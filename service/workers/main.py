@@ -25,16 +25,16 @@ from service.workers.task import registered_task, unpack_job
 _SELF_KILL = 5.0
 #: Code of the problem that a request needs too much memory.
 _OUT_OF_MEMORY = "OUT_OF_MEMORY"
-#: In front of each job: its deadline [s], whether progress is to be reported, and the time from its
-#: beginning in which none is [s].
-HEADER = struct.Struct("!d?d")
+#: In front of each job: its deadline [s], whether its beginning is to be reported, whether progress
+#: is, and the time from its beginning in which none is [s].
+HEADER = struct.Struct("!d??d")
 
 
 class Reply(StrEnum):
     """The kinds of messages a worker sends."""
 
     READY = "ready"  # warm, waiting for the first job
-    STARTED = "started"  # the job has arrived
+    STARTED = "started"  # the job has arrived, where that is to be reported
     PROGRESS = "progress"  # (fraction, stage)
     # The last three begin with how long the worker has had the job [s]. A server that is late to
     # read them would take that for the work of the job.
@@ -54,7 +54,6 @@ def main(channel: socket.socket) -> None:
         while True:
             payload = framing.receive(channel)
             began = time.monotonic()
-            _send(channel, Reply.STARTED)
             kind, *values = _run(channel, payload)
             del payload
             _send(channel, kind, time.monotonic() - began, *values)
@@ -64,7 +63,9 @@ def main(channel: socket.socket) -> None:
 
 def _run(channel: socket.socket, payload: bytes) -> tuple[Any, ...]:
     """Run the job of a message and give the reply."""
-    at, wants_progress, silence = HEADER.unpack_from(payload)
+    at, tells_start, wants_progress, silence = HEADER.unpack_from(payload)
+    if tells_start:
+        _send(channel, Reply.STARTED)
     deadline = Deadline(at)
     if math.isfinite(at):
         # The server ends what overruns; this is for a server that no longer gets to it.

@@ -57,7 +57,8 @@ class Ticket:
         timer: Fires when the ticket has overrun.
         worker: Where it runs.
         attempts: How often it was sent to a worker.
-        arrived: Whether the worker has received it.
+        arrived: Whether the worker has received it; of one that lives it is known only of jobs
+            whose beginning is reported.
         client: Whom it is for: clients take turns.
         has_share: Whether it runs as part of the share of background jobs, and gives way to nobody.
         causes: How the workers died that it was given to.
@@ -87,6 +88,11 @@ class Ticket:
     def ends_at(self) -> float:
         """Instant at which the ticket has overrun, on the clock of `time.monotonic` [s]."""
         return self.deadline.at + self.job.grace
+
+    @property
+    def wants_start(self) -> bool:
+        """Whether somebody is to be told when the worker has received the job."""
+        return self.background is not None or self.watch is not None
 
     @property
     def wants_progress(self) -> bool:
@@ -143,6 +149,7 @@ class Worker(asyncio.Protocol):
         self._on_message = on_message
         self._decoder = framing.FrameDecoder()
         self._transport: asyncio.WriteTransport | None = None
+        self._has_sent_all = False
 
     def connection_made(self, transport: asyncio.BaseTransport) -> None:
         """Keep the stream, to send on."""
@@ -157,16 +164,30 @@ class Worker(asyncio.Protocol):
             _log.exception("worker %s sent what can't be read", self.process.pid)
             self.kill()
 
-    def connection_lost(self, exc: Exception | None) -> None:  # noqa: ARG002
-        """Note that the process is dead or about to be."""
+    def eof_received(self) -> None:
+        """Note whether the system had been given all that was sent."""
+        if self._transport is not None:
+            self._has_sent_all = self._transport.get_write_buffer_size() == 0
+
+    def connection_lost(self, exc: Exception | None) -> None:
+        """Note that the process is dead or about to be, and whether it had received its job.
+
+        Where one end of a stream is closed before all is read that was sent to it, the system tells
+        the other end so by an error (unix(7): ECONNRESET), or else that the stream has ended. A
+        message about each job that has arrived would cost more than the server's part of it.
+        """
         self.ending = True
+        if exc is None and self._has_sent_all and self.ticket is not None:
+            self.ticket.arrived = True
         self.lost_at = time.monotonic()
         self.gone.set()
 
     def send(self, ticket: Ticket) -> None:
         """Send a job."""
         assert self._transport is not None
-        header = HEADER.pack(ticket.deadline.at, ticket.wants_progress, ticket.silence)
+        header = HEADER.pack(
+            ticket.deadline.at, ticket.wants_start, ticket.wants_progress, ticket.silence
+        )
         head = framing.prefix(header, ticket.payload) + header
         if len(ticket.payload) <= _JOINED_BYTES:
             self._transport.write(head + ticket.payload)

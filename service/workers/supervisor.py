@@ -200,6 +200,7 @@ class WorkerSupervisor(SupervisorState):
             if ticket.background is not None:
                 ticket.deadline = Deadline.after(ticket.background.allowance)
             self._set_timer(ticket, ticket.deadline.at + self._kill_grace)
+            ticket.begun = time.monotonic()
             worker.send(ticket)
 
     def _is_too_late(self, ticket: Ticket) -> bool:

@@ -1,11 +1,15 @@
 """What the system says of processes."""
 
+import fcntl
 import os
+import sys
+import termios
 import time
 from collections.abc import Callable
 from functools import partial
 from pathlib import Path
 
+from service.workers.process import Worker
 from service.workers.supervisor import WorkerSupervisor
 
 
@@ -60,8 +64,17 @@ def working_pids(supervisor: WorkerSupervisor) -> set[int]:
     return {
         worker.process.pid
         for worker in supervisor._pool.workers
-        if worker.ticket is not None and worker.ticket.arrived and not worker.ending
+        if worker.ticket is not None and not worker.ending and _has_read_all(worker)
     }
+
+
+def _has_read_all(worker: Worker) -> bool:
+    """Whether a worker has read all that it was sent, as the system knows (unix(7): SIOCOUTQ)."""
+    transport = worker._transport
+    if transport is None or transport.get_write_buffer_size() > 0:
+        return False
+    unread = fcntl.ioctl(transport.get_extra_info("socket").fileno(), termios.TIOCOUTQ, bytes(4))
+    return int.from_bytes(unread, sys.byteorder) == 0
 
 
 def _has_begun(supervisor: WorkerSupervisor, found: set[int]) -> bool:

@@ -37,7 +37,7 @@ def receive(channel: socket.socket) -> tuple[Any, ...]:
 
 
 def send(channel: socket.socket, job: Job[Any]) -> None:
-    channel.sendall(framing.encode(HEADER.pack(math.inf, False, 0.0) + pack_job(job)))
+    channel.sendall(framing.encode(HEADER.pack(math.inf, True, False, 0.0) + pack_job(job)))
 
 
 def fork(server: Launched) -> tuple[int, socket.socket]:

@@ -37,7 +37,7 @@ def worker(
 
 
 def send(channel: socket.socket, job: Job[Any], *, wants_progress: bool = False) -> None:
-    header = HEADER.pack(job.deadline.at, wants_progress, 0.0)
+    header = HEADER.pack(job.deadline.at, True, wants_progress, 0.0)
     channel.sendall(framing.encode(header + pack_job(job)))
 
 
@@ -118,7 +118,7 @@ def test_a_worker_ends_itself_when_the_server_does_not() -> None:
     with worker(chores.impatient_worker) as (process, channel):
         receive(channel)
         job = chores.burn.job()
-        header = HEADER.pack(Deadline.after(0.1).at, False, 0.0)
+        header = HEADER.pack(Deadline.after(0.1).at, True, False, 0.0)
         channel.sendall(framing.encode(header + pack_job(job)))
         assert receive(channel) == (Reply.STARTED,)
         process.join(5.0)
