@@ -8,25 +8,26 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from kinematics.arrays import Array, frozen
 from kinematics.preparation_limit import check_preparation_time
 from obstacles.closest_point import hull_distances
-from obstacles.hull import Hull, convex_hull
+from obstacles.hull import Hull, convex_hull, corners_and_volume
 from obstacles.mesh import Faces
-from obstacles.plane_cut import cheapest_cut, cut_triangles, growing_volumes, hull_volume
+from obstacles.plane_cut import Surface, cheapest_cut, cut_surface, used_surface
 from obstacles.winding import winding_numbers
 
 #: A hull of more corners than this is thinned, and gets no more corners once it has as many.
 _COVER_CORNERS = 128
 #: Part of the diagonal that thinning may cost before more corners are spent.
 _THINNING = 1e-3
-#: Places at which a cut is tried, along each axis.
-_PLACES = 12
 #: A cut is worth a piece more if it saves this part of the volume of the whole mesh's hull.
 _WORTH = 0.02
 _MOST_PARTS = 12
+#: Two cuts at once are looked for in a part with more than this part of that volume.
+_LARGE = 0.25
+#: They are worth their pieces there if each saves so many times what a cut must.
+_WORTH_LATER = 2.5
 #: Winding number beyond which a point is inside.
 _INSIDE = 0.5
 #: Corners that a cover gets at once.
@@ -85,29 +86,26 @@ class _Part(NamedTuple):
     """Part that planes cut out of bodies.
 
     Args:
-        triangles: What is there of the surface, shape (t, 3, 3).
-        names: The body of each, shape (t,).
+        surface: What is there of the surface.
         box: Where the planes are, lowest and highest, infinite where none is, shape (2, 3).
         inner: Corners of the box that are inside the bodies, shape (c, 3).
+        corners: Of the hull of both, shape (h, 3).
         volume: Of the hull [m^3].
         axis: Across which another cut is best.
         at: Where.
         saved: Volume that this would save [m^3].
+        judged: Whether two cuts at once were looked for.
     """
 
-    triangles: Array
-    names: NDArray[np.int64]
+    surface: Surface
     box: Array
     inner: Array
-    volume: float = 0.0
+    corners: Array
+    volume: float
     axis: int = 0
     at: float = 0.0
     saved: float = 0.0
-
-    @property
-    def points(self) -> Array:
-        """All whose hull covers the part, shape (3 t + c, 3)."""
-        return np.vstack([self.triangles.reshape(-1, 3), self.inner])
+    judged: bool = False
 
 
 def cut_bodies(
@@ -126,51 +124,61 @@ def cut_bodies(
     bodies = _Bodies(vertices, np.ascontiguousarray(np.vstack(faces)), filled, diagonal)
     names = np.repeat(np.arange(len(faces)), [len(body) for body in faces])
     box = np.array([[-np.inf] * 3, [np.inf] * 3])
-    parts = [_with_best_cut(_Part(vertices[bodies.faces], names, box, np.zeros((0, 3))))]
-    enough = _WORTH * parts[0].volume
-    ahead = not parts[0].saved > enough
-    if ahead:
-        parts = [_with_cut_for_two(bodies, parts[0], enough)]
+    surface = used_surface(Surface(vertices, bodies.faces, names))
+    parts = [_with_best_cut(_part(surface, box, np.zeros((0, 3))))]
+    whole = parts[0].volume
+    enough = _WORTH * whole
     while len(parts) < _MOST_PARTS:
         best = max(range(len(parts)), key=lambda k: parts[k].saved)
-        if not parts[best].saved > enough:
+        if parts[best].saved > enough:
+            halves = _cut(bodies, parts[best])
+            # What it saves was an estimate.
+            worth = _saved(parts[best], halves) > enough
+            parts[best : best + 1] = halves if worth else [parts[best]._replace(saved=0.0)]
+            continue
+        best = max(range(len(parts)), key=lambda k: parts[k].volume * (not parts[k].judged))
+        large = parts[best].volume > _LARGE * whole and not parts[best].judged
+        if not large or len(parts) + 3 > _MOST_PARTS:
             break
-        halves = [_with_best_cut(side) for side in _halves(bodies, parts[best])]
-        # What it saves was an estimate.
-        saved = parts[best].volume - sum(half.volume for half in halves)
-        worth = saved > enough or (ahead and len(parts) == 1)
-        parts[best : best + 1] = halves if worth else [parts[best]._replace(saved=0.0)]
+        each = enough if len(parts) == 1 else _WORTH_LATER * enough
+        parts[best : best + 1] = _cut_twice(bodies, parts[best], each)
     return [_cover(part, bodies) for part in parts]
+
+
+def _part(surface: Surface, box: Array, inner: Array) -> _Part:
+    check_preparation_time()
+    hull = corners_and_volume(np.vstack([surface.vertices, inner]))
+    return _Part(surface, box, inner, *hull)
 
 
 def _halves(bodies: _Bodies, part: _Part) -> list[_Part]:
     """Parts below and above the plane chosen for a part."""
-    sides = cut_triangles(part.triangles, part.names, part.axis, part.at)
     halves = []
-    for side, (triangles, names) in enumerate(sides):
+    for side, surface in enumerate(cut_surface(part.surface, part.axis, part.at)):
         box = part.box.copy()
         box[1 - side, part.axis] = part.at
         corners = np.array([[box[i, 0], box[j, 1], box[k, 2]] for i, j, k in np.ndindex(2, 2, 2)])
         inner = bodies.inside(corners[np.isfinite(corners).all(axis=1)])
-        if len(triangles) or len(inner):
-            halves.append(_Part(triangles, names, box, inner))
+        if len(surface.faces) or len(inner):
+            halves.append(_part(surface, box, inner))
     return halves
 
 
 def _cover(part: _Part, bodies: _Bodies) -> ConvexPart:
     check_preparation_time()
-    if not len(part.triangles):  # a box all of which is inside
-        return hull_part(convex_hull(part.inner))
-    corners, rounding = _thin(convex_hull(part.points), _THINNING * bodies.diagonal)
-    _, first = np.unique(part.names, return_index=True)
-    anchors = frozen(part.triangles[first, 0])
-    return ConvexPart(corners, rounding, frozen(part.triangles), anchors, bodies.filled)
+    surface = part.surface
+    if not len(surface.faces):  # a box all of which is inside
+        return hull_part(convex_hull(part.corners))
+    corners, rounding = _thin(part.corners, _THINNING * bodies.diagonal)
+    triangles = frozen(surface.vertices[surface.faces])
+    _, first = np.unique(surface.names, return_index=True)
+    anchors = frozen(triangles[first, 0])
+    return ConvexPart(corners, rounding, triangles, anchors, bodies.filled)
 
 
-def _thin(hull: Hull, tolerance: float) -> tuple[Array, float]:
+def _thin(points: Array, tolerance: float) -> tuple[Array, float]:
     """Some of a hull's corners, and the radius that their hull must grow by to hold the others."""
-    points = hull.vertices
-    if len(points) <= _COVER_CORNERS or not hull.solid:
+    if len(points) <= _COVER_CORNERS:
         return frozen(points), 0.0
     signs = np.array([[x, y, z] for x in (-1, 0, 1) for y in (-1, 0, 1) for z in (-1, 0, 1)])
     chosen = {int(i) for i in (points @ signs.T).argmax(axis=0)}
@@ -187,32 +195,41 @@ def _thin(hull: Hull, tolerance: float) -> tuple[Array, float]:
 
 
 def _with_best_cut(part: _Part) -> _Part:
-    """The part with its volume and its best cut."""
+    """The part with its best cut."""
     check_preparation_time()
-    points = np.unique(part.points, axis=0)
-    best, volume = part._replace(volume=hull_volume(points)), growing_volumes([points])[0]
-    edges = part.triangles[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2, 3)
-    for axis in range(3):
-        low, high = float(points[:, axis].min()), float(points[:, axis].max())
-        if not volume > 0.0 or not high > low:
-            continue
-        places = np.linspace(low, high, _PLACES + 2)[1:-1]
-        at, left = cheapest_cut(edges, points, axis, places)
-        if volume - left > best.saved:
-            best = best._replace(axis=axis, at=at, saved=volume - left)
-    return best
+    points = np.vstack([part.surface.vertices, part.inner])
+    axis, at, saved = cheapest_cut(points, part.surface.faces)
+    return part._replace(axis=axis, at=at, saved=saved)
 
 
-def _with_cut_for_two(bodies: _Bodies, part: _Part, enough: float) -> _Part:
-    """The part with a cut through its middle where only cutting its halves again saves volume.
+def _cut(bodies: _Bodies, part: _Part) -> list[_Part]:
+    """The parts on both sides of the plane chosen for a part, each with its best cut."""
+    return [_with_best_cut(side) for side in _halves(bodies, part)]
+
+
+def _saved(part: _Part, pieces: list[_Part]) -> float:
+    """Volume that the hulls of a part's pieces have less than its own [m^3]."""
+    return part.volume - sum(piece.volume for piece in pieces)
+
+
+def _cut_twice(bodies: _Bodies, part: _Part, enough: float) -> list[_Part]:
+    """A part cut through its middle, and its halves again, where each piece more saves enough.
 
     No single cut helps a ring, whose halves have hulls as large as half of its own.
     """
-    points, best = part.points, part
+    corners, kept = part.corners, [part._replace(judged=True)]
+    best, most = kept, 0.0
     for axis in range(3):
-        at = 0.5 * float(points[:, axis].min() + points[:, axis].max())
-        halves = [_with_best_cut(side) for side in _halves(bodies, part._replace(axis=axis, at=at))]
-        saved = part.volume - sum(half.volume - half.saved for half in halves)
-        if len(halves) == 2 and saved > max(best.saved, enough):
-            best = part._replace(axis=axis, at=at, saved=saved)
-    return best
+        at = 0.5 * float(corners[:, axis].min() + corners[:, axis].max())
+        halves = _cut(bodies, part._replace(axis=axis, at=at))
+        saved = _saved(part, halves) + sum(half.saved for half in halves)
+        if len(halves) == 2 and saved > most:
+            best, most = halves, saved
+    if not most > enough:
+        return kept
+    pieces = []
+    for half in best:
+        quarters = _cut(bodies, half) if half.saved > enough else []
+        worth = len(quarters) > 0 and _saved(half, quarters) > enough
+        pieces += quarters if worth else [half._replace(saved=0.0)]
+    return pieces if _saved(part, pieces) > enough * (len(pieces) - 1) else kept

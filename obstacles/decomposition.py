@@ -17,6 +17,7 @@ from typing import Any, NamedTuple
 from zipfile import BadZipFile
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
@@ -25,7 +26,7 @@ from kinematics.bounded_cache import bounded_cache
 from kinematics.preparation_limit import check_preparation_time
 from obstacles.closest_point import mesh_distances
 from obstacles.convex_cover import ConvexPart, cut_bodies, hull_part
-from obstacles.hull import Hull, convex_hull
+from obstacles.hull import Hull, convex_hull, corners_and_volume
 from obstacles.mesh import Faces
 from obstacles.plane_cut import triangle_areas
 from obstacles.winding import is_solid, oriented
@@ -86,7 +87,7 @@ def convex_pieces(vertices: Array, faces: Faces) -> tuple[ConvexPart, ...]:
 
 @bounded_cache(maxsize=256)
 def _stored_pieces(vertices: bytes, faces: bytes) -> tuple[ConvexPart, ...]:
-    digest = hashlib.sha256(b"4" + len(vertices).to_bytes(8) + vertices + faces).hexdigest()
+    digest = hashlib.sha256(b"5" + len(vertices).to_bytes(8) + vertices + faces).hexdigest()
     file = _directory / f"{digest}.npz" if _directory is not None else None
     if file is not None and (stored := _read(file)) is not None:
         return stored
@@ -138,38 +139,60 @@ class _Body(NamedTuple):
     """A connected part of a mesh: triangles all turned alike, and whether they bound a solid."""
 
     faces: Faces
-    hull: Hull
+    hull: Hull | None
     solid: bool
     volume: float
 
 
 def _decompose(vertices: Array, faces: Faces) -> tuple[ConvexPart, ...]:
     diagonal = float(np.linalg.norm(np.ptp(vertices, axis=0)))
-    whole = convex_hull(vertices[np.unique(faces)])
-    if _is_hull(whole, vertices, faces) and _has_no_inside_walls(whole, vertices, faces):
+    whole = _small_hull(vertices, faces)
+    if (
+        whole is not None
+        and _is_hull(whole, vertices, faces)
+        and _has_no_inside_walls(whole, vertices, faces)
+    ):
         return (hull_part(whole),)
     bodies = [_body(vertices, own) for own in _connected(vertices, faces, _MERGING * diagonal)]
     # A body turned inside out is a cavity of another one: then nothing may be filled unasked.
     cavities = len({body.volume > 0.0 for body in bodies if body.solid}) > 1
     convex = [
-        not (cavities and body.solid) and _is_hull(body.hull, vertices, body.faces)
+        body.hull
+        if body.hull is not None
+        and not (cavities and body.solid)
+        and _is_hull(body.hull, vertices, body.faces)
+        else None
         for body in bodies
     ]
-    rest = [body for body, is_convex in zip(bodies, convex, strict=True) if not is_convex]
+    rest = [body for body, hull in zip(bodies, convex, strict=True) if hull is None]
     parts = cut_bodies(vertices, [body.faces for body in rest if body.solid], diagonal, True)
     parts += cut_bodies(vertices, [body.faces for body in rest if not body.solid], diagonal, False)
-    parts += [hull_part(b.hull) for b, is_convex in zip(bodies, convex, strict=True) if is_convex]
+    parts += [hull_part(hull) for hull in convex if hull is not None]
     return tuple(sorted(parts, key=lambda part: not part.filled))
 
 
+def _small_hull(vertices: Array, faces: Faces) -> Hull | None:
+    """The hull of some triangles; None where it has more corners than a piece may have."""
+    check_preparation_time()
+    corners, _ = corners_and_volume(_used(vertices, faces))
+    return convex_hull(corners) if len(corners) <= _EXACT_CORNERS else None
+
+
+def _used(vertices: Array, faces: Faces) -> Array:
+    """The corners of some triangles."""
+    used = np.zeros(len(vertices), dtype=np.bool_)
+    used[faces] = True
+    return vertices[used]
+
+
 def _body(vertices: Array, faces: Faces) -> _Body:
+    hull = _small_hull(vertices, faces)
     check_preparation_time()
-    hull = convex_hull(vertices[np.unique(faces)])
+    own, faces = faces, oriented(faces)
     check_preparation_time()
-    once, faces = _without_repeats(faces), oriented(faces)
-    check_preparation_time()
-    solid = hull.solid and is_solid(vertices, faces)
-    if hull.solid and not solid and len(once) < len(faces):
+    may_be_solid = hull is None or hull.solid
+    solid = may_be_solid and is_solid(vertices, faces)
+    if may_be_solid and not solid and len(once := _without_repeats(own)) < len(faces):
         # A triangle that is there twice winds around twice: without it there may be an inside.
         once = oriented(once)
         solid = is_solid(vertices, once)
@@ -190,8 +213,6 @@ def _without_repeats(faces: Faces) -> Faces:
 def _is_hull(hull: Hull, vertices: Array, faces: Faces) -> bool:
     """Whether every point of a hull's surface is one of the mesh inside it."""
     check_preparation_time()
-    if len(hull.vertices) > _EXACT_CORNERS:
-        return False
     corners = hull.vertices[hull.triangles]
     wanted = float(triangle_areas(corners).sum())
     if hull.solid:
@@ -208,7 +229,7 @@ def _has_no_inside_walls(hull: Hull, vertices: Array, faces: Faces) -> bool:
     """Whether no corner of a mesh lies deep in its hull, as those of a cavity would."""
     if not hull.solid:
         return True
-    used = vertices[np.unique(faces)]
+    used = _used(vertices, faces)
     return all(
         float((block @ hull.planes[:, :3].T - hull.planes[:, 3]).max(axis=1).min()) >= -_SAME
         for block in np.array_split(used, len(used) // 4096 + 1)
@@ -236,10 +257,18 @@ def overhang(hull: Hull, vertices: Array, faces: Faces) -> float:
     return float(distances.max())
 
 
+def _places(vertices: Array, merging: float) -> NDArray[np.int64]:
+    """A number for each point, (k,): points in the same cell of a grid have one."""
+    cells = np.round(vertices / merging).astype(np.int64)
+    cells -= cells.min(axis=0)
+    # The cell's side is a part of the diagonal: numbers along an axis are no larger than 2**20.
+    return np.asarray((cells[:, 0] << 42) + (cells[:, 1] << 21) + cells[:, 2])
+
+
 def _connected(vertices: Array, faces: Faces, merging: float) -> list[Faces]:
     """Connected parts of a mesh, each with one number for corners that lie in one place."""
     _, first, number = np.unique(
-        np.round(vertices / merging) if merging > 0.0 else vertices,
+        _places(vertices, merging) if merging > 0.0 else vertices,
         axis=0, return_index=True, return_inverse=True,
     )  # fmt: skip
     merged = first[number.reshape(-1)][faces]

@@ -12,10 +12,9 @@ winding numbers", ACM Transactions on Graphics, 2013.
 import math
 
 import numpy as np
-from scipy.sparse import coo_array
-from scipy.sparse.csgraph import breadth_first_order, connected_components
+from numpy.typing import NDArray
 
-from kinematics.arrays import Array
+from kinematics.arrays import Array, Indices
 from kinematics.compiled.kernel import kernel
 from obstacles.mesh import Faces
 
@@ -76,7 +75,12 @@ def is_solid(vertices: Array, faces: Faces) -> bool:
         vertices: Shape (k, 3).
         faces: Shape (f, 3), all turned the same way round.
     """
-    own = vertices[np.unique(faces)]
+    closed = _is_closed(faces)
+    if closed and _is_alike(faces):  # its winding numbers are whole everywhere
+        return True
+    used = np.zeros(len(vertices), dtype=np.bool_)
+    used[faces] = True
+    own = vertices[used]
     low, high = own.min(axis=0), own.max(axis=0)
     points = np.random.default_rng(0).uniform(low, high, (_PROBES, 3))
     squares = np.empty(_PROBES)
@@ -85,14 +89,36 @@ def is_solid(vertices: Array, faces: Faces) -> bool:
     numbers = np.empty(len(points))
     winding_numbers(points, vertices, faces, numbers)
     if not (np.abs(numbers) > 0.5).any():
-        return _is_closed(faces)
+        return closed
     return bool((np.abs(numbers - np.round(numbers)) <= _WHOLE).mean() >= _MOST)
 
 
+def _edge_keys(faces: Faces, directed: bool) -> NDArray[np.int64]:
+    """A number for each side of each triangle, (3 f,): sides between the same corners have one.
+
+    Args:
+        faces: Shape (f, 3).
+        directed: Whether sides that run opposite ways have different ones.
+    """
+    begins, ends = faces.reshape(-1), np.roll(faces, -1, axis=1).reshape(-1)
+    if not directed:
+        begins, ends = np.minimum(begins, ends), np.maximum(begins, ends)
+    return np.asarray(begins * (int(faces.max(initial=0)) + 1) + ends)
+
+
 def _is_closed(faces: Faces) -> bool:
-    edges = np.sort(faces[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2), axis=1)
-    _, counts = np.unique(edges, axis=0, return_counts=True)
-    return bool((counts == 2).all())
+    """Whether every edge has two triangles."""
+    keys = np.sort(_edge_keys(faces, directed=False))
+    pairs = keys.reshape(-1, 2) if len(keys) % 2 == 0 else None
+    if pairs is None:
+        return False
+    return bool((pairs[:, 0] == pairs[:, 1]).all() and (pairs[1:, 0] != pairs[:-1, 1]).all())
+
+
+def _is_alike(faces: Faces) -> bool:
+    """Whether no two triangles run the same way along an edge."""
+    keys = np.sort(_edge_keys(faces, directed=True))
+    return bool((keys[1:] != keys[:-1]).all())
 
 
 def oriented(faces: Faces) -> Faces:
@@ -101,28 +127,59 @@ def oriented(faces: Faces) -> Faces:
     Args:
         faces: Of one connected mesh, corners that lie in one place numbered alike, shape (f, 3).
     """
-    edges = faces[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2)
-    _, turns = np.unique(edges, axis=0, return_counts=True)
-    if (turns == 1).all():
+    if _is_alike(faces):
         return faces
-    owner = np.repeat(np.arange(len(faces)), 3)
-    forward = edges[:, 0] < edges[:, 1]
-    order = np.lexsort(np.sort(edges, axis=1).T)
-    edge, owner, forward = np.sort(edges, axis=1)[order], owner[order], forward[order]
-    same = (edge[1:] == edge[:-1]).all(axis=1)
-    a, b, alike = owner[:-1][same], owner[1:][same], (forward[1:] == forward[:-1])[same]
-    size = len(faces)
-    graph = coo_array((np.ones(len(a)), (a, b)), shape=(size, size)).tocsr()
-    across = {(int(i), int(j)): bool(k) for i, j, k in zip(a, b, alike, strict=True)}
-    turned = np.zeros(size, dtype=np.bool_)
-    count, label = connected_components(graph, directed=False)
-    for name in range(count):
-        members = np.flatnonzero(label == name)
-        walk, before = breadth_first_order(graph, members[0], directed=False)
-        for face in walk[1:]:
-            last = int(before[face])
-            flip = across.get((last, int(face)), across.get((int(face), last), False))
-            turned[face] = turned[last] ^ flip
-        if 2 * int(turned[members].sum()) > len(members):
-            turned[members] = ~turned[members]
+    keys = _edge_keys(faces, directed=False)
+    order = np.argsort(keys, kind="stable")
+    owner = order // 3
+    forward = (faces < np.roll(faces, -1, axis=1)).reshape(-1)[order]
+    same = keys[order][1:] == keys[order][:-1]
+    pairs = np.column_stack([owner[:-1][same], owner[1:][same]])
+    turned = np.zeros(len(faces), dtype=np.bool_)
+    _turn_alike(pairs, (forward[1:] == forward[:-1])[same], turned)
     return np.where(turned[:, None], faces[:, ::-1], faces)
+
+
+@kernel
+def _turn_alike(pairs: Indices, alike: NDArray[np.bool_], turned: NDArray[np.bool_]) -> None:
+    """Write which triangles to turn for neighbours to be oriented alike, at most half of them.
+
+    Args:
+        pairs: Triangles with an edge in common, shape (p, 2).
+        alike: Whether both run the same way along it, shape (p,).
+        turned: All False before, shape (f,).
+    """
+    size, count = turned.shape[0], pairs.shape[0]
+    first = np.zeros(size + 1, dtype=np.int64)
+    for p in range(count):
+        first[pairs[p, 0] + 1] += 1
+        first[pairs[p, 1] + 1] += 1
+    for f in range(size):
+        first[f + 1] += first[f]
+    last, own = first[:-1].copy(), np.empty(2 * count, dtype=np.int64)
+    for p in range(count):
+        for side in range(2):
+            f = pairs[p, side]
+            own[last[f]] = p
+            last[f] += 1
+    found = np.zeros(size, dtype=np.bool_)
+    walk = np.empty(size, dtype=np.int64)
+    for start in range(size):
+        if found[start]:
+            continue
+        found[start], walk[0] = True, start
+        at, end, turns = 0, 1, 0
+        while at < end:
+            f = walk[at]
+            at += 1
+            turns += turned[f]
+            for entry in range(first[f], first[f + 1]):
+                p = own[entry]
+                other = pairs[p, 0] + pairs[p, 1] - f
+                if not found[other]:
+                    found[other], walk[end] = True, other
+                    turned[other] = turned[f] != alike[p]
+                    end += 1
+        if 2 * turns > end:
+            for entry in range(end):
+                turned[walk[entry]] = not turned[walk[entry]]

@@ -10,7 +10,7 @@ import trimesh
 from kinematics.arrays import Array
 from obstacles.convex_cover import ConvexPart, cut_bodies, hull_part
 from obstacles.hull import convex_hull
-from obstacles.plane_cut import hull_volume, triangle_areas
+from obstacles.plane_cut import triangle_areas
 from tests.obstacles.arms import cup, in_cup
 
 RING = trimesh.creation.annulus(0.5, 1.0, 0.4, sections=16)
@@ -49,7 +49,7 @@ def covered(parts: list[ConvexPart], points: Array) -> Array:
 
 
 def total(parts: list[ConvexPart]) -> float:
-    return sum(hull_volume(part.vertices) for part in parts)
+    return sum(convex_hull(part.vertices).volume for part in parts)
 
 
 @cache
@@ -82,8 +82,19 @@ def test_the_solid_is_covered_and_the_hollow_is_not() -> None:
 def test_a_ring_is_cut_although_no_single_cut_helps() -> None:
     parts = ring_parts()
     assert len(parts) > 2
-    assert total(parts) < 0.8 * hull_volume(np.array(RING.vertices))
+    assert total(parts) < 0.8 * convex_hull(RING.vertices).volume
     assert not covered(parts, np.zeros((1, 3))).any()
+
+
+def test_a_part_that_no_single_cut_helps_is_cut_twice_after_others_too() -> None:
+    """Beside a bar, which is cut off first, a thin ring is one part of two."""
+    thin = trimesh.creation.annulus(0.8, 1.0, 0.4, sections=16)
+    bar = trimesh.creation.box(bounds=[[1.0, -0.1, -0.1], [1.6, 0.1, 0.1]])
+    parts = parts_of(thin, bar)
+    assert total(parts) < 0.8 * (convex_hull(thin.vertices).volume + bar.volume)
+    assert not covered(parts, np.zeros((1, 3))).any()
+    points = np.vstack([thin.sample(300, seed=1), bar.sample(300, seed=2)])
+    assert covered(parts, points).all()
 
 
 def test_bodies_side_by_side_are_parted_between_them() -> None:

@@ -5,7 +5,7 @@ import pytest
 from scipy.spatial import ConvexHull
 
 from kinematics.arrays import Array
-from obstacles.hull import convex_hull
+from obstacles.hull import convex_hull, corners_and_volume
 
 
 def test_encloses_every_point_and_faces_out() -> None:
@@ -41,3 +41,36 @@ def test_flat_sets_have_no_inside(jitter: float) -> None:
 def _area(corners: Array) -> float:
     edges = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     return float(np.linalg.norm(edges, axis=1).sum() / 2.0)
+
+
+def many_points(kind: str, random: np.random.Generator) -> Array:
+    """More points than are given to qhull as they are."""
+    points = random.normal(size=(4000, 3))
+    if kind == "sphere":
+        points /= np.linalg.norm(points, axis=1, keepdims=True)
+    if kind == "box":
+        points = np.clip(points, -0.5, 0.5)
+    if kind == "thin":
+        points[:, 2] *= 1e-7
+    if kind == "flat":
+        points[:, 2] = 0.25
+    return points
+
+
+@pytest.mark.parametrize("kind", ["normal", "sphere", "box", "thin", "flat"])
+def test_of_many_points_no_corner_is_missing(kind: str) -> None:
+    random = np.random.default_rng(4)
+    for _ in range(3):
+        points = many_points(kind, random)
+        hull = convex_hull(points)
+        corners, volume = corners_and_volume(points)
+        if kind == "flat":
+            assert not hull.solid
+            assert volume == 0.0
+            expected = points[ConvexHull(points[:, :2]).vertices]
+        else:
+            expected = points[ConvexHull(points).vertices]
+            assert volume == pytest.approx(ConvexHull(points).volume, rel=1e-12)
+            assert (points @ hull.planes[:, :3].T - hull.planes[:, 3]).max() <= 1e-12
+        for found in (hull.vertices, corners):
+            assert {tuple(p) for p in found} == {tuple(p) for p in expected}

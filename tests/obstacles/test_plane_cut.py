@@ -4,14 +4,9 @@ import numpy as np
 import pytest
 import trimesh
 
-from kinematics.arrays import Array
-from obstacles.plane_cut import (
-    cheapest_cut,
-    cut_triangles,
-    growing_volumes,
-    hull_volume,
-    triangle_areas,
-)
+from kinematics.arrays import Array, Indices
+from obstacles.hull import convex_hull
+from obstacles.plane_cut import Surface, cheapest_cut, cut_surface, triangle_areas, used_surface
 from tests.obstacles.arms import cup
 
 #: An L of two bars, 3 x 1 and 1 x 3, 1 thick: its corner is at the origin.
@@ -31,15 +26,20 @@ def edges_of(triangles: Array) -> Array:
     return np.asarray(triangles[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2, 3))
 
 
+def surface_of(triangles: Array, names: Indices | None = None) -> Surface:
+    faces = np.arange(3 * len(triangles)).reshape(-1, 3)
+    names = np.zeros(len(triangles), dtype=np.int64) if names is None else names
+    return Surface(triangles.reshape(-1, 3), faces, names)
+
+
 def cut(triangles: Array, axis: int, at: float) -> tuple[Array, Array]:
-    bodies = np.zeros(len(triangles), dtype=np.int64)
-    (below, _), (above, _) = cut_triangles(triangles, bodies, axis, at)
-    return below, above
+    below, above = cut_surface(surface_of(triangles), axis, at)
+    return below.vertices[below.faces], above.vertices[above.faces]
 
 
 def left(triangles: Array, axis: int, at: float) -> float:
     """Volume of the hulls of both sides of a cut [m^3], by definition."""
-    return sum(hull_volume(side.reshape(-1, 3)) for side in cut(triangles, axis, at))
+    return sum(convex_hull(side.reshape(-1, 3)).volume for side in cut(triangles, axis, at))
 
 
 def normals(triangles: Array) -> Array:
@@ -120,27 +120,35 @@ def test_every_part_keeps_the_name_of_its_body() -> None:
     random = np.random.default_rng(4)
     triangles = random.normal(size=(40, 3, 3)) + 10.0 * np.arange(40)[:, None, None] * [0, 1, 0]
     names = np.arange(40)
-    for side, numbers in cut_triangles(triangles, names, 0, 0.0):
-        assert len(side) == len(numbers)
+    for side in cut_surface(surface_of(triangles, names), 0, 0.0):
+        corners = side.vertices[side.faces[:, 0]]
+        assert len(corners) == len(side.names)
         # Bodies stand ten metres apart along y.
-        np.testing.assert_array_equal(np.round(side[:, 0, 1] / 10.0).clip(0, 39) - numbers, 0)
+        np.testing.assert_array_equal(np.round(corners[:, 1] / 10.0).clip(0, 39) - side.names, 0)
 
 
-def test_the_cheapest_cut_of_an_l_is_at_its_notch() -> None:
-    triangles = triangles_of(L_SHAPE)
-    points = triangles.reshape(-1, 3)
-    for axis in (0, 1):
-        at, volume = cheapest_cut(edges_of(triangles), points, axis, np.array([0.5, 1.01, 2.0]))
-        assert at == 1.01
-        assert volume == pytest.approx(5.01)
-    # Across its thickness no cut helps: both sides are as hollow as the whole.
-    _, volume = cheapest_cut(edges_of(triangles), points, 2, np.array([0.3, 0.5]))
-    assert volume == pytest.approx(hull_volume(points))
+def test_a_side_has_only_points_that_it_uses() -> None:
+    mesh = trimesh.creation.icosphere(subdivisions=2)
+    names = np.zeros(len(mesh.faces), dtype=np.int64)
+    whole = Surface(np.array(mesh.vertices), np.array(mesh.faces, dtype=np.int64), names)
+    for side in (*cut_surface(whole, 2, 0.2), used_surface(whole._replace(faces=whole.faces[:9]))):
+        np.testing.assert_array_equal(np.unique(side.faces), np.arange(len(side.vertices)))
+    kept = used_surface(whole)
+    np.testing.assert_array_equal(kept.vertices[kept.faces], whole.vertices[whole.faces])
 
 
-@pytest.mark.parametrize("axis", [0, 1, 2])
-def test_the_cheapest_cut_is_the_cheapest_of_all_places(axis: int) -> None:
-    random = np.random.default_rng(5)
+def test_the_cheapest_cut_of_an_l_is_beside_its_notch() -> None:
+    vertices, faces = np.array(L_SHAPE.vertices), np.array(L_SHAPE.faces, dtype=np.int64)
+    _, at, saved = cheapest_cut(vertices, faces)
+    # Twelve places on 3 m: the notch is at 1 m.
+    assert 1.0 < at < 1.0 + 3.0 / 13.0
+    whole = convex_hull(vertices).volume
+    assert saved == pytest.approx(whole - left(vertices[faces], 0, at), rel=1e-4)
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_the_cheapest_cut_is_the_cheapest_of_all_places(seed: int) -> None:
+    random = np.random.default_rng(seed)
     for mesh in (
         cup(),
         L_SHAPE,
@@ -148,34 +156,20 @@ def test_the_cheapest_cut_is_the_cheapest_of_all_places(axis: int) -> None:
     ):
         turn = trimesh.transformations.random_rotation_matrix(random.random(3))
         triangles = triangles_of(mesh.copy().apply_transform(turn))
-        points = np.unique(triangles.reshape(-1, 3), axis=0)
-        places = np.linspace(points[:, axis].min(), points[:, axis].max(), 8)[1:-1]
-        at, volume = cheapest_cut(edges_of(triangles), points, axis, places)
-        each = [left(triangles, axis, place) for place in places]
+        points = triangles.reshape(-1, 3)
+        axis, at, saved = cheapest_cut(points, np.arange(len(points)).reshape(-1, 3))
+        places = np.linspace(points.min(axis=0), points.max(axis=0), 14)[1:-1]
+        each = [left(triangles, k, place) for k in range(3) for place in places[:, k]]
+        whole = convex_hull(points).volume
         # Hulls of many points are looked at from 206 sides only: nearly the volume.
-        assert volume == pytest.approx(min(each), rel=0.01)
-        assert left(triangles, axis, at) == pytest.approx(min(each), rel=0.01)
+        assert saved == pytest.approx(whole - min(each), abs=0.01 * whole)
+        assert left(triangles, axis, at) == pytest.approx(min(each), abs=0.01 * whole)
 
 
-def test_volumes_grow_slab_by_slab_to_that_of_all() -> None:
-    random = np.random.default_rng(6)
-    slabs = [random.normal(size=(k, 3)) for k in (3, 1, 40, 0, 400)]
-    volumes = growing_volumes(slabs)
-    assert volumes[0] == 0.0
-    assert volumes == sorted(volumes)
-    for k, volume in enumerate(volumes):
-        assert volume == pytest.approx(hull_volume(np.vstack(slabs[: k + 1])), rel=0.02)
-
-
-@pytest.mark.parametrize(
-    "points",
-    [
-        np.zeros((0, 3)),
-        np.zeros((1, 3)),
-        np.eye(3),
-        np.random.default_rng(7).normal(size=(9, 3)) * [1, 1, 0],
-    ],
-    ids=["none", "one", "three", "flat"],
-)
-def test_what_is_flat_has_no_volume(points: Array) -> None:
-    assert hull_volume(points) == 0.0
+@pytest.mark.parametrize("axis", [0, 1, 2])
+def test_a_convex_body_and_a_flat_one_are_not_worth_a_cut(axis: int) -> None:
+    ball = trimesh.creation.icosphere(subdivisions=3)
+    vertices, faces = np.array(ball.vertices), np.array(ball.faces, dtype=np.int64)
+    assert cheapest_cut(vertices, faces)[2] < 0.02 * ball.volume
+    vertices[:, axis] = 0.5
+    assert cheapest_cut(vertices, faces)[2] < 1e-4

@@ -64,3 +64,24 @@ def test_triangles_are_turned_alike() -> None:
     inside = vertices.mean(axis=0)[None]
     assert abs(numbers_of(inside, vertices, mixed)[0]) < 0.9
     assert abs(numbers_of(inside, vertices, oriented(mixed))[0]) == pytest.approx(1.0)
+
+
+def test_triangles_of_two_bodies_are_turned_alike_in_each() -> None:
+    random = np.random.default_rng(4)
+    first, second = hull(random), hull(random)
+    vertices = np.vstack([first[0], second[0] + 10.0])
+    faces = np.vstack([first[1], second[1] + len(first[0])])
+    for share in (0.2, 0.8):
+        mixed = faces.copy()
+        turned = random.random(len(faces)) < share
+        mixed[turned] = mixed[turned][:, ::-1]
+        inside = np.array([first[0].mean(axis=0), second[0].mean(axis=0) + 10.0])
+        numbers = numbers_of(inside, vertices, oriented(mixed))
+        np.testing.assert_allclose(numbers, 1.0 if share < 0.5 else -1.0, atol=1e-9)
+
+
+@pytest.mark.parametrize("missing", [0, 1])
+def test_a_closed_mesh_is_a_solid_however_thin_it_is(missing: int) -> None:
+    """No point that is looked at lies in it."""
+    vertices, faces, _ = hull(np.random.default_rng(5))
+    assert is_solid(vertices * [1.0, 1.0, 1e-6], faces[missing:]) == (missing == 0)
