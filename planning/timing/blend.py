@@ -17,22 +17,25 @@ and its mirror image: d2q/ds2 grows from 0 to (u_out - u_in) / r in the middle a
 These pass the corner within r |u_out - u_in| / 6.
 """
 
-import math
+from collections.abc import Callable
+from functools import cache
+from typing import TypeGuard
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from kinematics.arrays import Array, Indices
-from kinematics.compiled.kernel import kernel
+from kinematics.compiled.kernel import direct, kernel
 from kinematics.errors import InvalidOption, InvalidTrajectory
-from planning.timing.path import SAME_DIRECTION, JointPath
+from planning.timing.merging import (
+    distance,
+    find_largest_kernel,
+    keep_kernel,
+    largest_reaches_kernel,
+    merge_kernel,
+)
+from planning.timing.path import JointPath
 
-# Waypoints nearer than this, relative to the largest coordinate (at least 1), are the same one:
-# what rounding leaves of a direction there is no direction.
-_SAME_POINT = 1e-12
-# Within this of a full reversal, |u_in + u_out|, the parabola would turn round before it gets to
-# the corner: the motion stops at the corner instead.
-_REVERSAL = 1e-3
 # A reach below this part of the shorter leg would let the corner be passed at a thousandth of the
 # leg's speed: a stop costs no more.
 _LEAST_REACH = 1e-6
@@ -57,6 +60,10 @@ def merge(waypoints: ArrayLike) -> Array:
     Raises:
         InvalidTrajectory: There is no waypoint, rows differ in length, or a value is not finite.
     """
+    if _is_plain(waypoints):
+        merged = _merge()(waypoints)
+        if len(merged):
+            return merged
     points = _points(waypoints)
     return points[_keep(points)]
 
@@ -69,8 +76,31 @@ def largest_reaches(waypoints: ArrayLike) -> Array:
     Raises:
         InvalidTrajectory: As in ``merge``.
     """
+    if _is_plain(waypoints):
+        found = _find_largest()(waypoints)
+        if len(found) == len(waypoints) - 2:
+            return found
     points = _points(waypoints)
     return _largest_reaches(points, _keep(points))
+
+
+def _is_plain(waypoints: ArrayLike) -> TypeGuard[Array]:
+    """Whether waypoints are an array as kernels take them; its numbers may not be finite."""
+    if type(waypoints) is not np.ndarray or waypoints.dtype != np.float64 or waypoints.ndim != 2:
+        return False
+    return waypoints.flags.c_contiguous and waypoints.size > 0
+
+
+@cache
+def _merge() -> Callable[[Array], Array]:
+    """``merge_kernel`` for a plain array, without numba's look at its type."""
+    return direct(merge_kernel, np.zeros((1, 1)))
+
+
+@cache
+def _find_largest() -> Callable[[Array], Array]:
+    """``find_largest_kernel`` likewise."""
+    return direct(find_largest_kernel, np.zeros((1, 1)))
 
 
 def _largest_reaches(points: Array, kept: Indices) -> Array:
@@ -162,7 +192,7 @@ def smooth_blend_kernel(waypoints: Array, reaches: Array) -> tuple[Array, Array]
         for joint in range(n):
             corners[i, joint] = waypoints[kept[i], joint]
     for i in range(count - 1):
-        lengths[i] = _distance(corners[i + 1], corners[i])
+        lengths[i] = distance(corners[i + 1], corners[i])
         for joint in range(n):
             directions[i, joint] = (corners[i + 1, joint] - corners[i, joint]) / lengths[i]
     for i in range(1, count - 1):
@@ -282,67 +312,3 @@ def _keep(points: Array) -> Indices:
     """Indices of the waypoints that stay: ends, and where the direction changes."""
     kept = np.empty(len(points), dtype=np.int64)
     return kept[: keep_kernel(points, kept)]
-
-
-@kernel
-def keep_kernel(points: Array, kept: Indices) -> int:
-    """Write the indices of the waypoints (k, n) that stay into ``kept`` (k,); their number.
-
-    A direction is compared with that of the whole leg since the last waypoint that stayed, so a
-    slow bend of many small turns is not taken for a straight line.
-    """
-    k, n = points.shape
-    scale = 1.0
-    for i in range(k):
-        for joint in range(n):
-            scale = max(scale, abs(points[i, joint]))
-    distinct = 1
-    kept[0] = 0
-    for i in range(1, k):
-        if _distance(points[i], points[kept[distinct - 1]]) > _SAME_POINT * scale:
-            kept[distinct] = i
-            distinct += 1
-    if distinct == 1:
-        return 1
-    # The very last waypoint stands for those it repeats: the goal is met exactly.
-    kept[distinct - 1] = k - 1
-    used = 1
-    for at in range(1, distinct - 1):
-        last, here, after = kept[used - 1], kept[at], kept[at + 1]
-        before = _distance(points[here], points[last])
-        ahead = _distance(points[after], points[here])
-        square = 0.0
-        for joint in range(n):
-            turn = (points[after, joint] - points[here, joint]) / ahead
-            turn -= (points[here, joint] - points[last, joint]) / before
-            square += turn * turn
-        if math.sqrt(square) > SAME_DIRECTION:
-            kept[used] = here
-            used += 1
-    kept[used] = k - 1
-    return used + 1
-
-
-@kernel
-def largest_reaches_kernel(points: Array, kept: Indices, reaches: Array) -> None:
-    """Write the ``largest_reaches`` of waypoints of which some are ``kept``; zeros come in."""
-    n = points.shape[1]
-    for at in range(1, kept.shape[0] - 1):
-        last, here, after = kept[at - 1], kept[at], kept[at + 1]
-        before = _distance(points[here], points[last])
-        ahead = _distance(points[after], points[here])
-        square = 0.0
-        for joint in range(n):
-            total = (points[after, joint] - points[here, joint]) / ahead
-            total += (points[here, joint] - points[last, joint]) / before
-            square += total * total
-        if math.sqrt(square) >= _REVERSAL:
-            reaches[here - 1] = 0.5 * min(before, ahead)
-
-
-@kernel
-def _distance(a: Array, b: Array) -> float:
-    square = 0.0
-    for joint in range(a.shape[0]):
-        square += (a[joint] - b[joint]) ** 2
-    return math.sqrt(square)

@@ -41,15 +41,17 @@ def certified_reaches(
     if most is not None:
         widest = np.minimum(widest, most)
     found = np.zeros(len(widest))
+    trial = widest.copy()
     for level in (*preferred, checker):
         is_last = level is checker
         halvings = _HALVINGS if is_last else _HALVINGS_PREFERRED
-        trial = np.where(found > 0.0, 0.0, widest)
-        if deadline.passed or not trial.any():
+        if deadline.passed or not any(trial.tolist()):
             break
         search = level.round_corners(waypoints, trial, halvings, keep=not is_last, smooth=smooth)
         for done in search:
-            found[:done] = np.maximum(found, trial)[:done]
+            np.maximum(found[:done], trial[:done], out=found[:done])
             if deadline.passed:
                 break
+        if not is_last:
+            trial = np.where(found > 0.0, 0.0, widest)
     return found

@@ -1,17 +1,18 @@
 """Rounded polylines timed with bounded jerk in few pieces, each corner at a speed of its own."""
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from functools import cache
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from kinematics.arrays import Array
-from kinematics.compiled.kernel import kernel
+from kinematics.compiled.kernel import direct, kernel
 from kinematics.polynomial import shift_kernel
 from kinematics.trajectory import Trajectory
-from planning.timing.blend import keep_kernel, largest_reaches_kernel, smooth_blend_kernel
+from planning.timing.blend import smooth_blend_kernel
 from planning.timing.composition import compose_kernel
 from planning.timing.corner_reaches import CornerLimits, fastest_reaches_kernel
 from planning.timing.double_s import (
@@ -21,6 +22,7 @@ from planning.timing.double_s import (
     lower_speeds_kernel,
     polyline_phases_kernel,
 )
+from planning.timing.merging import keep_kernel, largest_reaches_kernel
 from planning.timing.path import JointPath
 from planning.timing.time_scaling import ScaledTime, dilate
 
@@ -52,8 +54,14 @@ def fastest_reaches(waypoints: Array, limits: Array, largest: Array) -> Array:
         Reaches for ``blend``, shape (k - 2,).
     """
     reaches = np.zeros(len(largest))
-    corner_reaches_kernel(np.ascontiguousarray(waypoints), limits, largest, reaches)
+    _find_reaches()(np.ascontiguousarray(waypoints), limits, largest, reaches)
     return reaches
+
+
+@cache
+def _find_reaches() -> Callable[[Array, Array, Array, Array], None]:
+    """``corner_reaches_kernel`` for contiguous arrays, without numba's look at their types."""
+    return direct(corner_reaches_kernel, *np.zeros((2, 3, 1)), *np.zeros((2, 1)))
 
 
 @kernel

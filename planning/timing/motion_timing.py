@@ -7,11 +7,12 @@ waypoints: with more waypoints on the legs it keeps nearer to them.
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
-from functools import partial
+from functools import cache, partial
 
 import numpy as np
 
 from kinematics.arrays import Array
+from kinematics.compiled.kernel import direct
 from kinematics.errors import InvalidOption
 from kinematics.polynomial import sample_between_kernel
 from kinematics.trajectory import Trajectory, stay
@@ -176,14 +177,22 @@ def _lower(level: Checker) -> Checker:
     """The checker of a preferred clearance with a little less of it."""
     model = level.model
     margins = _SHARE_KEPT * model.margin, _SHARE_KEPT * model.own_margin
-    return replace(level, model=model.with_margins(*margins))
+    lower = model.with_margins(*margins)
+    # The usual checker costs half as much made anew as replaced.
+    return Checker(lower, level.slack) if type(level) is Checker else replace(level, model=lower)
 
 
 def _states_between(breaks: Array, coefficients: Array, count: int) -> Array:
     """States at instants evenly spaced between a motion's ends, shape (count, n)."""
     states = np.empty((count, coefficients.shape[1]))
-    sample_between_kernel(breaks, coefficients, states)
+    _sample_between()(breaks, coefficients, states)
     return states
+
+
+@cache
+def _sample_between() -> Callable[[Array, Array, Array], None]:
+    """``sample_between_kernel`` for a motion's arrays, without numba's look at their types."""
+    return direct(sample_between_kernel, np.zeros(1), np.zeros((1, 1, 1)), np.zeros((1, 1)))
 
 
 def _splines(

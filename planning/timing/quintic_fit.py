@@ -7,12 +7,13 @@ by some milliradians more than the motion: whether it is free is for the proof t
 """
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from functools import cache
 
 import numpy as np
 
 from kinematics.arrays import Array
-from kinematics.compiled.kernel import kernel
+from kinematics.compiled.kernel import direct, kernel
 from kinematics.compiled.simd import LANES, fill, load
 from kinematics.errors import InvalidOption
 from kinematics.polynomial import sample_kernel
@@ -79,9 +80,16 @@ def fit_pieces(
     count = max(MIN_SPANS, math.ceil(rate * duration))
     count = min(count, max(MIN_SPANS, _SPANS_PER_LEG * legs))
     breaks, coefficients = np.empty(count + 1), np.empty((count, n, DEGREE + 1))
-    factor = fit_motion_kernel(*motion, limits, breaks, coefficients)
+    factor = _fit_motion()(*motion, limits, breaks, coefficients)
     scaled = scaled_motion(joint_names, breaks, coefficients, factor)
     return ScaledTime(scaled.trajectory, factor, "quintic_spline")
+
+
+@cache
+def _fit_motion() -> Callable[[Array, Array, Array, Array, Array], float]:
+    """``fit_motion_kernel`` for pieces' arrays, without numba's look at their types."""
+    breaks, coefficients = np.zeros(1), np.zeros((1, 1, 1))
+    return direct(fit_motion_kernel, breaks, coefficients, np.zeros((3, 1)), breaks, coefficients)
 
 
 @kernel

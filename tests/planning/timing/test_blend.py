@@ -199,3 +199,21 @@ def test_the_kernel_blends_as_the_function_does(n: int) -> None:
         close = 1e-13 * scale if n > 7 else 0.0
         np.testing.assert_allclose(lengths, path.lengths, rtol=0.0, atol=close)
         np.testing.assert_allclose(coefficients, path.coefficients, rtol=0.0, atol=close)
+
+
+def test_arrays_of_any_layout_are_merged_alike() -> None:
+    rng = np.random.default_rng(2)
+    points = np.cumsum(rng.uniform(-0.5, 0.7, (7, 5)), axis=0)
+    points[3], points[5] = points[2], 0.5 * (points[4] + points[6])
+    merged, largest = merge(points), largest_reaches(points)
+    assert len(merged) == 5
+    assert not np.shares_memory(merged, points)
+    for other in (points.tolist(), np.asfortranarray(points), np.repeat(points, 2, axis=1)[:, ::2]):
+        np.testing.assert_array_equal(merge(other), merged)
+        np.testing.assert_array_equal(largest_reaches(other), largest)
+    for number in (np.nan, np.inf, -np.inf):
+        points[4, 1] = number
+        for function in (merge, largest_reaches):
+            with pytest.raises(InvalidTrajectory, match="waypoint 4 is not finite"):
+                function(points)
+    assert len(largest_reaches(points[:1])) == len(largest_reaches(points[:2])) == 0
