@@ -34,7 +34,7 @@ from obstacles.robot_geometry import RobotGeometry
 from obstacles.scene import Scene
 from obstacles.scene_set import scene_set
 
-__all__ = ["CollisionModel", "ModelArrays", "all_pieces", "skipped_pairs"]
+__all__ = ["CollisionModel", "ModelArrays", "all_pieces", "pack", "skipped_pairs"]
 
 _T = TypeVar("_T", bound=np.generic)
 _HALFSPACE = int(CoreKind.HALFSPACE)
@@ -155,6 +155,11 @@ def _packed(robot: RobotGeometry, scene: Scene, margin: float, own_margin: float
         margin=float(margin),
         own_margin=float(own_margin),
     )
+
+
+def pack(robot: RobotGeometry) -> None:
+    """Pack a robot before the first question: what takes longest is kept (`kept_files`)."""
+    _robot_part(robot)
 
 
 def all_pieces(robot: RobotGeometry, scene: Scene) -> PieceSet:

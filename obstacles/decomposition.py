@@ -7,13 +7,10 @@ distance to all hulls is a distance to the solid; where it does not do, the tria
 (``obstacles.mesh_distance``), and nothing is filled that the mesh leaves open.
 """
 
-import contextlib
 import hashlib
-import tempfile
-from collections.abc import Iterator
 from dataclasses import fields
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import IO, Any, NamedTuple
 from zipfile import BadZipFile
 
 import numpy as np
@@ -27,6 +24,7 @@ from kinematics.preparation_limit import check_preparation_time
 from obstacles.closest_point import mesh_distances
 from obstacles.convex_cover import ConvexPart, cut_bodies, hull_part
 from obstacles.hull import Hull, convex_hull, corners_and_volume
+from obstacles.kept_files import kept_file, write_file
 from obstacles.mesh import Faces
 from obstacles.plane_cut import triangle_areas
 from obstacles.winding import is_solid, oriented
@@ -46,31 +44,6 @@ _EXACT_CORNERS = 192
 _MERGING = 1e-6
 
 
-_directory: Path | None = None
-_written: list[Path] | None = None
-
-
-def keep_decompositions(directory: Path | None) -> None:
-    """Look for decompositions in ``directory`` as well, see `written_decompositions`."""
-    global _directory  # noqa: PLW0603  one cache a process, like the one in memory
-    _directory = directory
-
-
-@contextlib.contextmanager
-def written_decompositions() -> Iterator[list[Path]]:
-    """Keep the decompositions that are made meanwhile, for other processes and later ones.
-
-    Yields:
-        The files that were written; whoever has them kept removes them in the end.
-    """
-    global _written  # noqa: PLW0603
-    before, _written = _written, list[Path]()
-    try:
-        yield _written
-    finally:
-        _written = before
-
-
 def convex_pieces(vertices: Array, faces: Faces) -> tuple[ConvexPart, ...]:
     """Convex pieces whose union covers a mesh and what it encloses.
 
@@ -88,15 +61,13 @@ def convex_pieces(vertices: Array, faces: Faces) -> tuple[ConvexPart, ...]:
 @bounded_cache(maxsize=256)
 def _stored_pieces(vertices: bytes, faces: bytes) -> tuple[ConvexPart, ...]:
     digest = hashlib.sha256(b"5" + len(vertices).to_bytes(8) + vertices + faces).hexdigest()
-    file = _directory / f"{digest}.npz" if _directory is not None else None
+    name = f"{digest}.npz"
+    file = kept_file(name)
     if file is not None and (stored := _read(file)) is not None:
         return stored
     points = np.frombuffer(vertices).reshape(-1, 3)
     parts = _decompose(points, np.frombuffer(faces, dtype=np.int64).reshape(-1, 3))
-    if file is not None and _written is not None:
-        with contextlib.suppress(OSError):  # it is computed again where it could not be kept
-            _write(file, parts)
-            _written.append(file)
+    write_file(name, lambda stream: _write(stream, parts))
     return parts
 
 
@@ -116,23 +87,13 @@ def _split_by_counts(stored: "np.lib.npyio.NpzFile", name: str) -> list[Array]:
     return np.split(stored[name], np.cumsum(stored[f"{name}_counts"])[:-1])
 
 
-def _write(file: Path, parts: tuple[ConvexPart, ...]) -> None:
-    file.parent.mkdir(parents=True, exist_ok=True)
+def _write(stream: IO[bytes], parts: tuple[ConvexPart, ...]) -> None:
     columns: dict[str, Any] = {}
     for item in fields(ConvexPart):
         own = [np.atleast_1d(getattr(part, item.name)) for part in parts]
         columns[item.name] = np.concatenate(own)
         columns[f"{item.name}_counts"] = np.array([len(array) for array in own])
-    # Written aside and renamed: another process sees all of it or nothing.
-    with tempfile.NamedTemporaryFile(dir=file.parent, suffix=".npz", delete=False) as stream:
-        part = Path(stream.name)
-        try:
-            np.savez(stream, **columns)
-            stream.flush()
-            part.replace(file)
-        except OSError:
-            part.unlink(missing_ok=True)
-            raise
+    np.savez(stream, **columns)
 
 
 class _Body(NamedTuple):

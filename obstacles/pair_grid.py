@@ -5,6 +5,7 @@ box ever parts them; but how far they are apart is a function of the joints betw
 cell of the grid the distance is at least that in its middle less what the pair can move within it.
 """
 
+import hashlib
 import itertools
 from collections.abc import Sequence
 from dataclasses import replace
@@ -18,6 +19,7 @@ from kinematics.chain import Chain
 from kinematics.compiled.kernel import kernel
 from kinematics.forward import joint_frames
 from obstacles.gjk import STILL, separation
+from obstacles.kept_files import kept_array
 from obstacles.kernel_work import Workspace, place, visit, workspace
 from obstacles.model_arrays import ModelArrays
 from obstacles.piece import Piece
@@ -133,16 +135,39 @@ def pair_grid(chain: Chain, pieces: Sequence[Piece], joints: Indices, pairs: Ind
         pairs: Two pieces each, the second one carried farther out.
     """
     axes, starts = np.zeros((len(pairs), 2, 3)), np.zeros(len(pairs), dtype=np.int64)
-    values, length = [np.zeros(0)], 0
+    chosen, length = list[_Chosen](), 0
+    # The number goes up when the same pairs get other distances.
+    digest = hashlib.sha256(b"pair grid 1" + chain.content_hash.encode())
     for s in _choose_pairs(chain, pieces, joints, pairs):
         i, j = pairs[s]
         first, last = int(joints[i]) + 1, int(joints[j])
         own = _axes(chain, first, last)
         assert own is not None
         axes[s], starts[s] = own, length
-        values.append(_values(chain, pieces[i], pieces[j], first, last))
-        length += len(values[-1])
-    return PairGrid(axes, starts, np.concatenate(values))
+        length += int(own[:, 2].prod())
+        chosen.append(_Chosen(pieces[i], pieces[j], first, last))
+        digest.update(np.array([first, last]).tobytes() + _bytes(pieces[i]) + _bytes(pieces[j]))
+
+    def computed() -> Array:
+        return np.concatenate([np.zeros(0), *(_values(chain, *pair) for pair in chosen)])
+
+    return PairGrid(axes, starts, kept_array(digest.hexdigest(), (length,), computed))
+
+
+class _Chosen(NamedTuple):
+    """A pair of pieces that gets a grid, and the joints between them."""
+
+    a: Piece
+    b: Piece
+    first: int
+    last: int
+
+
+def _bytes(piece: Piece) -> bytes:
+    """All that the cover of a piece is made of."""
+    sizes = [piece.kind, len(piece.vertices), piece.radius, piece.half_height, piece.offset_radius]
+    numbers = np.array(sizes, dtype=np.float64)
+    return numbers.tobytes() + piece.vertices.tobytes() + piece.T_owner_piece.tobytes()
 
 
 def _choose_pairs(

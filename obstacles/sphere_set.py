@@ -6,6 +6,7 @@ so one number, the excess r + s(c) of the outer radius r, tells how far the oute
 far and at once how much the inner one lacks of it.
 """
 
+import hashlib
 import math
 from dataclasses import dataclass, fields
 
@@ -17,6 +18,7 @@ from kinematics.compiled.kernel import kernel
 from kinematics.errors import InvalidScene
 from obstacles.closest_point import nearest_on_cone, nearest_on_cylinder
 from obstacles.hull import convex_hull
+from obstacles.kept_files import kept_array
 from obstacles.piece import Piece, PieceKind
 from obstacles.sphere_cover import cover
 
@@ -96,6 +98,21 @@ def _spheres(
     enough: float,
 ) -> tuple[Array, Array, Array, Indices]:  # fmt: skip
     """``SphereSet`` in the frame of the piece."""
+    size = np.array([kind, radius, half, rounding, most, enough], dtype=np.float64)
+    # The number goes up when the same piece gets other spheres.
+    digest = hashlib.sha256(b"spheres 1" + size.tobytes() + corners).hexdigest()
+    rows = kept_array(
+        digest, (-1, 6), lambda: _sphere_rows(kind, corners, (radius, half, rounding), most, enough)
+    )
+    outer, inner = (np.ascontiguousarray(rows[:, column]) for column in (3, 4))
+    return rows[:, :3], outer, inner, rows[:, 5].astype(np.int64)
+
+
+def _sphere_rows(
+    kind: PieceKind, corners: bytes, size: tuple[float, float, float], most: int, enough: float
+) -> Array:
+    """Rows of centre, outer and inner radius, and the number of the sphere after those below."""
+    radius, half, rounding = size
     core = np.frombuffer(corners).reshape(-1, 3)
     if kind != PieceKind.POLYTOPE:
         core = _around(kind, radius, half)
@@ -103,7 +120,8 @@ def _spheres(
         enough -= radius / math.cos(math.pi / _SIDES) - radius
     hull = convex_hull(core)
     if len(hull.vertices) <= 2 and (rounding > 0.0 or len(hull.vertices) == 1):
-        return _along(hull.vertices[0], hull.vertices[-1], rounding, most, enough)
+        row = _along(hull.vertices[0], hull.vertices[-1], rounding, most, enough)
+        return np.column_stack(row)
     sides = hull.triangles
     edges = np.vstack([sides[:, [0, 1]], sides[:, [1, 2]], sides[:, [2, 0]]])
     edges = np.unique(np.sort(edges, axis=1), axis=0)
@@ -112,11 +130,8 @@ def _spheres(
     centers, outer, depths = found[:, :3], found[:, 3], found[:, 4]
     if kind != PieceKind.POLYTOPE:
         depths = round_depths(kind == PieceKind.CONE, radius, half, np.ascontiguousarray(centers))
-    return (
-        centers,
-        outer + rounding + _ROUNDING,
-        depths + rounding - _ROUNDING,
-        found[:, 5].astype(np.int64),
+    return np.column_stack(
+        [centers, outer + rounding + _ROUNDING, depths + rounding - _ROUNDING, found[:, 5]]
     )
 
 

@@ -19,7 +19,7 @@ def document_hash(document: bytes) -> str:
 
 @lru_cache(16)
 def decompositions(folder: str) -> Path:
-    """Folder of the convex parts of meshes."""
+    """Folder of the convex parts of meshes, of their spheres and of distances of links."""
     return Path(folder) / _DECOMPOSITIONS
 
 
@@ -34,7 +34,7 @@ def visual_file(reference: Reference) -> Path:
 
 
 def note_meshes(reference: Reference, files: Sequence[Path]) -> None:
-    """Note the files of convex parts that were written for a reference: they go with it."""
+    """Note the files of solids that were written for a reference: they go with it."""
     if files:
         names = "\n".join(file.name for file in files)
         _mesh_list(reference).write_text(names, encoding="ascii")

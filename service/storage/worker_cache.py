@@ -6,7 +6,7 @@ from dynamics.motor import Motor
 from kinematics.arrays import Array
 from kinematics.chain import Chain
 from kinematics.root_frame import TOOL
-from obstacles.decomposition import keep_decompositions
+from obstacles.kept_files import keep_files_in
 from obstacles.placement import in_frame, place
 from obstacles.scene import Scene
 from obstacles.visual_geometry import VisualGeometry
@@ -137,7 +137,7 @@ def _scene(
 
 def _keep_decompositions(reference: Reference) -> None:
     if reference.folder:
-        keep_decompositions(prepared_files.decompositions(reference.folder))
+        keep_files_in(prepared_files.decompositions(reference.folder))
 
 
 def _built_in(name: str) -> PreparedRobot:

@@ -10,7 +10,8 @@ from kinematics.robots import builtin_urdf
 from kinematics.srdf_writer import srdf_text
 from kinematics.urdf import parse_urdf
 from kinematics.urdf_limits import with_limits
-from obstacles.decomposition import keep_decompositions, written_decompositions
+from obstacles.collision_model import pack
+from obstacles.kept_files import keep_files_in, written_files
 from obstacles.scene import Scene
 from service.schemas.robot import RobotBody, RobotChanges
 from service.schemas.scene import NamedScene
@@ -56,8 +57,8 @@ def prepare_scene(document: bytes, folder: str, name: str) -> str:
     Raises:
         InvalidScene: It can't be built; the message names the obstacle.
     """
-    keep_decompositions(prepared_files.decompositions(folder))
-    with written_decompositions() as written:
+    keep_files_in(prepared_files.decompositions(folder))
+    with written_files() as written:
         scene: Scene = poses.scene(SceneBody.model_validate_json(document))
         scene.pieces()
     reference = Reference("scene", name, prepared_files.document_hash(document), folder)
@@ -91,10 +92,11 @@ def prepare_robot(document: bytes, folder: str) -> bytes:
     Raises:
         InvalidRobotDescription: It can't be built.
     """
-    keep_decompositions(prepared_files.decompositions(folder))
+    keep_files_in(prepared_files.decompositions(folder))
     body = RobotBody.model_validate_json(document)
-    with written_decompositions() as written:
+    with written_files() as written:
         geometry, lint = robots.robot(body)
+        pack(geometry)
         visuals, more = robot_visuals(body, geometry.chain)
         lint = [*lint, *more]
         answer = robots.robot_answer(geometry, lint, body.name, is_built_in=False, body=body)

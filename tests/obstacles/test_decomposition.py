@@ -10,13 +10,9 @@ from scipy.optimize import nnls
 from kinematics.arrays import Array
 from obstacles import decomposition
 from obstacles.convex_cover import ConvexPart
-from obstacles.decomposition import (
-    convex_pieces,
-    keep_decompositions,
-    overhang,
-    written_decompositions,
-)
+from obstacles.decomposition import convex_pieces, overhang
 from obstacles.hull import convex_hull
+from obstacles.kept_files import keep_files_in, written_files
 
 
 def ell(arm: float = 1.0, thickness: float = 0.2) -> trimesh.Trimesh:
@@ -238,11 +234,11 @@ def test_pieces_that_were_kept_are_read_back(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     body = ell(0.8)
-    keep_decompositions(tmp_path / "cache")
+    keep_files_in(tmp_path / "cache")
     try:
         pieces_of(ell(0.7))
         assert not (tmp_path / "cache").exists(), "kept only where somebody will remove it"
-        with written_decompositions() as written:
+        with written_files() as written:
             first = pieces_of(body)
         decomposition._stored_pieces.cache_clear()
         monkeypatch.setattr(decomposition, "_decompose", None)
@@ -256,7 +252,7 @@ def test_pieces_that_were_kept_are_read_back(
         file.write_bytes(b"cut short")
         assert len(pieces_of(body)) == len(first)
     finally:
-        keep_decompositions(None)
+        keep_files_in(None)
 
 
 def test_a_flat_mesh_is_its_flat_hull() -> None:

@@ -1,0 +1,92 @@
+"""Arrays kept in files: read back bit by bit, computed anew where a file is missing or spoilt."""
+
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from armwright.robot import load_robot
+from obstacles import brackets, collision_model, pair_grid, sphere_set
+from obstacles.kept_files import keep_files_in, kept_array, written_files
+from obstacles.robot_geometry import RobotGeometry
+
+
+@pytest.fixture
+def folder(tmp_path: Path) -> Iterator[Path]:
+    keep_files_in(tmp_path / "kept")
+    yield tmp_path / "kept"
+    keep_files_in(None)
+
+
+def never(*_: object) -> np.ndarray:
+    raise AssertionError("it was kept")
+
+
+def test_an_array_is_written_only_while_something_is_prepared(folder: Path) -> None:
+    made = np.random.default_rng(0).normal(size=(5, 6))
+    assert kept_array("one", (-1, 6), lambda: made) is made
+    assert not folder.exists(), "kept only where somebody will remove it"
+    with written_files() as written:
+        kept_array("one", (-1, 6), lambda: made)
+    assert written == [folder / "one.npy"]
+    np.testing.assert_array_equal(kept_array("one", (-1, 6), never), made)
+
+
+@pytest.mark.parametrize(
+    "content", ["cut short", "empty", "other shape", "other type", "object", "other format"]
+)
+def test_a_spoilt_file_is_not_read(folder: Path, content: str) -> None:
+    folder.mkdir()
+    file, made = folder / "one.npy", np.arange(12.0).reshape(2, 6)
+    np.save(file, made)
+    if content == "cut short":
+        file.write_bytes(file.read_bytes()[:-8])
+    elif content == "empty":
+        file.write_bytes(b"")
+    elif content == "other format":
+        with file.open("wb") as stream:
+            np.savez(stream, made)
+    else:
+        others = {"other shape": made.T, "other type": made.astype(np.int64)}
+        np.save(file, others.get(content, np.array([[{}] * 6])), allow_pickle=True)
+    np.testing.assert_array_equal(kept_array("one", (-1, 6), lambda: made + 1.0), made + 1.0)
+
+
+def test_where_nothing_can_be_written_it_is_computed(tmp_path: Path) -> None:
+    (tmp_path / "file").write_text("no folder")
+    keep_files_in(tmp_path / "file")
+    try:
+        with written_files() as written:
+            assert kept_array("one", (1,), lambda: np.ones(1)) == 1.0
+        assert written == []
+    finally:
+        keep_files_in(None)
+
+
+def packed(robot: RobotGeometry) -> list[np.ndarray]:
+    """Spheres and grids of a robot, nothing of it in memory."""
+    for cached in (
+        sphere_set._spheres, brackets.brackets, pair_grid._values, collision_model._robot_part,
+    ):  # fmt: skip
+        cached.cache_clear()
+    part = collision_model._robot_part(robot)
+    return [part.brackets.spheres, part.brackets.starts, *part.grid]
+
+
+def test_spheres_and_grids_of_a_robot_are_kept(
+    folder: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    robot = load_robot("ur5e")
+    expected = packed(robot)
+    with written_files() as written:
+        packed(robot)
+    assert sorted(written) == sorted(folder.iterdir())
+    monkeypatch.setattr(sphere_set, "_sphere_rows", never)
+    monkeypatch.setattr(pair_grid, "_fill", never)
+    for array, other in zip(packed(robot), expected, strict=True):
+        np.testing.assert_array_equal(array, other)
+        assert array.dtype == other.dtype
+    # Another robot is made of other numbers: of this one only pieces are the same.
+    with pytest.raises(AssertionError, match="it was kept"):
+        packed(load_robot("panda"))
