@@ -14,6 +14,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from kinematics.bounded_cache import bounded_cache
 from kinematics.chain import Limits
 from kinematics.trajectory import Trajectory
 from obstacles.robot_geometry import RobotGeometry
@@ -220,6 +221,7 @@ def certify_limits(
     )
 
 
+@bounded_cache(maxsize=8)
 def has_solids(robot: RobotGeometry) -> bool:
     """Whether links of the robot itself have solids, not only what it holds."""
     links = {link.name for link in robot.chain.links}

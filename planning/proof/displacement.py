@@ -23,6 +23,9 @@ over the interval is no less than those at the corners of a hull of that curve.
 
 import math
 
+import numpy as np
+from numpy.typing import NDArray
+
 from kinematics.arrays import Array, Indices
 from kinematics.compiled.kernel import kernel
 from kinematics.vec3 import Vector, cross, dot
@@ -61,6 +64,8 @@ CURVE = 9
 SPIN = 12
 MOVE_COLUMNS = 15
 
+Mask = NDArray[np.bool_]
+
 #: Turns in the interval beyond which second order is not looked at [rad]: so directions stay of the
 #: size of 1, for which rounding is bounded.
 _MOST_TURN = 1.0
@@ -70,41 +75,42 @@ _MOST_TURN = 1.0
 def displacement_bounds(
     bodies: Indices,
     frames: Array,
-    center: Vector,
-    radius: float,
+    ball: tuple[Vector, float],
     carrier: int,
     joints: Array,
     half: float,
+    asked: Mask,
     moves: Array,
 ) -> None:
-    """Bound how a ball carried by a joint moves on an interval, seen from every body before it.
+    """Bound how a ball carried by a joint moves on an interval, seen from bodies before it.
 
     Args:
         bodies: Rows TYPE and PARENT, shape (2, b).
         frames: T_base_body in the middle of the interval, shape (b, 4, 4).
-        center: Of the ball in the base frame [m].
-        radius: Of the ball [m].
+        ball: Its centre in the base frame, and its radius [m].
         carrier: The body it moves with.
         joints: From ``enclose`` and ``enclose_followers``, shape (b, JOINT_COLUMNS).
         half: Half the interval's length [s].
+        asked: Rows of ``moves`` that are asked for, shape (b,).
         moves: Row k is filled for each body k - 1 before the carrier: seen from there, columns
-            MOVED to SPIN, shape (b, MOVE_COLUMNS).
+            MOVED to SPIN, shape (b, MOVE_COLUMNS). Of rows that are not asked for MOVED, BEND and
+            TWIST are infinite: they prove nothing.
     """
+    center, radius = ball
     j, far, speed, acceleration, jerk = carrier, 0.0, 0.0, 0.0, 0.0
-    rounded, bow_rounded, turns, spins = 0.0, 0.0, 0.0, 0.0
-    v, w, a, b = (0.0, 0.0, 0.0), (0.0, 0.0, 0.0), (0.0, 0.0, 0.0), (0.0, 0.0, 0.0)
+    rounded, bow_rounded, turns, spins, v = 0.0, 0.0, 0.0, 0.0, (0.0, 0.0, 0.0)
+    w, a, b = v, v, v
     while j >= 0:
         rate, bow, fastest, steepest = (
             joints[j, RATE], joints[j, BOW], joints[j, SPEED], joints[j, ACCELERATION],
         )  # fmt: skip
         axis = (frames[j, 0, 2], frames[j, 1, 2], frames[j, 2, 2])
         if bodies[TYPE, j] == 1:
-            far += joints[j, RADIUS]
-            speed += fastest
-            acceleration += steepest
-            jerk += joints[j, JERK]
-            rounded += joints[j, ROUNDING]
-            bow_rounded += joints[j, BOW_ROUNDING]
+            far, jerk = far + joints[j, RADIUS], jerk + joints[j, JERK]
+            speed, acceleration = speed + fastest, acceleration + steepest
+            rounded, bow_rounded = (
+                rounded + joints[j, ROUNDING], bow_rounded + joints[j, BOW_ROUNDING],
+            )  # fmt: skip
             v, a = _add(v, rate, axis), _add(a, bow, axis)
         else:
             arm = cross(
@@ -128,13 +134,18 @@ def displacement_bounds(
             # No point is displaced by more than the circle's diameter.
             far += min(lever * joints[j, RADIUS], 2.0 * lever)
             a = _add(_add(a, 2.0 * rate, cross(axis, v)), bow, arm)
-            a = _add(a, rate * rate, cross(axis, arm))
-            b = _add(_add(b, rate, cross(axis, w)), bow, axis)
+            a, b = (
+                _add(a, rate * rate, cross(axis, arm)),
+                _add(_add(b, rate, cross(axis, w)), bow, axis),
+            )
             v, w = _add(v, rate, arm), _add(w, rate, axis)
-            spins += steepest + fastest * turns
-            turns += fastest
+            spins, turns = spins + (steepest + fastest * turns), turns + fastest
         # From here on j is the row, the number after that of the body it is seen from.
         j = bodies[PARENT, j] + 1
+        if not asked[j]:
+            moves[j, MOVED], moves[j, BEND], moves[j, TWIST] = math.inf, math.inf, math.inf
+            j -= 1
+            continue
         # The last terms are what sums of products can have rounded off.
         lost = rounded + _CANCELLED * speed * half
         bend = 0.5 * acceleration * half * half + lost

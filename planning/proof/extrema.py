@@ -8,12 +8,14 @@ from inside. Planners scale time by ``Trajectory.peaks``, from the roots of the 
 Source: "Numerical solution of algebraic equations by Bernstein polynomials", Computing, 1994.
 """
 
+from collections.abc import Callable
+from functools import cache
 from typing import NamedTuple
 
 import numpy as np
 
 from kinematics.arrays import Array
-from kinematics.compiled.kernel import kernel
+from kinematics.compiled.kernel import direct, kernel
 from kinematics.trajectory import Trajectory
 
 #: A bound may be this much beyond what is reached [relative].
@@ -156,8 +158,16 @@ def limit_uses(trajectory: Trajectory, lower: Array, upper: Array) -> LimitUses:
     orders, n = lower.shape
     found = LimitUses(np.empty((orders, 5)), np.empty((orders, n, 3)), np.empty((orders, n, 3)))
     stack = np.empty((_MAX_DEPTH + 2, trajectory.coefficients.shape[2] + 3))
-    limit_uses_kernel(trajectory.breaks, trajectory.coefficients, lower, upper, stack, found)
+    _limit_uses()(trajectory.breaks, trajectory.coefficients, lower, upper, stack, found)
     return found
+
+
+@cache
+def _limit_uses() -> Callable[[Array, Array, Array, Array, Array, LimitUses], None]:
+    """``limit_uses_kernel`` without the look at its arguments' types."""
+    table, motion = np.zeros((1, 1)), (np.zeros(2), np.zeros((1, 1, 1)))
+    found = LimitUses(table, np.zeros((1, 1, 3)), np.zeros((1, 1, 3)))
+    return direct(limit_uses_kernel, *motion, table, table, table, found)
 
 
 @kernel(allocates=False)

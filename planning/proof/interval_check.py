@@ -196,11 +196,11 @@ def _place_element(model: PairArrays, w: Sweep, k: int) -> None:
         displacement_bounds(
             model.bodies,
             w.frames,
-            center,
-            model.radii[k],
+            (center, model.radii[k]),
             joint,
             w.joints,
             w.interval[HALF],
+            model.asked[k],
             w.moves[k],
         )
 

@@ -52,6 +52,7 @@ class PairArrays(NamedTuple):
         roots: Pairs that everything hangs below; the second is the robot's and moves against the
             first; shape (k, 2).
         moving: How many elements are the robot's.
+        asked: Whether a pair asks how each of these moves seen from body k - 1, shape (r, b).
         margins: Distance that each element of the scene is to be kept away, of a holder the most of
             those below it, shape (e,) [m].
         margin: To be kept from obstacles beyond that [m].
@@ -78,6 +79,7 @@ class PairArrays(NamedTuple):
     leaders: Indices
     roots: Indices
     moving: int
+    asked: NDArray[np.bool_]
     margins: Array
     margin: float
     joints: Indices
@@ -184,6 +186,7 @@ def _arrays(robot: RobotGeometry, scene: Scene, opened: Rows) -> PairArrays:
         *_joints(robot.chain),
         roots=_roots(robot, scene, tops, skipped),
         moving=moving,
+        asked=_asked_rows(robot, rows_before(opened, p)),
         margins=joined.margins,
         margin=0.0,
         joints=joined.joints,
@@ -268,6 +271,26 @@ def _own(robot: RobotGeometry, opened: Rows) -> tuple[Elements, int]:
     own = solids(robot.arrays, packed, slice(None), slice(None), 0)
     joints = robot.joints[own.row]
     return own._replace(parts=own.row, joints=joints), len(packed.corners)
+
+
+@bounded_cache(maxsize=8)
+def _asked_rows(robot: RobotGeometry, opened: Rows) -> NDArray[np.bool_]:
+    """``PairArrays.asked``: seen from the base all is, the rest by the robot's own pairs."""
+    bodies, joints = _joints(robot.chain)[0], robot.joints
+    asked = np.zeros((len(joints), bodies.shape[1]), dtype=np.bool_)
+    asked[:, :1] = True
+    for i, j in _own_pairs(robot)[0].tolist():
+        before = {-1, body := int(joints[i])}
+        while body >= 0:
+            before.add(body := int(bodies[PARENT, body]))
+        meeting = int(joints[j])
+        while meeting not in before:
+            meeting = int(bodies[PARENT, meeting])
+        # Neither may hang on the other: then both are seen from where they meet.
+        asked[j, meeting + 1] = True
+        if joints[i] > meeting:
+            asked[i, meeting + 1] = True
+    return asked[_own(robot, opened)[0].row]
 
 
 def _roots(

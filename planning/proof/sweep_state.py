@@ -5,12 +5,14 @@ stack, the earliest on top; pairs that are open on an interval lie behind those 
 it is half of.
 """
 
+from collections.abc import Callable
+from functools import cache
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from kinematics.arrays import Array, Indices
-from kinematics.compiled.kernel import kernel
+from kinematics.compiled.kernel import direct, kernel
 from kinematics.trajectory import Trajectory
 from planning.proof.displacement import MOVE_COLUMNS
 from planning.proof.motion_bounds import (
@@ -142,7 +144,14 @@ def start_sweep(trajectory: Trajectory, model: PairArrays) -> Sweep:
         model: The pairs.
     """
     sizes = model.bodies.shape[1], len(model.joints), model.moving
-    return _start_kernel(trajectory.breaks, trajectory.coefficients, model.roots, sizes)
+    return _start()(trajectory.breaks, trajectory.coefficients, model.roots, sizes)
+
+
+@cache
+def _start() -> Callable[[Array, Array, Indices, tuple[int, int, int]], Sweep]:
+    """``_start_kernel`` without the look at its arguments' types."""
+    roots = np.zeros((0, 2), dtype=np.int64)
+    return direct(_start_kernel, np.zeros(2), np.zeros((1, 1, 1)), roots, (1, 1, 1))
 
 
 @kernel

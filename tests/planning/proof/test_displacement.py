@@ -8,9 +8,11 @@ from kinematics.forward import joint_frames
 from kinematics.pose import transform
 from obstacles.piece import Piece, PieceArrays, PieceKind
 from planning.proof.displacement import (
+    BEND,
     MOVE_COLUMNS,
     MOVED,
     TWIST,
+    Mask,
     displacement_along,
     displacement_bounds,
     lowest,
@@ -29,6 +31,11 @@ from planning.proof.motion_bounds import (
 from tests.obstacles.solids import KINDS, random_solid, random_transform
 from tests.planning.proof.test_motion_bounds import random_motion, smooth_motion
 from tests.planning.scenes import builtin
+
+
+def every(count: int) -> Mask:
+    """All rows are asked for."""
+    return np.ones(count, dtype=np.bool_)
 
 
 @pytest.mark.parametrize("name", ["panda", "stanford", "scara", "kr6_sixx"])
@@ -54,7 +61,9 @@ def test_no_point_of_a_ball_moves_farther_than_its_bounds(name: str) -> None:
         moves = np.zeros((chain.n, MOVE_COLUMNS))
         bodies = np.stack([chain.joint_types, np.arange(-1, chain.n - 1)])
         middle = (float(center[0]), float(center[1]), float(center[2]))
-        displacement_bounds(bodies, frames, middle, radius, carrier, joints, half, moves)
+        displacement_bounds(
+            bodies, frames, (middle, radius), carrier, joints, half, every(chain.n), moves
+        )
         bound = moves[still + 1, MOVED]
         offsets = random.normal(size=(12, 3))
         offsets *= radius / np.linalg.norm(offsets, axis=1, keepdims=True)
@@ -84,7 +93,7 @@ def test_bound_of_a_turning_arm_is_the_arc() -> None:
     for angle in (0.0, 1e-3, 0.5, 10.0):
         joints, moves = np.zeros((1, JOINT_COLUMNS)), np.zeros((1, MOVE_COLUMNS))
         joints[0, RADIUS] = joints[0, SPEED] = joints[0, RATE] = angle
-        displacement_bounds(bodies, frames, (1.0, 0.0, 5.0), 0.1, 0, joints, 1.0, moves)
+        displacement_bounds(bodies, frames, ((1.0, 0.0, 5.0), 0.1), 0, joints, 1.0, every(1), moves)
         # A point never moves farther than its circle's diameter.
         assert moves[0, MOVED] == pytest.approx(min(1.1 * angle, 2.2))
         across = displacement_along(moves, 0, 0.1, 1e-3, (0.0, 0.0, 1.0))
@@ -132,7 +141,9 @@ def test_no_point_of_a_solid_comes_lower_than_its_bound(name: str, pieces: int) 
         center_tuple = (float(center[0]), float(center[1]), float(center[2]))
         moves = np.zeros((chain.n, MOVE_COLUMNS))
         bodies = np.stack([chain.joint_types, np.arange(-1, chain.n - 1)])
-        displacement_bounds(bodies, frames, center_tuple, radius, carrier, joints, half, moves)
+        displacement_bounds(
+            bodies, frames, (center_tuple, radius), carrier, joints, half, every(chain.n), moves
+        )
         if not np.isfinite(moves[still + 1, TWIST]):
             continue
         packed = PieceArrays.pack([solid.placed(frames[carrier])])
@@ -168,7 +179,9 @@ def test_to_second_order_a_bound_is_sharp_where_the_motion_turns_back() -> None:
     for half in (1e-1, 1e-2, 1e-3):
         joints, moves = np.empty((1, JOINT_COLUMNS)), np.zeros((1, MOVE_COLUMNS))
         enclose(np.array([[-2.0 * half, 2.0]]), half, half, np.empty((2, 2)), joints)
-        displacement_bounds(bodies, frames, (1.0, 0.0, 0.0), 0.0, 0, joints, half, moves)
+        displacement_bounds(
+            bodies, frames, ((1.0, 0.0, 0.0), 0.0), 0, joints, half, every(1), moves
+        )
         way = ((1.0, 0.0, 0.0), moves, 0, half)
         size = (0.0, 0.0, 0.0)
         # Towards the axis it comes nearer than 1 m at no time, away from it by a half 4 h^2.
@@ -177,3 +190,23 @@ def test_to_second_order_a_bound_is_sharp_where_the_motion_turns_back() -> None:
         assert outwards == pytest.approx(-1.0, abs=2.0 * half**3)
         assert inwards == pytest.approx(np.cos(2.0 * half), abs=2.0 * half**3)
         assert displacement_along(moves, 0, 0.0, half, (1.0, 0.0, 0.0)) >= 2.0 * half**2
+
+
+def test_rows_that_nobody_asks_for_prove_nothing() -> None:
+    chain, random = builtin("panda").chain, np.random.default_rng(17)
+    motion = random_motion(random, chain.n, 1, 0.0)
+    half = 0.05 * motion.duration
+    joints = np.empty((chain.n, JOINT_COLUMNS))
+    enclose(motion.coefficients[0], 2.0 * half, half, np.empty((2, 6)), joints)
+    frames = joint_frames(chain, joints[:, VALUE])
+    bodies = np.stack([chain.joint_types, np.arange(-1, chain.n - 1)])
+    ball, u = ((0.3, 0.2, 0.5), 0.1), (0.6, 0.0, 0.8)
+    whole, part = np.zeros((2, chain.n, MOVE_COLUMNS))
+    displacement_bounds(bodies, frames, ball, 6, joints, half, every(chain.n), whole)
+    asked = np.arange(chain.n) % 2 == 0
+    part[:] = np.nan
+    displacement_bounds(bodies, frames, ball, 6, joints, half, asked, part)
+    np.testing.assert_array_equal(part[asked], whole[asked])
+    assert (part[~asked][:, [MOVED, BEND, TWIST]] == np.inf).all()
+    for row in np.flatnonzero(~asked):
+        assert not displacement_along(part, int(row), 0.1, half, u) < np.inf

@@ -113,7 +113,8 @@ def farthest(robot: RobotGeometry, still_mimics: bool) -> float:
         center = (frames[carrier] @ local)[:3]
         moves = np.zeros((count, MOVE_COLUMNS))
         x, y, z = (float(value) for value in center)
-        displacement_bounds(arrays.bodies, frames, (x, y, z), radius, carrier, joints, half, moves)
+        ball, every = ((x, y, z), radius), np.ones(count, dtype=np.bool_)
+        displacement_bounds(arrays.bodies, frames, ball, carrier, joints, half, every, moves)
         offsets = random.normal(size=(12, 3))
         offsets *= radius / np.linalg.norm(offsets, axis=1, keepdims=True)
         inside = np.concatenate([offsets, np.zeros((12, 1))], axis=1)
