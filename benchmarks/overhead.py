@@ -28,8 +28,7 @@ import numpy as np
 from armwright.robot import load_robot
 from armwright_client import Box, Client, Obstacle, Pose
 from armwright_client import Scene as SceneBody
-from benchmarks.batch import processor_times
-from benchmarks.machines import local_server
+from benchmarks.machines import local_server, processor_times
 from kinematics.arrays import Array
 from obstacles import shapes
 from obstacles.checker import Checker
