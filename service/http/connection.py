@@ -9,23 +9,23 @@ from dataclasses import dataclass
 from functools import partial
 from typing import Any, cast
 
-import h11
 from starlette.types import Receive, Scope, Send
-from uvicorn.protocols.http.h11_impl import H11Protocol
 
 from service.http.admission import Admission, read_simple
 from service.http.body_limit import ARRIVAL
 from service.http.departure import DEPARTURE, Departure
 from service.http.errors import PROBLEM_MEDIA_TYPE, document, status_of
 from service.http.joined_writes import JoinedWrites
+from service.http.request_parser import MalformedRequestError, RequestParser
 from service.http.security_headers import SECURITY_HEADERS
 from service.problem import ProblemError
 
 #: Descriptors that are left for the storage, the workers and files.
 _RESERVED_DESCRIPTORS = 128
-#: Time in which the rest of a short body is waited for [s]; after it h11 takes over.
+#: Time in which the rest of a short body is waited for [s]; after it the parser takes over.
 _REST_TIME = 0.05
-#: What comes while a request waits for its turn is held up to this, then no more is read [byte].
+#: What comes while a request waits for its turn or its answer is held up to this, then no more is
+#: read [byte].
 _HELD_BYTES = 64 * 1024
 _REASONS = {400: b"Bad Request", 408: b"Request Timeout", 503: b"Service Unavailable"}
 
@@ -64,7 +64,7 @@ def connection_class(limits: ConnectionLimits) -> Callable[..., "Connection"]:
     return make
 
 
-class Connection(H11Protocol):
+class Connection(RequestParser):
     """A connection of a client, refused in problem documents.
 
     Args:
@@ -79,6 +79,7 @@ class Connection(H11Protocol):
         self._arrival: float | None = None
         self._head_timer: asyncio.TimerHandle | None = None
         self._held: bytes | None = None
+        self._fault: str | None = None
         self._begun = b""
         self._rest_timer: asyncio.TimerHandle | None = None
         self._departure = Departure()
@@ -123,7 +124,7 @@ class Connection(H11Protocol):
     @property
     def _is_idle(self) -> bool:
         """Whether nothing of a request has been passed on that was not answered."""
-        return self.conn.our_state is h11.IDLE and self.conn.trailing_data == (b"", False)
+        return self._expects_head and not self._has_begun
 
     def _wait_for_rest(self, data: bytes) -> None:
         """Wait for the rest of a request, but not longer because some more of it comes."""
@@ -134,8 +135,31 @@ class Connection(H11Protocol):
 
     def _pass_on(self, data: bytes) -> None:
         self._stop_rest_timer()
-        super().data_received(data)
+        self._unset_keepalive_if_required()
+        try:
+            rest = self._parse(data)
+        except MalformedRequestError as error:
+            self.logger.warning("Invalid HTTP request received.")
+            self._refuse_in_turn(str(error))
+            return
+        if rest:
+            self._keep(rest)
         self._watch_head()
+
+    def _keep(self, data: bytes) -> None:
+        """Hold what has to wait, and have no more of it read than fits."""
+        self._held = (self._held or b"") + data
+        if len(self._held) > _HELD_BYTES:
+            self.flow.pause_reading()
+
+    def _refuse_in_turn(self, fault: str) -> None:
+        """Refuse what is no HTTP, once all before it is answered."""
+        self._stop_timer()
+        if self._drop_broken():
+            self._fault = fault
+            self._held = b""
+        else:
+            self.send_400_response(fault)
 
     def _take_turn(self, data: bytes, admission: Admission) -> None:
         """Have a whole request read in its turn, and hold what comes meanwhile."""
@@ -158,7 +182,9 @@ class Connection(H11Protocol):
         held = self._release()
         if not self.transport.is_closing():
             self._arrival = arrival
-            self._pass_on(data + held)
+            self._pass_on(data)
+            if held:
+                self.data_received(held)
 
     async def _answer(self, scope: Scope, receive: Receive, send: Send) -> None:
         """The application, told when a request came that had to wait for its turn."""
@@ -183,7 +209,15 @@ class Connection(H11Protocol):
         """Wait for the next request; until something of it arrives, uvicorn's own timer runs."""
         self._end_request()
         super().on_response_complete()
-        if self.conn.trailing_data[0]:
+        if self._is_unanswered or self.transport.is_closing():
+            return
+        if self._fault is not None:
+            self.send_400_response(self._fault)
+            return
+        if held := self._release():
+            self.data_received(held)
+        elif self._has_begun:
+            self._unset_keepalive_if_required()
             self._watch_head()
 
     @property
@@ -203,10 +237,8 @@ class Connection(H11Protocol):
         Returns:
             Whether that was done, or the request waits for its rest or its turn.
         """
-        if self._held is not None:
-            self._held += data
-            if len(self._held) > _HELD_BYTES:
-                self.flow.pause_reading()
+        if self._held is not None or self._is_unanswered:
+            self._keep(data)
             return True
         admission = self._admission
         if admission is None or not self._is_idle or self._limits.count < len(self.connections):
@@ -253,7 +285,7 @@ class Connection(H11Protocol):
         )
 
     def _watch_head(self) -> None:
-        if self.conn.their_state is not h11.IDLE or self.transport.is_closing():
+        if not self._expects_head or self.transport.is_closing():
             self._stop_timer()
         elif self._head_timer is None:
             self._head_timer = self.loop.call_later(self._limits.head_timeout, self._head_is_late)
@@ -265,7 +297,7 @@ class Connection(H11Protocol):
 
     def _head_is_late(self) -> None:
         self._head_timer = None
-        if not self.transport.is_closing() and self.conn.their_state is h11.IDLE:
+        if not self.transport.is_closing() and self._expects_head:
             seconds = self._limits.head_timeout
             self._refuse(
                 ProblemError(
@@ -291,6 +323,8 @@ class Connection(H11Protocol):
             headers["Retry-After"] = str(problem.retry_after)
         lines = [f"HTTP/1.1 {status} ".encode() + _REASONS[status]]
         lines += [f"{name}: {value}".encode() for name, value in headers.items()]
-        if self.conn.our_state in (h11.IDLE, h11.SEND_RESPONSE):
+        active = self._active
+        is_between = active is None or (active.response_complete and not self._is_in_body)
+        if is_between or (active is not None and not active.response_started):
             self.transport.write(b"\r\n".join([*lines, b"", content]))
         self.transport.close()
