@@ -28,7 +28,7 @@ OF_PEERS = {
 #: What other scripts import: nothing to run.
 WITHOUT_MAIN = {
     "__init__", "crowd", "determinism_requests", "example_arms", "fcl_judge", "machines",
-    "mbm_ompl", "mbm_problems", "memory", "mesh_scenes", "poses", "ratios", "recheck",
+    "mbm_ompl", "mbm_problems", "memory", "mesh_scenes", "mesh_ways", "poses", "ratios", "recheck",
     "seam_arms", "seam_peers", "task_check", "task_export", "task_problems", "task_sampling",
     "triangles",
 }  # fmt: skip

@@ -58,7 +58,8 @@ def test_what_is_free_of_the_hulls_is_free() -> None:
         ball = Obstacle("ball", Sphere(random.uniform(0.01, 0.1)), random_transform(random, 0.2))
         q = random.uniform(-3.0, 3.0, 1)
         near, far = (Checker.of(r, Scene((ball,))).clearance(q)[0] for r in (whole, exact))
-        assert near <= far + 1e-9
+        # How deep what touches is the clearance does not tell.
+        assert max(near, 0.0) <= max(far, 0.0) + 1e-9
         pockets += near <= 0.0 < far
     # The pocket of the U is what the hull has too much.
     assert pockets > 3
