@@ -80,7 +80,9 @@ def test_the_parts_of_a_split_play_as_the_whole(trajectory: Trajectory, share: f
     np.testing.assert_allclose(
         whole.sample(times), trajectory.sample(times), rtol=1e-9, atol=1e-12 * scale
     )
-    assert float(np.abs(tail.start - head.end).max()) < 1e-12 * scale
+    # Where pieces meet these trajectories may jump.
+    if np.abs(trajectory.breaks - time).min() > 1e-9 * trajectory.duration:
+        assert float(np.abs(tail.start - head.end).max()) < 1e-12 * scale
 
 
 @given(trajectories(), ORDERS)
