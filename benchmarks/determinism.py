@@ -73,7 +73,7 @@ def _flags(value: Any) -> Iterator[bool]:
         yield from _flags(part)
 
 
-def told(content: Any) -> Told:
+def read_answer(content: Any) -> Told:
     """What an answer or a problem tells, be it of a job or not."""
     problem = content.get("error") or content
     code = problem.get("code") or "SUCCESS"
@@ -89,11 +89,11 @@ def ask(client: httpx.Client, request: Request) -> Told:
         time.sleep(float(answer.headers["retry-after"]))
         answer = client.post(path, json=body)
     if answer.status_code != 202:
-        return told(answer.json())
+        return read_answer(answer.json())
     job = answer.headers["location"]
     while (content := client.get(job).json())["status"] not in ENDED:
         time.sleep(0.05)
-    return told(content)
+    return read_answer(content)
 
 
 def faults(answers: Sequence[Told]) -> str | None:

@@ -8,9 +8,7 @@ from service.http import answers
 from service.http.metrics import Metrics
 from service.problem import ProblemError
 from service.schemas.scene import Scene
-from service.storage.cache_key import Reference
 from service.task_references import plan
-from service.workers.process import OnProgress
 
 
 class PlanProblem(Protocol):
@@ -33,8 +31,6 @@ async def plan_answer(
     request: Request,
     body: PlanProblem,
     content: bytes,
-    scene: Reference | None = None,
-    on_progress: OnProgress | None = None,
 ) -> bytes:
     """The answer to a request for a plan, JSON.
 
@@ -42,8 +38,6 @@ async def plan_answer(
         request: On whose behalf.
         body: The problem.
         content: The problem as JSON, for the worker.
-        scene: The scene, in place of the one of the body.
-        on_progress: Called with progress, in place of the job that the request belongs to.
 
     Raises:
         ProblemError: There is no plan; as `answers.answer`.
@@ -52,11 +46,10 @@ async def plan_answer(
     try:
         outcome = await answers.answer(
             request,
-            lambda robot, stored: plan.job(robot, scene or stored, content),
+            lambda robot, scene: plan.job(robot, scene, content),
             body.robot,
             body.scene,
             timeout=body.timeout,
-            on_progress=on_progress,
         )
     except ProblemError as problem:
         metrics.count_failure(problem.code, problem.details.get("stages"))

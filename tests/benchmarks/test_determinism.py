@@ -4,7 +4,7 @@ from typing import Any
 
 import pytest
 
-from benchmarks.determinism import Told, differences, faults, told
+from benchmarks.determinism import Told, differences, faults, read_answer
 
 
 def plan(duration: float, *, deterministic: bool = True, milliseconds: float = 1.0) -> Any:
@@ -26,13 +26,13 @@ def of_a_job(content: Any, number: int) -> Any:
 
 
 def judged(*contents: Any) -> str | None:
-    return faults([told(content) for content in contents])
+    return faults([read_answer(content) for content in contents])
 
 
 def test_times_and_names_of_jobs_are_no_differences() -> None:
     assert judged(plan(1.0), plan(1.0, milliseconds=2.0)) is None
     assert judged(of_a_job(plan(1.0), 1), of_a_job(plan(1.0), 2)) is None
-    assert told(plan(1.0)) == told(plan(1.0, milliseconds=2.0))
+    assert read_answer(plan(1.0)) == read_answer(plan(1.0, milliseconds=2.0))
 
 
 def test_a_difference_that_nobody_tells_is_a_fault() -> None:
@@ -51,7 +51,11 @@ def test_what_says_that_time_ended_it_may_be_any_answer() -> None:
 
 @pytest.mark.parametrize("number", [0, 1])
 def test_where_answers_differ_is_told(number: int) -> None:
-    found: list[Told] = [told(plan(1.0)), told(plan(2.0)), told(plan(3.0, deterministic=False))]
+    found: list[Told] = [
+        read_answer(plan(1.0)),
+        read_answer(plan(2.0)),
+        read_answer(plan(3.0, deterministic=False)),
+    ]
     assert list(differences(found[number:])) == (
         [".trajectory.duration: 1.0 or 2.0"] if number == 0 else []
     )
