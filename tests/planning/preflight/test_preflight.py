@@ -119,14 +119,14 @@ def test_goals_are_looked_at_until_time_is_up() -> None:
 
 def test_time_for_meshes_never_seen_counts_and_is_told() -> None:
     robot, start, goal = builtin("planar_rr"), np.array([0.0, 0.3]), np.array([0.5, 0.4])
-    ring = mesh(trimesh.creation.torus(0.11, 0.03, major_sections=24, minor_sections=10))
+    ring = mesh(trimesh.creation.torus(0.11, 0.03, major_sections=128, minor_sections=64))
     scene = Scene((Obstacle("ring", ring, transform(None, [-1.0, 0.6, 0.3])),))
     problem = Problem(robot, scene, start, (JointGoal(goal),))
     began = time.monotonic()
-    answer = plan(problem, Options(timeout=0.1))
-    assert time.monotonic() - began >= 0.1
+    answer = plan(problem, Options(timeout=0.05))
+    assert time.monotonic() - began >= 0.05
     assert isinstance(answer, Failure)
     assert (answer.code, answer.stage) == ("TIMED_OUT", "preparation")
     assert "while meshes were being prepared" in answer.message
     assert "what was prepared so far is kept" in answer.hint
-    assert isinstance(plan(problem, Options(timeout=10.0)), Plan)
+    assert isinstance(plan(problem, Options(timeout=60.0)), Plan)
