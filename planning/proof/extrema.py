@@ -22,6 +22,8 @@ from kinematics.trajectory import Trajectory
 _SHARP = 1e-11
 #: The least of that, as part of the largest coefficient: values that cancel have no more digits.
 _SHARP_OF_SIZE = 1e-15
+#: Shares of limits this near each other are the same use of them.
+_TIED = 1e-11
 #: Rounding of a coefficient in Bernstein's basis, as part of the largest one.
 _ROUNDING = 64.0 * 2.0**-53
 #: Splits of a piece, one within the other.
@@ -193,9 +195,15 @@ def limit_uses_kernel(
             if 0.0 < half < np.inf:
                 above, below = highest[j, VALUE] - middle, lowest[j, VALUE] + middle
                 ratio = max(above, below) / half
-                time = highest[j, TIME] if above >= below else lowest[j, TIME]
-            if ratio > use[RATIO]:
-                use[RATIO], use[JOINT], use[AT] = ratio, j, time
+                # Of values that rounding alone tells apart the earlier one, the first joint's:
+                # the same on every processor.
+                if abs(above - below) <= _TIED * half:
+                    time = min(highest[j, TIME], lowest[j, TIME])
+                elif below > above:
+                    time = lowest[j, TIME]
+            if ratio > use[RATIO] + _TIED:
+                use[JOINT], use[AT] = j, time
+            use[RATIO] = max(use[RATIO], ratio)
 
 
 @kernel(allocates=False)

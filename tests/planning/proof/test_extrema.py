@@ -131,6 +131,21 @@ def test_uses_of_limits_are_those_of_the_extrema() -> None:
             assert use[BEYOND] == np.argmax(excess)
 
 
+def test_equal_uses_of_a_limit_are_told_of_the_first_instant_and_joint() -> None:
+    """A motion from rest to rest speeds up as hard as it slows down: rounding does not choose."""
+    random = np.random.default_rng(5)
+    for _ in range(50):
+        step = random.uniform(0.05, 2.0) * random.choice([-1.0, 1.0])
+        rest_to_rest = np.array([0.0, 0.0, 0.0, 10.0, -15.0, 6.0]) * step
+        rest_to_rest[3:] *= 1.0 + 1e-15 * random.integers(-4, 5, 3)
+        coefficients = np.stack([rest_to_rest, rest_to_rest * (1.0 + 1e-15)])[None]
+        motion = Trajectory(("a", "b"), np.array([0.0, 1.0]), coefficients)
+        limit = np.full((3, 2), 9.0)
+        found = limit_uses(motion, -limit, limit)
+        assert found.uses[2, JOINT] == 0
+        assert found.uses[2, AT] == pytest.approx(0.5 - np.sqrt(3.0) / 6.0, rel=1e-6)
+
+
 def test_what_is_no_number_is_beyond_all_limits() -> None:
     motion = Trajectory(("a", "b"), np.array([0.0, 1.0]), np.zeros((1, 2, 2)))
     bound = np.array([[5.0, 5.0], [0.0, 1.0]])
