@@ -22,8 +22,12 @@ from kinematics.trajectory import Trajectory
 _SHARP = 1e-11
 #: The least of that, as part of the largest coefficient: values that cancel have no more digits.
 _SHARP_OF_SIZE = 1e-15
-#: Shares of limits this near each other are the same use of them.
+#: Values this near each other are the same, and told of the first instant: rounding does not
+#: choose, which differs from processor to processor [relative; of shares of limits absolute].
 _TIED = 1e-11
+#: Times this near each other belong to one peak that is being found, as a share of a piece: a
+#: value that is off by ``_TIED`` is reached this far from it.
+_SAME_PEAK = 1e-4
 #: Rounding of a coefficient in Bernstein's basis, as part of the largest one.
 _ROUNDING = 64.0 * 2.0**-53
 #: Splits of a piece, one within the other.
@@ -195,8 +199,6 @@ def limit_uses_kernel(
             if 0.0 < half < np.inf:
                 above, below = highest[j, VALUE] - middle, lowest[j, VALUE] + middle
                 ratio = max(above, below) / half
-                # Of values that rounding alone tells apart the earlier one, the first joint's:
-                # the same on every processor.
                 if abs(above - below) <= _TIED * half:
                     time = min(highest[j, TIME], lowest[j, TIME])
                 elif below > above:
@@ -218,23 +220,35 @@ def extrema_kernel(
     m, n, size = coefficients.shape
     for j in range(n):
         for largest in (highest, lowest):
-            largest[j, VALUE], largest[j, TIME], largest[j, BOUND] = -np.inf, 0.0, -np.inf
+            largest[j, VALUE], largest[j, TIME], largest[j, BOUND] = -np.inf, breaks[0], -np.inf
         # Where pieces begin first: of the others few exceed the largest of these.
         factor = 1.0
         for step in range(order):
             factor *= order - step
         for i in range(m if order < size else 0):
             value = factor * coefficients[i, j, order]
-            if value > highest[j, VALUE]:
-                highest[j, VALUE], highest[j, TIME] = value, breaks[i]
-            if -value > lowest[j, VALUE]:
-                lowest[j, VALUE], lowest[j, TIME] = -value, breaks[i]
+            _raise(highest[j], value, breaks[i], 0.0)
+            _raise(lowest[j], -value, breaks[i], 0.0)
         for i in range(m):
             length = breaks[i + 1] - breaks[i]
             b = stack[_MAX_DEPTH + 1]
             count = to_bernstein(coefficients[i, j], length, order, b)
             _search(stack, count, size, 1.0, breaks[i], length, highest[j])
             _search(stack, count, size, -1.0, breaks[i], length, lowest[j])
+
+
+@kernel(allocates=False)
+def _raise(largest: Array, value: float, time: float, near: float) -> None:
+    """Raise the largest value (3,) to a larger one.
+
+    Its time follows where more than rounding is added, or where it moves by no more than ``near``.
+    """
+    if value > largest[VALUE]:
+        if value > largest[VALUE] + _TIED * abs(largest[VALUE]) or (
+            abs(time - largest[TIME]) <= near
+        ):
+            largest[TIME] = time
+        largest[VALUE] = value
 
 
 @kernel(allocates=False)
@@ -281,10 +295,8 @@ def _search(
     for k in range(count):
         whole, hull = max(whole, abs(b[k])), max(hull, sign * b[k])
     first, last = sign * b[0], sign * b[count - 1]
-    if first > largest[VALUE]:
-        largest[VALUE], largest[TIME] = first, begin
-    if last > largest[VALUE]:
-        largest[VALUE], largest[TIME] = last, begin + length
+    _raise(largest, first, begin, 0.0)
+    _raise(largest, last, begin + length, 0.0)
     if hull <= largest[VALUE] + _SHARP * abs(largest[VALUE]) + _SHARP_OF_SIZE * whole:
         largest[BOUND] = max(largest[BOUND], hull + _ROUNDING * whole)
         return
@@ -300,8 +312,7 @@ def _search(
         for k in range(1, count):
             hull = max(hull, part[k])
         for k, end in ((0, low), (count - 1, high)):
-            if part[k] > largest[VALUE]:
-                largest[VALUE], largest[TIME] = part[k], begin + part[end] * length
+            _raise(largest, part[k], begin + part[end] * length, _SAME_PEAK * length)
         spare = _SHARP * abs(largest[VALUE]) + _SHARP_OF_SIZE * whole
         if hull <= largest[VALUE] + spare or top >= _MAX_DEPTH - 1:
             largest[BOUND] = max(largest[BOUND], hull + _ROUNDING * whole)

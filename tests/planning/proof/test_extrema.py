@@ -144,6 +144,11 @@ def test_equal_uses_of_a_limit_are_told_of_the_first_instant_and_joint() -> None
         found = limit_uses(motion, -limit, limit)
         assert found.uses[2, JOINT] == 0
         assert found.uses[2, AT] == pytest.approx(0.5 - np.sqrt(3.0) / 6.0, rel=1e-6)
+        # Pieces that push equally hard: the first of them.
+        pushes = step * (1.0 + 1e-15 * random.integers(-4, 5, 5))[:, None, None]
+        motion = Trajectory(("a",), np.arange(6.0), pushes * np.array([0.0, 0.0, 0.5]))
+        found = limit_uses(motion, -limit[:, :1], limit[:, :1])
+        assert found.uses[2, AT] == 0.0
 
 
 def test_what_is_no_number_is_beyond_all_limits() -> None:
