@@ -1,11 +1,13 @@
-"""Other planners beside Armwright, on the same problems in one run.
+r"""Other planners beside Armwright, on the same problems in one run.
 
-    python -m benchmarks.peers ../data/mbm/panda [--every 20] [--timeout 20] [--mplib PYTHON]
+    python -m benchmarks.peers ../data/mbm/panda [--every 20] [--timeout 20] \
+        [--mplib PYTHON] [--roboplan PYTHON]
 
 OMPL as it is mostly used from Python: RRT-Connect with its defaults, a state checker in Python
-(pinocchio and python-fcl), and OMPL's own simplification. MPLib in an environment of its own (see
-``benchmarks/peers_mplib.py``): RRT-Connect and simplification in C++. What they return is looked at
-densely by ``benchmarks.recheck``; times are the processor's.
+(pinocchio and python-fcl), and OMPL's own simplification. MPLib and RoboPlan in environments of
+their own (see ``benchmarks/peers_mplib.py`` and ``benchmarks/peers_roboplan.py``): RRT-Connect and
+shortcuts in C++. What they return is looked at densely by ``benchmarks.recheck``; times are the
+processor's.
 """
 
 import argparse
@@ -74,8 +76,10 @@ def ours(case: Case, robot: RobotGeometry, timeout: float) -> Answer:
     return spent, found.path.waypoints if isinstance(found, Plan) else None
 
 
-def mplib(interpreter: Path, folder: Path, tasks: Sequence[Case], timeout: float) -> list[Answer]:
-    """What MPLib answers in its own environment."""
+def in_own_environment(
+    script: str, interpreter: Path, folder: Path, tasks: Sequence[Case], timeout: float
+) -> list[Answer]:
+    """What a planner answers whose script beside this one runs in an environment of its own."""
     entries = [
         {"scene": case.text, "start": case.start.tolist(), "goal": case.goal.tolist()}
         for case in tasks
@@ -83,8 +87,8 @@ def mplib(interpreter: Path, folder: Path, tasks: Sequence[Case], timeout: float
     with tempfile.TemporaryDirectory() as work:
         problems, answers = Path(work, "problems.json"), Path(work, "answers.json")
         problems.write_text(json.dumps({"timeout": timeout, "cases": entries}))
-        script = Path(__file__).with_name("peers_mplib.py")
-        command = [str(interpreter), str(script), str(problems), str(folder), str(answers)]
+        own = Path(__file__).with_name(script)
+        command = [str(interpreter), str(own), str(problems), str(folder), str(answers)]
         subprocess.run(command, check=True)
         rows = json.loads(answers.read_text())
     return [(row["ms"], np.array(row["path"]) if row["path"] else None) for row in rows]
@@ -108,6 +112,7 @@ def main() -> None:
     parser.add_argument("--every", type=int, default=20)
     parser.add_argument("--timeout", type=float, default=20.0)
     parser.add_argument("--mplib", type=Path, help="the Python in which MPLib is installed")
+    parser.add_argument("--roboplan", type=Path, help="the Python in which RoboPlan is installed")
     asked = parser.parse_args()
     folder = asked.problems.parent.parent / "panda"
     robot, recheck = panda(folder), Recheck(folder)
@@ -126,8 +131,11 @@ def main() -> None:
             for case, truth in zip(tasks, truths, strict=True)
         ],
     }
-    if asked.mplib:
-        answers["mplib"] = mplib(asked.mplib, folder, tasks, asked.timeout)
+    for name, interpreter in (("mplib", asked.mplib), ("roboplan", asked.roboplan)):
+        if interpreter is not None:
+            answers[name] = in_own_environment(
+                f"peers_{name}.py", interpreter, folder, tasks, asked.timeout
+            )
     rows = [
         [
             (spent, float(np.linalg.norm(np.diff(path, axis=0), axis=1).sum()), judged)

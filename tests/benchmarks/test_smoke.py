@@ -22,6 +22,7 @@ OF_PEERS = {
     "constrained_ik_drake": "pydrake",
     "optimize_peers_drake": "constrained_ik_drake",
     "peers_mplib": "mplib",
+    "peers_roboplan": "roboplan",
     "peers_sscbirrt": "mujoco",
     "seam_descartes": "tesseract_robotics",
 }
