@@ -2,6 +2,7 @@
 
 import contextlib
 import gzip
+import http.client
 import socket
 import threading
 from collections.abc import Iterator
@@ -12,7 +13,6 @@ from typing import Any
 
 import httpx
 import pytest
-import urllib3.connection
 
 import armwright_client as ours
 from armwright_client import Client, connections
@@ -153,6 +153,52 @@ def test_what_hangs_up_is_told() -> None:
             client.healthz()
 
 
+def test_an_answer_before_the_body_was_sent_is_read(monkeypatch: pytest.MonkeyPatch) -> None:
+    original = http.client.HTTPConnection.send
+
+    def break_off(connection: Any, data: Any) -> None:
+        original(connection, data)
+        raise BrokenPipeError
+
+    monkeypatch.setattr(http.client.HTTPConnection, "send", break_off)
+    with server() as seen:
+        seen.status, seen.content = 413, b"too much"
+        received = Connections(seen.url).send("POST", "/v1/plan", {}, b"{}", LIMITS)
+    assert (received.status_code, received.content) == (413, b"too much")
+
+
+def test_a_host_that_is_not_there_and_one_that_hangs_are_told() -> None:
+    with socket.create_server(("127.0.0.1", 0)) as listener:
+        port = listener.getsockname()[1]
+        patience = httpx.Timeout(0.05, connect=5.0)
+        with pytest.raises(httpx.ReadTimeout):
+            Connections(f"http://127.0.0.1:{port}").send("GET", "/healthz", {}, None, patience)
+    with pytest.raises(httpx.ConnectError):
+        Connections(f"http://127.0.0.1:{port}").send("GET", "/healthz", {}, None, LIMITS)
+
+
+def test_what_is_not_http_is_told() -> None:
+    with socket.create_server(("127.0.0.1", 0)) as listener:
+
+        def answer() -> None:
+            with listener.accept()[0] as connection:
+                connection.recv(1000)
+                connection.sendall(b"hello\r\n\r\n")
+
+        threading.Thread(target=answer, daemon=True).start()
+        url = f"http://127.0.0.1:{listener.getsockname()[1]}"
+        with pytest.raises(httpx.RemoteProtocolError):
+            Connections(url).send("GET", "/healthz", {}, None, LIMITS)
+
+
+def test_compressed_answers_are_unpacked() -> None:
+    with server() as seen:
+        seen.headers["Content-Encoding"] = "gzip"
+        seen.content = gzip.compress(HEALTH)
+        with Client(seen.url, compress=True) as client:
+            assert client.healthz().version == "9.9"
+
+
 def test_certificates_are_checked() -> None:
     with server() as seen:
         secure = Connections(seen.url.replace("http://", "https://"))
@@ -174,13 +220,13 @@ def test_proxies_and_transports_are_left_to_httpx(monkeypatch: pytest.MonkeyPatc
 def test_bodies_of_any_size_arrive_whole(size: int, monkeypatch: pytest.MonkeyPatch) -> None:
     content = bytes(index % 251 for index in range(size))
     sent: list[int] = []
-    original = urllib3.connection.HTTPConnection.send
+    original = http.client.HTTPConnection.send
 
     def note(connection: Any, data: Any) -> None:
         sent.append(len(data))
         original(connection, data)
 
-    monkeypatch.setattr(urllib3.connection.HTTPConnection, "send", note)
+    monkeypatch.setattr(http.client.HTTPConnection, "send", note)
     with server() as seen:
         straight = Connections(seen.url)
         for _ in range(2):
