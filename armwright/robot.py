@@ -17,6 +17,8 @@ from kinematics.root_frame import root_notes
 from kinematics.serial_chain import select, serial_chain
 from kinematics.srdf import Semantics, check_semantics, parse_srdf
 from kinematics.urdf import parse_urdf
+from kinematics.urdf_visuals import read_visuals
+from kinematics.visual_solids import with_visual_solids
 from obstacles.robot_geometry import RobotGeometry, robot_geometry
 from obstacles.touching_pairs import suspected_pairs
 
@@ -33,6 +35,7 @@ def load_robot(
     joint_limits: Mapping[str, Mapping[str, float]] | Path | None = None,
     default_limits: Mapping[str, str] | None = None,
     held: Mapping[str, float] | None = None,
+    visual_solids: bool = False,
     convention: Convention = "standard",
 ) -> RobotGeometry:
     """The robot of a name, a URDF file or a Denavit-Hartenberg table, with its collision geometry.
@@ -52,6 +55,7 @@ def load_robot(
             ``joint_limits.yaml``.
         default_limits: Rules for limits that nothing else gives: {"acceleration": "10 x velocity"}.
         held: Positions of joints off the chain [rad or m].
+        visual_solids: Links of a URDF without collision geometry collide as they look.
         convention: How DH rows are read, "standard" or "modified".
 
     Raises:
@@ -59,7 +63,7 @@ def load_robot(
             a built-in robot nor a file of that name.
     """
     if isinstance(source, str | Path):
-        asked = _Asked(base_link, tip_link, joint_limits, held or {})
+        asked = _Asked(base_link, tip_link, joint_limits, held or {}, visual_solids)
         robot = _of_file(source, srdf, asked)
     else:
         table = source if isinstance(source, DhTable) else _table(source, convention)
@@ -71,12 +75,13 @@ def load_robot(
 
 
 class _Asked(NamedTuple):
-    """Fields of ``load_robot`` that choose the chain of a URDF and its limits."""
+    """Fields of ``load_robot`` that choose the chain of a URDF, its limits and its solids."""
 
     base_link: str | None
     tip_link: str | None
     joint_limits: Mapping[str, Mapping[str, float]] | Path | None
     held: Mapping[str, float]
+    visual_solids: bool
 
 
 def _table(rows: Sequence[DhRow | Mapping[str, Any]], convention: Convention) -> DhTable:
@@ -104,6 +109,8 @@ def _from_urdf(
     asked: _Asked,
 ) -> RobotGeometry:
     description = parse_urdf(urdf)
+    if asked.visual_solids:
+        description = with_visual_solids(description, read_visuals(urdf))
     lint = list(description.lint)
     if semantics is not None:
         lint += check_semantics(semantics, description)

@@ -57,6 +57,12 @@ class RobotSource(NamedTuple):
             help="Let pairs of links touch that the lint of `armwright robots` suspects.",
         ),
     ] = False
+    visual_solids: Annotated[
+        bool,
+        typer.Option(
+            "--visual-solids", help="Links without collision geometry collide as they look."
+        ),
+    ] = False
 
 
 class Request(NamedTuple):

@@ -38,11 +38,11 @@ def robot_document(source: RobotSource) -> dict[str, Any]:
     if source.robot.startswith(_PACKAGE):
         path = _of_package(source.robot.removeprefix(_PACKAGE))
     if path.is_dir():
-        document = _from_urdf(_only_urdf(path))
+        document = _from_urdf(_only_urdf(path), source.visual_solids)
     elif not path.is_file():
         raise invalid_value("robot", f"there is no file {source.robot!r}", _ROBOT_HINT)
     elif path.suffix == ".urdf":
-        document = _from_urdf(path)
+        document = _from_urdf(path, source.visual_solids)
     elif path.suffix == ".zip":
         document = _from_archive(path)
     elif path.suffix == ".json":
@@ -97,6 +97,8 @@ def _options(source: RobotSource) -> dict[str, Any]:
         given["joint_limits"] = read_json(path) if path.suffix == ".json" else path.read_text()
     if source.allow_suspected:
         given["allow_suspected"] = True
+    if source.visual_solids:
+        given["visual_solids"] = True
     if source.default_limits is not None:
         given["default_limits"] = _default_limits(source.default_limits)
     return {name: value for name, value in given.items() if value is not None}
@@ -131,13 +133,18 @@ def _only_urdf(folder: Path) -> Path:
     )
 
 
-def _from_urdf(path: Path) -> dict[str, Any]:
+def _from_urdf(path: Path, visual_solids: bool) -> dict[str, Any]:
     from armwright.robot import read_mesh  # noqa: PLC0415
     from kinematics.description import MeshGeometry  # noqa: PLC0415
     from kinematics.urdf import parse_urdf  # noqa: PLC0415
+    from kinematics.urdf_visuals import read_visuals  # noqa: PLC0415
+    from kinematics.visual_solids import with_visual_solids  # noqa: PLC0415
 
     text = path.read_text("utf-8")
-    solids = (part.geometry for link in parse_urdf(text).links.values() for part in link.collisions)
+    description = parse_urdf(text)
+    if visual_solids:
+        description = with_visual_solids(description, read_visuals(text))
+    solids = (part.geometry for link in description.links.values() for part in link.collisions)
     names = sorted({part.uri for part in solids if isinstance(part, MeshGeometry)})
     meshes = {name: base64.b64encode(read_mesh(name, path.parent)).decode() for name in names}
     document: dict[str, Any] = {"urdf": text} | ({"meshes": meshes} if meshes else {})

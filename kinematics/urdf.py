@@ -162,11 +162,9 @@ def _limit(limit: Element | None, quantity: str, where: str, lint: list[str]) ->
     value = _MISSING
     if limit is not None and limit.get(quantity) is not None:
         value = number(limit, quantity, where)
-    if value < 0.0:
-        raise InvalidRobotDescription(f"the {quantity} limit of {where} is negative: {value:g}")
-    if value == 0.0:
-        # Exporters write 0 for "not known"; a joint with speed 0 could not move at all.
-        lint.append(f"the {quantity} limit of {where} is 0: taken as not given")
+    if value <= 0.0:
+        # Exporters write 0 or -1 for "not known"; a joint with speed 0 could not move at all.
+        lint.append(f"the {quantity} limit of {where} is {value:g}: taken as not given")
         return _MISSING
     if math.isnan(value) and quantity == "velocity":
         lint.append(f"{where} has no velocity limit")

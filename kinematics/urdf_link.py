@@ -78,8 +78,13 @@ def read_link(element: Element, lint: list[str]) -> LinkDescription:
     read = [_collision(e, where, lint) for e in children(element, "collision")]
     collisions = tuple(collision for collision in read if collision is not None)
     if not collisions:
-        lint.append(f"{where} has no collision geometry: nothing is checked against it")
+        lint.append(no_solids(name))
     return LinkDescription(name, _inertia(element, where, lint), collisions)
+
+
+def no_solids(name: str) -> str:
+    """What is told of a link that has no collision geometry."""
+    return f"link {name!r} has no collision geometry: nothing is checked against it"
 
 
 def _inertia(link: Element, where: str, lint: list[str]) -> Inertia | None:

@@ -35,6 +35,11 @@ MAX_NAME = 256
 #: How much of a text the parser is given at once [characters].
 _FED_AT_ONCE = 65_536
 
+#: Elements of xacro that only define what others may use.
+_XACRO_DEFINITIONS = ("property", "arg")
+#: What begins a use of them.
+_XACRO_USES = ("${", "$(")
+
 #: XML's decimal numbers; Python's float() would also take "nan", "1_0" and other digits.
 _NUMBER = re.compile(r"[+-]?(\d+(\.\d*)?|\.\d+)([eE][+-]?\d+)?", re.ASCII)
 
@@ -64,10 +69,11 @@ class _BoundedBuilder(TreeBuilder):
 def read_robot(text: str | bytes, what: str) -> Element:
     """Parse ``text`` and answer its root, which must be <robot>.
 
-    Elements of the root's own namespace lose it; those of other namespaces are taken out.
+    Elements of the root's own namespace lose it; those of other namespaces are taken out. So are
+    definitions of xacro that nothing uses: many a finished URDF has kept them.
 
     Args:
-        text: The XML text.
+        text: The XML text; white space before its declaration is no fault.
         what: What it should be ("URDF", "SRDF"), for the messages.
 
     Raises:
@@ -78,9 +84,10 @@ def read_robot(text: str | bytes, what: str) -> Element:
             f"the {what} has more than {MAX_BYTES // 2**20} MiB",
             hint="Meshes belong beside the description, not inside it.",
         )
-    root = read_document(text, what)
+    root = read_document(text.lstrip(), what)
     namespace = root.tag[: root.tag.rindex("}") + 1] if root.tag.startswith("{") else ""
-    _strip(root, namespace, what)
+    if _strip(root, namespace, what):
+        _check_uses(root, what)
     if root.tag != "robot":
         raise InvalidRobotDescription(
             f"the root element of the {what} is <{root.tag}>, it must be <robot>",
@@ -118,20 +125,41 @@ def read_document(text: str | bytes, what: str) -> Element:
     return root
 
 
-def _strip(element: Element, namespace: str, what: str) -> None:
+def _strip(element: Element, namespace: str, what: str) -> bool:
+    """Take out what is foreign below an element; whether definitions of xacro were among it.
+
+    Raises:
+        InvalidRobotDescription: An element of xacro would have made others.
+    """
     element.tag = element.tag.removeprefix(namespace)
-    kept = []
+    kept, defines = [], False
     for child in element:
         foreign, _, tag = child.tag.rpartition("}")
         if "xacro" in foreign.lower():
-            raise InvalidRobotDescription(
-                f"the {what} is an unexpanded xacro file: it has <xacro:{tag}>",
-                hint="Expand it first (`xacro robot.urdf.xacro > robot.urdf`), send the result.",
-            )
-        _strip(child, namespace, what)
+            if tag not in _XACRO_DEFINITIONS:
+                raise _unexpanded(what, f"<xacro:{tag}>")
+            defines = True
+            continue
+        defines |= _strip(child, namespace, what)
         if not child.tag.startswith("{"):
             kept.append(child)
     element[:] = kept
+    return defines
+
+
+def _check_uses(root: Element, what: str) -> None:
+    """Refuse attributes that only xacro works out."""
+    for element in root.iter():
+        for name, value in element.attrib.items():
+            if any(use in value for use in _XACRO_USES):
+                raise _unexpanded(what, f"{name}={value[:80]!r} of <{element.tag}>")
+
+
+def _unexpanded(what: str, found: str) -> InvalidRobotDescription:
+    return InvalidRobotDescription(
+        f"the {what} is an unexpanded xacro file: it has {found}",
+        hint="Expand it first (`xacro robot.urdf.xacro > robot.urdf`), send the result.",
+    )
 
 
 def children(element: Element, tag: str) -> Iterator[Element]:

@@ -63,6 +63,19 @@ def load_mesh(data: bytes, file_type: str) -> tuple[Array, Faces]:
     return checked_mesh(vertices, faces)
 
 
+def is_bare_header(data: bytes, file_type: str) -> bool:
+    """Whether a file is the header of a binary STL and no triangle.
+
+    Exporters write such files for frames that have no solid.
+
+    Args:
+        data: The file's content.
+        file_type: Its extension.
+    """
+    is_short = _STL_HEADER - 4 <= len(data) <= _STL_HEADER
+    return file_type.lower() == "stl" and is_short and not any(data[_STL_HEADER - 4 :])
+
+
 def load_painted(
     data: bytes, file_type: str
 ) -> list[tuple[tuple[float, float, float, float] | None, Array, Faces]]:
@@ -139,6 +152,11 @@ def checked_mesh(vertices: ArrayLike, faces: ArrayLike) -> tuple[Array, Faces]:
         points, given = frozen(vertices), np.asarray(faces)
     except (TypeError, ValueError, OverflowError):
         raise InvalidScene("mesh: vertices and faces must be arrays of numbers") from None
+    if not points.size or not given.size:
+        raise InvalidScene(
+            "mesh: it has no triangles",
+            hint="Send the whole file, or leave it out.",
+        )
     for name, array, most in (("vertices", points, MAX_VERTICES), ("faces", given, MAX_FACES)):
         if array.ndim != 2 or array.shape[1] != 3 or not len(array):
             raise InvalidScene(f"mesh {name}: shape {array.shape}, needed are rows of three")

@@ -27,7 +27,7 @@ from kinematics.fingers import Fingers
 from kinematics.mesh_uri import resolve_mesh
 from kinematics.srdf import Semantics
 from obstacles.hull import convex_hull
-from obstacles.mesh import load_mesh, scaled
+from obstacles.mesh import is_bare_header, load_mesh, scaled
 from obstacles.piece import Piece, PieceArrays, PieceKind
 from obstacles.scene import Obstacle
 from obstacles.shapes import Box, Capsule, Cylinder, Mesh, Shape, Sphere
@@ -173,7 +173,8 @@ def robot_geometry(
         for element in description.links[link.name].collisions:
             pieces = _element_pieces(link, element, meshes)
             lint += _cut_lint(link.name, element, pieces)
-            solids.append((link, pieces))
+            if pieces:
+                solids.append((link, pieces))
     parents = {joint.child: joint.parent for joint in description.joints.values()}
     return geometry_of_solids(chain, solids, parents, semantics, lint)
 
@@ -243,6 +244,9 @@ def _hull(parts: list[Piece]) -> Piece:
 
 
 def _cut_lint(link: str, element: CollisionElement, pieces: list[Piece]) -> list[str]:
+    if isinstance(element.geometry, MeshGeometry) and not pieces:
+        name = f"mesh {element.geometry.uri!r} of link {link!r}"
+        return [f"{name} is the header of an STL file without a triangle: it is left out"]
     count = sum(len(piece.surface.triangles) for piece in pieces if piece.surface is not None)
     if not isinstance(element.geometry, MeshGeometry) or (len(pieces) == 1 and not count):
         return []
@@ -254,6 +258,8 @@ def _cut_lint(link: str, element: CollisionElement, pieces: list[Piece]) -> list
 def _element_pieces(link: Link, element: CollisionElement, meshes: Meshes | None) -> list[Piece]:
     try:
         shape = _shape(element.geometry, meshes)
+        if shape is None:
+            return []
         T = link.T_joint_link @ element.T_link_element
         return [piece.placed(T) for piece in shape.pieces()]
     except InvalidScene as error:
@@ -264,7 +270,8 @@ def _element_pieces(link: Link, element: CollisionElement, meshes: Meshes | None
         ) from None
 
 
-def _shape(geometry: Geometry, meshes: Meshes | None) -> Shape:
+def _shape(geometry: Geometry, meshes: Meshes | None) -> Shape | None:
+    """The shape of a solid; None of a file that holds none."""
     if isinstance(geometry, BoxGeometry):
         return Box(np.array(geometry.size))
     if isinstance(geometry, SphereGeometry):
@@ -275,7 +282,10 @@ def _shape(geometry: Geometry, meshes: Meshes | None) -> Shape:
         return Capsule(geometry.radius, geometry.length)
     uri = geometry.uri
     data = meshes(uri) if callable(meshes) else resolve_mesh(uri, meshes or {})
-    vertices, faces = load_mesh(data, uri.rpartition(".")[2])
+    kind = uri.rpartition(".")[2]
+    if is_bare_header(data, kind):
+        return None
+    vertices, faces = load_mesh(data, kind)
     return Mesh(*scaled(vertices, faces, geometry.scale))
 
 

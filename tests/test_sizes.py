@@ -35,6 +35,7 @@ MANY_ARGUMENTS = {
     "cell_kernel": 9,
     "tip_motion_kernel": 9,
     "implicit_step": 9,
+    "load_robot": 9,
 }
 #: Past participles that say what became of something and not what the function does.
 PARTICIPLES = re.compile(

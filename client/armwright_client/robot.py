@@ -45,11 +45,13 @@ class RobotOptions(TypedDict, total=False):
         held: Positions of joints off the chain [rad or m].
         motors: Of a URDF, by joint; "*" for every joint that is not named.
         allow_suspected: Let pairs touch that `Robot.suspected_collisions` would tell.
+        visual_solids: Of a URDF: links without collision geometry collide as they look.
     """
 
     base_link: str
     tip_link: str
     allow_suspected: bool
+    visual_solids: bool
     joint_limits: dict[str, JointLimits] | str
     default_limits: DefaultLimits
     held: dict[str, float]
@@ -77,6 +79,7 @@ class RobotFields(Request):
     joint_limits: dict[str, JointLimits] | str | None = None
     default_limits: DefaultLimits | None = None
     allow_suspected: bool | None = None
+    visual_solids: bool | None = None
     held: dict[str, float] | None = None
     motors: dict[str, Motor] | None = None
 

@@ -44,6 +44,7 @@ _OBJECTS = {
     "held": '{"joint": 0.1}',
     "motors": '{"*": {"inertia": 1e-4, "gear_ratio": 100}}',
     "allow_suspected": "true",
+    "visual_solids": "true",
 }
 _BODY = {
     "requestBody": {
@@ -80,6 +81,7 @@ _BODY = {
                         "held": {"type": "string", "description": "JSON"},
                         "motors": {"type": "string", "description": "JSON"},
                         "allow_suspected": {"type": "string", "description": "true or false"},
+                        "visual_solids": {"type": "string", "description": "true or false"},
                     },
                 }
             },

@@ -114,6 +114,10 @@ class RobotFields(Body):
         description="let pairs touch that the answer's suspected_collisions tells; only where no "
         "SRDF says which may",
     )
+    visual_solids: bool = Field(
+        False,
+        description="of a URDF: links without collision geometry collide as they look",
+    )
     held: Annotated[dict[Label, Number], Field(max_length=1_000)] | None = Field(
         None,
         description="positions of joints off the chain [rad or m]; 0, or the limit nearest to it, "
@@ -188,8 +192,8 @@ class RobotBody(RobotFields):
     def _check_form(self) -> "RobotBody":
         exactly_one(self, self.one_of)
         if self.dh is not None:
-            for name in ("srdf", "meshes", "held", "motors"):
-                if getattr(self, name) is not None:
+            for name in ("srdf", "meshes", "held", "motors", "visual_solids"):
+                if getattr(self, name) not in (None, False):
                     raise ValueError(f"{name} belongs to a URDF, not to a dh table")
         return self
 

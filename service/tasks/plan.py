@@ -193,8 +193,8 @@ def _collision_cell(cell: RobotInScene, collisions: Collisions) -> RobotInScene:
         raise InvalidRobotDescription(
             f"robot {robot.chain.name!r} has no collision geometry, so nothing could be proved of "
             f"the {len(cell.scene.obstacles)} obstacle(s)",
-            hint='Give the robot solids ("geometry": {"capsules": radius} of a DH table), leave '
-            'the obstacles out, or say "collisions": "ignore".',
+            hint='Give the robot solids ("visual_solids": true of a URDF, "geometry": {"capsules": '
+            'radius} of a DH table), leave the obstacles out, or say "collisions": "ignore".',
             reason="no_collision_geometry",
         )
     return cell

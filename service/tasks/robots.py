@@ -10,6 +10,8 @@ from kinematics.robots import builtin_urdf
 from kinematics.srdf_writer import srdf_text
 from kinematics.urdf import parse_urdf
 from kinematics.urdf_limits import with_limits
+from kinematics.urdf_visuals import read_visuals
+from kinematics.visual_solids import with_visual_solids
 from obstacles.collision_model import pack
 from obstacles.kept_files import keep_files_in, written_files
 from obstacles.scene import Scene
@@ -187,7 +189,8 @@ def unpack_robot(content: bytes, fields: dict[str, object], folder: str) -> tupl
     urdf_path, srdf_path = (_text(fields.get(name)) for name in ("urdf_path", "srdf_path"))
     archive = read_archive(content, urdf_path, srdf_path)
     # Meshes for display can be many times larger than those for collisions.
-    kept = kept_meshes(archive.urdf, archive.meshes, _collision_files(archive.urdf))
+    colliding = _collision_files(archive.urdf, fields.get("visual_solids") is True)
+    kept = kept_meshes(archive.urdf, archive.meshes, colliding)
     meshes = {name: base64.b64encode(archive.meshes[name]).decode() for name in kept}
     given = {"srdf": archive.srdf} | {
         name: value
@@ -207,7 +210,10 @@ def _text(value: object) -> str | None:
     return None if value is None else str(value)
 
 
-def _collision_files(urdf: str) -> set[str]:
+def _collision_files(urdf: str, visual_solids: bool) -> set[str]:
     """Names, without folders, of the mesh files that links collide with."""
-    solids = (part.geometry for link in parse_urdf(urdf).links.values() for part in link.collisions)
+    description = parse_urdf(urdf)
+    if visual_solids:
+        description = with_visual_solids(description, read_visuals(urdf))
+    solids = (part.geometry for link in description.links.values() for part in link.collisions)
     return {part.uri.rpartition("/")[2] for part in solids if isinstance(part, MeshGeometry)}

@@ -108,7 +108,8 @@ def _world(body: TaskRequest, robot: RobotGeometry, scene: Scene) -> World:
         raise InvalidRobotDescription(
             f"robot {robot.chain.name!r} has no collision geometry, so nothing could be proved of "
             f"the {len(scene.obstacles)} obstacle(s)",
-            hint='Give the robot solids, such as "geometry": {"capsules": radius} of a DH table.',
+            hint='Give the robot solids: "visual_solids": true of a URDF, or "geometry": '
+            '{"capsules": radius} of a DH table.',
             reason="no_collision_geometry",
         )
     held = tuple(Held(attachment(robot, scene, item), _load(item)) for item in body.attached or ())

@@ -12,6 +12,7 @@ import numpy as np
 from dynamics.body import joints_without_inertia, massless_joints
 from kinematics.arrays import Array
 from kinematics.chain import Chain, JointType
+from kinematics.description import RobotDescription
 from kinematics.dh import dh_from_chain
 from kinematics.dh_table import DhRow, DhTable
 from kinematics.errors import InvalidRobotDescription, InvalidScene
@@ -25,6 +26,8 @@ from kinematics.root_frame import root_notes
 from kinematics.serial_chain import GRAVITY, select, serial_chain
 from kinematics.srdf import check_semantics, parse_srdf
 from kinematics.urdf import parse_urdf
+from kinematics.urdf_visuals import read_visuals
+from kinematics.visual_solids import with_visual_solids
 from obstacles.dh_geometry import LinkSolid, dh_robot_geometry
 from obstacles.robot_geometry import RobotGeometry, robot_geometry
 from obstacles.touching_pairs import suspected_pairs
@@ -64,7 +67,7 @@ def built_in(name: str) -> tuple[RobotGeometry, list[str]]:
 
 
 def _from_urdf(body: schema.RobotBody) -> tuple[RobotGeometry, list[str]]:
-    description = parse_urdf(body.urdf or "")
+    description = _description(body)
     semantics = None if body.srdf is None else parse_srdf(body.srdf)
     lint = list(description.lint)
     if semantics is not None:
@@ -92,6 +95,13 @@ def _from_urdf(body: schema.RobotBody) -> tuple[RobotGeometry, list[str]]:
         geometry, more = _with_suspects(geometry, body.allow_suspected)
         lint += more
     return geometry, [*lint, *chosen.lint]
+
+
+def _description(body: schema.RobotBody) -> RobotDescription:
+    description = parse_urdf(body.urdf or "")
+    if not body.visual_solids:
+        return description
+    return with_visual_solids(description, read_visuals(body.urdf or ""))
 
 
 def _with_suspects(geometry: RobotGeometry, allow: bool) -> tuple[RobotGeometry, list[str]]:

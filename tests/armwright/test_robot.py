@@ -126,3 +126,15 @@ def test_an_obstacle_in_the_frame_of_the_tool() -> None:
     np.testing.assert_allclose(
         placed.T_world_obstacle, aw.fk(robot, q) @ aw.pose([0.0, 0.0, 0.02]), atol=1e-12
     )
+
+
+def test_links_without_solids_may_collide_as_they_look(tmp_path: Path) -> None:
+    (tmp_path / "meshes").mkdir()
+    box = trimesh.creation.box((0.1, 0.2, 0.3)).export(file_type="stl")
+    (tmp_path / "meshes/box.stl").write_bytes(box)
+    text = ONE_LINK.format(mesh="meshes/box.stl").replace("collision>", "visual>")
+    (tmp_path / "arm.urdf").write_text(text)
+    assert not aw.load_robot(tmp_path / "arm.urdf").pieces
+    robot = aw.load_robot(tmp_path / "arm.urdf", visual_solids=True)
+    assert len(robot.pieces) == 1
+    assert any("visual_solids" in line for line in robot.lint)

@@ -114,6 +114,18 @@ def test_pairs_that_seem_to_touch_are_allowed_by_a_flag(run: Run, tmp_path: Path
     assert robot_document(source)["allow_suspected"] is True
 
 
+def test_meshes_of_links_that_collide_as_they_look_are_sent(folder: Path) -> None:
+    (upload,) = folder.glob("*.urdf")
+    looks = upload.read_text().replace("collision>", "visual>")
+    upload = folder / "looks.urdf"
+    upload.write_text(looks)
+    assert "meshes" not in robot_document(RobotSource(str(upload)))
+    document = robot_document(RobotSource(str(upload), visual_solids=True))
+    assert document["visual_solids"] is True
+    (uri,) = document["meshes"]
+    assert uri.endswith("box.obj")
+
+
 def test_obstacles_of_scene_files_are_shown(run: Run, tmp_path: Path) -> None:
     path = tmp_path / "scene.json"
     path.write_text(json.dumps({"obstacles": [POST, FLOOR]}))

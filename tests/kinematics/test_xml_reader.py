@@ -1,5 +1,6 @@
 """Untrusted XML: what is read, what is refused, and at exactly which size."""
 
+import re
 import time
 from xml.etree.ElementTree import Element, fromstring
 
@@ -60,6 +61,24 @@ def test_the_own_namespace_is_dropped_and_others_with_all_inside_them() -> None:
 def test_xacro_is_named_however_deep_it_is(prefix: str) -> None:
     text = f'<robot xmlns:{prefix}="http://www.ros.org/wiki/xacro"><a><b><{prefix}:if/></b></a></robot>'
     refused(text, "unexpanded xacro file: it has <xacro:if>")
+
+
+def test_definitions_of_xacro_that_nothing_uses_are_taken_out() -> None:
+    text = (
+        '<robot xmlns:xacro="http://www.ros.org/wiki/xacro"><xacro:property name="size" value="1"/>'
+        '<xacro:arg name="prefix" default=""/><link name="{}"/></robot>'
+    )
+    root = read_robot(text.format("arm"), "URDF")
+    assert [element.tag for element in root] == ["link"]
+    for use in ("${size}", "$(arg prefix)arm"):
+        words = f"unexpanded xacro file: it has name={use!r} of <link>"
+        refused(text.format(use), re.escape(words))
+
+
+def test_white_space_before_the_declaration_is_no_fault() -> None:
+    text = '\n \t<?xml version="1.0"?>\n<robot name="arm"/>'
+    assert read_robot(text, "URDF").get("name") == "arm"
+    assert read_robot(text.encode(), "URDF").get("name") == "arm"
 
 
 def test_other_formats_are_named() -> None:

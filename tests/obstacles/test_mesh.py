@@ -10,7 +10,7 @@ import trimesh
 from kinematics.arrays import Array
 from kinematics.errors import InvalidScene
 from obstacles import mesh as mesh_module
-from obstacles.mesh import FILE_TYPES, checked_mesh, load_mesh, scaled
+from obstacles.mesh import FILE_TYPES, checked_mesh, is_bare_header, load_mesh, scaled
 
 
 def exported(body: trimesh.Trimesh, file_type: str) -> bytes:
@@ -187,3 +187,20 @@ def test_one_triangle_with_an_area_is_enough() -> None:
     corners = np.array([[0, 0, 0], [1, 2, 3], [2, 4, 6], [2, 4, 6.001]])
     for size in (1e-6, 1.0, 1e5):
         checked_mesh(size * corners, [[0, 1, 2], [0, 1, 3]])
+
+
+@pytest.mark.parametrize(
+    ("data", "kind", "is_bare"),
+    [
+        (bytes(80), "stl", True),
+        (bytes(84), "STL", True),
+        (b"exported".ljust(84, b"\0"), "stl", True),
+        (bytes(80) + b"\1\0\0\0", "stl", False),
+        (bytes(79), "stl", False),
+        (b"", "stl", False),
+        (bytes(134), "stl", False),
+        (bytes(84), "obj", False),
+    ],
+)
+def test_headers_of_stl_files_without_triangles(data: bytes, kind: str, is_bare: bool) -> None:
+    assert is_bare_header(data, kind) == is_bare

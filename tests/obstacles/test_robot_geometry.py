@@ -211,6 +211,14 @@ def test_a_mesh_that_is_missing_or_unreadable_is_told(uri: str, meshes: Any) -> 
         built(mesh_urdf(uri), meshes)
 
 
+def test_a_header_without_triangles_is_no_solid() -> None:
+    geometry, _, _ = built(mesh_urdf("frame.stl"), {"frame.stl": bytes(80)})
+    whole, _, _ = built()
+    assert len(geometry.pieces) == len(whole.pieces) - 1
+    assert "'frame.stl' of link 'two'" in geometry.lint[0]
+    assert "left out" in geometry.lint[0]
+
+
 def test_a_robot_without_solids_says_so() -> None:
     _, chain, description = built()
     bare, _, _ = built(URDF.replace("collision", "visual"))

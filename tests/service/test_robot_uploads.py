@@ -1,5 +1,6 @@
 """Robots that upload with no hand edit: tips, limits, states, held joints, archives."""
 
+import base64
 import json
 from typing import Any
 
@@ -7,7 +8,7 @@ import httpx
 import numpy as np
 import pytest
 
-from tests.service.robots import BOX_OBJ, answer, bench, problem, urdf
+from tests.service.robots import BOX_OBJ, answer, bench, problem, scene, urdf
 from tests.service.test_robots import archive
 
 EYE = """<link name="camera"/><joint name="eye" type="fixed">
@@ -86,6 +87,32 @@ def test_pairs_that_touch_in_the_zero_pose_are_told_and_allowed_on_request(
     where = model["allowed_collisions"].index(["knob", "upper"])
     assert model["allowed_collision_reasons"][where] == "suspected: zero pose"
     assert answer(client.post("/v1/check", json={"robot": "knobbed_free", **body}))["valid"]
+
+
+def test_links_that_collide_as_they_look(client: httpx.Client) -> None:
+    """Sent as JSON and in an archive, whose meshes for display are else kept if there is room."""
+    seen = urdf("meshes/box.obj").replace("collision>", "visual>")
+    meshes = {"meshes/box.obj": base64.b64encode(BOX_OBJ.encode()).decode()}
+    by_json = bench("looks", urdf=seen, meshes=meshes, visual_solids=True)
+    content = archive({"arm.urdf": seen, "meshes/box.obj": BOX_OBJ})
+    form = {"name": "archived_looks", "visual_solids": "true"}
+    for response in (
+        client.post("/v1/robots", json=by_json),
+        client.post("/v1/robots", files={"file": ("a.zip", content)}, data=form),
+    ):
+        lint = answer(response, 201)["lint"]
+        assert any("collide as they look" in line and "'lower'" in line for line in lint)
+    inside = scene({"id": "ball", "shape": {"type": "sphere", "radius": 0.01},
+                    "pose": {"position": [0.0, 0.0, 0.2]}})  # fmt: skip
+    for name in ("looks", "archived_looks"):
+        body = {"robot": name, "joints": [0.0, 0.0], "scene": inside}
+        pairs = [hit["pair"] for hit in answer(client.post("/v1/check", json=body))["collisions"]]
+        assert ["lower", "ball"] in pairs
+    table = {"convention": "standard", "rows": [{"type": "revolute", "a": 1, "alpha": 0, "d": 0,
+             "theta": 0, "lower": -1, "upper": 1}]}  # fmt: skip
+    body = {"name": "table", "dh": table, "visual_solids": True}
+    refusal = problem(client.post("/v1/robots", json=body), 422, "VALIDATION_ERROR")
+    assert "visual_solids" in refusal["detail"]
 
 
 def test_archive_with_several_descriptions(client: httpx.Client) -> None:

@@ -309,11 +309,12 @@ FULL: list[tuple[type[BaseModel], dict[str, Any]]] = [
     (RobotBody, {"name": "arm", "dh": {"convention": "modified", "rows": [DRIVEN_ROW]}}),
     (RobotBody, {"name": "arm", "urdf": "<robot/>", "srdf": "<robot/>", "meshes": {"a.stl": "AAAA"},
                  "joint_limits": JOINT_LIMITS, "default_limits": DEFAULT_LIMITS,
-                 "held": {"finger": 0.1}, "allow_suspected": True, "motors": {"*": MOTOR}}),
+                 "held": {"finger": 0.1}, "allow_suspected": True, "visual_solids": True,
+                 "motors": {"*": MOTOR}}),
     (RobotChanges, {"joint_limits": JOINT_LIMITS, "default_limits": DEFAULT_LIMITS}),
     (ArchiveFields, {"name": "arm", "urdf_path": "a/arm.urdf", "srdf_path": "arm.srdf",
                      "joint_limits": "joint_limits: {}", "default_limits": DEFAULT_LIMITS,
                      "held": {"finger": 0.1}, "base_link": "base", "tip_link": "tip",
-                     "allow_suspected": True, "motors": {"joint_1": MOTOR}}),
+                     "allow_suspected": True, "visual_solids": True, "motors": {"joint_1": MOTOR}}),
 ]  # fmt: skip
 NAMES = [f"{model.__name__}-{i}" for i, (model, _) in enumerate(FULL)]
