@@ -43,14 +43,27 @@ from planning.proof.separating_direction import rounding_bound
 
 #: Residuals that count as none: what rounding leaves of a bound that is met exactly [m or rad].
 TOLERANCE = 1e-6
-#: The residual told is at most this share of a row's width above the true one.
-_SHARP = 0.02
+#: The residual told is above the largest that was found by this share of it, or by the least gap
+#: [m or rad], at most.
+SHARP = 0.009
+LEAST_GAP = 5e-7
 #: Halvings of a piece.
 _MAX_DEPTH = 60
 #: Halvings after which the beginning of a violation is known well enough.
 _BEGIN_DEPTH = 40
-#: Intervals looked at for one constraint, at most.
+#: Halvings in search of the largest residual.
+_LARGEST_DEPTH = 40
+#: Intervals looked at for one constraint, at most: for the verdict, and for the largest residual.
 _MAX_INTERVALS = 2_000_000
+_MAX_LARGEST = 50_000
+#: Intervals that are looked at for a violation after one that rounding leaves open.
+_AFTER_OPEN = 20_000
+#: Where halving an interval leaves this share of a bound's excess, rounding is what is left; asked
+#: after so many halvings, of small excesses [m or rad] sooner.
+_ROUNDED_SHARE, _ROUNDED_DEPTH = 0.9, 16
+_SMALL, _SMALL_SHARE, _SMALL_DEPTH = 1e-3, 0.7, 12
+#: Places of a piece that are looked at first, so that most intervals are settled at once.
+_FIRST_LOOKS = 3
 #: Below this a length or a sine names no direction.
 _NO_DIRECTION = 1e-12
 #: What rounding may take off a cosine.
@@ -71,39 +84,23 @@ class Verdict(IntEnum):
     UNDECIDED = 2
 
 
-class Report(NamedTuple):
-    """Report of the kernel (m rows).
-
-    Args:
-        worst: Upper bounds of the residuals for all t, shape (m,); of what was looked at where a
-            row is violated.
-        times: When the largest residuals were found, shape (m,) [s].
-        best: These residuals, shape (m,) [m or rad].
-        first: Time [s], row and residual of the earliest violation that was found, shape (3,).
-    """
-
-    worst: Array
-    times: Array
-    best: Array
-    first: Array
-
-
 class ResidualBounds(NamedTuple):
-    """Bounds of the residuals of rows along a motion (m rows).
+    """Bounds of the residuals of rows along a motion.
 
     Args:
         verdict: Whether all rows hold for all t.
-        worst: Upper bounds of the residuals for all t, shape (m,) [m or rad]; where a row is
-            violated, of what was looked at.
-        times: When the largest residuals were found, shape (m,) [s].
-        time: The earliest violation that was found, or where the rows are undecided [s].
+        worst: Upper bound of all residuals for all t [m or rad].
+        worst_time: When the largest residual was found [s].
+        worst_row: The row it is of.
+        time: The first instant of a violation, or where the rows are undecided [s].
         row: The row it is of.
         residual: Its residual there [m or rad].
     """
 
     verdict: Verdict
-    worst: Array
-    times: Array
+    worst: float
+    worst_time: float
+    worst_row: int
     time: float
     row: int
     residual: float
@@ -117,24 +114,17 @@ def bound_residuals(chain: Chain, rows: Sequence[Row], trajectory: Trajectory) -
         rows: On it, at least one.
         trajectory: Of all its joints, in its order.
     """
-    m = len(rows)
-    report = Report(
-        np.full(m, -np.inf), np.zeros(m), np.full(m, -np.inf), np.array([np.inf, 0.0, 0.0])
-    )
-    gaps = np.array([max(_SHARP * row.width, TOLERANCE) for row in rows])
-    verdict = bound_residuals_kernel(
-        chain.joint_types,
-        chain.offsets,
-        pack(rows),
-        trajectory.breaks,
-        trajectory.coefficients,
-        gaps,
-        report,
-    )
-    time, row, residual = report.first.tolist()
-    return ResidualBounds(
-        Verdict(verdict), report.worst, report.times, float(time), int(row), float(residual)
-    )
+    largest, first = np.zeros(4), np.array([np.inf, 0.0, 0.0])
+    motion = (chain.joint_types, chain.offsets, pack(rows), trajectory.breaks)
+    largest_residual_kernel(*motion, trajectory.coefficients, largest)
+    bound, _, worst_time, worst_row = largest.tolist()
+    verdict = Verdict.HOLDS
+    if bound > TOLERANCE:
+        verdict = Verdict(first_violation_kernel(*motion, trajectory.coefficients, first))
+        # Where all rows are proved to hold that is a bound as well.
+        bound = min(bound, TOLERANCE) if verdict == Verdict.HOLDS else bound
+    time, row, residual = first.tolist()
+    return ResidualBounds(verdict, bound, worst_time, int(worst_row), time, int(row), residual)
 
 
 def sample_residuals(
@@ -156,16 +146,15 @@ def sample_residuals(
 
 
 @kernel
-def bound_residuals_kernel(
+def largest_residual_kernel(
     types: Indices,
     offsets: Array,
     rows: Array,
     breaks: Array,
     coefficients: Array,
-    gaps: Array,
-    report: Report,
-) -> int:
-    """Bound residuals along a motion; earliest intervals first, a violation ends it.
+    largest: Array,
+) -> None:
+    """Bound the largest residual of all rows along a motion, by branch and bound.
 
     Args:
         types: Of the joints, shape (n,).
@@ -173,17 +162,96 @@ def bound_residuals_kernel(
         rows: From ``pack``, shape (m, WIDTH).
         breaks: Of the motion, shape (p + 1,) [s].
         coefficients: Of the motion, shape (p, n, k).
-        gaps: How far above the largest residual found a bound may be, shape (m,) [m or rad].
-        report: Filled.
+        largest: Filled: bound, largest residual found, its time [s] and its row, shape (4,).
+    """
+    n, size = offsets.shape[0], coefficients.shape[2]
+    shift, joints, frames = np.empty((2, size)), np.empty((n, JOINT_COLUMNS)), np.empty((n, 4, 4))
+    # Begin, end and number of halvings of an interval, and the excess of the bound before.
+    spans = np.empty((_LARGEST_DEPTH + 2, 4))
+    bound = best = -np.inf
+    at, row, looked_at = breaks[0], 0, 0
+    for first in (True, False):
+        for piece in range(coefficients.shape[0]):
+            length = piece_length(breaks, piece)
+            for look in range(_FIRST_LOOKS if first else 0):
+                middle = length * (look / (_FIRST_LOOKS - 1.0))
+                enclose(coefficients[piece], middle, 0.0, shift, joints)
+                found, _, i = _worst_row(types, offsets, rows, joints, frames, 0.0)
+                if found > best:
+                    best, at, row = found, breaks[piece] + middle, i
+            spans[0, 0], spans[0, 1], spans[0, 2], spans[0, 3] = 0.0, length, 0.0, np.inf
+            top = 0 if first else 1
+            while top > 0:
+                top -= 1
+                low, high, depth, before = (
+                    spans[top, 0], spans[top, 1], spans[top, 2], spans[top, 3],
+                )  # fmt: skip
+                middle = 0.5 * (low + high)
+                half = max(high - middle, middle - low) * (1.0 + 4e-16)
+                enclose(coefficients[piece], middle, half, shift, joints)
+                found, highest, i = _worst_row(types, offsets, rows, joints, frames, half)
+                looked_at += 1
+                if found > best:
+                    best, at, row = found, breaks[piece] + middle, i
+                excess = highest - found
+                done = depth >= _LARGEST_DEPTH or looked_at >= _MAX_LARGEST
+                done = done or (depth >= _ROUNDED_DEPTH and excess > _ROUNDED_SHARE * before)
+                small = depth >= _SMALL_DEPTH and excess < _SMALL
+                done = done or (small and excess > _SMALL_SHARE * before)
+                if done or highest <= best + max(SHARP * abs(best), LEAST_GAP):
+                    bound = max(bound, highest)
+                    continue
+                for begin, end in ((middle, high), (low, middle)):
+                    spans[top, 0], spans[top, 1] = begin, end
+                    spans[top, 2], spans[top, 3] = depth + 1.0, excess
+                    top += 1
+    largest[0], largest[1], largest[2], largest[3] = bound, best, at, row
+
+
+@kernel
+def _worst_row(
+    types: Indices, offsets: Array, rows: Array, joints: Array, frames: Array, half: float
+) -> tuple[float, float, int]:
+    """Largest residual in the middle of an interval, bound of all over it, and the first's row."""
+    forward_kernel(types, offsets, joints[:, VALUE], frames)
+    lengths = reach(types, offsets, joints)
+    largest, highest, row = -np.inf, -np.inf, 0
+    for i in range(rows.shape[0]):
+        residual, bound = row_bounds(types, rows[i], frames, joints, half, lengths)
+        highest = max(highest, bound)
+        if residual > largest:
+            largest, row = residual, i
+    return largest, highest, row
+
+
+@kernel
+def first_violation_kernel(
+    types: Indices,
+    offsets: Array,
+    rows: Array,
+    breaks: Array,
+    coefficients: Array,
+    first: Array,
+) -> int:
+    """Find the first instant of a violation; earliest intervals first.
+
+    Args:
+        types: Of the joints, shape (n,).
+        offsets: T_(i-1)_i of every joint at 0, shape (n, 4, 4).
+        rows: From ``pack``, shape (m, WIDTH).
+        breaks: Of the motion, shape (p + 1,) [s].
+        coefficients: Of the motion, shape (p, n, k).
+        first: Filled: time [s], row and residual, shape (3,).
 
     Returns:
-        A ``Verdict``.
+        A ``Verdict``; UNDECIDED where no violation was found and rounding hides whether there is.
     """
     n, m, size = offsets.shape[0], rows.shape[0], coefficients.shape[2]
     shift, joints, frames = np.empty((2, size)), np.empty((n, JOINT_COLUMNS)), np.empty((n, 4, 4))
     is_open = np.ones((_MAX_DEPTH + 2, m), dtype=np.bool_)
     spans, depths = np.empty((_MAX_DEPTH + 2, 2)), np.zeros(_MAX_DEPTH + 2, dtype=np.int64)
-    looked_at = 0
+    looked_at, most, found, open_at, open_row = 0, _MAX_INTERVALS, False, -1.0, 0
+    residual = np.empty(1)
     for piece in range(coefficients.shape[0]):
         spans[0, 0], spans[0, 1], depths[0] = 0.0, piece_length(breaks, piece), 0
         top = 1
@@ -193,50 +261,67 @@ def bound_residuals_kernel(
             middle = 0.5 * (low + high)
             half, time = max(high - middle, middle - low) * (1.0 + 4e-16), breaks[piece] + middle
             enclose(coefficients[piece], middle, half, shift, joints)
-            forward_kernel(types, offsets, joints[:, VALUE], frames)
-            lengths, left = reach(types, offsets, joints), False
-            for i in range(m):
-                if is_open[depth, i]:
-                    residual, bound = row_bounds(types, rows[i], frames, joints, half, lengths)
-                    is_open[depth + 1, i] = not _note(report, i, residual, bound, gaps[i], time)
-                    left = left or is_open[depth + 1, i]
-                else:
-                    is_open[depth + 1, i] = False
+            left, violated = _open_rows(
+                types, offsets, rows, joints, frames, half, is_open[depth : depth + 2], residual
+            )
+            if violated >= 0:
+                first[0], first[1], first[2], found = time, violated, residual[0], True
             looked_at += 1
-            violated = report.first[0] < np.inf
-            if violated and report.first[0] == time:
+            if violated >= 0:
                 top = 0  # only what comes before it is of interest now
-            if not left:
+            if left < 0:
                 continue
-            last = depth == _MAX_DEPTH or looked_at >= _MAX_INTERVALS
-            if last or (violated and depth >= _BEGIN_DEPTH):
-                if not violated:
-                    report.first[0], report.first[1] = time, np.argmax(is_open[depth + 1])
+            if looked_at >= most or depth == _MAX_DEPTH or (found and depth >= _BEGIN_DEPTH):
+                if found:
+                    return 1
+                if open_at < 0.0:
+                    open_at, open_row = time, left
+                    most = min(_MAX_INTERVALS, looked_at + _AFTER_OPEN)
+                if looked_at >= most:
+                    first[0], first[1] = open_at, open_row
                     return 2
-                return 1
-            if report.first[0] != time:
+                continue
+            if violated < 0:
                 spans[top, 0], spans[top, 1], depths[top] = middle, high, depth + 1
                 top += 1
             spans[top, 0], spans[top, 1], depths[top] = low, middle, depth + 1
             top += 1
-        if report.first[0] < np.inf:
+        if found:
             return 1
+    if open_at >= 0.0:
+        first[0], first[1] = open_at, open_row
+        return 2
     return 0
 
 
 @kernel
-def _note(report: Report, i: int, residual: float, bound: float, gap: float, time: float) -> bool:
-    """Note a row's residual in the middle of an interval and its bound; whether it is settled."""
-    if residual > report.best[i]:
-        report.best[i], report.times[i] = residual, time
-    if residual > TOLERANCE and time < report.first[0]:
-        report.first[0], report.first[1], report.first[2] = time, i, residual
-    settled = bound <= TOLERANCE and bound <= report.best[i] + gap
-    if settled:
-        report.worst[i] = max(report.worst[i], bound)
-    elif residual > TOLERANCE:
-        report.worst[i] = max(report.worst[i], residual)
-    return settled
+def _open_rows(
+    types: Indices,
+    offsets: Array,
+    rows: Array,
+    joints: Array,
+    frames: Array,
+    half: float,
+    is_open: Array,
+    residual: Array,
+) -> tuple[int, int]:
+    """Look at the rows that are open on an interval, the first of ``is_open`` (2, m).
+
+    Returns:
+        The last row that stays open, written to the second of them, and the first one that is
+        violated in the middle, by ``residual`` (1,); -1 for none.
+    """
+    forward_kernel(types, offsets, joints[:, VALUE], frames)
+    lengths, left, violated = reach(types, offsets, joints), -1, -1
+    for i in range(rows.shape[0]):
+        is_open[1, i] = False
+        if is_open[0, i]:
+            here, bound = row_bounds(types, rows[i], frames, joints, half, lengths)
+            if bound > TOLERANCE:
+                is_open[1, i], left = True, i
+            if here > TOLERANCE and violated < 0:
+                violated, residual[0] = i, here
+    return left, violated
 
 
 @kernel
