@@ -170,7 +170,7 @@ class _Pipeline:
         if not any(planner.needs_goals for planner in self.planners):
             return start_only(problem)
         ready = preflight(problem, seed, self.deadline, self.options.goal_costs)
-        return apply_path_constraints(problem, ready, seed)
+        return apply_path_constraints(problem, ready, seed, self.deadline)
 
     # ------------------------------------------------------------------------------- the motion
 

@@ -248,7 +248,8 @@ class IkSolution(Answer):
         position_error: [m]; None where no pose was asked for.
         orientation_error: [rad].
         within_limits: Whether every joint is.
-        collision_free: None where no scene was given.
+        collision_free: Whether nothing touches; without a scene of own links, with constraints
+            alone; None where nothing was looked at.
         rejected_because: Why it can't be used, if so.
         clearance: With constraints: from the closest pair, margins taken off [m].
         constraints: How well each is held, the pose as the last one.

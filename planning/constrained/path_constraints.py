@@ -12,6 +12,7 @@ from planning.constraints.conflict import conflict
 from planning.constraints.constraint_set import ConstraintSet
 from planning.constraints.edge_bounds import TOLERANCE
 from planning.constraints.row import RowKind
+from planning.deadline import Deadline
 from planning.problem import PoseGoal, Problem
 from planning.ready import TOUCHING, Ready
 from planning.result import Failure
@@ -44,13 +45,16 @@ def check_widths(constraints: ConstraintSet) -> None:
             )
 
 
-def apply_path_constraints(problem: Problem, ready: Ready | Failure, seed: int) -> Ready | Failure:
+def apply_path_constraints(
+    problem: Problem, ready: Ready | Failure, seed: int, deadline: Deadline | None = None
+) -> Ready | Failure:
     """Bring the path's constraints into a problem that is ready: into its goals and checkers.
 
     Args:
         problem: What is to be planned, with its constraints.
         ready: What preflight answered; a failure is handed on.
         seed: Of inverse kinematics.
+        deadline: When to give up looking for goals, or for what excludes each other.
 
     Returns:
         The problem with the goals that hold the constraints and checkers that know them, or why
@@ -67,12 +71,12 @@ def apply_path_constraints(problem: Problem, ready: Ready | Failure, seed: int) 
     row = _violated_row(constraints, ready.start)
     goals = [q for q in ready.goals if _violated_row(constraints, q) is None]
     if row is not None or not goals:
-        failure = _conflict_failure(constraints, ready.start, seed)
+        failure = _conflict_failure(constraints, ready.start, seed, deadline)
         if failure is not None:
             return failure
     if row is not None:
         return _violation_failure(constraints, "start", ready.start, row)
-    goals = goals or _constrained_goals(problem, ready, seed)
+    goals = goals or _constrained_goals(problem, ready, seed, deadline)
     if not goals:
         nearest = min(ready.goals, key=lambda q: float(hard.residuals(q).max()))
         row = _violated_row(constraints, nearest)
@@ -87,9 +91,11 @@ def apply_path_constraints(problem: Problem, ready: Ready | Failure, seed: int) 
     return replace(ready, goals=goals, best=None, checkers=checkers or ready.checkers[-1:])
 
 
-def _conflict_failure(constraints: ConstraintSet, start: Array, seed: int) -> Failure | None:
+def _conflict_failure(
+    constraints: ConstraintSet, start: Array, seed: int, deadline: Deadline | None
+) -> Failure | None:
     """Why no configuration at all holds the constraints, where none does."""
-    contradiction = conflict(constraints, start, seed)
+    contradiction = conflict(constraints, start, seed, deadline)
     if contradiction is None:
         return None
     return Failure(
@@ -137,7 +143,9 @@ def _violation_failure(constraints: ConstraintSet, which: str, q: Array, row: in
     )
 
 
-def _constrained_goals(problem: Problem, ready: Ready, seed: int) -> list[Array]:
+def _constrained_goals(
+    problem: Problem, ready: Ready, seed: int, deadline: Deadline | None
+) -> list[Array]:
     """Configurations of the goal poses, within their tolerances, that hold all constraints."""
     assert problem.constraints is not None
     goals: list[Array] = []
@@ -147,6 +155,6 @@ def _constrained_goals(problem: Problem, ready: Ready, seed: int) -> list[Array]
     for goal in problem.goals:
         if not isinstance(goal, PoseGoal):
             continue
-        solutions = goal_configurations(problem, goal, ready.start, seed, geometric)
+        solutions = goal_configurations(problem, goal, ready.start, seed, geometric, deadline)
         goals += [np.array(s.joints) for s in solutions if s.clearance > TOUCHING]
     return [q for q in goals if checker.valid(q)]

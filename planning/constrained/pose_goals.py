@@ -8,6 +8,7 @@ from planning.constraints.constraint import Constraint
 from planning.constraints.constraint_set import ConstraintSet
 from planning.constraints.limit import ClearanceConstraint
 from planning.constraints.relative_pose import RelativePoseConstraint
+from planning.deadline import Deadline
 from planning.problem import PoseGoal, Problem
 
 #: Share of a goal's tolerance for each of three axes; a thousandth is kept for rounding.
@@ -33,6 +34,7 @@ def goal_configurations(
     start: Array,
     seed: int,
     constraints: tuple[Constraint, ...] = (),
+    deadline: Deadline | None = None,
 ) -> tuple[ConstrainedSolution, ...]:
     """Find configurations of a pose that hold constraints and keep clear, nearest to start first.
 
@@ -42,10 +44,12 @@ def goal_configurations(
         start: Where the search begins, shape (n,) [rad or m].
         seed: Of the random starts.
         constraints: Constraints that hold along the path.
+        deadline: When to be content with what was found.
     """
     clear = ClearanceConstraint(problem.margin)
     wanted = ConstraintSet(problem.robot.chain, (*constraints, pose_constraint(goal), clear))
     options = IkOptions(
-        seed_joints=start, most=_MAX_GOALS, seed=seed, starts=_STARTS, solver="descent"
-    )
+        seed_joints=start, most=_MAX_GOALS, seed=seed, starts=_STARTS, solver="descent",
+        deadline=deadline,
+    )  # fmt: skip
     return constrained_ik(problem.robot, wanted, problem.scene, options).solutions

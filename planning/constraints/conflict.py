@@ -9,6 +9,7 @@ from planning.constraints.active_set import descend
 from planning.constraints.active_set_program import make_goal
 from planning.constraints.constraint import Constraint
 from planning.constraints.constraint_set import ConstraintSet
+from planning.deadline import Deadline
 
 #: A configuration that is this near to holding all [m or rad] shows that they can.
 _HELD = 1e-6
@@ -16,6 +17,8 @@ _HELD = 1e-6
 #: at all are mostly found from one of the first three.
 _STARTS = 60
 _RELAXING_STARTS = 12
+#: Widening that is not told as a number [m or rad].
+_LITTLE = 1e-6
 
 
 @dataclass(frozen=True, slots=True)
@@ -37,7 +40,10 @@ class Conflict:
 
 
 def conflict(
-    constraints: ConstraintSet, near: Array | None = None, seed: int = 0
+    constraints: ConstraintSet,
+    near: Array | None = None,
+    seed: int = 0,
+    deadline: Deadline | None = None,
 ) -> Conflict | None:
     """The constraints that exclude each other, or None where some configuration holds all.
 
@@ -49,6 +55,8 @@ def conflict(
         constraints: The hard ones count.
         near: Where to look first, shape (n,).
         seed: Of the starts.
+        deadline: When to stop. What is not known by then to be impossible counts as possible, and a
+            conflict that is known may be told with constraints that it does not need.
     """
     hard = [(i, c) for i, c in enumerate(constraints.constraints) if c.weight is None]
     hard = [(i, c) for i, c in hard if c.rows(constraints.chain)]
@@ -56,7 +64,8 @@ def conflict(
 
     def possible(kept: list[tuple[int, Constraint]]) -> bool:
         own = ConstraintSet(chain, tuple(c for _, c in kept))
-        return _least_violation(own, near, seed, _STARTS)[0] <= _HELD
+        worst, _ = _least_violation(own, near, seed, _STARTS, deadline)
+        return worst <= _HELD or _is_late(deadline)
 
     if not hard or possible(hard):
         return None
@@ -65,7 +74,7 @@ def conflict(
         if rest and not possible(rest):
             hard = rest
     numbers = tuple(i for i, _ in hard)
-    relaxations = tuple(_relaxation(constraints, numbers, i, near, seed) for i in numbers)
+    relaxations = tuple(_relaxation(constraints, numbers, i, near, seed, deadline) for i in numbers)
     return _describe(constraints, numbers, relaxations)
 
 
@@ -81,22 +90,30 @@ def _describe(
     for i, name, wider in zip(numbers, names, relaxations, strict=True):
         row = int(np.flatnonzero(constraints.owners == i)[0])
         if np.isfinite(wider):
-            ways.append(f"widen {name} by {wider:.4g} {constraints.rows[row].unit}")
+            width = (
+                f"{wider:.4g} {constraints.rows[row].unit}" if wider > _LITTLE else "very little"
+            )
+            ways.append(f"widen {name} by {width}")
         else:
             ways.append(f"leave out {name}")
     return Conflict(numbers, relaxations, message, f"Any one of these helps: {'; '.join(ways)}.")
 
 
 def _relaxation(
-    constraints: ConstraintSet, numbers: tuple[int, ...], give: int, near: Array | None, seed: int
+    constraints: ConstraintSet,
+    numbers: tuple[int, ...],
+    give: int,
+    near: Array | None,
+    seed: int,
+    deadline: Deadline | None,
 ) -> float:
-    """Widening of one constraint with which the others of a conflict hold too."""
+    """Widening of one constraint with which the others of a conflict hold too, inf if none does."""
     chain = constraints.chain
     others = tuple(constraints.constraints[i] for i in numbers if i != give)
     alone = ConstraintSet(chain, (constraints.constraints[give],))
     rest = ConstraintSet(chain, others)
     # Weighed so much, the posture hardly counts beside it.
-    worst, q = _least_violation(rest, near, seed, _RELAXING_STARTS, alone, 1e4)
+    worst, q = _least_violation(rest, near, seed, _RELAXING_STARTS, deadline, alone, 1e4)
     if worst > _HELD:
         return float("inf")
     return float(alone.residuals(q).max())
@@ -107,6 +124,7 @@ def _least_violation(
     near: Array | None,
     seed: int,
     starts: int,
+    deadline: Deadline | None,
     soft: ConstraintSet | None = None,
     weight: float = 0.0,
 ) -> tuple[float, Array]:
@@ -119,6 +137,8 @@ def _least_violation(
     random = np.random.default_rng(seed)
     best, best_q = (np.inf, np.inf), first
     for start in range(starts):
+        if _is_late(deadline):
+            break
         q = np.clip(first, chain.limits.lower, chain.limits.upper)
         q = np.array(q) if start == 0 else random.uniform(low, high)
         told = np.empty(2)
@@ -132,3 +152,7 @@ def _least_violation(
         if soft is None and told[0] <= _HELD:
             break
     return best[0] if best[0] > _HELD else 0.0, best_q
+
+
+def _is_late(deadline: Deadline | None) -> bool:
+    return deadline is not None and deadline.passed

@@ -105,8 +105,9 @@ class ConstraintSet:
 
     def label(self, row: int) -> str:
         """Name of the scalar that a row bounds."""
-        constraint = self.constraints[int(self.owners[row])]
-        return f"constraint {int(self.owners[row])} ({constraint.name}, {self.rows[row].label})"
+        name, scalar = self.constraints[int(self.owners[row])].name, self.rows[row].label
+        told = name if scalar == name else f"{name}, {scalar}"
+        return f"constraint {int(self.owners[row])} ({told})"
 
     def values(self, q: ArrayLike) -> Array:
         """Values of the rows at one configuration (n,) or many (..., n), shape (..., m).

@@ -69,6 +69,7 @@ def _violation(i: int, name: str, rows: Sequence[Row], bounds: ResidualBounds) -
     if bounds.verdict == Verdict.VIOLATED:
         beyond = f"by {bounds.worst:.4g} {worst.unit} at {bounds.worst_time:.4g} s"
         problem = f"leaves its bounds; {worst.label} exceeds them {beyond}"
-    message = f"constraint {i} ({name}, {row.label}) {problem}"
+    told = name if row.label == name else f"{name}, {row.label}"
+    message = f"constraint {i} ({told}) {problem}"
     details = {"constraint": i, "residual": bounds.worst, "unit": worst.unit}
     return Violation("path_constraint", bounds.time, message, details)

@@ -252,7 +252,9 @@ class IkSolution(Answer):
     orientation_error: float | None = Field(description="[rad]")
     within_limits: bool = Field(description="no joint is outside its limits")
     collision_free: bool | None = Field(
-        None, description="nothing touches; null where that was not asked for"
+        None,
+        description="nothing touches; where no scene was given own links alone, and only with "
+        "constraints; null where nothing was looked at",
     )
     rejected_because: str | None = Field(
         None, description="why it is no solution; null where it is one"

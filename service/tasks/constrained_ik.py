@@ -1,5 +1,6 @@
 """Inverse kinematics under constraints as requests ask for it, in workers."""
 
+import time
 from typing import Any
 
 import numpy as np
@@ -10,7 +11,13 @@ from kinematics.forward import forward
 from kinematics.ik.numeric import AXES
 from kinematics.pose import rotation_error
 from obstacles.robot_geometry import RobotGeometry
-from planning.constrained.ik import ConstrainedIk, ConstrainedSolution, IkOptions, constrained_ik
+from planning.constrained.ik import (
+    HELD,
+    ConstrainedIk,
+    ConstrainedSolution,
+    IkOptions,
+    constrained_ik,
+)
 from planning.constraints.conflict import conflict
 from planning.constraints.constraint_set import ConstraintSet
 from planning.constraints.relative_pose import RelativePoseConstraint
@@ -20,6 +27,7 @@ from service.schemas.pose import Pose
 from service.tasks.attached_objects import RobotInScene
 from service.tasks.result import TaskProblem
 from service.translate import constraints, poses
+from service.workers import current
 
 #: Solutions where all are wanted but no number is given.
 _ALL = 16
@@ -27,6 +35,8 @@ _ALL = 16
 _TIMEOUT = 5.0
 #: Overlap that is told as touching, not as a length [m].
 _TOUCHING = 1e-6
+#: An answer may be this much later than a request that waited long for a worker wants it [s].
+_LATE = 0.05
 #: Share of it for the search; the rest is kept for saying why nothing was found.
 _SHARE = 0.5
 
@@ -53,6 +63,7 @@ def answer(
     pose_constraints = () if T is None else (_pose_constraint(T, body),)
     wanted = constraints.constraint_set(body.constraints, chain, *pose_constraints)
     assert wanted is not None
+    end = _end(body.timeout or _TIMEOUT)
     many = _ALL if body.all_solutions else 1
     options = IkOptions(
         objective=body.choice,
@@ -60,22 +71,23 @@ def answer(
         seed_joints=None if body.seed_joints is None else np.array(body.seed_joints),
         most=body.max_solutions or many,
         seed=body.seed,
-        deadline=Deadline.after(_SHARE * (body.timeout or _TIMEOUT)),
+        deadline=end.within(_SHARE * end.remaining),
     )
     solved = constrained_ik(robot, wanted, None if cell is None else cell.scene, options)
     if not solved.solutions:
-        return _refusal(wanted, solved, body)
+        return _refusal(wanted, solved, cell, body.seed, end)
     content: dict[str, Any] = {
         "solutions": [_solution(chain, body.link, T, wanted, s) for s in solved.solutions],
         "deterministic": solved.deterministic,
     }
-    if cell is None:
-        # Own links are apart; of obstacles nothing is known.
-        unknown = {"collision_free": None, "clearance": None}
-        content["solutions"] = [solution | unknown for solution in content["solutions"]]
     if cell is not None and cell.allowed:
         content["allowed_collisions"] = cell.allowed
     return content
+
+
+def _end(seconds: float) -> Deadline:
+    """When the answer is to be there: a request may have waited for its worker."""
+    return Deadline(min(time.monotonic() + seconds, current.deadline().at + _LATE))
 
 
 def _pose_constraint(T: Array, body: IkRequest) -> RelativePoseConstraint:
@@ -112,16 +124,22 @@ def _solution(
     }
 
 
-def _refusal(wanted: ConstraintSet, solved: ConstrainedIk, body: IkRequest) -> TaskProblem:
+def _refusal(
+    wanted: ConstraintSet,
+    solved: ConstrainedIk,
+    cell: RobotInScene | None,
+    seed: int,
+    end: Deadline,
+) -> TaskProblem:
     """The refusal: constraints in conflict, or the one that the nearest attempt violates."""
     details: dict[str, Any] = {
         "stage": "ik",
         "nearest_joints": solved.nearest.joints.tolist(),
         "constraints": constraints.uses(wanted, solved.nearest.residuals),
         "starts": solved.starts,
-        "deterministic": solved.deterministic,
     }
-    clash = conflict(wanted, None, body.seed)
+    clash = conflict(wanted, None, seed, end)
+    details["deterministic"] = solved.deterministic and not end.interruptions.occurred
     if clash is not None:
         details |= {
             "conflict": list(clash.constraints),
@@ -129,23 +147,39 @@ def _refusal(wanted: ConstraintSet, solved: ConstrainedIk, body: IkRequest) -> T
         }
         return TaskProblem("INVALID_GOAL_CONSTRAINTS", clash.message, clash.hint, details)
     worst = max(details["constraints"], key=lambda use: use["residual"], default=None)
-    if worst is not None and worst["residual"] > 0.0:
+    if worst is not None and worst["residual"] > HELD:
         what = f"violates constraint {worst['constraint']} ({worst['name']}) by "
         what += f"{worst['residual']:.4g} {worst['unit']}"
         hint = "Widen it by that much, allow more time, or try another seed."
     elif solved.nearest.pair is not None:
-        a, b = solved.nearest.pair
-        short = -solved.nearest.clearance
-        what = f"has {a!r} and {b!r} closer than they may be by {short:.4g} m"
-        details |= {"pair": [a, b], "clearance": solved.nearest.clearance}
-        hint = f"Lower the margin by {short:.4g} m, widen the constraints, or move the obstacle."
-        if short < _TOUCHING:
-            what, hint = f"has {a!r} and {b!r} touching", "Widen the constraints."
+        details |= {"pair": list(solved.nearest.pair), "clearance": solved.nearest.clearance}
+        what, hint = _too_near(wanted, solved.nearest, cell)
     else:
-        what, hint = "is in collision", "Lower the margin, or widen the constraints."
+        what, hint = "is in collision", "Widen the constraints, or try another seed."
     return TaskProblem(
         "NO_IK_SOLUTION",
         f"no configuration was found that holds all constraints: the nearest attempt {what}",
         hint,
         details,
     )
+
+
+def _too_near(
+    wanted: ConstraintSet, nearest: ConstrainedSolution, cell: RobotInScene | None
+) -> tuple[str, str]:
+    """What the nearest attempt has too near, and what would help."""
+    assert nearest.pair is not None
+    a, b = nearest.pair
+    short, obstacles = -nearest.clearance, () if cell is None else cell.scene.obstacles
+    is_obstacle = any(obstacle.id in (a, b) for obstacle in obstacles)
+    ways = ["widen the constraints", "try another seed"]
+    if is_obstacle:
+        ways.insert(1, "move the obstacle")
+    if short < _TOUCHING:
+        what = f"has {a!r} and {b!r} touching"
+    else:
+        what = f"has {a!r} and {b!r} closer than they may be by {short:.4g} m"
+        if is_obstacle and short < wanted.margin:
+            ways.insert(0, f"lower the margin by {short:.4g} m")
+    hint = f"{', '.join(ways[:-1])}, or {ways[-1]}."
+    return what, hint[0].upper() + hint[1:]

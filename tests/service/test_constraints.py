@@ -1,5 +1,6 @@
 """Constraints over HTTP: configurations, plans, foreign motions, and what is refused."""
 
+import time
 from typing import Any
 
 import httpx
@@ -168,6 +169,25 @@ def test_impossible_sets_name_their_conflict(client: httpx.Client) -> None:
     document = problem(refused, 422, "INVALID_GOAL_CONSTRAINTS")
     assert document["details"]["conflict"] == [0, 1]
     np.testing.assert_allclose(document["details"]["relaxations"], 0.38, atol=1e-3)
+
+
+def test_own_links_are_looked_at_without_a_scene(client: httpx.Client) -> None:
+    (best,) = ik(client, constraints=[UPRIGHT, PLACE])
+    assert best["collision_free"] is True
+    assert best["clearance"] > 0.0
+
+
+@pytest.mark.parametrize("timeout", [0.02, 0.1])
+def test_an_impossible_set_costs_no_more_than_its_timeout(timeout: float) -> None:
+    """Twelve planes of which no two go together: who excludes whom takes a second to find out."""
+    body = {"method": "constrained", "timeout": timeout, "constraints": planes(*np.arange(12) / 12)}
+    assert problem_of(inverse_kinematics.ik, PANDA, body | {"timeout": 60.0}).details["conflict"]
+    began = time.process_time()
+    late = problem_of(inverse_kinematics.ik, PANDA, body)
+    assert time.process_time() - began < timeout + 0.1
+    assert late.code in ("NO_IK_SOLUTION", "INVALID_GOAL_CONSTRAINTS")
+    assert late.details["deterministic"] is False
+    assert len(late.details["nearest_joints"]) == 7
 
 
 def test_a_search_that_time_ended_says_so(client: httpx.Client) -> None:

@@ -1,17 +1,20 @@
 """Impossible sets name who is in conflict and how much each would have to give."""
 
+import time
+
 import numpy as np
 
 from kinematics.dh import chain_from_dh
 from kinematics.dh_table import DhRow, DhTable
 from kinematics.forward import forward
 from kinematics.robots import builtin_chain
-from planning.constraints.conflict import conflict
+from planning.constraints.conflict import _describe, conflict
 from planning.constraints.constraint_set import ConstraintSet
 from planning.constraints.joint import JointConstraint
 from planning.constraints.orientation import ConeConstraint
 from planning.constraints.position import PositionConstraint
 from planning.constraints.region import PlaneRegion, SphereRegion
+from planning.deadline import Deadline
 
 CHAIN = builtin_chain("panda")
 UP = [0.0, 0.0, 1.0]
@@ -84,3 +87,26 @@ def test_soft_ones_are_in_nobody_s_way() -> None:
         PositionConstraint(PlaneRegion([0, 0, 0.6], UP, 0.01)),
     )
     assert conflict(ConstraintSet(CHAIN, wanted)) is None
+
+
+def test_time_ends_the_search_for_a_conflict() -> None:
+    """What is not known by then is no conflict, or one that may name more than it needs."""
+    planes = [
+        PositionConstraint(PlaneRegion([0, 0, 0.1 * k], UP, 0.01), link)
+        for k in range(6)
+        for link in (None, "panda_link5")
+    ]
+    wanted = ConstraintSet(CHAIN, tuple(planes))
+    assert conflict(wanted, deadline=Deadline.after(0.0)) is None
+    began = time.process_time()
+    conflict(wanted, deadline=Deadline.after(0.05))
+    assert time.process_time() - began < 0.15
+    found = conflict(wanted, deadline=Deadline.after(60.0))
+    assert found is not None
+    assert len(found.constraints) == 2
+
+
+def test_no_widening_is_told_as_a_length_of_nothing() -> None:
+    wanted = ConstraintSet(CHAIN, (JointConstraint("panda_joint4", -1.0, 0.1, 0.1),))
+    assert "by very little" in _describe(wanted, (0,), (1e-9,)).hint
+    assert "by 0.1 rad" in _describe(wanted, (0,), (0.1,)).hint
