@@ -307,9 +307,9 @@ def _processor_times(
     for part, started in (("server", servers), ("agents", agents)):
         for process in started:
             spent = processor_times(process.process.pid)
-            times[part] += spent.pop(process.process.pid)
-            times["workers"] += sum(spent.values())
-    times["PostgreSQL"] = sum(processor_times(database.pid).values())
+            times[part] += spent.own
+            times["workers"] += spent.below
+    times["PostgreSQL"] = sum(processor_times(database.pid))
     return times
 
 

@@ -19,7 +19,7 @@ from typing import Any
 import httpx
 import numpy as np
 
-from benchmarks.machines import local_server, processor_times
+from benchmarks.machines import local_server, processor_times, wait_until_idle
 
 #: Around this state the hand is above the table, and below the shelf.
 MIDDLE = np.array([0.0, 0.2, 0.0, -1.9, 0.0, 2.1, 0.785])
@@ -93,10 +93,9 @@ def plan_batch(pid: int, client: httpx.Client, states: list[list[float]]) -> Rou
             if line == "event: end":
                 break
     seconds = time.perf_counter() - began
-    spent = {one: at - before.get(one, 0.0) for one, at in processor_times(pid).items()}
+    spent = processor_times(pid).since(before)
     result = client.get(job).raise_for_status().json()["result"]
-    server = spent.pop(pid)
-    return Round(seconds, server, sum(spent.values()), result["succeeded"])
+    return Round(seconds, spent.own, spent.below, result["succeeded"])
 
 
 def main() -> None:
@@ -113,6 +112,7 @@ def main() -> None:
             local_server(settings) as (pid, url),
             httpx.Client(base_url=url, timeout=600.0) as client,
         ):
+            wait_until_idle(pid)
             client.post("/v1/scenes", json=SCENE).raise_for_status()
             states = free_states(client, asked.count + 1)
             plan_batch(pid, client, states[: max(asked.count // 4, 2)])

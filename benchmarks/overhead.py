@@ -28,7 +28,7 @@ import numpy as np
 from armwright.robot import load_robot
 from armwright_client import Box, Client, Obstacle, Pose
 from armwright_client import Scene as SceneBody
-from benchmarks.machines import local_server, processor_times
+from benchmarks.machines import local_server, processor_times, wait_until_idle
 from kinematics.arrays import Array
 from obstacles import shapes
 from obstacles.checker import Checker
@@ -194,10 +194,9 @@ def measure(kind: str, client: Client, pid: int, robot: RobotGeometry, rounds: i
         requests = [(start.tolist(), goal.tolist(), body()) for start, goal in moves]
         before = processor_times(pid)
         outside += [spent_outside(client, *request) for request in requests]
-        after = processor_times(pid)
-        spent = {one: at - before.get(one, 0.0) for one, at in after.items()}
-        server += spent.pop(pid)
-        workers += sum(spent.values())
+        spent = processor_times(pid).since(before)
+        server += spent.own
+        workers += spent.below
     assert [one.path for one in inside] == [one.path for one in outside]
     told = _clock_columns(inside, outside)
     told.append(1e3 * server / len(outside))
@@ -229,6 +228,7 @@ def main() -> None:
     asked = parser.parse_args()
     robot = load_robot("panda")
     with local_server({"ARMWRIGHT_WORKERS": "1"}) as (pid, url), Client(url) as client:
+        wait_until_idle(pid)
         client.scenes.create(scene_body("boxes"))
         print(f"{'[ms]':13}" + "".join(f"  {name}" for name in _COLUMNS))
         for kind in asked.scenes:
