@@ -16,6 +16,7 @@ from kinematics.rotation_check import (
 )
 
 Matrix = NDArray[np.float64]
+_NO_TURN = [0.0, 0.0, 0.0, 1.0]
 _IDENTITY = np.eye(4)
 
 #: Below this value of sin(theta) the two outer zyz angles can't be told apart.
@@ -70,6 +71,8 @@ def from_quaternion(xyzw: ArrayLike) -> Matrix:
     Raises:
         InvalidPose: The norm differs from 1 by more than 1e-3.
     """
+    if isinstance(xyzw, list) and xyzw == _NO_TURN:  # most solids of scenes stand upright
+        return np.eye(3)
     q = np.asarray(xyzw, dtype=np.float64)
     square = float(q.dot(q)) if q.shape == (4,) else math.inf
     if not math.isfinite(square):
@@ -140,7 +143,7 @@ def from_matrix(rotation: ArrayLike) -> Matrix:
         InvalidPose: R^T R differs from I by more than 1e-6, or det R is not +1.
     """
     R = _finite(rotation, (3, 3), "rotation_matrix")
-    error, determinant = _orthonormal_error(R)
+    error, determinant = _orthonormal_error(R.tolist())
     check_orthonormal(error, determinant)
     if error <= _ROUNDING:
         return R.copy()
@@ -151,18 +154,19 @@ def from_matrix(rotation: ArrayLike) -> Matrix:
 
 def is_exact_rotation(R: Matrix) -> bool:
     """Whether `from_matrix` answers a matrix (3, 3) as it is: a rotation to rounding."""
-    if not math.isfinite(float(np.add.reduce(R, axis=None))):
+    rows = R.tolist()
+    if not math.isfinite(sum(map(sum, rows))):
         return False
-    error, determinant = _orthonormal_error(R)
+    error, determinant = _orthonormal_error(rows)
     return bool(error <= _ROUNDING) and determinant > 0.0
 
 
-def _orthonormal_error(R: Matrix) -> tuple[float, float]:
-    """Largest entry of |R^T R - I|, and det R, of a finite matrix (3, 3).
+def _orthonormal_error(rows: list[list[float]]) -> tuple[float, float]:
+    """Largest entry of |R^T R - I|, and det R, of the rows of a finite matrix (3, 3).
 
     In Python's own numbers: numpy's calls take ten times as long as the arithmetic of one matrix.
     """
-    (a, b, c), (d, e, f), (g, h, i) = R.tolist()
+    (a, b, c), (d, e, f), (g, h, i) = rows
     error = max(
         abs(a * a + d * d + g * g - 1.0), abs(b * b + e * e + h * h - 1.0),
         abs(c * c + f * f + i * i - 1.0), abs(a * b + d * e + g * h), abs(a * c + d * f + g * i),

@@ -19,19 +19,23 @@ Node: TypeAlias = Any
 MAX_LENGTH = 1_000_000
 #: There are no anchors, aliases, tags, merge and complex keys, directives, comments, block scalars
 #: and escapes of these.
-_CHARACTERS = frozenset("\n \"'()+,-./:;[]_{}" + ascii_letters + digits)
-_BETWEEN = str.maketrans(",[]{}", "     ")
+_CHARACTERS = b"\n \"'()+,-./:;[]_{}" + (ascii_letters + digits).encode()
+_BETWEEN = bytes.maketrans(b",[]{}\n", b"      ")
 #: A line that begins farther to the right than all that is read, lists in lists in one line, and
 #: brackets within brackets.
-_INDENTED, _DASHES, _MAX_BRACKETS = "\n" + 64 * " ", "- - - - ", 8
-_BRACKET = re.compile(r"[\[\]{}]")
+_INDENTED, _DASHES, _MAX_BRACKETS = b"\n" + 64 * b" ", b"- - - - ", 8
+_NO_BRACKETS = bytes(set(range(256)) - set(b"[]{}"))
 #: Numbers that YAML 1.1 and 1.2 both take for them, and for the same ones.
-_NUMBER = r"[-+]?(?:0|[1-9][0-9]{0,16}|[0-9]+\.[0-9]*(?:[eE][-+][0-9]+)?)"
-#: A dash of an item, a number, or a word with its quotes, after which it may be a key.
-_TOKEN = re.compile(rf"-|{_NUMBER}|[\"']*([A-Za-z_/][A-Za-z0-9_./+-]*)?[\"']*(:?)")
+_NUMBER = rb"[-+]?(?:0|[1-9][0-9]{0,16}|[0-9]+\.[0-9]*(?:[eE][-+][0-9]+)?)"
 #: Words of which YAML 1.1 makes more than text; of the first ones both make the same.
-_SAME = frozenset(("true", "false", "null"))
-_SPECIAL = frozenset(("yes", "no", "on", "off", *_SAME))
+_SAME, _SPECIAL = rb"(?:true|false|null)", rb"(?i:true|false|null|yes|no|on|off)"
+_WORD = rb"[A-Za-z_/][A-Za-z0-9_./+-]*+"
+#: Tokens with a space behind each: dashes of items, numbers, and words with their quotes, after
+#: which they may be keys. Nothing is tried twice: it takes no longer than the text is.
+_TOKENS = re.compile(
+    rb"(?:(?:-|" + _NUMBER + rb"|[\"']*+" + _SAME + rb"[\"']*+"
+    rb"|(?![\"']*+" + _SPECIAL + rb"[\"']*+:? )[\"']*+(?:" + _WORD + rb")?[\"']*+:?) )*+"
+)
 
 
 class UnsureYaml(ValueError):
@@ -51,41 +55,33 @@ def read_quickly(text: str | bytes, max_depth: int) -> Node:
     if len(text) > MAX_LENGTH:
         raise UnsureYaml
     try:
-        plain = text if isinstance(text, str) else text.decode("ascii")
-    except UnicodeDecodeError:
+        plain = text.encode("ascii") if isinstance(text, str) else text
+    except UnicodeEncodeError:
         raise UnsureYaml from None
-    is_sure = _CHARACTERS.issuperset(plain) and _is_shallow(plain)
-    if not is_sure or not all(map(_is_sure, _tokens(plain))):
+    is_sure = not plain.translate(None, _CHARACTERS) and _is_shallow(plain)
+    if not is_sure or not _TOKENS.fullmatch(_tokens(plain)):
         raise UnsureYaml
     try:
-        root = ryaml.loads(plain)
+        root = ryaml.loads(plain.decode("ascii") if isinstance(text, bytes) else text)
     except (ryaml.InvalidYamlError, ValueError, TypeError):
         raise UnsureYaml from None
     _check_depth((root,), max_depth)
     return root
 
 
-def _is_shallow(text: str) -> bool:
+def _is_shallow(text: bytes) -> bool:
     """Whether nothing nests so deep that the fast parser would be slow: it takes minutes then."""
     if _INDENTED in text or _DASHES in text:
         return False
-    brackets = "".join(_BRACKET.findall(text))
+    brackets = text.translate(None, _NO_BRACKETS)
     for _ in range(_MAX_BRACKETS):
-        brackets = brackets.replace("[]", "").replace("{}", "")
+        brackets = brackets.replace(b"[]", b"").replace(b"{}", b"")
     return not brackets
 
 
-def _tokens(text: str) -> set[str]:
-    return set(text.translate(_BETWEEN).split())
-
-
-def _is_sure(token: str) -> bool:
-    """Whether what stands between spaces, commas and brackets is read in one way only."""
-    found = _TOKEN.fullmatch(token)
-    if found is None:
-        return False
-    word, is_key = found[1], bool(found[2])
-    return word is None or word.lower() not in _SPECIAL or (word in _SAME and not is_key)
+def _tokens(text: bytes) -> bytes:
+    """What stands between spaces, commas and brackets, each thing once with a space behind it."""
+    return b" ".join([*set(text.translate(_BETWEEN).split()), b""])
 
 
 def _check_depth(nodes: Iterable[Node], depth: int) -> None:

@@ -1,13 +1,12 @@
 """MoveIt planning scenes: YAML text to a scene."""
 
-from collections.abc import Callable, Iterable, Iterator, Mapping
-from contextlib import contextmanager
+from collections.abc import Callable, Iterable, Mapping
 from itertools import combinations
 from typing import NamedTuple
 
 import numpy as np
 
-from kinematics.arrays import Array
+from kinematics.arrays import Array, frozen
 from kinematics.errors import ArmwrightError, InvalidScene
 from kinematics.pose import from_quaternion, transform
 from kinematics.yaml_reader import Node, UnreadableYaml, finite_number, read_yaml
@@ -18,6 +17,7 @@ from obstacles.shapes import Box, Cone, Cylinder, HalfSpace, Mesh, Shape, Sphere
 _REMOVE = 1
 #: Numbers of a planning scene are smaller, as a rule; others are looked at more closely.
 _USUAL = 1e9
+_IDENTITY = frozen(np.eye(4))
 
 
 def scene_from_moveit(text: str | bytes) -> Scene:
@@ -77,10 +77,13 @@ def _refuse_unread(root: Mapping[str, Node]) -> None:
 
 
 class _Frame(NamedTuple):
-    """A frame by its pose in another one; None for the other means the robot's root frame."""
+    """A frame by its pose in another one; None for the other means the robot's root frame.
+
+    A pose that is None means that both are the same.
+    """
 
     parent: str | None
-    T_parent_frame: Array
+    T_parent_frame: Array | None
 
 
 def _frames(root: Mapping[str, Node]) -> dict[str, _Frame]:
@@ -105,16 +108,23 @@ def _frame_id(fields: Mapping[str, Node], where: str) -> str | None:
 
 def _locate(name: str | None, frames: Mapping[str, _Frame], where: str) -> _Frame:
     """A frame by its pose in one that no transform leads to, or in the root frame."""
-    T = np.eye(4)
+    T: Array | None = None
     seen: set[str] = set()
     while name is not None and name in frames:
         if name in seen:
             raise InvalidScene(f"{where}: the transforms of frame {name!r} form a circle")
         seen.add(name)
-        T = frames[name].T_parent_frame @ T
+        T = _product(frames[name].T_parent_frame, T)
         # The planning frame stands at itself: its transform is there for completeness.
         name = None if frames[name].parent == name else frames[name].parent
     return _Frame(name, T)
+
+
+def _product(first: Array | None, second: Array | None) -> Array | None:
+    """The product of two transforms, of which None is the identity."""
+    if first is None:
+        return second
+    return first if second is None else first @ second
 
 
 def _obstacles(
@@ -126,8 +136,8 @@ def _obstacles(
         return []
     frame, T = _locate(_frame_id(entry, where), frames, where)
     if entry.get("pose") is not None:
-        T = T @ _pose(entry["pose"], f"{where}.pose")
-    solids: list[tuple[Shape, Array, str]] = []
+        T = _product(T, _pose(entry["pose"], f"{where}.pose"))
+    solids: list[tuple[Shape, Array | None, str]] = []
     for kind, poses, read in _KINDS:
         if kind in entry or poses in entry:
             solids += _solids(entry, kind, poses, read, where)
@@ -138,9 +148,12 @@ def _obstacles(
         )
     obstacles = []
     for k, (shape, T_object_solid, here) in enumerate(solids):
-        with _at(here):
+        with _At(here):
             own = f"{name}/{k}" if len(solids) > 1 else name
-            obstacles.append(Obstacle(own, shape, T @ T_object_solid, frame=frame))
+            placed = _product(T, T_object_solid)
+            # No zero is negative: the content hash tells them apart.
+            pose = _IDENTITY if placed is None else placed + 0.0
+            obstacles.append(Obstacle(own, shape, pose, frame=frame))
     return obstacles
 
 
@@ -150,17 +163,17 @@ def _solids(
     poses: str,
     read: Callable[[Mapping[str, Node], str], Shape],
     where: str,
-) -> list[tuple[Shape, Array, str]]:
+) -> list[tuple[Shape, Array | None, str]]:
     given = _sequence(entry.get(kind), f"{where}.{kind}")
     placed = _sequence(entry.get(poses), f"{where}.{poses}")
     if len(placed) != len(given) and not (entry.get("pose") is not None and not placed):
         raise InvalidScene(f"{where}: {len(given)} {kind}, but {len(placed)} {poses}")
-    solids = []
+    solids: list[tuple[Shape, Array | None, str]] = []
     for k, fields in enumerate(given):
         here = f"{where}.{kind}[{k}]"
-        with _at(here):
+        with _At(here):
             shape = read(_mapping(fields, here), here)
-        T = _pose(placed[k], f"{where}.{poses}[{k}]") if placed else np.eye(4)
+        T = _pose(placed[k], f"{where}.{poses}[{k}]") if placed else None
         solids.append((shape, T, here))
     return solids
 
@@ -174,7 +187,7 @@ def _primitive(fields: Mapping[str, Node], where: str) -> Shape:
         raise InvalidScene(f"type {name!r} is none of box, sphere, cylinder, cone")
     size = _vector(fields.get("dimensions"), sizes[number], f"{where}.dimensions")
     if number == 1:
-        return Box(np.array(size))
+        return Box(size)
     if number == 2:
         return Sphere(size[0])
     return (Cylinder if number == 3 else Cone)(radius=size[1], height=size[0])
@@ -257,23 +270,35 @@ def _pose(
     node: Node, where: str, position: str = "position", orientation: str = "orientation"
 ) -> Array:
     fields = _mapping(node, where)
-    unknown = fields.keys() - {position, orientation}
+    unknown = [name for name in fields if name not in (position, orientation)]
     if unknown:
         raise InvalidScene(f"{where}: unknown {', '.join(sorted(map(str, unknown)))}")
     p = _vector(fields.get(position, [0, 0, 0]), 3, f"{where}.{position}")
     xyzw = _vector(fields.get(orientation, [0, 0, 0, 1]), 4, f"{where}.{orientation}")
-    with _at(f"{where}.{orientation}"):
+    with _At(f"{where}.{orientation}"):
         return transform(from_quaternion(xyzw), p)
 
 
-@contextmanager
-def _at(where: str) -> Iterator[None]:
-    """Context in which errors are raised again with the place in the file."""
-    try:
-        yield
-    except ArmwrightError as error:
-        place = "" if error.message.startswith(where) else f"{where}: "
-        raise InvalidScene(f"{place}{error.message}", hint=error.hint) from None
+class _At:
+    """Context in which errors are raised again with the place in the file.
+
+    Args:
+        where: The place.
+    """
+
+    __slots__ = ("_where",)
+
+    def __init__(self, where: str) -> None:
+        self._where = where
+
+    def __enter__(self) -> None:
+        """Begin."""
+
+    def __exit__(self, kind: object, error: BaseException | None, trace: object) -> None:
+        """End."""
+        if isinstance(error, ArmwrightError):
+            place = "" if error.message.startswith(self._where) else f"{self._where}: "
+            raise InvalidScene(f"{place}{error.message}", hint=error.hint) from None
 
 
 def _mapping(node: Node, where: str) -> Mapping[str, Node]:
@@ -293,16 +318,14 @@ def _sequence(node: Node, where: str) -> list[Node]:
 def _vector(node: Node, count: int, where: str) -> list[float]:
     if isinstance(node, dict) and set(node) == set("xyzw"[:count]):
         node = [node[axis] for axis in "xyzw"[:count]]
-    if type(node) is list and len(node) == count and all(map(_is_usual_number, node)):
-        return [float(value) for value in node]
+    if type(node) is list and len(node) == count:
+        usual = [float(x) for x in node if type(x) in (float, int) and -_USUAL <= x <= _USUAL]
+        if len(usual) == count:
+            return usual
     values = _sequence(node, where)
     if len(values) != count:
         raise InvalidScene(f"{where}: needed are {count} numbers, found are {len(values)}")
     return [_number(value, f"{where}[{i}]") for i, value in enumerate(values)]
-
-
-def _is_usual_number(node: Node) -> bool:
-    return type(node) in (float, int) and -_USUAL <= node <= _USUAL
 
 
 def _number(node: Node, where: str) -> float:

@@ -1,7 +1,5 @@
 """Scenes put into the root frame of a robot: obstacles may be given in other frames."""
 
-from dataclasses import replace
-
 import numpy as np
 from numpy.typing import ArrayLike
 
@@ -9,7 +7,7 @@ from kinematics.arrays import Array
 from kinematics.chain import Chain
 from kinematics.errors import InvalidScene
 from kinematics.root_frame import frame_pose
-from obstacles.scene import Obstacle, Scene
+from obstacles.scene import Obstacle, Scene, meant_in
 
 
 def place(scene: Scene, chain: Chain, joints: ArrayLike | None = None) -> Scene:
@@ -41,7 +39,7 @@ def in_frame(scene: Scene, frame: str) -> Scene:
         scene: The scene.
         frame: A link that stands still, or "tool".
     """
-    obstacles = (o if o.frame is not None else replace(o, frame=frame) for o in scene.obstacles)
+    obstacles = (o if o.frame is not None else meant_in(o, frame) for o in scene.obstacles)
     return Scene(tuple(obstacles), scene.allowed_collisions)
 
 
@@ -61,13 +59,18 @@ def only_frame(scene: Scene) -> str | None:
     return next(iter(frames), None)
 
 
-def _frame_pose(scene: Scene, frame: str, chain: Chain, joints: Array | None) -> Array:
+def _frame_pose(scene: Scene, frame: str, chain: Chain, joints: Array | None) -> Array | None:
+    """The pose of a frame in the root frame; None where it is the same."""
     first = next(obstacle.id for obstacle in scene.obstacles if obstacle.frame == frame)
-    return frame_pose(chain, frame, joints, f"frame of obstacle {first!r}")
+    T = frame_pose(chain, frame, joints, f"frame of obstacle {first!r}")
+    return None if np.array_equal(T, np.eye(4)) else T
 
 
-def _placed(obstacle: Obstacle, poses: dict[str, Array]) -> Obstacle:
+def _placed(obstacle: Obstacle, poses: dict[str, Array | None]) -> Obstacle:
     if obstacle.frame is None:
         return obstacle
-    T = poses[obstacle.frame] @ obstacle.T_world_obstacle
+    T_root_frame = poses[obstacle.frame]
+    if T_root_frame is None:
+        return meant_in(obstacle, None)
+    T = T_root_frame @ obstacle.T_world_obstacle
     return Obstacle(obstacle.id, obstacle.shape, T, obstacle.margin)

@@ -333,6 +333,22 @@ def _restored(
     return obstacle
 
 
+def meant_in(obstacle: Obstacle, frame: str | None) -> Obstacle:
+    """The obstacle with the same pose, meant in another frame.
+
+    Args:
+        obstacle: The obstacle.
+        frame: A link that stands still, or "tool"; None for the robot's root frame.
+
+    Raises:
+        InvalidScene: The name is empty or too long.
+    """
+    if frame is not None:
+        checked_name(frame, f"frame of obstacle {obstacle.id!r}")
+    pose = obstacle.T_world_obstacle  # was found rigid before
+    return _restored(obstacle.id, obstacle.shape, pose, obstacle.margin, frame)
+
+
 def _rigid(T: Array, name: str) -> Array:
     try:
         matrix = frozen(T)

@@ -134,6 +134,13 @@ def test_what_is_more_or_wrong_is_left_to_the_parser(text: str) -> None:
         read_quickly(text, 32)
 
 
+@pytest.mark.parametrize("text", ["'" * 300_000 + "(", "'\"" * 150_000 + "x(", "9" * 400_000 + "("])
+def test_what_is_tried_is_never_more_than_the_text(text: str) -> None:
+    # With every way of taking quotes apart this would take days.
+    with pytest.raises(UnsureYaml):
+        read_quickly(text, 32)
+
+
 def test_long_texts_are_left_to_the_parser() -> None:
     with pytest.raises(UnsureYaml):
         read_quickly("a: 1\n" + " " * MAX_LENGTH, 32)

@@ -98,3 +98,15 @@ world:
         np.testing.assert_allclose(ball.T_world_obstacle[:3, 3], [2, 3, 1])
     with pytest.raises(InvalidScene, match="circle"):
         scene_from_moveit(text.replace("FRAME", "desk"))
+
+
+def test_what_is_in_the_root_frame_by_name_keeps_every_bit() -> None:
+    pose = transform(from_rpy([0.3, -0.2, 0.9]), [0.4, -0.1, 0.2])
+    bare = Scene((Obstacle("a", Sphere(0.1), pose, 0.02),))
+    named = in_frame(bare, CHAIN.root_link)
+    assert named.content_hash != bare.content_hash
+    placed = place(named, CHAIN)
+    assert placed.content_hash == bare.content_hash
+    assert placed.obstacles[0].T_world_obstacle.tobytes() == pose.tobytes()
+    with pytest.raises(InvalidScene, match="frame of obstacle 'a'"):
+        in_frame(bare, "")
