@@ -10,6 +10,9 @@ AUDIT := $(VENV)-audit/bin
 SITE := $(VENV)-site/bin
 CONTRACT := $(VENV)-contract/bin
 INSTALLED := $(VENV)/.installed
+# Kernels that the demonstration needs, about half of all; and all, which whatever else needs kernels waits for.
+FIRST := $(VENV)/.first-kernels
+KERNELS := $(VENV)/.kernels
 STUDIO := $(VENV)/.studio
 TOOLS := $(VENV)/.tools
 APP := -e ".[demo]" -e ./client
@@ -27,7 +30,7 @@ MARGINS ?= 0
 .PHONY: install demo studio studio-packages test check bench bench-timing bench-arms bench-verdict bench-mbm bench-http serve clients site wheels kernel-list \
 	docker-steps audit contract clean help
 
-install: $(INSTALLED) $(TOOLS)  ## Install the app, the client and the developers' tools into .venv
+install: $(KERNELS) $(TOOLS)  ## Install the app, the client and the developers' tools into .venv
 
 # With uv where it is there or can be had (seconds; it does not stay), else with pip (minutes). Byte code is
 # compiled here, as pip does: some packages warn while they are compiled, and the tests take warnings for errors.
@@ -45,23 +48,31 @@ $(INSTALLED): pyproject.toml client/pyproject.toml constraints.txt
 	Install one, or name it: make PYTHON=/path/to/python3.12 $(MAKECMDGOALS)" >&2; exit 1; }
 	@echo "Installing into $(VENV) ..."
 	$(call packages,$(APP))
-	@echo "Looking for the kernels; what is missing is compiled (once, a minute on two cores) ..."
-	@$(BIN)/armwright warm
 	@touch $@
 
+$(FIRST): $(INSTALLED)
+	@echo "Looking for the kernels of the demonstration; what is missing is compiled (once, a minute on two cores) ..."
+	@$(BIN)/armwright warm --first
+	@touch $@
+
+$(KERNELS): $(INSTALLED)
+	@echo "Looking for the kernels; what is missing is compiled (once, two minutes on two cores) ..."
+	@$(BIN)/armwright warm
+	@touch $(FIRST) $@
+
 # The developers' tools: 1.1 GB that running the app does not need.
-$(TOOLS): $(INSTALLED)
+$(TOOLS): $(KERNELS)
 	@echo "Installing the developers' tools into $(VENV) ..."
 	$(call packages,$(APP_AND_TOOLS))
 # It asks for an older typer than the commands use, and runs with this one: the rest of what it needs is in `dev`.
 	$(call packages,--no-deps openapi-python-client)
 	@touch $@
 
-demo: $(INSTALLED)  ## Plan, certify and draw a motion from start to end
+demo: $(FIRST)  ## Plan, certify and draw a motion from start to end
 	$(BIN)/python examples/demo.py
 
 # The page wants two packages more. On a fresh clone they come with the app's, in one go.
-$(STUDIO): $(INSTALLED)
+$(STUDIO): $(KERNELS)
 	@$(BIN)/python -c "import viser" 2> /dev/null || echo "Installing the studio into $(VENV) ..."
 	@$(BIN)/python -c "import viser" 2> /dev/null || $(MAKE) --no-print-directory studio-packages
 	@touch $@
@@ -103,7 +114,7 @@ bench-http: $(TOOLS)  ## Measure what HTTP costs on some of them: make bench-htt
 	@test -n "$(PROBLEMS)" || { echo "Say where the problems are: make $@ PROBLEMS=dir" >&2; exit 1; }
 	$(BIN)/python -m benchmarks.http $(PROBLEMS)
 
-serve: $(INSTALLED)  ## Serve the API on HOST:PORT (127.0.0.1:8000)
+serve: $(KERNELS)  ## Serve the API on HOST:PORT (127.0.0.1:8000)
 	$(BIN)/armwright serve --host $(HOST) --port $(PORT)
 
 clients: $(TOOLS)  ## Generate clients of the API in Python and TypeScript into build/clients, tried on URL if given (wants the network)

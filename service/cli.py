@@ -29,7 +29,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
         return keys_command.run(chosen)
     if chosen.command == "warm":
-        return _warm(chosen.processes, chosen.in_package, chosen.prune)
+        return _warm(chosen)
     given = {name: value for name, value in vars(chosen).items() if value is not None}
     options = {name: given[name] for name in _SERVE_OPTIONS if name in given}
     is_agent = chosen.command == "agent"
@@ -110,6 +110,11 @@ def _parser() -> argparse.ArgumentParser:
         action="store_true",
         help="afterwards remove the user's machine code that this version does not need",
     )
+    warm.add_argument(
+        "--first",
+        action="store_true",
+        help="only those that a first plan needs, as `make demo` does",
+    )
     _add_keys(commands)
     return parser
 
@@ -158,17 +163,21 @@ def _count(text: str) -> int:
     return value
 
 
-def _warm(processes: int | None, in_package: bool, prune: bool) -> int:
+def _warm(chosen: argparse.Namespace) -> int:
     from service import kernels  # noqa: PLC0415
     from service.progress import Terminal  # noqa: PLC0415
 
-    if in_package:
+    if chosen.in_package:
         kernels.keep_in_package()
-    counts = kernels.compile_kernels(Terminal(sys.stderr).show, processes)
+    show = Terminal(sys.stderr).show
+    counts = kernels.compile_kernels(show, chosen.processes, first_only=chosen.first)
     print(f"{counts.total} kernels are there, {counts.compiled} of them compiled now")
+    others = kernels.count_missing() if chosen.first else 0
+    if others:
+        print(f"{others} more, which other requests need, the first service or `warm` will compile")
     for line in counts.outdated:
         print(f"the list of kernels is out of date: {line}", file=sys.stderr)
-    if prune:
+    if chosen.prune:
         print(f"{kernels.prune()} files removed that this version does not need")
     return 0
 

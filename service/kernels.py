@@ -2,17 +2,24 @@
 
 import logging
 import os
+from collections.abc import Iterator
 from pathlib import Path
 from typing import NamedTuple
 
 from kinematics.compiled import kernel_build, kernel_list, kernel_store
 from kinematics.compiled.kernel_build import BuildFailed, Report
+from kinematics.compiled.kernel_list import Entry
 from service import warm_requests
 
 _log = logging.getLogger(__name__)
 
 #: The kernels that the service's tests reach, with the types of their arguments.
 LIST = Path(__file__).with_name("kernels.txt")
+#: Names of those that Python calls in the demonstration, half of all with what they call.
+FIRST = Path(__file__).with_name("first_kernels.txt")
+#: Set to 1, it makes the service ready once the kernels of the demonstration are there; what other
+#: requests need is compiled when they come.
+FIRST_ONLY = "ARMWRIGHT_KERNELS_FIRST"
 
 
 class Counts(NamedTuple):
@@ -30,17 +37,20 @@ class Counts(NamedTuple):
     outdated: tuple[str, ...]
 
 
-def compile_kernels(report: Report = lambda *_: None, processes: int | None = None) -> Counts:
+def compile_kernels(
+    report: Report = lambda *_: None, processes: int | None = None, *, first_only: bool = False
+) -> Counts:
     """Compile the kernels of the list that are not on disk.
 
     Args:
         report: called at the beginning and after each kernel; not at all if nothing is missing.
         processes: how many compile at once; one a core if left out.
+        first_only: only those that the demonstration reaches.
 
     Raises:
         BuildFailed: a process that compiled kernels died.
     """
-    entries, outdated = kernel_list.read(LIST)
+    entries, outdated = _listed(first_only)
     missing = kernel_build.missing_entries(entries)
     if missing:
         processes = processes or len(os.sched_getaffinity(0))
@@ -48,34 +58,51 @@ def compile_kernels(report: Report = lambda *_: None, processes: int | None = No
     return Counts(len(entries), len(missing), tuple(outdated))
 
 
+def count_missing() -> int:
+    """Count the kernels of the list that are not on disk."""
+    entries, _ = kernel_list.read(LIST)
+    return len(kernel_build.missing_entries(entries))
+
+
 def prepare(report: Report) -> None:
     """Make this process able to answer any request without compiling.
 
-    A list of kernels that does not fit the code costs time, and no request: what it lacks is found
-    by requests of our own.
+    With ARMWRIGHT_KERNELS_FIRST=1 only the requests of the demonstration: what others need, they
+    compile. A list of kernels that does not fit the code costs time, and no request: what it lacks
+    is found by requests of our own.
 
     Args:
         report: as for `compile_kernels`.
     """
-    if load_kernels():
+    first_only = _first_only()
+    if load_kernels(first_only=first_only):
         return
     try:
-        compile_kernels(report)
+        compile_kernels(report, first_only=first_only)
     except BuildFailed as error:
         _log.warning("kernels could not be compiled: %s", error)
-    if not load_kernels():
+    if not load_kernels(first_only=first_only) and not first_only:
         _log.warning("the list of kernels does not fit the code; `make kernel-list` writes it anew")
         for _ in warm_requests.steps():
             pass
 
 
-def load_kernels() -> bool:
+def enrich() -> Iterator[None]:
+    """Steps that prepare more than compiled code; none where only first kernels are there."""
+    if not _first_only():
+        yield from warm_requests.steps()
+
+
+def load_kernels(*, first_only: bool = False) -> bool:
     """Load the kernels of the list that Python calls, as far as they are on disk.
+
+    Args:
+        first_only: only those that the demonstration reaches.
 
     Returns:
         Whether that is all of them.
     """
-    entries, unknown = kernel_list.read(LIST)
+    entries, unknown = _listed(first_only)
     complete = kernel_list.load([entry for entry in entries if entry.door])
     return complete and not any(map(kernel_list.called_by_python, unknown))
 
@@ -93,3 +120,18 @@ def prune() -> int:
     """
     entries, _ = kernel_list.read(LIST)
     return kernel_store.prune({name for entry in entries for name in entry.files})
+
+
+def first_names() -> frozenset[str]:
+    """Names of the kernels that Python calls in the demonstration."""
+    lines = FIRST.read_text("utf-8").splitlines()
+    return frozenset(line for line in lines if line and not line.startswith("#"))
+
+
+def _listed(first_only: bool) -> tuple[list[Entry], list[str]]:
+    entries, unknown = kernel_list.read(LIST)
+    return kernel_list.needed_by(first_names(), entries) if first_only else entries, unknown
+
+
+def _first_only() -> bool:
+    return os.environ.get(FIRST_ONLY, "") not in ("", "0")

@@ -6,5 +6,5 @@ from service.workers.launch import Recipe
 RECIPE = Recipe(
     modules=("service.tasks",),
     warm="service.kernels:prepare",
-    enrich="service.warm_requests:steps",
+    enrich="service.kernels:enrich",
 )

@@ -6,13 +6,14 @@ they can be compiled at once in several processes, and are compiled on the way i
 
 import pickle
 import pkgutil
-from collections.abc import Iterable
+from collections.abc import Collection, Iterable
 from pathlib import Path
 from typing import Any, NamedTuple
 
 from kinematics.compiled import kernel_code, kernel_store
 from kinematics.compiled.kernel_code import Code
 from kinematics.compiled.kernel_dispatcher import Kernel
+from kinematics.compiled.kernel_fingerprint import callees
 from kinematics.compiled.kernel_signature import named_tuples, type_of_text, type_text
 
 #: Begins a line of a kernel that Python calls.
@@ -72,6 +73,26 @@ def read(path: Path) -> tuple[list[Entry], list[str]]:
 def called_by_python(line: str) -> bool:
     """Whether a line of a list is of a kernel that Python calls."""
     return line.partition(" ")[0] == _DOOR
+
+
+def needed_by(names: Collection[str], entries: Iterable[Entry]) -> list[Entry]:
+    """The entries that Python needs to call kernels of some names, for any types of the list.
+
+    Those are the kernels, with their doors, and all that they call; types are not followed, so that
+    a kernel may be among them for types that only others call it with.
+    """
+    entries = list(entries)
+    pending = [one.kernel.py_func for one in entries if one.door and one.name in names]
+    reached = set(pending)
+    while pending:
+        found = set(callees(pending.pop())) - reached
+        reached |= found
+        pending += found
+    return [
+        one._replace(door=one.door and one.name in names)
+        for one in entries
+        if one.kernel.py_func in reached
+    ]
 
 
 def load(entries: Iterable[Entry]) -> bool:

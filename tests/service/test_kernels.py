@@ -1,12 +1,13 @@
 """The list of kernels that requests reach, and their compilation."""
 
+import os
 import subprocess
 import sys
 from pathlib import Path
 
 import pytest
 
-from kinematics.compiled import kernel_build, kernel_list, kernel_store
+from kinematics.compiled import kernel_build, kernel_code, kernel_list, kernel_store
 from service import kernels
 from service.cli import main
 
@@ -89,6 +90,42 @@ def test_every_kernel_that_the_service_imports_is_reached_from_the_list() -> Non
         [sys.executable, "-c", FIND_UNREACHED], cwd=ROOT, capture_output=True, check=True, text=True
     )
     assert set(ran.stdout.split()) == UNREACHED
+
+
+def test_the_demonstration_needs_the_first_kernels_alone(tmp_path: Path) -> None:
+    entries, _ = kernel_list.read(kernels.LIST)
+    first = kernel_list.needed_by(kernels.first_names(), entries)
+    assert kernels.first_names() == {entry.name for entry in first if entry.door}
+    assert len(first) < 0.65 * len(entries)
+    pending, linked = [name for entry in first for name in entry.files], set[str]()
+    while pending:
+        name = pending.pop()
+        if name not in linked:
+            linked.add(name)
+            found = next(one / name for one in kernel_store.layers() if (one / name).is_file())
+            (tmp_path / name).symlink_to(found)
+            code = kernel_code.find(name)
+            assert code is not None
+            # Some that only kernels call have types without a notation, and are on no list.
+            pending += code.needs
+    environment = os.environ | {
+        "NUMBA_CACHE_DIR": str(tmp_path),
+        "ARMWRIGHT_KERNELS": str(tmp_path),
+        "ARMWRIGHT_KERNELS_FROZEN": "1",
+    }
+    warm = [sys.executable, "-m", "service.cli", "warm", "--first"]
+    ran = subprocess.run(
+        warm, cwd=ROOT, env=environment, capture_output=True, check=True, text=True
+    )
+    assert ran.stdout.startswith(f"{len(first)} kernels are there, 0 of them compiled now\n")
+    assert "more, which other requests need" in ran.stdout
+    demo = [sys.executable, "examples/demo.py", "--output", str(tmp_path / "out")]
+    ran = subprocess.run(
+        demo, cwd=ROOT, env=environment, capture_output=True, check=False, text=True
+    )
+    # It fails where a kernel is missing: `python scripts/kernel_list.py --first` writes the names.
+    assert ran.returncode == 0, ran.stderr[-3000:]
+    assert "Verified: True" in ran.stdout
 
 
 def test_an_image_keeps_its_kernels_where_they_are_looked_for_first(

@@ -129,6 +129,21 @@ def test_the_list_names_what_python_calls_and_what_kernels_call(listed: tuple[Pa
     assert others == [*(f"chain.large{n}(float64[::1])" for n in range(5)), "chain.small(float64)"]
 
 
+def test_what_python_needs_is_a_kernel_with_all_that_it_calls(listed: tuple[Path, str]) -> None:
+    program = f"""{COMMON}
+entries, _ = kernel_list.read(path)
+for names in ({{"chain.top"}}, {{"chain.large2"}}, set()):
+    print([one.name for one in kernel_list.needed_by(names, entries)] == [
+        one.name for one in entries if names == {{"chain.top"}}])
+# As if Python called both, of which one alone is asked for.
+both = [one._replace(door=one.name in ("chain.large2", "chain.top")) for one in entries]
+print([(one.name, one.door) for one in kernel_list.needed_by({{"chain.large2"}}, both)])
+"""
+    needed = [(f"chain.large{number}", number == 2) for number in range(3)]
+    said = python(program, listed[0]).splitlines()
+    assert said == [*["True"] * 3, str([*needed, ("chain.small", False)])]
+
+
 def test_two_processes_compile_all_of_it_and_the_same_as_one(listed: tuple[Path, str]) -> None:
     folder, answer = listed
     head, *progress = python(BUILD, folder, "parallel").splitlines()
