@@ -53,9 +53,17 @@ def allocated_bytes() -> int:
 
 def array_bytes(value: object) -> int:
     """Memory of an array, or of all arrays in tuples [byte]: what else is in them is small."""
-    if isinstance(value, tuple):
-        return sum(map(array_bytes, value))
-    return value.nbytes if isinstance(value, np.ndarray) else 0
+    if isinstance(value, np.ndarray):
+        return value.nbytes
+    if not isinstance(value, tuple):
+        return 0
+    total, waiting = 0, list(value)
+    for item in waiting:
+        if isinstance(item, np.ndarray):
+            total += item.nbytes
+        elif isinstance(item, tuple):
+            waiting += item
+    return total
 
 
 def bounded_cache(

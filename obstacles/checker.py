@@ -15,19 +15,14 @@ from obstacles.collision_model import CollisionModel, ModelArrays
 from obstacles.corner_check import round_corners
 from obstacles.edge_check import COLLIDING, FREE, certify_curve
 from obstacles.lane_states import mark_blocked
-from obstacles.line_check import certify_edge, certify_path
+from obstacles.line_check import certify_edge, certify_path, early_contact
 from obstacles.proximity import closest_pair, closest_state, near_pairs
 from obstacles.robot_geometry import RobotGeometry
 from obstacles.scene import Scene
-from obstacles.state_check import (
-    blocked_share,
-    bracket_on,
-    first_blocked,
-    verdict_on,
-)
+from obstacles.state_check import bracket_on, first_blocked, verdict_on
 
 _FLOAT = np.dtype(np.float64)
-#: Parts of a straight motion at whose ends ``blocked_share`` looks.
+#: Parts of a straight motion at whose ends ``early_contact`` looks.
 _LOOKS = 16
 #: Near pairs there is room for at first.
 _NEAR_PAIRS = 64
@@ -53,9 +48,10 @@ def _curve_verdict() -> Callable[[ModelArrays, Array, Array, Array, Array, float
 
 
 @cache
-def _blocked_share() -> Callable[[ModelArrays, Array, Array, float, int], float]:
-    """``blocked_share`` likewise."""
-    return direct(blocked_share, any_model(), np.zeros(1), np.zeros(1), 0.0, 1)
+def _early_contact() -> Callable[[ModelArrays, Array, Array, float, int, Array], int]:
+    """``early_contact`` likewise."""
+    none = np.zeros(1)
+    return direct(early_contact, any_model(), none, none, 0.0, 1, none)
 
 
 @cache
@@ -254,14 +250,15 @@ class Checker:
         a, b = np.ascontiguousarray(start, _FLOAT), np.ascontiguousarray(end, _FLOAT)
         return _edge_verdict()(self.model.arrays, a, b, float(self.slack)) == FREE
 
-    def blocked_share(self, start: Array, end: Array) -> float | None:
-        """Share of the straight motion at which a state is not ``valid``; None if no look finds it.
+    def early_contact(self, start: Array, end: Array) -> Motion | None:
+        """The verdict on a state of a straight motion that a look finds not ``valid``, if one does.
 
         Fifteen states between ``start`` and ``end``, both (n,), cost less than a proof that fails.
         """
-        a, b = np.ascontiguousarray(start, _FLOAT), np.ascontiguousarray(end, _FLOAT)
-        share = _blocked_share()(self.model.arrays, a, b, float(self.slack), _LOOKS)
-        return None if share < 0.0 else share
+        a, b, found = np.ascontiguousarray(start), np.ascontiguousarray(end), np.empty(4)
+        arrays, slack = self.model.arrays, float(self.slack)
+        verdict = _early_contact()(arrays, a, b, slack, _LOOKS, found)
+        return None if verdict == FREE else self._motion(verdict, found)
 
     def round_corners(
         self, waypoints: Array, reaches: Array, halvings: int, *, keep: bool, smooth: bool

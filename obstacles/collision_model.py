@@ -13,7 +13,7 @@ from kinematics.chain import Chain
 from kinematics.compiled.kernel import kernel
 from obstacles.brackets import Brackets, brackets
 from obstacles.bvh import Tree, tree
-from obstacles.model_arrays import ModelArrays
+from obstacles.model_arrays import ModelArrays, with_margins
 from obstacles.pair_grid import PairGrid, pair_grid
 from obstacles.piece_set import (
     CENTER,
@@ -89,8 +89,7 @@ class CollisionModel:
         """Model of this robot and scene with other margins from obstacles and between links [m]."""
         model = CollisionModel(self.robot, self.scene, margin, own_margin)
         if self._arrays is not None:  # the margins are two numbers of what is packed
-            arrays = self._arrays._replace(margin=float(margin), own_margin=float(own_margin))
-            object.__setattr__(model, "_arrays", arrays)
+            object.__setattr__(model, "_arrays", with_margins(self._arrays, margin, own_margin))
         return model
 
     def is_own_pair(self, pair: int) -> bool:
@@ -120,10 +119,10 @@ def _packed(robot: RobotGeometry, scene: Scene, margin: float, own_margin: float
     scene.check_placed()
     own, around = _robot_part(robot), _scene_part(scene)
     skipped = skipped_pairs(robot, scene)
-    skipped.setflags(write=False)
     robot_set = own.pieces.behind(around.pieces)
-    for array in robot_set:
-        array.setflags(write=False)
+    if robot_set is not own.pieces:  # which are read-only already
+        for array in robot_set:
+            array.setflags(write=False)
     met, allowed = skipped.all(axis=1).tobytes(), scene.allowed_collisions
     met_things = len(around.tree.items) > 0
     searches = _searches(robot, allowed, met, met_things)
@@ -173,24 +172,31 @@ def all_pieces(robot: RobotGeometry, scene: Scene) -> PieceSet:
 
 
 def skipped_pairs(robot: RobotGeometry, scene: Scene) -> NDArray[np.bool_]:
-    """Which pieces of a robot may touch which obstacles, shape (p, obstacles).
+    """Which pieces of a robot may touch which obstacles, shape (p, obstacles); read-only.
 
     Those may that stand still with the base, and those whose link the scene allows to.
     """
-    skipped = np.zeros((len(robot.pieces), len(scene.obstacles)), dtype=np.bool_)
+    return _skipped_in(robot, scene.ids, scene.allowed_collisions)
+
+
+#: Scenes that differ in where things are often have the same names.
+@bounded_cache(maxsize=16, weigh=array_bytes)
+def _skipped_in(
+    robot: RobotGeometry, ids: tuple[str, ...], allowed: frozenset[tuple[str, str]]
+) -> NDArray[np.bool_]:
+    """``skipped_pairs`` with obstacles of these names."""
+    skipped = np.zeros((len(robot.pieces), len(ids)), dtype=np.bool_)
     skipped[robot.joints < 0] = True
-    if scene.allowed_collisions:
-        column = {name: k for k, name in enumerate(scene.ids)}
+    if allowed:
+        column = {name: k for k, name in enumerate(ids)}
         # Most that scenes allow is of the robot's own links.
-        named = [
-            pair for pair in scene.allowed_collisions if pair[0] in column or pair[1] in column
-        ]
+        named = [pair for pair in allowed if pair[0] in column or pair[1] in column]
         for a, b in named:
             for link, obstacle in ((a, b), (b, a)):
                 if obstacle in column:
                     rows = [i for i, name in enumerate(robot.links) if name == link]
                     skipped[rows, column[obstacle]] = True
-    return skipped
+    return _readonly(skipped)
 
 
 class _RobotPart(NamedTuple):
@@ -238,6 +244,8 @@ def _robot_part(robot: RobotGeometry) -> _RobotPart:
     carriers = _readonly(np.concatenate([robot.joints, carried]))
     bodies = {int(joint): p + k for k, joint in enumerate(carried)}
     own = packed._replace(rows=_readonly(rows))
+    for array in own:
+        array.setflags(write=False)
     return _RobotPart(own, carriers, bodies, _readonly(pairs), grid, brackets(robot))
 
 

@@ -1,5 +1,7 @@
 """``edge_check`` on straight joint motions: one of them, or the legs of a polyline."""
 
+import numpy as np
+
 from kinematics.arrays import Array
 from kinematics.chain import MAX_JOINTS
 from kinematics.compiled.kernel import kernel
@@ -7,6 +9,7 @@ from kinematics.compiled.simd import on_stack
 from obstacles.edge_check import FREE, MAX_INTERVALS, Cubic, certify_in
 from obstacles.kernel_work import Workspace, workspace
 from obstacles.model_arrays import ModelArrays
+from obstacles.state_check import blocked_at
 
 
 @kernel(allocates=False)
@@ -31,6 +34,36 @@ def certify_edge(model: ModelArrays, start: Array, end: Array, margin: float) ->
 @kernel(allocates=False)
 def _edge_in(model: ModelArrays, work: Workspace, start: Array, end: Array, margin: float) -> int:
     return certify_line(model, work, start, end, margin, MAX_INTERVALS, on_stack(4))
+
+
+@kernel
+def early_contact(
+    model: ModelArrays, start: Array, end: Array, margin: float, looks: int, outcome: Array
+) -> int:
+    """``certify_curve`` of the first state on a straight motion that a look finds not free.
+
+    Args:
+        model: The packed robot and scene.
+        start: Where the straight motion begins, shape (n,) [rad or m].
+        end: Where it ends, shape (n,).
+        margin: Asked for on top of the pairs' own margins [m].
+        looks: Parts of the motion between which states are looked at, a power of 2.
+        outcome: As of ``certify_curve``; its first number is the state's share of the motion.
+
+    Returns:
+        The verdict on the state; FREE where no look finds one.
+    """
+    work, n = workspace(model), start.shape[0]
+    share = blocked_at(model, work, start, end, margin, 2, looks, on_stack(1).view(np.int64))
+    if share < 0.0:
+        return FREE
+    there, zero = on_stack(MAX_JOINTS)[:n], on_stack(MAX_JOINTS)[:n]
+    for j in range(n):
+        there[j], zero[j] = start[j] + share * (end[j] - start[j]), 0.0
+    curve = Cubic(there, zero, zero, zero)
+    verdict = certify_in(model, work, curve, margin, MAX_INTERVALS, outcome)
+    outcome[0] = share
+    return verdict
 
 
 @kernel

@@ -71,6 +71,22 @@ def primitive_pieces(primitives: Primitives) -> PieceArrays:
     return PieceArrays(pieces, starts, vertices, sizes, primitives.poses, centers, radii, boxes)
 
 
+@kernel(unlocks=False)
+def primitive_columns_kernel(
+    primitives: Primitives,
+) -> tuple[Indices, Indices, Array, Array, Array, Array, Array, Array]:
+    """Columns of ``primitive_pieces``, in the order of ``PieceArrays``, for other kernels."""
+    k = primitives.kinds.shape[0]
+    pieces, starts = np.empty(k, np.int64), np.zeros(k + 1, np.int64)
+    for i in range(k):
+        kind = primitives.kinds[i]
+        pieces[i], starts[i + 1] = _PIECE_KINDS[kind], starts[i] + _CORNER_COUNTS[kind]
+    vertices, sizes, centers = np.empty((starts[k], 3)), np.zeros((k, 3)), np.empty((k, 3))
+    radii, boxes = np.empty(k), np.zeros((k, 6))
+    primitive_pieces_kernel(primitives, pieces, starts, vertices, sizes, centers, radii, boxes)
+    return pieces, starts, vertices, sizes, primitives.poses, centers, radii, boxes
+
+
 @kernel(allocates=False, unlocks=False)
 def primitive_pieces_kernel(
     primitives: Primitives, pieces: Indices, starts: Indices, vertices: Array, sizes: Array,

@@ -1,10 +1,13 @@
 """The pieces of a scene packed for the distance iteration, once for all who ask it."""
 
+from collections.abc import Callable
+from functools import cache
+
 import numpy as np
 
 from kinematics.arrays import Array, Indices
 from kinematics.bounded_cache import array_bytes, bounded_cache
-from kinematics.compiled.kernel import kernel
+from kinematics.compiled.kernel import direct, kernel
 from obstacles.piece import Piece
 from obstacles.piece_set import (
     CENTER,
@@ -42,7 +45,10 @@ def scene_set(scene: Scene) -> PieceSet:
     Args:
         scene: What stands around. Its rows name no obstacle and no margin.
     """
-    packed = pack(scene, [shaped_pieces(obstacle) for obstacle in scene.obstacles])
+    if len(scene.primitives.kinds) == len(scene.obstacles):
+        packed = _NOTHING._replace(rows=primitive_rows(scene.primitives))
+    else:
+        packed = pack(scene, [shaped_pieces(obstacle) for obstacle in scene.obstacles])
     for array in packed:
         array.setflags(write=False)
     return packed
@@ -56,8 +62,6 @@ def shaped_pieces(obstacle: Obstacle) -> tuple[Piece, ...]:
 def pack(scene: Scene, shaped: list[tuple[Piece, ...]]) -> PieceSet:
     """Pack the ``shaped_pieces`` of each obstacle, and between them primitives and clouds."""
     primitives = primitive_rows(scene.primitives)
-    if len(primitives) == len(scene.obstacles):
-        return _NOTHING._replace(rows=primitives)
     packed = PieceSet.of([piece for own in shaped for piece in own])
     blocks, first, before, primitive = [packed.rows[:0]], 0, 0, 0
     for obstacle, own in zip(scene.obstacles, shaped, strict=True):
@@ -79,8 +83,16 @@ def pack(scene: Scene, shaped: list[tuple[Piece, ...]]) -> PieceSet:
 def primitive_rows(primitives: Primitives) -> Array:
     """Rows of primitives, one each, shape (k, WIDTH)."""
     rows = np.zeros((len(primitives.kinds), WIDTH))
-    primitive_rows_kernel(primitives, _CORE_KINDS, rows)
+    _primitive_rows()(primitives, _CORE_KINDS, rows)
     return rows
+
+
+@cache
+def _primitive_rows() -> Callable[[Primitives, Indices, Array], None]:
+    """``primitive_rows_kernel`` without the look at its arguments' types."""
+    numbers = np.zeros(1, dtype=np.int64)
+    some = Primitives(numbers, np.zeros((1, 3)), np.zeros((1, 4, 4)))
+    return direct(primitive_rows_kernel, some, numbers, np.zeros((1, WIDTH)))
 
 
 @kernel(allocates=False, unlocks=False)

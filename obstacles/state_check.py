@@ -357,13 +357,6 @@ def verdict_on(model: ModelArrays, q: Array, margin: float) -> int:
 
 
 @kernel
-def blocked_share(model: ModelArrays, a: Array, b: Array, margin: float, looks: int) -> float:
-    """``blocked_at`` in a workspace of its own, the middle first."""
-    asked = np.empty(1, dtype=np.int64)
-    return blocked_at(model, workspace(model), a, b, margin, 2, looks, asked)
-
-
-@kernel
 def bracket_on(model: ModelArrays, q: Array, margin: float, asked: Indices) -> int:
     """``verdict_in`` by brackets alone, which flags pairs in ``asked`` (1 + r,), r > 0."""
     return verdict_in(model, workspace(model), q, margin, asked)

@@ -6,7 +6,6 @@ come as near as the margin allows.
 """
 
 from collections.abc import Sequence
-from dataclasses import replace
 
 import numpy as np
 
@@ -28,12 +27,13 @@ def clearance_levels(checker: Checker, preferred: PreferredClearance) -> tuple[C
     Returns:
         The checkers, the last of them ``checker`` itself.
     """
-    model, levels = checker.model, list[Checker]()
+    model = checker.model
+    levels: list[Checker] = []
     for share in _SHARES:
         distance = share * preferred.obstacles
         if distance > model.margin + checker.slack:
             own = max(share * preferred.own_links, model.own_margin + checker.slack)
-            levels.append(replace(checker, model=model.with_margins(distance, own), slack=0.0))
+            levels.append(Checker(model.with_margins(distance, own)))
     return (*levels, checker)
 
 
@@ -48,7 +48,10 @@ def highest_level(
         goals: Configurations (n,).
     """
     for level in levels[:-1]:
-        if level.valid(start):
+        if len(goals) == 1:
+            if level.all_valid(np.array([start, goals[0]])):
+                return level, list(goals)
+        elif level.valid(start):
             kept = [np.asarray(goal) for goal in goals if level.valid(goal)]
             if kept:
                 return level, kept

@@ -134,7 +134,9 @@ def _ready_in_hulls(problem: Problem, hulls: Checker) -> Ready | None:
     chain, tolerance = problem.robot.chain, problem.start_state_tolerance
     ends = [snap_to_limits(chain, q, tolerance) for q in (problem.start, *goals)]
     spacious = Checker(hulls.model, 2.0 * _SLACK)
-    if not all(violation is None and spacious.valid(q) for q, violation in ends):
+    if any(violation is not None for _, violation in ends):
+        return None
+    if not spacious.all_valid(np.array([q for q, _ in ends])):
         return None
     start, *goals = (q for q, _ in ends)
     exact = _exact_checker(problem).model

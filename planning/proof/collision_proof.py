@@ -17,7 +17,7 @@ from planning.deadline import Deadline
 from planning.proof.interval_check import COVERED, RESOLUTION, sharp_enough
 from planning.proof.motion_bounds import VALUE
 from planning.proof.pair_table import PairTable
-from planning.proof.sweep import ASKING, DONE, FULL, run
+from planning.proof.sweep import ASKING, DONE, FULL, sweep_on
 from planning.proof.sweep_state import (
     CENTER,
     DEPTH,
@@ -156,16 +156,10 @@ class CollisionProof:
 
     def _sweep_on(self) -> int:
         """Sweep on for some milliseconds; why it stopped, with more room where there was none."""
-        state = int(
-            run(
-                self._table.arrays,
-                self._trajectory.breaks,
-                self._trajectory.coefficients,
-                self._sweep,
-                self.violation is None,
-                _INTERVALS_A_CALL,
-            )
-        )
+        state = sweep_on(
+            self._trajectory, self._table.arrays, self._sweep, _INTERVALS_A_CALL,
+            sharp=self.violation is None,
+        )  # fmt: skip
         if state == FULL:
             self._sweep = enlarge(self._sweep)
         return state

@@ -11,11 +11,11 @@ import numpy as np
 
 from kinematics.arrays import Array, Indices
 from kinematics.compiled.kernel import direct, kernel
-from obstacles.bvh import DEEPEST, LEAF, NODE_WIDTH, Tree, grow_kernel, node_count
-from obstacles.piece import PieceArrays, PieceKind
+from obstacles.bvh import DEEPEST, LEAF, NODE_WIDTH, Tree, grow_kernel
+from obstacles.piece import PieceArrays
+from obstacles.primitives import Primitives, primitive_columns_kernel
 from planning.proof.box_tree import (
     CONTAINED,
-    LEAVES_LACK,
     WRONG_BOXES,
     refuse_broken,
 )
@@ -28,8 +28,6 @@ from planning.proof.elements import (
     empty_elements,
     hold_kernel,
 )
-
-_HALFSPACE = int(PieceKind.HALFSPACE)
 
 
 class PieceColumns(NamedTuple):
@@ -68,46 +66,76 @@ def join_pieces(
     Raises:
         BrokenTree: The tree lacks a piece or holds one twice.
     """
-    m = int(np.count_nonzero(arrays.kinds != _HALFSPACE))
-    t, corners = node_count(m), len(own.vertices) + len(arrays.vertices)
-    kids = len(own.kids) + max(m + t - 1, 0)
-    joined = empty_elements(len(own.kinds) + len(arrays) + t, (3, corners), kids)
     pieces = PieceColumns.of(arrays)
-    refuse_broken(_join_pieces()(own, pieces, owners, margins, row, joined))
-    return joined, t
+    joined, found, nodes = _join_pieces()(own, pieces, owners, margins, row)
+    refuse_broken(found)
+    return joined, nodes
+
+
+def join_primitives(
+    own: Elements, primitives: Primitives, margins: Array, row: int
+) -> tuple[Elements, int]:
+    """``join_pieces`` of a scene's primitives, each an obstacle of its own.
+
+    Args:
+        own: The robot's.
+        primitives: The obstacles.
+        margins: Of each of them [m].
+        row: As there.
+    """
+    joined, found, nodes = _join_primitives()(own, primitives, margins, row)
+    refuse_broken(found)
+    return joined, nodes
 
 
 @cache
 def _join_pieces() -> Any:
     """``join_pieces_kernel`` without the look at its arguments' types."""
     none, owners = PieceColumns.of(PieceArrays.pack(())), np.zeros(0, dtype=np.int64)
-    own, joined = empty_elements(0, (0, 3), 0), empty_elements(0, (3, 0), 0)
-    return direct(join_pieces_kernel, own, none, owners, np.zeros(0), 0, joined)
+    return direct(join_pieces_kernel, empty_elements(0, (0, 3), 0), none, owners, np.zeros(0), 0)
+
+
+@cache
+def _join_primitives() -> Any:
+    """``join_primitives_kernel`` likewise."""
+    none = Primitives(np.zeros(0, dtype=np.int64), np.zeros((0, 3)), np.zeros((0, 4, 4)))
+    return direct(join_primitives_kernel, empty_elements(0, (0, 3), 0), none, np.zeros(0), 0)
+
+
+@kernel(unlocks=False)
+def join_primitives_kernel(
+    own: Elements, primitives: Primitives, margins: Array, row: int
+) -> tuple[Elements, int, int]:
+    """``join_pieces_kernel`` of primitives."""
+    pieces = PieceColumns(*primitive_columns_kernel(primitives))
+    owners = np.arange(0, margins.shape[0])
+    return join_pieces_kernel(own, pieces, owners, margins, row)
 
 
 @kernel(unlocks=False)
 def join_pieces_kernel(
-    own: Elements, pieces: PieceColumns, owners: Indices, margins: Array, row: int, joined: Elements
-) -> int:
-    """Write ``join_pieces``; what was found of the tree."""
-    joined.starts[0], joined.below[0] = 0, 0
-    append(own, 0, joined)
+    own: Elements, pieces: PieceColumns, owners: Indices, margins: Array, row: int
+) -> tuple[Elements, int, int]:
+    """Elements of ``join_pieces``, what was found of the tree, and how many nodes it has."""
     base, p = own.kinds.shape[0], pieces.kinds.shape[0]
-    append(_as_elements(pieces, owners, margins, row), base, joined)
+    around = _as_elements(pieces, owners, margins, row)
     numbers, low, high = np.empty(p, np.int64), np.empty((p, 3)), np.empty((p, 3))
     m = solid_boxes_kernel(pieces.kinds, pieces.poses, pieces.boxes, numbers, low, high)
     solids = SolidBoxes(numbers[:m], low[:m], high[:m], margins)
     items, middles = np.empty(m, np.int64), np.empty((m + DEEPEST, 3))
     nodes = np.empty((max(2 * m - 1, 0), NODE_WIDTH))
     t = grow_kernel(solids.low, solids.high, LEAF, items, middles, nodes)
-    if base + p + t != joined.kinds.shape[0]:
-        return LEAVES_LACK
     scratch = Scratch(np.empty((t, 6)), np.zeros(1 + 2 * m + 3 * t, np.int64))
-    boxed = _empty_elements(t, 0, max(m + t - 1, 0))
+    boxed = _rows_of_elements(t, 0, max(m + t - 1, 0))
     found = hold_kernel(Tree(nodes[:t], items), solids, base, base + p, scratch, boxed)
+    corners = own.vertices.shape[0] + pieces.vertices.shape[0]
+    joined = _columns_of_elements(base + p + t, corners, own.kids.shape[0] + max(m + t - 1, 0))
+    joined.starts[0], joined.below[0] = 0, 0
+    append(own, 0, joined)
+    append(around, base, joined)
     if found in (CONTAINED, WRONG_BOXES):
         append(boxed, base + p, joined)
-    return found
+    return joined, found, t
 
 
 @kernel
@@ -125,12 +153,22 @@ def _as_elements(pieces: PieceColumns, owners: Indices, margins: Array, row: int
 
 
 @kernel
-def _empty_elements(e: int, corners: int, kids: int) -> Elements:
+def _rows_of_elements(e: int, corners: int, kids: int) -> Elements:
     """``empty_elements`` of elements whose corners lie in rows."""
+    return _elements(e, np.empty((corners, 3)), kids)
+
+
+@kernel
+def _columns_of_elements(e: int, corners: int, kids: int) -> Elements:
+    """``empty_elements`` of elements whose corners lie in columns."""
+    return _elements(e, np.empty((3, corners)), kids)
+
+
+@kernel
+def _elements(e: int, vertices: Array, kids: int) -> Elements:
     return Elements(
-        np.empty(e, np.int64), np.empty(e, np.int64), np.empty(e + 1, np.int64),
-        np.empty((corners, 3)), np.empty((e, 3)), np.empty((e, 4, 4)), np.empty((e, 3)),
-        np.empty(e), np.empty((e, 6)), np.empty(e), np.empty(e + 1, np.int64),
-        np.empty(kids, np.int64), np.empty(e, np.int64), np.empty(e, np.int64),
-        np.empty(e, np.int64), np.empty(e),
+        np.empty(e, np.int64), np.empty(e, np.int64), np.empty(e + 1, np.int64), vertices,
+        np.empty((e, 3)), np.empty((e, 4, 4)), np.empty((e, 3)), np.empty(e), np.empty((e, 6)),
+        np.empty(e), np.empty(e + 1, np.int64), np.empty(kids, np.int64), np.empty(e, np.int64),
+        np.empty(e, np.int64), np.empty(e, np.int64), np.empty(e),
     )  # fmt: skip

@@ -65,7 +65,8 @@ def check_limits(
         limits: Limits of its joints.
         wanted: Limits in place of them; a jerk that is named here has to be bounded.
     """
-    reports, wrong = dict[str, LimitReport](), list[Violation]()
+    reports: dict[str, LimitReport] = {}
+    wrong: list[Violation] = []
     bounds = [wanted.bounds.get(name, getattr(limits, name)) for name in QUANTITIES[1:]]
     upper = np.array([limits.upper, *bounds])
     finite = np.isfinite(upper[1:])

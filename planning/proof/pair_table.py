@@ -19,13 +19,14 @@ from obstacles.piece import Piece, PieceArrays, PieceKind
 from obstacles.robot_geometry import RobotGeometry
 from obstacles.scene import Scene
 from planning.proof.elements import HOLDER, Elements, boxes_over, join, solids
-from planning.proof.joined_pieces import join_pieces
+from planning.proof.joined_pieces import join_pieces, join_primitives
 from planning.proof.motion_bounds import PARENT, TYPE
 from planning.proof.proposals import (
     STOP_NODE,
     PackedPieces,
     ProposalRows,
     Rows,
+    any_rows,
     packed_pieces,
     rows_before,
 )
@@ -99,6 +100,24 @@ class PairArrays(NamedTuple):
     proposals: ProposalRows
 
 
+#: Where the margin is, the one number that is not kept.
+_MARGIN = PairArrays._fields.index("margin")
+
+
+def any_pairs() -> PairArrays:
+    """Pairs that stand for all of them where a kernel is looked up by its arguments' types."""
+    numbers, rows = np.zeros(1, dtype=np.int64), np.zeros((1, 2), dtype=np.int64)
+    values, columns, poses = np.zeros(1), np.zeros((1, 3)), np.zeros((1, 4, 4))
+    mask = np.zeros((1, 1), dtype=np.bool_)
+    return PairArrays(
+        bodies=rows, offsets=poses, leads=columns, leaders=numbers, roots=rows, moving=1,
+        asked=mask, margins=values, margin=0.0, joints=numbers, kinds=numbers, starts=numbers,
+        columns=columns, sizes=columns, poses=poses, centers=columns, radii=values,
+        boxes=columns, extents=values, below=numbers, kids=numbers, parts=numbers, skipped=mask,
+        proposals=any_rows(),
+    )  # fmt: skip
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class PairTable:
     """The pairs of a robot in a scene.
@@ -132,7 +151,9 @@ class PairTable:
                 they are covers, None for all; other covers are solids, which hold what they cover.
         """
         scene.check_placed()
-        arrays = _arrays(robot, scene, opened)._replace(margin=margin)
+        kept = _arrays(robot, scene, opened)
+        # As ``_replace``, which takes three times as long.
+        arrays = PairArrays._make((*kept[:_MARGIN], float(margin), *kept[_MARGIN + 1 :]))
         return cls(arrays, robot, scene, opened)
 
     def names(self, i: int, j: int) -> tuple[str, str]:
@@ -166,22 +187,28 @@ class PairTable:
 @bounded_cache(maxsize=8, weigh=array_bytes)
 def _arrays(robot: RobotGeometry, scene: Scene, opened: Rows) -> PairArrays:
     packed, p = packed_pieces(robot, scene, opened), len(robot.pieces)
-    still, owners, margins = scene.pieces()
     own, corners = _own(robot, rows_before(opened, p))
     # The scene's corners come first in what is packed.
     ahead = len(packed.corners) - corners
     if ahead:
         own = own._replace(first=np.where(own.first >= 0, own.first + ahead, -1))
     moving = len(own.kinds)
-    if (packed.rows[p:, STOP_NODE] > 0.0).any():
-        around = _around(packed, still, owners, margins, moving)
-        boxed = boxes_over(still, margins, moving, moving + len(around.kinds))
-        joined, nodes = join(own, around, boxed), len(boxed.kinds)
+    if len(scene.primitives.kinds) == len(scene.obstacles):
+        margins = np.array([obstacle.margin for obstacle in scene.obstacles], dtype=np.float64)
+        joined, nodes = join_primitives(own, scene.primitives, margins, p)
+        kinds = joined.kinds[moving : moving + len(margins)]
     else:
-        joined, nodes = join_pieces(own, still, owners, margins, p)
-    skipped = _pairs_that_may_touch(robot, scene)
+        still, owners, margins = scene.pieces()
+        kinds = still.kinds
+        if (packed.rows[p:, STOP_NODE] > 0.0).any():
+            around = _around(packed, still, owners, margins, moving)
+            boxed = boxes_over(still, margins, moving, moving + len(around.kinds))
+            joined, nodes = join(own, around, boxed), len(boxed.kinds)
+        else:
+            joined, nodes = join_pieces(own, still, owners, margins, p)
+    skipped = _pairs_that_may_touch(robot, scene.ids, scene.allowed_collisions)
     tops = [len(joined.kinds) - nodes] if nodes else []
-    tops += (moving + np.flatnonzero(still.kinds == _HALFSPACE)).tolist()
+    tops += [moving + k for k, kind in enumerate(kinds.tolist()) if kind == _HALFSPACE]
     return PairArrays(
         *_joints(robot.chain),
         roots=_roots(robot, scene, tops, skipped),
@@ -235,23 +262,32 @@ def _joints(chain: Chain) -> tuple[Indices, Array, Array, Indices]:
     return bodies, offsets, leads, leaders
 
 
-def _pairs_that_may_touch(robot: RobotGeometry, scene: Scene) -> NDArray[np.bool_]:
+#: Scenes that differ in where things are often have the same names.
+@bounded_cache(maxsize=8, weigh=array_bytes)
+def _pairs_that_may_touch(
+    robot: RobotGeometry, ids: tuple[str, ...], allowed: frozenset[tuple[str, str]]
+) -> NDArray[np.bool_]:
     """Mask of the pieces of a robot and the obstacles that may touch, shape (p, obstacles).
 
     Those that stand still with the base may, and those whose link the scene allows to. The planner
     chooses its own pairs elsewhere: written twice on purpose, a pair dropped there is found here.
+
+    Args:
+        robot: The robot.
+        ids: Names of the obstacles.
+        allowed: Pairs of names that may touch.
     """
-    skipped = np.zeros((len(robot.pieces), len(scene.ids)), dtype=np.bool_)
+    skipped = np.zeros((len(robot.pieces), len(ids)), dtype=np.bool_)
     skipped[robot.joints < 0] = True
-    if not scene.allowed_collisions:
-        return skipped
-    columns, rows = {name: k for k, name in enumerate(scene.ids)}, _pieces_by_name(robot)
-    for pair in scene.allowed_collisions:
-        if pair[0] not in columns and pair[1] not in columns:  # as most that scenes allow
-            continue
-        for link, name in (pair, pair[::-1]):
-            if link in rows and name in columns:
-                skipped[rows[link], columns[name]] = True
+    if allowed:
+        columns, rows = {name: k for k, name in enumerate(ids)}, _pieces_by_name(robot)
+        for pair in allowed:
+            if pair[0] not in columns and pair[1] not in columns:  # as most that scenes allow
+                continue
+            for link, name in (pair, pair[::-1]):
+                if link in rows and name in columns:
+                    skipped[rows[link], columns[name]] = True
+    skipped.setflags(write=False)
     return skipped
 
 

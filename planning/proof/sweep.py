@@ -4,10 +4,16 @@ Intervals whose pairs are not all settled (``interval_check``) are halved; a pai
 so short that halving can't help is left to a referee.
 """
 
+from collections.abc import Callable
+from functools import cache
+
+import numpy as np
+
 from kinematics.arrays import Array
-from kinematics.compiled.kernel import kernel
+from kinematics.compiled.kernel import direct, kernel
+from kinematics.trajectory import Trajectory
 from planning.proof.interval_check import check_interval
-from planning.proof.pair_table import PairArrays
+from planning.proof.pair_table import PairArrays, any_pairs
 from planning.proof.sweep_state import (
     OPEN,
     PROBE,
@@ -20,6 +26,7 @@ from planning.proof.sweep_state import (
     pass_on,
     pop_interval,
     push_halves,
+    start_kernel,
 )
 
 # Why a sweep stops.
@@ -31,6 +38,35 @@ ASKING = 1
 PAUSED = 2
 #: There is no room for the pairs that are open: the interval has to be looked at again.
 FULL = 3
+
+
+def sweep_on(
+    trajectory: Trajectory, model: PairArrays, sweep: Sweep, most: int, *, sharp: bool
+) -> int:
+    """Sweep on: ``run`` without the look at its arguments' types, which are many.
+
+    Args:
+        trajectory: The motion.
+        model: The pairs.
+        sweep: The sweep.
+        most: Intervals to look at.
+        sharp: As in ``run``.
+    """
+    return _run()(model, trajectory.breaks, trajectory.coefficients, sweep, sharp, most)
+
+
+@cache
+def _run() -> Callable[[PairArrays, Array, Array, Sweep, bool, int], int]:
+    breaks, coefficients, model = np.zeros(2), np.zeros((1, 1, 1)), any_pairs()
+    return direct(
+        run,
+        model,
+        breaks,
+        coefficients,
+        start_kernel(breaks, coefficients, model.roots, (1, 1, 1)),
+        True,
+        1,
+    )
 
 
 @kernel(allocates=False)

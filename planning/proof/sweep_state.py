@@ -149,13 +149,13 @@ def start_sweep(trajectory: Trajectory, model: PairArrays) -> Sweep:
 
 @cache
 def _start() -> Callable[[Array, Array, Indices, tuple[int, int, int]], Sweep]:
-    """``_start_kernel`` without the look at its arguments' types."""
+    """``start_kernel`` without the look at its arguments' types."""
     roots = np.zeros((0, 2), dtype=np.int64)
-    return direct(_start_kernel, np.zeros(2), np.zeros((1, 1, 1)), roots, (1, 1, 1))
+    return direct(start_kernel, np.zeros(2), np.zeros((1, 1, 1)), roots, (1, 1, 1))
 
 
 @kernel
-def _start_kernel(
+def start_kernel(
     breaks: Array, coefficients: Array, roots: Indices, sizes: tuple[int, int, int]
 ) -> Sweep:
     """``start_sweep`` of so many bodies and elements, and elements that move."""

@@ -1,6 +1,6 @@
 """The first planner: a straight motion in joint space, proved free or given up at once."""
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import ClassVar
 
 import numpy as np
@@ -27,21 +27,11 @@ def straight_line(
     """
     motions = []
     for goal in goals:
-        motion = _early_contact(checker, start, goal) or checker.segment(start, goal)
+        motion = checker.early_contact(start, goal) or checker.segment(start, goal)
         motions.append(motion)
         if motion.free:
             return np.array([start, goal]), motions
     return None, motions
-
-
-def _early_contact(checker: Checker, start: Array, goal: Array) -> Motion | None:
-    """Contact that a look at a few states on the way finds; None where it finds none."""
-    share = checker.blocked_share(start, goal)
-    if share is None:
-        return None
-    there = start + share * (goal - start)
-    found = checker.segment(there, there)
-    return None if found.free else replace(found, at=share)
 
 
 @dataclass(frozen=True, slots=True)

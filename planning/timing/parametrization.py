@@ -57,6 +57,7 @@ class TimeParametrization:
     end_velocity: Array | None = None
     ruled: tuple[str, ...] = ()
     _jerk_bounds: Array | None = field(init=False, repr=False)
+    _estimate_limits: Array | None = field(default=None, init=False, repr=False)
 
     def __post_init__(self) -> None:
         bounds = None
@@ -146,7 +147,11 @@ class TimeParametrization:
     @property
     def estimate_limits(self) -> Array:
         """Limits of velocity, acceleration and jerk for estimates of times, shape (3, n)."""
-        return estimate_limits(self.velocity, self.acceleration, self.jerk)
+        if self._estimate_limits is None:
+            limits = estimate_limits(self.velocity, self.acceleration, self.jerk)
+            object.__setattr__(self, "_estimate_limits", frozen(limits))
+        assert self._estimate_limits is not None
+        return self._estimate_limits
 
     @property
     def bounds(self) -> dict[str, Array]:

@@ -12,7 +12,7 @@ from obstacles.scene import Scene
 from planning.proof import elements
 from planning.proof.box_tree import BrokenTree
 from planning.proof.elements import HOLDER, Elements, boxes_over, join, solids
-from planning.proof.joined_pieces import join_pieces
+from planning.proof.joined_pieces import join_pieces, join_primitives
 from planning.proof.pair_table import PairTable
 from planning.proof.proposals import packed_pieces
 from tests.obstacles.test_collision_model import mixed
@@ -152,3 +152,17 @@ def test_one_kernel_joins_what_several_do(scene: Scene) -> None:
         one, other = getattr(found, name), getattr(expected, name)
         assert one.dtype == other.dtype
         np.testing.assert_array_equal(one, other, name)
+
+
+@pytest.mark.parametrize("scene", [*SCENES, Scene(), random_scene(8, 400)])
+def test_primitives_are_joined_as_their_pieces_are(scene: Scene) -> None:
+    scene = Scene(o for o in scene.obstacles if o.is_primitive)
+    robot = builtin("panda")
+    own = solids(robot.arrays, packed_pieces(robot, Scene()), slice(None), slice(None), 0)
+    own = own._replace(parts=own.row, joints=robot.joints[own.row])
+    still, owners, margins = scene.pieces()
+    expected, expected_nodes = join_pieces(own, still, owners, margins, len(robot.pieces))
+    found, nodes = join_primitives(own, scene.primitives, margins, len(robot.pieces))
+    assert nodes == expected_nodes
+    for name in Elements._fields:
+        np.testing.assert_array_equal(getattr(found, name), getattr(expected, name), name)

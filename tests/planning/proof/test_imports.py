@@ -24,6 +24,7 @@ ALLOWED = {
     "obstacles.convex_distance",
     "obstacles.finger_geometry",
     "obstacles.piece",
+    "obstacles.primitives",
     "obstacles.robot_geometry",
     "obstacles.scene",
     "dynamics.body",

@@ -10,9 +10,12 @@ from obstacles.fcl_distance import FclWorld
 from obstacles.scene import Obstacle, Scene
 from obstacles.shapes import Box, HalfSpace, PointCloud, Sphere
 from planning.proof.certificate import certify
-from planning.proof.pair_table import HOLDER, PairTable
+from planning.proof.pair_table import HOLDER, PairTable, any_pairs
 from planning.proof.violation import Violation
+from tests.obstacles.test_collision_model import mixed
+from tests.obstacles.test_primitives import random_scene
 from tests.planning.proof.test_certificate_meshes import as_mesh, fork
+from tests.planning.proof.test_proposals import scattered
 from tests.planning.scenes import HOME, builtin
 
 PANDA = builtin("panda")
@@ -124,3 +127,20 @@ def test_pairs_that_the_planner_drops_are_compared_all_the_same(
     assert isinstance(violation, Violation)
     assert violation.kind == "collision"
     assert "block" in violation.details["pair"]
+
+
+@pytest.mark.parametrize("name", ["panda", "ur5e", "planar_rr"])
+def test_pairs_of_any_robot_have_the_types_that_kernels_are_looked_up_by(name: str) -> None:
+    """The sweep is called without a look at its arguments: arrays must be laid out as expected."""
+
+    def kinds(values: object) -> object:
+        if isinstance(values, tuple):
+            return [kinds(value) for value in values]
+        if isinstance(values, np.ndarray):
+            return values.dtype, values.ndim, values.flags.c_contiguous
+        return type(values)
+
+    expected = kinds(any_pairs())
+    for scene in (Scene(), mixed(0), scattered(1), random_scene(3, 7)):
+        for opened in (frozenset[int](), None):
+            assert kinds(PairTable.of(builtin(name), scene, 0.01, opened).arrays) == expected

@@ -38,14 +38,16 @@ def test_a_motion_that_keeps_too_little_distance_is_not_free() -> None:
 
 
 def test_a_look_finds_what_collides_and_proves_nothing() -> None:
-    share = CHECKER.blocked_share(START, BEHIND)
-    assert share is not None
-    assert not CHECKER.valid(START + share * (BEHIND - START))
-    assert CHECKER.blocked_share(START, BESIDE) is None
+    contact = CHECKER.early_contact(START, BEHIND)
+    assert contact is not None
+    assert contact.colliding
+    assert contact.pair == ("ball", "wall")
+    assert not CHECKER.valid(START + contact.at * (BEHIND - START))
+    assert CHECKER.early_contact(START, BESIDE) is None
     # Thinner than the way from look to look: only the proof finds it.
     thin = Checker.of(slider(), Scene((box("foil", (1e-5, 1.0, 0.4), (0.07, 0.0, 0.0)),)))
     far = 30.0 * BEHIND
-    assert thin.blocked_share(-far, far) is None
+    assert thin.early_contact(-far, far) is None
     path, (motion,) = straight_line(thin, -far, [far])
     assert path is None
     assert motion.pair == ("ball", "foil")
