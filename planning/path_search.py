@@ -21,7 +21,7 @@ from planning.ready import Ready
 from planning.result import Attempt, Failure
 from planning.search.clearance import keep_clear
 from planning.search.quickening import quicken
-from planning.search.shortcut import shortcut
+from planning.search.shortcut import shortcut, shortcut_unproved
 from planning.search.straight_line import StraightLine
 from planning.stages import Stages
 
@@ -75,16 +75,32 @@ class PathSearch:
     limits: Array
 
     def find(self, ready: Ready) -> FoundPath | Failure:
+        """Find a path and shorten it, proved in every place.
+
+        One that keeps the preferred clearance where it is looked at is shortened first and proved
+        then: few of its legs are left. Where that proof fails, all is done once more with a proof
+        of what the planners find.
+        """
+        found = self._find(ready, proves=False)
+        if isinstance(found, Failure):
+            return found
+        short = self._shorten(found)
+        if short is not None:
+            return short
+        found = self._find(ready, proves=True)
+        return found if isinstance(found, Failure) else self._shorten(found) or found
+
+    def _find(self, ready: Ready, *, proves: bool) -> FoundPath | Failure:
         """Let the planners try in turn; with the robot in its solids' hulls first, if it can be."""
         reserved = min(_RESERVED_SHARE * self.options.timeout, _MAX_RESERVED)
-        deadline = replace(self.deadline, at=self.deadline.at - reserved)
-        best = replace(ready, goals=ready.goals[: ready.best], best=None)
-        chooses = self.planners is CASCADE and len(best.goals) < len(ready.goals)
+        deadline = Deadline(self.deadline.at - reserved, self.deadline.interruptions)
+        best, chooses = ready, False
+        if self.planners is CASCADE and ready.best is not None and ready.best < len(ready.goals):
+            best, chooses = replace(ready, goals=ready.goals[: ready.best], best=None), True
         for checker in ready.checkers:
             levels = clearance_levels(checker, self.options.clearance)
             until = deadline.within(_PREFERRED_SHARE * deadline.remaining)
-            preferred = best if chooses else ready
-            spacious = self._spacious_query(preferred, levels, until)
+            spacious = self._spacious_query(best, levels, until, proves=proves)
             if spacious is not None:
                 found, attempt = self._ask_planners(self.planners, spacious, levels)
                 if found is not None:
@@ -111,7 +127,7 @@ class PathSearch:
         return replace(failure, details={**failure.details, **diagnosis.details})
 
     def _spacious_query(
-        self, ready: Ready, levels: tuple[Checker, ...], until: Deadline
+        self, ready: Ready, levels: tuple[Checker, ...], until: Deadline, *, proves: bool
     ) -> Query | None:
         """The cascade's short search for a path that keeps the clearance that its ends have."""
         checker = levels[-1]
@@ -122,16 +138,24 @@ class PathSearch:
         if highest is None:
             return None
         level, goals = highest
-        kept = replace(ready, goals=goals)
-        return self._query(kept, level, until, _MAX_PREFERRED_EDGES)
+        if len(goals) < len(ready.goals):
+            ready = replace(ready, goals=goals)
+        proves = proves or self.options.explored is not None
+        return self._query(ready, level, until, _MAX_PREFERRED_EDGES, proves=proves)
 
     def _query(
-        self, ready: Ready, checker: Checker, until: Deadline, max_edges: int | None = None
+        self,
+        ready: Ready,
+        checker: Checker,
+        until: Deadline,
+        max_edges: int | None = None,
+        *,
+        proves: bool = True,
     ) -> Query:
         options = self.options
         return Query(
             self.problem, ready, checker, options.seed, until, max_edges, options.max_edges,
-            options.explored,
+            options.explored, proves,
         )  # fmt: skip
 
     def _ask_planners(
@@ -184,12 +208,17 @@ class PathSearch:
             seed=seed,
         )
 
-    def shorten(self, found: FoundPath) -> FoundPath:
-        """The path with fewer waypoints; a tool path, or one to be kept, stays as it is."""
+    def _shorten(self, found: FoundPath) -> FoundPath | None:
+        """The path with fewer waypoints, None where it can't be proved.
+
+        A tool path, or one to be kept, stays as it is.
+        """
         if found.attempt.tool_path is not None or found.attempt.keep_path:
             return found._replace(levels=found.levels[-1:])
-        if len(found.waypoints) > 2:
+        if len(found.waypoints) > 2 or not found.attempt.proved:
             found = self._replace_path(found, "shortcut", self._shortcut)
+            if len(found.waypoints) == 0:
+                return None
         is_kept = found.checker is found.levels[0] and len(found.waypoints) == 2
         is_straight = found.planner == self.options.planner == StraightLine.name
         is_held = isinstance(found.checker, ConstrainedChecker)
@@ -201,18 +230,21 @@ class PathSearch:
         self, found: FoundPath, stage: str, change: Callable[[FoundPath], Array]
     ) -> FoundPath:
         count = len(found.waypoints)
-        return found._replace(
-            waypoints=self.stages.run(
-                stage,
-                partial(change, found),
-                lambda path: (True, f"{count} waypoints became {len(path)}."),
-            )
-        )
+
+        def describe(path: Array) -> tuple[bool, str]:
+            if len(path) == 0:
+                return False, "What was looked at could not be proved."
+            return True, f"{count} waypoints became {len(path)}."
+
+        path = self.stages.run(stage, partial(change, found), describe)
+        return found._replace(waypoints=path)
 
     def _shortcut(self, found: FoundPath) -> Array:
         checker, waypoints = found.checker, found.waypoints
         if isinstance(checker, ConstrainedChecker):
             return shortcut_along(Manifold(checker), waypoints, self.options.seed, self.deadline)
+        if not found.attempt.proved:
+            return shortcut_unproved(checker, waypoints, self.deadline, found.levels[-1])
         return shortcut(checker, waypoints, self.deadline, found.levels[-1])
 
     def _keep_clear(self, found: FoundPath) -> Array:

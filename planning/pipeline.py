@@ -155,7 +155,6 @@ class _Pipeline:
         found = search.find(ready)
         if isinstance(found, Failure):
             return found
-        found = search.shorten(found)
         try:
             proved = self._time_and_prove(found)
         except TimingFailed as error:

@@ -25,6 +25,7 @@ class Query:
             bound.
         bound: Edges after which every planner stops; None for its own bounds.
         explored: Keeps the edges that trees and roadmaps prove; None for not at all.
+        proves: Whether the path has to be proved; otherwise trees may look at states of it only.
     """
 
     problem: Problem
@@ -35,6 +36,7 @@ class Query:
     max_edges: int | None = None
     bound: int | None = None
     explored: Explored | None = None
+    proves: bool = True
 
     @property
     def exact(self) -> bool:

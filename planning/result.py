@@ -158,7 +158,7 @@ class Attempt:
     """Outcome of one planner: a path, or why there is none.
 
     Args:
-        waypoints: Shape (k, n), every leg proved free; None where it found none.
+        waypoints: Shape (k, n), every leg free; None where it found none.
         detail: How it ended, for a person.
         notes: What the answer has to say of it.
         descent: Where it went, of a potential field.
@@ -169,6 +169,7 @@ class Attempt:
         stopped: Why the tool path ends early, where it does.
         failure: Why there is no path, where the planner knows itself and no diagnosis is needed.
         keep_path: Whether the waypoints are timed and proved as they are, without shortcuts.
+        proved: Whether every leg is proved free; otherwise states of it were looked at.
         explain: Finds why there is no path and what to do, of a planner that knows; called only
             where no other planner found one.
     """
@@ -183,6 +184,7 @@ class Attempt:
     stopped: Mapping[str, Any] | None = None
     failure: Failure | None = None
     keep_path: bool = False
+    proved: bool = True
     explain: Callable[[], Explanation] | None = None
 
 

@@ -67,7 +67,8 @@ class RrtResult(NamedTuple):
     """The path that trees found, and what it cost.
 
     Args:
-        waypoints: Shape (k, n), every leg proved free; None where they did not meet.
+        waypoints: Shape (k, n), every leg proved free, if that was asked for; None where they did
+            not meet.
         edges: Edges that were checked.
         runs: Pairs of trees that were grown.
     """
@@ -85,6 +86,8 @@ def rrt_connect(
     deadline: Deadline,
     max_edges: int,
     explored: Explored | None = None,
+    *,
+    proves: bool = True,
 ) -> RrtResult:
     """Grow trees from a configuration and from the goals until they meet.
 
@@ -99,6 +102,7 @@ def rrt_connect(
         deadline: When to stop.
         max_edges: Edges after which to stop; the last pair may take as many again.
         explored: Keeps the edges of the last pair of trees.
+        proves: Whether the path is proved; otherwise states of it are looked at.
     """
     chain, roots, model = checker.model.chain, np.array([start, *goals]), checker.model.arrays
     grow, slack = _grow(), float(checker.slack)
@@ -107,8 +111,8 @@ def rrt_connect(
         share = min(int(budget), max_edges - edges)
         box = search_box if runs % _NEARBY == _NEARBY - 1 else nearby_box
         low, high = box(chain, roots)
-        domain = _DOMAIN * math.sqrt(float(((high - low) ** 2).sum()) / 6.0)
-        draws = Draws(low, high, domain, _STEPS[runs % len(_STEPS)], slack)
+        domain = _DOMAIN * math.dist(high.tolist(), low.tolist()) / math.sqrt(6.0)
+        draws = Draws(low, high, domain, _STEPS[runs % len(_STEPS)], slack, proves)
         random = np.array(_random_state(seed, runs), np.uint64)
         trees = new_trees(len(roots), chain.n, share, random)
         outcome, until = GOING, 0
@@ -155,12 +159,13 @@ class RrtConnect:
             query.deadline,
             max_edges,
             query.explored,
+            proves=query.proves,
         )
         detail = f"{result.edges} edges checked"
         detail += "." if result.runs == 1 else f" in {result.runs} runs."
         is_short = len(bounds) > 0
         if result.waypoints is not None or query.deadline.passed or is_short or not query.exact:
-            return Attempt(result.waypoints, detail)
+            return Attempt(result.waypoints, detail, proved=query.proves)
         other = self.fallback.plan(query)
         return replace(other, detail=f"{detail} OMPL: {other.detail}")
 
@@ -170,7 +175,7 @@ def _grow() -> Callable[[ModelArrays, Trees, Draws, Array, int, int], int]:
     """``grow_kernel`` without the look at its arguments' types."""
     roots = np.zeros((2, 1))
     trees = new_trees(2, 1, 1, np.zeros(1, np.uint64))
-    draws = Draws(roots[0], roots[0], 0.0, 0.0, 0.0)
+    draws = Draws(roots[0], roots[0], 0.0, 0.0, 0.0, True)
     return direct(grow_kernel, any_model(), trees, draws, roots, 1, 1)
 
 

@@ -109,10 +109,33 @@ def shortcut(
             for; without it each cut is proved by ``checker``.
     """
     proof = checker if proof is None else proof
+    return _shortened(checker, waypoints, deadline, proof, proved=True)
+
+
+def shortcut_unproved(
+    checker: Checker, waypoints: Array, deadline: Deadline, proof: Checker
+) -> Array:
+    """Shorten a polyline that was only looked at, and prove what comes of it.
+
+    Args:
+        checker: Finds the cuts.
+        waypoints: The polyline, shape (k, n) [rad or m].
+        deadline: When to stop trying.
+        proof: Proves what comes back, with less clearance than ``checker`` looks for.
+
+    Returns:
+        The polyline, shape (k, n); none of its waypoints where the proof fails.
+    """
+    return _shortened(checker, waypoints, deadline, proof, proved=False)
+
+
+def _shortened(
+    checker: Checker, waypoints: Array, deadline: Deadline, proof: Checker, *, proved: bool
+) -> Array:
     points = np.ascontiguousarray(waypoints, np.float64)
     held = Held(look_of(checker), float(proof.slack), proof is not checker)
     rounds = 0 if deadline.passed else _ROUNDS
-    return _shorten_directly()(proof.model.arrays, held, points, rounds)
+    return _shorten_directly()(proof.model.arrays, held, points, proved, rounds)
 
 
 def look_of(checker: Checker, slack: float | None = None) -> Look:
@@ -123,18 +146,21 @@ def look_of(checker: Checker, slack: float | None = None) -> Look:
 
 
 @cache
-def _shorten_directly() -> Callable[[ModelArrays, Held, Array, int], Array]:
+def _shorten_directly() -> Callable[[ModelArrays, Held, Array, bool, int], Array]:
     """``shorten_kernel`` without the look at its arguments' types, which would cost too much."""
     held = Held(Look(0.0, 0.0, 0.0), 0.0, True)
-    return direct(shorten_kernel, any_model(), held, np.zeros((1, 1)), 1)
+    return direct(shorten_kernel, any_model(), held, np.zeros((1, 1)), True, 1)
 
 
 @kernel
-def shorten_kernel(model: ModelArrays, held: Held, waypoints: Array, rounds: int) -> Array:
-    """``shortcut`` of waypoints (k, n) in so many rounds.
+def shorten_kernel(
+    model: ModelArrays, held: Held, waypoints: Array, proved: bool, rounds: int
+) -> Array:
+    """``shortcut`` of waypoints (k, n) in so many rounds, or ``shortcut_unproved``.
 
     Cuts that are proved later have clearance to spare by the looks, and most are cut off again.
-    Where the proof fails in the end, all is done once more with a proof of every cut.
+    Where the proof fails in the end, all is done once more with a proof of every cut; of a path
+    that was not proved before nothing is left then.
     """
     work, room = workspace(model), waypoints.shape[0] + _MAX_CHECKS
     corners = Corners(
@@ -142,7 +168,10 @@ def shorten_kernel(model: ModelArrays, held: Held, waypoints: Array, rounds: int
         np.empty(1, dtype=np.int64),
     )  # fmt: skip
     count = _shorten(model, work, held, corners, waypoints, rounds)
-    if held.later and not are_proved(model, work, held, corners.points[:count], waypoints):
+    known = waypoints if proved else waypoints[:0]
+    if held.later and not are_proved(model, work, held, corners.points[:count], known):
+        if not proved:
+            return corners.points[:0].copy()
         at_once = Held(held.look, held.slack, False)
         count = _shorten(model, work, at_once, corners, waypoints, rounds)
     return corners.points[:count].copy()

@@ -103,6 +103,7 @@ class Draws(NamedTuple):
         domain: Farther than this a node that has met something is not grown [rad or m].
         step: Longest step [rad or m].
         slack: Distance to keep beyond the margins [m].
+        proves: Whether the path on which the trees meet is proved, or only looked at more closely.
     """
 
     low: Array
@@ -110,6 +111,7 @@ class Draws(NamedTuple):
     domain: float
     step: float
     slack: float
+    proves: bool
 
 
 def new_trees(size: int, n: int, budget: int, random: State) -> Trees:
@@ -232,8 +234,8 @@ def _grow(
         if node >= 0 and left == 0.0:
             tally[_HERE] = reached if side == 0 else node
             tally[_THERE] = node if side == 0 else reached
-            if _proves(model, work, draws.slack, trees, 0, int(tally[_HERE])) and _proves(
-                model, work, draws.slack, trees, 1, int(tally[_THERE])
+            if _proves(model, work, draws, trees, 0, int(tally[_HERE])) and _proves(
+                model, work, draws, trees, 1, int(tally[_THERE])
             ):
                 return True
     return False
@@ -317,7 +319,7 @@ def _step(
     origin, end = trees.points[side, at], vectors[1]
     write_step(origin, vectors[0], draws.step, end)
     trees.tally[EDGES] += 1
-    proves = trees.tally[_CUTS] >= _MAX_CUTS
+    proves = draws.proves and trees.tally[_CUTS] >= _MAX_CUTS
     looks = _LOOKS_BEFORE_PROOF if proves else _LOOKS
     free = not blocked_between(model, work, origin, end, draws.slack, 1, looks)
     if free and proves:
@@ -328,15 +330,24 @@ def _step(
 
 @kernel(allocates=False)
 def _proves(
-    model: ModelArrays, work: Workspace, slack: float, trees: Trees, side: int, entry: int
+    model: ModelArrays, work: Workspace, draws: Draws, trees: Trees, side: int, entry: int
 ) -> bool:
-    """Prove the steps from node ``entry`` back to a root; one that is not proved is cut off."""
+    """Prove the steps from node ``entry`` back to a root; one that is not proved is cut off.
+
+    Where nothing is to be proved, the middles of what was looked at are looked at.
+    """
     points, parents, proved = trees.points[side], trees.parents[side], trees.proved[side]
-    node, outcome = entry, on_stack(4)
+    node, slack = entry, draws.slack
     while parents[node] >= 0:
         if not proved[node]:
             a, b = points[parents[node]], points[node]
-            if certify_line(model, work, a, b, slack, _MAX_INTERVALS, outcome) != FREE:
+            if draws.proves:
+                verdict = certify_line(model, work, a, b, slack, _MAX_INTERVALS, on_stack(4))
+                free = verdict == FREE
+            else:
+                looks = 2 * _LOOKS
+                free = not blocked_between(model, work, a, b, slack, looks, looks)
+            if not free:
                 trees.met[side, parents[node]] = True
                 trees.tally[_CUTS] += 1
                 _cut(trees, side, node)

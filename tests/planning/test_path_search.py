@@ -1,8 +1,10 @@
 """The search for a path with the preferred clearance first, and then with less."""
 
 import numpy as np
+import pytest
 
 from obstacles.scene import Scene
+from planning import path_search
 from planning.options import Options
 from planning.pipeline import plan
 from planning.preferred_clearance import PreferredClearance
@@ -32,3 +34,15 @@ def test_where_there_is_no_room_both_planners_are_asked_again_with_less_clearanc
 
 def test_where_there_is_room_one_search_is_enough() -> None:
     assert stages(Scene((LONG,))) == ["straight_line", "rrt_connect"]
+
+
+def test_where_what_was_looked_at_is_not_proved_all_is_done_again_with_proofs(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr(path_search, "shortcut_unproved", lambda *_: np.zeros((0, 2)))
+    problem = Problem(slider(), Scene((LONG,)), START, (JointGoal(GOAL),))
+    answer = plan(problem, Options(clearance=PreferredClearance(0.04)))
+    assert isinstance(answer, Plan)
+    assert answer.certificate.verified
+    told = [(stage.name, stage.outcome) for stage in answer.stages if stage.name == "shortcut"]
+    assert told == [("shortcut", "failed"), ("shortcut", "succeeded")]

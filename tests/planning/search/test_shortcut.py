@@ -10,8 +10,9 @@ from obstacles.checker import Checker
 from obstacles.fcl_distance import FclWorld
 from obstacles.scene import Scene
 from planning.deadline import Deadline
-from planning.search.shortcut import shortcut
+from planning.search.shortcut import shortcut, shortcut_unproved
 from tests.planning.scenes import HOME, box, builtin
+from tests.planning.slider import slider
 
 #: Of two links in the plane of x and z: a bar that the outer one meets on the straight way.
 START, GOAL = np.array([-1.2, 0.4]), np.array([1.2, -0.4])
@@ -111,3 +112,21 @@ def test_what_is_looked_at_with_a_clearance_keeps_it_between_looks_too(seed: int
     path = detour(wished, np.random.default_rng(seed))
     short = shortcut(wished, path, Deadline.after(60.0), proof)
     assert least_distance(short, BAR) >= 0.9 * clearance
+
+
+def test_a_path_that_was_only_looked_at_is_proved_when_it_is_short() -> None:
+    proof = Checker.of(builtin("planar_rr"), BAR)
+    wished = Checker.of(builtin("planar_rr"), BAR, 0.03)
+    path = detour(wished, np.random.default_rng(2))
+    short = shortcut_unproved(wished, path, Deadline.after(60.0), proof)
+    assert np.array_equal(short[[0, -1]], path[[0, -1]])
+    assert proof.polyline(short)[0].free
+
+
+def test_nothing_is_left_of_one_that_cannot_be_proved() -> None:
+    """A foil between the looks at a motion of many metres."""
+    checker = Checker.of(slider(), Scene((box("foil", (1e-5, 1.0, 0.4), (0.07, 0.0, 0.0)),)))
+    far = np.array([18.0, 0.0])
+    path = np.array([-far, [-9.0, 0.0], far])
+    wished = Checker(checker.model)
+    assert len(shortcut_unproved(wished, path, Deadline.after(60.0), checker)) == 0

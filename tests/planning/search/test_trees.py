@@ -1,5 +1,7 @@
 """The kernels of RRT-Connect: what is between the states they look at is proved, or cut off."""
 
+from itertools import pairwise
+
 import numpy as np
 import pytest
 
@@ -24,7 +26,7 @@ def wire() -> Checker:
 def grown(seed: int) -> tuple[np.ndarray, int]:
     """The path between two configurations, and how many steps were cut off."""
     checker, limit = wire(), np.full(2, 3.0)
-    roots, draws = np.array([BEFORE, BEHIND]), Draws(-limit, limit, 9.0, 2.0, 0.0)
+    roots, draws = np.array([BEFORE, BEHIND]), Draws(-limit, limit, 9.0, 2.0, 0.0, True)
     trees = new_trees(2, 2, 2000, np.array([seed], dtype=np.uint64))
     assert grow_kernel(checker.model.arrays, trees, draws, roots, 2000, 2000) == FOUND
     assert trees.tally[EDGES] <= 2000
@@ -52,3 +54,19 @@ def test_what_is_kept_of_trees_is_proved() -> None:
     assert explored.runs == found.runs
     assert explored.edges
     assert all(checker.free(edge.begin, edge.end) for edge in explored.edges)
+
+
+def test_a_path_that_need_not_be_proved_is_looked_at_more_closely() -> None:
+    """The wire is met by some: what comes after has to prove them."""
+    checker, late = wire(), Deadline.after(60.0)
+    met = 0
+    for seed in range(8):
+        found = rrt_connect(checker, BEFORE, [BEHIND], seed, late, 20_000, proves=False)
+        path = found.waypoints
+        assert path is not None
+        assert np.array_equal(path[[0, -1]], [BEFORE, BEHIND])
+        shares = np.arange(9) / 8.0
+        for a, b in pairwise(path):
+            assert all(checker.valid(a + share * (b - a)) for share in shares)
+        met += not checker.polyline(path)[0].free
+    assert met > 0
