@@ -103,10 +103,11 @@ class Admission:
         task = self._task(request)
         if task is None:
             return None
-        seconds = named_timeout(request.body, self._settings)
-        problem = self._supervisor.early_refusal(task, seconds, client)
-        if problem is not None:
-            return self._answer(problem, request.path)
+        if not self._supervisor.is_free:
+            seconds = named_timeout(request.body, self._settings)
+            problem = self._supervisor.early_refusal(task, seconds, client)
+            if problem is not None:
+                return self._answer(problem, request.path)
         self._supervisor.coming.note(carrier, task, client)
         return None
 

@@ -3,8 +3,6 @@
 import asyncio
 import contextlib
 import time
-from collections.abc import AsyncIterator
-from contextlib import asynccontextmanager
 from typing import TypeVar
 
 from fastapi import Request
@@ -78,7 +76,7 @@ async def compute(
     admission: Admission = request.app.state.admission
     admission.note(request.method, request.scope["path"], job.task)
     timed = job.with_deadline(deadline_of(request, seconds))
-    async with _ending_with_client(request):
+    with _EndingWithClient(request):
         return await supervisor.submit(timed, client=client_of(request))
 
 
@@ -108,34 +106,46 @@ def client_of(request: Request) -> str:
     return "" if request.client is None else request.client.host
 
 
-@asynccontextmanager
-async def _ending_with_client(request: Request) -> AsyncIterator[None]:
-    """Cancel what is awaited within when the client leaves.
+class _EndingWithClient:
+    """Context in which what is awaited is cancelled when the client leaves.
+
+    Args:
+        request: Of the client.
 
     Raises:
         ProblemError: PREEMPTED, it left.
     """
+
     # As `asyncio.timeout` does it: a task for the work and another one to wait for whichever ends
     # first would cost more than the rest of a request's way to its worker.
-    awaiting = asyncio.current_task()
-    assert awaiting is not None
-    departure, leaving = request.scope.get(DEPARTURE), None
-    if departure is None:  # of another server
-        departure = Departure()
-        leaving = asyncio.create_task(_tell_disconnection(request, departure))
-    departure.tell(awaiting.cancel)
-    try:
-        yield
-    except asyncio.CancelledError:
-        if departure.has_come and awaiting.uncancel() == 0:
-            raise ProblemError(
-                "PREEMPTED", "the client left", stage="worker", status=_CLIENT_LEFT
-            ) from None
-        raise
-    finally:
-        departure.forget(awaiting.cancel)
-        if leaving is not None:
-            leaving.cancel()
+
+    __slots__ = ("_awaiting", "_departure", "_leaving", "_request")
+
+    def __init__(self, request: Request) -> None:
+        self._request = request
+
+    def __enter__(self) -> None:
+        awaiting = asyncio.current_task()
+        assert awaiting is not None
+        departure: Departure | None = self._request.scope.get(DEPARTURE)
+        self._leaving = None
+        if departure is None:  # of another server
+            departure = Departure()
+            self._leaving = asyncio.create_task(_tell_disconnection(self._request, departure))
+        self._awaiting, self._departure = awaiting, departure
+        departure.tell(awaiting.cancel)
+
+    def __exit__(self, kind: object, error: BaseException | None, trace: object) -> None:
+        try:
+            is_cancelled = isinstance(error, asyncio.CancelledError)
+            if is_cancelled and self._departure.has_come and self._awaiting.uncancel() == 0:
+                raise ProblemError(
+                    "PREEMPTED", "the client left", stage="worker", status=_CLIENT_LEFT
+                ) from None
+        finally:
+            self._departure.forget(self._awaiting.cancel)
+            if self._leaving is not None:
+                self._leaving.cancel()
 
 
 async def _tell_disconnection(request: Request, departure: Departure) -> None:

@@ -113,12 +113,13 @@ class JsonRoute(APIRoute):
         takes_json = self.body_field is not None and not isinstance(
             self.body_field.field_info, Form
         )
+        is_kept = takes_keep(model)
 
         async def handle_json(request: Request) -> Response:
             # The framework would hide what is wrong with the JSON behind a message of its own.
             if takes_json and await request.body():
                 await request.json()
-            if takes_keep(model):
+            if is_kept:
                 return await answer_and_keep(request, handle)
             return await handle(request)
 

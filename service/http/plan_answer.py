@@ -1,5 +1,6 @@
 """Plans computed in workers, and counted."""
 
+import asyncio
 from typing import Protocol
 
 from fastapi import Request
@@ -54,5 +55,6 @@ async def plan_answer(
     except ProblemError as problem:
         metrics.count_failure(problem.code, problem.details.get("stages"))
         raise
-    metrics.count_plan(outcome.planner, outcome.stages)
+    # Behind the answer: whoever waits for it need not wait for this.
+    asyncio.get_running_loop().call_soon(metrics.count_plan, outcome.planner, outcome.stages)
     return outcome.content

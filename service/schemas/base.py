@@ -189,7 +189,8 @@ def exactly_one(body: BaseModel, names: Sequence[str]) -> None:
     Raises:
         ValueError: None or more than one is given.
     """
-    given = [name for name in names if getattr(body, name) is not None]
+    values = vars(body)
+    given = [name for name in names if values[name] is not None]
     if len(given) != 1:
         found = " and ".join(given) if given else "none of them"
         raise ValueError(f"give exactly one of {', '.join(names)}; found {found}")
@@ -201,9 +202,9 @@ def check_company(body: Body) -> None:
     Raises:
         ValueError: One is.
     """
+    values = vars(body)
     for name, others in body.only_beside.items():
-        alone = all(getattr(body, other) is None for other in others)
-        if alone and getattr(body, name) is not None:
+        if values[name] is not None and all(values[other] is None for other in others):
             raise ValueError(f"{name} belongs to {' or '.join(others)}: give both or neither")
 
 

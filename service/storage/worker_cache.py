@@ -34,6 +34,8 @@ def _scene_bytes(prepared: tuple[Scene, int]) -> int:
 
 #: A robot is a few hundred kilobytes, with fine meshes megabytes.
 _ROBOTS = Recent(64, 128 * _MEBIBYTE, _robot_bytes)
+#: What is around a robot where a request names no scene: what planning prepares for it is kept.
+_NOTHING = (Scene(), 0)
 #: Scenes with the bytes of their pickles, which are a few kilobytes as a rule.
 _SCENES = Recent(256, 256 * _MEBIBYTE, _scene_bytes)
 
@@ -84,7 +86,7 @@ def scene(source: Reference | scene_schema.Scene | None) -> Scene:
         NotPrepared: The document of a stored scene has to be prepared first.
         InvalidScene: An inline scene is not valid.
     """
-    return _scene(source)[1][0]
+    return _scene(source)[0]
 
 
 def placed_scene(
@@ -109,30 +111,34 @@ def placed_scene(
         InvalidScene: As `scene`.
         InvalidLinkName: A frame is unknown, or moves.
     """
-    key, (found, size) = _scene(source)
+    found, size = _scene(source)
     named = found if frame is None else in_frame(found, frame)
-    if key is None or not named.frames or TOOL in named.frames:
+    if not named.frames or TOOL in named.frames:
         return place(named, chain, joints)
-    return _SCENES.get((key, frame, chain), lambda: (place(named, chain), size))[0]
+    key = "placed", named.content_hash, chain
+    return _SCENES.get(key, lambda: (place(named, chain), size))[0]
 
 
-def _scene(
-    source: Reference | scene_schema.Scene | None,
-) -> tuple[object | None, tuple[Scene, int]]:
-    """The key that a scene is kept under, None where it is not; the scene with its bytes."""
+def _scene(source: Reference | scene_schema.Scene | None) -> tuple[Scene, int]:
+    """A scene with its bytes."""
     if source is None:
-        return None, (Scene(), 0)
+        return _NOTHING
     if isinstance(source, Reference):
         _keep_decompositions(source)
-        found = _SCENES.get(source.hash, lambda: disk_cache.read_scene_and_size(source))
-        return source.hash, found
-    text = source.moveit
-    if text is None:
-        return None, (poses.scene(source), 0)
-    # To read YAML takes longer than to plan in what it tells; many requests bring the same text.
-    digest = hashlib.sha256(source.model_dump_json(exclude_none=True).encode()).hexdigest()
-    key = ("inline", digest)
-    return key, _SCENES.get(key, lambda: (poses.scene(source), len(text)))
+        return _SCENES.get(source.hash, lambda: disk_cache.read_scene_and_size(source))
+    # To make a scene takes as long as to plan in it; many requests bring the same one.
+    content = source.model_dump_json(exclude_none=True).encode()
+    key = "inline", hashlib.sha256(content).hexdigest()
+    return _SCENES.get(key, lambda: _made(source, len(content)))
+
+
+def _made(source: scene_schema.Scene, size: int) -> tuple[Scene, int]:
+    """An inline scene with its bytes; one with the same obstacles, if there is one already.
+
+    MoveIt writes the state of the robot into the text of a scene: each time it is another text.
+    """
+    scene = poses.scene(source)
+    return _SCENES.get(("content", scene.content_hash), lambda: (scene, size))
 
 
 def _keep_decompositions(reference: Reference) -> None:

@@ -142,6 +142,7 @@ class Worker(asyncio.Protocol):
         self.warm = False
         self.ending = False
         self.jobs = 0
+        self.may_be_worn = False
         self.born = time.monotonic()
         self.resident_at_first = 0
         self.lost_at = 0.0

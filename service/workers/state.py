@@ -103,6 +103,11 @@ class SupervisorState:
         return bool(self.coming or self._waiting or self.busy)
 
     @property
+    def is_free(self) -> bool:
+        """Whether a job could be begun at once, and no other is on its way."""
+        return not self.has_work and self._can_begin()
+
+    @property
     def count(self) -> int:
         """Number of jobs that may run at a time; brief ones are not counted."""
         return self._count

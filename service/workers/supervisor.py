@@ -149,12 +149,14 @@ class WorkerSupervisor(SupervisorState):
         )
         if self.watcher is not None:
             ticket.watch = self.watcher(job.task)
-        self._set_timer(ticket, ticket.ends_at)
         self._queue(ticket).append(ticket)
         self._dispatch()
         yield_timer = None
-        if background is None and ticket.worker is None:
-            yield_timer = loop.call_later(_YIELD_AFTER, self._take_worker_for, ticket)
+        if ticket.worker is None:
+            # What a worker has got has a timer of its own.
+            self._set_timer(ticket, ticket.ends_at)
+            if background is None:
+                yield_timer = loop.call_later(_YIELD_AFTER, self._take_worker_for, ticket)
         try:
             return cast(_R, await ticket.result)
         finally:
@@ -188,6 +190,10 @@ class WorkerSupervisor(SupervisorState):
             worker = self._idle.pop()
             if worker.ending:
                 continue
+            if self._is_worn(worker):
+                self.counters.recycled += 1
+                worker.kill()
+                continue
             ticket = queue.popleft()
             if self._is_too_late(ticket):
                 self._idle.append(worker)
@@ -213,6 +219,8 @@ class WorkerSupervisor(SupervisorState):
 
     def _next_queue(self) -> "deque[Ticket] | FairQueue | None":
         """The queue whose first job a worker can be given now."""
+        if not (self._waiting or self._brief or self._background):
+            return None
         if self._brief and self._can_begin("brief"):
             return self._brief
         background = bool(self._background) and self._can_begin("background")
@@ -295,11 +303,13 @@ class WorkerSupervisor(SupervisorState):
 
     def _release(self, ticket: Ticket) -> None:
         """Free the place of a ticket in the queue, or its worker."""
-        queue = self._queue(ticket)
-        if ticket in queue:
-            queue.remove(ticket)
-        if ticket.worker is not None and ticket.worker.ticket is ticket:
-            ticket.worker.kill()
+        worker = ticket.worker
+        if worker is None:
+            queue = self._queue(ticket)
+            if ticket in queue:
+                queue.remove(ticket)
+        elif worker.ticket is ticket:
+            worker.kill()
             self._dispatch()
 
     # ------------------------------------------------------------------------ owner of the pool
@@ -370,10 +380,21 @@ class WorkerSupervisor(SupervisorState):
             worker.ticket = None
             worker.jobs += 1
             self._finish(ticket, kind, values)
-            if is_worn(worker, self._limits):
-                self.counters.recycled += 1
-                worker.kill()
+            worker.may_be_worn = True
             self._free(worker)
+            # Behind who waits for the answer, who is next on the event loop.
+            asyncio.get_running_loop().call_soon(self._end_if_worn, worker)
+
+    def _end_if_worn(self, worker: Worker) -> None:
+        """Have another worker take the place of an idle one that its last job has worn."""
+        if worker.ticket is None and self._is_worn(worker):
+            self.counters.recycled += 1
+            self.retire(worker)
+
+    def _is_worn(self, worker: Worker) -> bool:
+        """Whether a worker is worn; it is looked at once after each job."""
+        is_unknown, worker.may_be_worn = worker.may_be_worn, False
+        return is_unknown and not worker.ending and is_worn(worker, self._limits)
 
     def _finish(self, ticket: Ticket, kind: Reply, values: Sequence[Any]) -> None:
         seconds, *outcome = values

@@ -22,6 +22,7 @@ class Supervisor:
     """Workers that have so much to do."""
 
     has_work = True
+    is_free = False
 
     def __init__(self, wait: float) -> None:
         self.wait = wait
@@ -121,3 +122,16 @@ def test_the_rest_of_a_short_body_is_waited_for_while_there_is_work() -> None:
     assert not is_awaited(large[:-1])
     supervisor.has_work = False
     assert not is_awaited(whole[:-3])
+
+
+def test_nothing_is_asked_where_a_worker_is_free() -> None:
+    workers = Supervisor(wait=100.0)
+    admission = Admission(workers, Settings())  # type: ignore[arg-type]
+    admission.note("POST", "/v1/plan", "plan")
+    request = SimpleRequest("/v1/plan", b'{"timeout": 1}')
+    workers.is_free = True
+    assert admission.refusal(request, "c", 1) is None
+    assert not workers.asked
+    assert len(workers.coming) == 1
+    workers.is_free = False
+    assert admission.refusal(request, "c", 2) is not None

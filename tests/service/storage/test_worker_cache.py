@@ -85,3 +85,29 @@ def test_what_is_at_the_tool_is_placed_for_each_request() -> None:
         np.testing.assert_allclose(placed.obstacles[0].T_world_obstacle, expected, atol=1e-12)
     with pytest.raises(InvalidLinkName, match="where the tool is"):
         worker_cache.placed_scene(source, None, panda, None)
+
+
+def test_inline_obstacles_are_made_once() -> None:
+    def body(height: float) -> Scene:
+        sphere = {"type": "sphere", "radius": 0.1}
+        pose = {"position": [0.5, 0.0, height]}
+        return Scene.model_validate({"obstacles": [{"id": "a", "shape": sphere, "pose": pose}]})
+
+    made = worker_cache.scene(body(0.25))
+    assert worker_cache.scene(body(0.25)) is made
+    other = worker_cache.scene(body(0.5))
+    assert other == poses.scene(body(0.5)) != made
+
+
+def test_another_text_with_the_same_obstacles_is_the_same_scene() -> None:
+    panda = builtin_chain("panda")
+    first, second = (f"name: {name}\n{text_in('panda_link0')}" for name in ("one", "two"))
+    made = worker_cache.scene(Scene(moveit=first))
+    assert worker_cache.scene(Scene(moveit=second)) is made
+    placed = worker_cache.placed_scene(Scene(moveit=first), None, panda, None)
+    assert worker_cache.placed_scene(Scene(moveit=second), None, panda, None) is placed
+
+
+def test_nothing_around_a_robot_is_always_the_same() -> None:
+    assert worker_cache.scene(None) is worker_cache.scene(None)
+    assert not worker_cache.scene(None).obstacles
