@@ -7,14 +7,15 @@ the same problems with `planning.pipeline.plan`; in each round it plans eight mo
 them. The built-in Panda moves among ten boxes:
 
 * ``none``: without them; ``stored``: in a scene that is stored, and named by requests;
-* ``inline``: each request brings them, as obstacles;
-* ``moveit``: as the text of a MoveIt planning scene that was never seen; ``moveit_again``: as one
-  that was.
+* ``inline``: each request brings them, as obstacles, of which one has a new name;
+  ``inline_again``: always the same;
+* ``moveit``: as the text of a MoveIt planning scene, with such a name; ``moveit_again``: always the
+  same.
 
-Where a request brings a scene of its own, this process plans in a new one, too: whatever planning
-prepares for a scene is no part of the difference. Beside the differences by the clock, of medians
-and of the least times of each motion, stand the processor times of a request in client, server and
-worker; the latter is told less that of planning in this process.
+Where a request brings a scene that was never seen, this process plans in a new one, too: whatever
+planning prepares for a scene is no part of the difference. Beside the differences by the clock, of
+medians and of the least times of each motion, stand the processor times of a request in client,
+server and worker; the latter is told less that of planning in this process.
 """
 
 import argparse
@@ -47,7 +48,9 @@ SPREAD = np.array([1.2, 0.5, 0.4, 0.5, 0.4, 0.5, 1.0])
 MOTIONS = 8
 #: Least distance of starts and goals from boxes [m].
 CLEARANCE = 0.03
-SCENES = ("none", "stored", "inline", "moveit", "moveit_again")
+SCENES = ("none", "stored", "inline", "inline_again", "moveit", "moveit_again")
+#: Of what was never seen.
+_NUMBERS = itertools.count(1)
 _COLUMNS = (
     "in process", "over HTTP", "difference", "of minima", "less stages",
     "client", "server", "worker",
@@ -81,10 +84,10 @@ class Spent:
     stages: float
 
 
-def boxes() -> list[tuple[str, list[float], list[float]]]:
+def boxes(table: str = "table") -> list[tuple[str, list[float], list[float]]]:
     """Name, size and position of each box: a table, and what stands around on it [m]."""
     random = np.random.default_rng(4)
-    found = [("table", [1.0, 1.6, 0.04], [0.7, 0.0, -0.1])]
+    found = [(table, [1.0, 1.6, 0.04], [0.7, 0.0, -0.1])]
     for index in range(9):
         angle, reach = random.uniform(-1.3, 1.3), random.uniform(0.45, 0.8)
         size = random.uniform([0.05, 0.05, 0.1], [0.15, 0.15, 0.4]).round(3)
@@ -95,7 +98,7 @@ def boxes() -> list[tuple[str, list[float], list[float]]]:
 
 def moveit_text(title: str) -> str:
     """The boxes as the text of a MoveIt planning scene."""
-    objects = "".join(_OBJECT.format(id=name, size=s, position=p) for name, s, p in boxes())
+    objects = "".join(_OBJECT.format(id=name, size=s, position=p) for name, s, p in boxes(title))
     return f"name: {title}\nrobot_model_name: panda\nworld:\n  collision_objects:\n{objects}"
 
 
@@ -112,11 +115,11 @@ def _pose(position: list[float]) -> Array:
     return T
 
 
-def scene_body(name: str | None) -> SceneBody:
+def scene_body(name: str | None, table: str = "table") -> SceneBody:
     """The boxes as requests have them."""
     obstacles = [
         Obstacle(id=box, shape=Box(size=size), pose=Pose(position=place))
-        for box, size, place in boxes()
+        for box, size, place in boxes(table)
     ]
     return SceneBody(name=name, obstacles=obstacles)
 
@@ -167,17 +170,17 @@ def bodies(kind: str) -> Callable[[], SceneBody | str | None]:
         return lambda: None
     if kind == "stored":
         return lambda: "boxes"
-    if kind == "inline":
-        return lambda: scene_body(None)
-    counted = itertools.count() if kind == "moveit" else itertools.repeat("again")
-    return lambda: SceneBody(moveit=moveit_text(f"cell_{next(counted)}"))
+    names = map("table_{}".format, itertools.repeat(0) if kind.endswith("again") else _NUMBERS)
+    if kind.startswith("inline"):
+        return lambda: scene_body(None, next(names))
+    return lambda: SceneBody(moveit=moveit_text(next(names)))
 
 
 def cells(kind: str) -> Iterator[Scene]:
     """The scene of each problem, new where requests bring theirs."""
     kept = Scene() if kind == "none" else scene()
     while True:
-        yield kept if kind in ("none", "stored", "moveit_again") else scene()
+        yield scene() if kind in ("inline", "moveit") else kept
 
 
 def measure(kind: str, client: Client, pid: int, robot: RobotGeometry, rounds: int) -> str:
