@@ -61,6 +61,12 @@ def _mark_blocked() -> Callable[[ModelArrays, Array, float, Array], None]:
 
 
 @cache
+def _closest_pair() -> Callable[[ModelArrays, Array], tuple[float, int]]:
+    """``closest_pair`` likewise."""
+    return direct(closest_pair, any_model(), np.zeros(1))
+
+
+@cache
 def _closest_state() -> Callable[[ModelArrays, Array, float], tuple[float, int, int]]:
     """``closest_state`` likewise."""
     return direct(closest_state, any_model(), np.zeros((1, 1)), 0.0)
@@ -167,7 +173,7 @@ class Checker:
         Exact where positive; 0 or below says that something touches, not how deep. Infinite, and no
         pair, where nothing can collide.
         """
-        distance, pair = closest_pair(self.model.arrays, np.ascontiguousarray(q))
+        distance, pair = _closest_pair()(self.model.arrays, np.ascontiguousarray(q, _FLOAT))
         return distance - self.slack, None if pair < 0 else self.model.pair_name(pair)
 
     def closest(self, states: Array, within: float) -> tuple[float, int, tuple[str, str] | None]:

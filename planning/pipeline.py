@@ -88,8 +88,8 @@ def plan(
         answer = Failure(late.code, late.message, late.hint or "", late.details["stage"])
     if isinstance(answer, Failure):
         details = deadline.interruptions.told_in(answer.code, answer.details)
-        answer = replace(answer, details=details)
-    return replace(answer, stages=tuple(stages.reports))
+        return replace(answer, details=details, stages=tuple(stages.reports))
+    return answer
 
 
 def _time_parametrization(problem: Problem, options: Options) -> TimeParametrization:
@@ -300,7 +300,7 @@ class _Pipeline:
         timing = timing_report(self.parametrization, timed.solver)
         return Plan(
             planner=OPTIMIZE if optimised else found.planner,
-            stages=(),
+            stages=tuple(self.stages.reports),
             path=Path(found.waypoints if proved.waypoints is None else proved.waypoints),
             trajectory=timed.trajectory,
             certificate=certificate,

@@ -70,7 +70,7 @@ def preflight(
     late = _pack(hulls or exact, deadline)
     if late is not None:
         return late
-    ready = None if hulls is None else _ready_in_hulls(problem, hulls)
+    ready = _ready_with_room(problem, exact, hulls)
     if ready is not None:
         return ready
     valid = check_start(problem, exact)
@@ -123,24 +123,25 @@ def _hulls_checker(problem: Problem) -> Checker | None:
     return Checker.of(robot, problem.scene, problem.margin)
 
 
-def _ready_in_hulls(problem: Problem, hulls: Checker) -> Ready | None:
-    """The problem made ready where even the hulls of the robot's solids are free at all ends.
+def _ready_with_room(problem: Problem, exact: Checker, hulls: Checker | None) -> Ready | None:
+    """The problem made ready where all ends have so much clearance that nobody need know how much.
 
-    Then the solids are free too: they are only packed if planning in hulls leads nowhere.
+    Where even the hulls of the robot's solids have it the solids have it too: these are only packed
+    if planning in hulls leads nowhere.
     """
     goals = [goal.joints for goal in problem.goals if isinstance(goal, JointGoal)]
     if len(goals) < len(problem.goals):
         return None
     chain, tolerance = problem.robot.chain, problem.start_state_tolerance
     ends = [snap_to_limits(chain, q, tolerance) for q in (problem.start, *goals)]
-    spacious = Checker(hulls.model, 2.0 * _SLACK)
+    spacious = Checker((hulls or exact).model, 2.0 * _SLACK)
     if any(violation is not None for _, violation in ends):
         return None
     if not spacious.all_valid(np.array([q for q, _ in ends])):
         return None
     start, *goals = (q for q, _ in ends)
-    exact = _exact_checker(problem).model
-    checkers = Checker(hulls.model, _SLACK), Checker(exact, _SLACK)
+    models = [exact.model] if hulls is None else [hulls.model, exact.model]
+    checkers = tuple(Checker(model, _SLACK) for model in models)
     return Ready(start, _nearest_first(goals, start), checkers, _notes(problem.start, start))
 
 

@@ -131,8 +131,10 @@ class CollisionProof:
                 self._decide_referred()
             if state == DONE:
                 # Too near for what covers prove to be told as the clearance of what they cover.
-                near = self._sweep.closest[self._sweep.nearest <= COVERED]
-                return self._closed_covers(near) if self.violation is None else set()
+                least = self._sweep.nearest
+                if self.violation is not None or min(least.tolist()) > COVERED:
+                    return set()
+                return self._closed_covers(self._sweep.closest[least <= COVERED])
 
     def _triangle_count(self) -> int:
         """Triangles under all covers of the robot and the scene."""

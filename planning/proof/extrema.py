@@ -14,7 +14,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from kinematics.arrays import Array
+from kinematics.arrays import Array, Indices
 from kinematics.compiled.kernel import direct, kernel
 from kinematics.trajectory import Trajectory
 
@@ -176,6 +176,74 @@ def _limit_uses() -> Callable[[Array, Array, Array, Array, Array, LimitUses], No
     return direct(limit_uses_kernel, *motion, table, table, table, found)
 
 
+class MotionUses(NamedTuple):
+    """Use of a motion's limits of position, velocity, acceleration and jerk.
+
+    Args:
+        found: Of the orders up to the last that is limited.
+        lower: Lower limits, shape (4, n); infinite where there is none.
+        upper: Upper limits.
+        limited: Of each order, UNLIMITED, LIMITED or JUMPING, shape (4,).
+    """
+
+    found: LimitUses
+    lower: Array
+    upper: Array
+    limited: Indices
+
+
+# What ``MotionUses`` says of an order.
+UNLIMITED = 0
+LIMITED = 1
+#: The derivative before it jumps, so that it has no bound.
+JUMPING = 2
+
+
+def motion_uses(trajectory: Trajectory, limits: Array, most_jump: float) -> MotionUses:
+    """Use of the limits of a motion.
+
+    Args:
+        trajectory: The motion.
+        limits: Lower and upper positions, velocities, accelerations and jerks, shape (5, n); of
+            derivatives NaN and infinity bind nothing.
+        most_jump: Jump of the acceleration beyond which jerk is not looked at.
+    """
+    return _motion_uses()(trajectory.breaks, trajectory.coefficients, limits, most_jump)
+
+
+@cache
+def _motion_uses() -> Callable[[Array, Array, Array, float], MotionUses]:
+    """``motion_uses_kernel`` without the look at its arguments' types."""
+    return direct(motion_uses_kernel, np.zeros(2), np.zeros((1, 1, 1)), np.zeros((5, 1)), 0.0)
+
+
+@kernel
+def motion_uses_kernel(
+    breaks: Array, coefficients: Array, limits: Array, most_jump: float
+) -> MotionUses:
+    """``motion_uses``."""
+    n = limits.shape[1]
+    lower, upper, limited = np.empty((4, n)), np.empty((4, n)), np.zeros(4, np.int64)
+    limited[0], orders = LIMITED, 1
+    for j in range(n):
+        lower[0, j], upper[0, j] = limits[0, j], limits[1, j]
+    for order in range(1, 4):
+        for j in range(n):
+            bound = limits[order + 1, j]
+            if np.isfinite(bound):
+                limited[order] = LIMITED
+            upper[order, j] = bound if np.isfinite(bound) else np.inf
+            lower[order, j] = -upper[order, j]
+        if order == 3 and limited[order] and largest_jump(breaks, coefficients, 2) > most_jump:
+            limited[order] = JUMPING
+        if limited[order] == LIMITED:
+            orders = order + 1
+    found = LimitUses(np.empty((orders, 5)), np.empty((orders, n, 3)), np.empty((orders, n, 3)))
+    stack = np.empty((_MAX_DEPTH + 2, coefficients.shape[2] + 3))
+    limit_uses_kernel(breaks, coefficients, lower[:orders], upper[:orders], stack, found)
+    return MotionUses(found, lower, upper, limited)
+
+
 @kernel(allocates=False)
 def limit_uses_kernel(
     breaks: Array, coefficients: Array, lower: Array, upper: Array, stack: Array, found: LimitUses
@@ -233,8 +301,14 @@ def extrema_kernel(
             length = breaks[i + 1] - breaks[i]
             b = stack[_MAX_DEPTH + 1]
             count = to_bernstein(coefficients[i, j], length, order, b)
-            _search(stack, count, size, 1.0, breaks[i], length, highest[j])
-            _search(stack, count, size, -1.0, breaks[i], length, lowest[j])
+            low, high = np.inf, -np.inf
+            for k in range(count):
+                low, high = min(low, b[k]), max(high, b[k])
+            whole = max(abs(low), abs(high))
+            if not _settles(b, count, 1.0, breaks[i], length, high, whole, highest[j]):
+                _search(stack, count, size, 1.0, breaks[i], length, whole, highest[j])
+            if not _settles(b, count, -1.0, breaks[i], length, -low, whole, lowest[j]):
+                _search(stack, count, size, -1.0, breaks[i], length, whole, lowest[j])
 
 
 @kernel(allocates=False)
@@ -282,24 +356,45 @@ def to_bernstein(c: Array, length: float, order: int, b: Array) -> int:
     return count
 
 
+@kernel(allocates=False, inline="code")
+def _settles(
+    b: Array, count: int, sign: float, begin: float, length: float, hull: float, whole: float,
+    largest: Array,
+) -> bool:  # fmt: skip
+    """Raise the largest value, its time and its bound (3,) to those of a polynomial's ends.
+
+    Args:
+        b: Its Bernstein coefficients, taken times ``sign``.
+        count: How many they are.
+        sign: 1 or -1.
+        begin: When it begins [s].
+        length: How long it is [s].
+        hull: The largest of its coefficients.
+        whole: The largest absolute one.
+        largest: Raised.
+
+    Returns:
+        Whether nothing between the ends is larger; else the bound is left to ``_search``.
+    """
+    _raise(largest, sign * b[0], begin, 0.0)
+    _raise(largest, sign * b[count - 1], begin + length, 0.0)
+    if not hull <= largest[VALUE] + _SHARP * abs(largest[VALUE]) + _SHARP_OF_SIZE * whole:
+        return False
+    largest[BOUND] = max(largest[BOUND], hull + _ROUNDING * whole)
+    return True
+
+
 @kernel(allocates=False)
 def _search(
-    stack: Array, count: int, size: int, sign: float, begin: float, length: float, largest: Array
-) -> None:
+    stack: Array, count: int, size: int, sign: float, begin: float, length: float, whole: float,
+    largest: Array,
+) -> None:  # fmt: skip
     """Raise the largest value, its time and its bound (3,) to those of a polynomial's parts.
 
     The stack's last row holds the whole one, which is taken times ``sign``.
     """
     low, high = size + 1, size + 2
-    b, whole, hull = stack[_MAX_DEPTH + 1], 0.0, -np.inf
-    for k in range(count):
-        whole, hull = max(whole, abs(b[k])), max(hull, sign * b[k])
-    first, last = sign * b[0], sign * b[count - 1]
-    _raise(largest, first, begin, 0.0)
-    _raise(largest, last, begin + length, 0.0)
-    if hull <= largest[VALUE] + _SHARP * abs(largest[VALUE]) + _SHARP_OF_SIZE * whole:
-        largest[BOUND] = max(largest[BOUND], hull + _ROUNDING * whole)
-        return
+    b = stack[_MAX_DEPTH + 1]
     for k in range(count):
         stack[0, k] = sign * b[k]
     stack[0, low], stack[0, high] = 0.0, 1.0

@@ -16,13 +16,15 @@ from kinematics.trajectory import Trajectory
 from planning.limits import JERK_JUMP, RATIO_TOLERANCE, MotionLimits, position_excess
 from planning.proof.effort import effort_uses
 from planning.proof.extrema import (
+    JUMPING,
+    LIMITED,
     TIME,
     VALUE,
     LimitUses,
     extrema,
     jumps,
     largest_jump,
-    limit_uses,
+    motion_uses,
 )
 from planning.proof.violation import Violation
 
@@ -68,30 +70,18 @@ def check_limits(
     reports: dict[str, LimitReport] = {}
     wrong: list[Violation] = []
     bounds = [wanted.bounds.get(name, getattr(limits, name)) for name in QUANTITIES[1:]]
-    upper = np.array([limits.upper, *bounds])
-    finite = np.isfinite(upper[1:])
-    upper[1:][~finite] = np.inf
-    lower = -upper
-    lower[0] = limits.lower
-    names = ["position"]
-    for name, is_limited in zip(QUANTITIES[1:], finite.any(axis=1), strict=True):
-        if not is_limited:
+    used = motion_uses(trajectory, np.array([limits.lower, limits.upper, *bounds]), JERK_JUMP)
+    uses = used.found.uses.tolist()
+    for order, limited in enumerate(used.limited.tolist()):
+        if limited == JUMPING and "jerk" in wanted.bounds:
+            wrong.append(_jump_violation(trajectory))
+        if limited != LIMITED:
             continue
-        if name == "jerk" and _largest_jump(trajectory, 2) > JERK_JUMP:
-            wrong += [_jump_violation(trajectory)] if name in wanted.bounds else []
-            continue
-        names.append(name)
-    orders = 1 + QUANTITIES.index(names[-1])
-    lower, upper = lower[:orders], upper[:orders]
-    found = limit_uses(trajectory, lower, upper)
-    uses = found.uses.tolist()
-    for name in names:
-        order = QUANTITIES.index(name)
         ratio, joint, time, excess, beyond = uses[order]
-        reports[name] = LimitReport(ratio, trajectory.joint_names[int(joint)], time)
+        reports[QUANTITIES[order]] = LimitReport(ratio, trajectory.joint_names[int(joint)], time)
         if excess > RATIO_TOLERANCE:
-            range_ = lower[order], upper[order]
-            wrong.append(_violation(trajectory, order, found, range_, int(beyond)))
+            range_ = used.lower[order], used.upper[order]
+            wrong.append(_violation(trajectory, order, used.found, range_, int(beyond)))
     for name, use in (effort_uses(wanted.effort, trajectory) if wanted.effort else {}).items():
         joint = trajectory.joint_names[use.joint]
         reports[name] = LimitReport(use.ratio, joint, use.time)

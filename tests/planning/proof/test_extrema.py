@@ -10,11 +10,15 @@ from planning.proof.extrema import (
     BEYOND,
     EXCESS,
     JOINT,
+    JUMPING,
+    LIMITED,
     RATIO,
+    UNLIMITED,
     extrema,
     jumps,
     largest_jump,
     limit_uses,
+    motion_uses,
     to_bernstein,
 )
 
@@ -158,3 +162,40 @@ def test_what_is_no_number_is_beyond_all_limits() -> None:
     # A joint that may not move and does not: no share of its limit can be told.
     assert found.uses[1, EXCESS] == np.inf
     assert found.uses[1, BEYOND] == 0
+
+
+def any_motion(random: np.random.Generator) -> Trajectory:
+    breaks = np.concatenate([[0.0], np.cumsum(random.uniform(0.1, 1.0, 3))])
+    return Trajectory(tuple("abcd"), breaks, random.normal(size=(3, 4, 6)))
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_limits_of_a_motion_are_used_as_its_derivatives_tell(seed: int) -> None:
+    random = np.random.default_rng(seed)
+    motion = any_motion(random)
+    n = motion.n
+    limits = random.uniform(0.5, 3.0, (5, n))
+    limits[0] = -limits[1]
+    limits[2, 0], limits[4] = np.inf, (np.nan if seed % 2 else limits[4])
+    used = motion_uses(motion, limits, np.inf)
+    assert used.limited.tolist() == [LIMITED, LIMITED, LIMITED, UNLIMITED if seed % 2 else LIMITED]
+    upper = np.where(np.isfinite(limits[1:]), limits[1:], np.inf)
+    lower = -upper
+    lower[0] = limits[0]
+    orders = 3 if seed % 2 else 4
+    expected = limit_uses(motion, lower[:orders], upper[:orders])
+    for name in expected._fields:
+        np.testing.assert_array_equal(getattr(used.found, name), getattr(expected, name))
+    np.testing.assert_array_equal(used.lower, lower)
+    np.testing.assert_array_equal(used.upper, upper)
+
+
+def test_jerk_is_not_looked_at_where_the_acceleration_jumps() -> None:
+    motion = any_motion(np.random.default_rng(0))
+    limits = np.ones((5, motion.n))
+    assert motion_uses(motion, limits, -1.0).limited.tolist() == [
+        LIMITED,
+        LIMITED,
+        LIMITED,
+        JUMPING,
+    ]
