@@ -123,9 +123,8 @@ def _packed(robot: RobotGeometry, scene: Scene, margin: float, own_margin: float
     if robot_set is not own.pieces:  # which are read-only already
         for array in robot_set:
             array.setflags(write=False)
-    met, allowed = skipped.all(axis=1).tobytes(), scene.allowed_collisions
-    met_things = len(around.tree.items) > 0
-    searches = _searches(robot, allowed, met, met_things)
+    met_things, allowed = len(around.tree.items) > 0, scene.allowed_collisions
+    searches = _searches(robot, allowed, skipped.tobytes(), len(scene.ids), met_things)
     roots = searches.roots
     if len(around.walls):
         roots = _with_walls(roots, searches.moving, met_things, skipped, around)
@@ -289,18 +288,21 @@ def _groups(robot: RobotGeometry, bodies: Mapping[int, int], self_pairs: Indices
 #: In scenes that allow the same, and most allow nothing, a robot's are the same.
 @bounded_cache(maxsize=64)
 def _searches(
-    robot: RobotGeometry, allowed: frozenset[tuple[str, str]], unmet: bytes, met_things: bool
-) -> _Searches:
+    robot: RobotGeometry, allowed: frozenset[tuple[str, str]], skipped: bytes, obstacles: int,
+    met_things: bool,
+) -> _Searches:  # fmt: skip
     """Searches in a scene, those against half-spaces left out.
 
     Args:
         robot: The robot.
         allowed: Pairs of names that may touch.
-        unmet: Bytes of a mask (p,): which of its pieces meet nothing.
+        skipped: Bytes of ``skipped_pairs``.
+        obstacles: How many there are.
         met_things: Whether there is anything that is no half-space.
     """
     self_pairs, grid, groups = _own_pairs(robot, allowed)
-    bodies, carried, moving = _bodies(robot, unmet)
+    mask = np.frombuffer(skipped, dtype=np.bool_).reshape(len(robot.pieces), obstacles)
+    bodies, carried, moving = _bodies(robot, np.asarray(~mask.all(axis=1)))
     # What is carried farthest out meets things first.
     first = moving if met_things else moving[:0]
     roots = np.zeros((len(first) + len(groups), 2), dtype=np.int64)
@@ -309,10 +311,9 @@ def _searches(
     return _Searches(self_pairs, grid, groups, bodies, carried, moving, _readonly(roots))
 
 
-def _bodies(robot: RobotGeometry, unmet: bytes) -> tuple[Indices, Indices, Indices]:
+def _bodies(robot: RobotGeometry, meets: NDArray[np.bool_]) -> tuple[Indices, Indices, Indices]:
     """``ModelArrays.bodies`` and ``carried``, and the pieces that meet things, outermost first."""
     rows = _robot_part(robot).bodies
-    meets = ~np.frombuffer(unmet, dtype=np.bool_)
     outermost = np.argsort(-robot.joints, kind="stable")
     carried = outermost[(meets & (robot.joints >= 0))[outermost]]
     # All moving bodies, for their balls: some may have no piece that meets anything.
