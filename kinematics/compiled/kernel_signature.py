@@ -100,7 +100,10 @@ def _type(node: ast.expr, names: Mapping[str, Any]) -> Any:
             return inside[0].copy(readonly=True)
         if called == "optional":
             return types.Optional(inside[0])
-        return types.BaseTuple.from_types(inside, pkgutil.resolve_name(called))
+        of = pkgutil.resolve_name(called)
+        if len(of._fields) != len(inside):
+            raise ValueError(f"{called} has {len(of._fields)} fields, not {len(inside)}")
+        return types.BaseTuple.from_types(inside, of)
     raise ValueError(f"no type is {ast.unparse(node)!r}")
 
 

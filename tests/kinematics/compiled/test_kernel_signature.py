@@ -97,3 +97,9 @@ def test_types_without_a_notation_are_refused(kind: Any) -> None:
 def test_text_of_no_type_is_refused(text: str) -> None:
     with pytest.raises(ValueError, match="no type"):
         type_of_text(text)
+
+
+@pytest.mark.parametrize("given_types", ["int64", "int64, int64, int64"])
+def test_a_named_tuple_of_another_number_of_fields_is_refused(given_types: str) -> None:
+    with pytest.raises(ValueError, match="2 fields"):
+        type_of_text(f"{Inner.__module__}.Inner({given_types})")
