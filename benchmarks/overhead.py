@@ -102,10 +102,10 @@ def moveit_text(title: str) -> str:
     return f"name: {title}\nrobot_model_name: panda\nworld:\n  collision_objects:\n{objects}"
 
 
-def scene() -> Scene:
+def scene(table: str = "table") -> Scene:
     """The boxes as a scene that is not prepared yet."""
     return Scene(
-        tuple(DomainObstacle(name, shapes.Box(s), _pose(place)) for name, s, place in boxes())
+        tuple(DomainObstacle(name, shapes.Box(s), _pose(place)) for name, s, place in boxes(table))
     )
 
 
@@ -180,7 +180,7 @@ def cells(kind: str) -> Iterator[Scene]:
     """The scene of each problem, new where requests bring theirs."""
     kept = Scene() if kind == "none" else scene()
     while True:
-        yield scene() if kind in ("inline", "moveit") else kept
+        yield scene(f"own_{next(_NUMBERS)}") if kind in ("inline", "moveit") else kept
 
 
 def measure(kind: str, client: Client, pid: int, robot: RobotGeometry, rounds: int) -> str:
