@@ -11,6 +11,7 @@ import hashlib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, fields
 from enum import IntEnum
+from math import isfinite
 from types import MappingProxyType
 from typing import Any
 
@@ -266,7 +267,9 @@ class Chain:
                 hint=f"The order is: {', '.join(self.joint_names)}.",
                 joint_names=list(self.joint_names),
             )
-        if not np.isfinite(array).all():
+        # Of one vector Python is quicker than numpy is at a call.
+        few = array.ndim == 1
+        if not (all(map(isfinite, array.tolist())) if few else np.isfinite(array).all()):
             bad = self.joint_names[int(np.argwhere(~np.isfinite(array))[0][-1])]
             raise InvalidRobotState(f"{name} is not finite at joint {bad!r}", joint=bad)
         return array

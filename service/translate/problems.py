@@ -26,6 +26,13 @@ from service.translate import poses, timings
 from service.translate.constraints import constraint_set
 from service.translate.seams import seam_options
 
+#: What holds where a request says nothing else.
+_NO_TOOL_MOTIONS, _USUAL_COSTS, _USUAL_CLEARANCE = (
+    CartesianOptions(),
+    GoalCosts(),
+    PreferredClearance(),
+)
+
 
 def planner_name(name: str) -> str:
     """The name of a planner as the pipeline has it; an unknown one as it is.
@@ -126,16 +133,16 @@ def options(body: schema.PlanRequest, chain: Chain, timeout: float) -> Options:
     return Options(
         planner=name,
         planner_options={} if cartesian else dict(body.planner_options or {}),
-        cartesian=_cartesian(body, chain) if cartesian else CartesianOptions(),
+        cartesian=_cartesian(body, chain) if cartesian else _NO_TOOL_MOTIONS,
         timing=timings.timing_options(body.timing),
         limits=timings.given_limits(body.limits, chain.joint_names),
         timeout=timeout,
         seed=body.seed,
         refine=_refine(body.refine),
-        goal_costs=GoalCosts()
+        goal_costs=_USUAL_COSTS
         if body.goal_costs is None
         else GoalCosts(**body.goal_costs.model_dump()),
-        clearance=PreferredClearance()
+        clearance=_USUAL_CLEARANCE
         if body.clearance is None
         else PreferredClearance(body.clearance.preferred),
     )
