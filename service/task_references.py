@@ -87,7 +87,7 @@ else:
     export = TaskReference("service.tasks.export:export", GRACE)
     finger_poses = TaskReference("service.tasks.finger_poses:finger_poses")
     robot_geometry = TaskReference("service.tasks.geometry:robot_geometry")
-    ik = TaskReference("service.tasks.inverse_kinematics:ik")
+    ik = TaskReference("service.tasks.inverse_kinematics:ik", GRACE)
     fk = TaskReference("service.tasks.kinematics:fk")
     jacobian = TaskReference("service.tasks.kinematics:jacobian")
     velocity = TaskReference("service.tasks.kinematics:velocity")

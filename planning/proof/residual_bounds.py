@@ -127,24 +127,6 @@ def bound_residuals(chain: Chain, rows: Sequence[Row], trajectory: Trajectory) -
     return ResidualBounds(verdict, bound, worst_time, int(worst_row), time, int(row), residual)
 
 
-def sample_residuals(
-    chain: Chain, rows: Sequence[Row], trajectory: Trajectory, times: Array
-) -> Array:
-    """Residuals of rows at times (k,) of a trajectory, shape (k, m) [m or rad].
-
-    Args:
-        chain: The robot.
-        rows: On it.
-        trajectory: Of all its joints, in its order.
-        times: Within the trajectory [s].
-    """
-    residuals = np.empty((len(times), len(rows)))
-    sample_residuals_kernel(
-        chain.joint_types, chain.offsets, pack(rows), trajectory.sample(times), residuals
-    )
-    return residuals
-
-
 @kernel
 def largest_residual_kernel(
     types: Indices,
@@ -322,20 +304,6 @@ def _open_rows(
             if here > TOLERANCE and violated < 0:
                 violated, residual[0] = i, here
     return left, violated
-
-
-@kernel
-def sample_residuals_kernel(
-    types: Indices, offsets: Array, rows: Array, q: Array, residuals: Array
-) -> None:
-    """Write the residuals of rows (m, WIDTH) at configurations q (k, n), shape (k, m)."""
-    n = offsets.shape[0]
-    joints, frames = np.zeros((n, JOINT_COLUMNS)), np.empty((n, 4, 4))
-    for k in range(q.shape[0]):
-        joints[:, VALUE] = q[k]
-        forward_kernel(types, offsets, q[k], frames)
-        for i in range(rows.shape[0]):
-            residuals[k, i], _ = row_bounds(types, rows[i], frames, joints, 0.0, 0.0)
 
 
 @kernel

@@ -37,8 +37,10 @@ _TIMEOUT = 5.0
 _TOUCHING = 1e-6
 #: An answer may be this much later than a request that waited long for a worker wants it [s].
 _LATE = 0.05
-#: Share of it for the search; the rest is kept for saying why nothing was found.
+#: Share of it for the search; the rest is kept for saying why nothing was found, and the last of
+#: that for the answer.
 _SHARE = 0.5
+_SAYING_SHARE = 0.6
 
 
 def answer(
@@ -138,7 +140,7 @@ def _refusal(
         "constraints": constraints.uses(wanted, solved.nearest.residuals),
         "starts": solved.starts,
     }
-    clash = conflict(wanted, None, seed, end)
+    clash = conflict(wanted, None, seed, end.within(_SAYING_SHARE * end.remaining))
     details["deterministic"] = solved.deterministic and not end.interruptions.occurred
     if clash is not None:
         details |= {

@@ -40,7 +40,7 @@ from service.translate.frames import (
     ik_in_root_frame,
     names_frame,
 )
-from service.workers.task import task
+from service.workers.task import GRACE, task
 
 #: Solutions of a closed form where all are wanted but no number is given.
 _ALL_CLOSED = MAX_SOLUTIONS
@@ -71,7 +71,7 @@ class _Query:
     check: CollisionCheck | None
 
 
-@task
+@task(grace=GRACE)
 @reports_cache_miss
 def ik(
     robot: Reference, scene: Reference | None, content: bytes

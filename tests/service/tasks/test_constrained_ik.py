@@ -13,18 +13,20 @@ from service.tasks.constrained_ik import _too_near
 from tests.planning.scenes import box, builtin
 
 CHAIN = builtin_chain("panda")
+BESIDE = "widen the constraints, move the obstacle, or try another seed."
 WALL = box("wall", (0.1, 0.1, 0.1), (0.4, 0.3, 0.4))
 
 
 @pytest.mark.parametrize(
     ("margin", "clearance", "other", "cures"),
     [
-        (0.0, -0.05, "wall", "Widen the constraints, move the obstacle, or try another seed."),
-        (0.02, -0.05, "wall", "Widen the constraints, move the obstacle, or try another seed."),
+        (0.0, -0.05, "wall", BESIDE.capitalize()),
+        (0.02, -0.05, "wall", BESIDE.capitalize()),
         (
-            0.1, -0.05, "wall",
-            "Lower the margin by 0.05 m, widen the constraints, move the obstacle, "
-            "or try another seed.",
+            0.1,
+            -0.05,
+            "wall",
+            f"Lower the margin by 0.05 m, {BESIDE}",
         ),
         (0.1, -0.05, "panda_link2", "Widen the constraints, or try another seed."),
     ],
