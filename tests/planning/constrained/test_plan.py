@@ -8,6 +8,7 @@ import pinocchio as pin
 import pytest
 
 from kinematics.arrays import Array
+from kinematics.chain import JointType
 from kinematics.errors import InvalidGoal
 from kinematics.forward import forward
 from kinematics.pose import transform
@@ -220,6 +221,49 @@ def test_a_joint_is_not_locked_elsewhere_than_where_it_is() -> None:
     answer = failed(HOME, HOME + 0.1, JointConstraint(CHAIN.joint_names[2], HOME[2] + 0.05))
     assert answer.code == "START_STATE_VIOLATES_PATH_CONSTRAINTS"
     assert answer.details["residual"] == pytest.approx(0.05)
+
+
+def test_several_joints_are_locked_at_once_around_a_post() -> None:
+    start, goal = HOME.copy(), HOME.copy()
+    start += np.array([-0.8, 0.3, 0.0, 0.2, 0.3, 0.2, 0.3])
+    goal += np.array([1.2, 0.3, 0.0, 0.2, 0.3, 0.2, 0.3])
+    locked = [2, 4, 6]
+    locks = [JointConstraint(CHAIN.joint_names[j], float(start[j])) for j in locked]
+    answer = planned(start, goal, pillar(0.0, 0.5), *locks)
+    moved = answer.trajectory.sample(np.linspace(0.0, answer.trajectory.duration, 500))
+    assert np.abs(moved[:, locked] - start[locked]).max() <= 1e-9
+
+
+def test_a_goal_that_turns_a_locked_joint_is_refused_by_its_name() -> None:
+    goal = HOME.copy()
+    goal[[0, 4]] += [0.5, 0.2]
+    answer = failed(HOME, goal, JointConstraint(CHAIN.joint_names[4], float(HOME[4])))
+    assert answer.code == "GOAL_VIOLATES_PATH_CONSTRAINTS"
+    assert "constraint 0 (joint 'panda_joint5') by 0.2 rad" in answer.message
+    assert answer.details["residual"] == pytest.approx(0.2)
+
+
+def test_a_slide_is_locked_too() -> None:
+    robot = builtin("stanford")
+    chain = robot.chain
+    low, high = chain.sampling_bounds()
+    start, goal = 0.5 * (low + high), 0.5 * (low + high)
+    start[[0, 1]] += [-0.8, 0.3]
+    goal[[0, 1, 3]] += [0.8, 0.3, 0.5]
+    slide = int(np.flatnonzero(chain.joint_types == JointType.PRISMATIC)[0])
+    lock = JointConstraint(chain.joint_names[slide], float(start[slide]))
+    wanted = ConstraintSet(chain, (lock,))
+    reached = Problem(robot, Scene(), start, (JointGoal(goal),), constraints=wanted)
+    answer = plan(reached, Options(timeout=60.0))
+    assert isinstance(answer, Plan), answer
+    moved = answer.trajectory.sample(np.linspace(0.0, answer.trajectory.duration, 500))
+    assert np.abs(moved[:, slide] - start[slide]).max() <= 1e-9
+    goal[slide] += 0.05
+    away = Problem(robot, Scene(), start, (JointGoal(goal),), constraints=wanted)
+    refused = plan(away, Options(timeout=60.0))
+    assert isinstance(refused, Failure)
+    assert refused.code == "GOAL_VIOLATES_PATH_CONSTRAINTS"
+    assert "by 0.05 m" in refused.message
 
 
 def test_cone_box_and_three_bands_of_joints_at_once_around_a_post() -> None:
