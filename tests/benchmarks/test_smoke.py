@@ -65,6 +65,10 @@ SMALL: Mapping[str, tuple[list[str], Mapping[str, Any]]] = {
     "brackets": (["--robots", "planar_rr"], {}),
     "constrained_ik": (["PROBLEMS", "--count", "1"], {}),
     "constrained_plan": (["PROBLEMS", "--timeout", "10"], {}),
+    "constrained_ways": (
+        ["--robots", "built-in:iiwa14", "--kinds", "mixed", "--count", "1", "--timeout", "20"],
+        {"_STEPS": 30, "_BOXES": 2},
+    ),
     "dynamics": (["planar_rr"], {"ROUNDS": 1, "CALLS": 100, "STATES": 4}),
     # Without --peers it measures this code alone: the peers have an interpreter of their own.
     "ik": (["--robots", "kr6_sixx", "--poses", "2", "--edges", "2", "--shared", "2"], {}),
