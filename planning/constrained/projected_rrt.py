@@ -51,8 +51,9 @@ _MOST_NARROWING = 1e-2
 _PROJECTIONS = 12
 #: Iterations of Newton's method on a random configuration, which may be far away.
 _SAMPLE_PROJECTIONS = 40
-#: Extensions after which a pair of trees is given up for a fresh one.
-_FIRST_BUDGET = 400
+#: Extensions after which a pair of trees is given up for a fresh one: most pairs that meet do so
+#: within these, and those that do not take many times as many.
+_FIRST_BUDGET = 60
 #: Factor by which the next pair may take more.
 _BUDGET_GROWTH = 1.6
 #: Between the seeds of one request's trees; neighbouring requests should not share them.
