@@ -128,7 +128,7 @@ def add_ellipsoid(P: Array, L: Array, weights: Array) -> None:
             P[i, j] = L[i, j] * (1.0 + p) + (P[i, j] * (1.0 + 1.0 / p) if p > 0.0 else 0.0)
 
 
-@kernel
+@kernel(allocates=False)
 def set_jacobian(loop: Loop, carrier: ErrorCarrier, t: float, x: Array) -> float:
     """Write the Jacobian of the rate at x (N,) into ``carrier.J``.
 
@@ -156,7 +156,7 @@ def set_jacobian(loop: Loop, carrier: ErrorCarrier, t: float, x: Array) -> float
     return speed
 
 
-@kernel
+@kernel(allocates=False)
 def set_feedback(loop: Loop, carrier: ErrorCarrier, t: float, x: Array) -> None:
     """Write what an error of the state x (N,) at a call adds to the rate until the next one."""
     N, n = x.shape[0], loop.limit.shape[0]
@@ -192,7 +192,7 @@ def set_feedback(loop: Loop, carrier: ErrorCarrier, t: float, x: Array) -> None:
     command_kernel(loop, t, x, wanted)
 
 
-@kernel
+@kernel(allocates=False)
 def begin_call(loop: Loop, carrier: ErrorCarrier, t: float, x: Array, weights: Array) -> None:
     """Carry on from a call of a held controller at state x (N,)."""
     evaluations = loop.flags[EVALUATIONS]
@@ -213,7 +213,7 @@ def _merge(carrier: ErrorCarrier, weights: Array) -> None:
             carrier.Psi[i, j] = 1.0 if i == j else 0.0
 
 
-@kernel
+@kernel(allocates=False)
 def _advance(carrier: ErrorCarrier, h: float, parts: int, X: Array, is_driven: bool) -> bool:
     """Carry the columns of X (N, N) over a step h in so many parts, by a Padé approximation.
 

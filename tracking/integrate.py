@@ -83,7 +83,7 @@ def first_step(loop: Loop, steps: Steps, t: float, x: Array, tolerances: Array) 
     return min(100.0 * h, (0.01 / most) ** 0.125 if most > 1e-15 else max(1e-6, 1e-3 * h))
 
 
-@kernel
+@kernel(allocates=False)
 def _begin_segment(
     loop: Loop, events: Events, record: Record, scratch: Scratch, s: int, x: Array
 ) -> None:
@@ -129,7 +129,7 @@ def _is_stiff(loop: Loop, record: Record, t: float, stiff_steps: int) -> bool:
     )
 
 
-@kernel
+@kernel(allocates=False)
 def run_kernel(  # noqa: C901, PLR0912, PLR0915  one loop over segments and steps
     loop: Loop,
     events: Events,

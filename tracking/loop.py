@@ -150,7 +150,7 @@ def add_disturbance(loop: Loop, t: float, q: Array, torque: Array) -> None:
             torque[i] += dot(z, f)
 
 
-@kernel
+@kernel(allocates=False)
 def rate_kernel(loop: Loop, t: float, x: Array, rate: Array) -> None:
     """Write the time derivative of the state x (N,) into rate; NaN where it is hopeless."""
     n = loop.limit.shape[0]
@@ -180,7 +180,7 @@ def rate_kernel(loop: Loop, t: float, x: Array, rate: Array) -> None:
         rate[k] = loop.command[k - n]
 
 
-@kernel
+@kernel(allocates=False)
 def lyapunov_at(loop: Loop, t: float, x: Array, rate: Array) -> tuple[float, float]:
     """V at the true state x (N,) and its rate V_dot; ``rate`` (N,) is a work array."""
     n = loop.limit.shape[0]

@@ -62,7 +62,7 @@ def lyapunov_rate_kernel(
     return V_dot
 
 
-@kernel
+@kernel(allocates=False)
 def kinetic_rate(law: Law, space: Space, state: Array, r: Array, r_rate: Array) -> float:
     """The rate r^T (M r_dot + C r) of r^T M r / 2, for the true robot; r and r_rate are (n,)."""
     n = state.shape[1]

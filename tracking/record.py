@@ -114,7 +114,7 @@ def scratch(start: Array, n: int, tolerances: Array, *, has_tube: bool) -> Scrat
     )
 
 
-@kernel
+@kernel(allocates=False)
 def sample(loop: Loop, record: Record, t: float, x: Array, scratch: Scratch) -> None:
     """Record a sample at time t and state x (N,)."""
     command = scratch.command
@@ -138,7 +138,7 @@ def sample(loop: Loop, record: Record, t: float, x: Array, scratch: Scratch) -> 
     record.counters[SAMPLES] = k + 1
 
 
-@kernel
+@kernel(allocates=False)
 def sample_explicit(
     loop: Loop,
     steps: Steps,
@@ -176,7 +176,7 @@ def sample_explicit(
         sample(loop, record, at, scratch.between, scratch)
 
 
-@kernel
+@kernel(allocates=False)
 def sample_implicit(
     loop: Loop,
     stages: Stages,
@@ -205,7 +205,7 @@ def sample_implicit(
         sample(loop, record, at, scratch.between, scratch)
 
 
-@kernel
+@kernel(allocates=False)
 def note_step(
     loop: Loop,
     record: Record,
