@@ -6,6 +6,8 @@ come as near as the margin allows.
 """
 
 from collections.abc import Sequence
+from dataclasses import replace
+from typing import NamedTuple
 
 import numpy as np
 
@@ -15,6 +17,11 @@ from planning.preferred_clearance import PreferredClearance
 
 #: Parts of the preferred clearance that are tried in turn.
 _SHARES = (1.0, 0.5)
+#: What paths keep beyond the preferred clearance where they can, for rounded corners and splines:
+#: a share of it, and at most so much [m].
+_RESERVE = 0.16, 5e-3
+#: What motions keep beyond it, so that bounds of the certificate show it, likewise.
+_SPARE = 0.06, 1.5e-3
 
 
 def clearance_levels(checker: Checker, preferred: PreferredClearance) -> tuple[Checker, ...]:
@@ -35,6 +42,45 @@ def clearance_levels(checker: Checker, preferred: PreferredClearance) -> tuple[C
             own = max(share * preferred.own_links, model.own_margin + checker.slack)
             levels.append(Checker(model.with_margins(distance, own)))
     return (*levels, checker)
+
+
+class Room(NamedTuple):
+    """A preferred clearance that a whole path is to keep.
+
+    Args:
+        look: With a reserve for rounded corners and splines: paths are looked for with it.
+        kept: What paths are proved to keep, and motions where they can.
+        preferred: The preferred clearance.
+    """
+
+    look: Checker
+    kept: Checker
+    preferred: Checker
+
+
+def rooms(levels: Sequence[Checker]) -> list[Room]:
+    """The preferred clearance with that between own links, and with what is needed there.
+
+    Args:
+        levels: As ``clearance_levels`` gives them, two at least.
+    """
+    kept, least = levels[0], levels[-1]
+    own = least.model.own_margin + least.slack
+    if not len(kept.model.robot.self_pairs) or own >= kept.model.own_margin:
+        return [_room(kept)]
+    nearer = replace(kept, model=kept.model.with_margins(kept.model.margin, own))
+    return [_room(kept), _room(nearer)]
+
+
+def _room(level: Checker) -> Room:
+    look, kept = (_with_more(level, *more) for more in (_RESERVE, _SPARE))
+    return Room(look, kept, level)
+
+
+def _with_more(level: Checker, share: float, most: float) -> Checker:
+    model = level.model
+    margins = (d + min(share * d, most) for d in (model.margin, model.own_margin))
+    return replace(level, model=model.with_margins(*margins))
 
 
 def highest_level(

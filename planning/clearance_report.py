@@ -1,19 +1,15 @@
 """Spans of a motion in which it comes nearer to something than is preferred."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import cache
 
 import numpy as np
 from numpy.typing import NDArray
 
 from kinematics.arrays import Array
-from kinematics.compiled.kernel import direct, kernel
-from kinematics.polynomial import sample_kernel
 from kinematics.trajectory import Trajectory
-from obstacles.checker import Checker, any_model
-from obstacles.lane_states import mark_blocked
-from obstacles.model_arrays import ModelArrays
+from obstacles.checker import Checker
+from planning.close_instants import instants
 from planning.preferred_clearance import PreferredClearance
 
 #: Instants that are looked at, at least this many and no farther apart than the period [s].
@@ -93,10 +89,8 @@ def clearance_report(
     # The values of linspace, in a quarter of its time.
     times: Array = np.arange(count + 1, dtype=np.float64) * (motion.duration / count)
     times[-1] = motion.duration
-    states, blocked = np.empty((len(times), motion.n)), np.empty(len(times))
     spacious = _with_distances(checkers[0], distance, own)
-    _look()(spacious.model.arrays, motion.breaks, motion.coefficients, times, states, blocked)
-    close = blocked != 0.0
+    states, close = instants(spacious, motion.breaks, motion.coefficients, times)
     for checker in checkers[1:]:
         if not close.any():
             break
@@ -110,32 +104,6 @@ def clearance_report(
 
 def _with_distances(checker: Checker, distance: float, own: float) -> Checker:
     return Checker(checker.model.with_margins(distance, own))
-
-
-@cache
-def _look() -> Callable[[ModelArrays, Array, Array, Array, Array, Array], None]:
-    """``look_kernel`` without the look at its arguments' types."""
-    instants = np.zeros(1), np.zeros((1, 1)), np.zeros(1)
-    return direct(look_kernel, any_model(), np.zeros(1), np.zeros((1, 1, 1)), *instants)
-
-
-@kernel
-def look_kernel(
-    model: ModelArrays, breaks: Array, coefficients: Array, times: Array, states: Array,
-    blocked: Array,
-) -> None:  # fmt: skip
-    """Write the states of a motion at some times, and which of them are not free.
-
-    Args:
-        model: The packed robot and scene.
-        breaks: Of the motion, shape (m + 1,) [s].
-        coefficients: Of the motion, shape (m, n, k).
-        times: Shape (p,) [s].
-        states: Filled, shape (p, n) [rad or m].
-        blocked: Filled with 1 for those that are not free, 0 for the others, shape (p,).
-    """
-    sample_kernel(breaks, coefficients, times, 0, states)
-    mark_blocked(model, states, 0.0, blocked)
 
 
 def _runs(close: NDArray[np.bool_]) -> list[tuple[int, int]]:

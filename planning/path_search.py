@@ -1,13 +1,15 @@
 """The search for a path: planners in turn, shortcuts, and the distance from what is passed."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from typing import NamedTuple
 
+import numpy as np
+
 from kinematics.arrays import Array
 from obstacles.checker import Checker
-from planning.clearance import clearance_levels, highest_level
+from planning.clearance import Room, clearance_levels, highest_level, rooms
 from planning.constrained.checker import ConstrainedChecker
 from planning.constrained.projected_rrt import Manifold, shortcut_along
 from planning.constrained.relaxation import Relaxation, find_relaxation
@@ -19,6 +21,7 @@ from planning.planners import CASCADE
 from planning.problem import Problem
 from planning.ready import Ready
 from planning.result import Attempt, Failure
+from planning.retreat import join_ends, retreat
 from planning.search.clearance import keep_clear
 from planning.search.quickening import quicken
 from planning.search.shortcut import shortcut, shortcut_unproved
@@ -38,13 +41,18 @@ _PREFERRED_SHARE = 0.4
 #: Edges that the cascade's trees may look at for a path to the best goals, before all are tried.
 _MAX_EDGES_TO_BEST = 2000
 #: Edges that the cascade's trees may look at for such a path.
-_MAX_PREFERRED_EDGES = 1000
+_MAX_PREFERRED_EDGES = 2000
+#: Edges that they may look at where it is seen beforehand that this leads nowhere.
+_FEW_PREFERRED_EDGES = 500
+#: States of a leg that are looked at for the clearance that it keeps, or for what is in its way.
+_LOOKS = 24
 
 
 class FoundPath(NamedTuple):
     """A path: the planner that found it, its attempt, and the checker that proved it free.
 
-    ``levels`` are checkers of falling clearance, the last of which proves every path.
+    ``levels`` are checkers of falling clearance, the last of which proves every path;
+    ``motion_levels`` take their place for the motion, where it has others.
     """
 
     planner: str
@@ -52,6 +60,29 @@ class FoundPath(NamedTuple):
     checker: Checker
     waypoints: Array
     levels: tuple[Checker, ...]
+    motion_levels: tuple[Checker, ...] | None = None
+    ends: "Ends | None" = None
+
+    @property
+    def spacious(self) -> bool:
+        """Whether the whole path keeps the preferred clearance."""
+        return self.motion_levels is not None and self.ends is None
+
+
+class Ends(NamedTuple):
+    """Ends of a path that is planned between retreats from them.
+
+    Args:
+        start: Shape (n,).
+        goals: Configurations (n,).
+        retreats: From each of the goals, (n,).
+        least: Proves the legs to the ends.
+    """
+
+    start: Array
+    goals: list[Array]
+    retreats: list[Array]
+    least: Checker
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -100,11 +131,9 @@ class PathSearch:
         for checker in ready.checkers:
             levels = clearance_levels(checker, self.options.clearance)
             until = deadline.within(_PREFERRED_SHARE * deadline.remaining)
-            spacious = self._spacious_query(best, levels, until, proves=proves)
-            if spacious is not None:
-                found, attempt = self._ask_planners(self.planners, spacious, levels)
-                if found is not None:
-                    return found
+            found = self._find_spacious(best, levels, until, proves=proves)
+            if found is not None:
+                return found
             if chooses:
                 query = self._query(best, checker, until, _MAX_EDGES_TO_BEST)
                 found, attempt = self._ask_planners(self.planners, query, levels)
@@ -126,22 +155,75 @@ class PathSearch:
         )
         return replace(failure, details={**failure.details, **diagnosis.details})
 
-    def _spacious_query(
+    def _find_spacious(
         self, ready: Ready, levels: tuple[Checker, ...], until: Deadline, *, proves: bool
-    ) -> Query | None:
-        """The cascade's short search for a path that keeps the clearance that its ends have."""
+    ) -> FoundPath | None:
+        """The cascade's short searches for a path that keeps the preferred clearance."""
         checker = levels[-1]
         is_later = checker is not ready.checkers[0]
-        if self.planners is not CASCADE or is_later or isinstance(checker, ConstrainedChecker):
+        is_plain = not isinstance(checker, ConstrainedChecker) and len(levels) > 1
+        if self.planners is not CASCADE or is_later or not is_plain:
             return None
-        highest = highest_level(levels, ready.start, ready.goals)
+        proves = proves or self.options.explored is not None
+        for room, max_edges in self._budgets(ready, rooms(levels)):
+            found = self._find_in_room(ready, levels, room, until, max_edges, proves=proves)
+            if found is not None:
+                return found
+        highest = highest_level(levels[1:], ready.start, ready.goals)
         if highest is None:
             return None
         level, goals = highest
-        if len(goals) < len(ready.goals):
-            ready = replace(ready, goals=goals)
-        proves = proves or self.options.explored is not None
-        return self._query(ready, level, until, _MAX_PREFERRED_EDGES, proves=proves)
+        kept = replace(ready, goals=goals)
+        query = self._query(kept, level, until, _FEW_PREFERRED_EDGES, proves=proves)
+        return self._ask_planners(self.planners, query, levels)[0]
+
+    def _budgets(self, ready: Ready, found: Sequence[Room]) -> Iterator[tuple[Room, int]]:
+        """Rooms, with the edges that a search for a path in each may look at.
+
+        Where own links are too near on the straight way between ends at which they are not, they
+        are mostly so on every way: such pairs move by a joint or two.
+        """
+        many, few = _MAX_PREFERRED_EDGES, _FEW_PREFERRED_EDGES
+        if len(found) == 2:
+            shares = np.linspace(0.0, 1.0, _LOOKS)[:, None]
+            states = ready.start + shares * (ready.goals[0] - ready.start)
+            own, none = (room.look.each_valid(states) for room in found)
+            if (none & ~own).any():
+                many, few = few, many
+        yield from zip(found, (many, few), strict=False)
+
+    def _find_in_room(
+        self,
+        ready: Ready,
+        levels: tuple[Checker, ...],
+        room: Room,
+        until: Deadline,
+        max_edges: int,
+        *,
+        proves: bool,
+    ) -> FoundPath | None:
+        """A path that keeps the preferred clearance all along, or between retreats from its ends.
+
+        Where both ends keep it, all of the path and of its motion is held to it.
+        """
+        least = levels[-1]
+        start = retreat(room.look, least, ready.start)
+        if start is None:
+            return None
+        goals = [(goal, retreat(room.look, least, goal)) for goal in ready.goals]
+        kept = [goal for goal, end in goals if end is not None]
+        ends = [end for _, end in goals if end is not None]
+        if not kept:
+            return None
+        among = replace(ready, start=start, goals=ends)
+        query = self._query(among, room.look, until, max_edges, proves=proves)
+        found, _ = self._ask_planners(self.planners, query, (room.look, room.kept))
+        if found is None:
+            return None
+        if start is ready.start and all(a is b for a, b in zip(kept, ends, strict=True)):
+            return found._replace(motion_levels=(room.kept, room.preferred))
+        lower = (room.kept, *levels[1:])
+        return found._replace(motion_levels=lower, ends=Ends(ready.start, kept, ends, least))
 
     def _query(
         self,
@@ -221,10 +303,22 @@ class PathSearch:
                 return None
         is_kept = found.checker is found.levels[0] and len(found.waypoints) == 2
         is_straight = found.planner == self.options.planner == StraightLine.name
-        is_held = isinstance(found.checker, ConstrainedChecker)
-        if is_kept or is_straight or is_held or len(found.levels) == 1:
-            return found
-        return self._replace_path(found, "clearance", self._keep_clear)
+        is_held = isinstance(found.checker, ConstrainedChecker) or len(found.levels) == 1
+        if not (is_held or is_straight or (is_kept and found.ends is None)):
+            found = self._replace_path(found, "clearance", self._keep_clear)
+        return found if found.motion_levels is None else self._for_motion(found)
+
+    def _for_motion(self, found: FoundPath) -> FoundPath:
+        """The path with the levels for its motion, and the highest that it keeps as its checker."""
+        levels = found.motion_levels
+        assert levels is not None
+        if found.ends is None or self.options.refine is None:
+            return found._replace(levels=levels, checker=levels[-1])
+        shares = np.linspace(0.0, 1.0, _LOOKS)[:, None]
+        legs = zip(found.waypoints[:-1], found.waypoints[1:], strict=True)
+        states = np.concatenate([a + shares * (b - a) for a, b in legs])
+        kept = next((level for level in levels[:-1] if level.all_valid(states)), levels[-1])
+        return found._replace(levels=levels, checker=kept)
 
     def _replace_path(
         self, found: FoundPath, stage: str, change: Callable[[FoundPath], Array]
@@ -251,9 +345,16 @@ class PathSearch:
         reached = found.levels.index(found.checker)
         path = keep_clear(found.levels, found.waypoints, self.deadline, reached)
         # What is optimised afterwards is made quicker there.
-        if self.deadline.passed or self.options.refine is not None:
-            return path
-        return quicken(found.levels, path, self.limits, spacious=reached == 0)
+        if not self.deadline.passed and self.options.refine is None:
+            path = quicken(found.levels, path, self.limits, spacious=reached == 0)
+        return path if found.ends is None else _join(found.ends, found.checker, path)
+
+
+def _join(ends: Ends, roomy: Checker, path: Array) -> Array:
+    """The path with the ends that it is to have."""
+    apart = [float(np.abs(end - path[-1]).max()) for end in ends.retreats]
+    last = apart.index(min(apart))
+    return join_ends(roomy, ends.least, ends.start, path, ends.goals[last])
 
 
 def _describe_attempt(attempt: Attempt) -> tuple[bool, str]:

@@ -43,6 +43,8 @@ _LEAST_LEG = 0.18
 _MAX_WAYPOINTS = 60
 #: Steps of a waypoint away from what is too near.
 _STEPS = 4
+#: How often an end takes so many.
+_RETREATS = 3
 #: Longest of them, Euclidean in joint space.
 _LONGEST_STEP = 0.1
 #: Distance that a step gains beyond what is missing, for the legs beside it [m].
@@ -163,6 +165,44 @@ def keep_clear_kernel(model: ModelArrays, levels: _Levels, waypoints: Array) -> 
     if path_length(points.after, count) > _MAX_DETOUR * path_length(waypoints, waypoints.shape[0]):
         return waypoints[:0].copy()
     return points.after[:count].copy()
+
+
+def retreat_from(roomy: Checker, q: Array) -> Array | None:
+    """A configuration near another one that keeps a clearance; None where none is found.
+
+    Args:
+        roomy: Has the clearance.
+        q: Does not keep it, shape (n,) [rad or m].
+    """
+    look, reach = look_of(roomy), roomy.model.chain.limits
+    limits = np.array([reach.lower, reach.upper])
+    levels = _Levels(look, look, look, float(roomy.slack), 1, limits)
+    at = np.array(q, np.float64)
+    return at if _retreat_directly()(roomy.model.arrays, levels, at) else None
+
+
+@cache
+def _retreat_directly() -> Callable[[ModelArrays, _Levels, Array], bool]:
+    """``retreat_kernel`` likewise."""
+    look = Look(0.0, 0.0, 0.0)
+    levels = _Levels(look, look, look, 0.0, 1, np.zeros((1, 1)))
+    return direct(retreat_kernel, any_model(), levels, np.zeros(1))
+
+
+@kernel
+def retreat_kernel(model: ModelArrays, levels: _Levels, q: Array) -> bool:
+    """Move q (n,) to where it keeps the preferred clearance; whether it does."""
+    n, work = q.shape[0], workspace(model)
+    near = NearPairs(
+        np.empty(_NEAR_PAIRS, dtype=np.int64), np.empty(_NEAR_PAIRS), np.empty((_NEAR_PAIRS, n))
+    )
+    normal = np.empty((n, n))
+    for _ in range(_RETREATS):
+        if not _retreat(model, work, levels, near, normal, q):
+            return False
+        if _keeps(model, work, levels.preferred, q):
+            return True
+    return False
 
 
 @kernel(allocates=False)

@@ -6,7 +6,7 @@ waypoints: with more waypoints on the legs it keeps nearer to them.
 """
 
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from functools import cache, partial
 
 import numpy as np
@@ -17,6 +17,7 @@ from kinematics.errors import InvalidOption
 from kinematics.polynomial import sample_between_kernel
 from kinematics.trajectory import Trajectory, stay
 from obstacles.checker import Checker
+from planning.close_instants import close_instants
 from planning.deadline import Deadline
 from planning.limits import RATIO_TOLERANCE
 from planning.timing.blend import largest_reaches, merge, reach_for_deviation
@@ -30,8 +31,11 @@ from planning.timing.time_scaling import ScaledTime
 
 # Velocity at an end that still counts as rest [rad/s or m/s].
 _REST = 1e-9
-# Share of a preferred clearance that a spline has to keep: it rounds corners by a millimetre more.
-_SHARE_KEPT = 0.9
+# How much more finely a spline is looked at where it has nothing to spare.
+_FINELY = 4
+# A spline may be nearer than preferred where the motion that it is near to is so at most this part
+# of the duration away: their times differ a little.
+_BESIDE = 0.02
 # Instants of a piece of a spline at which its clearance is looked at before it is proved.
 _INSTANTS = 3
 #: How often the legs of a path are halved to bring a spline nearer to them.
@@ -46,6 +50,7 @@ def motions(
     deadline: Deadline,
     preferred: Sequence[Checker] = (),
     *,
+    spacious: bool = False,
     keep_path: bool = False,
     holds: Callable[[Array], bool] | None = None,
 ) -> Iterator[Callable[[], ScaledTime]]:
@@ -58,6 +63,8 @@ def motions(
         timing: What else was asked of the timing.
         deadline: When corners are not looked at any more.
         preferred: Checkers of falling clearance that corners are blended by where they keep it.
+        spacious: Whether ``checker`` has the preferred clearance, which all of the motion can keep,
+            and ``preferred`` more than that.
         keep_path: Whether the motion keeps to the polyline but for its rounded corners.
         holds: Whether states (k, n) hold the path's constraints, where it has some: a spline that
             leaves the polyline is looked at before it is proved.
@@ -83,7 +90,7 @@ def motions(
     if len(points) > 2:
         leaves = timing.blend_tolerance is None and not keep_path
         rounded = _RoundedMotion(
-            checker, points, parametrization, timing, deadline, preferred, holds
+            checker, points, parametrization, timing, deadline, preferred, spacious, holds
         )
         if leaves:
             yield rounded.smooth
@@ -104,6 +111,7 @@ class _RoundedMotion:
         timing: What else was asked of the timing.
         deadline: When corners are not looked at any more.
         preferred: Checkers of falling clearance.
+        spacious: As in ``motions``.
         holds: As in ``motions``.
     """
 
@@ -113,6 +121,7 @@ class _RoundedMotion:
     timing: TimingOptions
     deadline: Deadline
     preferred: Sequence[Checker]
+    spacious: bool = False
     holds: Callable[[Array], bool] | None = None
     left_path: bool = field(default=False, init=False)
     _found_reaches: dict[bool, Array] = field(default_factory=dict, init=False)
@@ -127,8 +136,16 @@ class _RoundedMotion:
         names = self.checker.model.chain.joint_names
         rounded = self.parametrization.near_corners(self.points, self._reaches(even=True))
         if rounded is not None:
+            nearest = list[ScaledTime]()
             for spline in self.parametrization.splines_near(rounded, self.points, names):
                 if self._keeps_clear(spline.trajectory, rounded):
+                    self.left_path = True
+                    return spline
+                nearest.append(spline)
+            for spline in nearest if self.spacious else ():
+                motion = spline.trajectory
+                looked = motion.breaks, motion.coefficients
+                if not len(close_instants(self.checker, *looked, finely=_FINELY)):
                     self.left_path = True
                     return spline
         return self.time_on_path()
@@ -156,30 +173,31 @@ class _RoundedMotion:
         )
 
     def _keeps_clear(self, motion: Trajectory, rounded: Pieces) -> bool:
-        """Whether a motion keeps most of the clearance that the one with rounded corners keeps."""
-        states = _states_between(motion.breaks, motion.coefficients, _INSTANTS * motion.pieces)
-        if self.holds is not None and not self.holds(states):
-            return False
-        on_path: Array | None = None
-        for number in range(len(self.preferred) + 1):
-            preferred = number < len(self.preferred)
-            level = _lower(self.preferred[number]) if preferred else self.checker
-            if level.all_valid(states):
-                return True
-            if on_path is None:
-                on_path = _states_between(*rounded, len(states))
-            if level.all_valid(on_path):
+        """Whether a motion is nowhere nearer than preferred but where the rounded one is, too."""
+        if self.holds is not None:
+            count = _INSTANTS * motion.pieces
+            states = _states_between(motion.breaks, motion.coefficients, count)
+            if not self.holds(states):
                 return False
+        for level in self.preferred:
+            close = close_instants(level, motion.breaks, motion.coefficients) / motion.duration
+            if not len(close):
+                return True
+            known = close_instants(level, *rounded) / rounded.breaks[-1]
+            if not _are_beside(close, known):
+                return False
+        states = _states_between(motion.breaks, motion.coefficients, _INSTANTS * motion.pieces)
+        return self.checker.all_valid(states)
+
+
+def _are_beside(places: Array, known: Array) -> bool:
+    """Whether all of some places (k,) have one of those known (l,), in order, beside them."""
+    if not len(known):
         return False
-
-
-def _lower(level: Checker) -> Checker:
-    """The checker of a preferred clearance with a little less of it."""
-    model = level.model
-    margins = _SHARE_KEPT * model.margin, _SHARE_KEPT * model.own_margin
-    lower = model.with_margins(*margins)
-    # The usual checker costs half as much made anew as replaced.
-    return Checker(lower, level.slack) if type(level) is Checker else replace(level, model=lower)
+    after = np.minimum(np.searchsorted(known, places), len(known) - 1)
+    before = np.maximum(after - 1, 0)
+    beside = np.minimum(np.abs(known[after] - places), np.abs(known[before] - places))
+    return bool((beside <= _BESIDE).all())
 
 
 def _states_between(breaks: Array, coefficients: Array, count: int) -> Array:

@@ -90,6 +90,7 @@ SMALL: Mapping[str, tuple[list[str], Mapping[str, Any]]] = {
         {"SCENES": 1, "PROBLEMS": 1, "ROUND_TRIPS": 2, "VERDICTS": 5, "STATES": 20},
     ),
     "clearance": (["--arm", "ur5e", "--count", "1"], {}),
+    "clearance_room": (["--arm", "kr6_sixx", "--count", "1"], {"PREFERRED": (0.02,)}),
     "clearance_sharpness": (["--random", "2", "--samples", "20"], {"REPEATS": 1}),
     "reach": (["--poses", "200", "--robots", "kr6_sixx"], {"_ONE_BY_ONE": 2}),
     "tours": (["--spots", "4", "--timeout", "30"], {}),

@@ -1,9 +1,8 @@
 """Plans timed by every method: certified, within limits, at rest at both ends."""
 
 import itertools
-from collections.abc import Iterator
-from dataclasses import dataclass, replace
-from typing import Any, cast
+from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -12,10 +11,9 @@ from benchmarks.ratios import worst_ratio
 from kinematics.arrays import Array
 from kinematics.errors import InvalidOption, MissingLimit
 from kinematics.trajectory import Trajectory
-from obstacles.checker import Checker, Motion
+from obstacles.checker import Checker
 from obstacles.scene import Scene
 from planning import pipeline
-from planning.constrained.checker import round_one_by_one
 from planning.deadline import Deadline
 from planning.optimize.options import RefineOptions
 from planning.options import Options
@@ -25,6 +23,7 @@ from planning.proof import certificate
 from planning.proof.certificate import Certificate
 from planning.proof.violation import Violation
 from planning.result import Failure, Plan
+from planning.timing import motion_timing
 from planning.timing.blend import largest_reaches, reach_for_deviation
 from planning.timing.choice import chosen_parametrization
 from planning.timing.corner_blending import certified_reaches
@@ -249,50 +248,36 @@ def test_a_spline_that_is_not_proved_gives_way_to_the_motion_on_the_path(
     assert [stage.name for stage in answer.stages].count("certificate") == 2
 
 
-@dataclass
-class _NotAt:
-    """A clearance that is kept everywhere but where it is asked for at one time."""
+@pytest.mark.parametrize(
+    ("spline", "rounded", "solver"),
+    [
+        ((), (), "quintic_spline"),
+        ((0.4,), (), "double_s"),
+        ((0.4,), (0.4,), "quintic_spline"),
+        ((0.1, 0.4), (0.1,), "double_s"),
+    ],
+)
+def test_a_spline_is_nowhere_near_but_where_its_path_is(
+    monkeypatch: pytest.MonkeyPatch,
+    spline: tuple[float, ...],
+    rounded: tuple[float, ...],
+    solver: str,
+) -> None:
+    """With instants, as shares of the motion, at which the spline and its path are too near."""
 
-    times: int
-    model: Any
+    def close(_: Checker, breaks: Array, coefficients: Array) -> Array:
+        places = spline if coefficients.shape[2] == 6 else rounded
+        return np.asarray(np.array(places) * breaks[-1], np.float64)
 
-    def valid(self, _: np.ndarray) -> bool:
-        """Whether this is another time."""
-        self.times -= 1
-        return self.times != 0
-
-    def all_valid(self, states: np.ndarray) -> bool:
-        """Whether these are other times, up to the first that is not."""
-        return all(self.valid(q) for q in states)
-
-    def curve(self, *_: np.ndarray) -> Motion:
-        """Every curve is free."""
-        return Motion(True, False, 1.0, None, 1.0, 1)
-
-    def round_corners(
-        self, waypoints: Array, reaches: Array, halvings: int, *, keep: bool, smooth: bool
-    ) -> Iterator[int]:
-        """Round every corner, one curve after the other."""
-        return round_one_by_one(
-            cast("Checker", self), waypoints, reaches, halvings, keep=keep, smooth=smooth
-        )
-
-
-def test_a_spline_that_comes_nearer_than_its_waypoints_is_not_offered() -> None:
+    monkeypatch.setattr(motion_timing, "close_instants", close)
     checker = Checker.of(builtin("panda"), Scene())
     points = np.array([HOME, 0.5 * (HOME + ASIDE) + 0.2, ASIDE])
     chain = builtin("panda").chain
     timing = TimingOptions()
     parametrization = chosen_parametrization(timing, chain.joint_names, chain.limits)
     deadline = Deadline.after(10.0)
-
-    def solvers(level: Any) -> list[str | None]:
-        ways = motions(checker, points, parametrization, timing, deadline, [level])
-        return [way().solver for way in ways]
-
-    assert solvers(checker) == ["quintic_spline", "double_s", "double_s"]
-    # Asked for at the corner first, then at the instants of the spline, then of the other motion.
-    assert solvers(_NotAt(2, checker.model)) == ["double_s", "double_s"]
+    ways = motions(checker, points, parametrization, timing, deadline, [checker])
+    assert next(way().solver for way in ways) == solver
 
 
 @pytest.mark.parametrize("timing", [{"blend_tolerance": 0.1}, {"solver": "double_s"}])

@@ -1,0 +1,136 @@
+"""Whole motions keep the preferred clearance wherever there is room, by FCL's distances."""
+
+from itertools import pairwise
+
+import numpy as np
+import pytest
+
+from benchmarks.clearance_room import KINDS, with_room
+from kinematics.arrays import Array
+from kinematics.pose import transform
+from kinematics.trajectory import Trajectory
+from obstacles.checker import Checker
+from obstacles.fcl_distance import FclWorld
+from obstacles.robot_geometry import RobotGeometry
+from obstacles.scene import Obstacle, Scene
+from obstacles.shapes import Box
+from planning.options import Options
+from planning.pipeline import plan
+from planning.problem import JointGoal, Problem
+from planning.result import Plan
+from planning.retreat import join_ends, retreat
+from tests.planning.scenes import builtin
+from tests.planning.slider import slider
+
+#: The example of the README.
+START = np.array([0.8, 0.3, 0.0, -1.8, 0.0, 2.1, 0.8])
+GOAL = np.array([-0.8, 0.3, 0.0, -1.8, 0.0, 2.1, 0.8])
+PREFERRED = 0.02
+#: What FCL's distances are good for [m].
+ACCURACY = 1e-5
+
+
+def distances(robot: RobotGeometry, scene: Scene, motion: Trajectory, times: Array) -> Array:
+    """Distance of the robot from obstacles at some instants by FCL, at most 0.1, shape (k,)."""
+    world = FclWorld(robot, scene)
+    pairs = np.flatnonzero(world.pairs[:, 1] >= len(robot.pieces))
+    found = np.full(len(times), 0.1)
+    for k, q in enumerate(motion.sample(times)):
+        world.set_configuration(q)
+        for pair in pairs[world.ball_bounds(*world.pairs[pairs].T) < 0.1]:
+            found[k] = min(found[k], world.distance(int(pair)))
+    return found
+
+
+def nearest(problem: Problem, answer: object) -> float:
+    """Least distance of a motion from obstacles, looked at every 3 ms [m]."""
+    assert isinstance(answer, Plan)
+    motion = answer.trajectory
+    times = np.linspace(0.0, motion.duration, int(motion.duration / 3e-3))
+    return float(distances(problem.robot, problem.scene, motion, times).min())
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_a_post_with_room_beside_it_is_passed_at_the_preferred_distance(seed: int) -> None:
+    random = np.random.default_rng(seed)
+    place = (0.5, 0.0) if seed < 3 else random.uniform([0.45, -0.15], [0.65, 0.15])
+    post = Obstacle("post", Box((0.1, 0.1, 1.0)), transform(None, (*place, 0.5)))
+    problem = Problem(builtin("panda"), Scene((post,)), START, (JointGoal(GOAL),))
+    answer = plan(problem, Options(seed=seed, timeout=60.0))
+    assert nearest(problem, answer) >= PREFERRED - ACCURACY
+    assert isinstance(answer, Plan)
+    assert answer.clearance is not None
+    assert answer.clearance.spans == ()
+
+
+@pytest.mark.parametrize("arm", ["ur5e", "kr6_sixx", "iiwa14"])
+@pytest.mark.parametrize("kind", list(KINDS))
+def test_motions_in_scenes_with_room_keep_the_preferred_distance(arm: str, kind: str) -> None:
+    random = np.random.default_rng([7, len(kind)])
+    problem = with_room(builtin(arm), kind, PREFERRED, random)
+    assert nearest(problem, plan(problem, Options(timeout=60.0))) >= PREFERRED - ACCURACY
+
+
+def test_a_motion_to_a_near_goal_is_near_there_alone_and_says_so() -> None:
+    # Beside the post at its goal, with the post in between.
+    post = Obstacle("post", Box((0.1, 0.1, 1.0)), transform(None, (0.5, 0.0, 0.5)))
+    robot, scene = builtin("panda"), Scene((post,))
+    checker = Checker.of(robot, scene)
+    ways = np.linspace(GOAL, START, 200)
+    kept = checker.each_valid(ways)
+    goal = ways[int(np.argmin(kept)) - 3]
+    problem = Problem(robot, scene, START, (JointGoal(goal),))
+    answer = plan(problem, Options(timeout=60.0))
+    assert isinstance(answer, Plan)
+    report, motion = answer.clearance, answer.trajectory
+    assert report is not None
+    times = np.linspace(0.0, motion.duration, 800)
+    truth = distances(robot, scene, motion, times)
+    assert truth[-1] < PREFERRED
+    (span,) = report.spans
+    assert span.ends == motion.duration
+    assert span.begins > 0.7 * motion.duration
+    inside = times >= span.begins
+    assert (truth[~inside] >= PREFERRED - ACCURACY).all()
+    assert abs(span.distance - truth[inside].min()) < 1e-3
+    assert span.pair[1] == "post"
+
+
+#: A wall 6 cm beside the ball's edge, for which 10 cm are preferred.
+WALL = Scene((Obstacle("wall", Box((2.0, 0.1, 1.0)), transform(None, (0.0, 0.16, 0.0))),))
+
+
+def slider_checkers() -> tuple[Checker, Checker]:
+    """With 10 cm of clearance, and with none."""
+    least = Checker.of(slider(), WALL)
+    return Checker(least.model.with_margins(0.1, 0.0)), least
+
+
+def test_a_retreat_keeps_the_clearance_and_is_none_where_it_is_kept_already() -> None:
+    roomy, least = slider_checkers()
+    near, far = np.array([0.2, 0.0]), np.array([0.2, -0.3])
+    assert retreat(roomy, least, far) is far
+    away = retreat(roomy, least, near)
+    assert away is not None
+    assert roomy.valid(away)
+    assert np.linalg.norm(away - near) < 0.06
+    both = Scene((*WALL.obstacles, Obstacle("other", Box((2.0, 0.1, 1.0)),
+                                            transform(None, (0.0, -0.16, 0.0)))))  # fmt: skip
+    narrow = Checker.of(slider(), both)
+    assert retreat(Checker(narrow.model.with_margins(0.1, 0.0)), narrow, near) is None
+
+
+def test_legs_to_the_ends_are_near_next_to_these_alone() -> None:
+    roomy, least = slider_checkers()
+    start, goal = np.array([-0.5, 0.0]), np.array([0.5, 0.0])
+    retreats = [retreat(roomy, least, q) for q in (start, goal)]
+    assert all(q is not None for q in retreats)
+    path = join_ends(roomy, least, start, np.array(retreats), goal)
+    assert (path[0] == start).all()
+    assert (path[-1] == goal).all()
+    states = np.concatenate(
+        [a + np.linspace(0.0, 1.0, 400)[:, None] * (b - a) for a, b in pairwise(path)]
+    )
+    near = states[~roomy.each_valid(states)]
+    apart = np.minimum(*(np.linalg.norm(near - end, axis=1) for end in (start, goal)))
+    assert 0.0 < apart.max() < 0.08
