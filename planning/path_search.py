@@ -63,11 +63,6 @@ class FoundPath(NamedTuple):
     motion_levels: tuple[Checker, ...] | None = None
     ends: "Ends | None" = None
 
-    @property
-    def spacious(self) -> bool:
-        """Whether the whole path keeps the preferred clearance."""
-        return self.motion_levels is not None and self.ends is None
-
 
 class Ends(NamedTuple):
     """Ends of a path that is planned between retreats from them.
@@ -221,7 +216,7 @@ class PathSearch:
         if found is None:
             return None
         if start is ready.start and all(a is b for a, b in zip(kept, ends, strict=True)):
-            return found._replace(motion_levels=(room.kept, room.preferred))
+            return found._replace(motion_levels=(room.kept, room.preferred, room.preferred))
         lower = (room.kept, *levels[1:])
         return found._replace(motion_levels=lower, ends=Ends(ready.start, kept, ends, least))
 

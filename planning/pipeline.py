@@ -207,7 +207,6 @@ class _Pipeline:
             timing,
             self.deadline,
             found.levels[:-1],
-            spacious=found.spacious,
             keep_path=found.attempt.keep_path,
             holds=found.checker.holds if isinstance(found.checker, ConstrainedChecker) else None,
         ):

@@ -5,11 +5,17 @@ preferred clearance all along. Its ends are then joined to it by legs that come 
 to the start and to the goal.
 """
 
+from collections.abc import Callable
+from functools import cache
+
 import numpy as np
 
 from kinematics.arrays import Array
-from obstacles.checker import Checker
-from planning.search.clearance import retreat_from
+from kinematics.compiled.kernel import direct
+from obstacles.checker import Checker, any_model
+from obstacles.model_arrays import ModelArrays
+from planning.search.clearance import retreat_kernel
+from planning.search.shortcut import Look, look_of
 
 #: A leg to an end may be too near over so many times the length of the retreat from there.
 _MAX_PREFIX = 1.3
@@ -33,8 +39,17 @@ def retreat(roomy: Checker, least: Checker, q: Array) -> Array | None:
     """
     if roomy.valid(q):
         return q
-    away = retreat_from(roomy, q)
-    return away if away is not None and least.free(q, away) else None
+    reach, away = roomy.model.chain.limits, np.array(q, np.float64)
+    limits = np.array([reach.lower, reach.upper])
+    kept = _retreat_directly()(roomy.model.arrays, look_of(roomy), limits, away)
+    return away if kept and least.free(q, away) else None
+
+
+@cache
+def _retreat_directly() -> Callable[[ModelArrays, Look, Array, Array], bool]:
+    """``retreat_kernel`` without the look at its arguments' types, which would cost too much."""
+    look = Look(0.0, 0.0, 0.0)
+    return direct(retreat_kernel, any_model(), look, np.zeros((1, 1)), np.zeros(1))
 
 
 def join_ends(roomy: Checker, least: Checker, start: Array, path: Array, goal: Array) -> Array:

@@ -167,32 +167,10 @@ def keep_clear_kernel(model: ModelArrays, levels: _Levels, waypoints: Array) -> 
     return points.after[:count].copy()
 
 
-def retreat_from(roomy: Checker, q: Array) -> Array | None:
-    """A configuration near another one that keeps a clearance; None where none is found.
-
-    Args:
-        roomy: Has the clearance.
-        q: Does not keep it, shape (n,) [rad or m].
-    """
-    look, reach = look_of(roomy), roomy.model.chain.limits
-    limits = np.array([reach.lower, reach.upper])
-    levels = _Levels(look, look, look, float(roomy.slack), 1, limits)
-    at = np.array(q, np.float64)
-    return at if _retreat_directly()(roomy.model.arrays, levels, at) else None
-
-
-@cache
-def _retreat_directly() -> Callable[[ModelArrays, _Levels, Array], bool]:
-    """``retreat_kernel`` likewise."""
-    look = Look(0.0, 0.0, 0.0)
-    levels = _Levels(look, look, look, 0.0, 1, np.zeros((1, 1)))
-    return direct(retreat_kernel, any_model(), levels, np.zeros(1))
-
-
 @kernel
-def retreat_kernel(model: ModelArrays, levels: _Levels, q: Array) -> bool:
-    """Move q (n,) to where it keeps the preferred clearance; whether it does."""
-    n, work = q.shape[0], workspace(model)
+def retreat_kernel(model: ModelArrays, look: Look, limits: Array, q: Array) -> bool:
+    """Move q (n,), within limits (2, n), to where it keeps distances; whether it does."""
+    n, work, levels = q.shape[0], workspace(model), _Levels(look, look, look, 0.0, 1, limits)
     near = NearPairs(
         np.empty(_NEAR_PAIRS, dtype=np.int64), np.empty(_NEAR_PAIRS), np.empty((_NEAR_PAIRS, n))
     )
@@ -200,7 +178,7 @@ def retreat_kernel(model: ModelArrays, levels: _Levels, q: Array) -> bool:
     for _ in range(_RETREATS):
         if not _retreat(model, work, levels, near, normal, q):
             return False
-        if _keeps(model, work, levels.preferred, q):
+        if _keeps(model, work, look, q):
             return True
     return False
 

@@ -50,7 +50,6 @@ def motions(
     deadline: Deadline,
     preferred: Sequence[Checker] = (),
     *,
-    spacious: bool = False,
     keep_path: bool = False,
     holds: Callable[[Array], bool] | None = None,
 ) -> Iterator[Callable[[], ScaledTime]]:
@@ -62,9 +61,8 @@ def motions(
         parametrization: The method and the limits.
         timing: What else was asked of the timing.
         deadline: When corners are not looked at any more.
-        preferred: Checkers of falling clearance that corners are blended by where they keep it.
-        spacious: Whether ``checker`` has the preferred clearance, which all of the motion can keep,
-            and ``preferred`` more than that.
+        preferred: Checkers of falling clearance that corners are blended by where they keep it;
+            ``checker`` itself among them where all of the motion can keep a preferred clearance.
         keep_path: Whether the motion keeps to the polyline but for its rounded corners.
         holds: Whether states (k, n) hold the path's constraints, where it has some: a spline that
             leaves the polyline is looked at before it is proved.
@@ -90,7 +88,7 @@ def motions(
     if len(points) > 2:
         leaves = timing.blend_tolerance is None and not keep_path
         rounded = _RoundedMotion(
-            checker, points, parametrization, timing, deadline, preferred, spacious, holds
+            checker, points, parametrization, timing, deadline, preferred, holds
         )
         if leaves:
             yield rounded.smooth
@@ -111,7 +109,6 @@ class _RoundedMotion:
         timing: What else was asked of the timing.
         deadline: When corners are not looked at any more.
         preferred: Checkers of falling clearance.
-        spacious: As in ``motions``.
         holds: As in ``motions``.
     """
 
@@ -121,7 +118,6 @@ class _RoundedMotion:
     timing: TimingOptions
     deadline: Deadline
     preferred: Sequence[Checker]
-    spacious: bool = False
     holds: Callable[[Array], bool] | None = None
     left_path: bool = field(default=False, init=False)
     _found_reaches: dict[bool, Array] = field(default_factory=dict, init=False)
@@ -137,12 +133,13 @@ class _RoundedMotion:
         rounded = self.parametrization.near_corners(self.points, self._reaches(even=True))
         if rounded is not None:
             nearest = list[ScaledTime]()
+            is_spacious = any(level is self.checker for level in self.preferred)
             for spline in self.parametrization.splines_near(rounded, self.points, names):
                 if self._keeps_clear(spline.trajectory, rounded):
                     self.left_path = True
                     return spline
                 nearest.append(spline)
-            for spline in nearest if self.spacious else ():
+            for spline in nearest if is_spacious else ():
                 motion = spline.trajectory
                 looked = motion.breaks, motion.coefficients
                 if not len(close_instants(self.checker, *looked, finely=_FINELY)):
@@ -169,7 +166,7 @@ class _RoundedMotion:
             self.deadline,
             smooth=parametrization.smooth,
             most=parametrization.widest_reaches(self.points, largest, even=even),
-            preferred=self.preferred,
+            preferred=[level for level in self.preferred if level is not self.checker],
         )
 
     def _keeps_clear(self, motion: Trajectory, rounded: Pieces) -> bool:

@@ -276,7 +276,8 @@ def test_a_spline_is_nowhere_near_but_where_its_path_is(
     timing = TimingOptions()
     parametrization = chosen_parametrization(timing, chain.joint_names, chain.limits)
     deadline = Deadline.after(10.0)
-    ways = motions(checker, points, parametrization, timing, deadline, [checker])
+    level = Checker(checker.model)
+    ways = motions(checker, points, parametrization, timing, deadline, [level])
     assert next(way().solver for way in ways) == solver
 
 
