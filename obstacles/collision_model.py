@@ -189,9 +189,8 @@ def _skipped_in(
     if allowed:
         column = {name: k for k, name in enumerate(ids)}
         # Most that scenes allow is of the robot's own links.
-        named = [pair for pair in allowed if pair[0] in column or pair[1] in column]
-        for a, b in named:
-            for link, obstacle in ((a, b), (b, a)):
+        for pair in (pair for pair in allowed if pair[0] in column or pair[1] in column):
+            for link, obstacle in (pair, pair[::-1]):
                 if obstacle in column:
                     rows = [i for i, name in enumerate(robot.links) if name == link]
                     skipped[rows, column[obstacle]] = True

@@ -288,8 +288,7 @@ def primitives_of(obstacles: Iterable[Obstacle]) -> Primitives:
     kinds = np.array(listed, dtype=np.int64)
     measures = np.array([x for obstacle in chosen for x in obstacle.shape.measures()])
     # No zero of theirs is negative: those of placed pieces are not either.
-    # Side by side as bytes: numpy's own way of joining arrays looks at each for much longer.
-    joined = b"".join([obstacle.T_world_obstacle.tobytes() for obstacle in chosen])
+    joined = b"".join([obstacle.T_world_obstacle.tobytes() for obstacle in chosen])  # at once
     poses = np.frombuffer(joined).reshape(-1, 4, 4) + 0.0
     if _HALFSPACE in listed:
         for k in np.flatnonzero(kinds == _HALFSPACE).tolist():

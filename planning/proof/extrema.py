@@ -8,14 +8,12 @@ from inside. Planners scale time by ``Trajectory.peaks``, from the roots of the 
 Source: "Numerical solution of algebraic equations by Bernstein polynomials", Computing, 1994.
 """
 
-from collections.abc import Callable
-from functools import cache
 from typing import NamedTuple
 
 import numpy as np
 
-from kinematics.arrays import Array, Indices
-from kinematics.compiled.kernel import direct, kernel
+from kinematics.arrays import Array
+from kinematics.compiled.kernel import kernel
 from kinematics.trajectory import Trajectory
 
 #: A bound may be this much beyond what is reached [relative].
@@ -24,14 +22,14 @@ _SHARP = 1e-11
 _SHARP_OF_SIZE = 1e-15
 #: Values this near each other are the same, and told of the first instant: rounding does not
 #: choose, which differs from processor to processor [relative; of shares of limits absolute].
-_TIED = 1e-11
+TIED = 1e-11
 #: Times this near each other belong to one peak that is being found, as a share of a piece: a
-#: value that is off by ``_TIED`` is reached this far from it.
+#: value that is off by ``TIED`` is reached this far from it.
 _SAME_PEAK = 1e-4
 #: Rounding of a coefficient in Bernstein's basis, as part of the largest one.
 _ROUNDING = 64.0 * 2.0**-53
 #: Splits of a piece, one within the other.
-_MAX_DEPTH = 60
+MAX_DEPTH = 60
 #: Parts are never split nearer than this to an end, as a share of them.
 _NEAREST = 1e-12
 #: Steps towards the root of a derivative.
@@ -43,9 +41,6 @@ _ROOT_FOUND = 1e-14
 VALUE = 0
 TIME = 1
 BOUND = 2
-
-# Columns of ``LimitUses.uses``.
-RATIO, JOINT, AT, EXCESS, BEYOND = range(5)
 
 
 class Extrema(NamedTuple):
@@ -78,7 +73,7 @@ def extrema(breaks: Array, coefficients: Array, order: int) -> Extrema:
     """
     n, k = coefficients.shape[1:]
     highest, lowest = np.empty((n, 3)), np.empty((n, 3))
-    stack = np.empty((_MAX_DEPTH + 2, k + 3))
+    stack = np.empty((MAX_DEPTH + 2, k + 3))
     extrema_kernel(breaks, coefficients, order, stack, highest, lowest)
     return Extrema(
         -lowest[:, VALUE],
@@ -137,152 +132,13 @@ def _jump(breaks: Array, coefficients: Array, order: int, i: int, j: int) -> flo
     return after - before
 
 
-class LimitUses(NamedTuple):
-    """Use of limits by position and the first derivatives, joint by joint and the worst of each.
-
-    Args:
-        uses: Of each order: the largest share of a range that is used, from its middle; whose and
-            when [s]; how far a bound is beyond its limit, as a share of it, for positions in their
-            own unit; whose; shape (orders, 5).
-        highest: Largest value, its time and a bound of it, shape (orders, n, 3).
-        lowest: The same of the negative.
-    """
-
-    uses: Array
-    highest: Array
-    lowest: Array
-
-
-def limit_uses(trajectory: Trajectory, lower: Array, upper: Array) -> LimitUses:
-    """Use of limits by a motion and its derivatives, and all their extrema.
-
-    Args:
-        trajectory: The motion.
-        lower: Lower limits of positions, velocities, ..., infinite for none, shape (orders, n).
-        upper: Upper ones.
-    """
-    orders, n = lower.shape
-    found = LimitUses(np.empty((orders, 5)), np.empty((orders, n, 3)), np.empty((orders, n, 3)))
-    stack = np.empty((_MAX_DEPTH + 2, trajectory.coefficients.shape[2] + 3))
-    _limit_uses()(trajectory.breaks, trajectory.coefficients, lower, upper, stack, found)
-    return found
-
-
-@cache
-def _limit_uses() -> Callable[[Array, Array, Array, Array, Array, LimitUses], None]:
-    """``limit_uses_kernel`` without the look at its arguments' types."""
-    table, motion = np.zeros((1, 1)), (np.zeros(2), np.zeros((1, 1, 1)))
-    found = LimitUses(table, np.zeros((1, 1, 3)), np.zeros((1, 1, 3)))
-    return direct(limit_uses_kernel, *motion, table, table, table, found)
-
-
-class MotionUses(NamedTuple):
-    """Use of a motion's limits of position, velocity, acceleration and jerk.
-
-    Args:
-        found: Of the orders up to the last that is limited.
-        lower: Lower limits, shape (4, n); infinite where there is none.
-        upper: Upper limits.
-        limited: Of each order, UNLIMITED, LIMITED or JUMPING, shape (4,).
-    """
-
-    found: LimitUses
-    lower: Array
-    upper: Array
-    limited: Indices
-
-
-# What ``MotionUses`` says of an order.
-UNLIMITED = 0
-LIMITED = 1
-#: The derivative before it jumps, so that it has no bound.
-JUMPING = 2
-
-
-def motion_uses(trajectory: Trajectory, limits: Array, most_jump: float) -> MotionUses:
-    """Use of the limits of a motion.
-
-    Args:
-        trajectory: The motion.
-        limits: Lower and upper positions, velocities, accelerations and jerks, shape (5, n); of
-            derivatives NaN and infinity bind nothing.
-        most_jump: Jump of the acceleration beyond which jerk is not looked at.
-    """
-    return _motion_uses()(trajectory.breaks, trajectory.coefficients, limits, most_jump)
-
-
-@cache
-def _motion_uses() -> Callable[[Array, Array, Array, float], MotionUses]:
-    """``motion_uses_kernel`` without the look at its arguments' types."""
-    return direct(motion_uses_kernel, np.zeros(2), np.zeros((1, 1, 1)), np.zeros((5, 1)), 0.0)
-
-
-@kernel
-def motion_uses_kernel(
-    breaks: Array, coefficients: Array, limits: Array, most_jump: float
-) -> MotionUses:
-    """``motion_uses``."""
-    n = limits.shape[1]
-    lower, upper, limited = np.empty((4, n)), np.empty((4, n)), np.zeros(4, np.int64)
-    limited[0], orders = LIMITED, 1
-    for j in range(n):
-        lower[0, j], upper[0, j] = limits[0, j], limits[1, j]
-    for order in range(1, 4):
-        for j in range(n):
-            bound = limits[order + 1, j]
-            if np.isfinite(bound):
-                limited[order] = LIMITED
-            upper[order, j] = bound if np.isfinite(bound) else np.inf
-            lower[order, j] = -upper[order, j]
-        if order == 3 and limited[order] and largest_jump(breaks, coefficients, 2) > most_jump:
-            limited[order] = JUMPING
-        if limited[order] == LIMITED:
-            orders = order + 1
-    found = LimitUses(np.empty((orders, 5)), np.empty((orders, n, 3)), np.empty((orders, n, 3)))
-    stack = np.empty((_MAX_DEPTH + 2, coefficients.shape[2] + 3))
-    limit_uses_kernel(breaks, coefficients, lower[:orders], upper[:orders], stack, found)
-    return MotionUses(found, lower, upper, limited)
-
-
-@kernel(allocates=False)
-def limit_uses_kernel(
-    breaks: Array, coefficients: Array, lower: Array, upper: Array, stack: Array, found: LimitUses
-) -> None:
-    """Write ``limit_uses``."""
-    for order in range(lower.shape[0]):
-        highest, lowest, use = found.highest[order], found.lowest[order], found.uses[order]
-        extrema_kernel(breaks, coefficients, order, stack, highest, lowest)
-        use[RATIO], use[JOINT], use[AT], use[EXCESS], use[BEYOND] = -1.0, 0.0, 0.0, -np.inf, 0.0
-        for j in range(lower.shape[1]):
-            half = 0.5 * (upper[order, j] - lower[order, j])
-            unit = 1.0 if order == 0 else half
-            excess = max(highest[j, BOUND] - upper[order, j], lowest[j, BOUND] + lower[order, j])
-            excess = excess / unit if half < np.inf or order == 0 else -np.inf
-            # What is no number is beyond all limits.
-            excess = np.inf if np.isnan(excess) else excess
-            if excess > use[EXCESS]:
-                use[EXCESS], use[BEYOND] = excess, j
-            middle = 0.5 * (upper[order, j] + lower[order, j])
-            ratio, time = 0.0, highest[j, TIME]
-            if 0.0 < half < np.inf:
-                above, below = highest[j, VALUE] - middle, lowest[j, VALUE] + middle
-                ratio = max(above, below) / half
-                if abs(above - below) <= _TIED * half:
-                    time = min(highest[j, TIME], lowest[j, TIME])
-                elif below > above:
-                    time = lowest[j, TIME]
-            if ratio > use[RATIO] + _TIED:
-                use[JOINT], use[AT] = j, time
-            use[RATIO] = max(use[RATIO], ratio)
-
-
 @kernel(allocates=False)
 def extrema_kernel(
     breaks: Array, coefficients: Array, order: int, stack: Array, highest: Array, lowest: Array
 ) -> None:
     """Write the largest value of a derivative, its time and a bound, and of its negative, (n, 3).
 
-    ``stack`` (_MAX_DEPTH + 2, k + 3) is scratch: Bernstein coefficients, and where a part begins
+    ``stack`` (MAX_DEPTH + 2, k + 3) is scratch: Bernstein coefficients, and where a part begins
     and ends in its piece.
     """
     m, n, size = coefficients.shape
@@ -299,7 +155,7 @@ def extrema_kernel(
             _raise(lowest[j], -value, breaks[i], 0.0)
         for i in range(m):
             length = breaks[i + 1] - breaks[i]
-            b = stack[_MAX_DEPTH + 1]
+            b = stack[MAX_DEPTH + 1]
             count = to_bernstein(coefficients[i, j], length, order, b)
             low, high = np.inf, -np.inf
             for k in range(count):
@@ -318,7 +174,7 @@ def _raise(largest: Array, value: float, time: float, near: float) -> None:
     Its time follows where more than rounding is added, or where it moves by no more than ``near``.
     """
     if value > largest[VALUE]:
-        if value > largest[VALUE] + _TIED * abs(largest[VALUE]) or (
+        if value > largest[VALUE] + TIED * abs(largest[VALUE]) or (
             abs(time - largest[TIME]) <= near
         ):
             largest[TIME] = time
@@ -394,7 +250,7 @@ def _search(
     The stack's last row holds the whole one, which is taken times ``sign``.
     """
     low, high = size + 1, size + 2
-    b = stack[_MAX_DEPTH + 1]
+    b = stack[MAX_DEPTH + 1]
     for k in range(count):
         stack[0, k] = sign * b[k]
     stack[0, low], stack[0, high] = 0.0, 1.0
@@ -409,7 +265,7 @@ def _search(
         for k, end in ((0, low), (count - 1, high)):
             _raise(largest, part[k], begin + part[end] * length, _SAME_PEAK * length)
         spare = _SHARP * abs(largest[VALUE]) + _SHARP_OF_SIZE * whole
-        if hull <= largest[VALUE] + spare or top >= _MAX_DEPTH - 1:
+        if hull <= largest[VALUE] + spare or top >= MAX_DEPTH - 1:
             largest[BOUND] = max(largest[BOUND], hull + _ROUNDING * whole)
             continue
         _split(stack, top, count, low, high)

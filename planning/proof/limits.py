@@ -15,17 +15,8 @@ from kinematics.chain import Limits
 from kinematics.trajectory import Trajectory
 from planning.limits import JERK_JUMP, RATIO_TOLERANCE, MotionLimits, position_excess
 from planning.proof.effort import effort_uses
-from planning.proof.extrema import (
-    JUMPING,
-    LIMITED,
-    TIME,
-    VALUE,
-    LimitUses,
-    extrema,
-    jumps,
-    largest_jump,
-    motion_uses,
-)
+from planning.proof.extrema import TIME, VALUE, extrema, jumps, largest_jump
+from planning.proof.limit_uses import JUMPING, LIMITED, LimitUses, motion_uses
 from planning.proof.violation import Violation
 
 #: By the order of the derivative.

@@ -5,7 +5,8 @@ import pytest
 
 from kinematics.arrays import Array
 from kinematics.trajectory import Trajectory
-from planning.proof.extrema import (
+from planning.proof.extrema import extrema, jumps, largest_jump, to_bernstein
+from planning.proof.limit_uses import (
     AT,
     BEYOND,
     EXCESS,
@@ -14,12 +15,8 @@ from planning.proof.extrema import (
     LIMITED,
     RATIO,
     UNLIMITED,
-    extrema,
-    jumps,
-    largest_jump,
     limit_uses,
     motion_uses,
-    to_bernstein,
 )
 
 
