@@ -16,6 +16,7 @@ from enum import IntEnum
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from kinematics.arrays import Array, Indices
 from kinematics.chain import Chain
@@ -284,7 +285,7 @@ def _open_rows(
     joints: Array,
     frames: Array,
     half: float,
-    is_open: Array,
+    is_open: NDArray[np.bool_],
     residual: Array,
 ) -> tuple[int, int]:
     """Look at the rows that are open on an interval, the first of ``is_open`` (2, m).
