@@ -80,7 +80,7 @@ def _is_shallow(text: bytes) -> bool:
 
 
 def _tokens(text: bytes) -> bytes:
-    """What stands between spaces, commas and brackets, each thing once with a space behind it."""
+    """The tokens between spaces, commas and brackets, each once with a space behind it."""
     return b" ".join([*set(text.translate(_BETWEEN).split()), b""])
 
 

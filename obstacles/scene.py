@@ -335,19 +335,15 @@ def _restored(
 
 
 def meant_in(obstacle: Obstacle, frame: str | None) -> Obstacle:
-    """The obstacle with the same pose, meant in another frame.
-
-    Args:
-        obstacle: The obstacle.
-        frame: A link that stands still, or "tool"; None for the robot's root frame.
+    """An obstacle with the same pose, meant in another frame; None for the root frame.
 
     Raises:
-        InvalidScene: The name is empty or too long.
+        InvalidScene: The name of the frame is empty or too long.
     """
     if frame is not None:
         checked_name(frame, f"frame of obstacle {obstacle.id!r}")
-    pose = obstacle.T_world_obstacle  # was found rigid before
-    return _restored(obstacle.id, obstacle.shape, pose, obstacle.margin, frame)
+    o = obstacle  # its pose was found rigid before
+    return _restored(o.id, o.shape, o.T_world_obstacle, o.margin, frame)
 
 
 def _rigid(T: Array, name: str) -> Array:

@@ -137,7 +137,7 @@ class _Joined(http.client.HTTPConnection):
 
 
 class _JoinedSecure(_Joined, http.client.HTTPSConnection):
-    """The same, encrypted."""
+    """A connection that does so and is encrypted."""
 
 
 class _Idle(NamedTuple):
@@ -187,7 +187,7 @@ class Connections:
         Raises:
             RequestError: As httpx.
         """
-        connection = self._kept() or self._open(limits.connect)
+        connection = self._idle_one() or self._open(limits.connect)
         try:
             with _as_httpx():
                 connection.sock.settimeout(limits.read)
@@ -210,7 +210,7 @@ class Connections:
         """Close all that are not in use."""
         _close_all(self._idle)
 
-    def _kept(self) -> http.client.HTTPConnection | None:
+    def _idle_one(self) -> http.client.HTTPConnection | None:
         """The connection that was used last, if the service surely has it open still."""
         while self._idle:
             try:

@@ -129,10 +129,10 @@ def _scene(source: Reference | scene_schema.Scene | None) -> tuple[Scene, int]:
     # To make a scene takes as long as to plan in it; many requests bring the same one.
     content = source.model_dump_json(exclude_none=True).encode()
     key = "inline", hashlib.sha256(content).hexdigest()
-    return _SCENES.get(key, lambda: _made(source, len(content)))
+    return _SCENES.get(key, lambda: _new_scene(source, len(content)))
 
 
-def _made(source: scene_schema.Scene, size: int) -> tuple[Scene, int]:
+def _new_scene(source: scene_schema.Scene, size: int) -> tuple[Scene, int]:
     """An inline scene with its bytes; one with the same obstacles, if there is one already.
 
     MoveIt writes the state of the robot into the text of a scene: each time it is another text.

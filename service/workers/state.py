@@ -247,6 +247,24 @@ class SupervisorState:
             if ticket is not None and has_long_job(worker) and ticket.background is None:
                 yield ticket
 
+    def _next_queue(self) -> "deque[Ticket] | FairQueue | None":
+        """The queue whose first job a worker can be given now."""
+        if not (self._waiting or self._brief or self._background):
+            return None
+        if self._brief and self._can_begin("brief"):
+            return self._brief
+        background = bool(self._background) and self._can_begin("background")
+        if background and self._share.is_due and not self._has_share():
+            return self._background
+        if self._waiting:
+            return self._waiting if self._can_begin() else None
+        return self._background if background else None
+
+    def _has_share(self) -> bool:
+        """Whether a background job runs that gives way to nobody."""
+        tickets = (worker.ticket for worker in self._pool.workers)
+        return any(ticket is not None and ticket.has_share for ticket in tickets)
+
     def _can_begin(self, kind: str = "waiting") -> bool:
         """Whether a job could be given to a worker now.
 

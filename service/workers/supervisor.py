@@ -190,9 +190,7 @@ class WorkerSupervisor(SupervisorState):
             worker = self._idle.pop()
             if worker.ending:
                 continue
-            if self._is_worn(worker):
-                self.counters.recycled += 1
-                worker.kill()
+            if self._end_if_worn(worker):
                 continue
             ticket = queue.popleft()
             if self._is_too_late(ticket):
@@ -216,24 +214,6 @@ class WorkerSupervisor(SupervisorState):
         has_waited = time.monotonic() - ticket.begun > _CLOCK_STEP
         mean = self.durations.mean(ticket.job.task)
         return has_waited and ticket.deadline.remaining < _LEAST_PART * mean
-
-    def _next_queue(self) -> "deque[Ticket] | FairQueue | None":
-        """The queue whose first job a worker can be given now."""
-        if not (self._waiting or self._brief or self._background):
-            return None
-        if self._brief and self._can_begin("brief"):
-            return self._brief
-        background = bool(self._background) and self._can_begin("background")
-        if background and self._share.is_due and not self._has_share():
-            return self._background
-        if self._waiting:
-            return self._waiting if self._can_begin() else None
-        return self._background if background else None
-
-    def _has_share(self) -> bool:
-        """Whether a background job runs that gives way to nobody."""
-        tickets = (worker.ticket for worker in self._pool.workers)
-        return any(ticket is not None and ticket.has_share for ticket in tickets)
 
     def _take_worker_for(self, waiting: Ticket) -> None:
         """Take the worker of the background job that began last, for a request that waits."""
@@ -385,16 +365,17 @@ class WorkerSupervisor(SupervisorState):
             # Behind who waits for the answer, who is next on the event loop.
             asyncio.get_running_loop().call_soon(self._end_if_worn, worker)
 
-    def _end_if_worn(self, worker: Worker) -> None:
-        """Have another worker take the place of an idle one that its last job has worn."""
-        if worker.ticket is None and self._is_worn(worker):
-            self.counters.recycled += 1
-            self.retire(worker)
+    def _end_if_worn(self, worker: Worker) -> bool:
+        """Have another worker take the place of one that its last job has worn.
 
-    def _is_worn(self, worker: Worker) -> bool:
-        """Whether a worker is worn; it is looked at once after each job."""
+        It is looked at once after each job: when it is idle, or before it gets the next one.
+        """
         is_unknown, worker.may_be_worn = worker.may_be_worn, False
-        return is_unknown and not worker.ending and is_worn(worker, self._limits)
+        if not is_unknown or worker.ending or not is_worn(worker, self._limits):
+            return False
+        self.counters.recycled += 1
+        worker.kill()
+        return True
 
     def _finish(self, ticket: Ticket, kind: Reply, values: Sequence[Any]) -> None:
         seconds, *outcome = values
