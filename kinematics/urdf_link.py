@@ -83,7 +83,7 @@ def read_link(element: Element, lint: list[str]) -> LinkDescription:
 
 
 def no_solids(name: str) -> str:
-    """What is told of a link that has no collision geometry."""
+    """The note on a link that has no collision geometry."""
     return f"link {name!r} has no collision geometry: nothing is checked against it"
 
 

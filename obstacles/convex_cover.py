@@ -21,9 +21,6 @@ from obstacles.winding import winding_numbers
 _COVER_CORNERS = 128
 #: Part of the diagonal that thinning may cost before more corners are spent.
 _THINNING = 1e-3
-#: A cut is worth a piece more if it saves this part of the volume of the whole mesh's hull.
-_WORTH = 0.02
-_MOST_PARTS = 12
 #: Two cuts at once are looked for in a part with more than this part of that volume.
 _LARGE = 0.25
 #: They are worth their pieces there if each saves so many times what a cut must.
@@ -32,6 +29,23 @@ _WORTH_LATER = 2.5
 _INSIDE = 0.5
 #: Corners that a cover gets at once.
 _THINNED_AT_ONCE = 8
+
+
+class Fineness(NamedTuple):
+    """How finely meshes are cut.
+
+    Args:
+        worth: A cut is worth a piece more if it saves this part of the volume of the whole hull.
+        most: Parts of a mesh at most.
+    """
+
+    worth: float
+    most: int
+
+
+COARSE = Fineness(0.02, 12)
+#: Of solids whose covers get into each other wherever the robot stands.
+FINE = Fineness(0.001, 48)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -109,7 +123,11 @@ class _Part(NamedTuple):
 
 
 def cut_bodies(
-    vertices: Array, faces: list[Faces], diagonal: float, filled: bool
+    vertices: Array,
+    faces: list[Faces],
+    diagonal: float,
+    filled: bool,
+    fineness: Fineness = COARSE,
 ) -> list[ConvexPart]:
     """Cut bodies together, by planes, until no cut saves enough.
 
@@ -118,6 +136,7 @@ def cut_bodies(
         faces: Those of each body, shape (f, 3).
         diagonal: Of the whole mesh [m].
         filled: Whether the bodies bound solids.
+        fineness: When to stop.
     """
     if not faces:
         return []
@@ -127,8 +146,8 @@ def cut_bodies(
     surface = used_surface(Surface(vertices, bodies.faces, names))
     parts = [_with_best_cut(_part(surface, box, np.zeros((0, 3))))]
     whole = parts[0].volume
-    enough = _WORTH * whole
-    while len(parts) < _MOST_PARTS:
+    enough = fineness.worth * whole
+    while len(parts) < fineness.most:
         best = max(range(len(parts)), key=lambda k: parts[k].saved)
         if parts[best].saved > enough:
             halves = _cut(bodies, parts[best])
@@ -138,7 +157,7 @@ def cut_bodies(
             continue
         best = max(range(len(parts)), key=lambda k: parts[k].volume * (not parts[k].judged))
         large = parts[best].volume > _LARGE * whole and not parts[best].judged
-        if not large or len(parts) + 3 > _MOST_PARTS:
+        if not large or len(parts) + 3 > fineness.most:
             break
         each = enough if len(parts) == 1 else _WORTH_LATER * enough
         parts[best : best + 1] = _cut_twice(bodies, parts[best], each)

@@ -22,7 +22,7 @@ from kinematics.arrays import Array, frozen
 from kinematics.bounded_cache import bounded_cache
 from kinematics.preparation_limit import check_preparation_time
 from obstacles.closest_point import mesh_distances
-from obstacles.convex_cover import ConvexPart, cut_bodies, hull_part
+from obstacles.convex_cover import COARSE, ConvexPart, Fineness, cut_bodies, hull_part
 from obstacles.hull import Hull, convex_hull, corners_and_volume
 from obstacles.kept_files import kept_file, write_file
 from obstacles.mesh import Faces
@@ -38,35 +38,46 @@ _SAME_AREA = 1e-6
 _SAMPLES = 2000
 #: A mesh of more bodies than this is no assembly but a heap of triangles.
 _MAX_BODIES = 64
-#: Corners that a piece may have that is the mesh itself.
-_EXACT_CORNERS = 192
+#: Corners that a piece may have that is the mesh itself: its farthest one is looked up, so that
+#: many cost little, and a convex piece is a hundredth as dear as triangles under a cover.
+_EXACT_CORNERS = 4096
+#: So few corners that any hull of them is looked at closely.
+_FEW_CORNERS = 192
+#: Part of the corners of a mesh that are its hull's where it has more and may be convex.
+_OWN_CORNERS = 0.9
+#: Triangles that are held against all planes of a hull at once.
+_TRIANGLES_AT_ONCE = 256
 #: Part of the diagonal that counts as one point: what single-precision files keep.
 _MERGING = 1e-6
 
 
-def convex_pieces(vertices: Array, faces: Faces) -> tuple[ConvexPart, ...]:
+def convex_pieces(
+    vertices: Array, faces: Faces, fineness: Fineness = COARSE
+) -> tuple[ConvexPart, ...]:
     """Convex pieces whose union covers a mesh and what it encloses.
 
     Args:
         vertices: Shape (k, 3) [m].
         faces: Shape (f, 3).
+        fineness: How finely to cut.
 
     Returns:
         The pieces, filled ones first; the same mesh gives the same ones.
     """
     used, numbers = np.unique(faces, return_inverse=True)
-    return _stored_pieces(vertices[used].tobytes(), numbers.astype(np.int64).tobytes())
+    return _stored_pieces(vertices[used].tobytes(), numbers.astype(np.int64).tobytes(), fineness)
 
 
 @bounded_cache(maxsize=256)
-def _stored_pieces(vertices: bytes, faces: bytes) -> tuple[ConvexPart, ...]:
-    digest = hashlib.sha256(b"5" + len(vertices).to_bytes(8) + vertices + faces).hexdigest()
+def _stored_pieces(vertices: bytes, faces: bytes, fineness: Fineness) -> tuple[ConvexPart, ...]:
+    how = b"6" if fineness == COARSE else repr(("6", *fineness)).encode()
+    digest = hashlib.sha256(how + len(vertices).to_bytes(8) + vertices + faces).hexdigest()
     name = f"{digest}.npz"
     file = kept_file(name)
     if file is not None and (stored := _read(file)) is not None:
         return stored
     points = np.frombuffer(vertices).reshape(-1, 3)
-    parts = _decompose(points, np.frombuffer(faces, dtype=np.int64).reshape(-1, 3))
+    parts = _decompose(points, np.frombuffer(faces, dtype=np.int64).reshape(-1, 3), fineness)
     write_file(name, lambda stream: _write(stream, parts))
     return parts
 
@@ -105,7 +116,7 @@ class _Body(NamedTuple):
     volume: float
 
 
-def _decompose(vertices: Array, faces: Faces) -> tuple[ConvexPart, ...]:
+def _decompose(vertices: Array, faces: Faces, fineness: Fineness) -> tuple[ConvexPart, ...]:
     diagonal = float(np.linalg.norm(np.ptp(vertices, axis=0)))
     whole = _small_hull(vertices, faces)
     if (
@@ -126,8 +137,9 @@ def _decompose(vertices: Array, faces: Faces) -> tuple[ConvexPart, ...]:
         for body in bodies
     ]
     rest = [body for body, hull in zip(bodies, convex, strict=True) if hull is None]
-    parts = cut_bodies(vertices, [body.faces for body in rest if body.solid], diagonal, True)
-    parts += cut_bodies(vertices, [body.faces for body in rest if not body.solid], diagonal, False)
+    solid, open_ = ([b.faces for b in rest if b.solid == kind] for kind in (True, False))
+    parts = cut_bodies(vertices, solid, diagonal, True, fineness)
+    parts += cut_bodies(vertices, open_, diagonal, False, fineness)
     parts += [hull_part(hull) for hull in convex if hull is not None]
     return tuple(sorted(parts, key=lambda part: not part.filled))
 
@@ -135,8 +147,13 @@ def _decompose(vertices: Array, faces: Faces) -> tuple[ConvexPart, ...]:
 def _small_hull(vertices: Array, faces: Faces) -> Hull | None:
     """The hull of some triangles; None where it has more corners than a piece may have."""
     check_preparation_time()
-    corners, _ = corners_and_volume(_used(vertices, faces))
-    return convex_hull(corners) if len(corners) <= _EXACT_CORNERS else None
+    used = _used(vertices, faces)
+    corners, _ = corners_and_volume(used)
+    if len(corners) <= _FEW_CORNERS:
+        return convex_hull(corners)
+    # Looking closely at a large hull takes long: only where nearly all corners of the mesh are its.
+    may_be_convex = len(corners) > _OWN_CORNERS * len(np.unique(used, axis=0))
+    return convex_hull(corners) if may_be_convex and len(corners) <= _EXACT_CORNERS else None
 
 
 def _used(vertices: Array, faces: Faces) -> Array:
@@ -178,12 +195,37 @@ def _is_hull(hull: Hull, vertices: Array, faces: Faces) -> bool:
     wanted = float(triangle_areas(corners).sum())
     if hull.solid:
         own = vertices[np.unique(np.sort(faces, axis=1), axis=0)]
-        lies = np.zeros(len(own), dtype=np.bool_)
-        for plane in hull.planes:
-            lies |= (np.abs(own @ plane[:3] - plane[3]) <= _SAME).all(axis=1)
-        if float(triangle_areas(own[lies]).sum()) < (1.0 - _SAME_AREA) * wanted:
+        if float(triangle_areas(own[_on_hull(own, hull)]).sum()) < (1.0 - _SAME_AREA) * wanted:
             return False
     return overhang(hull, vertices, faces) <= _SAME
+
+
+def _on_hull(triangles: Array, hull: Hull) -> NDArray[np.bool_]:
+    """Which triangles (t, 3, 3) lie on a face of a hull of their corners, shape (t,)."""
+    corners = np.vstack([triangles.reshape(-1, 3), hull.vertices])
+    names = np.unique(corners, axis=0, return_inverse=True)[1].reshape(-1)
+    count = len(names) - len(hull.vertices)
+    both = np.vstack([names[:count].reshape(-1, 3), names[count:][hull.triangles]])
+    low, middle, high = np.sort(both, axis=1).T
+    keys = (low * len(names) + middle) * len(names) + high
+    # Most are faces themselves; those of a flat part may be cut otherwise.
+    lies = np.isin(keys[: len(triangles)], keys[len(triangles) :])
+    rest = np.flatnonzero(~lies)
+    lies[rest] = _on_planes(triangles[rest], hull.planes)
+    return lies
+
+
+def _on_planes(triangles: Array, planes: Array) -> NDArray[np.bool_]:
+    """Which triangles (t, 3, 3) lie on one of some planes (k, 4), shape (t,)."""
+    lies = np.zeros(len(triangles), dtype=np.bool_)
+    for begin in range(0, len(triangles), _TRIANGLES_AT_ONCE):
+        own = triangles[begin : begin + _TRIANGLES_AT_ONCE]
+        # Few planes pass the first corner: the others are held against these alone.
+        near = np.abs(own[:, 0] @ planes[:, :3].T - planes[:, 3]) <= _SAME
+        triangle, plane = np.nonzero(near)
+        rest = np.einsum("ncd,nd->nc", own[triangle, 1:], planes[plane, :3]) - planes[plane, 3:]
+        lies[begin + triangle[(np.abs(rest) <= _SAME).all(axis=1)]] = True
+    return lies
 
 
 def _has_no_inside_walls(hull: Hull, vertices: Array, faces: Faces) -> bool:

@@ -4,7 +4,7 @@ import hashlib
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from types import MappingProxyType
-from typing import TypeAlias
+from typing import NamedTuple, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -26,6 +26,8 @@ from kinematics.errors import InvalidRobotDescription, InvalidScene
 from kinematics.fingers import Fingers
 from kinematics.mesh_uri import resolve_mesh
 from kinematics.srdf import Semantics
+from obstacles.convex_cover import COARSE, FINE, Fineness
+from obstacles.crowded_solids import crowded_solids
 from obstacles.hull import convex_hull
 from obstacles.mesh import is_bare_header, load_mesh, scaled
 from obstacles.piece import Piece, PieceArrays, PieceKind
@@ -167,16 +169,34 @@ def robot_geometry(
     """
     if description is None:
         return geometry_of_solids(chain, (), {})
-    solids: list[tuple[Link, list[Piece]]] = []
-    lint: list[str] = []
-    for link in chain.links:
-        for element in description.links[link.name].collisions:
-            pieces = _element_pieces(link, element, meshes)
-            lint += _cut_lint(link.name, element, pieces)
-            if pieces:
-                solids.append((link, pieces))
+    solids = [
+        _Solid(link, element, _element_pieces(link, element, meshes))
+        for link in chain.links
+        for element in description.links[link.name].collisions
+    ]
+    lint = [
+        line for solid in solids for line in _cut_lint(solid.link.name, solid.element, solid.pieces)
+    ]
     parents = {joint.child: joint.parent for joint in description.joints.values()}
-    return geometry_of_solids(chain, solids, parents, semantics, lint)
+    solids = [solid for solid in solids if solid.pieces]
+    placed = [(solid.link, solid.pieces) for solid in solids]
+    robot = geometry_of_solids(chain, placed, parents, semantics, lint)
+    crowded = crowded_solids(robot)
+    if not crowded:
+        return robot
+    for number in crowded:
+        link, element, _ = solids[number]
+        placed[number] = (link, _element_pieces(link, element, meshes, FINE))
+    finer = geometry_of_solids(chain, placed, parents, semantics)
+    return replace(finer, allowed=robot.allowed, lint=robot.lint)
+
+
+class _Solid(NamedTuple):
+    """A solid of a description: the link that carries it, its element and its pieces."""
+
+    link: Link
+    element: CollisionElement
+    pieces: list[Piece]
 
 
 def geometry_of_solids(
@@ -255,13 +275,16 @@ def _cut_lint(link: str, element: CollisionElement, pieces: list[Piece]) -> list
     return [f"{what}: {len(pieces)} convex pieces make it up{told}"]
 
 
-def _element_pieces(link: Link, element: CollisionElement, meshes: Meshes | None) -> list[Piece]:
+def _element_pieces(
+    link: Link, element: CollisionElement, meshes: Meshes | None, fineness: Fineness = COARSE
+) -> list[Piece]:
     try:
         shape = _shape(element.geometry, meshes)
         if shape is None:
             return []
         T = link.T_joint_link @ element.T_link_element
-        return [piece.placed(T) for piece in shape.pieces()]
+        pieces = shape.cut(fineness) if isinstance(shape, Mesh) else shape.pieces()
+        return [piece.placed(T) for piece in pieces]
     except InvalidScene as error:
         geometry = element.geometry
         what = f"mesh {geometry.uri!r}" if isinstance(geometry, MeshGeometry) else "collision"

@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 from kinematics.arrays import Array, frozen
 from kinematics.errors import InvalidScene
 from kinematics.pose import align_z, transform
-from obstacles.convex_cover import ConvexPart
+from obstacles.convex_cover import COARSE, ConvexPart, Fineness
 from obstacles.decomposition import convex_pieces
 from obstacles.hull import convex_hull
 from obstacles.mesh import checked_mesh
@@ -298,7 +298,15 @@ class Mesh(Shape):
 
     def pieces(self) -> tuple[Piece, ...]:
         """The hulls that cover it, each with the triangles inside it that decide."""
-        parts = convex_pieces(self.vertices, self.faces)
+        return self.cut(COARSE)
+
+    def cut(self, fineness: Fineness) -> tuple[Piece, ...]:
+        """As ``pieces``, cut as finely as is asked for.
+
+        Args:
+            fineness: When to stop cutting.
+        """
+        parts = convex_pieces(self.vertices, self.faces, fineness)
         filled = sum(part.filled for part in parts)
         return tuple(_covering(part, place, filled) for place, part in enumerate(parts))
 

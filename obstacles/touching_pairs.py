@@ -1,6 +1,6 @@
 """Pairs of links that touch in sampled or named configurations, where no SRDF says what may."""
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from typing import TYPE_CHECKING, TypeAlias
 
 import numpy as np
@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 from kinematics.arrays import Array
 from kinematics.forward import joint_frames
 from obstacles.mesh_distance import touching
+from obstacles.piece import Piece
 from obstacles.piece_set import CENTER, POSE, PieceSet
 
 if TYPE_CHECKING:
@@ -34,12 +35,13 @@ class PlacedPieces:
 
     Args:
         robot: The robot.
+        pieces: In place of its own, as many.
     """
 
-    def __init__(self, robot: "RobotGeometry") -> None:
+    def __init__(self, robot: "RobotGeometry", pieces: Sequence[Piece] | None = None) -> None:
         self._chain = robot.chain
         self._joints: NDArray[np.int64] = robot.joints
-        self._packed = PieceSet.of(robot.pieces)
+        self._packed = PieceSet.of(robot.pieces if pieces is None else pieces)
         count = len(robot.pieces)
         self._owned = np.tile(np.eye(4), (count, 1, 1))
         self._owned[:, :3] = self._packed.rows[:, POSE : POSE + 12].reshape(-1, 3, 4)

@@ -88,14 +88,32 @@ def test_unmerged_and_turned_triangles_do_not_matter() -> None:
 
 
 def test_a_fine_convex_mesh_is_covered_and_keeps_its_triangles() -> None:
-    body = trimesh.creation.icosphere(4)
+    """One with more corners than a piece may have."""
+    body = trimesh.creation.icosphere(5)
     (part,) = pieces_of(body)
     assert len(part.vertices) <= 192
-    assert part.offset_radius < 0.05
+    assert part.offset_radius < 0.06
     assert len(part.triangles) == len(body.faces)
     assert part.filled
     for point in np.array(body.vertices)[::40]:
         assert outside_of(point, part) <= 1e-7
+
+
+def test_a_convex_mesh_of_many_corners_is_its_hull() -> None:
+    for body in (trimesh.creation.icosphere(4), trimesh.creation.cylinder(0.1, 0.3, sections=600)):
+        (part,) = pieces_of(body)
+        assert part.offset_radius == 0.0
+        assert len(part.triangles) == 0
+        assert convex_hull(part.vertices).volume == pytest.approx(body.volume)
+
+
+@pytest.mark.parametrize("depth", [0.003, 0.02])
+def test_a_dent_in_a_mesh_of_many_corners_is_seen(depth: float) -> None:
+    body = trimesh.creation.icosphere(4)
+    vertices = np.array(body.vertices)
+    vertices[100] *= 1.0 - depth
+    parts = convex_pieces(vertices, np.array(body.faces))
+    assert sum(len(part.triangles) for part in parts) > 0
 
 
 def test_closed_convex_bodies_are_a_hull_each() -> None:
