@@ -88,7 +88,7 @@ def answer(
 
 
 def _end(seconds: float) -> Deadline:
-    """When the answer is to be there: a request may have waited for its worker."""
+    """Deadline of an answer; a request may have waited for its worker."""
     return Deadline(min(time.monotonic() + seconds, current.deadline().at + _LATE))
 
 
@@ -169,7 +169,7 @@ def _refusal(
 def _too_near(
     wanted: ConstraintSet, nearest: ConstrainedSolution, cell: RobotInScene | None
 ) -> tuple[str, str]:
-    """What the nearest attempt has too near, and what would help."""
+    """Words for the pair that the nearest attempt has too near, and for what would help."""
     assert nearest.pair is not None
     a, b = nearest.pair
     short, obstacles = -nearest.clearance, () if cell is None else cell.scene.obstacles
