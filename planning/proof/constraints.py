@@ -8,7 +8,7 @@ import numpy as np
 from kinematics.trajectory import Trajectory
 from planning.constraints.constraint_set import ConstraintSet
 from planning.constraints.row import Row
-from planning.proof.residual_bounds import ResidualBounds, Verdict, bound_residuals
+from planning.proof.residual_search import ResidualBounds, Verdict, bound_residuals
 from planning.proof.violation import Violation
 
 

@@ -24,7 +24,7 @@ from planning.constraints.orientation import ConeConstraint, OrientationConstrai
 from planning.constraints.position import PositionConstraint
 from planning.constraints.region import LineRegion, PlaneRegion, SphereRegion
 from planning.constraints.relative_pose import RelativePoseConstraint
-from planning.proof.residual_bounds import (
+from planning.proof.residual_search import (
     LEAST_GAP,
     SHARP,
     TOLERANCE,
