@@ -182,8 +182,8 @@ class PathSearch:
         if len(found) == 2:
             shares = np.linspace(0.0, 1.0, _LOOKS)[:, None]
             states = ready.start + shares * (ready.goals[0] - ready.start)
-            own, none = (room.look.each_valid(states) for room in found)
-            if (none & ~own).any():
+            kept = found[0].look.each_valid(states)
+            if not kept.all() and found[1].look.each_valid(states[~kept]).any():
                 many, few = few, many
         yield from zip(found, (many, few), strict=False)
 
