@@ -111,8 +111,9 @@ def wait_until_ready(client: Client, seconds: float = 300.0) -> None:
 def start_in_the_shelf(client: Client) -> list[float]:
     """A free configuration that has the tool in the lower compartment."""
     answer = client.robots.ik(
-        ROBOT, LOWER, scene="shelf", seed_joints=HOME, all_solutions=True, max_solutions=16
-    )
+        ROBOT, LOWER, scene="shelf", seed_joints=HOME, all_solutions=True, max_solutions=16,
+        timeout=30.0,  # the first request to a service that has prepared nothing yet
+    )  # fmt: skip
     return next(list(solution.joints) for solution in answer.solutions if solution.collision_free)
 
 
