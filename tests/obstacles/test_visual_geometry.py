@@ -65,7 +65,7 @@ URDF = """<robot name="r"><link name="good"><visual><origin xyz="0 0 1"/>
 
 
 @pytest.mark.parametrize(("name", "data", "words"), [
-    ("a.stl", b"no mesh", "vertices"),
+    ("a.stl", b"no mesh", "triangles"),
     ("a.dae", b"<COLLADA/>", "readable"),
     ("a.fbx", b"", "fbx"),
     ("gone.stl", None, "not there"),
