@@ -121,6 +121,7 @@ class _RoundedMotion:
     holds: Callable[[Array], bool] | None = None
     left_path: bool = field(default=False, init=False)
     _found_reaches: dict[bool, Array] = field(default_factory=dict, init=False)
+    _found_close: dict[int, Array] = field(default_factory=dict, init=False)
 
     def time_on_path(self) -> ScaledTime:
         """The motion with rounded corners."""
@@ -176,12 +177,13 @@ class _RoundedMotion:
             states = _states_between(motion.breaks, motion.coefficients, count)
             if not self.holds(states):
                 return False
-        for level in self.preferred:
+        for number, level in enumerate(self.preferred):
             close = close_instants(level, motion.breaks, motion.coefficients) / motion.duration
             if not len(close):
                 return True
-            known = close_instants(level, *rounded) / rounded.breaks[-1]
-            if not _are_beside(close, known):
+            if number not in self._found_close:
+                self._found_close[number] = close_instants(level, *rounded) / rounded.breaks[-1]
+            if not _are_beside(close, self._found_close[number]):
                 return False
         states = _states_between(motion.breaks, motion.coefficients, _INSTANTS * motion.pieces)
         return self.checker.all_valid(states)
