@@ -5,7 +5,7 @@ no cover parts them, and their triangles decide, a hundred times as dear. Cut mo
 covers them stays out of each other's way.
 """
 
-from collections import Counter
+from collections import Counter, defaultdict
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
@@ -30,27 +30,26 @@ def crowded_solids(robot: "RobotGeometry") -> set[int]:
     Args:
         robot: The robot.
     """
-    pairs = [
-        (int(i), int(j))
-        for i, j in robot.self_pairs
-        if robot.pieces[i].surface is not None or robot.pieces[j].surface is not None
-    ]
-    if not pairs:
+    surfaces = np.array([piece.surface is not None for piece in robot.pieces])
+    pairs = robot.self_pairs[surfaces[robot.self_pairs].any(axis=1)] if len(surfaces) else ()
+    if not len(pairs):
         return set()
     bare = [replace(piece, surface=None) for piece in robot.pieces]
     exact, covers = PlacedPieces(robot), PlacedPieces(robot, bare)
     lower, upper = robot.chain.sampling_bounds()
     random, in_vain = np.random.default_rng(_SEED), Counter[tuple[int, int]]()
+    solids = robot.solids[pairs]
     for _ in range(_SAMPLES):
         q = random.uniform(lower, upper)
         covers.place(q)
         exact.place(q)
-        met = [pair for pair in pairs if covers.touch([pair])]
-        solids = {(int(robot.solids[i]), int(robot.solids[j])) for i, j in met}
-        touching = {
-            (int(robot.solids[i]), int(robot.solids[j])) for i, j in met if exact.touch([(i, j)])
-        }
-        in_vain.update(solids - touching)
+        near = covers.may_touch(pairs)
+        together = defaultdict[tuple[int, int], list[tuple[int, int]]](list)
+        for pair, (a, b) in zip(pairs[near].tolist(), solids[near].tolist(), strict=True):
+            together[a, b].append((pair[0], pair[1]))
+        for pair, pieces in together.items():
+            known = in_vain[pair] >= _OFTEN
+            in_vain[pair] += not known and covers.touch(pieces) and not exact.touch(pieces)
     crowded = {solid for pair, count in in_vain.items() if count >= _OFTEN for solid in pair}
     triangles = Counter[int]()
     for solid, piece in zip(robot.solids, robot.pieces, strict=True):

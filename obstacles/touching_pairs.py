@@ -6,11 +6,11 @@ from typing import TYPE_CHECKING, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from kinematics.arrays import Array
+from kinematics.arrays import Array, Indices
 from kinematics.forward import joint_frames
 from obstacles.mesh_distance import touching
 from obstacles.piece import Piece
-from obstacles.piece_set import CENTER, POSE, PieceSet
+from obstacles.piece_set import CENTER, POSE, RADIUS, PieceSet
 
 if TYPE_CHECKING:
     from obstacles.robot_geometry import RobotGeometry
@@ -54,6 +54,14 @@ class PlacedPieces:
         carried = frames[self._joints + 1, :3]
         self._packed.rows[:, POSE : POSE + 12] = (carried @ self._owned).reshape(-1, 12)
         self._packed.rows[:, CENTER : CENTER + 3] = (carried @ self._centers)[:, :, 0]
+
+    def may_touch(self, pieces: Indices) -> NDArray[np.bool_]:
+        """Which of these pairs of pieces (k, 2) have balls about them that touch, shape (k,)."""
+        centers, radii = self._packed.rows[:, CENTER : CENTER + 3], self._packed.rows[:, RADIUS]
+        first, second = pieces.T
+        apart = centers[first] - centers[second]
+        # Half-spaces have no ball: their radius is infinite, or not a number.
+        return ~((apart * apart).sum(axis=1) > (radii[first] + radii[second]) ** 2)
 
     def touch(self, pieces: Iterable[tuple[int, int]]) -> bool:
         """Whether any of these pairs of pieces touches."""
