@@ -22,6 +22,9 @@ _SEED = 2
 #: Triangles of all such solids beyond which they stay as they are: cutting them anew would take
 #: longer than an upload may, and a humanoid has many.
 _MOST_TRIANGLES = 20_000
+#: Pieces of a robot beyond which it stays as it is: what is packed and swept of it grows with their
+#: square.
+_MOST_PIECES = 200
 
 
 def crowded_solids(robot: "RobotGeometry") -> set[int]:
@@ -30,8 +33,10 @@ def crowded_solids(robot: "RobotGeometry") -> set[int]:
     Args:
         robot: The robot.
     """
+    if not 0 < len(robot.pieces) <= _MOST_PIECES:
+        return set()
     surfaces = np.array([piece.surface is not None for piece in robot.pieces])
-    pairs = robot.self_pairs[surfaces[robot.self_pairs].any(axis=1)] if len(surfaces) else ()
+    pairs = robot.self_pairs[surfaces[robot.self_pairs].any(axis=1)]
     if not len(pairs):
         return set()
     bare = [replace(piece, surface=None) for piece in robot.pieces]

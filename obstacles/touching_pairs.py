@@ -61,7 +61,8 @@ class PlacedPieces:
         first, second = pieces.T
         apart = centers[first] - centers[second]
         # Half-spaces have no ball: their radius is infinite, or not a number.
-        return ~((apart * apart).sum(axis=1) > (radii[first] + radii[second]) ** 2)
+        is_apart = (apart * apart).sum(axis=1) > (radii[first] + radii[second]) ** 2
+        return np.asarray(~is_apart, dtype=np.bool_)
 
     def touch(self, pieces: Iterable[tuple[int, int]]) -> bool:
         """Whether any of these pairs of pieces touches."""
