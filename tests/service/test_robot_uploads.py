@@ -93,9 +93,9 @@ def test_links_that_collide_as_they_look(client: httpx.Client) -> None:
     """Sent as JSON and in an archive, whose meshes for display are else kept if there is room."""
     seen = urdf("meshes/box.obj").replace("collision>", "visual>")
     meshes = {"meshes/box.obj": base64.b64encode(BOX_OBJ.encode()).decode()}
-    by_json = bench("looks", urdf=seen, meshes=meshes, visual_solids=True)
+    by_json = bench("visual_solids", urdf=seen, meshes=meshes, visual_solids=True)
     content = archive({"arm.urdf": seen, "meshes/box.obj": BOX_OBJ})
-    form = {"name": "archived_looks", "visual_solids": "true"}
+    form = {"name": "archived_visual_solids", "visual_solids": "true"}
     for response in (
         client.post("/v1/robots", json=by_json),
         client.post("/v1/robots", files={"file": ("a.zip", content)}, data=form),
@@ -104,7 +104,7 @@ def test_links_that_collide_as_they_look(client: httpx.Client) -> None:
         assert any("collide as they look" in line and "'lower'" in line for line in lint)
     inside = scene({"id": "ball", "shape": {"type": "sphere", "radius": 0.01},
                     "pose": {"position": [0.0, 0.0, 0.2]}})  # fmt: skip
-    for name in ("looks", "archived_looks"):
+    for name in ("visual_solids", "archived_visual_solids"):
         asked = {"robot": name, "joints": [0.0, 0.0], "scene": inside}
         pairs = [hit["pair"] for hit in answer(client.post("/v1/check", json=asked))["collisions"]]
         assert ["lower", "ball"] in pairs
