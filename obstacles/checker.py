@@ -261,7 +261,8 @@ class Checker:
 
         Fifteen states between ``start`` and ``end``, both (n,), cost less than a proof that fails.
         """
-        a, b, found = np.ascontiguousarray(start), np.ascontiguousarray(end), np.empty(4)
+        a, b = np.ascontiguousarray(start, _FLOAT), np.ascontiguousarray(end, _FLOAT)
+        found = np.empty(4)
         arrays, slack = self.model.arrays, float(self.slack)
         verdict = _early_contact()(arrays, a, b, slack, _LOOKS, found)
         return None if verdict == FREE else self._motion(verdict, found)

@@ -60,10 +60,7 @@ class Deadline:
     @property
     def passed(self) -> bool:
         """Whether time is up."""
-        if time.monotonic() < self.at:
-            return False
-        self.interruptions.occurred = True
-        return True
+        return self.sooner_than(0.0)
 
     def sooner_than(self, seconds: float) -> bool:
         """Whether at most that much time remains [s]."""

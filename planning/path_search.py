@@ -172,20 +172,20 @@ class PathSearch:
         query = self._query(kept, level, until, _FEW_PREFERRED_EDGES, proves=proves)
         return self._ask_planners(self.planners, query, levels)[0]
 
-    def _budgets(self, ready: Ready, found: Sequence[Room]) -> Iterator[tuple[Room, int]]:
+    def _budgets(self, ready: Ready, choices: Sequence[Room]) -> Iterator[tuple[Room, int]]:
         """Rooms, with the edges that a search for a path in each may look at.
 
         Where own links are too near on the straight way between ends at which they are not, they
         are mostly so on every way: such pairs move by a joint or two.
         """
         many, few = _MAX_PREFERRED_EDGES, _FEW_PREFERRED_EDGES
-        if len(found) == 2:
+        if len(choices) == 2:
             shares = np.linspace(0.0, 1.0, _LOOKS)[:, None]
             states = ready.start + shares * (ready.goals[0] - ready.start)
-            kept = found[0].look.each_valid(states)
-            if not kept.all() and found[1].look.each_valid(states[~kept]).any():
+            kept = choices[0].look.each_valid(states)
+            if not kept.all() and choices[1].look.each_valid(states[~kept]).any():
                 many, few = few, many
-        yield from zip(found, (many, few), strict=False)
+        yield from zip(choices, (many, few), strict=False)
 
     def _find_in_room(
         self,

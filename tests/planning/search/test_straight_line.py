@@ -1,6 +1,9 @@
 """Straight motions of a ball that slides: which goal is taken, and what blocks the others."""
 
+from typing import Any
+
 import numpy as np
+import pytest
 
 from obstacles.checker import Checker
 from obstacles.scene import Scene
@@ -51,3 +54,10 @@ def test_a_look_finds_what_collides_and_proves_nothing() -> None:
     path, (motion,) = straight_line(thin, -far, [far])
     assert path is None
     assert motion.pair == ("ball", "foil")
+
+
+@pytest.mark.parametrize("kind", [np.int64, np.float32])
+def test_numbers_of_other_kinds_are_looked_at_as_such(kind: Any) -> None:
+    one = np.array([1.0, 0.0])
+    other: Any = one.astype(kind)
+    assert CHECKER.early_contact(-other, other) == CHECKER.early_contact(-one, one)
