@@ -5,8 +5,7 @@ wish: paths, shortcuts and blends keep it where they can, and then a half of it,
 come as near as the margin allows.
 """
 
-from collections.abc import Sequence
-from dataclasses import replace
+from collections.abc import Iterator, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -58,29 +57,27 @@ class Room(NamedTuple):
     preferred: Checker
 
 
-def rooms(levels: Sequence[Checker]) -> list[Room]:
-    """The preferred clearance with that between own links, and with what is needed there.
+def rooms(levels: Sequence[Checker]) -> Iterator[Room]:
+    """The preferred clearance with that between own links, and then with what is needed there.
 
     Args:
         levels: As ``clearance_levels`` gives them, two at least.
     """
     kept, least = levels[0], levels[-1]
+    yield _room(kept)
     own = least.model.own_margin + least.slack
-    if not len(kept.model.robot.self_pairs) or own >= kept.model.own_margin:
-        return [_room(kept)]
-    nearer = replace(kept, model=kept.model.with_margins(kept.model.margin, own))
-    return [_room(kept), _room(nearer)]
+    if len(kept.model.robot.self_pairs) and own < kept.model.own_margin:
+        yield _room(Checker(kept.model.with_margins(kept.model.margin, own), kept.slack))
 
 
 def _room(level: Checker) -> Room:
-    look, kept = (_with_more(level, *more) for more in (_RESERVE, _SPARE))
-    return Room(look, kept, level)
+    return Room(_with_more(level, *_RESERVE), _with_more(level, *_SPARE), level)
 
 
 def _with_more(level: Checker, share: float, most: float) -> Checker:
-    model = level.model
-    margins = (d + min(share * d, most) for d in (model.margin, model.own_margin))
-    return replace(level, model=model.with_margins(*margins))
+    margin, own = level.model.margin, level.model.own_margin
+    margin, own = margin + min(share * margin, most), own + min(share * own, most)
+    return Checker(level.model.with_margins(margin, own), level.slack)
 
 
 def highest_level(

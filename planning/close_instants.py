@@ -37,28 +37,59 @@ def close_instants(level: Checker, breaks: Array, coefficients: Array, *, finely
     """
     spacing = _SPACING_PER_METRE * level.model.margin
     spacing = min(max(spacing, _LEAST_SPACING), _MOST_SPACING) / finely
-    times = _evenly_spaced(breaks, coefficients, spacing)
-    _, close = instants(level, breaks, coefficients, times)
-    return times[close]
-
-
-def _evenly_spaced(breaks: Array, coefficients: Array, spacing: float) -> Array:
-    """Times at which a motion has gone equal ways, shape (p,) [s]."""
-    times: Array = np.arange(_INSTANTS + 1, dtype=np.float64) * (float(breaks[-1]) / _INSTANTS)
-    states = np.empty((len(times), coefficients.shape[1]))
-    _sample()(breaks, coefficients, times, 0, states)
-    steps = np.diff(states, axis=0)
-    way = np.zeros(len(times))
-    np.cumsum(np.sqrt((steps * steps).sum(axis=1)), out=way[1:])
-    count = min(max(2, math.ceil(way[-1] / spacing)), _MAX_LOOKS)
-    return np.asarray(np.interp(np.arange(count + 1) * (way[-1] / count), way, times))
+    times, arrays, slack = np.empty(_MAX_LOOKS + 1), level.model.arrays, float(level.slack)
+    return times[: _find_close()(arrays, breaks, coefficients, spacing, slack, times)]
 
 
 @cache
-def _sample() -> Callable[[Array, Array, Array, int, Array], None]:
-    """``sample_kernel`` without the look at its arguments' types."""
-    one = np.zeros(1)
-    return direct(sample_kernel, one, np.zeros((1, 1, 1)), one, 0, np.zeros((1, 1)))
+def _find_close() -> Callable[[ModelArrays, Array, Array, float, float, Array], int]:
+    """``close_kernel`` without the look at its arguments' types."""
+    one, three = np.zeros(1), np.zeros((1, 1, 1))
+    return direct(close_kernel, any_model(), one, three, 0.0, 0.0, one)
+
+
+@kernel
+def close_kernel(
+    model: ModelArrays, breaks: Array, coefficients: Array, spacing: float, slack: float,
+    close: Array,
+) -> int:  # fmt: skip
+    """Write the instants of a motion, looked at after equal ways, that are not free; their number.
+
+    Args:
+        model: The packed robot and scene.
+        breaks: Of the motion, shape (m + 1,) [s].
+        coefficients: Of the motion, shape (m, n, k).
+        spacing: Way between two of them, Euclidean in joint space [rad or m].
+        slack: Distance to keep beyond the margins [m].
+        close: Filled in order, with room for all that may be looked at [s].
+    """
+    times, way = np.empty(_INSTANTS + 1), np.zeros(_INSTANTS + 1)
+    for k in range(_INSTANTS + 1):
+        times[k] = k * (breaks[-1] / _INSTANTS)
+    states = np.empty((_INSTANTS + 1, coefficients.shape[1]))
+    sample_kernel(breaks, coefficients, times, 0, states)
+    for k in range(_INSTANTS):
+        square = 0.0
+        for j in range(states.shape[1]):
+            square += (states[k + 1, j] - states[k, j]) ** 2
+        way[k + 1] = way[k] + math.sqrt(square)
+    count = min(max(2, math.ceil(way[-1] / spacing)), close.shape[0] - 1)
+    looked, at = np.empty(count + 1), 0
+    for k in range(count + 1):
+        gone = k * (way[-1] / count)
+        while at < _INSTANTS - 1 and way[at + 1] < gone:
+            at += 1
+        left, span = gone - way[at], way[at + 1] - way[at]
+        share = min(left / span, 1.0) if span > 0.0 else 0.0
+        looked[k] = times[at] + share * (times[at + 1] - times[at])
+    states, blocked = np.empty((count + 1, coefficients.shape[1])), np.empty(count + 1)
+    look_kernel(model, breaks, coefficients, looked, slack, states, blocked)
+    size = 0
+    for k in range(count + 1):
+        if blocked[k] != 0.0:
+            close[size] = looked[k]
+            size += 1
+    return size
 
 
 def instants(

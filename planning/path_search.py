@@ -23,8 +23,8 @@ from planning.ready import Ready
 from planning.result import Attempt, Failure
 from planning.retreat import join_ends, retreat
 from planning.search.clearance import keep_clear
-from planning.search.quickening import quicken
-from planning.search.shortcut import shortcut, shortcut_unproved
+from planning.search.quickening import MAX_WAYPOINTS, quicken
+from planning.search.shortcut import path_is_free, shortcut, shortcut_unproved
 from planning.search.straight_line import StraightLine
 from planning.stages import Stages
 
@@ -46,13 +46,21 @@ _MAX_PREFERRED_EDGES = 2000
 _FEW_PREFERRED_EDGES = 500
 #: States of a leg that are looked at for the clearance that it keeps, or for what is in its way.
 _LOOKS = 24
+#: Where they are on it, shape (_LOOKS, 1).
+_SHARES = np.linspace(0.0, 1.0, _LOOKS)[:, None]
 
 
 class FoundPath(NamedTuple):
-    """A path: the planner that found it, its attempt, and the checker that proved it free.
+    """A path: the planner that found it, its attempt, and the checker that it was found with.
 
-    ``levels`` are checkers of falling clearance, the last of which proves every path;
-    ``motion_levels`` take their place for the motion, where it has others.
+    Args:
+        planner: Its name.
+        attempt: What it answered; whether its path is proved free.
+        checker: One of the levels, the highest that the path keeps.
+        waypoints: Shape (k, n).
+        levels: Checkers of falling clearance, the last of which proves paths and motions.
+        motion_levels: Take their place for the motion, where it has others.
+        ends: Of a path between retreats.
     """
 
     planner: str
@@ -103,7 +111,7 @@ class PathSearch:
     def find(self, ready: Ready) -> FoundPath | Failure:
         """Find a path and shorten it, proved in every place.
 
-        One that keeps the preferred clearance where it is looked at is shortened first and proved
+        One that keeps the preferred clearance where it is looked at is changed first and proved
         then: few of its legs are left. Where that proof fails, all is done once more with a proof
         of what the planners find.
         """
@@ -111,10 +119,19 @@ class PathSearch:
         if isinstance(found, Failure):
             return found
         short = self._shorten(found)
-        if short is not None:
+        if found.attempt.proved or self._is_proved(short):
             return short
         found = self._find(ready, proves=True)
-        return found if isinstance(found, Failure) else self._shorten(found) or found
+        return found if isinstance(found, Failure) else self._shorten(found)
+
+    def _is_proved(self, found: FoundPath) -> bool:
+        """Prove the legs of a path that was only looked at, as a stage of its own."""
+        checker, path = found.levels[-1], found.waypoints
+        return self.stages.run(
+            "path_proof",
+            lambda: path_is_free(checker, path),
+            lambda free: _describe_proof(path, free=free),
+        )
 
     def _find(self, ready: Ready, *, proves: bool) -> FoundPath | Failure:
         """Let the planners try in turn; with the robot in its solids' hulls first, if it can be."""
@@ -172,20 +189,25 @@ class PathSearch:
         query = self._query(kept, level, until, _FEW_PREFERRED_EDGES, proves=proves)
         return self._ask_planners(self.planners, query, levels)[0]
 
-    def _budgets(self, ready: Ready, choices: Sequence[Room]) -> Iterator[tuple[Room, int]]:
+    def _budgets(self, ready: Ready, choices: Iterator[Room]) -> Iterator[tuple[Room, int]]:
         """Rooms, with the edges that a search for a path in each may look at.
 
         Where own links are too near on the straight way between ends at which they are not, they
         are mostly so on every way: such pairs move by a joint or two.
         """
-        many, few = _MAX_PREFERRED_EDGES, _FEW_PREFERRED_EDGES
-        if len(choices) == 2:
-            shares = np.linspace(0.0, 1.0, _LOOKS)[:, None]
-            states = ready.start + shares * (ready.goals[0] - ready.start)
-            kept = choices[0].look.each_valid(states)
-            if not kept.all() and choices[1].look.each_valid(states[~kept]).any():
-                many, few = few, many
-        yield from zip(choices, (many, few), strict=False)
+        many, few, room = _MAX_PREFERRED_EDGES, _FEW_PREFERRED_EDGES, next(choices)
+        states = ready.start + _SHARES * (ready.goals[0] - ready.start)
+        kept = room.look.each_valid(states)
+        if kept.all():
+            yield room, many
+            yield from ((nearer, few) for nearer in choices)
+            return
+        nearer = next(choices, None)
+        if nearer is not None and nearer.look.each_valid(states[~kept]).any():
+            many, few = few, many
+        yield room, many
+        if nearer is not None:
+            yield nearer, few
 
     def _find_in_room(
         self,
@@ -285,23 +307,22 @@ class PathSearch:
             seed=seed,
         )
 
-    def _shorten(self, found: FoundPath) -> FoundPath | None:
-        """The path with fewer waypoints, None where it can't be proved.
-
-        A tool path, or one to be kept, stays as it is.
-        """
+    def _shorten(self, found: FoundPath) -> FoundPath:
+        """The path with fewer waypoints. A tool path, or one to be kept, stays as it is."""
         if found.attempt.tool_path is not None or found.attempt.keep_path:
             return found._replace(levels=found.levels[-1:])
-        if len(found.waypoints) > 2 or not found.attempt.proved:
+        if len(found.waypoints) > 2:
             found = self._replace_path(found, "shortcut", self._shortcut)
-            if len(found.waypoints) == 0:
-                return None
         is_kept = found.checker is found.levels[0] and len(found.waypoints) == 2
-        is_straight = found.planner == self.options.planner == StraightLine.name
-        is_held = isinstance(found.checker, ConstrainedChecker) or len(found.levels) == 1
-        if not (is_held or is_straight or (is_kept and found.ends is None)):
+        if self._may_keep_clear(found) and not (is_kept and found.ends is None):
             found = self._replace_path(found, "clearance", self._keep_clear)
         return found if found.motion_levels is None else self._for_motion(found)
+
+    def _may_keep_clear(self, found: FoundPath) -> bool:
+        """Whether a path may be moved for the sake of its clearance."""
+        is_straight = found.planner == self.options.planner == StraightLine.name
+        is_held = isinstance(found.checker, ConstrainedChecker) or len(found.levels) == 1
+        return not (is_held or is_straight)
 
     def _for_motion(self, found: FoundPath) -> FoundPath:
         """The path with the levels for its motion, and the highest that it keeps as its checker."""
@@ -309,9 +330,8 @@ class PathSearch:
         assert levels is not None
         if found.ends is None or self.options.refine is None:
             return found._replace(levels=levels, checker=levels[-1])
-        shares = np.linspace(0.0, 1.0, _LOOKS)[:, None]
         legs = zip(found.waypoints[:-1], found.waypoints[1:], strict=True)
-        states = np.concatenate([a + shares * (b - a) for a, b in legs])
+        states = np.concatenate([a + _SHARES * (b - a) for a, b in legs])
         kept = next((level for level in levels[:-1] if level.all_valid(states)), levels[-1])
         return found._replace(levels=levels, checker=kept)
 
@@ -319,29 +339,36 @@ class PathSearch:
         self, found: FoundPath, stage: str, change: Callable[[FoundPath], Array]
     ) -> FoundPath:
         count = len(found.waypoints)
-
-        def describe(path: Array) -> tuple[bool, str]:
-            if len(path) == 0:
-                return False, "What was looked at could not be proved."
-            return True, f"{count} waypoints became {len(path)}."
-
-        path = self.stages.run(stage, partial(change, found), describe)
+        path = self.stages.run(
+            stage,
+            partial(change, found),
+            lambda path: (True, f"{count} waypoints became {len(path)}."),
+        )
         return found._replace(waypoints=path)
 
     def _shortcut(self, found: FoundPath) -> Array:
         checker, waypoints = found.checker, found.waypoints
         if isinstance(checker, ConstrainedChecker):
             return shortcut_along(Manifold(checker), waypoints, self.options.seed, self.deadline)
+        # Corners are cut where that saves time when the path is made quicker, which comes next.
+        cuts = not self._may_keep_clear(found) or self.options.refine is not None
+        short = self._left_out(found, cuts=cuts)
+        return short if len(short) <= MAX_WAYPOINTS else self._left_out(found, cuts=True)
+
+    def _left_out(self, found: FoundPath, *, cuts: bool) -> Array:
+        """The path with waypoints left out, and its corners cut or not."""
         if not found.attempt.proved:
-            return shortcut_unproved(checker, waypoints, self.deadline, found.levels[-1])
-        return shortcut(checker, waypoints, self.deadline, found.levels[-1])
+            return shortcut_unproved(found.checker, found.waypoints, self.deadline, cuts=cuts)
+        least = found.levels[-1]
+        return shortcut(found.checker, found.waypoints, self.deadline, least, cuts=cuts)
 
     def _keep_clear(self, found: FoundPath) -> Array:
         reached = found.levels.index(found.checker)
         path = keep_clear(found.levels, found.waypoints, self.deadline, reached)
         # What is optimised afterwards is made quicker there.
         if not self.deadline.passed and self.options.refine is None:
-            path = quicken(found.levels, path, self.limits, spacious=reached == 0)
+            proves = found.attempt.proved
+            path = quicken(found.levels, path, self.limits, spacious=reached == 0, proves=proves)
         return path if found.ends is None else _join(found.ends, found.checker, path)
 
 
@@ -350,6 +377,13 @@ def _join(ends: Ends, roomy: Checker, path: Array) -> Array:
     apart = [float(np.abs(end - path[-1]).max()) for end in ends.retreats]
     last = apart.index(min(apart))
     return join_ends(roomy, ends.least, ends.start, path, ends.goals[last])
+
+
+def _describe_proof(waypoints: Array, *, free: bool) -> tuple[bool, str]:
+    legs = len(waypoints) - 1
+    if free:
+        return True, f"{legs} legs are proved free."
+    return False, f"Of {legs} legs that were looked at, not all could be proved free."
 
 
 def _describe_attempt(attempt: Attempt) -> tuple[bool, str]:

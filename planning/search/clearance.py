@@ -100,17 +100,18 @@ class _Points(NamedTuple):
 def keep_clear(
     levels: Sequence[Checker], waypoints: Array, deadline: Deadline, reached: int | None = None
 ) -> Array:
-    """Move a polyline whose legs are proved free to where it keeps the preferred clearance.
+    """Move a polyline to where it keeps the preferred clearance; legs that are moved are proved.
 
     Args:
         levels: Checkers of falling clearance, three at most, of one robot in one scene; the last
             proves what comes back.
-        waypoints: The polyline, shape (k, n) [rad or m]; its ends stay.
+        waypoints: The polyline, shape (k, n) [rad or m], proved free or looked at; its ends stay.
         deadline: When to stop trying.
         reached: The level that the polyline keeps; the last where it is not told.
 
     Returns:
-        A polyline from the same start to the same goal, proved free by the last checker.
+        A polyline from the same start to the same goal; proved free by the last checker if that
+        given is.
     """
     last = len(levels) - 1
     reached = last if reached is None else reached

@@ -42,7 +42,7 @@ _LEAST_GAIN = 1e-2
 #: Edge checks after which the path stays as it is.
 _MAX_CHECKS = 60
 #: Paths with more waypoints stay as they are.
-_MAX_WAYPOINTS = 48
+MAX_WAYPOINTS = 48
 
 
 class _Way(NamedTuple):
@@ -90,7 +90,12 @@ class _Bounds(NamedTuple):
 
 
 def quicken(
-    levels: Sequence[Checker], waypoints: Array, limits: Array, *, spacious: bool = False
+    levels: Sequence[Checker],
+    waypoints: Array,
+    limits: Array,
+    *,
+    spacious: bool = False,
+    proves: bool = True,
 ) -> Array:
     """Make a polyline quicker whose legs are proved free; what comes back is proved too.
 
@@ -99,30 +104,34 @@ def quicken(
             by the last.
         waypoints: The polyline, shape (k, n) [rad or m]; its ends stay.
         limits: Of velocity, acceleration and jerk, shape (3, n), as ``estimate_limits`` has them.
-        spacious: Whether the legs are known to be proved free by the first, too.
+        spacious: Whether the legs are known to lack nothing of what the first asks for.
+        proves: Whether legs that lack nothing are proved, in the end; otherwise they are only
+            looked at, before and afterwards.
     """
     preferred, least = levels[0], levels[-1]
-    if len(levels) < 2 or not 2 < len(waypoints) <= _MAX_WAYPOINTS:
+    if len(levels) < 2 or not 2 < len(waypoints) <= MAX_WAYPOINTS:
         return waypoints
     weight, reach = _WEIGHT / preferred.model.margin, preferred.model.chain.limits
     limits = np.concatenate([limits, [reach.lower, reach.upper]])
     points = np.ascontiguousarray(waypoints, np.float64)
     slack = float(least.slack)
     bounds = _Bounds(look_of(preferred, 0.0), look_of(least), slack, limits, weight, True)
-    return _quicken_directly()(least.model.arrays, bounds, points, spacious)
+    return _quicken_directly()(least.model.arrays, bounds, points, spacious, proves)
 
 
 @cache
-def _quicken_directly() -> Callable[[ModelArrays, _Bounds, Array, bool], Array]:
+def _quicken_directly() -> Callable[[ModelArrays, _Bounds, Array, bool, bool], Array]:
     """``quicken_kernel`` without the look at its arguments' types, which would cost too much."""
     look, points = Look(0.0, 0.0, 0.0), np.zeros((1, 1))
     bounds = _Bounds(look, look, 0.0, points, 0.0, True)
-    return direct(quicken_kernel, any_model(), bounds, points, True)
+    return direct(quicken_kernel, any_model(), bounds, points, True, True)
 
 
 @kernel
-def quicken_kernel(model: ModelArrays, bounds: _Bounds, waypoints: Array, spacious: bool) -> Array:
-    """``quicken`` of waypoints (k, n), k >= 3, legs that lack nothing proved later."""
+def quicken_kernel(
+    model: ModelArrays, bounds: _Bounds, waypoints: Array, spacious: bool, proves: bool
+) -> Array:
+    """``quicken`` of waypoints (k, n), k >= 3, legs that lack nothing proved later, or never."""
     room, n = waypoints.shape[0] + _MAX_CHECKS, waypoints.shape[1]
     way = _Way(
         np.empty((room, n)), np.empty(room), np.empty((room, n)), np.empty(room),
@@ -132,7 +141,7 @@ def quicken_kernel(model: ModelArrays, bounds: _Bounds, waypoints: Array, spacio
     work, held = workspace(model), Held(bounds.preferred, bounds.slack, True)
     count = _start(model, work, bounds, way, waypoints, spacious)
     count = _quicken(model, work, bounds, way, count)
-    if not are_proved(model, work, held, way.points[:count], waypoints):
+    if proves and not are_proved(model, work, held, way.points[:count], waypoints):
         # Between two looks it came too near: once more, with a proof of every leg.
         at_once = _Bounds(
             bounds.preferred, bounds.least, bounds.slack, bounds.limits, bounds.weight, False

@@ -9,7 +9,8 @@ of it is one kernel: a cut is an edge check and little else. Random cuts along t
 usual way, need several times as many checks for paths of the same length.
 
 A cut is proved before it is taken. Where cuts are looked for with more clearance than is proved,
-states of each are looked at, and the legs that are left in the end are proved.
+states of each are looked at, and the legs that are left in the end are proved; those of a path that
+was only looked at itself wait for what is done to it next.
 """
 
 import math
@@ -95,7 +96,12 @@ class Corners(NamedTuple):
 
 
 def shortcut(
-    checker: Checker, waypoints: Array, deadline: Deadline, proof: Checker | None = None
+    checker: Checker,
+    waypoints: Array,
+    deadline: Deadline,
+    proof: Checker | None = None,
+    *,
+    cuts: bool = True,
 ) -> Array:
     """Shorten a polyline whose legs are proved free; what comes back is too.
 
@@ -107,35 +113,54 @@ def shortcut(
         deadline: When to stop trying.
         proof: Proves what comes back, with less clearance in the same scene than ``checker`` looks
             for; without it each cut is proved by ``checker``.
+        cuts: Whether corners are cut; otherwise waypoints are left out and no more is done.
     """
     proof = checker if proof is None else proof
-    return _shortened(checker, waypoints, deadline, proof, proved=True)
+    held = Held(look_of(checker), float(proof.slack), proof is not checker)
+    rounds = _ROUNDS if cuts and not deadline.passed else 0
+    return _shortened(proof, waypoints, held, rounds, proves=True)
 
 
 def shortcut_unproved(
-    checker: Checker, waypoints: Array, deadline: Deadline, proof: Checker
+    checker: Checker, waypoints: Array, deadline: Deadline, *, cuts: bool = True
 ) -> Array:
-    """Shorten a polyline that was only looked at, and prove what comes of it.
+    """Shorten a polyline of which states were looked at; what comes back is only looked at, too.
 
     Args:
-        checker: Finds the cuts.
+        checker: Finds the cuts, with clearance to spare.
         waypoints: The polyline, shape (k, n) [rad or m].
         deadline: When to stop trying.
-        proof: Proves what comes back, with less clearance than ``checker`` looks for.
-
-    Returns:
-        The polyline, shape (k, n); none of its waypoints where the proof fails.
+        cuts: As in ``shortcut``.
     """
-    return _shortened(checker, waypoints, deadline, proof, proved=False)
+    held = Held(look_of(checker), float(checker.slack), True)
+    rounds = _ROUNDS if cuts and not deadline.passed else 0
+    return _shortened(checker, waypoints, held, rounds, proves=False)
 
 
 def _shortened(
-    checker: Checker, waypoints: Array, deadline: Deadline, proof: Checker, *, proved: bool
+    checker: Checker, waypoints: Array, held: Held, rounds: int, *, proves: bool
 ) -> Array:
     points = np.ascontiguousarray(waypoints, np.float64)
-    held = Held(look_of(checker), float(proof.slack), proof is not checker)
-    rounds = 0 if deadline.passed else _ROUNDS
-    return _shorten_directly()(proof.model.arrays, held, points, proved, rounds)
+    return _shorten_directly()(checker.model.arrays, held, points, proves, rounds)
+
+
+def path_is_free(checker: Checker, waypoints: Array) -> bool:
+    """Whether every leg of a polyline, shape (k, n) [rad or m], is proved free soon enough."""
+    points = np.ascontiguousarray(waypoints, np.float64)
+    return _prove_directly()(checker.model.arrays, float(checker.slack), points)
+
+
+@cache
+def _prove_directly() -> Callable[[ModelArrays, float, Array], bool]:
+    """``prove_kernel`` without the look at its arguments' types."""
+    return direct(prove_kernel, any_model(), 0.0, np.zeros((1, 1)))
+
+
+@kernel
+def prove_kernel(model: ModelArrays, slack: float, waypoints: Array) -> bool:
+    """``path_is_free`` with a distance to keep beyond the model's margins [m]."""
+    held = Held(Look(model.margin, model.own_margin, slack), slack, True)
+    return are_proved(model, workspace(model), held, waypoints, waypoints[:0])
 
 
 def look_of(checker: Checker, slack: float | None = None) -> Look:
@@ -154,13 +179,12 @@ def _shorten_directly() -> Callable[[ModelArrays, Held, Array, bool, int], Array
 
 @kernel
 def shorten_kernel(
-    model: ModelArrays, held: Held, waypoints: Array, proved: bool, rounds: int
+    model: ModelArrays, held: Held, waypoints: Array, proves: bool, rounds: int
 ) -> Array:
     """``shortcut`` of waypoints (k, n) in so many rounds, or ``shortcut_unproved``.
 
     Cuts that are proved later have clearance to spare by the looks, and most are cut off again.
-    Where the proof fails in the end, all is done once more with a proof of every cut; of a path
-    that was not proved before nothing is left then.
+    Where the proof fails in the end, all is done once more with a proof of every cut.
     """
     work, room = workspace(model), waypoints.shape[0] + _MAX_CHECKS
     corners = Corners(
@@ -168,10 +192,8 @@ def shorten_kernel(
         np.empty(1, dtype=np.int64),
     )  # fmt: skip
     count = _shorten(model, work, held, corners, waypoints, rounds)
-    known = waypoints if proved else waypoints[:0]
-    if held.later and not are_proved(model, work, held, corners.points[:count], known):
-        if not proved:
-            return corners.points[:0].copy()
+    proves = proves and held.later
+    if proves and not are_proved(model, work, held, corners.points[:count], waypoints):
         at_once = Held(held.look, held.slack, False)
         count = _shorten(model, work, at_once, corners, waypoints, rounds)
     return corners.points[:count].copy()

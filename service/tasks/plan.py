@@ -49,6 +49,7 @@ _PROGRESS = {
     "straight_line": 0.1,
     "shortcut": 0.6,
     "clearance": 0.65,
+    "path_proof": 0.68,
     "timing": 0.7,
     "certificate": 0.85,
 }

@@ -1,8 +1,12 @@
 """The search for a path with the preferred clearance first, and then with less."""
 
+from collections.abc import Callable
+
 import numpy as np
 import pytest
 
+from kinematics.arrays import Array
+from obstacles.checker import Checker
 from obstacles.scene import Scene
 from planning import path_search
 from planning.options import Options
@@ -40,10 +44,59 @@ def test_where_there_is_room_one_search_is_enough() -> None:
 def test_where_what_was_looked_at_is_not_proved_all_is_done_again_with_proofs(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    monkeypatch.setattr(path_search, "shortcut_unproved", lambda *_: np.zeros((0, 2)))
+    monkeypatch.setattr(path_search, "path_is_free", lambda *_: False)
     problem = Problem(slider(), Scene((LONG,)), START, (JointGoal(GOAL),))
     answer = plan(problem, Options(clearance=PreferredClearance(0.04)))
     assert isinstance(answer, Plan)
     assert answer.certificate.verified
-    told = [(stage.name, stage.outcome) for stage in answer.stages if stage.name == "shortcut"]
-    assert told == [("shortcut", "failed"), ("shortcut", "succeeded")]
+    names = ["straight_line", "rrt_connect", "shortcut", "clearance"]
+    told = [stage.name for stage in answer.stages][1:-2]
+    assert told == [*names, "path_proof", *names]
+
+
+def test_a_path_that_was_looked_at_is_proved_last() -> None:
+    problem = Problem(slider(), Scene((LONG,)), START, (JointGoal(GOAL),))
+    answer = plan(problem, Options(clearance=PreferredClearance(0.04)))
+    assert isinstance(answer, Plan)
+    proof = answer.stages[-3]
+    assert (proof.name, proof.outcome) == ("path_proof", "succeeded")
+    assert proof.detail == f"{len(answer.path.waypoints) - 1} legs are proved free."
+    assert Checker.of(slider(), Scene((LONG,))).polyline(answer.path.waypoints)[0].free
+
+
+def test_corners_are_cut_only_where_the_path_is_not_made_quicker_next(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    told = list[bool]()
+
+    def note(cut: Callable[..., Array]) -> Callable[..., Array]:
+        def cut_and_note(*args: object, cuts: bool) -> Array:
+            told.append(cuts)
+            return cut(*args, cuts=cuts)
+
+        return cut_and_note
+
+    for name in ("shortcut", "shortcut_unproved"):
+        monkeypatch.setattr(path_search, name, note(getattr(path_search, name)))
+    problem = Problem(slider(), Scene((LONG,)), START, (JointGoal(GOAL),))
+    for preferred, planner in ((0.04, "auto"), (0.04, "rrt_connect"), (0.0, "auto")):
+        options = Options(planner=planner, clearance=PreferredClearance(preferred))
+        assert isinstance(plan(problem, options), Plan)
+    assert told == [False, False, True]
+
+
+def test_a_path_of_too_many_waypoints_to_be_made_quicker_has_its_corners_cut(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr(path_search, "MAX_WAYPOINTS", 2)
+    problem = Problem(slider(), Scene((LONG,)), START, (JointGoal(GOAL),))
+    cut = shortcuts(problem)
+    monkeypatch.undo()
+    assert cut != shortcuts(problem)
+
+
+def shortcuts(problem: Problem) -> str:
+    """Result of the shortcut on the way to a plan with 40 mm to spare."""
+    answer = plan(problem, Options(clearance=PreferredClearance(0.04)))
+    assert isinstance(answer, Plan)
+    return next(stage.detail for stage in answer.stages if stage.name == "shortcut")

@@ -92,7 +92,7 @@ def quicker(path: Array, upper: float) -> Array:
     limits = np.concatenate([MOTION, [[-2.0, -2.0], [2.0, upper]]])
     slack = float(least.slack)
     bounds = _Bounds(look_of(preferred, 0.0), look_of(least), slack, limits, 300.0, True)
-    return quicken_kernel(least.model.arrays, bounds, path, True)
+    return quicken_kernel(least.model.arrays, bounds, path, True, True)
 
 
 @pytest.mark.parametrize("seed", range(12))

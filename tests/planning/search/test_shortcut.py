@@ -10,7 +10,7 @@ from obstacles.checker import Checker
 from obstacles.fcl_distance import FclWorld
 from obstacles.scene import Scene
 from planning.deadline import Deadline
-from planning.search.shortcut import shortcut, shortcut_unproved
+from planning.search.shortcut import path_is_free, shortcut, shortcut_unproved
 from tests.planning.scenes import HOME, box, builtin
 from tests.planning.slider import slider
 
@@ -114,19 +114,36 @@ def test_what_is_looked_at_with_a_clearance_keeps_it_between_looks_too(seed: int
     assert least_distance(short, BAR) >= 0.9 * clearance
 
 
-def test_a_path_that_was_only_looked_at_is_proved_when_it_is_short() -> None:
+@pytest.mark.parametrize("cuts", [False, True])
+def test_a_path_that_was_only_looked_at_keeps_the_clearance_by_looks(cuts: bool) -> None:
     proof = Checker.of(builtin("planar_rr"), BAR)
     wished = Checker.of(builtin("planar_rr"), BAR, 0.03)
     path = detour(wished, np.random.default_rng(2))
-    short = shortcut_unproved(wished, path, Deadline.after(60.0), proof)
+    short = shortcut_unproved(wished, path, Deadline.after(60.0), cuts=cuts)
     assert np.array_equal(short[[0, -1]], path[[0, -1]])
-    assert proof.polyline(short)[0].free
+    assert len(short) < len(path)
+    assert least_distance(short, BAR) >= 0.9 * 0.03
+    assert path_is_free(proof, short)
 
 
-def test_nothing_is_left_of_one_that_cannot_be_proved() -> None:
+def test_without_cuts_waypoints_are_left_out_and_none_is_new() -> None:
+    checker = Checker.of(builtin("planar_rr"), BAR)
+    path = detour(checker, np.random.default_rng(2))
+    short = shortcut(checker, path, Deadline.after(60.0), cuts=False)
+    places = [np.flatnonzero((path == q).all(axis=1)) for q in short]
+    assert all(len(place) == 1 for place in places)
+    assert (np.diff(np.concatenate(places)) > 0).all()
+    assert 2 < len(short) < len(path)
+    assert checker.polyline(short)[0].free
+
+
+def test_a_leg_that_cannot_be_proved_is_found_in_any_place() -> None:
     """A foil between the looks at a motion of many metres."""
     checker = Checker.of(slider(), Scene((box("foil", (1e-5, 1.0, 0.4), (0.07, 0.0, 0.0)),)))
-    far = np.array([18.0, 0.0])
-    path = np.array([-far, [-9.0, 0.0], far])
-    wished = Checker(checker.model)
-    assert len(shortcut_unproved(wished, path, Deadline.after(60.0), checker)) == 0
+    far, above = np.array([18.0, 0.0]), np.array([0.0, 3.0])
+    looked = shortcut_unproved(checker, np.array([-far, 0.5 * -far, far]), Deadline.after(60.0))
+    assert len(looked) == 2
+    assert not path_is_free(checker, np.array([-far, far]))
+    assert not path_is_free(checker, np.array([above, -far, far, above]))
+    assert path_is_free(checker, np.array([-far, above, far]))
+    assert path_is_free(checker, far[None])
