@@ -63,12 +63,17 @@ class InFrame(Answer):
     frame_note: str | None = None
 
 
+#: Types of values that stay as they are.
+_PLAIN_TYPES = frozenset({float, int, str, bool, type(None)})
+
+
 def plain(value: Any) -> Any:
     """Tuples and arrays as lists and mappings as dictionaries, at any depth; the rest as it is."""
+    if isinstance(value, list | tuple):
+        # Nearly all are numbers: a call for each of them would be most of what it takes.
+        return [item if type(item) in _PLAIN_TYPES else plain(item) for item in value]
     if hasattr(value, "tolist"):
         return value.tolist()
-    if isinstance(value, list | tuple):
-        return [plain(item) for item in value]
     if isinstance(value, Mapping):
         return {name: plain(item) for name, item in value.items()}
     return value

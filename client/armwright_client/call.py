@@ -6,8 +6,9 @@ method that answers where the client is synchronous, and one to be awaited where
 
 from collections.abc import AsyncIterator, Awaitable, Callable, Iterator, Mapping
 from dataclasses import dataclass, field
-from functools import cache, wraps
+from functools import cache, lru_cache, wraps
 from inspect import Signature, signature
+from types import MethodType
 from typing import (
     TYPE_CHECKING,
     Any,
@@ -36,6 +37,8 @@ A = TypeVar("A")
 
 #: Errors of arguments that one message shows.
 _MAX_ERRORS = 3
+#: Paths that are kept: most requests are about a few robots and scenes.
+_KEPT_PATHS = 256
 
 
 @dataclass(frozen=True, slots=True)
@@ -184,31 +187,26 @@ class EventEndpoint(Generic[P]):
 
 def _bind(build: Callable[..., Any], group: Any, kind: type, action: str) -> Any:
     """The method of a group, or of its class where there is no group."""
-    awaited = issubclass(kind, AsyncGroup)
-    if group is None:
-
-        @wraps(build)
-        def of_class(group: Any, *args: Any, **kwargs: Any) -> Any:
-            return getattr(group, build.__name__)(*args, **kwargs)
-
-        of_class.__signature__ = _signature(build, awaited, action)  # type: ignore[attr-defined]
-        return of_class
-    bound = build.__get__(group)
-    perform = getattr(group._sender, action)
-
-    @wraps(bound)
-    def method(*args: Any, **kwargs: Any) -> Any:
-        try:
-            call = bound(*args, **kwargs)
-        except ValidationError as error:
-            raise InvalidArgument(_refusal(error)) from error
-        return perform(call)
-
-    method.__signature__ = _bound_signature(build, awaited, action)  # type: ignore[attr-defined]
-    return method
+    method = _method(build, action, issubclass(kind, AsyncGroup))
+    return method if group is None else MethodType(method, group)
 
 
 @cache
+def _method(build: Callable[..., Any], action: str, awaited: bool) -> Callable[..., Any]:
+    """The method of all groups of a kind: made once, as to make it takes as long as to run it."""
+
+    @wraps(build)
+    def method(group: Any, *args: Any, **kwargs: Any) -> Any:
+        try:
+            call = build(group, *args, **kwargs)
+        except ValidationError as error:
+            raise InvalidArgument(_refusal(error)) from error
+        return getattr(group._sender, action)(call)
+
+    method.__signature__ = _signature(build, awaited, action)  # type: ignore[attr-defined]
+    return method
+
+
 def _signature(build: Callable[..., Any], awaited: bool, action: str) -> Signature:
     """The signature that users see: what comes back, not the call that is sent."""
     from armwright_client.pending import AsyncPending, Pending  # noqa: PLC0415  (imports this)
@@ -224,13 +222,6 @@ def _signature(build: Callable[..., Any], awaited: bool, action: str) -> Signatu
     return shown.replace(return_annotation=answer)
 
 
-@cache
-def _bound_signature(build: Callable[..., Any], awaited: bool, action: str) -> Signature:
-    """The signature of a method that has its group already."""
-    shown = _signature(build, awaited, action)
-    return shown.replace(parameters=list(shown.parameters.values())[1:])
-
-
 def _refusal(error: ValidationError) -> str:
     errors = error.errors(include_url=False, include_input=False, include_context=False)
     shown = errors[:_MAX_ERRORS]
@@ -239,6 +230,7 @@ def _refusal(error: ValidationError) -> str:
     return f"{error.title}: {'; '.join([*sentences, *more])}"
 
 
+@lru_cache(_KEPT_PATHS)
 def path(*segments: str) -> str:
     """A path of the interface; names in it are quoted.
 

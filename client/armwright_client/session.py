@@ -84,6 +84,7 @@ class Wire:
         if token is not None:
             self._headers["Authorization"] = f"Bearer {_valid_token(token)}"
         self._timeout = options.get("timeout", _TIMEOUT)
+        self._usual_limits = self._limits(self._timeout)
         self._retry = options.get("retry", Retry())
 
     def settings(self) -> dict[str, Any]:
@@ -134,7 +135,7 @@ class Wire:
             "url": call.path,
             "params": call.query or None,
             "headers": headers,
-            "timeout": self._limits(call),
+            "timeout": self._limits_of(call),
         }
         match call.body:
             case Request():
@@ -145,10 +146,12 @@ class Wire:
                 arguments |= {"files": {"file": file}, "data": call.body.fields()}
         return arguments
 
-    def _limits(self, call: Call[Any]) -> httpx.Timeout:
-        read_timeout = self._timeout
-        if call.deadline is not None:
-            read_timeout = max(read_timeout, call.deadline + _GRACE)
+    def _limits_of(self, call: Call[Any]) -> httpx.Timeout:
+        if call.deadline is None or call.deadline + _GRACE <= self._timeout:
+            return self._usual_limits
+        return self._limits(call.deadline + _GRACE)
+
+    def _limits(self, read_timeout: float) -> httpx.Timeout:
         # Waiting for one of the client's own connections is no fault of the service.
         return httpx.Timeout(read_timeout, connect=min(self._timeout, _CONNECT), pool=None)
 
