@@ -2,8 +2,8 @@
 
 import json
 import logging
+import os
 import re
-import secrets
 import time
 from contextvars import ContextVar
 from typing import Literal
@@ -32,7 +32,7 @@ def new_request_id(proposed: str | None) -> str:
     """The id of a request: that which its caller proposes, if it is harmless, or a new one."""
     if proposed is not None and _SAFE_ID.fullmatch(proposed):
         return proposed
-    return secrets.token_hex(8)
+    return os.urandom(8).hex()
 
 
 class JsonFormatter(logging.Formatter):

@@ -8,16 +8,19 @@ import asyncio
 import tempfile
 import time
 
-from starlette.datastructures import Headers
 from starlette.requests import ClientDisconnect
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 from service.http.errors import HttpProblemError
+from service.http.fields import field
 from service.http.job_context import JOB_CONTEXT
 
 #: Key in the scope of a request with the instant at which it began to arrive, on the clock of
 #: `time.monotonic` [s].
 ARRIVAL = "armwright.arrival"
+#: Key in the scope of a request with its whole body, where that came at once, behind the function
+#: that it is received by: a request within the request, such as a replay, has another one.
+BODY = "armwright.body"
 #: Bodies up to this wait in memory, larger ones in a file [byte].
 _IN_MEMORY = 256 * 1024
 #: Nothing more of the body is read, so the connection can't be used again.
@@ -54,7 +57,7 @@ class BodyLimit:
             ARRIVAL in scope
         )  # whole, and waited for its turn: there is nothing to wait for
         arrival = scope.setdefault(ARRIVAL, time.monotonic())
-        self._check_head(Headers(scope=scope))
+        self._check_head(scope)
         message = await receive() if has_arrived else await self._in_time(receive, arrival)
         content, is_whole = _part(message)
         if is_whole:
@@ -68,11 +71,13 @@ class BodyLimit:
                 return {"type": "http.request", "body": unread.pop(), "more_body": False}
             return await receive()  # what remains to come is the disconnection, whenever that is
 
+        if is_whole:
+            scope[BODY] = receive_stored, content
         await self._app(scope, receive_stored, send)
 
-    def _check_head(self, headers: Headers) -> None:
-        announced = headers.get("content-length", "")
-        if announced and "transfer-encoding" in headers:
+    def _check_head(self, scope: Scope) -> None:
+        announced = field(scope, b"content-length") or ""
+        if announced and field(scope, b"transfer-encoding") is not None:
             # Which of the two counts is where proxies and servers differ (RFC 9112, 6.3).
             raise HttpProblemError(
                 "INVALID_REQUEST",

@@ -7,10 +7,10 @@ if it were that site (DNS rebinding). The header Host tells: it holds the foreig
 import ipaddress
 import re
 
-from starlette.datastructures import Headers
 from starlette.types import ASGIApp, Receive, Scope, Send
 
 from service.http.errors import HttpProblemError
+from service.http.fields import field
 from service.http.job_context import JOB_CONTEXT
 
 #: Allows every name.
@@ -68,7 +68,7 @@ class HostCheck:
             HttpProblemError: HOST_NOT_ALLOWED.
         """
         if scope["type"] == "http" and JOB_CONTEXT not in scope:
-            host = Headers(scope=scope).get("host")
+            host = field(scope, b"host")
             # HTTP/1.1 without the header is refused by the parser; older requests come from probes.
             if host is not None and host != self._allowed:
                 self._check(host)

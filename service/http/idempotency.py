@@ -8,6 +8,7 @@ from fastapi import Request, Response
 from starlette.concurrency import run_in_threadpool
 
 from service.access.caller import caller_of
+from service.http.fields import field
 from service.http.state import store_of
 from service.problem import ProblemError
 from service.storage.idempotency_store import IdempotencyKey, KeptAnswer, Recorded
@@ -30,7 +31,7 @@ async def answer_once(
     Raises:
         ProblemError: The key belongs to another request, or to one still being worked on.
     """
-    key = request.headers.get("idempotency-key")
+    key = field(request.scope, b"idempotency-key")
     if key is None or request.method != "POST":
         return await handle(request)
     if not 1 <= len(key) <= _MAX_KEY or not key.isascii() or not key.isprintable():

@@ -12,6 +12,8 @@ from fastapi.params import Form
 from fastapi.routing import APIRoute
 from pydantic import BaseModel
 
+from service.http.body_limit import BODY
+from service.http.fields import field, values
 from service.http.idempotency import answer_once
 from service.http.job_context import job_context
 from service.http.keeping import answer_and_keep, takes_keep
@@ -20,6 +22,7 @@ from service.problem import ProblemError
 from service.schemas.strict_json import parse_json
 from service.schemas.validation import validate_as
 
+_USUAL_TYPE = "application/json"
 _JSON_TYPE = re.compile(r"application/([\w.+-]+\+)?json")
 #: Methods of requests that may become jobs: GET and DELETE compute nothing.
 _DEFERRABLE = ("POST", "PUT")
@@ -41,6 +44,14 @@ class JsonRequest(Request):
     def __init__(self, request: Request, model: type[BaseModel] | None = None) -> None:
         super().__init__(request.scope, request.receive)
         self._model = model
+
+    async def body(self) -> bytes:
+        """The body; nothing is waited for where it has arrived whole."""
+        receive, content = self.scope.get(BODY, (None, b""))
+        if receive is not self.receive:
+            return await super().body()
+        whole: bytes = content
+        return whole
 
     async def json(self) -> Any:
         """The parsed body; of a large one an outline, which is valid already.
@@ -126,7 +137,7 @@ class JsonRoute(APIRoute):
         async def handle_checked(request: Request) -> Response:
             strict = JsonRequest(request, model)
             if takes_json and await strict.body():
-                require_json(strict.headers.get("content-type"))
+                require_json(field(strict.scope, b"content-type"))
             if not _is_deferred(strict, self.always_deferred):
                 return await answer_once(strict, handle_json)
             defer: Deferral = request.app.state.defer
@@ -147,6 +158,8 @@ def require_json(content_type: str | None) -> None:
     Raises:
         ProblemError: UNSUPPORTED_MEDIA_TYPE, it is not JSON.
     """
+    if content_type == _USUAL_TYPE:
+        return
     media_type = (content_type or "").split(";")[0].strip().lower()
     if not _JSON_TYPE.fullmatch(media_type):
         raise ProblemError(
@@ -163,6 +176,8 @@ def _is_model(annotation: Any) -> TypeGuard[type[BaseModel]]:
 
 def prefers_async(values: list[str]) -> bool:
     """Whether headers Prefer (RFC 7240) name the preference respond-async."""
+    if not values:
+        return False
     preferences = ",".join(values).split(",")
     names = (preference.split(";")[0].split("=")[0] for preference in preferences)
     return any(name.strip().lower() == "respond-async" for name in names)
@@ -172,4 +187,4 @@ def _is_deferred(request: Request, always: bool) -> bool:
     """Whether a request becomes a job: it prefers that, or its route always makes one."""
     if request.method not in _DEFERRABLE or job_context(request) is not None:
         return False
-    return always or prefers_async(request.headers.getlist("prefer"))
+    return always or prefers_async(values(request.scope, b"prefer"))

@@ -3,15 +3,15 @@
 import logging
 import time
 
-from starlette.datastructures import Headers, MutableHeaders
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 from service import logs
 from service.access.caller import caller_of
+from service.http.fields import field
 from service.http.job_context import JOB_CONTEXT
 
 _log = logging.getLogger("service.requests")
-_HEADER = "X-Request-Id"
+_NAME = b"x-request-id"
 
 
 class RequestLog:
@@ -30,7 +30,7 @@ class RequestLog:
             await self._app(scope, receive, send)
             return
         context = scope.get(JOB_CONTEXT)
-        identity = logs.new_request_id(Headers(scope=scope).get(_HEADER))
+        identity = logs.new_request_id(field(scope, _NAME))
         request = logs.request_id.set(identity)
         job = logs.job_id.set(None if context is None else context.id)
         status, began = 0, time.perf_counter()
@@ -39,7 +39,7 @@ class RequestLog:
             nonlocal status
             if message["type"] == "http.response.start":
                 status = message["status"]
-                MutableHeaders(scope=message).setdefault(_HEADER, identity)
+                _add_id(message, identity)
             await send(message)
 
         try:
@@ -60,3 +60,10 @@ class RequestLog:
             logs.key_id.reset(key)
             logs.job_id.reset(job)
             logs.request_id.reset(request)
+
+
+def _add_id(message: Message, identity: str) -> None:
+    """Put the id of a request into the head of its answer, unless there is one."""
+    headers = message.get("headers", ())
+    if all(name != _NAME for name, _ in headers):
+        message["headers"] = [*headers, (_NAME, identity.encode("latin-1"))]

@@ -152,8 +152,13 @@ class RequestParser(HttpToolsProtocol):
 
     def on_header(self, name: bytes, value: bytes) -> None:
         """Take a header; trailers are dropped, as they must not pass for headers."""
-        if not (self._is_muted or self._is_in_body):
-            super().on_header(name, value.strip(b" \t"))
+        if self._is_muted or self._is_in_body:
+            return
+        # As uvicorn does it, but by one call for each header.
+        name, value = name.lower(), value.strip(b" \t")
+        if name == b"expect" and value.lower() == b"100-continue":
+            self.expect_100_continue = True
+        self.headers.append((name, value))
 
     def on_headers_complete(self) -> None:
         """Have a request answered whose head has arrived."""

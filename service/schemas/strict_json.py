@@ -54,7 +54,7 @@ def _field_count(content: bytes) -> int:
     """The number of fields in valid JSON: that of the colons outside of its strings."""
     if b"\\" in content:
         content = _ESCAPED.sub(b"", content)
-    return sum(part.count(b":") for part in content.split(b'"')[::2])
+    return b"".join(content.split(b'"')[::2]).count(b":")
 
 
 def _has_fields(value: Any, count: int) -> bool:

@@ -19,16 +19,19 @@ class FairQueue:
     def __init__(self) -> None:
         self.changes = 0
         self._tickets: OrderedDict[str, deque[Ticket]] = OrderedDict()
+        self._count = 0
 
     def append(self, ticket: Ticket) -> None:
         """Have a ticket wait behind all others of its client."""
         self._tickets.setdefault(ticket.client, deque()).append(ticket)
         self.changes += 1
+        self._count += 1
 
     def appendleft(self, ticket: Ticket) -> None:
         """Have a ticket wait in front of all others."""
         self._tickets.setdefault(ticket.client, deque()).appendleft(ticket)
         self.changes += 1
+        self._count += 1
         self._tickets.move_to_end(ticket.client, last=False)
 
     def popleft(self) -> Ticket:
@@ -39,6 +42,7 @@ class FairQueue:
         """
         client, tickets = self._tickets.popitem(last=False)
         self.changes += 1
+        self._count -= 1
         ticket = tickets.popleft()
         if tickets:
             self._tickets[client] = tickets
@@ -54,6 +58,7 @@ class FairQueue:
         tickets = self._tickets[ticket.client]
         tickets.remove(ticket)
         self.changes += 1
+        self._count -= 1
         if not tickets:
             del self._tickets[ticket.client]
 
@@ -65,7 +70,7 @@ class FairQueue:
             yield from islice(tickets, turns)
 
     def __len__(self) -> int:
-        return sum(map(len, self._tickets.values()))
+        return self._count
 
     def __iter__(self) -> Iterator[Ticket]:
         for tickets in self._tickets.values():

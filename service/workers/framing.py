@@ -14,9 +14,9 @@ def encode(payload: bytes) -> bytes:
     return _LENGTH.pack(len(payload)) + payload
 
 
-def prefix(*parts: bytes) -> bytes:
-    """Bytes in front of a payload that is sent in parts."""
-    return _LENGTH.pack(sum(len(part) for part in parts))
+def prefix(length: int) -> bytes:
+    """Bytes in front of a payload of a length [byte]."""
+    return _LENGTH.pack(length)
 
 
 class FrameDecoder:
@@ -31,6 +31,11 @@ class FrameDecoder:
         Raises:
             ValueError: The length is impossible, so the stream is not ours.
         """
+        if not self._buffer and len(data) > _LENGTH.size:
+            (length,) = _LENGTH.unpack_from(data)
+            if len(data) == _LENGTH.size + length:  # as nearly all arrive
+                yield data[_LENGTH.size :]
+                return
         self._buffer += data
         while len(self._buffer) >= _LENGTH.size:
             (length,) = _LENGTH.unpack_from(self._buffer)

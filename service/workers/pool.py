@@ -19,6 +19,8 @@ from service.workers.threads import in_thread
 
 _log = logging.getLogger(__name__)
 
+_REPLIES = {reply.value: reply for reply in Reply}
+
 #: Pause after the first failed start of a worker [s]; each further one is twice as long.
 _FIRST_PAUSE = 0.01
 #: Longest pause between failed starts of a worker [s].
@@ -312,4 +314,4 @@ class WorkerPool:
             if self.ready and self._fork_server is not None:
                 self._fork_server.enrich()
         else:
-            self._owner.message_received(worker, Reply(kind), values)
+            self._owner.message_received(worker, _REPLIES[kind], values)

@@ -189,7 +189,7 @@ class Worker(asyncio.Protocol):
         header = HEADER.pack(
             ticket.deadline.at, ticket.wants_start, ticket.wants_progress, ticket.silence
         )
-        head = framing.prefix(header, ticket.payload) + header
+        head = framing.prefix(len(header) + len(ticket.payload)) + header
         if len(ticket.payload) <= _JOINED_BYTES:
             self._transport.write(head + ticket.payload)
             return

@@ -130,8 +130,11 @@ class SupervisorState:
     @property
     def busy(self) -> int:
         """Workers that have a job, other than a brief one."""
-        tickets = (worker.ticket for worker in self._pool.workers)
-        return sum(ticket is not None and not ticket.brief for ticket in tickets)
+        count = 0
+        for worker in self._pool.workers:  # no generator: each request is judged by this
+            if worker.ticket is not None and not worker.ticket.brief:
+                count += 1
+        return count
 
     @property
     def pids(self) -> list[int]:
@@ -260,6 +263,14 @@ class SupervisorState:
             return self._waiting if self._can_begin() else None
         return self._background if background else None
 
+    def _has_few_long_jobs(self) -> bool:
+        """Whether fewer jobs run that are not brief than may run at a time."""
+        count = 0
+        for worker in self._pool.workers:
+            if worker.ticket is not None and not worker.ticket.brief and not worker.ending:
+                count += 1
+        return count < self._count
+
     def _has_share(self) -> bool:
         """Whether a background job runs that gives way to nobody."""
         tickets = (worker.ticket for worker in self._pool.workers)
@@ -272,9 +283,12 @@ class SupervisorState:
             kind: "brief", "waiting" or "background". While background jobs hold workers, a spare
                 one takes a job that somebody waits for.
         """
-        if not any(not worker.ending for worker in self._idle):
+        for worker in self._idle:
+            if not worker.ending:
+                break
+        else:
             return False
-        if kind == "brief" or sum(map(has_long_job, self._pool.workers)) < self._count:
+        if kind == "brief" or self._has_few_long_jobs():
             return True
         return kind == "waiting" and sum(1 for _ in self._running()) < self._count
 
