@@ -18,6 +18,7 @@ BY_NUMBER = {
     "planning/search/rrt_connect.py": "a number",
     "planning/timing/choice.py": "limits of a chain's joints",
     "service/http/state.py": "a path",
+    "client/armwright_client/call.py": "a path",
     "service/storage/prepared_files.py": "a path",
 }
 
@@ -31,8 +32,7 @@ WITHOUT_A_BOUND = {
     ("obstacles/scene.py", "_field_names"),
     ("obstacles/triangles.py", "_inner_radius"),
     ("service/viewer/page.py", "_asset"),
-    ("client/armwright_client/call.py", "_signature"),
-    ("client/armwright_client/call.py", "_bound_signature"),
+    ("client/armwright_client/call.py", "_method"),
 }
 
 

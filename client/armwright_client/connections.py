@@ -1,6 +1,7 @@
 """Connections of the synchronous client, by the standard library: a quarter of httpx's time.
 
-Errors are those of httpx, so that both clients tell the same.
+Responses are read by llhttp where that is installed. Errors are those of httpx, so that both
+clients tell the same.
 """
 
 import http.client
@@ -15,6 +16,13 @@ from typing import Any, NamedTuple, Protocol, overload
 from urllib.request import getproxies
 
 import httpx
+
+try:
+    from armwright_client.llhttp import ParsedResponse
+except ImportError:  # httptools is not installed
+    _Response: Any = http.client.HTTPResponse
+else:
+    _Response = ParsedResponse
 
 #: Connections that are kept open, at most: one for each thread that asks at the same time.
 _KEPT = 20
@@ -110,6 +118,7 @@ class _Joined(http.client.HTTPConnection):
     Sent apart they cost two system calls and wake the service twice.
     """
 
+    response_class = _Response
     _held: bytes | None = None
 
     def request(self, *args: Any, **options: Any) -> None:

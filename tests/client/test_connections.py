@@ -4,6 +4,8 @@ import contextlib
 import gzip
 import http.client
 import socket
+import subprocess
+import sys
 import threading
 from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
@@ -236,3 +238,16 @@ def test_bodies_of_any_size_arrive_whole(size: int, monkeypatch: pytest.MonkeyPa
         assert [asked[3] for asked in seen.asked] == [content, content]
     # A short one goes out with its head; a long one is not copied.
     assert len(sent) == (2 if size <= 65_000 else 4)
+
+
+def test_without_httptools_the_standard_library_reads_responses() -> None:
+    with server() as seen:
+        code = (
+            "import sys, http.client; sys.modules['httptools'] = None\n"
+            "from armwright_client import Client, connections\n"
+            "assert connections._Joined.response_class is http.client.HTTPResponse\n"
+            f"with Client({seen.url!r}) as client: print(client.healthz().version)\n"
+        )
+        command = [sys.executable, "-c", code]
+        ran = subprocess.run(command, check=False, capture_output=True, text=True)
+    assert (ran.returncode, ran.stdout) == (0, "9.9\n"), ran.stderr
