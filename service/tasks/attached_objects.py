@@ -107,7 +107,27 @@ def robot_in_scene(
         InvalidOption: A mass or an inertia is none of a body, or a joint is none of the gripper, or
             beyond its limits.
     """
-    geometry = worker_cache.robot(robot).geometry
+    return with_surroundings(worker_cache.robot(robot).geometry, scene, body, joints)
+
+
+def with_surroundings(
+    geometry: RobotGeometry,
+    scene: Reference | None,
+    body: CollisionRequest,
+    joints: Array | None = None,
+) -> RobotInScene:
+    """A robot with the objects that a request has it hold, its fingers, and the scene.
+
+    Args:
+        geometry: The robot alone.
+        scene: As `robot_in_scene` has it.
+        body: The request.
+        joints: As `robot_in_scene` has them.
+
+    Raises:
+        NotPrepared: The stored scene has to be prepared first.
+        InvalidScene: As `robot_in_scene`, and all its other errors.
+    """
     if isinstance(body, WithFingers):
         geometry = with_fingers(geometry, body.fingers or {})
     surroundings = requested_scene(scene, body, geometry.chain, joints)

@@ -301,6 +301,8 @@ def first_configuration(chain: Chain, joints: Any) -> Array | None:
         chain: The robot.
         joints: As the request gives them.
     """
-    if joints is None or np.ndim(joints) != 1:
+    if joints is None or (isinstance(joints, list) and joints and isinstance(joints[0], list)):
+        return None
+    if not isinstance(joints, list) and np.ndim(joints) != 1:
         return None
     return chain.configuration(joints).reshape(chain.n)

@@ -1,6 +1,6 @@
 """Planning problems and planner options from wire to domain; reports of stages back."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict
 from typing import Any
 
@@ -39,6 +39,8 @@ def planner_name(name: str) -> str:
 
     OMPL's may be written in any case, with or without underscores.
     """
+    if name in PLANNERS:
+        return name
     return next((known for known in PLANNERS if _bare(known) == _bare(name)), name)
 
 
@@ -122,8 +124,19 @@ def single_goal(body: goal_schema.SingleGoal, chain: Chain, where: str) -> Goal:
     return PoseGoal(poses.transform(body.pose), **given)
 
 
-def options(body: schema.PlanRequest, chain: Chain, timeout: float) -> Options:
+def options(
+    body: schema.PlanRequest,
+    chain: Chain,
+    timeout: float,
+    observer: Callable[[str], None] | None = None,
+) -> Options:
     """Options of planning, with a timeout.
+
+    Args:
+        body: The request.
+        chain: The robot.
+        timeout: For all stages together [s].
+        observer: Called with the name of each stage as it begins.
 
     Raises:
         InvalidOption: A value is out of its range.
@@ -138,6 +151,7 @@ def options(body: schema.PlanRequest, chain: Chain, timeout: float) -> Options:
         limits=timings.given_limits(body.limits, chain.joint_names),
         timeout=timeout,
         seed=body.seed,
+        observer=observer,
         refine=_refine(body.refine),
         goal_costs=_USUAL_COSTS
         if body.goal_costs is None

@@ -19,6 +19,8 @@ from service.schemas import plan as schema
 from service.schemas import retime as retime_schema
 from service.schemas.timing import Timing
 
+#: What holds where a request says nothing else, and what it may say of its answer alone.
+_USUAL, _NOT_OF_TIMING = TimingOptions(), frozenset({"sample_period"})
 _QUANTITIES = ("velocity", "acceleration", "jerk", "effort")
 
 
@@ -28,6 +30,8 @@ def timing_options(timing: Timing) -> TimingOptions:
     Raises:
         InvalidOption: Values that do not go together.
     """
+    if timing.model_fields_set <= _NOT_OF_TIMING:
+        return _USUAL
     scalings = {
         name: 1.0 if getattr(timing, name) is None else getattr(timing, name)
         for name in ("velocity_scaling", "acceleration_scaling", "jerk_scaling")
