@@ -3,7 +3,7 @@
 import inspect
 import re
 from collections.abc import Awaitable, Callable, Coroutine
-from functools import cached_property
+from functools import cached_property, partial
 from typing import Any, TypeGuard, TypeVar
 
 from fastapi import Request, Response
@@ -14,6 +14,7 @@ from pydantic import BaseModel
 
 from service.http.body_limit import BODY
 from service.http.fields import field, values
+from service.http.glance import glance_at
 from service.http.idempotency import answer_once
 from service.http.job_context import job_context
 from service.http.keeping import answer_and_keep, takes_keep
@@ -95,13 +96,18 @@ class JsonRoute(APIRoute):
             return None
         field, endpoint = self.body_field, self.endpoint
         assert field is not None
+        glances = getattr(field.field_info.annotation, "is_validated_by_task", False)
 
-        async def handle(request: Request) -> Response:
-            value = await request.json()
+        def validate(value: Any) -> Any:
             body, errors = field.validate(value, {}, loc=("body",))
             if errors:
                 raise RequestValidationError(errors, body=value)
-            response: Response = await endpoint(body=body, request=request)
+            return body
+
+        async def handle(request: Request) -> Response:
+            value = await request.json()
+            body = glance_at(request, value, partial(validate, value)) if glances else None
+            response: Response = await endpoint(body=body or validate(value), request=request)
             return response
 
         return self._behind_checks(handle)

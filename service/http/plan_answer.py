@@ -6,6 +6,7 @@ from typing import Protocol
 from fastapi import Request
 
 from service.http import answers
+from service.http.glance import Glance
 from service.http.metrics import Metrics
 from service.problem import ProblemError
 from service.schemas.scene import Scene
@@ -37,11 +38,12 @@ async def plan_answer(
 
     Args:
         request: On whose behalf.
-        body: The problem.
+        body: The problem, or a glance at it.
         content: The problem as JSON, for the worker.
 
     Raises:
         ProblemError: There is no plan; as `answers.answer`.
+        RequestValidationError: As `Glance.check`.
     """
     metrics: Metrics = request.app.state.metrics
     try:
@@ -53,6 +55,8 @@ async def plan_answer(
             timeout=body.timeout,
         )
     except ProblemError as problem:
+        if isinstance(body, Glance):
+            body.check()
         metrics.count_failure(problem.code, problem.details.get("stages"))
         raise
     # Behind the answer: whoever waits for it need not wait for this.

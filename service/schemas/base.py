@@ -44,6 +44,8 @@ class Body(BaseModel):
     only_beside: ClassVar[Beside] = {}
     #: Other rules of several fields, as the published schema has them.
     published_rules: ClassVar[tuple[JsonDict, ...]] = ()
+    #: Whether the task of a request validates it, and says so where it is malformed.
+    is_validated_by_task: ClassVar[bool] = False
 
     @classmethod
     def __get_pydantic_json_schema__(
@@ -109,7 +111,8 @@ Matrix3 = Annotated[list[Vector3], Field(min_length=3, max_length=3)]
 Matrix = list[list[float]]
 
 #: A name that can stand in a URL as it is.
-Name = Annotated[str, Field(pattern=r"^[A-Za-z0-9][A-Za-z0-9_.\-]{0,127}$")]
+NAME_PATTERN = r"^[A-Za-z0-9][A-Za-z0-9_.\-]{0,127}$"
+Name = Annotated[str, Field(pattern=NAME_PATTERN)]
 #: A name from somebody else's file: anything printable.
 Label = Annotated[str, Field(pattern=r"^[^\x00-\x1f\x7f]{1,256}$")]
 

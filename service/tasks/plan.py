@@ -9,6 +9,7 @@ from importlib.metadata import PackageNotFoundError, version
 from typing import Any
 
 import numpy as np
+from pydantic import ValidationError
 from pydantic_core import to_json
 
 from kinematics.errors import InvalidRobotDescription
@@ -23,8 +24,8 @@ from service.schemas.plan import Collisions, PlanRequest, ValidateRequest
 from service.storage import worker_cache
 from service.storage.cache_key import Reference
 from service.tasks.answer import in_frame, reports_cache_miss
-from service.tasks.attached_objects import RobotInScene, robot_in_scene
-from service.tasks.result import CacheMiss, PlanOutcome, TaskProblem, timed_out
+from service.tasks.attached_objects import RobotInScene, robot_in_scene, with_surroundings
+from service.tasks.result import CacheMiss, PlanOutcome, TaskProblem, timed_out, validation_fault
 from service.translate import certificates, problems, timings, trajectories
 from service.translate.constraints import constraint_set
 from service.translate.frames import (
@@ -67,14 +68,16 @@ def plan(
     Args:
         robot: The robot.
         scene: The scene, where the request names a stored one.
-        content: The request.
+        content: The request, which may be malformed.
 
     Raises:
         ArmwrightError: The request is at fault.
     """
-    return plan_outcome(
-        robot, scene, PlanRequest.model_validate_json(content), framed=names_frame(content)
-    )
+    try:
+        body = PlanRequest.model_validate_json(content)
+    except ValidationError as error:
+        return validation_fault(error)
+    return plan_outcome(robot, scene, body, framed=names_frame(content))
 
 
 def plan_outcome(
@@ -96,8 +99,8 @@ def plan_outcome(
     deadline = current.deadline()
     if deadline.passed:
         return timed_out("the work was done", "certificate")
-    options = problems.options(body, cell.robot.chain, deadline.remaining)
-    outcome = pipeline.plan(problem, dataclasses.replace(options, observer=_report_stage))
+    options = problems.options(body, cell.robot.chain, deadline.remaining, _report_stage)
+    outcome = pipeline.plan(problem, options)
     if isinstance(outcome, Failure):
         return _refusal(outcome)
     content = to_json(_answer(outcome, body, cell), inf_nan_mode="null")
@@ -128,7 +131,7 @@ def _posed(
     geometry = worker_cache.robot(robot).geometry
     body = with_states(body, geometry.states)
     start = first_configuration(geometry.chain, body.start.joints)
-    around = robot_in_scene(robot, scene, body, start)
+    around = with_surroundings(geometry, scene, body, start)
     if framed:
         body = plan_in_root_frame(body, geometry.chain)
     cell = _collision_cell(around, body.collisions)

@@ -2,6 +2,8 @@
 
 from dataclasses import dataclass
 
+from pydantic import ValidationError
+
 from service.storage.cache_key import Reference
 from service.workers.task import Task
 
@@ -43,6 +45,13 @@ def timed_out(work: str, stage: str) -> TaskProblem:
         "Allow more time with the field timeout.",
         {"stage": stage},
     )
+
+
+def validation_fault(error: ValidationError) -> TaskProblem:
+    """The problem of a request that does not follow its model; the server tells all its faults."""
+    first = error.errors(include_url=False, include_input=False, include_context=False)[0]
+    where = ".".join(str(step) for step in first["loc"]) or "body"
+    return TaskProblem("VALIDATION_ERROR", f"{where}: {first['msg']}", None, {"stage": "request"})
 
 
 @dataclass(frozen=True, slots=True)

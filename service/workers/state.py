@@ -108,6 +108,11 @@ class SupervisorState:
         return not self.has_work and self._can_begin()
 
     @property
+    def is_ready_for_work(self) -> bool:
+        """Whether a job could be begun at once."""
+        return self._can_begin()
+
+    @property
     def count(self) -> int:
         """Number of jobs that may run at a time; brief ones are not counted."""
         return self._count
