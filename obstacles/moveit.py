@@ -17,7 +17,15 @@ from obstacles.shapes import Box, Cone, Cylinder, HalfSpace, Mesh, Shape, Sphere
 _REMOVE = 1
 #: Numbers of a planning scene are smaller, as a rule; others are looked at more closely.
 _USUAL = 1e9
-_IDENTITY = frozen(np.eye(4))
+_IDENTITY, _NO_TURN = frozen(np.eye(4)), [0.0, 0.0, 0.0, 1.0]
+#: Names of primitives as in the files, numbers as in ``shape_msgs/SolidPrimitive``, and how many
+#: dimensions they have.
+_NUMBERS = {"box": 1, "sphere": 2, "cylinder": 3, "cone": 4}
+_SIZES = {1: 3, 2: 1, 3: 2, 4: 2}
+#: Objects that were read, by all that they say and the transforms beside them. An object of this
+#: length has some ten solids of a kilobyte each [character].
+_KNOWN: dict[str, list[Obstacle]] = {}
+_KNOWN_OBJECTS, _KNOWN_LENGTH = 1024, 4000
 
 
 def scene_from_moveit(text: str | bytes) -> Scene:
@@ -44,9 +52,10 @@ def scene_from_moveit(text: str | bytes) -> Scene:
     entries = _sequence(
         _mapping(root.get("world") or {}, "world").get("collision_objects"), "world"
     )
+    transforms = repr(root["fixed_frame_transforms"]) if frames else ""
     for i, entry in enumerate(entries):
         where = f"world.collision_objects[{i}]"
-        own = _obstacles(_mapping(entry, where), frames, where)
+        own = _known_obstacles(_mapping(entry, where), frames, where, transforms)
         if own:
             parts[_name(entry.get("id"), f"{where}.id")] = [obstacle.id for obstacle in own]
         obstacles += own
@@ -127,6 +136,26 @@ def _product(first: Array | None, second: Array | None) -> Array | None:
     return first if second is None else first @ second
 
 
+def _known_obstacles(
+    entry: Mapping[str, Node], frames: Mapping[str, _Frame], where: str, transforms: str
+) -> list[Obstacle]:
+    """The obstacles of an object, those of an equal one in an earlier text where there was one.
+
+    Of a scene that is sent again and again a few objects have moved, and all others have not.
+    """
+    if "meshes" in entry:
+        return _obstacles(entry, frames, where)
+    key = repr(entry) + transforms
+    known = _KNOWN.get(key)
+    if known is None:
+        known = _obstacles(entry, frames, where)
+        if len(key) <= _KNOWN_LENGTH:
+            if len(_KNOWN) >= _KNOWN_OBJECTS:
+                _KNOWN.clear()
+            _KNOWN[key] = known
+    return known
+
+
 def _obstacles(
     entry: Mapping[str, Node], frames: Mapping[str, _Frame], where: str
 ) -> list[Obstacle]:
@@ -180,12 +209,10 @@ def _solids(
 
 def _primitive(fields: Mapping[str, Node], where: str) -> Shape:
     name = fields.get("type")
-    # Names as in the files, numbers as in ``shape_msgs/SolidPrimitive``.
-    number = {"box": 1, "sphere": 2, "cylinder": 3, "cone": 4}.get(str(name).lower(), name)
-    sizes = {1: 3, 2: 1, 3: 2, 4: 2}
-    if isinstance(number, bool) or not isinstance(number, int) or number not in sizes:
+    number = _NUMBERS.get(str(name).lower(), name)
+    if isinstance(number, bool) or not isinstance(number, int) or number not in _SIZES:
         raise InvalidScene(f"type {name!r} is none of box, sphere, cylinder, cone")
-    size = _vector(fields.get("dimensions"), sizes[number], f"{where}.dimensions")
+    size = _vector(fields.get("dimensions"), _SIZES[number], f"{where}.dimensions")
     if number == 1:
         return Box(size)
     if number == 2:
@@ -274,7 +301,9 @@ def _pose(
     if unknown:
         raise InvalidScene(f"{where}: unknown {', '.join(sorted(map(str, unknown)))}")
     p = _vector(fields.get(position, [0, 0, 0]), 3, f"{where}.{position}")
-    xyzw = _vector(fields.get(orientation, [0, 0, 0, 1]), 4, f"{where}.{orientation}")
+    xyzw = _vector(fields.get(orientation, _NO_TURN), 4, f"{where}.{orientation}")
+    if xyzw == _NO_TURN:
+        return transform(position=p)
     with _At(f"{where}.{orientation}"):
         return transform(from_quaternion(xyzw), p)
 

@@ -71,6 +71,6 @@ def _placed(obstacle: Obstacle, poses: dict[str, Array | None]) -> Obstacle:
         return obstacle
     T_root_frame = poses[obstacle.frame]
     if T_root_frame is None:
-        return meant_in(obstacle, None)
+        return obstacle.in_root()
     T = T_root_frame @ obstacle.T_world_obstacle
     return Obstacle(obstacle.id, obstacle.shape, T, obstacle.margin)

@@ -1,11 +1,9 @@
 """The scene: named obstacles in the robot's root frame, as one immutable value."""
 
 import hashlib
-import struct
 from collections import Counter
 from collections.abc import Iterable
-from dataclasses import dataclass, field, fields
-from functools import cache
+from dataclasses import dataclass, field
 from itertools import groupby
 from typing import TYPE_CHECKING, TypeAlias
 
@@ -15,6 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 from kinematics.arrays import Array, frozen
 from kinematics.errors import InvalidObjectName, InvalidPose, InvalidScene
 from kinematics.pose import from_matrix, is_exact_rotation, transform
+from obstacles.obstacle_content import obstacle_content
 from obstacles.piece import Piece, PieceArrays
 from obstacles.primitives import Primitive, Primitives, primitive_pieces
 from obstacles.shapes import MAX_SIZE, Mesh, PointCloud, Shape
@@ -25,7 +24,6 @@ MAX_NAME = 256
 Packed: TypeAlias = tuple[PieceArrays, NDArray[np.int64], Array]
 _HALFSPACE = int(Primitive.HALFSPACE)
 _LAST_ROW = [0.0, 0.0, 0.0, 1.0]
-_FLOAT = struct.Struct("=d")
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -50,6 +48,8 @@ class Obstacle:
     margin: float = 0.0
     frame: str | None = None
     _pieces: tuple[Piece, ...] | None = field(default=None, init=False, repr=False)
+    _content: bytes | None = field(default=None, init=False, repr=False)
+    _in_root: "Obstacle | None" = field(default=None, init=False, repr=False)
 
     if TYPE_CHECKING:  # the constructor takes whatever makes an array
 
@@ -89,6 +89,22 @@ class Obstacle:
             pieces = tuple(p.placed(T) for p in self.shape.pieces())
             object.__setattr__(self, "_pieces", pieces)
         return self._pieces or ()
+
+    def content(self) -> bytes:
+        """All that tells it from other obstacles, as hashes of scenes have it."""
+        if self._content is not None:
+            return self._content
+        content = obstacle_content(self)
+        if self.is_primitive:  # of meshes it is as large as they are
+            object.__setattr__(self, "_content", content)
+        return content
+
+    def in_root(self) -> "Obstacle":
+        """The obstacle with the same pose, meant in the robot's root frame."""
+        if self._in_root is None:
+            object.__setattr__(self, "_in_root", meant_in(self, None))
+        assert self._in_root is not None
+        return self._in_root
 
     @property
     def is_mesh(self) -> bool:
@@ -328,7 +344,8 @@ def _restored(
     obstacle = object.__new__(Obstacle)
     values: dict[str, object] = {"id": name, "shape": shape}
     values["T_world_obstacle"] = frozen(T_world_obstacle)
-    values |= {"margin": margin, "frame": frame, "_pieces": None}
+    values |= {"margin": margin, "frame": frame}
+    values |= {"_pieces": None, "_content": None, "_in_root": None}
     for field_name, value in values.items():
         object.__setattr__(obstacle, field_name, value)
     return obstacle
@@ -370,27 +387,10 @@ def _is_exact(matrix: Array) -> bool:
     return near and is_exact_rotation(matrix[:3, :3])
 
 
-@cache
-def _field_names(shape: type[Shape]) -> tuple[str, ...]:
-    return tuple(item.name for item in fields(shape))  # type: ignore[arg-type]
-
-
 def _content_hash(scene: Scene) -> str:
     digest = hashlib.sha256()
     for obstacle in scene.obstacles:
-        shape = obstacle.shape
-        digest.update(f"{obstacle.id}\0{type(shape).__name__}\0".encode())
-        for name in _field_names(type(shape)):
-            values = getattr(shape, name)
-            if type(values) is float:  # as an array of no dimensions has it
-                digest.update(f"{name}()".encode() + _FLOAT.pack(values))
-            else:
-                values = np.asarray(values)
-                digest.update(f"{name}{values.shape}".encode() + values.tobytes())
-        digest.update(obstacle.T_world_obstacle.tobytes())
-        digest.update(_FLOAT.pack(obstacle.margin))
-        if obstacle.frame is not None:
-            digest.update(f"frame\0{obstacle.frame}\0".encode())
+        digest.update(obstacle.content())
     for a, b in sorted(scene.allowed_collisions):
         digest.update(f"{a}\0{b}\0".encode())
     return digest.hexdigest()

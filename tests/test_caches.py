@@ -29,7 +29,7 @@ WITHOUT_A_BOUND = {
     ("kinematics/compiled/kernel_code.py", "_size"),
     ("kinematics/compiled/kernel_library.py", "_plain_machine"),
     ("kinematics/compiled/kernel_store.py", "_warn_once"),
-    ("obstacles/scene.py", "_field_names"),
+    ("obstacles/obstacle_content.py", "_field_names"),
     ("obstacles/triangles.py", "_inner_radius"),
     ("service/viewer/page.py", "_asset"),
     ("client/armwright_client/call.py", "_method"),

@@ -5,6 +5,7 @@ import pytest
 
 from kinematics.errors import InvalidScene
 from kinematics.pose import from_quaternion, from_rpy, to_quaternion, transform
+from obstacles import moveit
 from obstacles.moveit import scene_from_moveit
 from obstacles.shapes import Box, Cone, Cylinder, HalfSpace, Mesh, Sphere
 
@@ -52,6 +53,35 @@ world:
       mesh_poses: [{}]
     - {id: gone, operation: 1}
 """
+
+
+def test_objects_that_another_text_told_already_are_those_obstacles() -> None:
+    moveit._KNOWN.clear()
+    first = scene_from_moveit(SCENE)
+    text = SCENE.replace("position: [0]}", "position: [1]}")
+    moved = text.replace("[1, 0, 0]}", "[1, 0, 0.5]}")
+    again, other = scene_from_moveit(text), scene_from_moveit(moved)
+    assert again.content_hash == first.content_hash
+    is_kept = [a is b for a, b in zip(first.obstacles, again.obstacles, strict=True)]
+    assert is_kept == [True, True, True, True, True, False], "meshes are read anew"
+    assert [a is b for a, b in zip(first.obstacles, other.obstacles, strict=True)] == [
+        True, True, True, False, True, False,
+    ]  # fmt: skip
+    moveit._KNOWN.clear()
+    assert scene_from_moveit(moved).content_hash == other.content_hash
+
+
+def test_objects_are_read_anew_where_frames_stand_elsewhere() -> None:
+    raised = SCENE.replace("translation: [0, 0, 1]", "translation: [0, 0, 2]")
+    first, other = scene_from_moveit(SCENE), scene_from_moveit(raised)
+    distance = other.obstacle("can").T_world_obstacle - first.obstacle("can").T_world_obstacle
+    np.testing.assert_allclose(distance[:3, 3], [0.0, 0.0, 1.0], atol=1e-12)
+
+
+def test_what_is_kept_of_objects_is_bounded() -> None:
+    for n in range(2 * moveit._KNOWN_OBJECTS):
+        scene_from_moveit(SCENE.replace("id: 7", f"id: {n}"))
+        assert len(moveit._KNOWN) <= moveit._KNOWN_OBJECTS
 
 
 def test_reads_every_solid() -> None:
