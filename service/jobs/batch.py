@@ -50,6 +50,8 @@ class Batch:
         self._shares: list[float] = []
         self._done = 0
         self._failed = 0
+        self._unnoted = 0
+        self._mean = 0.0
         self._reported = -math.inf
         self._next_report: asyncio.TimerHandle | None = None
 
@@ -68,6 +70,9 @@ class Batch:
                     group.create_task(self._plan_parts())
         except* ProblemError as errors:
             raise errors.exceptions[0] from None
+        else:
+            while self._unnoted:
+                await asyncio.sleep(0)
         finally:
             self._report(at_once=True)
             if self._scene is not None:
@@ -86,7 +91,7 @@ class Batch:
         self._results, self._shares = [b""] * count, [0.0] * count
 
     async def _plan_parts(self) -> None:
-        while part := self._parts.take(self._supervisor.count):
+        while part := self._parts.take(self._supervisor.count, self._mean):
             try:
                 left = self._context.deadline - time.monotonic()
                 async with asyncio.timeout(max(left, 0.0)):
@@ -100,6 +105,7 @@ class Batch:
                 self._note_fault(part, error)
             else:
                 self._note(part, planned)
+                continue
             self._report()
 
     async def _plan_once_possible(self, part: Part) -> PlannedPart:
@@ -138,12 +144,22 @@ class Batch:
     # ------------------------------------------------------------------------------ outcomes
 
     def _note(self, part: Part, planned: PlannedPart) -> None:
-        """Note what became of the first problems of a part; the others wait again."""
+        """Note what became of the first problems of a part; the others wait again.
+
+        Outcomes are noted in the next turn of the event loop: the worker has its next part then.
+        """
         count = len(planned.outcomes)
-        self._supervisor.durations.note(plan.name, planned.seconds / count)
+        self._mean = planned.seconds / count
+        self._supervisor.durations.note(plan.name, self._mean)
         self._parts.put_back(part.indices[count:])
+        self._unnoted += 1
+        asyncio.get_running_loop().call_soon(self._note_outcomes, part, planned)
+
+    def _note_outcomes(self, part: Part, planned: PlannedPart) -> None:
         for index, outcome in zip(part.indices, planned.outcomes, strict=False):
             self._note_outcome(index, outcome)
+        self._unnoted -= 1
+        self._report()
 
     def _note_outcome(self, index: int, outcome: PlanOutcome | TaskProblem) -> None:
         if isinstance(outcome, PlanOutcome):

@@ -5,6 +5,7 @@ from collections import deque
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+from service.tasks.chunk_sizes import TURN
 from service.tasks.result import BatchItem
 
 #: Problems of a part at most: quicker ones than half a millisecond there are not.
@@ -14,6 +15,9 @@ _BYTES = 256 * 1024
 #: Parts that each worker gets of what is left: the last ones are small, so that all workers end at
 #: about the same time.
 _TURNS = 2
+#: Problems of a part, by those that a worker plans in its turn: what it does not come to was sent
+#: and validated in vain, and a part that is too short ends its turn early.
+_SPARE = 1.5
 
 
 @dataclass(frozen=True, slots=True)
@@ -49,14 +53,20 @@ class Parts:
         self._waiting = deque(range(len(items)))
         self._alone: set[int] = set()
 
-    def take(self, workers: int) -> Part | None:
+    def take(self, workers: int, mean: float = 0.0) -> Part | None:
         """The next problems for one of some workers; None if none wait.
 
         They have the same robot, scene and timeout.
+
+        Args:
+            workers: That share what is left.
+            mean: Time of a problem, if it is known [s].
         """
         if not self._waiting:
             return None
         largest = min(_LARGEST, math.ceil(len(self._waiting) / (_TURNS * workers)))
+        if mean > 0.0:
+            largest = min(largest, math.ceil(_SPARE * TURN / mean))
         first = self._waiting.popleft()
         indices, size = [first], len(self._items[first].content)
         if first not in self._alone:

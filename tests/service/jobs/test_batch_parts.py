@@ -33,6 +33,13 @@ def test_every_problem_is_planned_once_however_far_workers_come(
     assert done == list(range(len(kinds)))
 
 
+def test_a_part_is_what_a_worker_plans_in_its_turn_and_half_as_much() -> None:
+    for mean, size in ((0.004, 15), (0.0004, 64), (0.02, 3), (0.06, 1), (60.0, 1), (0.0, 64)):
+        part = Parts(items([0] * 1000)).take(1, mean)
+        assert part is not None
+        assert len(part.indices) == size
+
+
 def test_problems_that_are_put_back_alone_stay_alone() -> None:
     parts = Parts(items([0] * 20))
     part = parts.take(1)
