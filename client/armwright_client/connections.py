@@ -9,8 +9,8 @@ import select
 import time
 import weakref
 from collections import deque
-from collections.abc import Iterable, Iterator, Mapping
-from contextlib import contextmanager, suppress
+from collections.abc import Iterable, Mapping
+from contextlib import suppress
 from dataclasses import dataclass
 from typing import Any, NamedTuple, Protocol, overload
 from urllib.request import getproxies
@@ -36,6 +36,7 @@ _ERRORS: tuple[tuple[type[Exception], type[httpx.RequestError]], ...] = (
     (TimeoutError, httpx.ReadTimeout),
     (OSError, httpx.NetworkError),
 )
+_BROKEN = tuple(of for of, _ in _ERRORS)
 
 
 class Headers(Protocol):
@@ -198,7 +199,7 @@ class Connections:
         """
         connection = self._idle_one() or self._open(limits.connect)
         try:
-            with _as_httpx():
+            with _AsHttpx():
                 connection.sock.settimeout(limits.read)
                 # A service may refuse a long body, and close, before all of it was sent.
                 with suppress(BrokenPipeError, ConnectionResetError):
@@ -270,10 +271,15 @@ def _has_ended(connection: http.client.HTTPConnection) -> bool:
     return bool(wait.poll(0))
 
 
-@contextmanager
-def _as_httpx() -> Iterator[None]:
-    try:
-        yield
-    except (http.client.HTTPException, OSError) as error:
-        kind = next(theirs for ours, theirs in _ERRORS if isinstance(error, ours))
-        raise kind(str(error)) from error
+class _AsHttpx:
+    """Context in which errors of a connection are raised again as httpx's."""
+
+    __slots__ = ()
+
+    def __enter__(self) -> None:
+        """Begin."""
+
+    def __exit__(self, kind: object, error: BaseException | None, trace: object) -> None:
+        """End."""
+        if isinstance(error, _BROKEN):
+            raise next(to for of, to in _ERRORS if isinstance(error, of))(str(error)) from error

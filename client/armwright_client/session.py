@@ -3,7 +3,6 @@
 import asyncio
 import time
 from collections.abc import AsyncIterator, Iterator
-from contextlib import contextmanager
 from dataclasses import replace
 from itertools import count
 from typing import Any, TypedDict, TypeVar, Unpack
@@ -40,6 +39,8 @@ _CONNECT = 10.0
 _GRACE = 10.0
 #: Addresses that are kept, parsed: those of jobs are used a few times each.
 _KEPT_URLS = 256
+#: What may be wrong with a transport.
+_TRANSPORT_ERRORS = (httpx.HTTPError, httpx.InvalidURL, httpx.StreamError)
 #: Length of the excerpt of a foreign body [characters], enough to recognise it.
 _EXCERPT = 200
 
@@ -173,7 +174,7 @@ class Session:
     def send(self, call: Call[A]) -> A:
         """The answer to a call."""
         for attempt in count(1):
-            with _transport(call, self._http):
+            with _Transport(call, self._http):
                 response = self._ask(call)
             seconds = self._wire.wait(call, attempt, response)
             if seconds is None:
@@ -199,7 +200,7 @@ class Session:
         """The events that answer a call, as they come."""
         reader = EventReader()
         with (
-            _transport(call, self._http),
+            _Transport(call, self._http),
             self._http.stream(**self._wire.arguments(call)) as response,
         ):
             if not response.is_success:
@@ -225,7 +226,7 @@ class AsyncSession:
     async def send(self, call: Call[A]) -> A:
         """The answer to a call."""
         for attempt in count(1):
-            with _transport(call, self._http):
+            with _Transport(call, self._http):
                 response = await self._http.send(self._wire.request(self._http, call))
             seconds = self._wire.wait(call, attempt, response)
             if seconds is None:
@@ -240,7 +241,7 @@ class AsyncSession:
     async def stream(self, call: EventCall) -> AsyncIterator[JobEvent]:
         """The events that answer a call, as they come."""
         reader = EventReader()
-        with _transport(call, self._http):
+        with _Transport(call, self._http):
             async with self._http.stream(**self._wire.arguments(call)) as response:
                 if not response.is_success:
                     await response.aread()
@@ -322,17 +323,34 @@ def _problem(response: Response) -> Problem | None:
     return problem if problem.code or media_type == "application/problem+json" else None
 
 
-@contextmanager
-def _transport(call: Call[Any], http: httpx.Client | httpx.AsyncClient) -> Iterator[None]:
-    if http.is_closed:
-        raise TransportError("the client is closed")
-    request = f"{call.method} {call.path}"
-    try:
-        yield
-    except httpx.TimeoutException as error:
-        raise TransportTimeout(f"{request}: {_describe(error)}") from error
-    except (httpx.HTTPError, httpx.InvalidURL, httpx.StreamError) as error:
-        raise TransportError(f"{request}: {_describe(error)}") from error
+class _Transport:
+    """Context in which errors of httpx are raised again as those of the client.
+
+    Args:
+        call: That is sent.
+        http: What sends it.
+
+    Raises:
+        TransportError: The client is closed, or something is wrong with the transport.
+    """
+
+    __slots__ = ("_call",)
+
+    def __init__(self, call: Call[Any], http: httpx.Client | httpx.AsyncClient) -> None:
+        if http.is_closed:
+            raise TransportError("the client is closed")
+        self._call = call
+
+    def __enter__(self) -> None:
+        """Begin."""
+
+    def __exit__(self, kind: object, error: BaseException | None, trace: object) -> None:
+        """End."""
+        if not isinstance(error, _TRANSPORT_ERRORS):
+            return
+        late = isinstance(error, httpx.TimeoutException)
+        text = f"{self._call.method} {self._call.path}: {_describe(error)}"
+        raise (TransportTimeout if late else TransportError)(text) from error
 
 
 def _describe(error: Exception) -> str:
