@@ -8,10 +8,16 @@ from fastapi import Request
 from starlette.concurrency import run_in_threadpool
 
 from service.http.compute import compute, compute_at_once
-from service.http.state import models_of, note_reference, repository_of, settings_of
+from service.http.state import (
+    models_of,
+    note_reference,
+    prepared_folder,
+    repository_of,
+    settings_of,
+)
 from service.problem import ProblemError, from_fields
 from service.schemas.scene import Scene
-from service.storage.cache_key import Reference
+from service.storage.cache_key import Reference, builtin_reference
 from service.storage.robot_repository import RobotRepository, is_built_in
 from service.task_references import prepare_robot, prepare_scene, robot_model
 from service.tasks.result import CacheMiss, RobotModel, TaskProblem
@@ -64,8 +70,12 @@ async def _robot_and_scene(
     Raises:
         ProblemError: NOT_FOUND.
     """
-    repository = repository_of(request)
     scene_name = scene_source if isinstance(scene_source, str) else None
+    if scene_name is None and is_built_in(robot_name):
+        built_in = builtin_reference(robot_name, prepared_folder(request))
+        note_reference(request, built_in)
+        return built_in, None
+    repository = repository_of(request)
     arm = repository.recall("robot", robot_name)
     cell = None if scene_name is None else repository.recall("scene", scene_name)
     if arm is None or (scene_name is not None and cell is None):

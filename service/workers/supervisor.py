@@ -203,9 +203,9 @@ class WorkerSupervisor(SupervisorState):
             ticket.attempts += 1
             if ticket.background is not None:
                 ticket.deadline = Deadline.after(ticket.background.allowance)
-            self._set_timer(ticket, ticket.deadline.at + self._kill_grace)
             ticket.begun = time.monotonic()
-            worker.send(ticket)
+            worker.send(ticket)  # first: it begins while the rest is done here
+            self._set_timer(ticket, ticket.deadline.at + self._kill_grace)
 
     def _is_too_late(self, ticket: Ticket) -> bool:
         """Whether a job that has waited can't be done any more, as far as durations tell."""
