@@ -3,7 +3,7 @@
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from types import MappingProxyType
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 
@@ -12,7 +12,7 @@ from kinematics.trajectory import Trajectory
 from planning.clearance_report import ClearanceReport
 from planning.proof.certificate import Certificate
 from planning.timing.report import TimingReport
-from planning.tool_motion import ToolMotion
+from planning.tool_corner import ToolCurve
 from planning.tool_path import ToolPath
 from planning.tool_run import PartName
 
@@ -58,11 +58,26 @@ class Path:
 
 
 @dataclass(frozen=True, slots=True)
+class SpeedLimit:
+    """Limit of a joint that keeps the tool below the speed asked for.
+
+    Args:
+        speed: Largest constant speed of the tool that it allows [m/s].
+        joint: Name of the joint.
+        quantity: Which limit of it.
+    """
+
+    speed: float
+    joint: str
+    quantity: Literal["velocity", "acceleration", "jerk"]
+
+
+@dataclass(frozen=True, slots=True)
 class ToolMotionReport:
     """Result of one tool motion.
 
     Args:
-        kind: "lin" or "circ".
+        kind: "lin", "circ" or "corner".
         length: Of the whole of it [m].
         angle: How far the tool turns in the whole of it [rad].
         fraction: How far it was carried out.
@@ -73,6 +88,8 @@ class ToolMotionReport:
         asked: Index of the motion of the request that it is a part of.
         blends: Whether it rounds the corner at the end of that motion.
         part: Of what it is a part.
+        speed_limit: What keeps the tool from the speed asked for; None where nothing does, or none
+            is asked for. Ramps from rest and from slower motions are not meant.
     """
 
     kind: str
@@ -81,10 +98,11 @@ class ToolMotionReport:
     fraction: float
     begins: float
     ends: float
-    motion: ToolMotion
+    motion: ToolCurve
     asked: int = 0
     blends: bool = False
     part: PartName = "motion"
+    speed_limit: SpeedLimit | None = None
 
 
 @dataclass(frozen=True, slots=True, eq=False)

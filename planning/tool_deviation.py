@@ -1,4 +1,4 @@
-"""Deviation of the tool from a line or an arc, for planners, bounded for every instant.
+"""Deviation of the tool from its motion, for planners, bounded for every instant.
 
 About the middle t of a cell of time, joint j has velocity v_j, over the cell at most V_j and at
 most the acceleration A_j, from the coefficients of its polynomial. With R_j a bound of the tool's
@@ -27,8 +27,11 @@ from kinematics.chain import Chain, JointType
 from kinematics.compiled.kernel import kernel
 from kinematics.forward import frames_kernel
 from kinematics.polynomial import shift_kernel
+from planning.corner_deviation import corner_kernel
+from planning.tool_corner import ToolCurve
 from planning.tool_motion import (
     ALONG,
+    ARC,
     AXIS,
     CENTER,
     KIND,
@@ -40,7 +43,23 @@ from planning.tool_motion import (
     START,
     SWEEP,
     TURN,
-    ToolMotion,
+)
+from planning.tool_nominal import (
+    CELL_ACCELERATION,
+    CELL_ANGLE,
+    CELL_ANGULAR,
+    CELL_ORIENTATION,
+    CELL_ORIENTATION_BOUND,
+    CELL_PACE,
+    CELL_PACE_CHANGE,
+    CELL_PLACE,
+    CELL_POSITION,
+    CELL_POSITION_BOUND,
+    CELL_SIZE,
+    angle_between,
+    farthest,
+    nominal_kernel,
+    norm,
 )
 
 #: A bound is sharp that is at most this much above what was found, or below this share of what is
@@ -51,28 +70,6 @@ _SMALL = 0.1
 _FIRST_JOINT = 1
 _TYPE = 0
 _REVOLUTE = float(JointType.REVOLUTE)
-# Entries of a cell's state.
-#: Deviation of the position in the cell's middle [m].
-_POSITION = 0
-#: Deviation of the orientation in the cell's middle [rad].
-_ORIENTATION = 1
-#: Bound of the position's deviation all over the cell [m].
-_POSITION_BOUND = 2
-#: Bound of the orientation's deviation all over the cell [rad].
-_ORIENTATION_BOUND = 3
-#: Bound of the tool's acceleration [m/s^2].
-_ACCELERATION = 4
-#: Bound of the tool's angular acceleration [rad/s^2].
-_ANGULAR = 5
-#: Angle in the middle of the last cell, which tells this one's whole turns [rad].
-_ANGLE = 6
-#: Place on the motion, from 0 to 1.
-_PLACE = 7
-#: Rate of the place [1/s].
-_PACE = 8
-#: Bound of the rate's change [1/s^2].
-_PACE_CHANGE = 9
-_STATE = 10
 #: Halvings of a piece; a cell of a millionth of a second has told all there is.
 _MAX_DEPTH = 40
 
@@ -81,7 +78,7 @@ def piece_deviations(
     chain: Chain,
     breaks: Array,
     coefficients: Array,
-    motion: ToolMotion,
+    motion: ToolCurve,
     tolerances: tuple[float, float],
 ) -> tuple[Array, NDArray[np.bool_], Array]:
     """Bounds of the deviation of every piece of a piecewise polynomial from a tool's motion.
@@ -105,44 +102,6 @@ def piece_deviations(
         np.array(tolerances), bounds, fine, where,
     )  # fmt: skip
     return bounds, fine != 0.0, where
-
-
-@kernel(allocates=False)
-def _norm(a: float, b: float, c: float) -> float:
-    return math.sqrt(a * a + b * b + c * c)
-
-
-@kernel
-def _farthest(e: Array, rate: Array, h: float) -> float:
-    """The larger of |e + h e'| and |e - h e'|."""
-    plus, minus = 0.0, 0.0
-    for k in range(3):
-        plus += (e[k] + h * rate[k]) ** 2
-        minus += (e[k] - h * rate[k]) ** 2
-    return math.sqrt(max(plus, minus))
-
-
-@kernel(allocates=False)
-def _nominal(m: Array, s: float, R: Array) -> None:
-    """Write exp(s theta [a]) R_0 of a motion's numbers into R (3, 3)."""
-    angle = s * m[TURN]
-    c, v = math.cos(angle), math.sin(angle)
-    for column in range(3):
-        x, y, z = m[ROTATION + column], m[ROTATION + 3 + column], m[ROTATION + 6 + column]
-        along = (m[AXIS] * x + m[AXIS + 1] * y + m[AXIS + 2] * z) * (1.0 - c)
-        R[0, column] = c * x + v * (m[AXIS + 1] * z - m[AXIS + 2] * y) + along * m[AXIS]
-        R[1, column] = c * y + v * (m[AXIS + 2] * x - m[AXIS] * z) + along * m[AXIS + 1]
-        R[2, column] = c * z + v * (m[AXIS] * y - m[AXIS + 1] * x) + along * m[AXIS + 2]
-
-
-@kernel(allocates=False)
-def _angle_between(A: Array, B: Array) -> float:
-    """Angle of A^T B, (3, 3) each, from |A - B| = 2 sqrt(2) sin(angle / 2): exact where small."""
-    square = 0.0
-    for i in range(3):
-        for j in range(3):
-            square += (A[i, j] - B[i, j]) ** 2
-    return 2.0 * math.asin(min(1.0, math.sqrt(square / 8.0)))
 
 
 @kernel(allocates=False)
@@ -171,7 +130,7 @@ def deviation_kernel(
     """Kernel of ``piece_deviations``; ``fine`` is 1 where a piece is proved."""
     count, n, size = coefficients.shape
     c = np.empty((n, size))
-    state = np.zeros(_STATE)
+    state = np.zeros(CELL_SIZE)
     work = np.empty((8, max(n, 4)))
     frames = np.empty((n, 4, 4))
     stack = np.empty((_MAX_DEPTH + 2, 3))
@@ -189,10 +148,10 @@ def deviation_kernel(
                 shift_kernel(coefficients[piece, j], at, c[j])
             cell_kernel(model, T_joint_tip, last, c, h, m, frames, work, state)
             now_p, now_r, upper_p, upper_r = (
-                state[_POSITION],
-                state[_ORIENTATION],
-                state[_POSITION_BOUND],
-                state[_ORIENTATION_BOUND],
+                state[CELL_POSITION],
+                state[CELL_ORIENTATION],
+                state[CELL_POSITION_BOUND],
+                state[CELL_ORIENTATION_BOUND],
             )
             if now_p > tolerances[0] or now_r > tolerances[1]:
                 fine[piece] = 0.0
@@ -234,25 +193,30 @@ def cell_kernel(
     w = work[5]
     if m[KIND] == LINE:
         _line_kernel(m, h, work, R, state)
-    else:
+    elif m[KIND] == ARC:
         _arc_kernel(m, h, work, state)
-    s, pace, bend = state[_PLACE], state[_PACE], state[_PACE_CHANGE]
-    _nominal(m, s, N)
-    state[_ORIENTATION] = _angle_between(N, R)
-    state[_ORIENTATION_BOUND] = np.inf
-    if state[_POSITION_BOUND] < np.inf:
-        relative = _norm(
+    else:
+        corner_kernel(m, h, work, R, state)
+        return
+    s, pace, bend = state[CELL_PLACE], state[CELL_PACE], state[CELL_PACE_CHANGE]
+    nominal_kernel(m, s, N)
+    state[CELL_ORIENTATION] = angle_between(N, R)
+    state[CELL_ORIENTATION_BOUND] = np.inf
+    if state[CELL_POSITION_BOUND] < np.inf:
+        relative = norm(
             w[0] - m[TURN] * pace * m[AXIS],
             w[1] - m[TURN] * pace * m[AXIS + 1],
             w[2] - m[TURN] * pace * m[AXIS + 2],
         )
-        state[_ORIENTATION_BOUND] = (
-            state[_ORIENTATION] + relative * h + 0.5 * (state[_ANGULAR] + m[TURN] * bend) * h * h
+        state[CELL_ORIENTATION_BOUND] = (
+            state[CELL_ORIENTATION]
+            + relative * h
+            + 0.5 * (state[CELL_ANGULAR] + m[TURN] * bend) * h * h
         )
         if m[KIND] == LINE and m[LENGTH] == 0.0:
             reach = abs(pace) * h
-            state[_ORIENTATION_BOUND] += max(0.0, reach - s, s + reach - 1.0) * m[TURN]
-            state[_ORIENTATION] += max(0.0, -s, s - 1.0) * m[TURN]
+            state[CELL_ORIENTATION_BOUND] += max(0.0, reach - s, s + reach - 1.0) * m[TURN]
+            state[CELL_ORIENTATION] += max(0.0, -s, s - 1.0) * m[TURN]
 
 
 @kernel(allocates=False)
@@ -308,7 +272,7 @@ def tip_motion_kernel(
             continue
         dx, dy, dz = p[0] - F[0, 3], p[1] - F[1, 3], p[2] - F[2, 3]
         cx, cy, cz = zy * dz - zz * dy, zz * dx - zx * dz, zx * dy - zy * dx
-        lever = _norm(cx, cy, cz) + moved
+        lever = norm(cx, cy, cz) + moved
         v[0] += speed * cx
         v[1] += speed * cy
         v[2] += speed * cz
@@ -318,14 +282,14 @@ def tip_motion_kernel(
         second += lever * (A[j] + V[j] * V[j] + 2.0 * V[j] * before)
         turning += A[j] + V[j] * before
         moved += lever * V[j] * h
-    state[_ACCELERATION], state[_ANGULAR] = second, turning
+    state[CELL_ACCELERATION], state[CELL_ANGULAR] = second, turning
 
 
 @kernel(allocates=False)
 def _line_kernel(m: Array, h: float, work: Array, R: Array, state: Array) -> None:
     """Position deviation from a line for ``cell_kernel``."""
     p, v, w, e, rate = work[3], work[4], work[5], work[6], work[7]
-    second, length = state[_ACCELERATION], m[LENGTH]
+    second, length = state[CELL_ACCELERATION], m[LENGTH]
     x, along = 0.0, 0.0
     for k in range(3):
         x += m[ALONG + k] * (p[k] - m[START + k])
@@ -333,35 +297,35 @@ def _line_kernel(m: Array, h: float, work: Array, R: Array, state: Array) -> Non
     for k in range(3):
         e[k] = p[k] - m[START + k] - x * m[ALONG + k]
         rate[k] = v[k] - along * m[ALONG + k]
-    state[_POSITION] = _norm(e[0], e[1], e[2])
-    state[_POSITION_BOUND] = _farthest(e, rate, h) + 0.5 * second * h * h
+    state[CELL_POSITION] = norm(e[0], e[1], e[2])
+    state[CELL_POSITION_BOUND] = farthest(e, rate, h) + 0.5 * second * h * h
     if length > 0.0:
         reach = abs(along) * h + 0.5 * second * h * h
-        state[_POSITION] = math.hypot(state[_POSITION], max(0.0, -x, x - length))
-        state[_POSITION_BOUND] = math.hypot(
-            state[_POSITION_BOUND], max(0.0, reach - x, x + reach - length)
+        state[CELL_POSITION] = math.hypot(state[CELL_POSITION], max(0.0, -x, x - length))
+        state[CELL_POSITION_BOUND] = math.hypot(
+            state[CELL_POSITION_BOUND], max(0.0, reach - x, x + reach - length)
         )
-        state[_PLACE], state[_PACE], state[_PACE_CHANGE] = (
+        state[CELL_PLACE], state[CELL_PACE], state[CELL_PACE_CHANGE] = (
             x / length,
             along / length,
             second / length,
         )
         return
     # A turn on the spot: the place that fits best, at the pace that does.
-    state[_PLACE], state[_PACE], state[_PACE_CHANGE] = 0.0, 0.0, 0.0
+    state[CELL_PLACE], state[CELL_PACE], state[CELL_PACE_CHANGE] = 0.0, 0.0, 0.0
     if m[TURN] > 0.0:
         turned = _twist_angle(m, R)
-        turned += 2.0 * math.pi * math.floor((state[_ANGLE] - turned) / (2.0 * math.pi) + 0.5)
-        state[_ANGLE] = turned
-        state[_PLACE] = turned / m[TURN]
-        state[_PACE] = (m[AXIS] * w[0] + m[AXIS + 1] * w[1] + m[AXIS + 2] * w[2]) / m[TURN]
+        turned += 2.0 * math.pi * math.floor((state[CELL_ANGLE] - turned) / (2.0 * math.pi) + 0.5)
+        state[CELL_ANGLE] = turned
+        state[CELL_PLACE] = turned / m[TURN]
+        state[CELL_PACE] = (m[AXIS] * w[0] + m[AXIS + 1] * w[1] + m[AXIS + 2] * w[2]) / m[TURN]
 
 
 @kernel(allocates=False)
 def _arc_kernel(m: Array, h: float, work: Array, state: Array) -> None:
     """Position deviation from an arc for ``cell_kernel``."""
     p, v, e, rate = work[3], work[4], work[6], work[7]
-    second, radius, sweep = state[_ACCELERATION], m[LENGTH], m[SWEEP]
+    second, radius, sweep = state[CELL_ACCELERATION], m[LENGTH], m[SWEEP]
     a, b, z, va, vb, vz = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
     for k in range(3):
         r = p[k] - m[CENTER + k]
@@ -373,17 +337,17 @@ def _arc_kernel(m: Array, h: float, work: Array, state: Array) -> None:
         vz += m[NORMAL + k] * v[k]
     distance = math.sqrt(a * a + b * b)
     phi = math.atan2(b, a)
-    phi += 2.0 * math.pi * math.floor((state[_ANGLE] - phi) / (2.0 * math.pi) + 0.5)
-    state[_ANGLE] = phi
-    state[_POSITION] = math.hypot(distance - radius, z)
-    state[_POSITION] = math.hypot(state[_POSITION], radius * max(0.0, -phi, phi - sweep))
-    state[_POSITION_BOUND], state[_PLACE], state[_PACE], state[_PACE_CHANGE] = (
+    phi += 2.0 * math.pi * math.floor((state[CELL_ANGLE] - phi) / (2.0 * math.pi) + 0.5)
+    state[CELL_ANGLE] = phi
+    state[CELL_POSITION] = math.hypot(distance - radius, z)
+    state[CELL_POSITION] = math.hypot(state[CELL_POSITION], radius * max(0.0, -phi, phi - sweep))
+    state[CELL_POSITION_BOUND], state[CELL_PLACE], state[CELL_PACE], state[CELL_PACE_CHANGE] = (
         np.inf,
         phi / sweep,
         0.0,
         0.0,
     )
-    fastest = _norm(v[0], v[1], v[2]) + second * h
+    fastest = norm(v[0], v[1], v[2]) + second * h
     least = distance - fastest * h
     if least <= 0.5 * distance:
         # Too wide a cell to tell anything: it is halved.
@@ -395,5 +359,5 @@ def _arc_kernel(m: Array, h: float, work: Array, state: Array) -> None:
     faster = (second + 2.0 * fastest * fastest / least) / least
     reach = abs(across) * h + 0.5 * faster * h * h
     over = radius * max(0.0, reach - phi, phi + reach - sweep)
-    state[_POSITION_BOUND] = math.hypot(_farthest(e, rate, h) + 0.5 * curved * h * h, over)
-    state[_PACE], state[_PACE_CHANGE] = across / sweep, faster / sweep
+    state[CELL_POSITION_BOUND] = math.hypot(farthest(e, rate, h) + 0.5 * curved * h * h, over)
+    state[CELL_PACE], state[CELL_PACE_CHANGE] = across / sweep, faster / sweep

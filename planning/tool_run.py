@@ -10,7 +10,7 @@ from typing import Literal, NamedTuple
 import numpy as np
 
 from kinematics.arrays import Array, frozen
-from planning.tool_motion import Kind, ToolMotion
+from planning.tool_corner import CurveKind, ToolCurve
 from planning.tool_tolerance import ToolTolerance
 
 #: Of what a motion is a part: a list of motions, or a seam with what leads to it and from it.
@@ -30,7 +30,7 @@ class RunPart(NamedTuple):
         tool_speed: Speed to be kept [m/s]; None for none.
     """
 
-    motion: ToolMotion
+    motion: ToolCurve
     begin: float
     end: float
     asked: int
@@ -55,7 +55,7 @@ class ToolRun:
         name: Of what it is a part.
     """
 
-    motions: tuple[ToolMotion, ...]
+    motions: tuple[ToolCurve, ...]
     asked: tuple[int, ...]
     blends: tuple[bool, ...]
     tolerances: tuple[ToolTolerance, ...] = ()
@@ -63,12 +63,12 @@ class ToolRun:
     name: PartName = "motion"
 
     @classmethod
-    def of(cls, motion: ToolMotion, asked: int = 0) -> "ToolRun":
+    def of(cls, motion: ToolCurve, asked: int = 0) -> "ToolRun":
         """A run of one motion."""
         return cls((motion,), (asked,), (False,))
 
     @property
-    def kind(self) -> Kind:
+    def kind(self) -> CurveKind:
         """Kind of the first motion."""
         return self.motions[0].kind
 
@@ -99,7 +99,7 @@ class ToolRun:
         """Sum of the angles that the tool turns by [rad]."""
         return sum(motion.angle for motion in self.motions)
 
-    def locate(self, s: float) -> tuple[ToolMotion, float]:
+    def locate(self, s: float) -> tuple[ToolCurve, float]:
         """The motion at a place of the run, and the place on that motion."""
         breaks = self.breaks
         k = min(int(np.searchsorted(breaks, s, side="right")) - 1, len(self.motions) - 1)
@@ -128,7 +128,7 @@ class ToolRun:
         return tuple(part for part in self.parts if part.begin < reached or part.begin == 0.0)
 
 
-def run_of(motion: ToolMotion | ToolRun, asked: int = 0) -> ToolRun:
+def run_of(motion: ToolCurve | ToolRun, asked: int = 0) -> ToolRun:
     """A motion as a run of its own; a run as it is.
 
     Args:

@@ -1,7 +1,7 @@
 """Timing of joint paths that lead the tool, from rest to rest along every motion."""
 
-from collections.abc import Mapping
-from dataclasses import dataclass, field
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from types import MappingProxyType
 
 import numpy as np
@@ -11,15 +11,17 @@ from kinematics.chain import Chain
 from kinematics.jacobian import geometric
 from kinematics.trajectory import Trajectory, concatenate, stay
 from planning.passing_times import passing_times
-from planning.result import ToolMotionReport
+from planning.result import SpeedLimit, ToolMotionReport
 from planning.run_deviation import pieces_within
+from planning.timed_tool_motions import SpeedBand, TimedToolMotions
 from planning.timing.parametrization import TimeParametrization
 from planning.timing.path import JointPath
 from planning.timing.steady_speed import time_at_steady_speed
 from planning.timing.time_scaling import ScaledTime
-from planning.tool_motion import SpeedBand, TimedToolMotions, ToolMotion
+from planning.tool_motion import ToolMotion
 from planning.tool_path import ToolPath
 from planning.tool_run import RunPart, ToolRun, run_of
+from planning.tool_speed_limits import speed_limits
 from planning.tool_spline import spline_near
 
 #: How often a spline of time is given twice as many waypoints to keep nearer to its motion.
@@ -29,10 +31,14 @@ _LOOKS = 5
 _INSTANTS = 1001
 #: Part of the width of a band of speed by which a steady speed may vary with the path.
 _BAND_SHARE = 0.5
+#: Band of the speed of motions without a rest between them, as part of it.
+_CORNER_BAND = 0.01
 #: Places of a path that differ by less than this part of it are one.
 _SAME_PLACE = 1e-9
 #: A steady motion that is slowed down for torques by more than this factor is held against another.
 _AS_FAST = 1.02
+#: A steady motion may take longer than another one by this factor.
+_LONGER = 1.05
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -133,7 +139,8 @@ def time_tool_path(
         ]
     parts = tuple(part.trajectory for part in scaled)
     free = transits or {}
-    reports = _reports(chain, path, parts, free)
+    limits = [_speed_limits(chain, *pair, parametrization) for pair in path.moving]
+    reports = _reports(chain, path, parts, limits, free)
     return TimedToolPath(path, parts, reports, parametrization.method.notes(scaled), free)
 
 
@@ -150,10 +157,11 @@ def _reports(
     chain: Chain,
     path: ToolPath,
     trajectories: tuple[Trajectory, ...],
+    limits: Sequence[Sequence[SpeedLimit | None]],
     transits: Mapping[int, Trajectory],
 ) -> tuple[ToolMotionReport, ...]:
     """Times of each motion of a tool path, with the free motions before some of them."""
-    remaining = iter(trajectories)
+    remaining = iter(zip(trajectories, limits, strict=True))
     reports: list[ToolMotionReport] = []
     now = 0.0
     for k, (run, segment) in enumerate(zip(path.runs, path.segments, strict=True)):
@@ -162,19 +170,35 @@ def _reports(
         reached = 1.0 if segment.stop is None else segment.reached
         parts = run.parts_until(reached)
         ends = [0.0] * len(parts)
+        slower: Sequence[SpeedLimit | None] = [None] * len(parts)
         if segment.path is not None:
-            ends = passing_times(chain, segment.path, next(remaining), parts)
-        for part, end in zip(parts, ends, strict=True):
+            timed, slower = next(remaining)
+            ends = passing_times(chain, segment.path, timed, parts)
+        for part, end, limit in zip(parts, ends, slower, strict=True):
             motion, share = part.motion, (reached - part.begin) / (part.end - part.begin)
             reports.append(
                 ToolMotionReport(
                     motion.kind, motion.length, motion.angle, min(share, 1.0), then,
-                    now + end, motion, part.asked, part.blends, run.name,
+                    now + end, motion, part.asked, part.blends, run.name, limit,
                 )
             )  # fmt: skip
             then = now + end
         now = then
     return tuple(reports)
+
+
+def _speed_limits(
+    chain: Chain,
+    motion: ToolMotion | ToolRun,
+    path: JointPath,
+    parametrization: TimeParametrization,
+) -> list[SpeedLimit | None]:
+    """Limits below the tool speed that a run without tolerances is to be timed at, part by part."""
+    run, speed = run_of(motion), parametrization.tool_speed
+    parts = run.parts_until(path.length)
+    if speed is None or run.tolerances:
+        return [None] * len(parts)
+    return speed_limits(chain.joint_names, path, parts, run.length, speed, parametrization)
 
 
 def _time_motion(
@@ -186,10 +210,15 @@ def _time_motion(
 ) -> ScaledTime:
     run = run_of(motion)
     if run.tool_speeds:
-        steady = _time_steadily(chain, tool_path, run, path, parametrization)
+        steady = _time_steadily(chain, run, tool_path.speed_band, path, parametrization)
         if steady is not None:
             return steady
         parametrization = parametrization.at_tool_speed(chain, min(run.tool_speeds))
+    elif parametrization.tool_speed is not None and len(run.motions) > 1:
+        asked = replace(run, tool_speeds=(parametrization.tool_speed,) * len(run.motions))
+        steady = _time_steadily(chain, asked, _CORNER_BAND, path, parametrization)
+        if steady is not None:
+            return steady
     if parametrization.method.follows_path:
         return parametrization.time(path, chain.joint_names)
     knots = path.breaks
@@ -207,13 +236,12 @@ def _time_motion(
 
 def _time_steadily(
     chain: Chain,
-    tool_path: ToolPath,
     run: ToolRun,
+    band: float | None,
     path: JointPath,
     parametrization: TimeParametrization,
 ) -> ScaledTime | None:
     """The motion at steady speeds of the tool; None where another one keeps them as far."""
-    band = tool_path.speed_band
     if band is None or path.corners or not parametrization.smooth:
         return None
     path, speeds = _cut_where_speeds_change(chain, run, path)
@@ -237,6 +265,8 @@ def _time_steadily(
         return timed
     other = parametrization.time(path, chain.joint_names)
     low = (1.0 - band) * run.tool_speeds[0]
+    if timed.trajectory.duration > _LONGER * other.trajectory.duration:
+        return other
     shares = [_share_in_band(chain, one.trajectory, low) for one in (timed, other)]
     return timed if shares[0] >= shares[1] else other
 

@@ -56,7 +56,6 @@ from armwright_client.plan import (
     Reproducibility,
     Stage,
     Timing,
-    ToolMotionReport,
 )
 from armwright_client.planner import PlannerName
 from armwright_client.problem import Problem
@@ -93,7 +92,19 @@ from armwright_client.simulation import (
     TrackedLimitUse,
     Tube,
 )
-from armwright_client.tool_motion import TimedToolMotion, TimedToolMotions, ToolMotion
+from armwright_client.tool_motion import (
+    CornerArc,
+    RoundedCorner,
+    TimedToolMotion,
+    TimedToolMotions,
+    ToolMotion,
+)
+from armwright_client.tool_motion_report import (
+    CornerArcReport,
+    RoundedCornerReport,
+    SpeedLimit,
+    ToolMotionReport,
+)
 from armwright_client.trajectory import Samples, Segment, TimedTrajectory, Trajectory
 
 __all__ = [
@@ -119,6 +130,8 @@ __all__ = [
     "Cone",
     "ConstraintUse",
     "Convex",
+    "CornerArc",
+    "CornerArcReport",
     "Cylinder",
     "Descent",
     "Export",
@@ -167,6 +180,8 @@ __all__ = [
     "RetimeRequest",
     "RetimeTiming",
     "Retimed",
+    "RoundedCorner",
+    "RoundedCornerReport",
     "RowsLike",
     "Samples",
     "Scene",
@@ -181,6 +196,7 @@ __all__ = [
     "Simulation",
     "SimulationReference",
     "SingleGoal",
+    "SpeedLimit",
     "Sphere",
     "SphereRegion",
     "Stage",

@@ -22,11 +22,15 @@ from armwright_client.constraint import Constraints
 from armwright_client.dynamics import Payload
 from armwright_client.goal import Goal, Start
 from armwright_client.planner import PlannerName
-from armwright_client.pose import Pose
 from armwright_client.scene import SceneReference
 from armwright_client.seam import StraightOffset, ToolTolerance, Waypoint
 from armwright_client.timing import TimingReport
-from armwright_client.tool_motion import Part, TimedToolMotion, TimedToolMotions, ToolMotion
+from armwright_client.tool_motion import (
+    TimedToolMotion,
+    TimedToolMotions,
+    ToolMotion,
+)
+from armwright_client.tool_motion_report import ToolMotionReport
 from armwright_client.trajectory import TimedTrajectory
 
 TimingMethod = Literal["toppra", "spline", "jerk_limited"]
@@ -107,7 +111,7 @@ class CartesianOptions(Request):
         """The mapping that a plan's `planner_options` take."""
         return self.model_dump(mode="json", exclude_none=True)
 
-    def seam_in_time(self, reports: Sequence["ToolMotionReport"]) -> TimedToolMotions:
+    def seam_in_time(self, reports: Sequence[ToolMotionReport]) -> TimedToolMotions:
         """A seam as a trajectory is held to it, see `Client.validate`.
 
         Args:
@@ -134,7 +138,7 @@ class CartesianOptions(Request):
             speed_band=self.speed_band,
         )
 
-    def _tolerance(self, report: "ToolMotionReport") -> ToolTolerance | None:
+    def _tolerance(self, report: ToolMotionReport) -> ToolTolerance | None:
         """That of the waypoint that a part of a seam leads to, where it has one of its own."""
         if self.waypoints is None or report.part != "seam":
             return None
@@ -151,53 +155,11 @@ class CartesianOptions(Request):
         changes |= dict.fromkeys(turns) | {"free": sorted({*given.free, *turns})}
         return given.model_copy(update=changes)
 
-    def _tool_speed(self, report: "ToolMotionReport") -> float | None:
+    def _tool_speed(self, report: ToolMotionReport) -> float | None:
         """The speed to the waypoint that a part of a seam leads to, where it has its own."""
         if self.waypoints is None or report.part != "seam":
             return None
         return self.waypoints[report.motion + 1].tool_speed
-
-
-class ToolMotionReport(Answer):
-    """Result of one tool motion.
-
-    Args:
-        type: "lin" or "circ".
-        length: Of the whole of it [m].
-        angle: How far the tool turns in the whole of it [rad].
-        fraction: How far it was carried out.
-        begins: When [s].
-        ends: When [s].
-        motion: Index of the motion of the request that it is a part of; of a seam, of the waypoint
-            that it leaves.
-        part: "motion", or "approach", "seam" and "retreat" of waypoints.
-        blend: Whether it rounds the corner at the end of that motion.
-        pose: Of the tip where it ends, carried out in full.
-        start: Of the tip where it begins; None where the motion before ends.
-        center: Of an arc [m].
-        normal: Axis that an arc turns about.
-    """
-
-    type: str
-    length: float
-    angle: float
-    fraction: float
-    begins: float
-    ends: float
-    motion: int
-    part: Part
-    blend: bool
-    pose: Pose
-    start: Pose | None = None
-    center: list[float] | None
-    normal: list[float] | None
-
-    @property
-    def as_motion(self) -> ToolMotion:
-        """The motion as a request has it, to have a trajectory held to it."""
-        if self.center is None:
-            return ToolMotion.lin(self.pose)
-        return ToolMotion.circ(self.pose, center=self.center, normal=self.normal)
 
 
 Objective = Literal["time", "jerk", "energy", "path_length"]

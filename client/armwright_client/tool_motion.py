@@ -9,11 +9,11 @@ from armwright_client.seam import ToolTolerance
 Part = Literal["motion", "approach", "seam", "retreat"]
 
 
-class ToolMotion(Request):
-    """A line, or an arc through a point or about a centre, from where the tool is.
+class ToolCurve(Request):
+    """A motion of the tool from where it is: what all kinds of them have.
 
     Args:
-        type: "lin" or "circ".
+        type: "lin", "circ" or, of motions in time, "corner".
         pose: Of the tip where the motion ends.
         via: Point on the arc.
         center: Of the arc.
@@ -23,7 +23,7 @@ class ToolMotion(Request):
             the options if left out.
     """
 
-    type: Literal["lin", "circ"]
+    type: Literal["lin", "circ", "corner"]
     pose: AnyPose
     via: Vector3 | None = None
     center: Vector3 | None = None
@@ -49,10 +49,49 @@ class ToolMotion(Request):
         return cls.of(type="circ", pose=pose, via=via, center=center, normal=normal, blend=blend)
 
 
-class TimedToolMotion(ToolMotion):
-    """A line or an arc that a trajectory is held to, a part of a seam perhaps.
+class ToolMotion(ToolCurve):
+    """A line, or an arc through a point or about a centre, from where the tool is.
 
     Args:
+        type: "lin" or "circ".
+    """
+
+    type: Literal["lin", "circ"]
+
+
+class CornerArc(Request):
+    """The arc that leads to a rounded corner, or away from it.
+
+    Args:
+        center: Of the arc [m].
+        normal: Axis to turn about by the right hand.
+    """
+
+    center: Vector3
+    normal: Vector3
+
+
+class RoundedCorner(Request):
+    """The corner that a motion rounds: the end of one motion and the beginning of the next.
+
+    Args:
+        pose: Of the tip at the corner, which the tool passes by.
+        slope: Rate at which the tool leaves the motion before, and joins the one after.
+        before: Arc that leads to the corner; a line if left out.
+        after: Arc that leads away from it; a line if left out.
+    """
+
+    pose: AnyPose
+    slope: Positive
+    before: CornerArc | None = None
+    after: CornerArc | None = None
+
+
+class TimedToolMotion(ToolCurve):
+    """A line, an arc or a corner that a trajectory is held to, a part of a seam perhaps.
+
+    Args:
+        rounds: The corner that a "corner" rounds.
         start: Of the tip where it begins; where the motion before ends if left out.
         begins: When it begins [s]; when the motion before ends if left out.
         part: Of a "seam" tolerance and tool speed hold.
@@ -60,6 +99,7 @@ class TimedToolMotion(ToolMotion):
         tool_speed: Of a "seam": to be kept in this motion [m/s]; that of all if left out.
     """
 
+    rounds: RoundedCorner | None = None
     start: AnyPose | None = None
     begins: NonNegative | None = None
     part: Part | None = None

@@ -1,8 +1,9 @@
-"""Corners between tool motions, rounded by two circular arcs each.
+"""Corners between tool motions, rounded by a curve of continuous curvature or by two arcs each.
 
-The tool leaves a motion at a distance b before its corner and joins the next one b after it.
-Between the two points p_0, p_1 with the directions t_0, t_1 run two arcs that meet with one tangent
-at
+The tool leaves a motion at a distance b before its corner and joins the next one b after it: by
+``planning.tool_corner``, or, where it may deviate within a box of tolerances along lines and arcs,
+by two circular arcs. They run between the two points p_0, p_1 with the directions t_0, t_1 and meet
+with one tangent at
 
     p = (p_0 + p_1 + d (t_0 - t_1)) / 2,   v = p_1 - p_0,
     2 (1 - t_0 t_1) d^2 + 2 d v (t_0 + t_1) - v^2 = 0,  d > 0,
@@ -19,6 +20,7 @@ import numpy as np
 
 from kinematics.arrays import Array
 from kinematics.pose import from_axis_angle, rotation_error, transform
+from planning.tool_corner import ToolCurve, part_of, rounded_corner
 from planning.tool_motion import ToolMotion, arc_about, line
 from planning.tool_run import ToolRun
 
@@ -30,28 +32,33 @@ _SMOOTH = 1e-6
 _REVERSAL = math.radians(170.0)
 #: Motions and blends shorter than this are none [m].
 _SHORTEST = 1e-6
+#: Rates of turning and curvatures that differ by less are the same [rad/m], [1/m].
+_SAME_RATE = 1e-6
 #: Sine of the angle between a direction and a chord below which an arc is a line.
 _STRAIGHT = 1e-9
 
 
-def runs(motions: Sequence[ToolMotion], blends: Sequence[float]) -> tuple[ToolRun, ...]:
+def runs(
+    motions: Sequence[ToolMotion], blends: Sequence[float], *, arcs: bool = False
+) -> tuple[ToolRun, ...]:
     """Runs without a rest, with corners rounded where a blend is asked for.
 
     Args:
         motions: In order, k of them, each from where the one before ends.
         blends: Distance from the end of each motion at which the tool may leave it [m], shape (k,);
             0 for a rest. At most half of both motions is cut; the last one is not used.
+        arcs: Whether corners are rounded by arcs, else without a jump of curvature.
 
     Returns:
         One run from each rest to the next. The tool rests at reversals and at turns on the spot
         too.
     """
     distances = [
-        _distance(a, b, blend)
+        _distance(a, b, blend, arcs=arcs)
         for a, b, blend in zip(motions[:-1], motions[1:], blends[:-1], strict=True)
     ]
     finished: list[ToolRun] = []
-    parts: list[tuple[ToolMotion, int, bool]] = []
+    parts: list[tuple[ToolCurve, int, bool]] = []
     before = 0.0
     for k, motion in enumerate(motions):
         after = distances[k] if k < len(distances) else None
@@ -62,26 +69,45 @@ def runs(motions: Sequence[ToolMotion], blends: Sequence[float]) -> tuple[ToolRu
             finished.append(_run(parts))
             parts, before = [], 0.0
             continue
-        parts += [(arc, k, True) for arc in _corner(motion, motions[k + 1], after)]
+        if after > 0.0 and not arcs:
+            parts.append((rounded_corner(motion, motions[k + 1], after), k, True))
+        elif after > 0.0:
+            parts += [(arc, k, True) for arc in _biarc(motion, motions[k + 1], after)]
         before = after
     return tuple(finished)
 
 
-def _run(parts: list[tuple[ToolMotion, int, bool]]) -> ToolRun:
+def _run(parts: list[tuple[ToolCurve, int, bool]]) -> ToolRun:
     motions, asked, blends = zip(*parts, strict=True)
     return ToolRun(motions, asked, blends)
 
 
-def _distance(first: ToolMotion, second: ToolMotion, blend: float) -> float | None:
+def _distance(first: ToolMotion, second: ToolMotion, blend: float, *, arcs: bool) -> float | None:
     """Distance from a corner at which its blend begins [m]; None where the tool rests."""
     shorter = min(first.length, second.length)
     if not blend > 0.0 or shorter < _SHORTEST:
         return None
     angle = _angle(first.direction(1.0), second.direction(0.0))
-    if angle <= _SMOOTH:
+    if angle <= _SMOOTH and (arcs or _go_on_alike(first, second)):
         return 0.0
     distance = min(blend, _HALF * shorter)
     return None if angle > _REVERSAL or distance < _SHORTEST else distance
+
+
+def _go_on_alike(first: ToolMotion, second: ToolMotion) -> bool:
+    """Whether a motion ends with the curvature and rate of turning that the next begins with."""
+    rates = [
+        (_curvature(motion, s), motion.turn / motion.length)
+        for motion, s in ((first, 1.0), (second, 0.0))
+    ]
+    return all(np.abs(a - b).max() <= _SAME_RATE for a, b in zip(*rates, strict=True))
+
+
+def _curvature(motion: ToolMotion, s: float) -> Array:
+    """Curvature vector at a place, shape (3,) [1/m]."""
+    if motion.kind == "lin":
+        return np.zeros(3)
+    return np.asarray(np.cross(motion.normal, motion.direction(s)) / motion.radius)
 
 
 def _cut(motion: ToolMotion, before: float, after: float) -> ToolMotion | None:
@@ -91,17 +117,11 @@ def _cut(motion: ToolMotion, before: float, after: float) -> ToolMotion | None:
         return motion
     if length - before - after < _SHORTEST:
         return None
-    T_start = motion.pose(before / length)
-    T_end = motion.pose(1.0 - after / length) if after > 0.0 else motion.T_end
-    if motion.kind == "lin":
-        return line(T_start, T_end)
-    return arc_about(T_start, T_end, motion.center, motion.normal)
+    return part_of(motion, before / length, 1.0 - after / length)
 
 
-def _corner(first: ToolMotion, second: ToolMotion, distance: float) -> list[ToolMotion]:
+def _biarc(first: ToolMotion, second: ToolMotion, distance: float) -> list[ToolMotion]:
     """The two arcs from a motion to the next, at a distance from their corner [m]."""
-    if distance == 0.0:
-        return []
     s_first, s_second = 1.0 - distance / first.length, distance / second.length
     T_start, T_end = first.pose(s_first), second.pose(s_second)
     start, end = first.direction(s_first), second.direction(s_second)

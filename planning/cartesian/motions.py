@@ -4,7 +4,7 @@ import numpy as np
 
 from kinematics.arrays import Array
 from kinematics.errors import InvalidGoal, InvalidOption
-from planning.options import CartesianOptions
+from planning.options import CartesianOptions, ToolMotionOptions
 from planning.tool_motion import ToolMotion, arc_about, arc_via, line
 
 
@@ -29,20 +29,33 @@ def tool_motions(
     motions: list[ToolMotion] = []
     T = T_start
     for i, item in enumerate(options.motions):
-        end = np.array(item.T_base_tip)
-        if item.T_base_start is not None:
-            T = np.array(item.T_base_start)
-        try:
-            if item.kind == "lin":
-                motions.append(line(T, end))
-            elif item.via is not None:
-                motions.append(arc_via(T, end, item.via))
-            else:
-                assert item.center is not None
-                motions.append(arc_about(T, end, item.center, item.normal))
-        except InvalidGoal as error:
-            raise InvalidGoal(
-                f"motions[{i}]: {error.message}", hint=error.hint, motion=i, **error.details
-            ) from None
-        T = end
+        motions.append(tool_motion(T, item, i))
+        T = motions[-1].T_end
     return tuple(motions)
+
+
+def tool_motion(T_start: Array, item: ToolMotionOptions, index: int) -> ToolMotion:
+    """Return one motion that is asked for.
+
+    Args:
+        T_start: Where it begins, unless it says so itself, shape (4, 4).
+        item: The motion.
+        index: Its place in the request, for messages.
+
+    Raises:
+        InvalidGoal: An arc whose points name no circle.
+    """
+    T, end = T_start, np.array(item.T_base_tip)
+    if item.T_base_start is not None:
+        T = np.array(item.T_base_start)
+    try:
+        if item.kind == "lin":
+            return line(T, end)
+        if item.via is not None:
+            return arc_via(T, end, item.via)
+        assert item.center is not None
+        return arc_about(T, end, item.center, item.normal)
+    except InvalidGoal as error:
+        raise InvalidGoal(
+            f"motions[{index}]: {error.message}", hint=error.hint, motion=index, **error.details
+        ) from None

@@ -1,7 +1,7 @@
 """The planner of straight and circular motions of the tool.
 
 Each motion is followed in one branch of inverse kinematics and proved free. The arm rests between
-them, so that corners are met exactly, or runs through corners that are rounded by arcs. Where the
+them, so that corners are met exactly, or runs through corners that are rounded. Where the
 tool can't be led to the end, the attempt says how far it comes and what is in the way.
 """
 

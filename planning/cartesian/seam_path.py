@@ -11,6 +11,7 @@ from kinematics.arrays import Array, Indices, frozen
 from kinematics.errors import InvalidGoal
 from planning.cartesian.blending import runs
 from planning.seam_options import SeamOptions, SeamWaypoint
+from planning.tool_corner import ToolCurve
 from planning.tool_motion import ToolMotion, arc_via, line
 from planning.tool_run import ToolRun
 from planning.tool_tolerance import ToolTolerance
@@ -101,7 +102,7 @@ def seam_runs(options: SeamOptions, blend: float) -> tuple[ToolRun, ...]:
     blends = [point.blend if point.blend is not None else blend for point in points[1:]]
     rounded: list[ToolRun] = []
     for first, last in _smooth_parts(motions, blends):
-        rounded += _join(runs(motions[first:last], blends[first:last]), first)
+        rounded += _join(runs(motions[first:last], blends[first:last], arcs=True), first)
     boxes, speeds = [point.tolerance or options.tolerance for point in points], options.speeds
     return tuple(
         replace(
@@ -144,7 +145,7 @@ def _smooth_parts(motions: Sequence[ToolMotion], blends: Sequence[float]) -> lis
     return list(zip(starts, [*starts[1:], len(motions)], strict=True))
 
 
-def corner_angle(first: ToolMotion, second: ToolMotion) -> float:
+def corner_angle(first: ToolCurve, second: ToolCurve) -> float:
     """Angle between the directions in which two motions meet [rad]."""
     a, b = first.direction(1.0), second.direction(0.0)
     return math.atan2(float(np.linalg.norm(np.cross(a, b))), float(a @ b))

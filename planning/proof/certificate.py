@@ -31,7 +31,7 @@ from planning.proof.tool_box import BoxUse, check_tool_boxes
 from planning.proof.tool_deviation import PathDeviation, check_tool_motions
 from planning.proof.tool_speed_band import SpeedUse, check_speed_bands
 from planning.proof.violation import Violation
-from planning.tool_motion import TimedToolMotions
+from planning.timed_tool_motions import TimedToolMotions
 
 
 @dataclass(frozen=True, slots=True)

@@ -48,7 +48,7 @@ from planning.proof.tool_curve import (
 )
 from planning.proof.tool_deviation import Arm, pack_motion, pieces_between, tip_kernel
 from planning.proof.violation import Violation
-from planning.tool_motion import TimedToolMotions
+from planning.timed_tool_motions import TimedToolMotions
 from planning.tool_tolerance import ToolTolerance
 
 # Entries of a box as the kernel reads it.

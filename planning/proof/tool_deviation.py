@@ -1,11 +1,12 @@
-"""Deviation of the tool from lines and arcs, bounded for every instant of a motion.
+"""Deviation of the tool from lines, arcs and corners, bounded for every instant of a motion.
 
 On an interval of time of half length h the tool's place is p + s v + r with |r| <= a h^2 / 2, its
 orientation turns at w, both from ``relative_motion``. Of a line, the deviation e across it changes
 at e', the part of v across it, and stays below max |e +- h e'| + |r|. On an arc
 e = (distance from the axis - radius, height), whose second derivative adds |p'|^2 / distance. An
 angle between two orientations changes at most by their relative angular velocity. Intervals are
-halved until the bound is sharp or a deviation beyond what is allowed is found.
+halved until the bound is sharp or a deviation beyond what is allowed is found. Of corners see
+``planning.proof.corner_deviation``.
 
 The angle about an arc's axis is followed from interval to interval, so that whole turns count: only
 intervals are judged in which it changes by little. Planners measure deviations by
@@ -23,6 +24,7 @@ from kinematics.chain import Chain
 from kinematics.compiled.kernel import kernel
 from kinematics.trajectory import Trajectory
 from kinematics.vec3 import dot, scale, subtract
+from planning.proof.corner_deviation import corner_deviation, pack_corner
 from planning.proof.joint_frames import forward_kernel
 from planning.proof.motion_bounds import JOINT_COLUMNS, OUTWARD, VALUE, enclose, reach
 from planning.proof.relative_motion import relative_motion
@@ -46,7 +48,9 @@ from planning.proof.tool_curve import (
     vector_at,
 )
 from planning.proof.violation import Violation
-from planning.tool_motion import TimedToolMotions, ToolMotion
+from planning.timed_tool_motions import TimedToolMotions
+from planning.tool_corner import ToolCorner, ToolCurve
+from planning.tool_motion import ToolMotion
 
 #: A bound is sharp that is at most so many times what was found.
 _SHARP = 1.25
@@ -63,7 +67,7 @@ class PathDeviation:
     """Largest deviation of the tool from its motions, over all t.
 
     Args:
-        position: From the line or arc [m].
+        position: From the line, arc or corner [m].
         orientation: From the orientation at the same place of it [rad]; None where it is free.
         verified: Whether these are proved and within what was asked for.
         time: Where it is farthest off, or where it is too far [s].
@@ -128,7 +132,7 @@ def check_tool_motions(
 
 
 def path_deviation(chain: Chain, trajectory: Trajectory, asked: TimedToolMotions) -> PathDeviation:
-    """Deviation of a robot's tool from lines and arcs, bounded for every instant.
+    """Deviation of a robot's tool from its motions, bounded for every instant.
 
     Args:
         chain: The robot; its tip is the tool.
@@ -140,7 +144,7 @@ def path_deviation(chain: Chain, trajectory: Trajectory, asked: TimedToolMotions
     arm = Arm(chain.joint_types, chain.offsets, chain.tip.T_joint_link, chain.tip.joint)
     worst, verified, time, highest = np.zeros(2), True, 0.0, -1.0
     for motion, begin, end in asked.exact:
-        numbers, angle = pack_motion(motion), 0.0
+        numbers, angle = pack_curve(motion), 0.0
         for piece, low, high in pieces_between(trajectory, float(begin), float(end)):
             part = Worst(np.zeros(2), np.array([-1.0, 0.0, angle]))
             fine = deviation_kernel(
@@ -181,8 +185,15 @@ def pieces_between(
     return parts
 
 
+def pack_curve(curve: ToolCurve) -> Array:
+    """A motion of any kind as the kernels read it, shape (WIDTH,) or (CORNER_WIDTH,)."""
+    if not isinstance(curve, ToolCorner):
+        return pack_motion(curve)
+    return pack_corner(pack_motion(curve.first), pack_motion(curve.second), curve.slope)
+
+
 def pack_motion(motion: ToolMotion) -> Array:
-    """A motion as the kernels read it, shape (WIDTH,)."""
+    """A line or an arc as the kernels read it, shape (WIDTH,)."""
     m, start = np.zeros(WIDTH), motion.T_start[:3, 3]
     turn = motion.turn
     angle = float(np.linalg.norm(turn))
@@ -211,7 +222,7 @@ def deviation_kernel(
         arm: The robot.
         coefficients: Of the piece, shape (n, k).
         ends: Of the part in the piece's own time, shape (2,) [s].
-        m: The motion, shape (WIDTH,).
+        m: The motion, shape (WIDTH,) or (CORNER_WIDTH,).
         allowed: Deviations [m], [rad], infinite where it is free, shape (2,).
         worst: Raised; its angle is where the part before has left it.
     """
@@ -266,6 +277,11 @@ def _bound(
     spread = relative_motion(arm.types, frames, p, arm.joint, -1, joints, half)
     lengths = reach(arm.types, arm.offsets, joints) + math.sqrt(dot(p, p))
     lost, n = rounding_bound(arm.types.shape[0], lengths), arm.types.shape[0]
+    if m[KIND] == 2.0:
+        corner_deviation(m, p, spread, half, found)
+        upper[0] += lost
+        upper[1] += rounding_bound(n, 1.0)
+        return True
     if m[KIND] == 0.0:
         judged, s, pace, bend = line_deviation(m, p, spread, half, place, found)
     else:

@@ -28,7 +28,7 @@ from planning.proof.motion_bounds import JOINT_COLUMNS, VALUE, enclose
 from planning.proof.relative_motion import relative_motion
 from planning.proof.tool_deviation import Arm, pieces_between, tip_kernel
 from planning.proof.violation import Violation
-from planning.tool_motion import SpeedBand
+from planning.timed_tool_motions import SpeedBand
 
 #: Halvings of an interval: what is undecided then is a thousandth of a piece.
 _MAX_DEPTH = 10

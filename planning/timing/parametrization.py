@@ -71,6 +71,11 @@ class TimeParametrization:
         return self.method.smooth
 
     @property
+    def tool_speed(self) -> float | None:
+        """Largest speed of the tool [m/s]; None where it is not limited."""
+        return None if self.loads is None else self.loads.tool_speed
+
+    @property
     def even_corners(self) -> bool:
         """Whether rounded corners are passed at constant speed: at rest at the ends, no loads."""
         return self.few_pieces and self.loads is None

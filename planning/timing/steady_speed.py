@@ -116,12 +116,20 @@ class _Rates:
 
     def caps(self) -> Array:
         """Largest constant speed of each piece, shape (p,)."""
+        return np.asarray(self.caps_by_limit(_SHARE).min(axis=(1, 2)))
+
+    def caps_by_limit(self, share: float) -> Array:
+        """Largest constant speed of each piece by each limit, shape (p, 3, n).
+
+        Args:
+            share: Of the limits of acceleration and jerk that may be used.
+        """
         velocity, acceleration, jerk = self.limits
         with np.errstate(divide="ignore"):
-            by_velocity = (velocity / self.first).min(axis=1)
-            by_acceleration = (_SHARE * acceleration / self.second).min(axis=1) ** 0.5
-            by_jerk = (_SHARE * jerk / self.third).min(axis=1) ** (1.0 / 3.0)
-        return np.asarray(np.minimum(np.minimum(by_velocity, by_acceleration), by_jerk))
+            by_velocity = velocity / self.first
+            by_acceleration = (share * acceleration / self.second) ** 0.5
+            by_jerk = (share * jerk / self.third) ** (1.0 / 3.0)
+        return np.stack([by_velocity, by_acceleration, by_jerk], axis=1)
 
     def ramp(self, pieces: Sequence[int], low: float, high: float) -> _Ramp | None:
         """The ramp at the beginning of some pieces, in their order; None where it has no room."""
@@ -161,6 +169,20 @@ class _Stretch:
     first: int
     last: int
     speed: float
+
+
+def speed_caps(path: JointPath, limits: Array, share: float = _SHARE) -> Array:
+    """Largest constant ds/dt on each of a path's p pieces by each limit of each joint.
+
+    Args:
+        path: Of degree at most 3.
+        limits: Of velocity, acceleration and jerk, inf for none, shape (3, n).
+        share: Of the limits of acceleration and jerk that may be used.
+
+    Returns:
+        Shape (p, 3, n); inf where a limit allows any.
+    """
+    return _Rates.of(path, limits).caps_by_limit(share)
 
 
 def time_at_steady_speed(

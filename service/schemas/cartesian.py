@@ -1,6 +1,6 @@
 """Straight and circular motions of the tool on the wire: options of the planner "cartesian"."""
 
-from typing import Annotated, Any, ClassVar, Literal
+from typing import Annotated, Any, ClassVar, Literal, Self
 
 from pydantic import Field, ValidationError, model_validator
 from pydantic.config import JsonDict
@@ -33,26 +33,14 @@ Deviation = Annotated[float, Field(ge=1e-7, le=1.0)]
 Ends = Annotated[list[NonNegative], Field(min_length=1, max_length=MAX_TIMED_MOTIONS)]
 
 
-class ToolMotion(Body):
-    """A line, or an arc through a point or about a centre, from where the tool is."""
+class ToolCurve(Body):
+    """A motion of the tool from where it is: what all kinds of them have."""
 
     only_beside: ClassVar[Beside] = {"normal": ("center",)}
-    published_rules: ClassVar[tuple[JsonDict, ...]] = (
-        {
-            "oneOf": [
-                {
-                    "properties": {"type": {"const": "lin"}},
-                    "not": {"anyOf": [is_given("via"), is_given("center")]},
-                },
-                {
-                    "properties": {"type": {"const": "circ"}},
-                    "oneOf": [is_given("via"), is_given("center")],
-                },
-            ]
-        },
-    )
 
-    type: Literal["lin", "circ"] = Field(examples=["lin"], description="line or arc")
+    type: Literal["lin", "circ", "corner"] = Field(
+        examples=["lin"], description="line, arc or rounded corner"
+    )
     pose: FramedPose = Field(description="of the tip where the motion ends")
     via: Point | None = Field(None, description="point on the arc")
     center: Point | None = Field(None, description="of the arc")
@@ -68,8 +56,8 @@ class ToolMotion(Body):
     )
 
     @model_validator(mode="after")
-    def _check_form(self) -> "ToolMotion":
-        if self.type == "lin":
+    def _check_form(self) -> Self:
+        if self.type != "circ":
             if not (self.via is self.center is self.normal is None):
                 raise ValueError("via, center and normal belong to motions of type circ")
         elif (self.via is None) == (self.center is None):
@@ -77,6 +65,56 @@ class ToolMotion(Body):
         if self.normal is not None and self.center is None:
             raise ValueError("normal needs center")
         return self
+
+
+def _line_or_arc(kind: JsonDict) -> JsonDict:
+    """The published rule of a line or an arc.
+
+    Args:
+        kind: The schema of types that are no arcs.
+    """
+    return {
+        "oneOf": [
+            {
+                "properties": {"type": kind},
+                "not": {"anyOf": [is_given("via"), is_given("center")]},
+            },
+            {
+                "properties": {"type": {"const": "circ"}},
+                "oneOf": [is_given("via"), is_given("center")],
+            },
+        ]
+    }
+
+
+class ToolMotion(ToolCurve):
+    """A line, or an arc through a point or about a centre, from where the tool is."""
+
+    published_rules: ClassVar[tuple[JsonDict, ...]] = (_line_or_arc({"const": "lin"}),)
+
+    type: Literal["lin", "circ"] = Field(examples=["lin"], description="line or arc")
+
+
+class CornerArc(Body):
+    """The arc that leads to a rounded corner, or away from it."""
+
+    center: Point = Field(description="of the arc, in the frame of the motion's pose")
+    normal: Vector3 = Field(description="axis to turn about by the right hand")
+
+
+class RoundedCorner(Body):
+    """The corner that a motion rounds: the end of one motion and the beginning of the next."""
+
+    pose: FramedPose = Field(description="of the tip at the corner, which the tool passes by")
+    slope: Annotated[float, Field(gt=0.0, le=2.5)] = Field(
+        description="rate at which the tool leaves the motion before, and joins the one after"
+    )
+    before: CornerArc | None = Field(
+        None, description="arc that leads to the corner; a line if left out"
+    )
+    after: CornerArc | None = Field(
+        None, description="arc that leads away from it; a line if left out"
+    )
 
 
 class CartesianOptions(Body):
@@ -105,8 +143,8 @@ class CartesianOptions(Body):
     allow_partial: bool = Field(False, description="a motion that ends early is an answer too")
     blend: Blend = Field(
         0.0,
-        description="corners are rounded by arcs that begin and end at most so far from them, and "
-        "the tool runs through; it rests at corners if 0 [m]",
+        description="corners are rounded by curves that begin and end at most so far from them, "
+        "and the tool runs through; it rests at corners if 0 [m]",
     )
 
     waypoints: Annotated[list[Waypoint], Field(min_length=2, max_length=MAX_WAYPOINTS)] | None = (
@@ -137,9 +175,23 @@ class CartesianOptions(Body):
         return self
 
 
-class TimedToolMotion(ToolMotion):
-    """A line or an arc that a trajectory is held to, a part of a seam perhaps."""
+class TimedToolMotion(ToolCurve):
+    """A line, an arc or a corner that a trajectory is held to, a part of a seam perhaps."""
 
+    published_rules: ClassVar[tuple[JsonDict, ...]] = (
+        _line_or_arc({"enum": ["lin", "corner"]}),
+        {
+            "oneOf": [
+                {"properties": {"type": {"const": "corner"}}, "allOf": [is_given("rounds")]},
+                {
+                    "properties": {"type": {"enum": ["lin", "circ"]}},
+                    "not": is_given("rounds"),
+                },
+            ]
+        },
+    )
+
+    rounds: RoundedCorner | None = Field(None, description='the corner that a "corner" rounds')
     start: FramedPose | None = Field(
         None,
         description="of the tip where it begins; where the motion before ends if left out, of the "
@@ -164,6 +216,10 @@ class TimedToolMotion(ToolMotion):
     def _check_speed(self) -> "TimedToolMotion":
         if self.tool_speed is not None and self.part != "seam":
             raise ValueError('tool_speed belongs to motions whose part is "seam"')
+        if (self.type == "corner") != (self.rounds is not None):
+            raise ValueError("rounds belongs to motions of type corner, which need it")
+        if self.type == "corner" and (self.part == "seam" or self.tolerance is not None):
+            raise ValueError("a motion of type corner has no tolerance, and is no part of a seam")
         return self
 
 
@@ -171,7 +227,7 @@ class TimedToolMotions(Body):
     """Motions of the tool that a trajectory is held to, in turn."""
 
     motions: Annotated[list[TimedToolMotion], Field(min_length=1, max_length=MAX_TIMED_MOTIONS)] = (
-        Field(description="lines and arcs, in their order")
+        Field(description="lines, arcs and corners, in their order")
     )
     begins: NonNegative | None = Field(
         None,
@@ -213,7 +269,9 @@ class TimedToolMotions(Body):
         if self.ends is not None and sorted(self.ends) != self.ends:
             raise ValueError("ends must not descend")
         if any(motion.blend for motion in self.motions):
-            raise ValueError("blend belongs to plans: give the arcs that tool_motions of one tell")
+            raise ValueError(
+                "blend belongs to plans: give the corners that tool_motions of one tell"
+            )
         if self.begins is not None and self.ends is not None and self.begins > self.ends[0]:
             raise ValueError("begins is after the end of the first motion")
         if not any(motion.part == "seam" for motion in self.motions):
@@ -238,10 +296,40 @@ def cartesian_options(given: dict[str, Any] | None) -> CartesianOptions:
         raise ValueError(f"planner_options{''.join(steps)}: {text}") from None
 
 
+class CornerArcAnswer(Answer):
+    """The arc that leads to a rounded corner, or away from it."""
+
+    center: list[float] = Field(description="[m]")
+    normal: list[float] = Field(description="axis that it turns about")
+
+
+class RoundedCornerAnswer(Answer):
+    """The corner that a motion rounds."""
+
+    pose: PoseAnswer = Field(description="of the tip at the corner, which the tool passes by")
+    slope: float = Field(
+        description="rate at which the tool leaves the motion before, and joins the one after"
+    )
+    before: CornerArcAnswer | None = Field(
+        description="arc that leads to the corner; null for a line"
+    )
+    after: CornerArcAnswer | None = Field(
+        description="arc that leads away from it; null for a line"
+    )
+
+
+class SpeedLimitAnswer(Answer):
+    """Limit of a joint that keeps the tool below the speed asked for."""
+
+    speed: float = Field(description="largest constant speed of the tool that it allows [m/s]")
+    joint: str = Field(description="name of the joint")
+    quantity: Literal["velocity", "acceleration", "jerk"] = Field(description="which limit of it")
+
+
 class ToolMotionAnswer(Answer):
     """Result of one tool motion."""
 
-    type: Literal["lin", "circ"] = Field(description="line or arc")
+    type: Literal["lin", "circ", "corner"] = Field(description="line, arc or rounded corner")
     length: float = Field(description="of the whole of it [m]")
     angle: float = Field(description="how far the tool turns in the whole of it [rad]")
     fraction: float = Field(description="how far it was carried out")
@@ -261,6 +349,14 @@ class ToolMotionAnswer(Answer):
     )
     center: list[float] | None = Field(description="of an arc [m]")
     normal: list[float] | None = Field(description="axis that an arc turns about")
+    rounds: RoundedCornerAnswer | None = Field(
+        None, description="the corner that a motion of type corner rounds"
+    )
+    speed_limit: SpeedLimitAnswer | None = Field(
+        None,
+        description="what keeps the tool below timing.tool_speed in it; null where nothing does, "
+        "or none is asked for. Before and after, the tool slows down and speeds up",
+    )
 
 
 class PathDeviationAnswer(Answer):

@@ -11,7 +11,7 @@ from kinematics.chain import Chain
 from kinematics.errors import InvalidGoal
 from kinematics.root_frame import frame_pose
 from service.schemas import constraint as constraints
-from service.schemas.cartesian import TimedToolMotion, TimedToolMotions, ToolMotion
+from service.schemas.cartesian import RoundedCorner, TimedToolMotion, TimedToolMotions
 from service.schemas.goal import Goal, SingleGoal
 from service.schemas.kinematics import IkRequest
 from service.schemas.plan import PlanRequest
@@ -24,7 +24,6 @@ _POINTS = ("point", "via", "center")
 _DIRECTIONS = ("normal", "direction")
 
 _Body = TypeVar("_Body", bound=BaseModel)
-_Motion = TypeVar("_Motion", bound=ToolMotion)
 
 
 class Frames:
@@ -190,18 +189,37 @@ def tool_motions_in_root_frame(
     return body.model_copy(update={"motions": motions})
 
 
-def _tool_motion(motion: _Motion, frames: Frames, where: str) -> _Motion:
-    if isinstance(motion, TimedToolMotion) and motion.start is not None:
+def _tool_motion(motion: TimedToolMotion, frames: Frames, where: str) -> TimedToolMotion:
+    if motion.start is not None:
         T = frames.transform(motion.start.frame, f"{where}.start.frame")
         if T is not None:
             motion = motion.model_copy(update={"start": _moved_pose(T, motion.start)})
     T = frames.transform(motion.pose.frame, f"{where}.pose.frame")
+    if motion.rounds is not None:
+        corner = _rounded_corner(motion.rounds, T, frames, f"{where}.rounds")
+        motion = motion.model_copy(update={"rounds": corner})
     if T is None:
         return motion
     values = {name: getattr(motion, name) for name in ("via", "center", "normal")}
     return motion.model_copy(
         update={"pose": _moved_pose(T, motion.pose), **_moved_fields(values, T)}
     )
+
+
+def _rounded_corner(
+    corner: RoundedCorner, T: Array | None, frames: Frames, where: str
+) -> RoundedCorner:
+    """A corner with its arcs moved by a transform, and its pose from its own frame."""
+    changes: dict[str, Any] = {}
+    T_pose = frames.transform(corner.pose.frame, f"{where}.pose.frame")
+    if T_pose is not None:
+        changes["pose"] = _moved_pose(T_pose, corner.pose)
+    for name in ("before", "after"):
+        arc = getattr(corner, name)
+        if T is not None and arc is not None:
+            values = {field: getattr(arc, field) for field in ("center", "normal")}
+            changes[name] = arc.model_copy(update=_moved_fields(values, T))
+    return corner.model_copy(update=changes)
 
 
 # ------------------------------------------------------------------------------ constraints

@@ -7,12 +7,15 @@ import numpy as np
 
 from kinematics.arrays import Array
 from kinematics.chain import Chain
+from kinematics.errors import InvalidGoal
 from kinematics.forward import forward
 from kinematics.trajectory import Trajectory
-from planning.cartesian.motions import tool_motions
-from planning.options import CartesianOptions, ToolMotionOptions
+from planning.cartesian.motions import tool_motion
+from planning.options import ToolMotionOptions
 from planning.result import ToolMotionReport
-from planning.tool_motion import SpeedBand, TimedToolMotions, ToolMotion
+from planning.timed_tool_motions import SpeedBand, TimedToolMotions
+from planning.tool_corner import ToolCorner, ToolCurve
+from planning.tool_motion import ToolMotion
 from planning.tool_tolerance import ToolTolerance
 from service.schemas import cartesian
 from service.translate import poses
@@ -20,6 +23,8 @@ from service.translate.seams import tolerance
 
 #: Motions that begin this near to where the one before ends begin there [m and 1].
 _SAME_PLACE = 1e-12
+#: Sides of corners are longer than this [m].
+_SHORTEST_LEG = 1e-9
 
 
 def timed_tool_motions(
@@ -40,11 +45,6 @@ def timed_tool_motions(
     """
     if body is None:
         return None
-    asked = CartesianOptions(
-        tuple(_motion_options(item) for item in body.motions),
-        body.max_deviation,
-        body.max_orientation_deviation,
-    )
     first = 0.0 if body.begins is None else body.begins - begins
     ends = [motion.duration] if body.ends is None else [end - begins for end in body.ends]
     times = np.array([first, *ends])
@@ -56,7 +56,7 @@ def timed_tool_motions(
     )
     T_start = forward(chain, motion.sample([min(max(first, 0.0), motion.duration)])[0])
     return TimedToolMotions(
-        tool_motions(T_start, asked),
+        _curves(T_start, body.motions),
         times,
         body.max_deviation,
         None if body.orientation == "free" else body.max_orientation_deviation,
@@ -66,10 +66,45 @@ def timed_tool_motions(
     )
 
 
+def _curves(T_start: Array, items: Sequence[cartesian.TimedToolMotion]) -> tuple[ToolCurve, ...]:
+    """The motions from a pose on, each from where the one before ends unless it says so itself."""
+    curves: list[ToolCurve] = []
+    T = T_start
+    for k, item in enumerate(items):
+        if item.rounds is None:
+            curves.append(tool_motion(T, _motion_options(item), k))
+        else:
+            start = T if item.start is None else poses.transform(item.start)
+            curves.append(_corner(start, item, item.rounds, k))
+        T = curves[-1].T_end
+    return tuple(curves)
+
+
+def _corner(
+    T_start: Array, item: cartesian.TimedToolMotion, corner: cartesian.RoundedCorner, index: int
+) -> ToolCorner:
+    T_corner, T_end = poses.transform(corner.pose), poses.transform(item.pose)
+    legs = []
+    for T, T_next, arc in ((T_start, T_corner, corner.before), (T_corner, T_end, corner.after)):
+        options = ToolMotionOptions("lin", T_next)
+        if arc is not None:
+            options = ToolMotionOptions("circ", T_next, center=arc.center, normal=arc.normal)
+        leg = tool_motion(T, options, index)
+        if leg.length < _SHORTEST_LEG:
+            raise InvalidGoal(
+                f"motions[{index}]: a corner has no length on one of its sides",
+                hint="Give the corner that tool_motions of a plan tell.",
+                motion=index,
+            )
+        legs.append(leg)
+    return ToolCorner(legs[0], legs[1], corner.slope)
+
+
 def _motion_options(item: cartesian.TimedToolMotion) -> ToolMotionOptions:
     pose, start = poses.transform(item.pose), None
     if item.start is not None:
         start = poses.transform(item.start)
+    assert item.type != "corner"
     return ToolMotionOptions(
         item.type, pose, item.via, item.center, item.normal, T_base_start=start
     )
@@ -116,7 +151,8 @@ def tool_motions_answer(reports: Sequence[ToolMotionReport]) -> list[dict[str, A
             "blend": report.blends,
             "pose": poses.pose_answer(report.motion.T_end).model_dump(),
             "start": _start(report, reports[k - 1] if k > 0 else None),
-            **_arc_answer(report.motion),
+            **_shape_answer(report.motion),
+            "speed_limit": _speed_limit(report),
         }
         for k, report in enumerate(reports)
     ]
@@ -130,8 +166,27 @@ def _start(report: ToolMotionReport, before: ToolMotionReport | None) -> dict[st
     return poses.pose_answer(T).model_dump()
 
 
-def _arc_answer(motion: ToolMotion) -> dict[str, Any]:
-    """Centre and normal of an arc on the wire; nothing of a line."""
+def _shape_answer(motion: ToolCurve) -> dict[str, Any]:
+    """Centre and normal of an arc on the wire, the corner that is rounded; nothing of a line."""
+    if not isinstance(motion, ToolCorner):
+        return {"center": None, "normal": None, "rounds": None} | (_arc_answer(motion) or {})
+    corner = {
+        "pose": poses.pose_answer(motion.T_corner).model_dump(),
+        "slope": motion.slope,
+        "before": _arc_answer(motion.first),
+        "after": _arc_answer(motion.second),
+    }
+    return {"center": None, "normal": None, "rounds": corner}
+
+
+def _arc_answer(motion: ToolMotion) -> dict[str, Any] | None:
     if motion.kind == "lin":
-        return {"center": None, "normal": None}
+        return None
     return {"center": motion.center.tolist(), "normal": motion.normal.tolist()}
+
+
+def _speed_limit(report: ToolMotionReport) -> dict[str, Any] | None:
+    limit = report.speed_limit
+    if limit is None:
+        return None
+    return {"speed": limit.speed, "joint": limit.joint, "quantity": limit.quantity}

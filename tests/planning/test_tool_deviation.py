@@ -10,9 +10,11 @@ from kinematics.pose import transform
 from planning.cartesian.tool_following import follow
 from planning.deadline import Deadline
 from planning.timing.path import JointPath
+from planning.tool_corner import ToolCurve, rounded_corner
 from planning.tool_deviation import piece_deviations
-from planning.tool_motion import ToolMotion, arc_via, line
+from planning.tool_motion import arc_via, line
 from planning.tool_path import Tolerances
+from planning.tool_run import ToolRun
 from tests.planning.pinocchio_panda import PinocchioPanda
 from tests.planning.scenes import HOME
 
@@ -30,16 +32,22 @@ LINE = line(T, shifted(0.05, 0.2, -0.1))
 TURNING = line(T, transform(Rotation.from_rotvec([0.1, 0.2, 0.4]).as_matrix() @ T[:3, :3],
                             T[:3, 3] + [0.0, 0.15, 0.05]))  # fmt: skip
 ARC = arc_via(T, shifted(0.1, 0.1, 0.0), T[:3, 3] + [0.03, 0.07, 0.0])
+#: Between lines, the tool turned on the second one; and from an arc to a line.
+SHORT = line(T, shifted(0.02, 0.03, -0.02))
+CORNER = rounded_corner(SHORT, line(SHORT.T_end, TURNING.T_end), SHORT.length)
+BOW = arc_via(T, shifted(0.02, 0.04, 0.0), T[:3, 3] + [0.02, 0.02, 0.0])
+BENT = rounded_corner(BOW, line(BOW.T_end, TURNING.T_end), BOW.length)
 
 
-def led(motion: ToolMotion) -> JointPath:
-    segment = follow(CHAIN, motion, HOME, TOLERANCES, Deadline.after(60.0))
+def led(motion: ToolCurve) -> JointPath:
+    run = ToolRun((motion,), (0,), (False,))
+    segment = follow(CHAIN, run, HOME, TOLERANCES, Deadline.after(60.0))
     assert segment.path is not None
     assert segment.stop is None
     return segment.path
 
 
-def deviations(motion: ToolMotion, path: JointPath, pieces: int, samples: int = 41) -> Array:
+def deviations(motion: ToolCurve, path: JointPath, pieces: int, samples: int = 41) -> Array:
     """Largest deviations of position and orientation on each piece, by pinocchio, (pieces, 2)."""
     answer = np.zeros((pieces, 2))
     fine = [motion.pose(float(s)) for s in np.linspace(0.0, 1.0, 4001)]
@@ -60,9 +68,13 @@ def deviations(motion: ToolMotion, path: JointPath, pieces: int, samples: int = 
     return answer
 
 
-@pytest.mark.parametrize("motion", [LINE, TURNING, ARC], ids=["line", "turning", "arc"])
+@pytest.mark.parametrize(
+    "motion",
+    [LINE, TURNING, ARC, CORNER, BENT],
+    ids=["line", "turning", "arc", "corner", "bent"],
+)
 def test_a_path_that_follows_is_proved_and_its_bounds_are_not_below_pinocchio(
-    motion: ToolMotion,
+    motion: ToolCurve,
 ) -> None:
     path = led(motion)
     bounds, fine, _ = piece_deviations(

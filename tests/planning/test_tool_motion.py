@@ -6,12 +6,11 @@ from scipy.spatial.transform import Rotation, Slerp
 
 from kinematics.errors import InvalidGoal
 from kinematics.pose import transform
+from planning.timed_tool_motions import TimedToolMotions, joined_spans
 from planning.tool_motion import (
-    TimedToolMotions,
     ToolMotion,
     arc_about,
     arc_via,
-    joined_spans,
     line,
 )
 

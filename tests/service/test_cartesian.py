@@ -194,9 +194,12 @@ def test_rounded_corners_are_answered_as_motions_that_validation_takes(
     reports = ClientPlan.model_validate(found).tool_motions
     assert reports is not None
     assert [(report.motion, report.blend) for report in reports] == [
-        (0, False), (0, True), (0, True), (1, False)]  # fmt: skip
-    assert reports[1].center is not None
-    np.testing.assert_allclose(reports[1].center, TIP[:3, 3] + [0.0, 0.08, -0.02], atol=1e-9)
+        (0, False), (0, True), (1, False)]  # fmt: skip
+    assert [report.type for report in reports] == ["lin", "corner", "lin"]
+    assert reports[1].rounds is not None
+    np.testing.assert_allclose(
+        reports[1].rounds.pose.position, TIP[:3, 3] + [0.0, 0.1, 0.0], atol=1e-9
+    )
     body = {
         "robot": "panda",
         "trajectory": found["trajectory"],

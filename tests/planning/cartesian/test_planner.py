@@ -24,9 +24,10 @@ from planning.pipeline import plan
 from planning.problem import JointGoal, PoseGoal, Problem
 from planning.proof.tool_deviation import path_deviation
 from planning.result import Failure, Plan
+from planning.timed_tool_motions import TimedToolMotions
 from planning.timing.options import TimingOptions
 from planning.tool_deviation import piece_deviations
-from planning.tool_motion import TimedToolMotions, ToolMotion, arc_about, line
+from planning.tool_motion import ToolMotion, arc_about, line
 from planning.tool_path import Tolerances
 from tests.planning.scenes import HOME, box, builtin
 

@@ -11,7 +11,8 @@ from kinematics.robots import builtin_chain
 from kinematics.trajectory import Trajectory
 from planning.proof.tool_box import check_tool_boxes
 from planning.proof.tool_speed_band import check_speed_bands
-from planning.tool_motion import SpeedBand, TimedToolMotions, ToolMotion, arc_via, line
+from planning.timed_tool_motions import SpeedBand, TimedToolMotions
+from planning.tool_motion import ToolMotion, arc_via, line
 from planning.tool_tolerance import ToolTolerance
 
 CHAIN = builtin_chain("panda")

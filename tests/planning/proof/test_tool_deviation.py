@@ -9,11 +9,18 @@ from kinematics.arrays import Array
 from kinematics.chain import Chain
 from kinematics.errors import InvalidGoal
 from kinematics.forward import forward
+from kinematics.ik import numeric
 from kinematics.pose import transform
 from kinematics.robots import builtin_chain, builtin_urdf
 from kinematics.trajectory import Trajectory
+from planning.cartesian.tool_following import follow
+from planning.deadline import Deadline
 from planning.proof.tool_deviation import check_tool_motions, path_deviation
-from planning.tool_motion import TimedToolMotions, ToolMotion, arc_about, line
+from planning.timed_tool_motions import TimedToolMotions
+from planning.tool_corner import ToolCorner, rounded_corner
+from planning.tool_motion import ToolMotion, arc_about, arc_via, line
+from planning.tool_path import Tolerances
+from planning.tool_run import ToolRun
 
 
 def poses(name: str, chain: Chain, q: Array) -> Array:
@@ -156,3 +163,95 @@ def test_times_have_to_fit_the_motions() -> None:
         TimedToolMotions((line(T, T),), np.zeros(3), 1e-3)
     with pytest.raises(InvalidGoal, match="descend"):
         TimedToolMotions((line(T, T),), np.array([1.0, 0.0]), 1e-3)
+
+
+def off_corner(T: Array, corner: ToolCorner) -> Array:
+    """Distance (k,) of tips from a corner on a fine grid, and angle to its orientation there."""
+    nominal = corner.poses(np.linspace(0.0, 1.0, 20001))
+    found = []
+    for pose in T:
+        away = np.linalg.norm(nominal[:, :3, 3] - pose[:3, 3], axis=1)
+        k = int(np.argmin(away))
+        turn = Rotation.from_matrix(nominal[k, :3, :3].T @ pose[:3, :3])
+        found.append([away[k], turn.magnitude()])
+    return np.array(found)
+
+
+@pytest.mark.parametrize("name", ["ur5e", "panda", "iiwa14"])
+def test_rounded_corners_are_bounded_soundly_and_sharply(name: str) -> None:
+    """A motion that is led round a corner, held to it and to corners a little beside it."""
+    chain, random = builtin_chain(name), np.random.default_rng(4)
+    q = {
+        "ur5e": [0.3, -1.4, 1.8, -1.9, -1.5, 0.2],
+        "panda": [0.2, 0.4, 0.1, -1.6, 0.1, 1.2, 0.3],
+        "iiwa14": [0.2, 0.6, 0.1, -1.5, 0.1, 0.9, 0.0],
+    }[name]
+    T = forward(chain, np.array(q))
+    for case in range(4):
+        ends = [T]
+        for step in random.normal(size=(2, 3)):
+            turn = Rotation.from_rotvec(0.2 * random.normal(size=3)).as_matrix()
+            place = ends[-1][:3, 3] + 0.05 * step / np.linalg.norm(step)
+            ends.append(transform(turn @ ends[-1][:3, :3], place))
+        first = line(ends[0], ends[1])
+        middle = 0.5 * (ends[0] + ends[1])[:3, 3] + 0.01 * random.normal(size=3)
+        first = arc_via(ends[0], ends[1], middle) if case % 2 else first
+        second = line(ends[1], ends[2])
+        distance = min(first.length, second.length)
+        corner = rounded_corner(first, second, distance)
+        solved = numeric.solve(
+            chain, corner.T_start, numeric.SearchOptions(), seed_joints=np.array(q)
+        )
+        run = ToolRun((corner,), (0,), (True,))
+        led = follow(
+            chain, run, solved.solutions[0].joints, Tolerances(1e-4, 1e-3), Deadline.after(60.0)
+        )
+        assert led.stop is None
+        assert led.path is not None
+        motion = Trajectory(chain.joint_names, led.path.breaks, led.path.coefficients)
+        times = np.array([0.0, motion.duration])
+        places = np.linspace(0.0, motion.duration, 401)
+        tips = poses(name, chain, motion.sample(places))
+        for shift in (0.0, 2e-3):
+            beside = transform(None, shift * random.normal(size=3))
+            legs = [
+                ToolMotion(
+                    leg.kind, beside @ leg.T_start, beside @ leg.T_end,
+                    leg.center + beside[:3, 3], leg.normal, leg.sweep,
+                )
+                for leg in (corner.first, corner.second)
+            ]  # fmt: skip
+            held = ToolCorner(legs[0], legs[1], corner.slope)
+            most = off_corner(tips, held).max(axis=0)
+            near = TimedToolMotions((held,), times, 1.3 * most[0] + 1e-5, 1.3 * most[1] + 1e-4)
+            bound = path_deviation(chain, motion, near)
+            assert bound.verified
+            # The grid of places leaves some micrometres.
+            assert most[0] <= bound.position + 5e-6
+            assert bound.orientation is not None
+            assert most[1] <= bound.orientation + 5e-5
+            if shift:
+                tight = TimedToolMotions((held,), times, 0.97 * most[0], 1.0)
+                assert not path_deviation(chain, motion, tight).verified
+
+
+def test_a_corner_is_passed_from_its_start_to_its_end_only() -> None:
+    chain = builtin_chain("ur5e")
+    q = np.array([0.3, -1.4, 1.8, -1.9, -1.5, 0.2])
+    T = forward(chain, q)
+    first = line(T, transform(T[:3, :3], T[:3, 3] + [0.0, 0.05, 0.0]))
+    second = line(first.T_end, transform(T[:3, :3], T[:3, 3] + [0.0, 0.05, -0.05]))
+    whole = ToolRun((first, second), (0, 1), (False, False))
+    tolerances, deadline = Tolerances(1e-4, 1e-3), Deadline.after(60.0)
+    corner = rounded_corner(first, second, 0.05)
+    led = follow(chain, ToolRun((corner,), (0,), (True,)), q, tolerances, deadline)
+    assert led.path is not None
+    motion = Trajectory(chain.joint_names, led.path.breaks, led.path.coefficients)
+    ends = np.array([0.0, motion.duration])
+    assert path_deviation(chain, motion, TimedToolMotions((corner,), ends, 1e-4, 1e-3)).verified
+    # A shorter corner is left beyond its ends, a whole corner is not rounded.
+    short = rounded_corner(first, second, 0.04)
+    assert not path_deviation(chain, motion, TimedToolMotions((short,), ends, 1e-3, 1.0)).verified
+    for line_of_it in whole.motions:
+        held = TimedToolMotions((line_of_it,), ends, 1e-3, 1.0)
+        assert not path_deviation(chain, motion, held).verified

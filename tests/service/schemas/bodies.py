@@ -119,8 +119,12 @@ TOOL_MOTIONS = {
         MOTIONS[1] | {"part": "seam", "begins": 1.5,
                       "tolerance": {"x": [-0.001, 0.001], "tilt": 0.1}, "tool_speed": 0.05},
         MOTIONS[2] | {"part": "seam"},
+        {"type": "corner", "pose": POSE,
+         "rounds": {"pose": POSE, "slope": 2.0,
+                    "before": {"center": [0.4, 0.1, 0.3], "normal": [0.0, 0.0, 1.0]},
+                    "after": {"center": [0.5, 0.1, 0.3], "normal": [0.0, 0.0, 1.0]}}},
     ],
-    "begins": 0.5, "ends": [1.0, 2.0, 3.0], "max_deviation": 1e-3,
+    "begins": 0.5, "ends": [1.0, 2.0, 3.0, 4.0], "max_deviation": 1e-3,
     "max_orientation_deviation": 1e-2, "orientation": "free",
     "tolerance": {"free": ["rz"]}, "tool_speed": 0.1, "speed_band": 0.2,
 }  # fmt: skip

@@ -57,7 +57,13 @@ def test_the_bodies_hold_every_field_that_a_request_may_have() -> None:
         if name not in given.get(kind, set())
     }
     # What the planner "cartesian" alone reads is checked when the request is, and read again later.
-    cartesian = ("CartesianOptions.", "ToolTolerance.", "Waypoint.", "StraightOffset.")
+    cartesian = (
+        "CartesianOptions.",
+        "ToolMotion.",
+        "ToolTolerance.",
+        "Waypoint.",
+        "StraightOffset.",
+    )
     assert {name for name in missing if not name.startswith(cartesian)} == set()
 
 

@@ -23,6 +23,7 @@ STATE = {"position": [0.0]}
 PATH = {"joints": [[0.0], [1.0]]}
 SINGLE: dict[str, Any] = {"joints": [0.0], "state": "home", "pose": POSE, "any_of": [JOINTS]}
 ARC: dict[str, Any] = {"via": [0.1, 0.0, 0.0], "center": [0.0] * 3, "normal": [0.0, 0.0, 1.0]}
+CORNER: dict[str, Any] = {"pose": POSE, "slope": 2.0}
 TOLERANCES: dict[str, Any] = {"position_tolerance": 0.1, "frame": "base"}
 #: Fields of each model that belong together in some way, and what else it needs.
 CASES: dict[type[BaseModel], tuple[dict[str, Any], dict[str, Any]]] = {
@@ -38,7 +39,7 @@ CASES: dict[type[BaseModel], tuple[dict[str, Any], dict[str, Any]]] = {
         {"robot": "panda"},
     ),
     ToolMotion: (ARC, {"type": "circ", "pose": POSE}),
-    TimedToolMotion: (ARC, {"type": "lin", "pose": POSE}),
+    TimedToolMotion: (ARC | {"rounds": CORNER}, {"type": "corner", "pose": POSE}),
     Attached: (
         {"pose": POSE, "grasp_joints": [0.0], "mass": 0.5, "center_of_mass": [0.0] * 3},
         {"id": "part", "link": "hand", "shape": {"type": "sphere", "radius": 0.1}},
