@@ -5,7 +5,7 @@ import math
 import pickle
 import pkgutil
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any, Generic, ParamSpec, TypeVar, overload
 
 from planning.deadline import Deadline
@@ -45,8 +45,7 @@ class Job(Generic[R_co]):
 
     def with_deadline(self, deadline: Deadline) -> "Job[R_co]":
         """Job with another deadline."""
-        # Not `dataclasses.replace`: it looks at every field, for every request.
-        return Job(self.task, self.args, self.kwargs, deadline, self.grace)
+        return replace(self, deadline=deadline)
 
 
 def pack_job(job: Job[Any]) -> bytes:

@@ -2,15 +2,18 @@
 
 import pickle
 import time
+from dataclasses import dataclass, replace
 
 import pytest
 
+from planning.deadline import Deadline
 from service import tasks
 from service.storage.cache_key import Reference, builtin_reference
 from service.tasks.plan import plan, validate
 from service.tasks.result import PlanOutcome
 from service.workers.task import (
     GRACE,
+    NEVER,
     Job,
     load_tasks,
     pack_job,
@@ -47,6 +50,17 @@ def test_a_deadline_is_a_field_of_the_job() -> None:
     job = chores.add.job(1, 2).with_timeout(3.0)
     assert before + 3.0 <= job.deadline.at <= time.monotonic() + 3.0
     assert job.args == (1, 2)
+
+
+def test_another_deadline_leaves_all_other_fields_alone() -> None:
+    @dataclass(frozen=True, slots=True)
+    class Longer(Job[object]):
+        origin: str = "unknown"
+
+    before = Longer("a:b", (1,), {"c": 2}, NEVER, 0.5, "an address")
+    after = before.with_deadline(Deadline(7.0))
+    assert after == replace(before, deadline=Deadline(7.0))
+    assert (after.deadline.at, after.grace) == (7.0, 0.5)
 
 
 def test_tasks_that_mind_their_deadline_have_a_grace() -> None:
