@@ -25,6 +25,8 @@ from planning.options import Options
 from planning.path_search import FoundPath, PathSearch
 from planning.planner import Planner
 from planning.planners import choose_planners
+from planning.preflight.goal_order import MAX_LONGER, ends_off_limits
+from planning.preflight.goals import pose_goals
 from planning.preflight.preflight import preflight, start_only
 from planning.problem import Problem
 from planning.proof.certificate import Certificate, certify
@@ -43,6 +45,8 @@ from planning.timing.time_scaling import ScaledTime
 from planning.tool_path import ToolPath
 from planning.tool_timing import TimedToolPath, time_tool_path
 
+#: Edges that the search for a way to another configuration may look at.
+_MAX_EDGES_OFF_LIMITS = 2000
 #: Share of the time that is left which optimising may take; the rest is for the proof of its offer.
 _REFINING_SHARE = 0.8
 
@@ -144,9 +148,31 @@ class _Pipeline:
         ready = self.stages.run("preflight", self._prepare, _describe_ready)
         if isinstance(ready, Failure):
             return ready
+        answer = self._plan_from(ready, self.options)
+        return answer if isinstance(answer, Failure) else self._end_off_limits(ready, answer)
+
+    def _end_off_limits(self, ready: Ready, answer: Plan) -> Plan:
+        """The plan, or one to another configuration where this ends at a limit for little time."""
+        goals = pose_goals(self.problem, ready.goals)
+        last, duration = answer.path.waypoints[-1], answer.trajectory.duration
+        chain, limits = self.problem.robot.chain, self.parametrization.estimate_limits
+        most = min(self.options.max_edges or _MAX_EDGES_OFF_LIMITS, _MAX_EDGES_OFF_LIMITS)
+        options = replace(self.options, max_edges=most, explored=None)
+        ends = ends_off_limits(chain, ready.start, goals, last, duration, (limits[0], limits[1]))
+        for goal in ends:
+            if self.deadline.passed:
+                break
+            other = self._plan_from(replace(ready, goals=[goal], best=None), options)
+            if isinstance(other, Plan) and other.trajectory.duration <= MAX_LONGER * duration:
+                return other
+        certain = not self.deadline.interruptions.occurred
+        return replace(answer, stages=tuple(self.stages.reports), deterministic=certain)
+
+    def _plan_from(self, ready: Ready, options: Options) -> Plan | Failure:
+        """Run the stages after preflight."""
         search = PathSearch(
             problem=self.problem,
-            options=self.options,
+            options=options,
             planners=self.planners,
             stages=self.stages,
             deadline=self.deadline,

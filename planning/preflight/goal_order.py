@@ -1,4 +1,8 @@
-"""Order of the configurations of a pose: the cheapest first, those at a joint limit last."""
+"""Order of the configurations of a pose: the cheapest first, those at a joint limit last.
+
+The order is by straight motions. Where a plan ended at a limit all the same, its time says which
+of the others are worth a plan of their own.
+"""
 
 from collections.abc import Sequence
 
@@ -6,19 +10,23 @@ import numpy as np
 
 from kinematics.arrays import Array
 from kinematics.chain import Chain, JointType
-from kinematics.jacobian import geometric, manipulability
+from kinematics.jacobian import geometric
 from planning.goal_costs import GoalCosts
 
 #: Share of a joint's range from a limit below which a configuration is at the limit [-].
 NEAR_LIMIT = 0.02
 #: A configuration at a limit is left out where another takes at most this many times its time.
-_MAX_LONGER = 1.2
+MAX_LONGER = 1.2
 #: Share of a joint's range from a limit beyond which the limit costs nothing [-].
 _FAR_FROM_LIMIT = 0.15
 #: Clearance beyond which clearance costs nothing [m].
 _FAR_FROM_OBSTACLES = 0.05
 #: Configurations that cost at most this many times the least count as equally good.
 _ALIKE = 1.25
+#: Configurations at most that plans of their own are made to.
+_MAX_PLANNED = 6
+#: A motion ends in a configuration that differs by no more than this in a joint [rad or m].
+_SAME = 1e-9
 #: Speed of a joint whose limit is not known [rad/s or m/s].
 _ANY_SPEED = 1.0
 
@@ -45,55 +53,103 @@ def order_goals(
     Returns:
         The goals, and how many of them are about as good as the first.
     """
-    times = np.array([motion_time(chain, start, q) for q in goals])
-    shares = np.array([limit_share(chain, q) for q in goals])
-    skills = np.array([_manipulability(chain, q) for q in goals])
-    turns = np.array(
-        [np.sum(np.abs(q - start)[chain.joint_types == JointType.REVOLUTE] > np.pi) for q in goals]
-    )
+    joints = np.array(goals)
+    times, shares = motion_times(chain, start, joints), limit_shares(chain, joints)
+    skills = _manipulabilities(chain, joints)
     lack = 1.0 - skills / max(float(skills.max()), np.finfo(float).tiny)
     total = (
-        costs.motion_time * times
-        + costs.joint_limits * np.clip(1.0 - shares / _FAR_FROM_LIMIT, 0.0, 1.0)
+        motion_costs(chain, start, joints, costs)
         + costs.manipulability * lack
         + costs.clearance * np.clip(1.0 - np.array(clearances) / _FAR_FROM_OBSTACLES, 0.0, 1.0)
-        + costs.turns * turns
     )
     inside = shares >= NEAR_LIMIT
     quickest = float(times[inside].min()) if inside.any() else np.inf
-    avoided = ~inside & (quickest <= _MAX_LONGER * times)
+    avoided = ~inside & (quickest <= MAX_LONGER * times)
     order = np.lexsort((total, avoided))
     alike = ~avoided & (total <= _ALIKE * total[order[0]])
     return [goals[k] for k in order], max(int(np.count_nonzero(alike)), 1)
 
 
-def motion_time(chain: Chain, start: Array, goal: Array) -> float:
-    """Least time of the slowest joint from rest to rest, both configurations (n,) [s].
+def ends_off_limits(
+    chain: Chain,
+    start: Array,
+    goals: Sequence[Array],
+    last: Array,
+    duration: float,
+    limits: tuple[Array, Array] | None = None,
+) -> list[Array]:
+    """Configurations that may be reached in little longer than one at a joint limit, soonest first.
+
+    Args:
+        chain: The robot.
+        start: Where the motion begins, shape (n,) [rad or m].
+        goals: Configurations (n,) of poses.
+        last: The one that a motion ends in, shape (n,).
+        duration: Of that motion [s].
+        limits: Of velocity and acceleration (n,), in place of the robot's.
+
+    Returns:
+        None where ``last`` is away from limits or is none of the goals.
+    """
+    if not goals or limit_shares(chain, last[None])[0] >= NEAR_LIMIT:
+        return []
+    joints = np.array(goals)
+    if np.abs(joints - last).max(axis=1).min() > _SAME:
+        return []
+    times, shares = motion_times(chain, start, joints, limits), limit_shares(chain, joints)
+    order = np.argsort(times, kind="stable")
+    worth = (shares >= NEAR_LIMIT) & (times <= MAX_LONGER * duration)
+    return [goals[k] for k in order if worth[k]][:_MAX_PLANNED]
+
+
+def motion_costs(chain: Chain, start: Array, goals: Array, costs: GoalCosts) -> Array:
+    """Costs of the way to configurations (k, n) and of their nearness to limits, shape (k,).
+
+    The costs that need no look at the robot's place.
+    """
+    turns = np.abs(goals - start)[:, chain.joint_types == JointType.REVOLUTE] > np.pi
+    return np.asarray(
+        costs.motion_time * motion_times(chain, start, goals)
+        + costs.joint_limits * np.clip(1.0 - limit_shares(chain, goals) / _FAR_FROM_LIMIT, 0.0, 1.0)
+        + costs.turns * turns.sum(axis=1)
+    )
+
+
+def motion_times(
+    chain: Chain, start: Array, goals: Array, limits: tuple[Array, Array] | None = None
+) -> Array:
+    """Least times of the slowest joint from rest to rest, to configurations (k, n), (k,) [s].
 
     A joint that goes d takes d/v + v/a, or 2 sqrt(d/a) where it does not get to its speed v.
+
+    Args:
+        chain: The robot.
+        start: Shape (n,) [rad or m].
+        goals: Shape (k, n) [rad or m].
+        limits: Of velocity and acceleration (n,), in place of the robot's.
     """
-    d = np.abs(goal - start)
-    v, a = chain.limits.velocity, chain.limits.acceleration
+    d = np.abs(goals - start)
+    v, a = limits or (chain.limits.velocity, chain.limits.acceleration)
     v = np.where(np.isfinite(v) & (v > 0.0), v, _ANY_SPEED)
     a = np.where(np.isfinite(a) & (a > 0.0), a, np.inf)
     with np.errstate(invalid="ignore"):
         ramp = np.where(np.isinf(a), 0.0, v / a)
         quick = np.where(np.isinf(a), 0.0, 2.0 * np.sqrt(d / a))
-    return float(np.where(d >= v * ramp, d / v + ramp, quick).max(initial=0.0))
+    return np.asarray(np.where(d >= v * ramp, d / v + ramp, quick).max(axis=1, initial=0.0))
 
 
-def limit_share(chain: Chain, q: Array) -> float:
-    """Distance of q (n,) from its nearest joint limit as a share of that joint's range [-].
+def limit_shares(chain: Chain, joints: Array) -> Array:
+    """Distance of configurations (k, n) from a joint limit as a share of the joint's range, (k,).
 
-    Joints without two limits do not count; 0.5 is the middle of all ranges.
+    Of the joint for which that is least. Joints without two limits do not count; 0.5 is the middle
+    of all ranges.
     """
     lower, upper = chain.limits.lower, chain.limits.upper
     bounded = np.isfinite(lower) & np.isfinite(upper) & (upper > lower) & ~chain.continuous
-    gap = np.minimum(q - lower, upper - q)[bounded] / (upper - lower)[bounded]
-    return float(gap.min(initial=0.5))
+    gap = np.minimum(joints - lower, upper - joints)[:, bounded] / (upper - lower)[bounded]
+    return np.asarray(gap.min(axis=1, initial=0.5))
 
 
-def _manipulability(chain: Chain, q: Array) -> float:
-    return manipulability(
-        np.array(np.linalg.svd(geometric(chain, q), compute_uv=False), dtype=np.float64)
-    )
+def _manipulabilities(chain: Chain, joints: Array) -> Array:
+    jacobians = np.array([geometric(chain, q) for q in joints])
+    return np.asarray(np.linalg.svd(jacobians, compute_uv=False).prod(axis=1))

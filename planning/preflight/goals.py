@@ -6,10 +6,12 @@ from typing import NamedTuple
 import numpy as np
 
 from kinematics.arrays import Array
+from kinematics.chain import Chain
 from kinematics.ik import numeric
 from obstacles.checker import Checker
 from planning.constrained.pose_goals import goal_configurations
 from planning.deadline import Deadline
+from planning.goal_costs import GoalCosts
 from planning.preflight.failures import (
     Refusal,
     collision_failure,
@@ -18,15 +20,21 @@ from planning.preflight.failures import (
     time_up_failure,
     unreachable_failure,
 )
+from planning.preflight.goal_order import NEAR_LIMIT, limit_shares, motion_costs
 from planning.preflight.limits import snap_to_limits
+from planning.preflight.pose_configurations import pose_configurations, turned_copies
 from planning.problem import JointGoal, PoseGoal, Problem
 from planning.ready import TOUCHING
 from planning.result import Failure
 
-#: Configurations looked for when a goal is a pose.
-_POSE_CANDIDATES = 12
-#: Starts of inverse kinematics spent on them.
-_POSE_STARTS = 120
+#: Free configurations of a pose at most, of those away from limits, of those at one, and copies of
+#: them with a joint a turn further than it need be.
+_MOST_INSIDE, _MOST_AT_LIMIT, _MOST_TURNED = 10, 2, 4
+#: Free configurations differ by this much in a joint at least [rad or m]: those of a redundant arm
+#: would else be neighbours of the cheapest.
+_APART = 0.3
+#: Configurations of a pose that are looked at together, and how many at most.
+_TOGETHER, _MAX_LOOKS = 8, 192
 #: Poses, of those whose configurations all collide, for which others are looked for with the
 #: obstacles in sight: each search takes a tenth of a second.
 _MAX_SEARCHES = 8
@@ -45,7 +53,12 @@ class Candidate(NamedTuple):
 
 
 def find_goals(
-    problem: Problem, checker: Checker, start: Array, seed: int, deadline: Deadline | None
+    problem: Problem,
+    checker: Checker,
+    start: Array,
+    seed: int,
+    deadline: Deadline | None,
+    costs: GoalCosts | None = None,
 ) -> list[Candidate] | Failure:
     """Find valid configurations of all goals, or say why no goal has any.
 
@@ -55,6 +68,7 @@ def find_goals(
         start: Where inverse kinematics begins, shape (n,).
         seed: Of inverse kinematics.
         deadline: When to look at no more goals.
+        costs: By which configurations of poses are chosen; the default ones where None.
     """
     candidates: list[Candidate] = []
     refusals: list[Refusal] = []
@@ -65,7 +79,7 @@ def find_goals(
         if isinstance(goal, JointGoal):
             answer = _joint_goal(problem, checker, goal)
         else:
-            answer = _pose_goal(problem, checker, goal, start, seed)
+            answer = _pose_goal(problem, checker, goal, start, seed, costs or GoalCosts())
             if isinstance(answer, Refusal) and answer.code == "GOAL_IN_COLLISION" and searches:
                 searches -= 1
                 answer = _search_around_obstacles(problem, goal, start, seed) or answer
@@ -74,6 +88,19 @@ def find_goals(
         else:
             candidates += answer
     return candidates or no_goal_failure(refusals)
+
+
+def pose_goals(problem: Problem, goals: list[Array]) -> list[Array]:
+    """Those of the goal configurations (n,) that are of poses, not asked for as joints."""
+    chain, tolerance = problem.robot.chain, problem.start_state_tolerance
+    asked = [
+        snap_to_limits(chain, goal.joints, tolerance)[0]
+        for goal in problem.goals
+        if isinstance(goal, JointGoal)
+    ]
+    if len(asked) == len(problem.goals):
+        return []
+    return [q for q in goals if not any(np.array_equal(q, other) for other in asked)]
 
 
 def _joint_goal(problem: Problem, checker: Checker, goal: JointGoal) -> list[Candidate] | Refusal:
@@ -88,34 +115,58 @@ def _joint_goal(problem: Problem, checker: Checker, goal: JointGoal) -> list[Can
 
 
 def _pose_goal(
-    problem: Problem, checker: Checker, goal: PoseGoal, start: Array, seed: int
+    problem: Problem, checker: Checker, goal: PoseGoal, start: Array, seed: int, costs: GoalCosts
 ) -> list[Candidate] | Refusal:
     chain = problem.robot.chain
-    result = numeric.solve(
-        chain,
-        goal.T_base_tip,
-        numeric.SearchOptions(
-            seed=seed,
-            starts=_POSE_STARTS,
-            position_tolerance=min(goal.position_tolerance, numeric.POSITION_TOLERANCE),
-            orientation_tolerance=min(goal.orientation_tolerance, numeric.ORIENTATION_TOLERANCE),
-        ),
-        seed_joints=start,
-        solutions=_POSE_CANDIDATES,
+    options = numeric.SearchOptions(
+        seed=seed,
+        position_tolerance=min(goal.position_tolerance, numeric.POSITION_TOLERANCE),
+        orientation_tolerance=min(goal.orientation_tolerance, numeric.ORIENTATION_TOLERANCE),
     )
-    if not result.solutions:
-        return Refusal("NO_IK_SOLUTION", partial(unreachable_failure, chain, result))
-    clearances = [checker.clearance(solution.joints) for solution in result.solutions]
+    found = pose_configurations(chain, goal.T_base_tip, start, options, costs)
+    if not len(found.joints):
+        assert found.search is not None
+        return Refusal("NO_IK_SOLUTION", partial(unreachable_failure, chain, found.search))
+    at_limit = limit_shares(chain, found.joints) < NEAR_LIMIT
     valid = [
-        Candidate(clearance, solution.joints)
-        for (clearance, _), solution in zip(clearances, result.solutions, strict=True)
-        if clearance > TOUCHING
+        *_free_configurations(checker, found.joints[~at_limit], _MOST_INSIDE),
+        *_free_configurations(checker, found.joints[at_limit], _MOST_AT_LIMIT),
     ]
     if valid:
-        return valid
+        return [*valid, *_turned_copies(chain, start, valid, costs)]
+    closest = found.joints[:_MOST_INSIDE]
+    clearances = [checker.clearance(q) for q in closest]
     best = max(range(len(clearances)), key=lambda i: clearances[i][0])
     clearance, pair = clearances[best]
-    return _collision_refusal(problem, result.solutions[best].joints, pair, clearance)
+    return _collision_refusal(problem, closest[best], pair, clearance)
+
+
+def _free_configurations(checker: Checker, joints: Array, most: int) -> list[Candidate]:
+    """The first free ones of configurations (k, n) that are apart from each other."""
+    chosen: list[Candidate] = []
+    left = joints[:_MAX_LOOKS]
+    while len(left):
+        rows, left = left[:_TOGETHER], left[_TOGETHER:]
+        for q in rows[checker.each_valid(rows)]:
+            if any(np.abs(q - other.joints).max() < _APART for other in chosen):
+                continue
+            clearance = checker.clearance(q)[0]
+            if clearance <= TOUCHING:
+                continue
+            chosen.append(Candidate(clearance, q))
+            if len(chosen) == most:
+                return chosen
+            left = left[np.abs(left - q).max(axis=1) >= _APART]
+    return chosen
+
+
+def _turned_copies(
+    chain: Chain, start: Array, valid: list[Candidate], costs: GoalCosts
+) -> list[Candidate]:
+    """The cheapest copies with one joint a turn further, whose links are where they were."""
+    copies, origins = turned_copies(chain, np.array([q for _, q in valid]), start)
+    order = np.argsort(motion_costs(chain, start, copies, costs), kind="stable")
+    return [Candidate(valid[origins[k]].clearance, copies[k]) for k in order[:_MOST_TURNED]]
 
 
 def _collision_refusal(

@@ -77,7 +77,7 @@ def preflight(
     if isinstance(valid, Failure):
         return valid
     start = valid.joints
-    goals = find_goals(problem, valid.checker, start, seed, deadline)
+    goals = find_goals(problem, valid.checker, start, seed, deadline, costs)
     if isinstance(goals, Failure):
         return goals
     slack = min(_SLACK, 0.5 * valid.clearance, 0.5 * max(goal.clearance for goal in goals))

@@ -65,6 +65,7 @@ SMALL: Mapping[str, tuple[list[str], Mapping[str, Any]]] = {
     "brackets": (["--robots", "planar_rr"], {}),
     "constrained_ik": (["PROBLEMS", "--count", "1"], {}),
     "constrained_plan": (["PROBLEMS", "--timeout", "10"], {}),
+    "goal_choice": (["--arms", "kr6_sixx", "--count", "1"], {"_STARTS": 20}),
     "constrained_ways": (
         ["--robots", "built-in:iiwa14", "--kinds", "mixed", "--count", "1", "--timeout", "20"],
         {"_STEPS": 30, "_BOXES": 2},

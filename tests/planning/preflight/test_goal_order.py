@@ -12,7 +12,7 @@ from obstacles.scene import Scene
 from planning.goal_costs import GoalCosts
 from planning.options import Options
 from planning.pipeline import plan
-from planning.preflight.goal_order import limit_share, motion_time, order_goals
+from planning.preflight.goal_order import limit_shares, motion_times, order_goals
 from planning.problem import PoseGoal, Problem
 from planning.result import Plan
 from tests.planning.scenes import HOME, builtin
@@ -39,12 +39,12 @@ def test_the_time_is_that_of_a_trapezoid(far: float) -> None:
     # Speed up to s, keep it, slow down: d = s^2/a + s t.
     times = np.where(speeds**2 / a <= far, far / speeds + speeds / a, np.inf)
     goal = HOME + np.array([far, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0])
-    assert motion_time(chain, HOME, goal) == pytest.approx(times.min(), rel=1e-4)
+    assert motion_times(chain, HOME, goal[None])[0] == pytest.approx(times.min(), rel=1e-4)
 
 
 def test_the_share_of_a_limit() -> None:
-    assert limit_share(panda(), at_limit(0.01)) == pytest.approx(0.01)
-    assert limit_share(panda(), at_limit(-0.01)) == pytest.approx(-0.01)
+    assert limit_shares(panda(), at_limit(0.01)[None])[0] == pytest.approx(0.01)
+    assert limit_shares(panda(), at_limit(-0.01)[None])[0] == pytest.approx(-0.01)
 
 
 def test_a_configuration_at_a_limit_comes_last_where_another_is_little_slower() -> None:
@@ -69,10 +69,10 @@ def test_each_weight_can_decide() -> None:
         name: order_goals(chain, start, goals, clearances, replace(none, **{name: 1.0}))[0][0]
         for name in ("motion_time", "joint_limits", "clearance")
     }
-    quickest = min(goals, key=lambda q: motion_time(chain, start, q))
+    quickest = min(goals, key=lambda q: motion_times(chain, start, q[None])[0])
     assert np.array_equal(first["motion_time"], quickest)
-    most = max(limit_share(chain, q) for q in goals)
-    assert limit_share(chain, first["joint_limits"]) >= min(most, 0.15)
+    most = limit_shares(chain, np.array(goals)).max()
+    assert limit_shares(chain, first["joint_limits"][None])[0] >= min(most, 0.15)
     chosen = next(k for k, q in enumerate(goals) if np.array_equal(q, first["clearance"]))
     assert clearances[chosen] >= min(max(clearances), 0.05)
 
@@ -84,4 +84,4 @@ def test_plans_to_poses_end_away_from_limits(seed: int) -> None:
     target = forward(robot.chain, HOME + rng.uniform(-0.4, 0.4, 7))
     answer = plan(Problem(robot, Scene(), HOME, (PoseGoal(target),)), Options(timeout=20.0))
     assert isinstance(answer, Plan)
-    assert limit_share(robot.chain, answer.path.waypoints[-1]) >= 0.02
+    assert limit_shares(robot.chain, answer.path.waypoints[-1:])[0] >= 0.02

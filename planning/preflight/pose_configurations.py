@@ -1,0 +1,156 @@
+"""Configurations of a pose that a plan may end in: every branch, by the turns nearest the start.
+
+An arm with a closed form has all its branches looked at, and a redundant one those of a grid of
+its parameter; other arms are searched from random starts. A joint that turns further than once has
+several values for one pose of its link: a configuration has the nearest of them to the start, and
+the next ones where that is at a limit or where there is no other way to go.
+"""
+
+from dataclasses import replace
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from kinematics.arrays import Array, Indices
+from kinematics.chain import Chain, JointType
+from kinematics.ik import numeric
+from kinematics.ik.analytic import branches, parameter
+from kinematics.ik.inverse import CLOSE, parameter_grid
+from kinematics.ik.solution import IkResult
+from kinematics.ik.structure import structure
+from planning.goal_costs import GoalCosts
+from planning.preflight.goal_order import NEAR_LIMIT, motion_costs
+
+#: Configurations that inverse kinematics looks for where an arm has no closed form.
+_SEARCHED = 12
+#: Starts of inverse kinematics spent on them.
+_STARTS = 120
+#: Configurations that it looks for away from limits where the arm has joints to spare.
+_INSIDE = 36
+#: Numbers of a pose: an arm with more joints has some to spare.
+_POSE_NUMBERS = 6
+#: Configurations nearer than this in every joint [rad or m] are one.
+_SAME = 1e-3
+_TURN = 2.0 * np.pi
+
+
+class PoseConfigurations(NamedTuple):
+    """Configurations of a pose inside the limits.
+
+    Args:
+        joints: Those whose joints have the turns nearest the start, or the next ones where those
+            are at a limit; cheapest first, shape (k, n) [rad or m].
+        search: Of inverse kinematics, where it was asked; it says why there are none.
+    """
+
+    joints: Array
+    search: IkResult | None = None
+
+
+def pose_configurations(
+    chain: Chain, T: Array, start: Array, options: numeric.SearchOptions, costs: GoalCosts
+) -> PoseConfigurations:
+    """Configurations of a pose, whether free or not.
+
+    Args:
+        chain: The robot.
+        T: T_base_tip, shape (4, 4).
+        start: Where the motion begins, shape (n,) [rad or m].
+        options: Tolerances and seed of inverse kinematics.
+        costs: By which they are sorted; of those that need no look at the robot's place.
+    """
+    joints, search = _branches(chain, T, start, options), None
+    if not len(joints):
+        how = numeric.SearchOptions(
+            options.seed, _STARTS, options.position_tolerance, options.orientation_tolerance
+        )
+        search = numeric.solve(chain, T, how, seed_joints=start, solutions=_SEARCHED)
+        found = search.solutions
+        if found and chain.n > _POSE_NUMBERS:
+            # Solutions lie anywhere along the arm's own motions, often where these meet a limit.
+            inner = _with_inner_limits(chain)
+            found += numeric.solve(inner, T, how, seed_joints=start, solutions=_INSIDE).solutions
+        joints = np.array([s.joints for s in found]).reshape(-1, chain.n)
+    nearest = _nearest_turns(chain, joints, start)
+    joints = _distinct([nearest, _inner_turns(chain, nearest)])
+    joints = joints[np.argsort(motion_costs(chain, start, joints, costs), kind="stable")]
+    return PoseConfigurations(joints, search)
+
+
+def turned_copies(chain: Chain, joints: Array, start: Array) -> tuple[Array, Indices]:
+    """Copies of configurations with one joint a turn further, on the other side of the start.
+
+    Args:
+        chain: The robot.
+        joints: Their joints have the turns nearest the start, shape (k, n).
+        start: Shape (n,).
+
+    Returns:
+        The copies inside the limits, shape (m, n), and of which configuration each one is, (m,).
+    """
+    copies: list[Array] = []
+    origins: list[Indices] = []
+    for j in np.flatnonzero(_several_turns(chain) & ~chain.continuous):
+        rows = joints.copy()
+        rows[:, j] += np.where(joints[:, j] > start[j], -_TURN, _TURN)
+        inside = (rows[:, j] >= chain.limits.lower[j]) & (rows[:, j] <= chain.limits.upper[j])
+        copies.append(rows[inside])
+        origins.append(np.flatnonzero(inside))
+    if not copies:
+        return joints[:0], np.zeros(0, np.int64)
+    return np.concatenate(copies), np.concatenate(origins)
+
+
+def _with_inner_limits(chain: Chain) -> Chain:
+    """The robot with limits where its joints count as at one."""
+    known: Chain | None = chain.memo.get("away_from_limits")
+    if known is None:
+        lower, upper = chain.limits.lower, chain.limits.upper
+        near = np.where(np.isfinite(upper - lower), NEAR_LIMIT * (upper - lower), 0.0)
+        limits = replace(chain.limits, lower=lower + near, upper=upper - near)
+        known = chain.memo["away_from_limits"] = replace(chain, limits=limits)
+    return known
+
+
+def _branches(chain: Chain, T: Array, start: Array, options: numeric.SearchOptions) -> Array:
+    """Branches of the closed form inside the limits, shape (k, n); none where there is no form."""
+    form = structure(chain)
+    if form is None:
+        return np.empty((0, chain.n))
+    values = parameter_grid(chain, form, parameter(chain, start)) if form.redundant else None
+    tolerance = min(CLOSE, options.position_tolerance, options.orientation_tolerance)
+    table = branches(chain, T, seed_joints=start, parameters=values, tolerance=tolerance)
+    return np.array(table.joints[table.within_limits])
+
+
+def _several_turns(chain: Chain) -> NDArray[np.bool_]:
+    """Joints that have several values for one pose of their link."""
+    span = chain.limits.upper - chain.limits.lower
+    return np.asarray((chain.joint_types == JointType.REVOLUTE) & (span >= _TURN))
+
+
+def _nearest_turns(chain: Chain, joints: Array, start: Array) -> Array:
+    """The copies (k, n) of configurations by whole turns nearest to the start, in each joint."""
+    turns = np.round((start - joints) / _TURN)
+    lower, upper = chain.limits.lower, chain.limits.upper
+    turns = np.clip(turns, np.ceil((lower - joints) / _TURN), np.floor((upper - joints) / _TURN))
+    return np.where(_several_turns(chain), joints + _TURN * turns, joints)
+
+
+def _inner_turns(chain: Chain, joints: Array) -> Array:
+    """Copies of those (k, n) that a whole turn of joints takes away from limits, shape (m, n)."""
+    lower, upper = chain.limits.lower, chain.limits.upper
+    near = np.where(np.isfinite(upper - lower), NEAR_LIMIT * (upper - lower), 0.0)
+    moved = np.where(joints - lower < near, joints + _TURN, joints)
+    moved = np.where(upper - joints < near, joints - _TURN, moved)
+    inside = _several_turns(chain) & (moved >= lower) & (moved <= upper)
+    copies = np.where(inside, moved, joints)
+    return np.asarray(copies[(copies != joints).any(axis=1)])
+
+
+def _distinct(groups: list[Array]) -> Array:
+    """Rows of groups (k, n) without those that are the same as one before."""
+    rows = np.concatenate(groups)
+    _, first = np.unique(np.round(rows / _SAME), axis=0, return_index=True)
+    return np.asarray(rows[np.sort(first)])
