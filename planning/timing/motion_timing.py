@@ -26,6 +26,7 @@ from planning.timing.even_corners import Pieces
 from planning.timing.failure import TimingFailed
 from planning.timing.options import TimingOptions
 from planning.timing.parametrization import TimeParametrization, merge_repeated
+from planning.timing.quintic_fit import SPAN_RATES, even_parts, finer_parts
 from planning.timing.spline import Ends
 from planning.timing.time_scaling import ScaledTime
 
@@ -38,6 +39,11 @@ _FINELY = 4
 _BESIDE = 0.02
 # Instants of a piece of a spline at which its clearance is looked at before it is proved.
 _INSTANTS = 3
+# How often spans of a spline are halved where it comes too near, and how many spans it then has for
+# each second at most [1/s], but so many are few in any case.
+_REFINEMENTS = 3
+_MOST_RATE = 16.0
+_FEW_SPANS = 20
 #: How often the legs of a path are halved to bring a spline nearer to them.
 _HALVINGS = 5
 
@@ -135,11 +141,11 @@ class _RoundedMotion:
         if rounded is not None:
             nearest = list[ScaledTime]()
             is_spacious = any(level is self.checker for level in self.preferred)
-            for spline in self.parametrization.splines_near(rounded, self.points, names):
-                if self._keeps_clear(spline.trajectory, rounded):
+            for rate in SPAN_RATES:
+                spline = self._spline_near(rounded, rate, names, nearest)
+                if spline is not None:
                     self.left_path = True
                     return spline
-                nearest.append(spline)
             for spline in nearest if is_spacious else ():
                 motion = spline.trajectory
                 looked = motion.breaks, motion.coefficients
@@ -147,6 +153,35 @@ class _RoundedMotion:
                     self.left_path = True
                     return spline
         return self.time_on_path()
+
+    def _spline_near(
+        self, rounded: Pieces, rate: float, names: tuple[str, ...], nearest: list[ScaledTime]
+    ) -> ScaledTime | None:
+        """The spline near a motion that keeps as clear, with more spans where that is needed.
+
+        Args:
+            rounded: The motion.
+            rate: Spans for each second of it at first [1/s].
+            names: Of the joints.
+            nearest: The splines that come too near are added.
+        """
+        duration = float(rounded.breaks[-1])
+        parts = even_parts(duration, len(self.points) - 1, rate)
+        for _ in range(_REFINEMENTS + 1):
+            spline = self.parametrization.spline_near(rounded, names, parts)
+            if spline is None:
+                return None
+            motion = spline.trajectory
+            near = self._near_instants(motion, rounded)
+            if near is None:
+                return spline
+            nearest.append(spline)
+            if not len(near):
+                return None
+            parts = finer_parts(parts, motion, near)
+            if len(parts) - 1 > max(_MOST_RATE * duration, _FEW_SPANS):
+                return None
+        return None
 
     def _reaches(self, *, even: bool = False) -> Array:
         """Reaches of the corners that are proved free, found once for each way to pass them."""
@@ -170,33 +205,36 @@ class _RoundedMotion:
             preferred=[level for level in self.preferred if level is not self.checker],
         )
 
-    def _keeps_clear(self, motion: Trajectory, rounded: Pieces) -> bool:
-        """Whether a motion is nowhere nearer than preferred but where the rounded one is, too."""
-        if self.holds is not None:
-            count = _INSTANTS * motion.pieces
-            states = _states_between(motion.breaks, motion.coefficients, count)
-            if not self.holds(states):
-                return False
+    def _near_instants(self, motion: Trajectory, rounded: Pieces) -> Array | None:
+        """Instants at which a motion is nearer than preferred and the rounded one is not, (k,) [s].
+
+        None where there are none; k = 0 where it is refused for something else.
+        """
+        looked = motion.breaks, motion.coefficients, _INSTANTS * motion.pieces
+        states = None if self.holds is None else _states_between(*looked)
+        if self.holds is not None and states is not None and not self.holds(states):
+            return np.empty(0)
         for number, level in enumerate(self.preferred):
             close = close_instants(level, motion.breaks, motion.coefficients) / motion.duration
             if not len(close):
-                return True
+                return None
             if number not in self._found_close:
                 self._found_close[number] = close_instants(level, *rounded) / rounded.breaks[-1]
-            if not _are_beside(close, self._found_close[number]):
-                return False
-        states = _states_between(motion.breaks, motion.coefficients, _INSTANTS * motion.pieces)
-        return self.checker.all_valid(states)
+            apart = _not_beside(close, self._found_close[number])
+            if len(apart):
+                return apart * motion.duration
+        states = _states_between(*looked) if states is None else states
+        return None if self.checker.all_valid(states) else np.empty(0)
 
 
-def _are_beside(places: Array, known: Array) -> bool:
-    """Whether all of some places (k,) have one of those known (l,), in order, beside them."""
+def _not_beside(places: Array, known: Array) -> Array:
+    """Those of some places (k,) that have none of those known (l,), in order, beside them."""
     if not len(known):
-        return False
+        return places
     after = np.minimum(np.searchsorted(known, places), len(known) - 1)
     before = np.maximum(after - 1, 0)
     beside = np.minimum(np.abs(known[after] - places), np.abs(known[before] - places))
-    return bool((beside <= _BESIDE).all())
+    return np.asarray(places[beside > _BESIDE])
 
 
 def _states_between(breaks: Array, coefficients: Array, count: int) -> Array:

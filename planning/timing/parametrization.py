@@ -1,6 +1,6 @@
 """Time parametrization: the method and all the limits that a path is timed by."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -23,7 +23,7 @@ from planning.timing.even_corners import (
 from planning.timing.failure import TimingFailed
 from planning.timing.method import PathLimits, TimingMethod
 from planning.timing.path import JointPath
-from planning.timing.quintic_fit import SPAN_RATES, fit_pieces
+from planning.timing.quintic_fit import fit_pieces
 from planning.timing.spline import Ends, chord_knots, spline_trajectory
 from planning.timing.time_scaling import ScaledTime, dilate, fit, fitting_factor
 
@@ -87,7 +87,7 @@ class TimeParametrization:
         return self.method.even_corners and not moving
 
     def near_corners(self, waypoints: Array, reaches: Array) -> Pieces | None:
-        """A motion that ``splines_near`` may be near to; rounding may exceed the limits.
+        """A motion that ``spline_near`` may be near to; rounding may exceed the limits.
 
         None where the method has no such splines.
 
@@ -99,21 +99,21 @@ class TimeParametrization:
             return None
         return rounded_pieces_kernel(waypoints, reaches, self.jerk_bounds)
 
-    def splines_near(
-        self, motion: Pieces, waypoints: Array, joint_names: Sequence[str]
-    ) -> Iterator[ScaledTime]:
-        """Splines of few pieces near a motion, ever nearer; none that take far longer than it.
+    def spline_near(
+        self, motion: Pieces, joint_names: Sequence[str], parts: Array
+    ) -> ScaledTime | None:
+        """The spline of few pieces near a motion; None where it takes far longer than the motion.
 
         Args:
             motion: Of ``near_corners``.
-            waypoints: Of its path, merged, shape (k, n).
             joint_names: n names.
+            parts: Of the motion's time, one for each span, as in ``fit_pieces``.
         """
-        limits, legs = self.jerk_bounds, len(waypoints) - 1
-        for rate in SPAN_RATES:
-            spline = self._slow_down_a_little(fit_pieces(motion, joint_names, limits, legs, rate))
-            if spline is not None and spline.trajectory.duration <= WORTH * motion.breaks[-1]:
-                yield spline
+        fitted = fit_pieces(motion, joint_names, self.jerk_bounds, parts)
+        spline = self._slow_down_a_little(fitted)
+        if spline is None or spline.trajectory.duration > WORTH * motion.breaks[-1]:
+            return None
+        return spline
 
     def _slow_down_a_little(self, scaled: ScaledTime) -> ScaledTime | None:
         """The motion slowed down for the loads; None where that takes far longer than without.

@@ -25,7 +25,7 @@ from planning.timing.quintic_least_squares import fit_points, least_squares_room
 from planning.timing.time_scaling import ScaledTime, fit_kernel, scaled_motion
 
 #: Spans for each second of a motion that are tried in turn [1/s]: 13 and 20 pieces in 1.6 s. With
-#: more it keeps nearer to the path and takes a few per cent longer.
+#: more it keeps nearer to the path and takes a few per cent longer; ``finer_parts`` adds some.
 SPAN_RATES = (8.0, 12.0)
 #: Spans, at least.
 MIN_SPANS = 6
@@ -69,17 +69,48 @@ def fit_quintic(
     if not (bounds > 0.0).all():
         raise InvalidOption("limits must be positive", hint="Give inf where there is none.")
     pieces = Pieces(motion.breaks, motion.coefficients)
-    return fit_pieces(pieces, joint_names, bounds, legs, rate)
+    return fit_pieces(pieces, joint_names, bounds, even_parts(motion.duration, legs, rate))
+
+
+def even_parts(duration: float, legs: int, rate: float) -> Array:
+    """Ends of even parts of a motion's time, one for each span of its spline, shape (N + 1,) [s].
+
+    Args:
+        duration: Of the motion [s].
+        legs: Number of the straight legs of its path.
+        rate: Spans for each second of the motion [1/s].
+    """
+    count = max(MIN_SPANS, math.ceil(rate * duration))
+    count = min(count, max(MIN_SPANS, _SPANS_PER_LEG * legs))
+    return np.asarray(np.arange(count + 1) * (duration / count))
+
+
+def finer_parts(parts: Array, spline: Trajectory, times: Array) -> Array:
+    """The parts of a motion with those halved that a spline is not near enough to.
+
+    Args:
+        parts: That the spline was fitted to by ``fit_pieces``, shape (N + 1,) [s].
+        spline: N spans.
+        times: When it is too far from the motion, shape (k,) [s].
+    """
+    spans = np.searchsorted(spline.breaks, times, side="right") - 1
+    wide = np.unique(np.clip(spans, 0, len(parts) - 2))
+    return np.sort(np.concatenate([parts, 0.5 * (parts[wide] + parts[wide + 1])]))
 
 
 def fit_pieces(
-    motion: Pieces, joint_names: Sequence[str], limits: Array, legs: int, rate: float
+    motion: Pieces, joint_names: Sequence[str], limits: Array, parts: Array
 ) -> ScaledTime:
-    """``fit_quintic`` near pieces that nothing has looked at, within limits that are positive."""
-    duration, n = float(motion.breaks[-1]), motion.coefficients.shape[1]
-    count = max(MIN_SPANS, math.ceil(rate * duration))
-    count = min(count, max(MIN_SPANS, _SPANS_PER_LEG * legs))
-    breaks, coefficients = np.empty(count + 1), np.empty((count, n, DEGREE + 1))
+    """``fit_quintic`` near pieces that nothing has looked at, within limits that are positive.
+
+    Args:
+        motion: The pieces.
+        joint_names: n names.
+        limits: Of velocity, acceleration and jerk, shape (3, n).
+        parts: Ends of the parts of the motion that the N spans are fitted to, shape (N + 1,) [s].
+    """
+    n, count = motion.coefficients.shape[1], len(parts) - 1
+    breaks, coefficients = parts.copy(), np.empty((count, n, DEGREE + 1))
     factor = _fit_motion()(*motion, limits, breaks, coefficients)
     scaled = scaled_motion(joint_names, breaks, coefficients, factor)
     return ScaledTime(scaled.trajectory, factor, "quintic_spline")
@@ -102,17 +133,20 @@ def fit_motion_kernel(
         given: Breaks of the motion, shape (m + 1,) [s].
         pieces: Its coefficients, shape (m, n, k).
         limits: Of velocity, acceleration and jerk, shape (3, n).
-        breaks: Filled, shape (N + 1,) [s].
+        breaks: Ends of the parts of the motion that the spans are fitted to, then those of the
+            spans, shape (N + 1,) [s].
         coefficients: Filled, shape (N, n, 6).
     """
     size, n, duration = coefficients.shape[0], coefficients.shape[1], given[-1]
-    spans, shares = np.full(size, duration / size), np.empty(_POINTS)
+    spans, shares = np.empty(size), np.empty(_POINTS)
+    for i in range(size):
+        spans[i] = breaks[i + 1] - breaks[i]
     times = np.empty(2 + size * _POINTS)
     times[0], times[1] = 0.0, duration
     for p in range(_POINTS):
         shares[p] = (p + 0.5) / _POINTS
         for i in range(size):
-            times[2 + i * _POINTS + p] = min((i + shares[p]) * spans[i], duration)
+            times[2 + i * _POINTS + p] = min(breaks[i] + shares[p] * spans[i], duration)
     sampled = np.empty((2 + size * _POINTS, n))
     sample_kernel(given, pieces, times, 0, sampled)
     points = sampled[2:].reshape((size, _POINTS, n))

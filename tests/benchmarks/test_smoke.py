@@ -107,6 +107,8 @@ SMALL: Mapping[str, tuple[list[str], Mapping[str, Any]]] = {
     "timing_limits": (["2"], {}),
     "timing_optimum": (["--cases", "1", "--pieces", "4"], {}),
     "timing_plans": (["PROBLEMS"], {}),
+    "pieces": (["PROBLEMS", "--every", "1", "--kinds", "plain", "line"], {}),
+    "tool_corners": (["--arms", "kr6_sixx", "--paths", "1", "--speeds", "0.1"], {}),
     "tracking": ([], {"ROUNDS": 1, "SECONDS": 0.2}),
     "verdict": (["--states", "40"], {"_BUDGET": 0.01, "_ALONG": 5, "_SCENES": 1}),
 }
