@@ -33,8 +33,8 @@ _STEP_LENGTH = 0.04
 _STEP_ANGLE = 0.15
 #: Least number of first steps.
 _LEAST_STEPS = 6
-#: Least number of first steps along a rounded corner: its speed is then even within 0.3 %.
-_CORNER_STEPS = 10
+#: Least number of first steps along a rounded corner: its speed is then even within 0.5 %.
+_CORNER_STEPS = 9
 #: A joint that moves more than this in one step [rad or m] may have changed its branch.
 _JUMP = 0.35
 #: Steps below this part of a motion tell that it can't be followed any further.
