@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from kinematics.arrays import Array, Indices
-from kinematics.bounded_cache import array_bytes, bounded_cache
+from kinematics.bounded_cache import DEFAULT_LIMIT, array_bytes, bounded_cache
 from kinematics.chain import Chain
 from kinematics.compiled.kernel import kernel
 from obstacles.brackets import Brackets, brackets
@@ -229,7 +229,7 @@ class _ScenePart(NamedTuple):
     walls: Indices
 
 
-@bounded_cache(maxsize=64)
+@bounded_cache(maxsize=64, limit=4 * DEFAULT_LIMIT)  # a plan's fine solids, and their hulls
 def _robot_part(robot: RobotGeometry) -> _RobotPart:
     order = np.argsort(robot.joints[robot.self_pairs], axis=1, kind="stable")
     pairs = np.take_along_axis(robot.self_pairs, order, axis=1)

@@ -174,20 +174,27 @@ def _choose_pairs(
     chain: Chain, pieces: Sequence[Piece], joints: Indices, pairs: Indices
 ) -> list[int]:
     """Pairs that get a grid: those whose balls part them least, none that they always part."""
-    gaps: list[tuple[float, int]] = []
+    if not len(pairs):
+        return []
     balls = [piece.bounding_sphere() for piece in pieces]
-    placed: dict[tuple[int, int], list[tuple[Array, Array]]] = {}
-    for s, (i, j) in enumerate(pairs):
-        span = int(joints[i]) + 1, int(joints[j])
-        if span not in placed:
-            placed[span] = _poses(chain, *span)
-        (a, a_radius), (b, b_radius) = balls[i], balls[j]
-        apart = [
-            float(np.linalg.norm(A[:3, :3] @ a + A[:3, 3] - B[:3, :3] @ b - B[:3, 3]))
-            for A, B in placed[span]
-        ]
-        if apart and min(apart) < a_radius + b_radius:
-            gaps.append((float(np.mean(apart)) - a_radius - b_radius, s))
+    centers, radii = np.array([ball[0] for ball in balls]), np.array([ball[1] for ball in balls])
+    spans = np.column_stack([joints[pairs[:, 0]] + 1, joints[pairs[:, 1]]])
+    gaps = list[tuple[float, int]]()
+    for first, last in np.unique(spans, axis=0):
+        poses = _poses(chain, int(first), int(last))
+        if not poses:
+            continue
+        own = np.flatnonzero((spans[:, 0] == first) & (spans[:, 1] == last))
+        i, j = pairs[own].T
+        least, total = np.full(len(own), np.inf), np.zeros(len(own))
+        for A, B in poses:
+            away = centers[i] @ A[:3, :3].T + A[:3, 3] - centers[j] @ B[:3, :3].T - B[:3, 3]
+            apart = np.sqrt((away**2).sum(axis=1))
+            least, total = np.minimum(least, apart), total + apart
+        reach = radii[i] + radii[j]
+        near = np.flatnonzero(least < reach)
+        gap = total[near] / len(poses) - reach[near]
+        gaps += zip(gap.tolist(), own[near].tolist(), strict=True)
     return sorted(s for _, s in sorted(gaps)[:_MOST])
 
 
