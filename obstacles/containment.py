@@ -6,7 +6,7 @@ Where no surfaces touch all along a motion, nothing gets in or out: one look at 
 import numpy as np
 from numpy.typing import NDArray
 
-from kinematics.arrays import Array
+from kinematics.arrays import Array, Indices
 from kinematics.bounded_cache import bounded_cache
 from kinematics.forward import joint_frames
 from obstacles.mesh_containment import encloses, inside_box
@@ -32,20 +32,23 @@ def first_inside(robot: RobotGeometry, scene: Scene, q: Array) -> tuple[str, str
 
 def _own(robot: RobotGeometry, scene: Scene, carried: Array) -> tuple[str, str] | None:
     pieces, links = robot.pieces, robot.links
-    solids = {i for i, piece in enumerate(pieces) if _bounds(piece)}
+    solids = [i for i, piece in enumerate(pieces) if _bounds(piece)]
     if not solids:
         return None
     centers = carried @ np.append(robot.arrays.centers, np.ones((len(pieces), 1)), 1)[..., None]
     i, j = robot.self_pairs.T
     gaps = np.linalg.norm(centers[i, :3, 0] - centers[j, :3, 0], axis=1)
-    near = gaps <= robot.arrays.radii[i] + robot.arrays.radii[j]
-    for a, b in robot.self_pairs[near]:
-        for i, j in ((int(a), int(b)), (int(b), int(a))):
-            if i not in solids or scene.allows(links[i], links[j]):
-                continue
-            points = _points_of(pieces[j], carried[j] @ pieces[j].T_owner_piece)
-            if _holds(pieces, i, carried[i], points).any():
-                return links[j], links[i]
+    near = robot.self_pairs[gaps <= robot.arrays.radii[i] + robot.arrays.radii[j]]
+    if scene.allowed_collisions:
+        near = near[[not scene.allows(links[a], links[b]) for a, b in near]]
+    points, owners = _placed_points(robot, carried)
+    for solid in solids:
+        others = np.zeros(len(pieces), dtype=np.bool_)
+        others[near[near[:, 0] == solid, 1]] = others[near[near[:, 1] == solid, 0]] = True
+        chosen = np.flatnonzero(others[owners])
+        held = chosen[_holds(pieces, solid, carried[solid], points[chosen])]
+        if len(held):
+            return links[owners[held[0]]], links[solid]
     return None
 
 
@@ -62,17 +65,23 @@ def _around(robot: RobotGeometry, scene: Scene, carried: Array) -> tuple[str, st
                 name = scene.ids[int(owners[k])]
                 if not scene.allows(links[i], name):
                     return links[i], name
-    for obstacle in scene.obstacles:
-        if not obstacle.is_mesh:
-            continue
+    return _in_obstacles(robot, scene, carried)
+
+
+def _in_obstacles(robot: RobotGeometry, scene: Scene, carried: Array) -> tuple[str, str] | None:
+    """The moving link that is inside a mesh that stands around, and that mesh."""
+    meshes = [obstacle for obstacle in scene.obstacles if obstacle.is_mesh]
+    if not meshes:
+        return None
+    points, owners = _placed_points(robot, carried)
+    for obstacle in meshes:
+        may_touch = [scene.allows(link, obstacle.id) for link in robot.links]
+        chosen = np.flatnonzero(((robot.joints >= 0) & ~np.array(may_touch))[owners])
         own = obstacle.pieces()
         for k in (k for k, piece in enumerate(own) if _bounds(piece)):
-            for i in moving:
-                if scene.allows(links[i], obstacle.id):
-                    continue
-                points = _points_of(pieces[i], carried[i] @ pieces[i].T_owner_piece)
-                if _holds(own, k, np.eye(4), points).any():
-                    return links[i], obstacle.id
+            held = chosen[_holds(own, k, np.eye(4), points[chosen])]
+            if len(held):
+                return robot.links[owners[held[0]]], obstacle.id
     return None
 
 
@@ -105,8 +114,23 @@ def _places(scene: Scene) -> Array:
     return np.ascontiguousarray(places.T)
 
 
-def _points_of(piece: Piece, T: Array) -> Array:
-    """A point of each body that a piece is made of, placed, shape (m, 3); none of a half-space."""
+def _placed_points(robot: RobotGeometry, carried: Array) -> tuple[Array, Indices]:
+    """A point of each body of each piece in the world, (m, 3), and the pieces they are of, (m,)."""
+    points, owners = _points(robot)
+    T = carried[owners]
+    return (T[:, :3, :3] @ points[..., None])[..., 0] + T[:, :3, 3], owners
+
+
+@bounded_cache(maxsize=8)
+def _points(robot: RobotGeometry) -> tuple[Array, Indices]:
+    """``_placed_points`` in the frames of the joints."""
+    own = [_points_of(piece) for piece in robot.pieces]
+    return np.concatenate(own), np.repeat(np.arange(len(own)), [len(points) for points in own])
+
+
+def _points_of(piece: Piece) -> Array:
+    """A point of each body that a piece is made of, in its owner's frame, (m, 3)."""
+    T = piece.T_owner_piece
     if piece.kind == PieceKind.HALFSPACE:
         return np.zeros((0, 3))
     if piece.surface is not None:
