@@ -180,31 +180,31 @@ def _examine(  # noqa: C901, PLR0912, PLR0915
         if kept == entries.shape[0]:
             return -1, -1
         if i < 0 or i >= p:
-            start, stop = i - p, i - p + 1
+            start, stop, reach = i - p, i - p + 1, np.inf
             if i < 0:
                 start, stop, a, b = model.groups[-1 - i]
                 place(model, work, a)
                 place(model, work, b)
-                free = balls_apart(placed, a, b)
-                free -= pair_stray(model.chain, joints, strays, a, b)
-                free -= model.own_margin + margin
-                if free > _ROUNDING_ERROR:
-                    tally[_CLEARANCE] = min(tally[_CLEARANCE], free)
+                reach = pair_stray(model.chain, joints, strays, a, b) + model.own_margin + margin
+                proved = balls_apart(placed, a, b) - reach
+                if proved > _ROUNDING_ERROR:
+                    tally[_CLEARANCE] = min(tally[_CLEARANCE], proved)
                     continue
             for s in range(start, stop):
                 a, b = model.self_pairs[s, 0], model.self_pairs[s, 1]
+                place(model, work, a)
                 place(model, work, b)
-                if model.grid_axes[s, 0, 2] > 0.0:
+                proved = balls_apart(placed, a, b) - reach  # no piece strays as far as its body
+                if not proved > _ROUNDING_ERROR and model.grid_axes[s, 0, 2] > 0.0:
                     proved = grid_bound(
                         model.grid_axes, model.grid_starts, model.grid_values, s, joints[a],
                         work.joints,
                     ) - strays[b, 3 * joints[a] + 3] - model.own_margin - margin  # fmt: skip
-                    if proved > _ROUNDING_ERROR:
-                        tally[_CLEARANCE] = min(tally[_CLEARANCE], proved)
-                        continue
+                if proved > _ROUNDING_ERROR:
+                    tally[_CLEARANCE] = min(tally[_CLEARANCE], proved)
+                    continue
                 if kept == entries.shape[0]:
                     return -1, -1
-                place(model, work, a)
                 for row in range(3):
                     axes[kept, row] = 0.0 if i < 0 else hints[entry, row]
                 verdict = _compare(

@@ -191,6 +191,9 @@ def closest_in(model: ModelArrays, work: Workspace, best: float, exact: bool) ->
                 continue
             for s in range(first, last):
                 a, b = model.self_pairs[s, 0], model.self_pairs[s, 1]
+                # Most pairs of a robot of many pieces: a call would cost ten times as much.
+                if balls_apart(placed, a, b) - model.own_margin >= best:
+                    continue
                 distance = _closer(
                     Pair(placed, a, placed, b), shapes, room, stack, model.own_margin, best, exact
                 )  # fmt: skip
