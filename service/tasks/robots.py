@@ -14,6 +14,7 @@ from kinematics.urdf_visuals import read_visuals
 from kinematics.visual_solids import with_visual_solids
 from obstacles.collision_model import pack
 from obstacles.kept_files import keep_files_in, written_files
+from obstacles.robot_geometry import hulled
 from obstacles.scene import Scene
 from service.schemas.robot import RobotBody, RobotChanges
 from service.schemas.scene import NamedScene
@@ -98,7 +99,8 @@ def prepare_robot(document: bytes, folder: str) -> bytes:
     body = RobotBody.model_validate_json(document)
     with written_files() as written:
         geometry, lint = robots.robot(body)
-        pack(geometry)
+        for solids in (geometry, hulled(geometry)):
+            pack(solids)
         visuals, more = robot_visuals(body, geometry.chain)
         lint = [*lint, *more]
         answer = robots.robot_answer(geometry, lint, body.name, is_built_in=False, body=body)
