@@ -9,6 +9,11 @@ from obstacles.convex_distance import ACCURACY
 #: A start or goal this near to its margin [m] counts as touching, and is told with pair and depth:
 #: the proof knows distances to a tenth of a micrometre, below twice that nothing can be proved.
 TOUCHING = 2.0 * ACCURACY
+#: Planning keeps this much more than the margin, where start and goal have it to spare: it spares
+#: the certificate halving its cells down to nothing where a path would graze [m].
+SLACK = 1e-3
+#: Of a start, and of goals by joints alone, nobody need know how much more clearance they have [m].
+ENOUGH = 2.0 * SLACK
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -18,7 +23,7 @@ class ValidStart:
     Args:
         joints: Inside the limits, shape (n,).
         checker: Of the exact robot in the scene with its margins.
-        clearance: Of the start, margins taken off [m].
+        clearance: Of the start, margins taken off, or ``ENOUGH`` where it has that [m].
         notes: What was done to the request.
     """
 

@@ -24,7 +24,7 @@ from planning.preflight.goal_order import NEAR_LIMIT, limit_shares, motion_costs
 from planning.preflight.limits import snap_to_limits
 from planning.preflight.pose_configurations import pose_configurations, turned_copies
 from planning.problem import JointGoal, PoseGoal, Problem
-from planning.ready import TOUCHING
+from planning.ready import ENOUGH, TOUCHING
 from planning.result import Failure
 
 #: Free configurations of a pose at most, of those away from limits, of those at one, and copies of
@@ -44,7 +44,7 @@ class Candidate(NamedTuple):
     """A valid configuration of a goal.
 
     Args:
-        clearance: Margins taken off [m].
+        clearance: Margins taken off [m]; ``ENOUGH`` where it is that and is not asked for.
         joints: Shape (n,) [rad or m].
     """
 
@@ -104,11 +104,13 @@ def pose_goals(problem: Problem, goals: list[Array]) -> list[Array]:
 
 
 def _joint_goal(problem: Problem, checker: Checker, goal: JointGoal) -> list[Candidate] | Refusal:
-    tolerance = problem.start_state_tolerance
+    tolerance, within = problem.start_state_tolerance, ENOUGH
+    if any(isinstance(other, PoseGoal) for other in problem.goals):
+        within = np.inf  # the choice among them is by clearance too
     q, violation = snap_to_limits(problem.robot.chain, goal.joints, tolerance)
     if violation is not None:
         return Refusal("GOAL_STATE_INVALID", partial(limit_failure, "goal", violation))
-    clearance, pair = checker.clearance(q)
+    clearance, _, pair = checker.closest(q[None], within)
     if clearance <= TOUCHING:
         return _collision_refusal(problem, q, pair, clearance)
     return [Candidate(clearance, q)]

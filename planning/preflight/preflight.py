@@ -14,12 +14,9 @@ from planning.preflight.goal_order import order_goals
 from planning.preflight.goals import find_goals
 from planning.preflight.limits import snap_to_limits
 from planning.problem import JointGoal, PoseGoal, Problem
-from planning.ready import TOUCHING, Ready, ValidStart
+from planning.ready import ENOUGH, SLACK, TOUCHING, Ready, ValidStart
 from planning.result import Failure
 
-#: Planning keeps this much more than the margin, where start and goal have it to spare: it spares
-#: the certificate halving its cells down to nothing where a path would graze [m].
-_SLACK = 1e-3
 #: What is kept more than the margin where the tool is led, and the path can't be chosen [m].
 _SLACK_ALONG_MOTIONS = 1e-4
 
@@ -36,7 +33,7 @@ def check_start(problem: Problem, checker: Checker | None = None) -> ValidStart 
     start, violation = snap_to_limits(problem.robot.chain, problem.start, tolerance)
     if violation is not None:
         return limit_failure("start", violation)
-    clearance, pair = checker.clearance(start)
+    clearance, _, pair = checker.closest(start[None], ENOUGH)
     if clearance <= TOUCHING:
         return collision_failure(problem, "start", start, pair, clearance)
     return ValidStart(start, checker, clearance, _notes(problem.start, start))
@@ -80,7 +77,7 @@ def preflight(
     goals = find_goals(problem, valid.checker, start, seed, deadline, costs)
     if isinstance(goals, Failure):
         return goals
-    slack = min(_SLACK, 0.5 * valid.clearance, 0.5 * max(goal.clearance for goal in goals))
+    slack = min(SLACK, 0.5 * valid.clearance, 0.5 * max(goal.clearance for goal in goals))
     kept = [goal for goal in goals if goal.clearance > slack]
     clear, best = [goal.joints for goal in kept], None
     if any(isinstance(goal, PoseGoal) for goal in problem.goals):
@@ -134,14 +131,14 @@ def _ready_with_room(problem: Problem, exact: Checker, hulls: Checker | None) ->
         return None
     chain, tolerance = problem.robot.chain, problem.start_state_tolerance
     ends = [snap_to_limits(chain, q, tolerance) for q in (problem.start, *goals)]
-    spacious = Checker((hulls or exact).model, 2.0 * _SLACK)
+    spacious = Checker((hulls or exact).model, ENOUGH)
     if any(violation is not None for _, violation in ends):
         return None
     if not spacious.all_valid(np.array([q for q, _ in ends])):
         return None
     start, *goals = (q for q, _ in ends)
     models = [exact.model] if hulls is None else [hulls.model, exact.model]
-    checkers = tuple(Checker(model, _SLACK) for model in models)
+    checkers = tuple(Checker(model, SLACK) for model in models)
     return Ready(start, _nearest_first(goals, start), checkers, _notes(problem.start, start))
 
 

@@ -10,7 +10,7 @@ from planning.deadline import Deadline
 from planning.preflight.goals import find_goals
 from planning.preflight.preflight import preflight, start_only
 from planning.problem import JointGoal, PoseGoal, Problem
-from planning.ready import TOUCHING, Ready
+from planning.ready import ENOUGH, TOUCHING, Ready
 from planning.result import Failure
 from tests.planning.scenes import HOME, box, builtin
 from tests.planning.slider import slider
@@ -34,12 +34,13 @@ def found(*goals: JointGoal, seconds: float = 10.0) -> list[tuple[float, float]]
 
 
 def test_goals_come_with_their_clearance_and_those_that_touch_are_left_out() -> None:
-    answer = found(at(0.1), at(0.4), at(0.15), at(0.2))
+    """As far as anybody asks how much it is."""
+    answer = found(at(0.1), at(0.4), at(0.15), at(0.1515), at(0.2))
     assert not isinstance(answer, Failure)
-    (first, x), (second, y) = answer
-    assert (x, y) == (0.4, 0.2)
-    assert first == pytest.approx(0.25, abs=1e-6)
-    assert second == pytest.approx(0.05, abs=1e-6)
+    (first, x), (second, y), (third, z) = answer
+    assert (x, y, z) == (0.4, 0.1515, 0.2)
+    assert (first, third) == (ENOUGH, ENOUGH)
+    assert second == pytest.approx(0.0015, abs=1e-6)
 
 
 def test_why_no_goal_is_valid() -> None:
