@@ -1,5 +1,6 @@
 """Spans of a motion in which it comes nearer to something than is preferred."""
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -17,9 +18,6 @@ _LEAST_INSTANTS = 32
 _PERIOD = 0.025
 #: Instants that are looked at, at most: a long motion has them farther apart.
 _MAX_INSTANTS = 512
-#: Instants of a long span whose distance is looked at, at first: where links are near each other
-#: all along each takes a millisecond.
-_MEASURED = 24
 
 
 @dataclass(frozen=True, slots=True)
@@ -130,8 +128,9 @@ def _span(
 ) -> CloseSpan:
     """The span of the instants from ``first`` to ``last``, out to the next that are not close."""
     within = states[first : last + 1]
-    if len(within) > 2 * _MEASURED:
-        step = len(within) // _MEASURED
+    # Where links are near each other all along each look takes a millisecond: few, in two rounds.
+    step = math.isqrt(len(within) // 2)
+    if step > 1:
         at = max(spacious.closest(within[::step], 0.0)[1], 0) * step
         within = within[max(at - step + 1, 0) : at + step]
     lacking, _, pair = spacious.closest(within, 0.0)
