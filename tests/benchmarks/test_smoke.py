@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+import trimesh
 import yaml
 
 from benchmarks import machines
@@ -107,6 +108,9 @@ SMALL: Mapping[str, tuple[list[str], Mapping[str, Any]]] = {
     "timing_limits": (["2"], {}),
     "timing_optimum": (["--cases", "1", "--pieces", "4"], {}),
     "timing_plans": (["PROBLEMS"], {}),
+    "mesh_costs": (["--scenes", "1"], {"STATES": 2}),
+    "mesh_descriptions": (["URDF"], {"SCENES": 1, "STATES": 20, "EDGES": 2, "ROUNDS": 1}),
+    "overhead_turns": (["ROOT", "--rounds", "1", "--scenes", "none"], {"_FIRST": 1}),
     "pieces": (["PROBLEMS", "--every", "1", "--kinds", "plain", "line"], {}),
     "tool_corners": (["--arms", "kr6_sixx", "--paths", "1", "--speeds", "0.1"], {}),
     "tracking": ([], {"ROUNDS": 1, "SECONDS": 0.2}),
@@ -183,7 +187,10 @@ def test_scripts_run_on_tiny_input(
     for constant, value in constants.items():
         assert hasattr(module, constant), constant
         monkeypatch.setattr(module, constant, value)
-    paths = {"PROBLEMS": str(problems), "CASE": str(case_of_ik(tmp_path))}
+    paths = {
+        "PROBLEMS": str(problems), "CASE": str(case_of_ik(tmp_path)),
+        "URDF": str(described_arm(tmp_path)), "ROOT": str(FOLDER.parent),
+    }  # fmt: skip
     monkeypatch.setattr(sys, "argv", [name, *(paths.get(item, item) for item in arguments)])
     # Some tell faults by their exit status.
     monkeypatch.setattr(sys, "exit", lambda code=0: exits.append(int(code)))
@@ -220,6 +227,28 @@ def test_scripts_that_start_a_server_run_for_a_moment(
     told = capsys.readouterr().out
     assert not any(exits), told
     assert told.strip()
+
+
+def described_arm(folder: Path) -> Path:
+    """A URDF of two joints in a package, with a block as a mesh of its last link."""
+    package = folder / "small_arm"
+    for name in ("urdf", "meshes"):
+        (package / name).mkdir(parents=True)
+    trimesh.creation.box((0.05, 0.05, 0.4)).export(package / "meshes" / "block.stl")
+    limit = '<limit lower="-2" upper="2" velocity="1" effort="10"/>'
+    links = '<link name="base"/><link name="upper"/><link name="tool"><collision><geometry>'
+    links += '<mesh filename="package://small_arm/meshes/block.stl"/></geometry></collision></link>'
+    joints = "".join(
+        f'<joint name="{name}" type="revolute"><parent link="{parent}"/><child link="{child}"/>'
+        f'<origin xyz="{offset}"/><axis xyz="{axis}"/>{limit}</joint>'
+        for name, parent, child, offset, axis in (
+            ("first", "base", "upper", "0 0 0.4", "0 0 1"),
+            ("second", "upper", "tool", "0.3 0 0", "0 1 0"),
+        )
+    )
+    path = package / "urdf" / "small_arm.urdf"
+    path.write_text(f'<robot name="small_arm">{links}{joints}</robot>')
+    return path
 
 
 def case_of_ik(folder: Path) -> Path:

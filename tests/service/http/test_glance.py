@@ -21,7 +21,9 @@ from tests.service.schemas.changes import changed, refusals, values, without
 
 BODY: dict[str, Any] = {"robot": "panda", "start": {"joints": HOME}, "goal": {"joints": ASIDE}}
 PLANS = [body for model, body in FULL if model is PlanRequest]
-WRONG = (None, True, 7, -1.5, 1e300, "1", "text", [], ["text"], [1.0], {}, {"0": 1.0}, {"type": 1})
+WRONG: tuple[Any, ...] = (
+    None, True, 7, -1.5, 1e300, "1", "text", [], ["text"], [1.0], {}, {"0": 1.0}, {"type": 1},
+)  # fmt: skip
 
 
 def malformed_plans() -> list[dict[str, Any]]:
@@ -123,5 +125,6 @@ def test_where_work_has_to_wait_requests_are_validated_first() -> None:
     assert glanced(BODY, **{DRY_RUN: True}) is None
     for wrong in ({"robot": "a b"}, {"robot": "panda\n"}, {"scene": 7}, {"timeout": True}):
         assert glanced(BODY | wrong) is None
-    for value in (None, [], "text", 1.0, {}):
+    others: tuple[Any, ...] = (None, [], "text", 1.0, {})
+    for value in others:
         assert glanced(value) is None
