@@ -26,7 +26,7 @@ from planning.motion_limits import with_limits
 from planning.options import Options
 from planning.passing_times import first_approach
 from planning.proof.certificate import certify
-from planning.result import Plan
+from planning.result import Path, Plan
 from planning.sequence.motion import constraint_set
 from planning.sequence.result import StagePlan
 from planning.sequence.stage import passing_distance
@@ -100,6 +100,13 @@ def _pass_run(cells: Cells, steps: Sequence[Step], deadline: Deadline) -> list[S
     parts = [_part(cells, step) for step in steps]
     known = [step.plan for step in steps if step.plan is not None]
     proved = None if deadline.passed else _time_and_prove(parts, known, deadline)
+    if proved is None or not all(plan.passes for plan in proved[:-1]):
+        direct = _direct_at_ends(parts)
+        other = None
+        if direct is not None and not deadline.passed:
+            other = _time_and_prove(direct, known, deadline)
+        if other is not None and (proved is None or _duration(other) < _duration(proved)):
+            proved = other
     if proved is not None:
         return proved
     return [_with_note(plan) for plan in known[:-1]] + known[-1:]
@@ -112,6 +119,45 @@ def _part(cells: Cells, step: Step) -> _Part:
     cell = cells.cell(step.world, step.allowed, step.stage.settings.margin)
     points = merge(plan.path.waypoints)
     return _Part(step, plan, cell, points, passing_distance(step.stage))
+
+
+def _direct_at_ends(parts: list[_Part]) -> list[_Part] | None:
+    """The stages without the waypoints next to ends that are passed; None where all are needed.
+
+    An end that is nearer to something than preferred is met and left by a short leg to where there
+    is room. Both are too short to round their corner, and where they are the same one there is
+    nothing to round.
+    """
+    direct: list[_Part] = []
+    for k, one in enumerate(parts):
+        part = one
+        points, checker = part.points, part.cell.checker
+        before = parts[k - 1].blend if k else None
+        if part.blend is not None:
+            points = _without_short_leg(points[::-1], checker, part.blend)[::-1]
+        if before is not None:
+            points = _without_short_leg(points, checker, before)
+        if len(points) < len(part.points):
+            points = np.ascontiguousarray(points)
+            plan = replace(part.plan, path=Path(points))
+            part = part._replace(points=points, plan=plan)
+        direct.append(part)
+    same = all(one is part for one, part in zip(direct, parts, strict=True))
+    return None if same else direct
+
+
+def _without_short_leg(points: Array, checker: Checker, blend: float) -> Array:
+    """Waypoints (k, n) without the second, where the first leg ends within ``blend`` of the first.
+
+    And where the way that is left is free.
+    """
+    if len(points) < 3 or np.linalg.norm(points[1] - points[0]) > blend:
+        return points
+    return np.delete(points, 1, axis=0) if checker.free(points[0], points[2]) else points
+
+
+def _duration(plans: list[StagePlan]) -> float:
+    return sum(plan.trajectory.duration for plan in plans)
 
 
 def _with_note(plan: StagePlan) -> StagePlan:
@@ -136,7 +182,7 @@ def _time_and_prove(
         motion = parametrization.time_polyline(points[kept], reaches[kept[1:-1] - 1], names)
     except TimingFailed:
         return None
-    if motion.trajectory.duration >= sum(plan.trajectory.duration for plan in known):
+    if motion.trajectory.duration >= _duration(known):
         return None
     pieces = _cut(motion.trajectory, points, joins, [part.blend or 0.0 for part in parts])
     if pieces is None:

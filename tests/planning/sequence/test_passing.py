@@ -12,6 +12,7 @@ from benchmarks.fcl_judge import FclJudge
 from kinematics.arrays import Array
 from kinematics.forward import forward
 from kinematics.trajectory import concatenate
+from obstacles.checker import Checker
 from planning.constraints.limit import ToolSpeedConstraint
 from planning.options import Options
 from planning.problem import JointGoal
@@ -106,6 +107,25 @@ def test_an_obstacle_inside_the_corner_narrows_the_blend_and_fcl_finds_the_way_f
     assert _collides(judge, wide)
     assert not _collides(judge, narrow)
     _assert_joined(narrow)
+
+
+@pytest.mark.parametrize("place", [[0.3679, 0.3236, 0.5205], [0.3596, 0.2121, 0.5788]])
+def test_a_goal_nearer_than_preferred_is_passed(place: list[float]) -> None:
+    """Each stage keeps away from the post beside it and comes near by a short leg of its own."""
+    post = aw.Obstacle("post", aw.Sphere(0.02), aw.pose(place))
+    checker = Checker.of(crate.panda(), crate.scene(post))
+    assert 0.005 < checker.clearance(A)[0] < 0.015
+    resting = _plan(_via(A, None), _via(C, None), more=(post,))
+    passing = _plan(_via(A, 0.6), _via(C, None), more=(post,))
+    assert passing.stages[0].passes
+    assert passing.duration < 0.98 * resting.duration
+    assert np.linalg.norm(passing.stages[0].trajectory.end - A) <= 0.6
+    assert not _collides(FclJudge(crate.panda(), crate.scene(post)), passing)
+    _assert_joined(passing)
+    for stage in passing.stages:
+        assert stage.plan is not None
+        legs = np.diff(stage.plan.path.waypoints, axis=0)
+        assert np.linalg.norm(legs, axis=1).min() > 0.1
 
 
 def test_a_motion_that_can_not_be_proved_is_not_answered(monkeypatch: pytest.MonkeyPatch) -> None:
