@@ -65,6 +65,7 @@ ALL = {"__main__"}
 SMALL: Mapping[str, tuple[list[str], Mapping[str, Any]]] = {
     "brackets": (["--robots", "planar_rr"], {}),
     "constrained_ik": (["PROBLEMS", "--count", "1"], {}),
+    "constrained_cases": (["PROBLEMS", "--count", "6"], {"_ARMS": ("kr6_sixx",)}),
     "constrained_plan": (["PROBLEMS", "--timeout", "10"], {}),
     "goal_choice": (["--arms", "kr6_sixx", "--count", "1"], {"_STARTS": 20}),
     "constrained_ways": (

@@ -26,12 +26,10 @@ def test_whole_turns_are_all_there_are() -> None:
         for _ in range(20):
             q = rng.uniform(lower, upper)
             turning = chain.joint_types == 0
-            expected = {
-                tuple(np.round(q + 2 * np.pi * np.array(k) * turning, 9))
-                for k in itertools.product((-2, -1, 0, 1, 2), repeat=chain.n)
-                if (q + 2 * np.pi * np.array(k) * turning >= lower).all()
-                and (q + 2 * np.pi * np.array(k) * turning <= upper).all()
-            }
+            turns = np.array(list(itertools.product((-2, -1, 0, 1, 2), repeat=chain.n)))
+            copies = q + 2 * np.pi * turns * turning
+            inside = ((copies >= lower) & (copies <= upper)).all(axis=1)
+            expected = {tuple(row) for row in np.round(copies[inside], 9)}
             found = whole_turns(chain, q, 10_000)
             assert {tuple(np.round(row, 9)) for row in found} == expected
             assert len(found) == len(expected)
