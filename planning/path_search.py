@@ -232,7 +232,7 @@ class PathSearch:
         ends = [end for _, end in goals if end is not None]
         if not kept:
             return None
-        among = replace(ready, start=start, goals=ends)
+        among = Ready(start, ends, ready.checkers, ready.notes, ready.best)
         query = self._query(among, room.look, until, max_edges, proves=proves)
         found, _ = self._ask_planners(self.planners, query, (room.look, room.kept))
         if found is None:

@@ -13,7 +13,7 @@ axis and rate of turning. Between lines the curve is a quintic Bezier curve insi
 its ends and the corner. The slope a is the one that makes the largest change of curvature by the
 length about as small as it can be: a fifth above that of two clothoids at most.
 
-Source: Sencer, Ishizaki and Shamoto, "A curvature optimal sharp corner smoothing algorithm for
+Source: "A curvature optimal sharp corner smoothing algorithm for
 high-speed feed motion generation of NC systems along linear tool paths" (2015).
 """
 

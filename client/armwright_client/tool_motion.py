@@ -9,7 +9,7 @@ from armwright_client.seam import ToolTolerance
 Part = Literal["motion", "approach", "seam", "retreat"]
 
 
-class ToolCurve(Request):
+class _ToolCurve(Request):
     """A motion of the tool from where it is: what all kinds of them have.
 
     Args:
@@ -49,7 +49,7 @@ class ToolCurve(Request):
         return cls.of(type="circ", pose=pose, via=via, center=center, normal=normal, blend=blend)
 
 
-class ToolMotion(ToolCurve):
+class ToolMotion(_ToolCurve):
     """A line, or an arc through a point or about a centre, from where the tool is.
 
     Args:
@@ -87,7 +87,7 @@ class RoundedCorner(Request):
     after: CornerArc | None = None
 
 
-class TimedToolMotion(ToolCurve):
+class TimedToolMotion(_ToolCurve):
     """A line, an arc or a corner that a trajectory is held to, a part of a seam perhaps.
 
     Args:

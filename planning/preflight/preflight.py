@@ -115,7 +115,7 @@ def _exact_checker(problem: Problem) -> Checker:
 def _hulls_checker(problem: Problem) -> Checker | None:
     """The checker of the robot in its solids' hulls; None where these are the solids."""
     robot = hulled(problem.robot)
-    if robot is problem.robot:
+    if robot == problem.robot:  # of equal robots the one is kept that was asked about first
         return None
     return Checker.of(robot, problem.scene, problem.margin)
 

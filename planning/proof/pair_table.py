@@ -211,7 +211,7 @@ def _arrays(robot: RobotGeometry, scene: Scene, opened: Rows) -> PairArrays:
     tops += [moving + k for k, kind in enumerate(kinds.tolist()) if kind == _HALFSPACE]
     return PairArrays(
         *_joints(robot.chain),
-        roots=_roots(robot, scene, tops, skipped),
+        roots=_roots(robot, scene.ids, scene.allowed_collisions, tuple(tops)),
         moving=moving,
         asked=_asked_rows(robot, rows_before(opened, p)),
         margins=joined.margins,
@@ -329,20 +329,35 @@ def _asked_rows(robot: RobotGeometry, opened: Rows) -> NDArray[np.bool_]:
     return asked[_own(robot, opened)[0].row]
 
 
+#: Scenes of as many things by the same names often have the same.
+@bounded_cache(maxsize=16, weigh=array_bytes)
 def _roots(
-    robot: RobotGeometry, scene: Scene, tops: list[int], skipped: NDArray[np.bool_]
+    robot: RobotGeometry,
+    ids: tuple[str, ...],
+    allowed: frozenset[tuple[str, str]],
+    tops: tuple[int, ...],
 ) -> Indices:
-    """Pairs that everything hangs below: robot and scene, and the robot's own."""
+    """Pairs that everything hangs below: robot and scene, and the robot's own.
+
+    Args:
+        robot: The robot.
+        ids: Names of the obstacles.
+        allowed: Pairs of names that may touch.
+        tops: Elements of the scene that all others hang below.
+    """
+    skipped = _pairs_that_may_touch(robot, ids, allowed)
     met = np.flatnonzero(~skipped.all(axis=1)) if skipped.size else np.zeros(0, dtype=np.int64)
     own, names = _own_pairs(robot)
-    if not names.isdisjoint(scene.allowed_collisions):
+    if not names.isdisjoint(allowed):
         links = robot.links
-        own = own[[not scene.allows(links[i], links[j]) for i, j in own.tolist()]]
+        pairs = ((links[i], links[j]) for i, j in own.tolist())
+        own = own[[(min(pair), max(pair)) not in allowed for pair in pairs]]
     against = len(met) * len(tops)
     roots = np.empty((against + len(own), 2), dtype=np.int64)
     roots[against:] = own
     around = roots[:against].reshape(len(met), len(tops), 2)
     around[:, :, 0], around[:, :, 1] = tops, met[:, None]
+    roots.setflags(write=False)
     return roots
 
 

@@ -23,6 +23,7 @@ class LocalWorkers:
 
     ready = True
     unfit = False
+    is_ready_for_work = True
     progress = None
     waiting = background_waiting = busy = spare = 0
     count = alive = started_workers = 1

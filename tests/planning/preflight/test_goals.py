@@ -1,5 +1,7 @@
 """Goal configurations of a ball that slides, whose clearances have closed forms, and of an arm."""
 
+import pickle
+
 import numpy as np
 import pytest
 
@@ -105,3 +107,13 @@ def test_the_start_alone() -> None:
     inside = start_only(Problem(slider(), CRATE, np.array([-0.1, 0.0]), (at(0.0),)))
     assert isinstance(inside, Failure)
     assert inside.code == "START_STATE_IN_COLLISION"
+
+
+def test_a_robot_of_convex_solids_has_no_hulls_beside_it_though_an_equal_one_was_asked_about() -> (
+    None
+):
+    robot = builtin("panda")
+    for one in (robot, pickle.loads(pickle.dumps(robot))):
+        answer = preflight(Problem(one, Scene(), HOME, (JointGoal(HOME),)), 0)
+        assert isinstance(answer, Ready)
+        assert len(answer.checkers) == 1

@@ -17,6 +17,8 @@ ALLOWED = {
     "planning.effort_limits",
     "planning.finger_motion",
     "planning.limits",
+    "planning.timed_tool_motions",
+    "planning.tool_corner",
     "planning.tool_motion",
     "planning.tool_tolerance",
     "obstacles.bvh",

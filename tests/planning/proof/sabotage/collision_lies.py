@@ -182,7 +182,7 @@ def _small_hulls(sabotage: Sabotage) -> None:
 
 
 def _shortcut_to_the_end(sabotage: Sabotage) -> None:
-    sabotage.replace(shortcut, lambda checker, waypoints, *values: waypoints[[0, -1]])
+    sabotage.replace(shortcut, lambda checker, waypoints, *_, **__: waypoints[[0, -1]])
 
 
 def _shortcut_in_an_empty_scene(sabotage: Sabotage) -> None:
@@ -193,8 +193,8 @@ def _shortcut_in_an_empty_scene(sabotage: Sabotage) -> None:
         empty = CollisionModel(model.robot, _without_scene(model.scene), model.margin)
         return Checker(empty, value.slack)
 
-    def blind(true: Callable[..., Array], *values: Any) -> Array:
-        return true(*map(emptied, values))
+    def blind(true: Callable[..., Array], *values: Any, **named: Any) -> Array:
+        return true(*map(emptied, values), **named)
 
     sabotage.wrap(shortcut, blind)
 
