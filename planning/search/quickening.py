@@ -2,8 +2,8 @@
 
 A path that was moved away from what it passes has many corners, and each of them costs time. Here
 waypoints are left out, drawn half-way or a fifth of the way to the line between their neighbours,
-put together two by two (half-way, or outside, where the legs beside them meet), or cut off, whichever brings most, as
-long as
+put together two by two (half-way, or outside, where the legs beside them meet), or cut off,
+whichever brings most, as long as
 
     cost = sum over legs of  time (1 + weight * shortfall / preferred)
 

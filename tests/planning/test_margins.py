@@ -4,6 +4,7 @@ from collections.abc import Sequence
 
 import numpy as np
 import pytest
+from scipy.sparse import csr_array
 from scipy.sparse.csgraph import dijkstra
 
 from kinematics.arrays import Array
@@ -116,7 +117,7 @@ def shortest_way(obstacles: Sequence[Obstacle], kept: float) -> float:
         gaps = [gap(o, legs.reshape(-1, 2)).reshape(len(nodes), -1) - o.margin for o in obstacles]
         free = np.min(gaps, axis=(0, 2)) >= kept
         lengths[i] = np.where(free, np.linalg.norm(nodes - a, axis=1), 0.0)
-    return float(dijkstra(lengths, indices=0)[1])
+    return float(dijkstra(csr_array(lengths), directed=True, indices=[0])[0, 1])
 
 
 @pytest.mark.parametrize("spare", [4e-3, -4e-3])
