@@ -117,8 +117,7 @@ def shortcut(
     """
     proof = checker if proof is None else proof
     held = Held(look_of(checker), float(proof.slack), proof is not checker)
-    rounds = _ROUNDS if cuts and not deadline.passed else 0
-    return _shortened(proof, waypoints, held, rounds, proves=True)
+    return _shortened(proof, waypoints, held, deadline, cuts=cuts, proves=True)
 
 
 def shortcut_unproved(
@@ -133,14 +132,20 @@ def shortcut_unproved(
         cuts: As in ``shortcut``.
     """
     held = Held(look_of(checker), float(checker.slack), True)
-    rounds = _ROUNDS if cuts and not deadline.passed else 0
-    return _shortened(checker, waypoints, held, rounds, proves=False)
+    return _shortened(checker, waypoints, held, deadline, cuts=cuts, proves=False)
 
 
 def _shortened(
-    checker: Checker, waypoints: Array, held: Held, rounds: int, *, proves: bool
+    checker: Checker,
+    waypoints: Array,
+    held: Held,
+    deadline: Deadline,
+    *,
+    cuts: bool,
+    proves: bool,
 ) -> Array:
     points = np.ascontiguousarray(waypoints, np.float64)
+    rounds = _ROUNDS if cuts and not deadline.passed else 0
     return _shorten_directly()(checker.model.arrays, held, points, proves, rounds)
 
 
