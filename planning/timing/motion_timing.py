@@ -8,6 +8,7 @@ waypoints: with more waypoints on the legs it keeps nearer to them.
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
 from functools import cache, partial
+from typing import NamedTuple
 
 import numpy as np
 
@@ -104,6 +105,18 @@ def motions(
     yield lambda: parametrization.time_polyline(points, none, names)
 
 
+class _Wide(NamedTuple):
+    """The spline near a motion with corners as wide as is worth it, of which nothing is proved.
+
+    ``close`` are the instants, as shares of its duration, at which it does not keep the first of
+    the preferred clearances.
+    """
+
+    reaches: Array
+    spline: ScaledTime
+    close: Array
+
+
 @dataclass(slots=True)
 class _RoundedMotion:
     """The motion with corners rounded as far as is free and asked for, and the spline near it.
@@ -127,6 +140,7 @@ class _RoundedMotion:
     holds: Callable[[Array], bool] | None = None
     left_path: bool = field(default=False, init=False)
     _found_reaches: dict[bool, Array] = field(default_factory=dict, init=False)
+    _found_widest: dict[bool, Array] = field(default_factory=dict, init=False)
     _found_close: dict[int, Array] = field(default_factory=dict, init=False)
 
     def time_on_path(self) -> ScaledTime:
@@ -137,12 +151,19 @@ class _RoundedMotion:
     def smooth(self) -> ScaledTime:
         """The spline near the motion where it is as far from everything, else the motion itself."""
         names = self.checker.model.chain.joint_names
-        rounded = self.parametrization.near_corners(self.points, self._reaches(even=True))
+        wide = self._spline_at_widest(names)
+        if wide is not None and not len(wide.close):
+            self.left_path = True
+            return wide.spline
+        reaches = self._reaches(even=True)
+        rounded = self.parametrization.near_corners(self.points, reaches)
         if rounded is not None:
+            is_wide = wide is not None and np.array_equal(reaches, wide.reaches)
             nearest = list[ScaledTime]()
             is_spacious = any(level is self.checker for level in self.preferred)
             for rate in SPAN_RATES:
-                spline = self._spline_near(rounded, rate, names, nearest)
+                known = wide if is_wide and rate == SPAN_RATES[0] else None
+                spline = self._spline_near(rounded, rate, names, nearest, known)
                 if spline is not None:
                     self.left_path = True
                     return spline
@@ -154,8 +175,38 @@ class _RoundedMotion:
                     return spline
         return self.time_on_path()
 
+    def _spline_at_widest(self, names: tuple[str, ...]) -> _Wide | None:
+        """The spline near the widest corners, which are not proved free, if there is one.
+
+        Where it keeps the first of the preferred clearances no corner has to be looked at: the
+        spline is what is proved.
+        """
+        if not self.preferred:
+            return None
+        reaches = self._widest_reaches(even=True)
+        rounded = self.parametrization.near_corners(self.points, reaches)
+        if rounded is None:
+            return None
+        parts = even_parts(float(rounded.breaks[-1]), len(self.points) - 1, SPAN_RATES[0])
+        spline = self.parametrization.spline_near(rounded, names, parts)
+        if spline is None:
+            return None
+        motion = spline.trajectory
+        looked = motion.breaks, motion.coefficients
+        if self.holds is not None and not self.holds(
+            _states_between(*looked, _INSTANTS * motion.pieces)
+        ):
+            return None
+        close = close_instants(self.preferred[0], *looked) / motion.duration
+        return _Wide(reaches, spline, close)
+
     def _spline_near(
-        self, rounded: Pieces, rate: float, names: tuple[str, ...], nearest: list[ScaledTime]
+        self,
+        rounded: Pieces,
+        rate: float,
+        names: tuple[str, ...],
+        nearest: list[ScaledTime],
+        known: _Wide | None,
     ) -> ScaledTime | None:
         """The spline near a motion that keeps as clear, with more spans where that is needed.
 
@@ -164,15 +215,20 @@ class _RoundedMotion:
             rate: Spans for each second of it at first [1/s].
             names: Of the joints.
             nearest: The splines that come too near are added.
+            known: The first of the splines, if it was looked at before.
         """
         duration = float(rounded.breaks[-1])
         parts = even_parts(duration, len(self.points) - 1, rate)
         for _ in range(_REFINEMENTS + 1):
-            spline = self.parametrization.spline_near(rounded, names, parts)
+            if known is not None:
+                spline: ScaledTime | None = known.spline
+            else:
+                spline = self.parametrization.spline_near(rounded, names, parts)
             if spline is None:
                 return None
             motion = spline.trajectory
-            near = self._near_instants(motion, rounded)
+            near = self._near_instants(motion, rounded, None if known is None else known.close)
+            known = None
             if near is None:
                 return spline
             nearest.append(spline)
@@ -190,32 +246,42 @@ class _RoundedMotion:
             self._found_reaches[even] = self._find_reaches(even)
         return self._found_reaches[even]
 
+    def _widest_reaches(self, *, even: bool) -> Array:
+        """Reaches of the corners that are worth being proved free."""
+        if even not in self._found_widest:
+            tolerance, parametrization = self.timing.blend_tolerance, self.parametrization
+            largest = largest_reaches(self.points)
+            if tolerance is not None:
+                largest = reach_for_deviation(self.points, tolerance, parametrization.smooth)
+            widest = parametrization.widest_reaches(self.points, largest, even=even)
+            self._found_widest[even] = widest
+        return self._found_widest[even]
+
     def _find_reaches(self, even: bool) -> Array:
-        parametrization, timing = self.parametrization, self.timing
-        largest = largest_reaches(self.points)
-        if timing.blend_tolerance is not None:
-            tolerance = timing.blend_tolerance
-            largest = reach_for_deviation(self.points, tolerance, parametrization.smooth)
         return certified_reaches(
             self.checker,
             self.points,
             self.deadline,
-            smooth=parametrization.smooth,
-            most=parametrization.widest_reaches(self.points, largest, even=even),
+            smooth=self.parametrization.smooth,
+            most=self._widest_reaches(even=even),
             preferred=[level for level in self.preferred if level is not self.checker],
         )
 
-    def _near_instants(self, motion: Trajectory, rounded: Pieces) -> Array | None:
+    def _near_instants(
+        self, motion: Trajectory, rounded: Pieces, close: Array | None
+    ) -> Array | None:
         """Instants at which a motion is nearer than preferred and the rounded one is not, (k,) [s].
 
-        None where there are none; k = 0 where it is refused for something else.
+        None where there are none; k = 0 where it is refused for something else. ``close`` are the
+        shares of its time at which it does not keep the first level, where these are known.
         """
         looked = motion.breaks, motion.coefficients, _INSTANTS * motion.pieces
         states = None if self.holds is None else _states_between(*looked)
         if self.holds is not None and states is not None and not self.holds(states):
             return np.empty(0)
         for number, level in enumerate(self.preferred):
-            close = close_instants(level, motion.breaks, motion.coefficients) / motion.duration
+            if number > 0 or close is None:
+                close = close_instants(level, motion.breaks, motion.coefficients) / motion.duration
             if not len(close):
                 return None
             if number not in self._found_close:
