@@ -53,12 +53,14 @@ class CollisionModel:
         scene: What stands around.
         margin: To be kept from obstacles, beyond their own [m].
         own_margin: To be kept between the robot's own links [m], which may be built close together.
+        _like: What is packed with other margins, if anything is.
     """
 
     robot: RobotGeometry
     scene: Scene
     margin: float = 0.0
     own_margin: float = 0.0
+    _like: ModelArrays | None = field(default=None, repr=False)
     _arrays: ModelArrays | None = field(default=None, init=False, repr=False)
 
     @property
@@ -79,18 +81,17 @@ class CollisionModel:
     @property
     def arrays(self) -> ModelArrays:
         """Arrays of the model for kernels."""
-        if self._arrays is None:
-            packed = _packed(self.robot, self.scene, self.margin, self.own_margin)
-            object.__setattr__(self, "_arrays", packed)
-        assert self._arrays is not None
-        return self._arrays
+        arrays = self._arrays
+        if arrays is None:
+            packed = self._like or _packed(self.robot, self.scene)
+            arrays = with_margins(packed, self.margin, self.own_margin)
+            object.__setattr__(self, "_arrays", arrays)
+        return arrays
 
     def with_margins(self, margin: float, own_margin: float) -> "CollisionModel":
         """Model of this robot and scene with other margins from obstacles and between links [m]."""
-        model = CollisionModel(self.robot, self.scene, margin, own_margin)
-        if self._arrays is not None:  # the margins are two numbers of what is packed
-            object.__setattr__(model, "_arrays", with_margins(self._arrays, margin, own_margin))
-        return model
+        packed = self._arrays or self._like  # the margins are two numbers of it
+        return CollisionModel(self.robot, self.scene, margin, own_margin, packed)
 
     def is_own_pair(self, pair: int) -> bool:
         """Whether a pair is of two of the robot's own links."""
@@ -115,7 +116,7 @@ class CollisionModel:
         return self.links[pair // m], self.obstacles[owner]
 
 
-def _packed(robot: RobotGeometry, scene: Scene, margin: float, own_margin: float) -> ModelArrays:
+def _packed(robot: RobotGeometry, scene: Scene) -> ModelArrays:
     scene.check_placed()
     own, around = _robot_part(robot), _scene_part(scene)
     skipped = skipped_pairs(robot, scene)
@@ -150,13 +151,13 @@ def _packed(robot: RobotGeometry, scene: Scene, margin: float, own_margin: float
         carried=searches.carried,
         walls=around.walls,
         roots=roots,
-        margin=float(margin),
-        own_margin=float(own_margin),
+        margin=0.0,
+        own_margin=0.0,  # those of a model are put in their place
     )
 
 
 def pack(robot: RobotGeometry) -> None:
-    """Pack a robot before the first question: what takes longest is kept (`kept_files`)."""
+    """Pack a robot beforehand: what takes longest is kept (`kept_files`)."""
     _robot_part(robot)
 
 
@@ -252,17 +253,15 @@ def _own_pairs(
 ) -> tuple[Indices, PairGrid, Indices]:
     """The robot's pairs but for those that are allowed, their grids and ``ModelArrays.groups``."""
     own, names = _robot_part(robot), robot.links
-    kept = [
-        (min(pair), max(pair)) not in allowed
-        for pair in ((names[i], names[j]) for i, j in own.pairs)
-    ]
+    pairs = ((names[i], names[j]) for i, j in own.pairs)
+    kept = [(min(pair), max(pair)) not in allowed for pair in pairs]
     chosen = np.array(kept, dtype=np.bool_)
     grid = PairGrid(
         _readonly(own.grid.axes[chosen]), _readonly(own.grid.starts[chosen]),
         _readonly(own.grid.values),
     )  # fmt: skip
-    pairs = _readonly(own.pairs[chosen])
-    return pairs, grid, _readonly(_groups(robot, own.bodies, pairs))
+    own_pairs = _readonly(own.pairs[chosen])
+    return own_pairs, grid, _readonly(_groups(robot, own.bodies, own_pairs))
 
 
 def _around(rows: Array) -> Array:

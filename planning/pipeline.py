@@ -154,6 +154,8 @@ class _Pipeline:
     def _end_off_limits(self, ready: Ready, answer: Plan) -> Plan:
         """The plan, or one to another configuration where this ends at a limit for little time."""
         goals = pose_goals(self.problem, ready.goals)
+        if not goals:
+            return answer
         last, duration = answer.path.waypoints[-1], answer.trajectory.duration
         chain, limits = self.problem.robot.chain, self.parametrization.estimate_limits
         most = min(self.options.max_edges or _MAX_EDGES_OFF_LIMITS, _MAX_EDGES_OFF_LIMITS)

@@ -92,14 +92,11 @@ def find_goals(
 
 def pose_goals(problem: Problem, goals: list[Array]) -> list[Array]:
     """Those of the goal configurations (n,) that are of poses, not asked for as joints."""
-    chain, tolerance = problem.robot.chain, problem.start_state_tolerance
-    asked = [
-        snap_to_limits(chain, goal.joints, tolerance)[0]
-        for goal in problem.goals
-        if isinstance(goal, JointGoal)
-    ]
-    if len(asked) == len(problem.goals):
+    joint_goals = [goal for goal in problem.goals if isinstance(goal, JointGoal)]
+    if len(joint_goals) == len(problem.goals):
         return []
+    chain, tolerance = problem.robot.chain, problem.start_state_tolerance
+    asked = [snap_to_limits(chain, goal.joints, tolerance)[0] for goal in joint_goals]
     return [q for q in goals if not any(np.array_equal(q, other) for other in asked)]
 
 
