@@ -15,7 +15,7 @@ from kinematics.compiled.kernel import direct
 from obstacles.checker import Checker, any_model
 from obstacles.model_arrays import ModelArrays
 from planning.search.clearance import retreat_kernel
-from planning.search.shortcut import Look, look_of
+from planning.search.looks import Look, look_of
 
 #: A leg to an end may be too near over so many times the length of the retreat from there.
 _MAX_PREFIX = 1.3

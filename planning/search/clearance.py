@@ -26,16 +26,8 @@ from obstacles.model_arrays import ModelArrays, at_margins
 from obstacles.proximity import NearPairs, near_pairs_in, stand_in
 from obstacles.state_check import verdict_in
 from planning.deadline import Deadline
-from planning.search.shortcut import (
-    Held,
-    Look,
-    distance,
-    is_free,
-    look_of,
-    looks_free,
-    path_length,
-    skip_waypoints,
-)
+from planning.search.looks import Look, distance, look_of, looks_free
+from planning.search.shortcut import Held, is_free, path_length, skip_waypoints
 
 #: Legs are cut no shorter than this, Euclidean in joint space.
 _LEAST_LEG = 0.18

@@ -26,7 +26,8 @@ from obstacles.checker import Checker, any_model
 from obstacles.kernel_work import Workspace, workspace
 from obstacles.model_arrays import ModelArrays, at_margins
 from obstacles.shortfall import line_shortfall
-from planning.search.shortcut import Held, Look, are_proved, is_free, look_of
+from planning.search.looks import Look, all_look_free, look_of
+from planning.search.shortcut import Held, are_proved, is_free
 from planning.timing.estimate import LEG_ROWS, TIME, estimated_time
 
 #: Time that a motion in contact costs, as a multiple of that of one with the preferred clearance.
@@ -331,7 +332,13 @@ def _try(
     cost = _cost(bounds, trial, expected, legs, size)
     taken, brought = _sizes(step)
     if not np.any(way.shortfall[k - 1 : k + taken]):
-        held = Held(bounds.preferred, bounds.slack, bounds.later)
+        way.checks[0] += 1
+        if not all_look_free(model, work, bounds.preferred, trial, k - 1, k + brought):
+            return np.inf
+        way.checks[0] += brought
+        if bounds.later:
+            return cost
+        held = Held(bounds.preferred, bounds.slack, False)
         for i in range(k - 1, k + brought):
             if not is_free(model, work, held, trial[i], trial[i + 1], way.checks):
                 return np.inf

@@ -13,7 +13,6 @@ states of each are looked at, and the legs that are left in the end are proved; 
 was only looked at itself wait for what is done to it next.
 """
 
-import math
 from collections.abc import Callable
 from functools import cache
 from typing import NamedTuple
@@ -27,10 +26,10 @@ from kinematics.compiled.simd import on_stack
 from obstacles.checker import Checker, any_model
 from obstacles.edge_check import FREE
 from obstacles.kernel_work import Workspace, workspace
-from obstacles.lane_check import blocked_between
 from obstacles.line_check import certify_line
-from obstacles.model_arrays import ModelArrays, at_margins
+from obstacles.model_arrays import ModelArrays
 from planning.deadline import Deadline
+from planning.search.looks import Look, distance, look_of, looks_free
 
 #: Rounds after which a path counts as short.
 _ROUNDS = 6
@@ -38,11 +37,6 @@ _ROUNDS = 6
 _MAX_CHECKS = 250
 #: Intervals of a check beyond which it counts as another one.
 _INTERVALS_A_CHECK = 40
-#: States of a cut that are looked at before it is proved are this far apart at most, Euclidean in
-#: joint space, as far as so many parts of it go. A link of a metre goes 3 cm between two of them:
-#: the preferred clearance is mostly 2 cm, and corners of obstacles would reach into wider gaps.
-_SPACING = 0.03
-_MAX_PARTS = 64
 #: A cut that needs more intervals is not worth its proof.
 _MAX_INTERVALS = 800
 #: A round that gains less than this share of the length was the last.
@@ -51,20 +45,6 @@ _LEAST_ROUND = 0.01
 _CUTS = 4
 #: A corner that is worth less than this share of the length is left as it is.
 _LEAST_GAIN = 5e-4
-
-
-class Look(NamedTuple):
-    """Distances that states which are looked at keep.
-
-    Args:
-        margin: From obstacles, beyond their own margins [m].
-        own_margin: Between the robot's own pieces [m].
-        slack: From everything, beyond these [m].
-    """
-
-    margin: float
-    own_margin: float
-    slack: float
 
 
 class Held(NamedTuple):
@@ -168,13 +148,6 @@ def prove_kernel(model: ModelArrays, slack: float, waypoints: Array) -> bool:
     return are_proved(model, workspace(model), held, waypoints, waypoints[:0])
 
 
-def look_of(checker: Checker, slack: float | None = None) -> Look:
-    """Distances that a checker keeps; ``slack`` in place of its own [m]."""
-    model = checker.model
-    spare = checker.slack if slack is None else slack
-    return Look(float(model.margin), float(model.own_margin), float(spare))
-
-
 @cache
 def _shorten_directly() -> Callable[[ModelArrays, Held, Array, bool, int], Array]:
     """``shorten_kernel`` without the look at its arguments' types, which would cost too much."""
@@ -223,16 +196,6 @@ def _shorten(
         before = length
         count = cut_corners(model, work, held, corners, count, _LEAST_GAIN * length)
     return thin_waypoints(model, work, held, corners, count)
-
-
-@kernel(allocates=False)
-def looks_free(model: ModelArrays, work: Workspace, look: Look, a: Array, b: Array) -> bool:
-    """Whether all states are free that are looked at between a and b, both (n,)."""
-    parts, length = 2, distance(a, b)
-    while parts < _MAX_PARTS and parts * _SPACING < length:
-        parts *= 2
-    looked = at_margins(model, look.margin, look.own_margin)
-    return not blocked_between(looked, work, a, b, look.slack, 2, parts)
 
 
 @kernel(allocates=False)
@@ -388,12 +351,3 @@ def path_length(points: Array, count: int) -> float:
     for k in range(count - 1):
         length += distance(points[k], points[k + 1])
     return length
-
-
-@kernel(allocates=False)
-def distance(a: Array, b: Array) -> float:
-    """Euclidean distance of two configurations (n,)."""
-    square = 0.0
-    for k in range(a.shape[0]):
-        square += (b[k] - a[k]) ** 2
-    return math.sqrt(square)

@@ -9,8 +9,8 @@ from obstacles.checker import Checker
 from obstacles.scene import Scene
 from planning.clearance import clearance_levels
 from planning.preferred_clearance import PreferredClearance
+from planning.search.looks import look_of
 from planning.search.quickening import _Bounds, _meet, quicken_kernel
-from planning.search.shortcut import look_of
 from planning.timing.estimate import estimate_limits
 from tests.planning.scenes import box
 from tests.planning.search.test_shortcut_rounds import HALF, RADIUS, gap

@@ -12,11 +12,11 @@ from obstacles.kernel_work import workspace
 from obstacles.model_arrays import ModelArrays
 from obstacles.scene import Scene
 from planning.deadline import Deadline
+from planning.search.looks import Look
 from planning.search.shortcut import (
     _MAX_CHECKS,
     Corners,
     Held,
-    Look,
     cut_corners,
     path_length,
     shortcut,
