@@ -9,7 +9,7 @@ import numpy as np
 
 from kinematics.arrays import Array
 from obstacles.checker import Checker
-from planning.clearance import Room, clearance_levels, highest_level, rooms
+from planning.clearance import clearance_levels, highest_level
 from planning.constrained.checker import ConstrainedChecker
 from planning.constrained.projected_rrt import Manifold, shortcut_along
 from planning.constrained.relaxation import Relaxation, find_relaxation
@@ -22,6 +22,7 @@ from planning.problem import Problem
 from planning.ready import Ready
 from planning.result import Attempt, Failure
 from planning.retreat import join_ends, retreat
+from planning.room_trials import SHARES, RoomTrials, Trial
 from planning.search.clearance import keep_clear
 from planning.search.quickening import MAX_WAYPOINTS, quicken
 from planning.search.shortcut import path_is_free, shortcut, shortcut_unproved
@@ -40,14 +41,8 @@ _HULLS_SHARE = 0.4
 _PREFERRED_SHARE = 0.4
 #: Edges that the cascade's trees may look at for a path to the best goals, before all are tried.
 _MAX_EDGES_TO_BEST = 2000
-#: Edges that the cascade's trees may look at for such a path.
-_MAX_PREFERRED_EDGES = 2000
-#: Edges that they may look at where it is seen beforehand that this leads nowhere.
-_FEW_PREFERRED_EDGES = 500
-#: States of a leg that are looked at for the clearance that it keeps, or for what is in its way.
-_LOOKS = 24
-#: Where they are on it, shape (_LOOKS, 1).
-_SHARES = np.linspace(0.0, 1.0, _LOOKS)[:, None]
+#: Edges that they may look at for one that keeps half of the preferred clearance.
+_MAX_HALF_EDGES = 500
 
 
 class FoundPath(NamedTuple):
@@ -137,26 +132,32 @@ class PathSearch:
         """Let the planners try in turn; with the robot in its solids' hulls first, if it can be."""
         reserved = min(_RESERVED_SHARE * self.options.timeout, _MAX_RESERVED)
         deadline = Deadline(self.deadline.at - reserved, self.deadline.interruptions)
+        proves = proves or self.options.explored is not None
         best, chooses = ready, False
         if self.planners is CASCADE and ready.best is not None and ready.best < len(ready.goals):
             best, chooses = replace(ready, goals=ready.goals[: ready.best], best=None), True
         for checker in ready.checkers:
             levels = clearance_levels(checker, self.options.clearance)
             until = deadline.within(_PREFERRED_SHARE * deadline.remaining)
-            found = self._find_spacious(best, levels, until, proves=proves)
-            if found is not None:
-                return found
-            if chooses:
-                query = self._query(best, checker, until, _MAX_EDGES_TO_BEST)
-                found, attempt = self._ask_planners(self.planners, query, levels)
+            trials, found = self._room_trials(best, levels), None
+            if trials is not None:
+                found = self._find_in_rooms(trials, trials.first(), until, proves=proves)
                 if found is not None:
                     return found
-            share = 1.0 if checker is ready.checkers[-1] else _HULLS_SHARE
-            until = deadline.within(share * deadline.remaining)
-            query = self._query(ready, checker, until)
-            found, attempt = self._ask_planners(self.planners, query, levels)
+                found = self._find_at_half(best, levels, until, proves=proves)
+            if found is None and chooses:
+                query = self._query(best, checker, until, _MAX_EDGES_TO_BEST)
+                found, attempt = self._ask_planners(self.planners, query, levels)
+            if found is None:
+                share = 1.0 if checker is ready.checkers[-1] else _HULLS_SHARE
+                query = self._query(ready, checker, deadline.within(share * deadline.remaining))
+                found, attempt = self._ask_planners(self.planners, query, levels)
             if found is not None:
-                return found
+                if trials is None:
+                    return found
+                later = trials.later(found.waypoints)
+                roomier = self._find_in_rooms(trials, later, until, proves=proves)
+                return found if roomier is None else roomier
         if attempt.failure is not None:
             return attempt.failure
         failure = self._no_path(attempt, deadline)
@@ -167,63 +168,45 @@ class PathSearch:
         )
         return replace(failure, details={**failure.details, **diagnosis.details})
 
-    def _find_spacious(
-        self, ready: Ready, levels: tuple[Checker, ...], until: Deadline, *, proves: bool
-    ) -> FoundPath | None:
-        """The cascade's short searches for a path that keeps the preferred clearance."""
+    def _room_trials(self, ready: Ready, levels: tuple[Checker, ...]) -> RoomTrials | None:
+        """The cascade's searches for a path that keeps the preferred clearance, if any."""
         checker = levels[-1]
         is_later = checker is not ready.checkers[0]
         is_plain = not isinstance(checker, ConstrainedChecker) and len(levels) > 1
         if self.planners is not CASCADE or is_later or not is_plain:
             return None
-        proves = proves or self.options.explored is not None
-        for room, max_edges in self._budgets(ready, rooms(levels)):
-            found = self._find_in_room(ready, levels, room, until, max_edges, proves=proves)
-            if found is not None:
-                return found
+        return RoomTrials(ready, levels)
+
+    def _find_at_half(
+        self, ready: Ready, levels: tuple[Checker, ...], until: Deadline, *, proves: bool
+    ) -> FoundPath | None:
+        """A short search for a path that keeps half of the preferred clearance."""
         highest = highest_level(levels[1:], ready.start, ready.goals)
         if highest is None:
             return None
         level, goals = highest
         kept = replace(ready, goals=goals)
-        query = self._query(kept, level, until, _FEW_PREFERRED_EDGES, proves=proves)
+        query = self._query(kept, level, until, _MAX_HALF_EDGES, proves=proves)
         return self._ask_planners(self.planners, query, levels)[0]
 
-    def _budgets(self, ready: Ready, choices: Iterator[Room]) -> Iterator[tuple[Room, int]]:
-        """Rooms, with the edges that a search for a path in each may look at.
-
-        Where own links are too near on the straight way between ends at which they are not, they
-        are mostly so on every way: such pairs move by a joint or two.
-        """
-        many, few, room = _MAX_PREFERRED_EDGES, _FEW_PREFERRED_EDGES, next(choices)
-        states = ready.start + _SHARES * (ready.goals[0] - ready.start)
-        kept = room.look.each_valid(states)
-        if kept.all():
-            yield room, many
-            yield from ((nearer, few) for nearer in choices)
-            return
-        nearer = next(choices, None)
-        if nearer is not None and nearer.look.each_valid(states[~kept]).any():
-            many, few = few, many
-        yield room, many
-        if nearer is not None:
-            yield nearer, few
+    def _find_in_rooms(
+        self, trials: RoomTrials, choices: Iterator[Trial], until: Deadline, *, proves: bool
+    ) -> FoundPath | None:
+        """The path that the first of some trials finds which finds one."""
+        for trial in choices:
+            found = self._find_in_room(trials, trial, until, proves=proves)
+            if found is not None:
+                return found
+        return None
 
     def _find_in_room(
-        self,
-        ready: Ready,
-        levels: tuple[Checker, ...],
-        room: Room,
-        until: Deadline,
-        max_edges: int,
-        *,
-        proves: bool,
+        self, trials: RoomTrials, trial: Trial, until: Deadline, *, proves: bool
     ) -> FoundPath | None:
         """A path that keeps the preferred clearance all along, or between retreats from its ends.
 
         Where both ends keep it, all of the path and of its motion is held to it.
         """
-        least = levels[-1]
+        ready, room, least = trials.ready, trial.room, trials.levels[-1]
         start = retreat(room.look, least, ready.start)
         if start is None:
             return None
@@ -233,13 +216,13 @@ class PathSearch:
         if not kept:
             return None
         among = Ready(start, ends, ready.checkers, ready.notes, ready.best)
-        query = self._query(among, room.look, until, max_edges, proves=proves)
+        query = self._query(among, room.look, until, trial.max_edges, proves=proves)
         found, _ = self._ask_planners(self.planners, query, (room.look, room.kept))
         if found is None:
             return None
         if start is ready.start and all(a is b for a, b in zip(kept, ends, strict=True)):
             return found._replace(motion_levels=(room.kept, room.preferred, room.preferred))
-        lower = (room.kept, *levels[1:])
+        lower = (room.kept, *trials.levels[1:])
         return found._replace(motion_levels=lower, ends=Ends(ready.start, kept, ends, least))
 
     def _query(
@@ -331,7 +314,7 @@ class PathSearch:
         if found.ends is None or self.options.refine is None:
             return found._replace(levels=levels, checker=levels[-1])
         legs = zip(found.waypoints[:-1], found.waypoints[1:], strict=True)
-        states = np.concatenate([a + _SHARES * (b - a) for a, b in legs])
+        states = np.concatenate([a + SHARES * (b - a) for a, b in legs])
         kept = next((level for level in levels[:-1] if level.all_valid(states)), levels[-1])
         return found._replace(levels=levels, checker=kept)
 
