@@ -346,13 +346,18 @@ class PathSearch:
         return shortcut(found.checker, found.waypoints, self.deadline, least, cuts=cuts)
 
     def _keep_clear(self, found: FoundPath) -> Array:
-        reached = found.levels.index(found.checker)
+        reached, proves = found.levels.index(found.checker), found.attempt.proved
         path = keep_clear(found.levels, found.waypoints, self.deadline, reached)
         # What is optimised afterwards is made quicker there.
-        if not self.deadline.passed and self.options.refine is None:
-            proves = found.attempt.proved
+        quickens = not self.deadline.passed and self.options.refine is None
+        if quickens:
             path = quicken(found.levels, path, self.limits, spacious=reached == 0, proves=proves)
-        return path if found.ends is None else _join(found.ends, found.checker, path)
+        if found.ends is None:
+            return path
+        path = _join(found.ends, found.checker, path)
+        # Only legs next to the ends lack something: there it is weighed against the time.
+        levels = found.levels[-1], found.ends.least
+        return quicken(levels, path, self.limits, proves=proves) if quickens else path
 
 
 def _join(ends: Ends, roomy: Checker, path: Array) -> Array:

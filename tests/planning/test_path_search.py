@@ -14,6 +14,7 @@ from planning.pipeline import plan
 from planning.preferred_clearance import PreferredClearance
 from planning.problem import JointGoal, Problem
 from planning.result import Plan
+from planning.search import quickening
 from tests.planning.scenes import box
 from tests.planning.slider import slider
 
@@ -100,3 +101,33 @@ def shortcuts(problem: Problem) -> str:
     answer = plan(problem, Options(clearance=PreferredClearance(0.04)))
     assert isinstance(answer, Plan)
     return next(stage.detail for stage in answer.stages if stage.name == "shortcut")
+
+
+#: A block between a start that is 15 mm from it, and a goal.
+BLOCK = Scene((box("block", (0.3, 0.3, 0.3), (0.0, 0.0, 0.0)),))
+NEAR, BEHIND = np.array([-0.215, 0.02]), np.array([0.3, -0.2])
+
+
+def test_a_path_that_is_joined_to_its_ends_is_made_quicker_there(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    problem = Problem(slider(), BLOCK, NEAR, (JointGoal(BEHIND),))
+    options = Options(clearance=PreferredClearance(0.04))
+    answer = plan(problem, options)
+    assert isinstance(answer, Plan)
+    assert answer.certificate.verified
+    assert answer.clearance is not None
+    # It is still too near next to its start alone.
+    (span,) = answer.clearance.spans
+    assert span.begins == 0.0
+    assert span.ends < 0.5 * answer.trajectory.duration
+
+    quicken = quickening.quicken
+
+    def only_between(levels: object, path: Array, *rest: object, **how: bool) -> Array:
+        return path if np.array_equal(path[0], NEAR) else quicken(levels, path, *rest, **how)  # type: ignore[arg-type]
+
+    monkeypatch.setattr(path_search, "quicken", only_between)
+    joined = plan(problem, options)
+    assert isinstance(joined, Plan)
+    assert answer.trajectory.duration < joined.trajectory.duration
