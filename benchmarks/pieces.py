@@ -5,8 +5,9 @@
 Kinds: "plain", MotionBenchMaker's problems; "upright", with a vertical axis of the flange within
 10 degrees (`benchmarks.constrained_plan`); "torque", plain within the torque limits of a Panda that
 carries 5 kg; "speed", plain with the tool no faster than 0.5 m/s; "line", the tool led 0.2 m
-straight from the goals; "corner", along three lines with rounded corners at 0.1 m/s. Bytes are
-those of the segments in the answer's JSON. Limits are judged by numpy.
+straight from the goals; "corner", along three lines with rounded corners at 0.1 m/s; "seam", those
+of `benchmarks.seams`, at its speed. Bytes are those of the segments in the answer's JSON. Limits
+are judged by numpy.
 """
 
 import argparse
@@ -20,21 +21,28 @@ import numpy as np
 from benchmarks.constrained_plan import constrained_problem
 from benchmarks.mbm_problems import ACCELERATION, cases, panda
 from benchmarks.ratios import worst_ratio
+from benchmarks.seam_arms import SPEED, STARTS
+from benchmarks.seams import SHAPES, seam
 from benchmarks.timing_plans import JERK
 from kinematics.arrays import Array
 from kinematics.forward import forward
 from kinematics.pose import transform
 from kinematics.trajectory import Trajectory
 from obstacles.robot_geometry import RobotGeometry
-from obstacles.scene import Scene
+from obstacles.scene import Obstacle, Scene
+from obstacles.shapes import Cylinder
 from planning.constraints.constraint_set import ConstraintSet
 from planning.options import CartesianOptions, Options, ToolMotionOptions
 from planning.pipeline import plan
 from planning.problem import JointGoal, PoseGoal, Problem
 from planning.result import Plan
+from planning.seam_options import SeamOptions
 from planning.timing.options import Payload, TimingOptions
+from planning.tool_tolerance import ToolTolerance
 
-KINDS = ("plain", "upright", "torque", "speed", "line", "corner")
+KINDS = ("plain", "upright", "torque", "speed", "line", "corner", "seam")
+#: Seams, each shape as often as the others.
+SEAMS = 25
 #: Length of a motion that pieces and bytes are told for, unless it is shorter [s].
 LENGTH = 1.6
 #: Pieces of such a motion at most; a span more where its length is rounded up [-].
@@ -56,6 +64,9 @@ def problems(kind: str, folder: Path, every: int) -> Iterator[tuple[Problem, Opt
     """Problems of a kind with their options."""
     robot = panda(folder.parent.parent / "panda")
     limits = {"acceleration": np.array(ACCELERATION), "jerk": np.array(JERK)}
+    if kind == "seam":
+        yield from seam_problems(robot, limits, max(SEAMS // every, 1))
+        return
     for case in cases(folder, robot.chain.joint_names, every):
         problem = case.problem(robot, 0.0)
         options = Options(limits=limits, timeout=10.0)
@@ -102,6 +113,26 @@ def tool_problem(
             timeout=10.0,
         ),
     )
+
+
+def seam_problems(
+    robot: RobotGeometry, limits: dict[str, Array], count: int
+) -> Iterator[tuple[Problem, Options]]:
+    """So many of the seams that ``benchmarks.seams`` asks of a Panda, past its post."""
+    post = Obstacle("post", Cylinder(0.03, 0.8), transform(None, [0.45, 0.45, 0.4]))
+    random, start = np.random.default_rng(7), np.array(STARTS["panda"])
+    for k in range(count):
+        tolerance = ToolTolerance.of({}, ("rz",), np.radians(5.0 if k % 2 else 15.0))
+        asked = SeamOptions(seam(SHAPES[k % len(SHAPES)], random), tolerance, tool_speed=SPEED)
+        yield (
+            Problem(robot, Scene((post,)), start, (PoseGoal(asked.waypoints[-1].T_base_tip),)),
+            Options(
+                planner="cartesian",
+                cartesian=CartesianOptions(seam=asked),
+                limits=limits,
+                timeout=20.0,
+            ),
+        )
 
 
 def main() -> None:

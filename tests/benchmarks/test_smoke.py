@@ -112,7 +112,7 @@ SMALL: Mapping[str, tuple[list[str], Mapping[str, Any]]] = {
     "mesh_costs": (["--scenes", "1"], {"STATES": 2}),
     "mesh_descriptions": (["URDF"], {"SCENES": 1, "STATES": 20, "EDGES": 2, "ROUNDS": 1}),
     "overhead_turns": (["ROOT", "--rounds", "1", "--scenes", "none"], {"_FIRST": 1}),
-    "pieces": (["PROBLEMS", "--every", "1", "--kinds", "plain", "line"], {}),
+    "pieces": (["PROBLEMS", "--every", "1", "--kinds", "plain", "line", "seam"], {}),
     "tool_corners": (["--arms", "kr6_sixx", "--paths", "1", "--speeds", "0.1"], {}),
     "tracking": ([], {"ROUNDS": 1, "SECONDS": 0.2}),
     "verdict": (["--states", "40"], {"_BUDGET": 0.01, "_ALONG": 5, "_SCENES": 1}),
