@@ -178,7 +178,7 @@ def _is_apart(
         n: The direction.
         by: How far along it [m].
         room: Workspace, shape (9, 3).
-        stack: Workspace, shape STACK; its last two rows are left as the parts that touch, where
+        stack: Workspace, shape STACK; its rows from DESK are left as the parts that touch, where
             some do.
     """
     axis = room[8]

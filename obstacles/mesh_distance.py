@@ -12,7 +12,19 @@ import numpy as np
 from kinematics.arrays import Array
 from kinematics.compiled.kernel import kernel
 from kinematics.vec3 import Vector
-from obstacles.bounds import quick_bound
+from obstacles.box_pairs import (
+    NORMAL,
+    Node,
+    box_of,
+    from_first,
+    gap_along,
+    gap_in_first,
+    gap_in_second,
+    is_wall,
+    triangle_gap,
+    write_plane,
+    write_view,
+)
 from obstacles.bvh import FIRST, SKIP
 from obstacles.gjk import BETWEEN, CLOSER, FARTHER, STILL, separation, support
 from obstacles.piece_set import (
@@ -43,9 +55,10 @@ _POLYTOPE = int(CoreKind.POLYTOPE)
 _HALFSPACE = int(CoreKind.HALFSPACE)
 #: Pairs of nodes that can wait: two trees, halved each time, and one sibling at each step.
 _WAITING = 256
-#: The first of the two rows of ``stack`` that hold what is looked at, behind those that wait.
-DESK = _WAITING
-STACK = (_WAITING + 2, WIDTH)
+#: The first of the two rows of ``stack`` that hold what is looked at, behind those that wait, and
+#: the row of numbers by which boxes of one are seen from the other.
+DESK, VIEW = _WAITING, _WAITING + 2
+STACK = (_WAITING + 3, WIDTH)
 #: Column of the first row of ``stack`` with the number of pairs of nodes that were looked at.
 LOOKS = 3
 
@@ -80,52 +93,25 @@ def begin_row(desk: Array, k: int, rows: Array, i: int) -> int:
     return int(rows[i, NODE])
 
 
-#: A direction, and what whole pieces reach along it: the first least, the second most.
-Plane = tuple[float, float, float, float, float]
+@kernel(allocates=False)
+def open_leaf(desk: Array, k: int, nodes: Array, node: int) -> None:
+    """Let row k of ``desk`` be the triangle of a leaf; the solid itself below 0."""
+    if node >= 0:
+        desk[k, START], desk[k, STOP] = nodes[node, FIRST], nodes[node, FIRST] + 3.0
 
 
 @kernel(allocates=False)
-def plane_across(
-    desk: Array, na: int, nb: int, corners: Array, tables: Lists, x: float, y: float, z: float
-) -> Plane:
-    """The plane across (x, y, z), with what a whole piece (na or nb below 0) reaches along it."""
-    length = math.sqrt(x * x + y * y + z * z)
-    n = (x / length, y / length, z / length) if length > 0.0 else (1.0, 0.0, 0.0)
-    low, high = -np.inf, np.inf
-    if na < 0 and desk[0, KIND] != _HALFSPACE:
-        p = support(desk, 0, corners, tables, (-n[0], -n[1], -n[2]))
-        low = n[0] * p[0] + n[1] * p[1] + n[2] * p[2] - desk[0, ROUNDING]
-    if nb < 0:
-        p = support(desk, 1, corners, tables, n)
-        high = n[0] * p[0] + n[1] * p[1] + n[2] * p[2] + desk[1, ROUNDING]
-    return n[0], n[1], n[2], low, high
-
-
-@kernel(allocates=False)
-def extent_along(desk: Array, k: int, n: Plane) -> tuple[float, float]:
-    """Lowest and highest value of a direction over the box of row k."""
-    middle = desk[k, POSE + 3] * n[0] + desk[k, POSE + 7] * n[1] + desk[k, POSE + 11] * n[2]
-    half = 0.0
-    for axis in range(3):
-        at = POSE + axis
-        along = desk[k, at] * n[0] + desk[k, at + 4] * n[1] + desk[k, at + 8] * n[2]
-        middle += along * desk[k, MIDDLE + axis]
-        half += abs(along) * desk[k, HALF + axis]
-    return middle - half, middle + half
-
-
-@kernel(allocates=False)
-def _bound(desk: Array, na: int, nb: int, n: Plane, enough: float) -> float:
-    """A lower bound of the distance of the two rows of the desk [m]."""
-    low, high = n[3], n[4]
-    if na >= 0:
-        low, _ = extent_along(desk, 0, n)
-    if nb >= 0:
-        _, high = extent_along(desk, 1, n)
-    if low - high > enough:
-        return low - high
-    bound, _ = quick_bound(desk, 0, desk, 1, enough)
-    return max(bound, low - high)
+def _apart(desk: Array, view: Array, a: Node, b: Node, enough: float) -> float:
+    """A lower bound of the distance of what two boxes hold [m]."""
+    gap = gap_along(view, a, b)
+    if gap > enough or is_wall(desk):
+        return gap
+    other, _ = gap_in_second(view, a, b)
+    gap = max(gap, other)
+    if gap > enough:
+        return gap
+    other, _ = gap_in_first(view, a, b)
+    return max(gap, other)
 
 
 @kernel(allocates=False)
@@ -141,7 +127,7 @@ def surface_distance(  # noqa: C901, PLR0912, PLR0915
         most: Farther apart than this is far enough [m].
         hint: A direction from j to i across which they may be apart, shape (3,).
         room: Workspace, shape (9, 3).
-        stack: Workspace, shape STACK. Its last two rows are left as the parts that are nearest to
+        stack: Workspace, shape STACK. The rows from DESK are left as the parts that are nearest to
             each other, where the answer is BETWEEN, and at LOOKS the pairs of nodes looked at.
 
     Returns:
@@ -150,9 +136,10 @@ def surface_distance(  # noqa: C901, PLR0912, PLR0915
     """
     a, i, b, j = pair
     corners, tables, nodes = shapes
-    desk, axis = stack[DESK : DESK + 2], room[8]
+    desk, view, axis = stack[DESK : DESK + 2], stack[VIEW], room[8]
     na, nb = begin_row(desk, 0, a, i), begin_row(desk, 1, b, j)
-    plane = plane_across(desk, na, nb, corners, tables, hint[0], hint[1], hint[2])
+    write_view(desk, view)
+    write_plane(desk, na, nb, corners, tables, (hint[0], hint[1], hint[2]), view)
     limit, top = most, 1
     stack[0, 0], stack[0, 1], stack[0, 2], stack[0, LOOKS] = na, nb, -np.inf, 0.0
     best_a, best_b = -1, -1
@@ -162,16 +149,17 @@ def surface_distance(  # noqa: C901, PLR0912, PLR0915
             continue
         na, nb = int(stack[top, 0]), int(stack[top, 1])
         stack[0, LOOKS] += 1.0
-        if na >= 0:
-            open_node(desk, 0, nodes, na)
-        if nb >= 0:
-            open_node(desk, 1, nodes, nb)
         whole_a, whole_b = na < 0 or nodes[na, FIRST] >= 0.0, nb < 0 or nodes[nb, FIRST] >= 0.0
         if whole_a and whole_b:
-            lower, n = quick_bound(desk, 0, desk, 1, limit)
-            if lower > limit:
-                continue
-            axis[0], axis[1], axis[2] = n
+            open_leaf(desk, 0, nodes, na)
+            open_leaf(desk, 1, nodes, nb)
+            axis[0], axis[1], axis[2] = view[NORMAL], view[NORMAL + 1], view[NORMAL + 2]
+            if na >= 0 and nb >= 0:
+                gap, n = triangle_gap(view, corners, int(nodes[na, FIRST]), int(nodes[nb, FIRST]))
+                if gap > limit:
+                    continue
+                if gap > 0.0:
+                    from_first(desk, n, axis)
             verdict, lower, upper = separation(
                 Pair(desk, 0, desk, 1), corners, tables, near, limit, STILL, axis, room
             )
@@ -179,19 +167,20 @@ def surface_distance(  # noqa: C901, PLR0912, PLR0915
                 return CLOSER, min(lower, 0.0) if near < 0.0 else lower
             if verdict != FARTHER and lower <= limit:
                 limit, best_a, best_b = lower, na, nb
-                plane = plane_across(
-                    desk, min(na, 0), min(nb, 0), corners, tables, axis[0], axis[1], axis[2]
-                )
+                n = (axis[0], axis[1], axis[2])
+                write_plane(desk, min(na, 0), min(nb, 0), corners, tables, n, view)
             continue
-        side = 0
-        if whole_a or (not whole_b and desk[1, RADIUS] > desk[0, RADIUS]):
+        side, one, other = 0, box_of(desk, 0, nodes, na), box_of(desk, 1, nodes, nb)
+        if whole_a or (not whole_b and other.radius > one.radius):
             side = 1
         left = (na if side == 0 else nb) + 1
         right = int(nodes[left, SKIP])
-        open_node(desk, side, nodes, left)
-        first = _bound(desk, na, nb, plane, limit)
-        open_node(desk, side, nodes, right)
-        second = _bound(desk, na, nb, plane, limit)
+        if side == 0:
+            first = _apart(desk, view, box_of(desk, 0, nodes, left), other, limit)
+            second = _apart(desk, view, box_of(desk, 0, nodes, right), other, limit)
+        else:
+            first = _apart(desk, view, one, box_of(desk, 1, nodes, left), limit)
+            second = _apart(desk, view, one, box_of(desk, 1, nodes, right), limit)
         # The nearer one is looked at first.
         if first <= second:
             left, right, first, second = right, left, second, first

@@ -4,8 +4,13 @@ import numpy as np
 import pytest
 import trimesh
 
+from kinematics.arrays import Array
+from kinematics.chain import Chain, Limits, Link
+from kinematics.forward import joint_frames
 from kinematics.pose import from_axis_angle, transform
 from obstacles.checker import Checker, Motion
+from obstacles.piece import Piece
+from obstacles.robot_geometry import RobotGeometry
 from obstacles.scene import Obstacle, Scene
 from tests.obstacles.test_decomposition import ell, ring, spiky
 from tests.obstacles.test_fcl_distance import slide
@@ -76,3 +81,48 @@ def test_a_turn_of_the_axis_changes_no_verdict() -> None:
     body.apply_transform(transform(turn, np.zeros(3)))
     assert motion_through(body, 0.25).free
     assert motion_through(body, 0.36).colliding
+
+
+def turning(*pieces: Piece) -> RobotGeometry:
+    """Solids at the end of an arm of two joints, half a metre from each other."""
+    two = np.array([1.0, 1.0])
+    limits = Limits(-3.0 * two, 3.0 * two, two, two, two, two)
+    links = (Link("base", -1, np.eye(4)), Link("hand", 1, np.eye(4)))
+    second = transform(from_axis_angle(np.array([0.6, 0.0, 0.8]), 1.2), np.array([0.5, 0.0, 0.1]))
+    chain = Chain(
+        "turning", ("one", "two"), np.array([0, 0]), np.stack([np.eye(4), second]), links, "base",
+        "hand", limits, np.zeros(2, dtype=bool),
+    )  # fmt: skip
+    own = tuple(p.placed(transform(np.eye(3), [0.5, 0.0, 0.0])) for p in pieces)
+    numbers = np.arange(len(own))
+    return RobotGeometry(chain, own, ("hand",) * len(own), 1 + 0 * numbers, numbers, {})
+
+
+def hand_at(robot: RobotGeometry, q: Array) -> Array:
+    return np.asarray(joint_frames(robot.chain, q)[1] @ transform(np.eye(3), [0.5, 0.0, 0.0]))
+
+
+def test_turns_proved_free_keep_the_triangles_apart() -> None:
+    """Parts of a mesh go less far than its farthest corner: what is proved of them holds, too."""
+    body, peg = ring(), spiky(3)
+    peg.apply_scale(0.2)
+    robot, random = turning(*mesh(peg).pieces()), np.random.default_rng(12)
+    near_ones = colliding = 0
+    for _ in range(40):
+        q = random.uniform(-1.0, 1.0, 2)
+        T = hand_at(robot, q) @ random_pose(random, 0.12)
+        checker = Checker.of(robot, Scene((Obstacle("it", mesh(body), T),)))
+        end = q + random.uniform(-0.5, 0.5, 2)
+        if not checker.valid(q):
+            continue
+        motion = checker.segment(q, end)
+        if motion.free:
+            states = q + np.linspace(0.0, 1.0, 16)[:, None] * (end - q)
+            near = [apart(peg, hand_at(robot, state), body, T) for state in states]
+            assert min(near) >= motion.clearance - 2e-5
+            near_ones += min(near) < 0.03
+        else:
+            colliding += 1
+            assert apart(peg, hand_at(robot, q + motion.at * (end - q)), body, T) < 1e-6
+    assert near_ones > 2
+    assert colliding > 3
