@@ -9,7 +9,7 @@ from kinematics.compiled.simd import on_stack
 from obstacles.edge_check import FREE, MAX_INTERVALS, Cubic, certify_in
 from obstacles.kernel_work import Workspace, workspace
 from obstacles.model_arrays import ModelArrays
-from obstacles.state_check import blocked_at
+from obstacles.state_check import blocked_at, verdict_in
 
 
 @kernel(allocates=False)
@@ -27,12 +27,19 @@ def certify_line(
 
 @kernel
 def certify_edge(model: ModelArrays, start: Array, end: Array, margin: float) -> int:
-    """``certify_curve`` on the straight motion from ``start`` to ``end``, the verdict alone."""
+    """``certify_curve`` on the straight motion from ``start`` to ``end``, the verdict alone.
+
+    Its end is looked at first: a state costs a tenth of a proof, and a thousandth of one that finds
+    a contact at the end of a motion which comes near others before.
+    """
     return _edge_in(model, workspace(model), start, end, margin)
 
 
 @kernel(allocates=False)
 def _edge_in(model: ModelArrays, work: Workspace, start: Array, end: Array, margin: float) -> int:
+    verdict = verdict_in(model, work, end, margin, on_stack(1).view(np.int64))
+    if verdict != FREE:
+        return verdict
     return certify_line(model, work, start, end, margin, MAX_INTERVALS, on_stack(4))
 
 
