@@ -5,14 +5,17 @@ import json
 import tempfile
 from collections.abc import Callable, Iterator
 from functools import partial
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from kinematics import pose as rotation
+from kinematics.compiled import kernel_store
 from kinematics.forward import forward
 from kinematics.robots import builtin_names
 from obstacles.checker import Checker
+from obstacles.kept_files import keep_files_in, written_files
 from obstacles.scene import Scene
 from planning.deadline import Deadline
 from planning.search.rrt_connect import rrt_connect
@@ -63,6 +66,9 @@ def _requests() -> Iterator[Callable[[], object]]:
     yield dynamics_tasks.warm
     for name in builtin_names():
         yield partial(_load, name)
+    # Before what needs them: only what is not in memory yet is written for the next server.
+    for name in builtin_names():
+        yield partial(_keep_apart, name)
     with tempfile.TemporaryDirectory() as folder:
         yield partial(_uploads, folder)
     panda = builtin_reference("panda")
@@ -82,8 +88,6 @@ def _requests() -> Iterator[Callable[[], object]]:
     yield partial(_lead, panda)
     yield from _hold(panda)
     yield from _retime(panda)
-    for name in builtin_names():
-        yield partial(_keep_apart, name)
 
 
 def _load(name: str) -> None:
@@ -91,10 +95,19 @@ def _load(name: str) -> None:
     _ = worker_cache.robot(builtin_reference(name)).geometry
 
 
+def _kept_solids() -> Path:
+    return kernel_store.user_folder() / "solids"
+
+
 def _keep_apart(name: str) -> None:
-    """Spheres and grids of a built-in robot's links: up to 0.4 s, which each worker would take."""
+    """Spheres and grids of a built-in robot's links: up to 0.9 s, which each worker would take.
+
+    They lie beside the machine code from then on, where the next server finds them.
+    """
     geometry = worker_cache.robot(builtin_reference(name)).geometry
-    Checker.of(geometry, Scene()).clearance(np.zeros(geometry.chain.n))
+    keep_files_in(_kept_solids())
+    with written_files():
+        Checker.of(geometry, Scene()).clearance(np.zeros(geometry.chain.n))
 
 
 def _inverse_kinematics(panda: Reference) -> Iterator[Callable[[], object]]:
@@ -216,9 +229,10 @@ _OBJ = "v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nf 1 3 2\nf 1 2 4\nf 1 4 3\nf 2 3 4\n
 
 
 def _track(panda: Reference, motion: dict[str, Any]) -> None:
-    """One closed loop: the kernels are the same for all controllers."""
+    """The beginning of a closed loop: the kernels are the same for all controllers."""
     controller = {"type": "adaptive", "natural_frequency": 5.0}
     body = {"robot": "panda", "trajectory": motion, "controller": controller, "scene": _scene()}
+    body["duration"] = 0.02
     _ask(simulate_tasks.simulate, panda, body)
 
 

@@ -1,6 +1,11 @@
 """Requests of our own before those of others: what they leave for workers."""
 
+from pathlib import Path
+
+import pytest
+
 from kinematics.robots import builtin_names
+from obstacles import brackets, collision_model, kept_files, pair_grid, sphere_set
 from obstacles.checker import Checker
 from obstacles.collision_model import _robot_part
 from obstacles.scene import Scene
@@ -19,3 +24,28 @@ def test_workers_find_the_spheres_of_each_built_in_robot() -> None:
     made = _robot_part.cache_info().misses
     assert Checker.of(geometry, Scene()).clearance(geometry.chain.limits.lower)[0] > 0.0
     assert _robot_part.cache_info().misses == made
+
+
+def test_the_next_server_finds_them_on_disk(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    in_memory = (
+        collision_model._robot_part, brackets.brackets, sphere_set._spheres, pair_grid._values,
+    )  # fmt: skip
+    monkeypatch.setattr(kept_files, "_directory", None)  # as it was, afterwards
+    monkeypatch.setattr(warm_requests, "_kept_solids", lambda: tmp_path)
+    for cache in in_memory:
+        cache.cache_clear()
+    warm_requests._keep_apart("scara")
+    files = {path.name for path in tmp_path.iterdir()}
+    assert files
+
+    def refuse(*_arguments: object) -> None:
+        pytest.fail("they are computed once more")
+
+    for cache in in_memory:
+        cache.cache_clear()
+    monkeypatch.setattr(sphere_set, "_sphere_rows", refuse)
+    monkeypatch.setattr(pair_grid, "_values", refuse)
+    warm_requests._keep_apart("scara")
+    assert {path.name for path in tmp_path.iterdir()} == files
