@@ -84,8 +84,10 @@ studio: APP := $(APP_AND_STUDIO)
 studio: $(STUDIO)  ## Open a page to drag a goal, plan and watch the motion
 	$(BIN)/armwright studio
 
+# Byte code is kept whatever the environment says: the tests start a hundred processes that load the app, and the
+# next run need not rewrite the assertions.
 test: $(TOOLS)  ## Run the tests, a process for each core
-	$(BIN)/python -m pytest -n auto --maxprocesses 4 --dist loadfile
+	PYTHONDONTWRITEBYTECODE= $(BIN)/python -m pytest -n auto --maxprocesses 4 --dist loadfile
 
 check: $(TOOLS)  ## Lint, format, types, layers, Dockerfile
 	$(BIN)/ruff check
