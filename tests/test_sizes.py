@@ -3,7 +3,9 @@
 import ast
 import re
 import tomllib
+from functools import cache
 from pathlib import Path
+from typing import NamedTuple
 
 import pytest
 
@@ -55,13 +57,57 @@ OPENINGS = {
     for package in (*PRODUCT, "client")
 }
 
-Function = ast.FunctionDef | ast.AsyncFunctionDef
+
+class Function(NamedTuple):
+    """A function or method.
+
+    Attributes:
+        line: Of the module, where it begins.
+        name: Its name.
+        length: Lines, with its docstring.
+        arguments: How many, without `self` or `cls`.
+    """
+
+    line: int
+    name: str
+    length: int
+    arguments: int
 
 
-def functions(path: Path) -> list[Function]:
-    """Every function and method of a module."""
-    tree = ast.parse(path.read_text("utf-8"))
-    return [n for n in ast.walk(tree) if isinstance(n, ast.FunctionDef | ast.AsyncFunctionDef)]
+class Module(NamedTuple):
+    """A module as the rules look at it, so that its tree need not be kept or made again.
+
+    Attributes:
+        length: Lines.
+        functions: Every function and method.
+        docstrings: Those of the module, its classes and functions, by name.
+    """
+
+    length: int
+    functions: list[Function]
+    docstrings: list[tuple[str, str]]
+
+
+@cache
+def read(path: Path) -> Module:
+    """A module that is parsed once for all rules."""
+    text = path.read_text("utf-8")
+    functions, docstrings = [], []
+    for node in ast.walk(ast.parse(text)):
+        if isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef):
+            functions.append(described(node))
+        if isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef | ast.ClassDef | ast.Module):
+            name = getattr(node, "name", "module")
+            docstrings.append((name, ast.get_docstring(node) or ""))
+    return Module(len(text.splitlines()), functions, docstrings)
+
+
+def described(node: ast.FunctionDef | ast.AsyncFunctionDef) -> Function:
+    """A function of a tree."""
+    arguments = node.args
+    count = sum(map(len, (arguments.posonlyargs, arguments.args, arguments.kwonlyargs)))
+    count -= bool(arguments.args and arguments.args[0].arg in ("self", "cls"))
+    return Function(node.lineno, node.name, (node.end_lineno or 0) - node.lineno + 1, count)
 
 
 @pytest.mark.parametrize("package", [name.split("/")[0] for name in FOLDERS])
@@ -71,18 +117,15 @@ def test_modules_and_functions_stay_short(package: str) -> None:
         name = path.relative_to(ROOT)
         if name.parts[0] != package:
             continue
-        lines = len(path.read_text("utf-8").splitlines())
-        if lines > MAX_MODULE_LINES:
-            wrong.append(f"{name}: {lines} lines")
-        for function in functions(path):
-            length = (function.end_lineno or 0) - function.lineno + 1
-            if length > MAX_FUNCTION_LINES:
-                wrong.append(f"{name}:{function.lineno} {function.name}: {length} lines")
-            arguments = function.args
-            count = sum(map(len, (arguments.posonlyargs, arguments.args, arguments.kwonlyargs)))
-            count -= bool(arguments.args and arguments.args[0].arg in ("self", "cls"))
-            if count > MANY_ARGUMENTS.get(function.name, MAX_ARGUMENTS):
-                wrong.append(f"{name}:{function.lineno} {function.name}: {count} arguments")
+        module = read(path)
+        if module.length > MAX_MODULE_LINES:
+            wrong.append(f"{name}: {module.length} lines")
+        for function in module.functions:
+            where = f"{name}:{function.line} {function.name}"
+            if function.length > MAX_FUNCTION_LINES:
+                wrong.append(f"{where}: {function.length} lines")
+            if function.arguments > MANY_ARGUMENTS.get(function.name, MAX_ARGUMENTS):
+                wrong.append(f"{where}: {function.arguments} arguments")
     assert not wrong, "\n".join(wrong)
 
 
@@ -94,10 +137,10 @@ def test_few_files_are_exempt_from_lint() -> None:
 @pytest.mark.parametrize("package", [*PRODUCT, "client"])
 def test_functions_are_not_named_by_participles(package: str) -> None:
     wrong = [
-        f"{path.relative_to(ROOT)}:{function.lineno} {function.name}"
+        f"{path.relative_to(ROOT)}:{function.line} {function.name}"
         for path in MODULES
         if path.relative_to(ROOT).parts[0] == package
-        for function in functions(path)
+        for function in read(path).functions
         if PARTICIPLES.match(function.name)
     ]
     assert not wrong, "\n".join(wrong)
@@ -109,10 +152,9 @@ def test_docstrings_begin_with_what_the_thing_is(package: str) -> None:
     for path in MODULES:
         if path.relative_to(ROOT).parts[0] != package:
             continue
-        for node in ast.walk(ast.parse(path.read_text("utf-8"))):
-            if isinstance(node, Function | ast.ClassDef | ast.Module):
-                text = ast.get_docstring(node) or ""
-                if OPENINGS[package].match(text):
-                    name = getattr(node, "name", "module")
-                    wrong.append(f"{path.relative_to(ROOT)} {name}: {text.splitlines()[0]}")
+        wrong += [
+            f"{path.relative_to(ROOT)} {name}: {text.splitlines()[0]}"
+            for name, text in read(path).docstrings
+            if OPENINGS[package].match(text)
+        ]
     assert not wrong, "\n".join(wrong)
