@@ -8,6 +8,7 @@ from contextlib import contextmanager
 from functools import cache
 
 from kinematics.compiled.kernel_dispatcher import FROZEN
+from service.kernels import count_missing
 
 
 @contextmanager
@@ -29,5 +30,9 @@ def frozen_kernels() -> Iterator[None]:
 
 @cache
 def _warm() -> None:
-    """Compile the list, once in a process: files of several folders may come in turns."""
-    subprocess.run([sys.executable, "-m", "service.cli", "warm"], check=True)
+    """Compile the list, once in a process: files of several folders may come in turns.
+
+    To look whether anything is missing is quick here, where most modules are loaded already.
+    """
+    if count_missing():
+        subprocess.run([sys.executable, "-m", "service.cli", "warm"], check=True)
