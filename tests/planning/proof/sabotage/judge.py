@@ -24,6 +24,7 @@ from obstacles.shapes import Box, Cylinder, Shape
 
 #: Instants at which a motion is looked at.
 SAMPLES = 400
+_REQUEST = fcl.CollisionRequest(num_max_contacts=1, enable_contact=True)
 #: A distance is wrong that falls short of its margin by this [m]: FCL is good to a tenth of it.
 DISTANCE_TOLERANCE = 1e-5
 #: An overlap this deep is one [m].
@@ -192,7 +193,8 @@ class Look:
 
     def __init__(self, arm: Arm, scene: Scene) -> None:
         self._arm = arm
-        self._frames = [arm.model.getFrameId(body.link) for body in arm.bodies]
+        frames = [arm.model.getFrameId(body.link) for body in arm.bodies]
+        self._frames, self._carriers = np.unique(frames, return_inverse=True)
         solids = [(body.solid, body.radius) for body in arm.bodies]
         solids += [_shape(obstacle.shape) for obstacle in scene.obstacles]
         self._names = [body.link for body in arm.bodies] + list(scene.ids)
@@ -205,7 +207,7 @@ class Look:
             T = obstacle.T_world_obstacle
             self._things[k].setTransform(fcl.Transform(T[:3, :3], T[:3, 3]))
         # What stands still with the base can't be moved away from obstacles.
-        still = [arm.model.frames[frame].parentJoint == 0 for frame in self._frames]
+        still = [arm.model.frames[frame].parentJoint == 0 for frame in frames]
         around = [
             (i, k)
             for i in range(len(arm.bodies))
@@ -221,21 +223,24 @@ class Look:
         """What is wrong with a configuration, in words; None where nothing is."""
         arm = self._arm
         pin.framesForwardKinematics(arm.model, arm.data, arm.full(q, 0))
+        links = np.array([arm.data.oMf[int(frame)].homogeneous for frame in self._frames])
+        poses = links[self._carriers] @ self._poses[: len(self._carriers)]
         centers = np.array(self._poses[:, :3, 3])
-        for k, frame in enumerate(self._frames):
-            T = arm.data.oMf[frame].homogeneous @ self._poses[k]
-            centers[k] = T[:3, 3]
-            self._things[k].setTransform(fcl.Transform(T[:3, :3], T[:3, 3]))
+        centers[: len(poses)] = poses[:, :3, 3]
         apart = np.linalg.norm(centers[self._pairs[:, 0]] - centers[self._pairs[:, 1]], axis=1)
-        for place in np.flatnonzero(apart <= self._reach + margin):
-            i, j = (int(k) for k in self._pairs[place])
-            text = f"{self._names[i]} and {self._names[j]}"
+        near = np.flatnonzero(apart <= self._reach + margin)
+        pairs = self._pairs[near]
+        for k in np.unique(pairs):
+            if k < len(poses):
+                self._things[k].setTransform(fcl.Transform(poses[k, :3, :3], poses[k, :3, 3]))
+        for (i, j), is_own in zip(pairs.tolist(), self._own[near].tolist(), strict=True):
             if _overlap(self._things[i], self._things[j]) > OVERLAP_TOLERANCE:
-                return f"{text} overlap"
-            if margin > 0.0 and not self._own[place]:
+                return f"{self._names[i]} and {self._names[j]} overlap"
+            if margin > 0.0 and not is_own:
                 distance = float(fcl.distance(self._things[i], self._things[j]))
                 if distance < margin - DISTANCE_TOLERANCE:
-                    return f"{text} are {distance:.4g} m apart"
+                    names = f"{self._names[i]} and {self._names[j]}"
+                    return f"{names} are {distance:.4g} m apart"
         return None
 
 
@@ -322,8 +327,7 @@ def _jump(motion: Trajectory) -> str | None:
 def _overlap(a: Any, b: Any) -> float:
     """Depth of the overlap of two solids [m], 0 where they are apart."""
     result = fcl.CollisionResult()
-    request = fcl.CollisionRequest(num_max_contacts=1, enable_contact=True)
-    if not fcl.collide(a, b, request, result):
+    if not fcl.collide(a, b, _REQUEST, result):
         return 0.0
     return max((abs(float(c.penetration_depth)) for c in result.contacts), default=np.inf)
 

@@ -13,7 +13,7 @@ from tests.planning.proof.sabotage.trial import Lie, Motion, installed, tried
 
 @cache
 def without_lies(name: str) -> tuple[Motion, ...]:
-    return tried(name, None)
+    return tried([name], None)
 
 
 #: Problems of which nothing is answered where nothing lies.
@@ -28,7 +28,7 @@ def under(lie: Lie) -> tuple[Motion, ...]:
     # Without lies first: every kernel is compiled then, and none ever with a lie inside.
     for name in lie.cases:
         without_lies(name)
-    return tuple(motion for name in lie.cases for motion in tried(name, lie))
+    return tried(lie.cases, lie)
 
 
 @pytest.mark.parametrize("name", names())

@@ -2,7 +2,7 @@
 
 import functools
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
 from types import ModuleType
@@ -12,7 +12,7 @@ from kinematics.trajectory import Trajectory
 from planning.pipeline import plan
 from planning.proof.certificate import Certificate, certify
 from planning.result import Plan
-from tests.planning.proof.sabotage.cases import case
+from tests.planning.proof.sabotage.cases import Case, case
 from tests.planning.proof.sabotage.judge import faults
 
 #: Packages in which a lie is told to everyone who knows the verdict by its name.
@@ -152,17 +152,28 @@ def installed(lie: Lie | None) -> Iterator[None]:
         yield
 
 
-def tried(name: str, lie: Lie | None) -> tuple[Motion, ...]:
-    """Plan a problem, under a lie or under none, and judge what was handed to the certificate.
+def tried(names: Sequence[str], lie: Lie | None) -> tuple[Motion, ...]:
+    """Plan problems, under a lie or under none, and judge what was handed to the certificate.
+
+    What is packed under a lie serves all problems; it is judged when the lie is gone.
 
     Args:
-        name: Of the problem.
+        names: Of the problems.
         lie: What lies; None for nothing.
 
     Returns:
-        Every motion that was handed to the certificate, in turn, the answer last.
+        Every motion that was handed to the certificate, in turn, the answer of a problem last.
     """
-    given = case(name)
+    given = [case(name) for name in names]
+    with installed(lie):
+        handed = [_handed(one) for one in given]
+    return tuple(
+        motion for values in zip(names, given, handed, strict=True) for motion in _judged(*values)
+    )
+
+
+def _handed(given: Case) -> list[tuple[Trajectory, Certificate]]:
+    """All motions that are handed to the certificate as a problem is planned, and its answer."""
     handed: list[tuple[Trajectory, Certificate]] = []
 
     def listening(trajectory: Trajectory, *values: Any, **more: Any) -> Certificate:
@@ -170,11 +181,17 @@ def tried(name: str, lie: Lie | None) -> tuple[Motion, ...]:
         handed.append((trajectory, certificate))
         return certificate
 
-    with installed(lie), ExitStack() as undo:
+    with ExitStack() as undo:
         Sabotage(undo).replace(certify, listening)
         answer = plan(given.problem, given.options)
     if isinstance(answer, Plan):
         handed.append((answer.trajectory, answer.certificate))
+    return handed
+
+
+def _judged(
+    name: str, given: Case, handed: Sequence[tuple[Trajectory, Certificate]]
+) -> Iterable[Motion]:
     motions: dict[str, Motion] = {}
     for trajectory, certificate in handed:
         known = motions.get(trajectory.content_hash)
@@ -182,4 +199,4 @@ def tried(name: str, lie: Lie | None) -> tuple[Motion, ...]:
         believed = certificate.verified or (known is not None and known.believed)
         violation = "" if certificate.violation is None else certificate.violation.message
         motions[trajectory.content_hash] = Motion(name, wrong, believed, violation)
-    return tuple(motions.values())
+    return motions.values()
