@@ -6,12 +6,15 @@ import importlib
 import sys
 from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 
 import pytest
 from hypothesis import settings
 
 #: Examples of each property: enough for its corners, few enough for a tenth of a second.
 _EXAMPLES = 60
+#: Folders whose files share a service or a browser: one process takes all of a folder.
+_TOGETHER = ("tests/client/", "tests/service/jobs/", "tests/service/viewer/", "tests/studio/")
 
 settings.register_profile(
     "reproducible", derandomize=True, deadline=None, database=None, max_examples=_EXAMPLES
@@ -50,3 +53,17 @@ def _import_share(config: pytest.Config) -> None:
     for path in sorted(folder.rglob("test_*.py"))[number::count]:
         with contextlib.suppress(Exception):  # which is told when it is collected
             importlib.import_module(".".join(path.relative_to(folder.parent).with_suffix("").parts))
+
+
+@pytest.hookimpl(optionalhook=True)
+def pytest_xdist_make_scheduler(config: pytest.Config, log: Any) -> Any:
+    """Give each file to one process, and all files of a folder that share something dear."""
+    if config.getvalue("dist") != "loadfile":
+        return None
+    scheduling = importlib.import_module("xdist.scheduler").LoadFileScheduling(config, log)
+    scheduling._split_scope = _file_or_folder
+    return scheduling
+
+
+def _file_or_folder(nodeid: str) -> str:
+    return next((name for name in _TOGETHER if nodeid.startswith(name)), nodeid.partition("::")[0])
