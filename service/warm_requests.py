@@ -232,8 +232,7 @@ def _track(panda: Reference, motion: dict[str, Any]) -> None:
     """The beginning of a closed loop: the kernels are the same for all controllers."""
     controller = {"type": "adaptive", "natural_frequency": 5.0}
     body = {"robot": "panda", "trajectory": motion, "controller": controller, "scene": _scene()}
-    body["duration"] = 0.02
-    _ask(simulate_tasks.simulate, panda, body)
+    _ask(simulate_tasks.simulate, panda, body | {"duration": 0.02})
 
 
 def _uploads(folder: str) -> None:
