@@ -17,6 +17,8 @@ import psycopg
 _USER = "armwright"
 #: Longest time until a server that was started answers [s].
 _START = 30.0
+#: A database is 7 MB, a server has two dozen of them and its log [byte].
+_ROOM = 2**30
 
 
 class PostgreSQL:
@@ -29,6 +31,7 @@ class PostgreSQL:
     def __init__(self, folder: Path) -> None:
         self.folder = folder
         self._numbers = itertools.count()
+        self._empty: list[str] = []
         self._process: subprocess.Popen[bytes] | None = None
         self._account = _account(folder) if os.getuid() == 0 else None
         initialise = [_program("initdb"), "-D", str(folder / "data"), "-U", _USER]
@@ -74,10 +77,34 @@ class PostgreSQL:
             self._process = None
 
     def database(self) -> str:
-        """The URL of a new database."""
+        """The URL of an empty database."""
+        return self._url(self._empty.pop() if self._empty else self._new())
+
+    @contextmanager
+    def lent_database(self) -> Iterator[str]:
+        """The URL of an empty database, which the next one gets who asks.
+
+        A new one is copied, and removed in the end, file by file: a tenth of a second for 300.
+        """
+        name = self._empty.pop() if self._empty else self._new()
+        yield self._url(name)
+        with psycopg.connect(self._address(name), autocommit=True) as connection:
+            connection.execute(
+                "SELECT pg_terminate_backend(pid) FROM pg_stat_activity "
+                "WHERE datname = current_database() AND pid <> pg_backend_pid()"
+            )
+            connection.execute("SET client_min_messages = error")
+            connection.execute("DROP SCHEMA public CASCADE")
+            connection.execute("CREATE SCHEMA public")
+        self._empty.append(name)
+
+    def _new(self) -> str:
         name = f"test_{next(self._numbers)}"
         with psycopg.connect(self._address("postgres"), autocommit=True) as connection:
             connection.execute(f"CREATE DATABASE {name}".encode())
+        return name
+
+    def _url(self, name: str) -> str:
         return f"postgresql+psycopg://{_USER}@/{name}?host={self.folder}"
 
     def _address(self, database: str) -> str:
@@ -87,7 +114,7 @@ class PostgreSQL:
 @contextmanager
 def postgresql() -> Iterator[PostgreSQL]:
     """A server that runs, and is removed afterwards."""
-    folder = Path(tempfile.mkdtemp(prefix="armwright-postgresql-", dir="/tmp"))
+    folder = Path(tempfile.mkdtemp(prefix="armwright-postgresql-", dir=_parent_folder()))
     server = PostgreSQL(folder)
     try:
         server.start()
@@ -95,6 +122,16 @@ def postgresql() -> Iterator[PostgreSQL]:
     finally:
         server.stop()
         shutil.rmtree(folder)
+
+
+def _parent_folder() -> Path:
+    """In memory where there is room: removing its thousands of files took seconds on a disk.
+
+    A minute and more on one that others were busy with.
+    """
+    memory = Path("/dev/shm")
+    has_room = memory.is_dir() and shutil.disk_usage(memory).free > _ROOM
+    return memory if has_room else Path("/tmp")
 
 
 def _program(name: str) -> str:

@@ -10,12 +10,14 @@ from tests.service.postgresql import PostgreSQL
 
 
 @pytest.fixture(params=["sqlite", "postgresql"])
-def url(request: pytest.FixtureRequest, tmp_path: Path) -> str:
+def url(request: pytest.FixtureRequest, tmp_path: Path) -> Iterator[str]:
     """The URL of an empty database."""
     if request.param == "sqlite":
-        return f"sqlite:///{tmp_path / 'deep' / 'er' / 'armwright.db'}"
+        yield f"sqlite:///{tmp_path / 'deep' / 'er' / 'armwright.db'}"
+        return
     server: PostgreSQL = request.getfixturevalue("postgresql")
-    return server.database()
+    with server.lent_database() as lent:
+        yield lent
 
 
 @pytest.fixture

@@ -22,15 +22,15 @@ DONE = JobAnswer("application/json", b"{}")
 @pytest.fixture
 def stores(postgresql: PostgreSQL) -> Iterator[tuple[Store, Store]]:
     """Stores of two agents on one database, with a job in it."""
-    url = postgresql.database()
-    one, other = open_store(url), open_store(url)
-    for store in (one, other):
-        messages.install(store.database, engine_schema())  # the second time it changes nothing
-        store.servers.register(store.server, 2)
-    one.jobs.add(record(1, carrier=AGENTS), REQUEST)
-    yield one, other
-    one.close()
-    other.close()
+    with postgresql.lent_database() as url:
+        one, other = open_store(url), open_store(url)
+        for store in (one, other):
+            messages.install(store.database, engine_schema())  # the second time it changes nothing
+            store.servers.register(store.server, 2)
+        one.jobs.add(record(1, carrier=AGENTS), REQUEST)
+        yield one, other
+        one.close()
+        other.close()
 
 
 def job() -> str:
