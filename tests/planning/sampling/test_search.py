@@ -65,7 +65,7 @@ def test_with_nothing_in_the_way_paths_still_begin_at_the_start(planner: str) ->
 
 @pytest.mark.parametrize("planner", PLANNERS)
 def test_a_goal_that_cannot_be_reached_does_not_stand_in_the_way(planner: str) -> None:
-    budget = {"max_iterations": 2000} if planner in IMPROVING else {}
+    budget = {"max_iterations": 800} if planner in IMPROVING else {}
     for goals in ([ENCLOSED, GOAL], [GOAL, ENCLOSED]):
         found = search(planner, goals, 1, **budget)
         assert found.waypoints is not None, found.detail
