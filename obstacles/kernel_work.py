@@ -18,6 +18,8 @@ from obstacles.piece_set import CENTER, POSE, RADIUS
 
 #: Entries and intervals there is room for at first.
 _ENTRIES, _INTERVALS = 1024, 256
+#: Place in ``Workspace.tally`` of the body that met something in the last state that collides.
+LAST_MET = 4
 #: Factor by which room grows.
 _WIDER = 4
 #: Numbers of a ball's middle in lanes.
@@ -40,7 +42,7 @@ class Workspace(NamedTuple):
         stamps: The visit at which each piece was placed; the number of visits last, shape (p + 1,).
         room: Shape (9, 3).
         stack: Room for ``surface_distance``.
-        tally: What was found on an interval, shape (4,).
+        tally: What was found on an interval (4), and the body that met something last, shape (5,).
         entries: Pairs left, on two levels by turns, shape (2, e, 2).
         hints: Their separating axes, and none for the roots, shape (3, e, 3).
         spans: Intervals left, shape (2, s, 2).
@@ -81,7 +83,7 @@ def workspace(model: ModelArrays) -> Workspace:
         stamps,
         np.empty((9, 3)),
         np.empty(STACK),
-        np.empty(4),
+        np.zeros(LAST_MET + 1),
         np.empty((2, _ENTRIES, 2), dtype=np.int64),
         _hints(model.roots.shape[0], _ENTRIES),
         np.empty((2, _INTERVALS, 2)),

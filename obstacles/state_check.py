@@ -22,7 +22,7 @@ from obstacles.brackets import AFTER, INNER, OUTER
 from obstacles.bvh import FIRST, LAST, SKIP, gap
 from obstacles.edge_check import COLLIDING, FREE, UNDECIDED
 from obstacles.gjk import CLOSER, FARTHER, STILL, separation
-from obstacles.kernel_work import Workspace, place_row, workspace
+from obstacles.kernel_work import LAST_MET, Workspace, place_row, workspace
 from obstacles.mesh_distance import surface_distance
 from obstacles.model_arrays import ModelArrays
 from obstacles.pair_grid import grid_bound
@@ -70,9 +70,13 @@ def verdict_in(model: ModelArrays, work: Workspace, q: Array, margin: float, ask
         work.joints[0, joint] = q[joint]
     frames_kernel(model.chain, q, work.frames)
     verdict = FREE
-    for body in range(model.bodies.shape[0]):
+    # The body that met something last comes first: where a search is stuck, it is that again.
+    last = int(work.tally[LAST_MET])
+    for turn in range(model.bodies.shape[0]):
+        body = last if turn == 0 else turn - 1 if turn <= last else turn
         found = _around_body(model, work, body, model.margin + margin, asked)
         if found == COLLIDING:
+            work.tally[LAST_MET] = body
             return found
         verdict = max(verdict, found)
     found = _own_pairs(model, work, model.own_margin + margin, asked)
