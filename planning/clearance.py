@@ -11,7 +11,10 @@ from typing import NamedTuple
 import numpy as np
 
 from kinematics.arrays import Array
+from kinematics.bounded_cache import bounded_cache
 from obstacles.checker import Checker
+from obstacles.robot_geometry import RobotGeometry
+from obstacles.scene import Scene
 from planning.preferred_clearance import PreferredClearance
 
 #: Parts of the preferred clearance that are tried in turn.
@@ -21,6 +24,10 @@ _SHARES = (1.0, 0.5)
 _RESERVE = 0.16, 5e-3
 #: What motions keep beyond it, so that bounds of the certificate show it, likewise.
 _SPARE = 0.06, 1.5e-3
+#: Random configurations in which own links are looked at that are nearer than preferred in all.
+_LOOKS = 8
+#: Share that is preferred of the most that such links are apart: the rest is rounding.
+_KEPT = 0.98
 
 
 def clearance_levels(checker: Checker, preferred: PreferredClearance) -> tuple[Checker, ...]:
@@ -35,12 +42,39 @@ def clearance_levels(checker: Checker, preferred: PreferredClearance) -> tuple[C
     """
     model = checker.model
     levels: list[Checker] = []
+    among_links = preferred.own_links
+    if preferred.obstacles > model.margin + checker.slack and among_links > 0.0:
+        among_links = min(among_links, _own_room(model.robot, among_links))
     for share in _SHARES:
         distance = share * preferred.obstacles
         if distance > model.margin + checker.slack:
-            own = max(share * preferred.own_links, model.own_margin + checker.slack)
+            own = max(share * among_links, model.own_margin + checker.slack)
             levels.append(Checker(model.with_margins(distance, own)))
     return (*levels, checker)
+
+
+@bounded_cache(maxsize=256)
+def _own_room(robot: RobotGeometry, wanted: float) -> float:
+    """Distance between own links that can be preferred where ``wanted`` [m] is not to be had.
+
+    Some links are built nearer to each other than that, and stay so wherever the arm is, as those
+    of a wrist about one axis do: to retreat from them would be in vain. What they are apart at most
+    bounds what is preferred, the reserve counted.
+    """
+    room = wanted + min(_RESERVE[0] * wanted, _RESERVE[1])
+    checker, random = Checker.of(robot, Scene()), np.random.default_rng(0)
+    low, high = robot.chain.sampling_bounds()
+    apart: dict[int, float] | None = None
+    for _ in range(_LOOKS):
+        pairs, distances, _ = checker.gradient(random.uniform(low, high), room)
+        near = dict(zip(pairs.tolist(), distances.tolist(), strict=True))
+        if apart is None:
+            apart = near
+        apart = {pair: max(d, near[pair]) for pair, d in apart.items() if pair in near}
+        if not apart:
+            return wanted
+    least = min(apart.values()) if apart else room
+    return max(_KEPT * least / (1.0 + _RESERVE[0]), 0.0)
 
 
 class Room(NamedTuple):

@@ -1,11 +1,15 @@
 """Levels of clearance: the preferred distances first, what has to be kept last."""
 
 import numpy as np
+import pytest
 
+from kinematics.serial_chain import serial_chain
+from kinematics.urdf import parse_urdf
 from obstacles.checker import Checker
 from obstacles.fcl_distance import FclWorld
+from obstacles.robot_geometry import RobotGeometry, robot_geometry
 from obstacles.scene import Scene
-from planning.clearance import clearance_levels, highest_level
+from planning.clearance import clearance_levels, highest_level, rooms
 from planning.preferred_clearance import PreferredClearance
 from tests.planning.scenes import HOME, box, builtin, pillar
 
@@ -32,6 +36,39 @@ def test_own_links_have_a_smaller_distance() -> None:
     assert PreferredClearance(0.01).own_links == 0.0025
     levels = clearance_levels(Checker.of(builtin("panda"), Scene()), PreferredClearance())
     assert [level.model.own_margin for level in levels] == [0.005, 0.0025, 0.0]
+
+
+def turned_twice(gap: float) -> RobotGeometry:
+    """A rod on a block that turns about one axis by two joints, so far from it, and an arm."""
+    limit = '<limit lower="-3" upper="3" velocity="1" effort="1" acceleration="5"/>'
+    urdf = f"""<robot name="turned_twice">
+<link name="between"><collision><origin xyz="1 0 0"/><geometry><sphere radius="0.1"/></geometry>
+</collision></link>
+<link name="base"><collision><origin xyz="0 0 {-0.1 - gap:.6f}"/><geometry>
+<box size="0.1 0.2 0.2"/></geometry></collision></link>
+<link name="rod"><collision><origin xyz="0 0 0.05"/><geometry>
+<cylinder radius="0.04" length="0.1"/></geometry></collision></link>
+<link name="arm"><collision><origin xyz="0 0 0.5"/><geometry><sphere radius="0.1"/></geometry>
+</collision></link>
+<joint name="turn" type="revolute"><parent link="base"/><child link="between"/>
+<axis xyz="0 0 1"/>{limit}</joint>
+<joint name="turn_back" type="revolute"><parent link="between"/><child link="rod"/>
+<axis xyz="0 0 1"/>{limit}</joint>
+<joint name="tilt" type="revolute"><parent link="rod"/><child link="arm"/><axis xyz="0 1 0"/>
+{limit.replace("3", "0.5")}</joint></robot>"""
+    description = parse_urdf(urdf)
+    return robot_geometry(serial_chain(description, "base", "arm"), description, {}, None)
+
+
+@pytest.mark.parametrize("gap", [0.0045, 0.0055, 0.02])
+def test_links_that_are_always_near_bound_what_is_preferred_between_own_links(gap: float) -> None:
+    robot = turned_twice(gap)
+    checker = Checker.of(robot, Scene())
+    levels = clearance_levels(checker, PreferredClearance())
+    own = levels[0].model.own_margin
+    assert own == (0.005 if gap > 0.0058 else pytest.approx(0.98 * gap / 1.16))
+    room = next(rooms(levels))
+    assert all(room.look.valid(q) for q in RNG.uniform(-0.5, 0.5, (20, 3)))
 
 
 def test_the_last_level_is_the_checker_itself() -> None:
