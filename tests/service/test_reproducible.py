@@ -10,7 +10,7 @@ from benchmarks.determinism import ask
 from benchmarks.determinism_requests import PATIENT
 
 #: Enough that each worker answers several times with the other one busy; `benchmarks.determinism`
-#: asks hundreds of times.
+#: asks more often.
 _REPEATS = 8
 #: Clients at a time, for two workers.
 _CLIENTS = 4
