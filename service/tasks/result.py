@@ -1,16 +1,23 @@
 """Results of tasks that are no plain answer; the server reads them, so imports are small."""
 
 from dataclasses import dataclass
+from typing import ClassVar
 
 from pydantic import ValidationError
 
 from service.storage.cache_key import Reference
 from service.workers.task import Task
 
+#: Code of the problem of a request that does not follow its model.
+_MALFORMED = "VALIDATION_ERROR"
+
 
 @dataclass(frozen=True, slots=True)
 class CacheMiss:
     """The result of a task whose robot or scene is not prepared (any more)."""
+
+    #: Nothing was computed, see `service.workers.supervisor`.
+    is_refusal: ClassVar[bool] = True
 
     reference: Reference
 
@@ -30,6 +37,11 @@ class TaskProblem:
     message: str
     hint: str | None
     details: dict[str, object]
+
+    @property
+    def is_refusal(self) -> bool:
+        """Whether the request is malformed: nothing was computed."""
+        return self.code == _MALFORMED
 
 
 def timed_out(work: str, stage: str) -> TaskProblem:
@@ -51,7 +63,7 @@ def validation_fault(error: ValidationError) -> TaskProblem:
     """The problem of a request that does not follow its model; the server tells all its faults."""
     first = error.errors(include_url=False, include_input=False, include_context=False)[0]
     where = ".".join(str(step) for step in first["loc"]) or "body"
-    return TaskProblem("VALIDATION_ERROR", f"{where}: {first['msg']}", None, {"stage": "request"})
+    return TaskProblem(_MALFORMED, f"{where}: {first['msg']}", None, {"stage": "request"})
 
 
 @dataclass(frozen=True, slots=True)

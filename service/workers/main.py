@@ -25,6 +25,8 @@ from service.workers.task import registered_task, unpack_job
 _SELF_KILL = 5.0
 #: Code of the problem that a request needs too much memory.
 _OUT_OF_MEMORY = "OUT_OF_MEMORY"
+#: Codes of faults that tasks find in the midst of their work; all others they find before it.
+_FAULTS_OF_WORK = frozenset({"TIMED_OUT", _OUT_OF_MEMORY})
 #: In front of each job: its deadline [s], whether its beginning is to be reported, whether progress
 #: is, and the time from its beginning in which none is [s].
 HEADER = struct.Struct("!d??d")
@@ -41,6 +43,18 @@ class Reply(StrEnum):
     RESULT = "result"  # (seconds, value)
     FAULT = "fault"  # (seconds, code, message, hint, details) the caller's
     BUG = "bug"  # (seconds, trace) ours
+
+
+def is_refusal(kind: Reply, outcome: Any) -> bool:
+    """Whether a reply says that nothing was computed: how long that took tells nothing of others.
+
+    Args:
+        kind: Of the reply.
+        outcome: The first value behind the seconds.
+    """
+    if kind == Reply.FAULT:
+        return outcome not in _FAULTS_OF_WORK
+    return bool(getattr(outcome, "is_refusal", False))
 
 
 def main(channel: socket.socket) -> None:

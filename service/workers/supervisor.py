@@ -26,7 +26,7 @@ from service.workers.faults import (
     was_ended_from_outside,
 )
 from service.workers.launch import Launched, Recipe
-from service.workers.main import Reply
+from service.workers.main import Reply, is_refusal
 from service.workers.pool import WorkerPool
 from service.workers.process import EXIT_TIMEOUT, Background, OnProgress, Ticket, Worker
 from service.workers.recycling import DEFAULT_LIMITS, WorkerLimits, is_worn
@@ -379,7 +379,7 @@ class WorkerSupervisor(SupervisorState):
 
     def _finish(self, ticket: Ticket, kind: Reply, values: Sequence[Any]) -> None:
         seconds, *outcome = values
-        self._note_duration(ticket, seconds)
+        self._note_duration(ticket, seconds, is_refusal=is_refusal(kind, outcome[0]))
         self.counters.finished += 1
         if kind == Reply.RESULT:
             ticket.settle(outcome[0])
@@ -388,8 +388,8 @@ class WorkerSupervisor(SupervisorState):
         else:
             ticket.settle(unexpected_fault(ticket.job.task, outcome[0]))
 
-    def _note_duration(self, ticket: Ticket, seconds: float) -> None:
-        if not ticket.brief:
+    def _note_duration(self, ticket: Ticket, seconds: float, *, is_refusal: bool = False) -> None:
+        if not ticket.brief and not is_refusal:
             self.durations.note(ticket.job.task, seconds)
         if self._background or ticket.background is not None:
             self._share.note(seconds, background=ticket.background is not None)

@@ -16,6 +16,8 @@ import pytest
 
 from service.http.errors import document, headers_of, status_of
 from service.problem import ProblemError
+from service.storage.cache_key import builtin_reference
+from service.tasks.result import CacheMiss, TaskProblem
 from service.workers.faults import DeadlineExceeded, QueueFull, ShuttingDown, WorkerCrashed
 from service.workers.task import Job, load_tasks, registered_task
 from tests.service import chores
@@ -78,6 +80,31 @@ def test_faults_cross_as_values_and_bugs_leak_nothing(caplog: pytest.LogCaptureF
                 assert told["details"]["reference"] in caplog.text
             assert "a secret" in caplog.text
             assert workers.pids == first, "an exception must not cost a worker"
+
+    asyncio.run(run())
+
+
+def test_the_mean_duration_is_that_of_work() -> None:
+    """Requests that were refused before anything was computed would make others look quick."""
+    refused = [
+        TaskProblem("VALIDATION_ERROR", "seed: too small", None, {}),
+        CacheMiss(builtin_reference("panda")),
+    ]
+    failed = TaskProblem("PLANNING_FAILED", "no path", None, {})
+
+    async def run() -> None:
+        async with supervisor(1) as workers:
+            await ready(workers)
+            for outcome in refused:
+                assert await workers.submit(chore("echo", outcome)) == outcome
+            with pytest.raises(ProblemError):
+                await workers.submit(chore("blame_caller"))
+            unknown = workers.durations.mean("none")
+            for name in ("echo", "blame_caller"):
+                assert workers.durations.mean(f"tests.service.chores:{name}") == unknown
+            assert await workers.submit(chore("echo", failed)) == failed
+            assert workers.durations.mean("tests.service.chores:echo") < unknown
+            assert workers.counters.finished == 4
 
     asyncio.run(run())
 
