@@ -13,8 +13,9 @@ from service.workers.fork_client import ForkServer, ForkServerLost
 from service.workers.fork_server import Notice
 from service.workers.launch import Launched, Recipe, launch
 from service.workers.main import Reply
+from service.workers.memory import MemoryMeter
 from service.workers.process import EXIT_TIMEOUT, Worker
-from service.workers.recycling import DEFAULT_LIMITS, WorkerLimits, limit_memory, resident_bytes
+from service.workers.recycling import DEFAULT_LIMITS, WorkerLimits, limit_memory
 from service.workers.threads import in_thread
 
 _log = logging.getLogger(__name__)
@@ -304,7 +305,8 @@ class WorkerPool:
         if kind == Reply.READY:
             self._failing.discard(slot)
             worker.warm = True
-            worker.resident_at_first = resident_bytes(worker.process.pid)
+            worker.memory = MemoryMeter(worker.process.pid)
+            worker.resident_at_first = worker.memory.resident
             if slot not in self._warmed:
                 self._warmed.add(slot)
                 if self.ready:

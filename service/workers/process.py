@@ -12,6 +12,7 @@ from planning.deadline import Deadline
 from service.workers import framing
 from service.workers.fork_client import WorkerProcess
 from service.workers.main import HEADER
+from service.workers.memory import MemoryMeter
 from service.workers.task import Job
 from service.workers.watch import Watch
 
@@ -144,6 +145,7 @@ class Worker(asyncio.Protocol):
         self.jobs = 0
         self.may_be_worn = False
         self.born = time.monotonic()
+        self.memory: MemoryMeter | None = None
         self.resident_at_first = 0
         self.lost_at = 0.0
         self.gone = asyncio.Event()
@@ -181,6 +183,8 @@ class Worker(asyncio.Protocol):
         if exc is None and self._has_sent_all and self.ticket is not None:
             self.ticket.arrived = True
         self.lost_at = time.monotonic()
+        if self.memory is not None:
+            self.memory.close()
         self.gone.set()
 
     def send(self, ticket: Ticket) -> None:

@@ -1,14 +1,13 @@
 """Memory and age of workers: what one may have, and when another takes its place."""
 
 import contextlib
-import os
 import resource
 import time
 from typing import NamedTuple
 
+from service.workers.memory import MemoryMeter
 from service.workers.process import Worker
 
-_PAGE = os.sysconf("SC_PAGE_SIZE")
 _MEBIBYTE = 2**20
 
 
@@ -38,34 +37,17 @@ def limit_memory(pid: int, limits: WorkerLimits) -> None:
         pid: The worker, which was just forked.
         limits: Of a worker.
     """
-    size, _ = _pages(pid)
-    limit = size * _PAGE + limits.memory
+    meter = MemoryMeter(pid)
+    limit = meter.size + limits.memory
+    meter.close()
     # A worker that has died already, or of another user, has no limit set.
     with contextlib.suppress(OSError):
         resource.prlimit(pid, resource.RLIMIT_AS, (limit, limit))
-
-
-def resident_bytes(pid: int) -> int:
-    """The memory that a process has in use [byte]; 0 if it has ended."""
-    return _pages(pid)[1] * _PAGE
 
 
 def is_worn(worker: Worker, limits: WorkerLimits) -> bool:
     """Whether another worker is to take the place of one that has just done a job."""
     if worker.jobs >= limits.jobs or time.monotonic() - worker.born >= limits.age:
         return True
-    return resident_bytes(worker.process.pid) - worker.resident_at_first > limits.growth
-
-
-def _pages(pid: int) -> tuple[int, int]:
-    """Pages of a process: its address space, and those in memory."""
-    try:
-        # After every job: without the layers of a file object it takes a third of the time.
-        file = os.open(f"/proc/{pid}/statm", os.O_RDONLY)
-        try:
-            size, resident = os.read(file, 128).split()[:2]
-        finally:
-            os.close(file)
-    except (OSError, ValueError):
-        return 0, 0
-    return int(size), int(resident)
+    resident = 0 if worker.memory is None else worker.memory.resident
+    return resident - worker.resident_at_first > limits.growth

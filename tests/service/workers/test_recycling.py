@@ -5,7 +5,8 @@ import asyncio
 import pytest
 
 from service.problem import ProblemError
-from service.workers.recycling import WorkerLimits, resident_bytes
+from service.workers.memory import MemoryMeter
+from service.workers.recycling import WorkerLimits
 from tests.service.workers.pools import chore, ready, supervisor
 
 MEBIBYTE = 2**20
@@ -35,7 +36,7 @@ def test_a_worker_that_has_grown_is_replaced() -> None:
             assert pids[0] == pids[1] == pids[2] != pids[3], "72 MiB are above 64"
             await asyncio.sleep(0)  # who waited for the answer came first
             assert workers.counters.recycled == 2
-            assert resident_bytes(pids[0]) == 0
+            assert MemoryMeter(pids[0]).resident == 0
 
     asyncio.run(run())
 
