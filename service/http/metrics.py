@@ -6,17 +6,17 @@ names of stages are ours. Nothing that a caller chooses becomes a label.
 
 import time
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from functools import cache
 from typing import Any
 
 from fastapi import FastAPI
-from prometheus_client import CollectorRegistry, Counter, Histogram, generate_latest
+from prometheus_client import CollectorRegistry, generate_latest
 from prometheus_client.core import CounterMetricFamily, GaugeMetricFamily, Metric
 from prometheus_client.registry import Collector
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 from service.http.errors import KINDS
 from service.http.job_context import JOB_CONTEXT
+from service.http.tallies import Tally, TimeTally
 from service.storage.job_store import STATUSES, Status
 from service.workers.supervisor import WorkerSupervisor
 
@@ -37,58 +37,54 @@ class Metrics:
 
     def __init__(self, app: FastAPI) -> None:
         self.registry = CollectorRegistry()
-        self._requests = Counter(
+        self._requests = Tally(
             "armwright_requests",
             "Requests that were answered",
             ("route", "method", "status"),
-            registry=self.registry,
+            self.registry,
         )
-        self._seconds = Histogram(
+        self._seconds = TimeTally(
             "armwright_request_seconds",
             "Time until an answer was complete",
             ("route", "method"),
-            buckets=_SECONDS,
-            registry=self.registry,
+            _SECONDS,
+            self.registry,
         )
-        self._plans = Counter(
+        self._plans = Tally(
             "armwright_plans",
             "Plans by outcome, SUCCESS or the code of the problem, and by the stage that won",
             ("code", "planner"),
-            registry=self.registry,
+            self.registry,
         )
-        self._stages = Histogram(
+        self._stages = TimeTally(
             "armwright_stage_seconds",
             "Time that stages of planning took",
             ("stage",),
-            buckets=_SECONDS,
-            registry=self.registry,
+            _SECONDS,
+            self.registry,
         )
         self.registry.register(_State(app))
-        # To look a histogram up by its labels takes as long as to count with it; they are few.
-        self._stage = cache(self._stages.labels)
-        self._route_seconds = cache(self._seconds.labels)
-        self._route_requests = cache(self._requests.labels)
 
     def count_request(self, route: str, method: str, status: int, seconds: float) -> None:
         """Count a request."""
         named = method if method in _METHODS else _OTHER
-        self._route_requests(route, named, str(status)).inc()
-        self._route_seconds(route, named).observe(seconds)
+        self._requests.count(route, named, str(status))
+        self._seconds.observe(seconds, route, named)
 
     def count_plan(self, planner: str, stages: Iterable[tuple[str, float]]) -> None:
         """Count a plan, and its stages with their durations [s]."""
-        self._plans.labels("SUCCESS", planner).inc()
+        self._plans.count("SUCCESS", planner)
         self._observe(stages)
 
     def count_failure(self, code: str, stages: Any) -> None:
         """Count a problem in place of a plan, and its stages where they are known."""
-        self._plans.labels(code if code in KINDS else _OTHER, "").inc()
+        self._plans.count(code if code in KINDS else _OTHER, "")
         if isinstance(stages, Sequence):
             self._observe((stage["name"], 1e-3 * stage["milliseconds"]) for stage in stages)
 
     def _observe(self, stages: Iterable[tuple[str, float]]) -> None:
         for name, seconds in stages:
-            self._stage(name).observe(seconds)
+            self._stages.observe(seconds, name)
 
     def text(self, jobs: Mapping[Status, int], waiting: int | None = None) -> bytes:
         """Everything in the text format.
