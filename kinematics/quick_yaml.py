@@ -7,7 +7,6 @@ what is wrong.
 """
 
 import re
-from collections.abc import Iterable
 from string import ascii_letters, digits
 from typing import Any, TypeAlias
 
@@ -37,6 +36,8 @@ _TOKENS = re.compile(
     rb"|(?![\"']*+" + _SPECIAL + rb"[\"']*+:? )[\"']*+(?:" + _WORD + rb")?[\"']*+:?) )*+"
 )
 
+_NESTED = (list, dict)
+
 
 class UnsureYaml(ValueError):
     """A text that is left to the strict parser."""
@@ -65,7 +66,7 @@ def read_quickly(text: str | bytes, max_depth: int) -> Node:
         root = ryaml.loads(plain.decode("ascii") if isinstance(text, bytes) else text)
     except (ryaml.InvalidYamlError, ValueError, TypeError):
         raise UnsureYaml from None
-    _check_depth((root,), max_depth)
+    _check_depth(root, max_depth)
     return root
 
 
@@ -84,12 +85,17 @@ def _tokens(text: bytes) -> bytes:
     return b" ".join([*set(text.translate(_BETWEEN).split()), b""])
 
 
-def _check_depth(nodes: Iterable[Node], depth: int) -> None:
-    """Refuse what nests too deep."""
-    if depth < 0:
+def _check_depth(root: Node, depth: int) -> None:
+    """Refuse what nests too deep, level by level: there are a hundred nodes to ten objects."""
+    level = [root] if type(root) in _NESTED else []
+    for _ in range(depth):
+        if not level:
+            return
+        level = [
+            inner
+            for node in level
+            for inner in (node if type(node) is list else node.values())
+            if type(inner) in _NESTED
+        ]
+    if level:
         raise UnsureYaml
-    for node in nodes:
-        if type(node) is list:
-            _check_depth(node, depth - 1)
-        elif type(node) is dict:
-            _check_depth(node.values(), depth - 1)

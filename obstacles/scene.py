@@ -174,8 +174,9 @@ class Scene:
         obstacles = tuple(self.obstacles)
         if len(obstacles) > MAX_OBSTACLES:
             raise InvalidScene(f"{len(obstacles)} obstacles, at most {MAX_OBSTACLES} are taken")
-        twice = [name for name, count in Counter(o.id for o in obstacles).items() if count > 1]
-        if twice:
+        ids = tuple([obstacle.id for obstacle in obstacles])
+        if len(set(ids)) < len(ids):
+            twice = [name for name, count in Counter(ids).items() if count > 1]
             raise InvalidScene(
                 f"obstacle id(s) {', '.join(map(repr, twice))} occur more than once",
                 hint="Give every obstacle a name of its own.",
@@ -184,7 +185,7 @@ class Scene:
         object.__setattr__(self, "obstacles", obstacles)
         named = frozenset(o.frame for o in obstacles if o.frame is not None)
         object.__setattr__(self, "_frames", named)
-        object.__setattr__(self, "ids", tuple(obstacle.id for obstacle in obstacles))
+        object.__setattr__(self, "ids", ids)
         object.__setattr__(self, "allowed_collisions", _pairs(self.allowed_collisions))
         object.__setattr__(self, "content_hash", _content_hash(self))
 
