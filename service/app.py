@@ -15,6 +15,7 @@ from service.http import handlers, middleware, openapi
 from service.http.admission import Admission
 from service.http.json_route import JsonRoute
 from service.http.metrics import Metrics
+from service.http.plain_requests import PlainRequests
 from service.jobs.agent_jobs import AgentJobs
 from service.jobs.deferral import defer
 from service.jobs.runner import Jobs
@@ -168,11 +169,16 @@ def create_app(
     app.state.stopping = False
     app.state.defer = defer
     app.state.metrics = Metrics(app)
+    app.state.plain_requests = None
     app.router.route_class = JsonRoute
     app.state.swagger = pages.swagger_folder()
     middleware.install(app, chosen, app.state.metrics)
     if tracing is not None:
         install_tracing(app, tracing)
+    else:  # else each request is to have a span
+        app.state.plain_requests = PlainRequests(
+            app, chosen, app.state.metrics, middleware.COMPRESSED_SIZE
+        )
     handlers.install(app)
     openapi.install(app)
     for router in _ROUTERS:

@@ -1,5 +1,7 @@
 """Compression of answers for clients that accept it."""
 
+from collections.abc import Collection
+
 from starlette.middleware.gzip import GZipMiddleware
 from starlette.types import Message, Receive, Scope, Send
 
@@ -17,37 +19,46 @@ class Compression(GZipMiddleware):
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
         """Pass a request on."""
-        if scope["type"] != "http" or _accepts_gzip(scope):
+        if scope["type"] != "http" or accepts_gzip(scope):
             await super().__call__(scope, receive, send)
             return
 
         async def send_with_vary(message: Message) -> None:
-            if message["type"] == "http.response.start" and self._varies(message):
-                _add_vary(message)
+            if message["type"] == "http.response.start":
+                add_vary(message, self.minimum_size, self.exclude_content_types)
             await send(message)
 
         await self.app(scope, receive, send_with_vary)
 
-    def _varies(self, message: Message) -> bool:
-        """Whether an answer would be compressed for others."""
-        if message["status"] == _PARTIAL:
-            return False
-        for name, value in message.setdefault("headers", []):
-            if name == b"content-length" and int(value) < self.minimum_size:
-                return False
-            if name == b"content-encoding":
-                return False
-            if name == b"content-type" and self._is_excluded(value.decode("latin-1")):
-                return False
-        return True
 
-    def _is_excluded(self, content_type: str) -> bool:
-        media_type = content_type.partition(";")[0].strip().lower()
-        kind = media_type.partition("/")[0] + "/*"
-        return media_type in self.exclude_content_types or kind in self.exclude_content_types
+def add_vary(message: Message, minimum_size: int, excluded: Collection[str]) -> None:
+    """Have the head of an answer that is not compressed say that it would be for others.
+
+    Args:
+        message: The head.
+        minimum_size: Of answers that are compressed [byte].
+        excluded: Types of content that never are.
+    """
+    if message["status"] == _PARTIAL:
+        return
+    for name, value in message.setdefault("headers", []):
+        if name == b"content-length" and int(value) < minimum_size:
+            return
+        if name == b"content-encoding":
+            return
+        if name == b"content-type" and _is_among(value.decode("latin-1"), excluded):
+            return
+    _add_vary(message)
 
 
-def _accepts_gzip(scope: Scope) -> bool:
+def _is_among(content_type: str, excluded: Collection[str]) -> bool:
+    media_type = content_type.partition(";")[0].strip().lower()
+    kind = media_type.partition("/")[0] + "/*"
+    return media_type in excluded or kind in excluded
+
+
+def accepts_gzip(scope: Scope) -> bool:
+    """Whether the client of a request accepts answers that are compressed."""
     return any(name == _ACCEPT and b"gzip" in value for name, value in scope["headers"])
 
 

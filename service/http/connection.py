@@ -10,12 +10,15 @@ from functools import partial
 from typing import Any, cast
 
 from starlette.types import Receive, Scope, Send
+from uvicorn.protocols.http.httptools_impl import STATUS_LINE
 
-from service.http.admission import Admission, read_simple
+from service.http.admission import Admission, SimpleRequest, read_simple
 from service.http.body_limit import ARRIVAL
 from service.http.departure import DEPARTURE, Departure
 from service.http.errors import PROBLEM_MEDIA_TYPE, document, status_of
 from service.http.joined_writes import JoinedWrites
+from service.http.known_heads import KNOWN_HEADS, KnownHead
+from service.http.plain_requests import PlainRequests
 from service.http.request_parser import MalformedRequestError, RequestParser
 from service.http.security_headers import SECURITY_HEADERS
 from service.problem import ProblemError
@@ -161,11 +164,11 @@ class Connection(RequestParser):
         else:
             self.send_400_response(fault)
 
-    def _take_turn(self, data: bytes, admission: Admission) -> None:
+    def _take_turn(self, data: bytes, known: KnownHead | None, admission: Admission) -> None:
         """Have a whole request read in its turn, and hold what comes meanwhile."""
         self._hold()
         # The time of a request begins now, not with its turn.
-        admission.intake.take(partial(self._begin, data, time.monotonic()))
+        admission.intake.take(partial(self._begin, data, known, time.monotonic()))
 
     def _hold(self) -> None:
         self._unset_keepalive_if_required()
@@ -178,13 +181,28 @@ class Connection(RequestParser):
         self.flow.resume_reading()
         return held
 
-    def _begin(self, data: bytes, arrival: float) -> None:
+    def _begin(self, data: bytes, known: KnownHead | None, arrival: float) -> None:
         held = self._release()
         if not self.transport.is_closing():
             self._arrival = arrival
-            self._pass_on(data)
+            if known is not None:
+                self._take_known(known, data[-known.length :])
+            else:
+                self._pass_on(data)
+                self._remember_head(data)
             if held:
                 self.data_received(held)
+
+    def _remember_head(self, data: bytes) -> None:
+        """Remember the head of a simple request that was parsed, and found to be whole."""
+        cycle = self.cycle
+        if self._fault is not None or self.transport.is_closing() or cycle is None:
+            return
+        head, _, body = data.partition(b"\r\n\r\n")
+        scope: Any = cycle.scope
+        is_whole = not (cycle.more_body or self._is_in_body) and len(cycle.body) == len(body) > 0
+        if is_whole and (scope["method"], scope["http_version"]) == ("POST", "1.1"):
+            KNOWN_HEADS.note(head, self.url, scope, len(body), keep_alive=cycle.keep_alive)
 
     async def _answer(self, scope: Scope, receive: Receive, send: Send) -> None:
         """The application, told when a request came that had to wait for its turn."""
@@ -192,7 +210,30 @@ class Connection(RequestParser):
         arrival, self._arrival = self._arrival, None
         if arrival is not None:
             scope[ARRIVAL] = arrival
+            if (plain := self._plain_requests) is not None:
+                route = plain.route(scope)
+                active = self._active
+                if route is not None and active is not None and not active.more_body:
+                    content = bytes(active.body)
+                    await plain.answer(route, content, self, scope, receive, send)
+                    return
         await self._application(scope, receive, send)
+
+    def write_answer(self, head: bytes, content: bytes) -> bool:
+        """Write an answer of status 200, unless something is in the way; see `Writer`."""
+        active = self._active
+        if active is None or active.disconnected or not active.keep_alive or active.access_log:
+            return False
+        if self.flow.write_paused or active.response_started:
+            return False
+        first = STATUS_LINE[200] + b"".join(b"%b: %b\r\n" % f for f in active.default_headers)
+        # As uvicorn does it when all has been sent.
+        active.response_started = active.response_complete = True
+        active.message_event.set()
+        self._joined.write(first + head)
+        self._joined.write(content)
+        active.on_response()
+        return True
 
     def _stop_rest_timer(self) -> None:
         if self._rest_timer is not None:
@@ -221,6 +262,13 @@ class Connection(RequestParser):
             self._watch_head()
 
     @property
+    def _plain_requests(self) -> PlainRequests | None:
+        plain: PlainRequests | None = getattr(
+            getattr(self.config.app, "state", None), "plain_requests", None
+        )
+        return plain
+
+    @property
     def _admission(self) -> Admission | None:
         admission: Admission | None = getattr(
             getattr(self.config.app, "state", None), "admission", None
@@ -243,7 +291,12 @@ class Connection(RequestParser):
         admission = self._admission
         if admission is None or not self._is_idle or self._limits.count < len(self.connections):
             return False
-        request = read_simple(data)
+        head, _, body = data.partition(b"\r\n\r\n")
+        known = KNOWN_HEADS.find(head) if self.limit_concurrency is None else None
+        if known is not None and known.length == len(body):
+            request: SimpleRequest | None = SimpleRequest(known.path, body)
+        else:
+            known, request = None, read_simple(data)
         if request is None:
             return False
         if request.missing:
@@ -254,7 +307,7 @@ class Connection(RequestParser):
         client = "" if self.client is None else self.client[0]
         content = admission.refusal(request, client, self)
         if content is None:
-            self._take_turn(data, admission)
+            self._take_turn(data, known, admission)
             return True
         self._hold()
         admission.refusals.add(partial(self._answer_early, content))

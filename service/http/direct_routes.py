@@ -4,7 +4,7 @@ The framework compares a path with the pattern of one route after the other, and
 that these routes don't have. Both cost more than all else that a server does for a request.
 """
 
-from fastapi import FastAPI, Request
+from fastapi import FastAPI, Request, Response
 from fastapi.exceptions import RequestValidationError
 from starlette.routing import BaseRoute
 from starlette.types import ASGIApp, Receive, Scope, Send
@@ -13,6 +13,45 @@ from kinematics.errors import ArmwrightError
 from service.http.handlers import problem_of, problem_response
 from service.http.json_route import JsonRoute
 from service.problem import ProblemError
+
+
+class RouteTable:
+    """The routes that take a body and nothing else, by method and path.
+
+    Args:
+        application: Whose routes they are.
+    """
+
+    def __init__(self, application: FastAPI) -> None:
+        self._application = application
+        self._routes: dict[tuple[str, str], JsonRoute] | None = None
+
+    def find(self, scope: Scope) -> JsonRoute | None:
+        """The route of a request; None where it has none of these."""
+        if self._routes is None:  # all are known by the time of the first request
+            routes = _direct(self._application.router.routes)
+            self._routes = {(method, r.path): r for r in routes for method in r.methods or ()}
+        return self._routes.get((scope["method"], scope["path"]))
+
+
+async def answer_directly(
+    route: JsonRoute, request: Request, *, is_plain: bool = False
+) -> Response:
+    """The response of a direct route to a request with a body.
+
+    Args:
+        route: The route.
+        request: The request.
+        is_plain: Whether it is JSON by its type, and asks for nothing by its headers.
+    """
+    handle = route.handle_plain if is_plain else route.handle_directly
+    assert handle is not None
+    request.scope["route"] = route
+    request.scope["path_params"] = {}
+    try:
+        return await handle(request)
+    except (ProblemError, ArmwrightError, RequestValidationError) as error:
+        return problem_response(problem_of(error), request.scope["path"])
 
 
 class DirectRoutes:
@@ -27,29 +66,16 @@ class DirectRoutes:
 
     def __init__(self, app: ASGIApp, application: FastAPI) -> None:
         self._app = app
-        self._application = application
-        self._routes: dict[tuple[str, str], JsonRoute] | None = None
+        self._routes = RouteTable(application)
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
         """Pass a request on, to its route if it can be."""
-        route = self._route(scope) if scope["type"] == "http" else None
-        if route is None or route.handle_directly is None or not _has_body(scope):
+        route = self._routes.find(scope) if scope["type"] == "http" else None
+        if route is None or not _has_body(scope):
             await self._app(scope, receive, send)
             return
-        scope["route"] = route
-        scope["path_params"] = {}
-        request = Request(scope, receive, send)
-        try:
-            response = await route.handle_directly(request)
-        except (ProblemError, ArmwrightError, RequestValidationError) as error:
-            response = problem_response(problem_of(error), scope["path"])
+        response = await answer_directly(route, Request(scope, receive, send))
         await response(scope, receive, send)
-
-    def _route(self, scope: Scope) -> JsonRoute | None:
-        if self._routes is None:  # all are known by the time of the first request
-            routes = _direct(self._application.router.routes)
-            self._routes = {(method, r.path): r for r in routes for method in r.methods or ()}
-        return self._routes.get((scope["method"], scope["path"]))
 
 
 def _has_body(scope: Scope) -> bool:

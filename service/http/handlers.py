@@ -112,19 +112,41 @@ class UnexpectedErrors:
 
         try:
             await self._app(scope, receive, send_and_note)
-        except ProblemError as refusal:  # of another layer
-            if started:
-                raise
-            await problem_response(refusal, scope["path"])(scope, receive, send)
-        except asyncio.CancelledError:
-            # The service ends, and the request has used up the time that it had for that.
-            if started or not scope["app"].state.stopping:
-                raise
-            await problem_response(ShuttingDown(), scope["path"])(scope, receive, send)
-        except ClientDisconnect:
-            _log.debug("the client of %s left before its request was complete", scope["path"])
-        except Exception:
-            problem = unexpected_fault(f"{scope['method']} {scope['path']}")
-            if started:  # all that is left is to break the connection off
-                raise
-            await problem_response(problem, scope["path"])(scope, receive, send)
+        except (Exception, asyncio.CancelledError) as error:  # noqa: BLE001  (raised again or told)
+            response = response_to(error, scope, started=started)
+            if response is not None:
+                await response(scope, receive, send)
+
+
+def response_to(
+    error: Exception | asyncio.CancelledError, scope: Scope, *, started: bool
+) -> Response | None:
+    """The response to a request in which an error was raised that no layer below has answered.
+
+    Called while the error is handled.
+
+    Args:
+        error: What was raised: of ours, a mistake, or the end of the service.
+        scope: Of the request.
+        started: Whether a response has begun: all that is left is to break the connection off.
+
+    Returns:
+        The response; None where the client is gone.
+
+    Raises:
+        Exception: The error itself, where it can't be answered.
+    """
+    if isinstance(error, ClientDisconnect):
+        _log.debug("the client of %s left before its request was complete", scope["path"])
+        return None
+    problem: ProblemError | None = None
+    if isinstance(error, ProblemError):  # of another layer
+        problem = error
+    elif not isinstance(error, asyncio.CancelledError):
+        problem = unexpected_fault(f"{scope['method']} {scope['path']}")
+    elif scope["app"].state.stopping:
+        # The service ends, and the request has used up the time that it had for that.
+        problem = ShuttingDown()
+    if problem is None or started:
+        raise error
+    return problem_response(problem, scope["path"])

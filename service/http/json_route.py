@@ -92,6 +92,29 @@ class JsonRoute(APIRoute):
         Raises:
             RequestValidationError: As the framework does it.
         """
+        handle = self._handle_body
+        return None if handle is None else self._behind_checks(handle)
+
+    @cached_property
+    def handle_plain(self) -> Handler | None:
+        """The handler of requests that are JSON by type, and ask for nothing by their headers.
+
+        Raises:
+            RequestValidationError: As the framework does it.
+        """
+        handle = self._handle_body
+        if handle is None or self.always_deferred:
+            return None
+        model, handle_json = self._behind_parser(handle)
+
+        async def handle_plain(request: Request) -> Response:
+            return await handle_json(JsonRequest(request, model))
+
+        return handle_plain
+
+    @cached_property
+    def _handle_body(self) -> Handler | None:
+        """The handler of a request that is parsed; None where the route takes more than a body."""
         if not self._takes_body_alone():
             return None
         field, endpoint = self.body_field, self.endpoint
@@ -110,7 +133,12 @@ class JsonRoute(APIRoute):
             response: Response = await endpoint(body=body or validate(value), request=request)
             return response
 
-        return self._behind_checks(handle)
+        return handle
+
+    @property
+    def _takes_json(self) -> bool:
+        field = self.body_field
+        return field is not None and not isinstance(field.field_info, Form)
 
     def _takes_body_alone(self) -> bool:
         if self.body_field is None or isinstance(self.body_field.field_info, Form):
@@ -123,13 +151,11 @@ class JsonRoute(APIRoute):
         """The handler of the framework behind the checks of the body."""
         return self._behind_checks(super().get_route_handler())
 
-    def _behind_checks(self, handle: Handler) -> Handler:
-        """A handler behind the checks of the body."""
+    def _behind_parser(self, handle: Handler) -> tuple[type[BaseModel] | None, Handler]:
+        """A handler behind the parser of JSON, with the model of the body."""
         annotation = None if self.body_field is None else self.body_field.field_info.annotation
         model = annotation if _is_model(annotation) else None
-        takes_json = self.body_field is not None and not isinstance(
-            self.body_field.field_info, Form
-        )
+        takes_json = self._takes_json
         is_kept = takes_keep(model)
 
         async def handle_json(request: Request) -> Response:
@@ -139,6 +165,13 @@ class JsonRoute(APIRoute):
             if is_kept:
                 return await answer_and_keep(request, handle)
             return await handle(request)
+
+        return model, handle_json
+
+    def _behind_checks(self, handle: Handler) -> Handler:
+        """A handler behind the checks of the head and the body."""
+        model, handle_json = self._behind_parser(handle)
+        takes_json = self._takes_json
 
         async def handle_checked(request: Request) -> Response:
             strict = JsonRequest(request, model)

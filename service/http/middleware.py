@@ -17,7 +17,7 @@ from service.http.security_headers import SecurityHeaders
 from service.settings import Settings
 
 #: Answers from this size on are compressed for clients that accept gzip [B].
-_COMPRESSED_SIZE = 4096
+COMPRESSED_SIZE = 4096
 #: Answers from this size on are compressed in a thread [B]: shorter ones take less than a
 #: millisecond, in which nobody else is answered.
 _THREAD_SIZE = 32 * 1024
@@ -47,7 +47,7 @@ def install(app: FastAPI, settings: Settings, metrics: Metrics) -> None:
     app.add_middleware(DirectRoutes, application=app)
     app.add_middleware(
         Compression,
-        minimum_size=_COMPRESSED_SIZE,
+        minimum_size=COMPRESSED_SIZE,
         compresslevel=_LEVEL,
         thread_minimum_size=_THREAD_SIZE,
     )

@@ -39,30 +39,42 @@ class RequestLog:
             nonlocal status
             if message["type"] == "http.response.start":
                 status = message["status"]
-                _add_id(message, identity)
+                add_id(message, identity)
             await send(message)
 
         try:
             await self._app(scope, receive, send_with_id)
         finally:
-            key = logs.key_id.set(caller_of(scope).api_key)
-            if _log.isEnabledFor(logging.INFO):
-                route = getattr(scope.get("route"), "path", None) or "unmatched"
-                fields = {
-                    "method": scope["method"],
-                    "route": route,
-                    "status": status,
-                    "milliseconds": round(1e3 * (time.perf_counter() - began), 2),
-                }
-                text = "%(method)s %(route)s %(status)s %(milliseconds)s ms"
-                # The message is the text itself: lines of requests are never too many of a kind.
-                _log.info(text % fields, extra={"fields": fields})
-            logs.key_id.reset(key)
+            log_request(scope, status, time.perf_counter() - began)
             logs.job_id.reset(job)
             logs.request_id.reset(request)
 
 
-def _add_id(message: Message, identity: str) -> None:
+def log_request(scope: Scope, status: int, seconds: float) -> None:
+    """Log a request that was answered, where requests are logged.
+
+    Args:
+        scope: Of the request.
+        status: Of the answer.
+        seconds: Time until it was complete [s].
+    """
+    if not _log.isEnabledFor(logging.INFO):
+        return
+    key = logs.key_id.set(caller_of(scope).api_key)
+    route = getattr(scope.get("route"), "path", None) or "unmatched"
+    fields = {
+        "method": scope["method"],
+        "route": route,
+        "status": status,
+        "milliseconds": round(1e3 * seconds, 2),
+    }
+    text = "%(method)s %(route)s %(status)s %(milliseconds)s ms"
+    # The message is the text itself: lines of requests are never too many of a kind.
+    _log.info(text % fields, extra={"fields": fields})
+    logs.key_id.reset(key)
+
+
+def add_id(message: Message, identity: str) -> None:
     """Put the id of a request into the head of its answer, unless there is one."""
     headers = message.get("headers", ())
     if all(name != _NAME for name, _ in headers):

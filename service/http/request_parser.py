@@ -1,5 +1,6 @@
 """Parsing of requests by httptools (llhttp), strict wherever servers and proxies differ."""
 
+import asyncio
 from collections.abc import Iterable
 from functools import partial
 from typing import Any, cast
@@ -7,6 +8,8 @@ from typing import Any, cast
 import httptools
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 from uvicorn.protocols.http.httptools_impl import HttpToolsProtocol, RequestResponseCycle
+
+from service.http.known_heads import KnownHead
 
 #: Parsed at a time, so that requests sent without waiting for answers are few at once [byte].
 _PART_BYTES = 8 * 1024
@@ -106,6 +109,32 @@ class RequestParser(HttpToolsProtocol):
             if self._unheard > _HEAD_BYTES:
                 raise MalformedRequestError(f"the head is longer than {_HEAD_BYTES} bytes")
         return data[place:]
+
+    def _take_known(self, head: KnownHead, body: bytes) -> None:
+        """Take a whole request whose head was parsed before, as `_parse` would."""
+        self.on_message_begin()
+        self.url, self.scope["http_version"] = head.target, "1.1"
+        self.headers.extend(head.headers)
+        self.scope["method"], self.scope["path"] = "POST", head.path
+        self.scope["raw_path"], self.scope["query_string"] = head.raw_path, head.query
+        self.cycle = RequestResponseCycle(
+            scope=self.scope,
+            transport=self.transport,
+            flow=self.flow,
+            logger=self.logger,
+            access_logger=self.access_logger,
+            access_log=self.access_log,
+            default_headers=self.server_state.default_headers,
+            message_event=asyncio.Event(),
+            expect_100_continue=False,
+            keep_alive=head.keep_alive,
+            on_response=self.on_response_complete,
+        )
+        self.cycle.body += body
+        self.cycle.more_body = False
+        self.cycle.message_event.set()
+        self._has_begun = False
+        self._start_asgi_task(self.cycle, self.app)
 
     def _ignore_offer(self) -> None:
         """Parse on after a head that offers another protocol: llhttp leaves its body unread.

@@ -11,6 +11,7 @@ SECURITY_HEADERS = {
     "X-Frame-Options": "DENY",
 }
 _FIELDS = [(name.lower().encode(), value.encode()) for name, value in SECURITY_HEADERS.items()]
+_NAMES = frozenset(name for name, _ in _FIELDS)
 
 
 class SecurityHeaders:
@@ -31,11 +32,18 @@ class SecurityHeaders:
 
         async def send_with_headers(message: Message) -> None:
             if message["type"] == "http.response.start":
-                own = {name for name, _ in message.setdefault("headers", [])}
-                message["headers"] = [
-                    *message["headers"],
-                    *(field for field in _FIELDS if field[0] not in own),
-                ]
+                add_security_headers(message)
             await send(message)
 
         await self._app(scope, receive, send_with_headers)
+
+
+def add_security_headers(message: Message) -> None:
+    """Add the headers to the head of an answer that has not its own."""
+    headers = message.setdefault("headers", [])
+    for name, _ in headers:
+        if name in _NAMES:
+            own = {name for name, _ in headers}
+            message["headers"] = [*headers, *(f for f in _FIELDS if f[0] not in own)]
+            return
+    message["headers"] = [*headers, *_FIELDS]
