@@ -36,6 +36,8 @@ def _optional(field: FieldInfo) -> tuple[Any, FieldInfo]:
     return left_out.annotation, left_out
 
 
+#: Fields that no check of a request looks at together with others, if it has both.
+_ENDS = {"start", "goal"}
 #: Answers of batches are kept as jobs, not one by one as plans.
 _NOT_KEPT = "keep"
 # Types that are named before they are there are looked up now.
@@ -104,11 +106,36 @@ class BatchRequest(PartialPlan):
         )
 
 
+class PlanRequests:
+    """The problems of a batch as requests of their own, one after the other.
+
+    Most problems of a batch differ by their ends alone: they are copies of one that was validated.
+
+    Args:
+        batch: The batch.
+    """
+
+    def __init__(self, batch: BatchRequest) -> None:
+        self._batch = batch
+        self._first: dict[frozenset[str], PlanRequest] = {}
+
+    def __getitem__(self, index: int) -> PlanRequest:
+        given = _fields(self._batch.problems[index])
+        names = frozenset(given)
+        if not names <= _ENDS:
+            return self._batch.plan_request(index)
+        first = self._first.get(names)
+        if first is None:
+            first = self._first[names] = self._batch.plan_request(index)
+        return first.model_copy(update=given)
+
+
 def _fields(part: Body) -> dict[str, Any]:
+    values, names = vars(part), PlanRequest.model_fields
     return {
-        name: value
-        for name in PlanRequest.model_fields
-        if name != _NOT_KEPT and (value := getattr(part, name)) is not None
+        name: values[name]
+        for name in part.model_fields_set
+        if values[name] is not None and name in names and name != _NOT_KEPT
     }
 
 

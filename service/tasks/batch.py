@@ -8,7 +8,7 @@ from pydantic_core import from_json, to_json
 
 from kinematics.errors import ArmwrightError
 from planning.deadline import Deadline
-from service.schemas.batch import BatchRequest
+from service.schemas.batch import BatchRequest, PlanRequests
 from service.schemas.scene import NamedScene
 from service.schemas.validation import fault_list, validation_problem
 from service.storage import prepared_files
@@ -87,22 +87,22 @@ def plan_part(
     """
     began = time.monotonic()
     body = BatchRequest.model_validate_json(content)
-    framed = names_frame(content)
+    requests, framed = PlanRequests(body), names_frame(content)
     outcomes: list[PlanOutcome | TaskProblem] = []
     for index in range(len(body.problems)):
         current.begin_part(index, Deadline.after(timeout))
-        outcomes.append(_outcome(robot, scene, body, index, framed=framed))
+        outcomes.append(_outcome(robot, scene, requests, index, framed=framed))
         if time.monotonic() - began >= TURN:
             break
     return PlannedPart(tuple(outcomes), time.monotonic() - began)
 
 
 def _outcome(
-    robot: Reference, scene: Reference | None, body: BatchRequest, index: int, *, framed: bool
+    robot: Reference, scene: Reference | None, requests: PlanRequests, index: int, *, framed: bool
 ) -> PlanOutcome | TaskProblem:
     """Plan or problem of one of a part: its faults are its own, and not those of the part."""
     try:
-        return plan_outcome(robot, scene, body.plan_request(index), framed=framed)
+        return plan_outcome(robot, scene, requests[index], framed=framed)
     except ArmwrightError as error:
         return TaskProblem(error.code, error.message, error.hint, dict(error.details))
     except ValidationError as error:

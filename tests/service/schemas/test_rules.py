@@ -6,7 +6,7 @@ import pytest
 from pydantic import BaseModel, ValidationError
 
 from service.schemas.attached import Attached
-from service.schemas.batch import BatchRequest
+from service.schemas.batch import BatchRequest, PlanRequests
 from service.schemas.cartesian import TimedToolMotions, ToolMotion, cartesian_options
 from service.schemas.constraint import OrientationConstraint
 from service.schemas.kinematics import IkRequest, VelocityRequest
@@ -286,6 +286,26 @@ def test_a_problem_of_a_batch_takes_what_it_lacks_from_the_batch() -> None:
     assert first == PlanRequest.model_validate(common | {"goal": goals[0]})
     expected = common | {"goal": goals[1], "seed": 5, "robot": "b", "margin": 0.0, "timeout": 1.0}
     assert second == PlanRequest.model_validate(expected)
+
+
+def test_problems_that_differ_by_their_ends_are_the_same_as_validated_ones() -> None:
+    pose = {"position": [0.4, 0.0, 0.5], "rpy": [0.0, 3.0, 0.0]}
+    waypoints = {"waypoints": [{"pose": pose}, {"pose": pose}]}
+    starts, goals = [{"joints": [0.0]}, {"state": "home"}], [{"joints": [1.0]}, {"pose": pose}]
+    problems: list[dict[str, Any]] = [
+        {"start": start, "goal": goal} for start in starts for goal in goals
+    ]
+    problems += [{"goal": goals[0]}, {"goal": goals[1]}, {"start": starts[1]}, {}]
+    problems += [problems[0] | {"seed": 5}, {"seed": None, "margin": 0.2}, {"goal": None}]
+    common = {"robot": "a", "start": starts[0], "clearance": {"preferred": 0.1}, "margin": 0.05}
+    seam = {"planner": "cartesian", "planner_options": waypoints}
+    for more in ({"goal": goals[1]}, {"goal": goals[1]} | seam):
+        batch = BatchRequest.model_validate(common | more | {"problems": problems})
+        requests = PlanRequests(batch)
+        for index in [*range(len(problems)), *range(len(problems))]:
+            expected = batch.plan_request(index)
+            assert requests[index] == expected
+            assert requests[index].model_dump_json() == expected.model_dump_json()
 
 
 @pytest.mark.parametrize("name", ["robot", "start", "goal"])
