@@ -33,7 +33,7 @@ from planning.constraints.active_set_program import (
     without_surfaces,
 )
 from planning.constraints.constraint_set import ConstraintSet
-from planning.constraints.program import PLANES, Planes, program
+from planning.constraints.program import BUILDING_TIME, PLANES, Planes, is_built, program
 from planning.deadline import Deadline
 
 Objective = Literal["nearest", "limits", "manipulability"]
@@ -245,7 +245,7 @@ class _Search:
                 spare -= len(self.found) >= self.how.most
                 if spare < 0 or since == _PATIENCE or self._time_up():
                     break
-        late = bool(self.attempts) and self._time_up()
+        late = bool(self.attempts) and (self._time_up() or self._has_no_time_to_build())
         if not self.found and self.how.solver != "descent" and not late:
             self._run_ipopt()
         self.found.sort(key=_by_cost)
@@ -262,6 +262,17 @@ class _Search:
 
     def _time_up(self) -> bool:
         return self.how.deadline is not None and self.how.deadline.passed
+
+    def _has_no_time_to_build(self) -> bool:
+        """Whether IPOPT's program would have to be built, and not surely in time."""
+        deadline = self.how.deadline
+        if deadline is None or is_built(self.constraints, self._by_manipulability):
+            return False
+        return deadline.sooner_than(BUILDING_TIME)
+
+    @property
+    def _by_manipulability(self) -> bool:
+        return self.how.objective == "manipulability"
 
     def _starts(self) -> Iterator[Array]:
         low, high = self.chain.sampling_bounds()
@@ -301,7 +312,7 @@ class _Search:
                 return
 
     def _solve(self, q: Array) -> Array:
-        nlp = program(self.constraints, self.how.objective == "manipulability")
+        nlp = program(self.constraints, self._by_manipulability)
         for _ in range(_IPOPT_ROUNDS if self.checker is not None else 1):
             planes = self._planes(q)
             before, posture = q, np.array(self.goal.posture)

@@ -38,6 +38,15 @@ _OPTIONS: dict[str, Any] = {
     "ipopt.honor_original_bounds": "yes",
 }
 
+#: Added to determinants, so that their logarithms are finite in singular configurations.
+_SINGULAR = 1e-12
+#: Processor time in which a program is built on any machine that is not worn out [s]: 15 to 90 ms
+#: on most, and nothing interrupts it.
+BUILDING_TIME = 0.2
+#: Programs that were built, by hashes: so many are remembered.
+_built: set[int] = set()
+_MOST_BUILT = 1024
+
 #: Function, carrier, reference and whether there is a lower bound, for each row.
 Shape = tuple[tuple[RowKind, int, int, bool], ...]
 
@@ -115,12 +124,27 @@ def program(constraints: ConstraintSet, manipulability: bool = False) -> Program
         constraints: Hard and soft ones.
         manipulability: Whether the objective has - log w.
     """
-    return _program(
-        constraints.chain,
-        _shape(constraints.hard.rows),
-        _shape(constraints.soft.rows),
-        manipulability,
-    )
+    key = _key(constraints, manipulability)
+    made = _program(*key)
+    if len(_built) >= _MOST_BUILT:
+        _built.clear()
+    _built.add(hash(key))
+    return made
+
+
+def is_built(constraints: ConstraintSet, manipulability: bool = False) -> bool:
+    """Whether the program of a set's shape was built in this process, and is kept as a rule.
+
+    Args:
+        constraints: Hard and soft ones.
+        manipulability: As `program` has it.
+    """
+    return hash(_key(constraints, manipulability)) in _built
+
+
+def _key(constraints: ConstraintSet, manipulability: bool) -> tuple[Chain, Shape, Shape, bool]:
+    hard, soft = constraints.hard.rows, constraints.soft.rows
+    return constraints.chain, _shape(hard), _shape(soft), manipulability
 
 
 def _shape(rows: tuple[Row, ...]) -> Shape:
@@ -148,7 +172,7 @@ def _program(chain: Chain, hard: Shape, soft: Shape, manipulability: bool) -> Pr
     if manipulability:
         J = symbolic_jacobian(chain, q)
         gram = casadi.mtimes(J, J.T) if n >= 6 else casadi.mtimes(J.T, J)
-        cost -= 0.5 * casadi.log(casadi.det(gram) + 1e-12)
+        cost -= 0.5 * casadi.log(_determinant(gram) + _SINGULAR)
     parameters = casadi.vertcat(hard_data, soft_data, weights, posture, metric, A, b)
     problem: dict[str, Any] = {
         "x": casadi.vertcat(q, slack),
@@ -158,6 +182,25 @@ def _program(chain: Chain, hard: Shape, soft: Shape, manipulability: bool) -> Pr
     }
     solver = casadi.nlpsol("ik", "ipopt", problem, _OPTIONS)
     return Program(chain, solver, len(inequalities), len(soft))
+
+
+def _determinant(gram: Expression) -> Expression:
+    """det(G + 1e-12 I) of a symmetric matrix without negative eigenvalues, by elimination.
+
+    By minors, as CasADi's own has it, its second derivatives are four times as many operations, and
+    take as much longer to build. Added to the diagonal, the little keeps pivots from being zero.
+    """
+    n = gram.shape[0]
+    rest = [[gram[i, j] + (_SINGULAR if i == j else 0.0) for j in range(n)] for i in range(n)]
+    determinant: Expression = 1.0
+    for k in range(n):
+        pivot = rest[k][k]
+        determinant = determinant * pivot
+        for i in range(k + 1, n):
+            factor = rest[i][k] / pivot
+            for j in range(i, n):
+                rest[i][j] = rest[j][i] = rest[i][j] - factor * rest[k][j]
+    return determinant
 
 
 def _sides(

@@ -4,6 +4,7 @@ import itertools
 import time
 from types import SimpleNamespace
 
+import casadi
 import numpy as np
 import pinocchio as pin
 import pytest
@@ -13,6 +14,7 @@ from kinematics.arrays import Array
 from kinematics.errors import InvalidGoal, InvalidOption, InvalidRobotState
 from kinematics.forward import forward
 from kinematics.robots import builtin_urdf
+from kinematics.symbolic import symbolic_jacobian
 from obstacles.checker import Checker
 from obstacles.scene import Scene
 from planning import deadline as deadlines
@@ -23,7 +25,7 @@ from planning.constraints.limit import ClearanceConstraint, ToolSpeedConstraint
 from planning.constraints.look_at import LookAtConstraint
 from planning.constraints.orientation import ConeConstraint
 from planning.constraints.position import PositionConstraint
-from planning.constraints.program import program
+from planning.constraints.program import Program, _determinant, is_built, program
 from planning.constraints.region import BoxRegion, SphereRegion
 from planning.constraints.relative_pose import RelativePoseConstraint
 from planning.deadline import Deadline
@@ -132,6 +134,49 @@ def test_programs_are_built_once_a_shape() -> None:
     assert program(first) is program(second)
     other = ConstraintSet(CHAIN, (PositionConstraint(SphereRegion([0.4, 0, 0.4], 0.1)),))
     assert program(other) is not program(first)
+
+
+def test_determinants_by_elimination_are_those_by_minors() -> None:
+    """Where nothing is nearly singular; elsewhere they stay finite, and so do their logarithms."""
+    q = casadi.SX.sym("q", CHAIN.n)
+    J = symbolic_jacobian(CHAIN, q)
+    gram = casadi.mtimes(J, J.T)
+    both = casadi.vertcat(casadi.det(gram), _determinant(gram))
+    slopes = casadi.Function("slopes", [q], [both, casadi.jacobian(both, q)])
+    for joints in draws(7, 20):
+        values, gradients = (np.array(part) for part in slopes(joints))
+        np.testing.assert_allclose(values[1], values[0], rtol=1e-6, atol=1e-12)
+        np.testing.assert_allclose(gradients[1], gradients[0], rtol=1e-5, atol=1e-9)
+    values, gradients = (np.array(part) for part in slopes(np.zeros(CHAIN.n)))
+    assert values[1] >= 0.0
+    assert np.isfinite(gradients).all()
+
+
+def test_no_program_is_begun_that_may_not_be_built_in_time(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    T = forward(CHAIN, draws(8, 1)[0])
+    asked = list[bool]()
+
+    def built(constraints: ConstraintSet, manipulability: bool = False) -> Program:
+        asked.append(is_built(constraints, manipulability))
+        return program(constraints, manipulability)
+
+    monkeypatch.setattr("planning.constrained.ik.program", built)
+    monkeypatch.setattr("planning.constrained.ik.BUILDING_TIME", 100.0)
+    far = PositionConstraint(BoxRegion(T, np.full(3, 0.02)))
+    away = ConeConstraint([0.0, 0.3, 1.0], [0.0, 0.0, 1.0], 0.01)
+    nowhere = PositionConstraint(SphereRegion([9.0, 0.0, 0.0], 0.01))
+    wanted = ConstraintSet(CHAIN, (far, away, nowhere))
+    counts = []
+    for seconds in (50.0, 200.0, 50.0):
+        options = IkOptions(starts=2, deadline=Deadline.after(seconds))
+        answer = constrained_ik(ROBOT, wanted, None, options)
+        assert not answer.solutions
+        counts.append(len(asked))
+        assert answer.deterministic is bool(asked)
+    assert counts[0] == 0 < counts[1] < counts[2]
+    assert [is_known for is_known in asked if not is_known] == asked[:1]
 
 
 def test_margin_in_a_shelf() -> None:
