@@ -17,6 +17,8 @@ from urllib.request import getproxies
 
 import httpx
 
+from armwright_client.request_head import RequestHeads
+
 try:
     from armwright_client.llhttp import ParsedResponse
 except ImportError:  # httptools is not installed
@@ -173,6 +175,8 @@ class Connections:
         self._url = httpx.URL(base_url)
         self._prefix = self._url.raw_path.decode("ascii").rstrip("/")
         self._context = httpx.create_ssl_context() if self._url.scheme == "https" else None
+        default_port = http.client.HTTPS_PORT if self._context else http.client.HTTP_PORT
+        self._heads = RequestHeads(self._url.host, self._url.port, default_port)
         self._idle: deque[_Idle] = deque()
         # Also where nobody closes them.
         weakref.finalize(self, _close_all, self._idle)
@@ -200,11 +204,10 @@ class Connections:
         connection = self._idle_one() or self._open(limits.connect)
         try:
             with _AsHttpx():
-                connection.sock.settimeout(limits.read)
-                # A service may refuse a long body, and close, before all of it was sent.
-                with suppress(BrokenPipeError, ConnectionResetError):
-                    connection.request(method, self._prefix + path, content, headers)
-                response = connection.getresponse()
+                if connection.sock.gettimeout() != limits.read:  # to set it is a call of the system
+                    connection.sock.settimeout(limits.read)
+                exchange = _exchange if _Response is http.client.HTTPResponse else self._exchange
+                response = exchange(connection, method, self._prefix + path, headers, content)
                 body = response.read()
         except BaseException:
             connection.close()
@@ -215,6 +218,28 @@ class Connections:
             told = list(response.headers.items())
             body = httpx.Response(response.status, headers=told, content=body).content
         return Received(response.status, response.headers, body)
+
+    def _exchange(
+        self,
+        connection: http.client.HTTPConnection,
+        method: str,
+        target: str,
+        headers: Mapping[str, str],
+        content: bytes | None,
+    ) -> Any:
+        """The response to a request that is sent and read past the standard library."""
+        data = self._heads.head(method, target, headers, content)
+        with suppress(BrokenPipeError, ConnectionResetError):  # as `_exchange`
+            if content and len(data) + len(content) > _JOINED_BYTES:
+                connection.send(data)
+                connection.send(content)
+            else:
+                connection.send(data + content if content else data)
+        response = _Response(connection.sock, method=method)
+        response.begin()
+        if response.will_close:
+            connection.close()
+        return response
 
     def close(self) -> None:
         """Close all that are not in use."""
@@ -252,6 +277,20 @@ class Connections:
         except OSError as error:
             raise httpx.ConnectError(str(error)) from error
         return connection
+
+
+def _exchange(
+    connection: http.client.HTTPConnection,
+    method: str,
+    target: str,
+    headers: Mapping[str, str],
+    content: bytes | None,
+) -> Any:
+    """The response to a request, by the standard library."""
+    # A service may refuse a long body, and close, before all of it was sent.
+    with suppress(BrokenPipeError, ConnectionResetError):
+        connection.request(method, target, content, headers)
+    return connection.getresponse()
 
 
 def direct(base_url: str, transport: httpx.BaseTransport | None) -> Connections | None:

@@ -23,23 +23,24 @@ class Fields:
     """Headers of a response, in their order."""
 
     def __init__(self) -> None:
-        self._fields: list[tuple[str, str]] = []
+        self._fields: list[tuple[bytes, bytes]] = []
 
     def add(self, name: bytes, value: bytes) -> None:
-        """Add a header."""
-        self._fields.append((name.decode("latin-1").lower(), value.decode("latin-1").strip()))
+        """Add a header, which is decoded when somebody asks for it: most are never asked for."""
+        self._fields.append((name, value))
 
     def get(self, name: str, default: str | None = None) -> str | None:
         """The first value of a header."""
-        sought = name.lower()
+        sought = name.lower().encode("latin-1")
         for known, value in self._fields:
-            if known == sought:
-                return value
+            if len(known) == len(sought) and known.lower() == sought:
+                return value.decode("latin-1").strip()
         return default
 
     def items(self) -> Iterator[tuple[str, str]]:
         """All names, in lower case, and values."""
-        return iter(self._fields)
+        for name, value in self._fields:
+            yield name.decode("latin-1").lower(), value.decode("latin-1").strip()
 
     def __len__(self) -> int:
         return len(self._fields)
