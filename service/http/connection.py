@@ -30,6 +30,8 @@ _REST_TIME = 0.05
 #: What comes while a request waits for its turn or its answer is held up to this, then no more is
 #: read [byte].
 _HELD_BYTES = 64 * 1024
+#: Answers up to this are copied behind their heads; longer ones follow them [byte].
+_JOINED_BYTES = 256 * 1024
 _REASONS = {400: b"Bad Request", 408: b"Request Timeout", 503: b"Service Unavailable"}
 
 
@@ -230,8 +232,11 @@ class Connection(RequestParser):
         # As uvicorn does it when all has been sent.
         active.response_started = active.response_complete = True
         active.message_event.set()
-        self._joined.write(first + head)
-        self._joined.write(content)
+        if len(content) <= _JOINED_BYTES:
+            self._joined.write_whole(first + head + content)
+        else:
+            self._joined.write(first + head)
+            self._joined.write(content)
         active.on_response()
         return True
 

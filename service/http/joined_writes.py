@@ -3,6 +3,8 @@
 import asyncio
 from typing import Any
 
+from service.quick_writer import QuickWriter
+
 #: Writes up to this wait for the next one: heads of answers are shorter [byte].
 _SHORT_BYTES = 2048
 #: Writes up to this are copied behind what waited, longer ones follow it [byte].
@@ -22,6 +24,7 @@ class JoinedWrites(asyncio.Transport):
     def __init__(self, transport: asyncio.Transport) -> None:
         super().__init__()
         self._transport = transport
+        self._writer = QuickWriter(transport)
         self._held = b""
 
     def write(self, data: bytes | bytearray | memoryview) -> None:
@@ -39,7 +42,7 @@ class JoinedWrites(asyncio.Transport):
     def write_whole(self, data: bytes) -> None:
         """Send a whole answer at once: nothing is going to follow it."""
         held, self._held = self._held, b""
-        self._transport.write(held + data if held else data)
+        self._writer.write(held + data if held else data)
 
     def _flush(self) -> None:
         held, self._held = self._held, b""
@@ -49,11 +52,13 @@ class JoinedWrites(asyncio.Transport):
     def close(self) -> None:
         """Send what is left and close."""
         self._flush()
+        self._writer.close()
         self._transport.close()
 
     def abort(self) -> None:
         """Close at once."""
         self._held = b""
+        self._writer.close()
         self._transport.abort()
 
     def is_closing(self) -> bool:
