@@ -4,10 +4,12 @@ import asyncio
 import logging
 from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager
-from typing import TYPE_CHECKING
+from types import SimpleNamespace
+from typing import TYPE_CHECKING, cast
 
 from fastapi import FastAPI
 from starlette.concurrency import run_in_threadpool
+from starlette.datastructures import State
 
 from service.access.authentication import Authenticator
 from service.housekeeping import keep_house
@@ -165,6 +167,8 @@ def create_app(
         telemetry={"tracing": False, "metrics": False, "logs": False, "auto_configure": False},
         generate_unique_id_function=lambda route: route.name,
     )
+    # The framework's looks each value up by a function in Python, twenty times a request.
+    app.state = cast(State, SimpleNamespace())
     app.state.settings = chosen
     app.state.stopping = False
     app.state.defer = defer

@@ -70,6 +70,22 @@ async def _robot_and_scene(
     Raises:
         ProblemError: NOT_FOUND.
     """
+    known = recall(request, robot_name, scene_source)
+    if known is not None:
+        return known
+    scene_name = scene_source if isinstance(scene_source, str) else None
+    repository = repository_of(request)
+    arm, cell = await run_in_threadpool(_look_up, repository, robot_name, scene_name)
+    note_reference(request, arm)
+    if cell is not None:
+        note_reference(request, cell)
+    return arm, cell
+
+
+def recall(
+    request: Request, robot_name: str, scene_source: str | Scene | None
+) -> tuple[Reference, Reference | None] | None:
+    """The robot and the stored scene of a request, if this process remembers both."""
     scene_name = scene_source if isinstance(scene_source, str) else None
     if scene_name is None and is_built_in(robot_name):
         built_in = builtin_reference(robot_name, prepared_folder(request))
@@ -79,8 +95,7 @@ async def _robot_and_scene(
     arm = repository.recall("robot", robot_name)
     cell = None if scene_name is None else repository.recall("scene", scene_name)
     if arm is None or (scene_name is not None and cell is None):
-        arm, cell = await run_in_threadpool(_look_up, repository, robot_name, scene_name)
-    assert arm is not None
+        return None
     note_reference(request, arm)
     if cell is not None:
         note_reference(request, cell)

@@ -1,6 +1,7 @@
 """Keys of prepared robots and scenes, by which requests name them to workers."""
 
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import Literal
 
 Kind = Literal["robot", "scene"]
@@ -29,6 +30,7 @@ class Reference:
         return Reference, (self.kind, self.name, self.hash, self.folder, self.built_in)
 
 
+@lru_cache(64)
 def builtin_reference(name: str, folder: str = "") -> Reference:
     """The reference of a robot that comes with the app."""
     return Reference("robot", name, name, folder, built_in=True)
