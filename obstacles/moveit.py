@@ -1,5 +1,6 @@
 """MoveIt planning scenes: YAML text to a scene."""
 
+import marshal
 from collections.abc import Callable, Iterable, Mapping
 from itertools import combinations
 from typing import NamedTuple
@@ -23,8 +24,8 @@ _IDENTITY, _NO_TURN = frozen(np.eye(4)), [0.0, 0.0, 0.0, 1.0]
 _NUMBERS = {"box": 1, "sphere": 2, "cylinder": 3, "cone": 4}
 _SIZES = {1: 3, 2: 1, 3: 2, 4: 2}
 #: Objects that were read, by all that they say and the transforms beside them. An object of this
-#: length has some ten solids of a kilobyte each [character].
-_KNOWN: dict[str, list[Obstacle]] = {}
+#: length has some ten solids of a kilobyte each [byte].
+_KNOWN: dict[bytes, list[Obstacle]] = {}
 _KNOWN_OBJECTS, _KNOWN_LENGTH = 1024, 4000
 
 
@@ -52,7 +53,7 @@ def scene_from_moveit(text: str | bytes) -> Scene:
     entries = _sequence(
         _mapping(root.get("world") or {}, "world").get("collision_objects"), "world"
     )
-    transforms = repr(root["fixed_frame_transforms"]) if frames else ""
+    transforms = _content(root["fixed_frame_transforms"]) if frames else b""
     for i, entry in enumerate(entries):
         where = f"world.collision_objects[{i}]"
         own = _known_obstacles(_mapping(entry, where), frames, where, transforms)
@@ -137,7 +138,7 @@ def _product(first: Array | None, second: Array | None) -> Array | None:
 
 
 def _known_obstacles(
-    entry: Mapping[str, Node], frames: Mapping[str, _Frame], where: str, transforms: str
+    entry: Mapping[str, Node], frames: Mapping[str, _Frame], where: str, transforms: bytes
 ) -> list[Obstacle]:
     """The obstacles of an object, those of an equal one in an earlier text where there was one.
 
@@ -145,7 +146,7 @@ def _known_obstacles(
     """
     if "meshes" in entry:
         return _obstacles(entry, frames, where)
-    key = repr(entry) + transforms
+    key = _content(entry) + transforms
     known = _KNOWN.get(key)
     if known is None:
         known = _obstacles(entry, frames, where)
@@ -154,6 +155,16 @@ def _known_obstacles(
                 _KNOWN.clear()
             _KNOWN[key] = known
     return known
+
+
+def _content(node: Node) -> bytes:
+    """All that values consist of, as bytes that equal ones have."""
+    # Of this version nothing in it depends on what else refers to a value; `repr` takes thrice as
+    # long, most of it for numbers.
+    try:
+        return marshal.dumps(node, 2)
+    except ValueError:  # a date, say
+        return repr(node).encode("utf-8", "surrogatepass")
 
 
 def _obstacles(

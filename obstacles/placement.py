@@ -9,6 +9,9 @@ from kinematics.errors import InvalidScene
 from kinematics.root_frame import frame_pose
 from obstacles.scene import Obstacle, Scene, meant_in
 
+#: In Python's own numbers: to compare two of numpy's matrices takes ten times as long.
+_IDENTITY = np.eye(4).tolist()
+
 
 def place(scene: Scene, chain: Chain, joints: ArrayLike | None = None) -> Scene:
     """The scene with every obstacle in the root frame of a robot.
@@ -63,7 +66,7 @@ def _frame_pose(scene: Scene, frame: str, chain: Chain, joints: Array | None) ->
     """The pose of a frame in the root frame; None where it is the same."""
     first = next(obstacle.id for obstacle in scene.obstacles if obstacle.frame == frame)
     T = frame_pose(chain, frame, joints, f"frame of obstacle {first!r}")
-    return None if np.array_equal(T, np.eye(4)) else T
+    return None if T.tolist() == _IDENTITY else T
 
 
 def _placed(obstacle: Obstacle, poses: dict[str, Array | None]) -> Obstacle:

@@ -1,5 +1,9 @@
 """MoveIt planning scenes: what is read, and what is refused with its place."""
 
+import copy
+from datetime import date
+from typing import Any
+
 import numpy as np
 import pytest
 
@@ -76,6 +80,24 @@ def test_objects_are_read_anew_where_frames_stand_elsewhere() -> None:
     first, other = scene_from_moveit(SCENE), scene_from_moveit(raised)
     distance = other.obstacle("can").T_world_obstacle - first.obstacle("can").T_world_obstacle
     np.testing.assert_allclose(distance[:3, 3], [0.0, 0.0, 1.0], atol=1e-12)
+
+
+def test_objects_that_differ_by_anything_are_told_apart() -> None:
+    """Values that are equal to Python are not the same: 1, 1.0 and true; a date is none of them."""
+    values: list[Any] = [1, 1.0, True, "1", None, 0.0, -0.0, [1], {"1": 1}, date(2026, 1, 1)]
+    keys = [moveit._content({"id": value}) for value in values]
+    assert len(set(keys)) == len(values)
+    assert keys == [moveit._content(copy.deepcopy({"id": value})) for value in values]
+    a, b = "".join(["na", "me"]), "".join(["n", "ame"])
+    assert moveit._content([a, a, "name"]) == moveit._content(["name", b, a])
+
+
+def test_a_date_in_an_object_is_read_over() -> None:
+    dated = SCENE.replace(
+        "- {id: gone, operation: 1}", "- {id: gone, operation: 1, on: 2026-01-01}"
+    )
+    assert dated != SCENE
+    assert scene_from_moveit(dated).content_hash == scene_from_moveit(SCENE).content_hash
 
 
 def test_what_is_kept_of_objects_is_bounded() -> None:
