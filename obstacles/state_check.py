@@ -71,8 +71,10 @@ def verdict_in(model: ModelArrays, work: Workspace, q: Array, margin: float, ask
     frames_kernel(model.chain, q, work.frames)
     verdict = FREE
     # The body that met something last comes first: where a search is stuck, it is that again.
-    last = int(work.tally[LAST_MET])
-    for turn in range(model.bodies.shape[0]):
+    last, count = int(work.tally[LAST_MET]), model.bodies.shape[0]
+    if last >= count:  # of a model with more bodies, as a workspace may be shared by parts of one
+        last = 0
+    for turn in range(count):
         body = last if turn == 0 else turn - 1 if turn <= last else turn
         found = _around_body(model, work, body, model.margin + margin, asked)
         if found == COLLIDING:

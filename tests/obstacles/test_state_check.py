@@ -12,10 +12,10 @@ from benchmarks.verdict import builtin, clutter, judge, wrong
 from kinematics.robots import builtin_names
 from obstacles.checker import Checker
 from obstacles.edge_check import COLLIDING, FREE
-from obstacles.kernel_work import workspace
+from obstacles.kernel_work import LAST_MET, workspace
 from obstacles.scene import Obstacle, Scene
 from obstacles.shapes import PointCloud, Sphere
-from obstacles.state_check import blocked_at
+from obstacles.state_check import blocked_at, verdict_in
 
 
 @pytest.mark.parametrize("name", builtin_names())
@@ -103,3 +103,22 @@ def test_a_motion_is_blocked_at_the_first_state_looked_at_that_is_not_free(parts
         assert found == (blocked[0] if blocked else -1.0)
         outcomes.add(found)
     assert {-1.0, order[0], order[1]} <= outcomes
+
+
+def test_parts_of_a_model_share_a_workspace() -> None:
+    robot = builtin("panda")
+    random = np.random.default_rng(56)
+    arrays, asked = Checker.of(robot, clutter(random, 0.9)).model.arrays, np.zeros(1, np.int64)
+    count, work, met = len(arrays.bodies), workspace(arrays), set[float]()
+    parts = [
+        arrays._replace(bodies=arrays.bodies[k : k + size], groups=arrays.groups[:0])
+        for size in (count, 1)
+        for k in range(count + 1 - size)
+    ]
+    lower, upper = robot.chain.sampling_bounds()
+    for q in random.uniform(lower, upper, (40, robot.chain.n)):
+        for part in parts:  # whichever body met something last may be one of another part
+            own = verdict_in(part, workspace(arrays), q, 0.0, asked)
+            assert verdict_in(part, work, q, 0.0, asked) == own
+            met.add(work.tally[LAST_MET])
+    assert len(met) > 1
