@@ -20,6 +20,7 @@ BY_NUMBER = {
     "service/http/state.py": "a path",
     "client/armwright_client/call.py": "a path",
     "service/storage/prepared_files.py": "a path",
+    "service/storage/cache_key.py": "a name",
 }
 
 #: Functions that keep all values: of kernels, of files of ours, of functions of the client.

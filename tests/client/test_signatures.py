@@ -82,5 +82,6 @@ def test_the_import_is_quick(tmp_path: Path) -> None:
         "print(time.process_time() - begin)"
     )
     command = [sys.executable, "-c", code]
-    _compiling, seconds = (float(subprocess.check_output(command, env=environment)) for _ in "ab")
-    assert seconds < IMPORT
+    # The first one compiles; of the others the least, which a busy machine disturbs least.
+    seconds = [float(subprocess.check_output(command, env=environment)) for _ in range(4)]
+    assert min(seconds[1:]) < IMPORT
