@@ -101,8 +101,16 @@ def open_leaf(desk: Array, k: int, nodes: Array, node: int) -> None:
 
 
 @kernel(allocates=False)
-def _apart(desk: Array, view: Array, a: Node, b: Node, enough: float) -> float:
-    """A lower bound of the distance of what two boxes hold [m]."""
+def _gap_of_boxes(desk: Array, view: Array, a: Node, b: Node, enough: float) -> float:
+    """How far two boxes are apart at least, and what they hold with them [m].
+
+    Args:
+        desk: The rows of their pieces.
+        view: Of these.
+        a: A box of the first piece.
+        b: One of the second.
+        enough: A bound beyond this will do: no sharper one is looked for [m].
+    """
     gap = gap_along(view, a, b)
     if gap > enough or is_wall(desk):
         return gap
@@ -176,11 +184,11 @@ def surface_distance(  # noqa: C901, PLR0912, PLR0915
         left = (na if side == 0 else nb) + 1
         right = int(nodes[left, SKIP])
         if side == 0:
-            first = _apart(desk, view, box_of(desk, 0, nodes, left), other, limit)
-            second = _apart(desk, view, box_of(desk, 0, nodes, right), other, limit)
+            first = _gap_of_boxes(desk, view, box_of(desk, 0, nodes, left), other, limit)
+            second = _gap_of_boxes(desk, view, box_of(desk, 0, nodes, right), other, limit)
         else:
-            first = _apart(desk, view, one, box_of(desk, 1, nodes, left), limit)
-            second = _apart(desk, view, one, box_of(desk, 1, nodes, right), limit)
+            first = _gap_of_boxes(desk, view, one, box_of(desk, 1, nodes, left), limit)
+            second = _gap_of_boxes(desk, view, one, box_of(desk, 1, nodes, right), limit)
         # The nearer one is looked at first.
         if first <= second:
             left, right, first, second = right, left, second, first
