@@ -64,17 +64,20 @@ def _own_room(robot: RobotGeometry, wanted: float) -> float:
     room = wanted + min(_RESERVE[0] * wanted, _RESERVE[1])
     checker, random = Checker.of(robot, Scene()), np.random.default_rng(0)
     low, high = robot.chain.sampling_bounds()
-    apart: dict[int, float] | None = None
-    for _ in range(_LOOKS):
+
+    def look() -> dict[int, float]:
         pairs, distances, _ = checker.gradient(random.uniform(low, high), room)
-        near = dict(zip(pairs.tolist(), distances.tolist(), strict=True))
-        if apart is None:
-            apart = near
-        apart = {pair: max(d, near[pair]) for pair, d in apart.items() if pair in near}
+        return dict(zip(pairs.tolist(), distances.tolist(), strict=True))
+
+    apart = look()
+    for _ in range(_LOOKS - 1):
         if not apart:
-            return wanted
-    least = min(apart.values()) if apart else room
-    return max(_KEPT * least / (1.0 + _RESERVE[0]), 0.0)
+            break
+        near = look()
+        apart = {pair: max(d, near[pair]) for pair, d in apart.items() if pair in near}
+    if not apart:
+        return wanted
+    return max(_KEPT * min(apart.values()) / (1.0 + _RESERVE[0]), 0.0)
 
 
 class Room(NamedTuple):

@@ -22,7 +22,7 @@ from planning.problem import Problem
 from planning.ready import Ready
 from planning.result import Attempt, Failure
 from planning.retreat import join_ends, retreat
-from planning.room_trials import SHARES, RoomTrials, Trial
+from planning.room_trials import RoomTrials, Trial, leg_states
 from planning.search.clearance import keep_clear
 from planning.search.quickening import MAX_WAYPOINTS, quicken
 from planning.search.shortcut import path_is_free, shortcut, shortcut_unproved
@@ -313,8 +313,7 @@ class PathSearch:
         assert levels is not None
         if found.ends is None or self.options.refine is None:
             return found._replace(levels=levels, checker=levels[-1])
-        legs = zip(found.waypoints[:-1], found.waypoints[1:], strict=True)
-        states = np.concatenate([a + SHARES * (b - a) for a, b in legs])
+        states = leg_states(found.waypoints)
         kept = next((level for level in levels[:-1] if level.all_valid(states)), levels[-1])
         return found._replace(levels=levels, checker=kept)
 

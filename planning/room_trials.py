@@ -22,7 +22,7 @@ _MOST_EDGES, _FEW_EDGES = 2000, 500
 #: Edges where own links are in the way: what finds a path all the same has it after 100 mostly.
 _FEWEST_EDGES = 300
 #: Where states of a straight motion are that are looked at, shape (24, 1).
-SHARES = np.linspace(0.0, 1.0, 24)[:, None]
+_SHARES = np.linspace(0.0, 1.0, 24)[:, None]
 
 
 class Trial(NamedTuple):
@@ -63,7 +63,7 @@ class RoomTrials:
         """
         ready, room = self.ready, next(self._choices)
         self._rooms.append(room)
-        states = ready.start + SHARES * (ready.goals[0] - ready.start)
+        states = leg_states(np.array([ready.start, ready.goals[0]]))
         kept = room.look.each_valid(states)
         if kept.all():
             yield Trial(room, _MOST_EDGES)
@@ -94,5 +94,9 @@ class RoomTrials:
         """Whether own links are nearer than preferred somewhere on a path that is free."""
         least, own = self.levels[-1], self._rooms[0].look.model.own_margin
         apart = Checker(least.model.with_margins(least.model.margin, own), least.slack)
-        legs = itertools.pairwise(path)
-        return not apart.all_valid(np.concatenate([a + SHARES * (b - a) for a, b in legs]))
+        return not apart.all_valid(leg_states(path))
+
+
+def leg_states(path: Array) -> Array:
+    """States of each leg of a path (k, n), its ends among them, shape (24 (k - 1), n)."""
+    return np.concatenate([a + _SHARES * (b - a) for a, b in itertools.pairwise(path)])

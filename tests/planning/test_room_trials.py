@@ -10,7 +10,7 @@ from obstacles.scene import Scene
 from planning.clearance import clearance_levels
 from planning.preferred_clearance import PreferredClearance
 from planning.ready import Ready
-from planning.room_trials import SHARES, RoomTrials
+from planning.room_trials import RoomTrials, leg_states
 from tests.planning.scenes import box, builtin
 from tests.planning.slider import slider
 
@@ -55,7 +55,7 @@ def test_less_is_asked_of_own_links_where_a_path_that_was_found_has_them_near() 
     straight = next(
         (a, b)
         for a, b in itertools.pairwise(states[roomy])
-        if levels[0].each_valid(a + SHARES * (b - a)).all()
+        if levels[0].each_valid(leg_states(np.array([a, b]))).all()
     )
     found = RoomTrials(Ready(straight[0], [straight[1]], (checker,), ()), levels)
     (first,) = found.first()
@@ -75,7 +75,7 @@ def test_where_own_links_are_in_the_way_most_of_the_search_asks_less_of_them() -
     ends = states[Checker(levels[0].model.with_margins(0.025, 0.006)).each_valid(states)]
     told = set[tuple[int, ...]]()
     for start, goal in itertools.pairwise(ends):
-        on_way = start + SHARES * (goal - start)
+        on_way = leg_states(np.array([start, goal]))
         if not checker.each_valid(on_way).all():
             continue
         searches = list(RoomTrials(Ready(start, [goal], (checker,), ()), levels).first())
