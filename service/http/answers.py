@@ -70,7 +70,7 @@ async def _robot_and_scene(
     Raises:
         ProblemError: NOT_FOUND.
     """
-    known = recall(request, robot_name, scene_source)
+    known = _recall(request, robot_name, scene_source)
     if known is not None:
         return known
     scene_name = scene_source if isinstance(scene_source, str) else None
@@ -82,7 +82,7 @@ async def _robot_and_scene(
     return arm, cell
 
 
-def recall(
+def _recall(
     request: Request, robot_name: str, scene_source: str | Scene | None
 ) -> tuple[Reference, Reference | None] | None:
     """The robot and the stored scene of a request, if this process remembers both."""

@@ -6,13 +6,11 @@ from typing import Protocol
 from fastapi import Request
 
 from service.http import answers
-from service.http.compute import compute
 from service.http.glance import Glance
 from service.http.metrics import Metrics
-from service.problem import ProblemError, from_fields
+from service.problem import ProblemError
 from service.schemas.scene import Scene
 from service.task_references import plan
-from service.tasks.result import PlanOutcome, TaskProblem
 
 
 class PlanProblem(Protocol):
@@ -49,7 +47,13 @@ async def plan_answer(
     """
     metrics: Metrics = request.app.state.metrics
     try:
-        outcome = await _outcome(request, body, content)
+        outcome = await answers.answer(
+            request,
+            lambda robot, scene: plan.job(robot, scene, content),
+            body.robot,
+            body.scene,
+            timeout=body.timeout,
+        )
     except ProblemError as problem:
         if isinstance(body, Glance):
             body.check()
@@ -58,25 +62,3 @@ async def plan_answer(
     # Behind the answer: whoever waits for it need not wait for this.
     asyncio.get_running_loop().call_soon(metrics.count_plan, outcome.planner, outcome.stages)
     return outcome.content
-
-
-async def _outcome(request: Request, body: PlanProblem, content: bytes) -> PlanOutcome:
-    """The plan of a problem; where robot and scene are remembered, without a look at the storage.
-
-    Raises:
-        ProblemError: As `answers.answer`.
-    """
-    known = answers.recall(request, body.robot, body.scene)
-    if known is not None:
-        result = await compute(request, plan.job(*known, content), body.timeout)
-        if isinstance(result, PlanOutcome):
-            return result
-        if isinstance(result, TaskProblem):
-            raise from_fields(result.code, result.message, result.hint, result.details)
-    return await answers.answer(
-        request,
-        lambda robot, scene: plan.job(robot, scene, content),
-        body.robot,
-        body.scene,
-        timeout=body.timeout,
-    )
