@@ -1,6 +1,6 @@
 """What a plan costs beyond planning in two states of the code, round by round in turns.
 
-    python benchmarks/overhead_turns.py ../before . [--scenes none moveit] [--rounds 30]
+    python -m benchmarks.overhead_turns ../before . [--scenes none moveit] [--rounds 30]
 
 Each state has a server with one worker and a client of its own, and does a round of
 `benchmarks.overhead` while the others wait: what else the machine does hits all alike. Columns are
@@ -9,9 +9,7 @@ those of that benchmark, as medians over all rounds.
 
 import argparse
 import json
-import os
 import statistics
-import subprocess
 import sys
 import time
 from collections.abc import Callable
@@ -56,28 +54,6 @@ def side(kind: str) -> None:
             print(json.dumps(told), flush=True)
 
 
-def started(folder: Path, kind: str) -> subprocess.Popen[str]:
-    """A state that waits for its first round."""
-    environment = os.environ | {"PYTHONPATH": f"{folder}{os.pathsep}{folder / 'client'}"}
-    process = subprocess.Popen(
-        [sys.executable, "-P", str(Path(__file__).resolve()), "--side", kind],
-        cwd=folder, env=environment, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True,
-    )  # fmt: skip
-    assert process.stdout is not None
-    if process.stdout.readline().strip() != "ready":
-        raise SystemExit(f"{folder} did not start")
-    return process
-
-
-def one_round(process: subprocess.Popen[str]) -> dict[str, Any]:
-    """The times of one round of a state."""
-    assert process.stdin is not None
-    assert process.stdout is not None
-    print("go", file=process.stdin, flush=True)
-    told: dict[str, Any] = json.loads(process.stdout.readline())
-    return told
-
-
 def medians(rows: list[dict[str, Any]]) -> list[float]:
     """The columns of a state [ms]."""
 
@@ -109,17 +85,20 @@ def main() -> None:
     if asked.side is not None:
         side(asked.side)
         return
+    # An older state has no such module: only this one needs it.
+    from benchmarks.turns import State  # noqa: PLC0415
+
     print(f"{'[ms]':36}" + "".join(f"  {name}" for name in _COLUMNS))
     for kind in asked.scenes:
-        sides = [started(folder.resolve(), kind) for folder in asked.folders]
+        sides = [State(folder, __file__, "--side", kind) for folder in asked.folders]
         time.sleep(1.0)
         rows: list[list[dict[str, Any]]] = [[] for _ in sides]
         for number in range(asked.rounds + _FIRST):
             order = list(zip(rows, sides, strict=True))
-            for row, process in order if number % 2 else reversed(order):
-                row.append(one_round(process))
-        for folder, row, process in zip(asked.folders, rows, sides, strict=True):
-            process.communicate()
+            for row, state in order if number % 2 else reversed(order):
+                row.append(state.ask("go"))
+        for folder, row, state in zip(asked.folders, rows, sides, strict=True):
+            state.end()
             told = zip(_COLUMNS, medians(row[_FIRST:]), strict=True)
             columns = "".join(f"{value:{len(name) + 2}.2f}" for name, value in told)
             print(f"{kind:13} {str(folder)[-21:]:22}{columns}", flush=True)

@@ -32,7 +32,7 @@ WITHOUT_MAIN = {
     "__init__", "crowd", "determinism_requests", "example_arms", "fcl_judge", "machines",
     "mbm_ompl", "mbm_problems", "memory", "mesh_scenes", "mesh_ways", "poses", "ratios", "recheck",
     "seam_arms", "seam_peers", "task_check", "task_export", "task_problems", "task_sampling",
-    "triangles",
+    "triangles", "turns",
 }  # fmt: skip
 #: Have tests of their own, with services of their own: tests/service/jobs/test_agent_jobs.py makes
 #: the faults of `agents`, in one process; tests/studio/test_workbench.py runs `studio_arms`, and
@@ -111,6 +111,7 @@ SMALL: Mapping[str, tuple[list[str], Mapping[str, Any]]] = {
     "timing_plans": (["PROBLEMS"], {}),
     "mesh_costs": (["--scenes", "1"], {"STATES": 2}),
     "mesh_descriptions": (["URDF"], {"SCENES": 1, "STATES": 20, "EDGES": 2, "ROUNDS": 1}),
+    "mbm_turns": (["PROBLEMS", "ROOT", "ROOT", "--rounds", "1"], {}),
     "overhead_turns": (["ROOT", "--rounds", "1", "--scenes", "none"], {"_FIRST": 1}),
     "pieces": (["PROBLEMS", "--every", "1", "--kinds", "plain", "line", "seam"], {}),
     "tool_corners": (["--arms", "kr6_sixx", "--paths", "1", "--speeds", "0.1"], {}),
