@@ -108,13 +108,20 @@ def wait_until_ready(client: Client, seconds: float = 300.0) -> None:
             return
 
 
-def start_in_the_shelf(client: Client) -> list[float]:
-    """A free configuration that has the tool in the lower compartment."""
+def start_in_the_shelf(client: Client, robot: Robot) -> list[float]:
+    """The free configuration in the lower compartment whose joints are farthest from limits."""
     answer = client.robots.ik(
         ROBOT, LOWER, scene="shelf", seed_joints=HOME, all_solutions=True, max_solutions=16,
         timeout=30.0,  # the first request to a service that has prepared nothing yet
     )  # fmt: skip
-    return next(list(solution.joints) for solution in answer.solutions if solution.collision_free)
+    free = [solution.joints for solution in answer.solutions if solution.collision_free]
+    lower, upper = np.array(robot.limits.lower), np.array(robot.limits.upper)
+
+    def room(joints: list[float]) -> float:
+        q = np.array(joints)
+        return float((np.minimum(q - lower, upper - q) / (upper - lower)).min())
+
+    return max(free, key=room)
 
 
 def tell(plan: Plan) -> None:
@@ -211,7 +218,7 @@ def main() -> None:
         scene = shelf()
         client.scenes.create(scene)
         robot = client.robots.get(ROBOT)
-        start = start_in_the_shelf(client)
+        start = start_in_the_shelf(client, robot)
         asked = time.monotonic()
         plan = client.plan(
             ROBOT, start, UPPER, scene="shelf", timeout=20.0, timing=Timing(sample_period=0.01)
