@@ -1,5 +1,6 @@
 """A robot as its file describes it: a tree of links and joints, checked but not yet a chain."""
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass, fields
 from types import MappingProxyType
@@ -105,6 +106,8 @@ class Mimic:
 class JointDescription:
     """A connection between two links; a limit that is NaN is not given.
 
+    The lower limit of a description may be above its upper one: then `range` is not known.
+
     Args:
         name: The joint's name.
         type: One of ``JOINT_TYPES``.
@@ -147,6 +150,11 @@ class JointDescription:
     def moves(self) -> bool:
         """Whether the joint has one degree of freedom of its own or by following another."""
         return self.type in ("revolute", "continuous", "prismatic")
+
+    @property
+    def range(self) -> tuple[float, float]:
+        """Lowest and highest position [rad or m]; NaN where they contradict each other."""
+        return (math.nan, math.nan) if self.lower > self.upper else (self.lower, self.upper)
 
 
 @dataclass(frozen=True, slots=True, eq=False)

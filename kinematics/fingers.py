@@ -116,10 +116,11 @@ def _check_range(finger: Finger, leader: str, value: float) -> None:
     at = finger.multiplier * value + finger.offset
     # Followers of a linkage often have limits that are rounded: only the leader's are law.
     own = finger.leader == joint.name
-    if not math.isfinite(at) or (own and (at < joint.lower or at > joint.upper)):
+    lower, upper = joint.range
+    if not math.isfinite(at) or (own and (at < lower or at > upper)):
         raise InvalidOption(
             f"joint {leader!r} is to stand at {value:g}, outside its limits "
-            f"[{joint.lower:g}, {joint.upper:g}]",
+            f"[{lower:g}, {upper:g}]",
             hint="Name a position inside them.",
             joint=leader,
             value=value,

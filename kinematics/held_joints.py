@@ -59,17 +59,18 @@ def _reason_not_lockable(description: RobotDescription, moving: Sequence[str], n
 
 def _position(joint: JointDescription, asked: Mapping[str, float], lint: list[str]) -> float:
     value = asked.get(joint.name)
+    lower, upper = joint.range
     if value is None:
-        if math.isnan(joint.lower):
+        if math.isnan(lower):
             return 0.0
-        nearest = min(max(0.0, joint.lower), joint.upper)
+        nearest = min(max(0.0, lower), upper)
         if nearest != 0.0:
             lint.append(f"joint {joint.name!r} is held at {nearest:g}, its limit nearest to 0")
         return nearest
-    if not math.isfinite(value) or value < joint.lower or value > joint.upper:
+    if not math.isfinite(value) or value < lower or value > upper:
         raise InvalidRobotDescription(
             f"joint {joint.name!r} is to be held at {value:g}, outside its limits "
-            f"[{joint.lower:g}, {joint.upper:g}]",
+            f"[{lower:g}, {upper:g}]",
             joint=joint.name,
             value=value,
         )

@@ -65,7 +65,7 @@ def joint_limit_values(
             _check_override(name, quantity, value)
             for i in numbers:
                 values[quantity][i] = float(value)
-    _check_ranges(names, values)
+    _check_ranges(joints, values)
     values["lower"] = [-math.inf if math.isnan(value) else value for value in values["lower"]]
     values["upper"] = [math.inf if math.isnan(value) else value for value in values["upper"]]
     continuous = [
@@ -77,13 +77,23 @@ def joint_limit_values(
     return Limits(**{q: np.array(v) for q, v in values.items()}), continuous
 
 
-def _check_ranges(names: Sequence[str], values: Mapping[str, Sequence[float]]) -> None:
-    for name, lower, upper in zip(names, values["lower"], values["upper"], strict=True):
-        if lower > upper:
+def _check_ranges(
+    joints: Sequence[JointDescription], values: Mapping[str, Sequence[float]]
+) -> None:
+    for joint, lower, upper in zip(joints, values["lower"], values["upper"], strict=True):
+        if not lower > upper:
+            continue
+        if (lower, upper) == (joint.lower, joint.upper):
             raise InvalidRobotDescription(
-                f"joint_limits puts the lower limit of joint {name!r} above its upper limit",
-                joint=name,
+                f"joint {joint.name!r} has the lower limit {lower:g} above its upper limit "
+                f"{upper:g}",
+                hint="Give lower and upper of this joint in joint_limits, or mend the description.",
+                joint=joint.name,
             )
+        raise InvalidRobotDescription(
+            f"joint_limits puts the lower limit of joint {joint.name!r} above its upper limit",
+            joint=joint.name,
+        )
 
 
 def _check_override(name: str, quantity: str, value: float) -> None:

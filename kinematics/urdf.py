@@ -150,8 +150,10 @@ def _positions(joint: Element, type_: str, where: str, lint: list[str]) -> tuple
     lower = number(limit, "lower", where, default=0.0)
     upper = number(limit, "upper", where, default=0.0)
     if lower > upper:
-        raise InvalidRobotDescription(
-            f"{where} has the lower limit {lower:g} above its upper limit {upper:g}"
+        # Only a joint of the chain needs its range, and that may be given in joint_limits.
+        lint.append(
+            f"{where} has the lower limit {lower:g} above its upper limit {upper:g}: its range is "
+            "not known"
         )
     if lower == upper:
         lint.append(f"{where} can't move: both its limits are {lower:g}")

@@ -118,8 +118,9 @@ def _limit_violation(motion: FingerMotion) -> Violation | None:
         if finger.leader != joint.name:
             continue
         low, high = float(position.minimum[i]), float(position.maximum[i])
-        if low < joint.lower - RATIO_TOLERANCE or high > joint.upper + RATIO_TOLERANCE:
-            time = position.time_of_minimum if low < joint.lower else position.time_of_maximum
+        lower, upper = joint.range
+        if low < lower - RATIO_TOLERANCE or high > upper + RATIO_TOLERANCE:
+            time = position.time_of_minimum if low < lower else position.time_of_maximum
             return _beyond("position", joint.name, float(time[i]), (low, high))
         fastest = float(max(abs(speed.minimum[i]), abs(speed.maximum[i])))
         if fastest > joint.velocity * (1.0 + RATIO_TOLERANCE):

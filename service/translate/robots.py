@@ -304,10 +304,10 @@ def robot_answer(
 
 def _finger_joints(geometry: RobotGeometry) -> dict[str, schema.FingerJoint]:
     """Joints of the gripper that lead, with where the robot holds them."""
-    joints = {item.joint.name: item.joint for item in geometry.fingers.joints}
+    ranges = {item.joint.name: item.joint.range for item in geometry.fingers.joints}
     return {
         name: schema.FingerJoint(
-            position=at, lower=_finite(joints[name].lower), upper=_finite(joints[name].upper)
+            position=at, lower=_finite(ranges[name][0]), upper=_finite(ranges[name][1])
         )
         for name, at in geometry.fingers.positions.items()
     }

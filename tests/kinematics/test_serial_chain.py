@@ -93,6 +93,27 @@ def test_range_left_out_can_be_given() -> None:
     assert chain.limits.upper[0] == 2.0
 
 
+def test_a_range_the_wrong_way_round_is_needed_on_the_chain_only() -> None:
+    """Grippers of vendors have it: myCobot's by a sign of its mimic joints, the Magician's."""
+    swapped = '<limit lower="1" upper="-0.5" velocity="1" effort="1"/>'
+    description = parse_urdf(arm(limit=swapped))
+    with pytest.raises(InvalidRobotDescription, match="'swing' has the lower limit 1") as error:
+        serial_chain(description)
+    assert "joint_limits" in str(error.value.hint)
+    given = {"swing": {"lower": -0.5, "upper": 1.0}}
+    chain = serial_chain(description, joint_limits=given)
+    assert (chain.limits.lower[0], chain.limits.upper[0]) == (-0.5, 1.0)
+
+    finger = (
+        '<link name="jaw"/><joint name="jaw_j" type="prismatic"><parent link="tip"/>'
+        f'<child link="jaw"/>{swapped}</joint>'
+    )
+    description = parse_urdf(arm(more=finger))
+    assert math.isnan(description.joints["jaw_j"].range[0])
+    assert select(description, tip_link="tip").held["jaw_j"] == 0.0
+    assert select(description, tip_link="tip", held={"jaw_j": 0.3}).held["jaw_j"] == 0.3
+
+
 @pytest.mark.parametrize(
     ("limits", "words"),
     [
