@@ -55,6 +55,21 @@ def frame_pose(chain: Chain, frame: str, joints: Array | None, where: str) -> Ar
     )
 
 
+def check_default_frame(chain: Chain, frame: str | None) -> None:
+    """See that the frame of a request is one, though nothing in the request may be meant in it.
+
+    Args:
+        chain: The robot.
+        frame: The frame; None where the request names none. Where the tool is matters only to what
+            is meant there.
+
+    Raises:
+        InvalidLinkName: There is no such frame, or it moves.
+    """
+    if frame is not None and frame != TOOL:
+        frame_pose(chain, frame, None, "frame")
+
+
 def frame_names(chain: Chain) -> list[str]:
     """Frames that a request can name: links that stand still, names of the root, the tool."""
     standing = [link.name for link in chain.links if link.joint < 0]

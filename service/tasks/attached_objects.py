@@ -11,6 +11,7 @@ from kinematics.arrays import Array
 from kinematics.chain import Chain
 from kinematics.errors import InvalidScene
 from kinematics.forward import link_number
+from kinematics.root_frame import check_default_frame
 from obstacles.attachment import Attachment, grasp, hold
 from obstacles.finger_geometry import with_fingers
 from obstacles.robot_geometry import RobotGeometry
@@ -80,6 +81,7 @@ def requested_scene(
         InvalidScene: An inline scene is not valid.
         InvalidLinkName: A frame is unknown, or moves.
     """
+    check_default_frame(chain, body.frame)
     source = None if isinstance(body.scene, str) else body.scene
     frame = None if source is None else body.frame
     return worker_cache.placed_scene(reference or source, frame, chain, joints)

@@ -9,7 +9,7 @@ from pydantic import BaseModel
 from kinematics.arrays import Array
 from kinematics.chain import Chain
 from kinematics.errors import InvalidGoal
-from kinematics.root_frame import frame_pose
+from kinematics.root_frame import check_default_frame, frame_pose
 from service.schemas import constraint as constraints
 from service.schemas.cartesian import RoundedCorner, TimedToolMotion, TimedToolMotions
 from service.schemas.goal import Goal, SingleGoal
@@ -33,9 +33,13 @@ class Frames:
         chain: The robot.
         joints: Where "tool" is meant, shape (n,) [rad or m]; None where nothing says so.
         default: The frame of the request, for all that names none.
+
+    Raises:
+        InvalidLinkName: There is no frame of the name of the default, or it moves.
     """
 
     def __init__(self, chain: Chain, joints: Array | None, default: str | None) -> None:
+        check_default_frame(chain, default)
         self._chain = chain
         self._joints = joints
         self._default = default

@@ -197,6 +197,26 @@ def test_frames_that_move_or_are_missing_are_refused_by_name(
         assert "stand" in refusal["hint"]
 
 
+@pytest.mark.parametrize("frame", ["shelf", "forearm_link"])
+@pytest.mark.parametrize(
+    ("path", "body"),
+    [
+        ("/v1/check", {"joints": Q}),
+        ("/v1/plan", {"start": {"joints": Q}, "goal": {"joints": [0.0, *Q[1:]]}}),
+        ("/v1/validate", {"trajectory": {"segments": [{
+            "t0": 0.0, "t1": 1.0, "coefficients": [[q] for q in Q]}]}}),
+        ("/v1/tours", {"start": {"joints": Q}, "goals": [
+            {"joints": [0.0, *Q[1:]]}, {"joints": [0.1, *Q[1:]]}]}),
+    ],
+)  # fmt: skip
+def test_a_frame_in_which_nothing_is_meant_is_refused_all_the_same(
+    client: httpx.Client, path: str, body: dict[str, Any], frame: str
+) -> None:
+    request = {"robot": "mounted", "frame": frame, **body}
+    refusal = problem(client.post(path, json=request), 422, "INVALID_LINK_NAME")
+    assert repr(frame) in refusal["detail"]
+
+
 def test_plans_constraints_and_proofs(client: httpx.Client, tool: Array) -> None:
     goal = tool @ transform(position=[0.0, 0.05, -0.05])
     region = {"type": "box", "size": [0.4, 0.4, 0.4]}
