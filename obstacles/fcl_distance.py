@@ -325,6 +325,9 @@ class FclWorld:
         rows = self._packed.rows[body].copy()
         rows[:, POSE : POSE + 12] = self._poses[body, :3].reshape(-1, 12)
         rows[:, CENTER : CENTER + 3] = self._centers[body]
+        # A point of a cloud lies off the cloud's frame, and the row of a point is where it is.
+        points = rows[:, KIND] == CoreKind.POINT
+        rows[points, POSE + 3 : POSE + 12 : 4] = self._centers[body][points]
         rows[:, GROUP : GROUP_STOP + 1] -= body.start * (rows[:, GROUP_STOP : GROUP_STOP + 1] > 0)
         return rows, k - body.start
 

@@ -25,6 +25,7 @@ from obstacles.shapes import (
     Convex,
     Cylinder,
     HalfSpace,
+    Mesh,
     PointCloud,
     Shape,
     Sphere,
@@ -139,6 +140,29 @@ def test_balls_and_points_of_clouds_are_as_deep_as_by_the_growing_polytope(kind:
         exact = signed_distance(piece, world._poses[0], ball, world._poses[1])[0]
         # Round solids are found to 1e-4 of their size by the polytope, too shallow by that.
         assert world.between(0, 1) == pytest.approx(exact, abs=2e-4)
+
+
+def test_points_of_clouds_are_where_their_balls_are_beside_triangles() -> None:
+    """A sheet is nothing but triangles: its cover never decides."""
+    random = np.random.default_rng(17)
+    corners = np.array([[0, 0, 0], [0.1, 0, 0], [0.1, 0.1, 0], [0, 0.1, 0], [0.05, 0.05, 0.1]])
+    sheet = alone(Mesh(corners, np.array([[0, 1, 2], [0, 2, 3], [4, 3, 2]])))
+    touching = 0
+    for _ in range(40):
+        T = random_transform(random, 0.05)
+        points, radius = random.normal(0.0, 0.05, (12, 3)), float(random.uniform(0.005, 0.03))
+        places = points @ T[:3, :3].T + T[:3, 3]
+        balls = Scene(tuple(
+            Obstacle(f"{k}", Sphere(radius), transform(np.eye(3), at))
+            for k, at in enumerate(places)
+        ))  # fmt: skip
+        cloud = Scene((Obstacle("cloud", PointCloud(points, radius), T),))
+        expected = FclWorld(sheet, balls).clearance(np.zeros(1)).distance
+        found = FclWorld(sheet, cloud).clearance(np.zeros(1)).distance
+        assert (found > 0.0) == (expected > 0.0)
+        assert max(found, 0.0) == pytest.approx(max(expected, 0.0), abs=1e-9)
+        touching += found <= 0.0
+    assert 8 < touching < 32
 
 
 def test_the_halfspace_is_exact() -> None:
