@@ -13,6 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 from kinematics.arrays import Array, frozen
 from kinematics.errors import InvalidScene
 from obstacles.collada import paint_parts, triangles
+from obstacles.wavefront import plain_obj
 
 #: What is read, by file extension. No archives (a small one can unpack to gigabytes), nothing
 #: that fetches other files.
@@ -115,6 +116,7 @@ def _read(data: bytes, kind: str) -> tuple[Array, Faces]:
         mesh.merge_vertices()
     else:
         text, rest = _text_and_rest(data, kind)
+        text = plain_obj(text) if kind == "obj" else text
         mesh = trimesh.load_scene(
             io.BytesIO(_in_utf8(text) + rest), file_type=kind, process=False, allow_remote=False
         ).to_mesh()
