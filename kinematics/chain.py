@@ -74,12 +74,21 @@ class Limits:
         if missing:
             raise MissingLimit(
                 f"no {quantity} limit is known for joint(s) {', '.join(missing)}",
-                hint=f'Give it when the robot is created: "joint_limits": '
-                f'{{"{missing[0]}": {{"{quantity}": ...}}}}.',
+                hint=_limit_hint(quantity, missing[0]),
                 quantity=quantity,
                 joints=missing,
             )
         return values
+
+
+def _limit_hint(quantity: str, joint: str) -> str:
+    """How a limit that is missing is given; no rule makes a velocity."""
+    rule = {"acceleration": "10 x velocity", "jerk": "10 x acceleration"}.get(quantity)
+    hint = (
+        "Give it when the robot is created, or change the robot: "
+        f'"joint_limits": {{"{joint}": {{"{quantity}": ...}}}}, with "*" for all joints'
+    )
+    return hint + (f', or "default_limits": {{"{quantity}": "{rule}"}}.' if rule else ".")
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -124,6 +124,7 @@ class JointDescription:
         damping: Viscous friction [N m s/rad or N s/m].
         friction: Dry (Coulomb) friction [N m or N].
         mimic: The joint it follows, if it follows one.
+        soft_range: Where its safety controller lets it be [rad or m], if it says so.
     """
 
     name: str
@@ -141,6 +142,7 @@ class JointDescription:
     damping: float = 0.0
     friction: float = 0.0
     mimic: Mimic | None = None
+    soft_range: tuple[float, float] | None = None
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "T_parent_joint", frozen(self.T_parent_joint))

@@ -119,8 +119,7 @@ def _check_range(finger: Finger, leader: str, value: float) -> None:
     lower, upper = joint.range
     if not math.isfinite(at) or (own and (at < lower or at > upper)):
         raise InvalidOption(
-            f"joint {leader!r} is to stand at {value:g}, outside its limits "
-            f"[{lower:g}, {upper:g}]",
+            f"joint {leader!r} is to stand at {value:g}, outside its limits [{lower:g}, {upper:g}]",
             hint="Name a position inside them.",
             joint=leader,
             value=value,

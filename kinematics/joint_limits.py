@@ -77,6 +77,33 @@ def joint_limit_values(
     return Limits(**{q: np.array(v) for q, v in values.items()}), continuous
 
 
+def soft_limit_notes(
+    joints: Sequence[JointDescription], limits: Limits, names: Sequence[str]
+) -> list[str]:
+    """A note where safety controllers keep joints to less than the limits of a chain.
+
+    MoveIt plans within such soft limits, and a controller that has them stops an arm there.
+
+    Args:
+        joints: All of the tree.
+        limits: Of the chain.
+        names: Of the chain's joints.
+    """
+    soft = {joint.name: joint.soft_range for joint in joints if joint.soft_range is not None}
+    told = [
+        f"{name} [{soft[name][0]:.6g}, {soft[name][1]:.6g}]"
+        for name, lower, upper in zip(names, limits.lower, limits.upper, strict=True)
+        if name in soft and (soft[name][0] > lower or soft[name][1] < upper)
+    ]
+    if not told:
+        return []
+    note = (
+        f"the description has soft limits inside the limits of {', '.join(told)}: plans do not "
+        "keep to them, give them in joint_limits (lower, upper) if the controller does"
+    )
+    return [note]
+
+
 def _check_ranges(
     joints: Sequence[JointDescription], values: Mapping[str, Sequence[float]]
 ) -> None:

@@ -105,6 +105,7 @@ def _joint(element: Element, lint: list[str]) -> JointDescription:
         damping=_not_negative(dynamics, "damping", where),
         friction=_not_negative(dynamics, "friction", where),
         mimic=_mimic(element, where),
+        soft_range=_soft_range(element, where) if moves else None,
         **limits,
     )
 
@@ -158,6 +159,16 @@ def _positions(joint: Element, type_: str, where: str, lint: list[str]) -> tuple
     if lower == upper:
         lint.append(f"{where} can't move: both its limits are {lower:g}")
     return lower, upper
+
+
+def _soft_range(joint: Element, where: str) -> tuple[float, float] | None:
+    element = single(joint, "safety_controller", where)
+    sides = ("soft_lower_limit", "soft_upper_limit")
+    if element is None or any(element.get(side) is None for side in sides):
+        return None
+    lower, upper = (number(element, side, where) for side in sides)
+    # Both 0 is what exporters write who know no such limits.
+    return (lower, upper) if lower < upper else None
 
 
 def _limit(limit: Element | None, quantity: str, where: str, lint: list[str]) -> float:

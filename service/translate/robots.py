@@ -18,7 +18,7 @@ from kinematics.dh_table import DhRow, DhTable
 from kinematics.errors import InvalidRobotDescription, InvalidScene
 from kinematics.fingers import fingers
 from kinematics.ik.structure import classify_wrist
-from kinematics.joint_limits import ALL_JOINTS
+from kinematics.joint_limits import ALL_JOINTS, soft_limit_notes
 from kinematics.mesh_uri import resolve_mesh
 from kinematics.named_states import named_states
 from kinematics.robots import builtin_srdf, builtin_urdf
@@ -83,7 +83,9 @@ def _from_urdf(body: schema.RobotBody) -> tuple[RobotGeometry, list[str]]:
         dataclasses.replace(chain, name=body.name), body.default_limits
     )
     chain = with_robot_motors(chain, body)
-    lint += [*more, *root_notes(chain)]
+    joints = tuple(description.joints.values())
+    soft = soft_limit_notes(joints, chain.limits, chain.joint_names)
+    lint += [*more, *soft, *root_notes(chain)]
     files = {uri: base64.b64decode(text) for uri, text in (body.meshes or {}).items()}
     geometry = robot_geometry(chain, description, partial(resolve_mesh, uploaded=files), semantics)
     geometry = dataclasses.replace(geometry, fingers=fingers(description, chosen, semantics))

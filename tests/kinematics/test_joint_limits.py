@@ -13,6 +13,7 @@ from kinematics.joint_limits import (
     limits_of_chain,
     moveit_joint_limits,
     parse_rule,
+    soft_limit_notes,
 )
 from kinematics.serial_chain import serial_chain
 from kinematics.urdf import parse_urdf
@@ -43,6 +44,27 @@ def test_one_value_for_all_joints_gives_way_to_named_ones() -> None:
     np.testing.assert_array_equal(limits.acceleration, [5, 5, 7])
     np.testing.assert_array_equal(limits.jerk, [50, 50, 50])
     np.testing.assert_array_equal(limits.velocity, [1.5, 2, math.nan])
+
+
+@pytest.mark.parametrize(
+    ("soft", "given", "told"),
+    [
+        ('soft_lower_limit="-1.5" soft_upper_limit="2.6"', {}, True),
+        ('soft_lower_limit="-1.5" soft_upper_limit="2.6"', {"lower": -1.5}, False),
+        ('soft_lower_limit="-2" soft_upper_limit="2.5"', {}, False),
+        ('k_velocity="10"', {}, False),
+        ('soft_lower_limit="0" soft_upper_limit="0"', {}, False),
+    ],
+)
+def test_soft_limits_that_are_narrower_are_told(
+    soft: str, given: dict[str, float], told: bool
+) -> None:
+    limit = '<limit lower="-2" upper="2.5"'
+    assert TREE.count(limit) == 1
+    tree = parse_urdf(TREE.replace(limit, f"<safety_controller {soft}/>{limit}"))
+    chain = serial_chain(tree, tip_link="hand", joint_limits={"elbow": given})
+    notes = soft_limit_notes(tuple(tree.joints.values()), chain.limits, chain.joint_names)
+    assert [("elbow [-1.5, 2.6]" in note) for note in notes] == [True] * told
 
 
 def test_moveit_file() -> None:
