@@ -1,5 +1,6 @@
 """Compression of answers for clients that accept it."""
 
+import re
 from collections.abc import Collection
 
 from starlette.middleware.gzip import GZipMiddleware
@@ -8,6 +9,8 @@ from starlette.types import Message, Receive, Scope, Send
 #: Status of parts of an answer, which are never compressed.
 _PARTIAL = 206
 _ACCEPT = b"accept-encoding"
+#: The quality of what is not accepted.
+_REFUSED = re.compile(rb"q=0(\.0{0,3})?")
 
 
 class Compression(GZipMiddleware):
@@ -59,7 +62,18 @@ def _is_among(content_type: str, excluded: Collection[str]) -> bool:
 
 def accepts_gzip(scope: Scope) -> bool:
     """Whether the client of a request accepts answers that are compressed."""
-    return any(name == _ACCEPT and b"gzip" in value for name, value in scope["headers"])
+    return any(name == _ACCEPT and _takes_gzip(value) for name, value in scope["headers"])
+
+
+def _takes_gzip(accepted: bytes) -> bool:
+    """Whether a field Accept-Encoding names gzip, and not with the quality 0."""
+    if b"gzip" not in accepted:
+        return False
+    for choice in accepted.split(b","):
+        name, *parameters = choice.replace(b" ", b"").lower().split(b";")
+        if name == b"gzip":
+            return not any(_REFUSED.fullmatch(parameter) for parameter in parameters)
+    return False
 
 
 def _add_vary(message: Message) -> None:

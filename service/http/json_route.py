@@ -177,6 +177,7 @@ class JsonRoute(APIRoute):
             strict = JsonRequest(request, model)
             if takes_json and await strict.body():
                 require_json(field(strict.scope, b"content-type"))
+                require_plain(field(strict.scope, b"content-encoding"))
             if not _is_deferred(strict, self.always_deferred):
                 return await answer_once(strict, handle_json)
             defer: Deferral = request.app.state.defer
@@ -206,6 +207,23 @@ def require_json(content_type: str | None) -> None:
             f"this endpoint takes JSON, not {media_type or 'a body without a content type'}",
             stage="request",
             hint="Send the header Content-Type: application/json.",
+        )
+
+
+def require_plain(content_encoding: str | None) -> None:
+    """Check a Content-Encoding header: bodies are taken as they are.
+
+    Raises:
+        ProblemError: UNSUPPORTED_MEDIA_TYPE, the body is compressed.
+    """
+    encoding = (content_encoding or "identity").strip().lower()
+    if encoding != "identity":
+        raise ProblemError(
+            "UNSUPPORTED_MEDIA_TYPE",
+            f"bodies that are encoded ({encoding[:40]}) are not taken",
+            stage="request",
+            hint="Send the JSON as it is, without Content-Encoding; answers are compressed "
+            "for Accept-Encoding: gzip.",
         )
 
 

@@ -10,7 +10,7 @@ from starlette.datastructures import FormData, UploadFile
 from kinematics.robot_names import builtin_names
 from service.http import answers
 from service.http.idempotency import kept_answer, note_kept
-from service.http.json_route import JsonRequest, JsonRoute, require_json
+from service.http.json_route import JsonRequest, JsonRoute, require_json, require_plain
 from service.http.openapi import RESPONSES
 from service.http.state import documents_of, prepared_folder
 from service.problem import ProblemError
@@ -244,6 +244,7 @@ async def delete_robot(name: str, request: Request) -> None:
 async def _from_json(request: Request, content_type: str) -> tuple[bytes, bytes, str]:
     if await request.body():
         require_json(content_type)
+        require_plain(request.headers.get("content-encoding"))
     assert isinstance(request, JsonRequest)
     body = await request.read(RobotBody)
     await _check_name(request, body.name)

@@ -1,5 +1,6 @@
 """Request bodies: JSON, sizes, content types and junk."""
 
+import gzip
 import json
 import random
 import socket
@@ -103,6 +104,16 @@ def test_a_name_twice_in_an_object_is_refused(client: httpx.Client) -> None:
 def test_other_content_types(client: httpx.Client, media_type: str) -> None:
     response = client.post("/v1/scenes", content=b"{}", headers={"Content-Type": media_type})
     problem(response, 415, "UNSUPPORTED_MEDIA_TYPE")
+
+
+@pytest.mark.parametrize("path", ["/v1/scenes", "/v1/robots"])
+def test_encoded_bodies_are_refused_as_such(client: httpx.Client, path: str) -> None:
+    headers = {"Content-Type": "application/json", "Content-Encoding": "gzip"}
+    response = client.post(path, content=gzip.compress(b"{}"), headers=headers)
+    document = problem(response, 415, "UNSUPPORTED_MEDIA_TYPE")
+    assert "gzip" in document["detail"]
+    plain = headers | {"Content-Encoding": "identity"}
+    problem(client.post(path, content=b"{}", headers=plain), 422, "VALIDATION_ERROR")
 
 
 def test_json_with_a_charset_is_json(client: httpx.Client) -> None:

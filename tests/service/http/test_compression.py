@@ -17,7 +17,7 @@ from starlette.middleware.gzip import GZipMiddleware
 
 from armwright_client import Client
 from service.http import middleware
-from service.http.compression import Compression
+from service.http.compression import Compression, accepts_gzip
 from service.http.metrics import Metrics
 from service.settings import Settings
 from tests.service.planning import BODY
@@ -90,6 +90,17 @@ def test_large_answers_are_compressed_beside_the_event_loop(
     assert len(answered.content) == size
     assert threads
     assert (threads != loops) is elsewhere
+
+
+@pytest.mark.parametrize(
+    ("accepted", "taken"),
+    [
+        (b"gzip", True), (b"br, gzip;q=0.5", True), (b"gzip;q=0.001", True), (b"", False),
+        (b"gzip;q=0", False), (b"identity, gzip ; q=0.000", False), (b"xgzip", False),
+    ],
+)  # fmt: skip
+def test_a_quality_of_zero_refuses_it(accepted: bytes, taken: bool) -> None:
+    assert accepts_gzip({"headers": [(b"accept-encoding", accepted)]}) is taken
 
 
 def test_short_answers_stay_as_they_are(client: httpx.Client) -> None:
