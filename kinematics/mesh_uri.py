@@ -6,6 +6,11 @@ from urllib.parse import unquote
 from kinematics.errors import InvalidRobotDescription
 
 _PACKAGE = "package://"
+#: What xacro writes for ``file://$(find package)``, and Gazebo's models: the path says which
+#: package is meant somewhere in its middle.
+_ELSEWHERE = ("file://", "model://")
+#: Shortest end of such a path that names a file: fewer folders say too little.
+_LEAST_WORDS = 3
 
 
 def resolve_mesh(uri: str, uploaded: Mapping[str, bytes]) -> bytes:
@@ -13,10 +18,11 @@ def resolve_mesh(uri: str, uploaded: Mapping[str, bytes]) -> bytes:
 
     Never touches files or the network. Tried in turn: the very same key; the path after
     ``package://``; the path after the package's name; the one uploaded key that ends with that
-    path or that the path ends with.
+    path or that the path ends with. Of ``file://`` and ``model://``, which say where the file was
+    on another machine, the longest end of two folders at least that an uploaded key ends with.
 
     Args:
-        uri: As written in the description, ``package://...`` or relative.
+        uri: As written in the description, ``package://...``, ``file://...`` or relative.
         uploaded: Bytes by the name they were uploaded under.
 
     Raises:
@@ -35,6 +41,12 @@ def resolve_mesh(uri: str, uploaded: Mapping[str, bytes]) -> bytes:
     for name in names:
         if name in by_path:
             return uploaded[_single_match(uri, by_path[name], uploaded)]
+    if uri.startswith(_ELSEWHERE):
+        words = path.split("/")
+        for start in range(1, len(words) - _LEAST_WORDS + 1):
+            keys = _longer("/".join(words[start:]), by_path)
+            if keys:
+                return uploaded[_single_match(uri, keys, uploaded)]
     return uploaded[_single_match(uri, _by_end(names[-1], by_path), uploaded)]
 
 
@@ -43,13 +55,18 @@ def _by_end(path: str, by_path: Mapping[str, list[str]]) -> list[str]:
 
     Not the keys that merely end alike: visual/a.obj must never stand in for collision/a.obj.
     """
-    longer = [
-        key for other, keys in by_path.items() if ("/" + other).endswith("/" + path) for key in keys
-    ]
+    longer = _longer(path, by_path)
     if longer:
         return longer
     shorter = [other for other in by_path if other and ("/" + path).endswith("/" + other)]
     return by_path[max(shorter, key=len)] if shorter else []
+
+
+def _longer(path: str, by_path: Mapping[str, list[str]]) -> list[str]:
+    """The keys whose path ends with ``path``."""
+    return [
+        key for other, keys in by_path.items() if ("/" + other).endswith("/" + path) for key in keys
+    ]
 
 
 def _single_match(uri: str, keys: list[str], uploaded: Mapping[str, bytes]) -> str:
@@ -64,7 +81,7 @@ def _single_match(uri: str, keys: list[str], uploaded: Mapping[str, bytes]) -> s
         )
     raise InvalidRobotDescription(
         f"mesh {uri!r} was not uploaded; uploaded: {listed}",
-        hint="Send it in `meshes` under this URI, or in the archive beside the description.",
+        hint="Send it with the upload: in `meshes` under this URI, or beside it in the archive.",
         uri=uri,
     )
 
@@ -75,15 +92,18 @@ def _path(uri: str, what: str) -> str:
     Raises:
         InvalidRobotDescription: It has another scheme, is absolute or leads out of its folder.
     """
-    text = uri.removeprefix(_PACKAGE)
-    if text != uri:  # three slashes are a common slip, and name the same file
+    scheme = next((known for known in (_PACKAGE, *_ELSEWHERE) if uri.startswith(known)), "")
+    text = uri.removeprefix(scheme)
+    if scheme:  # three slashes are a common slip, and name the same file
         text = text.lstrip("/")
     # Percent signs are worked out for the check only: "%2e%2e" must not get past it.
     for form in (text, unquote(text)):
         if "\0" in form or "\\" in form or ":" in form or form.startswith(("/", "~")):
             raise InvalidRobotDescription(
-                f"the {what} {uri!r} is not allowed: only package:// and relative ones are",
-                hint="Nothing is read from the server's files or the network; upload the mesh.",
+                f"the {what} {uri!r} is not allowed: only package://, file://, model:// and "
+                "relative ones are",
+                hint="Nothing is read from the server's files or the network: meshes are looked "
+                "up among what is uploaded.",
                 uri=uri,
             )
         if _normalize(form) is None:

@@ -67,7 +67,9 @@ def kept_meshes(urdf: str, meshes: Mapping[str, bytes], colliding: set[str]) -> 
         meshes: Bytes by their path in the archive.
         colliding: File names, without folders, of meshes that links collide with.
     """
-    kept = {name for name in meshes if _file(name) in colliding}
+    # A name that differs in case alone is no match, but the one to tell of.
+    folded = {name.lower() for name in colliding}
+    kept = {name for name in meshes if _file(name).lower() in folded}
     seen = _visual_files(read_visuals(urdf))
     left = MAX_VISUAL_BYTES
     for name in sorted(meshes, key=lambda item: (len(meshes[item]), item)):

@@ -139,6 +139,23 @@ def test_archive_with_several_descriptions(client: httpx.Client) -> None:
     assert "'c.urdf'" in refusal["detail"]
 
 
+def test_archive_of_a_description_expanded_on_another_machine(client: httpx.Client) -> None:
+    """As ``file:///$(find package)`` of xArm's and Doosan's descriptions for ROS 2 comes out."""
+    uri = "file:///opt/ros/jazzy/share/bench_description/meshes/collision/box.obj"
+    files = {"main/bench_description/urdf/bench.urdf": urdf(uri), "main/readme.md": "x",
+             "main/bench_description/meshes/collision/box.obj": BOX_OBJ,
+             "main/bench_description/meshes/visual/box.obj": "v 0 0 0"}  # fmt: skip
+    upload = {"file": ("expanded.zip", archive(files))}
+    answer(client.post("/v1/robots", files=upload, data={"name": "expanded"}), 201)
+    files["main/bench_description/urdf/bench.urdf"] = urdf(uri.replace("box.obj", "Box.OBJ"))
+    upload = {"file": ("expanded.zip", archive(files))}
+    refusal = problem(
+        client.post("/v1/robots", files=upload, data={"name": "other_case"}),
+        422, "INVALID_ROBOT_DESCRIPTION",
+    )  # fmt: skip
+    assert "uploaded: 'main/bench_description/meshes/collision/box.obj'" in refusal["detail"]
+
+
 @pytest.mark.parametrize(
     ("changes", "code", "words"),
     [
