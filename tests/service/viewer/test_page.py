@@ -1,6 +1,7 @@
 """Pages of kept plans in a real browser, from disk: they draw, move, and ask no host."""
 
 import base64
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -25,6 +26,14 @@ from tests.service.robots import (
     urdf,
 )
 from tests.service.viewer.pages import colours, document, fetch, show, wait
+
+
+@pytest.fixture(autouse=True)
+def _no_page_stays(browser: Browser) -> Iterator[None]:
+    """Close what a test has opened: each page is a process that goes on."""
+    yield
+    for context in browser.contexts:
+        context.close()
 
 
 def test_a_motion_is_drawn_played_and_scrubbed(
