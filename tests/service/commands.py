@@ -7,9 +7,11 @@ import sys
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
+from typing import Any
 
 import httpx
 
+from tests.service.loaded_fork_server import start_command
 from tests.service.processes import wait_until
 
 ROOT = Path(__file__).parents[2]
@@ -23,17 +25,28 @@ def serve(
     warm: bool = True,
     environment: Mapping[str, str] = {},
     under: Sequence[str] = (),
+    loads: bool = False,
 ) -> Iterator[tuple[subprocess.Popen[str], httpx.Client]]:
-    """Run the command, if need be under another one, and give the process with a client, once it is
-    ready."""
-    process = subprocess.Popen(
-        [*under, *COMMAND, "serve", "--port", "0", "--data-dir", str(data)],
-        cwd=ROOT,
-        env=os.environ | {"ARMWRIGHT_WORKERS": "2"} | dict(environment),
-        stdout=subprocess.PIPE,
-        stderr=subprocess.PIPE,
-        text=True,
-    )
+    """Run the command; gives the process with a client, once it is ready.
+
+    Args:
+        data: Folder of its database.
+        warm: Whether it is ready only when its workers are.
+        environment: More variables.
+        under: A command that runs it, with arguments.
+        loads: Whether its fork server is its child, and loads by itself.
+    """
+    arguments = ["serve", "--port", "0", "--data-dir", str(data)]
+    options: Any = {
+        "env": os.environ | {"ARMWRIGHT_WORKERS": "2"} | dict(environment),
+        "stdout": subprocess.PIPE,
+        "stderr": subprocess.PIPE,
+    }
+    if loads:
+        command = [*under, *COMMAND, *arguments]
+        process = subprocess.Popen(command, cwd=ROOT, text=True, **options)
+    else:
+        process = start_command(arguments, under, **options)
     try:
         assert process.stdout is not None
         said = process.stdout.readline()

@@ -3,7 +3,6 @@
 import contextlib
 import io
 import subprocess
-import sys
 import time
 from collections.abc import Callable, Iterator
 from functools import partial
@@ -16,6 +15,7 @@ from service.app import create_app
 from service.cli import main
 from service.settings import Settings
 from tests.service.commands import COMMAND, ROOT
+from tests.service.loaded_fork_server import start_command
 from tests.service.processes import wait_until
 from tests.service.robots import DETOUR, HOME, answer, bench, problem
 from tests.service.server import serving
@@ -226,10 +226,9 @@ def test_with_a_key_or_when_told_it_listens_beyond_this_machine(
         command(tmp_path, "create", "--name", "x")
     options = [] if with_key else ["--insecure"]
     arguments = ["serve", "--host", "0.0.0.0", "--port", "0", "--data-dir", str(tmp_path)]
-    process = subprocess.Popen(
-        [sys.executable, "-m", "service.cli", *arguments, *options],
-        cwd=ROOT, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True,
-    )  # fmt: skip
+    process = start_command(
+        [*arguments, *options], stdout=subprocess.PIPE, stderr=subprocess.DEVNULL
+    )
     assert process.stdout is not None
     assert "serves on http://0.0.0.0:" in process.stdout.readline()
     process.kill()

@@ -2,7 +2,6 @@
 
 import json
 import subprocess
-import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -10,6 +9,7 @@ from typing import Any
 
 import httpx
 
+from tests.service.loaded_fork_server import start_command
 from tests.service.processes import wait_until
 from tests.service.robots import (
     DETOUR,
@@ -96,13 +96,8 @@ def batch(client: httpx.Client, body: Any, seconds: float = 60.0) -> dict[str, A
 @contextmanager
 def started(data: Path) -> Iterator[tuple[subprocess.Popen[str], httpx.Client]]:
     """The service as people start it, a process of its own."""
-    command = [sys.executable, "-m", "service.cli", "serve", "--port", "0", "--workers", "1"]
-    with subprocess.Popen(
-        [*command, "--data-dir", str(data), "--log-level", "error"],
-        stdout=subprocess.PIPE,
-        cwd=Path(__file__).parents[3],
-        text=True,
-    ) as process:
+    command = ["serve", "--port", "0", "--workers", "1", "--log-level", "error"]
+    with start_command([*command, "--data-dir", str(data)], stdout=subprocess.PIPE) as process:
         try:
             assert process.stdout is not None
             url = process.stdout.readline().split()[-1]
