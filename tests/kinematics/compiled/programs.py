@@ -1,29 +1,15 @@
 """Programs that are run in processes of their own."""
 
-import os
-import subprocess
-import sys
 from pathlib import Path
 
-ROOT = Path(__file__).parents[3]
+from tests.kinematics.compiled.forked import run
 
 
 def python(program: str, folder: Path, **environment: str) -> str:
     """What a program prints in a new process."""
-    answer = subprocess.run(
-        [sys.executable, "-c", program],
-        capture_output=True,
-        check=False,
-        text=True,
-        env={
-            **os.environ,
-            "PYTHONPATH": f"{ROOT}{os.pathsep}{folder}",
-            "NUMBA_CACHE_DIR": str(folder / "cache"),
-            **environment,
-        },
-    )
-    assert answer.returncode == 0, answer.stderr
-    return answer.stdout
+    answer = run(program, folder, {"NUMBA_CACHE_DIR": str(folder / "cache"), **environment})
+    assert answer.code == 0, answer.errors
+    return answer.out
 
 
 BIG = """

@@ -8,6 +8,8 @@ from pathlib import Path
 
 import pytest
 
+from tests.kinematics.compiled.forked import run
+
 ROOT = Path(__file__).parents[3]
 
 #: A chain of large kernels, each calling the one before, and a small one that is copied.
@@ -94,19 +96,11 @@ print(chain.top(np.arange(3.0)))
 """
 
 
-def environment(folder: Path, cache: str, **more: str) -> dict[str, str]:
-    path = f"{ROOT}{os.pathsep}{folder}"
-    return {**os.environ, "PYTHONPATH": path, "NUMBA_CACHE_DIR": str(folder / cache), **more}
-
-
 def python(program: str, folder: Path, cache: str = "cache", **more: str) -> str:
     """What a program prints in a new process."""
-    answer = subprocess.run(
-        [sys.executable, "-c", program], cwd=folder, capture_output=True, check=False, text=True,
-        env=environment(folder, cache, **more),
-    )  # fmt: skip
-    assert answer.returncode == 0, answer.stderr
-    return answer.stdout
+    answer = run(program, folder, {"NUMBA_CACHE_DIR": str(folder / cache), **more})
+    assert answer.code == 0, answer.errors
+    return answer.out
 
 
 @pytest.fixture(scope="module")
@@ -166,7 +160,11 @@ def test_a_run_that_was_killed_goes_on_where_it_stopped(listed: tuple[Path, str]
     folder, _ = listed
     process = subprocess.Popen(
         [sys.executable, "-c", BUILD], cwd=folder, stdout=subprocess.PIPE, text=True,
-        env=environment(folder, "killed"),
+        env=os.environ
+        | {
+            "PYTHONPATH": f"{ROOT}{os.pathsep}{folder}",
+            "NUMBA_CACHE_DIR": str(folder / "killed"),
+        },
     )  # fmt: skip
     assert process.stdout is not None
     while not process.stdout.readline().startswith("2 "):
@@ -218,11 +216,8 @@ def test_a_kernel_that_is_missing_is_named_where_compiling_is_forbidden(
     listed: tuple[Path, str], tmp_path: Path
 ) -> None:
     folder, _ = listed
-    answer = subprocess.run(
-        [sys.executable, "-c", CALL], cwd=folder, capture_output=True, check=False, text=True,
-        env=environment(tmp_path, "cache", ARMWRIGHT_KERNELS_FROZEN="1")
-        | {"PYTHONPATH": f"{ROOT}{os.pathsep}{folder}"},
-    )  # fmt: skip
-    assert answer.returncode == 1
-    assert "KernelMissing: chain.top was not compiled for (array(float64, 1d, C))" in answer.stderr
+    variables = {"NUMBA_CACHE_DIR": str(tmp_path / "cache"), "ARMWRIGHT_KERNELS_FROZEN": "1"}
+    answer = run(CALL, folder, variables)
+    assert answer.code == 1
+    assert "KernelMissing: chain.top was not compiled for (array(float64, 1d, C))" in answer.errors
     assert not (tmp_path / "cache").exists()
