@@ -78,12 +78,13 @@ class FclWorld:
         self._pieces: dict[int, Piece] = dict(enumerate(robot.pieces))
         self._solids: dict[int, FclSolid] = {}
         self._stale = np.ones(len(self._arrays), dtype=np.bool_)
+        self._distances: dict[tuple[int, int], float] = {}
 
     @cached_property
     def pairs(self) -> NDArray[np.int64]:
         """All pairs that must stay apart: pieces of the robot first, shape (k, 2)."""
-        rows = [np.column_stack([np.full(len(k), i), k]) for i, k in self._partners()]
-        return np.vstack([np.zeros((0, 2), dtype=np.int64), *rows])
+        first, starts, second = self._partners
+        return np.column_stack([np.repeat(first, np.diff(starts)), second])
 
     @cached_property
     def margins(self) -> Array:
@@ -93,22 +94,28 @@ class FclWorld:
         margins[k >= 0] = self._own_margins[k[k >= 0]]
         return margins
 
-    def _partners(self) -> list[tuple[int, NDArray[np.int64]]]:
-        """The pieces that each piece of the robot must avoid, obstacles before its own links."""
+    @cached_property
+    def _partners(self) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.int64]]:
+        """The pieces that pieces of the robot must avoid, obstacles before its own links.
+
+        Returns:
+            Pieces of the robot, shape (m,); where the partners of each begin, and where the last
+            ones end, shape (m + 1,); partners, shape (k,).
+        """
         robot, scene, p = self.robot, self.scene, len(self.robot.pieces)
-        obstacles = []
+        partners = []
         for i in np.flatnonzero(robot.joints >= 0):
             forbidden = [not scene.allows(robot.links[i], name) for name in self._ids]
-            obstacles.append((int(i), p + np.flatnonzero(np.array(forbidden)[self._owners])))
+            partners.append((int(i), p + np.flatnonzero(np.array(forbidden)[self._owners])))
         links: dict[int, list[int]] = {}
         for i, j in robot.self_pairs:
             if not scene.allows(robot.links[i], robot.links[j]):
                 links.setdefault(int(i), []).append(int(j))
-        return obstacles + [(i, np.array(others)) for i, others in links.items()]
-
-    @cached_property
-    def _known_partners(self) -> list[tuple[int, NDArray[np.int64]]]:
-        return self._partners()
+        partners += [(i, np.array(others)) for i, others in links.items()]
+        first = np.array([i for i, _ in partners], dtype=np.int64)
+        starts = np.cumsum([0, *(len(others) for _, others in partners)])
+        none = np.zeros(0, dtype=np.int64)
+        return first, starts, np.concatenate([none, *(others for _, others in partners)])
 
     def _name(self, k: int) -> str:
         p = len(self.robot.pieces)
@@ -143,6 +150,7 @@ class FclWorld:
         centers = self._arrays.centers[:p, :, None]
         self._centers[:p] = (carriers[:, :3, :3] @ centers)[..., 0] + carriers[:, :3, 3]
         self._stale[:p] = True
+        self._distances.clear()
 
     def ball_bounds(self, i: int | NDArray[np.int64], j: NDArray[np.int64]) -> Array:
         """Lower bounds of the distances of pieces i from pieces j, by bounding balls.
@@ -157,27 +165,26 @@ class FclWorld:
         i = np.broadcast_to(i, j.shape)
         radii = self._arrays.radii
         bounds = np.linalg.norm(self._centers[i] - self._centers[j], axis=1) - radii[i] - radii[j]
-        for row in np.flatnonzero(self._arrays.kinds[j] == PieceKind.HALFSPACE):
-            T = self._poses[j[row]]
-            bounds[row] = float(T[:3, 2] @ (self._centers[i[row]] - T[:3, 3])) - radii[i[row]]
+        rows = np.flatnonzero(self._arrays.kinds[j] == PieceKind.HALFSPACE)
+        T = self._poses[j[rows]]
+        heights = np.einsum("ki,ki->k", T[:, :3, 2], self._centers[i[rows]] - T[:, :3, 3])
+        bounds[rows] = heights - radii[i[rows]]
         return np.asarray(bounds)
 
     def _near(self, reach: float) -> list[tuple[float, int, int, float]]:
         """Pairs that may be nearer than ``reach``: bound, both, margin; the nearest first."""
-        near = []
-        for i, partners in self._known_partners:
-            others = np.empty_like(partners)
-            count = _reachable(
-                self._centers, self._arrays.radii, self._every_margin, i, partners, reach, others
-            )
-            others = others[:count]
-            margins = self._every_margin[others]
-            bounds = self.ball_bounds(i, others) - margins
-            near += [
-                (float(bounds[k]), i, int(others[k]), float(margins[k]))
-                for k in np.flatnonzero(bounds <= reach)
-            ]
-        return sorted(near)
+        first, starts, second = self._partners
+        pairs = np.empty((len(second), 2), dtype=np.int64)
+        count = _reachable(
+            self._centers, self._arrays.radii, self._every_margin, first, starts, second, reach,
+            pairs,
+        )  # fmt: skip
+        i, j = pairs[:count].T
+        margins = self._every_margin[j]
+        bounds = self.ball_bounds(i, j) - margins
+        near = bounds <= reach
+        columns = bounds[near], i[near], j[near], margins[near]
+        return sorted(zip(*(column.tolist() for column in columns), strict=True))
 
     def distance(self, pair: int) -> float:
         """Distance of a pair of pieces where they are now, its margin taken off [m].
@@ -221,7 +228,10 @@ class FclWorld:
         return NearestPoints(distance, names, between(self._current(i), self._current(j)))
 
     def _closest(self) -> tuple[float, tuple[int, int]]:
-        """The smallest distance where the robot is now [m], and its pair, (-1, -1) without one."""
+        """The smallest distance where the robot is now [m], and its pair, (-1, -1) without one.
+
+        Where bodies touch, any distance that says so.
+        """
         best, closest, reach = np.inf, (-1, -1), _NEAR
         while closest[0] < 0 and reach < np.inf:
             reach = reach * 10.0 if reach < _FAR else np.inf
@@ -231,6 +241,8 @@ class FclWorld:
                 distance = self.between(i, j) - margin
                 if distance < best:
                     best, closest = distance, (i, j)
+                    if best <= 0.0:  # the deepest is looked for where bodies touch
+                        return best, closest
             if best > reach:
                 closest, best = (-1, -1), np.inf
         return best, closest
@@ -284,6 +296,12 @@ class FclWorld:
         The robot's pieces come first, then those of the obstacles in their order. Where covers of
         meshes are asked about, the distance of what they cover, 0 or below where that touches.
         """
+        known = self._distances.get((i, j))
+        if known is None:
+            known = self._distances[i, j] = self._compute_between(i, j)
+        return known
+
+    def _compute_between(self, i: int, j: int) -> float:
         distance = self._between_cores(i, j)
         if not self._is_mesh(i, j):
             return distance
@@ -375,22 +393,24 @@ class FclWorld:
 
 @kernel
 def _reachable(
-    centers: Array, radii: Array, margins: Array, i: int, partners: Indices, reach: float,
-    others: Indices,
+    centers: Array, radii: Array, margins: Array, first: Indices, starts: Indices, second: Indices,
+    reach: float, pairs: Indices,
 ) -> int:  # fmt: skip
-    """Write the partners whose ball may be nearer to that of i than ``reach`` and their margin.
+    """Write the pairs whose balls may be nearer to each other than ``reach`` and the margin.
 
     Returns:
-        How many were written to ``others``.
+        How many were written to ``pairs``.
     """
     count = 0
-    for j in partners:
-        x, y = centers[i, 0] - centers[j, 0], centers[i, 1] - centers[j, 1]
-        z = centers[i, 2] - centers[j, 2]
-        # Enlarged by its rounding errors: the bound itself decides. Half-spaces have no ball and
-        # are all taken.
-        limit = (radii[i] + radii[j] + margins[j] + reach) * (1.0 + 1e-9) + 1e-12
-        if not x * x + y * y + z * z > limit * limit:
-            others[count] = j
-            count += 1
+    for k in range(len(first)):
+        i = first[k]
+        for j in second[starts[k] : starts[k + 1]]:
+            x, y = centers[i, 0] - centers[j, 0], centers[i, 1] - centers[j, 1]
+            z = centers[i, 2] - centers[j, 2]
+            # Enlarged by its rounding errors: the bound itself decides. Half-spaces have no ball
+            # and are all taken.
+            limit = (radii[i] + radii[j] + margins[j] + reach) * (1.0 + 1e-9) + 1e-12
+            if not x * x + y * y + z * z > limit * limit:
+                pairs[count, 0], pairs[count, 1] = i, j
+                count += 1
     return count

@@ -136,27 +136,53 @@ def signed_distance(a: Piece, T_a: Array, b: Piece, T_b: Array) -> tuple[float, 
         T_b: Its frame in the same frame, shape (4, 4).
     """
     T_a, T_b = np.ascontiguousarray(T_a), np.ascontiguousarray(T_b)
-    points = np.array([support(a, T_a, n) - support(b, T_b, -n) for n in _FIRST])
+    polytope = _Polytope(np.array([support(a, T_a, n) - support(b, T_b, -n) for n in _FIRST]))
     lower, upper = -np.inf, np.inf
     for _ in range(_MAX_SUPPORTS):
-        hull = _hull(points)
-        upper, directions = _towards(hull)
+        upper, directions = _towards(polytope.hull)
         found = [support(a, T_a, n) - support(b, T_b, -n) for n in directions]
         values = [-float(n @ w) for n, w in zip(directions, found, strict=True)]
         lower = max([lower, *values])
         if upper - lower <= _GAP:
             break
-        points = np.vstack([hull.vertices, found])
+        polytope.add(np.array(found))
     rounding = a.offset_radius + b.offset_radius
     # What rounding errors left crossed is one value.
     return min(lower, upper) - rounding, upper - rounding
 
 
-def _hull(points: Array) -> Hull:
-    try:
-        return _planes_only(ConvexHull(points))
-    except QhullError:
-        return convex_hull(points)
+class _Polytope:
+    """A hull that grows by points; Qhull goes on with what it has, where the hull is solid.
+
+    Attributes:
+        hull: of all points so far.
+
+    Args:
+        points: The first ones, shape (k, 3).
+    """
+
+    def __init__(self, points: Array) -> None:
+        self._grown: ConvexHull | None = None
+        self.hull = self._begin(points)
+
+    def _begin(self, points: Array) -> Hull:
+        try:
+            self._grown = ConvexHull(points, incremental=True)
+        except QhullError:
+            self._grown = None
+            return convex_hull(points)
+        return _planes_only(self._grown)
+
+    def add(self, points: Array) -> None:
+        """Grow by points, shape (k, 3)."""
+        if self._grown is not None:
+            try:
+                self._grown.add_points(points)
+                self.hull = _planes_only(self._grown)
+                return
+            except QhullError:
+                pass  # what rounding errors have spoiled is built anew
+        self.hull = self._begin(np.vstack([self.hull.vertices, points]))
 
 
 def _planes_only(hull: ConvexHull) -> Hull:
