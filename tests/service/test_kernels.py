@@ -1,6 +1,5 @@
 """The list of kernels that requests reach, and their compilation."""
 
-import os
 import subprocess
 import sys
 from pathlib import Path
@@ -92,7 +91,9 @@ def test_every_kernel_that_the_service_imports_is_reached_from_the_list() -> Non
     assert set(ran.stdout.split()) == UNREACHED
 
 
-def test_the_demonstration_needs_the_first_kernels_alone(tmp_path: Path) -> None:
+def test_the_demonstration_needs_the_first_kernels_alone(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
     entries, _ = kernel_list.read(kernels.LIST)
     first = kernel_list.needed_by(kernels.first_names(), entries)
     assert kernels.first_names() == {entry.name for entry in first if entry.door}
@@ -108,21 +109,15 @@ def test_the_demonstration_needs_the_first_kernels_alone(tmp_path: Path) -> None
             assert code is not None
             # Some that only kernels call have types without a notation, and are on no list.
             pending += code.needs
-    environment = os.environ | {
-        "NUMBA_CACHE_DIR": str(tmp_path),
-        "ARMWRIGHT_KERNELS": str(tmp_path),
-        "ARMWRIGHT_KERNELS_FROZEN": "1",
-    }
-    warm = [sys.executable, "-m", "service.cli", "warm", "--first"]
-    ran = subprocess.run(
-        warm, cwd=ROOT, env=environment, capture_output=True, check=True, text=True
-    )
-    assert ran.stdout.startswith(f"{len(first)} kernels are there, 0 of them compiled now\n")
-    assert "more, which other requests need" in ran.stdout
+    monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path))
+    monkeypatch.setenv("ARMWRIGHT_KERNELS", str(tmp_path))
+    monkeypatch.setenv("ARMWRIGHT_KERNELS_FROZEN", "1")
+    assert main(["warm", "--first"]) == 0
+    told = capsys.readouterr().out
+    assert told.startswith(f"{len(first)} kernels are there, 0 of them compiled now\n")
+    assert "more, which other requests need" in told
     demo = [sys.executable, "examples/demo.py", "--output", str(tmp_path / "out")]
-    ran = subprocess.run(
-        demo, cwd=ROOT, env=environment, capture_output=True, check=False, text=True
-    )
+    ran = subprocess.run(demo, cwd=ROOT, capture_output=True, check=False, text=True)
     # It fails where a kernel is missing: `python scripts/kernel_list.py --first` writes the names.
     assert ran.returncode == 0, ran.stderr[-3000:]
     assert "Verified: True" in ran.stdout
