@@ -78,9 +78,10 @@ if TYPE_CHECKING:
     from planning.result import Failure, Plan
     from planning.retime import Retimed
     from planning.seam_options import SeamOptions, SeamWaypoint, StraightOffset
+    from planning.sequence.options import TaskOptions
     from planning.sequence.region import grasp_region, place_region
     from planning.sequence.result import SequenceFailure, SequencePlan, StagePlan
-    from planning.sequence.search import TaskOptions, plan_task
+    from planning.sequence.search import plan_task
     from planning.sequence.stage import (
         Attach,
         Detach,
@@ -187,7 +188,7 @@ _MODULES = {
     "StraightOffset": "planning.seam_options",
     "SweptVolume": "planning.exports.swept_volume",
     "Task": "planning.sequence.task",
-    "TaskOptions": "planning.sequence.search",
+    "TaskOptions": "planning.sequence.options",
     "TimingOptions": "planning.timing.options",
     "Tolerance": "planning.reach.tolerance",
     "ToolSpeedConstraint": "planning.constraints.limit",

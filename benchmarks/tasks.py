@@ -22,8 +22,9 @@ from benchmarks.task_check import DenseCheck
 from benchmarks.task_export import export
 from benchmarks.task_problems import KINDS, Arm, TaskProblem, arm, hand_mesh, problems
 from benchmarks.task_sampling import SampledTask
+from planning.sequence.options import TaskOptions
 from planning.sequence.result import SequenceFailure, SequencePlan
-from planning.sequence.search import TaskOptions, plan_task
+from planning.sequence.search import plan_task
 from planning.sequence.task import Task
 
 #: Longest time for one task, and processor time for a witness of one grasp and one place [s].

@@ -5,6 +5,9 @@ from math import isfinite
 
 from kinematics.errors import InvalidOption
 
+#: Where times are added up, time counts at least this share of the largest of the other weights.
+_LEAST_SHARE = 0.05
+
 
 @dataclass(frozen=True, slots=True)
 class GoalCosts:
@@ -35,3 +38,12 @@ class GoalCosts:
                 raise InvalidOption(
                     f"goal_costs.{item.name} is {value}", hint="Weights are finite, 0 or more."
                 )
+
+
+def time_weight(costs: GoalCosts) -> float:
+    """Weight of motion time by which the others become seconds [1/s]; 1 where all weights are 0.
+
+    It is at least a twentieth of the largest of the others: searches are led by least times.
+    """
+    largest = max(getattr(costs, item.name) for item in fields(costs))
+    return max(costs.motion_time, _LEAST_SHARE * largest) or 1.0

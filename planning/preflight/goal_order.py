@@ -20,7 +20,7 @@ MAX_LONGER = 1.2
 #: Share of a joint's range from a limit beyond which the limit costs nothing [-].
 _FAR_FROM_LIMIT = 0.15
 #: Clearance beyond which clearance costs nothing [m].
-_FAR_FROM_OBSTACLES = 0.05
+FAR_FROM_OBSTACLES = 0.05
 #: Configurations that cost at most this many times the least count as equally good.
 _ALIKE = 1.25
 #: Configurations at most that plans of their own are made to.
@@ -55,12 +55,10 @@ def order_goals(
     """
     joints = np.array(goals)
     times, shares = motion_times(chain, start, joints), limit_shares(chain, joints)
-    skills = _manipulabilities(chain, joints)
-    lack = 1.0 - skills / max(float(skills.max()), np.finfo(float).tiny)
     total = (
         motion_costs(chain, start, joints, costs)
-        + costs.manipulability * lack
-        + costs.clearance * np.clip(1.0 - np.array(clearances) / _FAR_FROM_OBSTACLES, 0.0, 1.0)
+        + costs.manipulability * manipulability_lacks(chain, joints)
+        + costs.clearance * clearance_lacks(np.array(clearances))
     )
     inside = shares >= NEAR_LIMIT
     quickest = float(times[inside].min()) if inside.any() else np.inf
@@ -107,12 +105,27 @@ def motion_costs(chain: Chain, start: Array, goals: Array, costs: GoalCosts) -> 
 
     The costs that need no look at the robot's place.
     """
-    turns = np.abs(goals - start)[:, chain.joint_types == JointType.REVOLUTE] > np.pi
     return np.asarray(
         costs.motion_time * motion_times(chain, start, goals)
-        + costs.joint_limits * np.clip(1.0 - limit_shares(chain, goals) / _FAR_FROM_LIMIT, 0.0, 1.0)
-        + costs.turns * turns.sum(axis=1)
+        + costs.joint_limits * limit_nearness(chain, goals)
+        + costs.turns * turn_counts(chain, start, goals)
     )
+
+
+def limit_nearness(chain: Chain, joints: Array) -> Array:
+    """Nearness of configurations (k, n) to a joint limit: 1 at it, 0 from 15 % of the range."""
+    return np.asarray(np.clip(1.0 - limit_shares(chain, joints) / _FAR_FROM_LIMIT, 0.0, 1.0))
+
+
+def turn_counts(chain: Chain, start: Array, goals: Array) -> Array:
+    """Joints that turn by more than half a turn on the way to configurations (k, n), shape (k,)."""
+    revolute = chain.joint_types == JointType.REVOLUTE
+    return np.asarray((np.abs(goals - start)[:, revolute] > np.pi).sum(axis=1))
+
+
+def clearance_lacks(clearances: Array) -> Array:
+    """Nearness of obstacles at clearances (k,) [m]: 1 in contact, 0 from 5 cm."""
+    return np.asarray(np.clip(1.0 - clearances / FAR_FROM_OBSTACLES, 0.0, 1.0))
 
 
 def motion_times(
@@ -150,6 +163,12 @@ def limit_shares(chain: Chain, joints: Array) -> Array:
     return np.asarray(gap.min(axis=1, initial=0.5))
 
 
-def _manipulabilities(chain: Chain, joints: Array) -> Array:
-    jacobians = np.array([geometric(chain, q) for q in joints])
-    return np.asarray(np.linalg.svd(jacobians, compute_uv=False).prod(axis=1))
+def manipulability_lacks(chain: Chain, joints: Array) -> Array:
+    """Lack of manipulability of configurations (k, n): 1 at a singularity, 0 at the best of them.
+
+    The manipulability is the product of the singular values of the Jacobian.
+    """
+    J = geometric(chain, joints)
+    gram = J @ J.swapaxes(1, 2) if chain.n >= len(J[0]) else J.swapaxes(1, 2) @ J
+    skills = np.sqrt(np.maximum(np.linalg.det(gram), 0.0))
+    return np.asarray(1.0 - skills / max(float(skills.max(initial=0.0)), np.finfo(float).tiny))

@@ -128,8 +128,8 @@ def _pose_goal(
         return Refusal("NO_IK_SOLUTION", partial(unreachable_failure, chain, found.search))
     at_limit = limit_shares(chain, found.joints) < NEAR_LIMIT
     valid = [
-        *_free_configurations(checker, found.joints[~at_limit], _MOST_INSIDE),
-        *_free_configurations(checker, found.joints[at_limit], _MOST_AT_LIMIT),
+        *free_configurations(checker, found.joints[~at_limit], _MOST_INSIDE),
+        *free_configurations(checker, found.joints[at_limit], _MOST_AT_LIMIT),
     ]
     if valid:
         return [*valid, *_turned_copies(chain, start, valid, costs)]
@@ -140,7 +140,25 @@ def _pose_goal(
     return _collision_refusal(problem, closest[best], pair, clearance)
 
 
-def _free_configurations(checker: Checker, joints: Array, most: int) -> list[Candidate]:
+def configurations_off_limits(
+    chain: Chain, checker: Checker, T: Array, start: Array, seed: int, costs: GoalCosts
+) -> list[Array]:
+    """Free configurations of a pose away from joint limits, as plans find them, the cheapest first.
+
+    Args:
+        chain: The robot.
+        checker: Of the exact robot in the scene with its margins.
+        T: T_base_tip, shape (4, 4).
+        start: Where the motion begins, shape (n,) [rad or m].
+        seed: Of inverse kinematics.
+        costs: By which they are sorted.
+    """
+    found = pose_configurations(chain, T, start, numeric.SearchOptions(seed=seed), costs).joints
+    inside = found[limit_shares(chain, found) >= NEAR_LIMIT]
+    return [free.joints for free in free_configurations(checker, inside, _MOST_INSIDE)]
+
+
+def free_configurations(checker: Checker, joints: Array, most: int) -> list[Candidate]:
     """The first free ones of configurations (k, n) that are apart from each other."""
     chosen: list[Candidate] = []
     left = joints[:_MAX_LOOKS]

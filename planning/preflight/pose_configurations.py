@@ -69,11 +69,11 @@ def pose_configurations(
         found = search.solutions
         if found and chain.n > _POSE_NUMBERS:
             # Solutions lie anywhere along the arm's own motions, often where these meet a limit.
-            inner = _with_inner_limits(chain)
+            inner = with_inner_limits(chain)
             found += numeric.solve(inner, T, how, seed_joints=start, solutions=_INSIDE).solutions
         joints = np.array([s.joints for s in found]).reshape(-1, chain.n)
     nearest = _nearest_turns(chain, joints, start)
-    joints = _distinct([nearest, _inner_turns(chain, nearest)])
+    joints = _distinct([nearest, inner_turns(chain, nearest)])
     joints = joints[np.argsort(motion_costs(chain, start, joints, costs), kind="stable")]
     return PoseConfigurations(joints, search)
 
@@ -102,7 +102,7 @@ def turned_copies(chain: Chain, joints: Array, start: Array) -> tuple[Array, Ind
     return np.concatenate(copies), np.concatenate(origins)
 
 
-def _with_inner_limits(chain: Chain) -> Chain:
+def with_inner_limits(chain: Chain) -> Chain:
     """The robot with limits where its joints count as at one."""
     known: Chain | None = chain.memo.get("away_from_limits")
     if known is None:
@@ -138,7 +138,7 @@ def _nearest_turns(chain: Chain, joints: Array, start: Array) -> Array:
     return np.where(_several_turns(chain), joints + _TURN * turns, joints)
 
 
-def _inner_turns(chain: Chain, joints: Array) -> Array:
+def inner_turns(chain: Chain, joints: Array) -> Array:
     """Copies of those (k, n) that a whole turn of joints takes away from limits, shape (m, n)."""
     lower, upper = chain.limits.lower, chain.limits.upper
     near = np.where(np.isfinite(upper - lower), NEAR_LIMIT * (upper - lower), 0.0)

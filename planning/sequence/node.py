@@ -1,13 +1,17 @@
 """Nodes of the search: the choices made so far, with the steps they lead to."""
 
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from heapq import heappop, heappush
+from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from kinematics.arrays import Array
 from planning.deadline import Deadline
 from planning.options import Options
+from planning.preflight.goal_order import MAX_LONGER
 from planning.sequence.estimate import travel_times
 from planning.sequence.motion import LineStopped, lead_straight
 from planning.sequence.stage import (
@@ -32,6 +36,38 @@ _TARGET_PENALTY = 1.0
 _NODE_PENALTY = 1.0
 
 
+class Child(NamedTuple):
+    """A configuration of a node's next target.
+
+    Args:
+        estimate: Least time of the motion there with what the configuration costs [s].
+        number: Of the child among all of its node.
+        target: The alternative that it is of.
+        joints: Shape (n,).
+        cost: Of the configuration by itself, as seconds.
+        appraised: Whether costs that need a look at its surroundings are among that.
+    """
+
+    estimate: float
+    number: int
+    target: Target
+    joints: Array
+    cost: float = 0.0
+    appraised: bool = False
+
+
+class OwnCosts(NamedTuple):
+    """Costs of configurations, whatever comes before and after.
+
+    Args:
+        seconds: As seconds of motion, shape (k,).
+        at_limit: Whether each of them, of a pose, is at a joint limit, shape (k,).
+    """
+
+    seconds: Array
+    at_limit: NDArray[np.bool_]
+
+
 @dataclass(slots=True, eq=False)
 class Node:
     """Choices of the targets up to one segment.
@@ -54,6 +90,9 @@ class Node:
         batches: How many batches of the next targets were looked at.
         expanded: Whether its onward steps and children are known.
         dead: Whether nothing under it can be done.
+        cost: Of the configuration that was chosen, as seconds.
+        at_limit: Whether the arm rests at a joint limit where the choice has it rest: at the
+            target, where its approach begins, or where straight motions after it end.
     """
 
     parent: "Node | None"
@@ -66,13 +105,15 @@ class Node:
     onward: list[Step] = field(default_factory=list)
     onward_world: World | None = None
     onward_joints: Array | None = None
-    children: list[tuple[float, int, Target, Array]] = field(default_factory=list)
+    children: list[Child] = field(default_factory=list)
     penalties: dict[int, float] = field(default_factory=dict)
     failures: int = 0
     attempts: int = 0
     batches: int = 0
     expanded: bool = False
     dead: bool = False
+    cost: float = 0.0
+    at_limit: bool = False
 
     @property
     def path(self) -> "list[Node]":
@@ -105,44 +146,84 @@ class Node:
         return sum(step.least_time for step in self.all_steps)
 
     @property
+    def weight(self) -> float:
+        """Times by which motions beside it count as longer: a limit is worth a fifth more time."""
+        return MAX_LONGER if self.at_limit else 1.0
+
+    @property
+    def value(self) -> float:
+        """Least time of the steps so far with what the configurations cost, as seconds."""
+        total, before = 0.0, 1.0
+        for node in self.path:
+            total += before * node.weight * sum(step.least_time for step in node.steps)
+            total += node.weight * sum(step.least_time for step in node.onward) + node.cost
+            before = node.weight
+        return total
+
+    @property
     def penalty(self) -> float:
         """Seconds by which it counts as longer for what failed under it."""
         return _NODE_PENALTY * sum(node.failures for node in self.path)
 
     def add_children(
-        self, targets: tuple[Target, ...], joints: Array, limit: int, options: Options
+        self,
+        targets: tuple[Target, ...],
+        joints: Array,
+        limit: int,
+        options: Options,
+        costs: OwnCosts | None = None,
     ) -> None:
-        """Add configurations of the next target, the quickest to reach first.
+        """Add configurations of the next target, those first that cost the least.
 
         Args:
             targets: Of each configuration; length k.
             joints: Shape (k, n).
             limit: Most configurations of one target that are kept.
             options: Of the free motion there.
+            costs: Of each configuration beside the time to it; none where None.
         """
         if not len(joints):
             return
         assert self.onward_joints is not None
         times = travel_times(self.world.robot.chain, self.onward_joints, joints, options)
+        own = np.zeros(len(joints))
+        if costs is not None:
+            own = costs.seconds
+            times = self.weight * np.where(costs.at_limit, MAX_LONGER, 1.0) * times + own
         counts: dict[int, int] = {}
         for k in np.argsort(times, kind="stable"):
             index = targets[k].number
             counts[index] = counts.get(index, 0) + 1
             if counts[index] <= limit:
-                heappush(
-                    self.children, (float(times[k]), len(self.children), targets[k], joints[k])
-                )
+                number = len(self.children)
+                child = Child(float(times[k]), number, targets[k], joints[k], float(own[k]))
+                heappush(self.children, child)
 
-    def next_child(self) -> tuple[float, Target, Array] | None:
-        """Take the configuration of the next target that promises the most; None where all are."""
+    def next_child(self, appraise: Callable[[Child], float] | None = None) -> Child | None:
+        """Take the configuration of the next target that promises the most; None where all are.
+
+        Args:
+            appraise: What a configuration costs where it is, as seconds; asked of the most
+                promising ones alone.
+        """
         while self.children:
-            time, number, target, joints = heappop(self.children)
-            late = self.penalties.get(target.number, 0.0)
-            if not late or not self.children or time + late <= self.children[0][0]:
-                return time, target, joints
+            child = heappop(self.children)
+            if appraise is not None and not child.appraised:
+                more = appraise(child)
+                child = child._replace(
+                    estimate=child.estimate + more, cost=child.cost + more, appraised=True
+                )
+                if self.children and child.estimate > self.children[0].estimate:
+                    heappush(self.children, child)
+                    continue
+            late = self.penalties.get(child.target.number, 0.0)
+            if not late or not self.children:
+                return child
+            if child.estimate + late <= self.children[0].estimate:
+                return child
             # Others are more promising by now; the penalty counts once.
-            self.penalties[target.number] = 0.0
-            heappush(self.children, (time + late, number, target, joints))
+            self.penalties[child.target.number] = 0.0
+            heappush(self.children, child._replace(estimate=child.estimate + late))
         return None
 
     def blame(self, target: Target | None) -> None:

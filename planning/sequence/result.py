@@ -1,10 +1,12 @@
 """Results of a task: a certified plan of every stage, or why there is none, and what was tried."""
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Any
 
 from kinematics.arrays import Array
 from kinematics.trajectory import Trajectory
+from planning.chosen_configuration import ChosenConfiguration
 from planning.finger_motion import FingerMotion
 from planning.proof.certificate import Certificate
 from planning.result import Plan
@@ -29,6 +31,7 @@ class StagePlan:
         milliseconds: Time spent on it [ms].
         fingers: Motion of the gripper in it; None where its fingers stand still.
         passes: Whether the arm passes its end without resting, as the next stage goes on.
+        configuration: The configuration that was chosen at its end, of a stage with a pose.
     """
 
     index: int
@@ -43,6 +46,12 @@ class StagePlan:
     milliseconds: float
     fingers: FingerMotion | None = None
     passes: bool = False
+    configuration: ChosenConfiguration | None = None
+
+
+def total_duration(stages: Iterable[StagePlan]) -> float:
+    """Time of stages one after another [s]."""
+    return sum(stage.trajectory.duration for stage in stages)
 
 
 @dataclass(frozen=True, slots=True)
@@ -88,7 +97,7 @@ class SequencePlan:
         duration: Of all of them [s].
         trials: The alternatives that were looked at.
         improvements: Certified answers in the order they were found, the last one is answered.
-        exhausted: Whether every combination was tried or can't be shorter by its estimate.
+        exhausted: Whether every combination was tried or can't be better by its estimate.
         complete: Whether these are all stages; not where only the first ones could be done.
         failure: Why the later stages could not be done; None where all are.
         deterministic: Whether the same task gives the same answer again: time ended no search.

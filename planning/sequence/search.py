@@ -9,8 +9,7 @@ what can't be shorter by the least times of its motions.
 """
 
 import time
-from collections.abc import Callable
-from dataclasses import dataclass, field
+from functools import partial
 from heapq import heapify, heappop, heappush
 from itertools import count
 from typing import NamedTuple
@@ -18,17 +17,28 @@ from typing import NamedTuple
 from kinematics.arrays import Array
 from planning.deadline import Deadline
 from planning.result import Failure
-from planning.sequence.motion import LineStopped
+from planning.sequence.configuration_costs import ConfigurationCosts, rests_at_limit
+from planning.sequence.configuration_report import with_configurations
+from planning.sequence.failure import describe_stop, search_failure
 from planning.sequence.node import (
+    Child,
     Node,
     child_node,
     next_place,
     onward_steps,
     target_world,
 )
+from planning.sequence.off_limits import OffLimits
+from planning.sequence.options import TaskOptions
 from planning.sequence.passing import pass_ends
-from planning.sequence.record import Record, hint_of
-from planning.sequence.result import Improvement, SequenceFailure, SequencePlan, StagePlan
+from planning.sequence.record import Record
+from planning.sequence.result import (
+    Improvement,
+    SequenceFailure,
+    SequencePlan,
+    StagePlan,
+    total_duration,
+)
 from planning.sequence.stage import Grasp, describe_stage
 from planning.sequence.step import Step, plan_step
 from planning.sequence.target import Target
@@ -54,29 +64,13 @@ _SEARCH_SHARE = 0.8
 _MAX_CONFIGURATIONS = 24
 
 
-@dataclass(frozen=True, slots=True)
-class TaskOptions:
-    """Options of the search.
-
-    Args:
-        timeout: Seconds for everything.
-        improve: Seconds to look for a shorter answer after the first one.
-        allow_partial: Whether the first stages are an answer where not all can be done.
-        observer: Called with the share of the work that is done, from 0 to 1, and the stage.
-    """
-
-    timeout: float = 5.0
-    improve: float = 0.0
-    allow_partial: bool = False
-    observer: Callable[[float, str], None] | None = field(default=None, repr=False, compare=False)
-
-
 class _Best(NamedTuple):
-    """The shortest proved answer so far."""
+    """The proved answer that costs the least so far: its time and its configurations."""
 
     node: Node
     stages: tuple[StagePlan, ...]
     duration: float
+    value: float
 
 
 def plan_task(task: Task, options: TaskOptions) -> SequencePlan | SequenceFailure:
@@ -108,6 +102,7 @@ class _Search:
         self._numbers = count()
         self._open: list[tuple[float, int, Node]] = []
         self._finder = TargetFinder(task, self._cells)
+        self._costs = ConfigurationCosts(options.goal_costs)
         self._best: _Best | None = None
         self._prefix: tuple[StagePlan, ...] = ()
         self._improvements: list[Improvement] = []
@@ -131,7 +126,7 @@ class _Search:
         return self._answer()
 
     def _is_over(self) -> bool:
-        """Whether nothing more is to be tried; no clock decides where nothing is to be improved."""
+        """Whether nothing more is tried; no clock decides where nothing is to be improved."""
         return (self._best is not None and self._options.improve <= 0.0) or self._until.passed
 
     # --------------------------------------------------------------------- the tree of choices
@@ -146,15 +141,14 @@ class _Search:
             if node.depth + 1 == len(self._task.segments) and self._is_trailing(node.depth):
                 self._push(node, 0.0)
                 return
-        taken = node.next_child()
+        taken = node.next_child(partial(self._clearance_cost, node))
         if taken is not None:
-            estimate, target, joints = taken
-            self._add_child(node, target, joints)
+            self._add_child(node, taken)
             if node.children:
-                self._push(node, max(estimate, node.children[0][0]))
+                self._push(node, max(taken.estimate, node.children[0].estimate))
                 return
         if self._load(node):
-            self._push(node, node.children[0][0])
+            self._push(node, node.children[0].estimate)
 
     def _expand(self, node: Node) -> bool:
         """Find out what follows from a node's choices: steps without a choice, next targets."""
@@ -162,8 +156,9 @@ class _Search:
         stopped = onward_steps(self._task, self._cells, node, segment, self._until)
         if stopped is not None:
             k, led = stopped
-            self._record.note_failure(node, k, _describe_stop(led))
+            self._record.note_failure(node, k, describe_stop(led))
             return False
+        node.at_limit = rests_at_limit(self._task.world.robot.chain, node)
         return segment.target is None or self._load(node)
 
     def _load(self, node: Node) -> bool:
@@ -179,24 +174,38 @@ class _Search:
             node.batches = batch + 1
             candidates = self._finder.find(k, world, batch, node.history, self._until)
             self._record.note_candidates(node.choices, k, candidates)
-            node.add_children(candidates.targets, candidates.joints, _MAX_CONFIGURATIONS, options)
+            chain, begin = world.robot.chain, node.onward_joints
+            assert begin is not None
+            costs = self._costs.of(chain, candidates, begin)
+            node.add_children(
+                candidates.targets, candidates.joints, _MAX_CONFIGURATIONS, options, costs
+            )
             if node.children or self._until.passed:
                 break
         return bool(node.children)
 
-    def _add_child(self, node: Node, target: Target, joints: Array) -> None:
+    def _clearance_cost(self, node: Node, child: Child) -> float:
         segment = self._task.segments[node.depth]
+        assert segment.target is not None
+        assert node.onward_world is not None
+        world = node.onward_world.after_motion(free=True)
+        return self._costs.of_clearance(self._finder.cell(segment.target, world), child)
+
+    def _add_child(self, node: Node, taken: Child) -> None:
+        segment, target, joints = self._task.segments[node.depth], taken.target, taken.joints
         assert segment.target is not None
         if not self._leads_to_place(node, segment, target, joints):
             node.children = _without(node, target)
             return
         child = child_node(self._task, self._cells, node, segment, (target, joints), self._until)
         if isinstance(child, Node):
+            child.cost = taken.cost
+            child.at_limit = rests_at_limit(self._task.world.robot.chain, child)
             self._push(child, 0.0)
             return
         k, led = child
         stages = segment.target, k
-        self._record.note_child(node, target.number, stages, _describe_stop(led), joints)
+        self._record.note_child(node, target.number, stages, describe_stop(led), joints)
         node.blame(target)
 
     def _leads_to_place(self, node: Node, segment: Segment, target: Target, q: Array) -> bool:
@@ -232,7 +241,7 @@ class _Search:
         if self._best is not None:
             rest = _LIKELY_REST * _rest_of(self._best, steps)
         late = _LATE_PENALTY * node.attempts
-        priority = node.bound + estimate + rest + node.penalty + late
+        priority = node.value + estimate + rest + node.penalty + late
         heappush(self._open, (priority, next(self._numbers), node))
 
     def _is_trailing(self, depth: int) -> bool:
@@ -246,7 +255,7 @@ class _Search:
         return last and node.expanded
 
     def _is_longer(self, node: Node) -> bool:
-        return self._best is not None and node.bound >= self._best.duration
+        return self._best is not None and node.value >= self._best.value
 
     def _kill(self, node: Node) -> None:
         node.dead = True
@@ -268,9 +277,10 @@ class _Search:
                         if self._is_longer(leaf):
                             return
         stages = pass_ends(self._cells, leaf.all_steps, self._until)
-        duration = sum(stage.trajectory.duration for stage in stages)
-        if self._best is None or duration < self._best.duration:
-            self._improve(leaf, stages, duration)
+        duration = total_duration(stages)
+        value = leaf.value + duration - leaf.bound
+        if self._best is None or value < self._best.value:
+            self._improve(_Best(leaf, stages, duration, value))
 
     def _plan(self, node: Node, step: Step) -> Failure | None:
         max_edges = _FREE_EDGES[min(node.attempts, len(_FREE_EDGES) - 1)]
@@ -305,13 +315,13 @@ class _Search:
         if len(stages) > len(self._prefix):
             self._prefix = tuple(stages)
 
-    def _improve(self, leaf: Node, stages: tuple[StagePlan, ...], duration: float) -> None:
+    def _improve(self, best: _Best) -> None:
         if self._best is None:
             self._until = self._deadline.at_most(self._options.improve)
-        self._best = _Best(leaf, stages, duration)
+        self._best = best
         milliseconds = 1e3 * (time.perf_counter() - self._began)
-        self._improvements.append(Improvement(milliseconds, duration))
-        self._record.note_solution(leaf)
+        self._improvements.append(Improvement(milliseconds, best.duration))
+        self._record.note_solution(best.node)
 
     def _report(self, step: Step) -> None:
         observer = self._options.observer
@@ -326,24 +336,44 @@ class _Search:
 
     def _answer(self) -> SequencePlan | SequenceFailure:
         if self._best is not None:
+            stages = self._away_from_limits(self._best)
             return SequencePlan(
-                self._best.stages,
-                self._best.duration,
+                stages,
+                total_duration(stages),
                 self._record.trials,
                 tuple(self._improvements),
                 exhausted=not self._open,
                 deterministic=not self._deadline.interruptions.occurred,
             )
-        failure = self._failure()
+        failure = search_failure(
+            self._task, self._record, self._options.timeout, self._deadline,
+            late=self._until.passed, prefix=self._prefix,
+        )  # fmt: skip
         if self._options.allow_partial and len(self._prefix) < len(self._task.stages):
             self._prove_farthest()
         if self._options.allow_partial and self._prefix:
-            duration = sum(stage.trajectory.duration for stage in self._prefix)
+            duration = total_duration(self._prefix)
             return SequencePlan(
                 self._prefix, duration, failure.trials, (), False, complete=False, failure=failure,
                 deterministic=not self._deadline.interruptions.occurred,
             )  # fmt: skip
         return failure
+
+    def _away_from_limits(self, best: _Best) -> tuple[StagePlan, ...]:
+        """The stages of the best answer, led away from joint limits where that takes little."""
+        away = OffLimits(
+            self._task, self._cells, self._finder, best.node, best.stages,
+            self._options.goal_costs, self._deadline,
+        )  # fmt: skip
+        away.run()
+        if away.replaced:
+            milliseconds = 1e3 * (time.perf_counter() - self._began)
+            self._improvements.append(Improvement(milliseconds, total_duration(away.stages)))
+            self._record.note_solution(away.leaf)
+        return with_configurations(
+            self._task, self._finder, self._costs, away.leaf, away.stages, away.replaced,
+            self._deadline,
+        )  # fmt: skip
 
     def _prove_farthest(self) -> None:
         """Plan the stages of the combination that came farthest, as many as can be done."""
@@ -357,37 +387,14 @@ class _Search:
                     return
         self._keep_prefix(self._farthest)
 
-    def _failure(self) -> SequenceFailure:
-        farthest = self._record.farthest()
-        k, reason, times = farthest if farthest is not None else (0, "time was up", 1)
-        what = describe_stage(self._task.stages, k)
-        hint = hint_of(self._task.stages[k], reason)
-        details = {"index": k, "reason": reason, "count": times}
-        if self._until.passed:
-            code = "TIMED_OUT"
-            message = (
-                f"no proved answer within the timeout of {self._options.timeout:.3g} s; the search "
-                f"came to {what}: {reason} ({times} times)"
-            )
-            hint = f"Allow more time. {hint}"
-        else:
-            code = "PLANNING_FAILED"
-            message = f"no combination can be done: {what} fails: {reason} ({times} times)"
-        details = self._deadline.interruptions.told_in(code, details)
-        return SequenceFailure(code, message, hint, k, details, self._record.trials, self._prefix)
-
-
-def _describe_stop(led: LineStopped) -> str:
-    return f"the tool comes {led.distance:.3g} m straight: {led.stop.message}"
-
 
 def _rest_of(best: _Best, steps: int) -> float:
     """Time of the best answer's stages after the first ones [s]."""
-    return sum(stage.trajectory.duration for stage in best.stages[steps:])
+    return total_duration(best.stages[steps:])
 
 
-def _without(node: Node, target: Target) -> list[tuple[float, int, Target, Array]]:
+def _without(node: Node, target: Target) -> list[Child]:
     """The children of a node but those of one target, a heap."""
-    children = [child for child in node.children if child[2].number != target.number]
+    children = [child for child in node.children if child.target.number != target.number]
     heapify(children)
     return children

@@ -15,6 +15,8 @@ from kinematics.ik.structure import Structure, structure
 from kinematics.pose import inverse
 from obstacles.checker import Checker
 from planning.deadline import Deadline
+from planning.preflight.goal_order import NEAR_LIMIT, limit_shares
+from planning.preflight.pose_configurations import inner_turns, with_inner_limits
 from planning.problem import JointGoal
 from planning.ready import TOUCHING
 from planning.sequence.stage import Grasp, Move, Place, Stage
@@ -28,6 +30,8 @@ _CHUNK = 64
 _ROUNDS = 4
 #: Starts of each round.
 _STARTS = 30
+#: Starts of the search away from limits, and configurations that it looks for.
+_INNER_STARTS, _INNER = 60, 8
 #: Configurations nearer than this to another one are the same [rad or m].
 _SAME = 1e-3
 #: Slack that configurations keep where any of their target does [m]: paths end there.
@@ -209,7 +213,31 @@ def _by_search(chain: Chain, T: Array, seed: int) -> list[tuple[bool, Array]]:
             q = batch.joints[i]
             if all(np.abs(q - other).max() > _SAME for other in found[i]):
                 found[i].append(q)
-    return [(bool(rows), np.array(rows).reshape(-1, chain.n)) for rows in found]
+    joints = [np.array(rows).reshape(-1, chain.n) for rows in found]
+    return [
+        (bool(len(rows)), np.concatenate([rows, _away_from_limits(chain, pose, rows, seed)]))
+        for pose, rows in zip(T, joints, strict=True)
+    ]
+
+
+def _away_from_limits(chain: Chain, T: Array, found: Array, seed: int) -> Array:
+    """More configurations of a pose, away from limits, where one that was found is at one, (m, n).
+
+    Args:
+        chain: The robot.
+        T: T_base_tip, shape (4, 4).
+        found: Configurations that were found, shape (k, n).
+        seed: Of the search.
+    """
+    if not (limit_shares(chain, found) < NEAR_LIMIT).any():
+        return found[:0]
+    options = numeric.SearchOptions(seed, _INNER_STARTS)
+    inner = with_inner_limits(chain)
+    solutions = numeric.solve(
+        inner, T, options, seed_joints=middle(inner), solutions=_INNER
+    ).solutions
+    rows = [inner_turns(chain, found), *(s.joints[None] for s in solutions)]
+    return np.concatenate(rows)
 
 
 def _parameters(chain: Chain, form: Structure) -> Array:

@@ -11,7 +11,7 @@ from planning.sequence.target import (
     target_count,
 )
 from planning.sequence.task import Task
-from planning.sequence.world import Cells, World
+from planning.sequence.world import Cell, Cells, World
 
 #: Targets of a stage that are looked at together; each batch is spread over the whole list.
 _BATCH = 256
@@ -50,9 +50,19 @@ class TargetFinder:
         key = (k, batch, world.key, None if back is None else history[back].tobytes())
         if key not in self._candidates:
             targets = stage_targets(stage, world, history)[batch :: self.batches(k)]
-            allowed = (*stage.settings.allowed, *contact_pairs(stage))
-            cell = self._cells.cell(world, allowed, stage.settings.margin)
+            cell = self.cell(k, world)
             self._candidates[key] = find_candidates(
                 cell.robot.chain, targets, cell.checker, deadline, self._task.seed
             )
         return self._candidates[key]
+
+    def cell(self, k: int, world: World) -> Cell:
+        """The cell that configurations of a stage's targets are valid in.
+
+        Args:
+            k: Number of the stage.
+            world: The world before its motion.
+        """
+        stage = self._task.stages[k]
+        allowed = (*stage.settings.allowed, *contact_pairs(stage))
+        return self._cells.cell(world, allowed, stage.settings.margin)

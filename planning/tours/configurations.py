@@ -3,16 +3,20 @@
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from kinematics.arrays import Array
+from kinematics.chain import Chain
 from kinematics.ik import numeric
 from kinematics.ik.analytic import branches
 from kinematics.ik.structure import structure
 from obstacles.checker import Checker
 from planning.constrained.path_constraints import end_violation
 from planning.deadline import Deadline
+from planning.preflight.goal_order import NEAR_LIMIT, limit_shares
 from planning.preflight.goals import find_goals
 from planning.preflight.limits import snap_to_limits
+from planning.preflight.pose_configurations import inner_turns, with_inner_limits
 from planning.problem import JointGoal, PoseGoal, Problem
 from planning.reach.evaluation import parameter_values
 from planning.ready import TOUCHING
@@ -39,10 +43,17 @@ class Configurations(NamedTuple):
     Args:
         joints: Shape (k, n) [rad or m].
         alternatives: Which alternative each of them reaches, k numbers.
+        clearances: Of each of them, margins taken off, shape (k,) [m].
     """
 
     joints: Array
     alternatives: tuple[int, ...]
+    clearances: Array
+
+    def posed(self, goal: TourGoal) -> NDArray[np.bool_]:
+        """Whether each of them is of a pose, not asked for as joints, shape (k,)."""
+        poses = [isinstance(goal.alternatives[number], PoseGoal) for number in self.alternatives]
+        return np.array(poses, dtype=np.bool_)
 
 
 def find_configurations(
@@ -61,6 +72,7 @@ def find_configurations(
     """
     rows: list[Array] = []
     alternatives: list[int] = []
+    clearances: list[float] = []
     for number, alternative in enumerate(goal.alternatives):
         if isinstance(alternative, JointGoal):
             q, violation = snap_to_limits(
@@ -72,14 +84,20 @@ def find_configurations(
         for q in candidates:
             if end_violation(problem.constraints, "goal", q) is not None:
                 continue
-            if all(np.abs(q - other).max() > _SAME for other in rows) and _is_free(checker, q):
+            if any(np.abs(q - other).max() <= _SAME for other in rows):
+                continue
+            clearance = checker.clearance(q)[0]
+            if clearance > TOUCHING:
                 rows.append(q)
                 alternatives.append(number)
+                clearances.append(clearance)
     most = max(min(_MAX_OF_GOAL, MAX_CONFIGURATIONS // len(problem.goals)), 1)
     if rows:
-        chosen = _spread(np.array(rows), near, most)
+        chosen = _inside_first(problem.robot.chain, np.array(rows), near, most)
         return Configurations(
-            np.array([rows[k] for k in chosen]), tuple(alternatives[k] for k in chosen)
+            np.array([rows[k] for k in chosen]),
+            tuple(alternatives[k] for k in chosen),
+            np.array(clearances)[chosen],
         )
     return _search_around_obstacles(problem, goal, checker, near, seed, deadline)
 
@@ -91,6 +109,7 @@ def _search_around_obstacles(
     """Configurations of a goal found with the obstacles in sight, or why there is none."""
     rows: list[Array] = []
     numbers: list[int] = []
+    clearances: list[float] = []
     failures: list[Failure] = []
     for number, alternative in enumerate(goal.alternatives):
         single = Problem(
@@ -108,13 +127,10 @@ def _search_around_obstacles(
             else:
                 rows.append(candidate.joints)
                 numbers.append(number)
+                clearances.append(candidate.clearance)
     if not rows:
         return failures[0]
-    return Configurations(np.array(rows), tuple(numbers))
-
-
-def _is_free(checker: Checker, q: Array) -> bool:
-    return checker.clearance(q)[0] > TOUCHING
+    return Configurations(np.array(rows), tuple(numbers), np.array(clearances))
 
 
 def _of_pose(
@@ -128,21 +144,43 @@ def _of_pose(
         values = parameter_values(chain, form) if form.redundant else None
         answer = branches(chain, targets, seed_joints=near, parameters=values, threads=1)
         assert answer.counts is not None
-        return [
+        rows = [
             np.array(answer.joints[i, k])
             for i, count in enumerate(answer.counts)
             for k in range(count)
             if answer.within_limits[i, k]
         ]
+        return [*rows, *_turned_inwards(chain, rows)]
     options = numeric.SearchOptions(seed=seed, starts=_STARTS)
     step = max(len(targets) // _SEARCHED_DEVIATIONS, 1)
-    return [
-        np.array(solution.joints)
-        for T in targets[::step][:_SEARCHED_DEVIATIONS]
-        for solution in numeric.solve(
-            chain, T, options, seed_joints=near, solutions=_SEARCHED
-        ).solutions
-    ]
+    rows = []
+    for T in targets[::step][:_SEARCHED_DEVIATIONS]:
+        found = _searched(chain, T, options, near)
+        if any(limit_shares(chain, q[None])[0] < NEAR_LIMIT for q in found):
+            found += _searched(with_inner_limits(chain), T, options, near)
+        rows += found
+    return [*rows, *_turned_inwards(chain, rows)]
+
+
+def _searched(chain: Chain, T: Array, options: numeric.SearchOptions, near: Array) -> list[Array]:
+    found = numeric.solve(chain, T, options, seed_joints=near, solutions=_SEARCHED).solutions
+    return [np.array(solution.joints) for solution in found]
+
+
+def _turned_inwards(chain: Chain, rows: list[Array]) -> list[Array]:
+    """Copies of configurations that a whole turn takes away from a limit."""
+    return list(inner_turns(chain, np.array(rows))) if rows else []
+
+
+def _inside_first(chain: Chain, joints: Array, near: Array, most: int) -> list[int]:
+    """Numbers of configurations that stand for all of them, those away from limits first."""
+    at_limit = limit_shares(chain, joints) < NEAR_LIMIT
+    inside, outside = np.flatnonzero(~at_limit), np.flatnonzero(at_limit)
+    chosen: list[int] = []
+    for rows in (inside, outside):
+        if len(rows) and len(chosen) < most:
+            chosen += [int(rows[k]) for k in _spread(joints[rows], near, most - len(chosen))]
+    return sorted(chosen)
 
 
 def _spread(joints: Array, near: Array, most: int) -> list[int]:

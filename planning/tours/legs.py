@@ -17,6 +17,7 @@ from planning.problem import JointGoal, Problem
 from planning.proof.certificate import certify
 from planning.result import Failure
 from planning.timing.parametrization import TimeParametrization
+from planning.tours.configuration_costs import VisitCosts
 from planning.tours.problem import TourProblem
 from planning.tours.rest_to_rest import Times, rest_to_rest_kernel
 from planning.tours.result import Leg
@@ -93,13 +94,14 @@ class LegTable:
         group: Number of the group of each configuration, shape (m,).
         grouped: Whether goals are in groups.
         real: Whether each of them is one; a free end has a row of zeros, shape (m,).
-        times: Of straight motions at first, then as known so far, with those between groups,
-            shape (m, m) [s].
+        times: Of straight motions at first, then as known so far, with what configurations cost
+            and those between groups, shape (m, m) [s].
         free: Straight motions that are free, the smaller number first.
         blocked: Those that something is in the way of.
         legs: Proved legs.
         failures: Legs that were planned in vain.
         clearances: Of configurations that were asked for, margins taken off [m].
+        costs: Of configurations beside the times of legs; None for nothing.
     """
 
     problem: TourProblem
@@ -116,9 +118,13 @@ class LegTable:
     legs: dict[Pair, Leg] = field(default_factory=dict)
     failures: dict[Pair, Failure] = field(default_factory=dict)
     clearances: dict[int, float] = field(default_factory=dict)
+    costs: VisitCosts | None = None
 
     def __post_init__(self) -> None:
-        self.options = replace(self.options, observer=None, max_edges=_MAX_EDGES)
+        self.options = replace(self.options, observer=None)
+        if self.costs is not None:
+            chain = self.problem.robot.chain
+            self.costs.put_into(self.times, chain, self.joints, self.real)
         if self.grouped:
             self.times += np.float32(_BETWEEN_GROUPS) * (self.group[:, None] != self.group[None])
 
@@ -128,11 +134,34 @@ class LegTable:
 
     def time(self, a: int, b: int) -> float:
         """Time of the leg between two configurations, as known so far [s]."""
-        return float(self.times[a, b]) - self._between(a, b)
+        return (float(self.times[a, b]) - self._beside(a, b)) / self._factor(a, b)
+
+    def straight_time(self, start: Array, end: Array) -> float:
+        """Time of the straight motion between configurations (n,), whether free or not [s]."""
+        times = least_times(
+            self.parametrization, np.array([start, end]), np.ones(2), Deadline.after(np.inf),
+            straight=True,
+        )  # fmt: skip
+        assert times is not None
+        return float(times[0, 1])
 
     def set_time(self, a: int, b: int, seconds: float) -> None:
         """Note the time of the leg between two configurations, either way [s]."""
-        self.times[a, b] = self.times[b, a] = seconds + self._between(a, b)
+        counts = self._factor(a, b) * seconds + self._beside(a, b)
+        self.times[a, b] = self.times[b, a] = counts
+
+    def cost(self, a: int, b: int) -> float:
+        """Time of a leg with what its ends cost, as known so far, those between groups left out."""
+        return float(self.times[a, b]) - self._between(a, b)
+
+    def _factor(self, a: int, b: int) -> float:
+        return 1.0 if self.costs is None else self.costs.factor(a, b)
+
+    def _beside(self, a: int, b: int) -> float:
+        beside = self._between(a, b)
+        if self.costs is not None:
+            beside += self.costs.extra(self.problem.robot.chain, self.joints, a, b)
+        return beside
 
     def _between(self, a: int, b: int) -> float:
         return _BETWEEN_GROUPS if self.grouped and self.group[a] != self.group[b] else 0.0
@@ -154,7 +183,7 @@ class LegTable:
     def _checker(self, a: int, b: int) -> Checker:
         """The checker of straight motions between two configurations, as plans have it."""
         model = self.checker.model
-        slack = min(_SLACK, 0.5 * min(self._clearance(a), self._clearance(b)))
+        slack = min(_SLACK, 0.5 * min(self.clearance(a), self.clearance(b)))
         constraints = self.problem.constraints
         if constraints is None or not constraints.hard.rows:
             return Checker(model, slack)
@@ -162,7 +191,8 @@ class LegTable:
         spare = -np.max([hard.residuals(self.joints[k]) for k in (a, b)], axis=0)
         return ConstrainedChecker(model, slack, constraints=hard, spare=spare)
 
-    def _clearance(self, k: int) -> float:
+    def clearance(self, k: int) -> float:
+        """Clearance of a configuration, margins taken off [m]."""
         if k not in self.clearances:
             self.clearances[k] = float(self.checker.clearance(self.joints[k])[0])
         return self.clearances[k]
@@ -184,22 +214,55 @@ class LegTable:
             if leg is not None:
                 self.legs[a, b] = leg
                 return leg
-        goal = JointGoal(self.joints[b])
+        found = self.plan_motion(self.joints[a], self.joints[b], deadline)
+        if isinstance(found, Failure):
+            self.failures[a, b] = found
+            self.set_time(a, b, IMPOSSIBLE)
+            return found
+        self.note((a, b), found)
+        return found
+
+    def note(self, pair: Pair, leg: Leg) -> None:
+        """Note a proved leg."""
+        self.legs[pair] = leg
+        self.set_time(*pair, leg.trajectory.duration)
+
+    def plan_motion(
+        self, start: Array, end: Array, deadline: Deadline, max_edges: int = _MAX_EDGES
+    ) -> Leg | Failure:
+        """A proved motion between configurations (n,), of the table or not.
+
+        Args:
+            start: Where it begins.
+            end: Where it ends.
+            deadline: When to give up.
+            max_edges: Edges that each planner may look at.
+        """
         problem = Problem(
-            self.problem.robot, self.problem.scene, self.joints[a], (goal,), self.problem.margin,
+            self.problem.robot, self.problem.scene, start, (JointGoal(end),), self.problem.margin,
             constraints=self.problem.constraints,
         )  # fmt: skip
-        left = max(deadline.remaining, _LEAST_TIMEOUT)
-        options = replace(self.options, timeout=min(left, self.options.timeout))
+        timeout = min(max(deadline.remaining, _LEAST_TIMEOUT), self.options.timeout)
+        options = replace(self.options, timeout=timeout, max_edges=max_edges)
         plan = pipeline.plan(problem, options, within=deadline)
         if isinstance(plan, Failure):
-            self.failures[a, b] = plan
-            self.set_time(a, b, IMPOSSIBLE)
             return plan
-        leg = Leg(plan.planner, plan.path.waypoints, plan.trajectory, plan.certificate)
-        self.legs[a, b] = leg
-        self.set_time(a, b, leg.trajectory.duration)
-        return leg
+        return Leg(plan.planner, plan.path.waypoints, plan.trajectory, plan.certificate)
+
+    def put(self, k: int, q: Array) -> None:
+        """Put a configuration (n,) away from limits in the place of another one of its goal.
+
+        What is known of the other is forgotten; times to it stay, and are no longer searched by.
+        """
+        if np.array_equal(self.joints[k], q):
+            return
+        self.joints[k] = q
+        self.clearances.pop(k, None)
+        for known in (self.legs, self.failures, self.free, self.blocked):
+            for pair in [pair for pair in known if k in pair]:
+                known.pop(pair) if isinstance(known, dict) else known.discard(pair)
+        if self.costs is not None:
+            self.costs.at_limit[k] = False
 
     def _reverse(self, leg: Leg, deadline: Deadline) -> Leg | None:
         """A leg run backwards, proved anew; None where it is not proved."""

@@ -14,6 +14,7 @@ from planning.preflight.preflight import check_start
 from planning.problem import JointGoal, Problem
 from planning.result import Failure
 from planning.timing.choice import chosen_parametrization
+from planning.tours.configuration_costs import StopConfigurations, VisitCosts, visit_costs
 from planning.tours.configurations import Configurations, find_configurations
 from planning.tours.legs import LegTable, least_times
 from planning.tours.order import goal_pairs
@@ -236,8 +237,19 @@ class _TourPlanner:
             self.problem, planning, parametrization, self.checker, joints,
             np.repeat(groups, counts), real,
             any(goal.group is not None for goal in self.problem.goals), times,
+            costs=self._costs(found, rows[-2:]),
         )  # fmt: skip
         return stops, legs
+
+    def _costs(self, found: dict[int, Configurations], ends: Sequence[Array]) -> VisitCosts:
+        """Costs of the configurations of all stops, the two ends last."""
+        stops = [
+            StopConfigurations(one.joints, one.posed(self.problem.goals[i]), one.clearances)
+            for i, one in found.items()
+        ]
+        stops += [StopConfigurations(q, np.zeros(1, np.bool_), np.zeros(1)) for q in ends]
+        chain, weights = self.problem.robot.chain, self.options.planning.goal_costs
+        return visit_costs(chain, weights, stops)
 
 
 def follower_left_out(problem: TourProblem, before: int, after: int) -> Unvisited:

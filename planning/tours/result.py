@@ -7,6 +7,7 @@ from typing import Any
 
 from kinematics.arrays import Array
 from kinematics.trajectory import Trajectory, concatenate, stay
+from planning.chosen_configuration import ChosenConfiguration
 from planning.proof.certificate import Certificate
 
 
@@ -37,6 +38,7 @@ class Visit:
         joints: The configuration, shape (n,) [rad or m].
         arrival: When the arm gets there [s].
         departure: When it goes on [s].
+        configuration: What it costs and why it was chosen; None of a goal without a pose.
     """
 
     index: int
@@ -44,6 +46,7 @@ class Visit:
     joints: Array
     arrival: float
     departure: float
+    configuration: ChosenConfiguration | None = None
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -67,7 +70,7 @@ class Unvisited:
 
 @dataclass(frozen=True, slots=True)
 class TourImprovement:
-    """A proved tour that was the shortest so far.
+    """A proved tour that was the best so far: its time and its configurations.
 
     Args:
         round: Round of search and proof that found it, 0 for the first tour.
@@ -88,7 +91,7 @@ class SearchReport:
         blocked: Those of them that something is in the way of.
         planned: Legs that were planned and proved.
         rounds: Rounds of search and proof.
-        improvements: The proved tours that were the shortest so far.
+        improvements: The proved tours that were the best so far.
         stopped: "finished", "deadline", or "rounds" where another round might have helped.
     """
 

@@ -9,6 +9,7 @@ from typing import NamedTuple
 import numpy as np
 
 from kinematics.arrays import Indices
+from planning.chosen_configuration import ChosenConfiguration, chosen_configuration
 from planning.deadline import Deadline
 from planning.result import Failure
 from planning.tours.construction import nearest_neighbour_tour
@@ -16,6 +17,7 @@ from planning.tours.legs import SAME_TIME, LegTable, Pair
 from planning.tours.local_search import SearchWork, enqueue, search_kernel, search_work
 from planning.tours.lower_bound import lower_bound
 from planning.tours.network import Network, TourState, make_network, set_state
+from planning.tours.off_limits import lead_off_limits
 from planning.tours.order import goal_pairs, group_numbers, precedence_table
 from planning.tours.problem import TourOptions, TourProblem
 from planning.tours.result import (
@@ -97,10 +99,13 @@ class TourSearch:
         network: Stops and times as the kernels take them.
         state: The tour that is being searched.
         work: Memory of the kernels.
-        best: The shortest proved tour.
+        best: The best proved tour.
         best_time: Its time, stays not counted [s].
+        best_cost: That with what its configurations cost, as seconds.
         improvements: Proved tours that were the shortest so far.
         bound: A time that no tour beats, stays not counted [s]; 0 where none is known.
+        replaced: Of stops whose configuration took the place of one at a joint limit, the times of
+            the legs beside that one and beside this [s].
     """
 
     problem: TourProblem
@@ -114,8 +119,10 @@ class TourSearch:
     work: SearchWork = field(init=False)
     best: TourState | None = None
     best_time: float = np.inf
+    best_cost: float = np.inf
     improvements: list[TourImprovement] = field(default_factory=list)
     bound: float | None = None
+    replaced: dict[int, tuple[float, float]] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         pairs = self.stops.pairs(self.problem)
@@ -153,6 +160,8 @@ class TourSearch:
         if self.best is None:
             return self._timed_out(rounds)
         set_state(self.state, self.best)
+        if lead_off_limits(self):
+            self._note_improvement(rounds)
         return self._tour(rounds, stopped)
 
     def _settle(self, round_number: int) -> bool:
@@ -178,9 +187,9 @@ class TourSearch:
         """Check straight legs until the tour takes none that is not known."""
         for _ in range(_MAX_CHECKS):
             blocked: list[int] = []
-            for before, after in pairwise(self._visited()):
+            for before, after in pairwise(self.visited()):
                 known = len(self.legs.blocked)
-                free = self.legs.check(self._configuration(before), self._configuration(after))
+                free = self.legs.check(self.configuration(before), self.configuration(after))
                 if not free and len(self.legs.blocked) > known:
                     blocked += [before, after]
             if not blocked or until.passed:
@@ -190,11 +199,11 @@ class TourSearch:
     def _plan_legs(self) -> list[int]:
         """Plan the legs of the tour; stops of those that take another time than expected."""
         changed: list[int] = []
-        visited = self._visited()
+        visited = self.visited()
         for k, (before, after) in enumerate(pairwise(visited)):
             if self.deadline.passed:
                 break
-            a, b = self._configuration(before), self._configuration(after)
+            a, b = self.configuration(before), self.configuration(after)
             expected = self.legs.time(a, b)
             self.legs.plan(a, b, self.deadline.at_most(self.options.leg_timeout))
             if abs(self.legs.time(a, b) - expected) > SAME_TIME:
@@ -204,16 +213,29 @@ class TourSearch:
         return changed
 
     def _record(self, round_number: int) -> bool:
-        """Keep the tour if it is proved and the shortest so far."""
+        """Keep the tour if it is proved and the best so far."""
         legs = [self.legs.legs.get(pair) for pair in self._pairs()]
         if not all(legs) or not self._keeps_groups():
             return False
         time = sum(leg.trajectory.duration for leg in legs if leg is not None)
-        if time >= self.best_time - SAME_TIME:
+        cost = sum(self.legs.cost(a, b) for a, b in self._pairs()) + self._free_ends()
+        if cost >= self.best_cost - SAME_TIME:
             return False
-        self.best, self.best_time = self.state.copy(), time
-        self.improvements.append(TourImprovement(round_number, time + self._dwell()))
+        self.best, self.best_time, self.best_cost = self.state.copy(), time, cost
+        self._note_improvement(round_number)
         return True
+
+    def _note_improvement(self, round_number: int) -> None:
+        time = sum(self.legs.legs[pair].trajectory.duration for pair in self._pairs())
+        self.improvements.append(TourImprovement(round_number, time + self._dwell()))
+
+    def _free_ends(self) -> float:
+        """Costs of the first and last visits beside their legs, where an end is any goal."""
+        if self.legs.costs is None:
+            return 0.0
+        visited = self.visited()
+        ends = [visited[k] for k in (0, -1) if visited[k] < len(self.stops.goals)]
+        return 0.5 * sum(float(self.legs.costs.own[self.configuration(stop)]) for stop in ends)
 
     def _improve(self, stops: Iterable[int], kicks: int, until: Deadline | None = None) -> None:
         """Search on from the tour, at these stops first, until the kicks or the time are over."""
@@ -239,17 +261,18 @@ class TourSearch:
 
     # ------------------------------------------------------------------------- the tour so far
 
-    def _visited(self) -> list[int]:
+    def visited(self) -> list[int]:
         """Stops in their order, without an end where any will do."""
         real, choice = self.legs.real, self.state.choice
         return [int(stop) for stop in self.state.order if real[choice[stop]]]
 
-    def _configuration(self, stop: int) -> int:
+    def configuration(self, stop: int) -> int:
+        """The configuration of a stop in the tour so far."""
         return int(self.state.choice[stop])
 
     def _pairs(self) -> list[Pair]:
         """Configurations at the two ends of each leg."""
-        return list(pairwise(self._configuration(stop) for stop in self._visited()))
+        return list(pairwise(self.configuration(stop) for stop in self.visited()))
 
     def _expected_time(self) -> float:
         return sum(self.legs.time(a, b) for a, b in self._pairs())
@@ -260,7 +283,7 @@ class TourSearch:
     def _keeps_groups(self) -> bool:
         """Whether the goals of each group are visited one after another."""
         groups = self.stops.groups(self.problem)
-        order = [int(groups[stop]) for stop in self._visited() if stop < len(groups)]
+        order = [int(groups[stop]) for stop in self.visited() if stop < len(groups)]
         return sum(int(a != b) for a, b in pairwise(order)) == len(set(order)) - 1
 
     # ------------------------------------------------------------------------------- outcomes
@@ -298,7 +321,7 @@ class TourSearch:
 
     def _tour(self, rounds: int, stopped: str, proved: int | None = None) -> Tour:
         """The answer: the tour, or the first legs of it."""
-        pairs, visited = self._pairs()[:proved], self._visited()
+        pairs, visited = self._pairs()[:proved], self.visited()
         legs = tuple(self.legs.legs[pair] for pair in pairs)
         shown = visited[: len(legs) + 1]
         visits, time = self._visits(shown, legs)
@@ -315,7 +338,8 @@ class TourSearch:
             unvisited=tuple(unvisited),
             time=time,
             dwell=dwell,
-            lower_bound=0.0 if unvisited or not self.bound else self.bound + dwell,
+            # A configuration that took the place of one at a limit is none the bound is of.
+            lower_bound=0.0 if unvisited or not self.bound else min(self.bound + dwell, time),
             search=SearchReport(
                 configurations=int(self.stops.first[-3]),
                 checked=len(self.legs.free) + len(self.legs.blocked),
@@ -335,12 +359,35 @@ class TourSearch:
         for k, stop in enumerate(shown):
             clock += legs[k - 1].trajectory.duration if k > 0 else 0.0
             if stop < len(self.stops.goals):
-                index, configuration = self.stops.goals[stop], self._configuration(stop)
+                index, configuration = self.stops.goals[stop], self.configuration(stop)
                 leaves = clock + self.problem.goals[index].dwell
                 alternative = self.stops.alternatives[stop][
                     configuration - int(self.stops.first[stop])
                 ]
                 joints = self.legs.joints[configuration]
-                visits.append(Visit(index, alternative, joints, clock, leaves))
+                before = self.configuration(shown[k - 1]) if k else None
+                report = self._report_configuration(stop, before)
+                visits.append(Visit(index, alternative, joints, clock, leaves, report))
                 clock = leaves
         return tuple(visits), clock
+
+    def _report_configuration(self, stop: int, before: int | None) -> ChosenConfiguration | None:
+        """Costs of a visit's configuration, and why it is not another; None without a pose.
+
+        Args:
+            stop: The goal.
+            before: The configuration before it; None where the tour begins at it.
+        """
+        now, costs = self.configuration(stop), self.legs.costs
+        if costs is None or not costs.posed[now]:
+            return None
+        rows = np.arange(int(self.stops.first[stop]), int(self.stops.first[stop + 1]))
+        found, chain = self.legs.joints[rows], self.problem.robot.chain
+        begin = found[now - rows[0]] if before is None else self.legs.joints[before]
+        times = np.zeros(len(rows))
+        if before is not None:
+            times = np.array([self.legs.straight_time(begin, q) for q in found])
+        return chosen_configuration(
+            chain, found, self.legs.joints[now], begin, times, self.legs.clearance(now),
+            self.options.planning.goal_costs, self.replaced.get(stop),
+        )  # fmt: skip

@@ -16,8 +16,9 @@ from obstacles.robot_geometry import RobotGeometry
 from obstacles.scene import Scene
 from planning.options import MAX_TIMEOUT
 from planning.proof.certificate import has_solids
+from planning.sequence.options import TaskOptions
 from planning.sequence.result import SequenceFailure, SequencePlan, StagePlan, Trial
-from planning.sequence.search import TaskOptions, plan_task
+from planning.sequence.search import plan_task
 from planning.sequence.stage import Load, describe_stage
 from planning.sequence.task import Task
 from planning.sequence.world import Held, World

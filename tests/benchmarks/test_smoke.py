@@ -77,6 +77,7 @@ SMALL: Mapping[str, tuple[list[str], Mapping[str, Any]]] = {
     "constrained_cases": (["PROBLEMS", "--count", "6"], {"_ARMS": ("kr6_sixx",)}),
     "constrained_plan": (["PROBLEMS", "--timeout", "10"], {}),
     "goal_choice": (["--arms", "kr6_sixx", "--count", "1"], {"_STARTS": 20}),
+    "goal_choice_sequences": (["--arms", "kr6_sixx", "--count", "1"], {}),
     "constrained_ways": (
         ["--robots", "built-in:iiwa14", "--kinds", "mixed", "--count", "1", "--timeout", "20"],
         {"_STEPS": 30, "_BOXES": 2},

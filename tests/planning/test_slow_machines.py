@@ -9,8 +9,9 @@ import pytest
 
 from planning import deadline
 from planning.options import Options
+from planning.sequence.options import TaskOptions
 from planning.sequence.result import SequencePlan
-from planning.sequence.search import TaskOptions, plan_task
+from planning.sequence.search import plan_task
 from planning.sequence.stage import Stage
 from planning.sequence.task import Task
 from planning.tours.planner import plan_tour

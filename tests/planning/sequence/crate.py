@@ -8,9 +8,10 @@ import armwright as aw
 from kinematics.arrays import Array
 from obstacles.robot_geometry import RobotGeometry
 from planning.problem import JointGoal
+from planning.sequence.options import TaskOptions
 from planning.sequence.region import grasp_region, place_region
 from planning.sequence.result import SequencePlan
-from planning.sequence.search import TaskOptions, plan_task
+from planning.sequence.search import plan_task
 from planning.sequence.stage import (
     Attach,
     Detach,

@@ -12,8 +12,9 @@ from kinematics.errors import InvalidOption
 from kinematics.forward import forward
 from obstacles.attachment import Attachment
 from obstacles.finger_geometry import with_fingers
+from planning.sequence.options import TaskOptions
 from planning.sequence.result import SequenceFailure, SequencePlan
-from planning.sequence.search import TaskOptions, plan_task
+from planning.sequence.search import plan_task
 from planning.sequence.stage import Attach, Grasp, Gripper, Stage, Wait
 from planning.sequence.task import Task
 from planning.sequence.world import Held, World

@@ -48,7 +48,7 @@ def _with_children(*turns: tuple[int, float]) -> Node:
 def _taken(node: Node) -> list[int]:
     numbers = []
     while (child := node.next_child()) is not None:
-        numbers.append(child[1].number)
+        numbers.append(child.target.number)
     return numbers
 
 
@@ -57,9 +57,9 @@ def test_what_is_quickest_to_reach_is_tried_first_and_few_of_each_target() -> No
     node = _with_children(*turns)
     times, numbers, angles = [], [], []
     while (child := node.next_child()) is not None:
-        times.append(child[0])
-        numbers.append(child[1].number)
-        angles.append(child[2][0] - crate.HOME[0])
+        times.append(child.estimate)
+        numbers.append(child.target.number)
+        angles.append(child.joints[0] - crate.HOME[0])
     # The slowest of three configurations of target 0 is left out.
     assert numbers == [0, 1, 0, 1]
     np.testing.assert_allclose(angles, [-0.1, 0.3, 0.5, 0.6])

@@ -1,0 +1,129 @@
+"""The configuration that was chosen for a pose, what it costs, and why it is not another one."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from kinematics.arrays import Array
+from kinematics.chain import Chain
+from kinematics.forward import forward
+from kinematics.ik.analytic import branches, parameter
+from kinematics.ik.structure import structure
+from planning.goal_costs import GoalCosts
+from planning.preflight.goal_order import (
+    NEAR_LIMIT,
+    clearance_lacks,
+    limit_nearness,
+    limit_shares,
+    manipulability_lacks,
+    turn_counts,
+)
+
+#: A configuration is of a branch that differs by no more than this in a joint [rad or m].
+_SAME = 1e-4
+#: Costs that differ by less are equal.
+_EQUAL = 1e-9
+
+
+@dataclass(frozen=True, slots=True)
+class ChosenConfiguration:
+    """One of a pose's configurations, as it was chosen.
+
+    Args:
+        branch: Name of its branch of the closed form; None where the arm has none.
+        limit_share: Distance of the joint nearest to its limit, as a share of the joint's range.
+        costs: What it costs, weighted, by the names of ``GoalCosts``.
+        found: How many free configurations were found.
+        cheaper: How many of them cost less, clearance left out.
+        at_limit: How many of them are within 2 % of a joint limit.
+        reason: Why this one and not another.
+    """
+
+    branch: str | None
+    limit_share: float
+    costs: dict[str, float]
+    found: int
+    cheaper: int
+    at_limit: int
+    reason: str
+
+
+def chosen_configuration(
+    chain: Chain,
+    found: Array,
+    q: Array,
+    start: Array,
+    times: Array,
+    clearance: float,
+    weights: GoalCosts,
+    replaced: tuple[float, float] | None = None,
+) -> ChosenConfiguration:
+    """Costs of one of several configurations, and why it is not another one.
+
+    Args:
+        chain: The robot.
+        found: All free configurations that were found, shape (k, n) [rad or m].
+        q: The one that was chosen, one of them, shape (n,).
+        start: Where the motion to it begins, shape (n,).
+        times: Of the straight motions from there to each of them, shape (k,) [s].
+        clearance: At the one that was chosen, margins taken off [m].
+        weights: Of the costs.
+        replaced: Times of the motions beside a configuration at a limit, and beside this one, which
+            took its place [s]; None where it took none.
+    """
+    k = int(np.abs(found - q).max(axis=1).argmin())
+    parts = {
+        "motion_time": weights.motion_time * times,
+        "joint_limits": weights.joint_limits * limit_nearness(chain, found),
+        "manipulability": weights.manipulability * manipulability_lacks(chain, found),
+        "turns": weights.turns * turn_counts(chain, start, found),
+    }
+    total = np.sum(list(parts.values()), axis=0)
+    shares = limit_shares(chain, found)
+    own = {name: float(values[k]) for name, values in parts.items()}
+    own["clearance"] = float(weights.clearance * clearance_lacks(np.array([clearance]))[0])
+    cheaper = int(np.count_nonzero(total < total[k] - _EQUAL))
+    return ChosenConfiguration(
+        branch=branch_name(chain, q),
+        limit_share=float(shares[k]),
+        costs=own,
+        found=len(found),
+        cheaper=cheaper,
+        at_limit=int(np.count_nonzero(shares < NEAR_LIMIT)),
+        reason=_reason(len(found), cheaper, bool(shares[k] < NEAR_LIMIT), replaced),
+    )
+
+
+def _reason(found: int, cheaper: int, at_limit: bool, replaced: tuple[float, float] | None) -> str:
+    if replaced is not None:
+        return (
+            "In place of one within 2 % of a joint limit: the motions beside it take "
+            f"{replaced[1]:.3f} s, and {replaced[0]:.3f} s with that one."
+        )
+    if found == 1:
+        return "The only free configuration that was found."
+    if at_limit:
+        return (
+            "Within 2 % of a joint limit: with none of the others that were planned to do the "
+            "motions beside it take at most 1.2 times as long."
+        )
+    if not cheaper:
+        return f"It costs the least of {found} free configurations."
+    return (
+        f"{cheaper} of {found} free configurations cost less up to here; the search expected more "
+        "of the whole with them, or found no motion."
+    )
+
+
+def branch_name(chain: Chain, q: Array) -> str | None:
+    """Name of the branch of the closed form that a configuration (n,) is of; None without one."""
+    form = structure(chain)
+    if form is None:
+        return None
+    values = np.array([parameter(chain, q)]) if form.redundant else None
+    table = branches(chain, forward(chain, q), seed_joints=q, parameters=values)
+    if not len(table.joints):
+        return None
+    off = np.abs(table.joints - q).max(axis=1)
+    k = int(off.argmin())
+    return table.label(k) if off[k] < _SAME else None

@@ -1,0 +1,46 @@
+"""The failure of a search: the stage that it never got past, and the most frequent reason."""
+
+from planning.deadline import Deadline
+from planning.sequence.motion import LineStopped
+from planning.sequence.record import Record, hint_of
+from planning.sequence.result import SequenceFailure, StagePlan
+from planning.sequence.stage import describe_stage
+from planning.sequence.task import Task
+
+
+def search_failure(
+    task: Task, record: Record, timeout: float, deadline: Deadline, *, late: bool,
+    prefix: tuple[StagePlan, ...],
+) -> SequenceFailure:  # fmt: skip
+    """Why a search found no motions of all stages.
+
+    Args:
+        task: The stages.
+        record: What was tried.
+        timeout: Of everything [s].
+        deadline: The end of everything.
+        late: Whether time was up.
+        prefix: Proved stages of the combination that came farthest.
+    """
+    farthest = record.farthest()
+    k, reason, times = farthest if farthest is not None else (0, "time was up", 1)
+    what = describe_stage(task.stages, k)
+    hint = hint_of(task.stages[k], reason)
+    details = {"index": k, "reason": reason, "count": times}
+    if late:
+        code = "TIMED_OUT"
+        message = (
+            f"no proved answer within the timeout of {timeout:.3g} s; the search "
+            f"came to {what}: {reason} ({times} times)"
+        )
+        hint = f"Allow more time. {hint}"
+    else:
+        code = "PLANNING_FAILED"
+        message = f"no combination can be done: {what} fails: {reason} ({times} times)"
+    details = deadline.interruptions.told_in(code, details)
+    return SequenceFailure(code, message, hint, k, details, record.trials, prefix)
+
+
+def describe_stop(led: LineStopped) -> str:
+    """Why a straight motion is too short, in words."""
+    return f"the tool comes {led.distance:.3g} m straight: {led.stop.message}"
