@@ -33,6 +33,28 @@ class GoalCosts(Request):
     turns: NonNegative = 0.2
 
 
+class ConfigurationReport(Answer):
+    """The configuration that was chosen for a pose, what it costs, and why it is not another.
+
+    Args:
+        branch: Name of its branch of the closed form; None where the arm has none.
+        limit_share: Distance of the joint nearest to its limit, as a share of the joint's range.
+        costs: What it costs, weighted, by the names of `GoalCosts`.
+        found: Free configurations that were found.
+        cheaper: Those of them that cost less, clearance left out.
+        at_limit: Those of them within 2 % of a joint limit.
+        reason: Why it was chosen.
+    """
+
+    branch: str | None = None
+    limit_share: float
+    costs: dict[str, float]
+    found: int
+    cheaper: int
+    at_limit: int
+    reason: str
+
+
 class CloseSpan(Answer):
     """A span of a motion that is nearer to something than preferred.
 

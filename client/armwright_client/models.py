@@ -23,7 +23,13 @@ from armwright_client.check import (
     Collision,
     LimitViolation,
 )
-from armwright_client.clearance import Clearance, ClearanceReport, CloseSpan, GoalCosts
+from armwright_client.clearance import (
+    Clearance,
+    ClearanceReport,
+    CloseSpan,
+    ConfigurationReport,
+    GoalCosts,
+)
 from armwright_client.constraint import (
     BoxRegion,
     ClearanceConstraint,
@@ -128,6 +134,7 @@ __all__ = [
     "CloseSpan",
     "Collision",
     "Cone",
+    "ConfigurationReport",
     "ConstraintUse",
     "Convex",
     "CornerArc",

@@ -9,6 +9,7 @@ from armwright_client import task_stage
 from armwright_client.base import PLAIN, Answer, InFrame, NonNegative, Pairs, Positive, Request
 from armwright_client.certificate import Certificate, LimitValues
 from armwright_client.check import Attached, AttachedObjects, FingerPositions
+from armwright_client.clearance import ConfigurationReport, GoalCosts
 from armwright_client.goal import Start
 from armwright_client.plan import JointPath, Reproducibility, Stage, Timing
 from armwright_client.pose import Pose
@@ -63,7 +64,8 @@ class TaskOptions(TypedDict, total=False):
         margin: Distance to be kept [m].
         timing: How paths become motions.
         limits: Of the joints, in place of the robot's.
-        improve: Time to look for a shorter answer after the first [s].
+        goal_costs: Weights by which configurations of poses are chosen.
+        improve: Time to look for a better answer after the first [s].
         allow_partial: Whether the first stages are an answer where not all can be done.
         timeout: For all stages together [s].
         seed: Of the random generators.
@@ -79,6 +81,7 @@ class TaskOptions(TypedDict, total=False):
     margin: float
     timing: Timing
     limits: LimitValues
+    goal_costs: GoalCosts
     improve: float
     allow_partial: bool
     timeout: float
@@ -101,6 +104,7 @@ class TaskRequest(Request):
     margin: NonNegative = 0.0
     timing: Timing | None = None
     limits: LimitValues | None = None
+    goal_costs: GoalCosts | None = None
     improve: NonNegative = 0.0
     allow_partial: bool = False
     timeout: Positive | None = None
@@ -176,6 +180,7 @@ class TaskStageReport(Answer):
         name: Its name.
         begins: When it begins in the whole task [s].
         choice: Number of the grasp, place or goal chosen.
+        configuration: The one chosen at its end; None where no pose leaves a choice.
         planner: That found its path.
         stages: Of planning.
         path: Its waypoints.
@@ -192,6 +197,7 @@ class TaskStageReport(Answer):
     name: str | None = None
     begins: float
     choice: int | None = None
+    configuration: ConfigurationReport | None = None
     planner: str | None = None
     stages: list[Stage] = Field(default_factory=list)
     path: JointPath | None = None
@@ -222,7 +228,7 @@ class Trial(Answer):
 
 
 class Improvement(Answer):
-    """A proved answer that was the shortest so far.
+    """A proved answer that was the best so far: its time and its configurations.
 
     Args:
         milliseconds: Since the search began.

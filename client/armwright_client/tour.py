@@ -8,7 +8,7 @@ from pydantic import Field
 from armwright_client.base import Answer, InFrame, NonNegative, Pairs, Positive, Request, Vector
 from armwright_client.certificate import Certificate, LimitValues
 from armwright_client.check import AttachedObjects
-from armwright_client.clearance import Clearance
+from armwright_client.clearance import Clearance, ConfigurationReport, GoalCosts
 from armwright_client.constraint import Constraints
 from armwright_client.goal import GoalLike, SingleGoal, Start, as_goal
 from armwright_client.plan import JointPath, Reproducibility, Timing
@@ -80,6 +80,7 @@ class TourOptions(TypedDict, total=False):
         constraints: What every leg has to hold.
         margin: Distance to be kept [m].
         clearance: Distance to be kept wherever there is room; none if left out.
+        goal_costs: Weights by which configurations of poses are chosen.
         start_state_tolerance: A configuration so little outside a limit is moved onto it.
         timing: Of every leg.
         limits: Of the joints, in place of the robot's.
@@ -101,6 +102,7 @@ class TourOptions(TypedDict, total=False):
     constraints: Constraints
     margin: float
     clearance: Clearance | None
+    goal_costs: GoalCosts | None
     start_state_tolerance: float
     timing: Timing
     limits: LimitValues | None
@@ -127,6 +129,7 @@ class TourRequest(Request):
     constraints: Constraints | None = None
     margin: NonNegative | None = None
     clearance: Clearance | None = None
+    goal_costs: GoalCosts | None = None
     start_state_tolerance: NonNegative | None = None
     timing: Timing | None = None
     limits: LimitValues | None = None
@@ -148,6 +151,7 @@ class Visit(Answer):
         joints: The configuration [rad or m].
         arrival: When the arm gets there [s].
         departure: When it goes on [s].
+        configuration: What it costs and why it was chosen; None of a goal without a pose.
     """
 
     id: str
@@ -156,6 +160,7 @@ class Visit(Answer):
     joints: list[float]
     arrival: float
     departure: float
+    configuration: ConfigurationReport | None = None
 
 
 class Leg(Answer):
@@ -199,7 +204,7 @@ class Unvisited(Answer):
 
 
 class TourImprovement(Answer):
-    """A proved tour that was the shortest so far.
+    """A proved tour that was the best so far: its time and its configurations.
 
     Args:
         round: Round of search and proof that found it.
@@ -219,7 +224,7 @@ class TourSearch(Answer):
         blocked: Those of them that something is in the way of.
         planned: Legs that were planned and proved.
         rounds: Rounds of search and proof.
-        improvements: Proved tours that were the shortest so far.
+        improvements: Proved tours that were the best so far.
         stopped: "finished", "rounds" or "deadline".
     """
 

@@ -3,7 +3,7 @@
 from pydantic import Field
 
 from planning.goal_costs import GoalCosts as DomainCosts
-from service.schemas.base import Body, NonNegative
+from service.schemas.base import Answer, Body, NonNegative
 
 _DEFAULT = DomainCosts()
 
@@ -28,4 +28,27 @@ class GoalCosts(Body):
     )
     turns: NonNegative = Field(
         _DEFAULT.turns, description="of each joint that turns by more than half a turn"
+    )
+
+
+class ConfigurationAnswer(Answer):
+    """The configuration that was chosen for a pose, what it costs, and why it is not another."""
+
+    branch: str | None = Field(
+        None, description="name of its branch; null where the arm has no closed form"
+    )
+    limit_share: float = Field(
+        description="distance of the joint nearest to its limit, as a share of the joint's range"
+    )
+    costs: dict[str, float] = Field(
+        description="what it costs, weighted, by the names of `goal_costs`; `motion_time` is "
+        "that of the straight joint motion to it",
+        examples=[{"motion_time": 0.61, "joint_limits": 0.0, "turns": 0.0}],
+    )
+    found: int = Field(description="free configurations that were found")
+    cheaper: int = Field(description="those of them that cost less, clearance left out")
+    at_limit: int = Field(description="those of them within 2 % of a joint limit")
+    reason: str = Field(
+        description="why it was chosen",
+        examples=["It costs the least of 8 free configurations."],
     )

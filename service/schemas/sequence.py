@@ -26,6 +26,7 @@ from service.schemas.base import (
 from service.schemas.check import Margin
 from service.schemas.constraint import Constraints
 from service.schemas.goal import Goal, Start
+from service.schemas.goal_costs import GoalCosts
 from service.schemas.keep import Keepable
 from service.schemas.kinematics import JOINTS_EXAMPLE
 from service.schemas.plan import LimitsBody
@@ -387,8 +388,9 @@ class TaskRequest(Keepable):
     margin: Margin = 0.0
     timing: Timing = Field(default_factory=Timing, description="how paths become motions")
     limits: LimitsBody | None = Field(None, description="in place of the robot's")
+    goal_costs: GoalCosts | None = None
     improve: Annotated[NonNegative, Field(le=86_400.0)] = Field(
-        0.0, description="time to look for a shorter answer after the first proved one [s]"
+        0.0, description="time to look for a better answer after the first proved one [s]"
     )
     allow_partial: bool = Field(
         False, description="the first stages are an answer where not all can be done"

@@ -6,6 +6,7 @@ from pydantic import Field
 
 from service.schemas.base import Answer, InFrame
 from service.schemas.certificate import CertificateAnswer, TrajectoryAnswer
+from service.schemas.goal_costs import ConfigurationAnswer
 from service.schemas.keep import PlanId
 from service.schemas.plan import PathAnswer, Reproducibility, Stage
 from service.schemas.pose import PoseAnswer
@@ -51,6 +52,9 @@ class TaskStageAnswer(Answer):
     name: str | None = Field(None, description="as requested")
     begins: float = Field(description="when it begins in the whole task [s]")
     choice: int | None = Field(None, description="number of the grasp, place or goal chosen")
+    configuration: ConfigurationAnswer | None = Field(
+        None, description="the one chosen at its end; null where no pose leaves a choice"
+    )
     planner: str | None = Field(None, description="that found its path; null where it stands still")
     stages: list[Stage] = Field(default_factory=list, description="of planning")
     path: PathAnswer | None = Field(None, description="null where the arm stands still")
@@ -83,7 +87,7 @@ class TrialAnswer(Answer):
 
 
 class ImprovementAnswer(Answer):
-    """A proved answer that was the shortest so far."""
+    """A proved answer that was the best so far: its time and its configurations."""
 
     milliseconds: float = Field(description="since the search began")
     duration: float = Field(description="of all stages [s]")
@@ -101,7 +105,7 @@ class TaskAnswer(InFrame):
     trials_omitted: int = Field(0, description="how many more there were")
     improvements: list[ImprovementAnswer] = Field(description="the last one is answered")
     exhausted: bool = Field(
-        description="every combination was tried, or can't be shorter by its estimate"
+        description="every combination was tried, or can't be better by its estimate"
     )
     failure: dict[str, Any] | None = Field(
         None, description="of a partial answer: why the later stages could not be done"

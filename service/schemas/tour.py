@@ -27,6 +27,7 @@ from service.schemas.check import Margin
 from service.schemas.clearance import Clearance
 from service.schemas.constraint import Constraints
 from service.schemas.goal import SingleGoal, Start, Tolerance
+from service.schemas.goal_costs import ConfigurationAnswer, GoalCosts
 from service.schemas.keep import Keepable, PlanId
 from service.schemas.kinematics import JOINTS_EXAMPLE
 from service.schemas.plan import LimitsBody, PathAnswer, Reproducibility
@@ -141,6 +142,7 @@ class TourRequest(Keepable):
     clearance: Clearance | None = Field(
         None, description="distance to be kept wherever there is room; none if left out"
     )
+    goal_costs: GoalCosts | None = None
     start_state_tolerance: Annotated[NonNegative, Field(le=0.1)] = Field(
         1e-6, description="a configuration so little outside a limit is moved onto it [rad or m]"
     )
@@ -181,6 +183,9 @@ class VisitAnswer(Answer):
     joints: list[float] = Field(description="the configuration [rad or m]")
     arrival: float = Field(description="when the arm gets there [s]")
     departure: float = Field(description="when it goes on [s]")
+    configuration: ConfigurationAnswer | None = Field(
+        None, description="what it costs and why it was chosen; null of a goal without a pose"
+    )
 
 
 class LegAnswer(Answer):
@@ -206,7 +211,7 @@ class UnvisitedAnswer(Answer):
 
 
 class TourImprovementAnswer(Answer):
-    """A proved tour that was the shortest so far."""
+    """A proved tour that was the best so far: its time and its configurations."""
 
     round: int = Field(description="round of search and proof that found it")
     time: float = Field(description="of the whole tour [s]")
@@ -221,7 +226,7 @@ class TourSearchAnswer(Answer):
     planned: int = Field(description="legs that were planned and proved")
     rounds: int = Field(description="rounds of search and proof")
     improvements: list[TourImprovementAnswer] = Field(
-        description="proved tours that were the shortest so far"
+        description="proved tours that were the best so far"
     )
     stopped: Literal["finished", "rounds", "deadline"] = Field(
         description="why it ended: finished where rounds found nothing shorter"

@@ -64,7 +64,10 @@ def plan_sequence(
         return timed_out("the search began", "task")
     stages = sequences.stages(body, geometry, start, remaining)
     asked = Task(world, start, stages, body.seed)
-    options = TaskOptions(remaining, body.improve, body.allow_partial, current.report)
+    options = TaskOptions(
+        remaining, body.improve, body.allow_partial, current.report,
+        problems.goal_costs(body.goal_costs),
+    )  # fmt: skip
     outcome = plan_task(asked, options)
     if isinstance(outcome, SequenceFailure):
         return TaskProblem(
@@ -185,6 +188,7 @@ def _stage_answer(
         "name": stage.name or None,
         "begins": begins,
         "choice": stage.target,
+        "configuration": problems.configuration_answer(stage.configuration),
         "planner": None if plan is None else plan.planner,
         "stages": [] if plan is None else problems.stages_answer(plan.stages),
         "path": None

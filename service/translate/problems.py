@@ -10,6 +10,7 @@ from kinematics.arrays import Array
 from kinematics.chain import Chain
 from obstacles.robot_geometry import RobotGeometry
 from obstacles.scene import Scene
+from planning.chosen_configuration import ChosenConfiguration
 from planning.clearance_report import ClearanceReport
 from planning.goal_costs import GoalCosts
 from planning.optimize.options import RefineOptions
@@ -22,6 +23,7 @@ from service.schemas import cartesian
 from service.schemas import goal as goal_schema
 from service.schemas import plan as schema
 from service.schemas.cartesian import cartesian_options
+from service.schemas.goal_costs import GoalCosts as GoalCostsBody
 from service.translate import poses, timings
 from service.translate.constraints import constraint_set
 from service.translate.seams import seam_options
@@ -153,13 +155,21 @@ def options(
         seed=body.seed,
         observer=observer,
         refine=_refine(body.refine),
-        goal_costs=_USUAL_COSTS
-        if body.goal_costs is None
-        else GoalCosts(**body.goal_costs.model_dump()),
+        goal_costs=goal_costs(body.goal_costs),
         clearance=_USUAL_CLEARANCE
         if body.clearance is None
         else PreferredClearance(body.clearance.preferred),
     )
+
+
+def goal_costs(body: GoalCostsBody | None) -> GoalCosts:
+    """Weights of what goal configurations cost; the usual ones where none are given."""
+    return _USUAL_COSTS if body is None else GoalCosts(**body.model_dump())
+
+
+def configuration_answer(chosen: ChosenConfiguration | None) -> dict[str, Any] | None:
+    """The configuration that was chosen for a pose on the wire; None where there was no choice."""
+    return None if chosen is None else asdict(chosen)
 
 
 def _cartesian(body: schema.PlanRequest, chain: Chain) -> CartesianOptions:

@@ -101,6 +101,7 @@ def tour_options(body: schema.TourRequest, chain: Chain, timeout: float) -> doma
         limits=timings.given_limits(body.limits, chain.joint_names),
         timeout=min(timeout, MAX_TIMEOUT),
         seed=body.seed,
+        goal_costs=problems.goal_costs(body.goal_costs),
         clearance=PreferredClearance(preferred),
     )
     return domain.TourOptions(planning, body.rounds, body.leg_timeout, body.allow_partial)
@@ -127,6 +128,7 @@ def tour_answer(
                 "joints": visit.joints.tolist(),
                 "arrival": visit.arrival,
                 "departure": visit.departure,
+                "configuration": problems.configuration_answer(visit.configuration),
             }
             for visit in tour.visits
         ],

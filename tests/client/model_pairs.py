@@ -14,6 +14,7 @@ from service.schemas import dh as their_dh
 from service.schemas import dynamics as their_dynamics
 from service.schemas import export as their_export
 from service.schemas import goal as their_goal
+from service.schemas import goal_costs as their_goal_costs
 from service.schemas import kept_plan as their_kept_plan
 from service.schemas import kinematics as their_kinematics
 from service.schemas import lyapunov as their_lyapunov
@@ -192,6 +193,7 @@ PAIRS: list[tuple[type[Readable], type[BaseModel]]] = [
     (ours.HeldObject, their_sequence_answer.HeldObject),
     (ours.TaskWorld, their_sequence_answer.WorldAnswer),
     (ours.TaskStageReport, their_sequence_answer.TaskStageAnswer),
+    (ours.ConfigurationReport, their_goal_costs.ConfigurationAnswer),
     (ours.Trial, their_sequence_answer.TrialAnswer),
     (ours.Improvement, their_sequence_answer.ImprovementAnswer),
     (ours.TaskPlan, their_sequence_answer.TaskAnswer),

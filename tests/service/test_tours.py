@@ -47,6 +47,23 @@ def test_legs_are_valid_for_the_service_that_proves_motions(
         assert leg["certificate"]["verified"]
 
 
+def test_visits_say_which_configuration_was_chosen_and_what_it_costs(
+    client: httpx.Client, tour: dict[str, Any]
+) -> None:
+    for visit in tour["visits"]:
+        chosen = visit["configuration"]
+        assert chosen["found"] >= 1
+        assert set(chosen["costs"]) == {
+            "motion_time", "joint_limits", "manipulability", "clearance", "turns",
+        }  # fmt: skip
+        assert chosen["limit_share"] >= 0.02 or "limit" in chosen["reason"]
+    only_time = dict.fromkeys(("joint_limits", "manipulability", "clearance", "turns"), 0.0)
+    quick = answer(client.post("/v1/tours", json=body(end="start", goal_costs=only_time)))
+    assert quick["time"] <= tour["time"] + 1e-6
+    costs = [visit["configuration"]["costs"] for visit in quick["visits"]]
+    assert all(cost["joint_limits"] == cost["turns"] == 0.0 for cost in costs)
+
+
 def test_times_add_up_and_visits_reach_their_poses(
     client: httpx.Client, tour: dict[str, Any]
 ) -> None:

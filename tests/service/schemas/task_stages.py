@@ -76,6 +76,7 @@ def tasks(
         "timing": {"velocity_scaling": 0.5},
         "limits": {"velocity": [1.0]},
         "improve": 0.5,
+        "goal_costs": {"joint_limits": 1.0},
         "allow_partial": True,
         "timeout": 2.0,
         "seed": 1,

@@ -26,6 +26,7 @@ TOURS: list[tuple[type[BaseModel], dict[str, Any]]] = [
         "clearance": {"preferred": 0.02, "least": 0.01}, "start_state_tolerance": 1e-5,
         "timing": {"method": "jerk_limited", "velocity_scaling": 0.5},
         "limits": {"velocity": [1.0, 1.0]}, "rounds": 3, "leg_timeout": 1.0,
+        "goal_costs": {"turns": 1.0},
         "allow_partial": True, "timeout": 5.0, "seed": 7, "keep": True,
         "constraints": [{"type": "clearance", "margin": 0.01}]}),
     (TourRequest, {"robot": "arm", "start": {"state": "home"}, "end": "start",
