@@ -17,8 +17,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from kinematics.arrays import Array, Indices
-from kinematics.compiled.kernel import kernel
+from kinematics.arrays import Array
 from kinematics.forward import joint_frames
 from obstacles.ball_distance import bound_from, closed_form
 from obstacles.collision_model import all_pieces
@@ -29,6 +28,7 @@ from obstacles.mesh_distance import mesh_distance
 from obstacles.nearest_points import NearestPoints, between, on_plane
 from obstacles.piece import Piece, PieceArrays, PieceKind
 from obstacles.piece_set import CENTER, GROUP, GROUP_STOP, KIND, POSE, CoreKind, PieceSet
+from obstacles.reachable_pairs import reachable_pairs
 from obstacles.robot_geometry import RobotGeometry
 from obstacles.scene import Scene
 from obstacles.signed_distance import halfspace_distance
@@ -175,7 +175,7 @@ class FclWorld:
         """Pairs that may be nearer than ``reach``: bound, both, margin; the nearest first."""
         first, starts, second = self._partners
         pairs = np.empty((len(second), 2), dtype=np.int64)
-        count = _reachable(
+        count = reachable_pairs(
             self._centers, self._arrays.radii, self._every_margin, first, starts, second, reach,
             pairs,
         )  # fmt: skip
@@ -389,28 +389,3 @@ class FclWorld:
             solid.move(self._poses[k])
             self._stale[k] = False
         return solid
-
-
-@kernel
-def _reachable(
-    centers: Array, radii: Array, margins: Array, first: Indices, starts: Indices, second: Indices,
-    reach: float, pairs: Indices,
-) -> int:  # fmt: skip
-    """Write the pairs whose balls may be nearer to each other than ``reach`` and the margin.
-
-    Returns:
-        How many were written to ``pairs``.
-    """
-    count = 0
-    for k in range(len(first)):
-        i = first[k]
-        for j in second[starts[k] : starts[k + 1]]:
-            x, y = centers[i, 0] - centers[j, 0], centers[i, 1] - centers[j, 1]
-            z = centers[i, 2] - centers[j, 2]
-            # Enlarged by its rounding errors: the bound itself decides. Half-spaces have no ball
-            # and are all taken.
-            limit = (radii[i] + radii[j] + margins[j] + reach) * (1.0 + 1e-9) + 1e-12
-            if not x * x + y * y + z * z > limit * limit:
-                pairs[count, 0], pairs[count, 1] = i, j
-                count += 1
-    return count
