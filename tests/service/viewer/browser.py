@@ -8,11 +8,7 @@ from contextlib import contextmanager
 from playwright.sync_api import Browser, sync_playwright
 
 _NAMES = ("chromium", "chromium-browser", "google-chrome")
-#: What stands in for a graphics card has WebGL to draw, and no texts: less to compute.
-_ARGUMENTS = [
-    "--use-angle=swiftshader", "--enable-unsafe-swiftshader", "--disable-gpu-rasterization",
-    "--disable-accelerated-2d-canvas", "--no-sandbox",
-]  # fmt: skip
+_ARGUMENTS = ["--use-angle=swiftshader", "--enable-unsafe-swiftshader", "--no-sandbox"]
 
 
 def program() -> str:
