@@ -6,6 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from kinematics.arrays import Array
+from kinematics.chain import Limits
 from kinematics.trajectory import Trajectory
 from obstacles.robot_geometry import RobotGeometry
 from obstacles.scene import Scene
@@ -16,9 +17,12 @@ from planning.exports.joint_tolerance import joint_tolerance
 from planning.exports.options import ExportFormat, ExportOptions, Rule
 from planning.exports.points import ExportPoints, export_points
 from planning.exports.statement import comments, unproved_parts
-from planning.limits import MotionLimits
+from planning.limits import RATIO_TOLERANCE, MotionLimits
 from planning.proof.certificate import Certificate, certify
 
+#: Excesses of limits that are called rounding, as a share of the duration, and how often a motion
+#: is slowed down for them.
+_ROUNDING, _ROUNDS = 1e-3, 4
 #: Endings of the files.
 ENDINGS = {
     ExportFormat.JOINT_TRAJECTORY_JSON: "json",
@@ -90,8 +94,7 @@ def export(
         InvalidOption: The robot or the number of points does not fit the format.
     """
     programs.check_axes(robot.chain, options.format)
-    points = export_points(trajectory, options)
-    motion = controller_motion(trajectory.joint_names, points)
+    points, motion = _within_limits(trajectory, robot.chain.limits, options)
     limits = _no_rates(robot.chain.n) if options.is_path else MotionLimits()
     certificate = certify(motion, robot, scene, margin=margin, limits=limits, deadline=deadline)
     tolerance = None
@@ -112,6 +115,40 @@ def export(
         tolerance=tolerance,
         point_count=len(points.ticks),
     )
+
+
+def _within_limits(
+    trajectory: Trajectory, limits: Limits, options: ExportOptions
+) -> tuple[ExportPoints, Trajectory]:
+    """The points of a motion and what the controller makes of them, slower where rounding asks it.
+
+    Files count time in whole nanoseconds. What that stirs in the acceleration of a point carries
+    the jerk beyond its limit by 1e-8 to 1e-5 of it, where the motion uses all of the limit.
+    """
+    slower = 1.0
+    for _ in range(_ROUNDS):
+        given = trajectory if slower == 1.0 else trajectory.dilate(slower)
+        points = export_points(given, options)
+        motion = controller_motion(trajectory.joint_names, points)
+        excess = 0.0 if options.is_path else _excess(trajectory, motion, limits, points.rule)
+        if not 0.0 < excess <= _ROUNDING:
+            break
+        slower *= 1.0 + 2.0 * excess
+    return points, motion
+
+
+def _excess(given: Trajectory, motion: Trajectory, limits: Limits, rule: Rule) -> float:
+    """By how much longer a motion has to take to keep the limits that the given one keeps."""
+    factor = 1.0
+    for order, name in enumerate(("velocity", "acceleration", "jerk"), 1):
+        # Cubics are for motions whose acceleration jumps: their jerk has no bound.
+        if order <= (3 if rule == Rule.QUINTIC else 2):
+            limit = getattr(limits, name)
+            before, after = (np.nanmax(m.peaks(order).value / limit, initial=0.0)
+                             for m in (given, motion))  # fmt: skip
+            if before <= 1.0 + RATIO_TOLERANCE < after:
+                factor = max(factor, float(after) ** (1.0 / order))
+    return factor - 1.0
 
 
 def _no_rates(n: int) -> MotionLimits:

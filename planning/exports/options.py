@@ -50,8 +50,9 @@ class ExportOptions:
 
     Args:
         format: The file to write.
-        sample_period: Time between points; quintics and cubics have points where the acceleration
-            jumps as well. A path is chosen among points this far apart [s].
+        sample_period: Time between points; quintics have points where pieces of the motion meet as
+            well, cubics where the acceleration jumps. A path is chosen among points this far
+            apart [s].
         interpolation: "quintic", "cubic" or "linear", for messages and tables. None takes
             "quintic" where the acceleration is continuous, "cubic" elsewhere.
         path_tolerance: Distance of the motion from the legs of a path at most [rad or m].

@@ -12,7 +12,9 @@ from planning.limits import JERK_JUMP
 
 #: Points of one file: at half a kilobyte each, fifty megabytes.
 MAX_POINTS = 100_000
-#: A point this near to a jump of the acceleration gives way to it, a share of the period.
+#: Degree of the polynomials that controllers interpolate by at most.
+_QUINTIC = 5
+#: A point this near to one where two pieces meet gives way to it, a share of the period.
 _SAME_POINT = 0.1
 #: A message counts time in these [1/s].
 NANOSECONDS = 1_000_000_000
@@ -65,12 +67,17 @@ def export_points(trajectory: Trajectory, options: ExportOptions) -> ExportPoint
         positions = trajectory.sample(times)
         times = times[corners(positions, options.path_tolerance)]
     elif rule in (Rule.QUINTIC, Rule.CUBIC):
-        times = _with_jumps(trajectory, times, period)
+        times = _with_breaks(trajectory, times, period, rule)
+    ticks = _ticks(times)
+    if rule != Rule.STRAIGHT_LEGS:
+        # Where the motion is at the times that the file names: beside a near point, half a
+        # nanosecond of difference would be felt in the acceleration.
+        times = np.minimum(ticks / NANOSECONDS, trajectory.duration)
     count = {Rule.QUINTIC: 3, Rule.CUBIC: 2}.get(rule, 1)
     rows = tuple(trajectory.sample(times, order) for order in range(count))
     if options.format in (ExportFormat.RAPID, ExportFormat.KRL):
         rows = (np.deg2rad(single_degrees(rows[0]).astype(np.float64)),)
-    return ExportPoints(rule, _ticks(times), rows)
+    return ExportPoints(rule, ticks, rows)
 
 
 def single_degrees(positions: Array) -> np.ndarray[tuple[int, ...], np.dtype[np.float32]]:
@@ -110,13 +117,22 @@ def _distances(points: Array, start: Array, end: Array) -> Array:
     return np.asarray(np.linalg.norm(points - start - shares[:, None] * along, axis=1))
 
 
-def _with_jumps(trajectory: Trajectory, times: Array, period: float) -> Array:
-    """Times, and those at which the acceleration jumps: polynomials across a jump overshoot it."""
-    jumps = np.abs(trajectory.jumps(2)).max(axis=1, initial=0.0) > JERK_JUMP
-    breaks = trajectory.breaks[1:-1][jumps]
+def _with_breaks(trajectory: Trajectory, times: Array, period: float, rule: Rule) -> Array:
+    """Times, and those at which pieces of the motion meet, as far as the rule needs them.
+
+    Quintics between points of one piece of degree 5 at most are that piece, and keep its limits;
+    across two pieces they exceed them by some percent. Any polynomial overshoots where it passes a
+    jump of the acceleration.
+    """
+    breaks = trajectory.breaks[1:-1]
+    if rule != Rule.QUINTIC or trajectory.coefficients[:, :, _QUINTIC + 1 :].any():
+        jumps = np.abs(trajectory.jumps(2)).max(axis=1, initial=0.0) > JERK_JUMP
+        breaks = breaks[jumps]
     if not len(breaks):
         return times
-    gaps = np.abs(times[1:-1, None] - breaks).min(axis=1)
+    after = np.searchsorted(breaks, times[1:-1])
+    padded = np.concatenate([[-np.inf], breaks, [np.inf]])
+    gaps = np.minimum(times[1:-1] - padded[after], padded[after + 1] - times[1:-1])
     inner = times[1:-1][gaps > _SAME_POINT * period]
     return np.unique(np.concatenate([times[:1], inner, breaks, times[-1:]]))
 

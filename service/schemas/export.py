@@ -54,8 +54,9 @@ class ExportRequest(Body):
     format: Format = Field(description="the file to write", examples=["ros2_control"])
     sample_period: Annotated[Number, Field(ge=1e-4, le=60.0)] = Field(
         0.01,
-        description="time between points; quintic and cubic have points where the acceleration "
-        "jumps as well; those of a path are chosen among such points [s]",
+        description="time between points; quintic has points where pieces of the motion meet as "
+        "well, cubic where the acceleration jumps; those of a path are chosen among such points "
+        "[s]",
     )
     interpolation: Literal["quintic", "cubic", "linear"] | None = Field(
         None,

@@ -19,6 +19,11 @@ from obstacles.fcl_distance import FclWorld
 from planning.exports.export import Export, export
 from planning.exports.options import PATH_FORMATS, ExportFormat, ExportOptions
 from planning.exports.statement import _plain
+from planning.options import Options
+from planning.pipeline import plan
+from planning.problem import JointGoal, Problem
+from planning.result import Plan
+from planning.timing.options import Solver, TimingOptions
 from tests.planning.scenes import builtin, pillar
 
 FORMATS = list(ExportFormat)
@@ -155,6 +160,29 @@ def test_points_at_jumps_of_the_acceleration_keep_its_limit() -> None:
         assert made.joint_deviation.max() < 1e-9
         peaks = made.motion.peaks(2).value
         np.testing.assert_allclose(peaks, np.abs(c[0, :, 2]) * 2.0, rtol=1e-6)
+
+
+@pytest.mark.parametrize("solver", ["quintic_spline", "double_s"])
+@pytest.mark.parametrize("period", [0.01, 0.37, 5.0])
+def test_motions_of_bounded_jerk_keep_their_limits(solver: Solver, period: float) -> None:
+    """Quintics across two pieces exceeded the jerk of planned motions by a third."""
+    options = Options(timing=TimingOptions("jerk_limited", solver=solver))
+    planned = plan(Problem(UR, SCENE, START, (JointGoal(END),)), options)
+    assert isinstance(planned, Plan)
+    made = write(ExportFormat.ROS2_CONTROL, planned.trajectory, sample_period=period)
+    assert made.rule == "quintic"
+    assert made.certificate.verified, made.unproved
+    assert made.joint_deviation is not None
+    assert made.joint_deviation.max() < 1e-5
+    times, rows = points_of(made, ExportFormat.ROS2_CONTROL)
+    assert times is not None
+    curve = PPoly.from_bernstein_basis(BPoly.from_derivatives(times, np.stack(rows, axis=1)))
+    for order, (name, used) in enumerate(made.certificate.limits.items()):
+        if order:
+            limit = getattr(UR.chain.limits, name)
+            peak = np.abs(curve.derivative(order)(np.linspace(0.0, times[-1], 2000))).max(axis=0)
+            assert (peak <= limit * (1.0 + 1e-8)).all()
+            assert used.worst_ratio <= 1.0 + 1e-9
 
 
 def test_lines_between_few_points_are_proved_as_such() -> None:
