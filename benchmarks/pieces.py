@@ -1,6 +1,7 @@
 """Pieces and bytes of planned motions: for each 1.6 s, of shorter ones as they are.
 
     python -m benchmarks.pieces ../data/mbm/panda [--every 5] [--kinds plain upright ...]
+    python -m benchmarks.pieces ../data/mbm/panda --kinds --arms panda ur5e kr6_sixx ur5 --count 50
 
 Kinds: "plain", MotionBenchMaker's problems; "upright", with a vertical axis of the flange within
 10 degrees (`benchmarks.constrained_plan`); "torque", plain within the torque limits of a Panda that
@@ -8,18 +9,27 @@ carries 5 kg; "speed", plain with the tool no faster than 0.5 m/s; "line", the t
 straight from the goals; "corner", along three lines with rounded corners at 0.1 m/s; "seam", those
 of `benchmarks.seams`, at its speed. Bytes are those of the segments in the answer's JSON. Limits
 are judged by numpy.
+
+With ``--arms`` random motions among boxes with the tool no faster than 0.5 m/s, and within torque
+limits with a load where ``--load`` says so. Speeds of the tool are judged by pinocchio at 500
+instants of each motion, torques likewise.
 """
 
 import argparse
 import json
+import time
 from collections import Counter
 from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
+import pinocchio
 
 from benchmarks.constrained_plan import constrained_problem
+from benchmarks.example_arms import ARMS
+from benchmarks.goal_choice import arm
 from benchmarks.mbm_problems import ACCELERATION, cases, panda
+from benchmarks.mesh_scenes import own_scenes
 from benchmarks.ratios import worst_ratio
 from benchmarks.seam_arms import SPEED, STARTS
 from benchmarks.seams import SHAPES, seam
@@ -27,7 +37,9 @@ from benchmarks.timing_plans import JERK
 from kinematics.arrays import Array
 from kinematics.forward import forward
 from kinematics.pose import transform
+from kinematics.robots import builtin_names, builtin_urdf
 from kinematics.trajectory import Trajectory
+from obstacles.checker import Checker
 from obstacles.robot_geometry import RobotGeometry
 from obstacles.scene import Obstacle, Scene
 from obstacles.shapes import Cylinder
@@ -49,6 +61,9 @@ LENGTH = 1.6
 MOST = 20.5
 #: Bytes of such a motion at most [-].
 BYTES = 8000.0
+#: Random motions: speed of the tool [m/s], largest angle of a joint, least clearance of ends [m],
+#: instants that are judged, and by how much a limit may be exceeded where it is reached.
+TOOL_SPEED, TURN, CLEAR, INSTANTS, ABOVE = 0.5, 2.6, 2e-3, 500, 1e-9
 
 
 def size(motion: Trajectory) -> int:
@@ -135,13 +150,117 @@ def seam_problems(
         )
 
 
+class Judge:
+    """Speeds of a tool and torques by pinocchio.
+
+    Args:
+        urdf: The arm.
+        robot: The same.
+        load: Mass of a point at the tip [kg].
+    """
+
+    def __init__(self, urdf: str, robot: RobotGeometry, load: float) -> None:
+        chain = robot.chain
+        self._model = pinocchio.buildModelFromXML(urdf)
+        self._tip = self._model.getFrameId(chain.tip_link, pinocchio.FrameType.BODY)
+        if load:
+            frame = self._model.frames[self._tip]
+            inertia = pinocchio.Inertia(load, frame.placement.translation, np.zeros((3, 3)))
+            self._model.appendBodyToJoint(frame.parentJoint, inertia, pinocchio.SE3.Identity())
+        self._data = self._model.createData()
+        joints = self._model.joints
+        self._columns = [joints[self._model.getJointId(name)].idx_q for name in chain.joint_names]
+
+    def uses(self, motion: Trajectory, effort: Array) -> tuple[float, float]:
+        """Largest speed of the tool [m/s], and largest part of a torque limit that is used."""
+        times = np.linspace(0.0, motion.duration, INSTANTS)
+        q, v, a = (motion.sample(times, order) for order in range(3))
+        fastest, strongest = 0.0, 0.0
+        whole = np.zeros((3, self._model.nq))
+        for k in range(INSTANTS):
+            for row, values in enumerate((q[k], v[k], a[k])):
+                whole[row, self._columns] = values
+            pinocchio.forwardKinematics(self._model, self._data, whole[0], whole[1])
+            twist = pinocchio.getFrameVelocity(
+                self._model, self._data, self._tip, pinocchio.LOCAL_WORLD_ALIGNED
+            )
+            fastest = max(fastest, float(np.linalg.norm(twist.linear)))
+            torque = pinocchio.rnea(self._model, self._data, *whole)[self._columns]
+            strongest = max(strongest, float(np.abs(torque / effort).max()))
+        return fastest, strongest
+
+
+def random_problems(
+    robot: RobotGeometry, count: int, load: float
+) -> Iterator[tuple[Problem, Options]]:
+    """Random motions among boxes, the tool no faster than ``TOOL_SPEED`` or with a load."""
+    random, (low, high) = np.random.default_rng(0), robot.chain.sampling_bounds()
+    timing = TimingOptions(tool_speed=TOOL_SPEED)
+    if load:
+        timing = TimingOptions(torque_limits=True, payload=Payload(load))
+    scenes, made = list(own_scenes(30, 0.9, 0)), 0
+    while made < count:
+        scene = scenes[made % len(scenes)]
+        start, end = np.clip(random.uniform(low, high, (2, robot.chain.n)), -TURN, TURN)
+        if min(Checker.of(robot, scene).clearance(q)[0] for q in (start, end)) < CLEAR:
+            continue
+        made += 1
+        options = Options(timing=timing, timeout=20.0)
+        yield Problem(robot, scene, start, (JointGoal(end),)), options
+
+
+def run_arm(name: str, count: int, load: float) -> None:
+    """Plan an arm's random motions and tell their pieces, times and limits."""
+    robot = arm(name)
+    limits = robot.chain.limits
+    judge = Judge(builtin_urdf(name) if name in builtin_names() else ARMS[name].text, robot, load)
+    rates, sizes, durations, spent = [], [], [], []
+    above, solvers, planned = 0, Counter[str](), 0
+    for problem, options in random_problems(robot, count, load):
+        if not planned:
+            plan(problem, options)
+        began = time.process_time()
+        answer = plan(problem, options)
+        planned += 1
+        if not isinstance(answer, Plan):
+            continue
+        spent.append(time.process_time() - began)
+        motion = answer.trajectory
+        share = LENGTH / max(motion.duration, LENGTH)
+        rates.append(motion.pieces * share)
+        sizes.append(size(motion) * share)
+        durations.append(motion.duration)
+        solvers[str(answer.timing.solver if answer.timing else None)] += 1
+        speed, torque = judge.uses(motion, limits.effort)
+        jerk = 10.0 * limits.acceleration if limits.jerk is None else limits.jerk
+        jerk = np.where(np.isfinite(jerk), jerk, 10.0 * limits.acceleration)
+        bounds = (limits.velocity, limits.acceleration, jerk)
+        ratios = [worst_ratio(motion, value, k) for k, value in enumerate(bounds, 1)]
+        ratios.append(torque if load else speed / TOOL_SPEED)
+        above += max(ratios) > 1.0 + ABOVE or not answer.certificate.verified
+    print(
+        f"| {name} | {len(rates)} | {np.median(rates):.1f} / {np.quantile(rates, 0.95):.1f} "
+        f"| {np.median(sizes) / 1e3:.1f} / {np.quantile(sizes, 0.95) / 1e3:.1f} "
+        f"| {sum(durations):.3f} s | {1e3 * np.median(spent):.1f} ms | {above} above a limit "
+        f"| {dict(solvers)} |",
+        flush=True,
+    )
+
+
 def main() -> None:
     """Print a row a kind."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("problems", type=Path)
     parser.add_argument("--every", type=int, default=5, help="take every n-th problem of a kind")
     parser.add_argument("--kinds", nargs="*", default=KINDS)
+    parser.add_argument("--arms", nargs="*", default=[], help="of random motions")
+    parser.add_argument("--count", type=int, default=50, help="random motions of each arm")
+    parser.add_argument(
+        "--load", type=float, default=0.0, help="at the tip, for torques [kg]"
+    )
     asked = parser.parse_args()
+    for name in asked.arms:
+        run_arm(name, asked.count, asked.load)
     print("| kind | motions | pieces, median / 95 % | kB, median / 95 % | above both | duration "
           "| worst limit | solvers |")  # fmt: skip
     print("|---|---|---|---|---|---|---|---|")

@@ -135,19 +135,29 @@ def estimate_uses(loads: EffortLimits, trajectory: Trajectory) -> dict[str, Use]
     return found
 
 
-def slow_down(loads: EffortLimits, dilated: ScaledTime) -> ScaledTime:
+def slow_down(loads: EffortLimits, dilated: ScaledTime, longest: float = np.inf) -> ScaledTime:
     """The motion slowed down until it keeps the limits at every instant.
 
+    Args:
+        loads: The limits.
+        dilated: The motion.
+        longest: Duration beyond which it is not wanted [s].
+
     Raises:
-        TimingFailed: No slowing down does.
+        TimingFailed: No slowing down does, or it takes longer.
     """
     trajectory, factor, _ = dilated
     for _ in range(_MAX_DILATIONS):
         needed = _slow_down_factor(loads, trajectory)
+        if max(needed, 1.0) * trajectory.duration > longest:
+            break
         if needed <= 1.0:
             return ScaledTime(trajectory, factor)
         factor *= needed * (1.0 + _HAIR)
         trajectory = trajectory.dilate(needed * (1.0 + _HAIR))
+        if loads.effort is None:
+            # A motion that is slower all along has a slower tool by just as much.
+            return ScaledTime(trajectory, factor)
     raise TimingFailed(
         "no slower motion was found that keeps the torque limits",
         hint="Carry less, raise the limits, or choose another path.",

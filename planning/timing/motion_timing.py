@@ -7,15 +7,13 @@ waypoints: with more waypoints on the legs it keeps nearer to them.
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
-from functools import cache, partial
+from functools import partial
 from typing import NamedTuple
 
 import numpy as np
 
 from kinematics.arrays import Array
-from kinematics.compiled.kernel import direct
 from kinematics.errors import InvalidOption
-from kinematics.polynomial import sample_between_kernel
 from kinematics.trajectory import Trajectory, stay
 from obstacles.checker import Checker
 from planning.close_instants import close_instants
@@ -25,8 +23,13 @@ from planning.timing.blend import largest_reaches, merge, reach_for_deviation
 from planning.timing.corner_blending import certified_reaches
 from planning.timing.even_corners import Pieces
 from planning.timing.failure import TimingFailed
+from planning.timing.instants import not_beside, states_between
 from planning.timing.options import TimingOptions
-from planning.timing.parametrization import TimeParametrization, merge_repeated
+from planning.timing.parametrization import (
+    SPAN_RATES_WITHIN_LOADS,
+    TimeParametrization,
+    merge_repeated,
+)
 from planning.timing.quintic_fit import SPAN_RATES, even_parts, finer_parts
 from planning.timing.spline import Ends
 from planning.timing.time_scaling import ScaledTime
@@ -35,9 +38,6 @@ from planning.timing.time_scaling import ScaledTime
 _REST = 1e-9
 # How much more finely a spline is looked at where it has nothing to spare.
 _FINELY = 4
-# A spline may be nearer than preferred where the motion that it is near to is so at most this part
-# of the duration away: their times differ a little.
-_BESIDE = 0.02
 # Instants of a piece of a spline at which its clearance is looked at before it is proved.
 _INSTANTS = 3
 # How often spans of a spline are halved where it comes too near, and how many spans it then has for
@@ -142,11 +142,15 @@ class _RoundedMotion:
     _found_reaches: dict[bool, Array] = field(default_factory=dict, init=False)
     _found_widest: dict[bool, Array] = field(default_factory=dict, init=False)
     _found_close: dict[int, Array] = field(default_factory=dict, init=False)
+    _on_path: ScaledTime | None = field(default=None, init=False)
 
     def time_on_path(self) -> ScaledTime:
         """The motion with rounded corners."""
-        names = self.checker.model.chain.joint_names
-        return self.parametrization.time_polyline(self.points, self._reaches(), names)
+        if self._on_path is None:
+            names = self.checker.model.chain.joint_names
+            polyline = self.points, self._reaches(), names
+            self._on_path = self.parametrization.time_polyline(*polyline)
+        return self._on_path
 
     def smooth(self) -> ScaledTime:
         """The spline near the motion where it is as far from everything, else the motion itself."""
@@ -173,7 +177,21 @@ class _RoundedMotion:
                 if not len(close_instants(self.checker, *looked, finely=_FINELY)):
                     self.left_path = True
                     return spline
-        return self.time_on_path()
+        return self._within_loads(names) or self.time_on_path()
+
+    def _within_loads(self, names: tuple[str, ...]) -> ScaledTime | None:
+        """The spline near the motion on the path where loads bind that, and it keeps as clear."""
+        if self.parametrization.loads is None:
+            return None
+        motion = self.time_on_path().trajectory
+        rounded = Pieces(motion.breaks, motion.coefficients)
+        self._found_close.clear()
+        for rate in SPAN_RATES_WITHIN_LOADS:
+            spline = self.parametrization.spline_within_loads(motion, names, rate)
+            if spline is not None and self._near_instants(spline.trajectory, rounded, None) is None:
+                self.left_path = True
+                return spline
+        return None
 
     def _spline_at_widest(self, names: tuple[str, ...]) -> _Wide | None:
         """The spline near the widest corners, which are not proved free, if there is one.
@@ -194,7 +212,7 @@ class _RoundedMotion:
         motion = spline.trajectory
         looked = motion.breaks, motion.coefficients
         if self.holds is not None and not self.holds(
-            _states_between(*looked, _INSTANTS * motion.pieces)
+            states_between(*looked, _INSTANTS * motion.pieces)
         ):
             return None
         close = close_instants(self.preferred[0], *looked) / motion.duration
@@ -276,7 +294,7 @@ class _RoundedMotion:
         shares of its time at which it does not keep the first level, where these are known.
         """
         looked = motion.breaks, motion.coefficients, _INSTANTS * motion.pieces
-        states = None if self.holds is None else _states_between(*looked)
+        states = None if self.holds is None else states_between(*looked)
         if self.holds is not None and states is not None and not self.holds(states):
             return np.empty(0)
         for number, level in enumerate(self.preferred):
@@ -286,34 +304,11 @@ class _RoundedMotion:
                 return None
             if number not in self._found_close:
                 self._found_close[number] = close_instants(level, *rounded) / rounded.breaks[-1]
-            apart = _not_beside(close, self._found_close[number])
+            apart = not_beside(close, self._found_close[number])
             if len(apart):
                 return apart * motion.duration
-        states = _states_between(*looked) if states is None else states
+        states = states_between(*looked) if states is None else states
         return None if self.checker.all_valid(states) else np.empty(0)
-
-
-def _not_beside(places: Array, known: Array) -> Array:
-    """Those of some places (k,) that have none of those known (l,), in order, beside them."""
-    if not len(known):
-        return places
-    after = np.minimum(np.searchsorted(known, places), len(known) - 1)
-    before = np.maximum(after - 1, 0)
-    beside = np.minimum(np.abs(known[after] - places), np.abs(known[before] - places))
-    return np.asarray(places[beside > _BESIDE])
-
-
-def _states_between(breaks: Array, coefficients: Array, count: int) -> Array:
-    """States at instants evenly spaced between a motion's ends, shape (count, n)."""
-    states = np.empty((count, coefficients.shape[1]))
-    _sample_between()(breaks, coefficients, states)
-    return states
-
-
-@cache
-def _sample_between() -> Callable[[Array, Array, Array], None]:
-    """``sample_between_kernel`` for a motion's arrays, without numba's look at their types."""
-    return direct(sample_between_kernel, np.zeros(1), np.zeros((1, 1, 1)), np.zeros((1, 1)))
 
 
 def _splines(

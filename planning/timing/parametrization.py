@@ -23,7 +23,8 @@ from planning.timing.even_corners import (
 from planning.timing.failure import TimingFailed
 from planning.timing.method import PathLimits, TimingMethod
 from planning.timing.path import JointPath
-from planning.timing.quintic_fit import fit_pieces
+from planning.timing.quintic_fit import even_parts, fit_pieces
+from planning.timing.span_loads import SpanLoads, span_loads
 from planning.timing.spline import Ends, chord_knots, spline_trajectory
 from planning.timing.time_scaling import ScaledTime, dilate, fit, fitting_factor
 
@@ -31,6 +32,11 @@ from planning.timing.time_scaling import ScaledTime, dilate, fit, fitting_factor
 _ALONG = 1e-6
 #: A spline that takes longer than this part of the motion that it is near to is not worth it.
 WORTH = 1.1
+#: One that takes longer than this part of a motion within loads is not: that one is there already.
+WORTH_WITHIN_LOADS = 1.05
+#: Spans for each second of a motion within loads that are tried in turn [1/s]: 16 and 19 pieces in
+#: 1.6 s. Loads bind here and there, and more spans follow that more closely.
+SPAN_RATES_WITHIN_LOADS = (10.0, 12.0)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -58,6 +64,7 @@ class TimeParametrization:
     ruled: tuple[str, ...] = ()
     _jerk_bounds: Array | None = field(init=False, repr=False)
     _estimate_limits: Array | None = field(default=None, init=False, repr=False)
+    _kernel_loads: SpanLoads | None = field(default=None, init=False, repr=False)
 
     def __post_init__(self) -> None:
         bounds = None
@@ -109,11 +116,40 @@ class TimeParametrization:
             joint_names: n names.
             parts: Of the motion's time, one for each span, as in ``fit_pieces``.
         """
-        fitted = fit_pieces(motion, joint_names, self.jerk_bounds, parts)
+        fitted = fit_pieces(motion, joint_names, self.jerk_bounds, parts, self._span_loads)
         spline = self._slow_down_a_little(fitted)
         if spline is None or spline.trajectory.duration > WORTH * motion.breaks[-1]:
             return None
         return spline
+
+    def spline_within_loads(
+        self, motion: Trajectory, joint_names: Sequence[str], rate: float
+    ) -> ScaledTime | None:
+        """The spline of few pieces near a motion that keeps the loads; None if it is not worth it.
+
+        Args:
+            motion: From rest to rest, within all limits.
+            joint_names: n names.
+            rate: Spans for each second of it [1/s].
+        """
+        if self.loads is None or not (self.method.near_path and self.few_pieces):
+            return None
+        parts = even_parts(motion.duration, None, rate)
+        if len(parts) > motion.pieces:
+            return None
+        pieces = Pieces(motion.breaks, motion.coefficients)
+        fitted = fit_pieces(pieces, joint_names, self.jerk_bounds, parts, self._span_loads)
+        try:
+            spline = slow_down(self.loads, fitted, WORTH_WITHIN_LOADS * motion.duration)
+        except TimingFailed:
+            return None
+        return spline._replace(solver=fitted.solver)
+
+    @property
+    def _span_loads(self) -> SpanLoads | None:
+        if self._kernel_loads is None and self.loads is not None:
+            object.__setattr__(self, "_kernel_loads", span_loads(self.loads))
+        return self._kernel_loads
 
     def _slow_down_a_little(self, scaled: ScaledTime) -> ScaledTime | None:
         """The motion slowed down for the loads; None where that takes far longer than without.
@@ -124,10 +160,8 @@ class TimeParametrization:
         if self.loads is None:
             return scaled
         try:
-            slowed = slow_down(self.loads, scaled)
+            slowed = slow_down(self.loads, scaled, WORTH * scaled.trajectory.duration)
         except TimingFailed:
-            return None
-        if slowed.trajectory.duration > WORTH * scaled.trajectory.duration:
             return None
         return slowed._replace(solver=scaled.solver)
 
@@ -203,6 +237,12 @@ class TimeParametrization:
             if slowed is not None:
                 return slowed
         rounded = self.time(path, joint_names)
+        if len(waypoints) == 2:
+            # Near a straight path is on it.
+            for rate in SPAN_RATES_WITHIN_LOADS:
+                spline = self.spline_within_loads(rounded.trajectory, joint_names, rate)
+                if spline is not None:
+                    return spline
         if not (self.smooth and reaches.any()):
             return rounded
         # Under low jerk limits a narrow curve may take longer than a stop.

@@ -22,6 +22,12 @@ from planning.timing.even_corners import Pieces
 from planning.timing.limit_ratios import largest_lane
 from planning.timing.quintic_basis import DEGREE, ORDER
 from planning.timing.quintic_least_squares import fit_points, least_squares_room
+from planning.timing.span_loads import (
+    SpanLoads,
+    no_loads,
+    span_room,
+    widen_for_loads_kernel,
+)
 from planning.timing.time_scaling import ScaledTime, fit_kernel, scaled_motion
 
 #: Spans for each second of a motion that are tried in turn [1/s]: 13 and 20 pieces in 1.6 s. With
@@ -39,6 +45,8 @@ _PLACES = 9
 _ROUNDS = 8
 # Exponent of the excess by which a span is made longer or shorter in a round.
 _STEP = 0.6
+# The same where there are loads: they bind here and there.
+_STEP_OF_LOADS = 0.8
 # A span becomes shorter by this factor of its excess at most: limits hardly matter where it rests.
 _MIN_EXCESS = 0.3
 
@@ -72,16 +80,18 @@ def fit_quintic(
     return fit_pieces(pieces, joint_names, bounds, even_parts(motion.duration, legs, rate))
 
 
-def even_parts(duration: float, legs: int, rate: float) -> Array:
+def even_parts(duration: float, legs: int | None, rate: float) -> Array:
     """Ends of even parts of a motion's time, one for each span of its spline, shape (N + 1,) [s].
 
     Args:
         duration: Of the motion [s].
-        legs: Number of the straight legs of its path.
+        legs: Number of the straight legs of its path, of which each needs a few; None for as many
+            as the rate says.
         rate: Spans for each second of the motion [1/s].
     """
     count = max(MIN_SPANS, math.ceil(rate * duration))
-    count = min(count, max(MIN_SPANS, _SPANS_PER_LEG * legs))
+    if legs is not None:
+        count = min(count, max(MIN_SPANS, _SPANS_PER_LEG * legs))
     return np.asarray(np.arange(count + 1) * (duration / count))
 
 
@@ -99,7 +109,11 @@ def finer_parts(parts: Array, spline: Trajectory, times: Array) -> Array:
 
 
 def fit_pieces(
-    motion: Pieces, joint_names: Sequence[str], limits: Array, parts: Array
+    motion: Pieces,
+    joint_names: Sequence[str],
+    limits: Array,
+    parts: Array,
+    loads: SpanLoads | None = None,
 ) -> ScaledTime:
     """``fit_quintic`` near pieces that nothing has looked at, within limits that are positive.
 
@@ -108,24 +122,33 @@ def fit_pieces(
         joint_names: n names.
         limits: Of velocity, acceleration and jerk, shape (3, n).
         parts: Ends of the parts of the motion that the N spans are fitted to, shape (N + 1,) [s].
+        loads: Limits that spans are made longer for. They are nearly kept: the motion is as fast as
+            the limits of its joints allow.
     """
     n, count = motion.coefficients.shape[1], len(parts) - 1
     breaks, coefficients = parts.copy(), np.empty((count, n, DEGREE + 1))
-    factor = _fit_motion()(*motion, limits, breaks, coefficients)
+    factor = _fit_motion()(*motion, limits, loads or no_loads(), breaks, coefficients)
     scaled = scaled_motion(joint_names, breaks, coefficients, factor)
     return ScaledTime(scaled.trajectory, factor, "quintic_spline")
 
 
 @cache
-def _fit_motion() -> Callable[[Array, Array, Array, Array, Array], float]:
+def _fit_motion() -> Callable[[Array, Array, Array, SpanLoads, Array, Array], float]:
     """``fit_motion_kernel`` for pieces' arrays, without numba's look at their types."""
     breaks, coefficients = np.zeros(1), np.zeros((1, 1, 1))
-    return direct(fit_motion_kernel, breaks, coefficients, np.zeros((3, 1)), breaks, coefficients)
+    return direct(
+        fit_motion_kernel, breaks, coefficients, np.zeros((3, 1)), no_loads(), breaks, coefficients
+    )
 
 
 @kernel
 def fit_motion_kernel(
-    given: Array, pieces: Array, limits: Array, breaks: Array, coefficients: Array
+    given: Array,
+    pieces: Array,
+    limits: Array,
+    loads: SpanLoads,
+    breaks: Array,
+    coefficients: Array,
 ) -> float:
     """Write breaks and coefficients of the spline near a motion; the factor of ``fit_kernel``.
 
@@ -133,6 +156,7 @@ def fit_motion_kernel(
         given: Breaks of the motion, shape (m + 1,) [s].
         pieces: Its coefficients, shape (m, n, k).
         limits: Of velocity, acceleration and jerk, shape (3, n).
+        loads: Limits of torques and of the tool's speed.
         breaks: Ends of the parts of the motion that the spans are fitted to, then those of the
             spans, shape (N + 1,) [s].
         coefficients: Filled, shape (N, n, 6).
@@ -150,7 +174,7 @@ def fit_motion_kernel(
     sampled = np.empty((2 + size * _POINTS, n))
     sample_kernel(given, pieces, times, 0, sampled)
     points = sampled[2:].reshape((size, _POINTS, n))
-    fit_spans_kernel(points, shares, sampled[:2], limits, spans, coefficients)
+    fit_spans_kernel(points, shares, sampled[:2], limits, loads, spans, coefficients)
     breaks[0] = 0.0
     for i in range(size):
         breaks[i + 1] = breaks[i] + spans[i]
@@ -159,7 +183,13 @@ def fit_motion_kernel(
 
 @kernel
 def fit_spans_kernel(
-    points: Array, shares: Array, ends: Array, limits: Array, spans: Array, coefficients: Array
+    points: Array,
+    shares: Array,
+    ends: Array,
+    limits: Array,
+    loads: SpanLoads,
+    spans: Array,
+    coefficients: Array,
 ) -> float:
     """Write the spans and the coefficients of the fastest spline of all rounds; its excess.
 
@@ -168,6 +198,7 @@ def fit_spans_kernel(
         shares: Places of the points in their span, in (0, 1), shape (p,).
         ends: Positions at rest, shape (2, n).
         limits: Of velocity, acceleration and jerk, shape (3, n).
+        loads: Limits of torques and of the tool's speed.
         spans: First guess and answer, shape (N,) [s].
         coefficients: Ascending powers of the time in the span, shape (N, n, 6).
 
@@ -187,9 +218,15 @@ def fit_spans_kernel(
     lengths = np.ones(-(-size // LANES) * LANES)
     lengths[:size] = spans
     fastest, factor = np.inf, np.inf
+    space, step = span_room(n), _STEP
+    is_loaded = loads.tool > 0.0 or loads.torques.shape[0] > 0
+    if is_loaded:
+        step = _STEP_OF_LOADS
     for _ in range(_ROUNDS):
         fit_points(room, wide_points, shares, wide_ends, lengths, trial)
         _excess_kernel(trial, lengths, rates, excess)
+        if is_loaded:
+            widen_for_loads_kernel(trial, lengths, loads, _PLACES, space, excess)
         worst, duration = 0.0, 0.0
         for i in range(size):
             worst = max(worst, excess[i])
@@ -199,7 +236,7 @@ def fit_spans_kernel(
             spans[:] = lengths[:size]
             trial, best = best, trial
         for i in range(size):
-            lengths[i] *= max(excess[i], _MIN_EXCESS * worst) ** _STEP
+            lengths[i] *= max(excess[i], _MIN_EXCESS * worst) ** step
         total = 0.0
         for i in range(size):
             before, after = lengths[max(i - 1, 0)], lengths[min(i + 1, size - 1)]

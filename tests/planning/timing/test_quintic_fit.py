@@ -9,6 +9,7 @@ from planning.timing.blend import blend, largest_reaches, merge
 from planning.timing.even_corners import fastest_reaches, time_even_corners
 from planning.timing.quintic_basis import DEGREE, ROW, TABLE, write_bases, write_values
 from planning.timing.quintic_fit import MIN_SPANS, fit_quintic, fit_spans_kernel
+from planning.timing.span_loads import no_loads
 from planning.timing.time_scaling import ScaledTime
 from tests.planning.timing.timed_paths import PANDA_ACCELERATION, PANDA_VELOCITY, names
 
@@ -53,7 +54,7 @@ def test_the_spline_is_that_of_least_squares_with_ends_at_rest(n: int) -> None:
     points, shares = rng.normal(size=(9, 4, n)), np.array([0.1, 0.4, 0.6, 0.9])
     ends, spans = rng.normal(size=(2, n)), rng.uniform(0.1, 0.4, 9)
     coefficients, limits = np.zeros((9, n, 6)), np.ones((3, n))
-    factor = fit_spans_kernel(points, shares, ends, limits, spans, coefficients)
+    factor = fit_spans_kernel(points, shares, ends, limits, no_loads(), spans, coefficients)
     breaks = np.concatenate([[0.0], np.cumsum(spans)])
     times = (breaks[:-1, None] + spans[:, None] * shares).ravel()
     design = BSpline.design_matrix(times, _knots(spans), DEGREE).toarray()

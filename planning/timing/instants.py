@@ -1,0 +1,37 @@
+"""Instants of a motion: states at some, and those that have none of others beside them."""
+
+from collections.abc import Callable
+from functools import cache
+
+import numpy as np
+
+from kinematics.arrays import Array
+from kinematics.compiled.kernel import direct
+from kinematics.polynomial import sample_between_kernel
+
+# A spline may be nearer than preferred where the motion that it is near to is so at most this part
+# of the duration away: their times differ a little.
+_BESIDE = 0.02
+
+
+def not_beside(places: Array, known: Array) -> Array:
+    """Those of some places (k,) that have none of those known (l,), in order, beside them."""
+    if not len(known):
+        return places
+    after = np.minimum(np.searchsorted(known, places), len(known) - 1)
+    before = np.maximum(after - 1, 0)
+    beside = np.minimum(np.abs(known[after] - places), np.abs(known[before] - places))
+    return np.asarray(places[beside > _BESIDE])
+
+
+def states_between(breaks: Array, coefficients: Array, count: int) -> Array:
+    """States at instants evenly spaced between a motion's ends, shape (count, n)."""
+    states = np.empty((count, coefficients.shape[1]))
+    _sample_between()(breaks, coefficients, states)
+    return states
+
+
+@cache
+def _sample_between() -> Callable[[Array, Array, Array], None]:
+    """``sample_between_kernel`` for a motion's arrays, without numba's look at their types."""
+    return direct(sample_between_kernel, np.zeros(1), np.zeros((1, 1, 1)), np.zeros((1, 1)))
