@@ -255,9 +255,7 @@ def main() -> None:
     parser.add_argument("--kinds", nargs="*", default=KINDS)
     parser.add_argument("--arms", nargs="*", default=[], help="of random motions")
     parser.add_argument("--count", type=int, default=50, help="random motions of each arm")
-    parser.add_argument(
-        "--load", type=float, default=0.0, help="at the tip, for torques [kg]"
-    )
+    parser.add_argument("--load", type=float, default=0.0, help="at the tip, for torques [kg]")
     asked = parser.parse_args()
     for name in asked.arms:
         run_arm(name, asked.count, asked.load)
