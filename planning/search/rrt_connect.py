@@ -11,33 +11,19 @@ single-query path planning", IEEE International Conference on Robotics and Autom
 conference, 2005.
 """
 
-import math
-from collections.abc import Callable
 from dataclasses import dataclass, replace
-from functools import cache, lru_cache
 from typing import ClassVar, NamedTuple
 
 import numpy as np
 
 from kinematics.arrays import Array
-from kinematics.compiled.kernel import direct
-from obstacles.checker import Checker, any_model
-from obstacles.collision_model import ModelArrays
+from obstacles.checker import Checker
 from planning.deadline import Deadline
 from planning.explored import Explored
 from planning.planner import Planner, Query
 from planning.result import Attempt
-from planning.search.trees import (
-    EDGES,
-    EDGES_BEFORE,
-    GOING,
-    PATH,
-    Draws,
-    Trees,
-    grow_kernel,
-    new_trees,
-)
-from planning.search_box import nearby_box, search_box
+from planning.search.narrow_passage import find_narrow_passage
+from planning.search.tree_pairs import PairOptions, TreePairs
 
 #: Longest step of one pair of trees after another, Euclidean in joint space. In clutter short ones
 #: come through several times sooner; a few places let pass nothing but very short ones.
@@ -46,9 +32,6 @@ _STEPS = (0.5, 0.25, 0.5, 0.1)
 #: turn of start and goals: arms with joints of two turns find the short way round, and a way that
 #: winds up further is not lost.
 _NEARBY = 7
-#: Share of the mean distance of two random configurations beyond which a node that has met
-#: something is not grown any more.
-_DOMAIN = 0.65
 #: The edges that trees need are spread widely: a pair that has looked at so many without meeting is
 #: given up for a fresh one, which may look at somewhat more. Counted in edges, not in time, the
 #: answer depends on the seed alone.
@@ -59,8 +42,9 @@ _BUDGET_GROWTH = 1.2
 #: robot's solids to such as are grown with its exact pieces.
 _MAX_EDGES = 200_000
 _MAX_EDGES_IN_HULLS = 20_000
-#: Edges looked at between two looks at the clock.
-_EDGES_A_LOOK = 250
+#: Edges that come to nothing before narrow passages are looked for where they are wider: from then
+#: on whenever that has had no more edges than the rest.
+_NARROW = 7000
 
 
 class RrtResult(NamedTuple):
@@ -104,28 +88,16 @@ def rrt_connect(
         explored: Keeps the edges of the last pair of trees.
         proves: Whether the path is proved; otherwise states of it are looked at.
     """
-    chain, roots, model = checker.model.chain, np.array([start, *goals]), checker.model.arrays
-    grow, slack = _grow(), float(checker.slack)
-    edges, runs, budget = 0, 0, float(_FIRST_BUDGET)
-    while edges < max_edges and not deadline.passed:
-        share = min(int(budget), max_edges - edges)
-        box = search_box if runs % _NEARBY == _NEARBY - 1 else nearby_box
-        low, high = box(chain, roots)
-        domain = _DOMAIN * math.dist(high.tolist(), low.tolist()) / math.sqrt(6.0)
-        draws = Draws(low, high, domain, _STEPS[runs % len(_STEPS)], slack, proves)
-        random = np.array(_random_state(seed, runs), np.uint64)
-        trees = new_trees(len(roots), chain.n, share, random)
-        outcome, until = GOING, 0
-        while outcome == GOING and not deadline.passed:
-            until += _EDGES_A_LOOK
-            outcome = grow(model, trees, draws, roots, share, until)
-        before, nodes = int(trees.tally[EDGES_BEFORE]), int(trees.tally[PATH])
-        edges, runs = edges + before + int(trees.tally[EDGES]), runs + (2 if before else 1)
-        _keep(trees, checker, 2 if before else 1, explored)
-        if nodes > 0:
-            return RrtResult(trees.path[:nodes].copy(), edges, runs)
-        budget *= _BUDGET_GROWTH
-    return RrtResult(None, edges, runs)
+    roots = np.array([start, *goals])
+    pairs = TreePairs(checker, roots, seed, deadline, max_edges, explored, proves)
+    turn, budget, plain, path = 0, float(_FIRST_BUDGET), 0, None
+    while path is None and pairs.may_go_on:
+        before, whole = pairs.edges, turn % _NEARBY == _NEARBY - 1
+        path = pairs.grow(PairOptions(int(budget), _STEPS[turn % len(_STEPS)], whole=whole))
+        turn, budget, plain = turn + 1, budget * _BUDGET_GROWTH, plain + pairs.edges - before
+        if path is None and plain >= max(_NARROW, pairs.edges - plain) and pairs.may_go_on:
+            path = find_narrow_passage(pairs)
+    return RrtResult(path, pairs.edges, pairs.runs)
 
 
 @dataclass(frozen=True, slots=True)
@@ -168,37 +140,3 @@ class RrtConnect:
             return Attempt(result.waypoints, detail, proved=query.proves)
         other = self.fallback.plan(query)
         return replace(other, detail=f"{detail} OMPL: {other.detail}")
-
-
-@cache
-def _grow() -> Callable[[ModelArrays, Trees, Draws, Array, int, int], int]:
-    """``grow_kernel`` without the look at its arguments' types."""
-    roots = np.zeros((2, 1))
-    trees = new_trees(2, 1, 1, np.zeros(1, np.uint64))
-    draws = Draws(roots[0], roots[0], 0.0, 0.0, 0.0, True)
-    return direct(grow_kernel, any_model(), trees, draws, roots, 1, 1)
-
-
-#: Most requests leave the seed as it is, and making a state takes longer than some searches.
-@lru_cache(maxsize=1024)
-def _random_state(seed: int, run: int) -> tuple[int]:
-    """The state (1,) of a generator of random numbers by which a pair of trees begins."""
-    return (int(np.random.SeedSequence((seed, run)).generate_state(1, np.uint64)[0]),)
-
-
-def _keep(trees: Trees, checker: Checker, runs: int, explored: Explored | None) -> None:
-    """Keep the edges of both trees as far as they are proved free, where somebody asked for it."""
-    if explored is None:
-        return
-    for _ in range(runs):
-        explored.begin(RrtConnect.name)
-    for side, part in enumerate(("start", "goals")):
-        points, parents = trees.points[side], trees.parents[side]
-        joined = parents[: int(trees.sizes[side])] == -1
-        for node in np.flatnonzero(parents[: len(joined)] >= 0):
-            above = parents[node]
-            if not joined[above]:
-                continue
-            joined[node] = trees.proved[side, node] or checker.free(points[above], points[node])
-            if joined[node]:
-                explored.add(points[above], points[node], part)

@@ -7,7 +7,6 @@ and most of what is not on it costs no proof. Source: "Single-query PRM planner 
 checking", International Symposium on Robotics Research, 2001.
 """
 
-import math
 from typing import NamedTuple
 
 import numpy as np
@@ -48,10 +47,6 @@ _MAX_CUTS = 3
 _PATIENCE = 3
 #: Draws in a row that may be rejected because the nearest node has met something.
 _MAX_DRAWS = 100
-#: Share of the draws that lie about the straight line from the start to the first goal, and how far
-#: beside it at most in each joint, as a share of its length. Most paths are there, and shorter;
-#: the other draws find those that are not.
-_DRAWS_BESIDE, _BESIDE = 0.7, 0.5
 #: Parent of a node that was cut off; that of a root is -1.
 _CUT = -2
 
@@ -102,8 +97,11 @@ class Draws(NamedTuple):
         high: Upper bounds, shape (n,) [rad or m].
         domain: Farther than this a node that has met something is not grown [rad or m].
         step: Longest step [rad or m].
-        slack: Distance to keep beyond the margins [m].
+        slack: Distance to keep beyond the margins; below 0 about as much penetration is let be [m].
         proves: Whether the path on which the trees meet is proved, or only looked at more closely.
+        guide: Configurations along a way that draws lie beside, evenly spread, shape (k, n).
+        width: How far beside it at most in each joint [rad or m].
+        beside: Share of the draws that lie there.
     """
 
     low: Array
@@ -112,6 +110,9 @@ class Draws(NamedTuple):
     step: float
     slack: float
     proves: bool
+    guide: Array
+    width: float
+    beside: float
 
 
 def new_trees(size: int, n: int, budget: int, random: State) -> Trees:
@@ -244,18 +245,19 @@ def _grow(
 @kernel(allocates=False)
 def _draw(trees: Trees, side: int, draws: Draws, target: Array) -> int:
     """Draw a configuration (n,) to grow towards; the node that is nearest to it."""
-    low, high = draws.low, draws.high
-    start, goal, near = trees.points[0, 0], trees.points[1, 0], 0
-    width = _BESIDE * math.sqrt(square_distance(trees.points[0], 0, goal))
+    low, high, guide, near = draws.low, draws.high, draws.guide, 0
     for _ in range(_MAX_DRAWS):
-        beside = uniform_kernel(trees.random) < _DRAWS_BESIDE
-        share = uniform_kernel(trees.random) if beside else 0.0
+        beside = uniform_kernel(trees.random) < draws.beside
+        along = (guide.shape[0] - 1) * uniform_kernel(trees.random) if beside else 0.0
+        leg = min(int(along), guide.shape[0] - 2)
+        along -= leg
         for j in range(target.shape[0]):
             part = uniform_kernel(trees.random)
             target[j] = low[j] + (high[j] - low[j]) * part
             if beside:
-                middle = start[j] + share * (goal[j] - start[j])
-                target[j] = min(max(middle + width * (2.0 * part - 1.0), low[j]), high[j])
+                middle = guide[leg, j] + along * (guide[leg + 1, j] - guide[leg, j])
+                target[j] = middle + draws.width * (2.0 * part - 1.0)
+                target[j] = min(max(target[j], low[j]), high[j])
         near, away = nearest_node(trees.blocks[side], trees.sizes[side], target)
         if away <= draws.domain or not trees.met[side, near]:
             break

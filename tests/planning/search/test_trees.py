@@ -26,7 +26,8 @@ def wire() -> Checker:
 def grown(seed: int) -> tuple[np.ndarray, int]:
     """The path between two configurations, and how many steps were cut off."""
     checker, limit = wire(), np.full(2, 3.0)
-    roots, draws = np.array([BEFORE, BEHIND]), Draws(-limit, limit, 9.0, 2.0, 0.0, True)
+    roots = np.array([BEFORE, BEHIND])
+    draws = Draws(-limit, limit, 9.0, 2.0, 0.0, True, roots, 0.6, 0.7)
     trees = new_trees(2, 2, 2000, np.array([seed], dtype=np.uint64))
     assert grow_kernel(checker.model.arrays, trees, draws, roots, 2000, 2000) == FOUND
     assert trees.tally[EDGES] <= 2000
