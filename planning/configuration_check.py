@@ -103,8 +103,12 @@ class ConfigurationChecker:
             if collisions:
                 clearance, pair = -collisions[0].depth, collisions[0].pair
             else:
+                # Where the two differ, what is nearer counts.
                 nearest = world.clearance(q)
-                clearance, pair = nearest.distance, nearest.pair
+                if nearest.distance < clearance:
+                    clearance, pair = nearest.distance, nearest.pair
+                if clearance <= 0.0 and pair is not None:
+                    collisions = (Collision(pair, 0.0),)
         strict = clearance if self.strict is self.bare else self.strict.clearance(q)[0]
         violations = self._limit_violations(q)
         valid = not collisions and not violations and strict > TOUCHING

@@ -1,5 +1,7 @@
 """Checks of configurations, against coal and by hand."""
 
+from collections.abc import Iterator
+
 import coal
 import numpy as np
 import pinocchio
@@ -7,6 +9,7 @@ import pytest
 
 from kinematics.arrays import Array
 from kinematics.robots import builtin_urdf
+from obstacles.fcl_distance import Clearance, FclWorld
 from obstacles.scene import Obstacle, Scene
 from obstacles.shapes import Sphere
 from planning.configuration_check import configuration_checker
@@ -92,3 +95,23 @@ def test_a_ball_that_is_larger_than_its_gap_is_as_deep_as_the_difference(depth: 
     assert large.collisions[0].pair == small.clearance_pair
     assert large.collisions[0].depth == pytest.approx(depth, abs=1e-6)
     assert large.clearance == -large.collisions[0].depth
+
+
+def test_what_the_checker_finds_touching_is_not_free_whatever_fcl_says(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    checker = configuration_checker(builtin("panda"), ball(0.15))
+    found = next(q for q in _states() if checker.check(q).collisions)
+    monkeypatch.setattr(FclWorld, "collisions", lambda *_: [])
+    monkeypatch.setattr(FclWorld, "clearance", lambda *_: Clearance(0.05, ("nobody", "nothing")))
+    report = checker.check(found)
+    assert not report.valid
+    assert report.clearance <= 0.0
+    assert [collision.pair for collision in report.collisions] == [report.clearance_pair]
+    assert report.clearance_pair == checker.bare.clearance(found)[1]
+
+
+def _states() -> Iterator[Array]:
+    limits, random = builtin("panda").chain.limits, np.random.default_rng(5)
+    while True:
+        yield random.uniform(limits.lower, limits.upper)
