@@ -241,12 +241,14 @@ class _TourPlanner:
         )  # fmt: skip
         return stops, legs
 
-    def _costs(self, found: dict[int, Configurations], ends: Sequence[Array]) -> VisitCosts:
-        """Costs of the configurations of all stops, the two ends last."""
+    def _costs(self, found: dict[int, Configurations], ends: Sequence[Array]) -> VisitCosts | None:
+        """Costs of the configurations of all stops, the two ends last; None without a pose."""
         stops = [
             StopConfigurations(one.joints, one.posed(self.problem.goals[i]), one.clearances)
             for i, one in found.items()
         ]
+        if not any(stop.posed.any() for stop in stops):
+            return None
         stops += [StopConfigurations(q, np.zeros(1, np.bool_), np.zeros(1)) for q in ends]
         chain, weights = self.problem.robot.chain, self.options.planning.goal_costs
         return visit_costs(chain, weights, stops)
