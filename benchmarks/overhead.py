@@ -232,7 +232,7 @@ def main() -> None:
     robot = load_robot("panda")
     with local_server({"ARMWRIGHT_WORKERS": "1"}) as (pid, url), Client(url) as client:
         wait_until_idle(pid)
-        client.scenes.create(scene_body("boxes"))
+        client.scenes.replace("boxes", scene_body("boxes"))
         print(f"{'[ms]':13}" + "".join(f"  {name}" for name in _COLUMNS))
         for kind in asked.scenes:
             print(measure(kind, client, pid, robot, asked.rounds), flush=True)

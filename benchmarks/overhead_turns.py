@@ -32,7 +32,7 @@ def side(kind: str) -> None:
     environment = {"ARMWRIGHT_WORKERS": "1"}
     with machines.local_server(environment) as (pid, url), Client(url) as client:
         machines.wait_until_idle(pid)
-        client.scenes.create(overhead.scene_body("boxes"))
+        client.scenes.replace("boxes", overhead.scene_body("boxes"))
         moves, body = overhead.motions(robot), overhead.bodies(kind)
         cells = overhead.cells(kind)
         print("ready", flush=True)

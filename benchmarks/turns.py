@@ -34,6 +34,7 @@ class State:
             stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True,
         )  # fmt: skip
         if self._read() != "ready":
+            self.end()
             raise SystemExit(f"{folder} did not start")
 
     def ask(self, line: str) -> Any:
