@@ -18,8 +18,9 @@ _LEAST_INSTANTS = 32
 _PERIOD = 0.025
 #: Instants that are looked at, at most: a long motion has them farther apart.
 _MAX_INSTANTS = 512
-#: States that are looked at about the nearest instant of a span, both of its neighbours included.
-_BETWEEN = 18
+#: Where states are looked at about the nearest instant of a span, as shares of the time to the next
+#: instants; then about the nearest of these.
+_BESIDE = (np.array([-2.0, -1.0, 1.0, 2.0]) / 3.0, np.array([-1.0, 1.0]) / 6.0)
 
 
 @dataclass(frozen=True, slots=True)
@@ -140,9 +141,12 @@ def _span(
         within = within[max(at - step + 1, 0) : at + step]
     lacking, at, pair = spacious.closest(within, 0.0)
     # A fast arm comes some millimetres nearer between two instants.
-    beside = times[max(offset + at - 1, 0)], times[min(offset + at + 1, len(times) - 1)]
-    nearer = spacious.closest(motion.sample(np.linspace(*beside, _BETWEEN)), lacking)
-    lacking, pair = (nearer[0], nearer[2]) if nearer[1] >= 0 else (lacking, pair)
+    middle, reach = times[offset + at], times[1] - times[0]
+    for shares in _BESIDE:
+        looked = np.clip(middle + reach * shares, 0.0, times[-1])
+        nearer, at, other = spacious.closest(motion.sample(looked), lacking)
+        if at >= 0:
+            lacking, pair, middle = nearer, other, looked[at]
     is_own = pair is None or pair[1] not in spacious.model.obstacles
     distance = max(lacking + preferred[is_own], 0.0)
     begins, ends = times[max(first - 1, 0)], times[min(last + 1, len(times) - 1)]
