@@ -340,14 +340,19 @@ class FclWorld:
     def _group(self, k: int) -> tuple[Array, int]:
         """Rows of the body that piece k is a part of, in its place, and which one it is."""
         body = self._body(k)
-        rows = self._packed.rows[body].copy()
-        rows[:, POSE : POSE + 12] = self._poses[body, :3].reshape(-1, 12)
-        rows[:, CENTER : CENTER + 3] = self._centers[body]
-        # A point of a cloud lies off the cloud's frame, and the row of a point is where it is.
-        points = rows[:, KIND] == CoreKind.POINT
-        rows[points, POSE + 3 : POSE + 12 : 4] = self._centers[body][points]
+        rows = self._rows(body)
         rows[:, GROUP : GROUP_STOP + 1] -= body.start * (rows[:, GROUP_STOP : GROUP_STOP + 1] > 0)
         return rows, k - body.start
+
+    def _rows(self, pieces: slice) -> Array:
+        """Rows of pieces where they are now."""
+        rows = self._packed.rows[pieces].copy()
+        rows[:, POSE : POSE + 12] = self._poses[pieces, :3].reshape(-1, 12)
+        rows[:, CENTER : CENTER + 3] = self._centers[pieces]
+        # A point of a cloud lies off the cloud's frame, and the row of a point is where it is.
+        points = rows[:, KIND] == CoreKind.POINT
+        rows[points, POSE + 3 : POSE + 12 : 4] = self._centers[pieces][points]
+        return rows
 
     def _mesh_depth(self, i: int, j: int) -> float:
         """How far the bodies that two pieces are parts of can be moved to be apart [m]."""
@@ -374,10 +379,7 @@ class FclWorld:
         ball, other = (i, j) if len(self._piece(i).vertices) == 1 else (j, i)
         if len(self._piece(ball).vertices) != 1 or not closed_form(self._packed.rows, other):
             return None
-        row = self._packed.rows[other : other + 1].copy()
-        row[0, POSE : POSE + 12] = self._poses[other, :3].reshape(12)
-        if row[0, KIND] == CoreKind.POINT:
-            row[0, POSE + 3 : POSE + 12 : 4] = self._centers[other]
+        row = self._rows(slice(other, other + 1))
         x, y, z = self._centers[ball]
         return bound_from(row, 0, self._packed.corners, x, y, z) - self._piece(ball).offset_radius
 
