@@ -7,6 +7,7 @@ of the others are worth a plan of their own.
 from collections.abc import Sequence
 
 import numpy as np
+from numpy.typing import NDArray
 
 from kinematics.arrays import Array
 from kinematics.chain import Chain, JointType
@@ -161,6 +162,11 @@ def limit_shares(chain: Chain, joints: Array) -> Array:
     bounded = np.isfinite(lower) & np.isfinite(upper) & (upper > lower) & ~chain.continuous
     gap = np.minimum(joints - lower, upper - joints)[:, bounded] / (upper - lower)[bounded]
     return np.asarray(gap.min(axis=1, initial=0.5))
+
+
+def is_at_limit(chain: Chain, joints: Array) -> NDArray[np.bool_]:
+    """Whether configurations (k, n) are within 2 % of a joint's range from its limit, (k,)."""
+    return np.asarray(limit_shares(chain, joints) < NEAR_LIMIT)
 
 
 def manipulability_lacks(chain: Chain, joints: Array) -> Array:

@@ -20,7 +20,7 @@ from planning.preflight.failures import (
     time_up_failure,
     unreachable_failure,
 )
-from planning.preflight.goal_order import NEAR_LIMIT, limit_shares, motion_costs
+from planning.preflight.goal_order import is_at_limit, motion_costs
 from planning.preflight.limits import snap_to_limits
 from planning.preflight.pose_configurations import pose_configurations, turned_copies
 from planning.problem import JointGoal, PoseGoal, Problem
@@ -126,10 +126,10 @@ def _pose_goal(
     if not len(found.joints):
         assert found.search is not None
         return Refusal("NO_IK_SOLUTION", partial(unreachable_failure, chain, found.search))
-    at_limit = limit_shares(chain, found.joints) < NEAR_LIMIT
+    at_limit = is_at_limit(chain, found.joints)
     valid = [
-        *free_configurations(checker, found.joints[~at_limit], _MOST_INSIDE),
-        *free_configurations(checker, found.joints[at_limit], _MOST_AT_LIMIT),
+        *_free_configurations(checker, found.joints[~at_limit], _MOST_INSIDE),
+        *_free_configurations(checker, found.joints[at_limit], _MOST_AT_LIMIT),
     ]
     if valid:
         return [*valid, *_turned_copies(chain, start, valid, costs)]
@@ -154,11 +154,11 @@ def configurations_off_limits(
         costs: By which they are sorted.
     """
     found = pose_configurations(chain, T, start, numeric.SearchOptions(seed=seed), costs).joints
-    inside = found[limit_shares(chain, found) >= NEAR_LIMIT]
-    return [free.joints for free in free_configurations(checker, inside, _MOST_INSIDE)]
+    inside = found[~is_at_limit(chain, found)]
+    return [free.joints for free in _free_configurations(checker, inside, _MOST_INSIDE)]
 
 
-def free_configurations(checker: Checker, joints: Array, most: int) -> list[Candidate]:
+def _free_configurations(checker: Checker, joints: Array, most: int) -> list[Candidate]:
     """The first free ones of configurations (k, n) that are apart from each other."""
     chosen: list[Candidate] = []
     left = joints[:_MAX_LOOKS]

@@ -6,7 +6,6 @@ it is taken where every other one would make them longer than that.
 """
 
 import numpy as np
-from numpy.typing import NDArray
 
 from kinematics.arrays import Array
 from kinematics.chain import Chain
@@ -14,21 +13,15 @@ from obstacles.checker import Checker
 from planning.goal_costs import GoalCosts, time_weight
 from planning.preflight.goal_order import (
     FAR_FROM_OBSTACLES,
-    NEAR_LIMIT,
     clearance_lacks,
+    is_at_limit,
     limit_nearness,
-    limit_shares,
     manipulability_lacks,
     turn_counts,
 )
 from planning.sequence.node import Child, Node, OwnCosts
 from planning.sequence.target import Candidates
 from planning.sequence.world import Cell
-
-
-def is_at_limit(chain: Chain, joints: Array) -> NDArray[np.bool_]:
-    """Whether configurations (k, n) are within 2 % of a joint's range from its limit, (k,)."""
-    return np.asarray(limit_shares(chain, joints) < NEAR_LIMIT)
 
 
 class ConfigurationCosts:

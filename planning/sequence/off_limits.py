@@ -14,10 +14,10 @@ import numpy as np
 from kinematics.arrays import Array
 from planning.deadline import Deadline
 from planning.goal_costs import GoalCosts
-from planning.preflight.goal_order import MAX_LONGER
+from planning.preflight.goal_order import MAX_LONGER, is_at_limit
 from planning.preflight.goals import configurations_off_limits
 from planning.result import Failure
-from planning.sequence.configuration_costs import is_at_limit, rests_at_limit
+from planning.sequence.configuration_costs import rests_at_limit
 from planning.sequence.estimate import travel_times
 from planning.sequence.motion import LineStopped
 from planning.sequence.node import Node, child_node, onward_steps

@@ -15,7 +15,7 @@ from kinematics.ik.structure import Structure, structure
 from kinematics.pose import inverse
 from obstacles.checker import Checker
 from planning.deadline import Deadline
-from planning.preflight.goal_order import NEAR_LIMIT, limit_shares
+from planning.preflight.goal_order import is_at_limit
 from planning.preflight.pose_configurations import inner_turns, with_inner_limits
 from planning.problem import JointGoal
 from planning.ready import TOUCHING
@@ -229,7 +229,7 @@ def _away_from_limits(chain: Chain, T: Array, found: Array, seed: int) -> Array:
         found: Configurations that were found, shape (k, n).
         seed: Of the search.
     """
-    if not (limit_shares(chain, found) < NEAR_LIMIT).any():
+    if not is_at_limit(chain, found).any():
         return found[:0]
     options = numeric.SearchOptions(seed, _INNER_STARTS)
     inner = with_inner_limits(chain)

@@ -16,10 +16,9 @@ from kinematics.chain import Chain
 from planning.goal_costs import GoalCosts, time_weight
 from planning.preflight.goal_order import (
     MAX_LONGER,
-    NEAR_LIMIT,
     clearance_lacks,
+    is_at_limit,
     limit_nearness,
-    limit_shares,
     manipulability_lacks,
     turn_counts,
 )
@@ -108,7 +107,7 @@ def visit_costs(chain: Chain, costs: GoalCosts, stops: Sequence[StopConfiguratio
                 + costs.clearance * clearance_lacks(clearances)
             )
         own.append(cost)
-        at_limit.append(of_pose & (limit_shares(chain, joints) < NEAR_LIMIT))
+        at_limit.append(of_pose & is_at_limit(chain, joints))
         posed.append(np.full(len(joints), weigh))
     return VisitCosts(
         np.concatenate(own), np.concatenate(at_limit), scale * costs.turns, np.concatenate(posed)

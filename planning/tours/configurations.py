@@ -13,7 +13,7 @@ from kinematics.ik.structure import structure
 from obstacles.checker import Checker
 from planning.constrained.path_constraints import end_violation
 from planning.deadline import Deadline
-from planning.preflight.goal_order import NEAR_LIMIT, limit_shares
+from planning.preflight.goal_order import is_at_limit
 from planning.preflight.goals import find_goals
 from planning.preflight.limits import snap_to_limits
 from planning.preflight.pose_configurations import inner_turns, with_inner_limits
@@ -156,7 +156,7 @@ def _of_pose(
     rows = []
     for T in targets[::step][:_SEARCHED_DEVIATIONS]:
         found = _searched(chain, T, options, near)
-        if any(limit_shares(chain, q[None])[0] < NEAR_LIMIT for q in found):
+        if found and is_at_limit(chain, np.array(found)).any():
             found += _searched(with_inner_limits(chain), T, options, near)
         rows += found
     return [*rows, *_turned_inwards(chain, rows)]
@@ -174,7 +174,7 @@ def _turned_inwards(chain: Chain, rows: list[Array]) -> list[Array]:
 
 def _inside_first(chain: Chain, joints: Array, near: Array, most: int) -> list[int]:
     """Numbers of configurations that stand for all of them, those away from limits first."""
-    at_limit = limit_shares(chain, joints) < NEAR_LIMIT
+    at_limit = is_at_limit(chain, joints)
     inside, outside = np.flatnonzero(~at_limit), np.flatnonzero(at_limit)
     chosen: list[int] = []
     for rows in (inside, outside):

@@ -134,7 +134,7 @@ class LegTable:
 
     def time(self, a: int, b: int) -> float:
         """Time of the leg between two configurations, as known so far [s]."""
-        return (float(self.times[a, b]) - self._beside(a, b)) / self._factor(a, b)
+        return (float(self.times[a, b]) - self._extra_seconds(a, b)) / self._factor(a, b)
 
     def straight_time(self, start: Array, end: Array) -> float:
         """Time of the straight motion between configurations (n,), whether free or not [s]."""
@@ -147,7 +147,7 @@ class LegTable:
 
     def set_time(self, a: int, b: int, seconds: float) -> None:
         """Note the time of the leg between two configurations, either way [s]."""
-        counts = self._factor(a, b) * seconds + self._beside(a, b)
+        counts = self._factor(a, b) * seconds + self._extra_seconds(a, b)
         self.times[a, b] = self.times[b, a] = counts
 
     def cost(self, a: int, b: int) -> float:
@@ -157,11 +157,12 @@ class LegTable:
     def _factor(self, a: int, b: int) -> float:
         return 1.0 if self.costs is None else self.costs.factor(a, b)
 
-    def _beside(self, a: int, b: int) -> float:
-        beside = self._between(a, b)
+    def _extra_seconds(self, a: int, b: int) -> float:
+        """Seconds that count beside the time of the leg between two configurations."""
+        extra = self._between(a, b)
         if self.costs is not None:
-            beside += self.costs.extra(self.problem.robot.chain, self.joints, a, b)
-        return beside
+            extra += self.costs.extra(self.problem.robot.chain, self.joints, a, b)
+        return extra
 
     def _between(self, a: int, b: int) -> float:
         return _BETWEEN_GROUPS if self.grouped and self.group[a] != self.group[b] else 0.0
@@ -249,7 +250,7 @@ class LegTable:
             return plan
         return Leg(plan.planner, plan.path.waypoints, plan.trajectory, plan.certificate)
 
-    def put(self, k: int, q: Array) -> None:
+    def replace_configuration(self, k: int, q: Array) -> None:
         """Put a configuration (n,) away from limits in the place of another one of its goal.
 
         What is known of the other is forgotten; times to it stay, and are no longer searched by.

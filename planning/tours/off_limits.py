@@ -12,7 +12,7 @@ import numpy as np
 
 from kinematics.arrays import Array
 from kinematics.forward import forward
-from planning.preflight.goal_order import MAX_LONGER, NEAR_LIMIT, limit_shares
+from planning.preflight.goal_order import MAX_LONGER, is_at_limit
 from planning.preflight.goals import configurations_off_limits
 from planning.result import Failure
 
@@ -63,7 +63,7 @@ def _replace(search: "TourSearch", stop: int) -> bool:
         found = [leg for leg in planned if not isinstance(leg, Failure)]
         takes = sum(leg.trajectory.duration for leg in found)
         if len(found) == len(planned) and takes <= MAX_LONGER * took:
-            legs.put(row, q)
+            legs.replace_configuration(row, q)
             search.state.choice[stop] = row
             pairs = [*((a, row) for a in before), *((row, b) for b in after)]
             for pair, leg in zip(pairs, found, strict=True):
@@ -81,7 +81,7 @@ def _others(search: "TourSearch", stop: int, around: list[Array]) -> list[tuple[
     legs, now = search.legs, search.configuration(stop)
     first, chain = search.stops.first, search.problem.robot.chain
     rows = np.arange(int(first[stop]), int(first[stop + 1]))
-    inside = rows[limit_shares(chain, legs.joints[rows]) >= NEAR_LIMIT]
+    inside = rows[~is_at_limit(chain, legs.joints[rows])]
     planning, T = search.options.planning, forward(chain, legs.joints[now])
     more = [
         q
