@@ -17,7 +17,7 @@ from planning.search.tree_pairs import Guide, PairOptions, TreePairs
 #: times as thick as the first, so that no way leads through the middle of one.
 _PENETRATIONS = (0.02, 0.015, 0.01, 0.005, 0.0025, 0.0)
 #: Longest steps of the first pair, and of those with a guide, Euclidean in joint space.
-_FIRST_STEP, _STEP = 0.5, 0.25
+_FIRST_STEP, _STEP = 1.0, 0.5
 #: How far beside the guide draws lie at most in each joint [rad or m], and the share that does.
 _WIDTH, _SHARE = 0.6, 0.9
 #: Edges that each pair may look at.
@@ -37,7 +37,7 @@ def find_narrow_passage(pairs: TreePairs) -> Array | None:
         if not pairs.may_go_on:
             return None
         step = _FIRST_STEP if guide is None else _STEP
-        path = pairs.grow(PairOptions(_BUDGET, step, penetration, guide))
+        path = pairs.grow(PairOptions(_BUDGET, step, penetration, guide=guide))
         if path is None:
             return None
         guide = Guide(_evenly_spread(path), _WIDTH, _SHARE)

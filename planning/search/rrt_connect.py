@@ -23,28 +23,31 @@ from planning.explored import Explored
 from planning.planner import Planner, Query
 from planning.result import Attempt
 from planning.search.narrow_passage import find_narrow_passage
-from planning.search.tree_pairs import PairOptions, TreePairs
+from planning.search.tree_pairs import DOMAIN, PairOptions, TreePairs
 
-#: Longest step of one pair of trees after another, Euclidean in joint space. In clutter short ones
-#: come through several times sooner; a few places let pass nothing but very short ones.
-_STEPS = (0.5, 0.25, 0.5, 0.1)
+#: Longest step of one pair of trees after another, Euclidean in joint space. Long ones are through
+#: in half of the edges where there is room, with longer paths; in clutter short ones are sooner.
+_STEPS = (0.5, 1.0, 0.25)
+#: Domain of the first pair of trees: most paths are found by far draws, soon or never.
+_FIRST_DOMAIN = 0.65
 #: Of so many pairs of trees the last draws from all that the limits allow, the others within half a
 #: turn of start and goals: arms with joints of two turns find the short way round, and a way that
 #: winds up further is not lost.
 _NEARBY = 7
 #: The edges that trees need are spread widely: a pair that has looked at so many without meeting is
-#: given up for a fresh one, which may look at somewhat more. Counted in edges, not in time, the
+#: given up for a fresh one, which may look at more. Counted in edges, not in time, the
 #: answer depends on the seed alone.
 _FIRST_BUDGET = 2000
-#: Factor by which the next pair may look at more.
-_BUDGET_GROWTH = 1.2
+#: Factor by which the next pair may look at more, up to the most: the nearest of many nodes takes
+#: longer to find.
+_BUDGET_GROWTH, _MOST_BUDGET = 1.5, 10_000
 #: Edges after which the cascade's own trees give way to OMPL's, and those grown in the hulls of the
 #: robot's solids to such as are grown with its exact pieces.
 _MAX_EDGES = 200_000
 _MAX_EDGES_IN_HULLS = 20_000
 #: Edges that come to nothing before narrow passages are looked for where they are wider: from then
 #: on whenever that has had no more edges than the rest.
-_NARROW = 7000
+_NARROW = 3000
 
 
 class RrtResult(NamedTuple):
@@ -93,8 +96,11 @@ def rrt_connect(
     turn, budget, plain, path = 0, float(_FIRST_BUDGET), 0, None
     while path is None and pairs.may_go_on:
         before, whole = pairs.edges, turn % _NEARBY == _NEARBY - 1
-        path = pairs.grow(PairOptions(int(budget), _STEPS[turn % len(_STEPS)], whole=whole))
-        turn, budget, plain = turn + 1, budget * _BUDGET_GROWTH, plain + pairs.edges - before
+        domain = _FIRST_DOMAIN if turn == 0 else DOMAIN
+        step = _STEPS[turn % len(_STEPS)]
+        path = pairs.grow(PairOptions(int(budget), step, domain=domain, whole=whole))
+        turn, plain = turn + 1, plain + pairs.edges - before
+        budget = min(budget * _BUDGET_GROWTH, _MOST_BUDGET)
         if path is None and plain >= max(_NARROW, pairs.edges - plain) and pairs.may_go_on:
             path = find_narrow_passage(pairs)
     return RrtResult(path, pairs.edges, pairs.runs)

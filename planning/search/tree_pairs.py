@@ -29,7 +29,7 @@ from planning.search_box import nearby_box, search_box
 
 #: Share of the mean distance of two random configurations beyond which a node that has met
 #: something is not grown any more.
-_DOMAIN = 0.65
+DOMAIN = 0.4
 #: Edges looked at between two looks at the clock.
 _EDGES_A_LOOK = 250
 #: Share of the draws that lie beside a guide. Most paths are there, and shorter; the other draws
@@ -60,6 +60,8 @@ class PairOptions(NamedTuple):
         budget: Edges that it may look at.
         step: Longest step, Euclidean in joint space.
         penetration: What is taken off the clearance [m].
+        domain: How far a node that has met something is grown, as a share of the mean distance of
+            two random configurations.
         guide: A way to draw beside; None for the straight line from the start to the first goal.
         whole: Whether draws are from all that the limits allow, or within half a turn of the roots.
     """
@@ -67,6 +69,7 @@ class PairOptions(NamedTuple):
     budget: int
     step: float
     penetration: float = 0.0
+    domain: float = DOMAIN
     guide: Guide | None = None
     whole: bool = False
 
@@ -129,7 +132,7 @@ class TreePairs:
         if guide is None:
             length = math.dist(roots[0].tolist(), roots[1].tolist())
             guide = Guide(roots[:2], _BESIDE * length, _DRAWS_BESIDE)
-        domain = _DOMAIN * math.dist(high.tolist(), low.tolist()) / math.sqrt(6.0)
+        domain = options.domain * math.dist(high.tolist(), low.tolist()) / math.sqrt(6.0)
         proves = self.proves and options.penetration == 0.0
         slack = float(self.checker.slack) - options.penetration
         return Draws(low, high, domain, options.step, slack, proves, *guide)

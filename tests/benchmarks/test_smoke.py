@@ -122,6 +122,7 @@ SMALL: Mapping[str, tuple[list[str], Mapping[str, Any]]] = {
     "mesh_costs": (["--scenes", "1"], {"STATES": 2}),
     "mesh_descriptions": (["URDF"], {"SCENES": 1, "STATES": 20, "EDGES": 2, "ROUNDS": 1}),
     "mbm_turns": (["PROBLEMS", "--rounds", "1"], {}),
+    "mbm_arms": (["ROBOTS", "--robots", "panda", "--every", "1"], {"TIPS": {"panda": None}}),
     "pieces": (["PROBLEMS", "--every", "1", "--kinds", "plain", "line", "seam"], {"SEAMS": 2}),
     "tool_corners": (["--arms", "kr6_sixx", "--paths", "1", "--speeds", "0.1"], {}),
     "tracking": ([], {"ROUNDS": 1, "SECONDS": 0.2}),
@@ -161,6 +162,7 @@ def problems(tmp_path_factory: pytest.TempPathFactory) -> Path:
         "goal_constraints": [{"joint_constraints": constraints}],
     }
     (kind / "request0001.yaml").write_text(yaml.safe_dump(request))
+    (robot / "problems").symlink_to(kind.parent)
     return kind.parent
 
 
@@ -199,8 +201,8 @@ def test_scripts_run_on_tiny_input(
         assert hasattr(module, constant), constant
         monkeypatch.setattr(module, constant, value)
     paths = {
-        "PROBLEMS": str(problems), "CASE": str(case_of_ik(tmp_path)),
-        "URDF": str(described_arm(tmp_path)),
+        "PROBLEMS": str(problems), "ROBOTS": str(problems.parents[1]),
+        "CASE": str(case_of_ik(tmp_path)), "URDF": str(described_arm(tmp_path)),
     }  # fmt: skip
     monkeypatch.setattr(sys, "argv", [name, *(paths.get(item, item) for item in arguments)])
     # Some tell faults by their exit status.
