@@ -3,11 +3,12 @@
 import math
 from collections.abc import Callable
 from functools import cache
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from kinematics.arrays import Array
+from kinematics.arrays import Array, frozen
 from kinematics.compiled.kernel import direct, kernel
 from kinematics.polynomial import sample_kernel
 from obstacles.checker import Checker, any_model
@@ -26,32 +27,58 @@ _MAX_LOOKS = 1024
 _INSTANTS = 32
 
 
-def close_instants(level: Checker, breaks: Array, coefficients: Array, *, finely: int = 1) -> Array:
-    """Instants of a motion at which it does not keep what a checker asks for, shape (k,) [s].
+class CloseInstants(NamedTuple):
+    """Instants of a motion at which it does not keep what a checker asks for, in order.
+
+    Args:
+        times: Shape (k,) [s].
+        spans: From the look before each of them to the one after it, shape (k, 2) [s].
+    """
+
+    times: Array
+    spans: Array
+
+
+#: All of any motion.
+WHOLE = frozen(np.array([[-np.inf, np.inf]]))
+
+
+def close_instants(
+    level: Checker,
+    breaks: Array,
+    coefficients: Array,
+    *,
+    finely: int = 1,
+    within: Array = WHOLE,
+) -> CloseInstants:
+    """Instants of a motion at which it does not keep what a checker asks for.
 
     Args:
         level: The robot in its scene, with the distances to be kept.
         breaks: Of the motion, shape (m + 1,) [s].
         coefficients: Of the motion, shape (m, n, k).
         finely: So many times as many instants as usual are looked at.
+        within: Spans outside which no instant is looked at, with their begins and their ends in
+            order, shape (s, 2) [s].
     """
     spacing = _SPACING_PER_METRE * level.model.margin
     spacing = min(max(spacing, _LEAST_SPACING), _MOST_SPACING) / finely
-    times, arrays, slack = np.empty(_MAX_LOOKS + 1), level.model.arrays, float(level.slack)
-    return times[: _find_close()(arrays, breaks, coefficients, spacing, slack, times)]
+    looks, arrays, slack = np.empty((3, _MAX_LOOKS + 1)), level.model.arrays, float(level.slack)
+    count = _find_close()(arrays, breaks, coefficients, spacing, slack, within, looks)
+    return CloseInstants(looks[0, :count], np.ascontiguousarray(looks[1:, :count].T))
 
 
 @cache
-def _find_close() -> Callable[[ModelArrays, Array, Array, float, float, Array], int]:
+def _find_close() -> Callable[[ModelArrays, Array, Array, float, float, Array, Array], int]:
     """``close_kernel`` without the look at its arguments' types."""
-    one, three = np.zeros(1), np.zeros((1, 1, 1))
-    return direct(close_kernel, any_model(), one, three, 0.0, 0.0, one)
+    one, two, three = np.zeros(1), np.zeros((1, 1)), np.zeros((1, 1, 1))
+    return direct(close_kernel, any_model(), one, three, 0.0, 0.0, two, two)
 
 
 @kernel
 def close_kernel(
     model: ModelArrays, breaks: Array, coefficients: Array, spacing: float, slack: float,
-    close: Array,
+    within: Array, close: Array,
 ) -> int:  # fmt: skip
     """Write the instants of a motion, looked at after equal ways, that are not free; their number.
 
@@ -61,7 +88,9 @@ def close_kernel(
         coefficients: Of the motion, shape (m, n, k).
         spacing: Way between two of them, Euclidean in joint space [rad or m].
         slack: Distance to keep beyond the margins [m].
-        close: Filled in order, with room for all that may be looked at [s].
+        within: Of ``close_instants``.
+        close: Filled in order with them and the instants before and after each, shape (3, p), with
+            room for all that may be looked at [s].
     """
     times, way = np.empty(_INSTANTS + 1), np.zeros(_INSTANTS + 1)
     for k in range(_INSTANTS + 1):
@@ -73,23 +102,31 @@ def close_kernel(
         for j in range(states.shape[1]):
             square += (states[k + 1, j] - states[k, j]) ** 2
         way[k + 1] = way[k] + math.sqrt(square)
-    count = min(max(2, math.ceil(way[-1] / spacing)), close.shape[0] - 1)
-    looked, at = np.empty(count + 1), 0
+    count = min(max(2, math.ceil(way[-1] / spacing)), close.shape[1] - 1)
+    every, numbers = np.empty(count + 1), np.empty(count + 1, np.int64)
+    looked, size, at, span = np.empty(count + 1), 0, 0, 0
     for k in range(count + 1):
         gone = k * (way[-1] / count)
         while at < _INSTANTS - 1 and way[at + 1] < gone:
             at += 1
-        left, span = gone - way[at], way[at + 1] - way[at]
-        share = min(left / span, 1.0) if span > 0.0 else 0.0
-        looked[k] = times[at] + share * (times[at + 1] - times[at])
-    states, blocked = np.empty((count + 1, coefficients.shape[1])), np.empty(count + 1)
-    look_kernel(model, breaks, coefficients, looked, slack, states, blocked)
-    size = 0
-    for k in range(count + 1):
-        if blocked[k] != 0.0:
-            close[size] = looked[k]
+        left, length = gone - way[at], way[at + 1] - way[at]
+        share = min(left / length, 1.0) if length > 0.0 else 0.0
+        every[k] = times[at] + share * (times[at + 1] - times[at])
+        while span < within.shape[0] and within[span, 1] < every[k]:
+            span += 1
+        if span < within.shape[0] and within[span, 0] <= every[k]:
+            looked[size], numbers[size] = every[k], k
             size += 1
-    return size
+    states, blocked = np.empty((size, coefficients.shape[1])), np.empty(size)
+    look_kernel(model, breaks, coefficients, looked[:size], slack, states, blocked)
+    found = 0
+    for i in range(size):
+        if blocked[i] != 0.0:
+            k = numbers[i]
+            close[0, found] = every[k]
+            close[1, found], close[2, found] = every[max(k - 1, 0)], every[min(k + 1, count)]
+            found += 1
+    return found
 
 
 def instants(

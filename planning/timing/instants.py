@@ -5,13 +5,15 @@ from functools import cache
 
 import numpy as np
 
-from kinematics.arrays import Array
+from kinematics.arrays import Array, frozen
 from kinematics.compiled.kernel import direct
 from kinematics.polynomial import sample_between_kernel
 
 # A spline may be nearer than preferred where the motion that it is near to is so at most this part
 # of the duration away: their times differ a little.
 _BESIDE = 0.02
+# The same on both sides, and a little more.
+_ABOUT = frozen(1.001 * np.array([-_BESIDE, _BESIDE]))
 
 
 def not_beside(places: Array, known: Array) -> Array:
@@ -22,6 +24,11 @@ def not_beside(places: Array, known: Array) -> Array:
     before = np.maximum(after - 1, 0)
     beside = np.minimum(np.abs(known[after] - places), np.abs(known[before] - places))
     return np.asarray(places[beside > _BESIDE])
+
+
+def spans_beside(places: Array) -> Array:
+    """Spans outside which nothing lies beside some places (k,) in order, shape (k, 2)."""
+    return places[:, None] + _ABOUT
 
 
 def states_between(breaks: Array, coefficients: Array, count: int) -> Array:

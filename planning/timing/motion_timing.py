@@ -16,14 +16,14 @@ from kinematics.arrays import Array
 from kinematics.errors import InvalidOption
 from kinematics.trajectory import Trajectory, stay
 from obstacles.checker import Checker
-from planning.close_instants import close_instants
+from planning.close_instants import WHOLE, CloseInstants, close_instants
 from planning.deadline import Deadline
 from planning.limits import RATIO_TOLERANCE
 from planning.timing.blend import largest_reaches, merge, reach_for_deviation
 from planning.timing.corner_blending import certified_reaches
 from planning.timing.even_corners import Pieces
 from planning.timing.failure import TimingFailed
-from planning.timing.instants import not_beside, states_between
+from planning.timing.instants import not_beside, spans_beside, states_between
 from planning.timing.options import TimingOptions
 from planning.timing.parametrization import (
     SPAN_RATES_WITHIN_LOADS,
@@ -45,6 +45,8 @@ _INSTANTS = 3
 _REFINEMENTS = 3
 _MOST_RATE = 16.0
 _FEW_SPANS = 20
+# Instants beside which a motion is looked at for them alone.
+_FEW_INSTANTS = 16
 #: How often the legs of a path are halved to bring a spline nearer to them.
 _HALVINGS = 5
 
@@ -108,13 +110,12 @@ def motions(
 class _Wide(NamedTuple):
     """The spline near a motion with corners as wide as is worth it, of which nothing is proved.
 
-    ``close`` are the instants, as shares of its duration, at which it does not keep the first of
-    the preferred clearances.
+    ``close`` are the instants at which it does not keep the first of the preferred clearances.
     """
 
     reaches: Array
     spline: ScaledTime
-    close: Array
+    close: CloseInstants
 
 
 @dataclass(slots=True)
@@ -156,7 +157,7 @@ class _RoundedMotion:
         """The spline near the motion where it is as far from everything, else the motion itself."""
         names = self.checker.model.chain.joint_names
         wide = self._spline_at_widest(names)
-        if wide is not None and not len(wide.close):
+        if wide is not None and not len(wide.close.times):
             self.left_path = True
             return wide.spline
         reaches = self._reaches(even=True)
@@ -174,7 +175,7 @@ class _RoundedMotion:
             for spline in nearest if is_spacious else ():
                 motion = spline.trajectory
                 looked = motion.breaks, motion.coefficients
-                if not len(close_instants(self.checker, *looked, finely=_FINELY)):
+                if not len(close_instants(self.checker, *looked, finely=_FINELY).times):
                     self.left_path = True
                     return spline
         return self._within_loads(names) or self.time_on_path()
@@ -215,8 +216,7 @@ class _RoundedMotion:
             states_between(*looked, _INSTANTS * motion.pieces)
         ):
             return None
-        close = close_instants(self.preferred[0], *looked) / motion.duration
-        return _Wide(reaches, spline, close)
+        return _Wide(reaches, spline, close_instants(self.preferred[0], *looked))
 
     def _spline_near(
         self,
@@ -286,12 +286,12 @@ class _RoundedMotion:
         )
 
     def _near_instants(
-        self, motion: Trajectory, rounded: Pieces, close: Array | None
+        self, motion: Trajectory, rounded: Pieces, close: CloseInstants | None
     ) -> Array | None:
         """Instants at which a motion is nearer than preferred and the rounded one is not, (k,) [s].
 
-        None where there are none; k = 0 where it is refused for something else. ``close`` are the
-        shares of its time at which it does not keep the first level, where these are known.
+        None where there are none; k = 0 where it is refused for something else. ``close`` are those
+        at which it does not keep the first level, where they are known.
         """
         looked = motion.breaks, motion.coefficients, _INSTANTS * motion.pieces
         states = None if self.holds is None else states_between(*looked)
@@ -299,16 +299,36 @@ class _RoundedMotion:
             return np.empty(0)
         for number, level in enumerate(self.preferred):
             if number > 0 or close is None:
-                close = close_instants(level, motion.breaks, motion.coefficients) / motion.duration
-            if not len(close):
+                # What keeps the level above keeps this one, if it asks for no more.
+                is_lower = number > 0 and _asks_no_more(level, self.preferred[number - 1])
+                within = close.spans if is_lower and close is not None else WHOLE
+                close = close_instants(level, motion.breaks, motion.coefficients, within=within)
+            if not len(close.times):
                 return None
-            if number not in self._found_close:
-                self._found_close[number] = close_instants(level, *rounded) / rounded.breaks[-1]
-            apart = not_beside(close, self._found_close[number])
+            shares = close.times / motion.duration
+            apart = not_beside(shares, self._close_on_path(number, rounded, shares))
             if len(apart):
                 return apart * motion.duration
         states = states_between(*looked) if states is None else states
         return None if self.checker.all_valid(states) else np.empty(0)
+
+    def _close_on_path(self, number: int, rounded: Pieces, shares: Array) -> Array:
+        """Where the rounded motion is nearer than a level beside some shares, or all of it once."""
+        known, level = self._found_close, self.preferred[number]
+        duration = float(rounded.breaks[-1])
+        if number in known:
+            return known[number]
+        if len(shares) <= _FEW_INSTANTS:
+            within = duration * spans_beside(shares)
+            return close_instants(level, *rounded, within=within).times / duration
+        return known.setdefault(number, close_instants(level, *rounded).times / duration)
+
+
+def _asks_no_more(level: Checker, other: Checker) -> bool:
+    """Whether each state that keeps what a checker asks for keeps what a level does."""
+    margin, own = level.model.margin + level.slack, level.model.own_margin + level.slack
+    most, most_own = other.model.margin + other.slack, other.model.own_margin + other.slack
+    return margin <= most and own <= most_own
 
 
 def _splines(

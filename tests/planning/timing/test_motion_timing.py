@@ -14,6 +14,7 @@ from kinematics.trajectory import Trajectory
 from obstacles.checker import Checker
 from obstacles.scene import Scene
 from planning import pipeline
+from planning.close_instants import WHOLE, CloseInstants
 from planning.deadline import Deadline
 from planning.optimize.options import RefineOptions
 from planning.options import Options
@@ -265,9 +266,12 @@ def test_a_spline_is_nowhere_near_but_where_its_path_is(
 ) -> None:
     """With instants, as shares of the motion, at which the spline and its path are too near."""
 
-    def close(_: Checker, breaks: Array, coefficients: Array) -> Array:
+    def close(
+        _: Checker, breaks: Array, coefficients: Array, within: Array = WHOLE
+    ) -> CloseInstants:
         places = spline if coefficients.shape[2] == 6 else rounded
-        return np.asarray(np.array(places) * breaks[-1], np.float64)
+        times = np.asarray(np.array(places) * breaks[-1], np.float64)
+        return CloseInstants(times, times[:, None] + np.array([-0.01, 0.01]))
 
     monkeypatch.setattr(motion_timing, "close_instants", close)
     checker = Checker.of(builtin("panda"), Scene())
