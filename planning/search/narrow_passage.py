@@ -32,16 +32,21 @@ def find_narrow_passage(pairs: TreePairs) -> Array | None:
     Args:
         pairs: Grow the trees.
     """
-    path, guide = None, None
-    for penetration in _PENETRATIONS:
-        if not pairs.may_go_on:
-            return None
-        step = _FIRST_STEP if guide is None else _STEP
-        path = pairs.grow(PairOptions(_BUDGET, step, penetration, guide=guide))
+    guide = None
+    for penetration in _PENETRATIONS[:-1]:
+        path = _grow(pairs, penetration, guide)
         if path is None:
             return None
         guide = Guide(_evenly_spread(path), _WIDTH, _SHARE)
-    return path
+    return _grow(pairs, _PENETRATIONS[-1], guide)
+
+
+def _grow(pairs: TreePairs, penetration: float, guide: Guide | None) -> Array | None:
+    """The path that the next pair finds, if there are edges and time for it."""
+    if not pairs.may_go_on:
+        return None
+    step = _FIRST_STEP if guide is None else _STEP
+    return pairs.grow(PairOptions(_BUDGET, step, penetration, guide=guide))
 
 
 def _evenly_spread(path: Array) -> Array:

@@ -12,7 +12,7 @@ from obstacles.scene import Scene
 from planning.deadline import Deadline
 from planning.search import narrow_passage, rrt_connect
 from planning.search.narrow_passage import find_narrow_passage
-from planning.search.tree_pairs import TreePairs
+from planning.search.tree_pairs import PairOptions, TreePairs
 from tests.planning.scenes import HOME, box, builtin, pillar, shelf
 
 START, GOAL = HOME.copy(), HOME.copy()
@@ -64,6 +64,34 @@ def test_budgets_hold_whatever_pair_they_end_in() -> None:
         find_narrow_passage(grown)
         # The last pair may take as many again for a shorter path.
         assert grown.edges <= 2 * most
+
+
+def test_each_pair_but_the_last_makes_the_guide_of_the_next(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    asked: list[PairOptions] = []
+    paths = [np.array([START, GOAL + k]) for k in range(6)]
+
+    class Pairs(TreePairs):
+        def grow(self, options: PairOptions) -> Array | None:
+            asked.append(options)
+            return paths[len(asked) - 1]
+
+    made: list[Array] = []
+
+    def keep(path: Array) -> Array:
+        made.append(path)
+        return path
+
+    monkeypatch.setattr(narrow_passage, "_evenly_spread", keep)
+    checker, roots = Checker.of(builtin("panda"), Scene()), np.array([START, GOAL])
+    found = find_narrow_passage(Pairs(checker, roots, 0, Deadline.after(60.0), 100_000, None, True))
+    assert found is paths[-1]
+    assert [options.penetration for options in asked] == [0.02, 0.015, 0.01, 0.005, 0.0025, 0.0]
+    assert asked[0].guide is None
+    guides = [options.guide.points for options in asked if options.guide is not None]
+    assert len(made) == 5
+    assert all(a is b is c for a, b, c in zip(made, guides, paths, strict=False))
 
 
 def test_points_of_a_guide_are_evenly_spread() -> None:
