@@ -10,10 +10,15 @@ from kinematics.dh import chain_from_dh
 from kinematics.dh_table import Convention, DhRow, DhTable
 from kinematics.errors import InvalidRobotDescription
 from kinematics.fingers import fingers
-from kinematics.joint_limits import apply_rules, limits_of_chain, moveit_joint_limits
+from kinematics.joint_limits import (
+    apply_rules,
+    limits_of_chain,
+    moveit_joint_limits,
+    scaling_notes,
+)
 from kinematics.named_states import named_states
 from kinematics.robots import builtin_names, builtin_srdf, builtin_urdf
-from kinematics.root_frame import root_notes
+from kinematics.root_frame import root_notes, tool_notes
 from kinematics.serial_chain import select, serial_chain
 from kinematics.srdf import Semantics, check_semantics, parse_srdf
 from kinematics.urdf import parse_urdf
@@ -132,7 +137,8 @@ def _from_urdf(
         lint += partial
     if semantics is None or not semantics.disabled_collisions:
         robot = replace(robot, suspected=suspected_pairs(robot))
-    return replace(robot, lint=(*lint, *chosen.lint, *unused, *root_notes(chain), *robot.lint))
+    lint += [*chosen.lint, *unused, *root_notes(chain), *tool_notes(chain)]
+    return replace(robot, lint=(*lint, *robot.lint))
 
 
 def _joint_limits(
@@ -140,9 +146,11 @@ def _joint_limits(
     joints: Collection[str],
     known: Collection[str],
 ) -> tuple[Mapping[str, Mapping[str, float]], list[str]]:
-    """Limits of the joints of a chain, and a note on those of a file that are not used."""
+    """Limits of the joints of a chain, and notes on what of a file is not used."""
     if isinstance(source, Path):
-        return limits_of_chain(moveit_joint_limits(source.read_text("utf-8")), joints, known)
+        text = source.read_text("utf-8")
+        limits, lint = limits_of_chain(moveit_joint_limits(text), joints, known)
+        return limits, [*lint, *scaling_notes(text)]
     return source or {}, []
 
 

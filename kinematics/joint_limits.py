@@ -29,6 +29,8 @@ _MOVEIT_FIELDS = {
     "lower": ("has_position_limits", "min_position"),
     "upper": ("has_position_limits", "max_position"),
 }
+#: Shares of the limits in MoveIt's joint_limits.yaml that its plans use unless a request says more.
+_SCALING = ("default_velocity_scaling_factor", "default_acceleration_scaling_factor")
 
 JointValues = Mapping[str, Mapping[str, float]]
 
@@ -145,7 +147,7 @@ def moveit_joint_limits(text: str) -> dict[str, dict[str, float]]:
     """Limits by joint and quantity, of the text of MoveIt's ``joint_limits.yaml``.
 
     A limit counts where its flag (``has_velocity_limits``, ...) is true. Scaling factors are no
-    limits and are left alone.
+    limits: `scaling_notes` tells them.
 
     Args:
         text: The YAML text.
@@ -153,17 +155,38 @@ def moveit_joint_limits(text: str) -> dict[str, dict[str, float]]:
     Raises:
         InvalidRobotDescription: It is no such text; the message says at which joint.
     """
-    try:
-        root = fields_of(read_yaml(text))
-    except UnreadableYaml as error:
-        raise InvalidRobotDescription(f"joint_limits: {error}") from None
-    joints = None if root is None else fields_of(root.get("joint_limits"))
+    joints = fields_of(_document(text).get("joint_limits"))
     if joints is None:
         raise InvalidRobotDescription(
             "joint_limits: the text has no mapping joint_limits",
             hint="Give the text of a joint_limits.yaml as MoveIt has it, or an object by joint.",
         )
     return {str(name): _moveit_joint(str(name), entry) for name, entry in joints.items()}
+
+
+def scaling_notes(text: str) -> list[str]:
+    """A note where MoveIt's plans would be slower than the limits in its ``joint_limits.yaml``.
+
+    Raises:
+        InvalidRobotDescription: The text is no YAML.
+    """
+    root = _document(text)
+    factors = {key: finite_number(root.get(key)) for key in _SCALING}
+    told = [f"{key} {x:g}" for key, x in factors.items() if x is not None and x != 1.0]
+    if not told:
+        return []
+    note = (
+        f"joint_limits: {' and '.join(told)} are of MoveIt's plans alone: here a request scales "
+        "its limits by timing.velocity_scaling and timing.acceleration_scaling"
+    )
+    return [note]
+
+
+def _document(text: str) -> Mapping[str, object]:
+    try:
+        return fields_of(read_yaml(text)) or {}
+    except UnreadableYaml as error:
+        raise InvalidRobotDescription(f"joint_limits: {error}") from None
 
 
 def _moveit_joint(name: str, entry: object) -> dict[str, float]:

@@ -9,6 +9,9 @@ from kinematics.chain import Chain
 from kinematics.errors import InvalidRobotState
 from kinematics.srdf import Semantics
 
+#: What plans move onto a limit without being asked is not worth a note [rad or m].
+_TOLERANCE = 1e-6
+
 
 def named_states(chain: Chain, semantics: Semantics) -> tuple[dict[str, Array], list[str]]:
     """States of an SRDF that name every joint of a chain, and a note on those that name a part.
@@ -35,7 +38,19 @@ def named_states(chain: Chain, semantics: Semantics) -> tuple[dict[str, Array], 
                 continue
             key = f"{group}/{name}" if name in states else name
             states[key] = np.array([values[joint] for joint in chain.joint_names])
+            lint += _outside(chain, states[key], key)
     return states, lint
+
+
+def _outside(chain: Chain, q: Array, name: str) -> list[str]:
+    """A note on the joints (n,) of a state that are outside their limits."""
+    low, high = chain.limits.lower, chain.limits.upper
+    beyond = [
+        f"{joint} at {value:.6g}, limits {lower:.6g} to {upper:.6g}"
+        for joint, value, lower, upper in zip(chain.joint_names, q, low, high, strict=True)
+        if not lower - _TOLERANCE <= value <= upper + _TOLERANCE
+    ]
+    return [f"state {name!r} of the SRDF has {'; '.join(beyond)}"] if beyond else []
 
 
 def state(states: Mapping[str, Array], name: str, where: str) -> Array:

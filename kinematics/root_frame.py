@@ -89,3 +89,10 @@ def root_notes(chain: Chain) -> list[str]:
         f"{np.arccos(cosine):.4g} rad from it: name that frame for what is meant there"
     )
     return [note]
+
+
+def tool_notes(chain: Chain) -> list[str]:
+    """A note where a link has the name that requests mean the tip by."""
+    if TOOL not in chain.index or chain.tip_link == TOOL:
+        return []
+    return [f"the frame {TOOL!r} of a request is the tip {chain.tip_link!r}, not the link {TOOL!r}"]

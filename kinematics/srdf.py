@@ -26,6 +26,7 @@ class Semantics:
             names none), then the state's.
         virtual_frames: (parent frame, child link) of the fixed virtual joints, by which the robot
             stands in its surroundings.
+        own_pairs: Links that the file pairs with themselves, which means nothing.
     """
 
     name: str
@@ -33,6 +34,7 @@ class Semantics:
     chains: Mapping[str, tuple[str, str]] = field(default_factory=dict)
     states: Mapping[str, Mapping[str, State]] = field(default_factory=dict)
     virtual_frames: tuple[tuple[str, str], ...] = ()
+    own_pairs: tuple[str, ...] = ()
 
     def root_aliases(self, root: str) -> tuple[str, ...]:
         """Frames that a fixed virtual joint puts in the same place as the root link."""
@@ -49,7 +51,7 @@ class Semantics:
     def __reduce__(self) -> tuple[object, ...]:
         states = {g: {s: dict(q) for s, q in named.items()} for g, named in self.states.items()}
         values = (self.name, self.disabled_collisions, dict(self.chains), states)
-        return Semantics, (*values, self.virtual_frames)
+        return Semantics, (*values, self.virtual_frames, self.own_pairs)
 
 
 def parse_srdf(text: str | bytes) -> Semantics:
@@ -59,7 +61,9 @@ def parse_srdf(text: str | bytes) -> Semantics:
         InvalidRobotDescription: It is no SRDF, or an element lacks what it needs.
     """
     robot = read_robot(text, "SRDF")
-    pairs = frozenset(_pair(e) for e in children(robot, "disable_collisions"))
+    named = [_pair(e) for e in children(robot, "disable_collisions")]
+    pairs = frozenset((a, b) for a, b in named if a != b)
+    own = tuple(sorted({a for a, b in named if a == b}))
     chains: dict[str, tuple[str, str]] = {}
     for group in children(robot, "group"):
         name = attribute(group, "name", "the SRDF")
@@ -74,16 +78,16 @@ def parse_srdf(text: str | bytes) -> Semantics:
         if len(found) == 1:
             chains[name] = found[0]
     name = robot.get("name", "").strip()
-    return Semantics(name, pairs, chains, _states(robot), _virtual_frames(robot))
+    return Semantics(name, pairs, chains, _states(robot), _virtual_frames(robot), own)
 
 
 def check_semantics(semantics: Semantics, description: RobotDescription) -> tuple[str, ...]:
     """Hold an SRDF against the URDF it is for.
 
     Returns:
-        Warnings: chains, pairs and states that name what the robot does not have. Files that serve
-        several variants of a robot have such leftovers. A chain of a missing link is not used, and
-        dropping a pair only makes checking stricter.
+        Warnings: chains, pairs and states that name what the robot does not have, and pairs of a
+        link with itself. Files that serve several variants of a robot have such leftovers. A chain
+        of a missing link is not used, and dropping a pair only makes checking stricter.
     """
     lint = [
         f"the chain of group {group!r} in the SRDF names the link {link!r}, which robot "
@@ -99,6 +103,11 @@ def check_semantics(semantics: Semantics, description: RobotDescription) -> tupl
         if missing not in description.links
     ]
     lint += [
+        f"the SRDF disables collisions of {link!r} with itself: a link is never checked against "
+        "itself"
+        for link in semantics.own_pairs
+    ]
+    lint += [
         f"state {name!r} of group {group!r} in the SRDF names the unknown joint {joint!r}"
         for group, states in semantics.states.items()
         for name, values in states.items()
@@ -111,8 +120,6 @@ def check_semantics(semantics: Semantics, description: RobotDescription) -> tupl
 def _pair(element: Element) -> tuple[str, str]:
     first = attribute(element, "link1", "the SRDF")
     second = attribute(element, "link2", "the SRDF")
-    if first == second:
-        raise InvalidRobotDescription(f"<disable_collisions> of the SRDF names {first!r} twice")
     return (first, second) if first < second else (second, first)
 
 

@@ -10,6 +10,7 @@ from kinematics.joint_limits import (
     apply_rules,
     limits_of_chain,
     moveit_joint_limits,
+    scaling_notes,
 )
 from service.schemas import robot as schema
 
@@ -19,7 +20,7 @@ def joint_limits(
     joints: Collection[str],
     known: Collection[str],
 ) -> tuple[dict[str, Mapping[str, float]], list[str]]:
-    """Limits of a request for the joints of a chain, and a note on those of other joints.
+    """Limits of a request for the joints of a chain, and notes on what of it is not used.
 
     Args:
         source: As requests give them; the text of a joint_limits.yaml is of a whole robot.
@@ -30,7 +31,8 @@ def joint_limits(
         InvalidRobotDescription: The text can't be read.
     """
     if isinstance(source, str):
-        return limits_of_chain(moveit_joint_limits(source), joints, known)
+        limits, lint = limits_of_chain(moveit_joint_limits(source), joints, known)
+        return limits, [*lint, *scaling_notes(source)]
     given = source or {}
     return {name: limits.model_dump(exclude_none=True) for name, limits in given.items()}, []
 

@@ -22,7 +22,7 @@ from kinematics.joint_limits import ALL_JOINTS, soft_limit_notes
 from kinematics.mesh_uri import resolve_mesh
 from kinematics.named_states import named_states
 from kinematics.robots import builtin_srdf, builtin_urdf
-from kinematics.root_frame import root_notes
+from kinematics.root_frame import root_notes, tool_notes
 from kinematics.serial_chain import GRAVITY, select, serial_chain
 from kinematics.srdf import check_semantics, parse_srdf
 from kinematics.urdf import parse_urdf
@@ -85,7 +85,7 @@ def _from_urdf(body: schema.RobotBody) -> tuple[RobotGeometry, list[str]]:
     chain = with_robot_motors(chain, body)
     joints = tuple(description.joints.values())
     soft = soft_limit_notes(joints, chain.limits, chain.joint_names)
-    lint += [*more, *soft, *root_notes(chain)]
+    lint += [*more, *soft, *root_notes(chain), *tool_notes(chain)]
     files = {uri: base64.b64decode(text) for uri, text in (body.meshes or {}).items()}
     geometry = robot_geometry(chain, description, partial(resolve_mesh, uploaded=files), semantics)
     geometry = dataclasses.replace(geometry, fingers=fingers(description, chosen, semantics))

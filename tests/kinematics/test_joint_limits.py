@@ -13,6 +13,7 @@ from kinematics.joint_limits import (
     limits_of_chain,
     moveit_joint_limits,
     parse_rule,
+    scaling_notes,
     soft_limit_notes,
 )
 from kinematics.serial_chain import serial_chain
@@ -91,6 +92,13 @@ def test_moveit_file() -> None:
 def test_texts_that_are_refused(text: str, words: str) -> None:
     with pytest.raises(InvalidRobotDescription, match=words):
         moveit_joint_limits(text)
+
+
+def test_scaling_factors_that_slow_moveits_plans_are_told() -> None:
+    (note,) = scaling_notes(YAML + "default_acceleration_scaling_factor: 0.5\n")
+    assert "velocity_scaling_factor 0.1 and default_acceleration_scaling_factor 0.5" in note
+    assert scaling_notes(YAML.replace("factor: 0.1", "factor: 1.0")) == []
+    assert scaling_notes("joint_limits: {}") == []
 
 
 def test_limits_of_other_joints_are_told() -> None:

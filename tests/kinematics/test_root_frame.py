@@ -8,7 +8,7 @@ from kinematics.errors import InvalidLinkName, InvalidRobotState
 from kinematics.forward import forward
 from kinematics.named_states import named_states, state
 from kinematics.pose import from_rpy, transform
-from kinematics.root_frame import frame_names, frame_pose, root_notes
+from kinematics.root_frame import frame_names, frame_pose, root_notes, tool_notes
 from kinematics.serial_chain import serial_chain
 from kinematics.srdf import Semantics
 from kinematics.urdf import parse_urdf
@@ -84,6 +84,16 @@ def test_note_where_the_chain_begins_elsewhere(mounted: Chain) -> None:
     assert root_notes(serial_chain(parse_urdf(MOUNTED))) == []
 
 
+def test_note_where_a_link_is_called_tool_that_is_not_the_tip(mounted: Chain) -> None:
+    assert tool_notes(mounted) == []
+    tip = serial_chain(parse_urdf(MOUNTED.replace('"tool0"', '"tool"')))
+    assert tool_notes(tip) == []
+    rack = MOUNTED.replace('"base_link"', '"tool"')
+    assert tool_notes(serial_chain(parse_urdf(rack))) == [
+        "the frame 'tool' of a request is the tip 'tool0', not the link 'tool'"
+    ]
+
+
 def test_states_of_all_joints_are_offered(mounted: Chain) -> None:
     states, lint = named_states(mounted, SRDF)
     assert {name: list(q) for name, q in states.items()} == {
@@ -93,3 +103,10 @@ def test_states_of_all_joints_are_offered(mounted: Chain) -> None:
     assert state(states, "home", "start")[0] == 0.5
     with pytest.raises(InvalidRobotState, match=r"start: .*'away'"):
         state(states, "away", "start")
+
+
+def test_states_outside_of_the_limits_are_offered_and_told(mounted: Chain) -> None:
+    named = {"far": {"turn": 3.5}, "rounded": {"turn": 3.0000005}, "edge": {"turn": -3.0}}
+    states, lint = named_states(mounted, Semantics("mounted", states={"manipulator": named}))
+    assert list(states) == ["far", "rounded", "edge"]
+    assert lint == ["state 'far' of the SRDF has turn at 3.5, limits -3 to 3"]

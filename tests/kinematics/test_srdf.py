@@ -63,6 +63,15 @@ def test_unknown_names_in_pairs_and_states_are_told() -> None:
     assert any("'knee'" in line and "'home'" in line for line in lint)
 
 
+def test_a_link_paired_with_itself_is_told_and_allows_nothing() -> None:
+    text = SRDF.replace('link1="hand" link2="ghost"', 'link1="hand" link2="hand"')
+    srdf = parse_srdf(text)
+    assert srdf.disabled_collisions == {("carriage", "upper")}
+    assert pickle.loads(pickle.dumps(srdf)).own_pairs == ("hand",)
+    (line,) = check_semantics(srdf, parse_urdf(TREE))
+    assert "'hand' with itself" in line
+
+
 def test_unknown_link_of_a_chain_is_told() -> None:
     srdf = Semantics("x", chains={"arm": ("rail", "hook")})
     (line,) = check_semantics(srdf, parse_urdf(TREE))
@@ -88,7 +97,6 @@ def test_fixed_virtual_joints_name_the_root_frame() -> None:
         ("<robot><group/></robot>", ["<group>", "'name'"]),
         ('<robot><group name="g"><chain tip_link="t"/></group></robot>', ["'g'", "base_link"]),
         ('<robot><disable_collisions link1="a"/></robot>', ["link2"]),
-        ('<robot><disable_collisions link1="a" link2="a"/></robot>', ["'a'", "twice"]),
         ('<robot><group_state group="g"/></robot>', ["<group_state>", "'name'"]),
         (
             '<robot><group_state name="s"><joint name="j" value="nan"/></group_state></robot>',
