@@ -1,7 +1,5 @@
 """The configuration that was chosen for a pose, what it costs, and why it is not another one."""
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from kinematics.arrays import Array
@@ -18,34 +16,12 @@ from planning.preflight.goal_order import (
     manipulability_lacks,
     turn_counts,
 )
+from planning.result import ChosenConfiguration
 
 #: A configuration is of a branch that differs by no more than this in a joint [rad or m].
 _SAME = 1e-4
 #: Costs that differ by less are equal.
 _EQUAL = 1e-9
-
-
-@dataclass(frozen=True, slots=True)
-class ChosenConfiguration:
-    """One of a pose's configurations, as it was chosen.
-
-    Args:
-        branch: Name of its branch of the closed form; None where the arm has none.
-        limit_share: Distance of the joint nearest to its limit, as a share of the joint's range.
-        costs: What it costs, weighted, by the names of ``GoalCosts``.
-        found: How many free configurations were found.
-        cheaper: How many of them cost less, clearance left out.
-        at_limit: How many of them are within 2 % of a joint limit.
-        reason: Why this one and not another.
-    """
-
-    branch: str | None
-    limit_share: float
-    costs: dict[str, float]
-    found: int
-    cheaper: int
-    at_limit: int
-    reason: str
 
 
 def chosen_configuration(

@@ -23,6 +23,7 @@ from planning.optimize.options import OPTIMIZE
 from planning.optimize_stage import MOST_OFFERS, OptimizeStage, check_ends, refinement_options
 from planning.options import Options
 from planning.path_search import FoundPath, PathSearch
+from planning.plan_configuration import plan_configuration
 from planning.planner import Planner
 from planning.planners import choose_planners
 from planning.preflight.goal_order import MAX_LONGER, ends_off_limits
@@ -149,7 +150,15 @@ class _Pipeline:
         if isinstance(ready, Failure):
             return ready
         answer = self._plan_from(ready, self.options)
-        return answer if isinstance(answer, Failure) else self._end_off_limits(ready, answer)
+        if isinstance(answer, Failure):
+            return answer
+        ended = self._end_off_limits(ready, answer)
+        times = answer.trajectory.duration, ended.trajectory.duration
+        replaced = None if ended.trajectory is answer.trajectory else times
+        chosen = plan_configuration(
+            self.problem, ready, ended.path.waypoints[-1], self.options.goal_costs, replaced
+        )
+        return ended if chosen is None else replace(ended, configuration=chosen)
 
     def _end_off_limits(self, ready: Ready, answer: Plan) -> Plan:
         """The plan, or one to another configuration where this ends at a limit for little time."""

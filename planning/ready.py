@@ -1,6 +1,7 @@
 """Values that planning begins with: a valid start, goal configurations, checkers."""
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 from kinematics.arrays import Array
 from obstacles.checker import Checker
@@ -33,6 +34,18 @@ class ValidStart:
     notes: tuple[str, ...]
 
 
+class Candidate(NamedTuple):
+    """A valid configuration of a goal.
+
+    Args:
+        clearance: Margins taken off [m]; ``ENOUGH`` where it is that and is not asked for.
+        joints: Shape (n,) [rad or m].
+    """
+
+    clearance: float
+    joints: Array
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class Ready:
     """A problem with a valid start and at least one valid goal.
@@ -45,6 +58,7 @@ class Ready:
             to plan with and keeps obstacles out of the robot's pockets.
         notes: What was done to the request.
         best: How many of the goals, from the first on, are about as good; None for all.
+        found: The goals with their clearances, in any order, where some are of poses.
     """
 
     start: Array
@@ -52,3 +66,4 @@ class Ready:
     checkers: tuple[Checker, ...]
     notes: tuple[str, ...]
     best: int | None = None
+    found: tuple[Candidate, ...] = ()

@@ -208,6 +208,29 @@ class Attempt:
     explain: Callable[[], Explanation] | None = None
 
 
+@dataclass(frozen=True, slots=True)
+class ChosenConfiguration:
+    """One of a pose's configurations, as it was chosen.
+
+    Args:
+        branch: Name of its branch of the closed form; None where the arm has none.
+        limit_share: Distance of the joint nearest to its limit, as a share of the joint's range.
+        costs: What it costs, weighted, by the names of ``GoalCosts``.
+        found: How many free configurations were found.
+        cheaper: How many of them cost less, clearance left out.
+        at_limit: How many of them are within 2 % of a joint limit.
+        reason: Why this one and not another.
+    """
+
+    branch: str | None
+    limit_share: float
+    costs: dict[str, float]
+    found: int
+    cheaper: int
+    at_limit: int
+    reason: str
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class Plan:
     """A motion that has been proved.
@@ -225,6 +248,7 @@ class Plan:
         tool_motions: What became of each.
         stopped: Why it ends early, where it does.
         clearance: Where the motion is nearer to something than preferred.
+        configuration: The configuration of a pose that it ends in; None where there was no choice.
         timing: Method and limits that the motion was timed by.
         deterministic: Whether the same request gives the same plan again: neither time nor memory
             ended a search.
@@ -242,5 +266,6 @@ class Plan:
     tool_motions: tuple[ToolMotionReport, ...] = ()
     stopped: Mapping[str, Any] | None = None
     clearance: ClearanceReport | None = None
+    configuration: ChosenConfiguration | None = None
     timing: TimingReport | None = None
     deterministic: bool = True

@@ -17,7 +17,7 @@ from armwright_client.base import (
 )
 from armwright_client.certificate import Certificate, Collisions, LimitValues
 from armwright_client.check import AttachedObjects, FingerPositions
-from armwright_client.clearance import Clearance, ClearanceReport, GoalCosts
+from armwright_client.clearance import Clearance, ClearanceReport, ConfigurationReport, GoalCosts
 from armwright_client.constraint import Constraints
 from armwright_client.dynamics import Payload
 from armwright_client.goal import Goal, Start
@@ -335,6 +335,7 @@ class Plan(InFrame):
         potential_field: Where it went, if a potential field found the path.
         progress: The shortest paths over time, of planners that improve theirs.
         clearance: Where it is nearer to something than preferred.
+        configuration: The one of a pose that it ends in; None where no pose left a choice.
         plan_id: Of the kept plan, if it was kept.
         timing: Method and limits that it was timed by.
     """
@@ -353,5 +354,6 @@ class Plan(InFrame):
     potential_field: Descent | None = None
     progress: list[Progress] = Field(default_factory=list)
     clearance: ClearanceReport | None = None
+    configuration: ConfigurationReport | None = None
     plan_id: str | None = None
     timing: TimingReport | None = None

@@ -1,7 +1,6 @@
 """Valid configurations of the goals, with their clearance."""
 
 from functools import partial
-from typing import NamedTuple
 
 import numpy as np
 
@@ -24,7 +23,7 @@ from planning.preflight.goal_order import is_at_limit, motion_costs
 from planning.preflight.limits import snap_to_limits
 from planning.preflight.pose_configurations import pose_configurations, turned_copies
 from planning.problem import JointGoal, PoseGoal, Problem
-from planning.ready import ENOUGH, TOUCHING
+from planning.ready import ENOUGH, TOUCHING, Candidate
 from planning.result import Failure
 
 #: Free configurations of a pose at most, of those away from limits, of those at one, and copies of
@@ -38,18 +37,6 @@ _TOGETHER, _MAX_LOOKS = 8, 192
 #: Poses, of those whose configurations all collide, for which others are looked for with the
 #: obstacles in sight: each search takes a tenth of a second.
 _MAX_SEARCHES = 8
-
-
-class Candidate(NamedTuple):
-    """A valid configuration of a goal.
-
-    Args:
-        clearance: Margins taken off [m]; ``ENOUGH`` where it is that and is not asked for.
-        joints: Shape (n,) [rad or m].
-    """
-
-    clearance: float
-    joints: Array
 
 
 def find_goals(

@@ -14,7 +14,7 @@ from planning.preflight.goal_order import order_goals
 from planning.preflight.goals import find_goals
 from planning.preflight.limits import snap_to_limits
 from planning.problem import JointGoal, PoseGoal, Problem
-from planning.ready import ENOUGH, SLACK, TOUCHING, Ready, ValidStart
+from planning.ready import ENOUGH, SLACK, TOUCHING, Candidate, Ready, ValidStart
 from planning.result import Failure
 
 #: What is kept more than the margin where the tool is led, and the path can't be chosen [m].
@@ -79,8 +79,9 @@ def preflight(
         return goals
     slack = min(SLACK, 0.5 * valid.clearance, 0.5 * max(goal.clearance for goal in goals))
     kept = [goal for goal in goals if goal.clearance > slack]
-    clear, best = [goal.joints for goal in kept], None
+    clear, best, found = [goal.joints for goal in kept], None, tuple[Candidate, ...]()
     if any(isinstance(goal, PoseGoal) for goal in problem.goals):
+        found = tuple(kept)
         clearances = [goal.clearance for goal in kept]
         clear, best = order_goals(
             problem.robot.chain, start, clear, clearances, costs or GoalCosts()
@@ -92,7 +93,7 @@ def preflight(
         quick = Checker(hulls.model, slack)
         if all(quick.valid(q) for q in (start, *clear)):
             checkers.insert(0, quick)
-    return Ready(start, clear, tuple(checkers), valid.notes, best)
+    return Ready(start, clear, tuple(checkers), valid.notes, best, found)
 
 
 def _pack(checker: Checker, deadline: Deadline | None) -> Failure | None:

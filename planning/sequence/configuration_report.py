@@ -4,8 +4,9 @@ from dataclasses import replace
 
 import numpy as np
 
-from planning.chosen_configuration import ChosenConfiguration, chosen_configuration
+from planning.chosen_configuration import chosen_configuration
 from planning.deadline import Deadline
+from planning.result import ChosenConfiguration
 from planning.sequence.configuration_costs import ConfigurationCosts
 from planning.sequence.estimate import travel_times
 from planning.sequence.node import Node

@@ -6,10 +6,9 @@ from typing import Any
 
 from kinematics.arrays import Array
 from kinematics.trajectory import Trajectory
-from planning.chosen_configuration import ChosenConfiguration
 from planning.finger_motion import FingerMotion
 from planning.proof.certificate import Certificate
-from planning.result import Plan
+from planning.result import ChosenConfiguration, Plan
 from planning.sequence.stage import Pair
 from planning.sequence.world import World
 

@@ -7,8 +7,8 @@ from typing import Any
 
 from kinematics.arrays import Array
 from kinematics.trajectory import Trajectory, concatenate, stay
-from planning.chosen_configuration import ChosenConfiguration
 from planning.proof.certificate import Certificate
+from planning.result import ChosenConfiguration
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -9,9 +9,9 @@ from typing import NamedTuple
 import numpy as np
 
 from kinematics.arrays import Indices
-from planning.chosen_configuration import ChosenConfiguration, chosen_configuration
+from planning.chosen_configuration import chosen_configuration
 from planning.deadline import Deadline
-from planning.result import Failure
+from planning.result import ChosenConfiguration, Failure
 from planning.tours.construction import nearest_neighbour_tour
 from planning.tours.legs import SAME_TIME, LegTable, Pair
 from planning.tours.local_search import SearchWork, enqueue, search_kernel, search_work

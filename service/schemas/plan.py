@@ -36,7 +36,7 @@ from service.schemas.clearance import Clearance, ClearanceAnswer
 from service.schemas.constraint import Constraints
 from service.schemas.dynamics import Payload
 from service.schemas.goal import Goal, Start
-from service.schemas.goal_costs import GoalCosts
+from service.schemas.goal_costs import ConfigurationAnswer, GoalCosts
 from service.schemas.keep import Keepable, PlanId
 from service.schemas.kinematics import JOINTS_EXAMPLE
 from service.schemas.scene import SceneReference
@@ -358,5 +358,8 @@ class PlanAnswer(InFrame):
         default_factory=list, description="shortest paths over time, of planners that improve"
     )
     clearance: ClearanceAnswer | None = None
+    configuration: ConfigurationAnswer | None = Field(
+        None, description="the one of a pose that it ends in; null where no pose left a choice"
+    )
     plan_id: PlanId = None
     timing: TimingAnswer | None = Field(None, description="method and limits of its timing")

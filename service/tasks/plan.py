@@ -240,6 +240,7 @@ def _answer(planned: Plan, body: PlanRequest, cell: RobotInScene) -> dict[str, A
         "clearance": None
         if planned.clearance is None
         else problems.clearance_answer(planned.clearance),
+        "configuration": problems.configuration_answer(planned.configuration),
         "timing": timings.timing_answer(planned.timing),
         "progress": [asdict(step) for step in planned.progress],
     }

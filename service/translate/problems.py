@@ -10,7 +10,6 @@ from kinematics.arrays import Array
 from kinematics.chain import Chain
 from obstacles.robot_geometry import RobotGeometry
 from obstacles.scene import Scene
-from planning.chosen_configuration import ChosenConfiguration
 from planning.clearance_report import ClearanceReport
 from planning.goal_costs import GoalCosts
 from planning.optimize.options import RefineOptions
@@ -18,7 +17,7 @@ from planning.options import CartesianOptions, Options, ToolMotionOptions
 from planning.planners import PLANNERS
 from planning.preferred_clearance import PreferredClearance
 from planning.problem import Goal, JointGoal, PoseGoal, Problem
-from planning.result import StageReport
+from planning.result import ChosenConfiguration, StageReport
 from service.schemas import cartesian
 from service.schemas import goal as goal_schema
 from service.schemas import plan as schema
