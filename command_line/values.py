@@ -14,7 +14,7 @@ _POSE_HINT = (
     'Give JSON {"position": [x, y, z], "quaternion_xyzw": [x, y, z, w]}, a file with it, or the '
     "numbers x,y,z,roll,pitch,yaw or x,y,z,qx,qy,qz,qw."
 )
-_MOVEIT_FILES = (".yaml", ".yml")
+_MOVEIT_FILES = (".yaml", ".yml", ".scene")
 
 
 def read_value(name: str, text: str) -> Any:
@@ -95,7 +95,7 @@ def scene(text: str | None) -> dict[str, Any] | str | None:
     """The scene of an option: that of a file, or the name of a stored one.
 
     Args:
-        text: A JSON file, a MoveIt planning scene (YAML), JSON, or a name; None for none.
+        text: A JSON file, a MoveIt planning scene (YAML or .scene), JSON, or a name; None for none.
 
     Raises:
         ProblemError: The file is not there or is not JSON.

@@ -1,4 +1,4 @@
-"""MoveIt planning scenes: YAML text to a scene."""
+"""MoveIt planning scenes: text to a scene."""
 
 import marshal
 from collections.abc import Callable, Iterable, Mapping
@@ -11,6 +11,7 @@ from kinematics.arrays import Array, frozen
 from kinematics.errors import ArmwrightError, InvalidScene
 from kinematics.pose import from_quaternion, transform
 from kinematics.yaml_reader import Node, UnreadableYaml, finite_number, read_yaml
+from obstacles.moveit_geometry import is_geometry_text, scene_from_geometry
 from obstacles.scene import Obstacle, Scene, checked_name
 from obstacles.shapes import Box, Cone, Cylinder, HalfSpace, Mesh, Shape, Sphere
 
@@ -39,12 +40,15 @@ def scene_from_moveit(text: str | bytes) -> Scene:
     becomes the frame of its obstacles, for ``obstacles.placement.place`` to find on the robot.
 
     Args:
-        text: YAML, as MoveIt writes ``moveit_msgs/PlanningScene``.
+        text: YAML, as MoveIt writes ``moveit_msgs/PlanningScene``, or a geometry file (.scene).
 
     Raises:
         InvalidScene: Not such a text, or it holds what can't be represented (an octomap, attached
             objects); the message says at which element.
     """
+    decoded = text if isinstance(text, str) else text.decode("utf-8", "replace")
+    if is_geometry_text(decoded):
+        return scene_from_geometry(decoded)
     root = _mapping(_document(text), "planning scene")
     _refuse_unread(root)
     frames = _frames(root)

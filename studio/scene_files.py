@@ -86,7 +86,7 @@ def from_moveit(text: str | bytes, frame_pose: _FramePose) -> list[Obstacle]:
     """The obstacles of a planning scene of MoveIt.
 
     Args:
-        text: YAML.
+        text: YAML, or a geometry file (.scene).
         frame_pose: Answers the pose of a frame in the root frame.
 
     Raises:

@@ -26,7 +26,7 @@ class Scene(Request):
         name: Needed to store it.
         obstacles: Each with an id of its own.
         frame: Of obstacles that name none: a link that stands still, or "tool".
-        moveit: Planning-scene YAML instead of obstacles.
+        moveit: Planning scene of MoveIt instead of obstacles: its YAML, or its .scene text.
         allowed_collisions: Pairs of links or obstacles that may touch.
     """
 

@@ -70,7 +70,7 @@ class Scene(Body):
         None, description="shapes to keep away from"
     )
     moveit: Annotated[str, Field(min_length=1, max_length=_MAX_YAML)] | None = Field(
-        None, description="planning-scene YAML"
+        None, description="planning scene of MoveIt: its YAML, or the text of its .scene file"
     )
     allowed_collisions: Annotated[list[Pair], Field(max_length=_MAX_PAIRS)] | None = Field(
         None, description="pairs of links or obstacles that may touch"

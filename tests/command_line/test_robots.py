@@ -139,6 +139,9 @@ def test_obstacles_of_scene_files_are_shown(run: Run, tmp_path: Path) -> None:
         "        - {position: [1, 0, 0.5], orientation: [0, 0, 0, 1]}\n"
     )
     assert "shelf" in run("scenes", str(moveit)).out
+    exported = tmp_path / "cell.scene"
+    exported.write_text("cell\n* rack\n1\nsphere\n0.1\n1 0 0.5\n0 0 0 1\n0 0 0 0\n.\n")
+    assert "rack" in run("scenes", str(exported)).out
     path.write_text('{"obstacles": [{"id": 3}]}')
     assert run("scenes", str(path)).code == 3
 
