@@ -105,12 +105,17 @@ class Brackets:
 @bounded_cache(maxsize=64)
 def brackets(robot: RobotGeometry) -> Brackets:
     """``Brackets.of``, kept by the robot's content."""
+    return Brackets(robot, sphere_sets(robot))
+
+
+def sphere_sets(robot: RobotGeometry) -> tuple[SphereSet, ...]:
+    """The spheres of each of a robot's pieces."""
     most = max(min(MOST, _TOGETHER // max(len(robot.pieces), 1)), _LEAST)
     sets = []
     for piece in robot.pieces:
         check_preparation_time()
         sets.append(sphere_set(piece, most))
-    return Brackets(robot, tuple(sets))
+    return tuple(sets)
 
 
 def _inside(piece: Piece, points: Array) -> NDArray[np.bool_]:

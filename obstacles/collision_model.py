@@ -11,7 +11,7 @@ from kinematics.arrays import Array, Indices
 from kinematics.bounded_cache import DEFAULT_LIMIT, array_bytes, bounded_cache
 from kinematics.chain import Chain
 from kinematics.compiled.kernel import kernel
-from obstacles.brackets import Brackets, brackets
+from obstacles.brackets import Brackets, brackets, sphere_sets
 from obstacles.bvh import Tree, tree
 from obstacles.model_arrays import ModelArrays, with_margins
 from obstacles.pair_grid import PairGrid, pair_grid
@@ -158,7 +158,8 @@ def _packed(robot: RobotGeometry, scene: Scene) -> ModelArrays:
 
 def pack(robot: RobotGeometry) -> None:
     """Pack a robot beforehand: what takes longest is kept (`kept_files`)."""
-    _robot_part(robot)
+    sphere_sets(robot)  # of a robot in memory too: what it was packed for may be gone
+    pair_grid(robot.chain, robot.pieces, robot.joints, _robot_part(robot).pairs)
 
 
 def all_pieces(robot: RobotGeometry, scene: Scene) -> PieceSet:

@@ -24,7 +24,7 @@ from kinematics.preparation_limit import check_preparation_time
 from obstacles.closest_point import mesh_distances
 from obstacles.convex_cover import COARSE, ConvexPart, Fineness, cut_bodies, hull_part
 from obstacles.hull import Hull, convex_hull, corners_and_volume
-from obstacles.kept_files import kept_file, write_file
+from obstacles.kept_files import is_written, keep_file, kept_file, write_file
 from obstacles.mesh import Faces
 from obstacles.plane_cut import triangle_areas
 from obstacles.winding import is_solid, oriented
@@ -65,14 +65,16 @@ def convex_pieces(
         The pieces, filled ones first; the same mesh gives the same ones.
     """
     used, numbers = np.unique(faces, return_inverse=True)
-    return _stored_pieces(vertices[used].tobytes(), numbers.astype(np.int64).tobytes(), fineness)
+    mesh = vertices[used].tobytes(), numbers.astype(np.int64).tobytes()
+    parts = _stored_pieces(*mesh, fineness)
+    if is_written():  # what is in memory as well
+        keep_file(_file_name(*mesh, fineness), lambda stream: _write(stream, parts))
+    return parts
 
 
 @bounded_cache(maxsize=256)
 def _stored_pieces(vertices: bytes, faces: bytes, fineness: Fineness) -> tuple[ConvexPart, ...]:
-    how = b"6" if fineness == COARSE else repr(("6", *fineness)).encode()
-    digest = hashlib.sha256(how + len(vertices).to_bytes(8) + vertices + faces).hexdigest()
-    name = f"{digest}.npz"
+    name = _file_name(vertices, faces, fineness)
     file = kept_file(name)
     if file is not None and (stored := _read(file)) is not None:
         return stored
@@ -80,6 +82,12 @@ def _stored_pieces(vertices: bytes, faces: bytes, fineness: Fineness) -> tuple[C
     parts = _decompose(points, np.frombuffer(faces, dtype=np.int64).reshape(-1, 3), fineness)
     write_file(name, lambda stream: _write(stream, parts))
     return parts
+
+
+def _file_name(vertices: bytes, faces: bytes, fineness: Fineness) -> str:
+    how = b"6" if fineness == COARSE else repr(("6", *fineness)).encode()
+    digest = hashlib.sha256(how + len(vertices).to_bytes(8) + vertices + faces).hexdigest()
+    return f"{digest}.npz"
 
 
 def _read(file: Path) -> tuple[ConvexPart, ...] | None:

@@ -1,7 +1,8 @@
 """Files of what takes long to compute from a robot's or a scene's solids, for all processes.
 
 Their names are digests of all that they were computed from. They are written while something is
-prepared to be kept, and read whenever there is a folder for them.
+prepared to be kept, and read whenever there is a folder for them. What is prepared has a note of
+all files that it needs, also of those that others wrote: they stay as long as one of them does.
 """
 
 import contextlib
@@ -26,10 +27,11 @@ def keep_files_in(directory: Path | None) -> None:
 
 @contextlib.contextmanager
 def written_files() -> Iterator[list[Path]]:
-    """Write files of what is computed meanwhile, for other processes and later ones.
+    """Write files of what is used meanwhile, for other processes and later ones.
 
     Yields:
-        The files that were written; whoever has them kept removes them in the end.
+        The files of what was used, that were there or were written; whoever has them kept removes
+        them in the end.
     """
     global _written  # noqa: PLW0603
     before, _written = _written, list[Path]()
@@ -37,6 +39,11 @@ def written_files() -> Iterator[list[Path]]:
         yield _written
     finally:
         _written = before
+
+
+def is_written() -> bool:
+    """Whether something is prepared to be kept."""
+    return _written is not None and _directory is not None
 
 
 def kept_file(name: str) -> Path | None:
@@ -56,6 +63,25 @@ def write_file(name: str, write: Callable[[IO[bytes]], None]) -> None:
         return
     with contextlib.suppress(OSError):  # it is computed again where it could not be kept
         _replace(file, write)
+        _note(file)
+
+
+def keep_file(name: str, write: Callable[[IO[bytes]], None]) -> None:
+    """Have a file of what is in memory, where something is prepared to be kept.
+
+    Args:
+        name: Of the file.
+        write: Writes its content where the file is not there.
+    """
+    file = kept_file(name)
+    if file is not None and file.is_file():
+        _note(file)
+    else:
+        write_file(name, write)
+
+
+def _note(file: Path) -> None:
+    if _written is not None and file not in _written:
         _written.append(file)
 
 
@@ -70,6 +96,7 @@ def kept_array(digest: str, shape: tuple[int, ...], make: Callable[[], Array]) -
     name = f"{digest}.npy"
     file = kept_file(name)
     if file is not None and (stored := _read(file, shape)) is not None:
+        _note(file)
         return stored
     made = make()
     write_file(name, lambda stream: np.save(stream, made, allow_pickle=False))

@@ -9,6 +9,7 @@ far and at once how much the inner one lacks of it.
 import hashlib
 import math
 from dataclasses import dataclass, fields
+from functools import partial
 
 import numpy as np
 
@@ -18,7 +19,7 @@ from kinematics.compiled.kernel import kernel
 from kinematics.errors import InvalidScene
 from obstacles.closest_point import nearest_on_cone, nearest_on_cylinder
 from obstacles.hull import convex_hull
-from obstacles.kept_files import kept_array
+from obstacles.kept_files import is_written, keep_file, kept_array
 from obstacles.piece import Piece, PieceKind
 from obstacles.sphere_cover import cover
 
@@ -81,9 +82,11 @@ def sphere_set(piece: Piece, most: int = MOST, enough: float = ENOUGH) -> Sphere
             "a half-space has no sphere set", hint="Ask for those of bounded pieces only."
         )
     size = piece.radius, piece.half_height, piece.offset_radius
-    centers, outer, inner, skips = _spheres(
-        piece.kind, piece.vertices.tobytes(), *size, most, enough
-    )
+    made_from = (piece.kind, piece.vertices.tobytes(), *size, most, enough)
+    centers, outer, inner, skips = _spheres(*made_from)
+    if is_written():  # what is in memory as well
+        rows = np.column_stack([centers, outer, inner, skips])
+        keep_file(f"{_digest(*made_from)}.npy", partial(np.save, arr=rows, allow_pickle=False))
     if piece.surface is not None:
         # What covers a part of a mesh may hold more than it: no ball is known to be inside.
         inner = np.full(len(inner), -np.inf)
@@ -98,14 +101,21 @@ def _spheres(
     enough: float,
 ) -> tuple[Array, Array, Array, Indices]:  # fmt: skip
     """``SphereSet`` in the frame of the piece."""
-    size = np.array([kind, radius, half, rounding, most, enough], dtype=np.float64)
-    # The number goes up when the same piece gets other spheres.
-    digest = hashlib.sha256(b"spheres 1" + size.tobytes() + corners).hexdigest()
+    digest = _digest(kind, corners, radius, half, rounding, most, enough)
     rows = kept_array(
         digest, (-1, 6), lambda: _sphere_rows(kind, corners, (radius, half, rounding), most, enough)
     )
     outer, inner = (np.ascontiguousarray(rows[:, column]) for column in (3, 4))
     return rows[:, :3], outer, inner, rows[:, 5].astype(np.int64)
+
+
+def _digest(
+    kind: PieceKind, corners: bytes, radius: float, half: float, rounding: float, most: int,
+    enough: float,
+) -> str:  # fmt: skip
+    size = np.array([kind, radius, half, rounding, most, enough], dtype=np.float64)
+    # The number goes up when the same piece gets other spheres.
+    return hashlib.sha256(b"spheres 1" + size.tobytes() + corners).hexdigest()
 
 
 def _sphere_rows(

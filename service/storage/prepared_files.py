@@ -10,6 +10,7 @@ from pathlib import Path
 from service.storage.cache_key import Reference
 
 _DECOMPOSITIONS = "decompositions"
+_LIST = ".meshes"
 
 
 def document_hash(document: bytes) -> str:
@@ -34,20 +35,25 @@ def visual_file(reference: Reference) -> Path:
 
 
 def note_meshes(reference: Reference, files: Sequence[Path]) -> None:
-    """Note the files of solids that were written for a reference: they go with it."""
+    """Note the files of solids that a reference needs: they go with the last one that does."""
     if files:
         names = "\n".join(file.name for file in files)
         _mesh_list(reference).write_text(names, encoding="ascii")
 
 
 def forget(reference: Reference) -> None:
-    """Remove the file of a reference, if there is one, and those of its meshes.
+    """Remove the file of a reference, if there is one, and those of its solids.
 
-    Another robot or scene may have the same mesh: its parts are computed again where needed.
+    What another robot or scene needs too stays: one of the same meshes, or the same with other
+    limits.
     """
     meshes = _mesh_list(reference)
-    with contextlib.suppress(OSError):
-        for name in meshes.read_text(encoding="ascii").split():
+    own = _names(meshes)
+    if own:
+        for other in Path(reference.folder).glob(f"*{_LIST}"):
+            own -= set() if other == meshes else _names(other)
+    for name in own:
+        with contextlib.suppress(OSError):
             (decompositions(reference.folder) / Path(name).name).unlink(missing_ok=True)
     for file in (meshes, visual_file(reference), prepared_file(reference)):
         with contextlib.suppress(OSError):
@@ -79,4 +85,11 @@ def trim(folder: str, limit: int) -> int:
 
 
 def _mesh_list(reference: Reference) -> Path:
-    return Path(reference.folder) / f"{reference.hash}.{reference.kind}.meshes"
+    return Path(reference.folder) / f"{reference.hash}.{reference.kind}{_LIST}"
+
+
+def _names(file: Path) -> set[str]:
+    """Names of the files that a list has; none where it can't be read."""
+    with contextlib.suppress(OSError, UnicodeDecodeError):
+        return set(file.read_text(encoding="ascii").split())
+    return set()

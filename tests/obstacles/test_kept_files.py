@@ -8,7 +8,7 @@ import pytest
 
 from armwright.robot import load_robot
 from obstacles import brackets, collision_model, pair_grid, sphere_set
-from obstacles.kept_files import keep_files_in, kept_array, written_files
+from obstacles.kept_files import keep_file, keep_files_in, kept_array, written_files
 from obstacles.robot_geometry import RobotGeometry
 
 
@@ -31,6 +31,18 @@ def test_an_array_is_written_only_while_something_is_prepared(folder: Path) -> N
         kept_array("one", (-1, 6), lambda: made)
     assert written == [folder / "one.npy"]
     np.testing.assert_array_equal(kept_array("one", (-1, 6), never), made)
+
+
+def test_files_that_are_there_are_noted_by_whoever_needs_them(folder: Path) -> None:
+    made = np.ones((2, 6))
+    with written_files():
+        kept_array("one", (-1, 6), lambda: made)
+    with written_files() as written:
+        kept_array("one", (-1, 6), never)
+        keep_file("one.npy", lambda _: pytest.fail("it was kept"))
+        keep_file("two.npy", lambda stream: np.save(stream, made))
+    assert written == [folder / "one.npy", folder / "two.npy"]
+    np.testing.assert_array_equal(kept_array("two", (-1, 6), never), made)
 
 
 @pytest.mark.parametrize(
@@ -90,3 +102,15 @@ def test_spheres_and_grids_of_a_robot_are_kept(
     # Another robot is made of other numbers: of this one only pieces are the same.
     with pytest.raises(AssertionError, match="it was kept"):
         packed(load_robot("panda"))
+
+
+def test_what_is_in_memory_is_kept_for_another_robot_of_the_same_links(folder: Path) -> None:
+    robot = load_robot("kr6_sixx")
+    with written_files() as first:
+        collision_model.pack(robot)
+    contents = {file.name: file.read_bytes() for file in first}
+    for file in first:
+        file.unlink()
+    with written_files() as again:
+        collision_model.pack(robot)
+    assert {file.name: file.read_bytes() for file in again} == contents

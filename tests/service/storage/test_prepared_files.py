@@ -10,7 +10,19 @@ from service.storage import prepared_files
 from service.storage.cache_key import Reference
 from tests.service.conftest import Served
 from tests.service.robots import HOME, answer, bench, scene
-from tests.service.test_meshes import elbow
+from tests.service.test_meshes import elbow, obj
+
+#: The file that hangs on a chain's name and limits, not on solids alone.
+GRID = 1
+ELBOW_ROBOT = {
+    "name": "elbow_robot",
+    "urdf": """<robot name="e"><link name="base"/>
+      <link name="arm"><collision><geometry><mesh filename="elbow.obj"/></geometry></collision>
+      </link>
+      <joint name="turn" type="revolute"><parent link="base"/><child link="arm"/><axis xyz="0 0 1"/>
+        <limit lower="-2" upper="2" velocity="1" effort="1"/></joint></robot>""",
+    "meshes": {"elbow.obj": obj(elbow())},
+}
 
 
 def size(folder: Path) -> int:
@@ -52,6 +64,42 @@ def test_meshes_go_with_their_reference_and_with_nothing_else(tmp_path: Path) ->
     prepared_files.forget(reference)
     assert [file for file in tmp_path.rglob("*") if file.is_file()] == [files[2]]
     prepared_files.forget(reference)
+
+
+def test_files_that_another_needs_stay_until_it_goes_too(tmp_path: Path) -> None:
+    parts = prepared_files.decompositions(str(tmp_path))
+    parts.mkdir()
+    files = [parts / f"{name}.npz" for name in "abc"]
+    for file in files:
+        file.write_bytes(b"x")
+    robot, scene = (Reference(kind, "x", kind, str(tmp_path)) for kind in ("robot", "scene"))
+    prepared_files.note_meshes(robot, files[:2])
+    prepared_files.note_meshes(scene, files[1:])
+    prepared_files.forget(robot)
+    assert sorted(parts.iterdir()) == files[1:]
+    prepared_files.forget(scene)
+    assert list(parts.iterdir()) == []
+
+
+def test_files_of_a_robot_stay_when_its_limits_change(served: Served) -> None:
+    """They were removed with the robot as it was: each worker computed them anew, for seconds."""
+    client, folder = served.client, served.data / "prepared"
+    parts = folder / "decompositions"
+    before = {file.name for file in parts.glob("*")}
+    answer(client.post("/v1/robots", json=ELBOW_ROBOT), 201)
+    made = {file.name for file in parts.glob("*")} - before
+    assert any(name.endswith(".npz") for name in made)
+    for acceleration in (3.0, 4.0):
+        change = {"joint_limits": {"*": {"acceleration": acceleration}}}
+        answer(client.patch("/v1/robots/elbow_robot", json=change))
+        left = {file.name for file in parts.glob("*")}
+        assert len(made & left) >= len(made) - GRID
+    answer(client.post("/v1/robots", json={**ELBOW_ROBOT, "name": "elbow_twin"}), 201)
+    assert client.delete("/v1/robots/elbow_robot").status_code == 204
+    left = {file.name for file in parts.glob("*")}
+    assert len(made & left) >= len(made) - GRID
+    assert client.delete("/v1/robots/elbow_twin").status_code == 204
+    assert {file.name for file in parts.glob("*")} == before
 
 
 def test_what_was_written_first_goes_first(tmp_path: Path) -> None:
