@@ -18,7 +18,8 @@ from service.tasks.answer import in_frame, reports_cache_miss
 from service.tasks.attached_objects import robot_in_scene
 from service.tasks.result import CacheMiss, TaskProblem
 from service.translate.frames import first_configuration
-from service.workers.task import task
+from service.workers import current
+from service.workers.task import GRACE, task
 
 #: Projections of one answer: at 100 bytes each, a hundred megabytes.
 _MAX_PROJECTIONS = 1_000_000
@@ -26,9 +27,11 @@ _MAX_PROJECTIONS = 1_000_000
 _MAX_FCL_PROJECTIONS = 100_000
 
 
-@task
+@task(grace=GRACE)
 @reports_cache_miss
-def check(robot: Reference, scene: Reference | None, content: bytes) -> bytes | CacheMiss:
+def check(
+    robot: Reference, scene: Reference | None, content: bytes
+) -> bytes | TaskProblem | CacheMiss:
     """Answer a request for collision checks.
 
     Raises:
@@ -41,11 +44,27 @@ def check(robot: Reference, scene: Reference | None, content: bytes) -> bytes | 
     cell = robot_in_scene(robot, scene, body, first_configuration(chain, body.joints))
     checker = configuration_checker(cell.robot, cell.scene, body.margin)
     look = checker.check if body.depth else checker.verdict
-    verdicts = [_verdict(look(q)) for q in joints.reshape(-1, chain.n)]
+    verdicts: list[dict[str, Any]] = []
+    rows, deadline = joints.reshape(-1, chain.n), current.deadline()
+    for q in rows:
+        if deadline.passed:
+            return _late(len(verdicts), len(rows), depth=body.depth)
+        verdicts.append(_verdict(look(q)))
     same = {"allowed_collisions": cell.allowed, **in_frame(chain)}
     if joints.ndim == 1:
         return to_json(verdicts[0] | same)
     return to_json({name: [one[name] for one in verdicts] for name in verdicts[0]} | same)
+
+
+def _late(done: int, count: int, *, depth: bool) -> TaskProblem:
+    """The problem that time was up before all configurations were looked at."""
+    instead = ', or leave depths out with "depth": false' if depth else ""
+    return TaskProblem(
+        "TIMED_OUT",
+        f"the deadline passed when {done} of {count} configurations were checked",
+        f"Allow more time with the field timeout, send fewer at once{instead}.",
+        {"stage": "check", "checked": done},
+    )
 
 
 def _verdict(report: ConfigurationReport) -> dict[str, Any]:
