@@ -21,6 +21,7 @@ from kinematics.arrays import Array
 from kinematics.trajectory import Trajectory
 from obstacles.scene import Scene
 from obstacles.shapes import Box, Cylinder, Shape
+from tests.planning.proof.sabotage.box_gaps import box_gaps
 
 #: Instants at which a motion is looked at.
 SAMPLES = 400
@@ -75,13 +76,15 @@ class Body:
         link: Name of the link.
         T_link_solid: Its pose in the link, shape (4, 4).
         solid: FCL's geometry.
-        radius: Of a ball about its centre that holds it [m].
+        lower: Least coordinates of its points in its own frame, shape (3,) [m].
+        upper: Largest ones, shape (3,) [m].
     """
 
     link: str
     T_link_solid: Array
     solid: Any
-    radius: float
+    lower: Array
+    upper: Array
 
 
 @dataclass(frozen=True)
@@ -176,12 +179,13 @@ class Arm:
         )  # fmt: skip
         return np.asarray(tau[self.places[1]])
 
-    def _solid(self, element: ElementTree.Element) -> tuple[Any, float]:
+    def _solid(self, element: ElementTree.Element) -> tuple[Any, Array, Array]:
         size = element.attrib
         if element.tag == "box":
             return _box([float(value) for value in size["size"].split()])
         if element.tag == "sphere":
-            return fcl.Sphere(float(size["radius"])), float(size["radius"])
+            radius = float(size["radius"])
+            return fcl.Sphere(radius), np.full(3, -radius), np.full(3, radius)
         if element.tag == "cylinder":
             return _cylinder(float(size["radius"]), float(size["length"]))
         assert element.tag == "mesh", element.tag
@@ -195,16 +199,15 @@ class Look:
         self._arm = arm
         frames = [arm.model.getFrameId(body.link) for body in arm.bodies]
         self._frames, self._carriers = np.unique(frames, return_inverse=True)
-        solids = [(body.solid, body.radius) for body in arm.bodies]
+        solids = [(body.solid, body.lower, body.upper) for body in arm.bodies]
         solids += [_shape(obstacle.shape) for obstacle in scene.obstacles]
         self._names = [body.link for body in arm.bodies] + list(scene.ids)
-        self._things = [fcl.CollisionObject(solid) for solid, _ in solids]
-        self._poses = np.array(
-            [body.T_link_solid for body in arm.bodies]
-            + [obstacle.T_world_obstacle for obstacle in scene.obstacles]
-        )
-        for k, obstacle in enumerate(scene.obstacles, len(arm.bodies)):
-            T = obstacle.T_world_obstacle
+        self._things = [fcl.CollisionObject(solid) for solid, _, _ in solids]
+        self._own_poses = np.array([body.T_link_solid for body in arm.bodies])
+        self._still_poses = np.array(
+            [obstacle.T_world_obstacle for obstacle in scene.obstacles]
+        ).reshape(-1, 4, 4)
+        for k, T in enumerate(self._still_poses, len(arm.bodies)):
             self._things[k].setTransform(fcl.Transform(T[:3, :3], T[:3, 3]))
         # What stands still with the base can't be moved away from obstacles.
         still = [arm.model.frames[frame].parentJoint == 0 for frame in frames]
@@ -216,32 +219,58 @@ class Look:
         ]
         self._pairs = np.array([*around, *arm.self_pairs]).reshape(-1, 2)
         self._own = np.arange(len(self._pairs)) >= len(around)
-        radii = np.array([radius for _, radius in solids])
-        self._reach = radii[self._pairs].sum(axis=1)
+        lower, upper = (np.array([solid[k] for solid in solids]) for k in (1, 2))
+        self._middles, self._halves = 0.5 * (lower + upper), 0.5 * (upper - lower)
 
-    def fault(self, q: Array, margin: float) -> str | None:
-        """What is wrong with a configuration, in words; None where nothing is."""
-        arm = self._arm
-        pin.framesForwardKinematics(arm.model, arm.data, arm.full(q, 0))
-        links = np.array([arm.data.oMf[int(frame)].homogeneous for frame in self._frames])
-        poses = links[self._carriers] @ self._poses[: len(self._carriers)]
-        centers = np.array(self._poses[:, :3, 3])
-        centers[: len(poses)] = poses[:, :3, 3]
-        apart = np.linalg.norm(centers[self._pairs[:, 0]] - centers[self._pairs[:, 1]], axis=1)
-        near = np.flatnonzero(apart <= self._reach + margin)
-        pairs = self._pairs[near]
-        for k in np.unique(pairs):
-            if k < len(poses):
-                self._things[k].setTransform(fcl.Transform(poses[k, :3, :3], poses[k, :3, 3]))
-        for (i, j), is_own in zip(pairs.tolist(), self._own[near].tolist(), strict=True):
+    def first_fault(self, configurations: Array, margin: float) -> str | None:
+        """What is wrong with the first configuration (m, n) that is wrong; None where none is."""
+        poses = self._poses(configurations)
+        rows, near = self._near(poses, margin)
+        placed = -1
+        for row, k in zip(rows.tolist(), near.tolist(), strict=True):
+            if row != placed:
+                self._place(poses[row], self._pairs[near[rows == row]])
+                placed = row
+            i, j = self._pairs[k].tolist()
+            names = f"{self._names[i]} and {self._names[j]}"
             if _overlap(self._things[i], self._things[j]) > OVERLAP_TOLERANCE:
-                return f"{self._names[i]} and {self._names[j]} overlap"
-            if margin > 0.0 and not is_own:
+                return f"{names} overlap"
+            if margin > 0.0 and not self._own[k]:
                 distance = float(fcl.distance(self._things[i], self._things[j]))
                 if distance < margin - DISTANCE_TOLERANCE:
-                    names = f"{self._names[i]} and {self._names[j]}"
                     return f"{names} are {distance:.4g} m apart"
         return None
+
+    def _poses(self, configurations: Array) -> Array:
+        """Poses of all solids, shape (m, k, 4, 4)."""
+        arm, links = self._arm, []
+        for q in configurations:
+            pin.framesForwardKinematics(arm.model, arm.data, arm.full(q, 0))
+            links.append([arm.data.oMf[int(frame)].homogeneous for frame in self._frames])
+        own = np.array(links)[:, self._carriers] @ self._own_poses
+        still = np.broadcast_to(self._still_poses, (len(own), *self._still_poses.shape))
+        return np.concatenate([own, still], axis=1)
+
+    def _near(self, poses: Array, margin: float) -> tuple[Any, Any]:
+        """Which pairs no plane proves farther apart than the margin: rows, and numbers of pairs."""
+        middles = (poses[..., :3, :3] @ self._middles[:, :, None])[..., 0] + poses[..., :3, 3]
+        radii = np.linalg.norm(self._halves, axis=1)
+        i, j = self._pairs.T
+        apart = np.linalg.norm(middles[:, i] - middles[:, j], axis=2)
+        rows, near = np.nonzero(apart <= radii[i] + radii[j] + margin)
+        i, j = self._pairs[near].T
+        gaps = box_gaps(
+            (poses[rows, i, :3, :3], self._halves[i]),
+            (poses[rows, j, :3, :3], self._halves[j]),
+            middles[rows, i] - middles[rows, j],
+        )
+        left = gaps <= margin
+        return rows[left], near[left]
+
+    def _place(self, poses: Array, pairs: Any) -> None:
+        for k in np.unique(pairs):
+            if k < len(self._own_poses):
+                self._things[k].setTransform(fcl.Transform(poses[k, :3, :3], poses[k, :3, 3]))
 
 
 def faults(arm: Arm, motion: Trajectory, truth: Truth) -> dict[str, str]:
@@ -261,8 +290,7 @@ def faults(arm: Arm, motion: Trajectory, truth: Truth) -> dict[str, str]:
         if text is not None:
             found[kind] = text
 
-    look = Look(arm, truth.scene)
-    note("collision", next(filter(None, (look.fault(row, truth.margin) for row in q)), None))
+    note("collision", Look(arm, truth.scene).first_fault(q, truth.margin))
     for order, limit in truth.limits.items():
         kind = ("velocity", "acceleration", "jerk")[order - 1]
         note(kind, _ratio(worst_ratio(motion, limit, order)))
@@ -342,24 +370,26 @@ def _origin(element: ElementTree.Element | None) -> Array:
     return np.array(pin.SE3(pin.rpy.rpyToMatrix(*rpy), np.array(xyz)).homogeneous)
 
 
-def _shape(shape: Shape) -> tuple[Any, float]:
+def _shape(shape: Shape) -> tuple[Any, Array, Array]:
     if isinstance(shape, Box):
         return _box([float(value) for value in shape.size])
     assert isinstance(shape, Cylinder), shape
     return _cylinder(shape.radius, shape.height)
 
 
-def _box(size: list[float]) -> tuple[Any, float]:
-    return fcl.Box(*size), 0.5 * float(np.linalg.norm(size))
+def _box(size: list[float]) -> tuple[Any, Array, Array]:
+    half = 0.5 * np.array(size)
+    return fcl.Box(*size), -half, half
 
 
-def _cylinder(radius: float, length: float) -> tuple[Any, float]:
-    return fcl.Cylinder(radius, length), float(np.hypot(radius, 0.5 * length))
+def _cylinder(radius: float, length: float) -> tuple[Any, Array, Array]:
+    half = np.array([radius, radius, 0.5 * length])
+    return fcl.Cylinder(radius, length), -half, half
 
 
-def _surface(corners: Array, faces: Any) -> tuple[Any, float]:
+def _surface(corners: Array, faces: Any) -> tuple[Any, Array, Array]:
     model = fcl.BVHModel()
     model.beginModel(len(corners), len(faces))
     model.addSubModel(np.asarray(corners), np.asarray(faces))
     model.endModel()
-    return model, float(np.linalg.norm(corners, axis=1).max())
+    return model, corners.min(axis=0), corners.max(axis=0)

@@ -107,10 +107,17 @@ class Sabotage:
         _forget(origin)
 
 
-def _modules() -> Iterator[ModuleType]:
-    for name, module in list(sys.modules.items()):
-        if name.partition(".")[0] in _PACKAGES and module is not None:
-            yield module
+def _modules() -> tuple[ModuleType, ...]:
+    return _modules_of(len(sys.modules))
+
+
+@functools.cache
+def _modules_of(_count: int) -> tuple[ModuleType, ...]:
+    return tuple(
+        module
+        for name, module in list(sys.modules.items())
+        if name.partition(".")[0] in _PACKAGES and module is not None
+    )
 
 
 def _forget(origin: str) -> None:
