@@ -3,6 +3,7 @@
 import numpy as np
 import pinocchio as pin
 import pytest
+from scipy.spatial import cKDTree
 from scipy.spatial.transform import Rotation
 
 from kinematics.arrays import Array
@@ -168,13 +169,9 @@ def test_times_have_to_fit_the_motions() -> None:
 def off_corner(T: Array, corner: ToolCorner) -> Array:
     """Distance (k,) of tips from a corner on a fine grid, and angle to its orientation there."""
     nominal = corner.poses(np.linspace(0.0, 1.0, 20001))
-    found = []
-    for pose in T:
-        away = np.linalg.norm(nominal[:, :3, 3] - pose[:3, 3], axis=1)
-        k = int(np.argmin(away))
-        turn = Rotation.from_matrix(nominal[k, :3, :3].T @ pose[:3, :3])
-        found.append([away[k], turn.magnitude()])
-    return np.array(found)
+    away, k = cKDTree(nominal[:, :3, 3]).query(T[:, :3, 3])
+    turns = Rotation.from_matrix(nominal[k, :3, :3].swapaxes(1, 2) @ T[:, :3, :3])
+    return np.column_stack([away, turns.magnitude()])
 
 
 @pytest.mark.parametrize("name", ["ur5e", "panda", "iiwa14"])
