@@ -7,6 +7,7 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.special import comb
 
 from kinematics.arrays import Array
 from kinematics.forward import joint_frames
@@ -66,13 +67,12 @@ def sweep(trajectory: Trajectory, robot: RobotGeometry, scene: Scene, margin: fl
 
 
 def _stray(coefficients: Array, at: float, half: float) -> tuple[Array, Array]:
-    values: list[float] = []
-    strays: list[float] = []
-    for row in coefficients:
-        about = np.polynomial.Polynomial(row)(np.polynomial.Polynomial([at, 1.0])).coef
-        values.append(about[0])
-        strays.append(float(np.abs(about[1:]) @ half ** np.arange(1.0, len(about))))
-    return np.array(values), np.array(strays)
+    """Values (n,) at an instant, and how far they stray from them at most within ``half`` of it."""
+    k = np.arange(coefficients.shape[1])
+    # Taylor's expansion about the instant: t^j is the sum of binom(j, k) at^(j - k) (t - at)^k.
+    shift = np.tril(comb(k[:, None], k) * float(at) ** np.maximum(k[:, None] - k, 0))
+    about = coefficients @ shift
+    return about[:, 0], np.abs(about[:, 1:]) @ half ** k[1:].astype(float)
 
 
 class _Moved:
