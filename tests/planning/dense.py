@@ -2,6 +2,7 @@
 
 import numpy as np
 
+from benchmarks import ratios
 from kinematics.trajectory import Trajectory
 from obstacles.checker import Checker
 from obstacles.robot_geometry import RobotGeometry
@@ -22,19 +23,9 @@ def least_clearance(
 
 
 def worst_ratio(trajectory: Trajectory, robot: RobotGeometry) -> float:
-    """Largest share of any limit, from the roots of numpy's polynomials."""
+    """Largest share of any limit, at the roots of the polynomials that numpy finds."""
     limits = robot.chain.limits
-    worst = 0.0
-    for piece in range(trajectory.pieces):
-        length = trajectory.breaks[piece + 1] - trajectory.breaks[piece]
-        for joint in range(trajectory.n):
-            polynomial = np.polynomial.Polynomial(trajectory.coefficients[piece, joint])
-            bounds = (float(limits.velocity[joint]), float(limits.acceleration[joint]))
-            for order, bound in enumerate(bounds, start=1):
-                derivative = polynomial.deriv(order)
-                roots = derivative.deriv().roots() if derivative.degree() > 1 else np.zeros(0)
-                times = [float(np.real(r)) for r in roots if abs(float(np.imag(r))) < 1e-9]
-                inside = [t for t in times if 0.0 < t < length]
-                values = [abs(float(derivative(t))) for t in (0.0, float(length), *inside)]
-                worst = max(worst, max(values) / bound)
-    return worst
+    return max(
+        ratios.worst_ratio(trajectory, bounds, order)
+        for order, bounds in enumerate((limits.velocity, limits.acceleration), 1)
+    )

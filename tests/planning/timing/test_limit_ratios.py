@@ -2,23 +2,17 @@
 
 import numpy as np
 import pytest
-from numpy.polynomial import Polynomial
 
+from benchmarks.ratios import worst_ratio
+from kinematics.trajectory import Trajectory
 from planning.timing.limit_ratios import worst_kernel
 
 
 def _by_roots(breaks: np.ndarray, coefficients: np.ndarray, limits: np.ndarray) -> np.ndarray:
-    """The ratios from the eigenvalues of companion matrices, piece by piece."""
-    worst = np.zeros(3)
-    for h, piece in zip(np.diff(breaks), coefficients, strict=True):
-        for joint, c in enumerate(piece):
-            for row in range(3):
-                rate = Polynomial(c).deriv(row + 1)
-                stationary = rate.deriv().roots() if rate.degree() > 1 else np.zeros(0)
-                real = stationary[np.abs(stationary.imag) < 1e-9].real
-                times = np.append([0.0, h], real[(real > 0.0) & (real < h)])
-                worst[row] = max(worst[row], np.abs(rate(times)).max() / limits[row, joint])
-    return worst
+    """The ratios from the eigenvalues of companion matrices."""
+    names = tuple(f"joint{i}" for i in range(coefficients.shape[1]))
+    motion = Trajectory(names, breaks, coefficients)
+    return np.array([worst_ratio(motion, limits[row], row + 1) for row in range(3)])
 
 
 @pytest.mark.parametrize("n", [1, 2, 6, 7, 8, 9, 14, 16, 17])
