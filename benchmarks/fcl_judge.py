@@ -56,10 +56,7 @@ class FclJudge:
         """Whether any pair touches in a configuration (n,)."""
         robot, p = self._robot, len(self._robot.pieces)
         frames = np.concatenate([np.eye(4)[None], joint_frames(robot.chain, q)])[robot.joints + 1]
-        centers = self._centers.copy()
-        centers[:p] = np.einsum("kij,kj->ki", frames[:, :3, :3], centers[:p]) + frames[:, :3, 3]
-        i, j = self._pairs.T
-        gaps = np.linalg.norm(centers[i] - centers[j], axis=1) - self._radii[i] - self._radii[j]
+        gaps = self._gaps(frames)
         placed: set[int] = set()
         for a, b in self._pairs[gaps <= 0.0]:
             for k in (int(a), int(b)):
@@ -76,10 +73,26 @@ class FclJudge:
         frames = np.concatenate([np.eye(4)[None], joint_frames(robot.chain, q)])[robot.joints + 1]
         for k in range(p):
             self._place(k, frames[k] @ self._frames[k])
+        pairs, gaps = self._pairs, self._gaps(frames)
+        order = np.argsort(gaps)
         least = np.inf
-        for a, b in self._pairs[self._pairs[:, 1] >= p]:
-            least = min(least, max(self._distance(int(a), int(b)), 0.0))
+        for k in order[pairs[order, 1] >= p]:
+            if gaps[k] >= least:
+                break
+            least = min(least, max(self._distance(*pairs[k].tolist()), 0.0))
         return least
+
+    def _gaps(self, frames: Array) -> Array:
+        """What bounding balls prove of the distance of each pair [m].
+
+        Args:
+            frames: That carry the pieces of the robot, shape (p, 4, 4).
+        """
+        p, centers = len(frames), self._centers.copy()
+        centers[:p] = np.einsum("kij,kj->ki", frames[:, :3, :3], centers[:p]) + frames[:, :3, 3]
+        i, j = self._pairs.T
+        apart = np.linalg.norm(centers[i] - centers[j], axis=1)
+        return np.asarray(apart - self._radii[i] - self._radii[j])
 
     def _distance(self, a: int, b: int) -> float:
         """Distance of two pieces that do not touch [m]."""

@@ -37,8 +37,11 @@ def distances(robot: RobotGeometry, scene: Scene, motion: Trajectory, times: Arr
     found = np.full(len(times), 0.1)
     for k, q in enumerate(motion.sample(times)):
         world.set_configuration(q)
-        for pair in pairs[world.ball_bounds(*world.pairs[pairs].T) < 0.1]:
-            found[k] = min(found[k], world.distance(int(pair)))
+        bounds = world.ball_bounds(*world.pairs[pairs].T)
+        for number in np.argsort(bounds):
+            if bounds[number] >= found[k]:
+                break
+            found[k] = min(found[k], world.distance(int(pairs[number])))
     return found
 
 
