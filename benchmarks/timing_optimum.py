@@ -56,23 +56,25 @@ def optimum(path: JointPath, limits: Array, cells_each: int) -> float:
     j, h = opti.variable(count), opti.variable(count)
     for value in (v[0], a[0], v[count], a[count]):
         opti.subject_to(value == 0.0)
-    for i in range(count):
-        t, piece = h[i], i // cells_each
-        way = v[i] * t + a[i] * t**2 / 2 + j[i] * t**3 / 6
-        opti.subject_to(way == where[i + 1] - where[i])
-        opti.subject_to(v[i + 1] == v[i] + a[i] * t + j[i] * t**2 / 2)
-        opti.subject_to(a[i + 1] == a[i] + j[i] * t)
-        for part in (0.0, 0.5, 1.0):
-            t = part * h[i]
-            u = where[i] - breaks[piece] + v[i] * t + a[i] * t**2 / 2 + j[i] * t**3 / 6
-            speed, rate = v[i] + a[i] * t + j[i] * t**2 / 2, a[i] + j[i] * t
-            for c, (vm, am, jm) in zip(path.coefficients[piece], limits.T, strict=True):
-                q1 = c[1] + 2 * c[2] * u + 3 * c[3] * u**2
-                q2, q3 = 2 * c[2] + 6 * c[3] * u, 6 * c[3]
-                opti.subject_to(opti.bounded(-1, q1 * speed / vm, 1))
-                opti.subject_to(opti.bounded(-1, (q1 * rate + q2 * speed**2) / am, 1))
-                jerk = q1 * j[i] + 3 * q2 * speed * rate + q3 * speed**3
-                opti.subject_to(opti.bounded(-1, jerk / jm, 1))
+    # All cells in one: each value is a column with a row for each cell.
+    v0, a0 = v[:count], a[:count]
+    opti.subject_to(v0 * h + a0 * h**2 / 2 + j * h**3 / 6 == np.diff(where))
+    opti.subject_to(v[1:] == v0 + a0 * h + j * h**2 / 2)
+    opti.subject_to(a[1:] == a0 + j * h)
+    pieces = np.arange(count) // cells_each
+    begins = where[:-1] - breaks[pieces]
+    for part in (0.0, 0.5, 1.0):
+        t = part * h
+        u = begins + v0 * t + a0 * t**2 / 2 + j * t**3 / 6
+        speed, rate = v0 + a0 * t + j * t**2 / 2, a0 + j * t
+        for c, (vm, am, jm) in zip(path.coefficients[pieces].swapaxes(0, 1), limits.T, strict=True):
+            _, c1, c2, c3 = c.T
+            q1 = c1 + 2 * c2 * u + 3 * c3 * u**2
+            q2, q3 = 2 * c2 + 6 * c3 * u, 6 * c3
+            opti.subject_to(opti.bounded(-1, q1 * speed / vm, 1))
+            opti.subject_to(opti.bounded(-1, (q1 * rate + q2 * speed**2) / am, 1))
+            jerk = q1 * j + 3 * q2 * speed * rate + q3 * speed**3
+            opti.subject_to(opti.bounded(-1, jerk / jm, 1))
     opti.subject_to(h >= 1e-4)
     opti.subject_to(v >= 0)
     opti.minimize(casadi.sum1(h))
