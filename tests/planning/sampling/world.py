@@ -1,5 +1,6 @@
 """A plane with a wall that has a gap: what stands in for a robot among obstacles."""
 
+from functools import cached_property
 from itertools import pairwise
 from typing import Any, cast
 
@@ -10,6 +11,10 @@ from kinematics.chain import Chain
 from obstacles.checker import Checker
 from tests.planning.scenes import builtin
 
+#: Coordinates of a segment's first point and its last one: plain numbers, for searches ask often.
+Ends = tuple[float, float, float, float]
+#: The least coordinates of a box, and its largest ones.
+Box = tuple[float, float, float, float]
 #: Half the wall's thickness, and its gap's upper end, in the plane of the first two joints.
 HALF, GAP = 0.1, 0.8
 
@@ -23,32 +28,42 @@ class Wall:
         return self.free(q, q)
 
     def free(self, a: Array, b: Array) -> bool:
-        boxes = [(np.array([-HALF, -10.0]), np.array([HALF, GAP]))]
+        ends = (*a[:2].tolist(), *b[:2].tolist())
+        return not any(_meets(ends, box) for box in self._boxes)
+
+    @cached_property
+    def _boxes(self) -> list[Box]:
+        boxes = [(-HALF, -10.0, HALF, GAP)]
         for sign in (-1.0, 1.0):
             for axis in (0, 1):
                 low, high = self.CELL - 0.25, self.CELL + 0.25
                 side = self.CELL[axis] + sign * 0.2
                 low[axis], high[axis] = side - 0.05, side + 0.05
-                boxes.append((low, high))
-        return not any(_meets(a, b, low, high) for low, high in boxes)
+                boxes.append((*low.tolist(), *high.tolist()))
+        return boxes
 
     def polyline(self, waypoints: Array) -> tuple[Any, int]:
         free = all(self.free(a, b) for a, b in pairwise(waypoints))
         return type("Verdict", (), {"free": free})(), 0
 
 
-def _meets(a: Array, b: Array, low: Array, high: Array) -> bool:
+def _meets(ends: Ends, box: Box) -> bool:
     """Whether a segment meets an open box, by clipping."""
     first, last = 0.0, 1.0
-    for axis in range(2):
-        step = b[axis] - a[axis]
+    for axis in (0, 1):
+        a, low, high = ends[axis], box[axis], box[axis + 2]
+        step = ends[axis + 2] - a
         if step == 0.0:
-            if not low[axis] < a[axis] < high[axis]:
+            if not low < a < high:
                 return False
             continue
-        near, far = sorted(((low[axis] - a[axis]) / step, (high[axis] - a[axis]) / step))
+        near, far = (low - a) / step, (high - a) / step
+        if near > far:
+            near, far = far, near
         first, last = max(first, near), min(last, far)
-    return first < last
+        if first >= last:
+            return False
+    return True
 
 
 WALL = cast(Checker, Wall())
