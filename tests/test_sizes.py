@@ -3,6 +3,7 @@
 import ast
 import re
 import tomllib
+from collections.abc import Iterator
 from functools import cache
 from pathlib import Path
 from typing import NamedTuple
@@ -58,6 +59,11 @@ OPENINGS = {
 }
 
 
+Definition = ast.Module | ast.ClassDef | ast.FunctionDef | ast.AsyncFunctionDef
+#: Fields of a tree that hold statements, or what holds statements.
+_BLOCKS = ("body", "orelse", "finalbody", "handlers", "cases")
+
+
 class Function(NamedTuple):
     """A function or method.
 
@@ -93,13 +99,22 @@ def read(path: Path) -> Module:
     """A module that is parsed once for all rules."""
     text = path.read_text("utf-8")
     functions, docstrings = [], []
-    for node in ast.walk(ast.parse(text)):
+    for node in definitions(ast.parse(text)):
         if isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef):
             functions.append(described(node))
-        if isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef | ast.ClassDef | ast.Module):
-            name = getattr(node, "name", "module")
-            docstrings.append((name, ast.get_docstring(node) or ""))
+        docstrings.append((getattr(node, "name", "module"), ast.get_docstring(node) or ""))
     return Module(len(text.splitlines()), functions, docstrings)
+
+
+def definitions(tree: ast.Module) -> Iterator[Definition]:
+    """A module, and all its classes and functions: statements alone, for these hold no others."""
+    waiting: list[ast.AST] = [tree]
+    while waiting:
+        node = waiting.pop()
+        if isinstance(node, Definition):
+            yield node
+        for field in _BLOCKS:
+            waiting += getattr(node, field, ())
 
 
 def described(node: ast.FunctionDef | ast.AsyncFunctionDef) -> Function:
