@@ -12,18 +12,17 @@ from pathlib import Path
 import pytest
 
 from armwright_client import Client, NotReady, TransportError
+from tests.service.loaded_fork_server import start_command
 
 README = (Path(__file__).parents[1] / "README.md").read_text(encoding="utf-8")
 
 
 @pytest.fixture
 def address() -> Iterator[str]:
-    command = [sys.executable, "-m", "service.cli", "serve", "--port", "0", "--workers", "1"]
     with tempfile.TemporaryDirectory() as folder:
-        running = subprocess.Popen(
-            [*command, "--data-dir", folder],
+        running = start_command(
+            ["serve", "--port", "0", "--workers", "1", "--data-dir", folder],
             stdout=subprocess.PIPE,
-            text=True,
             # A busy machine may take longer over the first plan of a worker than users wait.
             env=os.environ | {"ARMWRIGHT_DEFAULT_TIMEOUT": "60"},
         )

@@ -2,7 +2,6 @@
 
 import os
 import subprocess
-import sys
 import time
 from collections.abc import Iterator
 
@@ -11,6 +10,7 @@ import pytest
 from armwright_client import Client, NotReady, Scene
 from tests.client.world import TABLE
 from tests.service.kernel_store import frozen_kernels
+from tests.service.loaded_fork_server import start_command
 
 #: Kernels that no earlier run left compiled take a minute or two [s].
 _WARMING = 240.0
@@ -27,16 +27,10 @@ def _no_request_compiles() -> Iterator[None]:
 def url(tmp_path_factory: pytest.TempPathFactory) -> Iterator[str]:
     """Where the service listens."""
     folder = tmp_path_factory.mktemp("service")
-    command = [sys.executable, "-m", "service.cli", "serve", "--port", "0", "--workers", "1"]
+    arguments = ["serve", "--port", "0", "--workers", "1", "--data-dir", str(folder / "data")]
     environment = {**os.environ, "ARMWRIGHT_DEFAULT_TIMEOUT": "60"}
     with (folder / "log").open("w") as log:
-        process = subprocess.Popen(
-            [*command, "--data-dir", str(folder / "data")],
-            stdout=subprocess.PIPE,
-            stderr=log,
-            text=True,
-            env=environment,
-        )
+        process = start_command(arguments, stdout=subprocess.PIPE, stderr=log, env=environment)
     try:
         assert process.stdout is not None
         said = process.stdout.readline()

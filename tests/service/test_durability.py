@@ -9,7 +9,8 @@ from pathlib import Path
 
 import httpx
 
-from tests.service.commands import COMMAND, ROOT, serve
+from tests.service.commands import serve
+from tests.service.loaded_fork_server import start_command
 from tests.service.processes import wait_until
 from tests.service.robots import HOME, answer, problem
 
@@ -96,14 +97,12 @@ def test_a_full_disk_is_told_and_all_goes_on_when_there_is_room(tmp_path: Path) 
 
 def test_a_second_server_on_one_folder_is_refused(tmp_path: Path) -> None:
     with serve(tmp_path, warm=False):
-        second = subprocess.run(
-            [*COMMAND, "serve", "--port", "0", "--data-dir", str(tmp_path)],
-            cwd=ROOT,
-            capture_output=True,
-            text=True,
-            timeout=30.0,
-            check=False,
-        )
+        arguments = ["serve", "--port", "0", "--data-dir", str(tmp_path)]
+        with start_command(arguments, stderr=subprocess.PIPE) as second:
+            try:
+                _, errors = second.communicate(timeout=30.0)
+            finally:
+                second.kill()
     assert second.returncode == 1
-    assert "another server uses the database" in second.stderr
-    assert "Traceback" not in second.stderr
+    assert "another server uses the database" in errors
+    assert "Traceback" not in errors
