@@ -3,6 +3,7 @@
 FCL knows surfaces only; what lies inside without touching is found by solid angles, in numpy.
 """
 
+from functools import lru_cache
 from typing import Any
 
 import fcl
@@ -50,11 +51,20 @@ BODIES = {
 
 
 def solid_of(body: trimesh.Trimesh, T: Array) -> Any:
-    model = fcl.BVHModel()
-    model.beginModel(len(body.vertices), len(body.faces))
-    model.addSubModel(UNITS * np.array(body.vertices), np.array(body.faces))
-    model.endModel()
+    vertices, faces = np.array(body.vertices), np.array(body.faces, dtype=np.int64)
+    model = fcl_model(vertices.tobytes(), faces.tobytes())
     return fcl.CollisionObject(model, fcl.Transform(T[:3, :3], UNITS * T[:3, 3]))
+
+
+@lru_cache(maxsize=32)
+def fcl_model(vertices: bytes, faces: bytes) -> Any:
+    """FCL's triangles of a body, by its vertices (k, 3) [m] and faces (m, 3): built once."""
+    corners, rows = np.frombuffer(vertices).reshape(-1, 3), np.frombuffer(faces, dtype=np.int64)
+    model = fcl.BVHModel()
+    model.beginModel(len(corners), len(rows) // 3)
+    model.addSubModel(UNITS * corners, rows.reshape(-1, 3))
+    model.endModel()
+    return model
 
 
 def apart(a: trimesh.Trimesh, T_a: Array, b: trimesh.Trimesh, T_b: Array) -> float:
