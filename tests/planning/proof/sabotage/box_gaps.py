@@ -22,4 +22,4 @@ def box_gaps(first: tuple[Array, Array], second: tuple[Array, Array], between: A
             (B, b + (a[:, None, :] @ turned)[:, 0]),
         )
     ]
-    return np.concatenate(gaps, axis=1).max(axis=1)
+    return np.asarray(np.concatenate(gaps, axis=1).max(axis=1))
