@@ -6,7 +6,6 @@ pair of elements that can be proved apart settles all pairs below it.
 """
 
 from dataclasses import dataclass, replace
-from itertools import combinations
 from typing import NamedTuple
 
 import numpy as np
@@ -20,6 +19,7 @@ from obstacles.robot_geometry import RobotGeometry
 from obstacles.scene import Scene
 from planning.proof.elements import HOLDER, Elements, boxes_over, join, solids
 from planning.proof.joined_pieces import join_pieces, join_primitives
+from planning.proof.link_boxes import link_parts, part_pairs, with_link_boxes
 from planning.proof.motion_bounds import PARENT, TYPE
 from planning.proof.proposals import (
     STOP_NODE,
@@ -187,7 +187,7 @@ class PairTable:
 @bounded_cache(maxsize=8, weigh=array_bytes)
 def _arrays(robot: RobotGeometry, scene: Scene, opened: Rows) -> PairArrays:
     packed, p = packed_pieces(robot, scene, opened), len(robot.pieces)
-    own, corners = _own(robot, rows_before(opened, p))
+    own, _, corners = _own(robot, rows_before(opened, p))
     # The scene's corners come first in what is packed.
     ahead = len(packed.corners) - corners
     if ahead:
@@ -211,7 +211,9 @@ def _arrays(robot: RobotGeometry, scene: Scene, opened: Rows) -> PairArrays:
     tops += [moving + k for k, kind in enumerate(kinds.tolist()) if kind == _HALFSPACE]
     return PairArrays(
         *_joints(robot.chain),
-        roots=_roots(robot, scene.ids, scene.allowed_collisions, tuple(tops)),
+        roots=_roots(
+            robot, rows_before(opened, p), scene.ids, scene.allowed_collisions, tuple(tops)
+        ),
         moving=moving,
         asked=_asked_rows(robot, rows_before(opened, p)),
         margins=joined.margins,
@@ -300,39 +302,60 @@ def _pieces_by_name(robot: RobotGeometry) -> dict[str, list[int]]:
     return rows
 
 
+class _Own(NamedTuple):
+    """A robot's elements alone.
+
+    Args:
+        elements: The elements.
+        tops: Those that hold all of each of ``link_parts``.
+        corners: How many are packed with them.
+    """
+
+    elements: Elements
+    tops: Indices
+    corners: int
+
+
 @bounded_cache(maxsize=8)
-def _own(robot: RobotGeometry, opened: Rows) -> tuple[Elements, int]:
-    """The robot's elements alone, and how many corners are packed with them."""
+def _own(robot: RobotGeometry, opened: Rows) -> _Own:
     packed = packed_pieces(robot, Scene(()), opened)
     own = solids(robot.arrays, packed, slice(None), slice(None), 0)
-    joints = robot.joints[own.row]
-    return own._replace(parts=own.row, joints=joints), len(packed.corners)
+    own = own._replace(parts=own.row, joints=robot.joints[own.row])
+    elements, tops = with_link_boxes(robot, own)
+    return _Own(elements, tops, len(packed.corners))
 
 
 @bounded_cache(maxsize=8)
 def _asked_rows(robot: RobotGeometry, opened: Rows) -> NDArray[np.bool_]:
     """``PairArrays.asked``: seen from the base all is, the rest by the robot's own pairs."""
-    bodies, joints = _joints(robot.chain)[0], robot.joints
-    asked = np.zeros((len(joints), bodies.shape[1]), dtype=np.bool_)
+    return _asked_of_pieces(robot)[_own(robot, opened).elements.parts]
+
+
+@bounded_cache(maxsize=8)
+def _asked_of_pieces(robot: RobotGeometry) -> NDArray[np.bool_]:
+    bodies, starts = _joints(robot.chain)[0], link_parts(robot)
+    asked = np.zeros((len(starts) - 1, bodies.shape[1]), dtype=np.bool_)
     asked[:, :1] = True
-    for i, j in _own_pairs(robot)[0].tolist():
-        before = {-1, body := int(joints[i])}
+    joints = robot.joints[starts[:-1]]
+    for a, b in part_pairs(robot)[0].tolist():
+        before = {-1, body := int(joints[a])}
         while body >= 0:
             before.add(body := int(bodies[PARENT, body]))
-        meeting = int(joints[j])
+        meeting = int(joints[b])
         while meeting not in before:
             meeting = int(bodies[PARENT, meeting])
         # Neither may hang on the other: then both are seen from where they meet.
-        asked[j, meeting + 1] = True
-        if joints[i] > meeting:
-            asked[i, meeting + 1] = True
-    return asked[_own(robot, opened)[0].row]
+        asked[b, meeting + 1] = True
+        if joints[a] > meeting:
+            asked[a, meeting + 1] = True
+    return np.repeat(asked, np.diff(starts), axis=0)
 
 
 #: Scenes of as many things by the same names often have the same.
 @bounded_cache(maxsize=16, weigh=array_bytes)
 def _roots(
     robot: RobotGeometry,
+    opened: Rows,
     ids: tuple[str, ...],
     allowed: frozenset[tuple[str, str]],
     tops: tuple[int, ...],
@@ -341,40 +364,25 @@ def _roots(
 
     Args:
         robot: The robot.
+        opened: Its covers whose triangles are elements too.
         ids: Names of the obstacles.
         allowed: Pairs of names that may touch.
         tops: Elements of the scene that all others hang below.
     """
     skipped = _pairs_that_may_touch(robot, ids, allowed)
-    met = np.flatnonzero(~skipped.all(axis=1)) if skipped.size else np.zeros(0, dtype=np.int64)
-    own, names = _own_pairs(robot)
+    own, names = part_pairs(robot)
+    parts, first = _own(robot, opened).tops, link_parts(robot)[:-1]
+    met = np.zeros(0, dtype=np.int64)
+    if skipped.size:  # pieces of one part may all touch the same
+        met = parts[~skipped[first].all(axis=1)]
     if not names.isdisjoint(allowed):
-        links = robot.links
-        pairs = ((links[i], links[j]) for i, j in own.tolist())
+        links = [robot.links[k] for k in first]
+        pairs = ((links[a], links[b]) for a, b in own.tolist())
         own = own[[(min(pair), max(pair)) not in allowed for pair in pairs]]
     against = len(met) * len(tops)
     roots = np.empty((against + len(own), 2), dtype=np.int64)
-    roots[against:] = own
+    roots[against:] = parts[own]
     around = roots[:against].reshape(len(met), len(tops), 2)
     around[:, :, 0], around[:, :, 1] = tops, met[:, None]
     roots.setflags(write=False)
     return roots
-
-
-@bounded_cache(maxsize=8)
-def _own_pairs(robot: RobotGeometry) -> tuple[Indices, frozenset[tuple[str, str]]]:
-    """Pairs of the robot's pieces that must not touch, shape (k, 2), and their names, sorted.
-
-    All that move against each other and that it does not allow to touch; written twice on purpose,
-    like ``_pairs_that_may_touch``. The second of a pair moves against the first.
-    """
-    allowed = {frozenset(pair) for pair in robot.allowed}
-    joints, links = robot.joints.tolist(), robot.links
-    pairs = [
-        (i, j) if joints[i] <= joints[j] else (j, i)
-        for i, j in combinations(range(len(links)), 2)
-        if joints[i] != joints[j] and frozenset((links[i], links[j])) not in allowed
-    ]
-    names = ((links[i], links[j]) for i, j in pairs)
-    rows = np.array(pairs, dtype=np.int64).reshape(-1, 2)
-    return rows, frozenset((min(pair), max(pair)) for pair in names)

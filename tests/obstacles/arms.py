@@ -8,11 +8,13 @@ import trimesh
 from numpy.typing import NDArray
 
 from kinematics.arrays import Array
+from kinematics.chain import Chain, Limits, Link
 from kinematics.pose import transform
 from kinematics.robots import builtin_srdf, builtin_urdf
 from kinematics.serial_chain import serial_chain
 from kinematics.srdf import parse_srdf
 from kinematics.urdf import parse_urdf
+from obstacles.piece import Piece, PieceKind
 from obstacles.robot_geometry import RobotGeometry, robot_geometry
 from obstacles.scene import Obstacle
 from obstacles.shapes import Mesh, Shape
@@ -31,6 +33,30 @@ def builtin(name: str) -> RobotGeometry:
     description, semantics = parse_urdf(builtin_urdf(name)), parse_srdf(builtin_srdf(name))
     chain = serial_chain(description, semantics=semantics)
     return robot_geometry(chain, description, {}, semantics)
+
+
+@cache
+def cut_arm() -> RobotGeometry:
+    """Three links and a base of many small pieces: more than 256 pairs of two bodies."""
+    random, count, n = np.random.default_rng(3), 18, 3
+    offsets = np.tile(np.eye(4), (n, 1, 1))
+    offsets[1:, 0, 3] = 0.5
+    offsets[1, :3, :3] = [[1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]]
+    names = ("base", "one", "two", "three")
+    links = tuple(Link(name, k - 1, np.eye(4)) for k, name in enumerate(names))
+    chain = Chain(
+        "cut", tuple(f"joint_{k}" for k in range(n)), np.zeros(n, dtype=np.int64), offsets, links,
+        "base", "three", Limits.unlimited(n), np.ones(n, dtype=np.bool_),
+    )  # fmt: skip
+    pieces = []
+    for _ in names:
+        for k in range(count):
+            T = transform(None, [0.5 * k / count, *random.normal(0.0, 0.04, 2)])
+            pieces.append(Piece(PieceKind.POLYTOPE, T, 0.015 * random.normal(size=(9, 3))))
+    joints = np.repeat(np.arange(-1, n), count)
+    allowed = {("base", "one"): "adjacent", ("one", "two"): "adjacent"}
+    owners = tuple(names[joint + 1] for joint in joints)
+    return RobotGeometry(chain, tuple(pieces), owners, joints, np.arange(len(joints)), allowed)
 
 
 def gantry(geometry: str, meshes: Mapping[str, bytes] | None = None) -> RobotGeometry:
