@@ -8,6 +8,7 @@ import numpy as np
 from kinematics.arrays import Array, frozen
 from kinematics.compiled.kernel import direct
 from kinematics.polynomial import sample_between_kernel
+from planning.limits import RATIO_TOLERANCE
 
 # A spline may be nearer than preferred where the motion that it is near to is so at most this part
 # of the duration away: their times differ a little.
@@ -36,6 +37,24 @@ def states_between(breaks: Array, coefficients: Array, count: int) -> Array:
     states = np.empty((count, coefficients.shape[1]))
     _sample_between()(breaks, coefficients, states)
     return states
+
+
+def outside_instants(
+    breaks: Array, coefficients: Array, count: int, lower: Array, upper: Array
+) -> Array:
+    """Those of instants evenly spaced in a motion at which a joint is outside, shape (k,) [s].
+
+    Args:
+        breaks: Of the motion, shape (m + 1,) [s].
+        coefficients: Of the motion, shape (m, n, k).
+        count: Instants to look at.
+        lower: Limits of the joints, shape (n,) [rad or m].
+        upper: Likewise.
+    """
+    states = states_between(breaks, coefficients, count)
+    inside = (states >= lower - RATIO_TOLERANCE) & (states <= upper + RATIO_TOLERANCE)
+    times = np.arange(1, count + 1) * (breaks[-1] / (count + 1))
+    return np.asarray(times[~inside.all(axis=1)])
 
 
 @cache

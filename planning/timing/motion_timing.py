@@ -7,7 +7,6 @@ waypoints: with more waypoints on the legs it keeps nearer to them.
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
-from functools import partial
 from typing import NamedTuple
 
 import numpy as np
@@ -18,12 +17,10 @@ from kinematics.trajectory import Trajectory, stay
 from obstacles.checker import Checker
 from planning.close_instants import WHOLE, CloseInstants, close_instants
 from planning.deadline import Deadline
-from planning.limits import RATIO_TOLERANCE
 from planning.timing.blend import largest_reaches, merge, reach_for_deviation
 from planning.timing.corner_blending import certified_reaches
 from planning.timing.even_corners import Pieces
-from planning.timing.failure import TimingFailed
-from planning.timing.instants import not_beside, spans_beside, states_between
+from planning.timing.instants import not_beside, outside_instants, spans_beside, states_between
 from planning.timing.options import TimingOptions
 from planning.timing.parametrization import (
     SPAN_RATES_WITHIN_LOADS,
@@ -31,15 +28,16 @@ from planning.timing.parametrization import (
     merge_repeated,
 )
 from planning.timing.quintic_fit import SPAN_RATES, even_parts, finer_parts
-from planning.timing.spline import Ends
 from planning.timing.time_scaling import ScaledTime
+from planning.timing.waypoint_splines import waypoint_splines
 
-# Velocity at an end that still counts as rest [rad/s or m/s].
-_REST = 1e-9
 # How much more finely a spline is looked at where it has nothing to spare.
 _FINELY = 4
 # Instants of a piece of a spline at which its clearance is looked at before it is proved.
 _INSTANTS = 3
+# Splines swing over by milliradians. So near to a limit of a joint [rad or m] they are held to it
+# before they are proved, at so many instants of a piece.
+_AT_LIMIT, _LIMIT_INSTANTS = 0.02, 8
 # How often spans of a spline are halved where it comes too near, and how many spans it then has for
 # each second at most [1/s], but so many are few in any case.
 _REFINEMENTS = 3
@@ -47,8 +45,6 @@ _MOST_RATE = 16.0
 _FEW_SPANS = 20
 # Instants beside which a motion is looked at for them alone.
 _FEW_INSTANTS = 16
-#: How often the legs of a path are halved to bring a spline nearer to them.
-_HALVINGS = 5
 
 
 def motions(
@@ -86,7 +82,7 @@ def motions(
         yield lambda: ScaledTime(stay(names, points[0]), 1.0)
         return
     if not parametrization.method.follows_path:
-        yield from _splines(merge_repeated(waypoints), parametrization, timing, names)
+        yield from waypoint_splines(merge_repeated(waypoints), parametrization, timing, names)
         return
     if timing.interpolation not in {None, "linear"}:
         raise InvalidOption(
@@ -216,6 +212,8 @@ class _RoundedMotion:
             states_between(*looked, _INSTANTS * motion.pieces)
         ):
             return None
+        if len(self._outside_limits(motion)):
+            return None
         return _Wide(reaches, spline, close_instants(self.preferred[0], *looked))
 
     def _spline_near(
@@ -297,6 +295,9 @@ class _RoundedMotion:
         states = None if self.holds is None else states_between(*looked)
         if self.holds is not None and states is not None and not self.holds(states):
             return np.empty(0)
+        outside = self._outside_limits(motion)
+        if len(outside):
+            return outside
         for number, level in enumerate(self.preferred):
             if number > 0 or close is None:
                 # What keeps the level above keeps this one, if it asks for no more.
@@ -312,8 +313,18 @@ class _RoundedMotion:
         states = states_between(*looked) if states is None else states
         return None if self.checker.all_valid(states) else np.empty(0)
 
+    def _outside_limits(self, motion: Trajectory) -> Array:
+        """Instants at which a spline is outside the joints' limits that its path comes to, (k,)."""
+        limits = self.checker.model.chain.limits
+        low, high = limits.lower, limits.upper
+        inside = self.points > low + _AT_LIMIT, self.points < high - _AT_LIMIT
+        if inside[0].all() and inside[1].all():
+            return np.empty(0)
+        count = _LIMIT_INSTANTS * motion.pieces
+        return outside_instants(motion.breaks, motion.coefficients, count, low, high)
+
     def _close_on_path(self, number: int, rounded: Pieces, shares: Array) -> Array:
-        """Where the rounded motion is nearer than a level beside some shares, or all of it once."""
+        """Shares at which the rounded motion is nearer than a level: beside some, or all, once."""
         known, level = self._found_close, self.preferred[number]
         duration = float(rounded.breaks[-1])
         if number in known:
@@ -329,70 +340,3 @@ def _asks_no_more(level: Checker, other: Checker) -> bool:
     margin, own = level.model.margin + level.slack, level.model.own_margin + level.slack
     most, most_own = other.model.margin + other.slack, other.model.own_margin + other.slack
     return margin <= most and own <= most_own
-
-
-def _splines(
-    points: Array,
-    parametrization: TimeParametrization,
-    timing: TimingOptions,
-    names: tuple[str, ...],
-) -> Iterator[Callable[[], ScaledTime]]:
-    ends: Ends = "natural" if timing.interpolation == "natural_spline" else "clamped"
-    times = None if timing.times is None else np.array(timing.times, dtype=np.float64)
-    if times is not None and len(times) != len(points):
-        raise InvalidOption(
-            f"timing.times has {len(times)} values, the path that was found has {len(points)} "
-            "waypoints",
-            hint="Leave times out, or time a path of your own by POST /v1/retime.",
-            waypoints=points.tolist(),
-        )
-    if ends == "natural":
-        _refuse_moving_ends(_spline(points, times, ends, parametrization, timing, names))
-    for _ in range(_HALVINGS + 1):
-        yield partial(_spline, points, times, ends, parametrization, timing, names)
-        points = _halve(points)
-        times = None if times is None else _halve(times[:, None])[:, 0]
-
-
-def _refuse_moving_ends(timed: ScaledTime) -> None:
-    """Refuse a natural spline, whose ends move: a plan begins and ends at rest."""
-    motion = timed.trajectory
-    start, end = motion.sample([0.0, motion.duration], 1)
-    for label, velocity in (("begin", start), ("end", end)):
-        j = int(np.argmax(np.abs(velocity)))
-        if abs(velocity[j]) > _REST:
-            raise InvalidOption(
-                f"a natural spline would {label} with {velocity[j]:.6g} in joint "
-                f"{motion.joint_names[j]!r}, and a plan begins and ends at rest",
-                hint="Ask for clamped_spline, or time the path by POST /v1/retime, which takes "
-                "boundary velocities.",
-                start_velocity=start.tolist(),
-                end_velocity=end.tolist(),
-            )
-
-
-def _spline(
-    points: Array,
-    times: Array | None,
-    ends: Ends,
-    parametrization: TimeParametrization,
-    timing: TimingOptions,
-    names: tuple[str, ...],
-) -> ScaledTime:
-    timed = parametrization.time_spline(points, times, ends, names, timing.scale_times)
-    checked = times is not None and not timing.scale_times
-    factor = parametrization.needed_factor(timed.trajectory) if checked else 1.0
-    if factor > 1.0 + RATIO_TOLERANCE:
-        raise TimingFailed(
-            f"the times given are too short: limits are kept by times {factor:.9g} times as long",
-            hint="Give longer times, or ask for scale_times.",
-            factor=factor,
-        )
-    return timed
-
-
-def _halve(rows: Array) -> Array:
-    """Insert the middle of each two neighbours between them."""
-    answer = np.empty((2 * len(rows) - 1, rows.shape[1]))
-    answer[::2], answer[1::2] = rows, 0.5 * (rows[1:] + rows[:-1])
-    return answer

@@ -285,6 +285,25 @@ def test_a_spline_is_nowhere_near_but_where_its_path_is(
     assert next(way().solver for way in ways) == solver
 
 
+@pytest.mark.parametrize(
+    ("scene", "goal"),
+    [
+        (pillar(0.6, 0.505), [1.070284, -0.41152, -0.112171, -1.95398, 2.8973, 1.964798, 0.95968]),
+        (shelf(), [0.9119, -0.550885, -0.170128, -2.05121, -2.8973, 2.030713, 0.674995]),
+    ],
+)
+def test_a_spline_that_would_leave_the_limits_of_a_joint_is_not_sent_to_the_proof(
+    scene: Scene, goal: list[float]
+) -> None:
+    """The fifth joint of both goals is at its limit, which splines near the path swing over."""
+    problem = Problem(builtin("panda"), scene, HOME, (JointGoal(np.array(goal)),))
+    answer = plan(problem, Options())
+    assert isinstance(answer, Plan)
+    assert [stage.outcome for stage in answer.stages if stage.name == "certificate"] == [
+        "succeeded"
+    ]
+
+
 @pytest.mark.parametrize("timing", [{"blend_tolerance": 0.1}, {"solver": "double_s"}])
 def test_motions_stay_on_the_path_where_that_is_asked_for(timing: dict[str, Any]) -> None:
     answer = planned(POST, **timing)
