@@ -77,7 +77,7 @@ else:
     cut = TaskReference("service.tasks.batch:cut")
     plan_part = TaskReference("service.tasks.batch:plan_part", GRACE + TURN)
     split = TaskReference("service.tasks.batch:split")
-    check = TaskReference("service.tasks.check:check")
+    check = TaskReference("service.tasks.check:check", GRACE)
     project = TaskReference("service.tasks.check:project")
     dynamics = TaskReference("service.tasks.dynamics:dynamics")
     forward_dynamics = TaskReference("service.tasks.dynamics:forward_dynamics")

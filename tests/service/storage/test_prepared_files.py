@@ -14,6 +14,8 @@ from tests.service.test_meshes import elbow, obj
 
 #: The file that hangs on a chain's name and limits, not on solids alone.
 GRID = 1
+#: An elbow that no other test has: the files of its solids are not there.
+LARGE_ELBOW = [[1.37 * x for x in corner] for corner in elbow()[0]], elbow()[1]
 ELBOW_ROBOT = {
     "name": "elbow_robot",
     "urdf": """<robot name="e"><link name="base"/>
@@ -21,7 +23,7 @@ ELBOW_ROBOT = {
       </link>
       <joint name="turn" type="revolute"><parent link="base"/><child link="arm"/><axis xyz="0 0 1"/>
         <limit lower="-2" upper="2" velocity="1" effort="1"/></joint></robot>""",
-    "meshes": {"elbow.obj": obj(elbow())},
+    "meshes": {"elbow.obj": obj(LARGE_ELBOW)},
 }
 
 
