@@ -16,9 +16,8 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
-import yaml
 
-from benchmarks.mbm_problems import Case
+from benchmarks.mbm_problems import Case, case_of
 from benchmarks.mesh_plans import SLOW, note_stages
 from kinematics.serial_chain import serial_chain
 from kinematics.srdf import parse_srdf
@@ -61,17 +60,8 @@ def problems(folder: Path, robot: RobotGeometry, every: int) -> Iterator[tuple[C
     """Every n-th problem of every kind of a robot's folder."""
     names, limits = robot.chain.joint_names, robot.chain.limits
     for scene in sorted((folder / "problems").glob("*/scene*.yaml"))[::every]:
-        text = scene.with_name(scene.name.replace("scene", "request")).read_text()
-        request = yaml.load(text, yaml.CSafeLoader)
-        state = request["start_state"]["joint_state"]
-        at = dict(zip(state["name"], state["position"], strict=True))
-        wanted = request["goal_constraints"][0]["joint_constraints"]
-        to = {entry["joint_name"]: entry["position"] for entry in wanted}
-        start, goal = (
-            np.clip([values[name] for name in names], limits.lower, limits.upper)
-            for values in (at, to)
-        )
-        case = Case(f"{scene.parent.name}/{scene.stem}", scene.read_text(), start, goal)
+        case = case_of(scene, names)
+        start, goal = (np.clip(q, limits.lower, limits.upper) for q in (case.start, case.goal))
         yield case, Problem(robot, scene_from_moveit(case.text), start, (JointGoal(goal),))
 
 

@@ -78,10 +78,15 @@ def cases(folder: Path, names: tuple[str, ...], every: int) -> Iterator[Case]:
     """Every n-th problem of every kind, its joints in the order of ``names``."""
     for kind in sorted(path for path in folder.iterdir() if path.is_dir()):
         for scene in sorted(kind.glob("scene*.yaml"))[::every]:
-            request = yaml.safe_load((kind / scene.name.replace("scene", "request")).read_text())
-            state = request["start_state"]["joint_state"]
-            start = dict(zip(state["name"], state["position"], strict=True))
-            goals = request["goal_constraints"][0]["joint_constraints"]
-            goal = {entry["joint_name"]: entry["position"] for entry in goals}
-            ends = (np.array([at[j] for j in names]) for at in (start, goal))
-            yield Case(f"{kind.name}/{scene.stem}", scene.read_text(), *ends)
+            yield case_of(scene, names)
+
+
+def case_of(scene: Path, names: tuple[str, ...]) -> Case:
+    """The problem of a scene's file and of the request's beside it."""
+    request = yaml.safe_load(scene.with_name(scene.name.replace("scene", "request")).read_text())
+    state = request["start_state"]["joint_state"]
+    start = dict(zip(state["name"], state["position"], strict=True))
+    goals = request["goal_constraints"][0]["joint_constraints"]
+    goal = {entry["joint_name"]: entry["position"] for entry in goals}
+    ends = (np.array([at[j] for j in names]) for at in (start, goal))
+    return Case(f"{scene.parent.name}/{scene.stem}", scene.read_text(), *ends)

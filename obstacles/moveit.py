@@ -8,9 +8,10 @@ from typing import NamedTuple
 import numpy as np
 
 from kinematics.arrays import Array, frozen
-from kinematics.errors import ArmwrightError, InvalidScene
+from kinematics.errors import InvalidScene
 from kinematics.pose import from_quaternion, transform
 from kinematics.yaml_reader import Node, UnreadableYaml, finite_number, read_yaml
+from obstacles.error_place import ErrorPlace
 from obstacles.moveit_geometry import is_geometry_text, scene_from_geometry
 from obstacles.scene import Obstacle, Scene, checked_name
 from obstacles.shapes import Box, Cone, Cylinder, HalfSpace, Mesh, Shape, Sphere
@@ -192,7 +193,7 @@ def _obstacles(
         )
     obstacles = []
     for k, (shape, T_object_solid, here) in enumerate(solids):
-        with _At(here):
+        with ErrorPlace(here):
             own = f"{name}/{k}" if len(solids) > 1 else name
             placed = _product(T, T_object_solid)
             # No zero is negative: the content hash tells them apart.
@@ -215,7 +216,7 @@ def _solids(
     solids: list[tuple[Shape, Array | None, str]] = []
     for k, fields in enumerate(given):
         here = f"{where}.{kind}[{k}]"
-        with _At(here):
+        with ErrorPlace(here):
             shape = read(_mapping(fields, here), here)
         T = _pose(placed[k], f"{where}.{poses}[{k}]") if placed else None
         solids.append((shape, T, here))
@@ -319,30 +320,8 @@ def _pose(
     xyzw = _vector(fields.get(orientation, _NO_TURN), 4, f"{where}.{orientation}")
     if xyzw == _NO_TURN:
         return transform(position=p)
-    with _At(f"{where}.{orientation}"):
+    with ErrorPlace(f"{where}.{orientation}"):
         return transform(from_quaternion(xyzw), p)
-
-
-class _At:
-    """Context in which errors are raised again with the place in the file.
-
-    Args:
-        where: The place.
-    """
-
-    __slots__ = ("_where",)
-
-    def __init__(self, where: str) -> None:
-        self._where = where
-
-    def __enter__(self) -> None:
-        """Begin."""
-
-    def __exit__(self, kind: object, error: BaseException | None, trace: object) -> None:
-        """End."""
-        if isinstance(error, ArmwrightError):
-            place = "" if error.message.startswith(self._where) else f"{self._where}: "
-            raise InvalidScene(f"{place}{error.message}", hint=error.hint) from None
 
 
 def _mapping(node: Node, where: str) -> Mapping[str, Node]:

@@ -13,8 +13,9 @@ from collections.abc import Callable, Mapping
 import numpy as np
 
 from kinematics.arrays import Array
-from kinematics.errors import ArmwrightError, InvalidScene
+from kinematics.errors import InvalidScene
 from kinematics.pose import from_quaternion, transform
+from obstacles.error_place import ErrorPlace
 from obstacles.scene import Obstacle, Scene, checked_name
 from obstacles.shapes import Box, Cone, Cylinder, HalfSpace, Mesh, Shape, Sphere
 
@@ -24,6 +25,8 @@ _WORD = re.compile(r"\S+")
 _NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?")
 _COUNT = re.compile(r"\d{1,9}")
 _FIELDS_OF_A_COLOUR = 4
+#: How places begin in messages.
+_FILE = "scene file"
 
 
 def is_geometry_text(text: str) -> bool:
@@ -84,7 +87,7 @@ def _pose(reader: "_Reader") -> Array:
     """A pose: a line of three numbers, and one of a quaternion (x, y, z, w)."""
     position = reader.numbers(3, "a position")
     quaternion = reader.numbers(4, "a quaternion")
-    with _At(reader):
+    with ErrorPlace(_FILE, reader.place):
         return transform(from_quaternion(quaternion), position)
 
 
@@ -95,7 +98,7 @@ def _shape(reader: "_Reader", name: str) -> Shape:
             f"{reader.place()}: object {name!r} has a shape {kind[:40]!r}",
             hint=f"Read are: {', '.join(_SHAPES)}.",
         )
-    with _At(reader):
+    with ErrorPlace(_FILE, reader.place):
         return _SHAPES[kind](reader)
 
 
@@ -158,7 +161,7 @@ class _Reader:
     def place(self, what: str = "") -> str:
         """Where the reader is, for messages."""
         line = self._text.count("\n", 0, self._at) + 1
-        return f"scene file, line {line}{': ' if what else ''}{what}"
+        return f"{_FILE}, line {line}{': ' if what else ''}{what}"
 
     def line(self) -> str:
         """The rest of the line, which is passed."""
@@ -213,26 +216,3 @@ class _Reader:
         if not _COUNT.fullmatch(word):
             raise InvalidScene(f"{self.place(what)}: {word[:40]!r} is no whole number from 0 on")
         return int(word)
-
-
-class _At:
-    """Context in which errors are raised again with the line.
-
-    Args:
-        reader: Of the text.
-    """
-
-    __slots__ = ("_reader",)
-
-    def __init__(self, reader: _Reader) -> None:
-        self._reader = reader
-
-    def __enter__(self) -> None:
-        """Begin."""
-
-    def __exit__(self, kind: object, error: BaseException | None, trace: object) -> None:
-        """End."""
-        if isinstance(error, ArmwrightError):
-            told = error.message.startswith("scene file")
-            place = "" if told else f"{self._reader.place()}: "
-            raise InvalidScene(f"{place}{error.message}", hint=error.hint) from None
