@@ -1,7 +1,7 @@
 """Planning problems: a robot in a scene, from a configuration to a goal."""
 
 import hashlib
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -108,7 +108,6 @@ class Problem:
     constraints: ConstraintSet | None = None
     start_velocity: Array | None = None
     start_acceleration: Array | None = None
-    content_hash: str = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
         chain = self.robot.chain
@@ -133,7 +132,6 @@ class Problem:
             raise InvalidGoal(f"margin is {self.margin}; it must be 0 or more")
         if self.constraints is not None:
             object.__setattr__(self, "margin", max(self.margin, self.constraints.margin))
-        object.__setattr__(self, "content_hash", self._hash())
 
     @property
     def moving(self) -> bool:
@@ -154,7 +152,9 @@ class Problem:
                 ]
         return [(name, rates) for name, rates in given if rates is not None]
 
-    def _hash(self) -> str:
+    @property
+    def content_hash(self) -> str:
+        """Digest of all that is asked; worked out anew each time, few problems are asked."""
         digest = hashlib.sha256()
         digest.update(self.robot.content_hash.encode() + self.scene.content_hash.encode())
         digest.update(self.start.tobytes())

@@ -5,7 +5,6 @@ mostly leads nowhere: where own links are in the way, and where the straight mot
 something that it does not meet, which trees rarely find a way around.
 """
 
-import itertools
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 from typing import NamedTuple
@@ -99,4 +98,5 @@ class RoomTrials:
 
 def leg_states(path: Array) -> Array:
     """States of each leg of a path (k, n), its ends among them, shape (24 (k - 1), n)."""
-    return np.concatenate([a + _SHARES * (b - a) for a, b in itertools.pairwise(path)])
+    legs: Array = path[:-1, None] + _SHARES * (path[1:] - path[:-1])[:, None]
+    return legs.reshape(-1, path.shape[1])

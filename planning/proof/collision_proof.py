@@ -17,7 +17,7 @@ from planning.deadline import Deadline
 from planning.proof.interval_check import COVERED, RESOLUTION, sharp_enough
 from planning.proof.motion_bounds import VALUE
 from planning.proof.pair_table import PairTable
-from planning.proof.sweep import ASKING, DONE, FULL, sweep_on
+from planning.proof.sweep import ASKING, DONE, FULL, Proved, sweep_from_start, sweep_on
 from planning.proof.sweep_state import (
     CENTER,
     DEPTH,
@@ -30,10 +30,10 @@ from planning.proof.sweep_state import (
     REFERRED,
     TOP,
     VISITS,
+    Sweep,
     enlarge,
     note_clearance,
     push_halves,
-    start_sweep,
 )
 from planning.proof.violation import Violation
 
@@ -80,22 +80,27 @@ class CollisionProof:
     def _start(self, opened: frozenset[int] | None) -> None:
         """Begin a sweep with the triangles of some covers, None for all, others as solids."""
         self._table = PairTable.of(self._robot, self._scene, self._margin, opened)
-        self._sweep = start_sweep(self._trajectory, self._table.arrays)
+        self._proved: Proved | None = None
+        self._unfinished: Sweep | None = None
         self.violation: Violation | None = None
 
     @property
     def interval_count(self) -> int:
         """Intervals that were looked at."""
-        return int(self._sweep.counters[VISITS])
+        return 0 if self._proved is None else int(self._proved.counters[VISITS])
 
     @property
     def clearances(self) -> tuple[float, float]:
         """Proved from obstacles and among the robot's own links [m]."""
-        return float(self._sweep.clearance[OBSTACLE]), float(self._sweep.clearance[OWN])
+        if self._proved is None:
+            return np.inf, np.inf
+        return float(self._proved.clearance[OBSTACLE]), float(self._proved.clearance[OWN])
 
     def closest(self, against: int) -> tuple[str, str] | None:
         """The pair with the least clearance, of those with obstacles or of the robot's own."""
-        i, j = self._sweep.closest[against].tolist()
+        if self._proved is None:
+            return None
+        i, j = self._proved.closest[against].tolist()
         return self._table.names(i, j) if i >= 0 else None
 
     def run(self) -> None:
@@ -131,10 +136,11 @@ class CollisionProof:
                 self._decide_referred()
             if state == DONE:
                 # Too near for what covers prove to be told as the clearance of what they cover.
-                least = self._sweep.nearest
+                assert self._proved is not None
+                least = self._proved.nearest
                 if self.violation is not None or min(least.tolist()) > COVERED:
                     return set()
-                return self._closed_covers(self._sweep.closest[least <= COVERED])
+                return self._closed_covers(self._proved.closest[least <= COVERED])
 
     def _triangle_count(self) -> int:
         """Triangles under all covers of the robot and the scene."""
@@ -158,13 +164,22 @@ class CollisionProof:
 
     def _sweep_on(self) -> int:
         """Sweep on for some milliseconds; why it stopped, with more room where there was none."""
-        state = sweep_on(
-            self._trajectory, self._table.arrays, self._sweep, _INTERVALS_A_CALL,
-            sharp=self.violation is None,
-        )  # fmt: skip
+        motion, pairs, most = self._trajectory, self._table.arrays, _INTERVALS_A_CALL
+        sharp = self.violation is None
+        if self._unfinished is None:
+            begun = sweep_from_start(motion, pairs, most, sharp=sharp)
+            state, self._proved, self._unfinished = begun
+        else:
+            state = sweep_on(motion, pairs, self._unfinished, most, sharp=sharp)
         if state == FULL:
-            self._sweep = enlarge(self._sweep)
+            self._unfinished = enlarge(self._sweep)
         return state
+
+    @property
+    def _sweep(self) -> Sweep:
+        """The sweep that has begun and is not done."""
+        assert self._unfinished is not None
+        return self._unfinished
 
     def _decide_referred(self) -> None:
         """Let FCL decide about the pairs referred to it, so that the sweep can go on."""

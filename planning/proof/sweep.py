@@ -6,10 +6,11 @@ so short that halving can't help is left to a referee.
 
 from collections.abc import Callable
 from functools import cache
+from typing import NamedTuple
 
 import numpy as np
 
-from kinematics.arrays import Array
+from kinematics.arrays import Array, Indices
 from kinematics.compiled.kernel import direct, kernel
 from kinematics.trajectory import Trajectory
 from planning.proof.interval_check import check_interval
@@ -40,6 +41,36 @@ PAUSED = 2
 FULL = 3
 
 
+class Proved(NamedTuple):
+    """Fields of a sweep that tell what it has proved.
+
+    Args:
+        counters: As in ``Sweep``.
+        clearance: Likewise.
+        closest: Likewise.
+        nearest: Likewise.
+    """
+
+    counters: Indices
+    clearance: Array
+    closest: Indices
+    nearest: Array
+
+
+def sweep_from_start(
+    trajectory: Trajectory, model: PairArrays, most: int, *, sharp: bool
+) -> tuple[int, Proved, Sweep | None]:
+    """Sweep a trajectory from its start: why it stopped, what it proved, and itself if not DONE.
+
+    Args:
+        trajectory: The motion.
+        model: The pairs.
+        most: Intervals to look at.
+        sharp: As in ``run``.
+    """
+    return _run_first()(model, trajectory.breaks, trajectory.coefficients, sharp, most)
+
+
 def sweep_on(
     trajectory: Trajectory, model: PairArrays, sweep: Sweep, most: int, *, sharp: bool
 ) -> int:
@@ -53,6 +84,27 @@ def sweep_on(
         sharp: As in ``run``.
     """
     return _run()(model, trajectory.breaks, trajectory.coefficients, sweep, sharp, most)
+
+
+@cache
+def _run_first() -> Callable[
+    [PairArrays, Array, Array, bool, int], tuple[int, Proved, Sweep | None]
+]:
+    return direct(run_first, any_pairs(), np.zeros(2), np.zeros((1, 1, 1)), True, 1)
+
+
+@kernel
+def run_first(
+    model: PairArrays, breaks: Array, coefficients: Array, sharp: bool, most: int
+) -> tuple[int, Proved, Sweep | None]:
+    """``sweep_from_start``: a sweep that is done is not handed to Python array by array."""
+    sizes = model.bodies.shape[1], model.joints.shape[0], model.moving
+    w = start_kernel(breaks, coefficients, model.roots, sizes)
+    state = run(model, breaks, coefficients, w, sharp, most)
+    proved = Proved(w.counters, w.clearance, w.closest, w.nearest)
+    if state == DONE:
+        return state, proved, None
+    return state, proved, w
 
 
 @cache

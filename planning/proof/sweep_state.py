@@ -5,15 +5,12 @@ stack, the earliest on top; pairs that are open on an interval lie behind those 
 it is half of.
 """
 
-from collections.abc import Callable
-from functools import cache
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from kinematics.arrays import Array, Indices
-from kinematics.compiled.kernel import direct, kernel
-from kinematics.trajectory import Trajectory
+from kinematics.compiled.kernel import kernel
 from planning.proof.displacement import MOVE_COLUMNS
 from planning.proof.motion_bounds import (
     JOINT_COLUMNS,
@@ -24,7 +21,6 @@ from planning.proof.motion_bounds import (
     piece_bounds,
     piece_length,
 )
-from planning.proof.pair_table import PairArrays
 from planning.proof.proposals import Proposal, empty_proposal
 
 #: Pairs there is room for at first.
@@ -136,29 +132,18 @@ class Sweep(NamedTuple):
     waiting: Indices
 
 
-def start_sweep(trajectory: Trajectory, model: PairArrays) -> Sweep:
-    """A sweep at the start of a trajectory, every pair open.
-
-    Args:
-        trajectory: The motion.
-        model: The pairs.
-    """
-    sizes = model.bodies.shape[1], len(model.joints), model.moving
-    return _start()(trajectory.breaks, trajectory.coefficients, model.roots, sizes)
-
-
-@cache
-def _start() -> Callable[[Array, Array, Indices, tuple[int, int, int]], Sweep]:
-    """``start_kernel`` without the look at its arguments' types."""
-    roots = np.zeros((0, 2), dtype=np.int64)
-    return direct(start_kernel, np.zeros(2), np.zeros((1, 1, 1)), roots, (1, 1, 1))
-
-
 @kernel
 def start_kernel(
     breaks: Array, coefficients: Array, roots: Indices, sizes: tuple[int, int, int]
 ) -> Sweep:
-    """``start_sweep`` of so many bodies and elements, and elements that move."""
+    """A sweep at the start of a trajectory, every pair open.
+
+    Args:
+        breaks: Of the trajectory, shape (m + 1,) [s].
+        coefficients: Of the trajectory, shape (m, n, k).
+        roots: Pairs of elements to begin with, shape (r, 2).
+        sizes: Bodies, elements, and elements that move.
+    """
     bodies, elements, moving = sizes
     depths, k, (m, n, powers) = MAX_DEPTH + 2, roots.shape[0], coefficients.shape
     capacity = max(_PAIRS, 4 * k)

@@ -6,7 +6,7 @@ from functools import cache
 import numpy as np
 
 from kinematics.arrays import Array, frozen
-from kinematics.compiled.kernel import direct
+from kinematics.compiled.kernel import direct, kernel
 from kinematics.polynomial import sample_between_kernel
 from planning.limits import RATIO_TOLERANCE
 
@@ -55,6 +55,27 @@ def outside_instants(
     inside = (states >= lower - RATIO_TOLERANCE) & (states <= upper + RATIO_TOLERANCE)
     times = np.arange(1, count + 1) * (breaks[-1] / (count + 1))
     return np.asarray(times[~inside.all(axis=1)])
+
+
+def is_inside(points: Array, lower: Array, upper: Array, spare: float) -> bool:
+    """Whether points (k, n) are inside limits (n,) of the joints, and not near one [rad or m]."""
+    return _is_inside()(points, lower, upper, spare)
+
+
+@cache
+def _is_inside() -> Callable[[Array, Array, Array, float], bool]:
+    """``is_inside_kernel`` without numba's look at its arguments' types."""
+    return direct(is_inside_kernel, np.zeros((1, 1)), frozen(np.zeros(1)), frozen(np.zeros(1)), 0.0)
+
+
+@kernel(allocates=False, unlocks=False)
+def is_inside_kernel(points: Array, lower: Array, upper: Array, spare: float) -> bool:
+    """``is_inside``."""
+    for i in range(points.shape[0]):
+        for j in range(points.shape[1]):
+            if not lower[j] + spare < points[i, j] < upper[j] - spare:
+                return False
+    return True
 
 
 @cache

@@ -20,7 +20,13 @@ from planning.deadline import Deadline
 from planning.timing.blend import largest_reaches, merge, reach_for_deviation
 from planning.timing.corner_blending import certified_reaches
 from planning.timing.even_corners import Pieces
-from planning.timing.instants import not_beside, outside_instants, spans_beside, states_between
+from planning.timing.instants import (
+    is_inside,
+    not_beside,
+    outside_instants,
+    spans_beside,
+    states_between,
+)
 from planning.timing.options import TimingOptions
 from planning.timing.parametrization import (
     SPAN_RATES_WITHIN_LOADS,
@@ -317,8 +323,7 @@ class _RoundedMotion:
         """Instants at which a spline is outside the joints' limits that its path comes to, (k,)."""
         limits = self.checker.model.chain.limits
         low, high = limits.lower, limits.upper
-        inside = self.points > low + _AT_LIMIT, self.points < high - _AT_LIMIT
-        if inside[0].all() and inside[1].all():
+        if is_inside(self.points, low, high, _AT_LIMIT):
             return np.empty(0)
         count = _LIMIT_INSTANTS * motion.pieces
         return outside_instants(motion.breaks, motion.coefficients, count, low, high)

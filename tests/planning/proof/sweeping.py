@@ -7,9 +7,9 @@ import numpy as np
 
 from kinematics.trajectory import Trajectory
 from obstacles.scene import Scene
-from planning.proof.pair_table import PairTable
+from planning.proof.pair_table import PairArrays, PairTable
 from planning.proof.sweep import run
-from planning.proof.sweep_state import Sweep, start_sweep
+from planning.proof.sweep_state import Sweep, start_kernel
 from tests.planning.scenes import box
 from tests.planning.slider import slider
 
@@ -37,6 +37,12 @@ def through(*points: Sequence[float], times: Sequence[float] | None = None) -> T
     rates = np.diff(corners, axis=0) / np.diff(breaks)[:, None]
     coefficients = np.stack([corners[:-1], rates], axis=2)
     return Trajectory(slider().chain.joint_names, breaks, coefficients)
+
+
+def start_sweep(trajectory: Trajectory, pairs: PairArrays) -> Sweep:
+    """A sweep at the start of a trajectory, every pair open."""
+    sizes = pairs.bodies.shape[1], len(pairs.joints), pairs.moving
+    return start_kernel(trajectory.breaks, trajectory.coefficients, pairs.roots, sizes)
 
 
 def start(trajectory: Trajectory, scene: Scene = WALL, margin: float = 0.0) -> Started:

@@ -15,8 +15,9 @@ from obstacles.shapes import Box, Capsule, Cone, Convex, Cylinder, HalfSpace, Sh
 from planning.proof.certificate import Certificate, certify
 from planning.proof.pair_table import PairTable
 from planning.proof.sweep import DONE, FULL, PAUSED, run
-from planning.proof.sweep_state import enlarge, start_sweep
+from planning.proof.sweep_state import enlarge
 from tests.planning.fcl_sweep import sweep
+from tests.planning.proof.sweeping import start_sweep
 from tests.planning.scenes import builtin
 
 UP = np.array([0.0, 0.0, 1.0])

@@ -16,11 +16,11 @@ from planning.proof.interval_check import check_interval
 from planning.proof.pair_table import HOLDER, PairTable
 from planning.proof.proposals import FIRST_NODE, STOP_NODE, empty_proposal, packed_pieces, propose
 from planning.proof.separating_direction import gap
-from planning.proof.sweep_state import Sweep, pop_interval, start_sweep
+from planning.proof.sweep_state import Sweep, pop_interval
 from tests.obstacles.arms import cup, mesh_shape
 from tests.obstacles.outline import convex_shapes
 from tests.obstacles.solids import random_transform
-from tests.planning.proof.sweeping import through
+from tests.planning.proof.sweeping import start_sweep, through
 from tests.planning.slider import slider
 
 

@@ -28,9 +28,8 @@ from planning.proof.sweep_state import (
     pass_on,
     pop_interval,
     push_halves,
-    start_sweep,
 )
-from tests.planning.proof.sweeping import WALL, through
+from tests.planning.proof.sweeping import WALL, start_sweep, through
 from tests.planning.slider import slider
 
 
