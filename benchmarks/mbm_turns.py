@@ -1,11 +1,13 @@
 """MotionBenchMaker problems of the Panda in two states of the code, problem by problem in turns.
 
     python -m benchmarks.mbm_turns ../data/mbm/panda ../before . [--every 7] [--rounds 3]
+    python -m benchmarks.mbm_turns ../data/mbm/panda . . --pythons .venv/bin/python /usr/bin/python3
 
 Each state plans each problem in a process of its own while the other waits. Times are processor
 times of that process: of the path, of the whole call of ``plan``, and of the stages. The first
 columns are over all rounds, as somebody meets them; those of minima take the least of the rounds of
-each problem. Ratios of a state to the first one carry over to other machines.
+each problem. Ratios of a state to the first one carry over to other machines. With ``--pythons``
+each state has an interpreter of its own: builds of Python differ in speed.
 """
 
 import argparse
@@ -112,6 +114,7 @@ def main() -> None:
     parser.add_argument("folders", type=Path, nargs="*", default=[Path()])
     parser.add_argument("--every", type=int, default=7, help="take every n-th problem of a kind")
     parser.add_argument("--rounds", type=int, default=3)
+    parser.add_argument("--pythons", nargs="+", help="interpreters, one for each folder")
     parser.add_argument("--side", action="store_true", help=argparse.SUPPRESS)
     asked = parser.parse_args()
     if asked.side:
@@ -121,7 +124,11 @@ def main() -> None:
     from benchmarks.turns import State  # noqa: PLC0415
 
     arguments = (str(asked.problems.resolve()), "--side", "--every", str(asked.every))
-    states = [State(folder, __file__, *arguments) for folder in asked.folders]
+    pythons = asked.pythons or [sys.executable] * len(asked.folders)
+    states = [
+        State(folder, __file__, *arguments, python=python)
+        for folder, python in zip(asked.folders, pythons, strict=True)
+    ]
     count = min(state.ask("count") for state in states)
     turns: list[list[list[Turn]]] = [[[] for _ in range(count)] for _ in states]
     for number in range(asked.rounds):

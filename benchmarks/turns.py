@@ -7,6 +7,7 @@ import json
 import os
 import subprocess
 import sys
+import sysconfig
 from pathlib import Path
 from typing import Any
 
@@ -20,16 +21,21 @@ class State:
         folder: Of the state.
         script: What runs there; the modules that it imports are those of the state.
         arguments: Of the script.
+        python: Another interpreter of this version, which takes the packages of this one.
 
     Raises:
         SystemExit: The script did not start there.
     """
 
-    def __init__(self, folder: Path, script: str, *arguments: str) -> None:
+    def __init__(
+        self, folder: Path, script: str, *arguments: str, python: str = sys.executable
+    ) -> None:
         self.folder = folder.resolve()
-        paths = os.pathsep.join((str(self.folder), str(self.folder / "client")))
+        # Packages may have added folders of their own to the path.
+        packages = [path for path in sys.path if path.startswith(sysconfig.get_path("purelib"))]
+        paths = os.pathsep.join((str(self.folder), str(self.folder / "client"), *packages))
         self._process = subprocess.Popen(
-            [sys.executable, "-P", str(Path(script).resolve()), *arguments],
+            [python, "-P", str(Path(script).resolve()), *arguments],
             cwd=self.folder, env=os.environ | {"PYTHONPATH": paths},
             stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True,
         )  # fmt: skip
