@@ -15,8 +15,8 @@ from obstacles.brackets import Brackets, brackets, sphere_sets
 from obstacles.bvh import Tree, tree
 from obstacles.model_arrays import ModelArrays, with_margins
 from obstacles.pair_grid import PairGrid, pair_grid
+from obstacles.pair_groups import chosen_groups, pair_groups, whole_groups
 from obstacles.piece_set import (
-    CENTER,
     GROUP,
     GROUP_STOP,
     HALF,
@@ -25,10 +25,8 @@ from obstacles.piece_set import (
     MIDDLE,
     OWNER,
     POSE,
-    RADIUS,
     CoreKind,
     PieceSet,
-    ball_rows,
 )
 from obstacles.robot_geometry import RobotGeometry
 from obstacles.scene import Scene
@@ -200,12 +198,13 @@ def _skipped_in(
 
 
 class _RobotPart(NamedTuple):
-    """A robot's rows, pieces and then bodies, what carries them, and its pairs by bodies."""
+    """A robot's rows, pieces and then balls, what carries them, and its pairs by groups."""
 
     pieces: PieceSet
     carriers: Indices
     bodies: Mapping[int, int]
     pairs: Indices
+    groups: Indices
     grid: PairGrid
     brackets: Brackets
 
@@ -236,52 +235,36 @@ def _robot_part(robot: RobotGeometry) -> _RobotPart:
     order = np.argsort(robot.joints[robot.self_pairs], axis=1, kind="stable")
     pairs = np.take_along_axis(robot.self_pairs, order, axis=1)
     pairs = pairs[np.lexsort(robot.joints[pairs[:, ::-1]].T)]
-    grid = pair_grid(robot.chain, robot.pieces, robot.joints, pairs)
     packed, p = PieceSet.of(robot.pieces), len(robot.pieces)
-    carried = np.unique(robot.joints)
-    balls = [_around(packed.rows[robot.joints == joint]) for joint in carried]
-    rows = np.vstack([packed.rows, *balls])
-    carriers = _readonly(np.concatenate([robot.joints, carried]))
-    bodies = {int(joint): p + k for k, joint in enumerate(carried)}
-    own = packed._replace(rows=_readonly(rows))
+    by_groups = pair_groups(packed.rows, robot.joints, pairs)
+    pairs, groups = _readonly(by_groups.pairs), _readonly(by_groups.groups)
+    grid = pair_grid(robot.chain, robot.pieces, robot.joints, pairs)
+    bodies = {int(joint): p + k for k, joint in enumerate(np.unique(robot.joints))}
+    carriers = _readonly(np.concatenate([robot.joints, by_groups.joints]))
+    own = packed._replace(rows=_readonly(np.vstack([packed.rows, by_groups.balls])))
     for array in own:
         array.setflags(write=False)
-    return _RobotPart(own, carriers, bodies, _readonly(pairs), grid, brackets(robot))
+    return _RobotPart(own, carriers, bodies, pairs, groups, grid, brackets(robot))
 
 
 def _own_pairs(
     robot: RobotGeometry, allowed: frozenset[tuple[str, str]]
 ) -> tuple[Indices, PairGrid, Indices]:
     """The robot's pairs but for those that are allowed, their grids and ``ModelArrays.groups``."""
-    own, names = _robot_part(robot), robot.links
-    pairs = ((names[i], names[j]) for i, j in own.pairs)
-    kept = [(min(pair), max(pair)) not in allowed for pair in pairs]
-    chosen = np.array(kept, dtype=np.bool_)
+    own = _robot_part(robot)
+    numbers = {name: k for k, name in enumerate(dict.fromkeys(robot.links))}
+    may_touch = np.zeros((len(numbers), len(numbers)), dtype=np.bool_)
+    for one, other in allowed:
+        if one in numbers and other in numbers:
+            a, b = numbers[one], numbers[other]
+            may_touch[a, b] = may_touch[b, a] = True
+    links = np.array([numbers[name] for name in robot.links], dtype=np.int64)
+    chosen = ~may_touch[links[own.pairs[:, 0]], links[own.pairs[:, 1]]]
     grid = PairGrid(
         _readonly(own.grid.axes[chosen]), _readonly(own.grid.starts[chosen]),
         _readonly(own.grid.values),
     )  # fmt: skip
-    own_pairs = _readonly(own.pairs[chosen])
-    return own_pairs, grid, _readonly(_groups(robot, own.bodies, own_pairs))
-
-
-def _around(rows: Array) -> Array:
-    """The row (1, WIDTH) of a ball that holds the balls of ``rows``."""
-    centers, radii = rows[:, CENTER : CENTER + 3], rows[:, RADIUS]
-    middle = 0.5 * ((centers - radii[:, None]).min(axis=0) + (centers + radii[:, None]).max(axis=0))
-    reach = float((np.linalg.norm(centers - middle, axis=1) + radii).max())
-    return ball_rows(middle[None], reach)
-
-
-def _groups(robot: RobotGeometry, bodies: Mapping[int, int], self_pairs: Indices) -> Indices:
-    """``ModelArrays.groups`` of pairs in the order of their bodies."""
-    if not len(self_pairs):
-        return np.zeros((0, 4), dtype=np.int64)
-    joints = robot.joints[self_pairs]
-    first = np.flatnonzero(np.any(np.diff(joints, axis=0, prepend=-2) != 0, axis=1))
-    last = np.append(first[1:], len(joints))
-    rows = [[bodies[int(a)], bodies[int(b)]] for a, b in joints[first]]
-    return np.column_stack([first, last, np.array(rows, dtype=np.int64).reshape(-1, 2)])
+    return _readonly(own.pairs[chosen]), grid, _readonly(chosen_groups(own.groups, chosen))
 
 
 #: In scenes that allow the same, and most allow nothing, a robot's are the same.
@@ -304,9 +287,10 @@ def _searches(
     bodies, carried, moving = _bodies(robot, np.asarray(~mask.all(axis=1)))
     # What is carried farthest out meets things first.
     first = moving if met_things else moving[:0]
-    roots = np.zeros((len(first) + len(groups), 2), dtype=np.int64)
+    whole = whole_groups(groups)
+    roots = np.zeros((len(first) + len(whole), 2), dtype=np.int64)
     roots[: len(first), 0], roots[: len(first), 1] = first, -1
-    roots[len(first) :, 0] = -1 - np.arange(len(groups))
+    roots[len(first) :, 0] = -1 - whole
     return _Searches(self_pairs, grid, groups, bodies, carried, moving, _readonly(roots))
 
 

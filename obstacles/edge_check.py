@@ -30,7 +30,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from kinematics.arrays import Array, Indices
+from kinematics.arrays import Array
 from kinematics.compiled.kernel import kernel
 from obstacles.bounds import balls_apart, quick_bound
 from obstacles.bvh import EXTENT, FIRST, LAST, SKIP, gap
@@ -44,11 +44,23 @@ from obstacles.kernel_work import (
     widened,
     workspace,
 )
-from obstacles.mesh_distance import LOOKS
+from obstacles.mesh_distance import LOOKS as LOOKED_AT
 from obstacles.mesh_motion import surface_share
 from obstacles.model_arrays import ModelArrays
 from obstacles.pair_grid import grid_bound
+from obstacles.pair_groups import PARTED, SIZE
 from obstacles.piece_set import CENTER, MARGIN, NODE_STOP, OWNER, RADIUS, Pair, Shapes
+from obstacles.waiting_pairs import (
+    CLEARANCE,
+    COARSE,
+    LOOKS,
+    ROUNDING_ERROR,
+    SHARE,
+    STOPPED,
+    Entries,
+    next_group,
+    pair_of,
+)
 
 FREE = 0
 COLLIDING = 1
@@ -61,20 +73,12 @@ _MAX_DEPTH = 40
 MAX_INTERVALS = 20_000
 #: A bound this small [m] that still does not separate a pair is contact within its margin.
 _RESOLUTION = 1e-6
-#: What floating point may have cost a distance of a few metres [m], with room to spare.
-_ROUNDING_ERROR = 1e-9
 #: Share of a pair's proved surroundings of the middle that is used: the rest is clearance left.
 _TRUSTED = 0.9
-#: A node is entered once the motion is less than this many times its size: above, halving the
-#: interval settles more than going down.
-_COARSE = 1.0
 #: A cover that is apart by less than this share of the motion hardly is.
 _GRAZING = 0.1
 #: Pairs of parts of meshes that cost about what an interval does.
 _LOOKS_AN_INTERVAL = 32.0
-
-# Places in Workspace.tally: of an interval, but for the looks, which are those of an edge.
-_CLEARANCE, _SHARE, _STOPPED, _LOOKS = 0, 1, 2, 3
 
 
 class Cubic(NamedTuple):
@@ -91,18 +95,6 @@ class Cubic(NamedTuple):
     b1: Array
     b2: Array
     b3: Array
-
-
-class _Entries(NamedTuple):
-    """Pairs that are not settled yet.
-
-    Args:
-        pairs: As ``ModelArrays.roots`` has them, shape (e, 2).
-        axes: Axes across which they part, 0 where none is known, shape (e, 3).
-    """
-
-    pairs: Indices
-    axes: Array
 
 
 @kernel(allocates=False, inline="always")
@@ -125,7 +117,7 @@ def _compare(
     """
     a, i, placed, j = pair
     twists, strays, tally, seen = work.twists, work.strays, work.tally, i if own else -1
-    enough, most = apart + _ROUNDING_ERROR, pair_stray(model.chain, model.joints, strays, seen, j)
+    enough, most = apart + ROUNDING_ERROR, pair_stray(model.chain, model.joints, strays, seen, j)
     lower, n = quick_bound(a, i, placed, j, enough + most)
     lost, verdict = most, FARTHER
     if not lower > enough + most:
@@ -150,78 +142,102 @@ def _compare(
                     pair, Shapes(model.corners, model.tables, model.surfaces), apart, enough,
                     moving, axis, work.room, work.stack,
                 )  # fmt: skip
-                tally[_LOOKS] += work.stack[0, LOOKS]
+                tally[LOOKS] += work.stack[0, LOOKED_AT]
                 verdict = CLOSER if not apart_in_middle else FARTHER if share >= 1.0 else BETWEEN
                 lower, lost = enough + share * most, most
     if verdict == BETWEEN:
         share = _TRUSTED * max(lower - enough, 0.0) / lost if lost > 0.0 else 0.0
-        tally[_SHARE] = min(tally[_SHARE], share)
-        tally[_STOPPED] += lost < _RESOLUTION
+        tally[SHARE] = min(tally[SHARE], share)
+        tally[STOPPED] += lost < _RESOLUTION
         lost *= share
     if verdict == FARTHER or (verdict == BETWEEN and lost > 0.0):
-        tally[_CLEARANCE] = min(tally[_CLEARANCE], lower - lost - apart)
+        tally[CLEARANCE] = min(tally[CLEARANCE], lower - lost - apart)
     return verdict
+
+
+@kernel(allocates=False, inline="always")
+def _own_bound(model: ModelArrays, work: Workspace, s: int, reach: float, apart: float) -> float:
+    """Lower bound of the distance of pair s of the robot over the interval, margins off [m].
+
+    Args:
+        model: The packed robot and scene.
+        work: The workspace, both pieces placed.
+        s: The pair.
+        reach: How far balls about them stray and their margin, inf where that is not known [m].
+        apart: Their margin [m].
+    """
+    a, b = model.self_pairs[s, 0], model.self_pairs[s, 1]
+    proved = balls_apart(work.placed, a, b) - reach  # no piece strays as far as what it is part of
+    if not proved > ROUNDING_ERROR and model.grid_axes[s, 0, 2] > 0.0:
+        still = model.joints[a]
+        proved = grid_bound(
+            model.grid_axes, model.grid_starts, model.grid_values, s, still, work.joints
+        )
+        proved -= work.strays[b, 3 * still + 3] + apart
+    return proved
 
 
 # In two parts an edge check took half as long again (31 us for 20 us).
 @kernel(allocates=False)
 def _examine(  # noqa: C901, PLR0912, PLR0915
-    model: ModelArrays, work: Workspace, margin: float, given: _Entries, first: int, count: int,
-    left: _Entries, kept: int,
+    model: ModelArrays, work: Workspace, margin: float, given: Entries, first: int, count: int,
+    left: Entries, kept: int,
 ) -> tuple[int, int]:  # fmt: skip
     """Give how many of the entries are ``left`` (-1: no room), and the pair that touches, or -1."""
     entries, axes, hints = left.pairs, left.axes, given.axes
     joints, scene, nodes, items = model.joints, model.scene, model.nodes, model.items
     skipped, placed, strays, tally = model.skipped, work.placed, work.strays, work.tally
     p, m = skipped.shape[0], scene.shape[0]
-    extra = model.margin + margin
+    extra, apart = model.margin + margin, model.own_margin + margin
     for entry in range(first, first + count):
         i, k = given.pairs[entry, 0], given.pairs[entry, 1]
         if kept == entries.shape[0]:
             return -1, -1
         if i < 0 or i >= p:
-            start, stop, reach = i - p, i - p + 1, np.inf
-            if i < 0:
-                start, stop, a, b = model.groups[-1 - i]
-                place(model, work, a)
-                place(model, work, b)
-                reach = pair_stray(model.chain, joints, strays, a, b) + model.own_margin + margin
-                proved = balls_apart(placed, a, b) - reach
-                if proved > _ROUNDING_ERROR:
-                    tally[_CLEARANCE] = min(tally[_CLEARANCE], proved)
+            group, after = -1 - i, -i
+            if i < 0 and model.groups[group, PARTED] < 0:
+                after = group + model.groups[group, SIZE]
+            while group < after:
+                if i < 0 and model.groups[group, PARTED] < 0:
+                    group, kept = next_group(model, work, margin, group, after, left, kept)
+                    if kept < 0:
+                        return -1, -1
                     continue
-            for s in range(start, stop):
-                a, b = model.self_pairs[s, 0], model.self_pairs[s, 1]
-                place(model, work, a)
-                place(model, work, b)
-                proved = balls_apart(placed, a, b) - reach  # no piece strays as far as its body
-                if not proved > _ROUNDING_ERROR and model.grid_axes[s, 0, 2] > 0.0:
-                    proved = grid_bound(
-                        model.grid_axes, model.grid_starts, model.grid_values, s, joints[a],
-                        work.joints,
-                    ) - strays[b, 3 * joints[a] + 3] - model.own_margin - margin  # fmt: skip
-                if proved > _ROUNDING_ERROR:
-                    tally[_CLEARANCE] = min(tally[_CLEARANCE], proved)
-                    continue
-                if kept == entries.shape[0]:
-                    return -1, -1
-                for row in range(3):
-                    axes[kept, row] = 0.0 if i < 0 else hints[entry, row]
-                verdict = _compare(
-                    model, work, Pair(placed, a, placed, b), True, model.own_margin + margin, axes,
-                    kept,
-                )  # fmt: skip
-                if verdict == CLOSER:
-                    return kept, p * m + s
-                if verdict != FARTHER:
-                    entries[kept, 0], entries[kept, 1] = p + s, k
-                    kept += 1
+                start, stop, reach = i - p, i - p + 1, np.inf
+                if i < 0:
+                    start, stop, a, b = model.groups[group]
+                    place(model, work, a)
+                    place(model, work, b)
+                    reach = pair_stray(model.chain, joints, strays, a, b) + apart
+                    proved = balls_apart(placed, a, b) - reach
+                    if proved > ROUNDING_ERROR:
+                        tally[CLEARANCE] = min(tally[CLEARANCE], proved)
+                        stop = start
+                for s in range(start, stop):
+                    a, b = model.self_pairs[s, 0], model.self_pairs[s, 1]
+                    place(model, work, a)
+                    place(model, work, b)
+                    proved = _own_bound(model, work, s, reach, apart)
+                    if proved > ROUNDING_ERROR:
+                        tally[CLEARANCE] = min(tally[CLEARANCE], proved)
+                        continue
+                    if kept == entries.shape[0]:
+                        return -1, -1
+                    for row in range(3):
+                        axes[kept, row] = 0.0 if i < 0 else hints[entry, row]
+                    pair = Pair(placed, a, placed, b)
+                    verdict = _compare(model, work, pair, True, apart, axes, kept)
+                    if verdict == CLOSER:
+                        return kept, p * m + s
+                    if verdict != FARTHER:
+                        entries[kept, 0], entries[kept, 1] = p + s, k
+                        kept += 1
+                group += 1
             continue
         place(model, work, i)
         x, y, z = placed[i, CENTER], placed[i, CENTER + 1], placed[i, CENTER + 2]
-        most = strays[i, 0]
-        reach = placed[i, RADIUS] + extra + most + _ROUNDING_ERROR
-        node, after = 0, 1
+        most, node, after = strays[i, 0], 0, 1
+        reach = placed[i, RADIUS] + extra + most + ROUNDING_ERROR
         if k < 0:
             node = -1 - k
             after = int(nodes[node, SKIP])
@@ -231,17 +247,17 @@ def _examine(  # noqa: C901, PLR0912, PLR0915
                 square = gap(nodes, node, x, y, z)
                 if square > reach * reach:
                     free = math.sqrt(square) - reach
-                    tally[_CLEARANCE] = min(tally[_CLEARANCE], free)
+                    tally[CLEARANCE] = min(tally[CLEARANCE], free)
                     node = int(nodes[node, SKIP])
                     continue
                 start, stop = int(nodes[node, FIRST]), int(nodes[node, LAST])
                 if start < 0:
-                    if most > _COARSE * nodes[node, EXTENT]:
+                    if most > COARSE * nodes[node, EXTENT]:
                         if kept == entries.shape[0]:
                             return -1, -1
                         entries[kept, 0], entries[kept, 1] = i, -1 - node
                         kept += 1
-                        tally[_SHARE] = 0.0
+                        tally[SHARE] = 0.0
                         node = int(nodes[node, SKIP])
                     else:
                         node += 1
@@ -255,31 +271,14 @@ def _examine(  # noqa: C901, PLR0912, PLR0915
                     return -1, -1
                 for row in range(3):
                     axes[kept, row] = 0.0 if k < 0 else hints[entry, row]
-                verdict = _compare(
-                    model, work, Pair(scene, piece, placed, i), False,
-                    scene[piece, MARGIN] + extra, axes, kept,
-                )  # fmt: skip
+                pair, near = Pair(scene, piece, placed, i), scene[piece, MARGIN] + extra
+                verdict = _compare(model, work, pair, False, near, axes, kept)
                 if verdict == CLOSER:
                     return kept, i * m + piece
                 if verdict != FARTHER:
                     entries[kept, 0], entries[kept, 1] = i, piece
                     kept += 1
     return kept, -1
-
-
-@kernel(allocates=False)
-def _pair_of(model: ModelArrays, entry: Indices) -> int:
-    """A pair that an entry stands for."""
-    p, m = model.skipped.shape[0], model.scene.shape[0]
-    i, k = entry[0], entry[1]
-    if i >= p:
-        return int(p * m + i - p)
-    if k >= 0:
-        return int(i * m + k)
-    node = -1 - k
-    while model.nodes[node, FIRST] < 0.0:
-        node += 1
-    return int(i * m + model.items[int(model.nodes[node, FIRST])])
 
 
 @kernel(allocates=False)
@@ -324,16 +323,16 @@ def _certify(
 ) -> int:
     """``certify_in``, or _NO_ROOM where the workspace is too small for what is left open."""
     roots = model.roots
-    entries = _Entries(roots, work.hints[2])
+    entries = Entries(roots, work.hints[2])
     spans, lists = work.spans[0], work.lists[0]
     spans[0, 0], spans[0, 1], lists[0, 0], lists[0, 1] = 0.0, 1.0, 0, roots.shape[0]
     visits, open_spans, tally = 0, 1, work.tally
-    tally[_CLEARANCE], tally[_LOOKS] = np.inf, 0.0
+    tally[CLEARANCE], tally[LOOKS] = np.inf, 0.0
     outcome[0], outcome[1] = 0.0, -1.0
     for level in range(_MAX_DEPTH):
         # What a level leaves is written beside what it reads.
         side = (level + 1) % 2
-        left = _Entries(work.entries[side], work.hints[side])
+        left = Entries(work.entries[side], work.hints[side])
         halves, lists_left = work.spans[side], work.lists[side]
         if 2 * open_spans > halves.shape[0]:
             return _NO_ROOM
@@ -345,33 +344,33 @@ def _certify(
             visit(model, work)
             visits += 1
             begin = kept
-            tally[_SHARE], tally[_STOPPED] = 1.0, 0.0
+            tally[SHARE], tally[STOPPED] = 1.0, 0.0
             first, count = lists[span, 0], lists[span, 1]
             kept, hit = _examine(model, work, margin, entries, first, count, left, begin)
             if kept < 0:
                 return _NO_ROOM
-            spent = visits + int(tally[_LOOKS] / _LOOKS_AN_INTERVAL)
+            spent = visits + int(tally[LOOKS] / _LOOKS_AN_INTERVAL)
             outcome[2] = spent
             if hit >= 0:
                 outcome[0], outcome[1], outcome[3] = middle, hit, -np.inf
                 return COLLIDING
             if kept == begin:
                 continue
-            if tally[_STOPPED] > 0.0 or spent >= most:
-                outcome[0], outcome[1] = middle, _pair_of(model, left.pairs[begin])
-                outcome[3] = tally[_CLEARANCE] + margin
+            if tally[STOPPED] > 0.0 or spent >= most:
+                outcome[0], outcome[1] = middle, pair_of(model, left.pairs[begin])
+                outcome[3] = tally[CLEARANCE] + margin
                 return UNDECIDED
-            proved = half * tally[_SHARE]
+            proved = half * tally[SHARE]
             halves[new_spans, 0], halves[new_spans, 1] = low, middle - proved
             halves[new_spans + 1, 0], halves[new_spans + 1, 1] = middle + proved, high
             for at in (new_spans, new_spans + 1):
                 lists_left[at, 0], lists_left[at, 1] = begin, kept - begin
             new_spans += 2
-        outcome[3] = tally[_CLEARANCE] + margin
+        outcome[3] = tally[CLEARANCE] + margin
         if new_spans == 0:
             return FREE
         entries, spans, lists, open_spans = left, halves, lists_left, new_spans
-    outcome[0], outcome[1] = spans[0, 0], _pair_of(model, entries.pairs[lists[0, 0]])
+    outcome[0], outcome[1] = spans[0, 0], pair_of(model, entries.pairs[lists[0, 0]])
     return UNDECIDED
 
 

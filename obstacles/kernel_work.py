@@ -14,12 +14,18 @@ from kinematics.forward import frames_kernel
 from obstacles.gjk import Drift
 from obstacles.mesh_distance import STACK
 from obstacles.model_arrays import ModelArrays
+from obstacles.pair_groups import PARTED
 from obstacles.piece_set import CENTER, POSE, RADIUS
 
 #: Entries and intervals there is room for at first.
 _ENTRIES, _INTERVALS = 1024, 256
 #: Place in ``Workspace.tally`` of the body that met something in the last state that collides.
 LAST_MET = 4
+#: Place of one more than the number of the group of own pairs that did, 0 where something else did;
+#: -1 where no group is parted.
+LAST_GROUP = 5
+#: Place of whether it was that group twice in turn: then it is asked first.
+MET_TWICE = 6
 #: Factor by which room grows.
 _WIDER = 4
 #: Numbers of a ball's middle in lanes.
@@ -39,10 +45,11 @@ class Workspace(NamedTuple):
         strays: Of piece i, seen from body k - 1 on its way to the base: how far any of its points
             gets; the same with levers as long as they can become, and the second order;
             shape (p, 3 (b + 1)).
-        stamps: The visit at which each piece was placed; the number of visits last, shape (p + 1,).
+        stamps: The visit at which each piece was placed, and that at which its ball was, by itself;
+            the number of visits last; shape (2 p + 1,).
         room: Shape (9, 3).
         stack: Room for ``surface_distance``.
-        tally: What was found on an interval (4), and the body that met something last, shape (5,).
+        tally: What was found on an interval (4), and what met something last, shape (7,).
         entries: Pairs left, on two levels by turns, shape (2, e, 2).
         hints: Their separating axes, and none for the roots, shape (3, e, 3).
         spans: Intervals left, shape (2, s, 2).
@@ -72,8 +79,14 @@ def workspace(model: ModelArrays) -> Workspace:
     """Room for the kernels that look at ``model``."""
     n, p = int(model.chain[0, 0]), model.joints.shape[0]
     bodies = n + int(model.chain[0, 2])
-    stamps = np.full(p + 1, -1, dtype=np.int64)
-    stamps[p] = 0
+    stamps = np.full(2 * p + 1, -1, dtype=np.int64)
+    stamps[2 * p] = 0
+    tally = np.zeros(MET_TWICE + 1)
+    tally[LAST_GROUP] = -1.0
+    for group in range(model.groups.shape[0]):
+        if model.groups[group, PARTED] < 0:
+            tally[LAST_GROUP] = 0.0
+            break
     return Workspace(
         np.empty((4, n)),
         np.empty((bodies, 4, 4)),
@@ -83,7 +96,7 @@ def workspace(model: ModelArrays) -> Workspace:
         stamps,
         np.empty((9, 3)),
         np.empty(STACK),
-        np.zeros(LAST_MET + 1),
+        tally,
         np.empty((2, _ENTRIES, 2), dtype=np.int64),
         _hints(model.roots.shape[0], _ENTRIES),
         np.empty((2, _INTERVALS, 2)),
@@ -317,3 +330,23 @@ def pair_drift(
         v[0] - u[0], v[1] - u[1], v[2] - u[2], v[3], v[4], v[5], v[6],
         v[7] + u[7] + turned, v[8] + u[8],
     )  # fmt: skip
+
+
+@kernel(allocates=False)
+def place_ball(rows: Array, i: int, frames: Array, joint: int, placed: Array) -> None:
+    """Bring the middle of row i into the base frame."""
+    x, y, z = rows[i, CENTER], rows[i, CENTER + 1], rows[i, CENTER + 2]
+    for axis in range(3):
+        placed[i, CENTER + axis] = (
+            frames[joint, axis, 0] * x + frames[joint, axis, 1] * y + frames[joint, axis, 2] * z
+            + frames[joint, axis, 3]
+        )  # fmt: skip
+
+
+@kernel(allocates=False, inline="code")
+def place_ball_once(model: ModelArrays, work: Workspace, i: int) -> None:
+    """Bring the middle of the ball of row i into the base frame if it is not there yet."""
+    joint, stamp = model.joints[i], model.joints.shape[0] + i
+    if joint >= 0 and work.stamps[stamp] != work.stamps[-1]:
+        work.stamps[stamp] = work.stamps[-1]
+        place_ball(model.robot, i, work.frames, joint, work.placed)

@@ -14,7 +14,6 @@ from kinematics.compiled.simd import (
     LANES,
     bits,
     choose,
-    fill,
     load,
     on_stack,
     store,
@@ -31,17 +30,17 @@ from obstacles.ball_distance import closed_form
 from obstacles.brackets import AFTER, INNER, OUTER
 from obstacles.bvh import FIRST, LAST, SKIP
 from obstacles.edge_check import FREE
-from obstacles.kernel_work import BALL_SIZE, Workspace, place_row
-from obstacles.lane_distance import Point, beyond_grid, box_gap, closer, lane_bound_from
+from obstacles.exact_verdict import ROUNDING_ERROR, exact_verdict
+from obstacles.kernel_work import Workspace, place_row
+from obstacles.lane_balls import ball_at, enter_group, frame_at, moved, place_ball, sphere_at
+from obstacles.lane_distance import beyond_grid, box_gap, closer, lane_bound_from
 from obstacles.model_arrays import ModelArrays
 from obstacles.piece_set import (
-    CENTER,
     MARGIN,
     NODE_STOP,
     OWNER,
     RADIUS,
 )
-from obstacles.state_check import ROUNDING_ERROR, exact_verdict
 
 #: Numbers on the stack for three vectors.
 _THREE = 3 * LANES
@@ -117,7 +116,7 @@ def blocked_lanes(
     blocked = 0
     _write_frames(model.chain, work.lanes)
     for body in range(model.bodies.shape[0]):
-        _place_ball(model, work, model.bodies[body, 0])
+        place_ball(model, work, model.bodies[body, 0])
         if model.bodies[body, 1] < model.bodies[body, 2]:
             blocked |= _around_body(
                 model, work, body, model.margin + margin, asked & ~blocked, vital
@@ -157,51 +156,6 @@ def _write_frames(chain: Array, lanes: Array) -> None:
         store_frame_kernel(lanes, 3 * size + FRAME_SIZE * (n + k), B)
 
 
-@kernel(allocates=False, inline="code")
-def _frame_at(work: Workspace, joint: int) -> int:
-    """Where the frames of a body begin in ``work.lanes``."""
-    return int(3 * LANES * work.joints.shape[1] + FRAME_SIZE * joint)
-
-
-@kernel(allocates=False, inline="code")
-def _ball_at(model: ModelArrays, work: Workspace, row: int) -> int:
-    """Where the middles of a body's ball begin in ``work.lanes``."""
-    first = _frame_at(work, work.frames.shape[0])
-    return int(first + BALL_SIZE * (row - model.skipped.shape[0]))
-
-
-@kernel(allocates=False, inline="code")
-def _moved(lanes: Array, at: int, x: float, y: float, z: float) -> Point:
-    """A point in the base frame, by the frames that begin at an index."""
-    F = load_frame_kernel(lanes, at)
-    return (
-        F[0] * x + F[1] * y + F[2] * z + F[3],
-        F[4] * x + F[5] * y + F[6] * z + F[7],
-        F[8] * x + F[9] * y + F[10] * z + F[11],
-    )
-
-
-@kernel(allocates=False, inline="code")
-def _place_ball(model: ModelArrays, work: Workspace, row: int) -> None:
-    """Bring the middle of a moving body's ball into the base frame."""
-    rows, at = model.robot, _ball_at(model, work, row)
-    x, y, z = rows[row, CENTER], rows[row, CENTER + 1], rows[row, CENTER + 2]
-    p = _moved(work.lanes, _frame_at(work, model.joints[row]), x, y, z)
-    store(work.lanes, at, p[0])
-    store(work.lanes, at + LANES, p[1])
-    store(work.lanes, at + 2 * LANES, p[2])
-
-
-@kernel(allocates=False, inline="code")
-def _ball(model: ModelArrays, work: Workspace, row: int) -> Point:
-    """The middle of a body's ball in the base frame."""
-    if model.joints[row] < 0:
-        rows = model.robot
-        return fill(rows[row, CENTER]), fill(rows[row, CENTER + 1]), fill(rows[row, CENTER + 2])
-    at = _ball_at(model, work, row)
-    return load(work.lanes, at), load(work.lanes, at + LANES), load(work.lanes, at + 2 * LANES)
-
-
 @kernel(allocates=False, inline="always")
 def _around_body(
     model: ModelArrays, work: Workspace, body: int, extra: float, open_lanes: int,
@@ -210,7 +164,7 @@ def _around_body(
     """Lanes of those open where a piece of a body meets what stands around."""
     row, walls = model.bodies[body, 0], model.walls
     nodes, items, scene = model.nodes, model.items, model.scene
-    p = _ball(model, work, row)
+    p = ball_at(model, work, row)
     radius = model.robot[row, RADIUS]
     reach = max(radius + extra + ROUNDING_ERROR, 0.0)
     several = model.bodies[body, 2] - model.bodies[body, 1] > 1
@@ -257,11 +211,11 @@ def _body_against(
         i = model.carried[entry]
         if model.skipped[i, int(scene[k, OWNER])]:
             continue
-        at, left = _frame_at(work, model.joints[i]), open_lanes & ~blocked
+        at, left = frame_at(work, model.joints[i]), open_lanes & ~blocked
         sphere, end = model.sphere_starts[i], model.sphere_starts[i + 1]
         while sphere < end and left != 0:
             x, y, z = spheres[sphere, 0], spheres[sphere, 1], spheres[sphere, 2]
-            distance = lane_bound_from(scene, k, corners, _moved(lanes, at, x, y, z))
+            distance = lane_bound_from(scene, k, corners, moved(lanes, at, x, y, z))
             near = spheres[sphere, OUTER] + apart + ROUNDING_ERROR
             close, after = bits(distance <= near) & left, int(spheres[sphere, AFTER])
             if sphere == model.sphere_starts[i]:
@@ -290,20 +244,25 @@ def _own_pairs(
     model: ModelArrays, work: Workspace, apart: float, open_lanes: int, vital: int
 ) -> int:
     """Lanes of those open where a pair of the robot's own meets."""
-    rows, groups, lanes, blocked = model.robot, model.groups, work.lanes, 0
-    for group in range(groups.shape[0]):
-        a, b = groups[group, 2], groups[group, 3]
+    rows, groups, lanes, blocked, group = model.robot, model.groups, work.lanes, 0, 0
+    while group < groups.shape[0]:
+        start, stop, a, b = groups[group]
         reach = rows[a, RADIUS] + rows[b, RADIUS] + apart + ROUNDING_ERROR
-        close = closer(_ball(model, work, a), _ball(model, work, b), reach) & open_lanes & ~blocked
+        close = closer(ball_at(model, work, a), ball_at(model, work, b), reach)
+        close &= open_lanes & ~blocked
+        if start < 0:
+            group += enter_group(model, work, group, close)
+            continue
+        group += 1
         if close == 0:
             continue
-        for s in range(groups[group, 0], groups[group, 1]):
+        for s in range(start, stop):
             i, j = model.self_pairs[s, 0], model.self_pairs[s, 1]
             one, other = model.sphere_starts[i], model.sphere_starts[j]
             reach = model.spheres[one, OUTER] + model.spheres[other, OUTER] + apart
             meets = closer(
-                _sphere(model, work, one, model.joints[i]),
-                _sphere(model, work, other, model.joints[j]), reach + ROUNDING_ERROR,
+                sphere_at(model, work, one, model.joints[i]),
+                sphere_at(model, work, other, model.joints[j]), reach + ROUNDING_ERROR,
             ) & close & ~blocked  # fmt: skip
             if meets != 0 and model.grid_axes[s, 0, 2] > 0.0:
                 meets = beyond_grid(model, lanes, s, apart + ROUNDING_ERROR, meets)
@@ -312,16 +271,6 @@ def _own_pairs(
                 if blocked & vital != 0:
                     return blocked
     return blocked
-
-
-@kernel(allocates=False, inline="code")
-def _sphere(model: ModelArrays, work: Workspace, sphere: int, joint: int) -> Point:
-    """The middle of a sphere of the robot in the base frame."""
-    spheres = model.spheres
-    x, y, z = spheres[sphere, 0], spheres[sphere, 1], spheres[sphere, 2]
-    if joint < 0:
-        return fill(x), fill(y), fill(z)
-    return _moved(work.lanes, _frame_at(work, joint), x, y, z)
 
 
 @kernel(allocates=False)
@@ -367,7 +316,7 @@ def _write_frame(work: Workspace, joint: int, number: int) -> None:
     """Write the frame of a body in one lane as that of the state that is looked at."""
     if joint < 0:
         return
-    at, T = _frame_at(work, joint) + number, work.frames[joint]
+    at, T = frame_at(work, joint) + number, work.frames[joint]
     for row in range(3):
         for column in range(4):
             T[row, column] = work.lanes[at + LANES * (4 * row + column)]

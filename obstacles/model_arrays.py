@@ -17,15 +17,15 @@ class ModelArrays(NamedTuple):
         chain: ``Chain.model`` of the robot.
         joints: The joint that carries each row of ``robot``, -1 for the base.
         robot: Rows of the robot's pieces, each in the frame of its joint, and behind them a ball
-            for each body that holds all its pieces, shape (p + bodies, WIDTH).
+            for each body that holds all its pieces, and balls that hold some of them, shape (p +
+            balls, WIDTH).
         scene: Rows of what stands around, in the base frame, shape (m, WIDTH).
         corners: Of all pieces, shape (v, 3).
         tables: Of all pieces.
         surfaces: Trees over the triangles of those that are covers, as in ``PieceSet``.
         self_pairs: Pieces (i, j) of the robot that must stay apart, ``joints[i] < joints[j]``, so
-            that j is the one that moves seen from i; by bodies, shape (k, 2).
-        groups: Pairs of bodies: the first and the number after the last of their self pairs, and
-            the rows of their balls, shape (g, 4).
+            that j is the one that moves seen from i; by groups, shape (k, 2).
+        groups: Groups of them, columns as in ``pair_groups``, shape (g, 4).
         grid_axes: Of ``PairGrid``, by pair of the robot, as are the next two.
         grid_starts: Of the same.
         grid_values: Of the same.
@@ -39,8 +39,8 @@ class ModelArrays(NamedTuple):
         carried: Pieces that may meet obstacles, by bodies.
         walls: Half-spaces of the scene.
         roots: Where every search starts: (i, -1) is piece i against the tree's first node,
-            (i, k) against half-space k, (-1 - g, 0) is group g, and once looked at (p + s, 0) is
-            pair s of the robot; shape (r, 2).
+            (i, k) against half-space k, (-1 - g, 0) is group g and all that it is parted into, and
+            once looked at (p + s, 0) is pair s of the robot; shape (r, 2).
         margin: To be kept from obstacles beyond their own [m].
         own_margin: To be kept between the robot's own pieces [m].
     """

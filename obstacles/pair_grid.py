@@ -22,6 +22,7 @@ from obstacles.gjk import STILL, separation
 from obstacles.kept_files import kept_array
 from obstacles.kernel_work import Workspace, place, visit, workspace
 from obstacles.model_arrays import ModelArrays
+from obstacles.pair_groups import GROUP_WIDTH
 from obstacles.piece import Piece
 from obstacles.piece_set import Pair, PieceSet
 
@@ -250,7 +251,7 @@ def _values(chain: Chain, a: Piece, b: Piece, first: int, last: int) -> Array:
         tables=pieces.tables,
         surfaces=pieces.surfaces,
         self_pairs=none,
-        groups=np.zeros((0, 4), dtype=np.int64),
+        groups=np.zeros((0, GROUP_WIDTH), dtype=np.int64),
         grid_axes=np.zeros((0, 2, 3)),
         grid_starts=none[:, 0],
         grid_values=np.zeros(0),

@@ -1,12 +1,4 @@
-"""Distances of all near pairs and how they change with the joints.
-
-With n the unit direction from piece i to piece j along which their signed distance d is measured,
-p the point of j that is nearest (or deepest), and z_k, o_k axis and origin of joint k,
-
-    dd/dq_k = n . (z_k x (p - o_k))   (revolute),   n . z_k   (prismatic)
-
-for the joints between the two, 0 for all others.
-"""
+"""Distances of the closest pair, and of all near pairs with their gradients."""
 
 from typing import NamedTuple
 
@@ -15,14 +7,15 @@ import numpy as np
 from kinematics.arrays import Array, Indices
 from kinematics.compiled.kernel import kernel
 from kinematics.compiled.simd import on_stack
-from kinematics.vec3 import Vector
 from obstacles.bounds import balls_apart, quick_bound
 from obstacles.bvh import FIRST, LAST, SKIP, gap
+from obstacles.distance_gradient import distance_gradient
 from obstacles.epa import contact
 from obstacles.gjk import BETWEEN, CLOSER, FARTHER, STILL, separation
-from obstacles.kernel_work import Workspace, meeting_body, place, visit, workspace
+from obstacles.kernel_work import Workspace, place, place_ball_once, visit, workspace
 from obstacles.mesh_distance import DESK, surface_distance
 from obstacles.model_arrays import ModelArrays
+from obstacles.pair_groups import SIZE
 from obstacles.piece_set import CENTER, MARGIN, NODE_STOP, OWNER, RADIUS, Pair, Shapes
 
 #: Nodes that wait while a tree is walked, whose depth is the binary logarithm of its leaves.
@@ -46,7 +39,9 @@ def stand_in(model: ModelArrays, work: Workspace, q: Array) -> None:
     for joint in range(q.shape[0]):
         work.joints[0, joint] = q[joint]
     visit(model, work)
-    for i in range(model.joints.shape[0]):
+    # Pieces, and balls about bodies: those about parts of them are placed where one is looked at.
+    placed = model.skipped.shape[0] + work.frames.shape[0] + 1
+    for i in range(min(placed, model.joints.shape[0])):
         place(model, work, i)
 
 
@@ -189,6 +184,9 @@ def closest_in(model: ModelArrays, work: Workspace, best: float, exact: bool) ->
             first, last, a, b = model.groups[-1 - i]
             if balls_apart(placed, a, b) - model.own_margin >= best:
                 continue
+            if first < 0:
+                best, closest = _closest_parted(model, work, -1 - i, best, closest, exact)
+                continue
             for s in range(first, last):
                 a, b = model.self_pairs[s, 0], model.self_pairs[s, 1]
                 # Most pairs of a robot of many pieces: a call would cost ten times as much.
@@ -202,9 +200,8 @@ def closest_in(model: ModelArrays, work: Workspace, best: float, exact: bool) ->
             continue
         if k >= 0:
             apart = model.scene[k, MARGIN] + model.margin
-            distance = _closer(
-                Pair(model.scene, k, placed, i), shapes, room, stack, apart, best, exact
-            )
+            facing = Pair(model.scene, k, placed, i)
+            distance = _closer(facing, shapes, room, stack, apart, best, exact)
             pair = i * m + k
         else:
             distance, k = _closest_obstacle(model, work, i, best, exact)
@@ -215,48 +212,30 @@ def closest_in(model: ModelArrays, work: Workspace, best: float, exact: bool) ->
 
 
 @kernel(allocates=False)
-def distance_gradient(
-    chain: Array, frames: Array, still: int, joint: int, n: Vector, p: Vector, gradient: Array
-) -> None:
-    """Write dd/dq (n,) of a pair.
-
-    Args:
-        chain: ``Chain.model``.
-        frames: Of the joints, shape (n, 4, 4).
-        still: The joint that carries the first piece, -1 for the base.
-        joint: The joint that carries the second piece, beyond ``still``, or its body.
-        n: Unit direction from the second piece to the first.
-        p: The point of the second piece.
-        gradient: Filled, shape (n,).
-    """
-    gradient[:] = 0.0
-    if joint < gradient.shape[0]:
-        for k in range(still + 1, joint + 1):
-            gradient[k] = -_rate_along(chain, 1 + k, frames[k], n, p)
-        return
-    # From both bodies to the one that both hang on; what joints before that do moves neither.
-    meeting = meeting_body(chain, still, joint)
-    for side in range(2):
-        body, sign = (joint, -1.0) if side == 0 else (still, 1.0)
-        while body != meeting:
-            leader, parent, row = body, body - 1, 1 + body
-            share = sign
-            if body >= gradient.shape[0]:
-                row = int(chain[0, 3]) + 2 * (body - gradient.shape[0])
-                parent, leader = int(chain[row, 13]), int(chain[row + 1, 0])
-                share *= chain[row + 1, 1]
-            gradient[leader] += share * _rate_along(chain, row, frames[body], n, p)
-            body = parent
-
-
-@kernel(allocates=False)
-def _rate_along(chain: Array, row: int, F: Array, n: Vector, p: Vector) -> float:
-    """Rate along n of a point p that a joint with this row and frame carries."""
-    zx, zy, zz = F[0, 2], F[1, 2], F[2, 2]
-    if chain[row, 0] == 0.0:
-        x, y, z = p[0] - F[0, 3], p[1] - F[1, 3], p[2] - F[2, 3]
-        zx, zy, zz = zy * z - zz * y, zz * x - zx * z, zx * y - zy * x
-    return float(n[0] * zx + n[1] * zy + n[2] * zz)
+def _closest_parted(
+    model: ModelArrays, work: Workspace, top: int, best: float, closest: int, exact: bool
+) -> tuple[float, int]:
+    """``best`` and ``closest``, or those of a group that is parted where it holds a closer pair."""
+    shapes, placed = Shapes(model.corners, model.tables, model.surfaces), work.placed
+    own, group, after = model.own_margin, top, top + model.groups[top, SIZE]
+    first_pair = model.skipped.shape[0] * model.scene.shape[0]
+    while group < after:
+        first, last, a, b = model.groups[group]
+        place_ball_once(model, work, a)
+        place_ball_once(model, work, b)
+        if balls_apart(placed, a, b) - own >= best:
+            group += last if first < 0 else 1
+            continue
+        group += 1
+        for s in range(first, last if first >= 0 else first):
+            a, b = model.self_pairs[s, 0], model.self_pairs[s, 1]
+            if balls_apart(placed, a, b) - own >= best:
+                continue
+            pair = Pair(placed, a, placed, b)
+            distance = _closer(pair, shapes, work.room, work.stack, own, best, exact)
+            if distance < best:
+                best, closest = distance, first_pair + s
+    return best, closest
 
 
 class NearPairs(NamedTuple):
@@ -359,6 +338,9 @@ def near_pairs_in(model: ModelArrays, work: Workspace, within: float, near: Near
             first, last, a, b = model.groups[-1 - i]
             if balls_apart(work.placed, a, b) - model.own_margin > within:
                 continue
+            if first < 0:
+                count = _add_near_parted(model, work, -1 - i, within, near, count)
+                continue
             for s in range(first, last):
                 a, b = model.self_pairs[s, 0], model.self_pairs[s, 1]
                 asked = _Asked(work.placed, a, model.joints[a], b, model.own_margin, p * m + s)
@@ -369,6 +351,28 @@ def near_pairs_in(model: ModelArrays, work: Workspace, within: float, near: Near
             count = _add_near_pair(model, work, asked, within, near, count)
         else:
             count = _add_near_obstacles(model, work, i, within, near, count)
+    return count
+
+
+@kernel(allocates=False)
+def _add_near_parted(
+    model: ModelArrays, work: Workspace, top: int, within: float, near: NearPairs, count: int
+) -> int:
+    """``near_pairs`` of a group that is parted."""
+    placed, own, p, m = work.placed, model.own_margin, model.skipped.shape[0], model.scene.shape[0]
+    group, after = top, top + model.groups[top, SIZE]
+    while group < after:
+        first, last, a, b = model.groups[group]
+        place_ball_once(model, work, a)
+        place_ball_once(model, work, b)
+        if balls_apart(placed, a, b) - own > within:
+            group += last if first < 0 else 1
+            continue
+        group += 1
+        for s in range(first, last if first >= 0 else first):
+            a, b = model.self_pairs[s, 0], model.self_pairs[s, 1]
+            asked = _Asked(placed, a, model.joints[a], b, own, p * m + s)
+            count = _add_near_pair(model, work, asked, within, near, count)
     return count
 
 

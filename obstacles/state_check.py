@@ -17,19 +17,17 @@ from kinematics.compiled.kernel import kernel
 from kinematics.forward import frames_kernel
 from kinematics.vec3 import Vector, dot, subtract
 from obstacles.ball_distance import bound_from, closed_form
-from obstacles.bounds import balls_apart, quick_bound
+from obstacles.bounds import balls_apart
 from obstacles.brackets import AFTER, INNER, OUTER
 from obstacles.bvh import FIRST, LAST, SKIP, gap
 from obstacles.edge_check import COLLIDING, FREE, UNDECIDED
-from obstacles.gjk import CLOSER, FARTHER, STILL, separation
-from obstacles.kernel_work import LAST_MET, Workspace, place_row, workspace
-from obstacles.mesh_distance import surface_distance
+from obstacles.exact_verdict import ROUNDING_ERROR, exact_verdict, place_whole
+from obstacles.group_verdict import asked_again, group_verdict
+from obstacles.kernel_work import LAST_GROUP, LAST_MET, Workspace, place_ball, workspace
 from obstacles.model_arrays import ModelArrays
 from obstacles.pair_grid import grid_bound
-from obstacles.piece_set import CENTER, MARGIN, NODE_STOP, OWNER, RADIUS, Pair, Shapes
+from obstacles.piece_set import CENTER, MARGIN, NODE_STOP, OWNER, RADIUS
 
-#: What floating point may have cost a distance of a few metres [m], with room to spare.
-ROUNDING_ERROR = 1e-9
 #: Pairs of two bodies from which on it pays to bring the balls of all pieces into the base frame.
 _FEW = 4
 
@@ -74,14 +72,24 @@ def verdict_in(model: ModelArrays, work: Workspace, q: Array, margin: float, ask
     last, count = int(work.tally[LAST_MET]), model.bodies.shape[0]
     if last >= count:  # of a model with more bodies, as a workspace may be shared by parts of one
         last = 0
+    many, apart = work.tally[LAST_GROUP] >= 0.0, model.own_margin + margin
+    if many:
+        verdict = asked_again(model, work, apart, asked)
+        if verdict == COLLIDING:
+            return verdict
     for turn in range(count):
         body = last if turn == 0 else turn - 1 if turn <= last else turn
         found = _around_body(model, work, body, model.margin + margin, asked)
         if found == COLLIDING:
             work.tally[LAST_MET] = body
+            if many:
+                work.tally[LAST_GROUP] = 0.0
             return found
         verdict = max(verdict, found)
-    found = _own_pairs(model, work, model.own_margin + margin, asked)
+    if many:
+        found = group_verdict(model, work, apart, asked)
+    else:
+        found = _own_pairs(model, work, apart, asked)
     return found if found == COLLIDING else max(verdict, found)
 
 
@@ -92,7 +100,7 @@ def _around_body(
     """The verdict on all pieces of a body against what stands around."""
     row, walls = model.bodies[body, 0], model.walls
     nodes, items, rows = model.nodes, model.items, model.robot
-    _place_ball(rows, row, work.frames, model.joints[row], work.placed)
+    place_ball(rows, row, work.frames, model.joints[row], work.placed)
     placed, verdict, wall = work.placed, FREE, 0
     x, y, z = placed[row, CENTER], placed[row, CENTER + 1], placed[row, CENTER + 2]
     reach = max(rows[row, RADIUS] + extra + ROUNDING_ERROR, 0.0)
@@ -149,7 +157,7 @@ def _body_against(
 
 @kernel(allocates=False, inline="always")
 def _own_pairs(model: ModelArrays, work: Workspace, apart: float, asked: Indices) -> int:
-    """The verdict on the robot's own pairs."""
+    """The verdict on the robot's own pairs where no group of them is parted."""
     placed, pairs, joints = work.placed, model.self_pairs, model.joints
     pieces = model.skipped.shape[0]
     first_pair, verdict, ready = pieces * model.scene.shape[0], FREE, False
@@ -160,7 +168,7 @@ def _own_pairs(model: ModelArrays, work: Workspace, apart: float, asked: Indices
         if not ready and stop - start > _FEW:
             for i in range(pieces):
                 if joints[i] >= 0:
-                    _place_ball(model.robot, i, work.frames, joints[i], placed)
+                    place_ball(model.robot, i, work.frames, joints[i], placed)
             ready = True
         for s in range(start, stop):
             i, j = pairs[s, 0], pairs[s, 1]
@@ -179,7 +187,7 @@ def _own_pairs(model: ModelArrays, work: Workspace, apart: float, asked: Indices
                 work.frames, apart, asked.shape[0] > 1,
             )  # fmt: skip
             if found == UNDECIDED:
-                _place(model, work, i)
+                place_whole(model, work, i)
                 found = exact_verdict(model, work, placed, i, j, apart, asked, first_pair + s)
             if found == COLLIDING:
                 return found
@@ -273,54 +281,6 @@ def _moved(spheres: Array, k: int, frames: Array, joint: int) -> Vector:
         T[1, 0] * x + T[1, 1] * y + T[1, 2] * z + T[1, 3],
         T[2, 0] * x + T[2, 1] * y + T[2, 2] * z + T[2, 3],
     )
-
-
-@kernel(allocates=False)
-def exact_verdict(
-    model: ModelArrays, work: Workspace, rows: Array, k: int, i: int, apart: float, asked: Indices,
-    number: int,
-) -> int:  # fmt: skip
-    """The exact verdict on piece i of the robot and piece k of ``rows``, or a flag for it."""
-    asked[0] += 1
-    if asked.shape[0] > 1:
-        if asked[0] < asked.shape[0]:
-            asked[asked[0]] = number
-        return UNDECIDED
-    _place(model, work, i)
-    enough, axis = apart + ROUNDING_ERROR, work.room[8]
-    pair = Pair(rows, k, work.placed, i)
-    lower, n = quick_bound(rows, k, work.placed, i, enough)
-    if lower > enough:
-        return FREE
-    axis[0], axis[1], axis[2] = n
-    verdict, _, _ = separation(
-        pair, model.corners, model.tables, apart, enough, STILL, axis, work.room
-    )
-    if verdict != FARTHER and (rows[k, NODE_STOP] > 0.0 or work.placed[i, NODE_STOP] > 0.0):
-        shapes = Shapes(model.corners, model.tables, model.surfaces)
-        verdict, _ = surface_distance(pair, shapes, apart, enough, axis, work.room, work.stack)
-    if verdict == FARTHER:
-        return FREE
-    return COLLIDING if verdict == CLOSER else UNDECIDED
-
-
-@kernel(allocates=False)
-def _place_ball(rows: Array, i: int, frames: Array, joint: int, placed: Array) -> None:
-    """Bring the middle of row i into the base frame."""
-    x, y, z = rows[i, CENTER], rows[i, CENTER + 1], rows[i, CENTER + 2]
-    for axis in range(3):
-        placed[i, CENTER + axis] = (
-            frames[joint, axis, 0] * x + frames[joint, axis, 1] * y + frames[joint, axis, 2] * z
-            + frames[joint, axis, 3]
-        )  # fmt: skip
-
-
-@kernel(allocates=False)
-def _place(model: ModelArrays, work: Workspace, i: int) -> None:
-    """Bring piece i into the base frame if it is not there yet."""
-    if work.stamps[i] != work.stamps[-1]:
-        work.stamps[i] = work.stamps[-1]
-        place_row(work.placed, i, model.robot, work.frames, model.joints[i])
 
 
 @kernel(allocates=False)
