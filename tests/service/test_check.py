@@ -8,13 +8,17 @@ import pytest
 
 from kinematics.forward import forward
 from kinematics.robots import builtin_chain
+from kinematics.serial_chain import serial_chain
+from kinematics.urdf import parse_urdf
 from obstacles.fcl_distance import FclWorld
+from obstacles.robot_geometry import robot_geometry
+from obstacles.scene import Scene as ObstacleScene
 from service.schemas.check import CheckAnswer
 from service.schemas.scene import ProjectAnswer, Scene
 from service.storage import worker_cache
 from service.storage.cache_key import builtin_reference
 from service.translate import poses
-from tests.service.robots import ASIDE, FLOOR, HOME, POST, answer, problem, scene
+from tests.service.robots import ASIDE, FLOOR, HOME, LIMIT, POST, answer, bench, problem, scene
 
 BALL = {
     "id": "ball",
@@ -41,6 +45,35 @@ def check(client: httpx.Client, joints: Any, **more: Any) -> dict[str, Any]:
 def world(place: dict[str, Any]) -> FclWorld:
     geometry = worker_cache.robot(builtin_reference("panda")).geometry
     return FclWorld(geometry, poses.scene(Scene.model_validate(place)))
+
+
+def row_of_boxes(direction: str) -> str:
+    """Eighteen boxes of 4 cm in a row along an axis of a link, from 0.1 m on."""
+    boxes = []
+    for k in range(18):
+        at = " ".join(f"{0.1 + 0.05 * k:.2f}" if axis == direction else "0" for axis in "xyz")
+        shape = '<geometry><box size="0.04 0.04 0.04"/></geometry>'
+        boxes.append(f'<collision><origin xyz="{at}"/>{shape}</collision>')
+    return "".join(boxes)
+
+
+def test_links_of_many_solids_against_the_exact_world(client: httpx.Client) -> None:
+    """Two links that make more pairs than are looked at one by one."""
+    text = f"""<robot name="rows"><link name="base">{row_of_boxes("x")}</link><link name="lower">
+        <collision><origin xyz="0.15 0 0"/><geometry><sphere radius="0.02"/></geometry></collision>
+      </link><link name="upper">{row_of_boxes("z")}</link>
+      <joint name="shoulder" type="revolute"><parent link="base"/><child link="lower"/>
+        <origin xyz="0 0 0.3"/><axis xyz="0 1 0"/>{LIMIT}</joint>
+      <joint name="elbow" type="revolute"><parent link="lower"/><child link="upper"/>
+        <origin xyz="0.3 0 0"/><axis xyz="0 1 0"/>{LIMIT}</joint></robot>"""
+    answer(client.post("/v1/robots", json=bench("rows", urdf=text, meshes=None)), 201)
+    q = np.random.default_rng(8).uniform([-0.2, 0.6], [1.2, 2.0], (60, 2))
+    found = check(client, q.tolist(), robot="rows", scene=scene())
+    description = parse_urdf(text)
+    exact = FclWorld(robot_geometry(serial_chain(description), description, {}), ObstacleScene())
+    for valid, configuration in zip(found["valid"], q, strict=True):
+        assert valid == (exact.clearance(configuration).distance > 0.0)
+    assert 10 < sum(found["valid"]) < 50
 
 
 def test_many_configurations_against_the_exact_world(client: httpx.Client) -> None:
