@@ -134,8 +134,8 @@ def _compare(
                 pair, model.corners, model.tables, apart, enough, moving, axis, work.room
             )
             lost = allowance((axis[0], axis[1], axis[2]), moving)
-            # A cover that touches proves nothing: its triangles decide.
-            touching = verdict == CLOSER or lower - enough < _GRAZING * lost
+            # A cover that touches proves nothing: its triangles decide, as where halving ends.
+            touching = verdict == CLOSER or lower - enough < _GRAZING * lost or lost < _RESOLUTION
             covers = a[i, NODE_STOP] > 0.0 or placed[j, NODE_STOP] > 0.0
             if verdict != FARTHER and touching and covers:
                 apart_in_middle, share = surface_share(
