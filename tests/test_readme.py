@@ -12,7 +12,7 @@ from pathlib import Path
 import pytest
 
 from armwright_client import Client, NotReady, TransportError
-from tests.service.loaded_fork_server import start_command
+from tests.service.forked_commands import start_command
 
 README = (Path(__file__).parents[1] / "README.md").read_text(encoding="utf-8")
 

@@ -9,8 +9,8 @@ import pytest
 
 from armwright_client import Client, NotReady, Scene
 from tests.client.world import TABLE
+from tests.service.forked_commands import start_command
 from tests.service.kernel_store import frozen_kernels
-from tests.service.loaded_fork_server import start_command
 
 #: Kernels that no earlier run left compiled take a minute or two [s].
 _WARMING = 240.0

@@ -11,7 +11,7 @@ from typing import Any
 
 import httpx
 
-from tests.service.loaded_fork_server import start_command
+from tests.service.forked_commands import start_command
 from tests.service.processes import wait_until
 
 ROOT = Path(__file__).parents[2]
@@ -33,8 +33,8 @@ def serve(
         data: Folder of its database.
         warm: Whether it is ready only when its workers are.
         environment: More variables.
-        under: A command that runs it, with arguments.
-        loads: Whether its fork server is its child, and loads by itself.
+        under: A command that runs it, with arguments; its fork server loads by itself then.
+        loads: Whether it starts as people start it, and its fork server is its child that loads.
     """
     arguments = ["serve", "--port", "0", "--data-dir", str(data)]
     options: Any = {
@@ -42,11 +42,11 @@ def serve(
         "stdout": subprocess.PIPE,
         "stderr": subprocess.PIPE,
     }
-    if loads:
+    if loads or under:
         command = [*under, *COMMAND, *arguments]
         process = subprocess.Popen(command, cwd=ROOT, text=True, **options)
     else:
-        process = start_command(arguments, under, **options)
+        process = start_command(arguments, **options)
     try:
         assert process.stdout is not None
         said = process.stdout.readline()

@@ -13,7 +13,7 @@ import signal
 import socket
 import subprocess
 import sys
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from functools import cache, cached_property
 from io import FileIO
@@ -32,7 +32,6 @@ sys.path[:] = {path!r}
 from tests.service.loaded_fork_server import main
 main({channel})
 """
-_COMMAND = "from tests.service.loaded_fork_server import run_command; run_command({channel})"
 #: What comes with an order: the stream, the sentinel, where to tell the number of the process, and
 #: its output and errors.
 _DESCRIPTORS = 5
@@ -48,38 +47,13 @@ def loaded_fork_servers() -> Iterator[None]:
         yield
 
 
-def start_command(
-    arguments: Sequence[str], under: Sequence[str] = (), **options: Any
-) -> "subprocess.Popen[str]":
-    """Start a command of the service whose fork server finds all loaded.
+def launch_by(loaded: socket.socket) -> Callable[[Recipe], Launched]:
+    """What launches fork servers in another process than that of the tests.
 
     Args:
-        arguments: Of the command.
-        under: A command that runs it, with arguments.
-        options: Of `subprocess.Popen`.
+        loaded: The stream to the process that has loaded all.
     """
-    channel = _loaded_process().fileno()
-    code = _COMMAND.format(channel=channel)
-    return subprocess.Popen(
-        [*under, sys.executable, "-c", code, *arguments],
-        cwd=Path(__file__).parents[2],
-        pass_fds=(channel,),
-        text=True,
-        **options,
-    )
-
-
-def run_command(channel: int) -> None:
-    """Run a command of the service, with the arguments of this program.
-
-    Args:
-        channel: Descriptor of the stream to the process that has loaded all.
-    """
-    from service.cli import main as command
-
-    stream = socket.socket(fileno=channel)
-    with patch("service.workers.launch.launch", lambda recipe: _launch(recipe, stream)):
-        sys.exit(command())
+    return lambda recipe: _launch(recipe, loaded)
 
 
 def _launch(recipe: Recipe, loaded: socket.socket | None = None) -> Launched:
@@ -96,7 +70,7 @@ def _launch(recipe: Recipe, loaded: socket.socket | None = None) -> Launched:
     told, tells = os.pipe()
     order = pickle.dumps((tuple(recipe), os.environ | _THREADS, str(Path.cwd())))
     given = (theirs.fileno(), watched, tells, 1, 2)
-    socket.send_fds(loaded or _loaded_process(), [order], given)
+    socket.send_fds(loaded or loaded_process(), [order], given)
     theirs.close()
     os.close(watched)
     os.close(tells)
@@ -141,7 +115,7 @@ class _Process:
 
 
 @cache
-def _loaded_process() -> socket.socket:
+def loaded_process() -> socket.socket:
     """The stream to the process that has loaded all; it ends with this one."""
     channel, theirs = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
     path = [os.path.abspath(folder) for folder in sys.path]  # noqa: PTH100

@@ -10,7 +10,7 @@ from pathlib import Path
 import httpx
 
 from tests.service.commands import serve
-from tests.service.loaded_fork_server import start_command
+from tests.service.forked_commands import start_command
 from tests.service.processes import wait_until
 from tests.service.robots import HOME, answer, problem
 
@@ -56,6 +56,8 @@ def test_each_key_makes_one_job_though_the_server_is_killed(tmp_path: Path) -> N
 def test_a_locked_database_is_told_and_all_goes_on_when_it_is_free(tmp_path: Path) -> None:
     with serve(tmp_path) as (_, client):
         answer(submit(client, "before"), 202)
+        # What is told is that of the first to write: the end of this job would be, were it open.
+        assert wait_until(lambda: statuses(client) == ["succeeded"], 60.0)
         other = sqlite3.connect(tmp_path / "armwright.db", isolation_level=None)
         other.execute("BEGIN IMMEDIATE")
         refused = client.post("/v1/scenes", json={"name": "s", "obstacles": []})

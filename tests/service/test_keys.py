@@ -14,8 +14,7 @@ import pytest
 from service.app import create_app
 from service.cli import main
 from service.settings import Settings
-from tests.service.commands import COMMAND, ROOT
-from tests.service.loaded_fork_server import start_command
+from tests.service.forked_commands import start_command
 from tests.service.processes import wait_until
 from tests.service.robots import DETOUR, HOME, answer, bench, problem
 from tests.service.server import serving
@@ -179,12 +178,11 @@ def test_a_key_ends(data: Path, service: httpx.Client, make: Make) -> None:
     (line,) = [line for line in listed.splitlines() if line.startswith(key_id)]
     assert line.split("\t")[4] == "revoked"
     assert key.split("_")[2] not in listed, "a secret is shown once"
-    again = subprocess.run(
-        [*COMMAND, "keys", "revoke", key_id, "--data-dir", str(data)],
-        cwd=ROOT, check=False, capture_output=True, text=True,
-    )  # fmt: skip
-    assert (again.returncode, again.stdout) == (1, "")
-    assert "not revoked" in again.stderr
+    arguments = ["keys", "revoke", key_id, "--data-dir", str(data)]
+    with start_command(arguments, stdout=subprocess.PIPE, stderr=subprocess.PIPE) as again:
+        said, errors = again.communicate()
+    assert (again.returncode, said) == (1, "")
+    assert "not revoked" in errors
 
 
 def test_the_secret_is_nowhere_in_the_data_folder(data: Path, first: str) -> None:
@@ -197,10 +195,10 @@ def test_the_secret_is_nowhere_in_the_data_folder(data: Path, first: str) -> Non
 def test_changes_are_in_the_audit_log(data: Path, service: httpx.Client, first: str) -> None:
     scene = {"name": "audited", "obstacles": []}
     answer(service.post("/v1/scenes", json=scene, headers=bearer(first)), 201)
-    said = subprocess.run(
-        [*COMMAND, "audit", "--limit", "1", "--data-dir", str(data)],
-        cwd=ROOT, check=True, capture_output=True, text=True,
-    ).stdout  # fmt: skip
+    arguments = ["audit", "--limit", "1", "--data-dir", str(data)]
+    with start_command(arguments, stdout=subprocess.PIPE) as shown:
+        said, _ = shown.communicate()
+    assert shown.returncode == 0
     _, tenant, key, action, target = said.strip().split("\t")
     assert (tenant, key) == ("default", first.split("_")[1])
     assert (action, target) == ("create", "scene audited")
