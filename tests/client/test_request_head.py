@@ -1,12 +1,15 @@
 """Heads of requests are those that the standard library writes, whatever was asked before."""
 
 import http.client
+import ssl
 from typing import Any
 
 import pytest
 
 from armwright_client.request_head import RequestHeads
 
+#: To make one reads all certificates of the system; no head depends on it.
+TLS = ssl.SSLContext(ssl.PROTOCOL_TLS_CLIENT)
 HEADERS = {"Accept": "application/json", "Content-Type": "application/json"}
 ASKED: list[tuple[str, str, dict[str, str], bytes | None]] = [
     ("POST", "/v1/plan", HEADERS, b"{}"),
@@ -30,7 +33,8 @@ def expected(kind: type[http.client.HTTPConnection], port: int | None, *asked: A
         def send(self, data: bytes) -> None:
             self.content += data
 
-    connection = Written("arm.example", port)
+    options = {"context": TLS} if kind is http.client.HTTPSConnection else {}
+    connection = Written("arm.example", port, **options)
     method, target, headers, content = asked
     connection.request(method, target, content, headers)
     written: bytes = connection.content
