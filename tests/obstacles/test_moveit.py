@@ -100,7 +100,9 @@ def test_a_date_in_an_object_is_read_over() -> None:
     assert scene_from_moveit(dated).content_hash == scene_from_moveit(SCENE).content_hash
 
 
-def test_what_is_kept_of_objects_is_bounded() -> None:
+def test_what_is_kept_of_objects_is_bounded(monkeypatch: pytest.MonkeyPatch) -> None:
+    moveit._KNOWN.clear()
+    monkeypatch.setattr(moveit, "_KNOWN_OBJECTS", 20)
     for n in range(2 * moveit._KNOWN_OBJECTS):
         scene_from_moveit(SCENE.replace("id: 7", f"id: {n}"))
         assert len(moveit._KNOWN) <= moveit._KNOWN_OBJECTS
