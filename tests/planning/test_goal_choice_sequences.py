@@ -10,6 +10,7 @@ import pytest
 from benchmarks.goal_choice_sequences import judge
 from kinematics.arrays import Array
 from kinematics.forward import forward
+from kinematics.ik.inverse import inverse_kinematics
 from obstacles.scene import Scene
 from planning.goal_costs import GoalCosts
 from planning.options import Options
@@ -93,12 +94,15 @@ def test_the_rests_that_follow_from_a_choice_count_as_well() -> None:
         q = 0.7 * random.uniform(low, high)
         joint = int(random.integers(chain.n))
         q[joint] = high[joint] - 0.022 * (high[joint] - low[joint])
-        T = forward(chain, q)
-        line = Straight("retreat", random.normal(size=3), "root", 0.08, 0.08)
+        T, direction = forward(chain, q), random.normal(size=3)
+        end = T.copy()
+        end[:3, 3] += 0.08 * direction / np.linalg.norm(direction)
+        if not inverse_kinematics(chain, end).solutions:
+            continue  # The line leads out of reach, which half a second of search would tell.
+        line = Straight("retreat", direction, "root", 0.08, 0.08)
         task = Task(World(robot, Scene(())), q - 0.2 * np.sign(q), (Move((PoseGoal(T),)), line))
         answer = plan_task(task, TaskOptions(20.0))
-        if not isinstance(answer, SequencePlan):
-            continue  # The line leads out of reach.
+        assert isinstance(answer, SequencePlan)
         rests = np.array([stage.trajectory.end for stage in answer.stages])
         chosen = answer.stages[0].configuration
         assert chosen is not None
