@@ -50,8 +50,8 @@ def led(motion: ToolCurve) -> JointPath:
 def deviations(motion: ToolCurve, path: JointPath, pieces: int, samples: int = 41) -> Array:
     """Largest deviations of position and orientation on each piece, by pinocchio, (pieces, 2)."""
     answer = np.zeros((pieces, 2))
-    fine = [motion.pose(float(s)) for s in np.linspace(0.0, 1.0, 4001)]
-    points = np.array([pose[:3, 3] for pose in fine])
+    fine = motion.poses(np.linspace(0.0, 1.0, 4001))
+    points = fine[:, :3, 3]
     for piece in range(pieces):
         span = path.breaks[piece] + path.lengths[piece] * np.linspace(0.0, 1.0, samples)
         for place in np.minimum(span, path.length):
