@@ -5,6 +5,7 @@ import gc
 import importlib
 import pickle
 import sys
+from collections import Counter
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -17,6 +18,18 @@ from hypothesis import settings
 _EXAMPLES = 60
 #: Folders whose files share a service or a browser: one process takes all of a folder.
 _TOGETHER = ("tests/client/", "tests/service/jobs/", "tests/service/viewer/", "tests/studio/")
+
+#: Files of few tests that take long: they begin first, for who takes one last is waited for.
+LONG = (
+    "tests/service/test_kernels.py", "tests/kinematics/compiled/test_kernel.py",
+    "tests/service/test_cli.py", "tests/service/test_reproducible.py",
+    "tests/kinematics/compiled/test_kernel_build.py", "tests/command_line/test_studio.py",
+    "tests/service/test_warm.py", "tests/planning/test_goal_choice_sequences.py",
+    "tests/service/test_startup.py", "tests/service/test_agents.py",
+    "tests/obstacles/test_mesh_motion.py", "tests/service/test_positioner_obstacles.py",
+    "tests/course/test_example_course.py", "tests/service/test_server.py", "tests/test_readme.py",
+    "tests/command_line/test_main.py", "tests/planning/proof/test_followers.py",
+)  # fmt: skip
 
 settings.register_profile(
     "reproducible", derandomize=True, deadline=None, database=None, max_examples=_EXAMPLES
@@ -88,9 +101,25 @@ def pytest_xdist_make_scheduler(config: pytest.Config, log: Any) -> Any:
     """Give each file to one process, and all files of a folder that share something dear."""
     if config.getvalue("dist") != "loadfile":
         return None
+    config.option.loadscopereorder = False  # the order is that of collecting
     scheduling = importlib.import_module("xdist.scheduler").LoadFileScheduling(config, log)
     scheduling._split_scope = _file_or_folder
     return scheduling
+
+
+@pytest.hookimpl(trylast=True)
+def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
+    """Where several processes share the tests: files that take long first, then those of most."""
+    if not hasattr(config, "workerinput"):
+        return
+    counts = Counter(_file_or_folder(item.nodeid) for item in items)
+    long = {name: rank for rank, name in enumerate(LONG)}
+
+    def rank(item: pytest.Item) -> tuple[int, int]:
+        scope = _file_or_folder(item.nodeid)
+        return long.get(scope, len(long)), -counts[scope]
+
+    items.sort(key=rank)
 
 
 def _file_or_folder(nodeid: str) -> str:

@@ -16,6 +16,8 @@ from packaging.requirements import Requirement
 from packaging.utils import canonicalize_name
 from packaging.version import Version
 
+from tests.conftest import LONG
+
 ROOT = Path(__file__).parents[1]
 PACKAGES = (
     "armwright",
@@ -163,6 +165,10 @@ def test_targets_of_the_makefile() -> None:
         ["make", "help"], cwd=ROOT, env=plain, capture_output=True, check=True, text=True
     )
     assert [line.split()[1] for line in shown.stdout.splitlines()] == wanted
+
+
+def test_files_that_begin_first_are_there() -> None:
+    assert [name for name in LONG if not (ROOT / name).is_file()] == []
 
 
 def test_ci_runs_what_people_run() -> None:
