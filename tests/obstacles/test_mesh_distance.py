@@ -77,6 +77,9 @@ def apart(a: trimesh.Trimesh, T_a: Array, b: trimesh.Trimesh, T_b: Array) -> flo
             points = trimesh.transform_points(
                 np.array(inner.vertices)[::7], np.linalg.inv(T_o) @ T_i
             )
+            # Outside its box nothing winds about a point.
+            low, high = outer.bounds
+            points = points[((points > low) & (points < high)).all(axis=1)]
             if (np.abs(windings(points, np.array(outer.triangles))) > 0.5).any():
                 return 0.0
     distance = fcl.distance(one, other, fcl.DistanceRequest(), fcl.DistanceResult())
