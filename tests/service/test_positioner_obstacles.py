@@ -91,7 +91,7 @@ ASKED: dict[str, Any] = {
         "tool_speed": 0.2,
     },
     "timing": {"sample_period": 0.01},
-    "timeout": 20.0,
+    "timeout": 50.0,
 }
 
 
