@@ -5,7 +5,6 @@ is forked here is a process of its own with arguments, variables and output of i
 servers find all loaded. Tests of the start itself run the command as people do.
 """
 
-import atexit
 import contextlib
 import gc
 import os
@@ -21,7 +20,7 @@ from pathlib import Path
 from typing import Any
 from unittest.mock import patch
 
-from tests.service.loaded_fork_server import launch_by, loaded_process
+from tests.service.loaded_fork_server import forking_process, launch_by, loaded_process
 
 _ROOT = Path(__file__).parents[2]
 _MAIN = """\
@@ -91,25 +90,7 @@ class _Forked(subprocess.Popen[str]):
 @cache
 def _server_process() -> socket.socket:
     """The stream to the process that has loaded the server; it ends with this one."""
-    channel, theirs = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
-    path = [os.path.abspath(folder) for folder in sys.path]  # noqa: PTH100
-    given = (theirs.fileno(), loaded_process().fileno())
-    code = _MAIN.format(path=path, channel=given[0], loaded=given[1])
-    with theirs:
-        process = subprocess.Popen(
-            [sys.executable, "-P", "-c", code],
-            stdin=subprocess.DEVNULL,
-            cwd=_ROOT,
-            pass_fds=given,
-        )
-
-    def end() -> None:
-        channel.close()
-        process.kill()
-        process.wait()
-
-    atexit.register(end)
-    return channel
+    return forking_process(_MAIN, {"loaded": loaded_process().fileno()}, cwd=_ROOT)
 
 
 def main(descriptor: int, loaded: int) -> None:

@@ -13,7 +13,7 @@ import signal
 import socket
 import subprocess
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from functools import cache, cached_property
 from io import FileIO
@@ -117,15 +117,28 @@ class _Process:
 @cache
 def loaded_process() -> socket.socket:
     """The stream to the process that has loaded all; it ends with this one."""
+    return forking_process(_MAIN, env=os.environ | _THREADS)
+
+
+def forking_process(
+    code: str, passed: Mapping[str, int] | None = None, **options: Any
+) -> socket.socket:
+    """The stream to a process that forks others; it ends with this one.
+
+    Args:
+        code: What it runs, with ``path`` and ``channel`` to be filled in, and what is ``passed``.
+        passed: Descriptors that it takes over, by their names in the code.
+        options: Of `subprocess.Popen`.
+    """
     channel, theirs = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
     path = [os.path.abspath(folder) for folder in sys.path]  # noqa: PTH100
-    code = _MAIN.format(path=path, channel=theirs.fileno())
+    given = {"channel": theirs.fileno(), **(passed or {})}
     with theirs:
         process = subprocess.Popen(
-            [sys.executable, "-P", "-c", code],
+            [sys.executable, "-P", "-c", code.format(path=path, **given)],
             stdin=subprocess.DEVNULL,
-            env=os.environ | _THREADS,
-            pass_fds=(theirs.fileno(),),
+            pass_fds=tuple(given.values()),
+            **options,
         )
 
     def end() -> None:
