@@ -9,9 +9,7 @@ from obstacles.kernel_work import Workspace, place_row
 from obstacles.mesh_distance import surface_distance
 from obstacles.model_arrays import ModelArrays
 from obstacles.piece_set import NODE_STOP, Pair, Shapes
-
-#: What floating point may have cost a distance of a few metres [m], with room to spare.
-ROUNDING_ERROR = 1e-9
+from obstacles.waiting_pairs import ROUNDING_ERROR
 
 
 @kernel(allocates=False)

@@ -8,11 +8,12 @@ from kinematics.arrays import Indices
 from kinematics.compiled.kernel import kernel
 from obstacles.bounds import balls_apart
 from obstacles.edge_check import COLLIDING, FREE
-from obstacles.exact_verdict import ROUNDING_ERROR, exact_verdict, place_whole
+from obstacles.exact_verdict import exact_verdict, place_whole
 from obstacles.kernel_work import LAST_GROUP, MET_TWICE, Workspace, place_ball_once
 from obstacles.model_arrays import ModelArrays
 from obstacles.pair_grid import grid_bound
 from obstacles.pair_groups import BALL, FIRST_PAIR, LAST_PAIR, OTHER_BALL, PARTED, SIZE
+from obstacles.waiting_pairs import ROUNDING_ERROR
 
 
 @kernel(allocates=False)

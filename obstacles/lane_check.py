@@ -30,7 +30,7 @@ from obstacles.ball_distance import closed_form
 from obstacles.brackets import AFTER, INNER, OUTER
 from obstacles.bvh import FIRST, LAST, SKIP
 from obstacles.edge_check import FREE
-from obstacles.exact_verdict import ROUNDING_ERROR, exact_verdict
+from obstacles.exact_verdict import exact_verdict
 from obstacles.kernel_work import Workspace, place_row
 from obstacles.lane_balls import ball_at, enter_group, frame_at, moved, place_ball, sphere_at
 from obstacles.lane_distance import beyond_grid, box_gap, closer, lane_bound_from
@@ -41,6 +41,7 @@ from obstacles.piece_set import (
     OWNER,
     RADIUS,
 )
+from obstacles.waiting_pairs import ROUNDING_ERROR
 
 #: Numbers on the stack for three vectors.
 _THREE = 3 * LANES

@@ -21,12 +21,13 @@ from obstacles.bounds import balls_apart
 from obstacles.brackets import AFTER, INNER, OUTER
 from obstacles.bvh import FIRST, LAST, SKIP, gap
 from obstacles.edge_check import COLLIDING, FREE, UNDECIDED
-from obstacles.exact_verdict import ROUNDING_ERROR, exact_verdict, place_whole
+from obstacles.exact_verdict import exact_verdict, place_whole
 from obstacles.group_verdict import asked_again, group_verdict
 from obstacles.kernel_work import LAST_GROUP, LAST_MET, Workspace, place_ball, workspace
 from obstacles.model_arrays import ModelArrays
 from obstacles.pair_grid import grid_bound
 from obstacles.piece_set import CENTER, MARGIN, NODE_STOP, OWNER, RADIUS
+from obstacles.waiting_pairs import ROUNDING_ERROR
 
 #: Pairs of two bodies from which on it pays to bring the balls of all pieces into the base frame.
 _FEW = 4
