@@ -32,24 +32,21 @@ import numpy as np
 
 from kinematics.arrays import Array
 from kinematics.compiled.kernel import kernel
-from obstacles.bounds import balls_apart, quick_bound
+from obstacles.bounds import balls_apart
 from obstacles.bvh import EXTENT, FIRST, LAST, SKIP, gap
-from obstacles.gjk import BETWEEN, CLOSER, FARTHER, STILL, allowance, separation
+from obstacles.gjk import CLOSER, FARTHER
+from obstacles.interval_pairs import compare_pair, own_bound
 from obstacles.kernel_work import (
     Workspace,
-    pair_drift,
     pair_stray,
     place,
     visit,
     widened,
     workspace,
 )
-from obstacles.mesh_distance import LOOKS as LOOKED_AT
-from obstacles.mesh_motion import surface_share
 from obstacles.model_arrays import ModelArrays
-from obstacles.pair_grid import grid_bound
 from obstacles.pair_groups import PARTED, SIZE
-from obstacles.piece_set import CENTER, MARGIN, NODE_STOP, OWNER, RADIUS, Pair, Shapes
+from obstacles.piece_set import CENTER, MARGIN, OWNER, RADIUS, Pair
 from obstacles.waiting_pairs import (
     CLEARANCE,
     COARSE,
@@ -66,17 +63,11 @@ FREE = 0
 COLLIDING = 1
 UNDECIDED = 2
 #: The workspace is too small.
-_NO_ROOM = -1
+NO_ROOM = -1
 
 _MAX_DEPTH = 40
 #: Intervals looked at before an edge is given up as undecided.
 MAX_INTERVALS = 20_000
-#: A bound this small [m] that still does not separate a pair is contact within its margin.
-_RESOLUTION = 1e-6
-#: Share of a pair's proved surroundings of the middle that is used: the rest is clearance left.
-_TRUSTED = 0.9
-#: A cover that is apart by less than this share of the motion hardly is.
-_GRAZING = 0.1
 #: Pairs of parts of meshes that cost about what an interval does.
 _LOOKS_AN_INTERVAL = 32.0
 
@@ -95,86 +86,6 @@ class Cubic(NamedTuple):
     b1: Array
     b2: Array
     b3: Array
-
-
-@kernel(allocates=False, inline="always")
-def _compare(
-    model: ModelArrays, work: Workspace, pair: Pair, own: bool, apart: float, axes: Array, at: int
-) -> int:
-    """Compare a pair of pieces on the interval visited.
-
-    Args:
-        model: The packed robot and scene.
-        work: The workspace, its second piece placed.
-        pair: The pieces; the second is one of ``work.placed``.
-        own: Whether the first is the robot's too, and not of the scene.
-        apart: Their margin [m].
-        axes: Axes across which pairs part, shape (e, 3).
-        at: The row of this pair's.
-
-    Returns:
-        FARTHER (apart all over it), CLOSER (at most ``apart`` in the middle) or BETWEEN.
-    """
-    a, i, placed, j = pair
-    twists, strays, tally, seen = work.twists, work.strays, work.tally, i if own else -1
-    enough, most = apart + ROUNDING_ERROR, pair_stray(model.chain, model.joints, strays, seen, j)
-    lower, n = quick_bound(a, i, placed, j, enough + most)
-    lost, verdict = most, FARTHER
-    if not lower > enough + most:
-        moving = STILL
-        if most > 0.0:
-            moving = pair_drift(model.chain, model.joints, twists, placed, strays, seen, j)
-        if lower > enough:
-            lost = allowance(n, moving)
-        if not lower > enough + lost:
-            axis = axes[at]
-            if axis[0] == 0.0 and axis[1] == 0.0 and axis[2] == 0.0:
-                axis[0], axis[1], axis[2] = n
-            verdict, lower, _ = separation(
-                pair, model.corners, model.tables, apart, enough, moving, axis, work.room
-            )
-            lost = allowance((axis[0], axis[1], axis[2]), moving)
-            # A cover that touches proves nothing: its triangles decide, as where halving ends.
-            touching = verdict == CLOSER or lower - enough < _GRAZING * lost or lost < _RESOLUTION
-            covers = a[i, NODE_STOP] > 0.0 or placed[j, NODE_STOP] > 0.0
-            if verdict != FARTHER and touching and covers:
-                apart_in_middle, share = surface_share(
-                    pair, Shapes(model.corners, model.tables, model.surfaces), apart, enough,
-                    moving, axis, work.room, work.stack,
-                )  # fmt: skip
-                tally[LOOKS] += work.stack[0, LOOKED_AT]
-                verdict = CLOSER if not apart_in_middle else FARTHER if share >= 1.0 else BETWEEN
-                lower, lost = enough + share * most, most
-    if verdict == BETWEEN:
-        share = _TRUSTED * max(lower - enough, 0.0) / lost if lost > 0.0 else 0.0
-        tally[SHARE] = min(tally[SHARE], share)
-        tally[STOPPED] += lost < _RESOLUTION
-        lost *= share
-    if verdict == FARTHER or (verdict == BETWEEN and lost > 0.0):
-        tally[CLEARANCE] = min(tally[CLEARANCE], lower - lost - apart)
-    return verdict
-
-
-@kernel(allocates=False, inline="always")
-def _own_bound(model: ModelArrays, work: Workspace, s: int, reach: float, apart: float) -> float:
-    """Lower bound of the distance of pair s of the robot over the interval, margins off [m].
-
-    Args:
-        model: The packed robot and scene.
-        work: The workspace, both pieces placed.
-        s: The pair.
-        reach: How far balls about them stray and their margin, inf where that is not known [m].
-        apart: Their margin [m].
-    """
-    a, b = model.self_pairs[s, 0], model.self_pairs[s, 1]
-    proved = balls_apart(work.placed, a, b) - reach  # no piece strays as far as what it is part of
-    if not proved > ROUNDING_ERROR and model.grid_axes[s, 0, 2] > 0.0:
-        still = model.joints[a]
-        proved = grid_bound(
-            model.grid_axes, model.grid_starts, model.grid_values, s, still, work.joints
-        )
-        proved -= work.strays[b, 3 * still + 3] + apart
-    return proved
 
 
 # In two parts an edge check took half as long again (31 us for 20 us).
@@ -217,7 +128,7 @@ def _examine(  # noqa: C901, PLR0912, PLR0915
                     a, b = model.self_pairs[s, 0], model.self_pairs[s, 1]
                     place(model, work, a)
                     place(model, work, b)
-                    proved = _own_bound(model, work, s, reach, apart)
+                    proved = own_bound(model, work, s, reach, apart)
                     if proved > ROUNDING_ERROR:
                         tally[CLEARANCE] = min(tally[CLEARANCE], proved)
                         continue
@@ -226,7 +137,7 @@ def _examine(  # noqa: C901, PLR0912, PLR0915
                     for row in range(3):
                         axes[kept, row] = 0.0 if i < 0 else hints[entry, row]
                     pair = Pair(placed, a, placed, b)
-                    verdict = _compare(model, work, pair, True, apart, axes, kept)
+                    verdict = compare_pair(model, work, pair, True, apart, axes, kept)
                     if verdict == CLOSER:
                         return kept, p * m + s
                     if verdict != FARTHER:
@@ -272,7 +183,7 @@ def _examine(  # noqa: C901, PLR0912, PLR0915
                 for row in range(3):
                     axes[kept, row] = 0.0 if k < 0 else hints[entry, row]
                 pair, near = Pair(scene, piece, placed, i), scene[piece, MARGIN] + extra
-                verdict = _compare(model, work, pair, False, near, axes, kept)
+                verdict = compare_pair(model, work, pair, False, near, axes, kept)
                 if verdict == CLOSER:
                     return kept, i * m + piece
                 if verdict != FARTHER:
@@ -300,7 +211,7 @@ def certify_in(
 ) -> int:
     """``certify_curve`` in a workspace of the caller's, given up after so many intervals' work."""
     verdict = _certify(model, work, curve, margin, most, outcome)
-    if verdict == _NO_ROOM:
+    if verdict == NO_ROOM:
         verdict = _certify_in_more_room(model, work, curve, margin, most, outcome)
     return verdict
 
@@ -310,8 +221,8 @@ def _certify_in_more_room(
     model: ModelArrays, work: Workspace, curve: Cubic, margin: float, most: int, outcome: Array
 ) -> int:
     """``certify_in`` once more, in a workspace with as much room as it takes."""
-    wider, verdict = work, _NO_ROOM
-    while verdict == _NO_ROOM:
+    wider, verdict = work, NO_ROOM
+    while verdict == NO_ROOM:
         wider = widened(model, wider)
         verdict = _certify(model, wider, curve, margin, most, outcome)
     return verdict
@@ -321,12 +232,34 @@ def _certify_in_more_room(
 def _certify(
     model: ModelArrays, work: Workspace, curve: Cubic, margin: float, most: int, outcome: Array
 ) -> int:
-    """``certify_in``, or _NO_ROOM where the workspace is too small for what is left open."""
-    roots = model.roots
-    entries = Entries(roots, work.hints[2])
-    spans, lists = work.spans[0], work.lists[0]
-    spans[0, 0], spans[0, 1], lists[0, 0], lists[0, 1] = 0.0, 1.0, 0, roots.shape[0]
-    visits, open_spans, tally = 0, 1, work.tally
+    """``certify_in``, or NO_ROOM where the workspace is too small for what is left open."""
+    spans, lists, count = work.spans[0], work.lists[0], model.roots.shape[0]
+    spans[0, 0], spans[0, 1], lists[0, 0], lists[0, 1] = 0.0, 1.0, 0, count
+    entries = Entries(model.roots, work.hints[2])
+    return certify_spans(model, work, curve, margin, most, entries, 1, outcome)
+
+
+@kernel(allocates=False)
+def certify_spans(
+    model: ModelArrays, work: Workspace, curve: Cubic, margin: float, most: int, entries: Entries,
+    open_spans: int, outcome: Array,
+) -> int:  # fmt: skip
+    """``certify_in`` on intervals of a curve, each with the pairs that are not settled there.
+
+    Args:
+        model: The packed robot and scene.
+        work: A workspace of the model; its first ``spans`` and ``lists`` are the intervals.
+        curve: The curve.
+        margin: Asked for on top of the pairs' own margins [m].
+        most: Intervals' work after which it is given up.
+        entries: The pairs.
+        open_spans: How many intervals there are.
+        outcome: As of ``certify_curve``.
+
+    Returns:
+        The verdict, or NO_ROOM where the workspace is too small for what is left open.
+    """
+    spans, lists, visits, tally = work.spans[0], work.lists[0], 0, work.tally
     tally[CLEARANCE], tally[LOOKS] = np.inf, 0.0
     outcome[0], outcome[1] = 0.0, -1.0
     for level in range(_MAX_DEPTH):
@@ -335,7 +268,7 @@ def _certify(
         left = Entries(work.entries[side], work.hints[side])
         halves, lists_left = work.spans[side], work.lists[side]
         if 2 * open_spans > halves.shape[0]:
-            return _NO_ROOM
+            return NO_ROOM
         new_spans, kept = 0, 0
         for span in range(open_spans):
             low, high = spans[span, 0], spans[span, 1]
@@ -348,7 +281,7 @@ def _certify(
             first, count = lists[span, 0], lists[span, 1]
             kept, hit = _examine(model, work, margin, entries, first, count, left, begin)
             if kept < 0:
-                return _NO_ROOM
+                return NO_ROOM
             spent = visits + int(tally[LOOKS] / _LOOKS_AN_INTERVAL)
             outcome[2] = spent
             if hit >= 0:

@@ -55,7 +55,8 @@ class Workspace(NamedTuple):
         spans: Intervals left, shape (2, s, 2).
         lists: First and number of the entries of each, shape (2, s, 2).
         lanes: Of eight states, a vector each: their joints, the cosines and sines of these, the
-            frames of bodies, and the middles of the bodies' balls; flat.
+            frames of bodies, and the middles of the bodies' balls; of eight stretches also how far
+            bodies get on them, seen from the base and from each body; flat.
     """
 
     joints: Array
@@ -102,7 +103,10 @@ def workspace(model: ModelArrays) -> Workspace:
         np.empty((2, _INTERVALS, 2)),
         np.empty((2, _INTERVALS, 2), dtype=np.int64),
         aligned_kernel(
-            3 * LANES * n + FRAME_SIZE * bodies + BALL_SIZE * (p - model.skipped.shape[0])
+            3 * LANES * n
+            + FRAME_SIZE * bodies
+            + BALL_SIZE * (p - model.skipped.shape[0])
+            + LANES * bodies * (bodies + 1)
         ),
     )
 

@@ -115,7 +115,7 @@ def blocked_lanes(
         together: Those that all count as not free where one of them is not.
     """
     blocked = 0
-    _write_frames(model.chain, work.lanes)
+    write_frames(model.chain, work.lanes)
     for body in range(model.bodies.shape[0]):
         place_ball(model, work, model.bodies[body, 0])
         if model.bodies[body, 1] < model.bodies[body, 2]:
@@ -132,7 +132,7 @@ def blocked_lanes(
 
 
 @kernel(allocates=False)
-def _write_frames(chain: Array, lanes: Array) -> None:
+def write_frames(chain: Array, lanes: Array) -> None:
     """Write the frames of all bodies at the states that ``lanes`` begin with."""
     n = int(chain[0, 0])
     size = LANES * n

@@ -113,7 +113,18 @@ def closer(p: Point, q: Point, reach: float) -> int:
 @kernel(allocates=False)
 def beyond_grid(model: ModelArrays, lanes: Array, s: int, enough: float, open_lanes: int) -> int:
     """Lanes of those open where the grid of pair s does not prove that it is far enough apart."""
-    still, start = model.joints[model.self_pairs[s, 0]], model.grid_starts[s]
+    cell, inside = cell_of(model, lanes, s, open_lanes)
+    left, start = open_lanes, model.grid_starts[s]
+    for number in range(LANES):
+        if inside >> number & 1 and model.grid_values[start + int(lane(cell, number))] > enough:
+            left &= ~(1 << number)
+    return left
+
+
+@kernel(allocates=False, inline="always")
+def cell_of(model: ModelArrays, lanes: Array, s: int, open_lanes: int) -> tuple[Lanes, int]:
+    """Cells of the grid of pair s, and the lanes of those open whose states are in it."""
+    still = model.joints[model.self_pairs[s, 0]]
     cell, inside, axes = fill(0.0), open_lanes, model.grid_axes
     for k in range(2):
         count = axes[s, k, 2]
@@ -121,8 +132,4 @@ def beyond_grid(model: ModelArrays, lanes: Array, s: int, enough: float, open_la
             at = (load(lanes, LANES * (still + 1 + k)) - axes[s, k, 0]) * axes[s, k, 1]
             inside &= bits(at >= 0.0) & bits(at < count)
             cell = cell * count + floor(at)
-    left = open_lanes
-    for number in range(LANES):
-        if inside >> number & 1 and model.grid_values[start + int(lane(cell, number))] > enough:
-            left &= ~(1 << number)
-    return left
+    return cell, inside

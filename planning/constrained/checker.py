@@ -62,6 +62,11 @@ class ConstrainedChecker(Checker):
         """``Checker.round_corners``, one ``curve`` after the other."""
         return round_one_by_one(self, waypoints, reaches, halvings, keep=keep, smooth=smooth)
 
+    def straight(self, start: Array, end: Array) -> Motion:
+        """``Checker.straight``; what it finds free has to hold all rows as well."""
+        motion = Checker.straight(self, start, end)
+        return self.segment(start, end) if motion.free else motion
+
     def free(self, start: Array, end: Array) -> bool:
         """Whether the straight joint motion is proved free and holds all rows."""
         line = np.column_stack([start, end - start])

@@ -26,7 +26,7 @@ from kinematics.compiled.simd import on_stack
 from obstacles.checker import Checker, any_model
 from obstacles.edge_check import FREE
 from obstacles.kernel_work import Workspace, workspace
-from obstacles.line_check import certify_line
+from obstacles.line_check import prove_line
 from obstacles.model_arrays import ModelArrays
 from planning.deadline import Deadline
 from planning.search.looks import Look, distance, look_of, looks_free
@@ -209,7 +209,7 @@ def is_free(
     if held.later:
         return True
     outcome = on_stack(4)
-    verdict = certify_line(model, work, a, b, held.slack, _MAX_INTERVALS, outcome)
+    verdict = prove_line(model, work, a, b, held.slack, _MAX_INTERVALS, outcome)
     # A motion that grazes takes thousands of intervals: it counts as many checks.
     checks[0] += int(outcome[2]) // _INTERVALS_A_CHECK
     return bool(verdict == FREE)
@@ -227,7 +227,7 @@ def are_proved(
             is_known |= distance(known[i], a) == 0.0 and distance(known[i + 1], b) == 0.0
         if is_known:
             continue
-        if certify_line(model, work, a, b, held.slack, _MAX_INTERVALS, outcome) != FREE:
+        if prove_line(model, work, a, b, held.slack, _MAX_INTERVALS, outcome) != FREE:
             return False
     return True
 

@@ -27,7 +27,7 @@ def straight_line(
     """
     motions = []
     for goal in goals:
-        motion = checker.early_contact(start, goal) or checker.segment(start, goal)
+        motion = checker.straight(start, goal)
         motions.append(motion)
         if motion.free:
             return np.array([start, goal]), motions

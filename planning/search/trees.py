@@ -19,7 +19,7 @@ from kinematics.random import State, uniform_kernel
 from obstacles.edge_check import COLLIDING, FREE
 from obstacles.kernel_work import Workspace, workspace
 from obstacles.lane_check import blocked_between, blocked_lanes, write_states
-from obstacles.line_check import certify_line
+from obstacles.line_check import prove_line
 from obstacles.model_arrays import ModelArrays
 from obstacles.state_check import verdict_in
 from planning.search.nearest_node import nearest_node, place_node
@@ -325,7 +325,7 @@ def _step(
     looks = _LOOKS_BEFORE_PROOF if proves else _LOOKS
     free = not blocked_between(model, work, origin, end, draws.slack, 1, looks)
     if free and proves:
-        verdict = certify_line(model, work, origin, end, draws.slack, _MAX_INTERVALS, on_stack(4))
+        verdict = prove_line(model, work, origin, end, draws.slack, _MAX_INTERVALS, on_stack(4))
         free = verdict == FREE
     return _take(trees, side, at, end, free, bool(proves))
 
@@ -344,7 +344,7 @@ def _proves(
         if not proved[node]:
             a, b = points[parents[node]], points[node]
             if draws.proves:
-                verdict = certify_line(model, work, a, b, slack, _MAX_INTERVALS, on_stack(4))
+                verdict = prove_line(model, work, a, b, slack, _MAX_INTERVALS, on_stack(4))
                 free = verdict == FREE
             else:
                 looks = 2 * _LOOKS

@@ -119,6 +119,7 @@ SMALL: Mapping[str, tuple[list[str], Mapping[str, Any]]] = {
     "timing_limits": (["2"], {}),
     "timing_optimum": (["--cases", "1", "--pieces", "4"], {}),
     "timing_plans": (["PROBLEMS"], {}),
+    "edge_lanes": (["--scenes", "1", "--lengths", "0.5"], {"MOTIONS": 3, "ROUNDS": 1}),
     "mesh_costs": (["--scenes", "1"], {"STATES": 2}),
     "mesh_descriptions": (["URDF"], {"SCENES": 1, "STATES": 20, "EDGES": 2, "ROUNDS": 1}),
     "mbm_turns": (["PROBLEMS", "--rounds", "1"], {}),

@@ -52,7 +52,7 @@ def test_an_edge_is_free_only_where_every_sample_holds() -> None:
         worst = max(tilt(q) for q in along(a, b))
         free = held.free(a, b)
         motion = held.segment(a, b)
-        assert motion.free is free
+        assert motion.free is held.straight(a, b).free is free
         if free:
             assert worst <= TILT + 1e-6
             assert plain.free(a, b)

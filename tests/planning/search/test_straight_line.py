@@ -40,17 +40,16 @@ def test_a_motion_that_keeps_too_little_distance_is_not_free() -> None:
     assert path is None
 
 
-def test_a_look_finds_what_collides_and_proves_nothing() -> None:
-    contact = CHECKER.early_contact(START, BEHIND)
-    assert contact is not None
+def test_a_motion_that_no_look_finds_blocked_is_proved() -> None:
+    contact = CHECKER.straight(START, BEHIND)
     assert contact.colliding
     assert contact.pair == ("ball", "wall")
     assert not CHECKER.valid(START + contact.at * (BEHIND - START))
-    assert CHECKER.early_contact(START, BESIDE) is None
+    assert CHECKER.straight(START, BESIDE).free
     # Thinner than the way from look to look: only the proof finds it.
     thin = Checker.of(slider(), Scene((box("foil", (1e-5, 1.0, 0.4), (0.07, 0.0, 0.0)),)))
     far = 30.0 * BEHIND
-    assert thin.early_contact(-far, far) is None
+    assert all(thin.valid(s * far) for s in np.linspace(-1.0, 1.0, 17))
     path, (motion,) = straight_line(thin, -far, [far])
     assert path is None
     assert motion.pair == ("ball", "foil")
@@ -60,4 +59,4 @@ def test_a_look_finds_what_collides_and_proves_nothing() -> None:
 def test_numbers_of_other_kinds_are_looked_at_as_such(kind: Any) -> None:
     one = np.array([1.0, 0.0])
     other: Any = one.astype(kind)
-    assert CHECKER.early_contact(-other, other) == CHECKER.early_contact(-one, one)
+    assert CHECKER.straight(-other, other) == CHECKER.straight(-one, one)

@@ -63,12 +63,12 @@ def _state_check(sabotage: Sabotage) -> None:
     sabotage.method(Checker, "clearance", lambda self, q: (1.0, None))
     sabotage.method(Checker, "segment", between)
     sabotage.method(Checker, "free", lambda self, start, end: between(self, start, end).free)
-    sabotage.method(Checker, "early_contact", lambda self, start, end: None)
+    sabotage.method(Checker, "straight", between)
 
 
 def _edge_check(sabotage: Sabotage) -> None:
     sabotage.method(Checker, "free", lambda self, start, end: True)
-    sabotage.method(Checker, "early_contact", lambda self, start, end: None)
+    sabotage.method(Checker, "straight", _free)
     sabotage.method(Checker, "segment", _free)
     sabotage.method(Checker, "curve", _free)
     sabotage.method(Checker, "polyline", lambda self, points: (_free(self), len(points) - 1))
@@ -81,7 +81,7 @@ def _edge_check_at_ends(sabotage: Sabotage) -> None:
             return _free(self)
         return Motion(False, True, 0.0, ("one", "other"), -np.inf, 2)
 
-    sabotage.method(Checker, "early_contact", lambda self, start, end: None)
+    sabotage.method(Checker, "straight", segment)
     sabotage.method(Checker, "segment", segment)
     sabotage.method(Checker, "free", lambda self, start, end: segment(self, start, end).free)
     sabotage.method(
