@@ -46,7 +46,7 @@ def open_stretches(
         margin: Asked for on top of the pairs' own margins [m].
 
     Returns:
-        How many intervals there are; -1 where there is no room.
+        How many intervals there are; -1 where there is no room, or the motion is not finite.
     """
     entries, axes, waiting = work.entries[0], work.hints[0], work.entries[1]
     own, kept, count, batches, square = 0, _MAX_OWN_PAIRS, 0, 1, 0.0
@@ -54,7 +54,8 @@ def open_stretches(
         square += (end[j] - start[j]) ** 2
     while batches < _MAX_BATCHES and (batches * LANES * _STRETCH) ** 2 < square:
         batches += 1
-    if entries.shape[0] < 2 * _MAX_OWN_PAIRS or work.spans.shape[1] <= _MAX_BATCHES * LANES:
+    small = entries.shape[0] < 2 * _MAX_OWN_PAIRS or work.spans.shape[1] <= _MAX_BATCHES * LANES
+    if small or not square < math.inf:  # what is no number is beyond no distance
         return -1
     many = work.tally[LAST_GROUP] >= 0.0
     if many:

@@ -216,6 +216,19 @@ def test_two_links_that_come_towards_each_other_are_free_to_a_hair() -> None:
         assert proof_of(model, a, b, 0.1 + 1e-5, found) == COLLIDING
 
 
+@pytest.mark.parametrize("value", [np.nan, np.inf])
+def test_what_is_no_number_is_not_proved(value: float) -> None:
+    robot, found = builtin("panda"), np.empty(4)
+    model = Checker.of(robot, Scene()).model.arrays
+    home = np.array([0.0, -0.785, 0.0, -2.356, 0.0, 1.571, 0.785])
+    assert proof_of(model, home, home, 0.0, found) == FREE
+    for joint in range(7):
+        wrong = home.copy()
+        wrong[joint] = value
+        for ends in ((home, wrong), (wrong, home), (wrong, wrong)):
+            assert proof_of(model, *ends, 0.0, found) != FREE
+
+
 def test_only_what_may_meet_is_left() -> None:
     """Motions far from everything leave nothing, and those near something a few stretches."""
     robot, random = builtin("panda"), np.random.default_rng(75)
