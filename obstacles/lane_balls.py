@@ -36,8 +36,8 @@ def moved(lanes: Array, at: int, x: float, y: float, z: float) -> Point:
 
 
 @kernel(allocates=False, inline="code")
-def place_ball(model: ModelArrays, work: Workspace, row: int) -> None:
-    """Bring the middle of a moving body's ball into the base frame."""
+def place_balls(model: ModelArrays, work: Workspace, row: int) -> None:
+    """Bring the middles of a moving body's ball at eight states into the base frame."""
     rows, at = model.robot, _first_of(model, work, row)
     x, y, z = rows[row, CENTER], rows[row, CENTER + 1], rows[row, CENTER + 2]
     p = moved(work.lanes, frame_at(work, model.joints[row]), x, y, z)
@@ -76,6 +76,6 @@ def enter_group(model: ModelArrays, work: Workspace, group: int, near: int) -> i
     while part < group + size:
         for row in (groups[part, BALL], groups[part, OTHER_BALL]):
             if model.joints[row] >= 0:
-                place_ball(model, work, row)
+                place_balls(model, work, row)
         part += groups[part, SIZE] if groups[part, PARTED] < 0 else 1
     return 1

@@ -32,7 +32,7 @@ from obstacles.bvh import FIRST, LAST, SKIP
 from obstacles.edge_check import FREE
 from obstacles.exact_verdict import exact_verdict
 from obstacles.kernel_work import Workspace, place_row
-from obstacles.lane_balls import ball_at, enter_group, frame_at, moved, place_ball, sphere_at
+from obstacles.lane_balls import ball_at, enter_group, frame_at, moved, place_balls, sphere_at
 from obstacles.lane_distance import beyond_grid, box_gap, closer, lane_bound_from
 from obstacles.model_arrays import ModelArrays
 from obstacles.piece_set import (
@@ -117,7 +117,7 @@ def blocked_lanes(
     blocked = 0
     write_frames(model.chain, work.lanes)
     for body in range(model.bodies.shape[0]):
-        place_ball(model, work, model.bodies[body, 0])
+        place_balls(model, work, model.bodies[body, 0])
         if model.bodies[body, 1] < model.bodies[body, 2]:
             blocked |= _around_body(
                 model, work, body, model.margin + margin, asked & ~blocked, vital

@@ -15,7 +15,7 @@ from kinematics.compiled.simd_frames import load_frame_kernel
 from obstacles.brackets import AFTER, OUTER
 from obstacles.bvh import FIRST, LAST, SKIP
 from obstacles.kernel_work import LAST_GROUP, Workspace, meeting_body
-from obstacles.lane_balls import ball_at, frame_at, moved, place_ball, sphere_at
+from obstacles.lane_balls import ball_at, frame_at, moved, place_balls, sphere_at
 from obstacles.lane_check import write_frames, write_states
 from obstacles.lane_distance import box_gap, cell_of, closer, lane_bound_from
 from obstacles.model_arrays import ModelArrays
@@ -140,7 +140,7 @@ def place_stretches(model: ModelArrays, work: Workspace) -> None:
     write_frames(model.chain, work.lanes)
     for body in range(model.bodies.shape[0]):
         row = model.bodies[body, 0]
-        place_ball(model, work, row)
+        place_balls(model, work, row)
         _write_strays(model, work, row)
 
 
