@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 from numpy.typing import ArrayLike
 
 from kinematics.arrays import Array
-from kinematics.errors import ArmwrightError, InvalidLinkName, InvalidObjectName
+from kinematics.errors import ArmwrightError, InvalidLinkName, InvalidObjectName, InvalidScene
 from kinematics.forward import forward
 from kinematics.pose import inverse
 from obstacles.robot_geometry import RobotGeometry
@@ -116,7 +116,8 @@ def hold(
         allowed: More pairs of names that may touch.
 
     Raises:
-        InvalidScene: The name of an attached object is a link's, or stands twice.
+        InvalidScene: The name of an attached object is a link's, or stands twice; or one that may
+            touch is an obstacle's and a link's.
         InvalidLinkName: A link that holds something, or a name that may touch it, is unknown.
         InvalidObjectName: A name in ``allowed`` is unknown.
     """
@@ -135,7 +136,30 @@ def hold(
     for a, b in allowed:
         _check_names((a, b), "allowed_collisions", known, InvalidObjectName)
         pairs.add(_sorted(a, b))
-    return Holding(arm, Scene(left, frozenset(pairs)))
+    scene = Scene(left, frozenset(pairs))
+    check_allowed(arm, scene)
+    return Holding(arm, scene)
+
+
+def check_allowed(robot: RobotGeometry, scene: Scene) -> None:
+    """Refuse pairs that may touch of which a name is both an obstacle's and a link's.
+
+    Raises:
+        InvalidScene: There is such a pair: it could mean either.
+    """
+    if not scene.allowed_collisions:
+        return
+    both = (robot.chain.index.keys() | set(robot.names)).intersection(scene.ids)
+    for pair in sorted(scene.allowed_collisions) if both else ():
+        for name in pair:
+            if name in both:
+                raise InvalidScene(
+                    f"allowed_collisions: {name!r} is the name of an obstacle and of a link or "
+                    f"attached object: {list(pair)} could mean either",
+                    hint="Give the obstacle another id.",
+                    name=name,
+                    pair=list(pair),
+                )
 
 
 def _sorted(a: str, b: str) -> tuple[str, str]:

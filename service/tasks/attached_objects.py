@@ -12,7 +12,7 @@ from kinematics.chain import Chain
 from kinematics.errors import InvalidScene
 from kinematics.forward import link_number
 from kinematics.root_frame import check_default_frame
-from obstacles.attachment import Attachment, grasp, hold
+from obstacles.attachment import Attachment, check_allowed, grasp, hold
 from obstacles.finger_geometry import with_fingers
 from obstacles.robot_geometry import RobotGeometry
 from obstacles.scene import Obstacle, Scene
@@ -151,7 +151,8 @@ def attach(
         allowed: Pairs of names that may touch.
 
     Raises:
-        InvalidScene: An object is not valid, has no shape, or its name is taken.
+        InvalidScene: An object is not valid, has no shape, or its name is taken; or a name that may
+            touch is an obstacle's and a link's.
         InvalidLinkName: A link is unknown.
         InvalidObjectName: A name that may touch is unknown, or nothing is there to be grasped.
         InvalidOption: A mass or an inertia is none of a body.
@@ -159,6 +160,7 @@ def attach(
     pairs = [(pair[0], pair[1]) for pair in allowed or ()]
     echoed = [sorted(pair) for pair in pairs]
     if not attached and not pairs:
+        check_allowed(robot, scene)
         return RobotInScene(robot, scene, echoed)
     objects = [(item, attachment(robot, scene, item)) for item in attached or ()]
     grasped = hold(robot, scene, [held for _, held in objects], pairs)

@@ -130,3 +130,24 @@ def test_a_mass_is_held_against_gravity(client: httpx.Client) -> None:
         found["torque"][0], gravity_vector(loaded, np.array(DOWN)), atol=1e-6
     )
     assert found["max_tracking_error"] < 1e-6
+
+
+@pytest.mark.parametrize("where", ["scene", "request"])
+def test_a_pair_with_a_name_of_an_obstacle_and_a_link_is_refused(
+    client: httpx.Client, where: str
+) -> None:
+    """It could mean the link, or the obstacle, which it would let the robot touch unseen."""
+    named = scene(TABLE, CRATE | {"id": "panda_link7"})
+    pair = ["panda_link7", "panda_hand"]
+    body: dict[str, Any] = {"robot": "panda", "joints": DOWN, "scene": named}
+    assert answer(client.post("/v1/check", json=body))["collisions"]
+    if where == "scene":
+        body["scene"] = named | {"allowed_collisions": [pair]}
+    else:
+        body["allowed_collisions"] = [pair]
+    told = problem(client.post("/v1/check", json=body), 422, "INVALID_SCENE")
+    assert "'panda_link7' is the name of an obstacle and of a link" in told["detail"]
+    assert told["hint"] == "Give the obstacle another id."
+    # Pairs that do not name it are allowed as ever.
+    free = body | {"scene": named, "allowed_collisions": [["table", "panda_hand"]]}
+    assert answer(client.post("/v1/check", json=free))["allowed_collisions"]
