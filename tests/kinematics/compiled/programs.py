@@ -40,7 +40,11 @@ def caller(values):
 )
 
 
+#: Counts allocations, which the environment would ask for while the compiler is imported: the
+#: process of the program is forked after that.
 BIG_PROGRAM = """
+from numba.core.runtime import _nrt_python
+_nrt_python.memsys_enable_stats()
 import big, sys
 import numpy as np
 print(big.caller(np.arange(6.0)))
@@ -54,6 +58,7 @@ references, before = sys.getrefcount(values), rtsys.get_allocation_stats()
 for _ in range(1000):
     big.caller(values)
 after = rtsys.get_allocation_stats()
+assert after.alloc - before.alloc >= 1000
 assert references == sys.getrefcount(values)
 assert after.alloc - before.alloc == after.free - before.free
 """
