@@ -63,21 +63,22 @@ def deviations(answer: Plan, count: int = 1500) -> tuple[np.ndarray, np.ndarray,
     """Distance [m], tilt and spin [rad] of the tool from a seam's polyline, by pinocchio."""
     oracle = PinocchioPanda()
     parts = [report for report in answer.tool_motions if report.part == "seam"]
+    starts, ends = (
+        np.array([getattr(part.motion, name) for part in parts]) for name in ("T_start", "T_end")
+    )
+    ways = ends[:, :3, 3] - starts[:, :3, 3]
+    turns = Rotation.from_matrix(ends[:, :3, :3] @ starts[:, :3, :3].mT).as_rotvec()
+    times = np.linspace(parts[0].begins, parts[-1].ends, count)
     rows = []
-    for time in np.linspace(parts[0].begins, parts[-1].ends, count):
-        T = oracle.pose(answer.trajectory.sample([min(time, answer.trajectory.duration)])[0])
-        best = (np.inf, 0.0, 0.0)
-        for report in parts:
-            a, b = report.motion.T_start, report.motion.T_end
-            way = b[:3, 3] - a[:3, 3]
-            s = float(np.clip((T[:3, 3] - a[:3, 3]) @ way / (way @ way), 0.0, 1.0))
-            away = float(np.linalg.norm(T[:3, 3] - a[:3, 3] - s * way))
-            if away < best[0]:
-                turn = Rotation.from_matrix(b[:3, :3] @ a[:3, :3].T).as_rotvec()
-                N = Rotation.from_rotvec(s * turn).as_matrix() @ a[:3, :3]
-                D = N.T @ T[:3, :3]
-                best = (away, math.acos(min(1.0, D[2, 2])), math.atan2(-D[0, 1], D[0, 0]))
-        rows.append(best)
+    for q in answer.trajectory.sample(np.minimum(times, answer.trajectory.duration)):
+        T = oracle.pose(q)
+        since = T[:3, 3] - starts[:, :3, 3]
+        shares = np.clip((since * ways).sum(axis=1) / (ways**2).sum(axis=1), 0.0, 1.0)
+        apart = np.linalg.norm(since - shares[:, None] * ways, axis=1)
+        k = int(np.argmin(apart))
+        N = Rotation.from_rotvec(shares[k] * turns[k]).as_matrix() @ starts[k, :3, :3]
+        D = N.T @ T[:3, :3]
+        rows.append((apart[k], math.acos(min(1.0, D[2, 2])), math.atan2(-D[0, 1], D[0, 0])))
     away, tilt, spin = np.array(rows).T
     return away, tilt, spin
 
