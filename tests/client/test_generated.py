@@ -8,8 +8,7 @@ from typing import Any
 
 import pytest
 
-from scripts.generated_clients import PACKAGE, generate_python, write_document
-
+PACKAGE = "armwright_api_client"
 START = [0.0, -0.785, 0.0, -2.356, 0.0, 1.571, 0.785]
 GOAL = [1.2, -0.3, 0.0, -2.0, 0.0, 1.8, 0.785]
 
@@ -17,8 +16,13 @@ GOAL = [1.2, -0.3, 0.0, -2.0, 0.0, 1.8, 0.785]
 @pytest.fixture(scope="module")
 def generated(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
     """The folder of the generated package, which can be imported meanwhile."""
+    # Here, since every process collects all tests, and one generates.
+    from scripts import generated_clients
+
+    assert generated_clients.PACKAGE == PACKAGE
     folder = tmp_path_factory.mktemp("generated")
-    assert generate_python(write_document(folder), folder) == []
+    document = generated_clients.write_document(folder)
+    assert generated_clients.generate_python(document, folder) == []
     sys.path.insert(0, str(folder))
     yield folder / PACKAGE
     sys.path.remove(str(folder))
