@@ -36,6 +36,7 @@ from obstacles.signed_distance import halfspace_distance
 #: Pairs are sorted that may be nearer than a tenth of a metre, then a metre and so on up to this,
 #: and at last all [m].
 _NEAR, _FAR = 0.01, 100.0
+_BASE = np.eye(4)[None]
 _ENDS: tuple[Literal["left"], Literal["right"]] = "left", "right"
 
 
@@ -73,6 +74,7 @@ class FclWorld:
         self._arrays = PieceArrays.joined([robot.arrays, still])
         self._poses = self._arrays.poses.copy()
         self._centers = self._arrays.centers.copy()
+        self._has_halfspaces = bool((self._arrays.kinds == PieceKind.HALFSPACE).any())
         self._every_margin = np.append(np.zeros(len(robot.pieces)), self._own_margins)
         self._ids = scene.ids
         self._pieces: dict[int, Piece] = dict(enumerate(robot.pieces))
@@ -145,7 +147,7 @@ class FclWorld:
         robot, p = self.robot, len(self.robot.pieces)
         if not p:
             return
-        carriers = np.concatenate([np.eye(4)[None], frames])[robot.joints + 1]
+        carriers = np.concatenate([_BASE, frames])[robot.joints + 1]
         self._poses[:p] = carriers @ self._arrays.poses[:p]
         centers = self._arrays.centers[:p, :, None]
         self._centers[:p] = (carriers[:, :3, :3] @ centers)[..., 0] + carriers[:, :3, 3]
@@ -162,9 +164,11 @@ class FclWorld:
         Returns:
             Shape (k,) [m], no margin taken off.
         """
+        radii, away = self._arrays.radii, self._centers[i] - self._centers[j]
+        bounds = np.sqrt((away * away).sum(axis=1)) - radii[i] - radii[j]
+        if not self._has_halfspaces:
+            return np.asarray(bounds)
         i = np.broadcast_to(i, j.shape)
-        radii = self._arrays.radii
-        bounds = np.linalg.norm(self._centers[i] - self._centers[j], axis=1) - radii[i] - radii[j]
         rows = np.flatnonzero(self._arrays.kinds[j] == PieceKind.HALFSPACE)
         T = self._poses[j[rows]]
         heights = np.einsum("ki,ki->k", T[:, :3, 2], self._centers[i[rows]] - T[:, :3, 3])
