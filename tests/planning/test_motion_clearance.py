@@ -30,11 +30,13 @@ PREFERRED = 0.02
 ACCURACY = 1e-5
 
 
-def distances(robot: RobotGeometry, scene: Scene, motion: Trajectory, times: Array) -> Array:
-    """Distance of the robot from obstacles at some instants by FCL, at most 0.1, shape (k,)."""
+def distances(
+    robot: RobotGeometry, scene: Scene, motion: Trajectory, times: Array, most: float = 0.1
+) -> Array:
+    """Distance of the robot from obstacles at some instants by FCL, or ``most``, shape (k,)."""
     world = FclWorld(robot, scene)
     pairs = np.flatnonzero(world.pairs[:, 1] >= len(robot.pieces))
-    found = np.full(len(times), 0.1)
+    found = np.full(len(times), most)
     for k, q in enumerate(motion.sample(times)):
         world.set_configuration(q)
         bounds = world.ball_bounds(*world.pairs[pairs].T)
@@ -46,11 +48,11 @@ def distances(robot: RobotGeometry, scene: Scene, motion: Trajectory, times: Arr
 
 
 def nearest(problem: Problem, answer: object) -> float:
-    """Least distance of a motion from obstacles, looked at every 3 ms [m]."""
+    """Least distance of a motion from obstacles, looked at every 3 ms, or ``PREFERRED`` [m]."""
     assert isinstance(answer, Plan)
     motion = answer.trajectory
     times = np.linspace(0.0, motion.duration, int(motion.duration / 3e-3))
-    return float(distances(problem.robot, problem.scene, motion, times).min())
+    return float(distances(problem.robot, problem.scene, motion, times, PREFERRED).min())
 
 
 @pytest.mark.parametrize("seed", range(6))

@@ -39,6 +39,18 @@ def figures(robot: RobotGeometry, world: FclWorld, q: np.ndarray) -> tuple[float
     return volume, world.clearance(q).distance, min(share, 1.0)
 
 
+def touches(world: FclWorld, q: np.ndarray) -> bool:
+    """Whether anything touches; how deep, which takes long to find, nobody asks here."""
+    world.set_configuration(q)
+    return any(world.distance(int(pair)) <= 0.0 for pair in _near(world))
+
+
+def _near(world: FclWorld) -> np.ndarray:
+    """Pairs whose bounding balls touch, those first that overlap the most."""
+    bounds = world.ball_bounds(*world.pairs.T)
+    return np.argsort(bounds)[: np.count_nonzero(bounds <= 0.0)]
+
+
 def poses(name: str, count: int, stretch: float = 1.0) -> np.ndarray:
     chain = builtin(name).chain
     q = np.random.default_rng(1).uniform(*chain.sampling_bounds(), (count, chain.n))
@@ -62,7 +74,7 @@ def test_configurations_take_their_poses_and_touch_nothing(name: str) -> None:
         arrived = forward(robot.chain, q)
         assert arrived[:3, 3] == pytest.approx(T[k, :3, 3], abs=1e-6)
         assert np.abs(rotation_error(arrived[:3, :3], T[k, :3, :3])).max() < 1e-6
-        assert not world.collisions(q)
+        assert not touches(world, q)
         values = np.linalg.svd(geometric(robot.chain, q), compute_uv=False)
         assert found.manipulability[k] == pytest.approx(values.prod(), rel=1e-6, abs=1e-9)
         assert found.clearance[k] > 0.0
@@ -81,7 +93,7 @@ def test_the_branches_are_those_that_fcl_finds_free(name: str) -> None:
         free = [
             q
             for q, inside in zip(every.joints, every.within_limits, strict=True)
-            if inside and not world.collisions(q)
+            if inside and not touches(world, q)
         ]
         assert found.branches[k] == len(free)
         assert found.is_reached[k] == bool(free)
@@ -176,7 +188,7 @@ def test_turns_about_the_last_axis_are_judged_like_any_deviation(name: str) -> N
         assert (q <= robot.chain.limits.upper).all()
         miss = np.abs(T[k] @ tolerance.deviations() - forward(robot.chain, q)).max(axis=(1, 2))
         assert miss.min() < 1e-6
-        assert not world.collisions(q)
+        assert not touches(world, q)
 
 
 @pytest.mark.parametrize("name", ["kr6_sixx", "ur5e", "panda", "scara"])
@@ -191,7 +203,7 @@ def test_the_first_free_configuration_tells_the_same_poses(name: str, axis: Axis
     assert first.branches.tolist() == first.samples.tolist()
     world = FclWorld(robot, SCENE)
     for k in np.flatnonzero(first.is_reached):
-        assert not world.collisions(first.joints[k])
+        assert not touches(world, first.joints[k])
         assert first.manipulability[k] <= every.manipulability[k] + 1e-9
         miss = T[k] @ tolerance.deviations() - forward(robot.chain, first.joints[k])
         assert np.abs(miss).max(axis=(1, 2)).min() < 1e-6
@@ -214,7 +226,7 @@ def test_what_is_not_looked_at_would_change_nothing(name: str, axis: Axis) -> No
         for deviation in tolerance.deviations():
             found = branches(chain, pose @ deviation, parameters=values)
             free = [k for k in np.flatnonzero(found.within_limits)
-                    if not world.collisions(found.joints[k])]  # fmt: skip
+                    if not touches(world, found.joints[k])]  # fmt: skip
             codes = [int(found.table[k, chain.n + CODE]) if form.redundant else k for k in free]
             counts.append(len(set(codes)))
             all_figures += [figures(robot, world, found.joints[k]) for k in free]
