@@ -1,7 +1,7 @@
-"""Programs with kernels in new processes, forked from one that has imported the compiler.
+"""Programs with kernels in new processes, forked from one that has made the compiler ready.
 
-To import it takes most of the time of a program that compiles little. Where a variable is read
-while it is imported, or by Python when it starts, the program runs in a process from the start.
+That takes most of the time of a program that compiles little. Where a variable is read meanwhile,
+or by Python when it starts, the program runs in a process from the start.
 """
 
 import atexit
@@ -23,7 +23,7 @@ ROOT = Path(__file__).parents[3]
 _MAIN = "from tests.kinematics.compiled.forked import main; main({channel})"
 _ORDER_BYTES = 1 << 18
 #: Beginnings of the names of variables that are read when they are needed.
-_READ_LATE = ("ARMWRIGHT_", "NUMBA_CACHE_DIR")
+_READ_LATE = ("ARMWRIGHT_KERNELS", "NUMBA_CACHE_DIR")
 
 
 class Ran(NamedTuple):
@@ -75,7 +75,7 @@ def run(program: str, folder: Path, variables: Mapping[str, str]) -> Ran:
 
 @cache
 def _importer() -> socket.socket:
-    """The stream to the process that has imported the compiler; it ends with this one."""
+    """The stream to the process that has made the compiler ready; it ends with this one."""
     channel, theirs = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
     with theirs:
         process = subprocess.Popen(
@@ -92,13 +92,20 @@ def _importer() -> socket.socket:
 
 
 def main(descriptor: int) -> None:
-    """Import the compiler, then fork a process for each program until nobody asks any more.
+    """Make the compiler ready, then fork a process for each program until nobody asks any more.
 
     Args:
         descriptor: Of the stream to who asks.
     """
-    import kinematics.compiled.kernel  # noqa: F401
+    from numba.core.registry import cpu_target
 
+    import kinematics.compiled.kernel  # noqa: F401
+    from kinematics.compiled.kernel_target import target
+
+    # What the compiler does before it compiles anything, half a second's work: it reads the types
+    # of all functions that it knows.
+    target()
+    cpu_target.typing_context.refresh()
     with socket.socket(fileno=descriptor) as channel:
         while True:
             order, descriptors, _, _ = socket.recv_fds(channel, _ORDER_BYTES, 3)
