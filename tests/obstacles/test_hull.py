@@ -69,8 +69,9 @@ def test_of_many_points_no_corner_is_missing(kind: str) -> None:
             assert volume == 0.0
             expected = points[ConvexHull(points[:, :2]).vertices]
         else:
-            expected = points[ConvexHull(points).vertices]
-            assert volume == pytest.approx(ConvexHull(points).volume, rel=1e-12)
+            qhull = ConvexHull(points)
+            expected = points[qhull.vertices]
+            assert volume == pytest.approx(qhull.volume, rel=1e-12)
             assert (points @ hull.planes[:, :3].T - hull.planes[:, 3]).max() <= 1e-12
         for found in (hull.vertices, corners):
             assert {tuple(p) for p in found} == {tuple(p) for p in expected}
