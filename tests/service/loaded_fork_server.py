@@ -25,12 +25,13 @@ from service.workers import fork_server
 from service.workers.launch import _THREADS, Launched, Recipe
 from service.workers.launch import launch as launch_and_load
 from service.workers.task import load_tasks
+from tests.kinematics.compiled.forked import Ran, fork_programs, run
 
 _MAIN = """\
 import sys
 sys.path[:] = {path!r}
 from tests.service.loaded_fork_server import main
-main({channel})
+main({channel}, {programs})
 """
 #: What comes with an order: the stream, the sentinel, where to tell the number of the process, and
 #: its output and errors.
@@ -114,10 +115,31 @@ class _Process:
         os.close(self._descriptor)
 
 
-@cache
 def loaded_process() -> socket.socket:
     """The stream to the process that has loaded all; it ends with this one."""
-    return forking_process(_MAIN, env=os.environ | _THREADS)
+    return _loaded()[0]
+
+
+def run_where_ready(program: str, folder: Path, variables: Mapping[str, str] = {}) -> Ran:
+    """Run a program in a new process that is as ready for requests as a service's.
+
+    Modules and machine code are loaded, and no request was answered, not even one of our own.
+
+    Args:
+        program: Python.
+        folder: Where it runs.
+        variables: More than this process has.
+    """
+    return run(program, folder, variables, lambda: _loaded()[1])
+
+
+@cache
+def _loaded() -> tuple[socket.socket, socket.socket]:
+    """The streams to the process that has loaded all, and to its twin that runs programs."""
+    programs, theirs = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
+    with theirs:
+        loaded = forking_process(_MAIN, {"programs": theirs.fileno()}, env=os.environ | _THREADS)
+    return loaded, programs
 
 
 def forking_process(
@@ -150,11 +172,12 @@ def forking_process(
     return channel
 
 
-def main(descriptor: int) -> None:
+def main(descriptor: int, programs: int) -> None:
     """Load, then fork a fork server for each order until the process of the tests is gone.
 
     Args:
         descriptor: Of the stream to it.
+        programs: Of the stream by which it asks for programs to be run.
     """
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     from service import kernels
@@ -163,6 +186,10 @@ def main(descriptor: int) -> None:
     for module in RECIPE.modules:
         load_tasks(module)
     kernels.prepare(lambda *_: None)
+    if os.fork() == 0:
+        os.close(descriptor)
+        fork_programs(programs)
+    os.close(programs)
     for _ in kernels.enrich():
         pass
     with socket.socket(fileno=descriptor) as channel:

@@ -9,6 +9,7 @@ import pytest
 from kinematics.compiled import kernel_build, kernel_code, kernel_list, kernel_store
 from service import kernels
 from service.cli import main
+from tests.service.loaded_fork_server import run_where_ready
 
 ROOT = Path(__file__).parents[2]
 #: Kernels of modules that the service imports, and that no request reaches.
@@ -85,10 +86,9 @@ def test_entries_are_missing_where_no_folder_has_them(
 
 
 def test_every_kernel_that_the_service_imports_is_reached_from_the_list() -> None:
-    ran = subprocess.run(
-        [sys.executable, "-c", FIND_UNREACHED], cwd=ROOT, capture_output=True, check=True, text=True
-    )
-    assert set(ran.stdout.split()) == UNREACHED
+    ran = run_where_ready(FIND_UNREACHED, ROOT)
+    assert ran.code == 0, ran.errors[-3000:]
+    assert set(ran.out.split()) == UNREACHED
 
 
 def test_the_demonstration_needs_the_first_kernels_alone(

@@ -1,8 +1,8 @@
 """After warming, no request compiles anything."""
 
-import subprocess
-import sys
 from pathlib import Path
+
+from tests.service.loaded_fork_server import run_where_ready
 
 ROOT = Path(__file__).parents[2]
 #: Run in a process of its own, since this one may have called anything by now.
@@ -90,8 +90,6 @@ print(sorted(name for module, name, _ in signatures() - before))
 
 
 def test_no_request_compiles_anything() -> None:
-    ran = subprocess.run(
-        [sys.executable, "-c", SCRIPT], cwd=ROOT, capture_output=True, text=True, check=False
-    )
-    assert ran.returncode == 0, ran.stderr[-3000:]
-    assert ran.stdout.strip() == "[]"
+    ran = run_where_ready(SCRIPT, ROOT)
+    assert ran.code == 0, ran.errors[-3000:]
+    assert ran.out.strip() == "[]"

@@ -14,7 +14,7 @@ import sys
 import tempfile
 import traceback
 import types
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from functools import cache
 from pathlib import Path
 from typing import NamedTuple
@@ -40,13 +40,20 @@ class Ran(NamedTuple):
     errors: str
 
 
-def run(program: str, folder: Path, variables: Mapping[str, str]) -> Ran:
+def run(
+    program: str,
+    folder: Path,
+    variables: Mapping[str, str],
+    forks: Callable[[], socket.socket] | None = None,
+) -> Ran:
     """Run a program in a new process.
 
     Args:
         program: Python.
         folder: Where its modules are, and where it runs.
         variables: More than this process has.
+        forks: Gives the stream to the process that it is forked from, see `fork_programs`; one that
+            has made the compiler ready if left out.
     """
     path = f"{ROOT}{os.pathsep}{folder}"
     environment = {**os.environ, "PYTHONPATH": path, **variables}
@@ -61,7 +68,7 @@ def run(program: str, folder: Path, variables: Mapping[str, str]) -> Ran:
         order = pickle.dumps((program, str(folder), environment))
         given = (out.fileno(), errors.fileno(), ends)
         try:
-            socket.send_fds(_importer(), [order], given)
+            socket.send_fds((forks or _importer)(), [order], given)
         finally:
             os.close(ends)
         with io.FileIO(ended) as pipe:
@@ -106,6 +113,15 @@ def main(descriptor: int) -> None:
     # of all functions that it knows.
     target()
     cpu_target.typing_context.refresh()
+    fork_programs(descriptor)
+
+
+def fork_programs(descriptor: int) -> None:
+    """Fork a process for each program until nobody asks any more; this does not return.
+
+    Args:
+        descriptor: Of the stream to who asks.
+    """
     with socket.socket(fileno=descriptor) as channel:
         while True:
             order, descriptors, _, _ = socket.recv_fds(channel, _ORDER_BYTES, 3)
