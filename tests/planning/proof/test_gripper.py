@@ -109,10 +109,10 @@ def test_margins_and_time_are_held_to() -> None:
 
 
 @pytest.mark.parametrize(
-    ("motion", "kind"), [(_motion(0.0, 0.05), "position"), (_motion(0.0, 0.04, 0.3), "velocity")]
+    ("last", "duration", "kind"), [(0.05, 0.5, "position"), (0.04, 0.3, "velocity")]
 )
-def test_fingers_keep_their_own_limits(motion: FingerMotion, kind: str) -> None:
-    certificate = _proved(aw.Scene([]), motion)
+def test_fingers_keep_their_own_limits(last: float, duration: float, kind: str) -> None:
+    certificate = _proved(aw.Scene([]), _motion(0.0, last, duration))
     assert not certificate.verified
     assert not certificate.proved.limits
     assert certificate.violation is not None
