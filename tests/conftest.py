@@ -3,6 +3,7 @@
 import contextlib
 import gc
 import importlib
+import os
 import pickle
 import sys
 from collections import Counter
@@ -30,6 +31,13 @@ LONG = (
     "tests/course/test_example_course.py", "tests/service/test_server.py", "tests/test_readme.py",
     "tests/command_line/test_main.py", "tests/planning/proof/test_followers.py",
 )  # fmt: skip
+
+if "PYTEST_XDIST_WORKER" in os.environ:
+    # One thread for linear algebra, as workers of the service have it: the other processes have
+    # the other cores, and threads that wait for one another keep theirs busy. Read by numpy, which
+    # is not loaded yet.
+    for _library in ("OMP", "OPENBLAS", "MKL"):
+        os.environ.setdefault(f"{_library}_NUM_THREADS", "1")
 
 settings.register_profile(
     "reproducible", derandomize=True, deadline=None, database=None, max_examples=_EXAMPLES
