@@ -14,12 +14,12 @@ from kinematics.compiled.kernel import direct
 from obstacles.collision_model import CollisionModel, ModelArrays
 from obstacles.corner_check import round_corners
 from obstacles.edge_check import COLLIDING, FREE, certify_curve
-from obstacles.lane_states import mark_blocked
+from obstacles.lane_states import any_blocked, mark_blocked
 from obstacles.line_check import certify_edge, certify_path, check_straight
 from obstacles.proximity import closest_pair, closest_state, near_pairs
 from obstacles.robot_geometry import RobotGeometry
 from obstacles.scene import Scene
-from obstacles.state_check import bracket_on, first_blocked, verdict_on
+from obstacles.state_check import bracket_on, verdict_on
 
 _FLOAT = np.dtype(np.float64)
 #: Parts of a motion at whose ends ``straight`` looks.
@@ -73,9 +73,9 @@ def _closest_state() -> Callable[[ModelArrays, Array, float], tuple[float, int, 
 
 
 @cache
-def _first_blocked() -> Callable[[ModelArrays, Array, float], int]:
-    """``first_blocked`` likewise."""
-    return direct(first_blocked, any_model(), np.zeros((1, 1)), 0.0)
+def _any_blocked() -> Callable[[ModelArrays, Array, float], bool]:
+    """``any_blocked`` likewise."""
+    return direct(any_blocked, any_model(), np.zeros((1, 1)), 0.0)
 
 
 @cache
@@ -220,8 +220,7 @@ class Checker:
     def all_valid(self, states: Array) -> bool:
         """Whether all of the configurations (k, n) are ``valid``."""
         points = np.ascontiguousarray(states, _FLOAT)
-        blocked = _first_blocked()(self.model.arrays, points, float(self.slack))
-        return bool(blocked == len(points))
+        return not _any_blocked()(self.model.arrays, points, float(self.slack))
 
     def each_valid(self, states: Array) -> NDArray[np.bool_]:
         """Which of the configurations (k, n) are ``valid``, shape (k,)."""

@@ -337,13 +337,3 @@ def verdicts_on(model: ModelArrays, states: Array, margin: float, verdicts: Arra
         verdicts[k] = verdict_in(model, work, states[k], margin, asked)
         total += asked[0]
     return total
-
-
-@kernel
-def first_blocked(model: ModelArrays, states: Array, margin: float) -> int:
-    """Number of the first of states (k, n) that ``verdict_in`` does not find free, else k."""
-    work, asked = workspace(model), np.empty(1, dtype=np.int64)
-    for k in range(states.shape[0]):
-        if verdict_in(model, work, states[k], margin, asked) != FREE:
-            return k
-    return int(states.shape[0])

@@ -207,10 +207,14 @@ class PathSearch:
         Where both ends keep it, all of the path and of its motion is held to it.
         """
         ready, room, least = trials.ready, trial.room, trials.levels[-1]
-        start = retreat(room.look, least, ready.start)
+        start = ready.start if trial.keeps_start else retreat(room.look, least, ready.start)
         if start is None:
             return None
-        goals = [(goal, retreat(room.look, least, goal)) for goal in ready.goals]
+        known = [trial.keeps_goal and k == 0 for k in range(len(ready.goals))]
+        goals = [
+            (goal, goal if keeps else retreat(room.look, least, goal))
+            for goal, keeps in zip(ready.goals, known, strict=True)
+        ]
         kept = [goal for goal, end in goals if end is not None]
         ends = [end for _, end in goals if end is not None]
         if not kept:

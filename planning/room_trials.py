@@ -30,10 +30,14 @@ class Trial(NamedTuple):
     Args:
         room: The clearance.
         max_edges: Edges that trees may look at.
+        keeps_start: Whether the start is known to keep the clearance that is looked for.
+        keeps_goal: Whether the first goal is.
     """
 
     room: Room
     max_edges: int
+    keeps_start: bool = False
+    keeps_goal: bool = False
 
 
 @dataclass(slots=True)
@@ -64,17 +68,18 @@ class RoomTrials:
         self._rooms.append(room)
         states = leg_states(np.array([ready.start, ready.goals[0]]))
         kept = room.look.each_valid(states)
+        ends = bool(kept[0]), bool(kept[-1])
         if kept.all():
-            yield Trial(room, _MOST_EDGES)
+            yield Trial(room, _MOST_EDGES, *ends)
             return
         close = states[~kept]
         max_edges = _FEW_EDGES if self.levels[-1].all_valid(close) else _MOST_EDGES
         nearer = self._nearer()
         self._own_are_near = nearer is not None and bool(nearer.look.each_valid(close).any())
         if nearer is None or not self._own_are_near:
-            yield Trial(room, max_edges)
+            yield Trial(room, max_edges, *ends)
             return
-        yield Trial(room, _FEWEST_EDGES)
+        yield Trial(room, _FEWEST_EDGES, *ends)
         yield Trial(nearer, max_edges)
 
     def later(self, path: Array) -> Iterator[Trial]:
