@@ -286,12 +286,14 @@ def _allowed(root: Mapping[str, Node], parts: Mapping[str, list[str]]) -> Iterab
     flags = _flags(
         matrix.get("default_entry_values") or [], len(defaults), f"{where}.default_entry_values"
     )
+    given = dict(zip(defaults, flags, strict=True))
     known = {*names, *parts}
+    # Where both have a default, one that is false decides, as in MoveIt.
     pairs |= {
         (name, other)
-        for name, flag in zip(defaults, flags, strict=True)
+        for name, flag in given.items()
         for other in known - {name}
-        if flag and not (name in names and other in names)
+        if flag and given.get(other, True) and not (name in names and other in names)
     }
     for a, b in pairs:
         yield from ((x, y) for x in parts.get(a, [a]) for y in parts.get(b, [b]))

@@ -1,6 +1,7 @@
 """MoveIt planning scenes: what is read, and what is refused with its place."""
 
 import copy
+import json
 from datetime import date
 from typing import Any
 
@@ -158,6 +159,39 @@ def test_allows_every_part_of_an_object_and_defaults() -> None:
     allowed = scene_from_moveit(text).allowed_collisions
     assert {("crate/0", "hand"), ("crate/1", "hand")} <= allowed
     assert {("hand", "wedge"), ("arm", "wedge"), ("crate/0", "wedge"), ("7", "wedge")} <= allowed
+
+
+@pytest.mark.parametrize(
+    ("first", "second", "allowed"),
+    [
+        (True, True, True),
+        (True, False, False),
+        (False, True, False),
+        (False, False, False),
+    ],
+)
+def test_a_default_of_false_decides_over_one_of_true(
+    first: bool, second: bool, allowed: bool
+) -> None:
+    # moveit_core/collision_detection: getDefaultEntry of two names is NEVER where either is NEVER.
+    defaults = {"entry_names": [], "entry_values": [], "default_entry_names": ["a", "b"]}
+    text = json.dumps(
+        {
+            "world": {
+                "collision_objects": [
+                    {
+                        "id": name,
+                        "primitives": [{"type": "sphere", "dimensions": [0.1]}],
+                        "primitive_poses": [{"position": [0, 0, 0]}],
+                    }
+                    for name in "ab"
+                ]
+            },
+            "allowed_collision_matrix": {**defaults, "default_entry_values": [first, second]},
+        }
+    )
+    found = {frozenset(pair) for pair in scene_from_moveit(text).allowed_collisions}
+    assert found == ({frozenset("ab")} if allowed else set())
 
 
 def test_an_empty_world_is_an_empty_scene() -> None:
