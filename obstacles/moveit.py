@@ -25,6 +25,8 @@ _IDENTITY, _NO_TURN = frozen(np.eye(4)), [0.0, 0.0, 0.0, 1.0]
 #: dimensions they have.
 _NUMBERS = {"box": 1, "sphere": 2, "cylinder": 3, "cone": 4}
 _SIZES = {1: 3, 2: 1, 3: 2, 4: 2}
+#: What MoveIt enlarges links by, and the value that leaves them as they are.
+_SIZES_OF_LINKS = (("link_padding", "padding", 0.0), ("link_scale", "scale", 1.0))
 #: Objects that were read, by all that they say and the transforms beside them. An object of this
 #: length has some ten solids of a kilobyte each [byte].
 _KNOWN: dict[bytes, list[Obstacle]] = {}
@@ -45,7 +47,7 @@ def scene_from_moveit(text: str | bytes) -> Scene:
 
     Raises:
         InvalidScene: Not such a text, or it holds what can't be represented (an octomap, attached
-            objects); the message says at which element.
+            objects, padded links); the message says at which element.
     """
     decoded = text if isinstance(text, str) else text.decode("utf-8", "replace")
     if is_geometry_text(decoded):
@@ -89,6 +91,15 @@ def _refuse_unread(root: Mapping[str, Node]) -> None:
             "world.octomap: octomaps are not read",
             hint="Give its voxels as a point_cloud obstacle.",
         )
+    for key, field, plain in _SIZES_OF_LINKS:
+        for i, entry in enumerate(_sequence(root.get(key), key)):
+            fields = _mapping(entry, f"{key}[{i}]")
+            value = _number(fields.get(field, plain), f"{key}[{i}].{field}")
+            if value != plain:
+                raise InvalidScene(
+                    f"{key}[{i}] ({fields.get('link_name')!r}): a {field} of {value:g} is not read",
+                    hint="Links are taken as they are: ask for a margin, which holds for all.",
+                )
 
 
 class _Frame(NamedTuple):

@@ -194,6 +194,31 @@ def test_a_default_of_false_decides_over_one_of_true(
     assert found == ({frozenset("ab")} if allowed else set())
 
 
+@pytest.mark.parametrize(
+    ("fields", "place"),
+    [
+        ("link_padding: [{link_name: arm, padding: 0.01}]", "link_padding[0] ('arm')"),
+        (
+            "link_scale: [{link_name: a, scale: 1}, {link_name: b, scale: 1.1}]",
+            "link_scale[1] ('b')",
+        ),
+    ],
+)
+def test_refuses_padded_links(fields: str, place: str) -> None:
+    with pytest.raises(InvalidScene) as raised:
+        scene_from_moveit(fields)
+    assert place in str(raised.value)
+    assert raised.value.hint is not None
+    assert "margin" in raised.value.hint
+
+
+def test_takes_links_that_are_neither_padded_nor_scaled() -> None:
+    text = (
+        "link_padding: [{link_name: arm, padding: 0.0}]\nlink_scale: [{link_name: arm, scale: 1.0}]"
+    )
+    assert scene_from_moveit(text).obstacles == ()
+
+
 def test_an_empty_world_is_an_empty_scene() -> None:
     for text in ("world: {}", "world: {collision_objects: []}", "name: empty"):
         assert scene_from_moveit(text).obstacles == ()
