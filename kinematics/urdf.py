@@ -29,6 +29,8 @@ MIN_AXIS = 1e-9
 
 _MISSING = math.nan
 _POSITION_TYPES = ("revolute", "prismatic")
+#: Ranges between these are no turns that a joint makes, but may well be degrees [rad].
+_DEGREES, _MOST_DEGREES = 44.0, 1500.0
 _Named = TypeVar("_Named", LinkDescription, JointDescription)
 
 
@@ -158,6 +160,11 @@ def _positions(joint: Element, type_: str, where: str, lint: list[str]) -> tuple
         )
     if lower == upper:
         lint.append(f"{where} can't move: both its limits are {lower:g}")
+    if type_ == "revolute" and _DEGREES < upper - lower <= _MOST_DEGREES:
+        lint.append(
+            f"{where} turns from {lower:g} to {upper:g} rad, {(upper - lower) / math.tau:.0f} "
+            "times around: if these are degrees, URDF has radians"
+        )
     return lower, upper
 
 

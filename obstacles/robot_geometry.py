@@ -33,6 +33,7 @@ from obstacles.mesh import is_bare_header, load_mesh, scaled
 from obstacles.piece import Piece, PieceArrays, PieceKind
 from obstacles.scene import Obstacle
 from obstacles.shapes import Box, Capsule, Cylinder, Mesh, Shape, Sphere
+from obstacles.solid_notes import solid_notes
 from obstacles.touching_pairs import always_touching
 
 Meshes: TypeAlias = Mapping[str, bytes] | Callable[[str], bytes]
@@ -174,9 +175,7 @@ def robot_geometry(
         for link in chain.links
         for element in description.links[link.name].collisions
     ]
-    lint = [
-        line for solid in solids for line in _cut_lint(solid.link.name, solid.element, solid.pieces)
-    ]
+    lint = [line for solid in solids for line in solid_notes(*solid)]
     parents = {joint.child: joint.parent for joint in description.joints.values()}
     solids = [solid for solid in solids if solid.pieces]
     placed = [(solid.link, solid.pieces) for solid in solids]
@@ -261,18 +260,6 @@ def _hull(parts: list[Piece]) -> Piece:
     rounding = max(part.offset_radius for part in parts)
     corners = convex_hull(np.vstack(points)).vertices
     return Piece(PieceKind.POLYTOPE, np.eye(4), corners, offset_radius=rounding)
-
-
-def _cut_lint(link: str, element: CollisionElement, pieces: list[Piece]) -> list[str]:
-    if isinstance(element.geometry, MeshGeometry) and not pieces:
-        name = f"mesh {element.geometry.uri!r} of link {link!r}"
-        return [f"{name} is the header of an STL file without a triangle: it is left out"]
-    count = sum(len(piece.surface.triangles) for piece in pieces if piece.surface is not None)
-    if not isinstance(element.geometry, MeshGeometry) or (len(pieces) == 1 and not count):
-        return []
-    what = f"link {link!r}: mesh {element.geometry.uri!r} is not convex"
-    told = f", where they touch {count} triangles decide" if count else ""
-    return [f"{what}: {len(pieces)} convex pieces make it up{told}"]
 
 
 def _element_pieces(

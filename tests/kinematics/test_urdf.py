@@ -187,6 +187,7 @@ def test_geometries() -> None:
         (arm(limit="", type="prismatic"), ["'swing'", "prismatic", "neither", "unlimited"]),
         (arm(limit='<limit lower="1" upper="1"/>'), ["'swing'", "can't move"]),
         (arm(limit='<limit lower="1" upper="-1"/>'), ["'swing'", "1 above", "-1", "not known"]),
+        (arm(limit='<limit lower="-180" upper="180"/>'), ["'swing'", "-180 to 180", "radians"]),
         (arm(), ["'base'", "no collision"]),
         (arm(base=base(inertial(mass="0"))), ["'base'", "mass 0"]),
         (arm(base=base(inertial(ixx="-1"))), ["'base'", "positive semi-definite"]),
@@ -196,6 +197,12 @@ def test_geometries() -> None:
 def test_what_is_odd_is_told(text: str, words: list[str]) -> None:
     lint = parse_urdf(text).lint
     assert any(all(word in line for word in words) for line in lint), lint
+
+
+def test_ranges_of_some_turns_or_of_a_slide_are_no_degrees() -> None:
+    for limit, type_ in (('"-20" upper="20"', "revolute"), ('"0" upper="180"', "prismatic")):
+        lint = parse_urdf(arm(limit=f"<limit lower={limit}/>", type=type_)).lint
+        assert not any("degrees" in line for line in lint), lint
 
 
 def test_axis_of_a_fixed_joint_means_nothing() -> None:

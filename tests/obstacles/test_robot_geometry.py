@@ -198,6 +198,22 @@ def test_a_mesh_that_is_not_convex_is_reported() -> None:
     assert "2 convex pieces" in sentence
 
 
+def test_solids_that_may_be_in_millimetres_are_told() -> None:
+    data = trimesh.creation.box([30.0, 40.0, 300.0]).export(file_type="stl")
+    geometry, _, _ = built(mesh_urdf("part.stl"), {"part.stl": data})
+    (sentence,) = geometry.lint
+    assert "'part.stl' is 300 m long" in sentence
+    assert 'scale="0.001 0.001 0.001"' in sentence
+    rod = '<cylinder radius="30" length="400"/>'
+    urdf = URDF.replace('<cylinder radius="0.03" length="0.4"/>', rod).replace(
+        '<box size="0.3 0.3 0.1"/>', '<box size="30 30 0.1"/>'
+    )
+    # A floor may be that large: it does not move.
+    (sentence,) = built(urdf)[0].lint
+    assert "'three': its solid is 400 m long" in sentence
+    assert "metres" in sentence
+
+
 @pytest.mark.parametrize(("uri", "meshes"), [
     ("part.stl", None),
     ("part.stl", {}),
