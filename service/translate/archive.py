@@ -102,7 +102,7 @@ def _read(archive: zipfile.ZipFile, urdf_path: str | None, srdf_path: str | None
         left -= len(files[entry.filename])
     chosen = _choose(files, ".urdf", urdf_path)
     if chosen is None:
-        raise _archive_error("there is no .urdf file in it", hint="Put the robot's URDF into it.")
+        raise _no_urdf(names)
     folder = PurePosixPath(chosen).parent
     urdf = _UPWARD.sub(partial(_from_root, folder), _text(files, chosen))
     twin = PurePosixPath(chosen).stem
@@ -111,6 +111,18 @@ def _read(archive: zipfile.ZipFile, urdf_path: str | None, srdf_path: str | None
         name: data for name, data in files.items() if PurePosixPath(name).suffix.lower() in _MESHES
     }
     return RobotArchive(urdf, None if semantics is None else _text(files, semantics), meshes)
+
+
+def _no_urdf(names: list[str]) -> InvalidRobotDescription:
+    xacro = [name for name in names if PurePosixPath(name).suffix.lower() == ".xacro"]
+    if not xacro:
+        return _archive_error("there is no .urdf file in it", hint="Put the robot's URDF into it.")
+    # The one with the shortest name is mostly the robot, the others its macros.
+    name = min(xacro, key=lambda name: (len(PurePosixPath(name).name), name))
+    return _archive_error(
+        f"there is no .urdf file in it, only xacro files: {', '.join(xacro[:10])}",
+        hint=f"Expand the robot's, say `xacro {name} > robot.urdf`, and put the result into it.",
+    )
 
 
 def _from_root(folder: PurePosixPath, found: re.Match[str]) -> str:

@@ -150,6 +150,13 @@ def test_not_exactly_one_robot(files: dict[str, bytes | str], match: str) -> Non
         read_archive(packed(files))
 
 
+def test_a_package_of_xacro_files_tells_how_to_expand_them() -> None:
+    files: dict[str, bytes | str] = {"arm/urdf/arm_macro.xacro": URDF, "arm/arm.urdf.xacro": URDF}
+    with pytest.raises(InvalidRobotDescription, match="only xacro files") as raised:
+        read_archive(packed(files))
+    assert "`xacro arm/arm.urdf.xacro > robot.urdf`" in (raised.value.hint or "")
+
+
 def test_links_and_encrypted_entries() -> None:
     link = zipfile.ZipInfo("arm.stl")
     link.external_attr = 0o120777 << 16
