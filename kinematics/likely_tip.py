@@ -124,6 +124,8 @@ def _ends_in_hand(
     depths: dict[str, int],
 ) -> bool:
     """Whether an arm of so many joints ends where these joints leave its last body."""
+    if joints and _are_jaws(exits, ways, depths):
+        return True
     if joints < _ARM_JOINTS - 1 or 1 + depths[ways[0].child] > _FINGER_JOINTS:
         return False
     names = [name for joint in exits for name in (joint.name, joint.child)]
@@ -133,6 +135,25 @@ def _ends_in_hand(
         last = depths[ways[0].child] == 0 and joints >= _ARM_JOINTS
         return last and any(_GRIPPER.search(name) for name in names)
     return joints >= _ARM_JOINTS
+
+
+def _are_jaws(
+    exits: list[JointDescription], ways: list[JointDescription], depths: dict[str, int]
+) -> bool:
+    """Whether two slides leave a body and carry nothing that moves, one as the other does.
+
+    However short the arm is: those are the jaws of a parallel gripper. Turning joints may be the
+    last joint of a palletiser and its rod.
+    """
+    jaw = ways[0]
+    return (
+        jaw.type == "prismatic"
+        and not depths[jaw.child]
+        and any(
+            joint.type == "prismatic" and joint.mimic is not None and joint.mimic.joint == jaw.name
+            for joint in exits
+        )
+    )
 
 
 def _body(description: RobotDescription, link: str) -> tuple[list[str], list[JointDescription]]:

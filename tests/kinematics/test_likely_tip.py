@@ -1,10 +1,11 @@
 """The likely tip of a tree: tool frames before cameras, hands before fingers."""
 
+from dataclasses import replace
 from itertools import pairwise
 
 import pytest
 
-from kinematics.description import RobotDescription
+from kinematics.description import Mimic, RobotDescription
 from kinematics.likely_tip import likely_tip
 from kinematics.urdf import parse_urdf
 
@@ -70,3 +71,17 @@ def test_two_arms_are_not_clear() -> None:
 def test_arm_on_a_torso_beats_the_head() -> None:
     torso = [("prismatic", "base", "torso"), *chain("torso", "a", 7), *chain("torso", "head", 2)]
     assert likely_tip(tree(*torso), "base").tip == "a7"
+
+
+@pytest.mark.parametrize(("kind", "tip"), [("prismatic", "tool0"), ("revolute", "left")])
+def test_jaws_end_short_arms_too(kind: str, tip: str) -> None:
+    # A turning link and a rod that turns with it may be the last joint of a palletiser.
+    description = tree(
+        *chain("base", "a", 3),
+        ("fixed", "a3", "tool0"),
+        (kind, "a3", "left"),
+        (kind, "a3", "right"),
+    )
+    joints = dict(description.joints)
+    joints["to_right"] = replace(joints["to_right"], mimic=Mimic("to_left"))
+    assert likely_tip(replace(description, joints=joints), "base").tip == tip
