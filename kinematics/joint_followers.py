@@ -61,6 +61,11 @@ def follower_notes(description: RobotDescription, followers: Relations) -> list[
             note += f"; its own position limits are not used: they leave {leader!r} no room"
         elif left != known:
             note += f"; its limits narrow those of {leader!r} to [{left[0]:.6g}, {left[1]:.6g}]"
+        for quantity in _RATES:
+            most = float(getattr(description.joints[name], quantity)) / abs(multiplier)
+            # Not a number where the follower has no such limit.
+            if most < _least(float(getattr(led, quantity)), math.inf):
+                note += f"; its {quantity} limit leaves {leader!r} {most:.6g}"
         notes.append(note)
     if followers:
         names = ", ".join(repr(name) for name in followers)

@@ -228,6 +228,9 @@ def test_rates_of_a_follower_narrow_its_leaders() -> None:
     chain = serial_chain(parse_urdf(text), tip_link="flange")
     np.testing.assert_allclose(chain.limits.velocity, [2.0, 2.0, 2.0, 0.25, 2.0, 2.0])
     np.testing.assert_allclose(chain.limits.acceleration, np.full(6, 6.0))
+    lint = select(parse_urdf(text), tip_link="flange").lint
+    assert any("velocity limit leaves 'j4' 0.25" in line for line in lint), lint
+    assert not any("acceleration limit leaves" in line for line in lint), lint
 
 
 def test_followers_are_all_that_is_named(chain: Chain) -> None:
