@@ -241,7 +241,7 @@ class Tour(InFrame):
     """A tour whose every leg is proved.
 
     Args:
-        status: "complete", or "partial" where goals are left out.
+        status: "complete", or "partial" where goals are left out, or the way to the tour's end.
         order: Goals in the order of their visit.
         time: Of the whole tour, stays among them [s].
         dwell_time: Of all stays together [s].

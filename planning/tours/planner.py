@@ -112,6 +112,8 @@ class _TourPlanner:
                 return tour
             if isinstance(tour, Tour):
                 unvisited = sorted([*self.unvisited, *tour.unvisited], key=lambda one: one.index)
+                if not tour.reaches_end:
+                    self.notes.append(_end_note(self.problem, tour))
                 return replace(tour, unvisited=tuple(unvisited), notes=tuple(self.notes))
             goal = self.problem.goals[tour.goal]
             failure = tour.failure
@@ -252,6 +254,12 @@ class _TourPlanner:
         stops += [StopConfigurations(q, np.zeros(1, np.bool_), np.zeros(1)) for q in ends]
         chain, weights = self.problem.robot.chain, self.options.planning.goal_costs
         return visit_costs(chain, weights, stops)
+
+
+def _end_note(problem: TourProblem, tour: Tour) -> str:
+    end = "back to the start" if isinstance(problem.end, str) else "to its end"
+    last = problem.goals[tour.visits[-1].index].id
+    return f"Time was up before a motion {end} was proved: the tour ends at {last!r}."
 
 
 def follower_left_out(problem: TourProblem, before: int, after: int) -> Unvisited:

@@ -118,6 +118,7 @@ class Tour:
         search: Effort of the search.
         notes: What was done to the request.
         deterministic: Whether the same tour is found again: time ended no search.
+        reaches_end: Whether it ends where it was asked to; not where time was up before.
     """
 
     visits: tuple[Visit, ...]
@@ -129,6 +130,7 @@ class Tour:
     search: SearchReport
     notes: tuple[str, ...] = ()
     deterministic: bool = True
+    reaches_end: bool = True
 
     @property
     def gap(self) -> float:

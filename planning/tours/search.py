@@ -332,6 +332,8 @@ class TourSearch:
             for i in (self.stops.goals[stop] for stop in late)
         ]
         dwell = sum(visit.departure - visit.arrival for visit in visits)
+        reaches_end = visited[-1] < len(self.stops.goals) or len(shown) == len(visited)
+        whole = reaches_end and not unvisited
         return Tour(
             visits=visits,
             legs=legs,
@@ -339,7 +341,7 @@ class TourSearch:
             time=time,
             dwell=dwell,
             # A configuration that took the place of one at a limit is none the bound is of.
-            lower_bound=0.0 if unvisited or not self.bound else min(self.bound + dwell, time),
+            lower_bound=min(self.bound + dwell, time) if whole and self.bound else 0.0,
             search=SearchReport(
                 configurations=int(self.stops.first[-3]),
                 checked=len(self.legs.free) + len(self.legs.blocked),
@@ -350,6 +352,7 @@ class TourSearch:
                 stopped=stopped,
             ),
             deterministic=not self.deadline.interruptions.occurred,
+            reaches_end=reaches_end,
         )
 
     def _visits(self, shown: Sequence[int], legs: Sequence[Leg]) -> tuple[tuple[Visit, ...], float]:

@@ -236,7 +236,9 @@ class TourSearchAnswer(Answer):
 class TourAnswer(InFrame):
     """A tour whose every leg is proved."""
 
-    status: Literal["complete", "partial"] = Field(description="partial where goals are left out")
+    status: Literal["complete", "partial"] = Field(
+        description="partial where goals are left out, or the way to the tour's end"
+    )
     order: list[str] = Field(description="goals in the order of their visit")
     time: float = Field(description="of the whole tour, stays among them [s]")
     dwell_time: float = Field(description="of all stays together [s]")

@@ -114,7 +114,7 @@ def tour_answer(
     names = problem.names
     origins, targets, begins = _ends_of_legs(tour, names)
     return {
-        "status": "partial" if tour.unvisited else "complete",
+        "status": "complete" if tour.reaches_end and not tour.unvisited else "partial",
         "order": [names[k] for k in tour.order],
         "time": tour.time,
         "dwell_time": tour.dwell,

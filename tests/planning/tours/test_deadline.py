@@ -1,5 +1,6 @@
 """Deadlines of tours: tables and bounds that stop, and the tour that is known when time is up."""
 
+from dataclasses import replace
 from types import SimpleNamespace
 from typing import Any
 
@@ -17,6 +18,7 @@ from planning.tours.planner import plan_tour
 from planning.tours.problem import TourOptions, TourProblem
 from planning.tours.result import Tour
 from planning.tours.search import TourSearch
+from service.translate.tours import tour_answer
 from tests.planning.tours.test_planner import problem as problem  # noqa: PLC0414
 from tests.planning.tours.test_search_kernels import instance
 
@@ -73,3 +75,29 @@ def test_the_first_proved_tour_is_answered_when_time_is_up(
         assert isinstance(answer, Failure)
         assert answer.code == "TIMED_OUT"
         assert answer.details["proved_legs"] == 13
+
+
+@pytest.mark.parametrize("end", ["start", np.array([0.9, -1.44, 2.5, 0.0, -1.07, 0.0])])
+def test_a_tour_without_the_way_to_its_end_is_partial_and_says_so(
+    problem: TourProblem, monkeypatch: pytest.MonkeyPatch, end: Any
+) -> None:
+    """The clock jumps when all legs but the last are proved."""
+    now = [0.0]
+    monkeypatch.setattr(deadline, "time", SimpleNamespace(monotonic=lambda: now[0]))
+
+    def record(self: TourSearch, _: int) -> bool:
+        del self.legs.legs[self._pairs()[-1]]
+        now[0] = 1e6
+        return False
+
+    monkeypatch.setattr(TourSearch, "_record", record)
+    asked = replace(problem, goals=problem.goals[:3], end=end)
+    answer = plan_tour(asked, TourOptions(Options(timeout=60.0), allow_partial=True))
+    assert isinstance(answer, Tour)
+    assert (len(answer.visits), len(answer.legs), answer.unvisited) == (3, 3, ())
+    assert not answer.reaches_end
+    assert answer.lower_bound == 0.0
+    (note,) = answer.notes
+    assert repr(asked.goals[answer.order[-1]].id) in note
+    assert ("back to the start" in note) == isinstance(end, str)
+    assert tour_answer(answer, asked, None)["status"] == "partial"
