@@ -111,6 +111,14 @@ def _pose_goal(
     )
     found = pose_configurations(chain, goal.T_base_tip, start, options, costs)
     if not len(found.joints):
+        # No configuration is right there: one within the goal's tolerances will do.
+        options = numeric.SearchOptions(
+            seed=seed,
+            position_tolerance=goal.position_tolerance,
+            orientation_tolerance=goal.orientation_tolerance,
+        )
+        found = pose_configurations(chain, goal.T_base_tip, start, options, costs)
+    if not len(found.joints):
         assert found.search is not None
         return Refusal("NO_IK_SOLUTION", partial(unreachable_failure, chain, found.search))
     at_limit = is_at_limit(chain, found.joints)

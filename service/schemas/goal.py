@@ -64,8 +64,14 @@ class SingleGoal(Body):
     accelerations: JointVector | None = Field(
         None, description="there, likewise; any that keep the limits if left out"
     )
-    position_tolerance: Tolerance | None = Field(None, description="[m]")
-    orientation_tolerance: Tolerance | None = Field(None, description="[rad]")
+    position_tolerance: Tolerance | None = Field(
+        None,
+        description="how far off the tip may end if nothing is right there, 1e-4 if left out [m]",
+    )
+    orientation_tolerance: Tolerance | None = Field(
+        None,
+        description="how far turned it may end if nothing is right there, 1e-3 if left out [rad]",
+    )
 
     @model_validator(mode="after")
     def _check_form(self) -> "SingleGoal":

@@ -3,9 +3,11 @@
 import pickle
 
 import numpy as np
+import pinocchio as pin
 import pytest
 
 from kinematics.forward import forward
+from kinematics.pose import from_rpy, transform
 from obstacles.checker import Checker
 from obstacles.scene import Scene
 from planning.deadline import Deadline
@@ -117,3 +119,29 @@ def test_a_robot_of_convex_solids_has_no_hulls_beside_it_though_an_equal_one_was
         answer = preflight(Problem(one, Scene(), HOME, (JointGoal(HOME),)), 0)
         assert isinstance(answer, Ready)
         assert len(answer.checkers) == 1
+
+
+@pytest.mark.parametrize(("tilt", "tolerance", "reached"), [
+    (0.0, 0.2, True), (0.05, 0.2, True), (0.05, 0.04, False), (0.05, 1e-3, False),
+])  # fmt: skip
+def test_a_pose_that_no_configuration_has_is_reached_within_its_tolerances(
+    tilt: float, tolerance: float, reached: bool
+) -> None:
+    """The tool of a SCARA stands upright: it is turned by the tilt at least."""
+    robot = builtin("scara")
+    T = forward(robot.chain, np.array([0.3, 0.6, 0.05, 0.2])) @ transform(
+        from_rpy([tilt, 0.0, 0.0]), [0.0, 0.0, 0.0]
+    )
+    start = np.zeros(4)
+    problem = Problem(robot, Scene(), start, (PoseGoal(T, 1e-3, tolerance),))
+    answer = find_goals(problem, Checker.of(robot, Scene()), start, 0, None)
+    if not reached:
+        assert isinstance(answer, Failure)
+        assert answer.code == "NO_IK_SOLUTION"
+        assert answer.details["orientation_error"] == pytest.approx(tilt, abs=1e-3)
+        return
+    assert not isinstance(answer, Failure)
+    for candidate in answer:
+        end = pin.SE3(T).actInv(pin.SE3(forward(robot.chain, candidate.joints)))
+        assert np.linalg.norm(end.translation) <= (1e-3 if tilt else 1e-6)
+        assert np.linalg.norm(pin.log3(end.rotation)) <= (tolerance if tilt else 1e-6)
