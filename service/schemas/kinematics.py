@@ -177,7 +177,9 @@ class IkRequest(Keepable):
         False, description="also copies by whole turns of joints inside the limits"
     )
     max_solutions: Annotated[int, Field(ge=1, le=MAX_SOLUTIONS)] | None = Field(
-        None, description="largest number of solutions to answer; all if left out"
+        None,
+        description="largest number of solutions to answer; if left out one, or all with "
+        "all_solutions or all_turns",
     )
     choice: Literal["nearest", "limits", "manipulability"] = Field(
         "nearest",

@@ -42,8 +42,11 @@ def solve_batch(
         InvalidPose: An orientation is no rotation.
         InvalidRobotState: The seed has the wrong length.
     """
-    if body.method == "analytic" and structure(chain, body.link) is None:
+    closed = body.axes is None and structure(chain, body.link) is not None
+    if body.method == "analytic" and not closed:
         return [None] * len(targets)
+    if body.choice != "nearest" and (body.method == "numeric" or not closed):
+        return [None] * len(targets)  # a choice among several, of which a batch finds one
     options = IkOptions(
         method=cast(Method, body.method),
         seed=body.seed,

@@ -202,7 +202,8 @@ def _solve(query: _Query, pose: Pose) -> IkResult:
     count = body.max_solutions or 1
     if body.max_solutions is None and (body.all_solutions or body.all_turns):
         count = _ALL_CLOSED if closed else _ALL_SEARCHED
-    if query.check is not None:
+    # The first that a search finds is the best for none but the seed.
+    if query.check is not None or (body.choice != "nearest" and not closed):
         count = max(count, _CANDIDATES_CLOSED if closed else _CANDIDATES_SEARCHED)
     options = IkOptions(
         method=cast(Method, body.method),

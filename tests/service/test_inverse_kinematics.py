@@ -347,6 +347,29 @@ def test_some_axes_of_a_pose(client: httpx.Client) -> None:
     np.testing.assert_allclose(forward(chain, best["joints"])[:3, 3], T[:3, 3], atol=2e-6)
 
 
+@pytest.mark.parametrize("several", [False, True])
+def test_a_search_chooses_the_best_of_what_it_finds(client: httpx.Client, several: bool) -> None:
+    chain = builtin_chain("ur5e")
+    lower, span = chain.limits.lower, chain.limits.upper - chain.limits.lower
+    goals = [as_pose(forward(chain, q)) for q in draws("ur5e", 8, seed=5)]
+
+    def margins(choice: str) -> list[float]:
+        asked: dict[str, Any] = {"method": "numeric", "choice": choice, "seed": 1}
+        bodies = [{"poses": goals}] if several else [{"pose": goal} for goal in goals]
+        answers = [
+            answer(client.post("/v1/robots/ur5e/ik", json=asked | body))["solutions"]
+            for body in bodies
+        ]
+        found = answers[0] if several else answers
+        assert [len(one) for one in found] == [1] * len(goals)
+        shares = [(np.array(one[0]["joints"]) - lower) / span for one in found]
+        return [float(np.minimum(share, 1.0 - share).min()) for share in shares]
+
+    first, best = np.array(margins("nearest")), np.array(margins("limits"))
+    assert (best >= first - 1e-6).all()
+    assert (best > first + 0.01).any()
+
+
 def test_ik_of_many_poses(client: httpx.Client) -> None:
     chain = builtin_chain("ur5e")
     poses = [as_pose(forward(chain, q)) for q in draws("ur5e", 5, seed=4)]
