@@ -159,6 +159,11 @@ class _Translator:
         chain = self._robot.chain
         if item.velocities is not None or item.accelerations is not None:
             raise InvalidOption("stages end at rest: a goal has no velocities or accelerations")
+        if item.position_tolerance is not None or item.orientation_tolerance is not None:
+            raise InvalidOption(
+                "a goal of a stage has no position_tolerance or orientation_tolerance",
+                hint="Give the stage a tolerance: ranges and free axes about its poses.",
+            )
         if item.state is not None:
             return JointGoal(state(self._robot.states, item.state, f"goal.any_of[{i}].state"))
         if item.joints is not None:
