@@ -63,8 +63,8 @@ def follower_notes(description: RobotDescription, followers: Relations) -> list[
             note += f"; its limits narrow those of {leader!r} to [{left[0]:.6g}, {left[1]:.6g}]"
         for quantity in _RATES:
             most = float(getattr(description.joints[name], quantity)) / abs(multiplier)
-            # Not a number where the follower has no such limit.
-            if most < _least(float(getattr(led, quantity)), math.inf):
+            # Not a number where the follower has no such limit; 0 is taken for none.
+            if 0.0 < most < _least(float(getattr(led, quantity)), math.inf):
                 note += f"; its {quantity} limit leaves {leader!r} {most:.6g}"
         notes.append(note)
     if followers:

@@ -98,7 +98,7 @@ def _refuse_unread(root: Mapping[str, Node]) -> None:
             if value != plain:
                 raise InvalidScene(
                     f"{key}[{i}] ({fields.get('link_name')!r}): a {field} of {value:g} is not read",
-                    hint="Links are taken as they are: ask for a margin, which holds for all.",
+                    hint=f"Take {key} out, and ask for a margin: that holds for all links.",
                 )
 
 

@@ -23,7 +23,7 @@ from planning.optimize.options import OPTIMIZE
 from planning.optimize_stage import MOST_OFFERS, OptimizeStage, check_ends, refinement_options
 from planning.options import Options
 from planning.path_search import FoundPath, PathSearch
-from planning.plan_configuration import plan_configuration
+from planning.plan_configuration import deviation_note, plan_configuration
 from planning.planner import Planner
 from planning.planners import choose_planners
 from planning.preflight.goal_order import MAX_LONGER, ends_off_limits
@@ -153,6 +153,9 @@ class _Pipeline:
         if isinstance(answer, Failure):
             return answer
         ended = self._end_off_limits(ready, answer)
+        note = deviation_note(self.problem, ended.path.waypoints[-1])
+        if note is not None:
+            ended = replace(ended, notes=(*ended.notes, note))
         times = answer.trajectory.duration, ended.trajectory.duration
         replaced = None if ended.trajectory is answer.trajectory else times
         chosen = plan_configuration(

@@ -1,18 +1,24 @@
-"""The configuration of a pose that a plan ends in, and why it is not another one."""
+"""The configuration of a pose that a plan ends in, why it is not another one, how far off it is."""
 
 import numpy as np
 
 from kinematics.arrays import Array
+from kinematics.forward import forward
+from kinematics.ik.numeric import ORIENTATION_TOLERANCE, POSITION_TOLERANCE
+from kinematics.pose import rotation_error
 from planning.chosen_configuration import chosen_configuration
 from planning.goal_costs import GoalCosts
 from planning.preflight.goal_order import motion_times
 from planning.preflight.goals import pose_goals
-from planning.problem import Problem
+from planning.problem import PoseGoal, Problem
 from planning.ready import Ready
 from planning.result import ChosenConfiguration
 
 #: A plan ends in a configuration that differs by no more than this in a joint [rad or m].
 _SAME = 1e-9
+#: Configurations that are right at a pose are off it by so many times what inverse kinematics asks
+#: for at most: the last joint values are rounded.
+_RIGHT = 2.0
 
 
 def plan_configuration(
@@ -49,3 +55,29 @@ def plan_configuration(
         chain, found, found[k], ready.start, motion_times(chain, ready.start, found), clearance,
         weights, replaced,
     )  # fmt: skip
+
+
+def deviation_note(problem: Problem, last: Array) -> str | None:
+    """A note where a plan ends off its pose, within the goal's tolerances; None where it does not.
+
+    Args:
+        problem: What was planned. Path constraints take the tolerances as they are, and no note.
+        last: Where the plan ends, shape (n,) [rad or m].
+    """
+    if problem.constraints is not None or not pose_goals(problem, [last]):
+        return None
+    tip, ends = forward(problem.robot.chain, last), list[tuple[float, float, float]]()
+    for goal in problem.goals:
+        if isinstance(goal, PoseGoal):
+            away = float(np.linalg.norm(tip[:3, 3] - goal.T_base_tip[:3, 3]))
+            turn = rotation_error(tip[:3, :3], goal.T_base_tip[:3, :3])
+            angle = float(np.linalg.norm(turn))
+            share = max(away / goal.position_tolerance, angle / goal.orientation_tolerance)
+            ends.append((share, away, angle))
+    _, away, angle = min(ends)
+    if away <= _RIGHT * POSITION_TOLERANCE and angle <= _RIGHT * ORIENTATION_TOLERANCE:
+        return None
+    return (
+        f"No configuration is right at the pose: the tip ends {away:.3g} m and {angle:.3g} rad "
+        "off, within the goal's tolerances."
+    )

@@ -231,6 +231,9 @@ def test_rates_of_a_follower_narrow_its_leaders() -> None:
     lint = select(parse_urdf(text), tip_link="flange").lint
     assert any("velocity limit leaves 'j4' 0.25" in line for line in lint), lint
     assert not any("acceleration limit leaves" in line for line in lint), lint
+    # A speed of 0, as many descriptions have it for joints that mimic, limits nothing.
+    still = parse_urdf(_one('lower="-9" upper="9"', -4.0, 0.0))
+    assert not any("limit leaves" in line for line in select(still, tip_link="flange").lint)
 
 
 def test_followers_are_all_that_is_named(chain: Chain) -> None:

@@ -1,13 +1,16 @@
 """What a plan says of the configuration that it ends in, beside costs computed here."""
 
+import re
 from dataclasses import replace
 
 import numpy as np
+import pinocchio as pin
 import pytest
 
 from kinematics.arrays import Array
 from kinematics.chain import Chain
 from kinematics.forward import forward
+from kinematics.pose import from_rpy, transform
 from obstacles.checker import Checker
 from obstacles.scene import Obstacle, Scene
 from planning import pipeline
@@ -133,3 +136,26 @@ def test_a_plan_that_took_the_place_of_another_tells_the_times_of_both(
     assert times in answer.configuration.reason
     share = _share(builtin("ur5e").chain, answer.path.waypoints[-1])
     assert answer.configuration.limit_share == pytest.approx(share)
+
+
+@pytest.mark.parametrize("tilt", [0.0, 0.05])
+def test_a_plan_that_ends_off_its_pose_says_how_far(tilt: float) -> None:
+    """The tool of a SCARA stands upright: it can't be tilted as a pose asks."""
+    robot, start = builtin("scara"), np.zeros(4)
+    T = forward(robot.chain, np.array([0.3, 0.6, 0.05, 0.2]))
+    T = T @ transform(from_rpy([tilt, 0.0, 0.0]), [0.0, 0.0, 0.0])
+    answer = plan(Problem(robot, Scene(), start, (PoseGoal(T, 1e-3, 0.2),)), Options())
+    assert isinstance(answer, Plan)
+    notes = [note for note in answer.notes if "off, within the goal's tolerances" in note]
+    if tilt == 0.0:
+        assert not notes
+        return
+    error = pin.SE3(T).actInv(pin.SE3(forward(robot.chain, answer.path.waypoints[-1])))
+    (away, angle) = re.findall(r"([\d.e-]+) (?:m|rad)\b", notes[0])
+    assert float(away) == pytest.approx(np.linalg.norm(error.translation), rel=0.01, abs=1e-9)
+    assert float(angle) == pytest.approx(np.linalg.norm(pin.log3(error.rotation)), rel=0.01)
+    # To the joints that it ended in, nothing is off.
+    joints = Problem(robot, Scene(), start, (JointGoal(answer.path.waypoints[-1]), PoseGoal(T)))
+    known = plan(joints, Options())
+    assert isinstance(known, Plan)
+    assert not any("off" in note for note in known.notes)
