@@ -136,9 +136,15 @@ def _axis(joint: Element, where: str, lint: list[str]) -> Array:
 
 
 def _positions(joint: Element, type_: str, where: str, lint: list[str]) -> tuple[float, float]:
-    if type_ not in _POSITION_TYPES:
-        return -math.inf, math.inf
     limit = single(joint, "limit", where)
+    if type_ not in _POSITION_TYPES:
+        ends = [] if limit is None else [limit.get("lower"), limit.get("upper")]
+        if type_ == "continuous" and any(end is not None for end in ends):
+            lint.append(
+                f"{where} is continuous: its lower and upper limits are not used, as the URDF "
+                "specification says; joint_limits may give it some"
+            )
+        return -math.inf, math.inf
     if limit is None or (limit.get("lower") is None and limit.get("upper") is None):
         lint.append(
             f"{where} is {type_} and has neither a lower nor an upper limit: unless joint_limits "

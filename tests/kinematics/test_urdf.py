@@ -360,3 +360,17 @@ def test_left_out_elements_never_escape() -> None:
 @pytest.mark.parametrize("sample", real_robots(), ids=lambda sample: sample.name)
 def test_real_files_are_accepted(sample: Sample) -> None:
     assert sample.chain().n >= 5
+
+
+@pytest.mark.parametrize(
+    ("limits", "told"),
+    [('velocity="1"', False), ('lower="-1" upper="1" velocity="1"', True), ('upper="3"', True)],
+)
+def test_limits_of_a_continuous_joint_are_told_to_be_unused(limits: str, told: bool) -> None:
+    parsed = parse_urdf(
+        f'<robot name="r"><link name="a"/><link name="b"/><joint name="j" type="continuous">'
+        f'<parent link="a"/><child link="b"/><axis xyz="0 0 1"/><limit {limits} effort="1"/>'
+        "</joint></robot>"
+    )
+    assert (parsed.joints["j"].lower, parsed.joints["j"].upper) == (-np.inf, np.inf)
+    assert any("'j' is continuous" in line for line in parsed.lint) == told
