@@ -29,7 +29,6 @@ from planning.timing.instants import (
 )
 from planning.timing.options import TimingOptions
 from planning.timing.parametrization import (
-    SPAN_RATES_WITHIN_LOADS,
     TimeParametrization,
     merge_repeated,
 )
@@ -189,9 +188,8 @@ class _RoundedMotion:
         motion = self.time_on_path().trajectory
         rounded = Pieces(motion.breaks, motion.coefficients)
         self._found_close.clear()
-        for rate in SPAN_RATES_WITHIN_LOADS:
-            spline = self.parametrization.spline_within_loads(motion, names, rate)
-            if spline is not None and self._near_instants(spline.trajectory, rounded, None) is None:
+        for spline in self.parametrization.splines_within_loads(motion, names):
+            if self._near_instants(spline.trajectory, rounded, None) is None:
                 self.left_path = True
                 return spline
         return None

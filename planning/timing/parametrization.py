@@ -1,6 +1,6 @@
 """Time parametrization: the method and all the limits that a path is timed by."""
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -36,7 +36,11 @@ WORTH = 1.1
 WORTH_WITHIN_LOADS = 1.05
 #: Spans for each second of a motion within loads that are tried in turn [1/s]: 16 and 19 pieces in
 #: 1.6 s. Loads bind here and there, and more spans follow that more closely.
-SPAN_RATES_WITHIN_LOADS = (10.0, 12.0)
+_SPAN_RATES_WITHIN_LOADS = (10.0, 12.0)
+#: Spans that shorter motions are tried with then: 20, since this is rounded up.
+_FEW_SPANS_WITHIN_LOADS = 19.99
+#: The last rate [1/s]: more than few pieces, and mostly fewer than the motion has.
+_LAST_RATE_WITHIN_LOADS = 20.0
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -122,28 +126,30 @@ class TimeParametrization:
             return None
         return spline
 
-    def spline_within_loads(
-        self, motion: Trajectory, joint_names: Sequence[str], rate: float
-    ) -> ScaledTime | None:
-        """The spline of few pieces near a motion that keeps the loads; None if it is not worth it.
+    def splines_within_loads(
+        self, motion: Trajectory, joint_names: Sequence[str]
+    ) -> Iterator[ScaledTime]:
+        """Splines of few pieces near a motion that keep the loads, as far as they are worth it.
 
         Args:
             motion: From rest to rest, within all limits.
             joint_names: n names.
-            rate: Spans for each second of it [1/s].
         """
         if self.loads is None or not (self.method.near_path and self.few_pieces):
-            return None
-        parts = even_parts(motion.duration, None, rate)
-        if len(parts) > motion.pieces:
-            return None
+            return
+        rates, few = [*_SPAN_RATES_WITHIN_LOADS], _FEW_SPANS_WITHIN_LOADS / motion.duration
+        rates += [rate for rate in (few, _LAST_RATE_WITHIN_LOADS) if rate > rates[-1]]
         pieces = Pieces(motion.breaks, motion.coefficients)
-        fitted = fit_pieces(pieces, joint_names, self.jerk_bounds, parts, self._span_loads)
-        try:
-            spline = slow_down(self.loads, fitted, WORTH_WITHIN_LOADS * motion.duration)
-        except TimingFailed:
-            return None
-        return spline._replace(solver=fitted.solver)
+        for rate in rates:
+            parts = even_parts(motion.duration, None, rate)
+            if len(parts) > motion.pieces:
+                return
+            fitted = fit_pieces(pieces, joint_names, self.jerk_bounds, parts, self._span_loads)
+            try:
+                spline = slow_down(self.loads, fitted, WORTH_WITHIN_LOADS * motion.duration)
+            except TimingFailed:
+                continue
+            yield spline._replace(solver=fitted.solver)
 
     @property
     def _span_loads(self) -> SpanLoads | None:
@@ -239,10 +245,9 @@ class TimeParametrization:
         rounded = self.time(path, joint_names)
         if len(waypoints) == 2:
             # Near a straight path is on it.
-            for rate in SPAN_RATES_WITHIN_LOADS:
-                spline = self.spline_within_loads(rounded.trajectory, joint_names, rate)
-                if spline is not None:
-                    return spline
+            spline = next(self.splines_within_loads(rounded.trajectory, joint_names), None)
+            if spline is not None:
+                return spline
         if not (self.smooth and reaches.any()):
             return rounded
         # Under low jerk limits a narrow curve may take longer than a stop.
