@@ -248,7 +248,7 @@ def forward(chain: Chain, q: ArrayLike, link: str | None = None) -> Array:
     # The usual case, one configuration that is as it should be, is told by the kernel itself.
     one: Any = q
     try:
-        if one.dtype is _FLOAT and one.ndim == 1:
+        if one.dtype == _FLOAT and one.ndim == 1:
             T = _empty(_POSE)
             if one_pose()(chain.model, one, number, T):
                 return T
@@ -290,7 +290,7 @@ def link_poses(
         chain.memo["link_poses"] = with_one, model, shape
     one: Any = q
     try:
-        if one.dtype is _FLOAT and one.ndim == 1:
+        if one.dtype == _FLOAT and one.ndim == 1:
             poses = _empty(shape)
             if with_one(model, one, poses):
                 if chain.followers:

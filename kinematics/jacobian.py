@@ -252,7 +252,7 @@ def pose_and_jacobian(chain: Chain, q: ArrayLike, link: str | None = None) -> tu
     T, J = _empty(pose), _empty(wide)
     one: Any = q
     try:
-        if one.dtype is _FLOAT and one.ndim == 1 and both(chain.model, one, number, T, J):
+        if one.dtype == _FLOAT and one.ndim == 1 and both(chain.model, one, number, T, J):
             return T, J
     except (AttributeError, TypeError):
         pass  # It is no array.
@@ -290,7 +290,7 @@ def geometric(
         number = -1 if link is None else link_number(chain, link)
         one: Any = q
         try:
-            if one.dtype is _FLOAT and one.ndim == 1:
+            if one.dtype == _FLOAT and one.ndim == 1:
                 J = _empty((6, len(chain.joint_names)))
                 if one_jacobian()(chain.model, one, number, J):
                     return J

@@ -6,9 +6,13 @@ import numpy as np
 import pytest
 from numpy.typing import ArrayLike
 
+from kinematics import forward as module
+from kinematics.arrays import Array
 from kinematics.chain import JointType
+from kinematics.compiled.kernel import kernel
 from kinematics.errors import InvalidLinkName, InvalidOption, InvalidRobotState
 from kinematics.forward import forward, joint_frames, link_poses
+from kinematics.jacobian import geometric
 from kinematics.pose import rotation_z, transform
 from tests.kinematics.samples import Reference, Sample, configurations, random_chain, samples
 
@@ -107,3 +111,24 @@ def test_what_is_refused() -> None:
     assert "link_2" in (error.value.hint or "")
     with pytest.raises(InvalidLinkName):
         link_poses(chain, [0, 0, 0], ["base", "nowhere"])
+
+
+@kernel
+def rows_kernel(q: Array) -> Array:
+    """Two rows that are alike."""
+    rows = np.empty((2, q.shape[0]))
+    rows[:] = q
+    return rows
+
+
+def test_one_configuration_out_of_a_kernel_is_one_like_any_other(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """numba answers arrays whose type of numbers is equal to numpy's own, and not the same."""
+    chain = random_chain(np.random.default_rng(6))
+    q = np.linspace(-1.0, 1.0, chain.n)
+    row = rows_kernel(q)[1]
+    expected = forward(chain, q), geometric(chain, q)
+    monkeypatch.setattr(module, "pose_batch_kernel", None)
+    np.testing.assert_array_equal(forward(chain, row), expected[0])
+    np.testing.assert_array_equal(geometric(chain, row), expected[1])
