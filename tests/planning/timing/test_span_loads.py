@@ -179,16 +179,16 @@ def test_short_straight_motions_with_a_slow_tool_have_few_pieces_too(name: str) 
     while count < 12:
         start = random.uniform(low, high)
         goal = np.clip(start + random.normal(scale=0.15, size=chain.n), low, high)
-        timing = TimingOptions(tool_speed=float(random.choice([0.1, 0.2, 0.5])))
+        speed = float(random.choice([0.1, 0.2, 0.5]))
         answer = plan(
             Problem(robot, Scene(), start, (JointGoal(goal),)),
-            Options(planner="straight_line", timing=timing),
+            Options(planner="straight_line", timing=TimingOptions(tool_speed=speed)),
         )
         if not isinstance(answer, Plan) or answer.trajectory.duration > 1.6:
             continue
         count, motion = count + 1, answer.trajectory
         few += motion.pieces <= 20
         assert answer.timing is not None
-        assert judge.uses(motion, chain.limits.effort)[0] <= timing.tool_speed * (1.0 + 1e-9)
+        assert judge.uses(motion, chain.limits.effort)[0] <= speed * (1.0 + 1e-9)
         _assert_straight(motion, np.array([start, goal]))
     assert few >= 10
