@@ -90,15 +90,17 @@ def check_straight(
     """
     work, n = workspace(model), start.shape[0]
     share = blocked_at(model, work, start, end, margin, 2, looks, on_stack(1).view(np.int64))
-    if share < 0.0:
-        return prove_line(model, work, start, end, margin, MAX_INTERVALS, outcome)
-    there, zero = on_stack(MAX_JOINTS)[:n], on_stack(MAX_JOINTS)[:n]
-    for j in range(n):
-        there[j], zero[j] = start[j] + share * (end[j] - start[j]), 0.0
-    curve = Cubic(there, zero, zero, zero)
-    verdict = certify_in(model, work, curve, margin, MAX_INTERVALS, outcome)
-    outcome[0] = share
-    return verdict
+    if share >= 0.0:
+        there, zero = on_stack(MAX_JOINTS)[:n], on_stack(MAX_JOINTS)[:n]
+        for j in range(n):
+            there[j], zero[j] = start[j] + share * (end[j] - start[j]), 0.0
+        curve = Cubic(there, zero, zero, zero)
+        verdict = certify_in(model, work, curve, margin, MAX_INTERVALS, outcome)
+        # A look may leave open what is free by a hair: a state proves nothing of the motion.
+        if verdict != FREE:
+            outcome[0], outcome[3] = share, -np.inf
+            return verdict
+    return prove_line(model, work, start, end, margin, MAX_INTERVALS, outcome)
 
 
 @kernel
