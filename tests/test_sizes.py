@@ -1,7 +1,6 @@
-"""Sizes and names of modules and functions: what keeps the code readable."""
+"""Sizes of modules and functions."""
 
 import ast
-import re
 import tomllib
 from collections.abc import Iterator
 from functools import cache
@@ -25,7 +24,7 @@ FOLDERS = (*PRODUCT, "client/armwright_client", "tests", "benchmarks", "examples
 MODULES = sorted(path for name in FOLDERS for path in (ROOT / name).rglob("*.py"))
 
 #: Lines of a module, lines of a function with its docstring, arguments of a function.
-MAX_MODULE_LINES = 400
+MAX_MODULE_LINES = 600
 MAX_FUNCTION_LINES = 100
 MAX_ARGUMENTS = 8
 #: Files that are exempt from lint rules in pyproject.toml.
@@ -40,24 +39,6 @@ MANY_ARGUMENTS = {
     "implicit_step": 9,
     "load_robot": 9,
 }
-#: Past participles that say what became of something and not what the function does.
-PARTICIPLES = re.compile(
-    r"^_*(sought|found|kept|held|made|told|given|known|planted|grown|unkept|ungrouped|together|"
-    r"asked|taken|shown|seen|met|left|lost|spent|chosen|outlined|planned|started|begun|"
-    r"driven|stacked|narrowed|carried|checked|evaluated|solved|timed|exceeded|overloaded|"
-    r"reached|wished|answered|described|slowed|ended|tightened|calmed|stretched|missing|"
-    r"watched|repeated|handled|built|malformed|validated|numbered|refused|unpacked|zipped|"
-    r"damped|registered|filtered|applied|fitted|needed|blocked|refining)$"
-)
-
-#: First words of docstrings that do not say what a thing is.
-_VAGUE = re.compile(r"(What|The same\b|Of both|Likewise)")
-_QUESTIONS = re.compile(r"(What|The same\b|Of\b|Likewise|How|Where\b|When\b|Which)")
-OPENINGS = {
-    package: _VAGUE if package in ("kinematics", "obstacles") else _QUESTIONS
-    for package in (*PRODUCT, "client")
-}
-
 
 Definition = ast.Module | ast.ClassDef | ast.FunctionDef | ast.AsyncFunctionDef
 #: Fields of a tree that hold statements, or what holds statements.
@@ -86,24 +67,21 @@ class Module(NamedTuple):
     Attributes:
         length: Lines.
         functions: Every function and method.
-        docstrings: Those of the module, its classes and functions, by name.
     """
 
     length: int
     functions: list[Function]
-    docstrings: list[tuple[str, str]]
 
 
 @cache
 def read(path: Path) -> Module:
     """A module that is parsed once for all rules."""
     text = path.read_text("utf-8")
-    functions, docstrings = [], []
+    functions = []
     for node in definitions(ast.parse(text)):
         if isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef):
             functions.append(described(node))
-        docstrings.append((getattr(node, "name", "module"), ast.get_docstring(node) or ""))
-    return Module(len(text.splitlines()), functions, docstrings)
+    return Module(len(text.splitlines()), functions)
 
 
 def definitions(tree: ast.Module) -> Iterator[Definition]:
@@ -147,29 +125,3 @@ def test_modules_and_functions_stay_short(package: str) -> None:
 def test_few_files_are_exempt_from_lint() -> None:
     project = tomllib.loads((ROOT / "pyproject.toml").read_text("utf-8"))
     assert len(project["tool"]["ruff"]["lint"]["per-file-ignores"]) <= MAX_EXEMPTIONS
-
-
-@pytest.mark.parametrize("package", [*PRODUCT, "client"])
-def test_functions_are_not_named_by_participles(package: str) -> None:
-    wrong = [
-        f"{path.relative_to(ROOT)}:{function.line} {function.name}"
-        for path in MODULES
-        if path.relative_to(ROOT).parts[0] == package
-        for function in read(path).functions
-        if PARTICIPLES.match(function.name)
-    ]
-    assert not wrong, "\n".join(wrong)
-
-
-@pytest.mark.parametrize("package", [*PRODUCT, "client"])
-def test_docstrings_begin_with_what_the_thing_is(package: str) -> None:
-    wrong = []
-    for path in MODULES:
-        if path.relative_to(ROOT).parts[0] != package:
-            continue
-        wrong += [
-            f"{path.relative_to(ROOT)} {name}: {text.splitlines()[0]}"
-            for name, text in read(path).docstrings
-            if OPENINGS[package].match(text)
-        ]
-    assert not wrong, "\n".join(wrong)
