@@ -77,10 +77,11 @@ class Module(NamedTuple):
 def read(path: Path) -> Module:
     """A module that is parsed once for all rules."""
     text = path.read_text("utf-8")
-    functions = []
-    for node in definitions(ast.parse(text)):
-        if isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef):
-            functions.append(described(node))
+    functions = [
+        described(node)
+        for node in definitions(ast.parse(text))
+        if isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef)
+    ]
     return Module(len(text.splitlines()), functions)
 
 
