@@ -13,6 +13,7 @@ from kinematics.arrays import Array
 from kinematics.chain import Chain
 from kinematics.description import JointDescription, RobotDescription
 from kinematics.errors import InvalidOption
+from kinematics.joint_followers import JointRoom, room_of
 from kinematics.pose import from_axis_angle, transform
 from kinematics.serial_chain import Selection
 from kinematics.srdf import Semantics
@@ -78,6 +79,14 @@ class Fingers:
         """The joints that move when the leaders ``names`` do."""
         return tuple(finger for finger in self.joints if finger.leader in names)
 
+    def room(self, leader: str) -> JointRoom:
+        """Limits of a joint that leads, within those of the joints that follow it."""
+        moving = self.moving(frozenset([leader]))
+        own = next(finger.joint for finger in moving if finger.joint.name == leader)
+        return room_of(
+            own, ((f.joint, f.multiplier, f.offset) for f in moving if f.joint is not own)
+        )
+
     def with_positions(self, asked: Positions) -> dict[str, float]:
         """Positions of all that lead: those asked for, and where the others stand [rad or m].
 
@@ -92,8 +101,7 @@ class Fingers:
                     hint=f"There are: {', '.join(self.positions) or 'none'}.",
                     joint=name,
                 )
-            for finger in self.moving(frozenset([name])):
-                _check_range(finger, name, value)
+            _check_range(name, value, self.room(name))
         return {**self.positions, **{name: float(value) for name, value in asked.items()}}
 
     def link_poses(self, chain: Chain, positions: Positions) -> dict[str, Array]:
@@ -111,16 +119,12 @@ class Fingers:
         return poses
 
 
-def _check_range(finger: Finger, leader: str, value: float) -> None:
-    joint = finger.joint
-    at = finger.multiplier * value + finger.offset
-    # Followers of a linkage often have limits that are rounded: only the leader's are law.
-    own = finger.leader == joint.name
-    lower, upper = joint.range
-    if not math.isfinite(at) or (own and (at < lower or at > upper)):
+def _check_range(leader: str, value: float, room: JointRoom) -> None:
+    if not (math.isfinite(value) and room.lower <= value <= room.upper):
         raise InvalidOption(
-            f"joint {leader!r} is to stand at {value:g}, outside its limits [{lower:g}, {upper:g}]",
-            hint="Name a position inside them.",
+            f"joint {leader!r} is to stand at {value:g}, outside its limits "
+            f"[{room.lower:g}, {room.upper:g}]",
+            hint="Name a position inside them; joints that follow it narrow them.",
             joint=leader,
             value=value,
         )

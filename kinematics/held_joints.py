@@ -5,6 +5,7 @@ from collections.abc import Mapping, Sequence
 
 from kinematics.description import JointDescription, RobotDescription
 from kinematics.errors import InvalidRobotDescription
+from kinematics.joint_followers import Led, joint_followers, narrowing_note, room_of
 
 
 def held_positions(
@@ -13,7 +14,8 @@ def held_positions(
     """Positions of the joints off a chain that stand still, and what is odd about them.
 
     A joint that is not named stands at 0, or at its limit nearest to 0; a mimic joint follows
-    the held value of the joint it mimics. One that follows a joint of the chain is not held.
+    the held value of the joint it mimics, whose limits it narrows. One that follows a joint of the
+    chain is not held.
 
     Args:
         description: The tree.
@@ -38,7 +40,10 @@ def held_positions(
         for joint in joints.values()
         if joint.type in ("floating", "planar")
     ]
-    held = {joint.name: _position(joint, asked, lint) for joint in free}
+    led: dict[str, list[Led]] = {joint.name: [] for joint in free}
+    for name, (leader, m, b) in joint_followers(description, led, description.root).items():
+        led[leader].append((joints[name], m, b))
+    held = {joint.name: _position(joint, led[joint.name], asked, lint) for joint in free}
     for joint in off_chain:
         leader, multiplier, offset = description.leader(joint)
         if joint.mimic is not None and (leader not in moving or multiplier == 0.0):
@@ -57,12 +62,17 @@ def _reason_not_lockable(description: RobotDescription, moving: Sequence[str], n
     return f"it is {description.joints[name].type}"
 
 
-def _position(joint: JointDescription, asked: Mapping[str, float], lint: list[str]) -> float:
+def _position(
+    joint: JointDescription,
+    followers: Sequence[Led],
+    asked: Mapping[str, float],
+    lint: list[str],
+) -> float:
     value = asked.get(joint.name)
-    lower, upper = joint.range
+    notes = ((follower[0].name, narrowing_note(joint, follower)) for follower in followers)
+    lint += [f"joint {name!r} mimics {joint.name!r}{note}" for name, note in notes if note]
+    lower, upper, *_ = room_of(joint, followers)
     if value is None:
-        if math.isnan(lower):
-            return 0.0
         nearest = min(max(0.0, lower), upper)
         if nearest != 0.0:
             lint.append(f"joint {joint.name!r} is held at {nearest:g}, its limit nearest to 0")
@@ -71,6 +81,7 @@ def _position(joint: JointDescription, asked: Mapping[str, float], lint: list[st
         raise InvalidRobotDescription(
             f"joint {joint.name!r} is to be held at {value:g}, outside its limits "
             f"[{lower:g}, {upper:g}]",
+            hint="Hold it inside them; joints that mimic it narrow them.",
             joint=joint.name,
             value=value,
         )

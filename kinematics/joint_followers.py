@@ -1,24 +1,79 @@
 """Joints off a chain that mimic a joint of it: which there are, and the limits they leave it."""
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import replace
 from types import MappingProxyType
+from typing import NamedTuple
 
 import numpy as np
 
-from kinematics.arrays import Array
 from kinematics.chain import Limits
 from kinematics.description import JointDescription, RobotDescription
 from kinematics.errors import InvalidRobotDescription
 
 #: By joint: the joint of the chain that leads, multiplier and offset.
 Relations = Mapping[str, tuple[str, float, float]]
-#: Quantities without a sign that a follower's limits narrow.
-_RATES = ("velocity", "acceleration", "jerk")
+#: A joint that follows another, with multiplier and offset.
+Led = tuple[JointDescription, float, float]
 
 
-def joint_followers(description: RobotDescription, moving: Sequence[str], base: str) -> Relations:
+class JointRoom(NamedTuple):
+    """Limits of a joint that leads, as far as the joints that follow it keep theirs.
+
+    Args:
+        lower: Lowest position [rad or m], -inf for none.
+        upper: Highest position [rad or m], inf for none.
+        velocity: Largest speed [rad/s or m/s], NaN where not given.
+        acceleration: Largest acceleration [rad/s^2 or m/s^2], likewise.
+        jerk: Largest jerk [rad/s^3 or m/s^3], likewise.
+    """
+
+    lower: float
+    upper: float
+    velocity: float
+    acceleration: float
+    jerk: float
+
+    def within(self, joint: JointDescription, multiplier: float, offset: float) -> "JointRoom":
+        """What is left where a follower keeps its limits too.
+
+        With q = m q_j + b in [l, u] the leader keeps to [(l - b) / m, (u - b) / m], the other way
+        round where m < 0, and to 1 / |m| of its rates. A range that leaves no room is no law, and
+        a rate of 0 is none: so descriptions have them where nobody filled them in.
+        """
+        if multiplier == 0.0:
+            return self
+        own = _allowed(joint, multiplier, offset) or (-math.inf, math.inf)
+        low, high = max(self.lower, own[0]), min(self.upper, own[1])
+        if not low < high:
+            low, high = self.lower, self.upper
+        rates = []
+        for name, rate in zip(self._fields[2:], self[2:], strict=True):
+            most = float(getattr(joint, name)) / abs(multiplier)
+            rates.append(float(np.fmin(rate, most)) if most > 0.0 else rate)
+        return JointRoom(low, high, *rates)
+
+
+def room_of(joint: JointDescription, followers: Iterable[Led] = ()) -> JointRoom:
+    """Limits of a joint, within those of the joints that follow it.
+
+    A range that contradicts itself is none, and a rate of 0 is not given.
+
+    Args:
+        joint: That leads.
+        followers: Of it.
+    """
+    low, high = joint.range
+    rates = (joint.velocity, joint.acceleration, joint.jerk)
+    given = (rate if rate > 0.0 else math.nan for rate in rates)
+    room = JointRoom(_least(low, -math.inf), _least(high, math.inf), *given)
+    for follower in followers:
+        room = room.within(*follower)
+    return room
+
+
+def joint_followers(description: RobotDescription, moving: Collection[str], base: str) -> Relations:
     """The joints off a chain that mimic one of it, by way of others or not.
 
     Args:
@@ -53,20 +108,8 @@ def follower_notes(description: RobotDescription, followers: Relations) -> list[
     for name, (leader, multiplier, offset) in followers.items():
         shift = f" {'+' if offset > 0.0 else '-'} {abs(offset):g}" if offset else ""
         note = f"joint {name!r} moves with {leader!r}, which it mimics: {multiplier:g} x{shift}"
-        own = _allowed(description.joints[name], multiplier, offset)
-        led = description.joints[leader]
-        known = _least(led.lower, -math.inf), _least(led.upper, math.inf)
-        left = None if own is None else (max(known[0], own[0]), min(known[1], own[1]))
-        if left is None or (left != known and not left[0] < left[1]):
-            note += f"; its own position limits are not used: they leave {leader!r} no room"
-        elif left != known:
-            note += f"; its limits narrow those of {leader!r} to [{left[0]:.6g}, {left[1]:.6g}]"
-        for quantity in _RATES:
-            most = float(getattr(description.joints[name], quantity)) / abs(multiplier)
-            # Not a number where the follower has no such limit; 0 is taken for none.
-            if 0.0 < most < _least(float(getattr(led, quantity)), math.inf):
-                note += f"; its {quantity} limit leaves {leader!r} {most:.6g}"
-        notes.append(note)
+        led = description.joints[name], multiplier, offset
+        notes.append(note + narrowing_note(description.joints[leader], led))
     if followers:
         names = ", ".join(repr(name) for name in followers)
         notes.append(
@@ -74,6 +117,26 @@ def follower_notes(description: RobotDescription, followers: Relations) -> list[
             "joints than those that carry it, which the equations of motion here do not tell"
         )
     return notes
+
+
+def narrowing_note(leader: JointDescription, follower: Led) -> str:
+    """How the limits of a follower narrow those of its leader, in words; empty where not at all.
+
+    Args:
+        leader: The joint that leads.
+        follower: One that follows it.
+    """
+    known, own = room_of(leader), _allowed(*follower)
+    left, note = known.within(*follower), ""
+    if left[:2] != known[:2]:
+        note += f"; its limits narrow those of {leader.name!r} to [{left.lower:.6g}, "
+        note += f"{left.upper:.6g}]"
+    elif own is None or own[0] > known.lower or own[1] < known.upper:
+        note += f"; its own position limits are not used: they leave {leader.name!r} no room"
+    for quantity, most, before in zip(left._fields[2:], left[2:], known[2:], strict=True):
+        if most < _least(before, math.inf):
+            note += f"; its {quantity} limit leaves {leader.name!r} {most:.6g}"
+    return note
 
 
 def narrowed_limits(
@@ -85,9 +148,6 @@ def narrowed_limits(
 ) -> tuple[Limits, list[bool]]:
     """The limits of a chain (n joints) within those of the joints that follow it.
 
-    With q = m q_j + b in [l, u] the leader keeps to [(l - b) / m, (u - b) / m], the other way round
-    where m < 0, and to 1 / |m| of its rates. Where that leaves no room, the limits are no law.
-
     Args:
         limits: Of the chain's joints.
         continuous: Which of them turn without end.
@@ -95,21 +155,16 @@ def narrowed_limits(
         description: The tree.
         followers: From ``joint_followers``.
     """
-    lower, upper, endless = limits.lower.copy(), limits.upper.copy(), list(continuous)
-    rates: dict[str, Array] = {name: getattr(limits, name).copy() for name in _RATES}
+    rows, endless = {name: np.array(getattr(limits, name)) for name in JointRoom._fields}, []
     for name, (leader, multiplier, offset) in followers.items():
-        j, joint = joints.index(leader), description.joints[name]
-        own = _allowed(joint, multiplier, offset)
-        if own is not None:
-            low, high = max(float(lower[j]), own[0]), min(float(upper[j]), own[1])
-            if low < high:
-                lower[j], upper[j] = low, high
-                endless[j] = endless[j] and math.isinf(low) and math.isinf(high)
-        for quantity in _RATES:
-            rate = getattr(joint, quantity) / abs(multiplier)
-            if rate > 0.0:
-                rates[quantity][j] = np.fmin(rates[quantity][j], rate)
-    return replace(limits, lower=lower, upper=upper, **rates), endless
+        j = joints.index(leader)
+        room = JointRoom(*(float(row[j]) for row in rows.values()))
+        room = room.within(description.joints[name], multiplier, offset)
+        for row, value in zip(rows.values(), room, strict=True):
+            row[j] = value
+    for j, turns in enumerate(continuous):
+        endless.append(turns and math.isinf(rows["lower"][j]) and math.isinf(rows["upper"][j]))
+    return replace(limits, **rows), endless
 
 
 def _allowed(

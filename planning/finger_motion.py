@@ -1,5 +1,6 @@
 """Motion of a gripper's fingers while the arm stands still, as a value."""
 
+import math
 from dataclasses import dataclass, field
 from types import MappingProxyType
 
@@ -8,8 +9,8 @@ import numpy as np
 from kinematics.fingers import Fingers, Positions
 from kinematics.trajectory import Trajectory
 
-#: Largest speed of 10 s^3 - 15 s^4 + 6 s^5 for s from 0 to 1.
-PEAK_SPEED = 1.875
+#: Largest first, second and third derivative of 10 s^3 - 15 s^4 + 6 s^5 for s from 0 to 1.
+_PEAKS = (1.875, 10.0 / math.sqrt(3.0), 60.0)
 _PROFILE = np.array([0.0, 0.0, 0.0, 10.0, -15.0, 6.0])
 
 
@@ -63,10 +64,11 @@ class FingerMotion:
 
 
 def least_duration(fingers: Fingers, first: Positions, last: Positions) -> float:
-    """Least duration of a motion with the speeds that the joints may have [s]."""
-    times = [
-        PEAK_SPEED * abs(finger.position(last) - finger.position(first)) / finger.joint.velocity
-        for finger in fingers.joints
-        if finger.leader == finger.joint.name and finger.joint.velocity > 0.0
-    ]
-    return max(times, default=0.0)
+    """Least duration of a motion within the limits of all joints that move [s]."""
+    least = 0.0
+    for name, at in first.items():
+        way, (_, _, *rates) = abs(last[name] - at), fingers.room(name)
+        for order, (peak, rate) in enumerate(zip(_PEAKS, rates, strict=True), 1):
+            if rate > 0.0:
+                least = max(least, (peak * way / rate) ** (1.0 / order))
+    return least

@@ -18,6 +18,7 @@ from planning.deadline import Deadline
 from planning.finger_motion import FingerMotion
 from planning.limits import RATIO_TOLERANCE
 from planning.proof.certificate import Certificate, certify
+from planning.proof.limits import QUANTITIES
 from planning.proof.violation import Violation
 
 #: Parts in which solids are grown by less are not halved any more [m].
@@ -110,24 +111,30 @@ def _with_limits(certificate: Certificate, motion: FingerMotion) -> Certificate:
 
 
 def _limit_violation(motion: FingerMotion) -> Violation | None:
-    """The first joint of the gripper that leads and is beyond a limit."""
-    trajectory = motion.trajectory
-    position, speed = trajectory.extrema(0), trajectory.extrema(1)
-    for i, finger in enumerate(motion.fingers.moving(motion.leaders)):
-        joint = finger.joint
-        if finger.leader != joint.name:
+    """The first joint that leads and is beyond its limits or those of joints that follow it."""
+    found = [motion.trajectory.extrema(order) for order in range(len(QUANTITIES))]
+    for i, name in enumerate(motion.names):
+        if name not in motion.leaders:
             continue
-        low, high = float(position.minimum[i]), float(position.maximum[i])
-        lower, upper = joint.range
-        if low < lower - RATIO_TOLERANCE or high > upper + RATIO_TOLERANCE:
-            time = position.time_of_minimum if low < lower else position.time_of_maximum
-            return _beyond("position", joint.name, float(time[i]), (low, high))
-        fastest = float(max(abs(speed.minimum[i]), abs(speed.maximum[i])))
-        if fastest > joint.velocity * (1.0 + RATIO_TOLERANCE):
-            return _beyond("velocity", joint.name, 0.5 * motion.duration, (fastest, joint.velocity))
+        lower, upper, *rates = motion.fingers.room(name)
+        ranges = [(lower, upper), *((-rate, rate) for rate in rates)]
+        for quantity, ends, (low, high) in zip(QUANTITIES, found, ranges, strict=True):
+            spare = RATIO_TOLERANCE * (1.0 if quantity == "position" else high)
+            least, most = float(ends.minimum[i]), float(ends.maximum[i])
+            # Not a number where there is no such limit: then neither is so.
+            if least < low - spare or most > high + spare:
+                below = low - least > most - high
+                time = float((ends.time_of_minimum if below else ends.time_of_maximum)[i])
+                return _beyond(quantity, name, time, (least, most), (low, high))
     return None
 
 
-def _beyond(kind: str, joint: str, time: float, values: tuple[float, float]) -> Violation:
-    message = f"joint {joint!r} of the gripper is beyond its limit of {kind}"
-    return Violation(kind, time, message, {"joint": joint, "values": list(values)})
+def _beyond(
+    kind: str, joint: str, time: float, values: tuple[float, float], limits: tuple[float, float]
+) -> Violation:
+    message = (
+        f"{kind} of joint {joint!r} of the gripper is from {values[0]:.6g} to {values[1]:.6g}, "
+        f"its limits and those of joints that follow it leave {limits[0]:.6g} to {limits[1]:.6g}"
+    )
+    details = {"joint": joint, "values": list(values), "limits": list(limits)}
+    return Violation(kind, time, message, details)

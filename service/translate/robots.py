@@ -306,10 +306,10 @@ def robot_answer(
 
 def _finger_joints(geometry: RobotGeometry) -> dict[str, schema.FingerJoint]:
     """Joints of the gripper that lead, with where the robot holds them."""
-    ranges = {item.joint.name: item.joint.range for item in geometry.fingers.joints}
+    rooms = {name: geometry.fingers.room(name) for name in geometry.fingers.positions}
     return {
         name: schema.FingerJoint(
-            position=at, lower=_finite(ranges[name][0]), upper=_finite(ranges[name][1])
+            position=at, lower=_finite(rooms[name].lower), upper=_finite(rooms[name].upper)
         )
         for name, at in geometry.fingers.positions.items()
     }

@@ -1,6 +1,9 @@
 """The proof of a gripper's motion, against FCL at many instants of it."""
 
+import random
+from fractions import Fraction
 from functools import cache
+from pathlib import Path
 
 import fcl
 import numpy as np
@@ -10,11 +13,12 @@ from scipy.spatial import ConvexHull
 import armwright as aw
 from benchmarks.example_arms import ARMS
 from kinematics.arrays import Array
+from kinematics.errors import InvalidOption
 from kinematics.forward import forward
 from obstacles.finger_geometry import with_fingers
 from obstacles.robot_geometry import RobotGeometry
 from planning.deadline import Deadline
-from planning.finger_motion import FingerMotion
+from planning.finger_motion import FingerMotion, least_duration
 from planning.proof.certificate import Certificate
 from planning.proof.gripper import certify_gripper
 
@@ -106,6 +110,109 @@ def test_margins_and_time_are_held_to() -> None:
     late = certify_gripper(motion, _panda(), _bar(0.065), _HOME, deadline=Deadline.after(0.0))
     assert late.violation is not None
     assert late.violation.kind == "time"
+
+
+_ARM = (
+    '<robot name="g"><link name="base"/><link name="palm"><collision><geometry>'
+    '<sphere radius="0.01"/></geometry></collision></link><joint name="turn" type="revolute">'
+    '<parent link="base"/><child link="palm"/><axis xyz="0 0 1"/>'
+    '<limit lower="-3" upper="3" velocity="1" effort="1"/></joint><link name="tcp"/>'
+    '<joint name="end" type="fixed"><parent link="palm"/><child link="tcp"/></joint>'
+)
+_FINGER = (
+    '<link name="{0}_link"/><joint name="{0}" type="prismatic"><parent link="palm"/>'
+    '<child link="{0}_link"/><axis xyz="0 1 0"/><limit effort="1" {1}/>{2}</joint>'
+)
+_MIMIC = '<mimic joint="{}" multiplier="{}" offset="{}"/>'
+#: Largest derivatives of 10 s^3 - 15 s^4 + 6 s^5.
+_PROFILE = {"velocity": 1.875, "acceleration": 10.0 / 3.0**0.5, "jerk": 60.0}
+_Limits = dict[str, Fraction]
+
+
+def _gripper(fingers: str, folder: Path) -> RobotGeometry:
+    file = folder / "gripper.urdf"
+    file.write_text(f"{_ARM}{fingers}</robot>", "utf-8")
+    return aw.load_robot(file, tip_link="tcp")
+
+
+def _written(name: str, limits: _Limits, mimic: str = "") -> str:
+    given = " ".join(f'{quantity}="{float(value)!r}"' for quantity, value in limits.items())
+    return _FINGER.format(name, given, mimic)
+
+
+def test_a_finger_that_follows_keeps_its_limits(tmp_path: Path) -> None:
+    slide = {"lower": Fraction(0), "upper": Fraction("0.04"), "velocity": Fraction("0.1")}
+    mimic = _MIMIC.format("left", 2, 0)
+    robot = _gripper(_written("left", slide) + _written("right", slide, mimic), tmp_path)
+    for last, duration, kind in (
+        (0.02, 0.75, None), (0.02, 0.74, "velocity"), (0.021, 9.0, "position")
+    ):  # fmt: skip
+        motion = FingerMotion(robot.fingers, {"left": 0.0}, {"left": last}, duration)
+        certificate = certify_gripper(motion, robot, aw.Scene([]), np.zeros(1))
+        assert certificate.verified is (kind is None)
+        assert kind is None or certificate.violation is not None
+        if certificate.violation is not None:
+            assert certificate.violation.kind == kind
+    with pytest.raises(InvalidOption, match=r"outside its limits \[0, 0.02\]"):
+        with_fingers(robot, {"left": 0.03})
+    assert any("narrow those of 'left' to [0, 0.02]" in line for line in robot.lint)
+
+
+def test_followers_narrow_their_leader_as_exact_arithmetic_says(tmp_path: Path) -> None:
+    """Lines of mimics with offsets and signs, each joint held to the numbers of its own line."""
+    chance, verdicts = random.Random(4), set()
+    for _ in range(30):
+        joints, how = _linkage(chance)
+        text = "".join(_written(name, joints[name], mimic) for name, (mimic, _, _) in how.items())
+        robot = _gripper(text, tmp_path)
+        room = [
+            sorted((limit - b) / m for limit in (joints[name]["lower"], joints[name]["upper"]))
+            for name, (_, m, b) in how.items()
+        ]
+        low, high = max(ends[0] for ends in room), min(ends[1] for ends in room)
+        if low >= high:
+            continue
+        first = low + (high - low) * Fraction(chance.randrange(101), 100)
+        last = low + (high - low) * Fraction(chance.randrange(-20, 121), 100)
+        least = max(
+            (peak * float(abs(m * (last - first)) / joints[name][quantity])) ** (1.0 / order)
+            for name, (_, m, _) in how.items()
+            for order, (quantity, peak) in enumerate(_PROFILE.items(), 1)
+        )
+        duration = least * chance.choice([0.9, 0.999, 1.001, 1.3]) + 1e-6
+        ends = {"f0": float(first)}, {"f0": float(last)}
+        motion = FingerMotion(robot.fingers, *ends, duration)
+        wanted = low <= last <= high and duration >= least
+        proved = certify_gripper(motion, robot, aw.Scene([]), np.zeros(1)).verified
+        assert proved is wanted
+        verdicts.add(proved)
+        assert least_duration(robot.fingers, *ends) == pytest.approx(least, rel=1e-9)
+    assert verdicts == {True, False}
+
+
+def _linkage(
+    chance: random.Random,
+) -> tuple[dict[str, _Limits], dict[str, tuple[str, Fraction, Fraction]]]:
+    """Limits of fingers by name, and how each follows f0: its mimic, multiplier and offset."""
+    joints = {"f0": _drawn(chance, Fraction(chance.randrange(-3, 1), 50), Fraction(1, 20))}
+    how = {"f0": ("", Fraction(1), Fraction(0))}
+    for k in range(1, chance.randrange(2, 5)):
+        above = chance.choice(list(how))
+        m = Fraction(chance.choice([-1, 1]) * chance.randrange(3, 30), 10)
+        b = Fraction(chance.randrange(-5, 6), 100)
+        _, by, shift = how[above]
+        how[f"f{k}"] = _MIMIC.format(above, float(m), float(b)), m * by, m * shift + b
+        ends = sorted(m * by * joints["f0"][end] + m * shift + b for end in ("lower", "upper"))
+        inset = [(ends[1] - ends[0]) * Fraction(chance.randrange(-30, 31), 100) for _ in ends]
+        joints[f"f{k}"] = _drawn(chance, ends[0] + inset[0], ends[1] - inset[1])
+    return joints, how
+
+
+def _drawn(chance: random.Random, low: Fraction, high: Fraction) -> _Limits:
+    rates = {name: Fraction(chance.randrange(5, 200), 100) for name in _PROFILE}
+    rates["acceleration"] *= 10
+    rates["jerk"] *= 100
+    return {"lower": low, "upper": high, **rates}
 
 
 @pytest.mark.parametrize(
