@@ -11,6 +11,8 @@ from kinematics.srdf import Semantics
 _ARM_GROUPS = ("arm", "manipulator")
 #: So many ends are named in a lint or a hint.
 _NAMED_ENDS = 12
+#: Joints of several freedoms.
+_FREE = ("floating", "planar")
 
 
 @dataclass(frozen=True, slots=True)
@@ -129,13 +131,20 @@ def _carries_joint(description: RobotDescription, link: str) -> bool:
 
 
 def _below_free_joints(description: RobotDescription, tip: str) -> str:
-    """The first link on the way to the tip that no floating or planar joint lies before."""
-    link, start = tip, None
-    while (joint := description.parent_joint(link)) is not None:
-        if joint.type in ("floating", "planar"):
-            start = start or joint.child
-        link = joint.parent
-    return start or description.root
+    """The first link on the way to the tip that no floating or planar joint lies before.
+
+    Raises:
+        InvalidRobotDescription: No joint below such a joint moves, or one above it does: a chain
+            that began below it would not be the arm.
+    """
+    way = _way_to_root(description, tip)
+    free = next((k for k, joint in enumerate(way) if joint.type in _FREE), None)
+    if free is None:
+        return description.root
+    below, above = way[:free], way[free + 1 :]
+    if any(joint.moves for joint in above) or not any(joint.moves for joint in below):
+        raise _not_of_a_chain(way[free], description.root, tip)
+    return way[free].child
 
 
 def joints_between(description: RobotDescription, base: str, tip: str) -> list[JointDescription]:
@@ -190,17 +199,27 @@ def _way_to_root(description: RobotDescription, link: str) -> list[JointDescript
 
 
 def _check_joint(joint: JointDescription, base: str, tip: str) -> None:
-    where = f"joint {joint.name!r} lies between {base!r} and {tip!r}"
-    if joint.type in ("floating", "planar"):
-        raise InvalidRobotDescription(
-            f"{where} and is {joint.type}: only revolute, continuous, prismatic and fixed joints "
-            "can be part of a chain",
-            hint=f"Start the chain below it: base_link {joint.child!r}.",
-            joint=joint.name,
-        )
+    if joint.type in _FREE:
+        raise _not_of_a_chain(joint, base, tip)
     if joint.mimic is not None and joint.moves:
         raise InvalidRobotDescription(
-            f"{where} and mimics {joint.mimic.joint!r}: each joint of a chain must move on its own",
+            f"{_place(joint, base, tip)} and mimics {joint.mimic.joint!r}: each joint of a chain "
+            "must move on its own",
             hint="Choose a tip_link above it.",
             joint=joint.name,
         )
+
+
+def _not_of_a_chain(joint: JointDescription, base: str, tip: str) -> InvalidRobotDescription:
+    """The error of a floating or planar joint."""
+    return InvalidRobotDescription(
+        f"{_place(joint, base, tip)} and is {joint.type}, which is not supported: only revolute, "
+        "continuous, prismatic and fixed joints can be part of a chain",
+        hint=f"Start the chain below it (base_link {joint.child!r}), end it above it (tip_link "
+        f"{joint.parent!r}), or describe its freedoms as revolute and prismatic joints.",
+        joint=joint.name,
+    )
+
+
+def _place(joint: JointDescription, base: str, tip: str) -> str:
+    return f"joint {joint.name!r} lies between {base!r} and {tip!r}"

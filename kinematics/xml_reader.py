@@ -37,8 +37,8 @@ _FED_AT_ONCE = 65_536
 
 #: Elements of xacro that only define what others may use.
 _XACRO_DEFINITIONS = ("property", "arg")
-#: What begins a use of them.
-_XACRO_USES = ("${", "$(")
+#: What begins a use of them; a finished URDF may have kept the second in file names.
+_USES = ("${", "$(")
 
 #: XML's decimal numbers; Python's float() would also take "nan", "1_0" and other digits.
 _NUMBER = re.compile(r"[+-]?(\d+(\.\d*)?|\.\d+)([eE][+-]?\d+)?", re.ASCII)
@@ -86,8 +86,7 @@ def read_robot(text: str | bytes, what: str) -> Element:
         )
     root = read_document(text.lstrip(), what)
     namespace = root.tag[: root.tag.rindex("}") + 1] if root.tag.startswith("{") else ""
-    if _strip(root, namespace, what):
-        _check_uses(root, what)
+    _check_uses(root, what, _USES if _strip(root, namespace, what) else _USES[:1])
     if root.tag != "robot":
         raise InvalidRobotDescription(
             f"the root element of the {what} is <{root.tag}>, it must be <robot>",
@@ -116,6 +115,8 @@ def read_document(text: str | bytes, what: str) -> Element:
             hint="Take the <!DOCTYPE> out; entities are never expanded here.",
         ) from None
     except (ParseError, ValueError, LookupError) as error:
+        if (prefix := re.search(r"<(xacro:\w+)", _readable(text))) is not None:
+            raise _unexpanded(what, f"<{prefix[1]}>") from None
         raise InvalidRobotDescription(
             f"the {what} is no well-formed XML: {error}",
             hint="It may have been cut off, or be an unexpanded xacro file.",
@@ -147,12 +148,17 @@ def _strip(element: Element, namespace: str, what: str) -> bool:
     return defines
 
 
-def _check_uses(root: Element, what: str) -> None:
+def _check_uses(root: Element, what: str, uses: tuple[str, ...]) -> None:
     """Refuse attributes that only xacro works out."""
     for element in root.iter():
         for name, value in element.attrib.items():
-            if any(use in value for use in _XACRO_USES):
+            if any(use in value for use in uses):
                 raise _unexpanded(what, f"{name}={value[:80]!r} of <{element.tag}>")
+
+
+def _readable(text: str | bytes) -> str:
+    """The text, whatever its encoding, to look for names in."""
+    return text if isinstance(text, str) else text.decode("utf-8", "replace")
 
 
 def _unexpanded(what: str, found: str) -> InvalidRobotDescription:

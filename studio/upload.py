@@ -27,4 +27,9 @@ def robot_upload(
     if suffix.lower() in ("urdf", "xml"):
         text = content.decode("utf-8")
         return RobotUpload(name=stem, urdf=text, tip_link=tip_link, default_limits=_RULES)
+    if suffix.lower() == "xacro":
+        raise ValueError(
+            f"{file_name} is a xacro file, of which a URDF is made: expand it first "
+            f"(`xacro {file_name} > robot.urdf`), and give the result"
+        )
     raise ValueError(f"{file_name}: give a .urdf, or a .zip with the URDF and its meshes")

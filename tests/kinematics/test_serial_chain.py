@@ -216,6 +216,25 @@ def test_free_joints_only_off_the_chain(type_: str) -> None:
         serial_chain(description, base_link="base", held={"free": 0.0})
 
 
+@pytest.mark.parametrize("type_", ["floating", "planar"])
+@pytest.mark.parametrize("types", ["F", "RF", "FX", "RFR", "PXF", "RXFXR"])
+def test_free_joints_on_the_way_to_the_tip_are_refused_by_their_name(
+    types: str, type_: str
+) -> None:
+    names = {"F": type_, "R": "continuous", "P": "prismatic", "X": "fixed"}
+    links = "".join(f'<link name="l{i}"/>' for i in range(len(types) + 1))
+    joints = "".join(
+        f'<joint name="{kind}{i}" type="{names[kind]}"><parent link="l{i}"/>'
+        f'<child link="l{i + 1}"/></joint>'
+        for i, kind in enumerate(types)
+    )
+    with pytest.raises(InvalidRobotDescription) as error:
+        select(parse_urdf(f"<robot>{links}{joints}</robot>"))
+    assert f"'F{types.index('F')}'" in error.value.message
+    assert f"is {type_}, which is not supported" in error.value.message
+    assert error.value.details["joint"] == f"F{types.index('F')}"
+
+
 def test_long_chains_are_refused() -> None:
     count = MAX_JOINTS + 1
     links = "".join(f'<link name="{i}"/>' for i in range(count + 1))

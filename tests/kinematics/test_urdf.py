@@ -82,7 +82,7 @@ FAULTS: dict[str, tuple[str, list[str]]] = {
     "long origin": (arm(origin='<origin xyz="0 0 0 1"/>'), ["'swing'", "3 number"]),
     "worded origin": (arm(origin='<origin xyz="0 zero 0"/>'), ["'swing'", "zero"]),
     "python number": (arm(origin='<origin xyz="0 1_0 0"/>'), ["'swing'", "1_0"]),
-    "unexpanded": (arm(origin='<origin xyz="0 ${d} 0"/>'), ["'swing'", "${d}"]),
+    "unexpanded": (arm(origin='<origin xyz="0 ${d} 0"/>'), ["xacro", "${d}"]),
     "astronomic origin": (arm(origin='<origin xyz="0 0 1e300"/>'), ["'swing'", "units"]),
     "wrong quaternion": (arm(origin='<origin quat_xyzw="0 0 0 2"/>'), ["'swing'", "norm"]),
     "two rotations": (arm(origin='<origin rpy="0 0 0" quat_xyzw="0 0 0 1"/>'), ["both"]),

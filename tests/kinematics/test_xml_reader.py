@@ -63,6 +63,20 @@ def test_xacro_is_named_however_deep_it_is(prefix: str) -> None:
     refused(text, "unexpanded xacro file: it has <xacro:if>")
 
 
+@pytest.mark.parametrize(
+    "text",
+    [
+        "<robot><xacro:include filename='arm.xacro'/></robot>",  # its prefix is not declared
+        b"<robot name='a'><link name='x'/><xacro:arm prefix=''/></robot>",
+        "<robot><link name='${prefix}link'/></robot>",
+    ],
+)
+def test_xacro_is_named_where_nothing_declares_it(text: str | bytes) -> None:
+    with pytest.raises(InvalidRobotDescription, match="unexpanded xacro file") as raised:
+        read_robot(text, "URDF")
+    assert "`xacro robot.urdf.xacro > robot.urdf`" in (raised.value.hint or "")
+
+
 def test_definitions_of_xacro_that_nothing_uses_are_taken_out() -> None:
     text = (
         '<robot xmlns:xacro="http://www.ros.org/wiki/xacro"><xacro:property name="size" value="1"/>'
