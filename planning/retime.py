@@ -111,7 +111,7 @@ def retime(
     if len(merged) < 2:
         rest = ScaledTime(stay(names, points[0]), 1.0)
         note = f"The path has no length: the robot stays where it is for {REST:g} s."
-        return _certify_retimed(rest, parametrization, limits, (note,), begins)
+        return _certify_retimed(rest, parametrization, chain, (note,), begins)
     interpolation = timing.interpolation or _usual(timing)
     notes = _notes(points, interpolation, timing)
     if not method.follows_path:
@@ -133,7 +133,7 @@ def retime(
         timed = timed._replace(factor=1.0)
     if method.jerk is JerkUse.UNUSED and "jerk" in overrides:
         notes += ("The method toppra does not limit jerk: jerk_limited does.",)
-    return _certify_retimed(timed, parametrization, limits, notes, begins)
+    return _certify_retimed(timed, parametrization, chain, notes, begins)
 
 
 def _with_method(timing: TimingOptions) -> TimingOptions:
@@ -209,12 +209,12 @@ def _spline_notes(motion: Trajectory, ends: Ends) -> tuple[str, ...]:
 def _certify_retimed(
     timed: ScaledTime,
     parametrization: TimeParametrization,
-    limits: Limits,
+    chain: Chain | None,
     notes: tuple[str, ...],
     begins: float = 0.0,
 ) -> Retimed:
     wanted = MotionLimits(parametrization.bounds, parametrization.loads)
-    certificate = certify_limits(timed.trajectory, limits, wanted)
+    certificate = certify_limits(timed.trajectory, chain, wanted)
     bounds = {} if parametrization.method.follows_path else parametrization.bounds
     unknown = [name for name, row in bounds.items() if np.isinf(row).all()]
     if unknown:

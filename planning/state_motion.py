@@ -54,7 +54,7 @@ def time_states(
     parametrization = chosen_parametrization(timing, names, limits, overrides, chain)
     bounds = np.stack([parametrization.bounds[q] for q in ("velocity", "acceleration", "jerk")])
     motion = state_to_state(names, *states, bounds, synchronization)
-    certificate = certify_limits(motion, limits, MotionLimits(parametrization.bounds))
+    certificate = certify_limits(motion, chain, MotionLimits(parametrization.bounds))
     notes: tuple[str, ...] = ()
     if synchronization == "phase" and not _is_straight(motion, states):
         notes = ("The states allow no straight line: the joints arrive together, on a curve.",)

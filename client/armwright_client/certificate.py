@@ -81,12 +81,41 @@ class Proved(Answer):
     reasons: list[str] = Field(default_factory=list)
 
 
+class Premises(Answer):
+    """What a certificate holds for: of another robot, scene or load it says nothing.
+
+    Args:
+        robot: Name of the robot; None for limits given without one.
+        robot_hash: Of the content of the robot with what it holds and its fingers where they stand;
+            of its chain alone where collisions were not looked at.
+        scene: Name of the stored scene; None for any other.
+        scene_hash: Of the content of the obstacles that are not held, and of the pairs that may
+            touch; None where collisions were not looked at.
+        obstacles: How many these obstacles are.
+        attached: Names of the objects that the robot holds.
+        tool: The link whose frame poses of the tool are of.
+        margin: Kept from obstacles beyond their own margins [m].
+        open_meshes: Meshes taken as open: their inside is not solid.
+    """
+
+    robot: str | None
+    robot_hash: str | None
+    scene: str | None
+    scene_hash: str | None
+    obstacles: int
+    attached: list[str]
+    tool: str | None
+    margin: float
+    open_meshes: list[str] = Field(default_factory=list)
+
+
 class Certificate(InFrame):
     """The proof that a motion is valid at every instant, or the first violation.
 
     Args:
         verified: Whether all that the request names was proved.
         proved: Which parts were, and why others were not.
+        premises: What all of this holds for; None in answers of older versions.
         min_clearance: A lower bound of the distances for every t [m]; None with nothing to hit.
         clearance_pair: The two that come closest.
         min_obstacle_clearance: The bound from obstacles alone [m]; None without any.
@@ -107,6 +136,7 @@ class Certificate(InFrame):
 
     verified: bool
     proved: Proved
+    premises: Premises | None = None
     min_clearance: float | None = None
     clearance_pair: tuple[str, str] | None = None
     min_obstacle_clearance: float | None = None

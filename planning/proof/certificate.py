@@ -10,12 +10,12 @@ touches or nearly so, FCL decides.
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
 from kinematics.bounded_cache import bounded_cache
-from kinematics.chain import Limits
+from kinematics.chain import Chain, Limits
 from kinematics.trajectory import Trajectory
 from obstacles.robot_geometry import RobotGeometry
 from obstacles.scene import Scene
@@ -26,6 +26,7 @@ from planning.proof.collision_proof import CollisionProof
 from planning.proof.constraint_limits import constrained_efforts, constrained_margin
 from planning.proof.constraints import ConstraintReport, check_motion
 from planning.proof.limits import LimitReport, check_continuity, check_limits
+from planning.proof.premises import Premises
 from planning.proof.sweep_state import OBSTACLE, OWN
 from planning.proof.tool_box import BoxUse, check_tool_boxes
 from planning.proof.tool_deviation import PathDeviation, check_tool_motions
@@ -75,6 +76,7 @@ class Certificate:
         self_pair: The same of the robot's own links and what it holds.
         tool_box: How much the tool uses of the tolerances of its motions, where they have some.
         tool_speed: How well it keeps to its band of speed, where it has one.
+        premises: The robot, the scene and the margin that all this holds for.
     """
 
     verified: bool
@@ -94,6 +96,7 @@ class Certificate:
     self_pair: tuple[str, str] | None = None
     tool_box: BoxUse | None = None
     tool_speed: SpeedUse | None = None
+    premises: Premises = field(default_factory=Premises)
 
     @property
     def path_constraint_residual(self) -> float | None:
@@ -185,21 +188,23 @@ def certify(
         self_pair=own_pair,
         tool_box=box,
         tool_speed=speed,
+        premises=Premises.of_cell(robot, scene, margin),
     )
 
 
 def certify_limits(
     trajectory: Trajectory,
-    limits: Limits,
+    chain: Chain | None,
     wanted: MotionLimits,
 ) -> Certificate:
     """Prove that a trajectory keeps its limits; collisions are not part of the proof.
 
     Args:
         trajectory: The motion.
-        limits: Limits of its joints.
+        chain: The robot, whose limits hold; None where there is none.
         wanted: Limits in place of them.
     """
+    limits = Limits.unlimited(len(trajectory.joint_names)) if chain is None else chain.limits
     reports, wrong = check_limits(trajectory, limits, wanted)
     if not (np.isfinite(limits.lower) | np.isfinite(limits.upper)).any():
         del reports["position"]
@@ -218,6 +223,7 @@ def certify_limits(
         cells=0,
         violation=first,
         proved=Proved(first is None, False, _reasons(wrong, NOTHING_KNOWN)),
+        premises=Premises.of_limits(chain),
     )
 
 

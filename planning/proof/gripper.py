@@ -19,6 +19,7 @@ from planning.finger_motion import FingerMotion
 from planning.limits import RATIO_TOLERANCE
 from planning.proof.certificate import Certificate, certify
 from planning.proof.limits import QUANTITIES
+from planning.proof.premises import Premises
 from planning.proof.violation import Violation
 
 #: Parts in which solids are grown by less are not halved any more [m].
@@ -61,9 +62,13 @@ def certify_gripper(
         middle = 0.5 * (share[0] + share[1])
         if part.violation.kind not in ("collision", "undecided") or growth < _LEAST_GROWTH:
             wrong = _in_part(part.violation, motion, share)
-            return _with_limits(replace(reduce(_worst, proved, part), violation=wrong), motion)
+            proved.append(replace(part, violation=wrong))
+            break
         parts += [(middle, share[1]), (share[0], middle)]
-    return _with_limits(reduce(_worst, proved), motion)
+    # The parts are proved of covers of the robot.
+    premises = Premises.of_cell(robot, scene, proved[-1].premises.margin)
+    whole = replace(reduce(_worst, proved), violation=proved[-1].violation, premises=premises)
+    return _with_limits(whole, motion)
 
 
 def _worst(one: Certificate, other: Certificate) -> Certificate:

@@ -66,11 +66,36 @@ class ProvedAnswer(Answer):
     reasons: list[str] = Field(description="why a part is not proved")
 
 
+class PremisesAnswer(Answer):
+    """What a certificate holds for: of another robot, scene or load it says nothing."""
+
+    robot: str | None = Field(description="name of the robot; null for limits given without one")
+    robot_hash: str | None = Field(
+        description="content hash of the robot with what it holds and its fingers where they "
+        "stand; of its chain alone where collisions were not looked at"
+    )
+    scene: str | None = Field(description="name of the stored scene; null for any other")
+    scene_hash: str | None = Field(
+        description="content hash of the obstacles that are not held, and of the pairs that may "
+        "touch; null where collisions were not looked at"
+    )
+    obstacles: int = Field(description="how many these obstacles are")
+    attached: list[str] = Field(description="names of the objects that the robot holds")
+    tool: str | None = Field(description="the link whose frame poses of the tool are of")
+    margin: float = Field(description="kept from obstacles beyond their own margins [m]")
+    open_meshes: list[str] = Field(
+        default_factory=list, description="meshes taken as open: their inside is not solid"
+    )
+
+
 class CertificateAnswer(Answer):
     """The proof that a motion is valid at every instant, or the first violation."""
 
     verified: bool = Field(description="all that the request names is proved")
     proved: ProvedAnswer
+    premises: PremisesAnswer | None = Field(
+        None, description="what all of this holds for; null in answers of older versions"
+    )
     min_clearance: float | None = Field(
         description="a lower bound for every t [m]; null with nothing to hit"
     )

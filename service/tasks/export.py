@@ -45,7 +45,7 @@ def export(
             "Allow more time with the field timeout.",
             {"stage": "certificate"},
         )
-    certificate = certificates.certificate_answer(written.certificate, begins)
+    certificate = certificates.certificate_answer(written.certificate, begins, body.scene)
     certificate["allowed_collisions"] = cell.allowed
     deviation = written.joint_deviation
     answer = {

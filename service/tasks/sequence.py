@@ -2,7 +2,6 @@
 
 import hashlib
 from collections.abc import Mapping
-from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -30,6 +29,7 @@ from service.tasks.answer import in_frame, reports_cache_miss
 from service.tasks.attached_objects import attachment, requested_scene
 from service.tasks.plan import versions
 from service.tasks.result import CacheMiss, TaskProblem, timed_out
+from service.tasks.stage_cells import moved, stage_cells, task_objects
 from service.translate import certificates, poses, problems, sequences, trajectories
 from service.workers import current
 from service.workers.task import GRACE, task
@@ -54,11 +54,11 @@ def plan_sequence(
         ArmwrightError: The request is at fault.
     """
     body = TaskRequest.model_validate_json(content)
-    geometry = worker_cache.robot(robot).geometry
-    start = _start(body, geometry)
-    around = requested_scene(scene, body, geometry.chain, start)
-    geometry = with_fingers(geometry, body.fingers or {})
-    world = _world(body, geometry, _moved(around, body))
+    alone = worker_cache.robot(robot).geometry
+    start = _start(body, alone)
+    around = requested_scene(scene, body, alone.chain, start)
+    geometry = with_fingers(alone, body.fingers or {})
+    world = _world(body, geometry, moved(around, body))
     remaining = min(current.deadline().remaining, MAX_TIMEOUT)
     if not remaining > 0.0:
         return timed_out("the search began", "task")
@@ -73,7 +73,13 @@ def plan_sequence(
         return TaskProblem(
             outcome.code, outcome.message, outcome.hint, _failure_details(asked, outcome)
         )
-    return to_json(_answer(outcome, asked, body), inf_nan_mode="null")
+    answer = _answer(outcome, asked, body)
+    stages = answer["stages"]
+    cells = stage_cells(stages, alone, task_objects(alone, around, body), body.fingers or {})
+    for plan, stage, cell in zip(outcome.stages, stages, cells, strict=True):
+        premises = cell.premises(plan.certificate.premises.margin)
+        stage["certificate"]["premises"] = certificates.premises_answer(premises, body.scene)
+    return to_json(answer, inf_nan_mode="null")
 
 
 def _start(body: TaskRequest, robot: RobotGeometry) -> Array:
@@ -83,23 +89,6 @@ def _start(body: TaskRequest, robot: RobotGeometry) -> Array:
     if body.start.state is not None:
         return np.array(state(robot.states, body.start.state, "start.state"))
     return np.asarray(chain.configuration(body.start.joints or [], "start.joints").reshape(chain.n))
-
-
-def _moved(scene: Scene, body: TaskRequest) -> Scene:
-    """The scene with the objects that stand elsewhere by now.
-
-    Raises:
-        InvalidObjectName: The scene has no such obstacle.
-    """
-    if not body.objects:
-        return scene
-    places = {item.id: poses.transform(item.pose) for item in body.objects}
-    for name in places:
-        scene.obstacle(name)
-    obstacles = tuple(
-        replace(o, T_world_obstacle=places[o.id]) if o.id in places else o for o in scene.obstacles
-    )
-    return Scene(obstacles, scene.allowed_collisions)
 
 
 def _world(body: TaskRequest, robot: RobotGeometry, scene: Scene) -> World:

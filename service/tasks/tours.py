@@ -47,7 +47,7 @@ def tour(
     outcome = plan_tour(problem, options, current.report)
     if isinstance(outcome, Failure):
         return _refusal(outcome)
-    answer = tour_answer(outcome, problem, body.timing.sample_period)
+    answer = tour_answer(outcome, problem, body.timing.sample_period, body.scene)
     surroundings = _surroundings(body, cell, deterministic=outcome.deterministic)
     return to_json(answer | surroundings, inf_nan_mode="null")
 

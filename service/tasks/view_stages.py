@@ -1,20 +1,16 @@
 """Stages of kept tasks and legs of kept tours on one timeline, for their pages."""
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import replace
 from typing import Any, NamedTuple
 
 import numpy as np
 
-from kinematics.arrays import Array
 from kinematics.named_states import state
 from kinematics.trajectory import Trajectory
 from obstacles.finger_geometry import with_fingers
 from obstacles.robot_geometry import RobotGeometry
 from obstacles.scene import Obstacle, Scene
-from service.schemas.attached import Attached
 from service.schemas.plan import TrajectoryBody
-from service.schemas.pose import Pose
 from service.schemas.sequence import TaskRequest
 from service.schemas.tour import TourRequest
 from service.storage import worker_cache
@@ -22,11 +18,11 @@ from service.storage.cache_key import Reference
 from service.tasks.attached_objects import (
     RobotInScene,
     attach,
-    attachment,
     requested_scene,
     robot_in_scene,
 )
-from service.translate import poses, trajectories
+from service.tasks.stage_cells import StageCell, moved, stage_cells, task_objects, told_transform
+from service.translate import trajectories
 from service.translate.tours import configuration
 from service.viewer.document import Carrier, carrier_document
 from service.viewer.timeline import Part, finger_tracks, joined, joined_curves
@@ -109,18 +105,16 @@ def _task_world(
     geometry = worker_cache.robot(robot).geometry
     start = np.array(task_start(robot, body))
     around = requested_scene(scene, body, geometry.chain, start)
-    return body, geometry, _objects(geometry, around, body)
+    return body, geometry, task_objects(geometry, around, body)
 
 
 def _parts(
     answer: Mapping[str, Any], geometry: RobotGeometry, around: Scene, body: TaskRequest
 ) -> list[Part]:
     """The stages, each with the fingers where the one before left them."""
-    parts, fingers = [], body.fingers or {}
-    for stage in answer["stages"]:
-        parts.append(_stage_part(stage, geometry, around, fingers))
-        fingers = stage["after"]["fingers"]
-    return parts
+    stages = answer["stages"]
+    cells = stage_cells(stages, geometry, around, body.fingers or {})
+    return [_stage_part(stage, cell) for stage, cell in zip(stages, cells, strict=True)]
 
 
 def tour_shown(
@@ -214,70 +208,29 @@ def task_cell(robot: Reference, scene: Reference | None, body: TaskRequest) -> R
     start = np.array(task_start(robot, body))
     around = requested_scene(scene, body, geometry.chain, start)
     arm = with_fingers(geometry, body.fingers or {})
-    return attach(arm, _replaced(around, body), body.attached, body.allowed_collisions)
+    return attach(arm, moved(around, body), body.attached, body.allowed_collisions)
 
 
 # --------------------------------------------------------------------------------- the objects
 
 
-def _replaced(around: Scene, body: TaskRequest) -> Scene:
-    """The scene with the objects that the request says stand elsewhere."""
-    places = {item.id: poses.transform(item.pose) for item in body.objects or ()}
-    return _with_places(around, places)
-
-
-def _with_places(around: Scene, places: Mapping[str, Array]) -> Scene:
-    obstacles = tuple(
-        replace(item, T_world_obstacle=places[item.id]) if item.id in places else item
-        for item in around.obstacles
+def _stage_part(stage: Mapping[str, Any], cell: StageCell) -> Part:
+    """A stage with what is held in it, which is what is held after it."""
+    moved = stage.get("fingers")
+    return Part(
+        _label(stage),
+        float(stage["begins"]),
+        _motion(stage["trajectory"], cell.last.robot),
+        cell.first.robot,
+        cell.first.scene,
+        None if moved is None else trajectories.named_trajectory(_body(moved)),
+        cell.last.robot,
     )
-    return Scene(obstacles, around.allowed_collisions)
-
-
-def _objects(robot: RobotGeometry, around: Scene, body: TaskRequest) -> Scene:
-    """The scene with all objects of a task, those with a shape of their own among them."""
-    scene = _replaced(around, body)
-    own = {
-        item.id: attachment(robot, scene, item).held
-        for item in body.attached or ()
-        if item.shape is not None
-    }
-    left = tuple(item for item in scene.obstacles if item.id not in own)
-    return Scene((*left, *own.values()), scene.allowed_collisions)
 
 
 def _things(world: Mapping[str, Any]) -> Iterator[Mapping[str, Any]]:
     yield from world["objects"]
     yield from world["attached"]
-
-
-def _stage_part(
-    stage: Mapping[str, Any],
-    robot: RobotGeometry,
-    around: Scene,
-    fingers: Mapping[str, float],
-) -> Part:
-    """A stage with what is held in it, which is what is held after it."""
-    after = stage["after"]
-    places = {item["id"]: _transform(item["pose"]) for item in after["objects"]}
-    held = [
-        Attached.model_validate({name: value for name, value in item.items() if value is not None})
-        for item in after["attached"]
-    ]
-    scene, allowed = _with_places(around, places), stage["certificate"]["allowed_collisions"]
-    first, last = (
-        attach(with_fingers(robot, at), scene, held, allowed) for at in (fingers, after["fingers"])
-    )
-    moved = stage.get("fingers")
-    return Part(
-        _label(stage),
-        float(stage["begins"]),
-        _motion(stage["trajectory"], robot),
-        first.robot,
-        first.scene,
-        None if moved is None else trajectories.named_trajectory(_body(moved)),
-        last.robot,
-    )
 
 
 def _carriers(
@@ -289,16 +242,12 @@ def _carriers(
         joint, T = -1, item.T_world_obstacle
         for placed in stage["after"]["objects"]:
             if placed["id"] == item.id:
-                T = _transform(placed["pose"])
+                T = told_transform(placed["pose"])
         for held in stage["after"]["attached"]:
             if held["id"] == item.id:
                 link = chain.link(held["link"])
-                joint, T = link.joint, link.T_joint_link @ _transform(held["pose"])
+                joint, T = link.joint, link.T_joint_link @ told_transform(held["pose"])
         yield carrier_document(Carrier(float(stage["begins"]), joint, T))
-
-
-def _transform(pose: Mapping[str, Any]) -> Array:
-    return poses.transform(Pose.model_validate(pose))
 
 
 def _motion(trajectory: Mapping[str, Any], robot: RobotGeometry) -> Trajectory:

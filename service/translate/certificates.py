@@ -1,15 +1,26 @@
 """Certificates as answers give them."""
 
 import math
+from dataclasses import asdict
 from typing import Any
 
 from planning.proof.certificate import Certificate
+from planning.proof.premises import Premises
 from planning.proof.tool_speed_band import SpeedUse
+from service.schemas.scene import Scene
 from service.translate.problems import plain
 
 
-def certificate_answer(certificate: Certificate, begins: float = 0.0) -> dict[str, Any]:
-    """A certificate as answers give it, of a trajectory that begins at a time [s]."""
+def certificate_answer(
+    certificate: Certificate, begins: float = 0.0, scene: str | Scene | None = None
+) -> dict[str, Any]:
+    """A certificate as answers give it.
+
+    Args:
+        certificate: The certificate.
+        begins: When its trajectory begins [s].
+        scene: As the request names it.
+    """
     answer: dict[str, Any] = {
         "verified": certificate.verified,
         "proved": {
@@ -17,6 +28,7 @@ def certificate_answer(certificate: Certificate, begins: float = 0.0) -> dict[st
             "collisions": certificate.proved.collisions,
             "reasons": list(certificate.proved.reasons),
         },
+        "premises": premises_answer(certificate.premises, scene),
         "min_clearance": _finite(certificate.min_clearance),
         "clearance_pair": certificate.clearance_pair,
         "min_obstacle_clearance": _finite(certificate.min_obstacle_clearance),
@@ -70,6 +82,11 @@ def certificate_answer(certificate: Certificate, begins: float = 0.0) -> dict[st
             **plain(violation.details),
         }
     return answer
+
+
+def premises_answer(premises: Premises, scene: str | Scene | None) -> dict[str, Any]:
+    """Premises as answers give them, with the name of a stored scene."""
+    return asdict(premises) | {"scene": scene if isinstance(scene, str) else None}
 
 
 def _speed_answer(use: SpeedUse) -> dict[str, float]:

@@ -17,6 +17,7 @@ from planning.tours import problem as domain
 from planning.tours.result import Leg, Tour
 from service.schemas import tour as schema
 from service.schemas.goal import SingleGoal, Start
+from service.schemas.scene import Scene as SceneBody
 from service.translate import certificates, problems, timings, trajectories
 from service.translate.constraints import constraint_set
 from service.translate.frames import (
@@ -108,7 +109,10 @@ def tour_options(body: schema.TourRequest, chain: Chain, timeout: float) -> doma
 
 
 def tour_answer(
-    tour: Tour, problem: domain.TourProblem, sample_period: float | None
+    tour: Tour,
+    problem: domain.TourProblem,
+    sample_period: float | None,
+    scene: str | SceneBody | None = None,
 ) -> dict[str, Any]:
     """The order, the visits and the legs of a tour on the wire."""
     names = problem.names
@@ -133,7 +137,7 @@ def tour_answer(
             for visit in tour.visits
         ],
         "legs": [
-            {"origin": origin, "target": target, "begins": time, **_leg(leg, sample_period)}
+            {"origin": origin, "target": target, "begins": time, **_leg(leg, sample_period, scene)}
             for origin, target, time, leg in zip(origins, targets, begins, tour.legs, strict=True)
         ],
         "unvisited": [
@@ -172,13 +176,13 @@ def _ends_of_legs(tour: Tour, names: Any) -> tuple[list[str | None], list[str | 
     return visited[:count], [*visited, None][1 : count + 1], leaves[:count]
 
 
-def _leg(leg: Leg, sample_period: float | None) -> dict[str, Any]:
+def _leg(leg: Leg, sample_period: float | None, scene: str | SceneBody | None) -> dict[str, Any]:
     length = float(np.linalg.norm(np.diff(leg.waypoints, axis=0), axis=1).sum())
     return {
         "planner": leg.planner,
         "path": {"joints": leg.waypoints.tolist(), "length": length},
         "trajectory": trajectories.trajectory_answer(leg.trajectory, sample_period),
-        "certificate": certificates.certificate_answer(leg.certificate),
+        "certificate": certificates.certificate_answer(leg.certificate, scene=scene),
     }
 
 

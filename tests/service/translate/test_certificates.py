@@ -10,9 +10,11 @@ import pytest
 from planning.proof.certificate import Certificate, Proved
 from planning.proof.constraints import ConstraintReport
 from planning.proof.limits import LimitReport
+from planning.proof.premises import Premises
 from planning.proof.tool_deviation import PathDeviation
 from planning.proof.violation import Violation
 from service.schemas.certificate import CertificateAnswer
+from service.schemas.scene import Scene
 from service.translate.certificates import certificate_answer
 
 VALID = Certificate(
@@ -26,6 +28,7 @@ VALID = Certificate(
     continuity={"position": 1e-12, "velocity": 0.0},
     cells=17,
     proved=Proved(True, True),
+    premises=Premises("arm", "0a", None, "1b", 2, ("cup",), "flange", 0.01),
 )
 REPORTS = (
     ConstraintReport(0, "upright", -0.1, "rad", 0.5, hard=True),
@@ -41,6 +44,17 @@ def test_a_valid_motion_is_answered_with_all_that_was_proved() -> None:
     assert answer() == {
         "verified": True,
         "proved": {"limits": True, "collisions": True, "reasons": []},
+        "premises": {
+            "robot": "arm",
+            "robot_hash": "0a",
+            "scene": None,
+            "scene_hash": "1b",
+            "obstacles": 2,
+            "attached": ("cup",),
+            "tool": "flange",
+            "margin": 0.01,
+            "open_meshes": (),
+        },
         "min_clearance": 0.1,
         "clearance_pair": ("hand", "table"),
         "min_obstacle_clearance": 0.1,
@@ -53,6 +67,12 @@ def test_a_valid_motion_is_answered_with_all_that_was_proved() -> None:
         "path_constraint_residual": None,
         "path_constraints": [],
     }
+
+
+def test_the_name_of_a_stored_scene_is_told_and_no_scene_inside_of_a_request() -> None:
+    assert certificate_answer(VALID, scene="table")["premises"]["scene"] == "table"
+    inline = Scene.model_validate({"obstacles": []})
+    assert certificate_answer(VALID, scene=inline)["premises"]["scene"] is None
 
 
 def test_what_is_not_proved_says_why() -> None:
