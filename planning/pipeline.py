@@ -153,7 +153,9 @@ class _Pipeline:
         if isinstance(answer, Failure):
             return answer
         ended = self._end_off_limits(ready, answer)
-        note = deviation_note(self.problem, ended.path.waypoints[-1])
+        note = None
+        if ready.goals:  # what leads the tool ends where its tolerance lets it
+            note = deviation_note(self.problem, ended.path.waypoints[-1])
         if note is not None:
             ended = replace(ended, notes=(*ended.notes, note))
         times = answer.trajectory.duration, ended.trajectory.duration

@@ -105,7 +105,7 @@ def _plan_parts(
 
 def _last_reached(details: Mapping[str, Any]) -> int | None:
     """The last waypoint that one branch reaches; None where no other branch would help."""
-    if details.get("reason") not in _OTHER_BRANCH:
+    if details.get("reason") not in _OTHER_BRANCH or not details.get("other_branches", True):
         return None
     reached = details.get("reached_waypoint", int(details.get("waypoint", 0)) - 1)
     return int(reached)

@@ -38,12 +38,11 @@ _STARTS = 60
 
 #: What to try, by the reason.
 _HINTS: dict[Reason, str] = {
-    "limit": "Widen the tolerance as would_help says, or move the work or the robot's base.",
-    "singularity": "Widen the tolerance as would_help says, or move the work off the singularity.",
-    "unreachable": "Bring the waypoint nearer, or widen the tolerance as would_help says.",
-    "branch": "Split the seam where the longest part ends, or widen the tolerance as would_help "
-    "says.",
-    "collision": "Move what is in the way, or widen the tolerance as would_help says.",
+    "limit": "Move the work or the robot's base.",
+    "singularity": "Move the work off the singularity.",
+    "unreachable": "Bring the waypoint nearer.",
+    "branch": "Split the seam where the longest part ends.",
+    "collision": "Move what is in the way.",
     "deviation": "Allow a larger max_deviation, or waypoints farther apart.",
     "time": "Allow more time.",
 }
@@ -109,11 +108,43 @@ def explain_search(
             "fraction": float((places.along[layers[last]] - places.along[layers[first]])
                               / places.length),
         },
+        "followable": _followable(places, graph),
+        "other_branches": bool(np.isfinite(graph.costs[graph.of_layer(failing)]).any()),
         **reason.details,
         "would_help": list(_helpful_tolerances(search)) if advise else [],
     }  # fmt: skip
     message = f"the seam can't be followed beyond waypoints[{waypoint}]: {reason.message}"
-    return Failure("PLANNING_FAILED", message, _HINTS[reason.reason], _NAME, details=details)
+    return Failure(
+        "PLANNING_FAILED", message, _hint(reason.reason, details), _NAME, details=details
+    )
+
+
+def _hint(reason: Reason, details: dict[str, Any]) -> str:
+    """What to try, with the parts of the seam that can be followed by themselves."""
+    hint = _HINTS[reason]
+    if details["would_help"]:
+        hint += " Or widen the tolerance as would_help says."
+    parts = [f"{p['from_waypoint']} to {p['to_waypoint']}" for p in details["followable"]]
+    return f"{hint} Waypoints {' and '.join(parts)} can be followed." if parts else hint
+
+
+def _followable(places: SeamPlaces, graph: SeamGraph) -> list[dict[str, int]]:
+    """The parts of a seam that can be followed by themselves, from waypoint to waypoint."""
+    layer = np.repeat(np.arange(len(graph.layers)), np.diff(graph.nodes.firsts))
+    reached = np.isfinite(graph.best)
+    parts: list[dict[str, int]] = []
+    end = -1
+    for first in np.unique(graph.origin[reached]):
+        last = int(layer[reached & (graph.origin == first)].max())
+        if last <= end:
+            continue
+        end, place = last, graph.layers[first]
+        begin, to = int(places.waypoint[place]), int(places.waypoint[graph.layers[last]])
+        if place > 0 and places.waypoint[place - 1] == begin:
+            begin += 1  # the part begins behind that waypoint
+        if to > begin:
+            parts.append({"from_waypoint": begin, "to_waypoint": to})
+    return parts
 
 
 def explain_stop(places: SeamPlaces, number: int, stop: Stop) -> Failure:
@@ -163,9 +194,8 @@ def explain_bend(places: SeamPlaces) -> Failure:
 
 def _first_unreached(graph: SeamGraph) -> int:
     """The first layer that no way from the first layer leads to."""
-    firsts = graph.nodes.firsts
     for layer in range(len(graph.layers)):
-        mine = slice(firsts[layer], firsts[layer + 1])
+        mine = graph.of_layer(layer)
         if not (np.isfinite(graph.best[mine]) & (graph.origin[mine] == 0)).any():
             return layer
     return len(graph.layers) - 1
@@ -173,8 +203,7 @@ def _first_unreached(graph: SeamGraph) -> int:
 
 def _reason(search: SeamSearch, graph: SeamGraph, layer: int) -> _Reason:
     """Reason why no way leads to a layer."""
-    firsts = graph.nodes.firsts
-    mine = np.arange(firsts[layer], firsts[layer + 1])
+    mine = graph.of_layer(layer)
     if not mine.size:
         return _out_of_reach(search, graph, layer)
     colliding = mine[graph.collided[mine]]

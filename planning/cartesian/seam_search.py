@@ -80,6 +80,10 @@ class SeamGraph:
         """Number of the layer of a configuration."""
         return int(np.searchsorted(self.nodes.firsts, node, side="right")) - 1
 
+    def of_layer(self, layer: int) -> NDArray[np.int64]:
+        """Numbers of the configurations of a layer."""
+        return np.arange(self.nodes.firsts[layer], self.nodes.firsts[layer + 1])
+
     def way_to(self, node: int) -> list[int]:
         """The cheapest way to a configuration, from where it begins."""
         way = [node]

@@ -74,3 +74,19 @@ def test_the_look_that_comes_farthest_tells_where() -> None:
         details = explain_search(search, graphs).details
         assert details["waypoint"] == search.places.waypoint[far.layers[6]]
         assert details["reason"] == "collision"
+
+
+def test_what_stands_on_a_seam_is_no_matter_of_branches() -> None:
+    search, graph, _ = layers(4)
+    closed = [np.arange(graph.nodes.firsts[k], graph.nodes.firsts[k + 1]) for k in (4, 5)]
+    for mine in closed:
+        graph.costs[mine], graph.collided[mine] = np.inf, True
+    failure = explain_search(search, [graph])
+    assert not failure.details["other_branches"]
+    at = search.places.waypoint[graph.layers]
+    last = len(search.places.runs[0].motions)
+    assert failure.details["followable"] == [
+        {"from_waypoint": 0, "to_waypoint": int(at[3])},
+        {"from_waypoint": int(at[5]) + 1, "to_waypoint": last},
+    ]
+    assert f"{int(at[5]) + 1} to {last} can be followed" in failure.hint
