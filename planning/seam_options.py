@@ -21,6 +21,7 @@ class SeamWaypoint:
         tolerance: On the way to it and there; None for that of the seam.
         blend: Distance from it at which the tool may leave the way [m]; None for that of all.
         tool_speed: Speed to be kept on the way to it [m/s]; None for that of the seam.
+        axis_only: Whether of the orientation only the axis z is asked for; x and y are any two.
     """
 
     T_base_tip: Array
@@ -28,6 +29,7 @@ class SeamWaypoint:
     tolerance: ToolTolerance | None = None
     blend: float | None = None
     tool_speed: float | None = None
+    axis_only: bool = False
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "T_base_tip", frozen(self.T_base_tip))

@@ -28,6 +28,8 @@ _ROUND = 1e-6
 #: Below these a way has no length [m] and a turn no axis [rad].
 _NO_LENGTH = 1e-9
 _NO_ANGLE = 1e-12
+#: Sine of the angle between two axes from which on they count as opposite.
+_OPPOSITE = 1e-6
 # Entries of ``ToolMotion.numbers``; vectors and matrices by the first of theirs.
 #: LINE or ARC.
 KIND = 0
@@ -146,6 +148,20 @@ class ToolMotion:
             T[:, :3, 3] = self.center + _turns(self.sweep * self.normal, s) @ spoke
         return T
 
+    def places(self, points: Array) -> Array:
+        """The place from 0 to 1 that is nearest to each of some points (k, 3), shape (k,)."""
+        start = self.T_start[:3, 3]
+        if self.kind == "lin":
+            way = self.T_end[:3, 3] - start
+            return np.clip((points - start) @ way / (way @ way), 0.0, 1.0)
+        first = (start - self.center) / self.radius
+        away = points - self.center
+        angle = np.arctan2(away @ np.cross(self.normal, first), away @ first)
+        # The turn of the angle that is nearest to the middle of the arc.
+        middle = 0.5 * self.sweep
+        angle -= 2.0 * np.pi * np.round((angle - middle) / (2.0 * np.pi))
+        return np.clip(angle / self.sweep, 0.0, 1.0)
+
     @property
     def numbers(self) -> Array:
         """Motion packed for kernels, shape (SIZE,)."""
@@ -169,6 +185,28 @@ class ToolMotion:
 def line(T_start: Array, T_end: Array) -> ToolMotion:
     """The straight motion between two poses (4, 4); a turn on the spot where they share a place."""
     return ToolMotion("lin", T_start, T_end, np.zeros(3), np.array([0.0, 0.0, 1.0]), 0.0)
+
+
+def without_spin(T_start: Array, T_end: Array) -> Array:
+    """The pose at an end (4, 4) with its axis z, turned there from a start (4, 4) the least way.
+
+    The tool's axis z then runs along the great circle between the two.
+
+    Raises:
+        InvalidGoal: The two axes are opposite, and no way is the shortest.
+    """
+    z, w = T_start[:3, 2], T_end[:3, 2]
+    axis, cosine = np.cross(z, w), float(z @ w)
+    sine = float(np.linalg.norm(axis))
+    if sine < _OPPOSITE and cosine < 0.0:
+        raise InvalidGoal(
+            "the tool's axis is turned to the opposite: no way there is the shortest",
+            hint="Put a waypoint between that says by which way, or give both a direction.",
+        )
+    R = T_start[:3, :3]
+    if sine > 0.0:
+        R = from_axis_angle(axis / sine, math.atan2(sine, cosine)) @ R
+    return np.asarray(transform(R, T_end[:3, 3]))
 
 
 def arc_via(T_start: Array, T_end: Array, via: ArrayLike) -> ToolMotion:

@@ -21,7 +21,7 @@ import numpy as np
 from kinematics.arrays import Array
 from kinematics.pose import from_axis_angle, rotation_error, transform
 from planning.tool_corner import ToolCurve, part_of, rounded_corner
-from planning.tool_motion import ToolMotion, arc_about, line
+from planning.tool_motion import ToolMotion, arc_about, line, without_spin
 from planning.tool_run import ToolRun
 
 #: Share of a motion that the blend of one of its corners may take.
@@ -39,7 +39,11 @@ _STRAIGHT = 1e-9
 
 
 def runs(
-    motions: Sequence[ToolMotion], blends: Sequence[float], *, arcs: bool = False
+    motions: Sequence[ToolMotion],
+    blends: Sequence[float],
+    *,
+    arcs: bool = False,
+    axis_only: Sequence[bool] = (),
 ) -> tuple[ToolRun, ...]:
     """Runs without a rest, with corners rounded where a blend is asked for.
 
@@ -48,6 +52,8 @@ def runs(
         blends: Distance from the end of each motion at which the tool may leave it [m], shape (k,);
             0 for a rest. At most half of both motions is cut; the last one is not used.
         arcs: Whether corners are rounded by arcs, else without a jump of curvature.
+        axis_only: Of each motion whether at its end only the tool's axis z is asked for, which
+            alone is led through the corner then; with arcs.
 
     Returns:
         One run from each rest to the next. The tool rests at reversals and at turns on the spot
@@ -72,7 +78,9 @@ def runs(
         if after > 0.0 and not arcs:
             parts.append((rounded_corner(motion, motions[k + 1], after), k, True))
         elif after > 0.0:
-            parts += [(arc, k, True) for arc in _biarc(motion, motions[k + 1], after)]
+            spins = not (axis_only and axis_only[k])
+            arcs_of_corner = _biarc(motion, motions[k + 1], after, spins=spins)
+            parts += [(arc, k, True) for arc in arcs_of_corner]
         before = after
     return tuple(finished)
 
@@ -120,10 +128,14 @@ def _cut(motion: ToolMotion, before: float, after: float) -> ToolMotion | None:
     return part_of(motion, before / length, 1.0 - after / length)
 
 
-def _biarc(first: ToolMotion, second: ToolMotion, distance: float) -> list[ToolMotion]:
+def _biarc(
+    first: ToolMotion, second: ToolMotion, distance: float, *, spins: bool
+) -> list[ToolMotion]:
     """The two arcs from a motion to the next, at a distance from their corner [m]."""
     s_first, s_second = 1.0 - distance / first.length, distance / second.length
     T_start, T_end = first.pose(s_first), second.pose(s_second)
+    if not spins:
+        T_end = without_spin(T_start, T_end)
     start, end = first.direction(s_first), second.direction(s_second)
     between = _meeting_point(T_start[:3, 3], start, T_end[:3, 3], end)
     # The orientation turns in proportion to the length: half way at the meeting point, nearly.

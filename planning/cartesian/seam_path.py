@@ -3,6 +3,7 @@
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,7 +13,7 @@ from kinematics.errors import InvalidGoal
 from planning.cartesian.blending import runs
 from planning.seam_options import SeamOptions, SeamWaypoint
 from planning.tool_corner import ToolCurve
-from planning.tool_motion import ToolMotion, arc_via, line
+from planning.tool_motion import ToolMotion, arc_via, line, without_spin
 from planning.tool_run import ToolRun
 from planning.tool_tolerance import ToolTolerance
 
@@ -98,11 +99,13 @@ def seam_runs(options: SeamOptions, blend: float) -> tuple[ToolRun, ...]:
         InvalidGoal: Two waypoints at one place, or an arc that names no circle.
     """
     points = options.waypoints
-    motions = [_way(k, points[k], points[k + 1]) for k in range(len(points) - 1)]
+    motions, axis_only = _ways(points), [point.axis_only for point in points[1:]]
     blends = [point.blend if point.blend is not None else blend for point in points[1:]]
     rounded: list[ToolRun] = []
     for first, last in _smooth_parts(motions, blends):
-        rounded += _join(runs(motions[first:last], blends[first:last], arcs=True), first)
+        part = slice(first, last)
+        rounds = runs(motions[part], blends[part], arcs=True, axis_only=axis_only[part])
+        rounded += _join(rounds, first)
     boxes, speeds = [point.tolerance or options.tolerance for point in points], options.speeds
     return tuple(
         replace(
@@ -115,19 +118,45 @@ def seam_runs(options: SeamOptions, blend: float) -> tuple[ToolRun, ...]:
     )
 
 
-def _way(k: int, first: SeamWaypoint, last: SeamWaypoint) -> ToolMotion:
+def _ways(points: Sequence[SeamWaypoint]) -> list[ToolMotion]:
+    """The motions between waypoints.
+
+    Where one of the two says the tool's axis z alone, that alone is interpolated, along the great
+    circle: the other axes are carried along without a spin, from the pose that says them.
+    """
+    ways: list[ToolMotion] = []
+    T = points[0].T_base_tip
+    for k, (first, last) in enumerate(pairwise(points)):
+        T_end = last.T_base_tip
+        try:
+            if last.axis_only:
+                T_end = without_spin(T, T_end)
+            elif first.axis_only:
+                T = without_spin(T_end, first.T_base_tip)
+        except InvalidGoal as error:
+            raise InvalidGoal(
+                f"between waypoints[{k}] and waypoints[{k + 1}] {error.message}",
+                hint=error.hint,
+                waypoint=k + 1,
+            ) from None
+        ways.append(_way(k, T, T_end, last.via))
+        T = T_end
+    return ways
+
+
+def _way(k: int, T_start: Array, T_end: Array, via: Array | None) -> ToolMotion:
     """The motion from the k-th waypoint to the next."""
-    away = float(np.linalg.norm(last.T_base_tip[:3, 3] - first.T_base_tip[:3, 3]))
+    away = float(np.linalg.norm(T_end[:3, 3] - T_start[:3, 3]))
     if away < _SAME_PLACE:
         raise InvalidGoal(
             f"waypoints[{k + 1}] is at the place of waypoints[{k}]",
             hint="Leave one of them out; for a turn on the spot give motions.",
             waypoint=k + 1,
         )
-    if last.via is None:
-        return line(first.T_base_tip, last.T_base_tip)
+    if via is None:
+        return line(T_start, T_end)
     try:
-        return arc_via(first.T_base_tip, last.T_base_tip, last.via)
+        return arc_via(T_start, T_end, via)
     except InvalidGoal as error:
         raise InvalidGoal(
             f"waypoints[{k + 1}]: {error.message}", hint=error.hint, waypoint=k + 1, **error.details

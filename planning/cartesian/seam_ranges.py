@@ -14,7 +14,6 @@ from numpy.typing import NDArray
 
 from kinematics.arrays import Array
 from planning.cartesian.seam_path import SeamPlaces, pack_tolerance
-from planning.tool_motion import ToolMotion
 from planning.tool_run import ToolRun
 from planning.tool_tolerance import RX, ToolTolerance
 
@@ -97,7 +96,7 @@ def is_within_at_own_places(run: ToolRun, poses: Array, allowed: Array) -> bool:
     owner = _owners(run, poses[:, :3, 3])
     for k in np.unique(owner):
         T, tolerance = poses[owner == k], run.tolerances[k]
-        nominal = run.motions[k].poses(_own_places(run.motions[k], T[:, :3, 3]))
+        nominal = run.motions[k].poses(run.motions[k].places(T[:, :3, 3]))
         if (tolerance.excess(tolerance.deviations(nominal, T)) > allowed).any():
             return False
     return True
@@ -116,18 +115,3 @@ def _owners(run: ToolRun, points: Array) -> NDArray[np.int64]:
             k += 1
         owners[i] = k
     return owners
-
-
-def _own_places(motion: ToolMotion, points: Array) -> Array:
-    """The place from 0 to 1 on a line or an arc that each point is at, shape (k,)."""
-    start = motion.T_start[:3, 3]
-    if motion.kind == "lin":
-        way = motion.T_end[:3, 3] - start
-        return np.clip((points - start) @ way / (way @ way), 0.0, 1.0)
-    first = (start - motion.center) / motion.radius
-    away = points - motion.center
-    angle = np.arctan2(away @ np.cross(motion.normal, first), away @ first)
-    # The turn of the angle that is nearest to the middle of the arc.
-    middle = 0.5 * motion.sweep
-    angle -= 2.0 * np.pi * np.round((angle - middle) / (2.0 * np.pi))
-    return np.clip(angle / motion.sweep, 0.0, 1.0)

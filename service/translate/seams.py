@@ -63,11 +63,12 @@ def _waypoint(
     else:
         along = places[min(k + 1, len(places) - 1)] - places[max(min(k, len(places) - 2), 0)]
         T = _on_surface(item, along, where)
-    free = {*item.free, "rz"} if item.point is not None and item.direction is None else item.free
+    axis_only = item.point is not None and item.direction is None
+    free = {*item.free, "rz"} if axis_only else item.free
     if free:
         box = _freed(box or common, free, where)
     via = None if item.via is None else np.array(item.via)
-    return SeamWaypoint(T, via, box, item.blend, item.tool_speed)
+    return SeamWaypoint(T, via, box, item.blend, item.tool_speed, axis_only)
 
 
 def _on_surface(item: schema.Waypoint, along: Array, where: str) -> Array:

@@ -126,3 +126,65 @@ def test_a_tolerance_is_packed_for_the_kernels() -> None:
     assert box[13] == 1.0
     np.testing.assert_array_equal(box[14:].reshape(3, 3), axes)
     assert pack_tolerance(EXACT)[13] == 0.0
+
+
+def great_circle(a: np.ndarray, b: np.ndarray, share: float) -> np.ndarray:
+    """The point between two unit vectors on the great circle through them (Shoemake, 1985)."""
+    angle = math.acos(float(np.clip(a @ b, -1.0, 1.0)))
+    if angle < 1e-9:
+        return a
+    return np.asarray(math.sin((1.0 - share) * angle) * a + math.sin(share * angle) * b) / math.sin(
+        angle
+    )
+
+
+def random_pose(random: np.random.Generator, place: np.ndarray) -> np.ndarray:
+    axis = random.normal(size=3)
+    return transform(from_axis_angle(axis / np.linalg.norm(axis), random.uniform(-1.2, 1.2)), place)
+
+
+@pytest.mark.parametrize("seed", range(40))
+def test_axes_alone_turn_along_the_great_circle(seed: int) -> None:
+    random = np.random.default_rng(seed)
+    places = np.array([[0.1 * k, 0.0, 0.0] for k in range(6)]) + random.uniform(-0.01, 0.01, (6, 3))
+    alone = random.random(6) < 0.7
+    points = tuple(
+        SeamWaypoint(random_pose(random, place), tolerance=FREE if axis else EXACT, axis_only=axis)
+        for place, axis in zip(places, alone.tolist(), strict=True)
+    )
+    runs = seam_runs(SeamOptions(points, EXACT), 0.0)
+    motions = [motion for run in runs for motion in run.motions]
+    assert len(motions) == 5
+    for k, motion in enumerate(motions):
+        given = [points[k + i].T_base_tip for i in (0, 1)]
+        for share in (0.0, 0.3, 0.8, 1.0):
+            T = motion.pose(share)
+            if alone[k] or alone[k + 1]:
+                axis = great_circle(given[0][:3, 2], given[1][:3, 2], share)
+                np.testing.assert_allclose(T[:3, 2], axis, atol=1e-9)
+        # What is given whole is kept whole, at either end of the way.
+        for i, pose in enumerate((motion.T_start, motion.T_end)):
+            if not alone[k + i]:
+                np.testing.assert_allclose(pose, given[i], atol=1e-12)
+
+
+def test_a_corner_that_is_rounded_turns_the_axis_alone_too() -> None:
+    random = np.random.default_rng(1)
+    corner = [[0.0, 0.0, 0.0], [0.2, 0.0, 0.0], [0.2, 0.2, 0.0]]
+    points = [SeamWaypoint(random_pose(random, np.array(p)), axis_only=True) for p in corner]
+    points[1] = SeamWaypoint(points[1].T_base_tip, blend=0.05, axis_only=True)
+    (run,) = seam_runs(SeamOptions(tuple(points), FREE), 0.0)
+    arcs = [motion for motion, blends in zip(run.motions, run.blends, strict=True) if blends]
+    first, last = arcs[0].T_start[:3, 2], arcs[-1].T_end[:3, 2]
+    plane = np.cross(first, last)
+    for arc in arcs:
+        for share in np.linspace(0.0, 1.0, 5):
+            assert abs(arc.pose(float(share))[:3, 2] @ plane) < 1e-9
+
+
+def test_opposite_axes_name_no_way() -> None:
+    up = SeamWaypoint(transform(np.eye(3), [0.0, 0.0, 0.0]), axis_only=True)
+    down = SeamWaypoint(transform(np.diag([1.0, -1.0, -1.0]), [0.1, 0.0, 0.0]), axis_only=True)
+    with pytest.raises(InvalidGoal, match=r"waypoints\[0\] and waypoints\[1\].*opposite") as told:
+        seam_runs(SeamOptions((up, down), FREE), 0.0)
+    assert told.value.details["waypoint"] == 1

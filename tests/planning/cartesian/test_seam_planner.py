@@ -336,3 +336,38 @@ def test_a_range_along_a_bend_that_leaves_out_the_path_is_refused_with_advice() 
     assert isinstance(answer, Failure)
     assert (answer.code, answer.details["reason"]) == ("PLANNING_FAILED", "deviation")
     assert "leave out 0" in answer.hint
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_axes_that_are_asked_for_alone_are_kept_near_the_great_circle(seed: int) -> None:
+    random = np.random.default_rng(seed)
+    tilt, places, outs = 0.03, [], []
+    for y in np.linspace(-0.15, 0.15, 4):
+        places.append(np.array([0.5, y, 0.35]) + random.uniform(-0.04, 0.04, 3) * [1.0, 0.0, 1.0])
+        out = UP + random.uniform(-0.35, 0.35, 3)
+        outs.append(out / np.linalg.norm(out))
+    waypoints = tuple(
+        SeamWaypoint(transform(_frame(-out, place - places[0] + UP), place), axis_only=True)
+        for place, out in zip(places, outs, strict=True)
+    )
+    answer = followed(ask(waypoints, ToolTolerance.of({}, ("rz",), tilt=tilt)))
+    assert not answer.notes
+    oracle = PinocchioPanda()
+    parts = [report for report in answer.tool_motions if report.part == "seam"]
+    for part in parts:
+        start, end = places[part.asked], places[part.asked + 1]
+        way, turned = end - start, np.cross(-outs[part.asked], -outs[part.asked + 1])
+        angle = math.asin(float(np.linalg.norm(turned)))
+        for q in answer.trajectory.sample(np.linspace(part.begins, part.ends, 60)):
+            T = oracle.pose(q)
+            share = float(np.clip((T[:3, 3] - start) @ way / (way @ way), 0.0, 1.0))
+            turn = Rotation.from_rotvec(share * angle * turned / np.linalg.norm(turned))
+            axis = turn.apply(-outs[part.asked])
+            assert math.acos(min(1.0, float(axis @ T[:3, 2]))) <= tilt + 1e-3 + 1e-6
+
+
+def _frame(z: np.ndarray, along: np.ndarray) -> np.ndarray:
+    """A frame whose axis z is given, with x near a direction."""
+    x = along - (along @ z) * z
+    x /= np.linalg.norm(x)
+    return np.column_stack([x, np.cross(z, x), z])
