@@ -108,6 +108,7 @@ from armwright_client.tool_motion import (
 )
 from armwright_client.tool_motion_report import (
     CornerArcReport,
+    ReferencePose,
     RoundedCornerReport,
     SpeedLimit,
     ToolMotionReport,
@@ -181,6 +182,7 @@ __all__ = [
     "Projection",
     "Proved",
     "Readiness",
+    "ReferencePose",
     "Refine",
     "RelativePoseConstraint",
     "RemainingClearance",

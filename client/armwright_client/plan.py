@@ -30,7 +30,7 @@ from armwright_client.tool_motion import (
     TimedToolMotions,
     ToolMotion,
 )
-from armwright_client.tool_motion_report import ToolMotionReport
+from armwright_client.tool_motion_report import ReferencePose, ToolMotionReport
 from armwright_client.trajectory import TimedTrajectory
 
 TimingMethod = Literal["toppra", "spline", "jerk_limited"]
@@ -330,6 +330,7 @@ class Plan(InFrame):
         reproducibility: Seed, hashes and versions that reproduce the answer.
         fraction: How much of the motions of the planner "cartesian" was carried out.
         tool_motions: What became of each.
+        reference: Poses that they hold the tool to, at drawn instants.
         stopped: Why they end early, where they do.
         notes: What was done to the request, say a start moved onto a limit.
         potential_field: Where it went, if a potential field found the path.
@@ -349,6 +350,7 @@ class Plan(InFrame):
     reproducibility: Reproducibility
     fraction: float | None = None
     tool_motions: list[ToolMotionReport] | None = None
+    reference: list[ReferencePose] | None = None
     stopped: dict[str, Any] | None = None
     notes: list[str] = Field(default_factory=list)
     potential_field: Descent | None = None

@@ -16,6 +16,7 @@ from armwright_client.pose import Pose
 from armwright_client.scene import SceneReference
 from armwright_client.task_stage import *  # noqa: F403 (its `__all__` is the list)
 from armwright_client.task_stage import Stages
+from armwright_client.tool_motion_report import ReferencePose
 from armwright_client.trajectory import TimedTrajectory
 
 __all__ = [
@@ -187,6 +188,7 @@ class TaskStageReport(Answer):
         trajectory: Its motion.
         fingers: Motion of the gripper's joints beside it; None where they stand still.
         certificate: The proof.
+        reference: Poses that a straight motion holds the tool to, at drawn instants.
         passes: Whether the arm passes its end without resting.
         after: The objects after it.
         notes: What was done to the request.
@@ -204,6 +206,7 @@ class TaskStageReport(Answer):
     trajectory: TimedTrajectory
     fingers: TimedTrajectory | None = None
     certificate: Certificate
+    reference: list[ReferencePose] | None = None
     passes: bool = False
     after: TaskWorld
     notes: list[str] = Field(default_factory=list)

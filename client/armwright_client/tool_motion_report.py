@@ -47,6 +47,20 @@ class SpeedLimit(Answer):
     quantity: str
 
 
+class ReferencePose(Answer):
+    """The pose that the tool is held to at an instant.
+
+    Args:
+        time: The instant [s].
+        motion: Index of the tool motion that it is on.
+        pose: Of the tip at the place of the motion nearest to it.
+    """
+
+    time: float
+    motion: int
+    pose: Pose
+
+
 class ToolMotionReport(Answer):
     """Result of one tool motion.
 

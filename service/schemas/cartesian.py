@@ -359,6 +359,14 @@ class ToolMotionAnswer(Answer):
     )
 
 
+class ReferencePoseAnswer(Answer):
+    """The pose that the tool is held to at an instant: deviations are measured from it."""
+
+    time: float = Field(description="the instant, drawn by the seed of the request [s]")
+    motion: int = Field(description="index of the tool motion that it is on")
+    pose: PoseAnswer = Field(description="of the tip at the place of the motion nearest to it")
+
+
 class PathDeviationAnswer(Answer):
     """Largest deviation of the tool from its motions, proved for every instant."""
 

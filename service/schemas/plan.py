@@ -26,6 +26,7 @@ from service.schemas.base import (
     any_given,
 )
 from service.schemas.cartesian import (
+    ReferencePoseAnswer,
     TimedToolMotions,
     ToolMotionAnswer,
     cartesian_options,
@@ -347,6 +348,9 @@ class PlanAnswer(InFrame):
         None, description="how much of the motions of the planner cartesian was carried out"
     )
     tool_motions: list[ToolMotionAnswer] | None = Field(None, description="of that planner")
+    reference: list[ReferencePoseAnswer] | None = Field(
+        None, description="poses that they hold the tool to, at drawn instants"
+    )
     stopped: dict[str, Any] | None = Field(
         None, description="why they end early: reason, message, motion, nearest, …"
     )

@@ -5,6 +5,7 @@ from typing import Any, Literal
 from pydantic import Field
 
 from service.schemas.base import Answer, InFrame
+from service.schemas.cartesian import ReferencePoseAnswer
 from service.schemas.certificate import CertificateAnswer, TrajectoryAnswer
 from service.schemas.goal_costs import ConfigurationAnswer
 from service.schemas.keep import PlanId
@@ -64,6 +65,11 @@ class TaskStageAnswer(Answer):
     )
     certificate: CertificateAnswer = Field(
         description="the proof, with what is held and with the motion of the fingers"
+    )
+    reference: list[ReferencePoseAnswer] | None = Field(
+        None,
+        description="poses that a straight motion holds the tool to, at drawn instants of its own "
+        "time; null of other stages",
     )
     passes: bool = Field(
         False, description="the arm passes its end without resting, within its blend"

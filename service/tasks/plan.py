@@ -37,7 +37,11 @@ from service.translate.frames import (
     tool_motions_in_root_frame,
 )
 from service.translate.states import with_states
-from service.translate.tool_motions import timed_tool_motions, tool_motions_answer
+from service.translate.tool_motions import (
+    reference_answer,
+    timed_tool_motions,
+    tool_motions_answer,
+)
 from service.version import VERSION
 from service.workers import current
 from service.workers.task import GRACE, task
@@ -234,6 +238,7 @@ def _answer(planned: Plan, body: PlanRequest, cell: RobotInScene) -> dict[str, A
         },
         "fraction": planned.fraction,
         "tool_motions": (tool_motions_answer(planned.tool_motions) if cartesian else None),
+        "reference": reference_answer(cell.robot.chain, planned, body.seed),
         "stopped": None if planned.stopped is None else problems.plain(planned.stopped),
         "notes": list(planned.notes),
         "potential_field": _descent(planned),

@@ -31,6 +31,7 @@ from service.tasks.plan import versions
 from service.tasks.result import CacheMiss, TaskProblem, timed_out
 from service.tasks.stage_cells import moved, stage_cells, task_objects
 from service.translate import certificates, poses, problems, sequences, trajectories
+from service.translate.tool_motions import reference_answer
 from service.workers import current
 from service.workers.task import GRACE, task
 
@@ -132,7 +133,8 @@ def _answer(outcome: SequencePlan, asked: Task, body: TaskRequest) -> dict[str, 
     begins, stages = 0.0, []
     for stage in outcome.stages:
         period = (body.stages[stage.index].timing or body.timing).sample_period
-        stages.append(_stage_answer(stage, begins, before, period))
+        reference = reference_answer(asked.world.robot.chain, stage.plan, body.seed)
+        stages.append(_stage_answer(stage, begins, before, period) | {"reference": reference})
         begins += stage.trajectory.duration
     failure = outcome.failure
     return {

@@ -12,10 +12,11 @@ from kinematics.forward import forward
 from kinematics.trajectory import Trajectory
 from planning.cartesian.motions import tool_motion
 from planning.options import ToolMotionOptions
-from planning.result import ToolMotionReport
+from planning.result import Plan, ToolMotionReport
 from planning.timed_tool_motions import SpeedBand, TimedToolMotions
 from planning.tool_corner import ToolCorner, ToolCurve
 from planning.tool_motion import ToolMotion
+from planning.tool_reference import tool_reference
 from planning.tool_tolerance import ToolTolerance
 from service.schemas import cartesian
 from service.translate import poses
@@ -155,6 +156,22 @@ def tool_motions_answer(reports: Sequence[ToolMotionReport]) -> list[dict[str, A
             "speed_limit": _speed_limit(report),
         }
         for k, report in enumerate(reports)
+    ]
+
+
+def reference_answer(chain: Chain, plan: Plan | None, seed: int) -> list[dict[str, Any]] | None:
+    """The reference of a plan's tool motions at drawn instants on the wire; None without any.
+
+    Args:
+        chain: The robot; its tip is the tool.
+        plan: The plan, if there is one.
+        seed: Of the draw.
+    """
+    if plan is None or not plan.tool_motions:
+        return None
+    return [
+        {"time": one.time, "motion": one.motion, "pose": poses.pose_answer(one.T).model_dump()}
+        for one in tool_reference(chain, plan.trajectory, plan.tool_motions, seed)
     ]
 
 

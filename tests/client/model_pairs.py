@@ -176,6 +176,7 @@ PAIRS: list[tuple[type[Readable], type[BaseModel]]] = [
     (ours.ToolSpeed, their_seam.ToolSpeedAnswer),
     (ours.ToolToleranceUse, their_seam.ToolToleranceAnswer),
     (ours.ToolMotionReport, their_cartesian.ToolMotionAnswer),
+    (ours.ReferencePose, their_cartesian.ReferencePoseAnswer),
     (ours.Reproducibility, their_plan.Reproducibility),
     (ours.Plan, their_plan.PlanAnswer),
     (ours.Descent, their_plan.DescentAnswer),
