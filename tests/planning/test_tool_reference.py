@@ -29,7 +29,7 @@ def mixed_motions(seed: int, blend: float) -> Plan:
         end = transform(R @ T[:3, :3], T[:3, 3] + np.array(step) + random.uniform(-0.01, 0.01, 3))
         via = None
         if k == 1:
-            via = 0.5 * (T[:3, 3] + end[:3, 3]) + [0.02, 0.0, 0.0]
+            via = (0.5 * (T[:3, 3] + end[:3, 3]) + [0.02, 0.0, 0.0]).tolist()
         motions.append(ToolMotionOptions("lin" if k != 1 else "circ", end, via))
         T = end
     how = CartesianOptions(
