@@ -17,7 +17,6 @@ from planning.clearance_report import clearance_report
 from planning.constrained.checker import ConstrainedChecker
 from planning.constrained.path_constraints import apply_path_constraints
 from planning.deadline import Deadline
-from planning.limits import MotionLimits
 from planning.motion_limits import with_limits
 from planning.optimize.options import OPTIMIZE
 from planning.optimize_stage import MOST_OFFERS, OptimizeStage, check_ends, refinement_options
@@ -293,14 +292,16 @@ class _Pipeline:
 
     def _certify(self, timed: _Timed) -> Certificate:
         problem, parametrization, tool_path = self.problem, self.parametrization, timed.tool_path
-        bounds = parametrization.bounds if tool_path is None else tool_path.bounds(parametrization)
+        limits = parametrization.motion_limits
+        if tool_path is not None:
+            limits = tool_path.limits(parametrization)
         return certify(
             timed.trajectory,
             problem.robot,
             problem.scene,
             margin=problem.margin,
             constraints=problem.constraints,
-            limits=MotionLimits(bounds, parametrization.loads),
+            limits=limits,
             tool_motions=None if tool_path is None else tool_path.tool_motions,
             deadline=self.deadline,
         )

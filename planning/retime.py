@@ -9,7 +9,6 @@ from kinematics.arrays import Array
 from kinematics.chain import Chain, Limits
 from kinematics.errors import InvalidOption, InvalidTrajectory
 from kinematics.trajectory import REST, Trajectory, stay
-from planning.limits import MotionLimits
 from planning.proof.certificate import Certificate, certify_limits
 from planning.timing.blend import largest_reaches, merge, reach_for_deviation
 from planning.timing.choice import chosen_parametrization, require_limits, required_limits
@@ -213,8 +212,7 @@ def _certify_retimed(
     notes: tuple[str, ...],
     begins: float = 0.0,
 ) -> Retimed:
-    wanted = MotionLimits(parametrization.bounds, parametrization.loads)
-    certificate = certify_limits(timed.trajectory, chain, wanted)
+    certificate = certify_limits(timed.trajectory, chain, parametrization.motion_limits)
     bounds = {} if parametrization.method.follows_path else parametrization.bounds
     unknown = [name for name, row in bounds.items() if np.isinf(row).all()]
     if unknown:

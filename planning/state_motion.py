@@ -8,7 +8,7 @@ from kinematics.arrays import Array
 from kinematics.chain import Chain, Limits
 from kinematics.errors import InvalidTrajectory
 from kinematics.trajectory import Trajectory
-from planning.limits import RATIO_TOLERANCE, MotionLimits, position_excess
+from planning.limits import RATIO_TOLERANCE, position_excess
 from planning.proof.certificate import certify_limits
 from planning.retime import Retimed
 from planning.timing.choice import chosen_parametrization, require_limits, required_limits
@@ -54,7 +54,7 @@ def time_states(
     parametrization = chosen_parametrization(timing, names, limits, overrides, chain)
     bounds = np.stack([parametrization.bounds[q] for q in ("velocity", "acceleration", "jerk")])
     motion = state_to_state(names, *states, bounds, synchronization)
-    certificate = certify_limits(motion, chain, MotionLimits(parametrization.bounds))
+    certificate = certify_limits(motion, chain, parametrization.motion_limits)
     notes: tuple[str, ...] = ()
     if synchronization == "phase" and not _is_straight(motion, states):
         notes = ("The states allow no straight line: the joints arrive together, on a curve.",)

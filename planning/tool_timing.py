@@ -10,6 +10,7 @@ from kinematics.arrays import Array
 from kinematics.chain import Chain
 from kinematics.jacobian import geometric
 from kinematics.trajectory import Trajectory, concatenate, stay
+from planning.limits import MotionLimits
 from planning.passing_times import passing_times
 from planning.result import SpeedLimit, ToolMotionReport
 from planning.run_deviation import pieces_within
@@ -102,12 +103,11 @@ class TimedToolPath:
             return concatenate(parts)
         return stay(chain.joint_names, self.path.segments[0].start)
 
-    def bounds(self, parametrization: TimeParametrization) -> dict[str, Array]:
+    def limits(self, parametrization: TimeParametrization) -> MotionLimits:
         """Limits that the trajectory keeps; splines one after the other can't keep a jerk limit."""
-        bounds = parametrization.bounds
-        if not parametrization.method.follows_path and len(self.parts) > 1:
-            bounds.pop("jerk", None)
-        return bounds
+        limits = parametrization.motion_limits
+        keeps_jerk = parametrization.method.follows_path or len(self.parts) < 2
+        return limits if keeps_jerk else replace(limits, holds_jerk=False)
 
 
 def time_tool_path(

@@ -71,7 +71,8 @@ class Proved(Answer):
     """Parts of a proof that were carried out and hold.
 
     Args:
-        limits: Limits, continuity, constraints and tool motions.
+        limits: Limits, continuity, constraints and tool motions; false also where a jerk limit is
+            known that was not asked for and is not kept.
         collisions: Nothing collides.
         reasons: Why a part is not proved.
     """

@@ -95,7 +95,9 @@ def export(
     """
     programs.check_axes(robot.chain, options.format)
     points, motion = _within_limits(trajectory, robot.chain.limits, options)
-    limits = _no_rates(robot.chain.n) if options.is_path else MotionLimits()
+    # Cubics pass points at which the acceleration jumps: what jerk they make is told.
+    limits = MotionLimits(holds_jerk=points.rule == Rule.QUINTIC)
+    limits = _no_rates(robot.chain.n) if options.is_path else limits
     certificate = certify(motion, robot, scene, margin=margin, limits=limits, deadline=deadline)
     tolerance = None
     if certificate.proved.collisions:

@@ -40,7 +40,8 @@ class Proved:
     """Parts of a proof that were carried out and hold.
 
     Args:
-        limits: Limits, continuity, constraints and tool motions hold at every instant.
+        limits: Limits, continuity, constraints and tool motions hold at every instant; not where a
+            jerk limit that is known and was not asked for does not.
         collisions: Nothing collides at any instant.
         reasons: Why a part is not proved, a sentence each.
     """
@@ -55,8 +56,8 @@ class Certificate:
     """Everything that was proved about a trajectory.
 
     Args:
-        verified: All that was asked for is proved: limits always, collisions unless there is
-            nothing to collide with.
+        verified: All that was asked for is proved: limits always, but for a jerk that was not
+            asked for, collisions unless there is nothing to collide with.
         min_clearance: Holds for every t, margins not taken off [m]; infinite where nothing can
             collide, the distance found where something does.
         clearance_pair: The pair with the least clearance.
@@ -144,7 +145,7 @@ def certify(
     effort = constrained_efforts(wanted.effort, constraints, robot.chain)
     if effort is not wanted.effort:
         wanted = replace(wanted, effort=effort)
-    reports, wrong = check_limits(trajectory, robot.chain.limits, wanted)
+    reports, wrong, told = check_limits(trajectory, robot.chain.limits, wanted)
     continuity, jumps = check_continuity(trajectory)
     wrong += jumps
     kept, violated = (
@@ -157,7 +158,7 @@ def certify(
         box, outside = check_tool_boxes(robot.chain, trajectory, tool_motions)
         speed, fast = check_speed_bands(robot.chain, trajectory, tool_motions.speeds)
         wrong += [violation for violation in (off, outside, fast) if violation]
-    within = not wrong
+    within = not wrong and not told
     margin = constrained_margin(margin, constraints)
     proof = CollisionProof(trajectory, robot, scene, margin, deadline)
     proof.run()
@@ -183,7 +184,7 @@ def certify(
         violation=first,
         path_deviation=deviation,
         path_constraints=kept,
-        proved=Proved(within, free, _reasons(wrong, None if solid else _no_solids(robot))),
+        proved=Proved(within, free, _reasons(wrong + told, None if solid else _no_solids(robot))),
         obstacle_pair=obstacle_pair,
         self_pair=own_pair,
         tool_box=box,
@@ -205,7 +206,7 @@ def certify_limits(
         wanted: Limits in place of them.
     """
     limits = Limits.unlimited(len(trajectory.joint_names)) if chain is None else chain.limits
-    reports, wrong = check_limits(trajectory, limits, wanted)
+    reports, wrong, told = check_limits(trajectory, limits, wanted)
     if not (np.isfinite(limits.lower) | np.isfinite(limits.upper)).any():
         del reports["position"]
     continuity, jumps = check_continuity(trajectory)
@@ -222,7 +223,7 @@ def certify_limits(
         continuity=continuity,
         cells=0,
         violation=first,
-        proved=Proved(first is None, False, _reasons(wrong, NOTHING_KNOWN)),
+        proved=Proved(not wrong + told, False, _reasons(wrong + told, NOTHING_KNOWN)),
         premises=Premises.of_limits(chain),
     )
 

@@ -66,7 +66,8 @@ class MotionUses(NamedTuple):
     """Use of a motion's limits of position, velocity, acceleration and jerk.
 
     Args:
-        found: Of the orders up to the last that is limited.
+        found: Of the orders up to the last that is limited; of jerk beside the jumps, where the
+            acceleration jumps.
         lower: Lower limits, shape (4, n); infinite where there is none.
         upper: Upper limits.
         limited: Of each order, UNLIMITED, LIMITED or JUMPING, shape (4,).
@@ -92,7 +93,7 @@ def motion_uses(trajectory: Trajectory, limits: Array, most_jump: float) -> Moti
         trajectory: The motion.
         limits: Lower and upper positions, velocities, accelerations and jerks, shape (5, n); of
             derivatives NaN and infinity bind nothing.
-        most_jump: Jump of the acceleration beyond which jerk is not looked at.
+        most_jump: Jump of the acceleration beyond which jerk has no bound.
     """
     return _motion_uses()(trajectory.breaks, trajectory.coefficients, limits, most_jump)
 
@@ -122,7 +123,7 @@ def motion_uses_kernel(
             lower[order, j] = -upper[order, j]
         if order == 3 and limited[order] and largest_jump(breaks, coefficients, 2) > most_jump:
             limited[order] = JUMPING
-        if limited[order] == LIMITED:
+        if limited[order]:
             orders = order + 1
     found = LimitUses(np.empty((orders, 5)), np.empty((orders, n, 3)), np.empty((orders, n, 3)))
     stack = np.empty((MAX_DEPTH + 2, coefficients.shape[2] + 3))

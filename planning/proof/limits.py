@@ -5,7 +5,7 @@ from inside and bounded from outside (``extrema``). Torques and the tool's speed
 intervals of time (``effort``).
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import pairwise
 
 import numpy as np
@@ -16,7 +16,7 @@ from kinematics.trajectory import Trajectory
 from planning.limits import JERK_JUMP, RATIO_TOLERANCE, MotionLimits, position_excess
 from planning.proof.effort import effort_uses
 from planning.proof.extrema import TIME, VALUE, extrema, jumps, largest_jump
-from planning.proof.limit_uses import JUMPING, LIMITED, LimitUses, motion_uses
+from planning.proof.limit_uses import JUMPING, UNLIMITED, LimitUses, motion_uses
 from planning.proof.violation import Violation
 
 #: By the order of the derivative.
@@ -26,6 +26,8 @@ JUMP_TOLERANCE = 1e-9
 #: Roots with less of an imaginary part than this share of their size are real: two that have met
 #: are told apart by half the digits.
 _REAL = 1e-7
+#: End of the sentence on a jerk that was not asked for.
+_BUT = "; limits are proved but for jerk"
 #: Share of the largest coefficient below which a leading one changes no value on a piece.
 _NEGLIGIBLE = 1e-17
 
@@ -50,29 +52,38 @@ def check_limits(
     trajectory: Trajectory,
     limits: Limits,
     wanted: MotionLimits,
-) -> tuple[dict[str, LimitReport], list[Violation]]:
-    """Share of each limit that is used, and the violations.
+) -> tuple[dict[str, LimitReport], list[Violation], list[Violation]]:
+    """Share of each limit that is used, the violations, and what is wrong but was not asked for.
+
+    A jerk limit that is known binds all pieces of a motion. Where the acceleration jumps between
+    them jerk has no bound: that is refused where a jerk is named, else told. Of a motion that need
+    not keep its jerk (``MotionLimits.holds_jerk``) all of this is told.
 
     Args:
         trajectory: The motion.
         limits: Limits of its joints.
-        wanted: Limits in place of them; a jerk that is named here has to be bounded.
+        wanted: Limits in place of them.
     """
     reports: dict[str, LimitReport] = {}
     wrong: list[Violation] = []
+    told: list[Violation] = []
     bounds = [wanted.bounds.get(name, getattr(limits, name)) for name in QUANTITIES[1:]]
     used = motion_uses(trajectory, np.array([limits.lower, limits.upper, *bounds]), JERK_JUMP)
     uses = used.found.uses.tolist()
     for order, limited in enumerate(used.limited.tolist()):
-        if limited == JUMPING and "jerk" in wanted.bounds:
-            wrong.append(_jump_violation(trajectory))
-        if limited != LIMITED:
+        if limited == UNLIMITED:
             continue
         ratio, joint, time, excess, beyond = uses[order]
-        reports[QUANTITIES[order]] = LimitReport(ratio, trajectory.joint_names[int(joint)], time)
+        held = wrong if order < len(QUANTITIES) - 1 or wanted.holds_jerk else told
+        jump = _jump_violation(trajectory, used.upper[order]) if limited == JUMPING else None
+        if jump is not None:
+            (held if "jerk" in wanted.bounds else told).append(jump)
+        else:
+            name = trajectory.joint_names[int(joint)]
+            reports[QUANTITIES[order]] = LimitReport(ratio, name, time)
         if excess > RATIO_TOLERANCE:
             range_ = used.lower[order], used.upper[order]
-            wrong.append(_violation(trajectory, order, used.found, range_, int(beyond)))
+            held.append(_violation(trajectory, order, used.found, range_, int(beyond)))
     for name, use in (effort_uses(wanted.effort, trajectory) if wanted.effort else {}).items():
         joint = trajectory.joint_names[use.joint]
         reports[name] = LimitReport(use.ratio, joint, use.time)
@@ -81,7 +92,7 @@ def check_limits(
             message = f"{what} may be {use.ratio:.6g} times its limit"
             details = {"joint": joint, "ratio": use.ratio, "reached": use.reached}
             wrong.append(Violation(name, use.time, message, details))
-    return reports, wrong
+    return reports, wrong, [replace(one, message=f"{one.message}{_BUT}") for one in told]
 
 
 def check_continuity(trajectory: Trajectory) -> tuple[dict[str, float], list[Violation]]:
@@ -103,11 +114,18 @@ def _largest_jump(trajectory: Trajectory, order: int) -> float:
     return float(largest_jump(trajectory.breaks, trajectory.coefficients, order))
 
 
-def _jump_violation(trajectory: Trajectory) -> Violation:
-    sizes = np.abs(jumps(trajectory, 2))
-    at = int(np.argmax(sizes.max(axis=1) > JERK_JUMP))
+def _jump_violation(trajectory: Trajectory, limits: Array) -> Violation | None:
+    """The first jump of the acceleration of a joint whose jerk is limited, by limits (n,)."""
+    sizes = np.where(np.isfinite(limits), np.abs(jumps(trajectory, 2)), 0.0)
+    jumping = np.flatnonzero(~(sizes.max(axis=1) <= JERK_JUMP))
+    if not len(jumping):
+        return None
+    at = int(jumping[0])
     joint = trajectory.joint_names[int(np.argmax(sizes[at]))]
-    message = f"the acceleration of joint {joint!r} jumps, so that its jerk has no bound"
+    message = (
+        f"the acceleration of joint {joint!r} jumps by {sizes[at].max():.3g}, so that its jerk has "
+        "no bound"
+    )
     details = {"joint": joint, "jump": float(sizes[at].max())}
     return Violation("jerk", float(trajectory.breaks[at + 1]), message, details)
 

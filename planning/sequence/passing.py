@@ -21,7 +21,6 @@ from planning.clearance import clearance_levels
 from planning.clearance_report import clearance_report
 from planning.constraints.constraint_set import ConstraintSet
 from planning.deadline import Deadline
-from planning.limits import MotionLimits
 from planning.motion_limits import with_limits
 from planning.options import Options
 from planning.passing_times import first_approach
@@ -325,7 +324,7 @@ def _proved(
         motion, cell.robot, cell.scene,
         margin=settings.margin,
         constraints=constraint_set(cell, settings),
-        limits=MotionLimits(parametrization.bounds, parametrization.loads),
+        limits=parametrization.motion_limits,
         deadline=deadline,
     )  # fmt: skip
     if not certificate.verified:

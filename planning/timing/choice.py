@@ -103,6 +103,7 @@ def _within_limits(
         scaled.get("jerk"),
         _loads(timing, joint_names, overrides, chain),
         ruled=ruled,
+        ignored_jerk=overrides.get("jerk") if method.jerk is JerkUse.UNUSED else None,
     )
 
 

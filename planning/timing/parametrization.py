@@ -11,6 +11,7 @@ from kinematics.chain import Chain
 from kinematics.errors import InvalidOption
 from kinematics.trajectory import Trajectory
 from planning.effort_limits import EffortLimits
+from planning.limits import MotionLimits
 from planning.timing.blend import blend, merge
 from planning.timing.effort_limits import slow_down
 from planning.timing.estimate import estimate_limits
@@ -21,7 +22,7 @@ from planning.timing.even_corners import (
     time_even_corners,
 )
 from planning.timing.failure import TimingFailed
-from planning.timing.method import PathLimits, TimingMethod
+from planning.timing.method import JerkUse, PathLimits, TimingMethod
 from planning.timing.path import JointPath
 from planning.timing.quintic_fit import even_parts, fit_pieces
 from planning.timing.span_loads import SpanLoads, span_loads
@@ -56,6 +57,7 @@ class TimeParametrization:
         start_velocity: At the start, along the path, shape (n,); at rest where none is given.
         end_velocity: At the end, likewise.
         ruled: Names of joints whose jerk limit is not known but made by a rule.
+        ignored_jerk: A jerk limit that was given, shape (n,), which the method does not keep.
     """
 
     method: TimingMethod
@@ -66,6 +68,7 @@ class TimeParametrization:
     start_velocity: Array | None = None
     end_velocity: Array | None = None
     ruled: tuple[str, ...] = ()
+    ignored_jerk: Array | None = None
     _jerk_bounds: Array | None = field(init=False, repr=False)
     _estimate_limits: Array | None = field(default=None, init=False, repr=False)
     _kernel_loads: SpanLoads | None = field(default=None, init=False, repr=False)
@@ -203,6 +206,13 @@ class TimeParametrization:
         """The limits that a motion with this timing is held to, by quantity."""
         bounds = {"velocity": self.velocity, "acceleration": self.acceleration}
         return bounds if self.jerk is None else bounds | {"jerk": self.jerk}
+
+    @property
+    def motion_limits(self) -> MotionLimits:
+        """What a motion with this timing is proved within: its bounds, and the jerk it ignores."""
+        ignored = {} if self.ignored_jerk is None else {"jerk": self.ignored_jerk}
+        holds_jerk = self.method.jerk is not JerkUse.UNUSED
+        return MotionLimits(self.bounds | ignored, self.loads, holds_jerk)
 
     def at_tool_speed(self, chain: Chain, speed: float) -> "TimeParametrization":
         """Parametrization with the tool no faster than a speed [m/s]."""

@@ -11,7 +11,6 @@ from obstacles.checker import Checker
 from planning import pipeline
 from planning.constrained.checker import ConstrainedChecker
 from planning.deadline import Deadline
-from planning.limits import MotionLimits
 from planning.options import Options
 from planning.problem import JointGoal, Problem
 from planning.proof.certificate import certify
@@ -274,7 +273,7 @@ class LegTable:
             self.problem.scene,
             margin=self.problem.margin,
             constraints=self.problem.constraints,
-            limits=MotionLimits(self.parametrization.bounds, self.parametrization.loads),
+            limits=self.parametrization.motion_limits,
             deadline=deadline,
         )
         if not certificate.verified:

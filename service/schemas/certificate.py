@@ -61,7 +61,10 @@ class LimitUses(Answer):
 class ProvedAnswer(Answer):
     """Parts of a proof that were carried out and hold."""
 
-    limits: bool = Field(description="limits, continuity, constraints and tool motions")
+    limits: bool = Field(
+        description="limits, continuity, constraints and tool motions; false also where a jerk "
+        "limit is known that was not asked for and is not kept"
+    )
     collisions: bool = Field(description="nothing collides")
     reasons: list[str] = Field(description="why a part is not proved")
 

@@ -85,7 +85,8 @@ def given_limit(given: Sequence[float], quantity: str, joint_names: Sequence[str
 def limits(body: schema.LimitsBody | None, chain: Chain) -> dict[str, Array]:
     """Limits to hold a trajectory to: those of the request, else those of the robot.
 
-    The robot's jerk limits bind where the acceleration does not jump; those of a request always do.
+    Where the acceleration jumps, a jerk limit of the robot's is told as one that is not proved, and
+    one of a request is broken.
 
     Raises:
         MissingLimit: A velocity or acceleration limit is known from neither.

@@ -272,7 +272,7 @@ def test_a_broken_limit_is_told_when_it_is_first_broken(order: int) -> None:
         name = ("position", "velocity", "acceleration")[order]
         if order:
             bounds[name] = random.uniform(0.5, 1.0) * motion.peaks(order).value
-        _, wrong = check_limits(motion, robot.chain.limits, MotionLimits(bounds))
+        _, wrong, _ = check_limits(motion, robot.chain.limits, MotionLimits(bounds))
         first = [violation for violation in wrong if violation.kind == name]
         at = np.linspace(0.0, motion.duration, 20001)
         values = motion.sample(at, order)

@@ -123,11 +123,51 @@ def test_limits_of_the_request_hold() -> None:
     assert slow >= 0.5 / 0.1
 
 
+def test_a_method_that_does_not_limit_jerk_says_that_it_is_not_proved() -> None:
+    def proved(timing: dict[str, Any]) -> Any:
+        answer = answer_of(plan, PLANAR, EASY | {"timing": timing}, PlanAnswer)["certificate"]
+        assert answer["verified"]
+        return answer["proved"]
+
+    assert proved({"method": "jerk_limited"})["limits"]
+    fastest = proved({"method": "toppra"})
+    assert not fastest["limits"]
+    assert "limits are proved but for jerk" in fastest["reasons"][0]
+
+
 # ------------------------------------------------------------------------------- validation
 
 
 def certificate(**changes: Any) -> Any:
     return answer_of(validate, PLANAR, MOTION | {"limits": SLOW} | changes, CertificateAnswer)
+
+
+def test_a_jump_of_the_acceleration_makes_no_answer_better() -> None:
+    def segments(jerk: float) -> list[dict[str, Any]]:
+        # From rest; at 0.01 s the acceleration falls from jerk / 100 to 0.
+        t = 0.01
+        first = [[0.1, 0.0, 0.0, jerk / 6.0], [0.2]]
+        second = [[0.1 + jerk * t**3 / 6.0, jerk * t**2 / 2.0], [0.2]]
+        return [{"t0": 0.0, "t1": t, "coefficients": first},
+                {"t0": t, "t1": 2.0 * t, "coefficients": second}]  # fmt: skip
+
+    def ask(parts: list[dict[str, Any]], **limits: Any) -> Any:
+        allowed = SLOW | {"acceleration": [9.0] * 2} | limits
+        return certificate(trajectory={"segments": parts}, limits=allowed)
+
+    # The robot's jerk limit is 251.
+    for parts in (segments(300.0)[:1], segments(300.0)):
+        refused = ask(parts)
+        assert not refused["verified"]
+        assert refused["violation"]["kind"] == "jerk"
+    told = ask(segments(200.0))
+    assert told["verified"]
+    assert not told["proved"]["limits"]
+    assert "limits are proved but for jerk" in told["proved"]["reasons"][0]
+    assert "jerk" not in told["limits"]
+    named = ask(segments(200.0), jerk=[1e6, 1e6])
+    assert not named["verified"]
+    assert named["violation"]["jump"] == pytest.approx(2.0)
 
 
 def test_a_motion_inside_its_limits_is_verified_in_the_clock_of_the_request() -> None:
