@@ -1,7 +1,8 @@
 """Timing of any path: of its limits all is proved, of collisions nothing is known."""
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 
@@ -9,10 +10,13 @@ from kinematics.arrays import Array
 from kinematics.chain import Chain, Limits
 from kinematics.errors import InvalidOption, InvalidTrajectory
 from kinematics.trajectory import REST, Trajectory, stay
+from planning.limits import MotionLimits
 from planning.proof.certificate import Certificate, certify_limits
+from planning.proof.violation import Violation
 from planning.timing.blend import largest_reaches, merge, reach_for_deviation
 from planning.timing.choice import chosen_parametrization, require_limits, required_limits
-from planning.timing.method import JerkUse, timing_method
+from planning.timing.failure import TimingFailed
+from planning.timing.method import JerkLimited, JerkUse, timing_method
 from planning.timing.options import Interpolation, TimingOptions
 from planning.timing.parametrization import TimeParametrization
 from planning.timing.path import JointPath
@@ -22,6 +26,7 @@ from planning.timing.time_scaling import ScaledTime
 
 #: Legs shorter than this are told of: their direction has lost digits.
 TINY = 1e-9
+_SIZES = "Look for limits or lengths of very different sizes."
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -49,7 +54,7 @@ class Retimed:
         certificate: What was proved of its limits; not verified where times given break them.
         factor: How many times as long as asked the motion is: times given were stretched by it.
         needed_factor: How many times as long the motion would have to be to keep all limits; 1
-            where it does.
+            where it does, None where no slowing down cures it: outside a joint's range, or a jump.
         notes: What is special about the path: waypoints left out, stops.
         begins: Time at which the motion begins, the first of given times [s].
         timing: Method and limits that it was timed by.
@@ -58,7 +63,7 @@ class Retimed:
     trajectory: Trajectory
     certificate: Certificate
     factor: float
-    needed_factor: float
+    needed_factor: float | None
     notes: tuple[str, ...]
     begins: float = 0.0
     timing: TimingReport | None = None
@@ -110,29 +115,37 @@ def retime(
     if len(merged) < 2:
         rest = ScaledTime(stay(names, points[0]), 1.0)
         note = f"The path has no length: the robot stays where it is for {REST:g} s."
-        return _certify_retimed(rest, parametrization, chain, (note,), begins)
+        certificate = certify_limits(rest.trajectory, chain, parametrization.motion_limits)
+        if not certificate.verified:
+            raise _failure(certificate.violation, rest.trajectory, chain)
+        return _report(rest, certificate, parametrization, chain, (note,), begins)
     interpolation = timing.interpolation or _usual(timing)
     notes = _notes(points, interpolation, timing)
+    attempts: Sequence[Callable[[], ScaledTime]]
     if not method.follows_path:
         ends = _ends(interpolation)
-        timed = parametrization.time_spline(
-            points, None if times is None else times - times[0], ends, names, timing.scale_times
-        )
+        shifted = None if times is None else times - times[0]
+        timed = parametrization.time_spline(points, shifted, ends, names, timing.scale_times)
         notes += _spline_notes(timed.trajectory, ends)
-        # Without times there is nothing to be longer than.
-        timed = timed if times is not None else timed._replace(factor=1.0)
+        attempts, shape = [lambda: timed], timed.trajectory
+    elif interpolation == "linear":
+        _refuse_knots(path)
+        attempts = _linear(merged, names, parametrization, timing)
+        shape = _polyline(names, merged)
     else:
-        if interpolation == "linear":
-            timed = _linear(merged, path, parametrization, timing)
-        else:
-            curve = _curve(points, path.knots, interpolation)
-            timed = parametrization.time(curve, names)
-        notes += method.notes((timed,))
+        curve = _curve(points, path.knots, interpolation)
+        attempts = [lambda: parametrization.time(curve, names)]
+        shape = Trajectory(names, curve.breaks, curve.coefficients)
+    timed, certificate = _first_verified(attempts, chain, parametrization.motion_limits)
+    notes += method.notes((timed,))
+    if times is None:
+        if not certificate.verified:
+            raise _failure(certificate.violation, shape, chain)
         # No times were asked for, so there is nothing to be longer than.
         timed = timed._replace(factor=1.0)
     if method.jerk is JerkUse.UNUSED and "jerk" in overrides:
         notes += ("The method toppra does not limit jerk: jerk_limited does.",)
-    return _certify_retimed(timed, parametrization, chain, notes, begins)
+    return _report(timed, certificate, parametrization, chain, notes, begins)
 
 
 def _with_method(timing: TimingOptions) -> TimingOptions:
@@ -156,17 +169,80 @@ def _points(path: PathToTime) -> Array:
     return points
 
 
-def _linear(
-    merged: Array, path: PathToTime, parametrization: TimeParametrization, timing: TimingOptions
-) -> ScaledTime:
+def _refuse_knots(path: PathToTime) -> None:
     if path.knots is not None:
         raise InvalidOption(
             "knots belong to splines; straight lines have none",
             hint="Ask for interpolation natural_spline or clamped_spline, or leave knots out.",
         )
-    reaches = reach_for_deviation(merged, timing.blend_tolerance or 0.0, parametrization.smooth)
-    reaches = parametrization.widest_reaches(merged, reaches)
-    return parametrization.time_polyline(merged, reaches, path.joint_names)
+
+
+def _linear(
+    merged: Array,
+    names: tuple[str, ...],
+    parametrization: TimeParametrization,
+    timing: TimingOptions,
+) -> list[Callable[[], ScaledTime]]:
+    """Motions along straight lines by the solver asked for, then by another one."""
+    solvers = [parametrization]
+    if isinstance(parametrization.method, JerkLimited):
+        solvers.append(replace(parametrization, method=parametrization.method.other))
+    largest = reach_for_deviation(merged, timing.blend_tolerance or 0.0, parametrization.smooth)
+
+    def motion(by: TimeParametrization) -> ScaledTime:
+        return by.time_polyline(merged, by.widest_reaches(merged, largest), names)
+
+    return [partial(motion, by) for by in solvers]
+
+
+def _polyline(names: tuple[str, ...], points: Array) -> Trajectory:
+    """Straight lines through waypoints, one in each unit of time."""
+    legs = np.stack([points[:-1], np.diff(points, axis=0)], axis=-1)
+    return Trajectory(names, np.arange(float(len(points))), legs)
+
+
+def _first_verified(
+    attempts: Sequence[Callable[[], ScaledTime]], chain: Chain | None, wanted: MotionLimits
+) -> tuple[ScaledTime, Certificate]:
+    """The first motion that is proved, else the last one, and its certificate.
+
+    Raises:
+        TimingFailed: The last attempt finds none.
+    """
+    for number, attempt in enumerate(attempts, start=1):
+        try:
+            timed = attempt()
+        except TimingFailed:
+            if number == len(attempts):
+                raise
+            continue
+        certificate = certify_limits(timed.trajectory, chain, wanted)
+        if certificate.verified:
+            break
+    return timed, certificate
+
+
+def _failure(violation: Violation | None, shape: Trajectory, chain: Chain | None) -> TimingFailed:
+    """Refusal of a motion that is not proved.
+
+    Args:
+        violation: The first of the motion.
+        shape: The path, a piece from each waypoint to the next, at any times.
+        chain: The robot.
+    """
+    assert violation is not None
+    if violation.kind != "position":
+        return TimingFailed(f"no motion was proved: {violation.message}", hint=_SIZES)
+    free = dict.fromkeys(("velocity", "acceleration", "jerk"), np.full(shape.n, np.inf))
+    outside = certify_limits(shape, chain, MotionLimits(free)).violation or violation
+    after = int(np.searchsorted(shape.breaks[1:-1], outside.time, side="right"))
+    return TimingFailed(
+        f"{outside.message}, between waypoints {after} and {after + 1}",
+        hint="Give waypoints within the joint's limits; a spline swings over them less where more "
+        "waypoints lead it, and straight lines do not.",
+        **outside.details,
+        waypoints=[after, after + 1],
+    )
 
 
 def _curve(points: Array, knots: Array | None, interpolation: Interpolation) -> JointPath:
@@ -205,16 +281,17 @@ def _spline_notes(motion: Trajectory, ends: Ends) -> tuple[str, ...]:
     return (note,)
 
 
-def _certify_retimed(
+def _report(
     timed: ScaledTime,
+    certificate: Certificate,
     parametrization: TimeParametrization,
     chain: Chain | None,
     notes: tuple[str, ...],
-    begins: float = 0.0,
+    begins: float,
 ) -> Retimed:
-    certificate = certify_limits(timed.trajectory, chain, parametrization.motion_limits)
     bounds = {} if parametrization.method.follows_path else parametrization.bounds
     unknown = [name for name, row in bounds.items() if np.isinf(row).all()]
+    needed = 1.0 if certificate.violation is None else _needed(timed, parametrization, chain)
     if unknown:
         reason = f"no limits of {' and '.join(unknown)} are known: its peaks are only reported"
         notes += (f"{reason[0].upper()}{reason[1:]}.",)
@@ -222,9 +299,21 @@ def _certify_retimed(
         reasons = (*certificate.proved.reasons, reason)
         unproved = replace(certificate.proved, limits=False, reasons=reasons)
         certificate = replace(certificate, verified=False, proved=unproved)
-    needed = 1.0 if certificate.verified else parametrization.needed_factor(timed.trajectory)
     report = timing_report(parametrization, timed.solver)
     return Retimed(timed.trajectory, certificate, timed.factor, needed, notes, begins, report)
+
+
+def _needed(
+    timed: ScaledTime, parametrization: TimeParametrization, chain: Chain | None
+) -> float | None:
+    """How many times as long a motion is proved; None where no slowing down is what it lacks."""
+    try:
+        factor = parametrization.needed_factor(timed.trajectory)
+    except TimingFailed:
+        return None
+    slow = timed.trajectory.dilate(factor)
+    slower = certify_limits(slow, chain, parametrization.motion_limits)
+    return factor if slower.verified else None
 
 
 def _notes(points: Array, interpolation: Interpolation, timing: TimingOptions) -> tuple[str, ...]:

@@ -59,7 +59,9 @@ def time_states(
     if synchronization == "phase" and not _is_straight(motion, states):
         notes = ("The states allow no straight line: the joints arrive together, on a curve.",)
     report = TimingReport("jerk_limited", None, parametrization.bounds, parametrization.ruled)
-    return Retimed(motion, certificate, 1.0, 1.0, notes, timing=report)
+    # The states' velocities would change with the time.
+    needed = 1.0 if certificate.verified else None
+    return Retimed(motion, certificate, 1.0, needed, notes, timing=report)
 
 
 def _check_position(label: str, names: Sequence[str], state: JointState, limits: Limits) -> None:

@@ -69,11 +69,12 @@ class Retimed(Answer):
     """A timed motion, and what was proved of its limits.
 
     Args:
-        status: "success".
+        status: "success", or "unverified" where the certificate is not verified.
         trajectory: The motion.
         certificate: Of its limits alone; not verified where times that were given break them.
         factor: Times that were given were stretched by this.
-        needed_factor: Times have to be stretched by this for all limits to hold; 1 if they do.
+        needed_factor: Times have to be stretched by this for all limits to hold; 1 if they do,
+            None where no stretching cures what is wrong.
         timing: Method and limits that it was timed by.
         notes: What is special about the path.
         peaks: Exact largest |velocity|, |acceleration| and |jerk| of each joint.
@@ -83,7 +84,7 @@ class Retimed(Answer):
     trajectory: TimedTrajectory
     certificate: Certificate
     factor: float
-    needed_factor: float
+    needed_factor: float | None
     timing: TimingReport | None = None
     notes: list[str] = Field(default_factory=list)
     peaks: dict[str, list[float]] = Field(default_factory=dict)

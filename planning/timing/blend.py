@@ -42,8 +42,8 @@ _LEAST_REACH = 1e-6
 # Two parabolas that meet in the middle of a leg leave this part of it: rounding, no piece.
 _NOTHING = 1e-15
 # A straight piece between two parabolas has at least this part of its leg. On a shorter one the
-# rounding of a speed would count as an acceleration, x eps / length.
-_LEAST_STRAIGHT = 1e-7
+# rounding of a speed would count as an acceleration, x eps / length, and phases of it take no time.
+_LEAST_STRAIGHT = 1e-3
 # A reach may exceed half a leg by what computing it rounds off.
 _ROUNDING = 1e-9
 

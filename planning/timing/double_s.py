@@ -31,9 +31,11 @@ CONVERGED = 1e-15
 _NO_TIME = 1e-12
 #: Phases of a leg, at most: two ramps of three and a stretch at constant speed.
 MAX_PHASES = 7
-# Speeds and lengths that differ by less than this part are the same: a ramp between them would be
-# rounding, run through for its square root of a second.
+# Lengths that differ by less than this part are the same.
 _SAME = 1e-13
+# Speeds that differ by less than this part are the same: a ramp goes by the square root of their
+# difference, whose rounding would be seen as a jump.
+_SAME_SPEED = 1e-11
 
 
 class Legs(NamedTuple):
@@ -184,6 +186,12 @@ def lower_speeds_kernel(legs: Legs, speeds: Array, tolerance: float) -> float:
     return time
 
 
+@kernel(inline="code", allocates=False)
+def _are_same(low: float, high: float) -> bool:
+    """Whether no ramp lies between two speeds."""
+    return abs(high - low) <= _SAME_SPEED * max(low, high)
+
+
 @kernel(allocates=False)
 def _write_ramp(
     place: float, start: float, end: float, limits: Array, least: float, phases: Array, used: int
@@ -191,7 +199,7 @@ def _write_ramp(
     """Write the phases of a ramp from a place on, after ``used`` others; their number then."""
     change, a, j = abs(end - start), limits[1], limits[2]
     sign = 1.0 if end > start else -1.0
-    if change <= _SAME * max(start, end):
+    if _are_same(start, end):
         return used
     even = 0.0
     if change * j > a * a:
@@ -226,7 +234,8 @@ def leg_phases_kernel(start: float, end: float, length: float, limits: Array, ph
     a, j = limits[1], limits[2]
     peak = peak_speed(start, end, length, limits, CONVERGED)
     least = _NO_TIME * leg_time(start, end, length, limits, CONVERGED)
-    rising, falling = _ramp_length(start, peak, a, j), _ramp_length(end, peak, a, j)
+    rising = 0.0 if _are_same(start, peak) else _ramp_length(start, peak, a, j)
+    falling = 0.0 if _are_same(end, peak) else _ramp_length(end, peak, a, j)
     used = _write_ramp(0.0, start, peak, limits, least, phases, 0)
     even = (length - rising - falling) / peak
     if even > least:

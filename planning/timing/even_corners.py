@@ -150,13 +150,17 @@ def pieces_kernel(coefficients: Array, lengths: Array, limits: Array) -> Pieces:
     used = polyline_phases_kernel(lengths, straight, along, speeds, phases, owners)
     breaks, pieces = np.zeros(used + 1), np.empty((used, n, _DEGREE + 1))
     shifted, product, inner = np.empty(4), np.empty(10), np.empty(3)
-    whole = np.zeros(10)
+    whole, made = np.zeros(10), 0
     for i in range(used):
         owner, start = owners[i], phases[i, 0]
         inner[0], inner[1], inner[2] = phases[i, 1], phases[i, 2], phases[i, 3]
-        breaks[i + 1] = breaks[i] + phases[i, 4]
+        breaks[made + 1] = breaks[made] + phases[i, 4]
+        # A phase that is shorter than the rounding of its time is none.
+        if not breaks[made + 1] > breaks[made]:
+            continue
+        made += 1
         for joint in range(n):
-            c, out = coefficients[owner, joint], pieces[i, joint]
+            c, out = coefficients[owner, joint], pieces[made - 1, joint]
             if straight[owner]:
                 out[0] = c[0] + start * c[1]
                 for k in range(_DEGREE):
@@ -172,7 +176,7 @@ def pieces_kernel(coefficients: Array, lengths: Array, limits: Array) -> Pieces:
             compose_kernel(shifted, top, inner, product, whole)
             for k in range(_DEGREE + 1):
                 out[k] = whole[k]
-    return Pieces(breaks, pieces)
+    return Pieces(breaks[: made + 1], pieces[:made])
 
 
 @kernel

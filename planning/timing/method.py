@@ -1,7 +1,7 @@
 """Timing methods: each finds a motion in time along a given path."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from enum import Enum
 from typing import NamedTuple, Protocol
 
@@ -182,6 +182,11 @@ class JerkLimited:
     def near_path(self) -> bool:
         """Whether a spline near the path is tried where it is proved free."""
         return self.solver == "quintic_spline"
+
+    @property
+    def other(self) -> "JerkLimited":
+        """The method with another solver, for where this one finds nothing."""
+        return replace(self, solver="interior_point" if self.even_corners else "double_s")
 
     def time(
         self,

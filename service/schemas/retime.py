@@ -165,14 +165,18 @@ class RetimeRequest(Body):
 class RetimeAnswer(Answer):
     """A timed path, and what was proved of its limits."""
 
-    status: Literal["success"] = Field(description="success; a problem document has a number here")
+    status: Literal["success", "unverified"] = Field(
+        description="success where the certificate is verified; unverified where times or states "
+        "that were given break limits, or nothing is known of them"
+    )
     trajectory: TrajectoryAnswer
     certificate: CertificateAnswer = Field(
         description="of the limits alone; not verified where times that were given break them"
     )
     factor: float = Field(description="times that were given were stretched by this")
-    needed_factor: float = Field(
-        description="times have to be stretched by this for all limits to hold; 1 if they do"
+    needed_factor: float | None = Field(
+        description="times have to be stretched by this for all limits to hold; 1 if they do, null "
+        "where no stretching cures what is wrong: outside a joint's range, or a jump"
     )
     timing: TimingAnswer | None = Field(None, description="method and limits of its timing")
     notes: list[str] = Field(default_factory=list, description="what is special about the path")

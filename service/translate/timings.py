@@ -215,7 +215,7 @@ def retimed_answer(
 ) -> dict[str, Any]:
     """A timed path as answers give it."""
     return {
-        "status": "success",
+        "status": "success" if certificate["verified"] else "unverified",
         "trajectory": trajectory,
         "certificate": certificate,
         "factor": found.factor,

@@ -1,0 +1,129 @@
+"""Timing of paths whose numbers are rounded: sampled arcs and lines, zigzags of rounding height."""
+
+from typing import Any
+
+import numpy as np
+import pytest
+import toppra
+from numpy.polynomial import polynomial as power_basis
+from numpy.typing import NDArray
+
+from kinematics.robots import builtin_urdf
+from kinematics.serial_chain import serial_chain
+from kinematics.trajectory import Trajectory
+from kinematics.urdf import parse_urdf
+from planning.retime import PathToTime, Retimed, retime
+from planning.timing.failure import TimingFailed
+from planning.timing.options import TimingOptions
+
+Array = NDArray[np.float64]
+METHODS: tuple[dict[str, Any], ...] = (
+    {"method": "toppra"},
+    {"method": "jerk_limited"},
+    {"method": "jerk_limited", "solver": "double_s"},
+    {},
+)
+
+
+def limits(n: int, velocity: float = 1.5, acceleration: float = 6.0, jerk: float = 80.0) -> Any:
+    values = (("velocity", velocity), ("acceleration", acceleration), ("jerk", jerk))
+    return {name: np.full(n, value) for name, value in values}
+
+
+def timed(points: Array, bounds: dict[str, Array] | None = None, **options: Any) -> Retimed:
+    n = points.shape[1]
+    names = tuple(f"joint_{i}" for i in range(n))
+    return retime(PathToTime(names, points), TimingOptions(**options), bounds or limits(n))
+
+
+def largest_jump(motion: Trajectory, order: int) -> float:
+    """Largest jump of a derivative between pieces, by numpy's polynomials."""
+    rows, h = motion.coefficients, np.diff(motion.breaks)
+    jumps = [
+        power_basis.polyval(h[i], power_basis.polyder(rows[i, j], order))
+        - power_basis.polyval(0.0, power_basis.polyder(rows[i + 1, j], order))
+        for i in range(len(rows) - 1)
+        for j in range(motion.n)
+    ]
+    return float(np.abs(jumps).max(initial=0.0))
+
+
+def arc(rng: np.random.Generator, count: int) -> Array:
+    """Even samples of an arc in a random plane of joint space, shape (count, n)."""
+    plane, _ = np.linalg.qr(rng.normal(size=(int(rng.integers(2, 8)), 2)))
+    angles = np.linspace(0.0, rng.uniform(0.5, 6.0), count)
+    circle = np.stack([np.cos(angles), np.sin(angles)])
+    return np.asarray(rng.uniform(0.1, 0.5) * (plane @ circle).T)
+
+
+def least_time(points: Array, bounds: dict[str, Array]) -> float:
+    """Least time of the spline through points without a jerk limit, by the toppra package."""
+    steps = np.linalg.norm(np.diff(points, axis=0), axis=1)
+    knots = np.concatenate([[0.0], np.cumsum(steps)])
+    path = toppra.SplineInterpolator(knots / knots[-1], points)
+    constraints = [
+        kind(np.column_stack([-bounds[name], bounds[name]]))
+        for kind, name in (
+            (toppra.constraint.JointVelocityConstraint, "velocity"),
+            (toppra.constraint.JointAccelerationConstraint, "acceleration"),
+        )
+    ]
+    solver = toppra.algorithm.TOPPRA(constraints, path, np.linspace(0.0, 1.0, 300))
+    return float(solver.compute_trajectory(0.0, 0.0).duration)
+
+
+@pytest.mark.parametrize("seed", range(30))
+def test_zigzags_of_rounding_height_are_timed_without_a_jump(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    points = np.zeros((int(rng.integers(4, 20)), 2))
+    points[:, 0] = np.arange(len(points)) * rng.uniform(0.05, 0.4)
+    points[1::2, 1] = 10.0 ** rng.uniform(-9, -4)
+    tolerance = float(rng.choice([1e-3, 1e-2, 5e-2]))
+    for options in METHODS:
+        found = timed(points, blend_tolerance=tolerance, **options)
+        assert found.certificate.verified, options
+        assert largest_jump(found.trajectory, 0) < 1e-9
+        assert largest_jump(found.trajectory, 1) < 1e-9
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_evenly_sampled_arcs_are_timed(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    points = arc(rng, int(rng.integers(10, 60))).round(int(rng.choice([6, 9, 12])))
+    bounds = limits(points.shape[1])
+    for options in METHODS:
+        found = timed(points, bounds, blend_tolerance=0.01, **options)
+        assert found.certificate.verified, options
+        if options.get("method") == "toppra":
+            assert found.trajectory.duration < 1.25 * least_time(points, bounds)
+
+
+def test_a_spline_that_leaves_a_range_is_refused_with_joint_and_waypoints() -> None:
+    chain = serial_chain(parse_urdf(builtin_urdf("ur5e")))
+    points = np.tile([0.0, -1.4, 0.0, -1.0, 0.3, 0.1], (4, 1))
+    points[:, 2] = [2.2, 3.1, 3.12, 2.0]
+    path = PathToTime(chain.joint_names, points)
+    for options in (
+        {"method": "toppra", "interpolation": "natural_spline"},
+        {"method": "spline", "interpolation": "natural_spline"},
+    ):
+        with pytest.raises(TimingFailed, match=r"'elbow_joint'.*between waypoints 2 and 3"):
+            retime(path, TimingOptions(**options), {}, chain)  # type: ignore[arg-type]
+    assert retime(path, TimingOptions(method="toppra"), {}, chain).certificate.verified
+
+
+def test_no_factor_is_told_where_no_stretching_helps() -> None:
+    chain = serial_chain(parse_urdf(builtin_urdf("ur5e")))
+    points = np.zeros((3, 6))
+    points[1, 2], points[2, 2] = 3.1, 0.0
+    path = PathToTime(chain.joint_names, points)
+    for last, is_curable in ((3.1, True), (3.2, False)):
+        points[1, 2] = last
+        fast = retime(path, TimingOptions("spline", times=[0.0, 0.5, 1.0]), {}, chain)
+        assert not fast.certificate.verified
+        assert (fast.needed_factor is not None) is is_curable
+        if fast.needed_factor is not None:
+            times = [0.0, 0.5 * fast.needed_factor, fast.needed_factor]
+            slow = retime(path, TimingOptions("spline", times=times), {}, chain)
+            assert slow.certificate.verified
+            assert slow.needed_factor == 1.0
