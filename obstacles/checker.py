@@ -24,6 +24,8 @@ from obstacles.state_check import bracket_on, verdict_on
 _FLOAT = np.dtype(np.float64)
 #: Parts of a motion at whose ends ``straight`` looks.
 _LOOKS = 16
+#: States of which the depth of a collision is looked at, at most.
+_MOST_OVERLAPS = 60
 #: Near pairs there is room for at first.
 _NEAR_PAIRS = 64
 
@@ -211,6 +213,21 @@ class Checker:
                 self.model.arrays, point, within + self.slack, pairs, distances, gradients
             )
         return Proximity(pairs[:m], distances[:m] - self.slack, gradients[:m])
+
+    def least_overlap(self, states: Array) -> tuple[float, tuple[str, str]] | None:
+        """The depth [m] and the pair of the least deep of some collisions, of states (k, n).
+
+        Of more than sixty states some are looked at, spread over all. None where none collides.
+        """
+        best: tuple[float, tuple[str, str]] | None = None
+        for q in states[:: max(1, len(states) // _MOST_OVERLAPS)]:
+            near = self.gradient(q, 0.0)
+            if not near.distances.size:
+                continue
+            depth, pair = -float(near.distances.min()), int(near.pairs[near.distances.argmin()])
+            if best is None or depth < best[0]:
+                best = depth, self.model.pair_name(pair)
+        return best
 
     def valid(self, q: Array) -> bool:
         """Whether a configuration keeps every pair its margin apart."""

@@ -233,13 +233,7 @@ def _met_on_the_way(search: SeamSearch, graph: SeamGraph, mine: NDArray[np.int64
 
 def _collision(search: SeamSearch, colliding: Array, words: str) -> _Reason:
     """The least deep of some collisions, of configurations (k, n)."""
-    best, pair = -np.inf, ("", "")
-    for q in colliding[:: max(1, len(colliding) // _MAX_DEPTHS)]:
-        near = search.checker.gradient(q, 0.0)
-        if near.distances.size and near.distances.min() > best:
-            best = float(near.distances.min())
-            pair = search.checker.model.pair_name(int(near.pairs[np.argmin(near.distances)]))
-    depth = -best if np.isfinite(best) else 0.0
+    depth, pair = search.checker.least_overlap(colliding) or (0.0, ("", ""))
     text = f"{words}, at best {pair[0]!r} with {pair[1]!r} by {depth:.4g} m"
     return _Reason("collision", text, {"pair": list(pair), "depth": depth})
 

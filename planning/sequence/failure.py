@@ -1,8 +1,8 @@
-"""The failure of a search: the stage that it never got past, and the most frequent reason."""
+"""The failure of a search: the stage that cuts all combinations off, and why."""
 
 from planning.deadline import Deadline
 from planning.sequence.motion import LineStopped
-from planning.sequence.record import Record, hint_of
+from planning.sequence.record import Blame, Record, hint_of
 from planning.sequence.result import SequenceFailure, StagePlan
 from planning.sequence.stage import describe_stage
 from planning.sequence.task import Task
@@ -22,11 +22,10 @@ def search_failure(
         late: Whether time was up.
         prefix: Proved stages of the combination that came farthest.
     """
-    farthest = record.farthest()
-    k, reason, times = farthest if farthest is not None else (0, "time was up", 1)
+    k, reason, times, known = record.blame() or Blame(0, "time was up", 1, {})
     what = describe_stage(task.stages, k)
     hint = hint_of(task.stages[k], reason)
-    details = {"index": k, "reason": reason, "count": times}
+    details = {"index": k, "reason": reason, "count": times, **known}
     if late:
         code = "TIMED_OUT"
         message = (

@@ -1,6 +1,13 @@
-"""Record of a search: every alternative that was looked at, with what came of it."""
+"""Record of a search: every alternative that was looked at, with what came of it.
+
+A search checks a combination of choices in a fixed order, what is cheap first. What fails ends the
+combination at its place in that order. The last place that was reached cuts off all combinations
+that passed the others: the stage that fails there is to blame, be it early or late in the task.
+"""
 
 from collections import Counter
+from enum import IntEnum
+from typing import Any, NamedTuple
 
 from kinematics.arrays import Array
 from planning.sequence.node import Node
@@ -12,20 +19,70 @@ from planning.sequence.target import Candidates, Outcome
 _ORDER = ("out_of_reach", "outside_limits", "in_collision", "open", "failed", "solved")
 
 
+#: Reasons of collisions begin so.
+_COLLIDES = "in collision: "
+#: Lists of candidates of one stage whose collisions are looked at in the end.
+_MAX_LISTS = 16
+
+
+class Check(IntEnum):
+    """Checks of one combination of choices, in the order in which a search makes them."""
+
+    ONWARD = 0
+    TARGET = 1
+    PLACE = 2
+    APPROACH = 3
+    STILL_OR_STRAIGHT = 4
+    FREE = 5
+
+
+class Blame(NamedTuple):
+    """The stage at which a search fails.
+
+    Args:
+        stage: Its number.
+        reason: A short sentence.
+        times: How often it was the reason.
+        details: Values a program can use: pair and depth of a collision.
+    """
+
+    stage: int
+    reason: str
+    times: int
+    details: dict[str, Any]
+
+
 class Record:
     """Trials by the choices that led to them."""
 
     def __init__(self) -> None:
         self._trials: dict[tuple[int, ...], Trial] = {}
-        self._reasons: dict[int, Counter[str]] = {}
+        self._reasons: dict[tuple[int, int, int], Counter[tuple[int, str]]] = {}
+        self._colliding: dict[int, list[Candidates]] = {}
 
     @property
     def trials(self) -> tuple[Trial, ...]:
         """All of them, in the order of the stages and of the lists."""
         return tuple(sorted(self._trials.values(), key=lambda trial: (trial.stage, trial.choices)))
 
-    def note_candidates(self, choices: tuple[int, ...], stage: int, candidates: Candidates) -> None:
-        """Note what came of a stage's targets before any path was planned."""
+    def note_candidates(
+        self,
+        choices: tuple[int, ...],
+        stage: int,
+        candidates: Candidates,
+        check: Check = Check.TARGET,
+    ) -> None:
+        """Note what came of a stage's targets before any path was planned.
+
+        Args:
+            choices: Numbers of the alternatives chosen before.
+            stage: Number of the stage.
+            candidates: Of its targets.
+            check: TARGET, or PLACE for places that were looked at when the grasp was chosen.
+        """
+        known = self._colliding.setdefault(stage, [])
+        if len(candidates.colliding) and candidates not in known and len(known) < _MAX_LISTS:
+            known.append(candidates)
         for index, (outcome, pair, joints) in candidates.outcomes.items():
             reached = outcome is Outcome.REACHED
             trial = self._trial((*choices, index), stage)
@@ -36,12 +93,15 @@ class Record:
                 trial.outcome = outcome.value
             reason = str(outcome.value)
             if pair is not None:
-                reason = f"in collision: {pair[0]} and {pair[1]}"
-            self._count(trial, stage, reason, joints)
+                reason = f"{_COLLIDES}{pair[0]} and {pair[1]}"
+            _note(trial, reason, joints)
+            self._count(check, len(choices) - (check is Check.PLACE), stage, reason)
 
-    def note_failure(self, node: Node, stage: int, reason: str) -> None:
+    def note_failure(
+        self, node: Node, stage: int, reason: str, check: Check = Check.ONWARD
+    ) -> None:
         """Note that a configuration of a node's target led nowhere, and at which stage."""
-        self._reasons.setdefault(stage, Counter())[reason] += 1
+        self._count(check, node.depth, stage, reason)
         if node.target is None:
             return
         target_stage = node.steps[-1].index if node.steps else stage
@@ -62,8 +122,23 @@ class Record:
             reason: A short sentence.
             joints: The configuration, shape (n,).
         """
-        trial = self._trial((*node.choices, choice), stages[0])
-        self._count(trial, stages[1], reason, joints)
+        self._count(Check.APPROACH, node.depth, stages[1], reason)
+        self.note_no_place(node, choice, stages[0], reason, joints)
+
+    def note_no_place(
+        self, node: Node, choice: int, stage: int, reason: str, joints: Array
+    ) -> None:
+        """Note that a grasp leads to none of its places, which are noted by themselves.
+
+        Args:
+            node: The choices before.
+            choice: Number of the grasp.
+            stage: Number of its stage.
+            reason: A short sentence.
+            joints: The configuration, shape (n,).
+        """
+        trial = self._trial((*node.choices, choice), stage)
+        _note(trial, reason, joints)
         if trial.outcome == "open":
             trial.outcome = "failed"
 
@@ -73,17 +148,24 @@ class Record:
             if one.target is not None:
                 self._trial(one.choices, one.steps[-1].index).outcome = "solved"
 
-    def farthest(self) -> tuple[int, str, int] | None:
-        """The latest stage at which something failed, its most frequent reason and how often."""
+    def blame(self) -> Blame | None:
+        """The stage that cuts off what passed all other checks; None where nothing failed."""
         if not self._reasons:
             return None
-        stage = max(self._reasons)
-        reason, count = self._reasons[stage].most_common(1)[0]
-        return stage, reason, count
+        (stage, reason), count = self._reasons[max(self._reasons)].most_common(1)[0]
+        overlaps = [one.least_overlap() for one in self._colliding.get(stage, ())]
+        known = [overlap for overlap in overlaps if overlap is not None]
+        if not (known and reason.startswith(_COLLIDES)):
+            return Blame(stage, reason, count, {})
+        depth, pair = min(known)
+        text = f"{_COLLIDES}{pair[0]} and {pair[1]}, at best by {depth:.4g} m"
+        return Blame(stage, text, count, {"pair": list(pair), "depth": depth})
 
-    def _count(self, trial: Trial, stage: int, reason: str, joints: Array | None) -> None:
-        _note(trial, reason, joints)
-        self._reasons.setdefault(stage, Counter())[reason] += 1
+    def _count(self, check: Check, depth: int, stage: int, reason: str) -> None:
+        """Count a reason at its place in the order of a search's checks."""
+        is_motion = check >= Check.STILL_OR_STRAIGHT
+        place = (int(check), stage, 0) if is_motion else (0, depth, int(check))
+        self._reasons.setdefault(place, Counter())[stage, reason] += 1
 
     def _trial(self, choices: tuple[int, ...], stage: int) -> Trial:
         if choices not in self._trials:

@@ -20,6 +20,7 @@ from planning.result import Failure
 from planning.sequence.configuration_costs import ConfigurationCosts, rests_at_limit
 from planning.sequence.configuration_report import with_configurations
 from planning.sequence.failure import describe_stop, search_failure
+from planning.sequence.given_joints import check_given_joints
 from planning.sequence.node import (
     Child,
     Node,
@@ -31,7 +32,7 @@ from planning.sequence.node import (
 from planning.sequence.off_limits import OffLimits
 from planning.sequence.options import TaskOptions
 from planning.sequence.passing import pass_ends
-from planning.sequence.record import Record
+from planning.sequence.record import Check, Record
 from planning.sequence.result import (
     Improvement,
     SequenceFailure,
@@ -113,6 +114,10 @@ class _Search:
 
     def run(self) -> SequencePlan | SequenceFailure:
         """Search until nothing is left or time is up."""
+        goals = not self._options.allow_partial
+        wrong = check_given_joints(self._task, self._cells, self._deadline, goals=goals)
+        if wrong is not None:
+            return wrong
         root = Node(None, 0, self._task.world, self._task.start, {})
         self._push(root, 0.0)
         while self._open and not self._is_over():
@@ -220,7 +225,7 @@ class _Search:
         if place is None or self._has_place(choices, *place):
             return True
         reason = "no place can be reached with this grasp"
-        self._record.note_child(node, target.number, (segment.end - 1, place[0]), reason, q)
+        self._record.note_no_place(node, target.number, segment.end - 1, reason, q)
         return False
 
     def _has_place(self, choices: tuple[int, ...], k: int, world: World) -> bool:
@@ -229,7 +234,7 @@ class _Search:
             candidates = self._finder.find(k, world, batch, {}, self._until)
             if len(candidates.joints) or self._until.passed:
                 return True
-            self._record.note_candidates(choices, k, candidates)
+            self._record.note_candidates(choices, k, candidates, Check.PLACE)
         return False
 
     def _push(self, node: Node, estimate: float) -> None:
@@ -295,7 +300,8 @@ class _Search:
         self._keep_prefix(leaf)
         if self._until.passed and self._until is self._deadline:
             return
-        self._record.note_failure(node, step.index, failure.message)
+        check = Check.FREE if step.motion == "free" else Check.STILL_OR_STRAIGHT
+        self._record.note_failure(node, step.index, failure.message, check)
         node.attempts += 1
         again = failure.code in _MAY_SUCCEED and node.attempts < len(_FREE_EDGES)
         if node.parent is not None:

@@ -32,6 +32,8 @@ _ROUNDS = 4
 _STARTS = 30
 #: Starts of the search away from limits, and configurations that it looks for.
 _INNER_STARTS, _INNER = 60, 8
+#: Configurations that collide of which one list of targets keeps so many.
+_MOST_COLLIDING = 240
 #: Configurations nearer than this to another one are the same [rad or m].
 _SAME = 1e-3
 #: Slack that configurations keep where any of their target does [m]: paths end there.
@@ -86,12 +88,22 @@ class Candidates:
         joints: Shape (k, n) [rad or m].
         outcomes: Of each target that was looked at, by its number, what came of it.
         complete: Whether all targets were looked at before the deadline.
+        colliding: Some of the configurations of targets that all collide, shape (m, n).
+        checker: What they collide in.
     """
 
     targets: tuple[Target, ...]
     joints: Array
     outcomes: dict[int, Verdict] = field(default_factory=dict)
     complete: bool = True
+    colliding: tuple[Array, ...] = ()
+    checker: Checker | None = None
+
+    def least_overlap(self) -> tuple[float, tuple[str, str]] | None:
+        """The least deep of the collisions [m], and its pair; None where nothing collides."""
+        if self.checker is None or not self.colliding:
+            return None
+        return self.checker.least_overlap(np.array(self.colliding))
 
 
 def stage_targets(stage: Stage, world: World, history: dict[int, Array]) -> list[Target]:
@@ -154,6 +166,7 @@ def find_candidates(
     rows: list[Array] = []
     owners: list[Target] = []
     outcomes: dict[int, Verdict] = {}
+    colliding: list[Array] = []
     form = structure(chain)
     for first in range(0, len(targets), _CHUNK):
         if deadline.passed:
@@ -165,8 +178,11 @@ def find_candidates(
             valid, outcomes[target.number] = _assess(checker, reached, joints)
             rows += valid
             owners += [target] * len(valid)
+            if outcomes[target.number].outcome is Outcome.IN_COLLISION:
+                colliding.extend(joints[: max(_MOST_COLLIDING - len(colliding), 0)])
     joints = np.array(rows).reshape(-1, chain.n)
-    return Candidates(tuple(owners), joints, outcomes, len(outcomes) == len(targets))
+    complete = len(outcomes) == len(targets)
+    return Candidates(tuple(owners), joints, outcomes, complete, tuple(colliding), checker)
 
 
 def _solutions(

@@ -1,10 +1,10 @@
-"""The record of a search: outcomes come only nearer, reasons are counted, the latest stage told."""
+"""The record of a search: outcomes come only nearer, reasons are counted, one stage is blamed."""
 
 import numpy as np
 import pytest
 
 from planning.sequence.node import Node
-from planning.sequence.record import Record, hint_of
+from planning.sequence.record import Blame, Check, Record, hint_of
 from planning.sequence.stage import Grasp, Wait
 from planning.sequence.step import Step
 from planning.sequence.target import Candidates, Outcome, Target, Verdict
@@ -57,17 +57,30 @@ def test_an_outcome_only_comes_nearer_to_a_solution() -> None:
     assert trial.reasons == {"in collision: arm and lid": 1, "out_of_reach": 1}
 
 
-def test_the_latest_stage_and_its_most_frequent_reason_are_the_farthest() -> None:
+def test_the_last_check_that_was_reached_is_to_blame_with_its_most_frequent_reason() -> None:
     record, root = Record(), _root()
-    assert record.farthest() is None
+    assert record.blame() is None
     record.note_failure(root, 0, "starts badly")
     for reason in ("too short", "collides", "collides"):
         record.note_child(root, 1, (2, 1), reason, np.full(7, float(len(reason))))
-    assert record.farthest() == (1, "collides", 2)
+    assert record.blame() == Blame(1, "collides", 2, {})
     (trial,) = record.trials
     assert (trial.choices, trial.stage, trial.outcome) == ((1,), 2, "failed")
     assert trial.reasons == {"too short": 1, "collides": 2}
     np.testing.assert_array_equal(trial.joints, np.full(7, 9.0))  # that of the first reason
+
+
+def test_what_cuts_off_the_rest_is_to_blame_and_not_the_deepest_stage_looked_at() -> None:
+    record, root = Record(), _root()
+    # Two grasps fail at late stages before any path, the third passes and finds no free motion.
+    record.note_candidates((0,), 7, _candidates(n0=Verdict(Outcome.OUT_OF_REACH)), Check.PLACE)
+    record.note_failure(_child(root, 1, 2), 9, "no retreat")
+    assert record.blame() == Blame(9, "no retreat", 1, {})
+    record.note_failure(_child(root, 2, 2), 4, "touches", Check.STILL_OR_STRAIGHT)
+    assert record.blame() == Blame(4, "touches", 1, {})
+    for _ in range(2):
+        record.note_failure(_child(root, 3, 2), 0, "no path", Check.FREE)
+    assert record.blame() == Blame(0, "no path", 2, {})
 
 
 def test_failures_and_solutions_belong_to_the_choices_of_their_node() -> None:

@@ -108,12 +108,30 @@ def test_a_place_that_is_blocked_is_told_before_any_path_is_planned() -> None:
     assert isinstance(answer, SequenceFailure)
     assert (answer.code, answer.stage) == ("PLANNING_FAILED", 8)
     assert not answer.prefix
+    assert "lid" in answer.details["pair"]
     reasons = {reason for trial in answer.trials for reason in trial.reasons}
     assert any("lid" in reason for reason in reasons)
     places = [trial for trial in answer.trials if trial.stage == 8]
     assert places
     assert all(trial.outcome in ("in_collision", "outside_limits", "out_of_reach", "failed")
                for trial in places)  # fmt: skip
+
+
+@pytest.mark.parametrize("overlap", [0.0005, 0.005, 0.02])
+def test_a_place_beside_a_neighbour_is_told_by_the_pair_and_how_deep(overlap: float) -> None:
+    # Two upright boxes 5 cm wide whose faces overlap: as deep as one of them is in the other.
+    x, y = crate.PLACE
+    beside = aw.pose([x + 0.05 - overlap, y, 0.13])
+    neighbour = aw.Obstacle("neighbour", aw.Box((0.05, 0.05, 0.06)), beside)
+    place = aw.pose([x, y, 0.15])[None]
+    task = Task(crate.world(neighbour), crate.HOME, crate.stages(poses=place))
+    answer = plan_task(task, TIME)
+    assert isinstance(answer, SequenceFailure)
+    assert (answer.code, answer.stage) == ("PLANNING_FAILED", 8)
+    assert set(answer.details["pair"]) == {"crate", "neighbour"}
+    assert answer.details["depth"] == pytest.approx(overlap, abs=1e-6)
+    assert "crate and neighbour" in answer.message or "neighbour and crate" in answer.message
+    assert f"{overlap:.4g} m" in answer.message
 
 
 def test_grasps_that_do_not_serve_are_left_for_one_that_does() -> None:
