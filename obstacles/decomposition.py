@@ -10,13 +10,11 @@ distance to all hulls is a distance to the solid; where it does not do, the tria
 import hashlib
 from dataclasses import fields
 from pathlib import Path
-from typing import IO, Any, NamedTuple
+from typing import IO, Any
 from zipfile import BadZipFile
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.sparse import coo_array
-from scipy.sparse.csgraph import connected_components
 
 from kinematics.arrays import Array, frozen
 from kinematics.bounded_cache import bounded_cache
@@ -26,8 +24,8 @@ from obstacles.convex_cover import COARSE, ConvexPart, Fineness, cut_bodies, hul
 from obstacles.hull import Hull, convex_hull, corners_and_volume
 from obstacles.kept_files import is_written, keep_file, kept_file, write_file
 from obstacles.mesh import Faces
+from obstacles.mesh_bodies import mesh_bodies
 from obstacles.plane_cut import triangle_areas
-from obstacles.winding import is_solid, oriented
 
 #: A hull that is nowhere farther from the mesh than this stands for it [m]: half of what verdicts
 #: are held to.
@@ -36,8 +34,8 @@ _SAME = 5e-7
 _SAME_AREA = 1e-6
 #: Points on a hull at which its distance to the mesh is measured.
 _SAMPLES = 2000
-#: A mesh of more bodies than this is no assembly but a heap of triangles.
-_MAX_BODIES = 64
+#: So many bodies, the largest, may be pieces of their own; others are cut together.
+_MOST_HULLS = 64
 #: Corners that a piece may have that is the mesh itself: its farthest one is looked up, so that
 #: many cost little, and a convex piece is a hundredth as dear as triangles under a cover.
 _EXACT_CORNERS = 4096
@@ -47,8 +45,6 @@ _FEW_CORNERS = 192
 _OWN_CORNERS = 0.9
 #: Triangles that are held against all planes of a hull at once.
 _TRIANGLES_AT_ONCE = 256
-#: Part of the diagonal that counts as one point: what single-precision files keep.
-_MERGING = 1e-6
 
 
 def convex_pieces(
@@ -85,7 +81,7 @@ def _stored_pieces(vertices: bytes, faces: bytes, fineness: Fineness) -> tuple[C
 
 
 def _file_name(vertices: bytes, faces: bytes, fineness: Fineness) -> str:
-    how = b"6" if fineness == COARSE else repr(("6", *fineness)).encode()
+    how = b"7" if fineness == COARSE else repr(("7", *fineness)).encode()
     digest = hashlib.sha256(how + len(vertices).to_bytes(8) + vertices + faces).hexdigest()
     return f"{digest}.npz"
 
@@ -115,15 +111,6 @@ def _write(stream: IO[bytes], parts: tuple[ConvexPart, ...]) -> None:
     np.savez(stream, **columns)
 
 
-class _Body(NamedTuple):
-    """A connected part of a mesh: triangles all turned alike, and whether they bound a solid."""
-
-    faces: Faces
-    hull: Hull | None
-    solid: bool
-    volume: float
-
-
 def _decompose(vertices: Array, faces: Faces, fineness: Fineness) -> tuple[ConvexPart, ...]:
     diagonal = float(np.linalg.norm(np.ptp(vertices, axis=0)))
     whole = _small_hull(vertices, faces)
@@ -133,22 +120,20 @@ def _decompose(vertices: Array, faces: Faces, fineness: Fineness) -> tuple[Conve
         and _has_no_inside_walls(whole, vertices, faces)
     ):
         return (hull_part(whole),)
-    bodies = [_body(vertices, own) for own in _connected(vertices, faces, _MERGING * diagonal)]
-    # A body turned inside out is a cavity of another one: then nothing may be filled unasked.
-    cavities = len({body.volume > 0.0 for body in bodies if body.solid}) > 1
-    convex = [
-        body.hull
-        if body.hull is not None
-        and not (cavities and body.solid)
-        and _is_hull(body.hull, vertices, body.faces)
-        else None
-        for body in bodies
-    ]
-    rest = [body for body, hull in zip(bodies, convex, strict=True) if hull is None]
-    solid, open_ = ([b.faces for b in rest if b.solid == kind] for kind in (True, False))
+    bodies = mesh_bodies(vertices, faces)
+    # Where one is a cavity of another one nothing may be filled unasked.
+    hollow = any(body.cavity for body in bodies)
+    sizes = [np.linalg.norm(np.ptp(vertices[body.faces], axis=(0, 1))) for body in bodies]
+    hulls = dict[int, Hull]()
+    for k in np.argsort(sizes)[::-1][:_MOST_HULLS].tolist():
+        hull = None if hollow and bodies[k].closed else _small_hull(vertices, bodies[k].faces)
+        if hull is not None and _is_hull(hull, vertices, bodies[k].faces):
+            hulls[k] = hull
+    rest = [body for k, body in enumerate(bodies) if k not in hulls]
+    solid, open_ = ([b.faces for b in rest if b.closed == kind] for kind in (True, False))
     parts = cut_bodies(vertices, solid, diagonal, True, fineness)
     parts += cut_bodies(vertices, open_, diagonal, False, fineness)
-    parts += [hull_part(hull) for hull in convex if hull is not None]
+    parts += [hull_part(hulls[k]) for k in sorted(hulls)]
     return tuple(sorted(parts, key=lambda part: not part.filled))
 
 
@@ -169,31 +154,6 @@ def _used(vertices: Array, faces: Faces) -> Array:
     used = np.zeros(len(vertices), dtype=np.bool_)
     used[faces] = True
     return vertices[used]
-
-
-def _body(vertices: Array, faces: Faces) -> _Body:
-    hull = _small_hull(vertices, faces)
-    check_preparation_time()
-    own, faces = faces, oriented(faces)
-    check_preparation_time()
-    may_be_solid = hull is None or hull.solid
-    solid = may_be_solid and is_solid(vertices, faces)
-    if may_be_solid and not solid and len(once := _without_repeats(own)) < len(faces):
-        # A triangle that is there twice winds around twice: without it there may be an inside.
-        once = oriented(once)
-        solid = is_solid(vertices, once)
-        faces = once if solid else faces
-    a, b, c = (vertices[faces[:, k]] - vertices[faces[0, 0]] for k in range(3))
-    volume = float(np.einsum("ij,ij->", a, np.cross(b, c)) / 6.0)
-    return _Body(faces, hull, solid, volume)
-
-
-def _without_repeats(faces: Faces) -> Faces:
-    """Every triangle once, whichever way round, and none of less than three corners."""
-    corners = np.sort(faces, axis=1)
-    real = (np.diff(corners, axis=1) > 0).all(axis=1)
-    _, first = np.unique(corners, axis=0, return_index=True)
-    return faces[np.intersect1d(first, np.flatnonzero(real))]
 
 
 def _is_hull(hull: Hull, vertices: Array, faces: Faces) -> bool:
@@ -266,28 +226,3 @@ def overhang(hull: Hull, vertices: Array, faces: Faces) -> float:
     distances = np.empty(len(points))
     mesh_distances(points, vertices, faces, distances)
     return float(distances.max())
-
-
-def _places(vertices: Array, merging: float) -> NDArray[np.int64]:
-    """A number for each point, (k,): points in the same cell of a grid have one."""
-    cells = np.round(vertices / merging).astype(np.int64)
-    cells -= cells.min(axis=0)
-    # The cell's side is a part of the diagonal: numbers along an axis are no larger than 2**20.
-    return np.asarray((cells[:, 0] << 42) + (cells[:, 1] << 21) + cells[:, 2])
-
-
-def _connected(vertices: Array, faces: Faces, merging: float) -> list[Faces]:
-    """Connected parts of a mesh, each with one number for corners that lie in one place."""
-    _, first, number = np.unique(
-        _places(vertices, merging) if merging > 0.0 else vertices,
-        axis=0, return_index=True, return_inverse=True,
-    )  # fmt: skip
-    merged = first[number.reshape(-1)][faces]
-    edges = merged[:, [[0, 1], [1, 2]]].reshape(-1, 2)
-    size = len(vertices)
-    graph = coo_array((np.ones(len(edges)), (edges[:, 0], edges[:, 1])), shape=(size, size))
-    label = connected_components(graph, directed=False)[1][merged[:, 0]]
-    names = np.unique(label)
-    if len(names) > _MAX_BODIES:
-        return [merged]
-    return [merged[label == name] for name in names]

@@ -38,12 +38,14 @@ class Surface:
     Args:
         triangles: Their corners, shape (t, 3, 3) [m].
         anchors: A point on each of the bodies they belong to, shape (r, 3) [m].
+        mesh: Triangles of the whole mesh, as they were given, shape (f, 3, 3) [m].
         place: Which of the pieces it is whose triangles together bound a solid.
         count: How many these are, one behind the other; 0 where nothing is enclosed.
     """
 
     triangles: Array
     anchors: Array
+    mesh: Array
     place: int = 0
     count: int = 0
 

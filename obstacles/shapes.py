@@ -308,7 +308,8 @@ class Mesh(Shape):
         """
         parts = convex_pieces(self.vertices, self.faces, fineness)
         filled = sum(part.filled for part in parts)
-        return tuple(_covering(part, place, filled) for place, part in enumerate(parts))
+        given = frozen(self.vertices[self.faces]) if any(len(p.triangles) for p in parts) else _NONE
+        return tuple(_covering(part, given, place, filled) for place, part in enumerate(parts))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -350,11 +351,11 @@ def _rounded(vertices: ArrayLike, rounding: float) -> Piece:
     return Piece(PieceKind.POLYTOPE, np.eye(4), np.asarray(vertices), offset_radius=rounding)
 
 
-def _covering(part: ConvexPart, place: int, filled: int) -> Piece:
+def _covering(part: ConvexPart, given: Array, place: int, filled: int) -> Piece:
     surface = None
     if len(part.triangles):
         group = (place, filled) if part.filled else (0, 0)
-        surface = Surface(part.triangles, part.anchors, *group)
+        surface = Surface(part.triangles, part.anchors, given, *group)
     return replace(_rounded(part.vertices, part.offset_radius), surface=surface)
 
 

@@ -7,6 +7,7 @@ import numpy as np
 from kinematics.arrays import Array
 from kinematics.chain import Link
 from kinematics.description import CollisionElement, MeshGeometry
+from obstacles.hull import convex_hull
 from obstacles.piece import Piece
 
 #: No link that a joint moves is that long; one in millimetres is, from a centimetre on [m].
@@ -14,7 +15,7 @@ _LONG = 10.0
 
 
 def solid_notes(link: Link, element: CollisionElement, pieces: list[Piece]) -> list[str]:
-    """Tell a mesh that is empty, one that was cut, and a solid that may be in millimetres.
+    """Tell a mesh that is empty, open or cut, and a solid that may be in millimetres.
 
     Args:
         link: The link.
@@ -31,7 +32,17 @@ def solid_notes(link: Link, element: CollisionElement, pieces: list[Piece]) -> l
         what = f"link {link.name!r}: mesh {geometry.uri!r} is not convex"
         told = f", where they touch {count} triangles decide" if count else ""
         notes.append(f"{what}: {len(pieces)} convex pieces make it up{told}")
+    if isinstance(geometry, MeshGeometry) and any(map(_is_open, pieces)):
+        what = f"link {link.name!r}: mesh {geometry.uri!r} is open"
+        notes.append(f"{what}: what lies inside of it without touching it is not seen there")
     return notes
+
+
+def _is_open(piece: Piece) -> bool:
+    """Whether a piece is of a body of a mesh that bounds no solid."""
+    if piece.surface is not None:
+        return piece.surface.count == 0
+    return not convex_hull(piece.vertices).solid
 
 
 def _length_note(link: Link, element: CollisionElement, pieces: Iterable[Piece]) -> list[str]:

@@ -1,4 +1,4 @@
-"""How often a mesh winds around a point: whether it bounds a solid, and on which side that lies.
+"""How often a mesh winds around a point, and its triangles turned alike.
 
 The winding number of a mesh around p is the sum of the solid angles of its triangles over 4 pi,
 
@@ -17,13 +17,6 @@ from numpy.typing import NDArray
 from kinematics.arrays import Array, Indices
 from kinematics.compiled.kernel import kernel
 from obstacles.mesh import Faces
-
-#: Points at which the winding number is looked at, and the part of the mesh's diagonal that they
-#: keep from it: nearer, a crack of the file's last digits would count.
-_PROBES, _AWAY = 96, 0.01
-#: How far from whole the winding number may be, at all but one of twenty points: a link with a
-#: screw's hole is a solid, a tube without a lid is none.
-_WHOLE, _MOST = 0.05, 0.95
 
 
 @kernel
@@ -49,50 +42,6 @@ def winding_numbers(points: Array, vertices: Array, faces: Faces, numbers: Array
         numbers[m] = total / (2.0 * math.pi)
 
 
-@kernel
-def _clearances(points: Array, vertices: Array, faces: Faces, squares: Array) -> None:
-    """Squares of the distances of points to the nearest corner or middle of a triangle, about."""
-    for m in range(points.shape[0]):
-        best = np.inf
-        for f in range(faces.shape[0]):
-            for corner in range(4):
-                square = 0.0
-                for axis in range(3):
-                    if corner < 3:
-                        at = vertices[faces[f, corner], axis]
-                    else:
-                        at = vertices[faces[f, 0], axis] + vertices[faces[f, 1], axis]
-                        at = (at + vertices[faces[f, 2], axis]) / 3.0
-                    square += (at - points[m, axis]) ** 2
-                best = min(best, square)
-        squares[m] = best
-
-
-def is_solid(vertices: Array, faces: Faces) -> bool:
-    """Whether a connected mesh bounds a solid, small holes aside.
-
-    Args:
-        vertices: Shape (k, 3).
-        faces: Shape (f, 3), all turned the same way round.
-    """
-    closed = _is_closed(faces)
-    if closed and _is_alike(faces):  # its winding numbers are whole everywhere
-        return True
-    used = np.zeros(len(vertices), dtype=np.bool_)
-    used[faces] = True
-    own = vertices[used]
-    low, high = own.min(axis=0), own.max(axis=0)
-    points = np.random.default_rng(0).uniform(low, high, (_PROBES, 3))
-    squares = np.empty(_PROBES)
-    _clearances(points, vertices, faces, squares)
-    points = points[squares > (_AWAY * float(np.linalg.norm(high - low))) ** 2]
-    numbers = np.empty(len(points))
-    winding_numbers(points, vertices, faces, numbers)
-    if not (np.abs(numbers) > 0.5).any():
-        return closed
-    return bool((np.abs(numbers - np.round(numbers)) <= _WHOLE).mean() >= _MOST)
-
-
 def _edge_keys(faces: Faces, directed: bool) -> NDArray[np.int64]:
     """A number for each side of each triangle, (3 f,): sides between the same corners have one.
 
@@ -106,15 +55,6 @@ def _edge_keys(faces: Faces, directed: bool) -> NDArray[np.int64]:
     return np.asarray(begins * (int(faces.max(initial=0)) + 1) + ends)
 
 
-def _is_closed(faces: Faces) -> bool:
-    """Whether every edge has two triangles."""
-    keys = np.sort(_edge_keys(faces, directed=False))
-    pairs = keys.reshape(-1, 2) if len(keys) % 2 == 0 else None
-    if pairs is None:
-        return False
-    return bool((pairs[:, 0] == pairs[:, 1]).all() and (pairs[1:, 0] != pairs[:-1, 1]).all())
-
-
 def _is_alike(faces: Faces) -> bool:
     """Whether no two triangles run the same way along an edge."""
     keys = np.sort(_edge_keys(faces, directed=True))
@@ -124,8 +64,10 @@ def _is_alike(faces: Faces) -> bool:
 def oriented(faces: Faces) -> Faces:
     """Triangles with neighbours oriented alike, as most of them are.
 
+    Neighbours have an edge that no third triangle has.
+
     Args:
-        faces: Of one connected mesh, corners that lie in one place numbered alike, shape (f, 3).
+        faces: Corners that lie in one place numbered alike, shape (f, 3).
     """
     if _is_alike(faces):
         return faces
@@ -133,7 +75,8 @@ def oriented(faces: Faces) -> Faces:
     order = np.argsort(keys, kind="stable")
     owner = order // 3
     forward = (faces < np.roll(faces, -1, axis=1)).reshape(-1)[order]
-    same = keys[order][1:] == keys[order][:-1]
+    same = np.pad(np.diff(keys[order]) == 0, 1)
+    same = same[1:-1] & ~same[:-2] & ~same[2:]
     pairs = np.column_stack([owner[:-1][same], owner[1:][same]])
     turned = np.zeros(len(faces), dtype=np.bool_)
     _turn_alike(pairs, (forward[1:] == forward[:-1])[same], turned)

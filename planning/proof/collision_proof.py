@@ -9,11 +9,11 @@ import numpy as np
 
 from kinematics.arrays import Array, Indices
 from kinematics.trajectory import Trajectory
-from obstacles.containment import first_inside
 from obstacles.convex_distance import ACCURACY, convex_distance
 from obstacles.robot_geometry import RobotGeometry
 from obstacles.scene import Scene
 from planning.deadline import Deadline
+from planning.proof.containment import first_inside
 from planning.proof.interval_check import COVERED, RESOLUTION, sharp_enough
 from planning.proof.motion_bounds import VALUE
 from planning.proof.pair_table import PairTable
@@ -93,7 +93,8 @@ class CollisionProof:
     def clearances(self) -> tuple[float, float]:
         """Proved from obstacles and among the robot's own links [m]."""
         if self._proved is None:
-            return np.inf, np.inf
+            nothing = np.inf if self.violation is None else 0.0
+            return nothing, nothing
         return float(self._proved.clearance[OBSTACLE]), float(self._proved.clearance[OWN])
 
     def closest(self, against: int) -> tuple[str, str] | None:
@@ -107,16 +108,16 @@ class CollisionProof:
         """Settle every pair on every interval, or find the first violation."""
         if not len(self._table.arrays.roots):
             return
+        # Whatever covers and triangles are proved apart: who is inside touches neither.
+        inside = first_inside(self._robot, self._scene, self._trajectory.start)
+        if inside is not None:
+            self._note_inside(*inside)
+            return
         opened: frozenset[int] = frozenset()
         for sweeps in range(1, _MAX_SWEEPS + 1):
             more = self._run_once()
             if not more:
                 return
-            if not opened:
-                inside = first_inside(self._robot, self._scene, self._trajectory.start)
-                if inside is not None:
-                    self._note_inside(*inside)
-                    return
             opened |= more
             last = sweeps + 1 == _MAX_SWEEPS or self._triangle_count() <= _FEW_TRIANGLES
             self._start(None if last else opened)

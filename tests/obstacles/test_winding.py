@@ -1,11 +1,11 @@
-"""Winding numbers of solids known by formulas, and what counts as a solid."""
+"""Winding numbers of solids known by formulas, and triangles turned alike."""
 
 import numpy as np
 import pytest
 from scipy.spatial import ConvexHull
 
 from kinematics.arrays import Array, Indices
-from obstacles.winding import is_solid, oriented, winding_numbers
+from obstacles.winding import oriented, winding_numbers
 
 
 def hull(random: np.random.Generator) -> tuple[Array, Indices, Array]:
@@ -45,16 +45,6 @@ def test_a_triangle_seen_from_far_away_covers_its_area_over_the_sphere() -> None
     assert abs(number) == pytest.approx(0.5 / 1e6 / (4.0 * np.pi), rel=1e-4)
 
 
-def test_closed_hulls_are_solids_and_open_ones_are_not() -> None:
-    random = np.random.default_rng(2)
-    for _ in range(5):
-        vertices, faces, planes = hull(random)
-        assert is_solid(vertices, faces)
-        # Without all that looks up, there is no inside.
-        up = planes[:, 2] > 0.0
-        assert not is_solid(vertices, faces[~up])
-
-
 def test_triangles_are_turned_alike() -> None:
     random = np.random.default_rng(3)
     vertices, faces, _ = hull(random)
@@ -78,10 +68,3 @@ def test_triangles_of_two_bodies_are_turned_alike_in_each() -> None:
         inside = np.array([first[0].mean(axis=0), second[0].mean(axis=0) + 10.0])
         numbers = numbers_of(inside, vertices, oriented(mixed))
         np.testing.assert_allclose(numbers, 1.0 if share < 0.5 else -1.0, atol=1e-9)
-
-
-@pytest.mark.parametrize("missing", [0, 1])
-def test_a_closed_mesh_is_a_solid_however_thin_it_is(missing: int) -> None:
-    """No point that is looked at lies in it."""
-    vertices, faces, _ = hull(np.random.default_rng(5))
-    assert is_solid(vertices * [1.0, 1.0, 1e-6], faces[missing:]) == (missing == 0)

@@ -22,7 +22,6 @@ ALLOWED = {
     "planning.tool_motion",
     "planning.tool_tolerance",
     "obstacles.bvh",
-    "obstacles.containment",
     "obstacles.convex_distance",
     "obstacles.finger_geometry",
     "obstacles.piece",

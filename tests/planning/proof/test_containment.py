@@ -7,13 +7,16 @@ import pytest
 import trimesh
 
 from kinematics.arrays import Array
+from kinematics.trajectory import stay
 from obstacles.checker import Checker
-from obstacles.containment import first_inside
 from obstacles.piece import Piece, PieceKind, Surface
 from obstacles.robot_geometry import RobotGeometry
 from obstacles.scene import Obstacle, Scene
-from obstacles.shapes import Box, Capsule, HalfSpace, PointCloud, Shape, Sphere
+from obstacles.shapes import Box, Capsule, HalfSpace, Mesh, PointCloud, Shape, Sphere
+from planning.proof.certificate import certify
+from planning.proof.containment import first_inside, open_meshes
 from tests.obstacles.arms import cup, gantry, in_cup, mesh_shape, obstacle, off_file
+from tests.obstacles.bodies import HOSTS, assembly, bowl, ell, moved, sheet, small_torus
 from tests.obstacles.solids import random_transform
 
 BALL = '<sphere radius="0.02"/>'
@@ -158,7 +161,7 @@ def test_each_body_that_one_cover_holds_counts() -> None:
     sheet = 0.01 * np.array([[[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]]])
     for shifts in ([0.0, 1.0], [1.0, 0.0]):
         triangles = np.concatenate([sheet + np.array([shift, 0.0, 0.0]) for shift in shifts])
-        surface = Surface(triangles, triangles[:, 0])
+        surface = Surface(triangles, triangles[:, 0], triangles)
         cover = Piece(PieceKind.POLYTOPE, np.eye(4), triangles.reshape(-1, 3), surface=surface)
         robot = replace(gantry(BALL), pieces=(cover,))
         for q in ([0.0, 0.0, -0.3], [-1.0, 0.0, -0.3]):
@@ -178,3 +181,74 @@ def test_the_checker_refuses_what_is_inside_as_well() -> None:
         elif checker.valid(q):
             assert checker.clearance(q)[0] > 0.0
     assert inside > 20
+
+
+def verified(robot: RobotGeometry, scene: Scene, q: Array) -> bool:
+    motion = stay(robot.chain.joint_names, q, 1.0)
+    return certify(motion, robot, scene).verified
+
+
+def small_things(random: np.random.Generator) -> list[Shape]:
+    """Solids that fit into the walls of all hosts; of the last one only one body is there."""
+    bodies = [small_torus(), *(moved(small_torus(), [4.0 + 0.1 * k, 4.0, 0.0]) for k in range(80))]
+    many = trimesh.util.concatenate([bodies[k] for k in random.permutation(len(bodies))])
+    return [Sphere(0.02), Box([0.03, 0.02, 0.03]), mesh_shape(ell(0.03)), mesh_shape(many)]
+
+
+def carrying(shape: Shape) -> RobotGeometry:
+    """A gantry whose last link is one solid."""
+    if isinstance(shape, Mesh):
+        return holder(trimesh.Trimesh(shape.vertices, shape.faces, process=False))
+    if isinstance(shape, Sphere):
+        return gantry(BALL)
+    assert isinstance(shape, Box)
+    return gantry(f'<box size="{" ".join(map(str, shape.size))}"/>')
+
+
+@pytest.mark.parametrize("role", ["obstacle", "link", "attached"])
+@pytest.mark.parametrize("host", HOSTS)
+def test_planners_and_proof_see_what_is_inside_of_any_body(host: str, role: str) -> None:
+    """Whatever other bodies a mesh has, and whichever of many bodies of the other is inside."""
+    random = np.random.default_rng([*host.encode(), *role.encode()])
+    made, at = assembly(random, host), np.array([0.1, 0.2, 0.3])
+    thing = small_things(random)[random.integers(4)]
+    for place, is_inside in ((made.inside, True), (made.free, False)):
+        if role == "obstacle":
+            robot, q = carrying(thing), at + place
+            scene = Scene((obstacle("cell", made.shape(), at),))
+        else:
+            q, scene = at - place, Scene((obstacle("thing", thing, at),), {("thing", "tool")})
+            robot = gantry(BALL).attach(Obstacle("held", made.shape()), "tool", ["tool"])
+            if role == "link":
+                robot, scene = carrying(made.shape()), Scene(scene.obstacles)
+        assert Checker.of(robot, scene).valid(q) != is_inside
+        assert verified(robot, scene, q) != is_inside
+
+
+def test_the_proof_does_not_ask_planners_which_bodies_are_closed() -> None:
+    """Covers of which none bounds a solid, with a point of one body each: planners are deceived."""
+    hidden = trimesh.util.concatenate([cup(_BOTTOM), small_torus(), sheet(5.0)])
+    robot, scene = gantry(BALL), around(hidden)
+    (told,) = scene.obstacles
+    lied = tuple(
+        replace(piece, surface=replace(piece.surface, place=0, count=0))
+        if piece.surface is not None else piece
+        for piece in told.pieces()
+    )  # fmt: skip
+    object.__setattr__(told, "_pieces", lied)
+    deep = np.array([0.0, 0.0, -0.3])
+    assert Checker.of(robot, scene).valid(deep)
+    assert not verified(robot, scene, deep)
+    assert verified(robot, scene, np.array([0.0, 0.0, 1.0]))
+
+
+def test_open_meshes_are_told_by_name() -> None:
+    closed, opened = mesh_shape(tall()), mesh_shape(trimesh.util.concatenate([tall(), bowl(1.0)]))
+    scene = Scene((
+        Obstacle("closed", closed), Obstacle("opened", opened), obstacle("ball", Sphere(0.1), [1, 0, 0]),
+        Obstacle("flat", mesh_shape(sheet(1.0))),
+    ))  # fmt: skip
+    assert open_meshes(gantry(BALL), scene) == ("opened", "flat")
+    robot = holder(bowl(0.1)).attach(Obstacle("held", opened), "tool")
+    assert open_meshes(robot, Scene()) == ("tool", "held")
+    assert open_meshes(holder(tall()).attach(Obstacle("held", closed), "tool"), Scene()) == ()
