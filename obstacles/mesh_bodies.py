@@ -133,13 +133,14 @@ def _first_of_each(faces: Faces) -> Indices:
 
 def _edges(faces: Faces) -> _Edges:
     begins, ends = faces.reshape(-1), np.roll(faces, -1, axis=1).reshape(-1)
-    size = int(faces.max(initial=0)) + 1
+    size, up = int(faces.max(initial=0)) + 1, np.where(begins < ends, 1, -1)
     keys, of, uses = np.unique(
         np.minimum(begins, ends) * size + np.maximum(begins, ends),
         return_inverse=True, return_counts=True,
     )  # fmt: skip
-    net = np.bincount(of.reshape(-1), np.where(begins < ends, 1, -1), len(keys))
-    return _Edges(of.reshape(-1), np.column_stack(np.divmod(keys, size)), uses, net.astype(np.int64))
+    of = of.reshape(-1)
+    net = np.bincount(of, up, len(keys)).astype(np.int64)
+    return _Edges(of, np.column_stack(np.divmod(keys, size)), uses, net)
 
 
 def _open_share(vertices: Array, faces: Faces, label: Indices, count: int) -> Array:
@@ -178,7 +179,7 @@ def _cone_areas(vertices: Array, faces: Faces, label: Indices, count: int) -> Ar
     owner = np.empty(len(edges.uses), dtype=np.int64)
     owner[edges.of] = np.repeat(label, 3)
     areas = 0.5 * np.linalg.norm(across, axis=1) * np.abs(edges.net[rims])
-    return np.bincount(owner[rims], areas, count)
+    return np.asarray(np.bincount(owner[rims], areas, count))
 
 
 def _core(vertices: Array, faces: Faces, label: Indices) -> NDArray[np.bool_]:
@@ -211,9 +212,7 @@ def _core(vertices: Array, faces: Faces, label: Indices) -> NDArray[np.bool_]:
     return left
 
 
-def _turned_outward(
-    vertices: Array, groups: list[Faces], closed: NDArray[np.bool_]
-) -> list[Body]:
+def _turned_outward(vertices: Array, groups: list[Faces], closed: NDArray[np.bool_]) -> list[Body]:
     """Bodies turned outward but for cavities: those turned unlike the solid they lie within."""
     solids = np.flatnonzero(closed)
     inverted = np.zeros(len(groups), dtype=np.bool_)

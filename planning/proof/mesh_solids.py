@@ -73,6 +73,20 @@ class MeshSolids(NamedTuple):
         return np.asarray(np.abs(numbers) > _INSIDE)
 
 
+class _Mesh(NamedTuple):
+    """Triangles with the numbers of their corners, alike in one place, and of their bodies.
+
+    Args:
+        triangles: Shape (f, 3, 3) [m].
+        corners: Shape (f, 3).
+        body: Shape (f,).
+    """
+
+    triangles: Array
+    corners: Indices
+    body: Indices
+
+
 class _Shell(NamedTuple):
     """Triangles that may close their bodies.
 
@@ -96,15 +110,16 @@ def mesh_solids(triangles: Array) -> MeshSolids:
     _, first, body = np.unique(body[corners[:, 0]], return_index=True, return_inverse=True)
     count, body = len(first), body.reshape(-1)
     real = np.flatnonzero((corners != np.roll(corners, 1, axis=1)).all(axis=1))
-    left = np.ones(count, dtype=np.bool_)
+    mesh, left = _Mesh(triangles, corners, body), np.ones(count, dtype=np.bool_)
     opened, bodies = 0, list[Array]()
     # As written, where two bodies may share a wall; then each triangle once; then without fins.
-    for step in (_as_written, _turned_alike, _without_fins):
-        shell = step(triangles, corners, real[left[body[real]]], body)
+    for step in (None, _turned_alike, _without_fins):
+        rows = real[left[body[real]]]
+        shell = step(mesh, rows) if step else _Shell(rows, np.ones(len(rows)))
         faces = _turned(triangles[shell.rows], shell.signs)
-        cones, owner = _cones(triangles, corners, shell)
+        cones, owner = _cones(mesh, shell)
         shut = left & _is_closed(faces, body[shell.rows], cones, body[owner], count)
-        if step is _as_written:
+        if step is None:
             shut[body[owner]] = False
         parts = np.concatenate([faces, cones])
         own = np.concatenate([body[shell.rows], body[owner]])
@@ -153,23 +168,18 @@ def _sides(corners: Indices) -> tuple[Indices, Array, Indices]:
     return np.column_stack(np.divmod(keys, size)), up, of.reshape(-1)
 
 
-def _as_written(triangles: Array, corners: Indices, rows: Indices, body: Indices) -> _Shell:
-    """All triangles as they are."""
-    return _Shell(rows, np.ones(len(rows)))
-
-
-def _turned_alike(triangles: Array, corners: Indices, rows: Indices, body: Indices) -> _Shell:
+def _turned_alike(mesh: _Mesh, rows: Indices) -> _Shell:
     """Each triangle once, all turned as most of those are that hang together by edges of two.
 
     Every triangle stands for two nodes, itself and itself turned round; across an edge of two the
     nodes that run against each other are linked, so that a component is a surface turned alike.
     """
-    low, middle, high = np.sort(corners[rows], axis=1).T
-    size = int(corners.max(initial=0)) + 1
+    low, middle, high = np.sort(mesh.corners[rows], axis=1).T
+    size = int(mesh.corners.max(initial=0)) + 1
     # Meshes have less than 2**20 corners.
     single = np.unique((low * size + middle) * size + high, return_index=True)[1]
     rows = rows[np.sort(single)]
-    _, up, of = _sides(corners[rows])
+    _, up, of = _sides(mesh.corners[rows])
     f = len(rows)
     order = np.argsort(of, kind="stable")
     twice = order[np.bincount(of)[of[order]] == 2].reshape(-1, 2)
@@ -184,19 +194,19 @@ def _turned_alike(triangles: Array, corners: Indices, rows: Indices, body: Indic
     return _Shell(rows, np.where(keep, 1.0, -1.0))
 
 
-def _without_fins(triangles: Array, corners: Indices, rows: Indices, body: Indices) -> _Shell:
+def _without_fins(mesh: _Mesh, rows: Indices) -> _Shell:
     """What is left of bodies once surfaces that end at an odd edge are taken off, small ones first.
 
     Surfaces end where three triangles or more meet. Those that have an edge to themselves go first.
     """
-    rows = _turned_alike(triangles, corners, rows, body).rows
-    _, _, of = _sides(corners[rows])
+    rows = _turned_alike(mesh, rows).rows
+    _, _, of = _sides(mesh.corners[rows])
     order = np.argsort(of, kind="stable")
     twice = order[np.bincount(of)[of[order]] == 2].reshape(-1, 2) // 3
     surface = _component_numbers(twice, len(rows))
-    area = np.bincount(surface, _areas(triangles[rows]))
+    area = np.bincount(surface, _areas(mesh.triangles[rows]))
     of_body = np.zeros(len(area), dtype=np.int64)
-    of_body[surface] = body[rows]
+    of_body[surface] = mesh.body[rows]
     there = np.ones(len(rows), dtype=np.bool_)
     while there.any():
         use = np.bincount(of, np.repeat(there, 3))[of].reshape(-1, 3)
@@ -207,22 +217,22 @@ def _without_fins(triangles: Array, corners: Indices, rows: Indices, body: Indic
         odd = odd[np.lexsort([area[odd], of_body[odd]])]
         smallest = odd[np.unique(of_body[odd], return_index=True)[1]]
         there &= ~np.isin(surface, free if len(free) else smallest)
-    return _turned_alike(triangles, corners, rows[there], body)
+    return _turned_alike(mesh, rows[there])
 
 
-def _turned(triangles: Array, signs: Array) -> Array:
-    return np.where(signs[:, None, None] > 0.0, triangles, triangles[:, ::-1])
+def _turned(triangles: Array, signs: Array | Indices) -> Array:
+    return np.where(signs[:, None, None] > 0, triangles, triangles[:, ::-1])
 
 
-def _cones(triangles: Array, corners: Indices, shell: _Shell) -> tuple[Array, Indices]:
+def _cones(mesh: _Mesh, shell: _Shell) -> tuple[Array, Indices]:
     """Triangles (k, 3, 3) that close the rims of a shell, and a triangle of the body of each."""
-    edges, up, of = _sides(corners[shell.rows])
+    edges, up, of = _sides(mesh.corners[shell.rows])
     net = np.bincount(of, up * np.repeat(shell.signs, 3), len(edges))
     rim = np.flatnonzero(np.abs(net) > 0.5)
     if not len(rim):
         return np.zeros((0, 3, 3)), np.zeros(0, dtype=np.int64)
-    places = np.zeros((int(corners.max()) + 1, 3))
-    places[corners] = triangles
+    places = np.zeros((int(mesh.corners.max()) + 1, 3))
+    places[mesh.corners] = mesh.triangles
     loop = _component_numbers(edges[rim], len(places))[edges[rim, 0]]
     begin, end = places[edges[rim, 1]], places[edges[rim, 0]]
     weight = np.bincount(loop)[loop]

@@ -9,6 +9,7 @@ from dataclasses import dataclass
 from kinematics.chain import Chain
 from obstacles.robot_geometry import RobotGeometry
 from obstacles.scene import Scene
+from planning.proof.containment import open_meshes
 
 #: Digits of a hash that texts show.
 _DIGITS = 12
@@ -60,6 +61,7 @@ class Premises:
             attached=tuple(name for name in robot.names if name not in chain.index),
             tool=chain.tip_link,
             margin=margin,
+            open_meshes=open_meshes(robot, scene),
         )
 
     @classmethod

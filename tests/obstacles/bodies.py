@@ -6,7 +6,7 @@ from typing import NamedTuple
 import numpy as np
 import trimesh
 
-from kinematics.arrays import Array
+from kinematics.arrays import Array, Indices
 from obstacles.shapes import Mesh
 
 
@@ -21,7 +21,7 @@ class Assembly(NamedTuple):
     """
 
     vertices: Array
-    faces: Array
+    faces: Indices
     inside: Array
     free: Array
 
@@ -110,7 +110,7 @@ def assembly(random: np.random.Generator, host: str) -> Assembly:
     return Assembly(*written, np.array(inside, dtype=float), np.array(free, dtype=float))
 
 
-def _written(random: np.random.Generator, vertices: Array, faces: Array) -> tuple[Array, Array]:
+def _written(random: np.random.Generator, vertices: Array, faces: Indices) -> tuple[Array, Indices]:
     """The same mesh inside out, in part twice, with a fin, or as triangles without neighbours."""
     way = random.integers(6)
     if way == 0:

@@ -245,10 +245,23 @@ def test_the_proof_does_not_ask_planners_which_bodies_are_closed() -> None:
 def test_open_meshes_are_told_by_name() -> None:
     closed, opened = mesh_shape(tall()), mesh_shape(trimesh.util.concatenate([tall(), bowl(1.0)]))
     scene = Scene((
-        Obstacle("closed", closed), Obstacle("opened", opened), obstacle("ball", Sphere(0.1), [1, 0, 0]),
+        Obstacle("closed", closed), Obstacle("opened", opened), Obstacle("ball", Sphere(0.1)),
         Obstacle("flat", mesh_shape(sheet(1.0))),
     ))  # fmt: skip
     assert open_meshes(gantry(BALL), scene) == ("opened", "flat")
     robot = holder(bowl(0.1)).attach(Obstacle("held", opened), "tool")
     assert open_meshes(robot, Scene()) == ("tool", "held")
     assert open_meshes(holder(tall()).attach(Obstacle("held", closed), "tool"), Scene()) == ()
+
+
+def test_a_certificate_names_open_meshes_among_its_premises() -> None:
+    scene = Scene((Obstacle("bowl", mesh_shape(bowl(0.1)), np.eye(4)),))
+    robot = gantry(BALL)
+    certificate = certify(stay(robot.chain.joint_names, np.ones(3), 1.0), robot, scene)
+    assert certificate.verified
+    assert certificate.premises.open_meshes == ("bowl",)
+
+
+def test_an_open_mesh_of_a_link_is_told_by_its_lint() -> None:
+    assert any("'cup.off' is open" in line for line in holder(bowl(0.1)).lint)
+    assert not any("open" in line for line in holder(tall()).lint)
