@@ -135,7 +135,7 @@ def _from_urdf(
         states, partial = named_states(chain, semantics)
         robot = replace(robot, states=states)
         lint += partial
-    if semantics is None or not semantics.disabled_collisions:
+    if semantics is None or not semantics.names_allowed_pairs:
         robot = replace(robot, suspected=suspected_pairs(robot))
     lint += [*chosen.lint, *unused, *root_notes(chain), *tool_notes(chain)]
     return replace(robot, lint=(*lint, *robot.lint))

@@ -3,7 +3,7 @@
 Follows the SRDF specification (wiki.ros.org/srdf). Only what a serial chain needs is kept.
 """
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from types import MappingProxyType
 
@@ -11,7 +11,11 @@ from kinematics.description import RobotDescription
 from kinematics.errors import InvalidRobotDescription
 from kinematics.xml_reader import Element, attribute, children, number, read_robot
 
+#: Elements of newer files that say what may touch.
+_DEFAULT, _ENABLE = "disable_default_collisions", "enable_collisions"
+
 State = Mapping[str, float]
+Pair = tuple[str, str]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -27,14 +31,40 @@ class Semantics:
         virtual_frames: (parent frame, child link) of the fixed virtual joints, by which the robot
             stands in its surroundings.
         own_pairs: Links that the file pairs with themselves, which means nothing.
+        default_allowed: Links of <disable_default_collisions>: they may touch every other link that
+            no pair is given with.
+        enabled_collisions: Pairs of links of <enable_collisions>, each in sorted order; a pair that
+            is disabled as well is disabled.
     """
 
     name: str
-    disabled_collisions: frozenset[tuple[str, str]] = frozenset()
+    disabled_collisions: frozenset[Pair] = frozenset()
     chains: Mapping[str, tuple[str, str]] = field(default_factory=dict)
     states: Mapping[str, Mapping[str, State]] = field(default_factory=dict)
     virtual_frames: tuple[tuple[str, str], ...] = ()
     own_pairs: tuple[str, ...] = ()
+    default_allowed: frozenset[str] = frozenset()
+    enabled_collisions: frozenset[Pair] = frozenset()
+
+    @property
+    def names_allowed_pairs(self) -> bool:
+        """Whether the file says which links may touch."""
+        return bool(self.disabled_collisions or self.default_allowed)
+
+    def allowed_pairs(self, links: Iterable[str]) -> set[Pair]:
+        """Pairs that may touch, each in sorted order.
+
+        As MoveIt decides (``AllowedCollisionMatrix::getAllowedCollision``): what is said of a pair
+        counts before what is said of one of its links.
+
+        Args:
+            links: All that have solids.
+        """
+        names = sorted(set(links))
+        pairs = {
+            (min(a, b), max(a, b)) for a in self.default_allowed for b in names if a != b
+        } - self.enabled_collisions
+        return pairs | self.disabled_collisions
 
     def root_aliases(self, root: str) -> tuple[str, ...]:
         """Frames that a fixed virtual joint puts in the same place as the root link."""
@@ -51,7 +81,8 @@ class Semantics:
     def __reduce__(self) -> tuple[object, ...]:
         states = {g: {s: dict(q) for s, q in named.items()} for g, named in self.states.items()}
         values = (self.name, self.disabled_collisions, dict(self.chains), states)
-        return Semantics, (*values, self.virtual_frames, self.own_pairs)
+        pairs = (self.own_pairs, self.default_allowed, self.enabled_collisions)
+        return Semantics, (*values, self.virtual_frames, *pairs)
 
 
 def parse_srdf(text: str | bytes) -> Semantics:
@@ -61,9 +92,11 @@ def parse_srdf(text: str | bytes) -> Semantics:
         InvalidRobotDescription: It is no SRDF, or an element lacks what it needs.
     """
     robot = read_robot(text, "SRDF")
-    named = [_pair(e) for e in children(robot, "disable_collisions")]
-    pairs = frozenset((a, b) for a, b in named if a != b)
-    own = tuple(sorted({a for a, b in named if a == b}))
+    disabled, enabled = (
+        [_pair(e) for e in children(robot, tag)] for tag in ("disable_collisions", _ENABLE)
+    )
+    free = frozenset(attribute(e, "link", "the SRDF") for e in children(robot, _DEFAULT))
+    own = tuple(sorted({a for a, b in disabled if a == b}))
     chains: dict[str, tuple[str, str]] = {}
     for group in children(robot, "group"):
         name = attribute(group, "name", "the SRDF")
@@ -78,7 +111,16 @@ def parse_srdf(text: str | bytes) -> Semantics:
         if len(found) == 1:
             chains[name] = found[0]
     name = robot.get("name", "").strip()
-    return Semantics(name, pairs, chains, _states(robot), _virtual_frames(robot), own)
+    return Semantics(
+        name,
+        frozenset((a, b) for a, b in disabled if a != b),
+        chains,
+        _states(robot),
+        _virtual_frames(robot),
+        own,
+        free,
+        frozenset((a, b) for a, b in enabled if a != b),
+    )
 
 
 def check_semantics(semantics: Semantics, description: RobotDescription) -> tuple[str, ...]:
@@ -97,10 +139,22 @@ def check_semantics(semantics: Semantics, description: RobotDescription) -> tupl
         if link not in description.links
     ]
     lint += [
-        f"the SRDF disables collisions of {a!r} and {b!r}, but the robot has no link {missing!r}"
-        for a, b in sorted(semantics.disabled_collisions)
+        f"the SRDF {verb} collisions of {a!r} and {b!r}, but the robot has no link {missing!r}"
+        for verb, pairs in (
+            ("disables", semantics.disabled_collisions),
+            ("enables", semantics.enabled_collisions),
+        )
+        for a, b in sorted(pairs)
         for missing in (a, b)
         if missing not in description.links
+    ]
+    lint += [
+        f"the SRDF has {link!r} in <{_DEFAULT}>, but the robot has no such link"
+        if link not in description.links
+        else f"{link!r} may touch all other links, as <{_DEFAULT}> of the SRDF says, but for those "
+        f"of <{_ENABLE}>; what MoveIt does not look at either, obstacles and what is held, it is "
+        "kept away from here"
+        for link in sorted(semantics.default_allowed)
     ]
     lint += [
         f"the SRDF disables collisions of {link!r} with itself: a link is never checked against "

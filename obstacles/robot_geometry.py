@@ -307,12 +307,14 @@ def _allowed(
     bare: RobotGeometry, parents: Mapping[str, str], semantics: Semantics | None
 ) -> dict[Pair, str]:
     allowed: dict[Pair, str] = {}
-    if semantics is not None and semantics.disabled_collisions:
+    if semantics is not None and semantics.names_allowed_pairs:
         # Names that the robot has no solids for are no fault: one SRDF serves several variants.
-        allowed |= dict.fromkeys(semantics.disabled_collisions, "srdf")
+        allowed |= dict.fromkeys(semantics.allowed_pairs(bare.names), "srdf")
     else:
         allowed |= dict.fromkeys(_adjacent(bare, parents), "adjacent")
         allowed |= dict.fromkeys(always_touching(bare, allowed), "always")
+        for pair in () if semantics is None else semantics.enabled_collisions:
+            allowed.pop(pair, None)
     return allowed | dict.fromkeys(_same_body(bare), "same body")
 
 

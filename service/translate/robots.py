@@ -93,7 +93,7 @@ def _from_urdf(body: schema.RobotBody) -> tuple[RobotGeometry, list[str]]:
         states, more = named_states(chain, semantics)
         geometry = dataclasses.replace(geometry, states=states)
         lint += more
-    if semantics is None or not semantics.disabled_collisions:
+    if semantics is None or not semantics.names_allowed_pairs:
         geometry, more = _with_suspects(geometry, body.allow_suspected)
         lint += more
     return geometry, [*lint, *chosen.lint]

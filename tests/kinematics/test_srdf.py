@@ -2,6 +2,9 @@
 
 import contextlib
 import pickle
+from itertools import combinations
+from random import Random
+from xml.etree import ElementTree
 
 import pytest
 
@@ -70,6 +73,56 @@ def test_a_link_paired_with_itself_is_told_and_allows_nothing() -> None:
     assert pickle.loads(pickle.dumps(srdf)).own_pairs == ("hand",)
     (line,) = check_semantics(srdf, parse_urdf(TREE))
     assert "'hand' with itself" in line
+
+
+def may_touch(text: str, a: str, b: str) -> bool:
+    """Whether MoveIt lets two links touch, by its own steps.
+
+    ``AllowedCollisionMatrix(srdf)`` sets defaults, then enabled and at last disabled pairs, each
+    over what was there; ``getAllowedCollision`` takes a pair's entry before the default of either
+    link (moveit/moveit: moveit_core/collision_detection/src/collision_matrix.cpp).
+    """
+    root = ElementTree.fromstring(text)
+    defaults = {e.attrib["link"] for e in root.iter("disable_default_collisions")}
+    entries = {}
+    for tag, allowed in (("enable_collisions", False), ("disable_collisions", True)):
+        for e in root.iter(tag):
+            entries[frozenset((e.attrib["link1"], e.attrib["link2"]))] = allowed
+    return entries.get(frozenset((a, b)), bool(defaults & {a, b}))
+
+
+@pytest.mark.parametrize("seed", range(30))
+def test_links_may_touch_that_may_in_moveit(seed: int) -> None:
+    random = Random(seed)
+    links = [f"l{i}" for i in range(6)]
+
+    def pairs(tag: str, count: int) -> list[str]:
+        drawn = (random.sample(links, 2) for _ in range(count))
+        return [f'<{tag} link1="{a}" link2="{b}" reason="User"/>' for a, b in drawn]
+
+    free = random.sample(links, random.randrange(4))
+    elements = [
+        *(f'<disable_default_collisions link="{link}"/>' for link in free),
+        *pairs("enable_collisions", random.randrange(6)),
+        *pairs("disable_collisions", random.randrange(6)),
+    ]
+    random.shuffle(elements)
+    text = f"<robot name='r'>{''.join(elements)}</robot>"
+    srdf = pickle.loads(pickle.dumps(parse_srdf(text)))
+    expected = {pair for pair in combinations(links, 2) if may_touch(text, *pair)}
+    assert srdf.allowed_pairs(links) == expected
+    assert srdf.names_allowed_pairs == ("disable" in text)
+
+
+def test_defaults_are_told_with_what_moveit_would_not_look_at() -> None:
+    text = SRDF.replace("</robot>", '<disable_default_collisions link="hand"/></robot>')
+    (line,) = (x for x in check_semantics(parse_srdf(text), parse_urdf(TREE)) if "'hand'" in x
+               and "ghost" not in x)  # fmt: skip
+    assert "disable_default_collisions" in line
+    assert "obstacles" in line
+    unknown = SRDF.replace("</robot>", '<enable_collisions link1="hand" link2="tail"/></robot>')
+    lint = check_semantics(parse_srdf(unknown), parse_urdf(TREE))
+    assert any("enables" in line and "'tail'" in line for line in lint)
 
 
 def test_unknown_link_of_a_chain_is_told() -> None:

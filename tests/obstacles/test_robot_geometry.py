@@ -123,6 +123,27 @@ def test_the_srdf_decides_where_there_is_one() -> None:
     assert silent.allowed[("base", "one")] == "adjacent"
 
 
+def test_defaults_of_an_srdf_say_the_same_as_its_pairs() -> None:
+    newer = (
+        '<robot name="snake"><disable_default_collisions link="two"/>'
+        '<enable_collisions link1="base" link2="two"/></robot>'
+    )
+    older = (
+        '<robot name="snake"><disable_collisions link1="two" link2="one"/>'
+        '<disable_collisions link1="two" link2="three"/>'
+        '<disable_collisions link1="two" link2="tool"/></robot>'
+    )
+    first, _, _ = built(semantics=parse_srdf(newer))
+    second, _, _ = built(semantics=parse_srdf(older))
+    assert dict(first.allowed) == dict(second.allowed)
+    assert ("base", "two") not in first.allowed
+    np.testing.assert_array_equal(first.self_pairs, second.self_pairs)
+    enabled = '<robot name="snake"><enable_collisions link1="base" link2="one"/></robot>'
+    geometry, _, _ = built(semantics=parse_srdf(enabled))
+    assert ("base", "one") not in geometry.allowed, "neighbours too, where the file says so"
+    assert geometry.allowed[("one", "two")] == "adjacent"
+
+
 def test_checked_pairs_are_all_that_are_not_allowed_and_can_move() -> None:
     for semantics in (None, Semantics("snake", frozenset({("base", "one")}))):
         geometry, _, _ = built(semantics=semantics)
