@@ -46,7 +46,7 @@ def frame_pose(chain: Chain, frame: str, joints: Array | None, where: str) -> Ar
                 frame=frame,
             )
         return link.T_joint_link
-    if frame in (chain.root_aliases or (WORLD,)):
+    if frame in root_names(chain):
         return np.eye(4)
     raise InvalidLinkName(
         f"{where}: robot {chain.name!r} has no frame {frame!r}",
@@ -70,10 +70,15 @@ def check_default_frame(chain: Chain, frame: str | None) -> None:
         frame_pose(chain, frame, None, "frame")
 
 
+def root_names(chain: Chain) -> tuple[str, ...]:
+    """Names of the root frame that are none of a link."""
+    return chain.root_aliases or (WORLD,)
+
+
 def frame_names(chain: Chain) -> list[str]:
     """Frames that a request can name: links that stand still, names of the root, the tool."""
     standing = [link.name for link in chain.links if link.joint < 0]
-    return [*dict.fromkeys([*standing, *(chain.root_aliases or (WORLD,))]), TOOL]
+    return [*dict.fromkeys([*standing, *root_names(chain)]), TOOL]
 
 
 def root_notes(chain: Chain) -> list[str]:

@@ -1,12 +1,13 @@
 """Untrusted YAML, read strictly: the one door to the YAML parsers.
 
-Aliases, equal keys, depth and length are refused before anything is built of the text.
+Equal keys, depth, length, and how much aliases repeat are refused before anything is built of the
+text.
 """
 
 import math
 from collections import Counter
 from collections.abc import Hashable, Mapping
-from typing import Any, TypeAlias
+from typing import Any, NamedTuple, TypeAlias
 
 import yaml
 
@@ -19,6 +20,8 @@ MAX_BYTES = 16 * 2**20
 #: A planning scene nests nine deep.
 _MAX_DEPTH = 32
 _MAX_NODES = 2_000_000
+#: Values that aliases repeat: of a small text a worker is to make no large one.
+_MAX_REPEATED = 200_000
 #: Of scalars without quotes whose values are built here.
 _SCALAR_TAGS = frozenset(
     f"tag:yaml.org,2002:{name}" for name in ("null", "bool", "int", "float", "str")
@@ -43,54 +46,121 @@ class _Loader(getattr(yaml, "CSafeLoader", yaml.SafeLoader)):  # type: ignore[mi
         return mapping
 
 
+class _Anchor(NamedTuple):
+    """A value that aliases repeat.
+
+    Attributes:
+        value: It.
+        nodes: How many it consists of.
+        depth: How deep it nests.
+    """
+
+    value: Node
+    nodes: int
+    depth: int
+
+
+class _Open(NamedTuple):
+    """A list or mapping that has begun.
+
+    Attributes:
+        value: What is in it so far.
+        anchor: Its name for aliases.
+        first: How many nodes there were before it.
+    """
+
+    value: dict[str, Node] | list[Node]
+    anchor: str | None
+    first: int
+
+
 class _Values:
-    """The values of a document, built of its events, of which the parser is quick.
+    """The values of a text, built of its events, of which the parser is quick.
 
     To have it make nodes and then values of them takes three times as long. What is rare is left to
-    that: tags, merge keys, keys that are no text or occur twice, values that can't be made, several
-    documents.
+    that: tags, merge keys, keys that are no text or occur twice, values that can't be made.
 
     Args:
         loader: Which knows the scalars.
 
     Attributes:
-        complete: whether `root` is the value of the document.
-        root: of the document.
+        complete: whether `documents` are the values of the text.
+        documents: that the text has.
     """
 
     def __init__(self, loader: _Loader) -> None:
         self.complete = True
-        self.root: Node = None
+        self.documents: list[Node] = []
         self._loader = loader
-        self._documents = 0
         self._scalars: dict[str, Node] = {}
-        self._open: list[dict[str, Node] | list[Node]] = []
+        self._open: list[_Open] = []
         self._keys: list[str | None] = []
+        self._anchors: dict[str, _Anchor] = {}
+        #: Of each open list or mapping how deep it nests.
+        self._depths: list[int] = [0]
+        self._nodes = self._repeated = 0
 
     def scalar(self, event: yaml.ScalarEvent) -> None:
         """Add a scalar."""
-        if not self.complete:
-            return
+        self._count(event, 1)
         if event.tag is not None:
             self.complete = False
         text = event.value
-        self._add(self._scalar(text) if event.implicit[0] else text)
+        value = self._scalar(text) if event.implicit[0] else text
+        if event.anchor is not None:
+            self._anchors[event.anchor] = _Anchor(value, 1, 0)
+        self._add(value)
 
     def take(self, event: yaml.Event) -> None:
-        """Add what begins or ends."""
-        if not self.complete:
-            return
-        if isinstance(event, yaml.CollectionStartEvent):
+        """Add what begins or ends, or what an alias repeats.
+
+        Raises:
+            YAMLError: It nests too deep, or aliases repeat too much.
+        """
+        if isinstance(event, yaml.AliasEvent):
+            self._repeat(event)
+        elif isinstance(event, yaml.CollectionStartEvent):
             if event.tag is not None:
                 self.complete = False
-            self._open.append({} if isinstance(event, yaml.MappingStartEvent) else [])
+            value: dict[str, Node] | list[Node]
+            value = {} if isinstance(event, yaml.MappingStartEvent) else []
+            self._open.append(_Open(value, event.anchor, self._nodes))
             self._keys.append(None)
+            self._depths.append(0)
+            self._count(event, 1)
+            self._deepen(event, 0)
         elif isinstance(event, yaml.CollectionEndEvent):
             self._keys.pop()
-            self._add(self._open.pop())
+            value, anchor, first = self._open.pop()
+            depth = self._depths.pop() + 1
+            self._deepen(event, depth)
+            if anchor is not None:
+                self._anchors[anchor] = _Anchor(value, self._nodes - first, depth)
+            self._add(value)
         elif isinstance(event, yaml.DocumentStartEvent):
-            self._documents += 1
-            self.complete = self._documents == 1
+            self._anchors.clear()
+
+    def _repeat(self, event: yaml.AliasEvent) -> None:
+        anchor = self._anchors.get(event.anchor or "")
+        if anchor is None:
+            raise _refusal(event, f"*{event.anchor} stands for nothing that is complete before it")
+        self._repeated += anchor.nodes
+        if self._repeated > _MAX_REPEATED:
+            raise _refusal(event, f"aliases repeat more than {_MAX_REPEATED} values")
+        self._count(event, anchor.nodes)
+        self._deepen(event, anchor.depth)
+        self._add(anchor.value)
+
+    def _count(self, event: yaml.Event, nodes: int) -> None:
+        self._nodes += nodes
+        if self._nodes > _MAX_NODES:
+            raise _refusal(event, f"more than {_MAX_NODES} values")
+
+    def _deepen(self, event: yaml.Event, depth: int) -> None:
+        """Note how deep what is added nests, and refuse more than anybody needs."""
+        self._depths[-1] = max(self._depths[-1], depth)
+        if len(self._open) + depth > _MAX_DEPTH:
+            raise _refusal(event, "nested too deep")
 
     def _scalar(self, text: str) -> Node:
         """The value of a scalar without quotes; the same ones come again and again."""
@@ -109,9 +179,9 @@ class _Values:
 
     def _add(self, value: Node) -> None:
         if not self._open:
-            self.root = value
+            self.documents.append(value)
             return
-        inside = self._open[-1]
+        inside = self._open[-1].value
         if isinstance(inside, list):
             inside.append(value)
         elif (key := self._keys[-1]) is not None:
@@ -119,7 +189,8 @@ class _Values:
         elif isinstance(value, str) and value not in inside:
             self._keys[-1] = value
         else:
-            self.complete = False
+            # What follows goes nowhere that matters.
+            self.complete, self._keys[-1] = False, ""
 
 
 def read_yaml(text: str | bytes) -> Node:
@@ -129,7 +200,8 @@ def read_yaml(text: str | bytes) -> Node:
         text: The document.
 
     Raises:
-        UnreadableYaml: It is too long, nested too deep, has aliases or is no YAML.
+        UnreadableYaml: It is too long, nested too deep, holds several documents, its aliases repeat
+            too much, or it is no YAML.
     """
     if len(text) > MAX_BYTES:
         raise UnreadableYaml(f"{len(text)} bytes, at most {MAX_BYTES} are taken")
@@ -141,36 +213,39 @@ def read_yaml(text: str | bytes) -> Node:
 
 def _parsed(text: str | bytes) -> Node:
     try:
-        values = _read_events(text)
-        return values.root if values.complete else yaml.load(text, Loader=_Loader)  # nosec B506
+        documents = _read_events(text)
+        if documents is None:
+            documents = list(yaml.load_all(text, Loader=_Loader))  # nosec B506
+    except yaml.MarkedYAMLError as error:
+        mark = error.problem_mark
+        line = "" if mark is None else f"line {mark.line + 1}: "
+        raise UnreadableYaml(f"no readable YAML: {line}{error.problem}") from None
     except (yaml.YAMLError, ValueError, TypeError, RecursionError) as error:
         raise UnreadableYaml(f"no readable YAML: {error}") from None
+    # ROS's tools end each message by the mark that begins the next one.
+    full = [document for document in documents if document is not None]
+    if len(full) > 1:
+        raise UnreadableYaml(f"it holds {len(full)} documents (parted by ---): keep the one meant")
+    return full[0] if full else None
 
 
-def _read_events(text: str | bytes) -> _Values:
-    """Values read from the flat stream of events: nothing recurses or grows beyond the text.
+def _read_events(text: str | bytes) -> list[Node] | None:
+    """The documents, read from the flat stream of events; None where that is not all of it.
+
+    Nothing recurses, or grows beyond the text and what aliases may repeat.
 
     Raises:
-        YAMLError: There are aliases, it is nested too deep or no YAML.
+        YAMLError: Aliases repeat too much, it is nested too deep or no YAML.
     """
-    loader, depth = _Loader(text), 0
+    loader = _Loader(text)
     values = _Values(loader)
     try:
-        for _ in range(_MAX_NODES):
-            event = loader.get_event()
+        while (event := loader.get_event()) is not None:
             if isinstance(event, yaml.ScalarEvent):
                 values.scalar(event)
-                continue
-            if event is None:
-                return values
-            depth += isinstance(event, yaml.CollectionStartEvent)
-            depth -= isinstance(event, yaml.CollectionEndEvent)
-            if isinstance(event, yaml.AliasEvent):
-                raise _refusal(event, "aliases (*name) are not read")
-            if depth > _MAX_DEPTH:
-                raise _refusal(event, "nested too deep")
-            values.take(event)
-        raise yaml.YAMLError(f"more than {_MAX_NODES} values")
+            else:
+                values.take(event)
+        return values.documents if values.complete else None
     finally:
         loader.dispose()
 

@@ -17,7 +17,7 @@ from kinematics.errors import InvalidScene
 from kinematics.pose import from_quaternion, transform
 from obstacles.error_place import ErrorPlace
 from obstacles.scene import Obstacle, Scene, checked_name
-from obstacles.shapes import Box, Cone, Cylinder, HalfSpace, Mesh, Shape, Sphere
+from obstacles.shapes import Box, Compound, Cone, Cylinder, HalfSpace, Mesh, Shape, Sphere
 
 #: A name, and behind it an object or the end.
 _BEGIN = re.compile(r"[^\n]*\n\s*(\*[^\S\n]|\.\s*$)")
@@ -37,9 +37,9 @@ def is_geometry_text(text: str) -> bool:
 def scene_from_geometry(text: str) -> Scene:
     """Read a geometry file of MoveIt.
 
-    An object of several shapes becomes ``id/0``, ``id/1``, ...; planes become the half-space behind
-    them. Everything is in the planning frame: the obstacles name no frame. Colours and subframes
-    have no meaning here, and are left out.
+    Each object becomes an obstacle; planes become the half-space behind them. Everything is in the
+    planning frame: the obstacles name no frame. Colours and subframes have no meaning here, and are
+    left out.
 
     Args:
         text: Of the file.
@@ -55,7 +55,7 @@ def scene_from_geometry(text: str) -> Scene:
         name = checked_name(reader.line(), reader.place("the name of an object"))
         if posed is None:
             posed = len(reader.next_line().split()) > 1
-        obstacles += _obstacles(reader, name, posed=posed)
+        obstacles.append(_obstacle(reader, name, posed=posed))
     if marker != ".":
         raise InvalidScene(f"{reader.place()}: found is {marker[:40]!r} in place of '*' or '.'")
     if reader.rest().strip():
@@ -63,30 +63,32 @@ def scene_from_geometry(text: str) -> Scene:
     return Scene(tuple(obstacles))
 
 
-def _obstacles(reader: "_Reader", name: str, *, posed: bool) -> list[Obstacle]:
+def _obstacle(reader: "_Reader", name: str, *, posed: bool) -> Obstacle:
     T_object = _pose(reader) if posed else np.eye(4)
     count = reader.count("the number of shapes")
     if not count:
         raise InvalidScene(f"{reader.place()}: object {name!r} has no shape")
-    obstacles = []
-    for k in range(count):
-        shape = _shape(reader, name)
-        T = T_object @ _pose(reader)
+    solids = []
+    for _ in range(count):
+        solids.append((_shape(reader, name), _pose(reader)))
         reader.numbers(_FIELDS_OF_A_COLOUR, "the colour")
-        own = f"{name}/{k}" if count > 1 else name
-        # No zero is negative: the content hash tells them apart.
-        obstacles.append(Obstacle(own, shape, T + 0.0))
     if posed:
         for _ in range(reader.count("the number of subframes")):
             reader.word("the name of a subframe")
             _pose(reader)
-    return obstacles
+    (shape, T), *more = solids
+    if more or (posed and not np.array_equal(T, np.eye(4))):
+        shape, T = Compound(*zip(*solids, strict=True)), np.eye(4)
+    # No zero is negative: the content hash tells them apart.
+    return Obstacle(name, shape, T_object @ T + 0.0)
 
 
 def _pose(reader: "_Reader") -> Array:
     """A pose: a line of three numbers, and one of a quaternion (x, y, z, w)."""
     position = reader.numbers(3, "a position")
     quaternion = reader.numbers(4, "a quaternion")
+    if not any(quaternion):
+        return transform(position=position)  # as MoveIt's matrix of it
     with ErrorPlace(_FILE, reader.place):
         return transform(from_quaternion(quaternion), position)
 

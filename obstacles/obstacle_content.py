@@ -8,7 +8,7 @@ from typing import Protocol
 import numpy as np
 
 from kinematics.arrays import Array
-from obstacles.shapes import Shape
+from obstacles.shapes import Compound, Shape
 
 _FLOAT = struct.Struct("=d")
 
@@ -39,8 +39,19 @@ class PlacedShape(Protocol):
 
 def obstacle_content(obstacle: PlacedShape) -> bytes:
     """All that an obstacle consists of, field by field."""
-    shape = obstacle.shape
-    parts = [f"{obstacle.id}\0{type(shape).__name__}\0".encode()]
+    parts = [f"{obstacle.id}\0".encode(), *_shape_content(obstacle.shape)]
+    parts += [obstacle.T_world_obstacle.tobytes(), _FLOAT.pack(obstacle.margin)]
+    if obstacle.frame is not None:
+        parts.append(f"frame\0{obstacle.frame}\0".encode())
+    return b"".join(parts)
+
+
+def _shape_content(shape: Shape) -> list[bytes]:
+    parts = [f"{type(shape).__name__}\0".encode()]
+    if isinstance(shape, Compound):
+        for solid, T in zip(shape.solids, shape.poses, strict=True):
+            parts += [*_shape_content(solid), T.tobytes()]
+        return parts
     for name in _field_names(type(shape)):
         values = getattr(shape, name)
         if type(values) is float:  # as an array of no dimensions has it
@@ -48,10 +59,7 @@ def obstacle_content(obstacle: PlacedShape) -> bytes:
         else:
             values = np.asarray(values)
             parts.append(f"{name}{values.shape}".encode() + values.tobytes())
-    parts += [obstacle.T_world_obstacle.tobytes(), _FLOAT.pack(obstacle.margin)]
-    if obstacle.frame is not None:
-        parts.append(f"frame\0{obstacle.frame}\0".encode())
-    return b"".join(parts)
+    return parts
 
 
 @cache

@@ -2,7 +2,7 @@
 
 import hashlib
 from collections import Counter
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from itertools import groupby
 from typing import TYPE_CHECKING, TypeAlias
@@ -16,7 +16,7 @@ from kinematics.pose import from_matrix, is_exact_rotation, transform
 from obstacles.obstacle_content import obstacle_content
 from obstacles.piece import Piece, PieceArrays
 from obstacles.primitives import Primitive, Primitives, primitive_pieces
-from obstacles.shapes import MAX_SIZE, Mesh, PointCloud, Shape
+from obstacles.shapes import MAX_SIZE, Compound, Mesh, PointCloud, Shape
 
 MAX_OBSTACLES = 10_000
 MAX_NAME = 256
@@ -106,10 +106,22 @@ class Obstacle:
         assert self._in_root is not None
         return self._in_root
 
+    def solids(self) -> "tuple[Obstacle, ...]":
+        """Its solids, each as an obstacle: ``id/0``, ``id/1``, ... where there are several."""
+        if not isinstance(self.shape, Compound):
+            return (self,)
+        parts = list(zip(self.shape.solids, self.shape.poses, strict=True))
+        names = [f"{self.id}/{k}" for k in range(len(parts))] if len(parts) > 1 else [self.id]
+        return tuple(
+            Obstacle(name, solid, self.T_world_obstacle @ T, self.margin, self.frame)
+            for name, (solid, T) in zip(names, parts, strict=True)
+        )
+
     @property
     def is_mesh(self) -> bool:
-        """Whether it is made of triangles."""
-        return isinstance(self.shape, Mesh)
+        """Whether any of it is made of triangles."""
+        solids = self.shape.solids if isinstance(self.shape, Compound) else (self.shape,)
+        return any(isinstance(solid, Mesh) for solid in solids)
 
     @property
     def is_cloud(self) -> bool:
@@ -148,6 +160,12 @@ class Scene:
     Args:
         obstacles: In any order, each id once.
         allowed_collisions: Pairs of obstacle ids and robot links; kept with their names sorted.
+        fixed_frames: Frames that a file gives by their pose in its planning frame, each with the
+            name of that frame and the pose, shape (4, 4). What the robot has by that name is meant
+            in its place.
+        free: Names that may touch everything, each with the names that it may not touch all the
+            same. ``obstacles.placement.place`` makes pairs of them, for a robot.
+        notes: What is odd about the file it was read of, one sentence each.
 
     Raises:
         InvalidScene: An id occurs twice, or there are too many obstacles.
@@ -155,6 +173,9 @@ class Scene:
 
     obstacles: tuple[Obstacle, ...] = ()
     allowed_collisions: frozenset[tuple[str, str]] = frozenset()
+    fixed_frames: Mapping[str, tuple[str, Array]] = field(default_factory=dict, repr=False)
+    free: Mapping[str, frozenset[str]] = field(default_factory=dict, repr=False)
+    notes: tuple[str, ...] = ()
     content_hash: str = field(init=False, repr=False)
     #: Names of the obstacles, in their order.
     ids: tuple[str, ...] = field(init=False, repr=False)
@@ -168,6 +189,9 @@ class Scene:
             self,
             obstacles: Iterable[Obstacle] = (),
             allowed_collisions: Iterable[Iterable[str]] = frozenset(),
+            fixed_frames: Mapping[str, tuple[str, Array]] = ...,
+            free: Mapping[str, frozenset[str]] = ...,
+            notes: tuple[str, ...] = (),
         ) -> None: ...
 
     def __post_init__(self) -> None:
@@ -196,7 +220,8 @@ class Scene:
         return hash(self.content_hash)
 
     def __reduce__(self) -> tuple[object, ...]:
-        return Scene, (self.obstacles, self.allowed_collisions)
+        values = (self.obstacles, self.allowed_collisions, self.fixed_frames, self.free)
+        return Scene, (*values, self.notes)
 
     @property
     def frames(self) -> frozenset[str]:
@@ -394,4 +419,9 @@ def _content_hash(scene: Scene) -> str:
         digest.update(obstacle.content())
     for a, b in sorted(scene.allowed_collisions):
         digest.update(f"{a}\0{b}\0".encode())
+    for name in sorted(scene.frames & scene.fixed_frames.keys()):
+        parent, T = scene.fixed_frames[name]
+        digest.update(f"frame\0{name}\0{parent}\0".encode() + T.tobytes())
+    for name, others in sorted(scene.free.items()):
+        digest.update(f"free\0{name}\0{sorted(others)}\0".encode())
     return digest.hexdigest()

@@ -344,6 +344,37 @@ class PointCloud(Shape):
         return _rounded(self.points[k], self.radius)
 
 
+@dataclass(frozen=True, slots=True, eq=False)
+class Compound(Shape):
+    """Several solids that are one object.
+
+    Args:
+        solids: Of any shape but this and point clouds.
+        poses: Of each in the object's frame, rigid motions of shape (4, 4).
+
+    Raises:
+        InvalidScene: There is none, one has no pose, or is a point cloud or compound itself.
+    """
+
+    solids: tuple[Shape, ...]
+    poses: tuple[Array, ...]
+
+    def __post_init__(self) -> None:
+        if not self.solids or len(self.solids) != len(self.poses):
+            raise InvalidScene(f"compound: {len(self.solids)} solids, {len(self.poses)} poses")
+        for solid in self.solids:
+            if isinstance(solid, Compound | PointCloud):
+                raise InvalidScene(f"compound: a {type(solid).__name__} can't be a part of one")
+        object.__setattr__(self, "solids", tuple(self.solids))
+        object.__setattr__(self, "poses", tuple(frozen(T) for T in self.poses))
+
+    def pieces(self) -> tuple[Piece, ...]:
+        """The pieces of all solids; those that enclose the inside of a mesh come first."""
+        parts = zip(self.solids, self.poses, strict=True)
+        pieces = [piece.placed(T) for solid, T in parts for piece in solid.pieces()]
+        return tuple(sorted(pieces, key=lambda piece: not (piece.surface and piece.surface.count)))
+
+
 _NONE = frozen(np.zeros((0, 3)))
 
 

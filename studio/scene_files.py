@@ -83,7 +83,7 @@ def listed(scene: Scene, frame_pose: _FramePose) -> list[Obstacle]:
 
 
 def from_moveit(text: str | bytes, frame_pose: _FramePose) -> list[Obstacle]:
-    """The obstacles of a planning scene of MoveIt.
+    """The obstacles of a planning scene of MoveIt, an object of several solids as ``id/0``, ...
 
     Args:
         text: YAML, or a geometry file (.scene).
@@ -92,15 +92,20 @@ def from_moveit(text: str | bytes, frame_pose: _FramePose) -> list[Obstacle]:
     Raises:
         ArmwrightError: It is no planning scene, or holds what can't be represented.
     """
+    scene = scene_from_moveit(text)
     obstacles = []
-    for item in scene_from_moveit(text).obstacles:
-        T = item.T_world_obstacle
-        pose = _pose(T[:3, 3], Rotation.from_matrix(T[:3, :3]))
-        if item.frame is not None:
-            pose = _in(frame_pose(item.frame), pose)
-        obstacles.append(
-            Obstacle(id=item.id, shape=_shape(item.shape), pose=pose, margin=item.margin or None)
-        )
+    for item in scene.obstacles:
+        frame, T = scene.fixed_frames.get(item.frame or "", (item.frame, np.eye(4)))
+        for solid in item.solids():
+            placed = T @ solid.T_world_obstacle
+            pose = _pose(placed[:3, 3], Rotation.from_matrix(placed[:3, :3]))
+            if frame is not None:
+                pose = _in(frame_pose(frame), pose)
+            obstacles.append(
+                Obstacle(
+                    id=solid.id, shape=_shape(solid.shape), pose=pose, margin=item.margin or None
+                )
+            )
     return obstacles
 
 

@@ -1,10 +1,11 @@
 """Robots with attached objects in the scenes of requests."""
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from typing import Protocol
 
 import numpy as np
+from pydantic import BaseModel
 
 from dynamics.payload import with_payload
 from kinematics.arrays import Array
@@ -14,6 +15,7 @@ from kinematics.forward import link_number
 from kinematics.root_frame import check_default_frame
 from obstacles.attachment import Attachment, check_allowed, grasp, hold
 from obstacles.finger_geometry import with_fingers
+from obstacles.placement import with_objects
 from obstacles.robot_geometry import RobotGeometry
 from obstacles.scene import Obstacle, Scene
 from service.schemas import scene as schema
@@ -21,6 +23,9 @@ from service.schemas.attached import Attached, WithFingers
 from service.storage import worker_cache
 from service.storage.cache_key import Reference
 from service.translate import poses
+
+#: Fields of requests that name obstacles.
+_NAMING = ("attached", "allowed_collisions", "objects", "stages")
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -84,7 +89,22 @@ def requested_scene(
     check_default_frame(chain, body.frame)
     source = None if isinstance(body.scene, str) else body.scene
     frame = None if source is None else body.frame
-    return worker_cache.placed_scene(reference or source, frame, chain, joints)
+    scene = worker_cache.placed_scene(reference or source, frame, chain, joints)
+    named = (getattr(body, field, None) for field in _NAMING)
+    return with_objects(scene, {name for node in named for name in _texts(node)})
+
+
+def _texts(node: object) -> Iterator[str]:
+    """All texts in fields of a request."""
+    if isinstance(node, str):
+        yield node
+    elif isinstance(node, BaseModel):
+        yield from _texts(node.__dict__)
+    elif isinstance(node, dict):
+        yield from _texts(list(node.values()))
+    elif isinstance(node, list):
+        for item in node:
+            yield from _texts(item)
 
 
 def robot_in_scene(

@@ -1,6 +1,7 @@
 """Wire to domain and back: the only place that knows both."""
 
 import base64
+from dataclasses import replace
 
 import numpy as np
 
@@ -9,7 +10,7 @@ from kinematics.arrays import Array
 from kinematics.errors import InvalidScene
 from obstacles import mesh, shapes
 from obstacles.moveit import scene_from_moveit
-from obstacles.placement import in_frame
+from obstacles.placement import in_frame, with_objects
 from obstacles.scene import Obstacle, Scene
 from service.schemas import pose as pose_schema
 from service.schemas import scene as scene_schema
@@ -89,10 +90,12 @@ def scene(body: scene_schema.Scene) -> Scene:
     allowed = frozenset((first, second) for first, second in body.allowed_collisions or ())
     if body.moveit is not None:
         read = scene_from_moveit(body.moveit)
-        made = Scene(read.obstacles, read.allowed_collisions | allowed) if allowed else read
+        made = (
+            replace(read, allowed_collisions=read.allowed_collisions | allowed) if allowed else read
+        )
     else:
         obstacles = tuple(_obstacle(item) for item in body.obstacles or ())
-        made = Scene(obstacles, allowed)
+        made = with_objects(Scene(obstacles, allowed), {name for pair in allowed for name in pair})
     return made if body.frame is None else in_frame(made, body.frame)
 
 

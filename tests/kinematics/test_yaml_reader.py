@@ -2,6 +2,7 @@
 
 import math
 import random
+import time
 from typing import Any
 
 import pytest
@@ -88,10 +89,12 @@ def test_what_is_rare_is_read_or_refused_as_by_the_safe_loader(text: str) -> Non
 
 
 def check(text: str) -> None:
-    """Read a text, and compare with the safe loader; aliases and depth are refused."""
+    """Read a text, and compare with the safe loader; depth is refused, and several documents."""
     try:
-        expected = yaml.load(text, Loader=_Strict)
-        refused = "*" in text or "[" * 33 in text or text.count("{") > 32
+        documents = list(yaml.load_all(text, Loader=_Strict))
+        full = [document for document in documents if document is not None]
+        expected = full[0] if full else None
+        refused = len(full) > 1 or "[" * 33 in text or text.count("{") > 32
     except (yaml.YAMLError, ValueError, TypeError):
         refused = True
     if refused:
@@ -106,6 +109,40 @@ def test_a_key_that_occurs_twice_is_named() -> None:
         read_yaml("a: {b: 1, b: 2}")
 
 
-def test_aliases_are_refused_with_their_line() -> None:
-    with pytest.raises(UnreadableYaml, match=r"line 2: aliases"):
-        read_yaml("a: &x 1\nb: *x")
+@pytest.mark.parametrize("seed", range(60))
+def test_aliases_are_those_of_the_safe_loader(seed: int) -> None:
+    drawn = random.Random(seed)
+    parts = [value(drawn, 3) for _ in range(3)]
+    more = [drawn.choice(parts) for _ in range(8)]
+    written = [*parts, *more, {"a": parts, "b": [*parts[:2], "x"]}]
+    flow = drawn.choice([None, True, False])
+    text = yaml.safe_dump(written, default_flow_style=flow, sort_keys=False)
+    assert "*" in text or not any(isinstance(part, list | dict) and part for part in parts)
+    assert same(read_yaml(text), written)
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ("a: &x [*x]", r"line 1: \*x stands for nothing"),
+        ("a: 1\nb: *x", r"line 2: \*x stands for nothing"),
+        ("a: &x 1\n---\nb: *x", "stands for nothing"),
+        ("a: 1\n---\nb: 2\n---\n", "2 documents"),
+        ("a: !!python/tuple [1, 2]", r"line 1: could not determine a constructor.*tuple"),
+        ("a: &a " + "[" * 20 + "]" * 20 + "\nb: " + "[" * 14 + "*a" + "]" * 14, "too deep"),
+    ],
+)
+def test_what_is_refused_is_told_with_its_line(text: str, words: str) -> None:
+    with pytest.raises(UnreadableYaml, match=words) as raised:
+        read_yaml(text)
+    assert "\n" not in str(raised.value)
+
+
+def test_what_aliases_repeat_is_counted_before_it_is_made() -> None:
+    lines = [f"a0: &a0 [{', '.join('x' * 9)}]"]
+    lines += [f"a{i}: &a{i} [{', '.join([f'*a{i - 1}'] * 9)}]" for i in range(1, 25)]
+    for text in ("\n".join(lines), "\n".join(lines).replace("a24: &a24 [", "a24: !!seq [")):
+        began = time.perf_counter()
+        with pytest.raises(UnreadableYaml, match="aliases repeat more than"):
+            read_yaml(text)
+        assert time.perf_counter() - began < 0.5

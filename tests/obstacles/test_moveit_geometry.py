@@ -9,7 +9,7 @@ from scipy.spatial.transform import Rotation
 from kinematics.errors import InvalidScene
 from obstacles.moveit import scene_from_moveit
 from obstacles.moveit_geometry import is_geometry_text
-from obstacles.shapes import Box, Cone, Cylinder, HalfSpace, Mesh, Sphere
+from obstacles.shapes import Box, Compound, Cone, Cylinder, HalfSpace, Mesh, Sphere
 
 #: As older versions write it: shapes have their poses in the planning frame.
 OLD = """kitchen (noname)+
@@ -80,34 +80,42 @@ mesh
 
 
 def test_shapes_of_older_files_are_where_their_own_poses_are() -> None:
-    table, post, cap = scene_from_moveit(OLD).obstacles
-    assert [item.id for item in (table, post, cap)] == ["table top", "post/0", "post/1"]
+    table, lamp = scene_from_moveit(OLD).obstacles
+    assert [item.id for item in (table, lamp)] == ["table top", "post"]
     assert isinstance(table.shape, Box)
-    assert isinstance(post.shape, Cylinder)
-    assert isinstance(cap.shape, Cone)
+    assert isinstance(lamp.shape, Compound)
+    post, cap = lamp.shape.solids
+    assert isinstance(post, Cylinder)
+    assert isinstance(cap, Cone)
     np.testing.assert_array_equal(table.shape.size, [0.6, 1.2, 0.04])
-    assert (post.shape.radius, post.shape.height) == (0.05, 0.8)
-    assert (cap.shape.radius, cap.shape.height) == (0.1, 0.3)
+    assert (post.radius, post.height) == (0.05, 0.8)
+    assert (cap.radius, cap.height) == (0.1, 0.3)
     turned = Rotation.from_euler("z", np.pi / 4).as_matrix()
     np.testing.assert_allclose(table.T_world_obstacle[:3, :3], turned, atol=1e-6)
-    np.testing.assert_array_equal(cap.T_world_obstacle[:3, 3], [0.4, 0.3, 0.95])
-    assert {item.frame for item in (table, post, cap)} == {None}
+    np.testing.assert_array_equal(lamp.T_world_obstacle, np.eye(4))
+    np.testing.assert_array_equal(lamp.shape.poses[1][:3, 3], [0.4, 0.3, 0.95])
+    assert {item.frame for item in (table, lamp)} == {None}
 
 
 def test_shapes_of_newer_files_are_placed_by_their_objects() -> None:
-    ball, ground, wedge = scene_from_moveit(NEW.encode()).obstacles
-    assert [item.id for item in (ball, ground, wedge)] == ["Ball_0/0", "Ball_0/1", "wedge"]
-    assert isinstance(ball.shape, Sphere)
-    assert isinstance(ground.shape, HalfSpace)
-    assert isinstance(wedge.shape, Mesh)
-    assert ball.shape.radius == 0.125
+    ball, wedge = scene_from_moveit(NEW.encode()).obstacles
+    assert [item.id for item in (ball, wedge)] == ["Ball_0", "wedge"]
+    assert isinstance(ball.shape, Compound)
+    sphere, ground = ball.shape.solids
+    assert isinstance(sphere, Sphere)
+    assert isinstance(ground, HalfSpace)
+    assert sphere.radius == 0.125
     # 0.1 m along x of an object that is turned by a quarter about z.
-    np.testing.assert_allclose(ball.T_world_obstacle[:3, 3], [0.5, -0.15, 1.0], atol=1e-7)
+    center = (ball.T_world_obstacle @ ball.shape.poses[0])[:3, 3]
+    np.testing.assert_allclose(center, [0.5, -0.15, 1.0], atol=1e-7)
     # 2 z - 0.5 <= 0, seen from the object: up to z = 0.25 above it.
-    assert (ground.shape.normal[2], ground.shape.offset) == (1.0, 0.25)
-    np.testing.assert_array_equal(wedge.shape.vertices[3], [0.0, 0.0, 0.1])
-    np.testing.assert_array_equal(wedge.shape.faces[0], [0, 2, 1])
-    np.testing.assert_array_equal(wedge.T_world_obstacle[:3, 3], [0.0, 0.0, 2.0])
+    assert (ground.normal[2], ground.offset) == (1.0, 0.25)
+    assert isinstance(wedge.shape, Compound), "its solid stands above the origin of the object"
+    ((solid,), (T,)) = wedge.shape.solids, wedge.shape.poses
+    assert isinstance(solid, Mesh)
+    np.testing.assert_array_equal(solid.vertices[3], [0.0, 0.0, 0.1])
+    np.testing.assert_array_equal(solid.faces[0], [0, 2, 1])
+    np.testing.assert_array_equal((wedge.T_world_obstacle @ T)[:3, 3], [0.0, 0.0, 2.0])
 
 
 def test_a_file_says_the_same_as_the_yaml_of_its_scene() -> None:

@@ -13,7 +13,7 @@ from kinematics.pose import from_rpy, transform
 from kinematics.robots import builtin_chain
 from obstacles.checker import Checker
 from obstacles.moveit import scene_from_moveit
-from obstacles.placement import in_frame, only_frame, place
+from obstacles.placement import in_frame, only_frame, place, with_objects
 from obstacles.scene import Obstacle, Scene
 from obstacles.shapes import Sphere
 from planning.problem import JointGoal, Problem
@@ -76,28 +76,85 @@ def test_a_scene_is_the_same_whichever_name_of_the_root_it_is_given_in() -> None
     assert again.content_hash == named.content_hash == scene.content_hash
 
 
-def test_transforms_of_a_moveit_scene_lead_to_a_frame_or_the_root() -> None:
-    text = """
-fixed_frame_transforms:
-  - header: {frame_id: rail}
-    child_frame_id: desk
-    transform: {translation: [0, 0, 1], rotation: [0, 0, 0, 1]}
-  - header: {frame_id: FRAME}
-    child_frame_id: rail
-    transform: {translation: [2, 0, 0], rotation: [0, 0, 0, 1]}
-world:
-  collision_objects:
-    - id: ball
-      header: {frame_id: /desk}
-      primitives: [{type: sphere, dimensions: [0.1]}]
-      primitive_poses: [{position: [0, 3, 0]}]
-"""
-    for name, expected in (("hall", "hall"), ("rail", None), ("''", None)):
-        (ball,) = scene_from_moveit(text.replace("FRAME", name)).obstacles
-        assert ball.frame == expected
-        np.testing.assert_allclose(ball.T_world_obstacle[:3, 3], [2, 3, 1])
-    with pytest.raises(InvalidScene, match="circle"):
-        scene_from_moveit(text.replace("FRAME", "desk"))
+def transforms(*entries: tuple[str, str, str]) -> str:
+    """A MoveIt scene with a ball in the frame FRAME, and transforms (frame, child, translation)."""
+    listed = "".join(
+        f"  - header: {{frame_id: {frame}}}\n    child_frame_id: {child}\n"
+        f"    transform: {{translation: {translation}, rotation: [0, 0, 0, 1]}}\n"
+        for frame, child, translation in entries
+    )
+    return (
+        f"fixed_frame_transforms:\n{listed}world:\n  collision_objects:\n    - id: ball\n"
+        "      header: {frame_id: FRAME}\n"
+        "      primitives: [{type: sphere, dimensions: [0.1]}]\n"
+        "      primitive_poses: [{position: [0, 3, 0]}]\n"
+    )
+
+
+@pytest.mark.parametrize(
+    ("frame", "position"),
+    [
+        ("panda_link0", [0, 3, 0]),
+        ("/panda_link0", [0, 3, 0]),
+        ("desk", [0, 3, 1]),
+        ("/desk", [0, 3, 1]),
+        ("world", [0, 3, -0.9]),  # the file says where it is, before any custom of ours
+    ],
+)
+def test_frames_of_a_moveit_scene_are_given_in_the_planning_frame(
+    frame: str, position: list[float]
+) -> None:
+    # moveit/moveit, moveit_core/transforms: copyTransforms writes the planning frame as child.
+    text = transforms(
+        ("panda_link0", "panda_link0", "[0, 0, 0]"),
+        ("desk", "panda_link0", "[0, 0, 1]"),
+        ("world", "panda_link0", "[0, 0, -0.9]"),
+    )
+    scene = scene_from_moveit(text.replace("FRAME", frame))
+    (ball,) = place(pickle.loads(pickle.dumps(scene)), CHAIN).obstacles
+    np.testing.assert_allclose(ball.T_world_obstacle[:3, 3], position)
+    (kept,) = place(in_frame(scene, "panda_link1"), CHAIN).obstacles
+    np.testing.assert_allclose(kept.T_world_obstacle[:3, 3], position)
+
+
+def test_frames_that_tf_has_the_other_way_round_are_told() -> None:
+    text = transforms(("panda_link0", "desk", "[0, 0, 1]"), ("desk", "shelf", "[1, 0, 0]"))
+    with pytest.raises(
+        InvalidScene, match=r"'desk' .*in 'shelf' .*not the planning frame"
+    ) as error:
+        place(scene_from_moveit(text.replace("FRAME", "desk")), CHAIN)
+    assert "not the other way round as tf does" in (error.value.hint or "")
+    with pytest.raises(InvalidLinkName, match=r"'shelf'.*child_frame_id"):
+        place(scene_from_moveit(text.replace("FRAME", "shelf")), CHAIN)
+    (ball,) = place(scene_from_moveit(text.replace("FRAME", "panda_link0")), CHAIN).obstacles
+    np.testing.assert_allclose(ball.T_world_obstacle[:3, 3], [0, 3, 0])
+    tf = transforms(("panda_link0", "world", "[0, 0, 0.9]"))
+    with pytest.raises(InvalidScene, match="pose of a link in 'world', as tf does"):
+        place(scene_from_moveit(tf.replace("FRAME", "world")), CHAIN)
+
+
+def test_a_frame_of_a_file_is_part_of_its_scene() -> None:
+    first, second = (
+        scene_from_moveit(transforms(("desk", "panda_link0", T)).replace("FRAME", "desk"))
+        for T in ("[0, 0, 1]", "[0, 0, 2]")
+    )
+    assert first.content_hash != second.content_hash
+    assert place(first, CHAIN).content_hash != place(second, CHAIN).content_hash
+
+
+def test_solids_are_one_object_where_they_are_named_as_one() -> None:
+    solids = [Obstacle(f"mug/{k}", Sphere(0.1 + k), T + 0.0, 0.01 * k) for k in range(3)]
+    scene = Scene((ROOT, solids[2], solids[0], solids[1]))
+    assert with_objects(scene, ["root", "mug/0", "cup"]) is scene
+    one = with_objects(scene, ["root", "mug"])
+    assert one.ids == ("root", "mug")
+    mug = one.obstacle("mug")
+    assert mug.margin == 0.02
+    np.testing.assert_array_equal(mug.T_world_obstacle, T)
+    assert [piece.offset_radius for piece in mug.pieces()] == [0.1, 1.1, 2.1]
+    centers = [piece.T_owner_piece[:3, 3] for piece in mug.pieces()]
+    np.testing.assert_allclose(centers, [T[:3, 3]] * 3, atol=1e-12)
+    assert with_objects(Scene((ROOT, *solids[1:])), ["mug"]).ids == ("root", "mug/1", "mug/2")
 
 
 def test_what_is_in_the_root_frame_by_name_keeps_every_bit() -> None:
