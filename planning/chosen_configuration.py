@@ -14,12 +14,18 @@ from planning.preflight.goal_order import (
     limit_nearness,
     limit_shares,
     manipulability_lacks,
+    own_branch,
     turn_counts,
 )
 from planning.result import ChosenConfiguration
 
 #: A configuration is of a branch that differs by no more than this in a joint [rad or m].
 _SAME = 1e-4
+#: The reason of a small move.
+_OWN_BRANCH = (
+    "The move is small: the configuration next to its start, which takes at most 1.2 times as long "
+    "as the quickest."
+)
 #: Costs that differ by less are equal.
 _EQUAL = 1e-9
 
@@ -56,6 +62,7 @@ def chosen_configuration(
     }
     total = np.sum(list(parts.values()), axis=0)
     shares = limit_shares(chain, found)
+    stays = own_branch(chain, start, found, times) == k
     own = {name: float(values[k]) for name, values in parts.items()}
     own["clearance"] = float(weights.clearance * clearance_lacks(np.array([clearance]))[0])
     cheaper = int(np.count_nonzero(total < total[k] - _EQUAL))
@@ -66,7 +73,9 @@ def chosen_configuration(
         found=len(found),
         cheaper=cheaper,
         at_limit=int(np.count_nonzero(shares < NEAR_LIMIT)),
-        reason=_reason(len(found), cheaper, bool(shares[k] < NEAR_LIMIT), replaced),
+        reason=_OWN_BRANCH
+        if stays and cheaper and replaced is None
+        else _reason(len(found), cheaper, bool(shares[k] < NEAR_LIMIT), replaced),
     )
 
 

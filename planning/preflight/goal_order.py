@@ -1,5 +1,8 @@
 """Order of the configurations of a pose: the cheapest first, those at a joint limit last.
 
+A small move stays in the branch of inverse kinematics that the arm stands in: the configuration
+nearest to the start comes first wherever it takes little longer than the quickest.
+
 The order is by straight motions. Where a plan ended at a limit all the same, its time says which
 of the others are worth a plan of their own.
 """
@@ -11,7 +14,9 @@ from numpy.typing import NDArray
 
 from kinematics.arrays import Array
 from kinematics.chain import Chain, JointType
+from kinematics.forward import forward
 from kinematics.jacobian import geometric
+from kinematics.pose import rotation_error
 from planning.goal_costs import GoalCosts
 
 #: Share of a joint's range from a limit below which a configuration is at the limit [-].
@@ -22,6 +27,10 @@ MAX_LONGER = 1.2
 _FAR_FROM_LIMIT = 0.15
 #: Clearance beyond which clearance costs nothing [m].
 FAR_FROM_OBSTACLES = 0.05
+#: A move is small in which no joint turns further [rad or m], or of the tool no further [m], [rad].
+_SMALL, _SMALL_WAY, _SMALL_TURN = 0.5, 0.05, 0.25
+#: A small move may take this many times the time of the quickest and stay in its branch.
+MAX_LONGER_IN_BRANCH = 1.2
 #: Configurations that cost at most this many times the least count as equally good.
 _ALIKE = 1.25
 #: Configurations at most that plans of their own are made to.
@@ -42,7 +51,8 @@ def order_goals(
     """Sort goal configurations by what they cost, those at a joint limit last.
 
     A configuration is at a limit where a joint is within 2 % of its range from one. It stays in
-    its place where every other one takes more than 1.2 times its time.
+    its place where every other one takes more than 1.2 times its time. Of a small move the nearest
+    one comes first, see ``own_branch``.
 
     Args:
         chain: The robot.
@@ -66,7 +76,36 @@ def order_goals(
     avoided = ~inside & (quickest <= MAX_LONGER * times)
     order = np.lexsort((total, avoided))
     alike = ~avoided & (total <= _ALIKE * total[order[0]])
+    stays = own_branch(chain, start, joints, times)
+    if stays is not None and not avoided[stays]:
+        others = [k for k in order if k != stays]
+        return [goals[stays], *(goals[k] for k in others)], 1
     return [goals[k] for k in order], max(int(np.count_nonzero(alike)), 1)
+
+
+def own_branch(chain: Chain, start: Array, joints: Array, times: Array) -> int | None:
+    """The configuration that a small move stays in its branch with; None where there is none.
+
+    That is the nearest one, where the motion to it takes at most 1.2 times as long as to the
+    quickest. A move is small that turns no joint by more than half a radian, or leads the tool no
+    further than 5 cm and a quarter of a radian.
+
+    Args:
+        chain: The robot.
+        start: Where the motion begins, shape (n,) [rad or m].
+        joints: Configurations, shape (k, n).
+        times: Of the straight motions to them, shape (k,) [s].
+    """
+    turns = np.abs(joints - start).max(axis=1)
+    nearest = int(turns.argmin())
+    if times[nearest] > MAX_LONGER_IN_BRANCH * times.min():
+        return None
+    if turns[nearest] <= _SMALL:
+        return nearest
+    here, there = forward(chain, np.array([start, joints[nearest]]))
+    way = float(np.linalg.norm(there[:3, 3] - here[:3, 3]))
+    turn = float(np.linalg.norm(rotation_error(here[:3, :3], there[:3, :3])))
+    return nearest if way <= _SMALL_WAY and turn <= _SMALL_TURN else None
 
 
 def ends_off_limits(

@@ -1,9 +1,10 @@
 """Configurations of a pose that a plan may end in: every branch, by the turns nearest the start.
 
 An arm with a closed form has all its branches looked at, and a redundant one those of a grid of
-its parameter; other arms are searched from random starts. A joint that turns further than once has
-several values for one pose of its link: a configuration has the nearest of them to the start, and
-the next ones where that is at a limit or where there is no other way to go.
+its parameter; other arms are searched from random starts. What inverse kinematics finds from the
+start itself is looked at too: near singularities a grid has no configuration near by. A joint that
+turns further than once has several values for one pose of its link: a configuration has the nearest
+of them to the start, and the next ones where that is at a limit or where there is no other way.
 """
 
 from dataclasses import replace
@@ -14,16 +15,20 @@ from numpy.typing import NDArray
 
 from kinematics.arrays import Array, Indices
 from kinematics.chain import Chain, JointType
+from kinematics.forward import forward
 from kinematics.ik import numeric
 from kinematics.ik.analytic import branches, parameter
 from kinematics.ik.inverse import CLOSE, parameter_grid
 from kinematics.ik.solution import IkResult
 from kinematics.ik.structure import structure
+from kinematics.pose import from_axis_angle, rotation_error, transform
 from planning.goal_costs import GoalCosts
 from planning.preflight.goal_order import NEAR_LIMIT, motion_costs
 
 #: Configurations that inverse kinematics looks for where an arm has no closed form.
 _SEARCHED = 12
+#: Steps in which the tool is led from the start to a pose.
+_STEPS = 4
 #: Starts of inverse kinematics spent on them.
 _STARTS = 120
 #: Configurations that it looks for away from limits where the arm has joints to spare.
@@ -73,9 +78,33 @@ def pose_configurations(
             found += numeric.solve(inner, T, how, seed_joints=start, solutions=_INSIDE).solutions
         joints = np.array([s.joints for s in found]).reshape(-1, chain.n)
     nearest = _nearest_turns(chain, joints, start)
-    joints = _distinct([nearest, inner_turns(chain, nearest)])
+    joints = _distinct(
+        [_near_start(chain, T, start, options), nearest, inner_turns(chain, nearest)]
+    )
     joints = joints[np.argsort(motion_costs(chain, start, joints, costs), kind="stable")]
     return PoseConfigurations(joints, search)
+
+
+def _near_start(chain: Chain, T: Array, start: Array, options: numeric.SearchOptions) -> Array:
+    """The configuration in which the tool is led from the start to a pose, shape (1, n), or none.
+
+    By steps along the straight way there: from afar inverse kinematics may leave the branch.
+    """
+    how = numeric.SearchOptions(
+        options.seed, 1, options.position_tolerance, options.orientation_tolerance
+    )
+    T_start, q = forward(chain, start), start
+    turn = rotation_error(T_start[:3, :3], T[:3, :3])
+    angle = float(np.linalg.norm(turn))
+    for share in np.linspace(0.0, 1.0, _STEPS + 1)[1:]:
+        R = from_axis_angle(turn, share * angle) if angle > 0.0 else np.eye(3)
+        way = T_start[:3, 3] + share * (T[:3, 3] - T_start[:3, 3])
+        towards = T if share == 1.0 else transform(R @ T_start[:3, :3], way)
+        found = numeric.solve(chain, towards, how, seed_joints=q).solutions
+        if not (found and found[0].within_limits):
+            return np.empty((0, chain.n))
+        q = found[0].joints
+    return np.asarray(q[None])
 
 
 def turned_copies(chain: Chain, joints: Array, start: Array) -> tuple[Array, Indices]:
