@@ -13,7 +13,12 @@ from kinematics.trajectory import REST, Trajectory, stay
 from planning.limits import MotionLimits
 from planning.proof.certificate import Certificate, certify_limits
 from planning.proof.violation import Violation
-from planning.timing.blend import largest_reaches, merge, reach_for_deviation
+from planning.timing.blend import (
+    corner_indices,
+    largest_reaches,
+    merge,
+    reach_for_deviation,
+)
 from planning.timing.choice import chosen_parametrization, require_limits, required_limits
 from planning.timing.failure import TimingFailed
 from planning.timing.method import JerkLimited, JerkUse, timing_method
@@ -325,13 +330,11 @@ def _notes(points: Array, interpolation: Interpolation, timing: TimingOptions) -
         for i in np.flatnonzero((steps > 0.0) & (steps < TINY))
     ]
     if interpolation == "linear":
-        merged = merge(points)
-        sharp = largest_reaches(merged) == 0.0
-        if not timing.blend_tolerance:
-            sharp[:] = True
-        places = [
-            int(np.argmin(np.linalg.norm(points - stop, axis=1))) for stop in merged[1:-1][sharp]
-        ]
-        if places:
-            notes.append(f"The motion stops at waypoint(s) {', '.join(map(str, places))}.")
+        places = corner_indices(points)
+        if timing.blend_tolerance:
+            inner = largest_reaches(points[places]) == 0.0
+            places = places[np.concatenate([[True], inner, [True]])]
+        if len(places) > 2:
+            stops = ", ".join(map(str, places[1:-1].tolist()))
+            notes.append(f"The motion stops at waypoint(s) {stops}.")
     return tuple(notes)

@@ -31,7 +31,12 @@ from planning.sequence.result import StagePlan
 from planning.sequence.stage import passing_distance
 from planning.sequence.step import Step
 from planning.sequence.world import Cell, Cells
-from planning.timing.blend import largest_reaches, merge, reach_for_deviation
+from planning.timing.blend import (
+    corner_indices,
+    largest_reaches,
+    merge,
+    reach_for_deviation,
+)
 from planning.timing.choice import chosen_parametrization
 from planning.timing.corner_blending import certified_reaches
 from planning.timing.failure import TimingFailed
@@ -209,19 +214,8 @@ def _parametrization(parts: list[_Part]) -> TimeParametrization:
 def _is_straight(points: Array) -> NDArray[np.bool_]:
     """Whether each waypoint lies on a straight leg and is no corner, shape (k,)."""
     straight = np.ones(len(points), dtype=np.bool_)
-    straight[_indices(points, merge(points))] = False
+    straight[corner_indices(points)] = False
     return straight
-
-
-def _indices(points: Array, rows: Array) -> Indices:
-    """Places of some rows among points, in order, shape (len(rows),)."""
-    found, k = [], 0
-    for row in rows:
-        while not np.array_equal(points[k], row):
-            k += 1
-        found.append(k)
-        k += 1
-    return np.array(found)
 
 
 def _reaches(

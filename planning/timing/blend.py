@@ -68,6 +68,18 @@ def merge(waypoints: ArrayLike) -> Array:
     return points[_keep(points)]
 
 
+def corner_indices(waypoints: ArrayLike) -> Indices:
+    """Indices of the waypoints that ``merge`` leaves: the ends, and where the direction changes.
+
+    Args:
+        waypoints: Shape (k, n), k >= 1.
+
+    Raises:
+        InvalidTrajectory: As in ``merge``.
+    """
+    return _keep(_points(waypoints))
+
+
 def largest_reaches(waypoints: ArrayLike) -> Array:
     """The largest reach at each inner waypoint, shape (k - 2,): half the shorter neighbouring leg.
 

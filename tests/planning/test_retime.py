@@ -231,7 +231,42 @@ def test_exports_sample_the_motion() -> None:
     np.testing.assert_allclose(np.array(ticks) * 1e-9, times, atol=1e-9)
     for order, name in enumerate(("positions", "velocities", "accelerations")):
         rows = [point[name] for point in message["points"]]
-        np.testing.assert_array_equal(rows, motion.sample(times, order))
+        np.testing.assert_array_equal(rows, _at_rest(motion.sample(times, order), order))
     table = np.genfromtxt(csv_text(motion, 0.013).splitlines(), delimiter=",", names=True)
     np.testing.assert_array_equal(table["time"], times)
-    np.testing.assert_array_equal(table["velocityb"], motion.sample(times, 1)[:, 1])
+    np.testing.assert_array_equal(table["velocityb"], _at_rest(motion.sample(times, 1), 1)[:, 1])
+
+
+def _at_rest(rows: Array, order: int) -> Array:
+    """Samples of a motion that begins and ends at rest: its velocities there are 0, not nearly."""
+    if order == 1:
+        assert np.abs(rows[[0, -1]]).max() < 1e-12
+        rows[[0, -1]] = 0.0
+    return rows
+
+
+def test_stops_are_named_by_their_place_on_the_path() -> None:
+    """A path that returns to its start was said to stop at waypoint 0 on its way."""
+    limits = {"velocity": np.ones(2), "acceleration": np.full(2, 2.0)}
+    random = np.random.default_rng(3)
+    back = np.array([[0.0, 0.0], [0.0, 0.1], [0.0, 0.0], [0.1, 0.0], [0.0, 0.0]])
+    corners = np.array([[0.0, 0.0], [0.1, 0.0], [0.0, 0.1], [0.1, 0.1]])
+    paths = [back, *(corners[random.integers(0, 4, 8)] for _ in range(30))]
+    for points in paths:
+        if not np.ptp(points, axis=0).any():
+            continue
+        found = retime(PathToTime(("a", "b"), points), TimingOptions(), limits)
+        # Where the motion stands still, in turn: its waypoints, those that repeat left out.
+        still = found.trajectory.breaks[
+            np.abs(found.trajectory.sample(found.trajectory.breaks, 1)).max(axis=1) < 1e-6
+        ]
+        places = found.trajectory.sample(still)
+        notes = [note for note in found.notes if note.startswith("The motion stops at")]
+        named = [int(word) for word in re.findall(r"\d+", notes[0])] if notes else []
+        assert named == sorted(set(named))
+        assert all(0 < k < len(points) - 1 for k in named)
+        np.testing.assert_allclose(points[named].reshape(-1, 2), places[1:-1], atol=1e-9)
+    assert (
+        "The motion stops at waypoint(s) 1, 2, 3."
+        in retime(PathToTime(("a", "b"), back), TimingOptions(), limits).notes
+    )
