@@ -2,7 +2,7 @@
 
 import json
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, NamedTuple
 
 import typer
 from rich.console import Console
@@ -20,9 +20,24 @@ from command_line.robot_files import read_json
 from planning.exports.swept_volume import swept_volume
 from service.schemas.plan import TrajectoryBody
 from service.schemas.validation import validate_as
+from service.viewer.words import against
 
 #: Files of meshes that `sweep` writes, by their suffix.
 _MESH_FILES = (".glb", ".stl")
+
+
+class Surroundings(NamedTuple):
+    """The scene that an export is proved in."""
+
+    scene: Scene = None
+    margin: Margin = 0.0
+    different_scene: Annotated[
+        bool,
+        typer.Option(
+            "--different-scene",
+            help="Export for another robot, scene or load than the file's motion was proved for.",
+        ),
+    ] = False
 
 
 @command
@@ -39,17 +54,18 @@ def export(
         ),
     ],
     request: Request,
-    scene: Scene = None,
-    margin: Margin = 0.0,
+    around: Surroundings,
     sample_period: Annotated[float, typer.Option(help="Time between points [s].")] = 0.01,
 ) -> None:
     """Write a motion for a robot controller, with a proof; exit with 1 where it is not proved."""
     body: dict[str, Any] = {
         "trajectory": values.motion(motion),
         "format": form,
-        "scene": values.scene(scene),
-        "margin": margin,
+        "scene": values.scene(around.scene),
+        "margin": around.margin,
         "sample_period": sample_period,
+        "premises": values.premises(motion),
+        "different_scene": around.different_scene,
         "timeout": request.timeout,
     }
     fields = {} if request.fields is None else read_json(request.fields)
@@ -66,6 +82,7 @@ def export(
         save(request.output, answer["content"].encode())
     errors = Console(stderr=True, highlight=False)
     errors.print(Text("proved" if answer["proved"] else "not proved", style="bold"))
+    errors.print(Text(against(answer["certificate"])), soft_wrap=True)
     for sentence in answer["unproved"]:
         errors.print(Text(f"not covered: {sentence}", style="yellow"), soft_wrap=True)
     if not answer["proved"]:

@@ -22,6 +22,7 @@ from command_line.output import print_json, print_line, print_table, save, word
 from command_line.parameters import Connection, Margin, Request, RobotSource, Scene, command
 from command_line.problems import negative
 from command_line.robot_files import read_json
+from service.viewer.words import against
 
 #: Poles of the error dynamics at 20 rad/s, critically damped: a tenth of a second to settle.
 _CONTROLLER = '{"type": "computed_torque", "natural_frequency": 20.0, "damping": 1.0}'
@@ -159,6 +160,7 @@ def validate(
 def _show_certificate(certificate: dict[str, Any]) -> None:
     verified = certificate["verified"]
     print_line("proved" if verified else "not proved", "bold green" if verified else "bold red")
+    print_line(against(certificate))
     clearance = certificate["min_clearance"]
     if clearance is not None:
         pair = " and ".join(certificate["clearance_pair"] or ())
@@ -194,6 +196,7 @@ def retime(
     if connection.as_json:
         return
     print_line(f"duration {answer['trajectory']['duration']:.4f} s")
+    _show_certificate(answer["certificate"])
     print_table("Largest values of each joint", ("of", "joints"), answer["peaks"].items())
     for note in answer["notes"]:
         print_line(f"note: {note}", "yellow")

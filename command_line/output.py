@@ -2,13 +2,15 @@
 
 import json
 import sys
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 from rich.console import Console
 from rich.table import Table
 from rich.text import Text
+
+from service.viewer.words import against
 
 #: Digits after the point of lengths [m] and angles [rad].
 _DIGITS = 4
@@ -55,6 +57,20 @@ def print_line(text: str, style: str = "") -> None:
         style: Color and weight, as rich names them.
     """
     console().print(Text(text, style=style))
+
+
+def print_premises(what: str, certificates: Iterable[Mapping[str, Any]]) -> None:
+    """Print what each of several motions is proved against, those together that share it.
+
+    Args:
+        what: They are called: "stage", "leg".
+        certificates: Of the motions, in order.
+    """
+    numbers: dict[str, list[int]] = {}
+    for number, certificate in enumerate(certificates):
+        numbers.setdefault(against(certificate), []).append(number)
+    for text, those in numbers.items():
+        print_line(f"{what} {', '.join(map(str, those))}: {text}")
 
 
 def word(value: Any) -> str:

@@ -7,7 +7,7 @@ import typer
 
 from command_line import values
 from command_line.endpoints import TASK
-from command_line.output import print_line, print_table
+from command_line.output import print_line, print_premises, print_table
 from command_line.parameters import Connection, Margin, Request, RobotSource, Scene, command
 from command_line.request_file import FileRequest
 
@@ -48,6 +48,7 @@ def _show(planned: dict[str, Any]) -> None:
     rows = [_row(stage) for stage in planned["stages"]]
     columns = ("stage", "begins [s]", "lasts [s]", "choice", "holds", "clearance [m]")
     print_table("Stages", columns, rows)
+    print_premises("stage", [stage["certificate"] for stage in planned["stages"]])
     tried = sum(trial["outcome"] != "open" for trial in planned["trials"])
     told = len(planned["trials"]) + planned["trials_omitted"]
     print_line(f"{tried} of {told} alternatives decided")

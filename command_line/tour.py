@@ -7,7 +7,7 @@ import typer
 
 from command_line import values
 from command_line.endpoints import TOUR
-from command_line.output import print_line, print_table
+from command_line.output import print_line, print_premises, print_table
 from command_line.parameters import Connection, Margin, Request, RobotSource, Scene, command
 from command_line.request_file import FileRequest
 
@@ -42,6 +42,7 @@ def _show(tour: dict[str, Any]) -> None:
     """Print the visits, the time and what is left out."""
     count = len(tour["visits"])
     print_line(f"{count} goals in {tour['time']:.3f} s, every leg proved", "bold")
+    print_premises("leg", [leg["certificate"] for leg in tour["legs"]])
     if tour["lower_bound"] is not None:
         print_line(f"no tour takes less than {tour['lower_bound']:.3f} s")
     rows = ((visit["id"], visit["arrival"], visit["departure"]) for visit in tour["visits"])

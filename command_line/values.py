@@ -112,12 +112,12 @@ def scene(text: str | None) -> dict[str, Any] | str | None:
 
 
 def motion(path: Path) -> dict[str, Any]:
-    """The trajectory of a file: one, or the answer that holds it.
+    """The trajectory of a file: one, or the answer or kept plan that holds it.
 
     Raises:
         ProblemError: The file is not JSON, or holds no trajectory.
     """
-    document = read_json(path)
+    document = _answer(read_json(path))
     found = document.get("trajectory", document)
     if not isinstance(found, dict) or not {"segments", "samples"} & set(found):
         raise invalid_value(
@@ -126,6 +126,20 @@ def motion(path: Path) -> dict[str, Any]:
             "Give a trajectory, or the answer that `armwright plan -o FILE` wrote.",
         )
     return dict(found)
+
+
+def premises(path: Path) -> dict[str, Any] | None:
+    """The premises that the motion of a file was proved for; None where the file does not tell."""
+    certificate = _answer(read_json(path)).get("certificate")
+    return certificate.get("premises") if isinstance(certificate, dict) else None
+
+
+def _answer(document: dict[str, Any]) -> dict[str, Any]:
+    """The answer of a kept plan or bundle; any other document itself."""
+    if "operation" not in document or not document.get("answer"):
+        return document
+    answer = document["answer"]
+    return dict(json.loads(answer) if isinstance(answer, str) else answer)
 
 
 def _numbers(text: str) -> list[float] | None:

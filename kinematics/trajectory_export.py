@@ -2,16 +2,18 @@
 
 import csv
 import io
-import math
 from typing import Any
 
 import numpy as np
 
-from kinematics.arrays import Array
+from kinematics.arrays import Array, Indices
 from kinematics.trajectory import Trajectory
 
-#: What ROS counts durations in beside seconds.
-_NANOSECONDS = 1_000_000_000
+#: A message counts time in these [1/s].
+NANOSECONDS = 1_000_000_000
+#: Ends that are slower than this share of the largest speed are at rest: last digits alone keep
+#: them from it. joint_trajectory_controller refuses last velocities above 1.19e-7.
+_REST = 1e-7
 _COLUMNS = ("position", "velocity", "acceleration")
 
 
@@ -30,8 +32,7 @@ def joint_trajectory(trajectory: Trajectory, period: float, frame_id: str = "") 
         InvalidOption: The period is not positive, or gives too many points.
     """
     times = trajectory.uniform_samples(period)
-    ticks = _ticks(times)
-    rows = [trajectory.sample(times, order).tolist() for order in range(3)]
+    rows = [row.tolist() for row in rows_at(trajectory, times, 3)]
     return {
         "header": {"stamp": {"sec": 0, "nanosec": 0}, "frame_id": frame_id},
         "joint_names": list(trajectory.joint_names),
@@ -41,9 +42,9 @@ def joint_trajectory(trajectory: Trajectory, period: float, frame_id: str = "") 
                 "velocities": v,
                 "accelerations": a,
                 "effort": [],
-                "time_from_start": {"sec": tick // _NANOSECONDS, "nanosec": tick % _NANOSECONDS},
+                "time_from_start": {"sec": tick // NANOSECONDS, "nanosec": tick % NANOSECONDS},
             }
-            for q, v, a, tick in zip(*rows, ticks, strict=True)
+            for q, v, a, tick in zip(*rows, nanoseconds(times).tolist(), strict=True)
         ],
     }
 
@@ -61,9 +62,7 @@ def csv_text(trajectory: Trajectory, period: float) -> str:
         InvalidOption: The period is not positive, or gives too many rows.
     """
     times = trajectory.uniform_samples(period)
-    table = np.concatenate(
-        [times[:, None], *(trajectory.sample(times, order) for order in range(3))], axis=1
-    )
+    table = np.concatenate([times[:, None], *rows_at(trajectory, times, 3)], axis=1)
     stream = io.StringIO()
     writer = csv.writer(stream)
     names = trajectory.joint_names
@@ -72,10 +71,23 @@ def csv_text(trajectory: Trajectory, period: float) -> str:
     return stream.getvalue()
 
 
-def _ticks(times: Array) -> list[int]:
-    """Times in whole nanoseconds, each after the one before."""
-    ticks: list[int] = []
-    for time in times.tolist():
-        tick = math.floor(time * _NANOSECONDS + 0.5)
-        ticks.append(tick if not ticks else max(tick, ticks[-1] + 1))
-    return ticks
+def rows_at(trajectory: Trajectory, times: Array, count: int) -> tuple[Array, ...]:
+    """Positions, velocities, ... of a motion, each (p, n); an end at rest to rounding is at rest.
+
+    Args:
+        trajectory: The motion.
+        times: Of the rows, from its start to its end, shape (p,) [s].
+        count: How many of position, velocity and acceleration.
+    """
+    rows = tuple(trajectory.sample(times, order) for order in range(count))
+    if count > 1:
+        ends, peak = rows[1][[0, -1]], trajectory.peaks(1).value.max(initial=0.0)
+        rows[1][[0, -1]] = np.where(np.abs(ends) <= _REST * peak, 0.0, ends)
+    return rows
+
+
+def nanoseconds(times: Array) -> Indices:
+    """Times (p,) [s] in whole nanoseconds, each after the one before."""
+    ticks = np.floor(times * NANOSECONDS + 0.5).astype(np.int64)
+    numbers = np.arange(len(ticks))
+    return np.asarray(np.maximum.accumulate(ticks - numbers) + numbers, dtype=np.int64)

@@ -12,7 +12,7 @@ from studio.requests import plan_request, set_fields, tour_request
 from studio.result import Planned, TaskPlanned, TourPlanned
 
 #: Settings of a plan that its export takes as well.
-_OPTIONS = ("scene", "attached", "margin")
+_OPTIONS = ("scene", "attached", "margin", "fingers", "allowed_collisions")
 #: A stage that moves no joint by more than this stands still [rad or m].
 _STILL = 1e-9
 
@@ -49,6 +49,7 @@ def export_file(
         return _legs(client, outcome, file_format)
     fields = set_fields(plan_request(outcome.state))
     options = {name: value for name, value in fields.items() if name in _OPTIONS}
+    options["premises"] = outcome.plan.certificate.premises
     made = client.export(outcome.state.robot, outcome.plan.trajectory, file_format, **options)
     return ExportFile(made.file_name, made.content.encode())
 
@@ -66,6 +67,10 @@ def _archive(client: Client, outcome: TaskPlanned, file_format: ExportFormat) ->
     with zipfile.ZipFile(held, "w", zipfile.ZIP_DEFLATED) as archive:
         for stages in _motions(outcome.plan.stages):
             first, last = stages[0], stages[-1]
+            # Stages that are passed are proved with other pairs each.
+            known: dict[str, Any] = {}
+            if first is last:
+                known["premises"] = first.certificate.premises
             made = client.export(
                 outcome.state.robot,
                 _joined([stage.trajectory for stage in stages]),
@@ -73,7 +78,9 @@ def _archive(client: Client, outcome: TaskPlanned, file_format: ExportFormat) ->
                 scene=Scene(obstacles=_places(outcome, first)),
                 attached=first.after.as_options()["attached"],
                 allowed_collisions=_allowed_in_all(stages),
+                fingers=_fingers_before(outcome, first),
                 **margin,
+                **known,
             )
             numbers = f"{first.index:02}" + (f"-{last.index:02}" if last is not first else "")
             archive.writestr(f"{numbers}_{first.kind}_{made.file_name}", made.content)
@@ -113,6 +120,13 @@ def _allowed_in_all(stages: Sequence[TaskStageReport]) -> list[tuple[str, str]]:
     return [(a, b) for a, b in first if all(frozenset((a, b)) in pairs for pairs in kept)]
 
 
+def _fingers_before(outcome: TaskPlanned, stage: TaskStageReport) -> dict[str, float]:
+    """Where the gripper's joints stand when a stage begins [rad or m]."""
+    if stage.index == 0:
+        return dict(outcome.state.fingers)
+    return outcome.plan.stages[stage.index - 1].after.fingers
+
+
 def _legs(client: Client, outcome: TourPlanned, file_format: ExportFormat) -> ExportFile:
     """Each leg in a file, in order; all are from rest to rest."""
     fields = set_fields(tour_request(outcome.state))
@@ -120,6 +134,7 @@ def _legs(client: Client, outcome: TourPlanned, file_format: ExportFormat) -> Ex
     held = io.BytesIO()
     with zipfile.ZipFile(held, "w", zipfile.ZIP_DEFLATED) as archive:
         for number, leg in enumerate(outcome.plan.legs):
+            options["premises"] = leg.certificate.premises
             made = client.export(outcome.state.robot, leg.trajectory, file_format, **options)
             archive.writestr(f"{number:02}_leg_{made.file_name}", made.content)
     return ExportFile(f"tour_{file_format}.zip", held.getvalue())

@@ -5,8 +5,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import Any, TypeAlias
 
-from armwright_client import Plan, Problem, TaskPlan, Tour
-from service.viewer.words import certificate_sentences, problem_sentences
+from armwright_client import Certificate, Plan, Problem, TaskPlan, Tour
+from service.viewer.words import against, certificate_sentences, problem_sentences
 from studio.branch import Branch, branches
 from studio.state import StudioState
 
@@ -75,7 +75,7 @@ class TaskPlanned:
         name = stage.kind if stage.name is None else f"{stage.name} ({stage.kind})"
         chosen = "" if stage.choice is None else f", choice {stage.choice}"
         held = ", ".join(item.id for item in stage.after.attached)
-        proof = "proved" if stage.certificate.verified else "not proved"
+        proof = _proof(stage.certificate)
         holds = f", holds {held}" if held else ""
         return f"{stage.index}: {name}{chosen}: {stage.trajectory.duration:.2f} s, {proof}{holds}"
 
@@ -109,7 +109,7 @@ class TourPlanned:
         gap = "" if plan.gap is None else f"; at most {100.0 * plan.gap:.1f} % longer than needed"
         lines = [f"Order: {', '.join(plan.order)}{gap}"]
         for number, leg in enumerate(plan.legs):
-            proof = "proved" if leg.certificate.verified else "not proved"
+            proof = _proof(leg.certificate)
             ends = f"{leg.origin or 'start'} to {leg.target or 'end'}"
             lines.append(f"{number}: {ends}: {leg.trajectory.duration:.2f} s, {proof}")
         return [*lines, *(f"Left out: {one.id}, {one.message}" for one in plan.unvisited)]
@@ -172,6 +172,11 @@ def failure(state: StudioState, problem: Problem) -> Failure:
         details.get("plan_id"),
         _shown(state, problem, candidates, nearest),
     )
+
+
+def _proof(certificate: Certificate) -> str:
+    proof = "proved" if certificate.verified else "not proved"
+    return f"{proof} {against(certificate.model_dump(mode='json'))}"
 
 
 def _shown(

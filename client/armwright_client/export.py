@@ -3,8 +3,8 @@
 from typing import Literal, TypedDict
 
 from armwright_client.base import Answer, NonNegative, Pairs, Positive, Request
-from armwright_client.certificate import Certificate
-from armwright_client.check import AttachedObjects
+from armwright_client.certificate import Certificate, Premises
+from armwright_client.check import AttachedObjects, FingerPositions
 from armwright_client.scene import SceneReference
 from armwright_client.trajectory import Trajectory
 
@@ -37,6 +37,9 @@ class ExportOptions(TypedDict, total=False):
         attached: Objects that move with a link.
         allowed_collisions: More pairs that may touch.
         margin: Distance to be kept [m].
+        fingers: Where joints of the gripper stand meanwhile [rad or m].
+        premises: Those of the certificate that the motion has; other ones are refused.
+        different_scene: Whether to export all the same, proved for what is given here.
         timeout: [s].
     """
 
@@ -52,6 +55,9 @@ class ExportOptions(TypedDict, total=False):
     attached: AttachedObjects
     allowed_collisions: Pairs
     margin: float
+    fingers: FingerPositions
+    premises: Premises
+    different_scene: bool
     timeout: float
 
 
@@ -73,6 +79,9 @@ class ExportRequest(Request):
     attached: AttachedObjects | None = None
     allowed_collisions: Pairs | None = None
     margin: NonNegative | None = None
+    fingers: FingerPositions | None = None
+    premises: Premises | None = None
+    different_scene: bool | None = None
     timeout: Positive | None = None
 
 

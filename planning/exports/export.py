@@ -7,6 +7,7 @@ import numpy as np
 
 from kinematics.arrays import Array
 from kinematics.chain import Limits
+from kinematics.errors import InvalidOption
 from kinematics.trajectory import Trajectory
 from obstacles.robot_geometry import RobotGeometry
 from obstacles.scene import Scene
@@ -19,6 +20,7 @@ from planning.exports.points import ExportPoints, export_points
 from planning.exports.statement import comments, unproved_parts
 from planning.limits import RATIO_TOLERANCE, MotionLimits
 from planning.proof.certificate import Certificate, certify
+from planning.proof.premises import Premises
 
 #: Excesses of limits that are called rounding, as a share of the duration, and how often a motion
 #: is slowed down for them.
@@ -75,6 +77,8 @@ def export(
     options: ExportOptions,
     *,
     margin: float = 0.0,
+    premises: Premises | None = None,
+    different_scene: bool = False,
     deadline: Deadline | None = None,
 ) -> Export:
     """Write a motion for a controller, and prove the motion that the controller makes of it.
@@ -88,12 +92,17 @@ def export(
         scene: The obstacles.
         options: Format, points and program.
         margin: Distance to keep from obstacles beyond their own margins [m].
+        premises: Those of the motion's certificate, where it has one.
+        different_scene: Whether robot, scene and what is held may be others than these.
         deadline: When to give up the proof; ``certificate.violation`` then is of kind "time".
 
     Raises:
-        InvalidOption: The robot or the number of points does not fit the format.
+        InvalidOption: The robot or the number of points does not fit the format; or the motion was
+            proved for another robot, scene or load.
     """
     programs.check_axes(robot.chain, options.format)
+    if premises is not None and not different_scene:
+        _check_premises(premises, Premises.of_cell(robot, scene, margin))
     points, motion = _within_limits(trajectory, robot.chain.limits, options)
     # Cubics pass points at which the acceleration jumps: what jerk they make is told.
     limits = MotionLimits(holds_jerk=points.rule == Rule.QUINTIC)
@@ -117,6 +126,17 @@ def export(
         tolerance=tolerance,
         point_count=len(points.ticks),
     )
+
+
+def _check_premises(given: Premises, own: Premises) -> None:
+    differences = own.differences(given)
+    if differences:
+        raise InvalidOption(
+            f"the motion was proved under other premises: {'; '.join(differences)}",
+            hint="Give the robot, scene, attached objects and fingers that it was planned with, or "
+            "say different_scene (--different-scene) to prove it for these.",
+            differences=differences,
+        )
 
 
 def _within_limits(
@@ -177,13 +197,13 @@ def _text(
         case ExportFormat.CSV:
             lines = table.table(names, points)
         case ExportFormat.URSCRIPT_SERVOJ:
-            lines = programs.servoj(points, options.name)
+            lines = programs.servoj(points, options.name, tolerance)
         case ExportFormat.URSCRIPT_MOVEJ:
-            lines = programs.movej(robot.chain, points, options)
+            lines = programs.movej(robot.chain, points, options, tolerance)
         case ExportFormat.RAPID:
-            lines = programs.rapid(points, options, head)
+            lines = programs.rapid(points, options, head, tolerance)
             head = ()
         case ExportFormat.KRL:
-            lines = programs.krl(points, options, head)
+            lines = programs.krl(points, options, head, tolerance)
             head = ()
     return "\n".join([*head, *lines, ""])

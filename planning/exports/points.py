@@ -7,6 +7,7 @@ import numpy as np
 from kinematics.arrays import Array, Indices
 from kinematics.errors import InvalidOption
 from kinematics.trajectory import Trajectory
+from kinematics.trajectory_export import NANOSECONDS, nanoseconds, rows_at
 from planning.exports.options import ExportFormat, ExportOptions, Rule
 from planning.limits import JERK_JUMP
 
@@ -16,8 +17,8 @@ MAX_POINTS = 100_000
 _QUINTIC = 5
 #: A point this near to one where two pieces meet gives way to it, a share of the period.
 _SAME_POINT = 0.1
-#: A message counts time in these [1/s].
-NANOSECONDS = 1_000_000_000
+#: Durations that are off a whole nanosecond by less are off by rounding [ns].
+_ROUNDING = 1e-5
 
 
 class ExportPoints(NamedTuple):
@@ -62,22 +63,34 @@ def export_points(trajectory: Trajectory, options: ExportOptions) -> ExportPoint
             f"{MAX_POINTS} points",
             hint=f"Give at least {trajectory.duration / MAX_POINTS:.3g} s.",
         )
+    trajectory = _in_whole_nanoseconds(trajectory)
     times, rule = trajectory.uniform_samples(period), _rule(trajectory, options)
     if rule == Rule.STRAIGHT_LEGS:
         positions = trajectory.sample(times)
         times = times[corners(positions, options.path_tolerance)]
     elif rule in (Rule.QUINTIC, Rule.CUBIC):
         times = _with_breaks(trajectory, times, period, rule)
-    ticks = _ticks(times)
+    ticks = nanoseconds(times)
     if rule != Rule.STRAIGHT_LEGS:
         # Where the motion is at the times that the file names: beside a near point, half a
         # nanosecond of difference would be felt in the acceleration.
-        times = np.minimum(ticks / NANOSECONDS, trajectory.duration)
+        times = np.append(ticks[:-1] / NANOSECONDS, trajectory.duration)
     count = {Rule.QUINTIC: 3, Rule.CUBIC: 2}.get(rule, 1)
-    rows = tuple(trajectory.sample(times, order) for order in range(count))
+    rows = rows_at(trajectory, times, count)
     if options.format in (ExportFormat.RAPID, ExportFormat.KRL):
         rows = (np.deg2rad(single_degrees(rows[0]).astype(np.float64)),)
     return ExportPoints(rule, ticks, rows)
+
+
+def _in_whole_nanoseconds(trajectory: Trajectory) -> Trajectory:
+    """The motion with a duration that files can tell, slower by less than a nanosecond.
+
+    Its last point is then where and as fast as the motion ends.
+    """
+    count = trajectory.duration * NANOSECONDS
+    nearest = float(max(round(count), 1))
+    whole = nearest if abs(count - nearest) <= _ROUNDING else float(np.ceil(count))
+    return trajectory if whole == count else trajectory.dilate(whole / count)
 
 
 def single_degrees(positions: Array) -> np.ndarray[tuple[int, ...], np.dtype[np.float32]]:
@@ -146,10 +159,3 @@ def _rule(trajectory: Trajectory, options: ExportOptions) -> Rule:
         return Rule(options.interpolation)
     smooth = trajectory.continuity().acceleration <= JERK_JUMP
     return Rule.QUINTIC if smooth else Rule.CUBIC
-
-
-def _ticks(times: Array) -> Indices:
-    """Times in whole nanoseconds, each after the one before."""
-    ticks = np.floor(times * NANOSECONDS + 0.5).astype(np.int64)
-    numbers = np.arange(len(ticks))
-    return np.asarray(np.maximum.accumulate(ticks - numbers) + numbers, dtype=np.int64)

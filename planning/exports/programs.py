@@ -24,6 +24,11 @@ SERVOJ = "lookahead_time=0.1, gain=300"
 _TCP_SPEED = 1000
 #: Acceleration of movej where no limit of the robot is known [rad/s^2].
 _ACCELERATION = 1.4
+#: How far off a joint may be where no tolerance is proved: a start that is hit [rad].
+_NO_TOLERANCE = 1e-3
+#: Digits of single precision may make a number larger by less, as a share.
+_SINGLE = 1e-6
+_NOT_THERE = "The arm is not at the start of the motion."
 
 
 def check_axes(chain: Chain, format_: ExportFormat) -> None:
@@ -52,15 +57,18 @@ def check_axes(chain: Chain, format_: ExportFormat) -> None:
         )
 
 
-def servoj(points: ExportPoints, name: str) -> list[str]:
+def servoj(points: ExportPoints, name: str, tolerance: float | None) -> list[str]:
     """Lines of a URScript program that streams a motion, once the arm is at its start.
 
     Args:
         points: Setpoints of six joints.
         name: Of the program.
+        tolerance: How far off each joint may be by the proof [rad]; None where none is proved.
     """
     rows, times = points.positions, points.times
-    lines = [f"def {name}():", *_start_check(rows[0])]
+    lines = [f"def {name}():", *_start_check(rows[0], tolerance)]
+    # Within the tolerance too; the stream then begins without a jump.
+    lines.append("  movej(q_start, a=0.5, v=0.05)")
     lines += [
         f"  servoj({_radians(row)}, t={after - before!r}, {SERVOJ})"
         for row, (before, after) in zip(rows[1:], pairwise(times.tolist()), strict=True)
@@ -68,31 +76,37 @@ def servoj(points: ExportPoints, name: str) -> list[str]:
     return [*lines, "  stopj(2.0)", "end"]
 
 
-def movej(chain: Chain, points: ExportPoints, options: ExportOptions) -> list[str]:
+def movej(
+    chain: Chain, points: ExportPoints, options: ExportOptions, tolerance: float | None
+) -> list[str]:
     """Lines of a URScript program of joint motions, the corners blended where asked for.
 
     Args:
         chain: Of six joints.
         points: Corners of the path.
         options: Speed, blend radius [m] and name.
+        tolerance: How far off its start each joint may be [rad]; None where none is proved.
     """
     speed = _share(chain.limits.velocity, options.speed, 1.0)
     acceleration = _share(chain.limits.acceleration, 1.0, _ACCELERATION)
     rows = points.positions
-    lines = [f"def {options.name}():", *_start_check(rows[0])]
+    lines = [f"def {options.name}():", *_start_check(rows[0], tolerance)]
     for i, row in enumerate(rows[1:], start=1):
         radius = options.blend if i < len(rows) - 1 else 0.0
         lines.append(f"  movej({_radians(row)}, a={acceleration!r}, v={speed!r}, r={radius!r})")
     return [*lines, "end"]
 
 
-def rapid(points: ExportPoints, options: ExportOptions, head: Sequence[str]) -> list[str]:
+def rapid(
+    points: ExportPoints, options: ExportOptions, head: Sequence[str], tolerance: float | None
+) -> list[str]:
     """Lines of a RAPID module with one procedure of MoveAbsJ.
 
     Args:
         points: Corners of the path of at most six joints, and six more as external axes.
         options: Speed, zone [mm] and name.
         head: Comments, which follow the module's first line.
+        tolerance: How far off its start each joint may be [rad]; None where none is proved.
     """
     zone = "fine"
     lines = [f"MODULE {options.name}_module", *head]
@@ -101,8 +115,14 @@ def rapid(points: ExportPoints, options: ExportOptions, head: Sequence[str]) -> 
         zone = "corner"
         rest = ", ".join([size] * 2 + ["1", size, "1"])
         lines.append(f"  CONST zonedata corner := [FALSE, {size}, {rest}];")
-    lines += [f"  PROC {options.name}()", f"    VelSet {100.0 * min(options.speed, 1.0)!r}, 5000;"]
     rows = single_degrees(points.positions)
+    own, extra = "now.robax.rax_{}", "now.extax.eax_{}"
+    axes = [own.format(k + 1) for k in range(ROBOT_AXES)] + [extra.format(c) for c in "abcdef"]
+    lines += [f"  PROC {options.name}()", "    VAR jointtarget now;", "    now := CJointT();"]
+    for off in _off_start(axes, rows[0], tolerance):
+        lines += [f"    IF {off} THEN", f'      ErrWrite "{options.name}", "{_NOT_THERE}";']
+        lines += ["      EXIT;", "    ENDIF"]
+    lines.append(f"    VelSet {100.0 * min(options.speed, 1.0)!r}, 5000;")
     for i, row in enumerate(rows):
         ends = i in (0, len(rows) - 1)
         lines.append(
@@ -112,25 +132,30 @@ def rapid(points: ExportPoints, options: ExportOptions, head: Sequence[str]) -> 
     return [*lines, "  ENDPROC", "ENDMODULE"]
 
 
-def krl(points: ExportPoints, options: ExportOptions, head: Sequence[str]) -> list[str]:
+def krl(
+    points: ExportPoints, options: ExportOptions, head: Sequence[str], tolerance: float | None
+) -> list[str]:
     """Lines of a KRL program of PTP motions.
 
     Args:
         points: Corners of the path of at most six joints, and six more as external axes.
         options: Speed, approximation [%] and name.
         head: Comments, which follow the first line.
+        tolerance: How far off its start each joint may be [rad]; None where none is proved.
     """
     percent = max(1, min(100, int(100.0 * options.speed)))
     lines = [f"DEF {options.name}()", *head, "BAS(#INITMOV, 0)", f"BAS(#VEL_PTP, {percent})"]
     if options.blend:
         lines.append(f"$APO.CPTP = {int(min(100.0, options.blend))}")
     rows = single_degrees(points.positions)
+    axes = [
+        f"A{k + 1}" if k < ROBOT_AXES else f"E{k + 1 - ROBOT_AXES}" for k in range(rows.shape[1])
+    ]
+    lines.append(f"; Halts as long as it holds: {_NOT_THERE}")
+    for off in _off_start([f"$AXIS_ACT.{axis}" for axis in axes], rows[0], tolerance):
+        lines += [f"WHILE {off}", "HALT", "ENDWHILE"]
     for i, row in enumerate(rows):
         blends = options.blend > 0.0 and 0 < i < len(rows) - 1
-        axes = [
-            f"A{k + 1}" if k < ROBOT_AXES else f"E{k + 1 - ROBOT_AXES}"
-            for k in range(rows.shape[1])
-        ]
         values = ", ".join(
             f"{axis} {_single(value)}" for axis, value in zip(axes, row, strict=True)
         )
@@ -138,19 +163,32 @@ def krl(points: ExportPoints, options: ExportOptions, head: Sequence[str]) -> li
     return [*lines, "END"]
 
 
-def _start_check(start: Array) -> list[str]:
-    """A popup and halt unless each joint is within a hundredth of a radian of the first point."""
+def _start_check(start: Array, tolerance: float | None) -> list[str]:
+    """A popup and halt unless each joint is as near to the first point as is proved."""
     return [
         f"  q_start = {_radians(start)}",
         "  q_now = get_actual_joint_positions()",
         "  i = 0",
         f"  while i < {len(start)}:",
-        "    if norm(q_now[i] - q_start[i]) > 0.01:",
-        '      popup("The arm is not at the start of the motion.", error=True, blocking=True)',
+        f"    if norm(q_now[i] - q_start[i]) > {tolerance or _NO_TOLERANCE!r}:",
+        f'      popup("{_NOT_THERE}", error=True, blocking=True)',
         "      halt",
         "    end",
         "    i = i + 1",
         "  end",
+    ]
+
+
+def _off_start(
+    axes: Sequence[str], start: np.ndarray[tuple[int, ...], np.dtype[np.float32]],
+    tolerance: float | None,
+) -> list[str]:  # fmt: skip
+    """Conditions of RAPID and KRL that hold where an axis is off its start [degrees]."""
+    degrees = np.rad2deg((tolerance or _NO_TOLERANCE) * (1.0 - _SINGLE))
+    most = _single(np.float32(degrees))
+    return [
+        f"ABS({axis} - ({_single(value)})) > {most}"
+        for axis, value in zip(axes, start, strict=False)
     ]
 
 

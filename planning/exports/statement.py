@@ -14,7 +14,7 @@ RULES = {
     Rule.LINEAR: "straight lines in joint space at constant rates",
     Rule.STRAIGHT_LEGS: "straight lines in joint space from point to point",
 }
-_STAND = "The arm stands at the first point when the motion begins."
+_STAND = "The arm stands at the first point, within the tolerance, when the motion begins."
 _TRACKING = "Tracking errors of the drives, beyond the joint tolerance named here."
 _ROS = "Other settings of joint_trajectory_controller than interpolation_method: splines."
 _TABLE = "A reader of the table that interpolates in another way."
@@ -28,8 +28,8 @@ _PARTS = {
     ExportFormat.CSV: (_TABLE,),
     ExportFormat.URSCRIPT_SERVOJ: (_SERVOJ,),
     ExportFormat.URSCRIPT_MOVEJ: (),
-    ExportFormat.RAPID: (_PROPORTION, "The way to the first point."),
-    ExportFormat.KRL: (_PROPORTION, "The way to the first point."),
+    ExportFormat.RAPID: (_PROPORTION,),
+    ExportFormat.KRL: (_PROPORTION,),
 }
 
 
@@ -68,10 +68,11 @@ def comments(
     """
     lines = [f"Written by Armwright: {options.format.value}."]
     lines.append(f"Between the points: {RULES[rule]}.")
+    against = certificate.premises.against()
     if proved:
-        lines.append(f"PROVED free of collisions by that rule. {_STAND}")
+        lines.append(f"PROVED free of collisions by that rule, {against}. {_STAND}")
     else:
-        lines.append("NOT PROVED free of collisions.")
+        lines.append(f"NOT PROVED free of collisions. It was looked at {against}.")
     if certificate.proved.collisions and math.isfinite(certificate.min_clearance):
         subject = "" if options.blend == 0.0 else " of the legs"
         lines.append(f"Proved clearance{subject}: {certificate.min_clearance:.6g} m.")

@@ -4,7 +4,9 @@ A proof says nothing of another robot, another scene or another load. Hashes are
 same scene has the same hash whether it is stored, in a file or in a request.
 """
 
+from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import Any
 
 from kinematics.chain import Chain
 from obstacles.robot_geometry import RobotGeometry
@@ -71,6 +73,13 @@ class Premises:
             return cls()
         return cls(robot=chain.name, robot_hash=chain.content_hash, tool=chain.tip_link)
 
+    @classmethod
+    def of_fields(cls, told: Mapping[str, Any]) -> "Premises":
+        """Premises from their fields as answers tell them; what other versions add is left out."""
+        known = {name: told[name] for name in cls.__slots__ if name in told}
+        lists = {name: tuple(known.get(name) or ()) for name in ("attached", "open_meshes")}
+        return cls(**known | lists)
+
     def against(self) -> str:
         """The premises in words, to stand behind "proved"."""
         if self.robot is None or self.robot_hash is None:
@@ -95,19 +104,22 @@ class Premises:
         Args:
             given: Of the motion as it was proved before.
         """
+        if given.scene_hash is None:  # of limits alone
+            other = given.robot is not None and given.robot != self.robot
+            return [f"its limits are those of robot {given.robot!r}"] if other else []
         found = []
-        if given.scene_hash is not None and given.attached != self.attached:
+        if given.attached != self.attached:
             held, here = (", ".join(one.attached) or "nothing" for one in (given, self))
             found.append(f"its proof has the robot hold {held}, here it holds {here}")
-        elif given.robot_hash not in (None, self.robot_hash):
+        elif given.robot_hash != self.robot_hash:
             found.append(
-                f"its proof is of robot {given.robot!r} of another hash: the robot, its fingers or "
-                "what it holds differs"
+                f"its proof is of a robot {given.robot!r} of another hash: the robot, its fingers "
+                "or what it holds differs"
             )
-        if given.scene_hash not in (None, self.scene_hash):
+        if given.obstacles != self.obstacles:
             found.append(
                 f"its proof is against {given.obstacles} obstacle(s), here are {self.obstacles}"
-                if given.obstacles != self.obstacles
-                else "its proof is against other obstacles, or other pairs may touch"
             )
+        elif given.scene_hash != self.scene_hash:
+            found.append("its proof is against other obstacles, or other pairs may touch")
         return found

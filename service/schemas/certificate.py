@@ -1,16 +1,18 @@
 """Timed trajectories and certificates in answers."""
 
-from typing import Any
+from typing import Annotated, Any
 
 from pydantic import Field
 
-from service.schemas.base import (
-    Answer,
-)
+from service.schemas.attached import MAX_ATTACHED
+from service.schemas.base import Answer, Body, Label, NonNegative
 from service.schemas.cartesian import PathDeviationAnswer
 from service.schemas.constraint import ConstraintUse
 from service.schemas.keep import PlanId
+from service.schemas.scene import MAX_OBSTACLES
 from service.schemas.seam import ToolSpeedAnswer, ToolToleranceAnswer
+
+ContentHash = Annotated[str, Field(pattern=r"^[0-9a-f]{64}$")]
 
 
 class SegmentAnswer(Answer):
@@ -69,24 +71,32 @@ class ProvedAnswer(Answer):
     reasons: list[str] = Field(description="why a part is not proved")
 
 
-class PremisesAnswer(Answer):
+class Premises(Body):
     """What a certificate holds for: of another robot, scene or load it says nothing."""
 
-    robot: str | None = Field(description="name of the robot; null for limits given without one")
-    robot_hash: str | None = Field(
+    robot: Label | None = Field(
+        None, description="name of the robot; null for limits given without one"
+    )
+    robot_hash: ContentHash | None = Field(
+        None,
         description="content hash of the robot with what it holds and its fingers where they "
-        "stand; of its chain alone where collisions were not looked at"
+        "stand; of its chain alone where collisions were not looked at",
     )
-    scene: str | None = Field(description="name of the stored scene; null for any other")
-    scene_hash: str | None = Field(
+    scene: Label | None = Field(None, description="name of the stored scene; null for any other")
+    scene_hash: ContentHash | None = Field(
+        None,
         description="content hash of the obstacles that are not held, and of the pairs that may "
-        "touch; null where collisions were not looked at"
+        "touch; null where collisions were not looked at",
     )
-    obstacles: int = Field(description="how many these obstacles are")
-    attached: list[str] = Field(description="names of the objects that the robot holds")
-    tool: str | None = Field(description="the link whose frame poses of the tool are of")
-    margin: float = Field(description="kept from obstacles beyond their own margins [m]")
-    open_meshes: list[str] = Field(
+    obstacles: Annotated[int, Field(ge=0, le=MAX_OBSTACLES)] = Field(
+        0, description="how many these obstacles are"
+    )
+    attached: Annotated[list[Label], Field(max_length=MAX_ATTACHED)] = Field(
+        default_factory=list, description="names of the objects that the robot holds"
+    )
+    tool: Label | None = Field(None, description="the link whose frame poses of the tool are of")
+    margin: NonNegative = Field(0.0, description="kept from obstacles beyond their own margins [m]")
+    open_meshes: Annotated[list[Label], Field(max_length=MAX_OBSTACLES)] = Field(
         default_factory=list, description="meshes taken as open: their inside is not solid"
     )
 
@@ -96,7 +106,7 @@ class CertificateAnswer(Answer):
 
     verified: bool = Field(description="all that the request names is proved")
     proved: ProvedAnswer
-    premises: PremisesAnswer | None = Field(
+    premises: Premises | None = Field(
         None, description="what all of this holds for; null in answers of older versions"
     )
     min_clearance: float | None = Field(

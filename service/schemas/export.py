@@ -5,9 +5,9 @@ from typing import Annotated, Literal
 from pydantic import ConfigDict, Field
 from pydantic.config import JsonDict
 
-from service.schemas.attached import AllowedCollisions, AttachedObjects
-from service.schemas.base import Answer, Body, Frame, Name, NonNegative, Number, Ratio, Timeout
-from service.schemas.certificate import CertificateAnswer
+from service.schemas.attached import AllowedCollisions, AttachedObjects, WithFingers
+from service.schemas.base import Answer, Frame, Name, NonNegative, Number, Ratio, Timeout
+from service.schemas.certificate import CertificateAnswer, Premises
 from service.schemas.check import Margin
 from service.schemas.plan import TrajectoryBody
 from service.schemas.scene import SceneReference
@@ -42,7 +42,7 @@ _EXAMPLE: JsonDict = {
 }
 
 
-class ExportRequest(Body):
+class ExportRequest(WithFingers):
     """A motion to be written for a controller, and proved as the controller interpolates it."""
 
     model_config = ConfigDict(json_schema_extra={"examples": [_EXAMPLE]})
@@ -85,6 +85,14 @@ class ExportRequest(Body):
     attached: AttachedObjects | None = None
     allowed_collisions: AllowedCollisions | None = None
     margin: Margin = 0.0
+    premises: Premises | None = Field(
+        None,
+        description="those of the certificate that the motion has; where robot, scene or what is "
+        "held differ from them the export is refused",
+    )
+    different_scene: bool = Field(
+        False, description="export all the same, proved for the robot and scene of this request"
+    )
     timeout: Timeout | None = None
 
 

@@ -4,6 +4,7 @@ from pydantic_core import to_json
 
 from planning.exports.export import export as write_motion
 from planning.exports.options import ExportFormat, ExportOptions
+from planning.proof.premises import Premises
 from service.schemas.export import ExportRequest
 from service.storage import worker_cache
 from service.storage.cache_key import Reference
@@ -35,6 +36,8 @@ def export(
         cell.scene,
         _options(body),
         margin=body.margin,
+        premises=None if body.premises is None else Premises.of_fields(dict(body.premises)),
+        different_scene=body.different_scene,
         deadline=current.deadline(),
     )
     violation = written.certificate.violation

@@ -26,6 +26,7 @@ from service.translate import trajectories
 from service.translate.tours import configuration
 from service.viewer.document import Carrier, carrier_document
 from service.viewer.timeline import Part, finger_tracks, joined, joined_curves
+from service.viewer.words import against
 
 
 class Timeline(NamedTuple):
@@ -301,7 +302,7 @@ def _tour_sentences(answer: Mapping[str, Any], parts: Sequence[Part]) -> Iterato
 
 
 def _proof(certificate: Mapping[str, Any]) -> Iterator[str]:
-    yield "proved" if certificate["verified"] else "not proved"
+    yield f"{'proved' if certificate['verified'] else 'not proved'} {against(certificate)}"
     clearance, pair = certificate.get("min_clearance"), certificate.get("clearance_pair")
     if clearance is not None:
         between = f" between {pair[0]} and {pair[1]}" if pair else ""

@@ -86,7 +86,8 @@ def certificate_answer(
 
 def premises_answer(premises: Premises, scene: str | Scene | None) -> dict[str, Any]:
     """Premises as answers give them, with the name of a stored scene."""
-    return asdict(premises) | {"scene": scene if isinstance(scene, str) else None}
+    answer = asdict(premises) | {"scene": scene if isinstance(scene, str) else None}
+    return answer | {name: list(answer[name]) for name in ("attached", "open_meshes")}
 
 
 def _speed_answer(use: SpeedUse) -> dict[str, float]:

@@ -3,6 +3,8 @@
 from collections.abc import Mapping
 from typing import Any
 
+from planning.proof.premises import Premises
+
 #: Names of limits in sentences.
 _LIMITS = {
     "position": "position limits",
@@ -26,7 +28,8 @@ def certificate_sentences(certificate: Mapping[str, Any]) -> list[str]:
     sentences = [
         "Everything that the request names is proved, for every instant of the motion."
         if certificate["verified"]
-        else "Not everything that the request names is proved."
+        else "Not everything that the request names is proved.",
+        f"It was looked at {against(certificate)}.",
     ]
     if proved["collisions"]:
         sentences.append("Nothing collides at any instant.")
@@ -48,6 +51,18 @@ def certificate_sentences(certificate: Mapping[str, Any]) -> list[str]:
         pairs = "; ".join(" and ".join(pair) for pair in certificate["allowed_collisions"])
         sentences.append(f"The request lets these touch: {pairs}.")
     return sentences
+
+
+def against(certificate: Mapping[str, Any]) -> str:
+    """The premises of a certificate in words.
+
+    Args:
+        certificate: As the API answers it.
+    """
+    told = certificate.get("premises")
+    return (
+        "against premises that are not told" if told is None else Premises.of_fields(told).against()
+    )
 
 
 def problem_sentences(problem: Mapping[str, Any]) -> list[str]:

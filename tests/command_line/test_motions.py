@@ -127,3 +127,24 @@ def test_a_deadline_has_its_exit_code(run: Run, scene: str) -> None:
     words = ("--start", "home", "--goal", GOAL, "--scene", scene, "--timeout", "0.001")
     answer = run("plan", "panda", *words, "--json")
     assert (answer.code, answer.json["code"]) == (5, "TIMED_OUT")
+
+
+def test_a_plan_is_exported_for_its_own_scene_alone(
+    run: Run, scene: str, plan: Path, tmp_path: Path
+) -> None:
+    """Without its scene, the file once said that it was proved free of collisions."""
+    words = ("export", "panda", str(plan), "--format", "csv", "--sample-period", "0.2")
+    assert run(*words, "--scene", scene).code == 0
+    refused = run(*words)
+    assert refused.code == 3
+    assert "here are 0" in refused.err
+    assert "--different-scene" in refused.err
+    told = run(*words, "--different-scene")
+    assert told.code == 0
+    assert "against the robot itself only" in told.err
+    assert "PROVED free of collisions by that rule, against the robot itself only" in told.out
+    other = tmp_path / "other.json"
+    changed = json.loads(Path(scene).read_text())
+    changed["obstacles"][0]["margin"] = 0.001
+    other.write_text(json.dumps(changed))
+    assert run(*words, "--scene", str(other)).code == 3

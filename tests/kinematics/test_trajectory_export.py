@@ -37,7 +37,13 @@ def test_points_are_samples_of_the_trajectory(trajectory: Trajectory, period: fl
     message = joint_trajectory(trajectory, period)
     times = trajectory.uniform_samples(period)
     for order, name in enumerate(("positions", "velocities", "accelerations")):
-        np.testing.assert_array_equal(column(message, name), trajectory.sample(times, order))
+        told, exact = column(message, name), trajectory.sample(times, order)
+        # An end that is at rest to rounding is told to be at rest.
+        slow = (
+            (order == 1) & (told == 0.0) & (np.abs(exact) <= 1e-7 * trajectory.peaks(1).value.max())
+        )
+        slow[1:-1] = False
+        np.testing.assert_array_equal(told, np.where(slow, 0.0, exact))
     assert message["joint_names"] == list(trajectory.joint_names)
     assert all(point["effort"] == [] for point in message["points"])
 

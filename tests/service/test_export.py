@@ -74,6 +74,51 @@ def test_an_export_that_collides_is_not_proved(client: httpx.Client) -> None:
     assert "# NOT PROVED free of collisions." in given["content"]
 
 
+def test_a_stored_scene_and_the_same_inline_have_the_same_hash(client: httpx.Client) -> None:
+    inline = export(client, format="csv")["certificate"]["premises"]
+    answer(client.post("/v1/scenes", json=BODY["scene"] | {"name": "export_floor"}), 201)
+    stored = export(client, format="csv", scene="export_floor")["certificate"]["premises"]
+    assert stored == inline | {"scene": "export_floor"}
+    assert inline["scene"] is None
+    assert (inline["robot"], inline["obstacles"], inline["attached"]) == ("panda", 1, [])
+    model = answer(client.get("/v1/robots/panda/geometry"))
+    assert inline["robot_hash"] == model["hash"]
+
+
+PART = {
+    "id": "part", "link": "panda_hand", "shape": {"type": "box", "size": [0.02, 0.03, 0.04]},
+    "pose": {"position": [0.0, 0.0, 0.12]},
+}  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        ({"scene": None}, "here are 0"),
+        ({"scene": scene(FLOOR | {"margin": 0.001})}, "other obstacles"),
+        ({"attached": None}, "hold part, here it holds nothing"),
+        ({"attached": [PART | {"pose": {"position": [0.0, 0.0, 0.13]}}]}, "what it holds differs"),
+        ({"allowed_collisions": [["floor", "part"]]}, "other pairs may touch"),
+    ],
+)
+def test_a_motion_is_not_exported_under_other_premises_unless_told(
+    client: httpx.Client, change: dict[str, Any], words: str
+) -> None:
+    held = BODY | {"attached": [PART]}
+    premises = answer(client.post("/v1/validate", json=held))["premises"]
+    body = held | {"format": "csv", "premises": premises}
+    same = answer(client.post("/v1/export", json=body))
+    assert same["certificate"]["premises"] == premises
+    other = {name: value for name, value in (body | change).items() if value is not None}
+    refused = problem(client.post("/v1/export", json=other), 422, "VALIDATION_ERROR")
+    assert words in refused["detail"]
+    assert "different_scene" in refused["hint"]
+    told = answer(client.post("/v1/export", json=other | {"different_scene": True}))
+    assert told["certificate"]["premises"] != premises
+    if change == {"scene": None}:
+        assert "against the robot itself only" in told["content"]
+
+
 @pytest.mark.parametrize(
     ("more", "code", "words"),
     [

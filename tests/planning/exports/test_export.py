@@ -16,6 +16,7 @@ from kinematics.errors import InvalidOption
 from kinematics.interpolation import interpolate
 from kinematics.trajectory import Trajectory
 from obstacles.fcl_distance import FclWorld
+from obstacles.scene import Scene
 from planning.exports.export import Export, export
 from planning.exports.options import PATH_FORMATS, ExportFormat, ExportOptions
 from planning.exports.statement import _plain
@@ -258,3 +259,95 @@ def test_what_does_not_fit_is_refused(robot: str, options: dict[str, object], wo
 
 def test_names_can_not_break_out_of_comments() -> None:
     assert _plain("a\nmovej([0])\r\x85é") == "a?movej([0])???"
+
+
+def trapezoids(random: np.random.Generator) -> Trajectory:
+    """A motion at rest at both ends whose durations are no whole nanoseconds."""
+    step, rise = END - START, random.uniform(0.003, 0.3)
+    cruise = random.uniform(0.2, 2.0)
+    v = step / (rise + cruise)
+    c = np.zeros((3, 6, 3))
+    c[0, :, 0], c[0, :, 2] = START, 0.5 * v / rise
+    c[1, :, 0], c[1, :, 1] = START + 0.5 * v * rise, v
+    c[2, :, 0], c[2, :, 1] = START + v * (0.5 * rise + cruise), v
+    c[2, :, 2] = -0.5 * v / rise
+    breaks = np.array([0.0, rise, rise + cruise, 2.0 * rise + cruise])
+    return Trajectory(UR.chain.joint_names, breaks, c)
+
+
+@pytest.mark.parametrize("format_", FORMATS)
+def test_files_end_at_rest_where_the_motion_does(format_: ExportFormat) -> None:
+    """joint_trajectory_controller refuses last velocities above the epsilon of float32."""
+    random = np.random.default_rng(11)
+    for _ in range(4):
+        motion = trapezoids(random)
+        times, rows = points_of(write(format_, motion, sample_period=0.1), format_)
+        degrees = format_ in (ExportFormat.RAPID, ExportFormat.KRL)
+        np.testing.assert_allclose(rows[0][0], START, rtol=0.0, atol=1e-6 if degrees else 0.0)
+        np.testing.assert_allclose(rows[0][-1], END, rtol=0.0, atol=1e-6 if degrees else 1e-15)
+        if len(rows) > 1:
+            assert not rows[1][[0, -1]].any()
+        if times is not None:
+            assert 0.0 <= times[-1] - motion.duration <= 1e-9 + 1e-15
+
+
+def test_a_motion_that_ends_moving_is_written_so() -> None:
+    motion = curved()
+    half = Trajectory(motion.joint_names, np.array([0.0, 1.5]), motion.coefficients)
+    _, rows = points_of(write(ExportFormat.CSV, half), ExportFormat.CSV)
+    np.testing.assert_allclose(rows[1][-1], half.sample([1.5], 1)[0], rtol=1e-12)
+
+
+GUARDS = {
+    ExportFormat.URSCRIPT_SERVOJ: r"norm\(q_now\[i\] - q_start\[i\]\) > (\S+):",
+    ExportFormat.URSCRIPT_MOVEJ: r"norm\(q_now\[i\] - q_start\[i\]\) > (\S+):",
+    ExportFormat.RAPID: r"ABS\(now.robax.rax_\d - \((\S+)\)\) > (\S+) THEN",
+    ExportFormat.KRL: r"WHILE ABS\(\$AXIS_ACT.A\d - \((\S+)\)\) > (\S+)",
+}
+
+
+@pytest.mark.parametrize("format_", sorted(GUARDS))
+@pytest.mark.parametrize("distance", [0.45, 0.6, 1.2])
+def test_programs_begin_only_where_their_proof_holds(
+    format_: ExportFormat, distance: float
+) -> None:
+    options = ExportOptions(format_, sample_period=0.05)
+    made = export(curved(), UR, pillar(-1.2, distance), options)
+    assert made.tolerance is not None
+    found = re.findall(GUARDS[format_], made.text)
+    if format_ in (ExportFormat.URSCRIPT_SERVOJ, ExportFormat.URSCRIPT_MOVEJ):
+        assert [float(x) for x in found] == [made.tolerance]
+        return
+    start = points_of(made, format_)[1][0][0]
+    np.testing.assert_array_equal(single(np.array([float(x) for x, _ in found])), start)
+    allowed = np.deg2rad([float(x) for _, x in found])
+    assert len(allowed) == 6
+    assert (allowed <= made.tolerance).all()
+    np.testing.assert_allclose(allowed, made.tolerance, rtol=1e-5)
+
+
+@pytest.mark.parametrize("format_", FORMATS)
+def test_every_file_says_what_it_is_proved_against(format_: ExportFormat) -> None:
+    if format_ == ExportFormat.JOINT_TRAJECTORY_JSON:
+        return  # JSON has no comments
+    premises = write(format_).certificate.premises
+    head = " ".join(write(format_).text.splitlines()[:12])
+    assert f"PROVED free of collisions by that rule, {premises.against()}" in head
+    alone = export(curved(), UR, Scene(), ExportOptions(format_, sample_period=0.05))
+    assert "PROVED free of collisions by that rule, against the robot itself only" in alone.text
+    if format_ in PATH_FORMATS:
+        blended = write(format_, blend=5.0).text
+        assert f"NOT PROVED free of collisions. It was looked at {premises.against()}" in blended
+
+
+def test_a_motion_is_not_exported_for_another_scene_unless_told() -> None:
+    planned = plan(Problem(UR, SCENE, START, (JointGoal(END),)), Options())
+    assert isinstance(planned, Plan)
+    premises, options = planned.certificate.premises, ExportOptions(ExportFormat.CSV)
+    motion = planned.trajectory
+    assert export(motion, UR, SCENE, options, premises=premises).proved
+    for scene in (Scene(), pillar(-1.2, 0.7), Scene(SCENE.obstacles, [("post", "tool0")])):
+        with pytest.raises(InvalidOption, match="under other premises"):
+            export(motion, UR, scene, options, premises=premises)
+        made = export(motion, UR, scene, options, premises=premises, different_scene=True)
+        assert made.certificate.premises.scene_hash == scene.content_hash

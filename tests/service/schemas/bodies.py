@@ -29,6 +29,9 @@ from tests.service.schemas.simulation_bodies import CONTROLLERS, MOTOR, REFERENC
 from tests.service.schemas.task_stages import tasks
 from tests.service.schemas.tour_bodies import TOURS
 
+PREMISES = {"robot": "panda", "robot_hash": "0a" * 32, "scene": "table", "scene_hash": "1b" * 32,
+            "obstacles": 2, "attached": ["part"], "tool": "hand", "margin": 0.01,
+            "open_meshes": ["sheet"]}  # fmt: skip
 POSE = {"position": [0.4, 0.0, 0.3]}
 IDENTITY = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]]
 CORNERS = [[0.0, 0.0, 0.0], [0.1, 0.0, 0.0], [0.0, 0.1, 0.0], [0.0, 0.0, 0.1]]
@@ -231,7 +234,8 @@ FULL: list[tuple[type[BaseModel], dict[str, Any]]] = [
                              "frame": "base", "format": "csv", "sample_period": 0.01,
                              "interpolation": "cubic", "path_tolerance": 0.01, "blend": 0.1,
                              "speed": 0.5, "name": "moves", "frame_id": "world", "margin": 0.01,
-                             "timeout": 5.0}),
+                             "fingers": {"finger": 0.01}, "premises": PREMISES,
+                             "different_scene": True, "timeout": 5.0}),
     *KEPT_PLANS,
     *tasks(POSE, CONSTRAINTS[:1]), *TOURS,
     (ReachRequest, ABOUT | {"poses": [POSE], "link": "hand", "frame": "base", "margin": 0.01,

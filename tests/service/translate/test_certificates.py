@@ -28,7 +28,7 @@ VALID = Certificate(
     continuity={"position": 1e-12, "velocity": 0.0},
     cells=17,
     proved=Proved(True, True),
-    premises=Premises("arm", "0a", None, "1b", 2, ("cup",), "flange", 0.01),
+    premises=Premises("arm", "0a" * 32, None, "1b" * 32, 2, ("cup",), "flange", 0.01),
 )
 REPORTS = (
     ConstraintReport(0, "upright", -0.1, "rad", 0.5, hard=True),
@@ -46,14 +46,14 @@ def test_a_valid_motion_is_answered_with_all_that_was_proved() -> None:
         "proved": {"limits": True, "collisions": True, "reasons": []},
         "premises": {
             "robot": "arm",
-            "robot_hash": "0a",
+            "robot_hash": "0a" * 32,
             "scene": None,
-            "scene_hash": "1b",
+            "scene_hash": "1b" * 32,
             "obstacles": 2,
-            "attached": ("cup",),
+            "attached": ["cup"],
             "tool": "flange",
             "margin": 0.01,
-            "open_meshes": (),
+            "open_meshes": [],
         },
         "min_clearance": 0.1,
         "clearance_pair": ("hand", "table"),
