@@ -11,6 +11,7 @@ from rich.console import Console
 from command_line.endpoints import Endpoint
 from command_line.parameters import RobotSource
 from command_line.robot_files import is_file, robot_document
+from kinematics.kept_file import make_private
 from kinematics.robots import builtin_names
 from obstacles.robot_geometry import RobotGeometry
 from planning.deadline import Deadline
@@ -73,7 +74,7 @@ class LocalBackend:
             document: JSON.
         """
         digest = prepared_files.document_hash(document)
-        self._folder.mkdir(parents=True, exist_ok=True)
+        make_private(self._folder)
         self._references[name] = Reference("robot", name, digest, str(self._folder))
         self._documents[name] = document
         return name
@@ -103,7 +104,7 @@ class LocalBackend:
 
         validate_as(Scene, scene)
         validate_as(ProjectRequest, body)
-        self._folder.mkdir(parents=True, exist_ok=True)
+        make_private(self._folder)
         folder = str(self._folder)
         document = make_scene(json.dumps(scene).encode(), folder, _SCENE)
         reference = Reference("scene", _SCENE, prepared_files.document_hash(document), folder)

@@ -9,7 +9,6 @@ distance to all hulls is a distance to the solid; where it does not do, the tria
 
 import hashlib
 from dataclasses import fields
-from pathlib import Path
 from typing import IO, Any
 from zipfile import BadZipFile
 
@@ -22,7 +21,7 @@ from kinematics.preparation_limit import check_preparation_time
 from obstacles.closest_point import mesh_distances
 from obstacles.convex_cover import COARSE, ConvexPart, Fineness, cut_bodies, hull_part
 from obstacles.hull import Hull, convex_hull, corners_and_volume
-from obstacles.kept_files import is_written, keep_file, kept_file, write_file
+from obstacles.kept_files import is_written, keep_file, read_file, write_file
 from obstacles.mesh import Faces
 from obstacles.mesh_bodies import mesh_bodies
 from obstacles.plane_cut import triangle_areas
@@ -71,8 +70,7 @@ def convex_pieces(
 @bounded_cache(maxsize=256)
 def _stored_pieces(vertices: bytes, faces: bytes, fineness: Fineness) -> tuple[ConvexPart, ...]:
     name = _file_name(vertices, faces, fineness)
-    file = kept_file(name)
-    if file is not None and (stored := _read(file)) is not None:
+    if (stored := _read(name)) is not None:
         return stored
     points = np.frombuffer(vertices).reshape(-1, 3)
     parts = _decompose(points, np.frombuffer(faces, dtype=np.int64).reshape(-1, 3), fineness)
@@ -86,7 +84,10 @@ def _file_name(vertices: bytes, faces: bytes, fineness: Fineness) -> str:
     return f"{digest}.npz"
 
 
-def _read(file: Path) -> tuple[ConvexPart, ...] | None:
+def _read(name: str) -> tuple[ConvexPart, ...] | None:
+    file = read_file(name)
+    if file is None:
+        return None
     try:
         with np.load(file, allow_pickle=False) as stored:
             columns = [_split_by_counts(stored, item.name) for item in fields(ConvexPart)]

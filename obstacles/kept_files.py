@@ -1,12 +1,13 @@
 """Files of what takes long to compute from a robot's or a scene's solids, for all processes.
 
 Their names are digests of all that they were computed from. They are written while something is
-prepared to be kept, and read whenever there is a folder for them. What is prepared has a note of
+prepared to be kept, or in place of files that can't be read, and read whenever there is a folder
+for them. What is prepared has a note of
 all files that it needs, also of those that others wrote: they stay as long as one of them does.
 """
 
 import contextlib
-import tempfile
+import io
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import IO
@@ -14,6 +15,7 @@ from typing import IO
 import numpy as np
 
 from kinematics.arrays import Array
+from kinematics.kept_file import read_kept, write_kept
 
 _directory: Path | None = None
 _written: list[Path] | None = None
@@ -46,24 +48,26 @@ def is_written() -> bool:
     return _written is not None and _directory is not None
 
 
-def kept_file(name: str) -> Path | None:
-    """Where the file of a name is, or would be; None where nothing is kept."""
-    return _directory / name if _directory is not None else None
+def read_file(name: str) -> IO[bytes] | None:
+    """The content of a file; None where there is none that can be trusted."""
+    content = None if _directory is None else read_kept(_directory / name)
+    return None if content is None else io.BytesIO(content)
 
 
 def write_file(name: str, write: Callable[[IO[bytes]], None]) -> None:
-    """Have a file written where something is prepared to be kept, else do nothing.
+    """Have a file written where something is prepared to be kept or one can't be read.
 
     Args:
         name: Of the file.
         write: Writes its content.
     """
-    file = kept_file(name)
-    if file is None or _written is None:
+    if _directory is None or (_written is None and not (_directory / name).exists()):
         return
+    content = io.BytesIO()
+    write(content)
     with contextlib.suppress(OSError):  # it is computed again where it could not be kept
-        _replace(file, write)
-        _note(file)
+        write_kept(_directory / name, content.getvalue())
+        _note(name)
 
 
 def keep_file(name: str, write: Callable[[IO[bytes]], None]) -> None:
@@ -73,15 +77,15 @@ def keep_file(name: str, write: Callable[[IO[bytes]], None]) -> None:
         name: Of the file.
         write: Writes its content where the file is not there.
     """
-    file = kept_file(name)
-    if file is not None and file.is_file():
-        _note(file)
+    if read_file(name) is not None:
+        _note(name)
     else:
         write_file(name, write)
 
 
-def _note(file: Path) -> None:
-    if _written is not None and file not in _written:
+def _note(name: str) -> None:
+    file = None if _directory is None else _directory / name
+    if _written is not None and file is not None and file not in _written:
         _written.append(file)
 
 
@@ -94,18 +98,18 @@ def kept_array(digest: str, shape: tuple[int, ...], make: Callable[[], Array]) -
         make: Makes it.
     """
     name = f"{digest}.npy"
-    file = kept_file(name)
-    if file is not None and (stored := _read(file, shape)) is not None:
-        _note(file)
+    if (stored := _read(name, shape)) is not None:
+        _note(name)
         return stored
     made = make()
     write_file(name, lambda stream: np.save(stream, made, allow_pickle=False))
     return made
 
 
-def _read(file: Path, shape: tuple[int, ...]) -> Array | None:
+def _read(name: str, shape: tuple[int, ...]) -> Array | None:
+    file = read_file(name)
     try:
-        stored = np.load(file, allow_pickle=False)
+        stored = None if file is None else np.load(file, allow_pickle=False)
     except (OSError, ValueError, EOFError):
         return None
     if not isinstance(stored, np.ndarray) or stored.dtype != np.float64:
@@ -114,17 +118,3 @@ def _read(file: Path, shape: tuple[int, ...]) -> Array | None:
         length in (-1, own) for length, own in zip(shape, stored.shape, strict=True)
     )
     return stored if fits else None
-
-
-def _replace(file: Path, write: Callable[[IO[bytes]], None]) -> None:
-    """Write a file aside and rename it: another process sees all of it or nothing."""
-    file.parent.mkdir(parents=True, exist_ok=True)
-    with tempfile.NamedTemporaryFile(dir=file.parent, suffix=file.suffix, delete=False) as stream:
-        part = Path(stream.name)
-        try:
-            write(stream)
-            stream.flush()
-            part.replace(file)
-        except OSError:
-            part.unlink(missing_ok=True)
-            raise

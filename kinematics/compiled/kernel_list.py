@@ -132,7 +132,7 @@ def write(path: Path, entries: Iterable[Entry]) -> None:
 
 def stored(folder: Path) -> list[Entry]:
     """The kernels of a folder of machine code, as far as the code of today would make them."""
-    names = {path.name for path in folder.iterdir() if not path.name.startswith(".")}
+    names = set(kernel_store.names(folder))
     entries = []
     for name in sorted(one for one in names if ".door" not in one):
         kernel = _kernel(name.rpartition("-")[0])

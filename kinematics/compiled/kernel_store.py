@@ -1,51 +1,55 @@
 """Machine code on disk, by names that say what it was made from."""
 
-import hashlib
 import logging
 import os
 import re
-import tempfile
-from collections.abc import Container
+from collections.abc import Container, Iterator
 from functools import cache
 from pathlib import Path
 
 import platformdirs
 
+from kinematics.kept_file import is_kept, read_kept, write_kept
+
 _log = logging.getLogger(__name__)
-#: How a file of machine code begins; a digest of the rest follows.
-_MAGIC = b"armwright kernel 1\n"
-_DIGEST = 32
-#: Names of entries: of a kernel, and a digest of what it is made from.
-_NAME = re.compile(r"[\w.]+-[0-9a-f]{32}(\.door\d*(-locked)?)?")
+#: Ending of the files; those of before had none.
+_ENDING = ".kernel"
+#: Names of files: of a kernel, and a digest of what it is made from.
+_NAME = re.compile(r"[\w.]+-[0-9a-f]{32}(\.door\d*(-locked)?)?(\.kernel)?")
 
 
 def read(name: str) -> bytes | None:
-    """The entry of a name; None where there is none, or a damaged one."""
+    """The entry of a name; None where there is none that can be trusted."""
     found = (read_from(folder, name) for folder in layers())
     return next((content for content in found if content is not None), None)
 
 
 def read_from(folder: Path, name: str) -> bytes | None:
-    """The entry of a name in one folder; None where there is none, or a damaged one."""
-    try:
-        content = (folder / name).read_bytes()
-    except OSError:
-        return None
-    start = len(_MAGIC) + _DIGEST
-    whole = content[:start] == _MAGIC + hashlib.sha256(content[start:]).digest()
-    return content[start:] if whole else None
+    """The entry of a name in one folder; None where there is none that can be trusted."""
+    return read_kept(file_of(folder, name))
+
+
+def file_of(folder: Path, name: str) -> Path:
+    """Where the entry of a name is in a folder, or would be."""
+    return folder / f"{name}{_ENDING}"
+
+
+def names(folder: Path) -> Iterator[str]:
+    """Names of the entries of a folder."""
+    return (file.name.removesuffix(_ENDING) for file in folder.glob(f"[!.]*{_ENDING}"))
 
 
 def has(name: str) -> bool:
-    """Whether there is an entry of a name, whole or damaged."""
-    return any((folder / name).is_file() for folder in layers())
+    """Whether there is an entry of a name that nobody else can have written, whole or damaged."""
+    return any(is_kept(file_of(folder, name)) for folder in layers())
 
 
 def prune(wanted: Container[str]) -> int:
     """Remove the entries of the user's folder that are not wanted, and say how many they were."""
     removed = 0
     for path in user_folder().iterdir() if user_folder().is_dir() else ():
-        if _NAME.fullmatch(path.name) and path.name not in wanted:
+        name = path.name.removesuffix(_ENDING)
+        if _NAME.fullmatch(path.name) and (name == path.name or name not in wanted):
             path.unlink(missing_ok=True)
             removed += 1
     return removed
@@ -55,10 +59,7 @@ def write(name: str, content: bytes) -> None:
     """Keep machine code in the user's folder; of processes that do so at once, any may be last."""
     folder = user_folder()
     try:
-        folder.mkdir(parents=True, exist_ok=True)
-        with tempfile.NamedTemporaryFile(dir=folder, prefix=".", delete=False) as file:
-            file.write(_MAGIC + hashlib.sha256(content).digest() + content)
-        Path(file.name).replace(folder / name)
+        write_kept(file_of(folder, name), content, public=True)
     except OSError as error:
         _warn_once(folder, str(error))
 

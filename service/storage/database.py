@@ -20,6 +20,7 @@ from sqlalchemy.exc import (
 from sqlalchemy.exc import TimeoutError as PoolTimeout
 from sqlalchemy.pool import ConnectionPoolEntry, QueuePool
 
+from kinematics.kept_file import make_private
 from service.problem import ProblemError
 from service.storage.file_lock import FileLock, FileLocked
 from service.storage.schema import DURABILITY, DamagedFile, NewerSchema, migrate
@@ -214,7 +215,7 @@ class Database:
     def _lock_file(self) -> FileLock:
         path = Path(self._url.database or "")
         try:
-            path.parent.mkdir(parents=True, exist_ok=True)
+            make_private(path.parent)
             return FileLock(path.with_name(f"{path.name}.lock"))
         except FileLocked:
             raise StoreError(
@@ -231,7 +232,7 @@ class Database:
 
     def _connect(self) -> Engine:
         if self.is_file:
-            Path(self._url.database or "").parent.mkdir(parents=True, exist_ok=True)
+            make_private(Path(self._url.database or "").parent)
             return _sqlite_engine(self._url)
         return _postgresql_engine(self._url)
 

@@ -1,20 +1,22 @@
 """Cache of prepared robots and scenes on disk: built once, loaded by the hash of their document.
 
-The files are pickles, so the folder must be writable by the service alone: it lies in its data
-folder, nothing that was uploaded is ever stored there as it came, and a file that this version did
-not write is not opened.
+The files are pickles, so none is opened that anybody but the service can have written or that is
+not as this version wrote it (`kinematics.kept_file`); what is not read is built anew.
 """
 
 import hashlib
 import pickle
-import tempfile
+import sys
 from dataclasses import dataclass, fields
 from functools import cache, cached_property
 from pathlib import Path
 
+import numpy as np
+
 from kinematics.chain import Chain, Inertia, Limits, Link
 from kinematics.errors import ArmwrightError
 from kinematics.fingers import Finger, Fingers
+from kinematics.kept_file import read_kept, write_kept
 from obstacles.piece import Piece
 from obstacles.robot_geometry import RobotGeometry
 from obstacles.scene import Obstacle, Scene
@@ -24,7 +26,7 @@ from service.storage.prepared_files import prepared_file, visual_file
 from service.version import VERSION
 
 #: Raised when pickles of before must not be read any more.
-_FORMAT = 3
+_FORMAT = 4
 
 
 #: When a caller is told to ask again while the folder can't be written to [s].
@@ -40,7 +42,8 @@ def _format() -> str:
         for cls in (*robots, Piece, Scene, Obstacle)
     ]
     layout += [(cls.__name__, [*cls._fields]) for cls in (VisualGeometry, VisualBody)]
-    return hashlib.sha256(repr((_FORMAT, VERSION, layout)).encode()).hexdigest()
+    versions = _FORMAT, VERSION, sys.version_info[:2], np.__version__
+    return hashlib.sha256(repr((*versions, layout)).encode()).hexdigest()
 
 
 class FolderUnusable(ArmwrightError):
@@ -132,16 +135,9 @@ def read_visuals(reference: Reference) -> VisualGeometry:
 
 def _write(file: Path, parts: tuple[bytes, ...]) -> None:
     """Write a file whole or not at all."""
-    part: Path | None = None
     try:
-        file.parent.mkdir(parents=True, exist_ok=True)
-        with tempfile.NamedTemporaryFile(dir=file.parent, suffix=".part", delete=False) as stream:
-            part = Path(stream.name)
-            pickle.dump((_format(), parts), stream, pickle.HIGHEST_PROTOCOL)
-        part.replace(file)
+        write_kept(file, pickle.dumps((_format(), parts), pickle.HIGHEST_PROTOCOL))
     except OSError as error:
-        if part is not None:
-            part.unlink(missing_ok=True)
         raise FolderUnusable(error) from error
 
 
@@ -179,10 +175,12 @@ def read_scene_and_size(reference: Reference) -> tuple[Scene, int]:
 
 def _read_entry(file: Path, reference: Reference) -> tuple[bytes, ...]:
     parts: tuple[bytes, ...]
+    content = read_kept(file)
+    if content is None:
+        raise NotPrepared(reference)
     try:
-        with file.open("rb") as stream:
-            written, parts = pickle.load(stream)
-    except Exception:  # noqa: BLE001  a damaged pickle raises anything, and is built anew
+        written, parts = pickle.loads(content)
+    except Exception:  # noqa: BLE001  of another version: built anew
         raise NotPrepared(reference) from None
     if written != _format():
         raise NotPrepared(reference)

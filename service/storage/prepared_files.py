@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from functools import lru_cache
 from pathlib import Path
 
+from kinematics.kept_file import read_kept, write_kept
 from service.storage.cache_key import Reference
 
 _DECOMPOSITIONS = "decompositions"
@@ -38,7 +39,7 @@ def note_meshes(reference: Reference, files: Sequence[Path]) -> None:
     """Note the files of solids that a reference needs: they go with the last one that does."""
     if files:
         names = "\n".join(file.name for file in files)
-        _mesh_list(reference).write_text(names, encoding="ascii")
+        write_kept(_mesh_list(reference), names.encode("ascii"))
 
 
 def forget(reference: Reference) -> None:
@@ -90,6 +91,5 @@ def _mesh_list(reference: Reference) -> Path:
 
 def _names(file: Path) -> set[str]:
     """Names of the files that a list has; none where it can't be read."""
-    with contextlib.suppress(OSError, UnicodeDecodeError):
-        return set(file.read_text(encoding="ascii").split())
-    return set()
+    content = read_kept(file)
+    return set() if content is None else set(content.decode("ascii").split())

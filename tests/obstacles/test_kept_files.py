@@ -1,5 +1,7 @@
 """Arrays kept in files: read back bit by bit, computed anew where a file is missing or spoilt."""
 
+import io
+import random
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -7,6 +9,7 @@ import numpy as np
 import pytest
 
 from armwright.robot import load_robot
+from kinematics.kept_file import write_kept
 from obstacles import brackets, collision_model, pair_grid, sphere_set
 from obstacles.kept_files import keep_file, keep_files_in, kept_array, written_files
 from obstacles.robot_geometry import RobotGeometry
@@ -46,23 +49,36 @@ def test_files_that_are_there_are_noted_by_whoever_needs_them(folder: Path) -> N
 
 
 @pytest.mark.parametrize(
-    "content", ["cut short", "empty", "other shape", "other type", "object", "other format"]
+    "content", ["damaged", "other shape", "other type", "object", "other format"]
 )
-def test_a_spoilt_file_is_not_read(folder: Path, content: str) -> None:
-    folder.mkdir()
-    file, made = folder / "one.npy", np.arange(12.0).reshape(2, 6)
-    np.save(file, made)
-    if content == "cut short":
-        file.write_bytes(file.read_bytes()[:-8])
-    elif content == "empty":
-        file.write_bytes(b"")
-    elif content == "other format":
-        with file.open("wb") as stream:
-            np.savez(stream, made)
+def test_a_spoilt_file_is_not_read_but_written_anew(folder: Path, content: str) -> None:
+    made, stream = np.arange(12.0).reshape(2, 6), io.BytesIO()
+    others = {"other shape": made.T, "other type": made.astype(np.int64)}
+    if content == "other format":
+        np.savez(stream, made)
     else:
-        others = {"other shape": made.T, "other type": made.astype(np.int64)}
-        np.save(file, others.get(content, np.array([[{}] * 6])), allow_pickle=True)
+        np.save(stream, others.get(content, np.array([[{}] * 6])), allow_pickle=True)
+    file = folder / "one.npy"
+    write_kept(file, stream.getvalue())
+    if content == "damaged":
+        kept = bytearray(file.read_bytes())
+        kept[-3] ^= 1
+        file.write_bytes(kept)
     np.testing.assert_array_equal(kept_array("one", (-1, 6), lambda: made + 1.0), made + 1.0)
+    np.testing.assert_array_equal(kept_array("one", (-1, 6), never), made + 1.0)
+
+
+def test_no_flipped_bit_changes_what_is_read(folder: Path) -> None:
+    robot, chance = load_robot("planar_rr"), random.Random(2)
+    with written_files() as written:
+        expected = packed(robot)
+    for _ in range(40):
+        file = chance.choice(written)
+        kept = bytearray(file.read_bytes())
+        kept[chance.randrange(len(kept))] ^= 1 << chance.randrange(8)
+        file.write_bytes(kept)
+        for array, other in zip(packed(robot), expected, strict=True):
+            np.testing.assert_array_equal(array, other)
 
 
 def test_where_nothing_can_be_written_it_is_computed(tmp_path: Path) -> None:

@@ -76,11 +76,12 @@ def test_entries_are_missing_where_no_folder_has_them(
     some = [entry for entry in entries if entry.door][:3]
     assert kernel_build.missing_entries(some) == some
     for name in [*some[0].files, some[1].files[0]]:
-        (tmp_path / name).touch()
+        kernel_store.file_of(tmp_path, name).touch(0o644)
     assert kernel_build.missing_entries(some) == some[1:]
     (tmp_path / "other").touch()
-    (tmp_path / f"no.kernel-{'0' * 32}.door").touch()
-    assert kernels.prune() == 1
+    kernel_store.file_of(tmp_path, f"no.kernel-{'0' * 32}.door").touch()
+    (tmp_path / some[0].files[0]).touch()  # as files were called before
+    assert kernels.prune() == 2
     assert (tmp_path / "other").is_file()
     assert kernel_build.missing_entries(some) == some[1:]
 
@@ -103,8 +104,9 @@ def test_the_demonstration_needs_the_first_kernels_alone(
         name = pending.pop()
         if name not in linked:
             linked.add(name)
-            found = next(one / name for one in kernel_store.layers() if (one / name).is_file())
-            (tmp_path / name).symlink_to(found)
+            files = (kernel_store.file_of(one, name) for one in kernel_store.layers())
+            found = next(file for file in files if file.is_file())
+            (tmp_path / found.name).symlink_to(found)
             code = kernel_code.find(name)
             assert code is not None
             # Some that only kernels call have types without a notation, and are on no list.

@@ -152,7 +152,7 @@ def test_processes_that_write_at_once_leave_whole_files(
         writer.start()
     while any(writer.is_alive() for writer in writers):
         assert kernel_store.read("x") in [None, *contents]
-    assert [path.name for path in tmp_path.iterdir()] == ["x"]
+    assert [path.name for path in tmp_path.iterdir()] == ["x.kernel"]
 
 
 #: Kernels that differ in what they close over, too large to be copied into their callers.

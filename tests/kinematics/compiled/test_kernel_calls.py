@@ -25,9 +25,9 @@ def test_a_large_kernel_is_called_with_errors_and_arrays_intact(tmp_path: Path) 
     fresh = python(BIG_PROGRAM, write_big(tmp_path))
     assert fresh.splitlines()[1] == "too much"
     assert python(BIG_PROGRAM, tmp_path) == fresh
-    caller = next((tmp_path / "cache").glob(f"big.caller-{32 * '[0-9a-f]'}"))
-    large = next((tmp_path / "cache").glob(f"big.large-{32 * '[0-9a-f]'}"))
-    assert large.name.encode() in caller.read_bytes()
+    caller = next((tmp_path / "cache").glob(f"big.caller-{32 * '[0-9a-f]'}.kernel"))
+    large = next((tmp_path / "cache").glob(f"big.large-{32 * '[0-9a-f]'}.kernel"))
+    assert large.stem.encode() in caller.read_bytes()
 
 
 @kernel

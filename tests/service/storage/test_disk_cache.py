@@ -63,6 +63,12 @@ def test_nothing_unusable_is_trusted(tmp_path: Path, monkeypatch: pytest.MonkeyP
     file.write_bytes(content[: len(content) // 2])
     with pytest.raises(NotPrepared):
         disk_cache.read_scene(reference)
+    for bit in range(0, 8 * len(content), 97):
+        flipped = bytearray(content)
+        flipped[bit // 8] ^= 1 << bit % 8
+        file.write_bytes(flipped)
+        with pytest.raises(NotPrepared):
+            disk_cache.read_scene(reference)
     file.write_bytes(content)
     assert len(disk_cache.read_scene(reference).obstacles) == 2
     monkeypatch.setattr(disk_cache, "_format", lambda: "of another version")
