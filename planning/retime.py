@@ -13,12 +13,7 @@ from kinematics.trajectory import REST, Trajectory, stay
 from planning.limits import MotionLimits
 from planning.proof.certificate import Certificate, certify_limits
 from planning.proof.violation import Violation
-from planning.timing.blend import (
-    corner_indices,
-    largest_reaches,
-    merge,
-    reach_for_deviation,
-)
+from planning.timing.blend import merge
 from planning.timing.choice import chosen_parametrization, require_limits, required_limits
 from planning.timing.failure import TimingFailed
 from planning.timing.method import JerkLimited, JerkUse, timing_method
@@ -26,6 +21,7 @@ from planning.timing.options import Interpolation, TimingOptions
 from planning.timing.parametrization import TimeParametrization
 from planning.timing.path import JointPath
 from planning.timing.report import TimingReport, timing_report
+from planning.timing.simplification import Polyline, simplified_polyline
 from planning.timing.spline import Ends, chord_knots, spline_path
 from planning.timing.time_scaling import ScaledTime
 
@@ -125,7 +121,7 @@ def retime(
             raise _failure(certificate.violation, rest.trajectory, chain)
         return _report(rest, certificate, parametrization, chain, (note,), begins)
     interpolation = timing.interpolation or _usual(timing)
-    notes = _notes(points, interpolation, timing)
+    notes = _notes(points)
     attempts: Sequence[Callable[[], ScaledTime]]
     if not method.follows_path:
         ends = _ends(interpolation)
@@ -135,8 +131,10 @@ def retime(
         attempts, shape = [lambda: timed], timed.trajectory
     elif interpolation == "linear":
         _refuse_knots(path)
-        attempts = _linear(merged, names, parametrization, timing)
-        shape = _polyline(names, merged)
+        line = simplified_polyline(points, timing.blend_tolerance or 0.0, parametrization.smooth)
+        notes += _line_notes(line)
+        attempts = _linear(line, names, parametrization)
+        shape = _legs(names, points)
     else:
         curve = _curve(points, path.knots, interpolation)
         attempts = [lambda: parametrization.time(curve, names)]
@@ -183,24 +181,20 @@ def _refuse_knots(path: PathToTime) -> None:
 
 
 def _linear(
-    merged: Array,
-    names: tuple[str, ...],
-    parametrization: TimeParametrization,
-    timing: TimingOptions,
+    line: Polyline, names: tuple[str, ...], parametrization: TimeParametrization
 ) -> list[Callable[[], ScaledTime]]:
     """Motions along straight lines by the solver asked for, then by another one."""
     solvers = [parametrization]
     if isinstance(parametrization.method, JerkLimited):
         solvers.append(replace(parametrization, method=parametrization.method.other))
-    largest = reach_for_deviation(merged, timing.blend_tolerance or 0.0, parametrization.smooth)
 
     def motion(by: TimeParametrization) -> ScaledTime:
-        return by.time_polyline(merged, by.widest_reaches(merged, largest), names)
+        return by.time_polyline(line.corners, by.widest_reaches(line.corners, line.reaches), names)
 
     return [partial(motion, by) for by in solvers]
 
 
-def _polyline(names: tuple[str, ...], points: Array) -> Trajectory:
+def _legs(names: tuple[str, ...], points: Array) -> Trajectory:
     """Straight lines through waypoints, one in each unit of time."""
     legs = np.stack([points[:-1], np.diff(points, axis=0)], axis=-1)
     return Trajectory(names, np.arange(float(len(points))), legs)
@@ -321,20 +315,30 @@ def _needed(
     return factor if slower.verified else None
 
 
-def _notes(points: Array, interpolation: Interpolation, timing: TimingOptions) -> tuple[str, ...]:
-    """Notes on odd waypoints of a path, by their numbers."""
+def _notes(points: Array) -> tuple[str, ...]:
+    """Notes on waypoints that repeat others, by their numbers."""
     steps = np.linalg.norm(np.diff(points, axis=0), axis=1)
     notes = [f"Waypoint {i + 1} repeats waypoint {i}." for i in np.flatnonzero(steps == 0.0)]
     notes += [
         f"Waypoint {i + 1} is only {steps[i]:.3g} from waypoint {i}."
         for i in np.flatnonzero((steps > 0.0) & (steps < TINY))
     ]
-    if interpolation == "linear":
-        places = corner_indices(points)
-        if timing.blend_tolerance:
-            inner = largest_reaches(points[places]) == 0.0
-            places = places[np.concatenate([[True], inner, [True]])]
-        if len(places) > 2:
-            stops = ", ".join(map(str, places[1:-1].tolist()))
-            notes.append(f"The motion stops at waypoint(s) {stops}.")
+    return tuple(notes)
+
+
+def _line_notes(line: Polyline) -> tuple[str, ...]:
+    """Notes on waypoints that straight lines pass by, and on stops."""
+    notes = []
+    why = " for the rounding of the waypoints' last decimal." if line.rounding else "."
+    if line.left_out:
+        notes.append(
+            f"{line.left_out} waypoint(s) are left out, at most {line.deviation:.3g} from straight "
+            f"lines between the others{why}"
+        )
+    is_rounded = line.reaches > 0.0
+    if line.rounding and is_rounded.any():
+        notes.append(f"{is_rounded.sum()} corner(s) are cut by at most {line.rounding:.3g}{why}")
+    if not is_rounded.all():
+        places = ", ".join(map(str, line.numbers[1:-1][~is_rounded]))
+        notes.append(f"The motion stops at waypoint(s) {places}.")
     return tuple(notes)

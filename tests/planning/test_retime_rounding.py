@@ -7,6 +7,7 @@ import pytest
 import toppra
 from numpy.polynomial import polynomial as power_basis
 from numpy.typing import NDArray
+from scipy.spatial import cKDTree
 
 from kinematics.robots import builtin_urdf
 from kinematics.serial_chain import serial_chain
@@ -127,3 +128,41 @@ def test_no_factor_is_told_where_no_stretching_helps() -> None:
             slow = retime(path, TimingOptions("spline", times=times), {}, chain)
             assert slow.certificate.verified
             assert slow.needed_factor == 1.0
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_lines_of_rounded_waypoints_take_what_the_line_takes(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    n, decimals = int(rng.integers(2, 8)), int(rng.integers(3, 7))
+    ends = rng.uniform(-1.0, 1.0, (2, n))
+    shares = np.linspace(0.0, 1.0, int(rng.integers(10, 200)))[:, None]
+    points = (ends[0] + shares * (ends[1] - ends[0])).round(decimals)
+    for options in METHODS:
+        for tolerance in (None, 5e-3):
+            found = timed(points, blend_tolerance=tolerance, **options)
+            assert found.certificate.verified
+            straight = timed(points[[0, -1]], **options).trajectory.duration
+            assert found.trajectory.duration == pytest.approx(straight, rel=1e-3)
+            assert any("left out" in note for note in found.notes)
+
+
+@pytest.mark.parametrize("options", METHODS)
+def test_recorded_paths_take_what_few_waypoints_take(options: dict[str, Any]) -> None:
+    rng = np.random.default_rng(4)
+    middle, way, waves = rng.uniform(-1.0, 1.0, 6), rng.uniform(-1.0, 1.0, 6), rng.uniform(2, 8, 6)
+
+    def path(count: int) -> Array:
+        u = np.linspace(0.0, 1.0, count)[:, None]
+        return np.asarray(middle + u * way + 0.2 * np.sin(u * waves))
+
+    recorded = timed(path(3000).round(4), blend_tolerance=1e-3, **options)
+    few = timed(path(40), blend_tolerance=1e-3, **options)
+    assert recorded.certificate.verified
+    assert recorded.trajectory.duration < 1.15 * few.trajectory.duration
+    times = np.linspace(0.0, recorded.trajectory.duration, 2000)
+    off, _ = cKDTree(path(50_000)).query(recorded.trajectory.sample(times))
+    assert np.max(off) < 1e-3 + 1.3e-4  # a rounded point of six joints is up to 1.22e-4 off
+    stopping = timed(path(3000).round(4), **options)
+    assert stopping.certificate.verified
+    assert stopping.trajectory.duration < 3.0 * few.trajectory.duration
+    assert any("cut by at most" in note for note in stopping.notes)
