@@ -9,9 +9,7 @@ from numpy.typing import ArrayLike
 from kinematics.arrays import Array
 from kinematics.chain import Chain, Inertia, Link
 from kinematics.errors import InvalidOption
-
-#: A tensor's principal moments may miss the triangle inequality by this part: text has few digits.
-_TRIANGLE_TOLERANCE = 1e-6
+from kinematics.rounding import asymmetry, tensor_rounding
 
 
 def with_payload(
@@ -116,15 +114,14 @@ def inertia(mass: float, center_of_mass: ArrayLike, tensor: ArrayLike) -> Inerti
         )
     if not (np.isfinite(c).all() and np.isfinite(about).all()):
         raise InvalidOption("a centre of mass or inertia is not finite")
-    size = float(np.abs(about).max())
     moments = np.linalg.eigvalsh(0.5 * (about + about.T))
-    slack = _TRIANGLE_TOLERANCE * size
-    if np.abs(about - about.T).max() > slack or moments[0] < -slack:
+    slack = tensor_rounding(about.tolist())
+    if asymmetry(about.tolist()) > slack or moments[0] < -slack:
         raise InvalidOption(
             "an inertia tensor is not symmetric and positive semidefinite",
             hint="Give it about the centre of mass, in the axes of the link.",
         )
-    if moments[2] > moments[0] + moments[1] + slack:
+    if moments[2] > moments[0] + moments[1] + 2.0 * slack:
         raise InvalidOption(
             f"the principal moments {moments[0]:.6g}, {moments[1]:.6g}, {moments[2]:.6g} kg m^2 "
             "are not those of a rigid body: the largest exceeds the sum of the others",

@@ -22,7 +22,7 @@ import numpy as np
 
 from kinematics.arrays import Array, frozen
 from kinematics.chain import Chain, Inertia, JointType, Limits, Link
-from kinematics.dh_table import Convention, DhRow, DhTable, check_table, position_range
+from kinematics.dh_table import Convention, DhRow, DhTable, check_table, position_range, rigid
 from kinematics.errors import InvalidRobotDescription
 from kinematics.pose import inverse, rotation_x, rotation_y, rotation_z, transform
 
@@ -57,7 +57,7 @@ def chain_from_dh(name: str, table: DhTable) -> Chain:
             message names the row.
     """
     check_table(table)
-    n = len(table.rows)
+    table, n = rigid(table), len(table.rows)
     offsets, frames = _joint_frames(table)
     numbers = range(1, n + 1)
     links = [Link(_BASE, -1, np.eye(4))]

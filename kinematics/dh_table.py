@@ -1,7 +1,7 @@
 """Denavit-Hartenberg tables as values, and what makes one valid."""
 
 import math
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Literal
 
 import numpy as np
@@ -10,13 +10,11 @@ from numpy.typing import ArrayLike
 from kinematics.arrays import Array, frozen
 from kinematics.chain import MAX_JOINTS
 from kinematics.errors import InvalidPose, InvalidRobotDescription
-from kinematics.pose import from_matrix
+from kinematics.pose import from_matrix, transform
+from kinematics.rounding import asymmetry, tensor_rounding
 
 Convention = Literal["standard", "modified"]
 JointKind = Literal["revolute", "prismatic"]
-
-#: Symmetry and sign of an inertia that came through text, relative to its largest entry.
-INERTIA_TOLERANCE = 1e-6
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -119,6 +117,12 @@ def check_table(table: DhTable) -> None:
         _check_row(row, f"row {i} of the DH table")
 
 
+def rigid(table: DhTable) -> DhTable:
+    """A checked table whose base and tool are rigid motions to the last bit."""
+    base, tool = (transform(from_matrix(T[:3, :3]), T[:3, 3]) for T in (table.base, table.tool))
+    return replace(table, base=base, tool=tool)
+
+
 def _check_pose(T: Array, name: str) -> None:
     if T.shape != (4, 4) or not np.isfinite(T).all() or not np.array_equal(T[3], [0, 0, 0, 1]):
         raise InvalidRobotDescription(f"{name} of the DH table must be a finite 4 x 4 transform")
@@ -173,8 +177,8 @@ def _check_inertia(row: DhRow, where: str) -> None:
     if row.inertia is None:
         return
     tensor = np.asarray(row.inertia, dtype=np.float64)
-    slack = INERTIA_TOLERANCE * float(np.abs(tensor).max())
-    if float(np.abs(tensor - tensor.T).max()) > slack:
+    slack = tensor_rounding(tensor.tolist())
+    if asymmetry(tensor.tolist()) > slack:
         raise InvalidRobotDescription(f"inertia in {where} is not symmetric")
-    if float(np.linalg.eigvalsh(tensor)[0]) < -slack:
+    if float(np.linalg.eigvalsh(0.5 * (tensor + tensor.T))[0]) < -slack:
         raise InvalidRobotDescription(f"inertia in {where} is not positive semi-definite")

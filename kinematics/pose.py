@@ -9,11 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from kinematics.errors import InvalidPose
-from kinematics.rotation_check import (
-    check_axis_length,
-    check_orthonormal,
-    check_quaternion_norm,
-)
+from kinematics.rounding import check_axis_length, check_quaternion_norm, check_rotation
 
 Matrix = NDArray[np.float64]
 _NO_TURN = [0.0, 0.0, 0.0, 1.0]
@@ -137,17 +133,15 @@ def to_quaternions(rotations: Matrix) -> Matrix:
 def from_matrix(rotation: ArrayLike) -> Matrix:
     """Check that a (3, 3) matrix is a rotation and answer it.
 
-    A matrix that is one to rounding keeps every bit, so that its answer is answered as it is.
+    A matrix that is one to the last bits keeps every bit, so that its answer is answered as it is;
+    of one that is written with few decimals the nearest rotation is answered.
 
     Raises:
-        InvalidPose: R^T R differs from I by more than 1e-6, or det R is not +1.
+        InvalidPose: It differs from a rotation by more than rounding, or det R is not +1.
     """
     R = _finite(rotation, (3, 3), "rotation_matrix")
-    error, determinant = _orthonormal_error(R.tolist())
-    check_orthonormal(error, determinant)
-    if error <= _ROUNDING:
+    if check_rotation(R.tolist()) <= _ROUNDING:
         return R.copy()
-    # The nearest rotation: what a text with six digits lost is put right.
     u, _, vt = np.linalg.svd(R)
     return np.asarray(u @ vt)
 
@@ -157,22 +151,10 @@ def is_exact_rotation(R: Matrix) -> bool:
     rows = R.tolist()
     if not math.isfinite(sum(map(sum, rows))):
         return False
-    error, determinant = _orthonormal_error(rows)
-    return bool(error <= _ROUNDING) and determinant > 0.0
-
-
-def _orthonormal_error(rows: list[list[float]]) -> tuple[float, float]:
-    """Largest entry of |R^T R - I|, and det R, of the rows of a finite matrix (3, 3).
-
-    In Python's own numbers: numpy's calls take ten times as long as the arithmetic of one matrix.
-    """
-    (a, b, c), (d, e, f), (g, h, i) = rows
-    error = max(
-        abs(a * a + d * d + g * g - 1.0), abs(b * b + e * e + h * h - 1.0),
-        abs(c * c + f * f + i * i - 1.0), abs(a * b + d * e + g * h), abs(a * c + d * f + g * i),
-        abs(b * c + e * f + h * i),
-    )  # fmt: skip
-    return error, a * (e * i - f * h) - b * (d * i - f * g) + c * (d * h - e * g)
+    try:
+        return bool(check_rotation(rows) <= _ROUNDING)
+    except InvalidPose:
+        return False
 
 
 def from_zyz(angles: ArrayLike) -> Matrix:

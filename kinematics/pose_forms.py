@@ -5,19 +5,16 @@ from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
-from numpy.typing import ArrayLike
 
 from kinematics.arrays import Array
 from kinematics.errors import InvalidPose
 from kinematics.pose import (
     Matrix,
-    from_matrix,
     is_rpy_singular,
     is_zyz_singular,
     to_axis_angle,
     to_rpy,
     to_zyz,
-    transform,
 )
 
 #: Axes that a motion is carried out about: those of the moved frame, or those of the first one.
@@ -60,21 +57,6 @@ def compose(motions: Sequence[tuple[Array, Axes]]) -> Array:
         T = T @ motion if axes == "current" else motion @ T
         poses.append(T)
     return np.array(poses)
-
-
-def from_transform(rows: ArrayLike) -> Matrix:
-    """Check that a (4, 4) matrix [[R, p], [0, 1]] is a rigid motion and answer it.
-
-    Raises:
-        InvalidPose: Its last row is not 0, 0, 0, 1, or R is not a rotation.
-    """
-    T = np.asarray(rows, dtype=np.float64)
-    if T.shape != (4, 4) or not np.isfinite(T).all() or T[3].tolist() != [0.0, 0.0, 0.0, 1.0]:
-        raise InvalidPose(
-            "transform must be 4 rows of 4 finite numbers, the last one 0, 0, 0, 1",
-            hint="Give [[R, p], [0, 0, 0, 1]], row by row.",
-        )
-    return transform(from_matrix(T[:3, :3]), T[:3, 3])
 
 
 def zyz_branches(rotation: Matrix) -> Array:

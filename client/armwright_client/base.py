@@ -57,10 +57,12 @@ class InFrame(Answer):
     Args:
         frame: That they are in: the root link if no other was asked for.
         frame_note: Where the chain begins, if that is not the root frame.
+        notes: What was done to the request, say a start moved onto a limit.
     """
 
     frame: str | None = None
     frame_note: str | None = None
+    notes: list[str] = Field(default_factory=list)
 
 
 #: Types of values that stay as they are.

@@ -1,7 +1,7 @@
 """Poses: a position and at most one of five forms of an orientation."""
 
 from collections.abc import Sequence
-from typing import Self, TypeAlias
+from typing import ClassVar, Self, TypeAlias
 
 from pydantic import Field, model_validator
 
@@ -22,29 +22,46 @@ _ORIENTATIONS = ("quaternion_xyzw", "rotation_matrix", "euler_zyz", "rpy", "axis
 
 
 class Pose(Request):
-    """A position [m] and at most one orientation; no orientation means the identity.
+    """A position [m] and at most one orientation, the identity if left out; or a transform.
 
     Answers give `position` and `quaternion_xyzw`, so what was answered can be sent again.
 
     Args:
-        position: [x, y, z] [m].
+        position: [x, y, z] [m]; needed beside all but a transform.
         quaternion_xyzw: Of norm 1 within 1e-3.
-        rotation_matrix: 3x3, its rows.
+        rotation_matrix: 3x3, its rows; within rounding to three decimals or more.
         euler_zyz: [phi, theta, psi] with R = Rz(phi) Ry(theta) Rz(psi) [rad].
         rpy: [roll, pitch, yaw] with R = Rz(yaw) Ry(pitch) Rx(roll) [rad].
         axis_angle: [x, y, z, angle]: about an axis of any length but 0, by an angle [rad].
+        transform: Rows of [[R, p], [0, 0, 0, 1]], in place of all other forms.
     """
 
-    position: Vector3
+    #: Whether a pose without a position is at the origin.
+    may_lack_position: ClassVar[bool] = False
+
+    position: Vector3 = Field(default_factory=lambda: [0.0, 0.0, 0.0])
     quaternion_xyzw: Vector4 | None = None
     rotation_matrix: Matrix3 | None = None
     euler_zyz: Vector3 | None = None
     rpy: Vector3 | None = None
     axis_angle: Vector4 | None = None
+    transform: Matrix4 | None = None
 
     @model_validator(mode="after")
-    def _check_orientation(self) -> Self:
+    def _check_form(self) -> Self:
         given = [name for name in _ORIENTATIONS if getattr(self, name) is not None]
+        if self.transform is not None:
+            if given or any(self.position):
+                raise ValueError("transform holds position and orientation; leave all others out")
+            rows, values = plain(self.transform), vars(self)
+            if rows[3] != [0.0, 0.0, 0.0, 1.0]:
+                raise ValueError("the last row of a transform is 0, 0, 0, 1")
+            # One form less for all that reads poses.
+            values["position"] = [row[3] for row in rows[:3]]
+            values["rotation_matrix"] = [row[:3] for row in rows[:3]]
+            values["transform"] = None
+        elif not self.may_lack_position and "position" not in self.model_fields_set:
+            raise ValueError("a pose needs a position or a transform")
         if len(given) > 1:
             raise ValueError(f"give at most one orientation; found {' and '.join(given)}")
         return self
@@ -76,17 +93,8 @@ class Pose(Request):
 
     @classmethod
     def from_matrix(cls, T_base_pose: RowsLike) -> Self:
-        """A pose from a 4x4 transform [[R, p], [0, 1]].
-
-        Raises:
-            ValueError: It is not 4x4, or its last row is not 0, 0, 0, 1.
-        """
-        rows = plain(T_base_pose)
-        if [len(row) for row in rows] != [4] * 4 or rows[3] != [0.0, 0.0, 0.0, 1.0]:
-            raise ValueError("a transform has 4 rows of 4 numbers, the last one 0, 0, 0, 1")
-        return cls(
-            position=[row[3] for row in rows[:3]], rotation_matrix=[row[:3] for row in rows[:3]]
-        )
+        """A pose from a 4x4 transform [[R, p], [0, 1]]."""
+        return cls.of(transform=T_base_pose)
 
 
 class FramedPose(Pose):
@@ -105,14 +113,9 @@ AnyPose: TypeAlias = Pose | FramedPose
 
 
 class PoseForm(Pose):
-    """A pose in any form; a position that is left out is the origin.
+    """A pose in any form; a position that is left out is the origin."""
 
-    Args:
-        transform: Rows of [[R, p], [0, 0, 0, 1]], in place of all other forms.
-    """
-
-    position: Vector3 = Field(default_factory=lambda: [0.0, 0.0, 0.0])
-    transform: Matrix4 | None = None
+    may_lack_position: ClassVar[bool] = True
 
 
 class PoseMotion(PoseForm):
@@ -181,6 +184,7 @@ class ConvertedPose(Answer):
         pose: The pose.
         inverse: Its inverse.
         singular: Forms that are singular there.
+        notes: What was done to the request.
         poses: Of motions: the 4x4 transform after each.
         skew: S(w) of the angular velocity.
         rotation_rate: dR/dt = S(w) R [1/s].
@@ -189,6 +193,7 @@ class ConvertedPose(Answer):
     pose: PoseForms
     inverse: PoseForms
     singular: list[SingularForm]
+    notes: list[str] = Field(default_factory=list)
     poses: list[Matrix] | None = None
     skew: Matrix | None = None
     rotation_rate: Matrix | None = None

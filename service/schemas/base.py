@@ -81,6 +81,7 @@ class InFrame(Answer):
     frame_note: str | None = Field(
         None, description="where the chain begins, if that is not the root frame"
     )
+    notes: list[str] = Field(default_factory=list, description="what was done to the request")
 
 
 Number = Annotated[float, Field(ge=-MAX_NUMBER, le=MAX_NUMBER)]

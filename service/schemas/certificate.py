@@ -149,6 +149,7 @@ class CertificateAnswer(Answer):
     frame_note: str | None = Field(
         None, description="where the chain begins, if that is not the root frame"
     )
+    notes: list[str] = Field(default_factory=list, description="what was done to the request")
     allowed_collisions: list[list[str]] = Field(
         default_factory=list, description="of the request: pairs that were not looked at"
     )

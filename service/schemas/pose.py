@@ -2,16 +2,13 @@
 
 import math
 from collections.abc import Callable
-from typing import Annotated, Literal
+from typing import Annotated, Any, ClassVar, Literal, Self
 
 from pydantic import Field, field_validator, model_validator
+from pydantic.config import JsonDict
 
 from kinematics.errors import InvalidPose
-from kinematics.rotation_check import (
-    check_axis_length,
-    check_orthonormal,
-    check_quaternion_norm,
-)
+from kinematics.rounding import check_axis_length, check_quaternion_norm, check_rotation
 from service.schemas.base import (
     Answer,
     Body,
@@ -21,6 +18,7 @@ from service.schemas.base import (
     Number,
     Point,
     Vector3,
+    any_given,
 )
 
 Quaternion = Annotated[list[Number], Field(min_length=4, max_length=4)]
@@ -29,22 +27,39 @@ AxisAngle = Annotated[list[Number], Field(min_length=4, max_length=4)]
 ORIENTATIONS = ("quaternion_xyzw", "rotation_matrix", "euler_zyz", "rpy", "axis_angle")
 
 
-class Pose(Body):
-    """A position [m] and at most one orientation; no orientation means the identity."""
+_Row4 = Annotated[list[Number], Field(min_length=4, max_length=4)]
+Matrix4 = Annotated[list[_Row4], Field(min_length=4, max_length=4)]
 
-    position: Point = Field(examples=[[0.4, 0.0, 0.3]], description="x, y, z [m]")
+
+class Pose(Body):
+    """A position [m] and at most one orientation, the identity if left out; or a transform."""
+
+    published_rules: ClassVar[tuple[JsonDict, ...]] = (any_given(("position",), ("transform",)),)
+    #: Whether a pose without a position is at the origin.
+    may_lack_position: ClassVar[bool] = False
+
+    position: Point = Field(
+        default_factory=lambda: [0.0, 0.0, 0.0],
+        examples=[[0.4, 0.0, 0.3]],
+        description="x, y, z [m]; needed beside all but a transform",
+    )
     quaternion_xyzw: Quaternion | None = Field(
         None,
         examples=[[0.0, 0.0, 0.0, 1.0]],
         description="normalised if its norm is within 1e-3 of 1, else refused",
     )
     rotation_matrix: Matrix3 | None = Field(
-        None, description="rows; orthonormal within 1e-6 and of determinant +1, else refused"
+        None,
+        description="rows; of a rotation within rounding to three decimals or more the nearest one "
+        "is taken, others are refused",
     )
     euler_zyz: Vector3 | None = Field(None, description="[phi, theta, psi], R = Rz Ry Rz [rad]")
     rpy: Vector3 | None = Field(None, description="[roll, pitch, yaw], R = Rz Ry Rx [rad]")
     axis_angle: AxisAngle | None = Field(
         None, description="[x, y, z, angle]: about an axis of any length but 0, by an angle [rad]"
+    )
+    transform: Matrix4 | None = Field(
+        None, description="rows of [[R, p], [0, 0, 0, 1]], in place of all other forms"
     )
 
     @field_validator("quaternion_xyzw")
@@ -58,7 +73,7 @@ class Pose(Body):
     @classmethod
     def _check_matrix(cls, value: list[list[float]] | None) -> list[list[float]] | None:
         if value is not None:
-            _check(lambda: _check_rotation(value))
+            _check(lambda: check_rotation(value))
         return value
 
     @field_validator("axis_angle")
@@ -68,14 +83,38 @@ class Pose(Body):
             _check(lambda: check_axis_length(math.hypot(*value[:3])))
         return value
 
+    @field_validator("transform")
+    @classmethod
+    def _check_transform(cls, value: list[list[float]] | None) -> list[list[float]] | None:
+        if value is not None:
+            if value[3] != [0.0, 0.0, 0.0, 1.0]:
+                raise ValueError("the last row of a transform is 0, 0, 0, 1")
+            _check(lambda: check_rotation([row[:3] for row in value[:3]]))
+        return value
+
     @model_validator(mode="after")
-    def _check_one_orientation(self) -> "Pose":
-        if len(self.model_fields_set) <= 2:  # most of hundreds: a position, and one more perhaps
-            return self
+    def _check_form(self) -> Self:
+        if self.transform is None and len(self.model_fields_set) <= 2 and self._has_position:
+            return self  # most of hundreds: a position, and one more perhaps
         given = [name for name in ORIENTATIONS if getattr(self, name) is not None]
+        if self.transform is not None:
+            if given or any(self.position):
+                raise ValueError("transform holds position and orientation; leave all others out")
+            # One form less for all that reads poses.
+            values = vars(self)
+            values["position"] = [row[3] for row in self.transform[:3]]
+            values["rotation_matrix"] = [row[:3] for row in self.transform[:3]]
+            values["transform"] = None
+            self.model_fields_set.update(("position", "rotation_matrix"))
+        elif not self._has_position:
+            raise ValueError("a pose needs a position or a transform")
         if len(given) > 1:
             raise ValueError(f"give at most one orientation; found {' and '.join(given)}")
         return self
+
+    @property
+    def _has_position(self) -> bool:
+        return self.may_lack_position or "position" in self.model_fields_set
 
 
 class FramedPose(Pose):
@@ -84,23 +123,11 @@ class FramedPose(Pose):
     frame: Frame | None = None
 
 
-# Without numpy, which the server does not load for this.
-def _check_rotation(R: list[list[float]]) -> None:
-    error = max(
-        abs(sum(R[k][i] * R[k][j] for k in range(3)) - (i == j)) for i in range(3) for j in range(3)
-    )
-    determinant = sum(
-        R[0][i] * (R[1][(i + 1) % 3] * R[2][(i + 2) % 3] - R[1][(i + 2) % 3] * R[2][(i + 1) % 3])
-        for i in range(3)
-    )
-    check_orthonormal(error, determinant)
-
-
-def _check(judge: Callable[[], None]) -> None:
+def _check(judge: Callable[[], Any]) -> None:
     try:
         judge()
     except InvalidPose as error:
-        raise ValueError(error.message) from error
+        raise ValueError(f"{error.message}. {error.hint or ''}".rstrip()) from error
 
 
 Orientation = Literal["quaternion_xyzw", "rotation_matrix", "euler_zyz", "rpy", "axis_angle"]

@@ -5,14 +5,11 @@ from typing import Annotated, ClassVar, Literal
 from pydantic import ConfigDict, Field, model_validator
 from pydantic.config import JsonDict
 
-from service.schemas.base import Answer, Body, Number, Point, Vector3, exactly_one
-from service.schemas.pose import ORIENTATIONS, Pose
+from service.schemas.base import Answer, Body, Vector3, exactly_one
+from service.schemas.pose import Pose
 
 #: Motions that one request composes.
 MAX_MOTIONS = 1_000
-
-_Row4 = Annotated[list[Number], Field(min_length=4, max_length=4)]
-Matrix4 = Annotated[list[_Row4], Field(min_length=4, max_length=4)]
 
 _EXAMPLE: JsonDict = {
     "motions": [
@@ -27,17 +24,8 @@ _EXAMPLE: JsonDict = {
 class PoseForm(Pose):
     """A pose in any form; a position that is left out is the origin."""
 
-    position: Point = Field([0.0, 0.0, 0.0], examples=[[0.4, 0.0, 0.3]], description="x, y, z [m]")
-    transform: Matrix4 | None = Field(
-        None, description="rows of [[R, p], [0, 0, 0, 1]], in place of all other forms"
-    )
-
-    @model_validator(mode="after")
-    def _check_transform(self) -> "PoseForm":
-        turned = any(getattr(self, form) is not None for form in ORIENTATIONS)
-        if self.transform is not None and (turned or any(self.position)):
-            raise ValueError("transform holds position and orientation; leave all others out")
-        return self
+    published_rules: ClassVar[tuple[JsonDict, ...]] = ()
+    may_lack_position: ClassVar[bool] = True
 
 
 class Motion(PoseForm):
@@ -111,6 +99,7 @@ class ConvertPoseAnswer(Answer):
     singular: list[SingularFormAnswer] = Field(
         description="forms that do not determine all of their numbers"
     )
+    notes: list[str] = Field(default_factory=list, description="what was done to the request")
     poses: list[list[list[float]]] | None = Field(
         None, description="of motions: the 4x4 transform after each"
     )

@@ -6,7 +6,7 @@ from typing import Annotated, ClassVar, Literal, Self
 from pydantic import Field, field_validator, model_validator
 
 from kinematics.errors import InvalidPose
-from kinematics.rotation_check import check_quaternion_norm
+from kinematics.rounding import check_quaternion_norm
 from service.schemas.attached import AllowedCollisions, AttachedObjects
 from service.schemas.base import (
     Answer,

@@ -18,6 +18,7 @@ from service.tasks.answer import in_frame, reports_cache_miss
 from service.tasks.attached_objects import robot_in_scene
 from service.tasks.result import CacheMiss, TaskProblem
 from service.translate.frames import first_configuration
+from service.translate.poses import notes_of
 from service.workers import current
 from service.workers.task import GRACE, task
 
@@ -50,7 +51,7 @@ def check(
         if deadline.passed:
             return _late(len(verdicts), len(rows), depth=body.depth)
         verdicts.append(_verdict(look(q)))
-    same = {"allowed_collisions": cell.allowed, **in_frame(chain)}
+    same = {"allowed_collisions": cell.allowed, **in_frame(chain), **notes_of(body)}
     if joints.ndim == 1:
         return to_json(verdicts[0] | same)
     return to_json({name: [one[name] for one in verdicts] for name in verdicts[0]} | same)

@@ -97,13 +97,14 @@ def ik(
     check = None
     if body.scene is not None or body.attached:
         check = CollisionCheck(robot_in_scene(robot, scene, body, seed))
+    notes = poses.notes_of(body)
     if names_frame(content):
         body = ik_in_root_frame(body, Frames(chain, seed, body.frame))
     query = _Query(body, robot, chain, chain.link(body.link or chain.tip_link).name, check)
     if body.poses is not None:
-        return to_json(combined_answer(_many(query, body.poses)) | in_frame(chain))
+        return to_json(combined_answer(_many(query, body.poses)) | in_frame(chain) | notes)
     answer = _one(query, body.pose)
-    return answer if isinstance(answer, TaskProblem) else to_json(answer | in_frame(chain))
+    return answer if isinstance(answer, TaskProblem) else to_json(answer | in_frame(chain) | notes)
 
 
 def _many(query: _Query, targets: Sequence[Pose]) -> list[dict[str, Any] | TaskProblem]:

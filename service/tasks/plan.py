@@ -36,6 +36,7 @@ from service.translate.frames import (
     plan_in_root_frame,
     tool_motions_in_root_frame,
 )
+from service.translate.poses import notes_of, rounding_notes
 from service.translate.states import with_states
 from service.translate.tool_motions import (
     reference_answer,
@@ -99,6 +100,7 @@ def plan_outcome(
         NotPrepared: The robot or the scene has to be prepared first.
         ArmwrightError: The request is at fault.
     """
+    read = rounding_notes(body)
     body, cell, problem = _posed(robot, scene, body, framed=framed)
     deadline = current.deadline()
     if deadline.passed:
@@ -107,6 +109,7 @@ def plan_outcome(
     outcome = pipeline.plan(problem, options)
     if isinstance(outcome, Failure):
         return _refusal(outcome)
+    outcome = dataclasses.replace(outcome, notes=(*read, *outcome.notes))
     content = to_json(_answer(outcome, body, cell), inf_nan_mode="null")
     stages = tuple((stage.name, 1e-3 * stage.milliseconds) for stage in outcome.stages)
     return PlanOutcome(content, outcome.planner, stages)
@@ -183,7 +186,7 @@ def validate(
         return timed_out("the work was done", "certificate")
     answer = certificates.certificate_answer(certificate, begins, body.scene)
     answer["allowed_collisions"] = cell.allowed
-    return to_json(answer | in_frame(chain), inf_nan_mode="null")
+    return to_json(answer | in_frame(chain) | notes_of(body), inf_nan_mode="null")
 
 
 def _collision_cell(cell: RobotInScene, collisions: Collisions) -> RobotInScene:

@@ -9,13 +9,12 @@ from kinematics import pose as rotation
 from kinematics.arrays import Array
 from kinematics.pose_forms import (
     compose,
-    from_transform,
     rpy_branches,
     singular_forms,
     zyz_branches,
 )
-from service.schemas.pose_conversion import ConvertPoseRequest, PoseForm
-from service.translate.poses import transform
+from service.schemas.pose_conversion import ConvertPoseRequest
+from service.translate.poses import rounding_notes, transform
 from service.workers.task import task
 
 
@@ -29,23 +28,20 @@ def convert_pose(content: bytes) -> bytes:
     body = ConvertPoseRequest.model_validate_json(content)
     answer: dict[str, Any] = {}
     if body.motions is not None:
-        poses = compose([(_transform(motion), motion.about) for motion in body.motions])
+        poses = compose([(transform(motion), motion.about) for motion in body.motions])
         answer["poses"] = poses.tolist()
         T = poses[-1]
     else:
         assert body.pose is not None
-        T = _transform(body.pose)
+        T = transform(body.pose)
     T = rotation.inverse(T) if body.inverse else T
     if body.angular_velocity is not None:
         S = rotation.skew(body.angular_velocity)
         answer |= {"skew": S.tolist(), "rotation_rate": (S @ T[:3, :3]).tolist()}
     singular = [asdict(form) for form in singular_forms(T[:3, :3])]
     answer |= {"pose": _forms(T), "inverse": _forms(rotation.inverse(T)), "singular": singular}
+    answer["notes"] = rounding_notes(body)
     return to_json(answer)
-
-
-def _transform(form: PoseForm) -> Array:
-    return transform(form) if form.transform is None else from_transform(form.transform)
 
 
 def _forms(T: Array) -> dict[str, Any]:

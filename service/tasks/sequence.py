@@ -141,6 +141,7 @@ def _answer(outcome: SequencePlan, asked: Task, body: TaskRequest) -> dict[str, 
         "status": "success" if outcome.complete else "partial",
         **in_frame(asked.world.robot.chain),
         "duration": outcome.duration,
+        **poses.notes_of(body),
         "stages": stages,
         **_trials_answer(outcome.trials),
         "improvements": [

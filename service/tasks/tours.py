@@ -15,6 +15,7 @@ from service.tasks.attached_objects import RobotInScene, robot_in_scene
 from service.tasks.plan import versions
 from service.tasks.result import CacheMiss, TaskProblem, timed_out
 from service.translate import problems
+from service.translate.poses import rounding_notes
 from service.translate.tours import configuration, tour_answer, tour_options, tour_problem
 from service.workers import current
 from service.workers.task import GRACE, task
@@ -48,6 +49,7 @@ def tour(
     if isinstance(outcome, Failure):
         return _refusal(outcome)
     answer = tour_answer(outcome, problem, body.timing.sample_period, body.scene)
+    answer["notes"] = [*rounding_notes(body), *answer["notes"]]
     surroundings = _surroundings(body, cell, deterministic=outcome.deterministic)
     return to_json(answer | surroundings, inf_nan_mode="null")
 

@@ -1,13 +1,18 @@
 """Wire to domain and back: the only place that knows both."""
 
 import base64
+import math
+from collections.abc import Iterable
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
+from pydantic import BaseModel
 
 from kinematics import pose as rotation
 from kinematics.arrays import Array
 from kinematics.errors import InvalidScene
+from kinematics.rounding import TOLD, asymmetry, check_rotation
 from obstacles import mesh, shapes
 from obstacles.moveit import scene_from_moveit
 from obstacles.placement import in_frame, with_objects
@@ -35,6 +40,54 @@ def transform(pose: pose_schema.Pose) -> Array:
     elif pose.axis_angle is not None:
         matrix = rotation.from_axis_angle(pose.axis_angle[:3], pose.axis_angle[3])
     return rotation.transform(matrix, pose.position)
+
+
+def notes_of(body: BaseModel) -> dict[str, list[str]]:
+    """The notes of an answer on how a request was read; nothing where there is nothing to tell."""
+    notes = rounding_notes(body)
+    return {"notes": notes} if notes else {}
+
+
+def rounding_notes(body: Any, where: str = "") -> list[str]:
+    """Notes on the rotations and inertias of a request that are such within rounding only.
+
+    Args:
+        body: The request, or a part of it.
+        where: Its place in the request.
+    """
+    items: Iterable[tuple[str, Any]] = ()
+    if isinstance(body, BaseModel):
+        items = vars(body).items()
+    elif isinstance(body, dict):
+        items = body.items()
+    elif isinstance(body, list) and body and isinstance(body[0], BaseModel | dict):
+        items = [(f"[{k}]", item) for k, item in enumerate(body)]
+    notes = []
+    for name, value in items:
+        if value is None or isinstance(value, float | str):
+            continue
+        place = f"{where}{name}" if name.startswith("[") or not where else f"{where}.{name}"
+        if name == "quaternion_xyzw":
+            norm = math.hypot(*value)
+            if abs(norm - 1.0) > TOLD:
+                notes.append(f"{place} has norm {norm:.6g}: it was normalised.")
+        elif name == "rotation_matrix":
+            error = check_rotation(value)
+            if error > TOLD:
+                notes.append(
+                    f"{place} is a rotation within rounding only, R^T R differs from I by "
+                    f"{error:.2g}: the nearest rotation was taken."
+                )
+        elif name == "inertia" and isinstance(value, list) and isinstance(value[0], list):
+            askew = asymmetry(value)
+            if askew > TOLD * max(abs(x) for row in value for x in row):
+                notes.append(
+                    f"{place} is symmetric within rounding only, to {askew:.2g}: its mean with its "
+                    "transpose was taken."
+                )
+        else:
+            notes += rounding_notes(value, place)
+    return notes
 
 
 def pose_answer(T_base_link: Array) -> pose_schema.PoseAnswer:

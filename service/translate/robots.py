@@ -189,7 +189,11 @@ def _from_dh(body: schema.RobotBody, table: DhTable) -> tuple[RobotGeometry, lis
     if body.tip_link is not None:
         chain = dataclasses.replace(chain, tip_link=chain.link(body.tip_link).name)
     chain, lint = robot_limits.with_rules(chain, body.default_limits)
-    return dataclasses.replace(geometry, chain=chain), [*_range_lint(dh, chain), *lint]
+    return dataclasses.replace(geometry, chain=chain), [
+        *poses.rounding_notes(dh, "dh"),
+        *_range_lint(dh, chain),
+        *lint,
+    ]
 
 
 def _range_lint(dh: dh_schema.DhTable, chain: Chain) -> list[str]:

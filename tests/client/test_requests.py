@@ -252,7 +252,7 @@ def test_poses_are_made_of_other_forms() -> None:
 
 @pytest.mark.parametrize("rows", [np.eye(3), np.ones((4, 4)), [[1.0], [2.0], [3.0], [4.0]], []])
 def test_a_matrix_that_is_no_transform_is_refused(rows: Any) -> None:
-    with pytest.raises(ValueError, match="4 rows of 4 numbers"):
+    with pytest.raises(ValueError, match="transform"):
         ours.Pose.from_matrix(rows)
 
 

@@ -9,9 +9,10 @@ import numpy as np
 import pytest
 
 from kinematics.chain import MAX_JOINTS
-from kinematics.dh_table import INERTIA_TOLERANCE, DhRow, DhTable, check_table
+from kinematics.dh_table import DhRow, DhTable, check_table
 from kinematics.errors import InvalidRobotDescription
 from kinematics.pose import from_rpy, transform
+from kinematics.rounding import TENSOR_TOLERANCE
 
 ROW = DhRow("revolute", a=0.3, alpha=0.5, d=0.1, theta=-0.2, lower=-1.0, upper=2.0)
 
@@ -65,8 +66,8 @@ def test_tables_that_can_be_built_are_taken(name: str) -> None:
 @pytest.mark.parametrize("share", [0.9, 1.1])
 def test_symmetry_and_sign_of_a_tensor_may_miss_by_the_tolerance(share: float) -> None:
     skew, negative = np.diag([2.0, 2.0, 2.0]), np.diag([2.0, 2.0, 0.0])
-    skew[0, 1] = share * INERTIA_TOLERANCE * 2.0
-    negative[2, 2] = -share * INERTIA_TOLERANCE * 2.0
+    skew[0, 1] = share * TENSOR_TOLERANCE * 2.0
+    negative[2, 2] = -share * TENSOR_TOLERANCE * 2.0
     if share < 1.0:
         check_table(with_inertia(skew))
         check_table(with_inertia(negative))

@@ -8,7 +8,6 @@ from kinematics.errors import InvalidPose
 from kinematics.pose import from_axis_angle, from_rpy, from_zyz, rotation_x, rotation_z, transform
 from kinematics.pose_forms import (
     compose,
-    from_transform,
     rpy_branches,
     singular_forms,
     zyz_branches,
@@ -70,16 +69,3 @@ def test_motions_are_composed_about_current_and_fixed_axes() -> None:
     np.testing.assert_allclose(mixed[-1], zyz, atol=1e-15)
     with pytest.raises(InvalidPose, match="no motion"):
         compose([])
-
-
-def test_a_transform_is_checked() -> None:
-    T = transform(rotation_z(0.2), [1.0, 2.0, 3.0])
-    np.testing.assert_allclose(from_transform(T), T, atol=1e-15)
-    for rows, words in (
-        (np.eye(3), "4 rows of 4"),
-        (2.0 * np.eye(4), "last one 0, 0, 0, 1"),
-        (np.diag([1.0, 1.0, -1.0, 1.0]), "not a rotation"),
-        (np.full((4, 4), np.nan), "finite"),
-    ):
-        with pytest.raises(InvalidPose, match=words):
-            from_transform(rows)

@@ -72,7 +72,7 @@ def test_a_singular_orientation_is_told(client: httpx.Client) -> None:
         ({"pose": {}, "motions": [{}]}, "exactly one of pose, motions"),
         ({"motions": []}, "motions"),
         ({"pose": {"transform": np.eye(4).tolist(), "rpy": [0.0, 0.0, 0.0]}}, "leave all others"),
-        ({"pose": {"transform": (2.0 * np.eye(4)).tolist()}}, "last one 0, 0, 0, 1"),
+        ({"pose": {"transform": (2.0 * np.eye(4)).tolist()}}, "last row of a transform"),
         ({"pose": {"transform": np.diag([1.0, 1.0, -1.0, 1.0]).tolist()}}, "not a rotation"),
         ({"pose": {"quaternion_xyzw": [0.0, 0.0, 0.0, 2.0]}}, "norm 2"),
         ({"pose": {"about": "fixed"}}, "about"),

@@ -11,7 +11,7 @@ from service.schemas.check import CheckRequest
 from service.schemas.goal import Goal
 from service.schemas.kinematics import FkRequest, IkRequest
 from service.schemas.plan import PlanRequest, TrajectoryBody
-from service.schemas.pose import Pose
+from service.schemas.pose import FramedPose, Pose
 from service.schemas.retime import RetimeRequest
 from service.schemas.robot import RobotBody
 from service.schemas.scene import NamedScene, Scene
@@ -20,6 +20,7 @@ from service.schemas.validation import field_path, validate_as
 from service.translate import poses
 
 _HALF = math.sqrt(0.5)
+TRANSFORM = [[1, 0, 0, 0.3], [0, -1, 0, 0.2], [0, 0, -1, 0.4], [0, 0, 0, 1]]
 SHAPE: TypeAdapter[Shape] = TypeAdapter(Shape)
 
 
@@ -68,15 +69,29 @@ def test_every_form_of_a_pose(pose: dict[str, Any], rotation: Any) -> None:
         ({"quaternion_xyzw": [0, 0, 0, 1.0011]}, "norm"),
         ({"quaternion_xyzw": [0, 0, 0, 0]}, "norm"),
         ({"rotation_matrix": [[1, 0, 0], [0, 1, 0], [0, 0, -1]]}, "not a rotation"),
-        ({"rotation_matrix": [[1, 0, 0], [0, 1, 1e-5], [0, 0, 1]]}, "not a rotation"),
+        ({"rotation_matrix": [[1, 0, 0], [0, 1, 1.2345e-5], [0, 0, 1]]}, "not a rotation"),
         ({"rpy": [0, 0, 0], "euler_zyz": [0, 0, 0]}, "at most one"),
         ({"axis_angle": [0, 0, 0, 1]}, "no direction"),
         ({"axis_angle": [0, 0, 1]}, "at least 4"),
         ({"yaw": 1}, "Extra"),
+        ({"transform": TRANSFORM, "rpy": [0, 0, 0]}, "leave all others out"),
+        ({"transform": TRANSFORM, "position": [1, 0, 0]}, "leave all others out"),
+        ({"transform": [*TRANSFORM[:3], [0, 0, 0, 2]]}, "last row"),
+        ({"transform": [[2, 0, 0, 0], *TRANSFORM[1:]]}, "not a rotation.*three decimals"),
     ],
 )
 def test_poses_that_are_none(change: dict[str, Any], words: str) -> None:
     refused(Pose, {"position": [0, 0, 0]} | change, words)
+
+
+def test_a_transform_is_a_pose_and_the_only_one_that_needs_no_position() -> None:
+    pose = FramedPose.model_validate({"transform": TRANSFORM})
+    same = {"position": [0.3, 0.2, 0.4], "rotation_matrix": [[1, 0, 0], [0, -1, 0], [0, 0, -1]]}
+    assert poses.transform(pose).tolist() == TRANSFORM
+    assert pose.model_dump(exclude_none=True) == same
+    assert FramedPose.model_validate(pose.model_dump()) == pose
+    refused(Pose, {}, "a position or a transform")
+    refused(Pose, {"rpy": [0, 0, 0]}, "a position or a transform")
 
 
 def test_joints_are_one_vector_or_many() -> None:

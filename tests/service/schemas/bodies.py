@@ -54,10 +54,12 @@ ORIENTATIONS: list[dict[str, Any]] = [
     {"rpy": [0.1, 0.2, 0.3]},
     {"axis_angle": [0.0, 0.0, 1.0, 0.5]},
 ]
+TRANSFORM = np.eye(4).tolist()
 OBSTACLES = [
     {"id": f"o{i}", "shape": shape, "margin": 0.01, "pose": POSE | ORIENTATIONS[i % 5]}
     for i, shape in enumerate(SHAPES)
 ]
+OBSTACLES[0]["pose"] = {"transform": TRANSFORM}
 SCENE: dict[str, Any] = {
     "name": "table",
     "frame": "base",

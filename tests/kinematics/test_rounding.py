@@ -1,0 +1,144 @@
+"""Numbers that describe a rotation, at the exact bounds, and what is no number."""
+
+import math
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from dynamics.payload import inertia
+from kinematics.dh import DhRow, DhTable, chain_from_dh
+from kinematics.errors import InvalidOption, InvalidPose, InvalidRobotDescription
+from kinematics.pose import from_axis_angle, from_matrix, from_quaternion
+from kinematics.rounding import (
+    NORM_TOLERANCE,
+    ORTHONORMAL_TOLERANCE,
+    check_axis_length,
+    check_quaternion_norm,
+    check_rotation,
+    rounding,
+)
+
+SEEDS = pytest.mark.parametrize("seed", range(12))
+
+
+@pytest.mark.parametrize("sign", [-1.0, 1.0])
+def test_a_quaternion_may_miss_its_norm_by_the_tolerance(sign: float) -> None:
+    check_quaternion_norm(1.0 + sign * 0.999 * NORM_TOLERANCE)
+    with pytest.raises(InvalidPose, match="norm") as caught:
+        check_quaternion_norm(1.0 + sign * 1.001 * NORM_TOLERANCE)
+    assert caught.value.details["norm"] == 1.0 + sign * 1.001 * NORM_TOLERANCE
+
+
+@pytest.mark.parametrize("norm", [0.0, -1.0, 2.0, math.inf, math.nan])
+def test_other_norms_are_refused(norm: float) -> None:
+    with pytest.raises(InvalidPose):
+        check_quaternion_norm(norm)
+
+
+def test_the_rounding_of_numbers_is_half_of_the_last_decimal_that_any_has() -> None:
+    assert rounding([0.903, -0.5, 1.0]) == pytest.approx(5e-4)
+    assert rounding([0.9027, 0.4, 0.0]) == pytest.approx(5e-5)
+    assert rounding([1e-05, 1.0]) == pytest.approx(5e-6)
+    assert rounding([1.0, 0.0, -1.0]) == pytest.approx(5e-4)  # never coarser than three decimals
+    assert rounding([0.7071, 6.123233995736766e-17]) == pytest.approx(5e-5)  # a computed zero
+
+
+@SEEDS
+@pytest.mark.parametrize("decimals", [3, 4, 5, 6])
+def test_a_rotation_written_with_few_decimals_is_the_nearest_one(seed: int, decimals: int) -> None:
+    exact = Rotation.random(random_state=seed).as_matrix()
+    written = np.round(exact, decimals)
+    taken = from_matrix(written)
+    # scipy's own projection: the nearest rotation in the Frobenius norm.
+    np.testing.assert_allclose(taken, Rotation.from_matrix(written).as_matrix(), atol=1e-14)
+    angle = Rotation.from_matrix(taken.T @ exact).magnitude()
+    assert angle <= 3.0 * 0.5 * 10.0**-decimals * np.sqrt(2.0)
+
+
+@SEEDS
+@pytest.mark.parametrize("decimals", [3, 4, 5, 6, 16])
+def test_what_is_no_rotation_is_refused_at_any_precision(seed: int, decimals: int) -> None:
+    random = np.random.default_rng(seed)
+    exact = Rotation.random(random_state=seed).as_matrix()
+    unit = 10.0**-decimals
+    shear = np.eye(3)
+    shear[0, 1 + seed % 2] = max(6.0 * unit, 1e-5)
+    for wrong in (
+        (1.0 + max(4.0 * unit, 1e-5)) * exact,  # scaled
+        exact @ shear,
+        exact @ np.diag([1.0, 1.0, -1.0]),  # a reflection
+        exact[[1, 0, 2]],  # two rows changed
+        random.uniform(-1.0, 1.0, (3, 3)),
+    ):
+        with pytest.raises(InvalidPose, match="not a rotation"):
+            from_matrix(np.round(wrong, decimals))
+
+
+def test_a_matrix_may_miss_orthonormality_by_single_precision() -> None:
+    stretched = np.diag([np.sqrt(1.0 + 0.999 * ORTHONORMAL_TOLERANCE), 1.0, 1.0])
+    assert check_rotation(stretched.tolist()) == pytest.approx(0.999e-6)
+    stretched[0, 0] = np.sqrt(1.0 + 1.001 * ORTHONORMAL_TOLERANCE)
+    for wrong in (stretched, np.full((3, 3), np.inf), np.full((3, 3), np.nan), np.zeros((3, 3))):
+        with pytest.raises(InvalidPose, match="not a rotation"):
+            check_rotation(wrong.tolist())
+
+
+@SEEDS
+def test_single_precision_is_taken(seed: int) -> None:
+    exact = Rotation.random(random_state=seed).as_matrix()
+    taken = from_matrix(exact.astype(np.float32))
+    np.testing.assert_allclose(taken, exact, atol=2e-7)
+
+
+def test_an_axis_has_a_length() -> None:
+    check_axis_length(1e-12)
+    check_axis_length(1e9)
+    for length in (0.0, 0.999e-12, math.nan):
+        with pytest.raises(InvalidPose, match="direction"):
+            check_axis_length(length)
+
+
+def test_rotations_are_checked_by_the_same_rules() -> None:
+    q = np.array([0.1, -0.2, 0.3, 0.4])
+    q /= np.linalg.norm(q)
+    from_quaternion((1.0 + 0.9 * NORM_TOLERANCE) * q)
+    with pytest.raises(InvalidPose):
+        from_quaternion((1.0 + 1.1 * NORM_TOLERANCE) * q)
+    R = from_axis_angle([1.0, 2.0, 3.0], 0.5)
+    from_matrix(R * (1.0 + 0.4 * ORTHONORMAL_TOLERANCE))
+    for wrong in (R * (1.0 + 0.6 * ORTHONORMAL_TOLERANCE), -R, R * np.nan):
+        with pytest.raises(InvalidPose):
+            from_matrix(wrong)
+    with pytest.raises(InvalidPose):
+        from_axis_angle([0.0, 1e-13, 0.0], 0.5)
+
+
+@SEEDS
+@pytest.mark.parametrize("digits", [3, 4, 5])
+def test_an_inertia_written_with_few_digits_is_that_of_the_body(seed: int, digits: int) -> None:
+    random = np.random.default_rng([seed, digits])
+    plate = np.diag([*(moments := random.uniform(0.005, 0.05, 2)), moments.sum()])  # flat: an edge
+    turn = Rotation.random(random_state=seed).as_matrix()
+    exact = turn @ plate @ turn.T
+    decimals = digits - int(np.floor(np.log10(np.abs(exact).max()))) - 1
+    written = exact.round(decimals)
+    written[0, 1] += 10.0**-decimals if seed % 2 else 0.0  # another program's rounding
+    taken = inertia(1.0, np.zeros(3), written.round(decimals))
+    assert np.abs(taken.tensor - exact).max() <= 1.01 * 10.0**-decimals
+    row = DhRow("revolute", d=0.1, mass=1.0, inertia=written.round(decimals).tolist())
+    link = chain_from_dh("arm", DhTable("standard", (row,))).links[1]
+    assert link.inertia is not None
+    np.testing.assert_array_equal(link.inertia.tensor, taken.tensor)
+
+
+def test_an_inertia_that_is_askew_by_more_is_refused() -> None:
+    for rows in (
+        [[5.0, 1.0, 0.0], [2.0, 5.0, 0.0], [0.0, 0.0, 5.0]],
+        [[0.02, 0.0012, 0.0], [0.0015, 0.02, 0.0], [0.0, 0.0, 0.02]],
+    ):
+        with pytest.raises(InvalidOption, match="not symmetric"):
+            inertia(1.0, np.zeros(3), rows)
+        row = DhRow("revolute", mass=1.0, inertia=rows)
+        with pytest.raises(InvalidRobotDescription, match="not symmetric"):
+            chain_from_dh("arm", DhTable("standard", (row,)))
