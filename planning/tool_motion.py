@@ -264,7 +264,8 @@ def arc_about(
     if near < _NO_LENGTH or abs(far - near) > _ROUND * near:
         raise InvalidGoal(
             f"a circular motion starts {near:.6g} m from its center and ends {far:.6g} m from it",
-            hint="Give a center that is equally far from both, and not on them.",
+            hint="Give a center that is equally far from both and not on them, with more decimals, "
+            "or a point on the arc (via).",
             **told,
         )
     if normal is None:
@@ -288,7 +289,7 @@ def arc_about(
         raise InvalidGoal(
             f"the start or end of a circular motion is {tilt:.6g} m off the plane across its "
             "normal through its center",
-            hint="Give a center and a normal whose plane holds both.",
+            hint="Give a center and a normal whose plane holds both, with more decimals.",
             **told,
         )
     return ToolMotion("circ", T_start, T_end, c, axis, _sweep(p, r, c, axis))

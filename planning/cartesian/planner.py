@@ -17,7 +17,7 @@ from kinematics.forward import forward
 from kinematics.pose import rotation_error, to_quaternion
 from planning.cartesian.blending import runs
 from planning.cartesian.leading import lead_tool
-from planning.cartesian.motions import tool_motions
+from planning.cartesian.motions import repairs, tool_motions
 from planning.cartesian.seam_branches import plan_seam
 from planning.constrained.path_constraints import end_violation
 from planning.options import CartesianOptions, Options
@@ -108,14 +108,15 @@ class Cartesian:
         if failure is not None:
             detail = f"{failure.message}." if tool_path.stop is None else _describe(tool_path)
             return Attempt(None, detail, failure=failure)
-        if tool_path.stop is None:
-            return Attempt(tool_path.waypoints, _describe(tool_path), tool_path=tool_path)
+        notes, stop = repairs(self.options, motions), tool_path.stop
+        if stop is None:
+            return Attempt(tool_path.waypoints, _describe(tool_path), notes, tool_path=tool_path)
         return Attempt(
             tool_path.waypoints,
             _describe(tool_path),
-            notes=(f"The motion ends early: {tool_path.stop.message}.",),
+            notes=(*notes, f"The motion ends early: {stop.message}."),
             tool_path=tool_path,
-            stopped=_stop_details(chain, tool_path, tool_path.stop),
+            stopped=_stop_details(chain, tool_path, stop),
         )
 
     def _blends(self, count: int) -> list[float]:

@@ -57,7 +57,7 @@ def timed_tool_motions(
     )
     T_start = forward(chain, motion.sample([min(max(first, 0.0), motion.duration)])[0])
     return TimedToolMotions(
-        _curves(T_start, body.motions),
+        _curves(T_start, body),
         times,
         body.max_deviation,
         None if body.orientation == "free" else body.max_orientation_deviation,
@@ -67,13 +67,13 @@ def timed_tool_motions(
     )
 
 
-def _curves(T_start: Array, items: Sequence[cartesian.TimedToolMotion]) -> tuple[ToolCurve, ...]:
+def _curves(T_start: Array, body: cartesian.TimedToolMotions) -> tuple[ToolCurve, ...]:
     """The motions from a pose on, each from where the one before ends unless it says so itself."""
     curves: list[ToolCurve] = []
     T = T_start
-    for k, item in enumerate(items):
+    for k, item in enumerate(body.motions):
         if item.rounds is None:
-            curves.append(tool_motion(T, _motion_options(item), k))
+            curves.append(tool_motion(T, _motion_options(item), k, body.max_deviation))
         else:
             start = T if item.start is None else poses.transform(item.start)
             curves.append(_corner(start, item, item.rounds, k))
@@ -90,7 +90,7 @@ def _corner(
         options = ToolMotionOptions("lin", T_next)
         if arc is not None:
             options = ToolMotionOptions("circ", T_next, center=arc.center, normal=arc.normal)
-        leg = tool_motion(T, options, index)
+        leg = tool_motion(T, options, index, 0.0)
         if leg.length < _SHORTEST_LEG:
             raise InvalidGoal(
                 f"motions[{index}]: a corner has no length on one of its sides",
