@@ -27,6 +27,7 @@ from planning.planner import Planner
 from planning.planners import choose_planners
 from planning.preflight.goal_order import MAX_LONGER, ends_off_limits
 from planning.preflight.goals import pose_goals
+from planning.preflight.limits import moved_note, rates_onto_limits
 from planning.preflight.preflight import preflight, start_only
 from planning.problem import Problem
 from planning.proof.certificate import Certificate, certify
@@ -79,6 +80,7 @@ def plan(
     chosen = choose_planners(problem, options) if planners is None else planners
     options = with_limits(options, problem.constraints)
     parametrization = _time_parametrization(problem, options)
+    problem, moved = _measured_rates(problem, parametrization)
     wrong = check_ends(problem, parametrization)
     if wrong is not None:
         return wrong
@@ -93,7 +95,26 @@ def plan(
     if isinstance(answer, Failure):
         details = deadline.interruptions.told_in(answer.code, answer.details)
         return replace(answer, details=details, stages=tuple(stages.reports))
-    return answer
+    return replace(answer, notes=(*moved, *answer.notes)) if moved else answer
+
+
+def _measured_rates(
+    problem: Problem, parametrization: TimeParametrization
+) -> tuple[Problem, tuple[str, ...]]:
+    """The problem with the rates of its start inside their limits, if hardly outside, and notes."""
+    notes: tuple[str, ...] = ()
+    velocity, acceleration = problem.start_velocity, problem.start_acceleration
+    bounds = parametrization.bounds
+    if velocity is not None:
+        taken = rates_onto_limits(velocity, bounds["velocity"])
+        notes, velocity = moved_note("velocity of the start", velocity, taken), taken
+    if acceleration is not None:
+        taken = rates_onto_limits(acceleration, bounds["acceleration"])
+        notes += moved_note("acceleration of the start", acceleration, taken)
+        acceleration = taken
+    if not notes:
+        return problem, ()
+    return replace(problem, start_velocity=velocity, start_acceleration=acceleration), notes
 
 
 def _time_parametrization(problem: Problem, options: Options) -> TimeParametrization:

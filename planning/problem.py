@@ -89,7 +89,8 @@ class Problem:
         start: Where it stands, shape (n,) [rad or m].
         goals: Any one of these is to be reached.
         margin: Distance to keep from obstacles beyond their own margins [m].
-        start_state_tolerance: A start this little outside a limit is snapped onto it.
+        start_state_tolerance: A start or goal this little outside a limit is snapped onto it
+            [rad or m]; None for what a measured start may miss, and a goal by rounding.
         constraints: What the whole motion has to hold; its clearance raises the margin.
         start_velocity: At the start, shape (n,); at rest where none is given.
         start_acceleration: At the start, shape (n,); None where any will do.
@@ -104,7 +105,7 @@ class Problem:
     start: Array
     goals: tuple[Goal, ...]
     margin: float = 0.0
-    start_state_tolerance: float = 1e-6
+    start_state_tolerance: float | None = None
     constraints: ConstraintSet | None = None
     start_velocity: Array | None = None
     start_acceleration: Array | None = None
@@ -165,7 +166,8 @@ class Problem:
                 digest.update(b"p" + goal.T_base_tip.tobytes())
                 numbers = [goal.position_tolerance, goal.orientation_tolerance]
                 digest.update(np.array(numbers).tobytes())
-        digest.update(np.array([self.margin, self.start_state_tolerance]).tobytes())
+        tolerance = -1.0 if self.start_state_tolerance is None else self.start_state_tolerance
+        digest.update(np.array([self.margin, tolerance]).tobytes())
         if self.constraints is not None:
             digest.update(self.constraints.content_hash.encode())
         for name, rates in self._rates():

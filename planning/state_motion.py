@@ -9,6 +9,7 @@ from kinematics.chain import Chain, Limits
 from kinematics.errors import InvalidTrajectory
 from kinematics.trajectory import Trajectory
 from planning.limits import RATIO_TOLERANCE, position_excess
+from planning.preflight.limits import moved_note, rates_onto_limits, snap_to_limits
 from planning.proof.certificate import certify_limits
 from planning.retime import Retimed
 from planning.timing.choice import chosen_parametrization, require_limits, required_limits
@@ -49,19 +50,44 @@ def time_states(
     if chain is None:
         require_limits(required_limits(timing_method(timing.method)), names, overrides)
     limits = Limits.unlimited(n) if chain is None else chain.limits
-    for label, state in zip(("from", "to"), states, strict=True):
-        _check_position(label, names, state, limits)
     parametrization = chosen_parametrization(timing, names, limits, overrides, chain)
     bounds = np.stack([parametrization.bounds[q] for q in ("velocity", "acceleration", "jerk")])
+    start, moved = _measured(states[0], chain, bounds)
+    states = start, states[1]
+    for label, state in zip(("from", "to"), states, strict=True):
+        _check_position(label, names, state, limits)
     motion = state_to_state(names, *states, bounds, synchronization)
     certificate = certify_limits(motion, chain, parametrization.motion_limits)
-    notes: tuple[str, ...] = ()
+    notes = moved
     if synchronization == "phase" and not _is_straight(motion, states):
-        notes = ("The states allow no straight line: the joints arrive together, on a curve.",)
+        notes += ("The states allow no straight line: the joints arrive together, on a curve.",)
     report = TimingReport("jerk_limited", None, parametrization.bounds, parametrization.ruled)
     # The states' velocities would change with the time.
     needed = 1.0 if certificate.verified else None
     return Retimed(motion, certificate, 1.0, needed, notes, timing=report)
+
+
+def _measured(
+    state: JointState, chain: Chain | None, bounds: Array
+) -> tuple[JointState, tuple[str, ...]]:
+    """A measured state moved onto the limits that it is hardly outside, with notes.
+
+    Args:
+        state: As it was measured, n joints.
+        chain: The robot; None where no positions are limited.
+        bounds: Of velocity, acceleration and jerk, shape (3, n).
+    """
+    given = state.rows
+    if given.shape[1] != bounds.shape[1]:
+        return state, ()  # said with the names of the joints
+    position = given[0] if chain is None else snap_to_limits(chain, given[0], None)[0]
+    taken = [position, *(rates_onto_limits(*pair) for pair in zip(given[1:], bounds, strict=False))]
+    notes: tuple[str, ...] = ()
+    for name, asked, row in zip(
+        ("position", "velocity", "acceleration"), given, taken, strict=True
+    ):
+        notes += moved_note(f"{name} of from", asked, row)
+    return (JointState(*taken), notes) if notes else (state, ())
 
 
 def _check_position(label: str, names: Sequence[str], state: JointState, limits: Limits) -> None:

@@ -202,7 +202,8 @@ class PlanOptions(TypedDict, total=False):
         clearance: Distance to be kept wherever there is room.
         goal_costs: Weights by which one of a pose's configurations is chosen.
         collisions: "ignore" looks at no collisions at all, and the certificate says so.
-        start_state_tolerance: A start so little outside a limit is moved onto it [rad or m].
+        start_state_tolerance: A start or goal so little outside a limit is moved onto it
+            [rad or m]; if left out a start by 0.01 % of the limit, a goal by 1e-6.
         timing: How the path becomes a motion.
         limits: Of the joints, in place of the robot's.
         timeout: For all stages together [s].
@@ -332,7 +333,6 @@ class Plan(InFrame):
         tool_motions: What became of each.
         reference: Poses that they hold the tool to, at drawn instants.
         stopped: Why they end early, where they do.
-        notes: What was done to the request, say a start moved onto a limit.
         potential_field: Where it went, if a potential field found the path.
         progress: The shortest paths over time, of planners that improve theirs.
         clearance: Where it is nearer to something than preferred.
@@ -352,7 +352,6 @@ class Plan(InFrame):
     tool_motions: list[ToolMotionReport] | None = None
     reference: list[ReferencePose] | None = None
     stopped: dict[str, Any] | None = None
-    notes: list[str] = Field(default_factory=list)
     potential_field: Descent | None = None
     progress: list[Progress] = Field(default_factory=list)
     clearance: ClearanceReport | None = None

@@ -81,7 +81,8 @@ class TourOptions(TypedDict, total=False):
         margin: Distance to be kept [m].
         clearance: Distance to be kept wherever there is room; none if left out.
         goal_costs: Weights by which configurations of poses are chosen.
-        start_state_tolerance: A configuration so little outside a limit is moved onto it.
+        start_state_tolerance: A configuration so little outside a limit is moved onto it
+            [rad or m]; if left out a start or end by 0.01 % of the limit, a goal by 1e-6.
         timing: Of every leg.
         limits: Of the joints, in place of the robot's.
         rounds: Of search and proof after the first tour that is proved.
@@ -252,7 +253,6 @@ class Tour(InFrame):
         unvisited: Goals that are left out, and why.
         search: Effort of the search.
         joint_names: Base to tip.
-        notes: What was done to the request.
         allowed_collisions: Of the request, as they were obeyed.
         reproducibility: Seed, hashes and versions that reproduce the answer.
         plan_id: Of the kept plan, if it was kept.
@@ -269,7 +269,6 @@ class Tour(InFrame):
     unvisited: list[Unvisited]
     search: TourSearch
     joint_names: list[str]
-    notes: list[str] = Field(default_factory=list)
     allowed_collisions: list[list[str]] = Field(default_factory=list)
     reproducibility: Reproducibility
     plan_id: str | None = None

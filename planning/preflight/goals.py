@@ -20,7 +20,7 @@ from planning.preflight.failures import (
     unreachable_failure,
 )
 from planning.preflight.goal_order import is_at_limit, motion_costs
-from planning.preflight.limits import snap_to_limits
+from planning.preflight.limits import goal_onto_limits
 from planning.preflight.pose_configurations import pose_configurations, turned_copies
 from planning.problem import JointGoal, PoseGoal, Problem
 from planning.ready import ENOUGH, TOUCHING, Candidate
@@ -83,7 +83,7 @@ def pose_goals(problem: Problem, goals: list[Array]) -> list[Array]:
     if len(joint_goals) == len(problem.goals):
         return []
     chain, tolerance = problem.robot.chain, problem.start_state_tolerance
-    asked = [snap_to_limits(chain, goal.joints, tolerance)[0] for goal in joint_goals]
+    asked = [goal_onto_limits(chain, goal.joints, tolerance)[0] for goal in joint_goals]
     return [q for q in goals if not any(np.array_equal(q, other) for other in asked)]
 
 
@@ -91,7 +91,7 @@ def _joint_goal(problem: Problem, checker: Checker, goal: JointGoal) -> list[Can
     tolerance, within = problem.start_state_tolerance, ENOUGH
     if any(isinstance(other, PoseGoal) for other in problem.goals):
         within = np.inf  # the choice among them is by clearance too
-    q, violation = snap_to_limits(problem.robot.chain, goal.joints, tolerance)
+    q, violation = goal_onto_limits(problem.robot.chain, goal.joints, tolerance)
     if violation is not None:
         return Refusal("GOAL_STATE_INVALID", partial(limit_failure, "goal", violation))
     clearance, _, pair = checker.closest(q[None], within)

@@ -8,6 +8,11 @@ import numpy as np
 from kinematics.arrays import Array
 from kinematics.chain import Chain
 
+#: A measured state may be outside a limit by this part of it: encoders and filters miss so much.
+MEASURED = 1e-4
+#: What is asked for, and not measured, may be outside by rounding only [rad or m].
+ROUNDED = 1e-6
+
 
 @dataclass(frozen=True, slots=True)
 class LimitViolation:
@@ -36,13 +41,16 @@ class LimitViolation:
         }
 
 
-def snap_to_limits(chain: Chain, q: Array, tolerance: float) -> tuple[Array, LimitViolation | None]:
+def snap_to_limits(
+    chain: Chain, q: Array, tolerance: float | None
+) -> tuple[Array, LimitViolation | None]:
     """Move a configuration onto the limits that it is hardly outside.
 
     Args:
         chain: The robot.
         q: Configuration, shape (n,) [rad or m].
-        tolerance: How far outside is hardly [rad or m].
+        tolerance: How far outside is hardly [rad or m]; None for what a measurement may miss, a
+            share `MEASURED` of the joint's larger limit.
 
     Returns:
         The nearest configuration inside the limits, and None; where some joint is farther outside,
@@ -52,8 +60,47 @@ def snap_to_limits(chain: Chain, q: Array, tolerance: float) -> tuple[Array, Lim
     inside = np.minimum(np.maximum(q, chain.limits.lower), chain.limits.upper)
     if inside.tolist() == q.tolist():
         return inside, None
-    j = int(np.argmax(np.abs(inside - q)))
-    excess = float(abs(q[j] - inside[j]))
-    if excess <= tolerance:
+    outside, hardly = np.abs(inside - q), np.full(len(q), tolerance, dtype=np.float64)
+    if tolerance is None:
+        sizes = np.abs([chain.limits.lower, chain.limits.upper])
+        hardly = MEASURED * np.where(np.isfinite(sizes), sizes, 0.0).max(axis=0)
+        hardly = np.maximum(hardly * (1.0 + ROUNDED), ROUNDED)
+    j = int(np.argmax(np.where(outside > hardly, outside, 0.0)))
+    if outside[j] <= hardly[j]:
         return inside, None
-    return q, LimitViolation(chain.joint_names[j], float(q[j]), float(inside[j]), excess)
+    return q, LimitViolation(chain.joint_names[j], float(q[j]), float(inside[j]), float(outside[j]))
+
+
+def goal_onto_limits(
+    chain: Chain, q: Array, tolerance: float | None
+) -> tuple[Array, LimitViolation | None]:
+    """As `snap_to_limits`, of a goal, which nobody measured: None allows for rounding only."""
+    return snap_to_limits(chain, q, ROUNDED if tolerance is None else tolerance)
+
+
+def rates_onto_limits(rates: Array, limits: Array) -> Array:
+    """Measured velocities or accelerations, moved onto the limits that they are hardly beyond.
+
+    Args:
+        rates: Shape (n,).
+        limits: Shape (n,), positive, inf for none.
+
+    Returns:
+        Shape (n,); rates that are beyond by more than a share `MEASURED` stay as they are.
+    """
+    hardly = np.abs(rates) <= limits * (1.0 + MEASURED * (1.0 + ROUNDED))
+    return np.where(hardly, np.clip(rates, -limits, limits), rates)
+
+
+def moved_note(what: str, asked: Array, taken: Array) -> tuple[str, ...]:
+    """A note where something was moved onto a limit.
+
+    Args:
+        what: Its name.
+        asked: As the request gives it, shape (n,).
+        taken: As it is taken, shape (n,).
+    """
+    if taken.tolist() == asked.tolist():
+        return ()
+    moved = float(np.abs(taken - asked).max())
+    return (f"The {what} was outside a limit by {moved:.3g} and was moved onto it.",)

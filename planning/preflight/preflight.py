@@ -12,7 +12,7 @@ from planning.goal_costs import GoalCosts
 from planning.preflight.failures import collision_failure, limit_failure, packing_failure
 from planning.preflight.goal_order import order_goals
 from planning.preflight.goals import find_goals
-from planning.preflight.limits import snap_to_limits
+from planning.preflight.limits import goal_onto_limits, moved_note, snap_to_limits
 from planning.problem import JointGoal, PoseGoal, Problem
 from planning.ready import ENOUGH, SLACK, TOUCHING, Candidate, Ready, ValidStart
 from planning.result import Failure
@@ -36,7 +36,7 @@ def check_start(problem: Problem, checker: Checker | None = None) -> ValidStart 
     clearance, _, pair = checker.closest(start[None], ENOUGH)
     if clearance <= TOUCHING:
         return collision_failure(problem, "start", start, pair, clearance)
-    return ValidStart(start, checker, clearance, _notes(problem.start, start))
+    return ValidStart(start, checker, clearance, moved_note("start", problem.start, start))
 
 
 def start_only(problem: Problem) -> Ready | Failure:
@@ -131,7 +131,8 @@ def _ready_with_room(problem: Problem, exact: Checker, hulls: Checker | None) ->
     if len(goals) < len(problem.goals):
         return None
     chain, tolerance = problem.robot.chain, problem.start_state_tolerance
-    ends = [snap_to_limits(chain, q, tolerance) for q in (problem.start, *goals)]
+    ends = [snap_to_limits(chain, problem.start, tolerance)]
+    ends += [goal_onto_limits(chain, q, tolerance) for q in goals]
     spacious = Checker((hulls or exact).model, ENOUGH)
     if any(violation is not None for _, violation in ends):
         return None
@@ -140,18 +141,12 @@ def _ready_with_room(problem: Problem, exact: Checker, hulls: Checker | None) ->
     start, *goals = (q for q, _ in ends)
     models = [exact.model] if hulls is None else [hulls.model, exact.model]
     checkers = tuple(Checker(model, SLACK) for model in models)
-    return Ready(start, _nearest_first(goals, start), checkers, _notes(problem.start, start))
+    return Ready(
+        start, _nearest_first(goals, start), checkers, moved_note("start", problem.start, start)
+    )
 
 
 def _nearest_first(goals: list[Array], start: Array) -> list[Array]:
     if len(goals) < 2:
         return goals
     return sorted(goals, key=lambda q: float(np.linalg.norm(q - start)))
-
-
-def _notes(asked: Array, start: Array) -> tuple[str, ...]:
-    """A note where the start was moved."""
-    if start.tolist() == asked.tolist():
-        return ()
-    moved = float(np.abs(start - asked).max())
-    return (f"The start was outside a limit by {moved:.3g} and was moved onto it.",)

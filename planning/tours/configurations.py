@@ -15,7 +15,7 @@ from planning.constrained.path_constraints import end_violation
 from planning.deadline import Deadline
 from planning.preflight.goal_order import is_at_limit
 from planning.preflight.goals import find_goals
-from planning.preflight.limits import snap_to_limits
+from planning.preflight.limits import goal_onto_limits
 from planning.preflight.pose_configurations import inner_turns, with_inner_limits
 from planning.problem import JointGoal, PoseGoal, Problem
 from planning.reach.evaluation import parameter_values
@@ -75,7 +75,7 @@ def find_configurations(
     clearances: list[float] = []
     for number, alternative in enumerate(goal.alternatives):
         if isinstance(alternative, JointGoal):
-            q, violation = snap_to_limits(
+            q, violation = goal_onto_limits(
                 problem.robot.chain, alternative.joints, problem.start_state_tolerance
             )
             candidates = [q] if violation is None else []

@@ -66,7 +66,8 @@ class TourProblem:
         end: "any" goal, back at the "start", or a configuration (n,).
         precedence: Pairs of names, of goals or groups: the first is visited before the second.
         margin: Distance to keep from obstacles beyond their own margins [m].
-        start_state_tolerance: A start this little outside a limit is snapped onto it [rad or m].
+        start_state_tolerance: A configuration this little outside a limit is snapped onto it
+            [rad or m]; None for what a measured start may miss, and a goal by rounding.
         constraints: What every leg has to hold at every instant; their clearance raises the margin.
 
     Raises:
@@ -82,7 +83,7 @@ class TourProblem:
     end: Literal["any", "start"] | Array = "any"
     precedence: tuple[tuple[str, str], ...] = ()
     margin: float = 0.0
-    start_state_tolerance: float = 1e-6
+    start_state_tolerance: float | None = None
     constraints: ConstraintSet | None = None
 
     def __post_init__(self) -> None:

@@ -151,9 +151,10 @@ class PlanRequest(WithFingers, Keepable):
     clearance: Clearance | None = None
     goal_costs: GoalCosts | None = None
     collisions: Collisions = "check"
-    start_state_tolerance: Annotated[NonNegative, Field(le=0.1)] = Field(
-        1e-6,
-        description="a start outside a limit by no more is moved onto it [rad or m]",
+    start_state_tolerance: Annotated[NonNegative, Field(le=0.1)] | None = Field(
+        None,
+        description="a start or goal outside a limit by no more is moved onto it [rad or m]; if "
+        "left out a start by 0.01 % of the limit, as measurements miss it, a goal by 1e-6",
     )
     timing: Timing = Field(default_factory=Timing)
     limits: "LimitsBody | None" = None
@@ -354,7 +355,6 @@ class PlanAnswer(InFrame):
     stopped: dict[str, Any] | None = Field(
         None, description="why they end early: reason, message, motion, nearest, …"
     )
-    notes: list[str] = Field(default_factory=list, description="what was done to the request")
     potential_field: DescentAnswer | None = Field(
         None, description="where it went, if a potential field found the path"
     )

@@ -143,8 +143,10 @@ class TourRequest(Keepable):
         None, description="distance to be kept wherever there is room; none if left out"
     )
     goal_costs: GoalCosts | None = None
-    start_state_tolerance: Annotated[NonNegative, Field(le=0.1)] = Field(
-        1e-6, description="a configuration so little outside a limit is moved onto it [rad or m]"
+    start_state_tolerance: Annotated[NonNegative, Field(le=0.1)] | None = Field(
+        None,
+        description="a configuration outside a limit by no more is moved onto it [rad or m]; if "
+        "left out a start or end by 0.01 % of the limit, as measurements miss it, a goal by 1e-6",
     )
     timing: Timing = Field(default_factory=Timing, description="of every leg")
     limits: LimitsBody | None = Field(None, description="of the joints, in place of the robot's")
@@ -254,7 +256,6 @@ class TourAnswer(InFrame):
     unvisited: list[UnvisitedAnswer] = Field(description="goals that are left out, and why")
     search: TourSearchAnswer
     joint_names: list[str] = Field(description="base to tip")
-    notes: list[str] = Field(default_factory=list, description="what was done to the request")
     allowed_collisions: list[list[str]] = Field(
         default_factory=list, description="of the request, as they were obeyed"
     )

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from kinematics.errors import InvalidTrajectory, MissingLimit
+from kinematics.errors import InvalidOption, InvalidTrajectory, MissingLimit
 from kinematics.robots import builtin_chain
 from planning.state_motion import time_states
 from planning.timing.options import TimingOptions
@@ -62,3 +62,22 @@ def test_a_note_says_where_no_straight_line_is_possible() -> None:
     straight = JointState(np.zeros(2)), JointState(np.ones(2))
     assert time_states("ab", straight, TIMING, LIMITS).notes == ()
     assert time_states("ab", bent, TIMING, LIMITS, None, "time").notes == ()
+
+
+@pytest.mark.parametrize("joint", range(7))
+def test_a_measured_state_hardly_outside_its_limits_is_moved_onto_them(joint: int) -> None:
+    position, velocity = HOME.copy(), np.zeros(7)
+    position[joint] = PANDA.limits.upper[joint] * (1.0 + np.sign(PANDA.limits.upper[joint]) * 1e-4)
+    velocity[joint] = -1.0001 * PANDA.limits.velocity[joint]
+    states = JointState(position, velocity), JointState(HOME)
+    timed = time_states(PANDA.joint_names, states, TIMING, {}, PANDA)
+    assert timed.certificate.verified
+    assert timed.trajectory.start[joint] == PANDA.limits.upper[joint]
+    assert "position of from was outside" in timed.notes[0]
+    assert "velocity of from was outside" in timed.notes[1]
+    for wrong in (
+        JointState(position + 1e-2 * np.eye(7)[joint]),
+        JointState(HOME, 1.01 * velocity),
+    ):
+        with pytest.raises((InvalidTrajectory, InvalidOption)):
+            time_states(PANDA.joint_names, (wrong, JointState(HOME)), TIMING, {}, PANDA)
