@@ -22,6 +22,7 @@ from obstacles.scene import (
     primitives_of,
     way_of_packing,
 )
+from obstacles.shapes import Mesh
 from obstacles.winding import winding_numbers
 
 HULL = int(PieceKind.POLYTOPE)
@@ -161,7 +162,7 @@ def convex_parts(obstacle: Obstacle) -> tuple[tuple[Piece, ...], int]:
     """An obstacle's pieces, and how many of them, the first ones, have its enclosing triangles."""
     pieces = obstacle.pieces()
     filled = tuple(piece for piece in pieces if piece.surface and piece.surface.count)
-    if filled:
+    if filled and isinstance(obstacle.shape, Mesh):
         rest = (piece for piece in pieces if piece not in filled)
         pieces = (*filled, *(piece for piece in rest if not _is_enclosed(piece, filled)))
     return pieces, len(filled)

@@ -13,6 +13,7 @@ from obstacles.scene import Obstacle, Scene
 from obstacles.shapes import Box, Sphere
 from service.schemas.attached import Attached
 from service.schemas.check import CheckRequest
+from service.schemas.scene import Scene as SceneBody
 from service.storage.cache_key import NotPrepared, Reference
 from service.tasks.attached_objects import RobotInScene, attach, requested_scene
 from tests.planning.scenes import HOME, builtin
@@ -43,6 +44,64 @@ def test_without_anything_to_hold_robot_and_scene_are_as_they_were() -> None:
         assert cell.robot is ROBOT
         assert cell.scene is SCENE
         assert cell.allowed == []
+
+
+BOX: dict[str, Any] = {"type": "box", "size": [0.05, 0.05, 0.08]}
+SOLIDS: list[dict[str, Any]] = [
+    {"id": "mug/0", "shape": BOX, "pose": {"position": [0.45, -0.2, 0.14]}},
+    {"id": "mug/1", "shape": BOX, "pose": {"position": [0.49, -0.2, 0.14]}},
+    {"id": "table", "shape": BOX, "pose": {"position": [0.45, -0.2, 0.06]}},
+]
+MOVEIT = """
+world:
+  collision_objects:
+    - {id: table, header: {frame_id: panda_link0}, primitives: [BOX],
+       primitive_poses: [{position: [0.45, -0.2, 0.06]}]}
+    - id: mug
+      header: {frame_id: panda_link0}
+      pose: {position: [0.45, -0.2, 0.14], orientation: [0, 0, 0, 1]}
+      primitives: [BOX, BOX]
+      primitive_poses: [{}, {position: [0.04, 0, 0]}]
+""".replace("BOX", "{type: box, dimensions: [0.05, 0.05, 0.08]}")
+
+
+@pytest.mark.parametrize("scene", [{"obstacles": SOLIDS}, {"moveit": MOVEIT}])
+def test_an_object_of_several_solids_is_taken_and_allowed_by_its_name(
+    scene: dict[str, Any],
+) -> None:
+    request: dict[str, Any] = {
+        "robot": "panda", "joints": HOME.tolist(), "scene": scene,
+        "attached": [taken(id="mug", touch_links=["table"])],
+        "allowed_collisions": [["mug", "panda_link7"]],
+    }  # fmt: skip
+    body = CheckRequest.model_validate(request)
+    around = requested_scene(None, body, ROBOT.chain, HOME)
+    assert sorted(around.ids) == ["mug", "table"]
+    cell = attach(ROBOT, around, body.attached, body.allowed_collisions)
+    assert cell.scene.ids == ("table",)
+    assert cell.scene.allows("mug", "table")
+    assert cell.scene.allows("mug", "panda_link7")
+    own = [i for i, link in enumerate(cell.robot.links) if link == "mug"]
+    hand = ROBOT.chain.link("panda_hand")
+    T_root_joint = forward(ROBOT.chain, HOME, "panda_hand") @ np.linalg.inv(hand.T_joint_link)
+    centers = [T_root_joint @ [*cell.robot.pieces[i].bounding_sphere()[0], 1.0] for i in own]
+    expected = [[0.45, -0.2, 0.14], [0.49, -0.2, 0.14]]
+    np.testing.assert_allclose(np.array(centers)[:, :3], expected, atol=1e-9)
+
+
+def test_a_pair_of_a_scene_may_name_an_object_of_several_solids() -> None:
+    scene = {"obstacles": SOLIDS, "allowed_collisions": [["mug", "panda_hand"]]}
+    body = CheckRequest.model_validate({"robot": "panda", "joints": HOME.tolist(), "scene": scene})
+    around = requested_scene(None, body, ROBOT.chain, HOME)
+    assert sorted(around.ids) == ["mug", "table"]
+    assert around.allows("mug", "panda_hand")
+    plain = body.model_copy(update={"scene": scene_of(SOLIDS)})
+    assert len(requested_scene(None, plain, ROBOT.chain, HOME).ids) == 3, "nothing names it"
+
+
+def scene_of(obstacles: list[dict[str, Any]]) -> SceneBody:
+    """A scene on the wire."""
+    return SceneBody.model_validate({"obstacles": obstacles})
 
 
 def test_an_object_is_a_part_of_the_robot_at_its_pose() -> None:
