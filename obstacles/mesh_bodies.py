@@ -24,6 +24,9 @@ _MERGING = 1e-6
 #: Part of a body's area that the discs over its holes may have: a link with a screw's hole is a
 #: solid, a tube without a lid is none.
 _HOLES = 0.03
+#: Points at which the winding number is looked up where cones have more than that, though less
+#: than the body: over cracks they cancel each other. At so many it must be so nearly whole.
+_PROBES, _MOST, _WHOLE = 96, 0.95, 0.05
 #: Volume of a body that has none but for rounding, as a part of its area to the power of 3/2.
 _FLAT = 1e-12
 #: Corners of a body that are looked up for whether it lies within another one.
@@ -81,11 +84,11 @@ def mesh_bodies(vertices: Array, faces: Faces) -> list[Body]:
     kept[once] = True
     if len(once):
         turned[once] = oriented(faces[once])
-        closed |= _open_share(vertices, turned[once], label[once], count) <= _HOLES
+        closed |= _nearly_closed(vertices, turned[once], label[once], count)
         once = once[~closed[label[once]]]
         cores = once[_core(vertices, turned[once], label[once])]
         turned[cores] = oriented(faces[cores])
-        closed_core = _open_share(vertices, turned[cores], label[cores], count) <= _HOLES
+        closed_core = _nearly_closed(vertices, turned[cores], label[cores], count)
         # What a core leaves over is a body of its own, and open.
         over = closed_core[label] & ~closed[label]
         over[cores] = False
@@ -141,6 +144,24 @@ def _edges(faces: Faces) -> _Edges:
     of = of.reshape(-1)
     net = np.bincount(of, up, len(keys)).astype(np.int64)
     return _Edges(of, np.column_stack(np.divmod(keys, size)), uses, net)
+
+
+def _nearly_closed(vertices: Array, faces: Faces, label: Indices, count: int) -> NDArray[np.bool_]:
+    """Which bodies have small holes at most; arguments as those of ``_open_share``."""
+    share = _open_share(vertices, faces, label, count)
+    closed = share <= _HOLES
+    for k in np.flatnonzero((share > _HOLES) & (share < 1.0)):
+        check_preparation_time()
+        own = np.ascontiguousarray(faces[label == k])
+        low, high = vertices[own].min(axis=(0, 1)), vertices[own].max(axis=(0, 1))
+        points, numbers = (
+            np.random.default_rng(0).uniform(low, high, (_PROBES, 3)),
+            np.empty(_PROBES),
+        )
+        winding_numbers(points, vertices, own, numbers)
+        whole = (np.abs(numbers - np.round(numbers)) <= _WHOLE).mean() >= _MOST
+        closed[k] = whole and (np.abs(numbers) > 0.5).any()
+    return closed
 
 
 def _open_share(vertices: Array, faces: Faces, label: Indices, count: int) -> Array:

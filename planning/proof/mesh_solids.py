@@ -26,6 +26,11 @@ from kinematics.compiled.kernel import kernel
 _ONE_PLACE = 1e-6
 #: Part of a body's area that cones over its rims may have.
 _SMALL_HOLES = 0.03
+#: Where cones have more, though less than the body, they may cancel each other, as over cracks they
+#: do: points in its box, at so many of which they must wind so little around it.
+_POINTS, _MOST, _LITTLE = 128, 0.95, 0.05
+#: Powers of the root of x^4 = x + 1: multiples of these, less whole numbers, fill a box evenly.
+_STEPS = 0.8191725133961645 ** np.arange(1, 4)
 #: Volume, as a part of the area to the power of 3/2, below which a body is flat.
 _NO_VOLUME = 1e-12
 #: Winding number beyond which a point is inside.
@@ -260,7 +265,14 @@ def _is_closed(
     a, b, c = ((faces - about[of_face, None])[:, k] for k in range(3))
     volume = np.bincount(of_face, np.einsum("ij,ij->i", a, np.cross(b, c)) / 6.0, count)
     is_solid = np.abs(volume) > _NO_VOLUME * area**1.5
-    return np.asarray(is_solid & (covers <= _SMALL_HOLES * area))
+    closed = is_solid & (covers <= _SMALL_HOLES * area)
+    for k in np.flatnonzero(is_solid & ~closed & (covers < area)):
+        own, lid = faces[of_face == k], np.ascontiguousarray(cones[of_cone == k])
+        low, high = own.min(axis=(0, 1)), own.max(axis=(0, 1))
+        places = np.outer(np.arange(1, _POINTS + 1), _STEPS) % 1.0
+        turns = _windings(low + places * (high - low), lid)
+        closed[k] = (np.abs(turns) <= _LITTLE).mean() >= _MOST
+    return np.asarray(closed)
 
 
 def _volume(body: Array) -> float:

@@ -65,6 +65,19 @@ def sheet(half: float) -> trimesh.Trimesh:
     return trimesh.Trimesh(corners, [[0, 1, 2], [0, 2, 3]], process=False)
 
 
+def cracked() -> trimesh.Trimesh:
+    """A cylinder whose halves meet in a circle of other corners each, of which some are common."""
+    halves = []
+    for sections, sign in ((32, 1.0), (48, -1.0)):
+        half = trimesh.creation.cylinder(0.1, 0.3, sections=sections)
+        half.apply_translation([0.0, 0.0, 0.15 * sign])
+        inner = np.abs(half.triangles_center[:, 2]) < 1e-9
+        halves.append(trimesh.Trimesh(half.vertices, half.faces[~inner], process=False))
+    mesh = trimesh.util.concatenate(halves)
+    mesh.merge_vertices()
+    return mesh
+
+
 def small_torus() -> trimesh.Trimesh:
     """A ring of 6 cm."""
     return trimesh.creation.torus(0.02, 0.008, major_sections=8, minor_sections=6)

@@ -6,7 +6,7 @@ import trimesh
 
 from kinematics.arrays import Array
 from obstacles.mesh_bodies import Body, mesh_bodies
-from tests.obstacles.bodies import bowl, ell, hollow_box, moved, sheet
+from tests.obstacles.bodies import bowl, cracked, ell, hollow_box, moved, sheet
 
 
 def bodies_of(mesh: trimesh.Trimesh) -> list[Body]:
@@ -48,6 +48,11 @@ def test_closed_bodies_are_solids_and_open_ones_are_not() -> None:
 @pytest.mark.parametrize(("missing", "expected"), [(10, SOLID), (100, OPEN)])
 def test_small_holes_do_not_matter(missing: int, expected: tuple[bool, bool]) -> None:
     assert kinds(with_faces(BALL, BALL.faces[missing:])) == [expected]
+
+
+def test_a_crack_all_around_does_not_open_a_body() -> None:
+    """Cones over its two rims are as large as two lids, and cancel each other."""
+    assert kinds(cracked()) == [SOLID]
 
 
 def test_however_thin_a_closed_mesh_is_it_is_a_solid() -> None:

@@ -7,7 +7,7 @@ import trimesh
 from kinematics.arrays import Array
 from planning.proof.mesh_solids import mesh_solids
 from tests.obstacles.arms import cup, in_cup
-from tests.obstacles.bodies import HOSTS, assembly, bowl, ell, hollow_box, moved, sheet
+from tests.obstacles.bodies import HOSTS, assembly, bowl, cracked, ell, hollow_box, moved, sheet
 
 
 def turned_at_random(triangles: Array, random: np.random.Generator) -> Array:
@@ -46,6 +46,13 @@ def test_holes_are_closed_by_cones_so_that_winding_numbers_are_whole() -> None:
     clear = np.abs(away - 1.0) > 0.06
     np.testing.assert_array_equal(holed.hold(points)[clear], (away < 1.0)[clear])
     assert mesh_solids(np.array(ball.triangles)[100:]).opened == 1
+    cylinder = mesh_solids(np.array(cracked().triangles))
+    assert (len(cylinder.low), cylinder.opened) == (1, 0)
+    assert cylinder.hold(np.array([[0.0, 0.0, z] for z in (-0.2, 0.05, 0.4)])).tolist() == [
+        True,
+        True,
+        False,
+    ]
 
 
 @pytest.mark.parametrize("host", HOSTS)
