@@ -9,12 +9,19 @@ import collada
 import numpy as np
 
 from kinematics.arrays import Array
+from kinematics.errors import InvalidScene
 from kinematics.xml_reader import Element, number, read_document, tostring
 
 #: What a surface is made of. All else (paint, lights, cameras, animations) is taken out first:
 #: files often refer to paint that is not there.
 _PARTS = ("asset", "library_geometries", "library_nodes", "library_visual_scenes", "scene")
 _LOOKS = ("bind_material", "instance_camera", "instance_light")
+#: Corners of a scene with all that it refers to: twice those of all triangles that a mesh may have.
+_MOST_CORNERS = 1_200_000
+#: A node takes as long to follow as so many corners.
+_NODE = 100
+#: Characters for a corner, which has three indices of a few digits as a rule.
+_CORNER_LENGTH = 12
 
 
 class Painted(NamedTuple):
@@ -42,7 +49,7 @@ def triangles(data: bytes) -> Array:
         Shape (f, 3, 3).
 
     Raises:
-        ArmwrightError: Not well-formed, with a DTD or entities.
+        ArmwrightError: Not well-formed, with a DTD or entities, or larger than any robot.
         ValueError: There is no surface in it; what pycollada raises for malformed files besides.
     """
     return np.concatenate([part.corners for part in paint_parts(data)])
@@ -55,7 +62,7 @@ def paint_parts(data: bytes) -> list[Painted]:
         data: The file's content.
 
     Raises:
-        ArmwrightError: Not well-formed, with a DTD or entities.
+        ArmwrightError: Not well-formed, with a DTD or entities, or larger than any robot.
         ValueError: There is no surface in it; what pycollada raises for malformed files besides.
     """
     root = read_document(data, "COLLADA file")
@@ -65,6 +72,7 @@ def paint_parts(data: bytes) -> list[Painted]:
             _strip_looks(child)
         else:
             root.remove(child)
+    _check_size(root)
     with warnings.catch_warnings():
         # pycollada multiplies numpy's matrices, which numpy would rather not have.
         warnings.simplefilter("ignore", PendingDeprecationWarning)
@@ -75,6 +83,61 @@ def paint_parts(data: bytes) -> list[Painted]:
     if not solid:
         raise ValueError("no surface")
     return solid
+
+
+def _check_size(root: Element) -> None:
+    """Count what the scene has once its references are followed, before anything follows them.
+
+    Raises:
+        InvalidScene: More nodes or corners than any robot has, or a node within itself.
+    """
+    named = {e.get("id", ""): e for e in root.iter() if _tag(e) in ("node", "geometry")}
+    sizes, waiting = dict[Element, int](), list[tuple[Element, bool]]()
+    for scene in root.iter():
+        if _tag(scene) == "visual_scene":
+            waiting.append((scene, False))
+    open_ = set[Element]()
+    while waiting:
+        element, is_done = waiting.pop()
+        if is_done:
+            open_.discard(element)
+            size = (
+                _NODE
+                + _corner_count(element)
+                + sum(sizes[part] for part in _expanded(element, named))
+            )
+            if size > _MOST_CORNERS:
+                raise InvalidScene(
+                    "mesh file: its COLLADA scene repeats its nodes or bodies too often",
+                    hint=f"At most {_MOST_CORNERS // _NODE} nodes are taken, and "
+                    f"{_MOST_CORNERS} corners, with all that they refer to.",
+                )
+            sizes[element] = size
+        elif element in open_:
+            raise InvalidScene("mesh file: a node of its COLLADA scene refers to itself")
+        elif element not in sizes:
+            open_.add(element)
+            waiting.append((element, True))
+            waiting += [(part, False) for part in _expanded(element, named)]
+
+
+def _expanded(element: Element, named: Mapping[str, Element]) -> list[Element]:
+    """What stands below a node once its references are followed."""
+    parts = []
+    for child in element:
+        if _tag(child) == "node":
+            parts.append(child)
+        elif _tag(child) in ("instance_node", "instance_geometry"):
+            target = named.get(child.get("url", "").removeprefix("#"))
+            parts += [] if target is None else [target]
+    return parts
+
+
+def _corner_count(element: Element) -> int:
+    """About how many corners the surfaces of a geometry have; none of another element."""
+    if _tag(element) != "geometry":
+        return 0
+    return sum(len(e.text or "") for e in element.iter() if _tag(e) == "p") // _CORNER_LENGTH
 
 
 def _diffuse_colors(root: Element) -> dict[str, tuple[float, float, float, float]]:

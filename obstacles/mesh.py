@@ -59,6 +59,8 @@ def load_mesh(data: bytes, file_type: str) -> tuple[Array, Faces]:
         raise InvalidScene(f"mesh file: {len(data)} bytes, at most {MAX_BYTES} are taken")
     try:
         vertices, faces = _read(data, kind)
+    except InvalidScene:
+        raise
     except Exception as error:  # noqa: BLE001  a foreign parser on foreign bytes raises anything
         raise InvalidScene(f"mesh file: not a readable {kind} ({type(error).__name__})") from None
     return checked_mesh(vertices, faces)
@@ -98,6 +100,8 @@ def load_painted(
         raise InvalidScene(f"mesh file: {len(data)} bytes, at most {MAX_BYTES} are taken")
     try:
         parts = paint_parts(data)
+    except InvalidScene:
+        raise
     except Exception as error:  # noqa: BLE001  as in load_mesh
         raise InvalidScene(f"mesh file: not a readable dae ({type(error).__name__})") from None
     by_color: dict[tuple[float, float, float, float] | None, list[Array]] = {}

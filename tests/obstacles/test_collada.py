@@ -1,6 +1,7 @@
 """COLLADA files beside what assimp reads; units, transforms, looks, attacks."""
 
 import importlib.metadata
+import time
 from pathlib import Path
 
 import coal
@@ -93,3 +94,35 @@ BOMB = b'<?xml version="1.0"?><!DOCTYPE x [<!ENTITY a "aaaa">]><COLLADA>&a;</COL
 def test_what_is_malformed_is_refused(data: bytes) -> None:
     with pytest.raises(InvalidScene, match="mesh"):
         load_mesh(data, "dae")
+
+
+def doubled(times: int, fan: int = 2) -> bytes:
+    """Nodes that each stand ``fan`` times in the next one, ``times`` times over."""
+    inner = '<instance_geometry url="#body"/>'
+    nodes = [f'<node id="n0">{inner}</node>']
+    nodes += [
+        f'<node id="n{k}">{fan * f"""<instance_node url="#n{k - 1}"/>"""}</node>'
+        for k in range(1, times + 1)
+    ]
+    library = f"<library_nodes>{''.join(nodes)}</library_nodes><library_visual_scenes>"
+    text = written().decode().replace("<library_visual_scenes>", library)
+    return text.replace("<node>", f'<node><instance_node url="#n{times}"/>', 1).encode()
+
+
+def test_nodes_that_are_referred_to_are_there_as_often() -> None:
+    _, faces = load_mesh(doubled(5, fan=3), "dae")
+    assert len(faces) == 4 * (3**5 + 1)
+
+
+@pytest.mark.parametrize("times", [14, 40, 20_000])
+def test_what_references_multiply_is_counted_before_it_is_there(times: int) -> None:
+    began = time.process_time()
+    with pytest.raises(InvalidScene, match="too often"):
+        load_mesh(doubled(times), "dae")
+    assert time.process_time() - began < 2.0
+
+
+def test_a_node_within_itself_is_refused() -> None:
+    text = written().replace(b"<node>", b'<node id="own"><instance_node url="#own"/>', 1)
+    with pytest.raises(InvalidScene, match="refers to itself"):
+        load_mesh(text, "dae")
