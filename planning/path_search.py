@@ -1,7 +1,7 @@
 """The search for a path: planners in turn, shortcuts, and the distance from what is passed."""
 
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
 from functools import partial
 from typing import NamedTuple
 
@@ -15,6 +15,7 @@ from planning.constrained.projected_rrt import Manifold, shortcut_along
 from planning.constrained.relaxation import Relaxation, find_relaxation
 from planning.deadline import Deadline
 from planning.diagnosis import Diagnosis, diagnose
+from planning.joint_barrier import joint_barrier
 from planning.options import Options
 from planning.planner import Planner, Query
 from planning.planners import CASCADE
@@ -31,6 +32,8 @@ from planning.stages import Stages
 
 #: Share of the time that is kept back for shortening, timing and the proof.
 _RESERVED_SHARE = 0.2
+#: Share of it that is kept back from a last search, where nothing was found by then.
+_LAST_SHARE = 0.05
 #: Time that is kept back for them at most [s].
 _MAX_RESERVED = 1.0
 #: Time that is spent on finding out why there is no path, at most [s].
@@ -163,10 +166,26 @@ class PathSearch:
         failure = self._no_path(attempt, deadline)
         if self.options.max_edges is not None:
             return failure
+        failure = self._barrier(ready) or failure
         diagnosis = self.stages.run(
             "diagnosis", partial(self._diagnose, ready), lambda answer: (True, answer.sentence)
         )
+        if failure.code == "TIMED_OUT":
+            found = self._find_in_what_is_left(ready)
+            if found is not None:
+                return found
         return replace(failure, details={**failure.details, **diagnosis.details})
+
+    def _find_in_what_is_left(self, ready: Ready) -> FoundPath | None:
+        """A path that a search with another seed finds, in time that the diagnosis did not need."""
+        reserved = _LAST_SHARE * self.options.timeout
+        until = Deadline(self.deadline.at - reserved, self.deadline.interruptions)
+        if until.passed:
+            return None
+        checker = ready.checkers[-1]
+        query = replace(self._query(ready, checker, until), seed=self.options.seed + 1)
+        levels = clearance_levels(checker, self.options.clearance)
+        return self._ask_planners(self.planners, query, levels)[0]
 
     def _room_trials(self, ready: Ready, levels: tuple[Checker, ...]) -> RoomTrials | None:
         """The cascade's searches for a path that keeps the preferred clearance, if any."""
@@ -275,6 +294,18 @@ class PathSearch:
             stage=last.name,
             details={**attempt.details, **({} if known is None else known.details)},
         )
+
+    def _barrier(self, ready: Ready) -> Failure | None:
+        """The failure of goals that lie beyond a value of a joint that nothing passes."""
+        exact = ready.checkers[-1]
+        if isinstance(exact, ConstrainedChecker):
+            return None
+        until = self.deadline.at_most(_MAX_DIAGNOSIS)
+        found = joint_barrier(exact, ready.start, ready.goals, self.options.seed, until)
+        if found is None:
+            return None
+        details = {**asdict(found), "pair": list(found.pair)}
+        return Failure("PLANNING_FAILED", found.message, found.hint, "diagnosis", details=details)
 
     def _diagnose(self, ready: Ready) -> Diagnosis | Relaxation:
         """Diagnosis of a failed search, within the time reserved for it."""
