@@ -4,7 +4,7 @@ from typing import Any
 
 from numpy.typing import ArrayLike
 
-from armwright.model import Robot, chain_of
+from armwright.model import Robot, chain_of, geometry_of
 from kinematics.ik.inverse import IkOptions, inverse_kinematics
 from kinematics.ik.solution import IkResult
 from obstacles.placement import place
@@ -27,7 +27,7 @@ def check(
     Raises:
         InvalidRobotState: ``joints`` has the wrong length or is not finite.
     """
-    q = robot.chain.configuration(joints).reshape(robot.chain.n)
+    q = geometry_of(robot).chain.configuration(joints).reshape(robot.chain.n)
     return configuration_checker(robot, place(scene, robot.chain, q), margin).check(q)
 
 

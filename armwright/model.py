@@ -14,6 +14,7 @@ from dynamics.gravity import gravity_vector
 from dynamics.mass_matrix import mass_matrix
 from kinematics.arrays import Array
 from kinematics.chain import Chain
+from kinematics.errors import InvalidOption
 from kinematics.forward import forward
 from kinematics.jacobian import geometric
 from kinematics.pose import from_quaternion, transform
@@ -37,8 +38,27 @@ class Dynamics(NamedTuple):
 
 
 def chain_of(robot: Robot) -> Chain:
-    """The kinematic chain of a robot."""
-    return robot if isinstance(robot, Chain) else robot.chain
+    """The kinematic chain of a robot.
+
+    Raises:
+        InvalidOption: It is none.
+    """
+    return robot if isinstance(robot, Chain) else geometry_of(robot).chain
+
+
+def geometry_of(robot: RobotGeometry) -> RobotGeometry:
+    """The robot, where it is one: a name of a robot is none.
+
+    Raises:
+        InvalidOption: It is none.
+    """
+    if isinstance(robot, RobotGeometry):
+        return robot
+    name = robot if isinstance(robot, str) else "panda"
+    raise InvalidOption(
+        f"a robot is wanted, and {robot!r:.60} is a {type(robot).__name__}",
+        hint=f"Load it by its name or from its file: aw.load_robot({name!r}).",
+    )
 
 
 def pose(position: ArrayLike, quaternion_xyzw: ArrayLike | None = None) -> Array:

@@ -6,6 +6,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import ArrayLike
 
+from armwright.model import chain_of, geometry_of
 from kinematics.arrays import Array
 from kinematics.chain import Chain
 from kinematics.errors import InvalidGoal, InvalidOption
@@ -58,7 +59,7 @@ def plan(
         MissingLimit: A velocity or acceleration limit is not known.
     """
     problem = Problem(
-        robot,
+        geometry_of(robot),
         scene,
         np.asarray(start, dtype=np.float64),
         _goals(goal),
@@ -143,7 +144,7 @@ def retime(
     points = np.asarray(waypoints, dtype=np.float64)
     if points.ndim != 2:
         raise InvalidOption(f"waypoints have the shape {points.shape}, not (k, n)")
-    chain = robot.chain if isinstance(robot, RobotGeometry) else robot
+    chain = None if robot is None else chain_of(robot)
     names = _names(points.shape[1]) if chain is None else chain.joint_names
     given = {name: np.asarray(value, dtype=np.float64) for name, value in (limits or {}).items()}
     path = PathToTime(names, points)
@@ -174,7 +175,7 @@ def retime_states(
         InvalidOption: A state exceeds a limit.
         TimingFailed: No motion was found.
     """
-    chain = robot.chain if isinstance(robot, RobotGeometry) else robot
+    chain = None if robot is None else chain_of(robot)
     names = _names(len(start.position)) if chain is None else chain.joint_names
     given = {name: np.asarray(value, dtype=np.float64) for name, value in (limits or {}).items()}
     options = TimingOptions("jerk_limited")

@@ -2,6 +2,7 @@
 
 import json
 import os
+import re
 import sys
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
@@ -25,10 +26,12 @@ _INSTANCE = "command line"
 _DEBUG = "ARMWRIGHT_DEBUG"
 #: Hint of a request whose fields are wrong: all of them are shown.
 _FIELDS_HINT = "The fields stand in docs/reference, and on the page /docs of a service."
-#: Hint of a limit that is not known, in options of commands.
-_LIMITS_HINT = (
-    'Give it with the file of the robot: --default-limits "acceleration=10 x velocity", or '
-    "--joint-limits FILE for single joints. A stored robot gets it when it is created."
+#: Limits that a rule may make, with one.
+_RULES = {"acceleration": "10 x velocity", "jerk": "10 x acceleration"}
+#: Fields of requests for which commands have an option of that name.
+_FIELD = re.compile(
+    r"\"?\b(timeout|margin|seed|planner|base_link|tip_link|srdf|joint_limits|default_limits"
+    r"|visual_solids)\b\"?(?!\.\w)"
 )
 
 
@@ -118,13 +121,33 @@ def _show(problem: Mapping[str, Any]) -> None:
     console = Console(stderr=True, highlight=False)
     console.print(Text(f"{problem['title']} ({problem['code']})", style="bold red"))
     errors = (problem.get("details") or {}).get("errors") or []
-    hint = _FIELDS_HINT if errors else problem.get("hint")
+    hint = _FIELDS_HINT if errors else _with_options(problem.get("hint"))
     if problem["code"] == "MISSING_LIMIT":
-        hint = _LIMITS_HINT
+        hint = _limits_hint(problem.get("details") or {})
     for line in [f"{item['path']}: {item['problem']}" for item in errors] or [problem["detail"]]:
         console.print(Text(str(line)), soft_wrap=True)
     if hint:
         console.print(Text(f"Hint: {hint}", style="yellow"), soft_wrap=True)
+
+
+def _with_options(hint: str | None) -> str | None:
+    """A hint in which the options of commands stand in place of the fields of requests."""
+    if hint is None:
+        return None
+    return _FIELD.sub(lambda found: "--" + found[1].replace("_", "-"), hint)
+
+
+def _limits_hint(details: Mapping[str, Any]) -> str:
+    """The hint of a limit that is not known, in options of commands."""
+    quantity = details.get("quantity", "acceleration")
+    joint = next(iter(details.get("joints") or ()), "*")
+    single = f'--joint-limits FILE with {{"{joint}": {{"{quantity}": ...}}}}'
+    rule = _RULES.get(quantity)
+    every = f'--default-limits "{quantity}={rule}", or ' if rule else ""
+    return (
+        f"Give it with the file of the robot: {every}{single}. "
+        "A stored robot gets it when it is created."
+    )
 
 
 def negative() -> typer.Exit:

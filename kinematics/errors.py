@@ -22,6 +22,13 @@ class ArmwrightError(Exception):
         self.hint = hint
         self.details: Mapping[str, Any] = MappingProxyType(details)
 
+    def __str__(self) -> str:
+        """The message, and the hint behind it."""
+        message, hint = self.message, self.hint
+        if not hint:
+            return message
+        return f"{message}{'' if message.endswith(('.', '!', '?')) else '.'} {hint}"
+
     def __reduce__(self) -> tuple[object, ...]:
         # A process pool sends errors back pickled, which a mapping proxy can't be.
         return _restore, (type(self), self.message, self.hint, dict(self.details))

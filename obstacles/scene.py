@@ -397,7 +397,10 @@ def _rigid(T: Array, name: str) -> Array:
         if matrix.shape != (4, 4) or matrix[3].tolist() != _LAST_ROW:
             raise InvalidPose("it is no 4x4 matrix whose last row is [0, 0, 0, 1]")
         rotation = from_matrix(matrix[:3, :3])
-    except (TypeError, ValueError, InvalidPose) as error:
+    except InvalidPose as error:
+        message = f"obstacle {name!r}: its pose is not a rigid motion: {error.message}"
+        raise InvalidScene(message, hint=error.hint) from None
+    except (TypeError, ValueError) as error:
         raise InvalidScene(f"obstacle {name!r}: its pose is not a rigid motion: {error}") from None
     if not all(abs(x) <= MAX_SIZE for x in matrix[:3, 3].tolist()):
         raise InvalidScene(f"obstacle {name!r}: its position must lie within {MAX_SIZE:g} m")

@@ -340,10 +340,17 @@ def _advice(
     if not set(axes) <= set(POSITION):
         alone = solve(chain, T, SearchOptions(starts=_ADVICE_STARTS, axes=POSITION), link=link)
         if alone.solutions:
+            cure = "Turn the pose or move it."
+            if chain.n < len(AXES):
+                axes = list((*POSITION, "rz", "ry")[: chain.n])
+                cure = (
+                    f"An arm of {chain.n} joints has few there: name the axes of the pose that "
+                    f'count, inverse kinematics takes "axes", say {axes}.'
+                )
             return (
                 "The position can be reached, but not in this orientation: the nearest attempt "
                 f"is off by {nearest.orientation_error:.4f} rad and "
-                f"{nearest.position_error:.4f} m. Turn the pose or move it."
+                f"{nearest.position_error:.4f} m. {cure}"
             )
         return (
             "The position can't be reached inside the joint limits in any orientation: the "

@@ -19,6 +19,28 @@ _OTHER_KINDS = frozenset(
     f"{kind}_type" for kind in ("bool", "int", "float", "string", "list", "dict", "model")
 ) | {"literal_error", "enum"}
 
+#: Fields by which people ask for a tool on the tip, or for a point of what is held.
+_TOOL_FIELDS = frozenset(
+    {
+        "tool",
+        "tcp",
+        "tool_frame",
+        "tool_offset",
+        "tool_pose",
+        "tip",
+        "tip_link",
+        "tip_offset",
+        "offset",
+    }
+)
+#: What to do instead.
+_TOOL_HINT = (
+    "Poses are of the robot's tip_link. To lead the tip of a tool that is held, give the pose "
+    "T_base_tip = T_base_tool T_tip_tool^-1, with T_tip_tool the tool's tip in the frame of "
+    "tip_link; the tool itself is an attached object. Or create the robot with the tool's tip as "
+    "a link of its URDF, on a fixed joint, and name it tip_link."
+)
+
 _Model = TypeVar("_Model", bound=BaseModel)
 
 
@@ -56,10 +78,17 @@ def validation_problem(errors: Sequence[Mapping[str, Any]], body: Any) -> Proble
         "VALIDATION_ERROR",
         sentence + (f"; and {more} more" if more > 0 else ""),
         stage="request",
-        hint="details.errors lists every field; /docs shows what this endpoint takes.",
+        hint=_TOOL_HINT
+        if any(_asks_for_a_tool(error) for error in listed)
+        else "details.errors lists every field; /docs shows what this endpoint takes.",
         errors=found,
         count=count,
     )
+
+
+def _asks_for_a_tool(error: Mapping[str, Any]) -> bool:
+    """Whether a field is unknown that would name a tool, or a point of it."""
+    return error["type"] == "extra_forbidden" and error["loc"][-1] in _TOOL_FIELDS
 
 
 def _has_fault_inside(path: str, paths: Sequence[str]) -> bool:

@@ -139,3 +139,20 @@ def test_a_seam_is_led_within_its_tolerance_at_its_speed(panda: aw.RobotGeometry
         assert -T[2, 2] >= np.cos(0.1 + 1.1e-3)
     ends = aw.fk(panda, plan.trajectory.end)
     assert np.allclose(ends[:3, 3], [0.45, 0.15, 0.45], atol=3e-4)
+
+
+@pytest.mark.parametrize(
+    "ask",
+    [
+        lambda: aw.plan("panda", aw.Scene(), START, GOAL),  # type: ignore[arg-type]
+        lambda: aw.check("panda", aw.Scene(), START),  # type: ignore[arg-type]
+        lambda: aw.fk("panda", START),  # type: ignore[arg-type]
+        lambda: aw.ik("panda", np.eye(4)),  # type: ignore[arg-type]
+        lambda: aw.retime([START, GOAL], "panda"),  # type: ignore[arg-type]
+    ],
+)
+def test_a_name_is_no_robot_and_the_error_says_how_to_load_one(ask: Any) -> None:
+    with pytest.raises(aw.ArmwrightError) as told:
+        ask()
+    assert "'panda' is a str" in str(told.value)
+    assert "aw.load_robot('panda')" in str(told.value)

@@ -4,6 +4,8 @@ import pytest
 import typer
 
 from command_line.problems import invalid_value, negative, shows_problems
+from kinematics.chain import Limits
+from kinematics.errors import InvalidOption
 
 
 def test_an_unexpected_fault_is_told_without_a_traceback(
@@ -35,3 +37,29 @@ def test_an_answer_of_no_passes_through(capsys: pytest.CaptureFixture[str]) -> N
         raise negative()
     assert end.value.exit_code == 1
     assert capsys.readouterr() == ("", "")
+
+
+@pytest.mark.parametrize(
+    ("quantity", "words"),
+    [
+        ("acceleration", ['--default-limits "acceleration=10 x velocity"', "--joint-limits"]),
+        ("effort", ["--joint-limits FILE", '{"elbow": {"effort": ...}}']),
+    ],
+)
+def test_a_limit_that_is_missing_is_given_by_options_of_that_quantity(
+    quantity: str, words: list[str], capsys: pytest.CaptureFixture[str]
+) -> None:
+    with pytest.raises(typer.Exit), shows_problems(as_json=False):
+        Limits.unlimited(1).require(quantity, ["elbow"])
+    text = capsys.readouterr().err
+    assert all(word in text for word in words)
+    assert ("acceleration" in text) is (quantity == "acceleration")
+
+
+def test_hints_name_the_options_of_commands(capsys: pytest.CaptureFixture[str]) -> None:
+    hint = 'Name "tip_link", or allow more time with the field timeout.'
+    with pytest.raises(typer.Exit), shows_problems(as_json=False):
+        raise InvalidOption("it is wrong", hint=hint)
+    assert (
+        "Name --tip-link, or allow more time with the field --timeout." in capsys.readouterr().err
+    )

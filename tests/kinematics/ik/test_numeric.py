@@ -281,3 +281,16 @@ def test_axes_that_do_not_exist_are_named() -> None:
         solve_many(builtin_chain("panda"), np.eye(4)[None], seed_joints=np.zeros((2, 7)))
     with pytest.raises(InvalidPose):
         solve_many(builtin_chain("panda"), np.eye(4))
+
+
+def test_an_arm_of_four_joints_is_told_of_axes() -> None:
+    chain = builtin_chain("scara")
+    T = forward(chain, 0.5 * (chain.limits.lower + chain.limits.upper))
+    tilted = transform(from_axis_angle([1.0, 0.0, 0.0], 0.4) @ T[:3, :3], T[:3, 3])
+    failed = solve(chain, tilted)
+    assert not failed.solutions
+    assert "4 joints" in failed.advice
+    assert '"axes"' in failed.advice
+    axes = ("x", "y", "z", "rz")
+    assert str(list(axes)) in failed.advice
+    assert solve(chain, T, SearchOptions(axes=axes)).solutions
