@@ -4,6 +4,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 
 from planning.goal_costs import GoalCosts
+from planning.sequence.result import SequencePlan
 
 
 @dataclass(frozen=True, slots=True)
@@ -15,6 +16,7 @@ class TaskOptions:
         improve: Seconds to look for a shorter answer after the first one.
         allow_partial: Whether the first stages are an answer where not all can be done.
         observer: Called with the share of the work that is done, from 0 to 1, and the stage.
+        offer: Called with each proved answer that is the best so far.
         goal_costs: Weights by which configurations of poses are chosen.
     """
 
@@ -22,4 +24,5 @@ class TaskOptions:
     improve: float = 0.0
     allow_partial: bool = False
     observer: Callable[[float, str], None] | None = field(default=None, repr=False, compare=False)
+    offer: "Callable[[SequencePlan], None] | None" = field(default=None, repr=False, compare=False)
     goal_costs: GoalCosts = field(default_factory=GoalCosts)

@@ -328,6 +328,19 @@ class _Search:
         milliseconds = 1e3 * (time.perf_counter() - self._began)
         self._improvements.append(Improvement(milliseconds, best.duration))
         self._record.note_solution(best.node)
+        if self._options.offer is not None:
+            self._options.offer(self._plan_of(best.stages, exhausted=False))
+
+    def _plan_of(self, stages: tuple[StagePlan, ...], *, exhausted: bool) -> SequencePlan:
+        """The answer that some stages are."""
+        return SequencePlan(
+            stages,
+            total_duration(stages),
+            self._record.trials,
+            tuple(self._improvements),
+            exhausted=exhausted,
+            deterministic=not self._deadline.interruptions.occurred,
+        )
 
     def _report(self, step: Step) -> None:
         observer = self._options.observer
@@ -343,14 +356,7 @@ class _Search:
     def _answer(self) -> SequencePlan | SequenceFailure:
         if self._best is not None:
             stages = self._away_from_limits(self._best)
-            return SequencePlan(
-                stages,
-                total_duration(stages),
-                self._record.trials,
-                tuple(self._improvements),
-                exhausted=not self._open,
-                deterministic=not self._deadline.interruptions.occurred,
-            )
+            return self._plan_of(stages, exhausted=not self._open)
         failure = search_failure(
             self._task, self._record, self._options.timeout, self._deadline,
             late=self._until.passed, prefix=self._prefix,

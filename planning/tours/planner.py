@@ -24,6 +24,8 @@ from planning.tours.search import Stops, TourSearch
 
 #: Called with the share of the work that is done, and its stage.
 Report = Callable[[float, str], None]
+#: Called with a proved tour that is the best so far.
+Offer = Callable[[Tour], None]
 #: Share of the work that is finding configurations.
 _CONFIGURATIONS_SHARE = 0.2
 #: Codes of what is wrong at the end of a tour, by those of its start.
@@ -37,6 +39,7 @@ def plan_tour(
     problem: TourProblem,
     options: TourOptions | None = None,
     report: Report = lambda _share, _stage: None,
+    offer: Offer = lambda _tour: None,
 ) -> Tour | Failure:
     """Visit goals in the order that takes the least time, every leg proved.
 
@@ -48,6 +51,7 @@ def plan_tour(
         problem: The robot, the scene, goals and their order.
         options: Planning of the legs, rounds of the search.
         report: Called with the share of the work that is done, and its stage.
+        offer: Called with each proved tour that is the best so far.
 
     Returns:
         The shortest proved tour that was found before the deadline, or why there is none.
@@ -57,7 +61,7 @@ def plan_tour(
         InvalidOption: An unknown planner or option.
         MissingLimit: A velocity or acceleration limit is not known.
     """
-    planner = _TourPlanner(problem, options or TourOptions(), report)
+    planner = _TourPlanner(problem, options or TourOptions(), report, offer)
     answer = planner.run()
     if isinstance(answer, Tour):
         return answer
@@ -73,6 +77,7 @@ class _TourPlanner:
         problem: The tour.
         options: Options of planning.
         report: Called with progress.
+        offer: Called with each proved tour that is the best so far.
         deadline: The end of all stages.
         checker: The exact robot in the scene with its margins.
         unvisited: Goals that are left out.
@@ -82,6 +87,7 @@ class _TourPlanner:
     problem: TourProblem
     options: TourOptions
     report: Report
+    offer: Offer
     deadline: Deadline = field(init=False)
     checker: Checker = field(init=False)
     unvisited: list[Unvisited] = field(default_factory=list)
@@ -106,15 +112,15 @@ class _TourPlanner:
             if isinstance(tables, Failure):
                 return tables
             stops, legs = tables
-            search = TourSearch(self.problem, self.options, stops, legs, self.deadline, self.report)
+            search = TourSearch(
+                self.problem, self.options, stops, legs, self.deadline, self.report,
+                lambda tour: self.offer(self._told(tour)),
+            )  # fmt: skip
             tour = search.run()
             if isinstance(tour, Failure):
                 return tour
             if isinstance(tour, Tour):
-                unvisited = sorted([*self.unvisited, *tour.unvisited], key=lambda one: one.index)
-                if not tour.reaches_end:
-                    self.notes.append(_end_note(self.problem, tour))
-                return replace(tour, unvisited=tuple(unvisited), notes=tuple(self.notes))
+                return self._told(tour)
             goal = self.problem.goals[tour.goal]
             failure = tour.failure
             message = f"no motion to it was found: {failure.message}"
@@ -126,6 +132,12 @@ class _TourPlanner:
             del found[tour.goal]
             self._leave_out_followers(found)
         return _out_of_reach(self.unvisited, len(self.problem.goals))
+
+    def _told(self, tour: Tour) -> Tour:
+        """A tour with what the search does not know: goals left out before it, and notes."""
+        unvisited = sorted([*self.unvisited, *tour.unvisited], key=lambda one: one.index)
+        notes = self.notes if tour.reaches_end else [*self.notes, _end_note(self.problem, tour)]
+        return replace(tour, unvisited=tuple(unvisited), notes=tuple(notes))
 
     # ----------------------------------------------------------------------------- the two ends
 

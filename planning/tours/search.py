@@ -96,6 +96,7 @@ class TourSearch:
         legs: Legs between these.
         deadline: The end.
         report: Called with progress.
+        offer: Called with each proved tour that is the best so far.
         network: Stops and times as the kernels take them.
         state: The tour that is being searched.
         work: Memory of the kernels.
@@ -114,6 +115,7 @@ class TourSearch:
     legs: LegTable
     deadline: Deadline
     report: Callable[[float, str], None]
+    offer: Callable[[Tour], None]
     network: Network = field(init=False)
     state: TourState = field(init=False)
     work: SearchWork = field(init=False)
@@ -223,6 +225,7 @@ class TourSearch:
             return False
         self.best, self.best_time, self.best_cost = self.state.copy(), time, cost
         self._note_improvement(round_number)
+        self.offer(self._tour(round_number, "deadline"))
         return True
 
     def _note_improvement(self, round_number: int) -> None:

@@ -105,7 +105,7 @@ class Admission:
             return None
         if not self._supervisor.is_free:
             seconds = named_timeout(request.body, self._settings)
-            problem = self._supervisor.early_refusal(task, seconds, client)
+            problem = self._supervisor.early_refusal(task, seconds, client, len(request.body))
             if problem is not None:
                 return self._answer(problem, request.path)
         self._supervisor.coming.note(carrier, task, client)

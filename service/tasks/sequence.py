@@ -2,6 +2,7 @@
 
 import hashlib
 from collections.abc import Mapping
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -65,8 +66,19 @@ def plan_sequence(
         return timed_out("the search began", "task")
     stages = sequences.stages(body, geometry, start, remaining)
     asked = Task(world, start, stages, body.seed)
+
+    def written(found: SequencePlan) -> bytes:
+        answer = _answer(found, asked, body)
+        stages = answer["stages"]
+        cells = stage_cells(stages, alone, task_objects(alone, around, body), body.fingers or {})
+        for plan, stage, cell in zip(found.stages, stages, cells, strict=True):
+            premises = cell.premises(plan.certificate.premises.margin)
+            stage["certificate"]["premises"] = certificates.premises_answer(premises, body.scene)
+        return to_json(answer, inf_nan_mode="null")
+
     options = TaskOptions(
         remaining, body.improve, body.allow_partial, current.report,
+        lambda found: current.offer(partial(written, found)),
         problems.goal_costs(body.goal_costs),
     )  # fmt: skip
     outcome = plan_task(asked, options)
@@ -74,13 +86,7 @@ def plan_sequence(
         return TaskProblem(
             outcome.code, outcome.message, outcome.hint, _failure_details(asked, outcome)
         )
-    answer = _answer(outcome, asked, body)
-    stages = answer["stages"]
-    cells = stage_cells(stages, alone, task_objects(alone, around, body), body.fingers or {})
-    for plan, stage, cell in zip(outcome.stages, stages, cells, strict=True):
-        premises = cell.premises(plan.certificate.premises.margin)
-        stage["certificate"]["premises"] = certificates.premises_answer(premises, body.scene)
-    return to_json(answer, inf_nan_mode="null")
+    return written(outcome)
 
 
 def _start(body: TaskRequest, robot: RobotGeometry) -> Array:

@@ -1,12 +1,14 @@
 """Tours as requests ask for them, in workers."""
 
 import hashlib
+from functools import partial
 from typing import Any
 
 from pydantic_core import to_json
 
 from planning.result import Failure
 from planning.tours.planner import plan_tour
+from planning.tours.result import Tour
 from service.schemas.tour import TourRequest
 from service.storage import worker_cache
 from service.storage.cache_key import Reference
@@ -45,13 +47,17 @@ def tour(
     if deadline.passed:
         return timed_out("the tour was begun", "configurations")
     options = tour_options(body, cell.robot.chain, deadline.remaining)
-    outcome = plan_tour(problem, options, current.report)
-    if isinstance(outcome, Failure):
-        return _refusal(outcome)
-    answer = tour_answer(outcome, problem, body.timing.sample_period, body.scene)
-    answer["notes"] = [*rounding_notes(body), *answer["notes"]]
-    surroundings = _surroundings(body, cell, deterministic=outcome.deterministic)
-    return to_json(answer | surroundings, inf_nan_mode="null")
+
+    def written(found: Tour) -> bytes:
+        answer = tour_answer(found, problem, body.timing.sample_period, body.scene)
+        answer["notes"] = [*rounding_notes(body), *answer["notes"]]
+        surroundings = _surroundings(body, cell, deterministic=found.deterministic)
+        return to_json(answer | surroundings, inf_nan_mode="null")
+
+    outcome = plan_tour(
+        problem, options, current.report, lambda found: current.offer(partial(written, found))
+    )
+    return _refusal(outcome) if isinstance(outcome, Failure) else written(outcome)
 
 
 def _refusal(failure: Failure) -> TaskProblem:

@@ -1,7 +1,9 @@
 """The job that this process is working on, as its task sees it; a worker has one at a time."""
 
+import math
 import time
 from collections.abc import Callable
+from typing import Any
 
 from kinematics.preparation_limit import limit_preparation
 from planning.deadline import Deadline
@@ -11,6 +13,10 @@ from service.workers.task import NEVER
 _REPORT_PERIOD = 0.05
 #: Receives progress, from 0 to 1, and the stage.
 Report = Callable[[float, str], None]
+#: Results are kept at the server at most this often [s]: to write one takes a part of that.
+_OFFER_PERIOD = 0.25
+#: Receives the result of the job as it would be by now.
+Offer = Callable[[Any], None]
 
 
 class _Current:
@@ -20,6 +26,8 @@ class _Current:
     last_report: float = 0.0
     silent_until: float = 0.0
     parts_done: int = 0
+    offer: Offer | None = None
+    last_offer: float = -math.inf
 
 
 def deadline() -> Deadline:
@@ -44,15 +52,30 @@ def report(progress: float, stage: str) -> None:
         _Current.report(_Current.parts_done + float(progress), stage)
 
 
-def begin(deadline: Deadline, report: Report | None, silence: float = 0.0) -> None:
+def offer(make: Callable[[], Any]) -> None:
+    """Keep a result of the current job at the server, which answers it where nothing better comes.
+
+    Args:
+        make: Makes the result, a proved one.
+    """
+    now = time.monotonic()
+    if _Current.offer is not None and now - _Current.last_offer >= _OFFER_PERIOD:
+        _Current.offer(make())
+        _Current.last_offer = time.monotonic()
+
+
+def begin(
+    deadline: Deadline, report: Report | None, silence: float = 0.0, offer: Offer | None = None
+) -> None:
     """Make a job the current one.
 
     Args:
         deadline: When it must be done.
         report: Receives its progress; None where nobody listens.
         silence: Time from now on in which nothing is reported [s].
+        offer: Receives results that are the best so far; None where nobody keeps them.
     """
-    _Current.report = report
+    _Current.report, _Current.offer, _Current.last_offer = report, offer, -math.inf
     begin_part(0, deadline)
     _Current.silent_until = time.monotonic() + silence if silence > 0.0 else 0.0
 

@@ -1,7 +1,7 @@
 """Durations of tasks as they were measured, and the share that background jobs have."""
 
 import time
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 
 from service.workers.process import Ticket
 
@@ -16,32 +16,49 @@ _MAX_BALANCE = 30.0
 
 
 class Durations:
-    """Mean durations of tasks; those of late count most."""
+    """Mean durations of tasks by the size of the request; those of late count most.
+
+    Requests of one size are those between a power of two of bytes and the next. Where none of a
+    size has run those of the nearest size count, of larger ones in proportion to the size. Where
+    no size is told those of all sizes do.
+    """
 
     def __init__(self) -> None:
-        self._means: dict[str, float] = {}
-        self._spreads: dict[str, float] = {}
+        self._means: dict[str, dict[int, float]] = {}
+        self._spreads: dict[str, dict[int, float]] = {}
 
-    def note(self, task: str, seconds: float) -> None:
-        """Note how long a job of a task took [s]."""
-        mean = self._means.get(task, seconds)
-        self._means[task] = mean + _MEAN_WEIGHT * (seconds - mean)
-        spread = self._spreads.get(task, 0.0)
-        self._spreads[task] = spread + _MEAN_WEIGHT * (abs(seconds - mean) - spread)
+    def note(self, task: str, seconds: float, size: int = 0) -> None:
+        """Note how long a job of a task took [s], of a request of a size [byte]."""
+        means, spreads = self._means.setdefault(task, {}), self._spreads.setdefault(task, {})
+        for bits in {0, size.bit_length()}:
+            mean, spread = means.get(bits, seconds), spreads.get(bits, 0.0)
+            means[bits] = mean + _MEAN_WEIGHT * (seconds - mean)
+            spreads[bits] = spread + _MEAN_WEIGHT * (abs(seconds - mean) - spread)
 
-    def mean(self, task: str) -> float:
-        """The mean duration of a task [s]."""
-        return self._means.get(task, _FIRST_MEAN)
+    def mean(self, task: str, size: int = 0) -> float:
+        """The mean duration of a task for requests of a size [byte] [s]."""
+        return _of_size(self._means.get(task, {}), size.bit_length(), _FIRST_MEAN)
 
-    def spread(self, task: str) -> float:
-        """The mean deviation of the duration of a task from its mean [s]."""
-        return self._spreads.get(task, 0.0)
+    def spread(self, task: str, size: int = 0) -> float:
+        """The mean deviation of the duration of a task from its mean, likewise [s]."""
+        return _of_size(self._spreads.get(task, {}), size.bit_length(), 0.0)
 
     def remaining(self, running: Iterable[Ticket], waiting: Iterable[Ticket]) -> float:
         """Time that jobs still need, all together [s]."""
         now = time.monotonic()
-        rest = sum(max(self.mean(t.job.task) - (now - t.begun), 0.0) for t in running)
-        return rest + sum(self.mean(ticket.job.task) for ticket in waiting)
+        rest = sum(max(self.mean(t.job.task, t.job.size) - (now - t.begun), 0.0) for t in running)
+        return rest + sum(self.mean(ticket.job.task, ticket.job.size) for ticket in waiting)
+
+
+def _of_size(known: Mapping[int, float], bits: int, unknown: float) -> float:
+    """The value of a size, or that of the nearest size that is known; 0 bits for all sizes."""
+    if not known:
+        return unknown
+    if bits in known:
+        return known[bits]
+    sizes = [size for size in known if size] or [0]
+    nearest = min(sizes, key=lambda size: abs(size - bits))
+    return known[nearest] * 2.0 ** min(bits - nearest, 0)
 
 
 class BackgroundShare:

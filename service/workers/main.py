@@ -38,6 +38,7 @@ class Reply(StrEnum):
     READY = "ready"  # warm, waiting for the first job
     STARTED = "started"  # the job has arrived, where that is to be reported
     PROGRESS = "progress"  # (fraction, stage)
+    OFFER = "offer"  # (value) the best result so far
     # The last three begin with how long the worker has had the job [s]. A server that is late to
     # read them would take that for the work of the job.
     RESULT = "result"  # (seconds, value)
@@ -85,7 +86,7 @@ def _run(channel: socket.socket, payload: bytes) -> tuple[Any, ...]:
         # The server ends what overruns; this is for a server that no longer gets to it.
         signal.setitimer(signal.ITIMER_REAL, deadline.remaining + _SELF_KILL)
     report = partial(_send, channel, Reply.PROGRESS) if wants_progress else None
-    current.begin(deadline, report, silence)
+    current.begin(deadline, report, silence, partial(_send, channel, Reply.OFFER))
     try:
         return _reply(memoryview(payload)[HEADER.size :])
     finally:

@@ -66,6 +66,7 @@ class Ticket:
         causes: How the workers died that it was given to.
         watch: Follows it, where somebody looks.
         begun: When it was accepted or a worker received it, on the clock of `time.monotonic` [s].
+        offer: The best result so far that the worker has told; None before the first.
     """
 
     job: Job[Any]
@@ -85,6 +86,7 @@ class Ticket:
     causes: list[str] = field(default_factory=list)
     watch: Watch | None = None
     begun: float = field(default_factory=time.monotonic)
+    offer: Any = None
 
     @property
     def ends_at(self) -> float:

@@ -5,6 +5,7 @@ import time
 from collections import deque
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
+from typing import Any
 
 from service.workers.coming import ComingRequests
 from service.workers.fair_queue import FairQueue
@@ -12,6 +13,7 @@ from service.workers.faults import QueueFull
 from service.workers.load import BackgroundShare, Durations
 from service.workers.pool import Progress, WorkerPool
 from service.workers.process import Ticket, Worker
+from service.workers.task import Job
 from service.workers.watch import Watcher
 
 #: Waits are taken for so many times what durations tell: a job that is begun in vain costs more
@@ -64,7 +66,7 @@ class SupervisorState:
         self._accepting = False
         self._estimates: dict[str | None, float] = {}
         self._estimated = (-math.inf, -1)
-        self._early: dict[tuple[str, float, str], QueueFull] = {}
+        self._early: dict[tuple[str, int, float, str], QueueFull] = {}
         self._early_state = (-math.inf, (-1, -1, -1))
 
     @property
@@ -164,21 +166,23 @@ class SupervisorState:
 
         A job that can begin at once is never too late: it may be quicker than others were.
         """
-        return self._lateness(task, seconds, self.expected_wait(client))
+        return self._lateness((task, 0), seconds, self.expected_wait(client))
 
-    def refusal(self, task: str, seconds: float, client: str = "") -> QueueFull | None:
+    def refusal(self, job: Job[Any], client: str = "") -> QueueFull | None:
         """The problem of a job that has no chance; None where it has one.
 
         Args:
-            task: Its name.
-            seconds: Time until its deadline [s].
+            job: The call.
             client: Whom it is for.
         """
         if self._can_begin():
             return None
-        return self._refusal(task, seconds, self.expected_wait(client), self.waiting)
+        wait = self.expected_wait(client)
+        return self._refusal((job.task, job.size), job.deadline.remaining, wait, self.waiting)
 
-    def early_refusal(self, task: str, seconds: float, client: str = "") -> QueueFull | None:
+    def early_refusal(
+        self, task: str, seconds: float, client: str = "", size: int = 0
+    ) -> QueueFull | None:
         """The problem of a request that has just arrived; None where it has a chance.
 
         Requests that are still being read count as if they waited.
@@ -187,42 +191,47 @@ class SupervisorState:
             task: What it asks for.
             seconds: Time until its deadline [s].
             client: Whom it is from.
+            size: Of its body [byte]; 0 where it is not known.
         """
         now, changes = time.monotonic(), self._changes()
         until, known = self._early_state
         if now > until or changes != known:
             self._early.clear()
             self._early_state = (now + _GOOD_FOR, changes)
-        found = self._early.get((task, seconds, client))
+        key = (task, size.bit_length(), seconds, client)
+        found = self._early.get(key)
         if found is not None:
             self.counters.rejected += 1
             return found
-        found = self._early_refusal(task, seconds, client)
+        found = self._early_refusal(task, seconds, client, size)
         if found is not None and len(self._early) < _MAX_EARLY:
-            self._early[task, seconds, client] = found
+            self._early[key] = found
         return found
 
     def _changes(self) -> tuple[int, int, int]:
         """A value that changes with whoever waits, is on the way, or has a worker."""
         return self._waiting.changes, self.coming.changes, len(self._idle)
 
-    def _early_refusal(self, task: str, seconds: float, client: str) -> QueueFull | None:
+    def _early_refusal(self, task: str, seconds: float, client: str, size: int) -> QueueFull | None:
         running = sum(1 for _ in self._running())
         queued = len(self._waiting) + running
         ahead = self.coming.ahead(client, queued)
         if self._can_begin() and running + ahead < self._count:
             return None
-        wait = self.expected_wait(client) + ahead * self.durations.mean(task) / self._count
+        wait = self.expected_wait(client) + ahead * self.durations.mean(task, size) / self._count
         waiting = self.waiting + max(len(self.coming) - queued, 0)
-        return self._refusal(task, seconds, wait, waiting)
+        return self._refusal((task, size), seconds, wait, waiting)
 
-    def _lateness(self, task: str, seconds: float, wait: float) -> float:
-        duration = self.durations.mean(task) + self.durations.spread(task)
+    def _lateness(self, kind: tuple[str, int], seconds: float, wait: float) -> float:
+        """Delay of a job, by the name of its task and the size of its request [byte]."""
+        duration = self.durations.mean(*kind) + self.durations.spread(*kind)
         late = _CAUTION * wait + duration - seconds
         return late if wait > 0.0 else 0.0
 
-    def _refusal(self, task: str, seconds: float, wait: float, waiting: int) -> QueueFull | None:
-        late, told = self._lateness(task, seconds, wait), None
+    def _refusal(
+        self, kind: tuple[str, int], seconds: float, wait: float, waiting: int
+    ) -> QueueFull | None:
+        late, told = self._lateness(kind, seconds, wait), None
         if waiting >= self._queue_limit:
             late = self._work(None) / max(waiting, 1)
         elif late > 0.0:

@@ -173,7 +173,7 @@ class WorkerSupervisor(SupervisorState):
             QueueFull: It has none.
         """
         if not brief:
-            problem = self.refusal(job.task, job.deadline.remaining, client)
+            problem = self.refusal(job, client)
             if problem is not None:
                 raise problem
         elif not self._can_begin("brief") and self.waiting >= self._queue_limit:
@@ -212,7 +212,7 @@ class WorkerSupervisor(SupervisorState):
         if ticket.brief or ticket.background is not None or ticket.attempts > 0:
             return False
         has_waited = time.monotonic() - ticket.begun > _CLOCK_STEP
-        mean = self.durations.mean(ticket.job.task)
+        mean = self.durations.mean(ticket.job.task, ticket.job.size)
         return has_waited and ticket.deadline.remaining < _LEAST_PART * mean
 
     def _take_worker_for(self, waiting: Ticket) -> None:
@@ -260,6 +260,12 @@ class WorkerSupervisor(SupervisorState):
 
     def _expire(self, ticket: Ticket) -> None:
         """End a job that is late, at the end of its grace; at once if its worker was stopped."""
+        if ticket.offer is not None:
+            # What was found is answered in time, whatever the worker is at.
+            self.counters.overrun += 1
+            ticket.settle(ticket.offer)
+            self._release(ticket)
+            return
         ends_at = ticket.ends_at + self._kill_grace
         has_grace = time.monotonic() < ends_at - _CLOCK_STEP
         if has_grace and ticket.worker is not None and not ticket.worker.process.is_stopped:
@@ -314,6 +320,10 @@ class WorkerSupervisor(SupervisorState):
         ticket = worker.ticket
         if ticket is None or ticket.result.done():
             return
+        if ticket.offer is not None:
+            self.counters.crashed += 1
+            ticket.settle(ticket.offer)
+            return
         if not ticket.arrived and ticket.attempts < _MAX_ATTEMPTS and self._accepting:
             worker.ticket = None
             self._put_back(ticket)
@@ -356,6 +366,8 @@ class WorkerSupervisor(SupervisorState):
                 ticket.background.on_start()
         elif kind == Reply.PROGRESS:
             ticket.note_progress(*values)
+        elif kind == Reply.OFFER:
+            ticket.offer = values[0]
         else:
             worker.ticket = None
             worker.jobs += 1
@@ -390,7 +402,7 @@ class WorkerSupervisor(SupervisorState):
 
     def _note_duration(self, ticket: Ticket, seconds: float, *, is_refusal: bool = False) -> None:
         if not ticket.brief and not is_refusal:
-            self.durations.note(ticket.job.task, seconds)
+            self.durations.note(ticket.job.task, seconds, ticket.job.size)
         if self._background or ticket.background is not None:
             self._share.note(seconds, background=ticket.background is not None)
 

@@ -10,9 +10,9 @@ from typing import Any, Generic, ParamSpec, TypeVar, overload
 
 from planning.deadline import Deadline
 
-#: Grace of tasks that mind their deadline themselves [s]: enough to finish a stage and to tell what
-#: was tried.
-GRACE = 0.5
+#: Grace of tasks that mind their deadline themselves [s]: enough to tell what was tried, and too
+#: little for a client to notice.
+GRACE = 0.1
 #: The deadline of a job that may take any time.
 NEVER = Deadline(math.inf)
 
@@ -38,6 +38,11 @@ class Job(Generic[R_co]):
     kwargs: Mapping[str, Any] = field(default_factory=dict)
     deadline: Deadline = NEVER
     grace: float = 0.0
+
+    @property
+    def size(self) -> int:
+        """Size of what the call is about [byte]."""
+        return sum(len(value) for value in self.args if isinstance(value, bytes))
 
     def with_timeout(self, seconds: float) -> "Job[R_co]":
         """Job with a deadline that many seconds from now."""

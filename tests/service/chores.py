@@ -6,6 +6,7 @@ import signal
 import socket
 import time
 from collections.abc import Iterator
+from functools import partial
 from typing import Any
 
 from kinematics.errors import InvalidLinkName
@@ -137,3 +138,26 @@ def impatient_worker(channel: socket.socket) -> None:
     """A worker that ends itself soon after a deadline that the server does not enforce."""
     main._SELF_KILL = 0.2
     main.main(channel)
+
+
+@task
+def search(found: float) -> str:
+    """Find something better again and again, and never come to an end."""
+    for step in itertools.count():
+        current.offer(partial("found {}".format, step))
+        time.sleep(found)
+    return "done"
+
+
+@task
+def find_and_die() -> None:
+    current.offer(lambda: "found")
+    time.sleep(0.1)
+    os.kill(os.getpid(), signal.SIGKILL)
+
+
+@task
+def nap_over(seconds: float, content: bytes) -> int:
+    """A job of a size."""
+    time.sleep(seconds)
+    return len(content)

@@ -29,7 +29,7 @@ class Supervisor:
         self.coming = ComingRequests()
         self.asked: list[tuple[str, float, str]] = []
 
-    def early_refusal(self, task: str, seconds: float, client: str) -> QueueFull | None:
+    def early_refusal(self, task: str, seconds: float, client: str, _size: int) -> QueueFull | None:
         self.asked.append((task, seconds, client))
         return QueueFull(3, 7, self.wait) if self.wait > seconds else None
 

@@ -28,6 +28,21 @@ def test_the_spread_follows_what_is_measured() -> None:
     assert abs(durations.spread("plan") - 0.1) < 0.01
 
 
+def test_large_requests_say_little_of_small_ones() -> None:
+    durations = Durations()
+    for _ in range(50):
+        durations.note("task", 8.0, 300_000)
+    assert durations.mean("task") == durations.mean("task", 270_000) == 8.0
+    # A size that never ran: in proportion to the nearest one that did, and never more than that.
+    assert durations.mean("task", 3_000) < 0.2
+    assert durations.mean("task", 3_000_000) == 8.0
+    durations.note("task", 0.4, 3_000)
+    assert durations.mean("task", 2_500) == 0.4
+    assert durations.mean("task", 300_000) == 8.0
+    assert durations.spread("task", 3_000) == 0.0
+    assert 0.4 < durations.mean("task") < 8.0
+
+
 def test_background_jobs_get_their_share() -> None:
     """Workers that are never idle: what is due is given, and the times add up to the share."""
     share, times = BackgroundShare(), {True: 0.0, False: 0.0}

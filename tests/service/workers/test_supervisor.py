@@ -219,6 +219,55 @@ def test_an_overrun_is_ended_within_three_tenths_of_a_second(name: str) -> None:
     assert 0.2 <= quickest(lambda: asyncio.run(run()), 0.5) < 0.5
 
 
+def test_what_was_found_is_answered_when_time_is_up() -> None:
+    async def run() -> float:
+        async with supervisor(1) as workers:
+            await ready(workers)
+            start = time.monotonic()
+            found = await workers.submit(chore("search", 0.05, seconds=0.6))
+            took = time.monotonic() - start
+            assert found.startswith("found ")
+            assert int(found.removeprefix("found ")) > 0, "a later one took the place of the first"
+            assert await workers.submit(chore("add", 1, 2)) == 3
+            return took
+
+    assert 0.6 <= quickest(lambda: asyncio.run(run()), 0.9) < 0.9
+
+
+def test_what_a_worker_has_found_outlives_it() -> None:
+    async def run() -> None:
+        async with supervisor(1) as workers:
+            await ready(workers)
+            assert await workers.submit(chore("find_and_die", seconds=20.0)) == "found"
+            # One that is stopped in the midst of its work is starved of all its time.
+            job = asyncio.ensure_future(workers.submit(chore("search", 0.05, seconds=1.5)))
+            await working(workers, 1)
+            await asyncio.sleep(0.5)
+            os.kill(workers.busy_pids[0], signal.SIGSTOP)
+            assert (await job).startswith("found ")
+
+    asyncio.run(run())
+
+
+def test_small_requests_wait_behind_large_ones_where_there_is_time() -> None:
+    async def run() -> None:
+        async with supervisor(1) as workers:
+            await ready(workers)
+            await workers.submit(chore("nap_over", 1.0, b"x" * 100_000))
+            large = asyncio.ensure_future(workers.submit(chore("nap_over", 0.3, b"x" * 100_000)))
+            await working(workers, 1)
+            jobs = [
+                asyncio.ensure_future(
+                    workers.submit(chore("nap_over", 0.01, b"x" * 500, seconds=5.0))
+                )
+                for _ in range(6)
+            ]
+            assert await asyncio.gather(*jobs) == [500] * 6
+            await large
+
+    asyncio.run(run())
+
+
 def test_a_job_whose_deadline_passes_in_the_queue_never_runs() -> None:
     async def run() -> None:
         async with supervisor(1) as workers:
