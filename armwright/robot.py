@@ -14,8 +14,9 @@ from kinematics.joint_limits import (
     apply_rules,
     limits_of_chain,
     moveit_joint_limits,
-    scaling_notes,
+    moveit_notes,
 )
+from kinematics.lint import tidy
 from kinematics.named_states import named_states
 from kinematics.robots import builtin_names, builtin_srdf, builtin_urdf
 from kinematics.root_frame import root_notes, tool_notes
@@ -138,7 +139,7 @@ def _from_urdf(
     if semantics is None or not semantics.names_allowed_pairs:
         robot = replace(robot, suspected=suspected_pairs(robot))
     lint += [*chosen.lint, *unused, *root_notes(chain), *tool_notes(chain)]
-    return replace(robot, lint=(*lint, *robot.lint))
+    return replace(robot, lint=tuple(tidy([*lint, *robot.lint])))
 
 
 def _joint_limits(
@@ -150,7 +151,7 @@ def _joint_limits(
     if isinstance(source, Path):
         text = source.read_text("utf-8")
         limits, lint = limits_of_chain(moveit_joint_limits(text), joints, known)
-        return limits, [*lint, *scaling_notes(text)]
+        return limits, [*lint, *moveit_notes(text)]
     return source or {}, []
 
 

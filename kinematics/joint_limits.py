@@ -2,7 +2,7 @@
 
 import math
 import re
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -11,6 +11,7 @@ from kinematics.arrays import Array
 from kinematics.chain import Limits
 from kinematics.description import JointDescription
 from kinematics.errors import InvalidRobotDescription
+from kinematics.lint import meant
 from kinematics.yaml_reader import UnreadableYaml, fields_of, finite_number, read_yaml
 
 #: The name that stands for all joints of a chain.
@@ -146,8 +147,8 @@ def _check_override(name: str, quantity: str, value: float) -> None:
 def moveit_joint_limits(text: str) -> dict[str, dict[str, float]]:
     """Limits by joint and quantity, of the text of MoveIt's ``joint_limits.yaml``.
 
-    A limit counts where its flag (``has_velocity_limits``, ...) is true. Scaling factors are no
-    limits: `scaling_notes` tells them.
+    A limit counts unless its flag (``has_velocity_limits``, ...) is false. Scaling factors are no
+    limits: `moveit_notes` tells them, and all else that is not obeyed.
 
     Args:
         text: The YAML text.
@@ -164,22 +165,41 @@ def moveit_joint_limits(text: str) -> dict[str, dict[str, float]]:
     return {str(name): _moveit_joint(str(name), entry) for name, entry in joints.items()}
 
 
-def scaling_notes(text: str) -> list[str]:
-    """A note where MoveIt's plans would be slower than the limits in its ``joint_limits.yaml``.
+def moveit_notes(text: str) -> list[str]:
+    """Notes on what of MoveIt's ``joint_limits.yaml`` is not obeyed, or means another thing there.
 
     Raises:
         InvalidRobotDescription: The text is no YAML.
     """
     root = _document(text)
+    notes = []
     factors = {key: finite_number(root.get(key)) for key in _SCALING}
     told = [f"{key} {x:g}" for key, x in factors.items() if x is not None and x != 1.0]
-    if not told:
-        return []
-    note = (
-        f"joint_limits: {' and '.join(told)} are of MoveIt's plans alone: here a request scales "
-        "its limits by timing.velocity_scaling and timing.acceleration_scaling"
-    )
-    return [note]
+    if told:
+        notes.append(
+            f"joint_limits: {' and '.join(told)} are of MoveIt's plans alone: here a request "
+            "scales its limits by timing.velocity_scaling and timing.acceleration_scaling"
+        )
+    others = [str(key) for key in root if key not in ("joint_limits", *_SCALING)]
+    if others:
+        notes.append(f"joint_limits: {', '.join(others)} of the text are not read")
+    for name, entry in (fields_of(root.get("joint_limits")) or {}).items():
+        notes += _joint_notes(str(name), fields_of(entry) or {})
+    return notes
+
+
+def _joint_notes(name: str, fields: Mapping[str, object]) -> Iterator[str]:
+    known = [word for pair in _MOVEIT_FIELDS.values() for word in pair]
+    for key in sorted(map(str, fields.keys() - {*known})):
+        yield f"joint_limits: joint {name!r}: {key} is not read{meant(key, known)}"
+    if fields.get("has_velocity_limits") is False:
+        yield (
+            f"joint_limits: joint {name!r} has no velocity limit in MoveIt (has_velocity_limits is "
+            "false): here that of the URDF holds"
+        )
+    for quantity, (flag, key) in _MOVEIT_FIELDS.items():
+        if fields.get(flag) is False and finite_number(fields.get(key)) and quantity != "velocity":
+            yield f"joint_limits: joint {name!r}: {key} is not used, {flag} is false"
 
 
 def _document(text: str) -> Mapping[str, object]:
@@ -197,9 +217,12 @@ def _moveit_joint(name: str, entry: object) -> dict[str, float]:
         )
     limits = {}
     for quantity, (flag, key) in _MOVEIT_FIELDS.items():
-        if fields.get(flag) is not True:
+        # A limit without its flag counts in MoveIt 1, and one of position always does.
+        if fields.get(flag) is False or (flag not in fields and key not in fields):
             continue
         value = finite_number(fields.get(key))
+        if value is None and quantity in ("lower", "upper") and key not in fields:
+            continue
         if value is None:
             raise InvalidRobotDescription(
                 f"joint_limits: joint {name!r} has {flag}, but {key} is no finite number",

@@ -3,12 +3,13 @@
 Follows the SRDF specification (wiki.ros.org/srdf). Only what a serial chain needs is kept.
 """
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 from types import MappingProxyType
 
 from kinematics.description import RobotDescription
 from kinematics.errors import InvalidRobotDescription
+from kinematics.lint import SRDF, unread_notes
 from kinematics.xml_reader import Element, attribute, children, number, read_robot
 
 #: Elements of newer files that say what may touch.
@@ -28,13 +29,15 @@ class Semantics:
         chains: (base link, tip link) of each group that is one chain, by the group's name.
         states: Joint values [rad or m] by the group's name (empty where the file
             names none), then the state's.
-        virtual_frames: (parent frame, child link) of the fixed virtual joints, by which the robot
-            stands in its surroundings.
+        virtual_frames: (parent frame, child link) of the virtual joints, by which the robot stands
+            in its surroundings.
         own_pairs: Links that the file pairs with themselves, which means nothing.
         default_allowed: Links of <disable_default_collisions>: they may touch every other link that
             no pair is given with.
         enabled_collisions: Pairs of links of <enable_collisions>, each in sorted order; a pair that
             is disabled as well is disabled.
+        passive: Joints that the file calls passive.
+        notes: What of the file is not obeyed, one sentence each.
     """
 
     name: str
@@ -45,6 +48,8 @@ class Semantics:
     own_pairs: tuple[str, ...] = ()
     default_allowed: frozenset[str] = frozenset()
     enabled_collisions: frozenset[Pair] = frozenset()
+    passive: tuple[str, ...] = ()
+    notes: tuple[str, ...] = ()
 
     @property
     def names_allowed_pairs(self) -> bool:
@@ -67,7 +72,7 @@ class Semantics:
         return pairs | self.disabled_collisions
 
     def root_aliases(self, root: str) -> tuple[str, ...]:
-        """Frames that a fixed virtual joint puts in the same place as the root link."""
+        """Frames that a virtual joint at its origin puts in the same place as the root link."""
         return tuple(frame for frame, link in self.virtual_frames if link == root != frame)
 
     def __post_init__(self) -> None:
@@ -82,7 +87,7 @@ class Semantics:
         states = {g: {s: dict(q) for s, q in named.items()} for g, named in self.states.items()}
         values = (self.name, self.disabled_collisions, dict(self.chains), states)
         pairs = (self.own_pairs, self.default_allowed, self.enabled_collisions)
-        return Semantics, (*values, self.virtual_frames, *pairs)
+        return Semantics, (*values, self.virtual_frames, *pairs, self.passive, self.notes)
 
 
 def parse_srdf(text: str | bytes) -> Semantics:
@@ -91,7 +96,8 @@ def parse_srdf(text: str | bytes) -> Semantics:
     Raises:
         InvalidRobotDescription: It is no SRDF, or an element lacks what it needs.
     """
-    robot = read_robot(text, "SRDF")
+    foreign: list[str] = []
+    robot = read_robot(text, "SRDF", foreign)
     disabled, enabled = (
         [_pair(e) for e in children(robot, tag)] for tag in ("disable_collisions", _ENABLE)
     )
@@ -120,7 +126,32 @@ def parse_srdf(text: str | bytes) -> Semantics:
         own,
         free,
         frozenset((a, b) for a, b in enabled if a != b),
+        tuple(attribute(e, "name", "the SRDF") for e in children(robot, "passive_joint")),
+        (*_unobeyed(robot, chains), *unread_notes(robot, SRDF, foreign)),
     )
+
+
+def _unobeyed(robot: Element, chains: Mapping[str, tuple[str, str]]) -> Iterator[str]:
+    """Notes on elements that mean something else to MoveIt than they do here."""
+    for joint in children(robot, "virtual_joint"):
+        type_ = joint.get("type", "").strip()
+        if type_ != "fixed":
+            yield (
+                f"virtual_joint {joint.get('name', '')!r} of the SRDF is {type_ or 'of no type'}: "
+                f"the robot's root does not move here, frame {joint.get('parent_frame', '')!r} is "
+                "taken to be where it is"
+            )
+    groups = dict.fromkeys(group.get("name", "").strip() for group in children(robot, "group"))
+    others = [name for name in groups if name not in chains]
+    if others:
+        yield f"groups of the SRDF that are not one chain are not offered: {', '.join(others)}"
+    for state in children(robot, "group_state"):
+        for joint in children(state, "joint"):
+            if len(joint.get("value", "").split()) > 1:
+                yield (
+                    f"joint {joint.get('name', '')!r} has several values in state "
+                    f"{state.get('name', '')!r} of the SRDF: they are not read"
+                )
 
 
 def check_semantics(semantics: Semantics, description: RobotDescription) -> tuple[str, ...]:
@@ -168,7 +199,15 @@ def check_semantics(semantics: Semantics, description: RobotDescription) -> tupl
         for joint in values
         if joint not in description.joints
     ]
-    return tuple(lint)
+    lint += [
+        f"joint {name!r} is a passive_joint of the SRDF, which MoveIt does not plan: here it is "
+        "planned where the chain has it"
+        for name in semantics.passive
+        if name in description.joints
+        and description.joints[name].moves
+        and description.joints[name].mimic is None
+    ]
+    return (*lint, *semantics.notes)
 
 
 def _pair(element: Element) -> tuple[str, str]:
@@ -181,7 +220,6 @@ def _virtual_frames(robot: Element) -> tuple[tuple[str, str], ...]:
     pairs = [
         (joint.get("parent_frame", "").strip(), joint.get("child_link", "").strip())
         for joint in children(robot, "virtual_joint")
-        if joint.get("type") == "fixed"
     ]
     return tuple((frame, link) for frame, link in pairs if frame and link)
 

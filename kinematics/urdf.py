@@ -19,6 +19,7 @@ from kinematics.description import (
     RobotDescription,
 )
 from kinematics.errors import InvalidRobotDescription
+from kinematics.lint import URDF, unread_notes
 from kinematics.urdf_link import MAX_LENGTH, read_link, read_origin
 from kinematics.xml_reader import Element, attribute, children, number, numbers, read_robot, single
 
@@ -28,6 +29,7 @@ MAX_LINKS = 1000
 MIN_AXIS = 1e-9
 
 _MISSING = math.nan
+_SOFT = ("soft_lower_limit", "soft_upper_limit")
 _POSITION_TYPES = ("revolute", "prismatic")
 #: Ranges between these are no turns that a joint makes, but may well be degrees [rad].
 _DEGREES, _MOST_DEGREES = 44.0, 1500.0
@@ -47,8 +49,9 @@ def parse_urdf(text: str | bytes) -> RobotDescription:
         InvalidRobotDescription: It is no URDF or contradicts itself; the message says what, at
             which link or joint, and what to do.
     """
-    robot = read_robot(text, "URDF")
-    lint: list[str] = []
+    foreign: list[str] = []
+    robot = read_robot(text, "URDF", foreign)
+    lint = unread_notes(robot, URDF, foreign)
     name = robot.get("name", "").strip()
     name = attribute(robot, "name", "the robot") if name else "robot"
     links = _index_by_name([read_link(e, lint) for e in _elements(robot, "link")], "link")
@@ -90,6 +93,7 @@ def _joint(element: Element, lint: list[str]) -> JointDescription:
             f"{where} has the unknown type {type_!r}", hint=f"One of: {', '.join(JOINT_TYPES)}."
         )
     lower, upper = _positions(element, type_, where, lint)
+    _lint_unobeyed(element, type_, where, lint)
     limit = single(element, "limit", where)
     dynamics = single(element, "dynamics", where)
     moves = type_ in ("revolute", "continuous", "prismatic")
@@ -174,12 +178,25 @@ def _positions(joint: Element, type_: str, where: str, lint: list[str]) -> tuple
     return lower, upper
 
 
+def _lint_unobeyed(joint: Element, type_: str, where: str, lint: list[str]) -> None:
+    """Tell what says something of a joint that can't be obeyed."""
+    if type_ in ("fixed", "floating", "planar") and single(joint, "mimic", where) is not None:
+        lint.append(f"{where} is {type_}: its <mimic> is not obeyed")
+    safety = single(joint, "safety_controller", where)
+    given = [] if safety is None else [side for side in _SOFT if safety.get(side) is not None]
+    if len(given) == 1:
+        (missing,) = set(_SOFT) - set(given)
+        lint.append(
+            f"{where} has a {given[0]} without a {missing}: it is not obeyed (MoveIt takes 0 for "
+            "the other)"
+        )
+
+
 def _soft_range(joint: Element, where: str) -> tuple[float, float] | None:
     element = single(joint, "safety_controller", where)
-    sides = ("soft_lower_limit", "soft_upper_limit")
-    if element is None or any(element.get(side) is None for side in sides):
+    if element is None or any(element.get(side) is None for side in _SOFT):
         return None
-    lower, upper = (number(element, side, where) for side in sides)
+    lower, upper = (number(element, side, where) for side in _SOFT)
     # Both 0 is what exporters write who know no such limits.
     return (lower, upper) if lower < upper else None
 

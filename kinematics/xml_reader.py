@@ -66,7 +66,7 @@ class _BoundedBuilder(TreeBuilder):
         return super().end(tag)
 
 
-def read_robot(text: str | bytes, what: str) -> Element:
+def read_robot(text: str | bytes, what: str, foreign: list[str] | None = None) -> Element:
     """Parse ``text`` and answer its root, which must be <robot>.
 
     Elements of the root's own namespace lose it; those of other namespaces are taken out. So are
@@ -75,6 +75,7 @@ def read_robot(text: str | bytes, what: str) -> Element:
     Args:
         text: The XML text; white space before its declaration is no fault.
         what: What it should be ("URDF", "SRDF"), for the messages.
+        foreign: Where to put the tags of elements that are taken out, if anywhere.
 
     Raises:
         InvalidRobotDescription: Too large, not well-formed, with a DTD, or with another root.
@@ -86,7 +87,8 @@ def read_robot(text: str | bytes, what: str) -> Element:
         )
     root = read_document(text.lstrip(), what)
     namespace = root.tag[: root.tag.rindex("}") + 1] if root.tag.startswith("{") else ""
-    _check_uses(root, what, _USES if _strip(root, namespace, what) else _USES[:1])
+    out = [] if foreign is None else foreign
+    _check_uses(root, what, _USES if _strip(root, namespace, what, out) else _USES[:1])
     if root.tag != "robot":
         raise InvalidRobotDescription(
             f"the root element of the {what} is <{root.tag}>, it must be <robot>",
@@ -126,7 +128,7 @@ def read_document(text: str | bytes, what: str) -> Element:
     return root
 
 
-def _strip(element: Element, namespace: str, what: str) -> bool:
+def _strip(element: Element, namespace: str, what: str, out: list[str]) -> bool:
     """Take out what is foreign below an element; whether definitions of xacro were among it.
 
     Raises:
@@ -141,9 +143,11 @@ def _strip(element: Element, namespace: str, what: str) -> bool:
                 raise _unexpanded(what, f"<xacro:{tag}>")
             defines = True
             continue
-        defines |= _strip(child, namespace, what)
+        defines |= _strip(child, namespace, what, out)
         if not child.tag.startswith("{"):
             kept.append(child)
+        else:
+            out.append(tag)
     element[:] = kept
     return defines
 

@@ -10,7 +10,7 @@ from kinematics.joint_limits import (
     apply_rules,
     limits_of_chain,
     moveit_joint_limits,
-    scaling_notes,
+    moveit_notes,
 )
 from service.schemas import robot as schema
 
@@ -32,7 +32,7 @@ def joint_limits(
     """
     if isinstance(source, str):
         limits, lint = limits_of_chain(moveit_joint_limits(source), joints, known)
-        return limits, [*lint, *scaling_notes(source)]
+        return limits, [*lint, *moveit_notes(source)]
     given = source or {}
     return {name: limits.model_dump(exclude_none=True) for name, limits in given.items()}, []
 

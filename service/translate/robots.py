@@ -19,6 +19,7 @@ from kinematics.errors import InvalidRobotDescription, InvalidScene
 from kinematics.fingers import fingers
 from kinematics.ik.structure import classify_wrist
 from kinematics.joint_limits import ALL_JOINTS, soft_limit_notes
+from kinematics.lint import tidy
 from kinematics.mesh_uri import resolve_mesh
 from kinematics.named_states import named_states
 from kinematics.robots import builtin_srdf, builtin_urdf
@@ -304,7 +305,7 @@ def robot_answer(
             schema.SuspectedPair(pair=list(pair), reason=reason)
             for pair, reason in geometry.suspected.items()
         ],
-        lint=[*lint, *more],
+        lint=tidy([*lint, *more]),
     )
 
 

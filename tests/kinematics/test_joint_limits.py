@@ -12,8 +12,8 @@ from kinematics.joint_limits import (
     apply_rules,
     limits_of_chain,
     moveit_joint_limits,
+    moveit_notes,
     parse_rule,
-    scaling_notes,
     soft_limit_notes,
 )
 from kinematics.serial_chain import serial_chain
@@ -86,7 +86,7 @@ def test_moveit_file() -> None:
         ("joint_limits: {elbow: {has_jerk_limits: true}}", "'elbow' has has_jerk_limits"),
         ("joint_limits: {elbow: {has_jerk_limits: true, max_jerk: .nan}}", "max_jerk"),
         ("joint_limits: {elbow: {}, elbow: {}}", "twice"),
-        ("a: &x 1\njoint_limits: *x", "aliases"),
+        ("joint_limits: *x", "stands for nothing"),
     ],
 )
 def test_texts_that_are_refused(text: str, words: str) -> None:
@@ -95,10 +95,11 @@ def test_texts_that_are_refused(text: str, words: str) -> None:
 
 
 def test_scaling_factors_that_slow_moveits_plans_are_told() -> None:
-    (note,) = scaling_notes(YAML + "default_acceleration_scaling_factor: 0.5\n")
+    note, off = moveit_notes(YAML + "default_acceleration_scaling_factor: 0.5\n")
+    assert "'slide' has no velocity limit in MoveIt" in off
     assert "velocity_scaling_factor 0.1 and default_acceleration_scaling_factor 0.5" in note
-    assert scaling_notes(YAML.replace("factor: 0.1", "factor: 1.0")) == []
-    assert scaling_notes("joint_limits: {}") == []
+    assert moveit_notes(YAML.replace("factor: 0.1", "factor: 1.0")) == [off]
+    assert moveit_notes("joint_limits: {}") == []
 
 
 def test_limits_of_other_joints_are_told() -> None:
@@ -147,3 +148,37 @@ def test_rules_that_are_none(quantity: str, rule: str) -> None:
 def test_rules_are_read_in_several_spellings() -> None:
     for rule in ("2.5 x velocity", "2.5*velocity", " 2.5 × velocity "):
         assert parse_rule("jerk", rule) == (2.5, "velocity")
+
+
+def test_limits_count_as_moveit_counts_them() -> None:
+    """Of position they have no flag, and others are on where MoveIt 1 finds no flag.
+
+    moveit/moveit: moveit_ros/planning/robot_model_loader/src/robot_model_loader.cpp.
+    """
+    text = """
+joint_limits:
+  a: {max_velocity: 1.0, min_position: -2}
+  b: {has_velocity_limits: false, max_velocity: 1.0, has_position_limits: true, max_position: 2}
+  c: {has_acceleration_limits: false, max_acceleration: 3, has_position_limits: false,
+      max_position: 1}
+"""
+    assert moveit_joint_limits(text) == {
+        "a": {"velocity": 1.0, "lower": -2.0}, "b": {"upper": 2.0}, "c": {},
+    }  # fmt: skip
+    assert moveit_notes(text) == [
+        (
+            "joint_limits: joint 'b' has no velocity limit in MoveIt (has_velocity_limits is "
+            "false): here that of the URDF holds"
+        ),
+        "joint_limits: joint 'c': max_acceleration is not used, has_acceleration_limits is false",
+        "joint_limits: joint 'c': max_position is not used, has_position_limits is false",
+    ]
+
+
+def test_fields_that_are_not_read_are_told() -> None:
+    text = "cartesian_limits: {}\njoint_limits: {a: {max_velocty: 1, stiffness: 3}}"
+    assert sorted(moveit_notes(text)) == [
+        "joint_limits: cartesian_limits of the text are not read",
+        "joint_limits: joint 'a': max_velocty is not read; is 'max_velocity' meant?",
+        "joint_limits: joint 'a': stiffness is not read",
+    ]

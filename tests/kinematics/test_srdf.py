@@ -48,6 +48,30 @@ def test_everything_a_chain_needs_is_kept() -> None:
     assert dict(srdf.states[""]["home"]) == {"slide": 0.0}
 
 
+def test_what_is_not_obeyed_is_told_by_name() -> None:
+    assert parse_srdf(SRDF).notes == (
+        "groups of the SRDF that are not one chain are not offered: fingers, both, two",
+        "joint 'floating_one' has several values in state 'open' of the SRDF: they are not read",
+        "elements and attributes that no motion depends on are not read: end_effector (1)",
+    )
+    more = (
+        '<disable_colisions link1="a" link2="b"/><passive_joint name="elbow"/>'
+        '<link_sphere_approximation link="hand"><sphere center="0 0 0" radius="0"/>'
+        '</link_sphere_approximation><joint_property joint_name="elbow"/>'
+        '<group_state name="s" group="arm"><joint name="elbow" valeu="1" value="0"/></group_state>'
+    )
+    srdf = parse_srdf(SRDF.replace("</robot>", more + "</robot>"))
+    lint = check_semantics(srdf, parse_urdf(TREE))
+    for words in (
+        "the robot: <disable_colisions> is not read; is 'disable_collisions' meant?",
+        "group_state 's': attribute 'valeu' of <joint> is not read; is 'value' meant?",
+        "joint 'elbow' is a passive_joint of the SRDF",
+        "end_effector (1), joint_property (1), link_sphere_approximation (1)",
+    ):
+        assert any(words in line for line in lint), words
+    assert pickle.loads(pickle.dumps(srdf)).notes == srdf.notes
+
+
 def test_semantics_can_be_sent_to_workers() -> None:
     srdf = parse_srdf(SRDF)
     copy = pickle.loads(pickle.dumps(srdf))
@@ -60,8 +84,8 @@ def test_semantics_can_be_sent_to_workers() -> None:
 def test_unknown_names_in_pairs_and_states_are_told() -> None:
     tree = parse_urdf(TREE)
     lint = check_semantics(parse_srdf(SRDF), tree)
-    assert len(lint) == 1
     assert "'ghost'" in lint[0]
+    assert lint[1:] == parse_srdf(SRDF).notes
     lint = check_semantics(parse_srdf(SRDF.replace('"elbow"', '"knee"')), tree)
     assert any("'knee'" in line and "'home'" in line for line in lint)
 
@@ -71,8 +95,9 @@ def test_a_link_paired_with_itself_is_told_and_allows_nothing() -> None:
     srdf = parse_srdf(text)
     assert srdf.disabled_collisions == {("carriage", "upper")}
     assert pickle.loads(pickle.dumps(srdf)).own_pairs == ("hand",)
-    (line,) = check_semantics(srdf, parse_urdf(TREE))
+    line, *notes = check_semantics(srdf, parse_urdf(TREE))
     assert "'hand' with itself" in line
+    assert tuple(notes) == srdf.notes
 
 
 def may_touch(text: str, a: str, b: str) -> bool:
@@ -132,12 +157,14 @@ def test_unknown_link_of_a_chain_is_told() -> None:
     assert "'hook'" in line
 
 
-def test_fixed_virtual_joints_name_the_root_frame() -> None:
+def test_virtual_joints_name_the_root_frame() -> None:
     srdf = parse_srdf(SRDF)
     assert srdf.root_aliases("world") == ("map",)
     assert srdf.root_aliases("rail") == ()
+    # moveit_core/robot_model: the planning frame of MoveIt is the parent frame of such a joint.
     floating = parse_srdf(SRDF.replace('name="v" type="fixed"', 'name="v" type="floating"'))
-    assert floating.root_aliases("world") == ()
+    assert floating.root_aliases("world") == ("map",)
+    assert any("'v'" in line and "does not move" in line for line in floating.notes)
 
 
 @pytest.mark.parametrize(
