@@ -49,7 +49,8 @@ CURES: Mapping[str, str] = {
     "VALIDATION_ERROR": "Correct the fields that `details.errors` lists; `/docs` has their form.",
     "IDEMPOTENCY_KEY_REUSED": "Take a new key for a new request.",
     "UNAUTHENTICATED": "Send an API key as `Authorization: Bearer aw_...` or `X-API-Key`.",
-    "FORBIDDEN": "Ask with a key that has the scope which `detail` names.",
+    "FORBIDDEN": "Ask with a key that has the scope which `detail` names; of a page, list its "
+    "origin in `cors_origins`.",
     "QUOTA_EXCEEDED": "Delete robots, scenes or plans, or have the storage of the tenant raised.",
     "NOT_FOUND": "Check the name; lists such as `GET /v1/robots` show those there are.",
     "METHOD_NOT_ALLOWED": "Take a method that the header `Allow` names.",

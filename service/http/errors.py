@@ -52,7 +52,7 @@ KINDS: Mapping[str, Kind] = {
     "VALIDATION_ERROR": Kind(422, "The request does not have the right form"),
     "IDEMPOTENCY_KEY_REUSED": Kind(422, "The idempotency key belongs to another request"),
     "UNAUTHENTICATED": Kind(401, "Credentials are missing or wrong"),
-    "FORBIDDEN": Kind(403, "The API key does not allow this"),
+    "FORBIDDEN": Kind(403, "The API key or the page that asks does not allow this"),
     "QUOTA_EXCEEDED": Kind(403, "The storage of this tenant is used up"),
     "NOT_FOUND": Kind(404, "There is no such thing"),
     "METHOD_NOT_ALLOWED": Kind(405, "The endpoint does not have this method"),

@@ -1,7 +1,9 @@
-"""Host allow-list: requests in the name of a foreign host are refused.
+"""Hosts and origins: requests in the name of a foreign host, and changes by foreign pages.
 
 A page of a foreign site may have its own name resolve to this machine and then ask the service as
-if it were that site (DNS rebinding). The header Host tells: it holds the foreign name.
+if it were that site (DNS rebinding). The header Host tells: it holds the foreign name. It may also
+send a form here, which browsers do without asking first (multipart, plain text). The headers Origin
+and Sec-Fetch-Site tell, which no page can change; programs that are no browsers send neither.
 """
 
 import ipaddress
@@ -13,8 +15,10 @@ from service.http.errors import HttpProblemError
 from service.http.fields import field
 from service.http.job_context import JOB_CONTEXT
 
-#: Allows every name.
+#: Allows every name, or every origin.
 ANY_HOST = "*"
+#: Methods that change nothing.
+_READING = frozenset({"GET", "HEAD", "OPTIONS"})
 _HOST = re.compile(r"(?P<name>\[[0-9A-Fa-f:.]+\]|[A-Za-z0-9._\-]+)(:[0-9]{1,5})?")
 
 
@@ -48,30 +52,55 @@ def _is_address(name: str) -> bool:
     return True
 
 
+def is_foreign(
+    origin: str | None, site: str | None, host: str | None, origins: tuple[str, ...]
+) -> bool:
+    """Whether a request comes from a page that is neither of this service nor one of a list.
+
+    Args:
+        origin: The header Origin; None where there is none.
+        site: The header Sec-Fetch-Site; None where there is none.
+        host: The header Host.
+        origins: Whose pages may ask, "*" for all.
+    """
+    if ANY_HOST in origins or origin in origins or site == "same-origin":
+        return False
+    if origin is None:
+        return site == "cross-site"
+    # A proxy with TLS in front changes the scheme, and not the name.
+    return origin not in (f"http://{host}", f"https://{host}")
+
+
 class HostCheck:
-    """Middleware that refuses requests for foreign hosts.
+    """Middleware that refuses requests for foreign hosts, and changes by foreign pages.
 
     Args:
         app: The application behind it.
         names: As `allowed_host` has them.
+        origins: Whose pages may change things, "*" for all.
     """
 
-    def __init__(self, app: ASGIApp, names: frozenset[str]) -> None:
+    def __init__(self, app: ASGIApp, names: frozenset[str], origins: tuple[str, ...] = ()) -> None:
         self._app = app
         self._names = names
+        self._origins = origins
         self._allowed = ""
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
         """Pass a request on.
 
         Raises:
-            HttpProblemError: HOST_NOT_ALLOWED.
+            HttpProblemError: HOST_NOT_ALLOWED, FORBIDDEN.
         """
         if scope["type"] == "http" and JOB_CONTEXT not in scope:
             host = field(scope, b"host")
             # HTTP/1.1 without the header is refused by the parser; older requests come from probes.
             if host is not None and host != self._allowed:
                 self._check(host)
+            if scope["method"] not in _READING:
+                origin, site = field(scope, b"origin"), field(scope, b"sec-fetch-site")
+                if is_foreign(origin, site, host, self._origins):
+                    raise _foreign(origin or "another site")
         await self._app(scope, receive, send)
 
     def _check(self, host: str) -> None:
@@ -84,3 +113,13 @@ class HostCheck:
                 hint="List the name in ARMWRIGHT_ALLOWED_HOSTS where the service is run.",
             )
         self._allowed = host  # most requests come in the same name
+
+
+def _foreign(origin: str) -> HttpProblemError:
+    return HttpProblemError(
+        "FORBIDDEN",
+        f"a page of {origin[:100]!r} may not change anything here",
+        {"Connection": "close"},
+        stage="request",
+        hint="List its origin in ARMWRIGHT_CORS_ORIGINS where the service is run.",
+    )

@@ -58,13 +58,13 @@ def install(app: FastAPI, settings: Settings, metrics: Metrics) -> None:
         deadline=settings.body_deadline,
     )
     app.add_middleware(AccessCheck, application=app, settings=settings)
-    app.add_middleware(HostCheck, names=settings.host_names)
+    app.add_middleware(HostCheck, names=settings.host_names, origins=settings.origins)
     app.add_middleware(UnexpectedErrors)
     if settings.origins:
         app.add_middleware(
             CORSMiddleware,
             allow_origins=list(settings.origins),
-            allow_methods=["GET", "POST", "PUT", "DELETE"],
+            allow_methods=["GET", "POST", "PUT", "PATCH", "DELETE"],
             allow_headers=_SENT,
             expose_headers=_EXPOSED,
         )
