@@ -82,18 +82,19 @@ class Settings(BaseSettings):
         3600.0, description="time within which an accepted job must end [s]"
     )
     job_lifetime: Positive = Field(24 * 3600.0, description="how long ended jobs are kept [s]")
-    job_count: int = Field(1000, ge=1, description="how many ended jobs are kept")
+    job_count: int = Field(1000, ge=1, description="how many ended jobs of a tenant are kept")
     job_storage: int = Field(
         1024 * _MEBIBYTE,
         ge=_MEBIBYTE,
-        description="room for requests and for answers of jobs [byte]",
+        description="room for requests of jobs, and for answers of jobs of a tenant [byte]",
     )
     plan_lifetime: Positive = Field(7 * 24 * 3600.0, description="how long kept plans are kept [s]")
-    plan_count: int = Field(1000, ge=1, description="how many kept plans are kept")
+    plan_count: int = Field(1000, ge=1, description="how many plans of a tenant are kept")
     plan_storage: int = Field(
         1024 * _MEBIBYTE,
         ge=_MEBIBYTE,
-        description="room for kept plans, and as much for their robots and scenes [byte]",
+        description="room for the kept plans of a tenant, and as much for their robots and scenes "
+        "[byte]",
     )
     batch_limit: int = Field(1000, ge=1, le=100_000, description="problems in one batch")
     keep_alive: Positive = Field(15.0, description="longest silence of an event stream [s]")

@@ -93,9 +93,19 @@ class Metrics:
             jobs: How many there are of each status.
             waiting: Jobs and chunks of batches that wait for an agent; None without agents.
         """
-        counts = CollectorRegistry()
-        counts.register(_Jobs(jobs, waiting))
-        return generate_latest(self.registry) + generate_latest(counts)
+        return generate_latest(self.registry) + jobs_text(jobs, waiting)
+
+
+def jobs_text(jobs: Mapping[Status, int], waiting: int | None = None) -> bytes:
+    """Numbers of jobs in the text format.
+
+    Args:
+        jobs: How many there are of each status.
+        waiting: Jobs and chunks of batches that wait for an agent; None if that is not told.
+    """
+    counts = CollectorRegistry()
+    counts.register(_Jobs(jobs, waiting))
+    return generate_latest(counts)
 
 
 class _State(Collector):

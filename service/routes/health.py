@@ -7,14 +7,16 @@ from prometheus_client import CONTENT_TYPE_PLAIN_0_0_4
 from pydantic import Field
 from starlette.concurrency import run_in_threadpool
 
+from service.access.caller import caller_of
 from service.http.json_route import JsonRoute
-from service.http.metrics import Metrics
+from service.http.metrics import Metrics, jobs_text
 from service.http.openapi import RESPONSES
 from service.http.state import store_of, supervisor_of
 from service.jobs.runner import Jobs
 from service.problem import ProblemError
 from service.schemas.base import Answer
 from service.storage.database import StorageUnavailable
+from service.storage.tables import DEFAULT_TENANT
 from service.version import VERSION
 from service.workers.supervisor import WorkerSupervisor
 
@@ -76,8 +78,16 @@ async def readyz(request: Request) -> Readiness:
     responses={200: {"content": {"text/plain": {"schema": {"type": "string"}}}}},
 )
 async def metrics(request: Request) -> Response:
-    """Requests, workers, queues, jobs, plans and stages in Prometheus's text format."""
+    """Requests, workers, queues, jobs, plans and stages in Prometheus's text format.
+
+    They are those of the whole service. A key of another tenant than `default`, which that of
+    whoever runs the service is, is told of its own jobs only.
+    """
     state = request.app.state
+    tenant = caller_of(request.scope).tenant
+    if tenant != DEFAULT_TENANT:
+        own = await run_in_threadpool(state.store.jobs.counts, tenant)
+        return Response(jobs_text(own), media_type=CONTENT_TYPE_PLAIN_0_0_4)
     jobs = await run_in_threadpool(state.store.jobs.counts)
     held: Jobs = state.jobs
     waiting = await held.waiting_messages()

@@ -284,22 +284,33 @@ class JobStore:
             rows = connection.execute(_WITH_STATUS, {"of_status": status}).all()
         return [JobRecord(*row) for row in rows]
 
-    def counts(self) -> dict[Status, int]:
-        """Number of jobs of each status."""
+    def counts(self, tenant: str | None = None) -> dict[Status, int]:
+        """Number of jobs of each status.
+
+        Args:
+            tenant: Only those of one; all if left out.
+        """
+        chosen = _COUNTS if tenant is None else _COUNTS.where(jobs.c.tenant == tenant)
         with self._database.reading() as connection:
-            rows = connection.execute(_COUNTS).all()
+            rows = connection.execute(chosen).all()
         counts: dict[Status, int] = dict(tuple(row) for row in rows)
         return {status: counts.get(status, 0) for status in STATUSES}
 
     def purge(self, ended_before: float, count: int, size: int) -> None:
-        """Forget ended jobs that are too old, and the oldest of too many or too large answers."""
+        """Forget ended jobs that are too old, and the oldest of too many or too large of a tenant.
+
+        Args:
+            ended_before: Seconds since the epoch.
+            count: How many of each tenant may stay.
+            size: How large the answers of each may be together [byte].
+        """
         newest = (jobs.c.ended.desc(), jobs.c.id.desc())
         ranked = (
             select(
                 jobs.c.id,
-                func.row_number().over(order_by=newest).label("rank"),
+                func.row_number().over(partition_by=jobs.c.tenant, order_by=newest).label("rank"),
                 func.sum(func.coalesce(func.length(jobs.c.answer), _SIZE_OF_CHUNKS))
-                .over(order_by=newest)
+                .over(partition_by=jobs.c.tenant, order_by=newest)
                 .label("total"),
             )
             .where(HAS_ENDED, ~_IS_CHUNK)

@@ -76,7 +76,7 @@ class PlanContent:
 
 @dataclass(frozen=True, slots=True)
 class Retention:
-    """Bounds of what is kept.
+    """Bounds of what is kept of each tenant.
 
     Args:
         lifetime: How long [s].
@@ -91,6 +91,7 @@ class Retention:
 
 _RECORD = tuple(plans.c[field.name] for field in dataclasses.fields(PlanRecord))
 _SIZE = func.length(plans.c.request) + func.length(plans.c.answer)
+_DOCUMENT_SIZE = func.sum(func.length(plan_documents.c.content))
 _NEWEST = (plans.c.created.desc(), plans.c.id.desc())
 _REFERENCES = or_(
     plans.c.robot_hash == plan_documents.c.hash, plans.c.scene_hash == plan_documents.c.hash
@@ -180,16 +181,16 @@ class PlanStore:
             raise no_plan(plan_id)
 
     def purge(self, now: float, retention: Retention) -> None:
-        """Forget plans that are too old, and the oldest of too many or too large ones.
+        """Forget plans that are too old, and the oldest of too many or too large ones of a tenant.
 
         Args:
             now: Seconds since the epoch.
-            retention: What may stay.
+            retention: What may stay of each tenant.
         """
         ranked = select(
             plans.c.id,
-            func.row_number().over(order_by=_NEWEST).label("rank"),
-            func.sum(_SIZE).over(order_by=_NEWEST).label("total"),
+            func.row_number().over(partition_by=plans.c.tenant, order_by=_NEWEST).label("rank"),
+            func.sum(_SIZE).over(partition_by=plans.c.tenant, order_by=_NEWEST).label("total"),
         ).subquery()
         # The newest one stays, however large it is: somebody is about to ask for it.
         superfluous = select(ranked.c.id).where(
@@ -203,9 +204,10 @@ class PlanStore:
             gone += connection.execute(delete(plans).where(plans.c.id.in_(superfluous))).rowcount
             if gone:
                 connection.execute(_ORPHANS)
-            while _document_bytes(connection) > retention.storage:
-                if not _forget_oldest_with_document(connection):
-                    break
+            for tenant in _tenants_above(connection, retention.storage):
+                while _document_bytes(connection, tenant) > retention.storage:
+                    if not _forget_oldest_with_document(connection, tenant):
+                        break
 
     def _add(self, record: PlanRecord, content: PlanContent, given: dict[str, bytes]) -> None:
         try:
@@ -249,16 +251,24 @@ def _keep_given(connection: Connection, tenant: str, digest: str, content: bytes
         connection.execute(insert(plan_documents), values)
 
 
-def _document_bytes(connection: Connection) -> int:
-    total = func.coalesce(func.sum(func.length(plan_documents.c.content)), 0)
-    return int(connection.execute(select(total)).scalar_one())
+def _tenants_above(connection: Connection, size: int) -> Sequence[str]:
+    """Tenants whose kept documents are larger than a size together [byte]."""
+    owner = plan_documents.c.tenant
+    above = select(owner).group_by(owner).having(size < _DOCUMENT_SIZE)
+    return connection.execute(above).scalars().all()
 
 
-def _forget_oldest_with_document(connection: Connection) -> bool:
-    """Forget the oldest plan but the newest that refers to a document; whether there was one."""
+def _document_bytes(connection: Connection, tenant: str) -> int:
+    total = select(func.coalesce(_DOCUMENT_SIZE, 0)).where(plan_documents.c.tenant == tenant)
+    return int(connection.execute(total).scalar_one())
+
+
+def _forget_oldest_with_document(connection: Connection, tenant: str) -> bool:
+    """Forget the oldest plan of a tenant with a document but the newest; whether there was one."""
     referring: Sequence[str] = (
         connection.execute(
             select(plans.c.id)
+            .where(plans.c.tenant == tenant)
             .where(or_(plans.c.robot_hash.is_not(None), plans.c.scene_hash.is_not(None)))
             .order_by(plans.c.created, plans.c.id)
             .limit(2)

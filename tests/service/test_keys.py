@@ -104,6 +104,17 @@ def test_a_scope_allows_what_it_says(service: httpx.Client, make: Make) -> None:
     assert service.delete("/v1/scenes/of-admin", headers=bearer(admin)).status_code == 204
 
 
+def test_metrics_of_a_tenant_are_its_own_jobs(service: httpx.Client, make: Make) -> None:
+    whole = service.get("/metrics", headers=bearer(make("--scope", "admin"))).text
+    own = bearer(make("--scope", "admin", "--tenant", "elsewhere"))
+    told = service.get("/metrics", headers=own).text
+    assert "armwright_requests_total" in whole
+    assert {line.split("{")[0] for line in told.splitlines() if not line.startswith("#")} == {
+        "armwright_jobs"
+    }
+    assert 'armwright_jobs{status="succeeded"} 0.0' in told
+
+
 def test_tenants_do_not_see_each_other(service: httpx.Client, make: Make) -> None:
     one, other = (
         bearer(make("--scope", "admin", "--tenant", tenant)) for tenant in ("one", "other")

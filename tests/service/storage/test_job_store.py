@@ -20,10 +20,15 @@ def jobs(store: Store) -> JobStore:
 
 
 def add(
-    jobs: JobStore, number: int, status: Status, ended: float | None = None, size: int = 8
+    jobs: JobStore,
+    number: int,
+    status: Status,
+    ended: float | None = None,
+    size: int = 8,
+    tenant: str = "default",
 ) -> str:
     """Keep a job that has come to a status; its answer has a size [byte]."""
-    first = record(number)
+    first = record(number, tenant=tenant)
     jobs.add(first, REQUEST)
     answer = JobAnswer("text/plain", b"x" * size) if status == "succeeded" else None
     jobs.update(replace(first, status=status, ended=ended), answer)
@@ -143,6 +148,19 @@ def test_the_oldest_of_too_large_answers_are_forgotten(jobs: JobStore) -> None:
     assert kept(jobs) == [record(n).id for n in (5, 4, 3)]
     jobs.purge(0.0, MANY, 299)
     assert kept(jobs) == [record(n).id for n in (5, 4)]
+
+
+def test_the_bounds_are_of_each_tenant(jobs: JobStore) -> None:
+    quiet = add(jobs, 1, "succeeded", ended=1.0, size=100, tenant="quiet")
+    for number in range(2, 8):
+        add(jobs, number, "succeeded", ended=float(number), size=100, tenant="busy")
+    jobs.purge(0.0, 3, HUGE)
+    assert kept(jobs) == [*(record(n).id for n in (7, 6, 5)), quiet]
+    jobs.purge(0.0, MANY, 200)
+    assert kept(jobs) == [*(record(n).id for n in (7, 6)), quiet]
+    assert jobs.counts("quiet")["succeeded"] == 1
+    assert jobs.counts("busy")["succeeded"] == 2
+    assert jobs.counts()["succeeded"] == 3
 
 
 def test_the_newest_answer_is_kept_however_large_it_is(jobs: JobStore) -> None:

@@ -96,6 +96,21 @@ def test_plans_that_are_too_old_or_too_many_are_forgotten(store: Store) -> None:
     assert ids(store.plans) == [6]
 
 
+def test_the_bounds_are_of_each_tenant(store: Store) -> None:
+    for number in range(1, 9):
+        tenant = "quiet" if number == 1 else "busy"
+        document = bytes([number]) * 100
+        digest = document_hash(document)
+        kept = record(number, tenant=tenant, robot_hash=digest)
+        store.plans.import_plan(kept, CONTENT, {digest: document})
+    store.plans.purge(9.0, replace(PLENTY, count=4))
+    assert (ids(store.plans, "quiet"), ids(store.plans, "busy")) == ([1], [8, 7, 6, 5])
+    store.plans.purge(9.0, replace(PLENTY, storage=250))
+    assert (ids(store.plans, "quiet"), ids(store.plans, "busy")) == ([1], [8, 7])
+    store.plans.purge(9.0, replace(PLENTY, storage=1))
+    assert (ids(store.plans, "quiet"), ids(store.plans, "busy")) == ([1], [8])
+
+
 def test_documents_are_bounded_together(store: Store) -> None:
     for number in range(1, 5):
         document = bytes([number]) * 100
