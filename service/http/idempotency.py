@@ -58,10 +58,13 @@ async def answer_once(
             kept = record_of(response)
         return response
     finally:
-        if kept is not None:
-            await run_in_threadpool(answers.finish, claimed, kept)
-        elif _CLAIMED in request.scope:
-            await run_in_threadpool(answers.forget, claimed)
+        try:
+            if kept is not None:
+                await run_in_threadpool(answers.finish, claimed, kept)
+            elif _CLAIMED in request.scope:
+                await run_in_threadpool(answers.forget, claimed)
+        finally:
+            answers.release(claimed)
 
 
 def kept_answer(request: Request, of: Callable[[T], Response]) -> KeptAnswer[T] | None:

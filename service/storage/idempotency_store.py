@@ -4,6 +4,7 @@ import json
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
+from threading import Lock
 from typing import Generic, TypeVar
 
 from sqlalchemy import Connection, bindparam, delete, insert, select, update
@@ -79,12 +80,18 @@ class IdempotencyStore:
     def __init__(self, database: Database, server: str) -> None:
         self._database = database
         self._server = server
+        # Keys whose requests this server works on. A claim of its own beside these was left by a
+        # fault of the storage, which could not take it back.
+        self._working: set[IdempotencyKey] = set()
+        self._lock = Lock()
         self._earlier = select(
             answers.c.request_hash, answers.c.status, answers.c.headers, answers.c.body
         ).where(_IS_KEY)
-        # Whoever claimed these is gone.
-        self._abandoned = delete(answers).where(
-            _IS_KEY, answers.c.status.is_(None), is_abandoned(database, answers.c.server, server)
+        # Whoever claimed these is gone, or works on them no longer.
+        self._left = delete(answers).where(
+            _IS_KEY,
+            answers.c.status.is_(None),
+            is_abandoned(database, answers.c.server, server) | (answers.c.server == server),
         )
 
     def begin(self, key: IdempotencyKey, request_hash: str) -> Recorded | None:
@@ -94,6 +101,25 @@ class IdempotencyStore:
             ProblemError: IDEMPOTENCY_KEY_REUSED, it stands for another request; CONFLICT, that
                 request is still being worked on.
         """
+        with self._lock:
+            is_worked_on = key in self._working
+            self._working.add(key)
+        if is_worked_on:
+            with self._database.reading() as connection:
+                row = connection.execute(self._earlier, _parameters(key)).one_or_none()
+            if row is None:
+                raise _in_work(key)
+            return _earlier(key, request_hash, *row)
+        try:
+            earlier = self._claim(key, request_hash)
+        except BaseException:
+            self.release(key)
+            raise
+        if earlier is not None:
+            self.release(key)
+        return earlier
+
+    def _claim(self, key: IdempotencyKey, request_hash: str) -> Recorded | None:
         now = time.time()
         claim = {
             "tenant": key.tenant, "key": key.key, "endpoint": key.endpoint, "created": now,
@@ -102,7 +128,7 @@ class IdempotencyStore:
         try:
             with self._database.transaction(durable=False) as connection:
                 connection.execute(_OUTDATED, {"oldest": now - _KEY_LIFETIME})
-                connection.execute(self._abandoned, _parameters(key))
+                connection.execute(self._left, _parameters(key))
                 row = connection.execute(self._earlier, _parameters(key)).one_or_none()
                 if row is None:
                     connection.execute(_CLAIM, claim)
@@ -111,13 +137,20 @@ class IdempotencyStore:
             raise _in_work(key) from None
         return _earlier(key, request_hash, *row)
 
+    def release(self, key: IdempotencyKey) -> None:
+        """Note that the request of a claimed key is answered, whatever could be stored of it."""
+        with self._lock:
+            self._working.discard(key)
+
     def finish(self, key: IdempotencyKey, answer: Recorded) -> None:
         """Keep the answer that a claimed key stands for from now on."""
+        self.release(key)
         with self._database.transaction() as connection:
             keep_answer(connection, key, answer)
 
     def forget(self, key: IdempotencyKey) -> None:
         """Give a claimed key back; one that stands for an answer stays."""
+        self.release(key)
         with self._database.transaction(durable=False) as connection:
             connection.execute(_FORGET, _parameters(key))
 

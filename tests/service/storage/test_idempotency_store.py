@@ -2,13 +2,15 @@
 
 import threading
 import time
+from typing import NoReturn
 
 import pytest
 from sqlalchemy import insert
 
 from service.http.errors import status_of
 from service.problem import ProblemError
-from service.storage.idempotency_store import IdempotencyKey, Recorded
+from service.storage.database import StorageUnavailable
+from service.storage.idempotency_store import IdempotencyKey, Recorded, keep_answer
 from service.storage.store import Store, open_store
 from service.storage.tables import servers
 
@@ -34,6 +36,36 @@ def test_a_key_that_is_given_back_may_be_claimed_again(store: Store) -> None:
     assert store.answers.begin(KEY, "hash") is None
     store.answers.forget(KEY)
     assert store.answers.begin(KEY, "other") is None
+
+
+@pytest.mark.parametrize("end", ["forget", "finish"])
+def test_a_key_is_free_again_after_a_fault_of_the_storage(
+    store: Store, monkeypatch: pytest.MonkeyPatch, end: str
+) -> None:
+    assert store.answers.begin(KEY, "hash") is None
+
+    def away(**_: object) -> NoReturn:
+        raise StorageUnavailable("the disk is full")
+
+    with monkeypatch.context() as fault:
+        fault.setattr(store.database, "transaction", away)
+        with pytest.raises(StorageUnavailable):
+            store.answers.forget(KEY) if end == "forget" else store.answers.finish(KEY, ANSWER)
+        with pytest.raises(StorageUnavailable):
+            store.answers.begin(KEY, "hash")
+    assert store.answers.begin(KEY, "hash") is None, "nobody works on it"
+    assert refusal(store, KEY, "hash") == ("CONFLICT", 409)
+    store.answers.finish(KEY, ANSWER)
+    assert store.answers.begin(KEY, "hash") == ANSWER
+
+
+def test_a_key_whose_answer_was_stored_with_what_it_made_is_released(store: Store) -> None:
+    assert store.answers.begin(KEY, "hash") is None
+    with store.database.transaction() as connection:
+        keep_answer(connection, KEY, ANSWER)
+    assert store.answers.begin(KEY, "hash") == ANSWER  # while its request is being answered
+    store.answers.release(KEY)
+    assert store.answers.begin(KEY, "hash") == ANSWER
 
 
 def test_endpoints_and_tenants_have_keys_of_their_own(store: Store) -> None:
