@@ -163,6 +163,7 @@ def create_app(
         redirect_slashes=False,
         docs_url=None,
         redoc_url=None,
+        openapi_url=None,
         # `service.tracing` makes the spans; the framework adds none.
         telemetry={"tracing": False, "metrics": False, "logs": False, "auto_configure": False},
         generate_unique_id_function=lambda route: route.name,
@@ -174,6 +175,7 @@ def create_app(
     app.state.defer = defer
     app.state.metrics = Metrics(app)
     app.state.plain_requests = None
+    app.state.openapi = None
     app.router.route_class = JsonRoute
     app.state.swagger = pages.swagger_folder()
     middleware.install(app, chosen, app.state.metrics)

@@ -23,6 +23,13 @@ def check_precondition(request: Request, current: str | None) -> None:
         raise _failed(f'If-None-Match names what there is: "{current}"')
 
 
+def names_tag(request: Request, tag: str) -> bool:
+    """Whether If-None-Match of a request that reads names the tag of what there is."""
+    tags = _tags(request, "if-none-match") or frozenset()
+    # Comparison is weak here: a proxy that compresses marks tags as weak.
+    return "*" in tags or tag in {item.removeprefix("W/") for item in tags}
+
+
 def _tags(request: Request, header: str) -> frozenset[str] | None:
     values = request.headers.getlist(header)
     if not values:

@@ -1,16 +1,36 @@
 """Pages for people: the start page, and the documentation of the endpoints with all it loads."""
 
+import gzip
+import hashlib
+import json
 from importlib.util import find_spec
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal
 
 from fastapi import APIRouter, Request, Response
 from fastapi import Path as InPath
 from fastapi.responses import FileResponse, HTMLResponse
+from starlette.concurrency import run_in_threadpool
 
+from service.http.compression import accepts_gzip
+from service.http.precondition import names_tag
 from service.version import VERSION
 
 router = APIRouter(include_in_schema=False)
+
+
+class Published:
+    """The OpenAPI document as it is sent.
+
+    Args:
+        document: The document.
+    """
+
+    def __init__(self, document: dict[str, Any]) -> None:
+        self.plain = json.dumps(document, ensure_ascii=False, separators=(",", ":")).encode()
+        self.compressed = gzip.compress(self.plain, mtime=0)
+        self.tag = f'"{hashlib.sha256(self.plain).hexdigest()[:32]}"'
+
 
 _PLAIN = (
     "default-src 'none'; style-src 'unsafe-inline'; base-uri 'none'; form-action 'none'; "
@@ -81,6 +101,22 @@ async def start_page() -> Response:
 async def documentation() -> Response:
     """The endpoints, to read and to try out; nothing is loaded from elsewhere."""
     return HTMLResponse(_DOCUMENTATION, headers={"Content-Security-Policy": _DOCS})
+
+
+@router.get("/openapi.json")
+async def openapi_document(request: Request) -> Response:
+    """The OpenAPI document, made once, with a tag by which clients ask whether it is another."""
+    state = request.app.state
+    if state.openapi is None:
+        state.openapi = await run_in_threadpool(lambda: Published(request.app.openapi()))
+    published: Published = state.openapi
+    headers = {"ETag": published.tag, "Cache-Control": "no-cache"}
+    if names_tag(request, published.tag):
+        return Response(status_code=304, headers=headers)
+    if accepts_gzip(request.scope):
+        headers |= {"Content-Encoding": "gzip", "Vary": "Accept-Encoding"}
+        return Response(published.compressed, headers=headers, media_type="application/json")
+    return Response(published.plain, headers=headers, media_type="application/json")
 
 
 @router.get("/docs/start.js")

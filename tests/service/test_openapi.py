@@ -132,3 +132,18 @@ def test_options_name_the_methods_that_the_document_has(client: httpx.Client) ->
 def test_a_scene_may_be_new_where_it_is_put(client: httpx.Client) -> None:
     responses = client.get("/openapi.json").json()["paths"]["/v1/scenes/{name}"]["put"]["responses"]
     assert {"200", "201"} <= set(responses)
+
+
+def test_the_document_is_made_once_compressed_and_tagged(client: httpx.Client) -> None:
+    first = client.get("/openapi.json", headers={"Accept-Encoding": "identity"})
+    tag = first.headers["etag"]
+    assert "content-encoding" not in first.headers
+    packed = client.get("/openapi.json", headers={"Accept-Encoding": "gzip"})
+    assert packed.headers["content-encoding"] == "gzip"
+    assert packed.headers["etag"] == tag
+    assert int(packed.headers["content-length"]) < 0.2 * len(first.content)
+    assert packed.json() == first.json()
+    for condition in (tag, f"W/{tag}", f'"other", {tag}', "*"):
+        same = client.get("/openapi.json", headers={"If-None-Match": condition})
+        assert (same.status_code, same.content, same.headers["etag"]) == (304, b"", tag)
+    assert client.get("/openapi.json", headers={"If-None-Match": '"other"'}).status_code == 200
