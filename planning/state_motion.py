@@ -16,7 +16,13 @@ from planning.timing.choice import chosen_parametrization, require_limits, requi
 from planning.timing.method import timing_method
 from planning.timing.options import TimingOptions
 from planning.timing.report import TimingReport
-from planning.timing.state_to_state import JointState, Synchronization, state_to_state
+from planning.timing.state_to_state import (
+    AT_REST,
+    JointState,
+    Synchronization,
+    state_to_state,
+    without_rounding,
+)
 
 # A motion counts as straight where it leaves the line by less than this part of its way [-].
 _STRAIGHT = 1e-9
@@ -59,6 +65,11 @@ def time_states(
     motion = state_to_state(names, *states, bounds, synchronization)
     certificate = certify_limits(motion, chain, parametrization.motion_limits)
     notes = moved
+    given = np.concatenate([state.rows for state in states], axis=1)
+    off = np.abs(without_rounding(given, np.tile(bounds, 2)) - given).max()
+    if off > 0.0:
+        rest = f"Speeds and accelerations below {AT_REST:g} of their limits count as rest"
+        notes += (f"{rest}: the motion is up to {off:.3g} off there.",)
     if synchronization == "phase" and not _is_straight(motion, states):
         notes += ("The states allow no straight line: the joints arrive together, on a curve.",)
     report = TimingReport("jerk_limited", None, parametrization.bounds, parametrization.ruled)

@@ -34,6 +34,14 @@ _SHARE = 1.0 - 1e-10
 _STEPS = 3
 # Directions in which durations change nothing by more than this part are left alone [-].
 _RANK = 1e-10
+#: Joints with at most this part of their limits of speed or acceleration rest: what rounding leaves
+#: [-]. A motion that goes on from there meets it within what counts as no jump.
+AT_REST = 1e-10
+# A joint's unit is at least this part of the way that its limits allow in the time: one that rests
+# but for rounding would have limits of 1e12 units else, which the package finds no phases for [-].
+_LEAST_UNIT = 0.01
+# Phases end in position, velocity and acceleration to this, else they are none [rad or m, and s].
+_SAME_STATE = np.array([[1e-9], [1e-9], [1e-6]])
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -99,7 +107,7 @@ def state_to_state(
     names = tuple(joint_names)
     bounds = np.asarray(limits, dtype=np.float64)
     _check(names, start, end, bounds)
-    states = start.rows, end.rows
+    states = without_rounding(start.rows, bounds), without_rounding(end.rows, bounds)
     if (states[0] == states[1]).all() and not states[0][1:].any():
         return stay(names, start.position)
     scales = _scales(states, bounds)
@@ -146,6 +154,17 @@ def _check(names: tuple[str, ...], start: JointState, end: JointState, bounds: A
                 )
 
 
+def without_rounding(rows: Array, bounds: Array) -> Array:
+    """A state (3, n) without speeds and accelerations that only rounding leaves.
+
+    Args:
+        rows: Position, velocity and acceleration, shape (3, n).
+        bounds: Of velocity, acceleration and jerk, shape (3, n).
+    """
+    rest = AT_REST * np.where(np.isfinite(bounds[:2]), bounds[:2], 0.0)
+    return np.concatenate([rows[:1], np.where(np.abs(rows[1:]) <= rest, 0.0, rows[1:])])
+
+
 def _turned(velocity: ArrayLike, acceleration: ArrayLike, jerk: ArrayLike, sign: float) -> Array:
     """Velocities where the largest jerk has brought accelerations to zero, shape (n,).
 
@@ -172,8 +191,9 @@ def _scales(states: tuple[Array, Array], bounds: Array) -> tuple[Array, float]:
         push / bounds[2],
     ]
     time = float(np.max(times))
-    length = np.max([way, speed * time, push * time**2], axis=0)
-    return np.where(length > 0.0, length, 1.0), time
+    within_limits = np.min([bounds[0] * time, bounds[1] * time**2, bounds[2] * time**3], axis=0)
+    length = [way, speed * time, push * time**2, _LEAST_UNIT * within_limits]
+    return np.asarray(np.max(length, axis=0)), time
 
 
 def _input(
@@ -255,6 +275,9 @@ def _trajectory(
         q = q + (v + (0.5 * a + j * h / 6.0) * h) * h
         v = v + (a + 0.5 * j * h) * h
         a = a + j * h
+    missing = np.abs(np.stack([q, v, a]) - states[1])
+    if not (missing <= _SAME_STATE * (1.0 + np.abs(states[1]))).all():
+        raise _failure(f"its phases end {missing.max():.3g} off")
     return Trajectory(names, times, coefficients)
 
 

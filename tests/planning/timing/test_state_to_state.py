@@ -60,6 +60,46 @@ def test_a_motion_has_both_states_keeps_its_limits_and_takes_the_least_time(
             assert motion.duration == pytest.approx(least, rel=1e-7)
 
 
+@pytest.mark.parametrize("seed", range(60))
+def test_joints_that_rest_to_rounding_take_no_time(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    n = int(rng.integers(2, 8))
+    limits = np.stack([rng.uniform(0.5, 3, n), rng.uniform(2, 20, n), rng.uniform(20, 500, n)])
+    start, end = random_states(rng, n, limits)
+    still = rng.random(n) < 0.5
+    still[0] = False
+    tiny = 10.0 ** rng.uniform(-16, -8)
+
+    def rounded(state: JointState, noise: float) -> JointState:
+        rows = np.where(still, noise * rng.normal(size=(3, n)), state.rows)
+        rows[0] += np.where(still, start.position, 0.0)
+        return JointState(*rows)
+
+    begin, target = rounded(start, tiny), rounded(end, tiny * (rng.random() < 0.5))
+    motion = state_to_state([f"j{i}" for i in range(n)], begin, target, limits)
+    exact = package_duration(rounded(start, 0.0), rounded(end, 0.0), limits)
+    assert motion.duration == pytest.approx(exact, rel=1e-4, abs=1e-4)
+    for order in range(2):
+        ends = motion.sample([0.0, motion.duration], order)
+        np.testing.assert_allclose(ends[0], begin.rows[order], rtol=0, atol=1e-10 * limits[0].max())
+        np.testing.assert_allclose(ends[1], target.rows[order], rtol=0, atol=1e-9)
+    for order in (1, 2, 3):
+        assert (motion.peaks(order).value / limits[order - 1]).max() <= 1.0 + 1e-9
+
+
+def test_phases_that_miss_the_target_are_a_failure(monkeypatch: pytest.MonkeyPatch) -> None:
+    solve = Ruckig.calculate
+
+    def other(self: Ruckig, wanted: InputParameter, motion: Phases) -> object:
+        wanted.target_position = [place + 0.1 for place in wanted.target_position]
+        return solve(self, wanted, motion)
+
+    monkeypatch.setattr("planning.timing.state_to_state._STEPS", 0)
+    monkeypatch.setattr("planning.timing.state_to_state.Ruckig.calculate", other)
+    with pytest.raises(TimingFailed, match="phases end"):
+        state_to_state(["a"], REST, JointState(np.array([1.0])), LIMITS)
+
+
 def test_a_motion_begins_with_the_velocity_asked_for() -> None:
     start = JointState(np.zeros(1), np.array([790.0]))
     motion = state_to_state(["j"], start, JointState(np.array([500.0])), LIMITS)
