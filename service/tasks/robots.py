@@ -31,6 +31,10 @@ from service.translate.urdf import table_urdf
 from service.translate.visuals import kept_meshes, robot_visuals
 from service.workers.task import task
 
+#: Told of archives with MoveIt's limits in them.
+_LIMITS_USED = "joint_limits are those of the archive's joint_limits.yaml"
+_LIMITS_LEFT = "joint_limits of the request count: the archive's joint_limits.yaml is not read"
+
 
 @task
 def make_scene(content: bytes, folder: str, name: str) -> bytes:
@@ -86,8 +90,13 @@ def make_robot(content: bytes, folder: str) -> tuple[bytes, bytes]:
 
 
 @task
-def prepare_robot(document: bytes, folder: str) -> bytes:
+def prepare_robot(document: bytes, folder: str, notes: tuple[str, ...] = ()) -> bytes:
     """Build a robot from its JSON document and keep it for all workers.
+
+    Args:
+        document: Of the robot.
+        folder: Where to keep it.
+        notes: On what it was made of, for its lint.
 
     Returns:
         The model as it is answered, JSON.
@@ -102,7 +111,7 @@ def prepare_robot(document: bytes, folder: str) -> bytes:
         for solids in (geometry, hulled(geometry)):
             pack(solids)
         visuals, more = robot_visuals(body, geometry.chain)
-        lint = [*lint, *more]
+        lint = [*notes, *lint, *more]
         answer = robots.robot_answer(geometry, lint, body.name, is_built_in=False, body=body)
     made = PreparedRobot.of(geometry, answer.model_dump_json().encode())
     reference = Reference("robot", body.name, prepared_files.document_hash(document), folder)
@@ -194,7 +203,7 @@ def unpack_robot(content: bytes, fields: dict[str, object], folder: str) -> tupl
     colliding = _collision_files(archive.urdf, fields.get("visual_solids") is True)
     kept = kept_meshes(archive.urdf, archive.meshes, colliding)
     meshes = {name: base64.b64encode(archive.meshes[name]).decode() for name in kept}
-    given = {"srdf": archive.srdf} | {
+    given = {"srdf": archive.srdf, "joint_limits": archive.joint_limits} | {
         name: value
         for name, value in fields.items()
         if value is not None and name not in ("urdf_path", "srdf_path")
@@ -205,7 +214,11 @@ def unpack_robot(content: bytes, fields: dict[str, object], folder: str) -> tupl
         problem = validation_problem(error.errors(), {})
         raise InvalidRobotDescription(f"the robot archive: {problem.detail}") from None
     document = body.model_dump_json(exclude_none=True).encode()
-    return document, prepare_robot(document, folder)
+    notes = archive.notes
+    if archive.joint_limits is not None:
+        used = given["joint_limits"] is archive.joint_limits
+        notes = (*notes, _LIMITS_USED if used else _LIMITS_LEFT)
+    return document, prepare_robot(document, folder, notes)
 
 
 def _text(value: object) -> str | None:

@@ -25,6 +25,7 @@ _ENTRY_MARK = b"PK\x01\x02"
 _UPWARD = re.compile(
     r"""(?P<start>\bfilename\s*=\s*(?P<quote>["']))(?P<path>(\./)*\.\./[^"'<>&]*)(?P<end>(?P=quote))"""
 )
+_LIMITS = ("joint_limits.yaml", "joint_limits.yml")
 _MESHES = tuple(f".{kind}" for kind in FILE_TYPES)
 _ARCHIVES = (".zip", ".gz", ".tgz", ".tar", ".bz2", ".xz", ".7z", ".rar", ".zst", ".jar", ".3mf")
 _ARCHIVE_STARTS = (
@@ -45,11 +46,15 @@ class RobotArchive:
         urdf: The text of the .urdf file that is meant.
         srdf: The text of the .srdf file that belongs to it, if there is one.
         meshes: Bytes of the mesh files by their path in the archive.
+        joint_limits: The text of MoveIt's joint_limits.yaml, if there is one.
+        notes: Files that say something of the robot and are not read, one sentence each.
     """
 
     urdf: str
     srdf: str | None = None
     meshes: dict[str, bytes] = field(default_factory=dict)
+    joint_limits: str | None = None
+    notes: tuple[str, ...] = ()
 
 
 def read_archive(
@@ -57,7 +62,7 @@ def read_archive(
 ) -> RobotArchive:
     """Read a robot from the bytes of a .zip; nothing is ever written to disk.
 
-    Files that are neither URDF, SRDF nor mesh are left alone.
+    Files that are neither URDF, SRDF, mesh nor MoveIt's joint_limits.yaml are left alone.
 
     Args:
         content: The archive.
@@ -94,7 +99,10 @@ def _read(archive: zipfile.ZipFile, urdf_path: str | None, srdf_path: str | None
     twice = {name for name in names if names.count(name) > 1}
     if twice:
         raise _archive_error(f"{min(twice)!r} is in it twice")
-    wanted = [e for e in entries if _suffix(e) in (".urdf", ".srdf", *_MESHES)]
+    limits = [name for name in names if PurePosixPath(name).name in _LIMITS]
+    wanted = [
+        e for e in entries if _suffix(e) in (".urdf", ".srdf", *_MESHES) or e.filename in limits
+    ]
     files: dict[str, bytes] = {}
     left = MAX_UNPACKED
     for entry in wanted:
@@ -110,7 +118,28 @@ def _read(archive: zipfile.ZipFile, urdf_path: str | None, srdf_path: str | None
     meshes = {
         name: data for name, data in files.items() if PurePosixPath(name).suffix.lower() in _MESHES
     }
-    return RobotArchive(urdf, None if semantics is None else _text(files, semantics), meshes)
+    return RobotArchive(
+        urdf,
+        None if semantics is None else _text(files, semantics),
+        meshes,
+        _text(files, limits[0]) if len(limits) == 1 else None,
+        (*_unread_limits(limits), *_unexpanded_srdf(names, semantics)),
+    )
+
+
+def _unread_limits(names: list[str]) -> list[str]:
+    if len(names) < 2:
+        return []
+    told = ", ".join(names[:10])
+    return [f"which of {told} is meant is open: none is read, give its text as joint_limits"]
+
+
+def _unexpanded_srdf(names: list[str], semantics: str | None) -> list[str]:
+    found = [name for name in names if name.lower().endswith(".srdf.xacro")]
+    if semantics is not None or not found:
+        return []
+    hint = f"`xacro {found[0]} > robot.srdf`"
+    return [f"there is no .srdf file in the archive, only {', '.join(found)}: expand it ({hint})"]
 
 
 def _no_urdf(names: list[str]) -> InvalidRobotDescription:

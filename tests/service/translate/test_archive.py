@@ -7,6 +7,7 @@ import warnings
 import zipfile
 from collections.abc import Mapping
 from pathlib import Path
+from typing import Any
 
 import pytest
 import trimesh
@@ -155,6 +156,37 @@ def test_a_package_of_xacro_files_tells_how_to_expand_them() -> None:
     with pytest.raises(InvalidRobotDescription, match="only xacro files") as raised:
         read_archive(packed(files))
     assert "`xacro arm/arm.urdf.xacro > robot.urdf`" in (raised.value.hint or "")
+
+
+LIMITS = "joint_limits: {swing: {has_acceleration_limits: true, max_acceleration: 3.5}}"
+
+
+def model_of(files: dict[str, bytes | str], folder: Path, **fields: object) -> Any:
+    """The model of an archive's robot."""
+    _, model = unpack_robot(packed(files), {"name": "z", **fields}, str(folder))
+    return json.loads(model)
+
+
+def test_limits_of_moveit_in_an_archive_are_obeyed_and_told(tmp_path: Path) -> None:
+    arm: dict[str, bytes | str] = {"arm.urdf": ONE_JOINT.format("")}
+    one = model_of({**arm, "config/joint_limits.yaml": LIMITS}, tmp_path)
+    assert one["limits"]["acceleration"] == [3.5]
+    assert any("archive's joint_limits.yaml" in line for line in one["lint"])
+    given = {"swing": {"acceleration": 2.0}}
+    own = model_of({**arm, "joint_limits.yaml": LIMITS}, tmp_path, joint_limits=given)
+    assert own["limits"]["acceleration"] == [2.0]
+    assert any("joint_limits.yaml is not read" in line for line in own["lint"])
+    several = {**arm, "a/joint_limits.yaml": LIMITS, "b/joint_limits.yml": LIMITS}
+    none = model_of(several, tmp_path)
+    assert none["limits"]["acceleration"] == [None]
+    assert any("a/joint_limits.yaml" in x and "none is read" in x for x in none["lint"])
+
+
+def test_an_srdf_that_is_not_expanded_is_told() -> None:
+    files: dict[str, bytes | str] = {"arm.urdf": URDF, "config/arm.srdf.xacro": URDF}
+    (note,) = read_archive(packed(files)).notes
+    assert "`xacro config/arm.srdf.xacro > robot.srdf`" in note
+    assert read_archive(packed({**files, "arm.srdf": URDF})).notes == ()
 
 
 def test_links_and_encrypted_entries() -> None:
