@@ -6,7 +6,7 @@ from functools import partial
 
 import numpy as np
 
-from kinematics.arrays import Array
+from kinematics.arrays import Array, Indices
 from kinematics.chain import Chain, Limits
 from kinematics.errors import InvalidOption, InvalidTrajectory
 from kinematics.trajectory import REST, Trajectory, stay
@@ -22,7 +22,7 @@ from planning.timing.parametrization import TimeParametrization
 from planning.timing.path import JointPath
 from planning.timing.report import TimingReport, timing_report
 from planning.timing.simplification import Polyline, simplified_polyline
-from planning.timing.spline import Ends, chord_knots, spline_path
+from planning.timing.spline import Ends, chord_knots, led_by, spline_path
 from planning.timing.time_scaling import ScaledTime
 
 #: Legs shorter than this are told of: their direction has lost digits.
@@ -112,18 +112,19 @@ def retime(
         require_limits(required_limits(method), names, overrides)
     parametrization = chosen_parametrization(timing, names, limits, overrides, chain)
     begins = 0.0 if times is None else float(times[0])
-    merged = merge(points)
-    if len(merged) < 2:
-        rest = ScaledTime(stay(names, points[0]), 1.0)
-        note = f"The path has no length: the robot stays where it is for {REST:g} s."
-        certificate = certify_limits(rest.trajectory, chain, parametrization.motion_limits)
-        if not certificate.verified:
-            raise _failure(certificate.violation, rest.trajectory, chain)
-        return _report(rest, certificate, parametrization, chain, (note,), begins)
     interpolation = timing.interpolation or _usual(timing)
-    notes = _notes(points)
+    notes, numbers = _notes(points), np.arange(len(points))
+    is_still = len(merge(points)) < 2
+    if interpolation != "linear" and times is None and path.knots is None and not is_still:
+        numbers = led_by(points)
+        notes += _led_notes(points, numbers)
+        points = points[numbers]
     attempts: Sequence[Callable[[], ScaledTime]]
-    if not method.follows_path:
+    if is_still:
+        notes = (f"The path has no length: the robot stays where it is for {REST:g} s.",)
+        shape = stay(names, points[0])
+        attempts = [lambda: ScaledTime(shape, 1.0)]
+    elif not method.follows_path:
         ends = _ends(interpolation)
         shifted = None if times is None else times - times[0]
         timed = parametrization.time_spline(points, shifted, ends, names, timing.scale_times)
@@ -143,7 +144,7 @@ def retime(
     notes += method.notes((timed,))
     if times is None:
         if not certificate.verified:
-            raise _failure(certificate.violation, shape, chain)
+            raise _failure(certificate.violation, shape, numbers, chain)
         # No times were asked for, so there is nothing to be longer than.
         timed = timed._replace(factor=1.0)
     if method.jerk is JerkUse.UNUSED and "jerk" in overrides:
@@ -221,12 +222,15 @@ def _first_verified(
     return timed, certificate
 
 
-def _failure(violation: Violation | None, shape: Trajectory, chain: Chain | None) -> TimingFailed:
+def _failure(
+    violation: Violation | None, shape: Trajectory, numbers: Indices, chain: Chain | None
+) -> TimingFailed:
     """Refusal of a motion that is not proved.
 
     Args:
         violation: The first of the motion.
         shape: The path, a piece from each waypoint to the next, at any times.
+        numbers: Of these waypoints.
         chain: The robot.
     """
     assert violation is not None
@@ -234,13 +238,14 @@ def _failure(violation: Violation | None, shape: Trajectory, chain: Chain | None
         return TimingFailed(f"no motion was proved: {violation.message}", hint=_SIZES)
     free = dict.fromkeys(("velocity", "acceleration", "jerk"), np.full(shape.n, np.inf))
     outside = certify_limits(shape, chain, MotionLimits(free)).violation or violation
-    after = int(np.searchsorted(shape.breaks[1:-1], outside.time, side="right"))
+    piece = int(np.searchsorted(shape.breaks[1:-1], outside.time, side="right"))
+    between = numbers[[piece, min(piece + 1, len(numbers) - 1)]].tolist()
     return TimingFailed(
-        f"{outside.message}, between waypoints {after} and {after + 1}",
+        f"{outside.message}, between waypoints {between[0]} and {between[1]}",
         hint="Give waypoints within the joint's limits; a spline swings over them less where more "
         "waypoints lead it, and straight lines do not.",
         **outside.details,
-        waypoints=[after, after + 1],
+        waypoints=between,
     )
 
 
@@ -324,6 +329,16 @@ def _notes(points: Array) -> tuple[str, ...]:
         for i in np.flatnonzero((steps > 0.0) & (steps < TINY))
     ]
     return tuple(notes)
+
+
+def _led_notes(points: Array, numbers: Indices) -> tuple[str, ...]:
+    """Note on waypoints that a spline leaves out, being nearly at others."""
+    out = np.setdiff1d(np.arange(len(points)), numbers)
+    if not len(out):
+        return ()
+    away = np.linalg.norm(points[out][:, None] - points[numbers], axis=2).min(axis=1).max()
+    listed = ", ".join(map(str, out))
+    return (f"The spline leaves out waypoint(s) {listed}, at most {away:.3g} from others.",)
 
 
 def _line_notes(line: Polyline) -> tuple[str, ...]:

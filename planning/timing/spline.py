@@ -22,12 +22,14 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy.linalg import solve_banded
 
-from kinematics.arrays import Array
+from kinematics.arrays import Array, Indices
 from kinematics.errors import InvalidOption, InvalidTrajectory
 from kinematics.trajectory import Trajectory
 from planning.timing.path import JointPath
 
 Ends = Literal["natural", "clamped"]
+# Waypoints that are nearer than this part of the mean step are nearly the same [-].
+_NEARLY_REPEATED = 1e-3
 
 
 def spline_trajectory(
@@ -72,6 +74,25 @@ def spline_path(waypoints: ArrayLike, knots: ArrayLike, ends: Ends = "natural") 
     """
     points, values = _check_samples(waypoints, knots)
     return JointPath(_coefficients(points, values, ends), np.diff(values))
+
+
+def led_by(waypoints: Array) -> Indices:
+    """Numbers of the waypoints that lead a spline: all but those nearly at the one before.
+
+    Between two that are nearly the same a spline turns within their distance, and can only be run
+    through as slowly. The ends always stay.
+
+    Args:
+        waypoints: Shape (k, n), k >= 2, at least two of them distinct.
+    """
+    steps = np.linalg.norm(np.diff(waypoints, axis=0), axis=1)
+    kept, least = [0], _NEARLY_REPEATED * float(steps.mean())
+    for i in range(1, len(waypoints)):
+        if np.linalg.norm(waypoints[i] - waypoints[kept[-1]]) > least:
+            kept.append(i)
+    if len(kept) > 1:
+        kept.pop()
+    return np.array([*kept, len(waypoints) - 1], dtype=np.int64)
 
 
 def chord_knots(waypoints: ArrayLike) -> Array:

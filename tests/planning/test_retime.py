@@ -161,8 +161,11 @@ def test_odd_paths() -> None:
         tiny = timed(1e-10 * POINTS, method=method, blend_tolerance=0.1)
         assert tiny.certificate.verified
         assert any("is only" in note for note in tiny.notes)
-    with pytest.raises(InvalidTrajectory, match="waypoint 1 repeats waypoint 0"):
-        timed(np.repeat(POINTS, 2, axis=0), interpolation="natural_spline")
+    twice = timed(np.repeat(POINTS, 2, axis=0), interpolation="natural_spline")
+    once = timed(interpolation="natural_spline")
+    assert twice.trajectory.duration == pytest.approx(once.trajectory.duration, rel=1e-9)
+    with pytest.raises(InvalidTrajectory, match=r"time 1 .* is not after time 0"):
+        timed(interpolation="natural_spline", knots=np.array([0.0, 0.0, 1.0, 2.0, 3.0, 4.0]))
 
 
 def test_torques_payload_and_tool_speed_of_a_robot() -> None:

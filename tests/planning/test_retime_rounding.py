@@ -166,3 +166,21 @@ def test_recorded_paths_take_what_few_waypoints_take(options: dict[str, Any]) ->
     assert stopping.certificate.verified
     assert stopping.trajectory.duration < 3.0 * few.trajectory.duration
     assert any("cut by at most" in note for note in stopping.notes)
+
+
+@pytest.mark.parametrize("seed", range(30))
+def test_splines_leave_out_nearly_repeated_waypoints(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    few = rng.uniform(-0.6, 0.6, (int(rng.integers(3, 8)), int(rng.integers(2, 8))))
+    at = int(rng.integers(1, len(few) - 1))
+    near = few[at] + 10.0 ** rng.uniform(-7, -4.5) * rng.normal(size=few.shape[1])
+    points = np.insert(few, at + 1, near, axis=0)
+    for options in (
+        {"method": "toppra", "interpolation": "natural_spline"},
+        {"method": "jerk_limited", "interpolation": "clamped_spline"},
+        {"method": "spline", "interpolation": "natural_spline"},
+    ):
+        found, expected = timed(points, **options), timed(few, **options)  # type: ignore[arg-type]
+        assert found.certificate.verified
+        assert found.trajectory.duration == pytest.approx(expected.trajectory.duration, rel=1e-9)
+        assert any(f"leaves out waypoint(s) {at + 1}, at most" in note for note in found.notes)
