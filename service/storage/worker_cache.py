@@ -138,7 +138,7 @@ def _new_scene(source: scene_schema.Scene, size: int) -> tuple[Scene, int]:
     MoveIt writes the state of the robot into the text of a scene: each time it is another text.
     """
     scene = poses.scene(source)
-    return _SCENES.get(("content", scene.content_hash), lambda: (scene, size))
+    return _SCENES.get(("content", scene.content_hash, scene.notes), lambda: (scene, size))
 
 
 def _keep_decompositions(reference: Reference) -> None:

@@ -24,6 +24,8 @@ from service.storage import worker_cache
 from service.storage.cache_key import Reference
 from service.translate import poses
 
+#: Unknown names that a note lists.
+_TOLD = 12
 #: Fields of requests that name obstacles.
 _NAMING = ("attached", "allowed_collisions", "objects", "stages")
 
@@ -36,11 +38,13 @@ class RobotInScene:
         robot: The robot with the objects that it holds, their masses included.
         scene: The scene without attached objects, with all pairs that may touch.
         allowed: The pairs that the request allows to touch, as answers echo them.
+        notes: What is odd about the scene.
     """
 
     robot: RobotGeometry
     scene: Scene
     allowed: list[list[str]]
+    notes: tuple[str, ...] = ()
 
 
 class SceneRequest(Protocol):
@@ -181,7 +185,7 @@ def attach(
     echoed = [sorted(pair) for pair in pairs]
     if not attached and not pairs:
         check_allowed(robot, scene)
-        return RobotInScene(robot, scene, echoed)
+        return RobotInScene(robot, scene, echoed, scene_notes(robot, scene))
     objects = [(item, attachment(robot, scene, item)) for item in attached or ()]
     grasped = hold(robot, scene, [held for _, held in objects], pairs)
     chain = robot.chain
@@ -189,7 +193,26 @@ def attach(
         if item.mass is not None:
             chain = _with_mass(chain, item, held.held.T_world_obstacle)
     loaded = grasped.robot if chain is robot.chain else replace(grasped.robot, chain=chain)
-    return RobotInScene(loaded, grasped.scene, echoed)
+    notes = scene_notes(robot, scene, [item.id for item, _ in objects])
+    return RobotInScene(loaded, grasped.scene, echoed, notes)
+
+
+def scene_notes(robot: RobotGeometry, scene: Scene, held: Sequence[str] = ()) -> tuple[str, ...]:
+    """Notes on what is odd about a scene: of its file, and names of pairs that nothing has.
+
+    Args:
+        robot: The robot.
+        scene: The scene as it came.
+        held: Names of objects that a request has the robot hold.
+    """
+    known = {*robot.chain.index, *robot.names, *scene.ids, *held}
+    unknown = sorted({name for pair in scene.allowed_collisions for name in pair} - known)
+    if not unknown:
+        return scene.notes
+    more = f" and {len(unknown) - _TOLD} more" if len(unknown) > _TOLD else ""
+    names = ", ".join(map(repr, unknown[:_TOLD])) + more
+    told = f"the scene lets {names} touch others: no link or obstacle has such a name"
+    return (*scene.notes, told)
 
 
 def attachment(robot: RobotGeometry, scene: Scene, item: Attached) -> Attachment:

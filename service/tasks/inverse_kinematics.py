@@ -97,7 +97,7 @@ def ik(
     check = None
     if body.scene is not None or body.attached:
         check = CollisionCheck(robot_in_scene(robot, scene, body, seed))
-    notes = poses.notes_of(body)
+    notes = poses.notes_of(body, () if check is None else check.cell.notes)
     if names_frame(content):
         body = ik_in_root_frame(body, Frames(chain, seed, body.frame))
     query = _Query(body, robot, chain, chain.link(body.link or chain.tip_link).name, check)

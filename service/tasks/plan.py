@@ -109,7 +109,7 @@ def plan_outcome(
     outcome = pipeline.plan(problem, options)
     if isinstance(outcome, Failure):
         return _refusal(outcome)
-    outcome = dataclasses.replace(outcome, notes=(*read, *outcome.notes))
+    outcome = dataclasses.replace(outcome, notes=(*read, *cell.notes, *outcome.notes))
     content = to_json(_answer(outcome, body, cell), inf_nan_mode="null")
     stages = tuple((stage.name, 1e-3 * stage.milliseconds) for stage in outcome.stages)
     return PlanOutcome(content, outcome.planner, stages)
@@ -186,7 +186,7 @@ def validate(
         return timed_out("the work was done", "certificate")
     answer = certificates.certificate_answer(certificate, begins, body.scene)
     answer["allowed_collisions"] = cell.allowed
-    return to_json(answer | in_frame(chain) | notes_of(body), inf_nan_mode="null")
+    return to_json(answer | in_frame(chain) | notes_of(body, cell.notes), inf_nan_mode="null")
 
 
 def _collision_cell(cell: RobotInScene, collisions: Collisions) -> RobotInScene:

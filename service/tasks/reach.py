@@ -184,7 +184,7 @@ def _answer(
         else {"shape": list(grid.shape), "axes": [axis.tolist() for axis in grid.axes()]},
         "bases": None if placements is None else [_base_answer(item) for item in placements],
         "allowed_collisions": cell.allowed,
-        **poses.notes_of(body),
+        **poses.notes_of(body, cell.notes),
     }
 
 

@@ -27,7 +27,7 @@ from service.schemas.sequence import TaskRequest
 from service.storage import worker_cache
 from service.storage.cache_key import Reference
 from service.tasks.answer import in_frame, reports_cache_miss
-from service.tasks.attached_objects import attachment, requested_scene
+from service.tasks.attached_objects import attachment, requested_scene, scene_notes
 from service.tasks.plan import versions
 from service.tasks.result import CacheMiss, TaskProblem, timed_out
 from service.tasks.stage_cells import moved, stage_cells, task_objects
@@ -66,9 +66,10 @@ def plan_sequence(
         return timed_out("the search began", "task")
     stages = sequences.stages(body, geometry, start, remaining)
     asked = Task(world, start, stages, body.seed)
+    told = scene_notes(alone, around, [item.id for item in body.attached or ()])
 
     def written(found: SequencePlan) -> bytes:
-        answer = _answer(found, asked, body)
+        answer = _answer(found, asked, body) | poses.notes_of(body, told)
         stages = answer["stages"]
         cells = stage_cells(stages, alone, task_objects(alone, around, body), body.fingers or {})
         for plan, stage, cell in zip(found.stages, stages, cells, strict=True):
@@ -147,7 +148,6 @@ def _answer(outcome: SequencePlan, asked: Task, body: TaskRequest) -> dict[str, 
         "status": "success" if outcome.complete else "partial",
         **in_frame(asked.world.robot.chain),
         "duration": outcome.duration,
-        **poses.notes_of(body),
         "stages": stages,
         **_trials_answer(outcome.trials),
         "improvements": [

@@ -50,7 +50,7 @@ def tour(
 
     def written(found: Tour) -> bytes:
         answer = tour_answer(found, problem, body.timing.sample_period, body.scene)
-        answer["notes"] = [*rounding_notes(body), *answer["notes"]]
+        answer["notes"] = [*rounding_notes(body), *cell.notes, *answer["notes"]]
         surroundings = _surroundings(body, cell, deterministic=found.deterministic)
         return to_json(answer | surroundings, inf_nan_mode="null")
 

@@ -42,9 +42,14 @@ def transform(pose: pose_schema.Pose) -> Array:
     return rotation.transform(matrix, pose.position)
 
 
-def notes_of(body: BaseModel) -> dict[str, list[str]]:
-    """The notes of an answer on how a request was read; nothing where there is nothing to tell."""
-    notes = rounding_notes(body)
+def notes_of(body: BaseModel, more: Iterable[str] = ()) -> dict[str, list[str]]:
+    """The notes of an answer on how a request was read; nothing where there is nothing to tell.
+
+    Args:
+        body: The request.
+        more: What else is told, of its scene for one.
+    """
+    notes = [*rounding_notes(body), *more]
     return {"notes": notes} if notes else {}
 
 

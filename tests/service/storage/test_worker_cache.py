@@ -77,7 +77,10 @@ def test_a_scene_that_is_kept_is_kept_in_the_root_frame_too() -> None:
 
 def test_what_is_at_the_tool_is_placed_for_each_request() -> None:
     panda = builtin_chain("panda")
-    source = Scene(moveit=text_in("tool", "panda_link0"))
+    sphere = {"type": "sphere", "radius": 0.1}
+    poses_of = {"at": {"position": [0.1, 0.2, 0.3], "frame": "tool"}, "by": {"position": [1, 0, 0]}}
+    obstacles = [{"id": name, "shape": sphere, "pose": pose} for name, pose in poses_of.items()]
+    source = Scene.model_validate({"obstacles": obstacles})
     drawn = np.random.default_rng(3).uniform(-1.0, 1.0, (4, 7))
     for q in drawn:
         placed = worker_cache.placed_scene(source, None, panda, q)

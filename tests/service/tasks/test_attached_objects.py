@@ -1,5 +1,6 @@
 """Robots with attached objects: where these are, what they weigh, and what they may touch."""
 
+import json
 from typing import Any
 
 import numpy as np
@@ -14,8 +15,9 @@ from obstacles.shapes import Box, Sphere
 from service.schemas.attached import Attached
 from service.schemas.check import CheckRequest
 from service.schemas.scene import Scene as SceneBody
-from service.storage.cache_key import NotPrepared, Reference
+from service.storage.cache_key import NotPrepared, Reference, builtin_reference
 from service.tasks.attached_objects import RobotInScene, attach, requested_scene
+from service.tasks.check import check
 from tests.planning.scenes import HOME, builtin
 
 ROBOT = builtin("panda")
@@ -97,6 +99,27 @@ def test_a_pair_of_a_scene_may_name_an_object_of_several_solids() -> None:
     assert around.allows("mug", "panda_hand")
     plain = body.model_copy(update={"scene": scene_of(SOLIDS)})
     assert len(requested_scene(None, plain, ROBOT.chain, HOME).ids) == 3, "nothing names it"
+
+
+def test_what_is_odd_about_a_scene_is_told_where_it_is_used() -> None:
+    text = MOVEIT + (
+        "allowed_collision_matrix:\n  entry_names: [mug, panda_hand, gripper]\n"
+        "  entry_values: [[false, true, true], [true, false, true], [true, true, false]]\n"
+        "is_diff: true\n"
+    )
+    request: dict[str, Any] = {
+        "robot": "panda", "joints": HOME.tolist(), "scene": {"moveit": text},
+    }  # fmt: skip
+    answer = json.loads(check(builtin_reference("panda"), None, json.dumps(request).encode()))
+    assert answer["notes"] == [
+        "fields of the planning scene that are not obeyed: is_diff",
+        "the scene lets 'gripper' touch others: no link or obstacle has such a name",
+    ]
+    plain = {"obstacles": SOLIDS, "allowed_collisions": [["mgu", "panda_hand"]]}
+    body = CheckRequest.model_validate({**request, "scene": plain, "attached": [PART]})
+    around = requested_scene(None, body, ROBOT.chain, HOME)
+    (note,) = attach(ROBOT, around, body.attached, None).notes
+    assert "'mgu'" in note
 
 
 def scene_of(obstacles: list[dict[str, Any]]) -> SceneBody:
