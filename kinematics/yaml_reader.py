@@ -20,6 +20,8 @@ MAX_BYTES = 16 * 2**20
 #: A planning scene nests nine deep.
 _MAX_DEPTH = 32
 _MAX_NODES = 2_000_000
+#: Characters of a number.
+_LONGEST_NUMBER = 64
 #: Values that aliases repeat: of a small text a worker is to make no large one.
 _MAX_REPEATED = 200_000
 #: Of scalars without quotes whose values are built here.
@@ -44,6 +46,20 @@ class _Loader(getattr(yaml, "CSafeLoader", yaml.SafeLoader)):  # type: ignore[mi
             )
         mapping: dict[Hashable, Any] = super().construct_mapping(node, deep)
         return mapping
+
+
+def _short_number(loader: _Loader, node: yaml.ScalarNode) -> int | float:
+    """A number; one of many parts to the base of 60 takes the square of its length in time."""
+    if len(node.value) > _LONGEST_NUMBER:
+        raise yaml.MarkedYAMLError(problem="a number too long", problem_mark=node.start_mark)
+    is_whole = node.tag.endswith("int")
+    make = loader.construct_yaml_int if is_whole else loader.construct_yaml_float
+    value: int | float = make(node)
+    return value
+
+
+for _kind in ("int", "float"):
+    _Loader.add_constructor(f"tag:yaml.org,2002:{_kind}", _short_number)
 
 
 class _Anchor(NamedTuple):

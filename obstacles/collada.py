@@ -15,9 +15,11 @@ from kinematics.xml_reader import Element, number, read_document, tostring
 #: What a surface is made of. All else (paint, lights, cameras, animations) is taken out first:
 #: files often refer to paint that is not there.
 _PARTS = ("asset", "library_geometries", "library_nodes", "library_visual_scenes", "scene")
+_SURFACES = ("triangles", "trifans", "tristrips", "polygons", "polylist", "lines", "linestrips")
 _LOOKS = ("bind_material", "instance_camera", "instance_light")
-#: Corners of a scene with all that it refers to: twice those of all triangles that a mesh may have.
-_MOST_CORNERS = 1_200_000
+#: Corners of a scene with all that it refers to: four times those of all triangles that a mesh may
+#: have.
+_MOST_CORNERS = 2_400_000
 #: A node takes as long to follow as so many corners.
 _NODE = 100
 #: Characters for a corner, which has three indices of a few digits as a rule.
@@ -92,10 +94,9 @@ def _check_size(root: Element) -> None:
         InvalidScene: More nodes or corners than any robot has, or a node within itself.
     """
     named = {e.get("id", ""): e for e in root.iter() if _tag(e) in ("node", "geometry")}
-    sizes, waiting = dict[Element, int](), list[tuple[Element, bool]]()
-    for scene in root.iter():
-        if _tag(scene) == "visual_scene":
-            waiting.append((scene, False))
+    # What nothing refers to is read as well.
+    named[""] = root
+    sizes, waiting = dict[Element, int](), [(root, False)]
     open_ = set[Element]()
     while waiting:
         element, is_done = waiting.pop()
@@ -122,8 +123,10 @@ def _check_size(root: Element) -> None:
 
 
 def _expanded(element: Element, named: Mapping[str, Element]) -> list[Element]:
-    """What stands below a node once its references are followed."""
-    parts = []
+    """What stands below a node once its references are followed, and what a file has."""
+    parts = list[Element]()
+    if element is named[""]:
+        return [e for e in element.iter() if _tag(e) in ("visual_scene", "geometry")]
     for child in element:
         if _tag(child) == "node":
             parts.append(child)
@@ -134,10 +137,19 @@ def _expanded(element: Element, named: Mapping[str, Element]) -> list[Element]:
 
 
 def _corner_count(element: Element) -> int:
-    """About how many corners the surfaces of a geometry have; none of another element."""
+    """About how many corners it takes to read a geometry; none of another element."""
     if _tag(element) != "geometry":
         return 0
-    return sum(len(e.text or "") for e in element.iter() if _tag(e) == "p") // _CORNER_LENGTH
+    count = 0
+    for part in element.iter():
+        text = part.text or ""
+        if _tag(part) in _SURFACES:
+            count += _NODE
+        elif _tag(part) == "p":
+            count += len(text) // _CORNER_LENGTH
+        elif _tag(part) == "vcount":
+            count += sum(abs(int(word)) for word in text.split())
+    return count
 
 
 def _diffuse_colors(root: Element) -> dict[str, tuple[float, float, float, float]]:

@@ -120,7 +120,7 @@ def _read(data: bytes, kind: str) -> tuple[Array, Faces]:
         mesh.merge_vertices()
     else:
         text, rest = _text_and_rest(data, kind)
-        text = plain_obj(text) if kind == "obj" else text
+        text = plain_obj(text, MAX_FACES) if kind == "obj" else text
         mesh = trimesh.load_scene(
             io.BytesIO(_in_utf8(text) + rest), file_type=kind, process=False, allow_remote=False
         ).to_mesh()

@@ -1,49 +1,52 @@
 """Wavefront OBJ text in the form that every reader takes.
 
 The format lets a face count back from where it stands: -1 is the vertex before it. Readers that
-take -1 for the last vertex of the file make another body of it and say nothing.
+take -1 for the last vertex of the file make another body of it and say nothing. Names, groups and
+materials are left out: a reader that makes a mesh of each takes the square of their number in time.
 Source: "Object Files (.obj)", Advanced Visualizer manual, appendix B1.
 """
 
 import re
 
-#: A face with an index that counts back or is 0, which is none.
-_NOT_PLAIN = re.compile(rb"^[ \t]*f[^\n]*[\s/](-|0+[\s/]|0+$)", re.MULTILINE)
+from kinematics.errors import InvalidScene
+
+#: A line with a vertex or a face, without the blanks before it.
+_SHAPES = re.compile(rb"^ *([vf] [^\n]*)", re.MULTILINE)
+#: Of a corner of a face, what it has beside its vertex.
+_LOOKS = re.compile(rb"/[^ \r\n]*")
+#: An index that counts back or is 0, which is none.
+_NOT_PLAIN = re.compile(rb"^f[^\n]* (-|0+[ \r]|0+$)", re.MULTILINE)
 #: A line that ends in this goes on in the next one.
-_CONTINUED = re.compile(rb"\\[ \t]*\r?\n")
-#: What indices of a corner count, in their order.
-_COUNTED = (b"v", b"vt", b"vn")
+_CONTINUED = re.compile(rb"\\ *\r?\n")
 
 
-def plain_obj(text: bytes) -> bytes:
-    """The text with blanks for tabs, and with indices that count from the first vertex.
+def plain_obj(text: bytes, most: int) -> bytes:
+    """The vertices and faces of a text, faces with indices that count from the first vertex.
+
+    Args:
+        text: The file's content.
+        most: Triangles that faces may be cut into.
 
     Raises:
         ValueError: An index is 0 or no number, or counts back beyond the first vertex.
+        InvalidScene: There are more triangles.
     """
-    text = text.replace(b"\t", b" ")
-    if not _NOT_PLAIN.search(text):
-        return text
-    counts = dict.fromkeys(_COUNTED, 0)
-    lines = _CONTINUED.sub(b" ", text).splitlines()
-    for number, line in enumerate(lines):
-        words = line.split()
-        if not words:
-            continue
-        if words[0] in counts:
-            counts[words[0]] += 1
-        elif words[0] == b"f":
-            seen = [counts[name] for name in _COUNTED]
-            lines[number] = b" ".join([b"f", *(_corner(word, seen) for word in words[1:])])
-    return b"\n".join(lines) + b"\n"
-
-
-def _corner(word: bytes, seen: list[int]) -> bytes:
-    """A corner v, v/vt, v//vn or v/vt/vn of a face before which so many were ``seen``."""
-    parts = word.split(b"/")
-    return b"/".join(
-        _index(part, count) for part, count in zip(parts, seen[: len(parts)], strict=True)
-    )
+    lines = _SHAPES.findall(_CONTINUED.sub(b" ", text.replace(b"\t", b" ")))
+    faces = [line for line in lines if line.startswith(b"f")]
+    triangles = len(b" ".join(faces).split()) - 3 * len(faces)
+    if triangles > most:
+        raise InvalidScene(f"mesh faces: {triangles} triangles, at most {most} are taken")
+    plain = _LOOKS.sub(b"", b"\n".join([*lines, b""]))
+    if not _NOT_PLAIN.search(plain):
+        return plain
+    seen, counted = 0, list[bytes]()
+    for line in plain.splitlines():
+        if line.startswith(b"v"):
+            seen += 1
+            counted.append(line)
+        else:
+            counted.append(b" ".join([b"f", *(_index(word, seen) for word in line.split()[1:])]))
+    return b"\n".join(counted) + b"\n"
 
 
 def _index(part: bytes, seen: int) -> bytes:

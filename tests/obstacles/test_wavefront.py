@@ -38,9 +38,18 @@ def test_indices_that_name_no_vertex_are_refused(face: bytes) -> None:
         load_mesh(whole, "obj")
 
 
-def test_text_with_plain_indices_is_left_alone() -> None:
-    text = b"# f -1\n" + SQUARE + b"vt 0 -0.5\nf 1/1 2/1 3/1\nf 10 2 3\n"
-    assert plain_obj(text) == text
+def test_vertices_and_faces_are_left() -> None:
+    text = (
+        b"# f -1\nmtllib m\n o part\n" + SQUARE + b"vt 0 -0.5\nusemtl m\n f 1/1 2/0/1 3/1\nf 10 2 3"
+    )
+    assert plain_obj(text, 9) == SQUARE + b"f 1 2 3\nf 10 2 3\n"
+
+
+def test_triangles_are_counted_before_polygons_are_cut() -> None:
+    polygons = b"".join(b"f " + b"1 2 3 " * k + b"\n" for k in range(1, 600))
+    assert len(plain_obj(SQUARE + polygons, 600_000)) > len(polygons)
+    with pytest.raises(InvalidScene, match="at most 200000"):
+        load_mesh(SQUARE + polygons, "obj")
 
 
 def test_a_mesh_written_backwards_is_the_same_body() -> None:
