@@ -184,7 +184,11 @@ def _refuse_knots(path: PathToTime) -> None:
 def _linear(
     line: Polyline, names: tuple[str, ...], parametrization: TimeParametrization
 ) -> list[Callable[[], ScaledTime]]:
-    """Motions along straight lines by the solver asked for, then by another one."""
+    """Motions along straight lines by the solver asked for, then by another one.
+
+    With many corners the optimum on a grid can be slower than closed forms, which are found in a
+    moment: the faster of the two is taken.
+    """
     solvers = [parametrization]
     if isinstance(parametrization.method, JerkLimited):
         solvers.append(replace(parametrization, method=parametrization.method.other))
@@ -192,7 +196,12 @@ def _linear(
     def motion(by: TimeParametrization) -> ScaledTime:
         return by.time_polyline(line.corners, by.widest_reaches(line.corners, line.reaches), names)
 
-    return [partial(motion, by) for by in solvers]
+    def fastest() -> ScaledTime:
+        closed = [motion(by) for by in solvers[1:] if by.even_corners]
+        found = [motion(parametrization), *closed]
+        return min(found, key=lambda timed: timed.trajectory.duration)
+
+    return [fastest, *(partial(motion, by) for by in solvers[1:])]
 
 
 def _legs(names: tuple[str, ...], points: Array) -> Trajectory:

@@ -184,3 +184,37 @@ def test_splines_leave_out_nearly_repeated_waypoints(seed: int) -> None:
         assert found.certificate.verified
         assert found.trajectory.duration == pytest.approx(expected.trajectory.duration, rel=1e-9)
         assert any(f"leaves out waypoint(s) {at + 1}, at most" in note for note in found.notes)
+
+
+def test_the_optimum_on_a_grid_is_never_slower_than_closed_forms() -> None:
+    rng = np.random.default_rng(6)
+    solvers = set()
+    for _ in range(40):
+        n, k = int(rng.integers(2, 8)), int(rng.integers(5, 40))
+        shares = np.linspace(0.0, 1.0, k)[:, None]
+        points = shares * rng.uniform(-1, 1, n) + 10.0 ** rng.uniform(-4, -1) * rng.normal(
+            size=(k, n)
+        )
+        bounds = limits(n, jerk=6.0 * 10.0 ** rng.uniform(0.3, 2.0))
+        tolerance = float(rng.choice([1e-4, 1e-3, 1e-2]))
+        options: dict[str, Any] = {"method": "jerk_limited", "blend_tolerance": tolerance}
+        grid = timed(points, bounds, **options)
+        closed = timed(points, bounds, solver="double_s", **options)
+        assert grid.certificate.verified
+        assert grid.trajectory.duration <= closed.trajectory.duration * (1.0 + 1e-12)
+        assert grid.timing is not None
+        solvers.add(grid.timing.solver)
+    assert solvers == {"interior_point", "double_s"}
+
+
+def test_another_solver_is_tried_where_one_finds_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
+    points = np.random.default_rng(1).uniform(-1.0, 1.0, (6, 3))
+
+    def nothing(*_: Any, **__: Any) -> None:
+        raise TimingFailed("none")
+
+    monkeypatch.setattr("planning.timing.method.time_path_with_jerk", nothing)
+    found = timed(points, method="jerk_limited", blend_tolerance=0.05)
+    assert found.certificate.verified
+    assert found.timing is not None
+    assert found.timing.solver == "double_s"
