@@ -10,7 +10,9 @@ moveit/moveit_msgs, msg/*.msg.
 
 import copy
 import json
+import re
 from itertools import combinations
+from pathlib import Path
 from random import Random
 from typing import Any
 
@@ -22,6 +24,7 @@ from scipy.spatial.transform import Rotation
 from kinematics.arrays import Array
 from kinematics.errors import ArmwrightError
 from kinematics.robots import builtin_chain
+from obstacles import moveit
 from obstacles.moveit import scene_from_moveit
 from obstacles.placement import place
 from obstacles.scene import Scene
@@ -292,3 +295,11 @@ def test_a_scene_is_where_moveit_puts_it(seed: int) -> None:
     random = Random(seed)
     message = drawn_message(random)
     compare(message, written(message, random))
+
+
+def test_each_field_that_is_known_is_in_the_table_of_the_documentation() -> None:
+    page = (Path(__file__).parents[2] / "docs" / "moveit_files.md").read_text("utf-8")
+    fields = {*moveit._SCENE_FIELDS, *moveit._STATE_FIELDS, *moveit._WORLD_FIELDS}
+    fields |= {*moveit._OBJECT_FIELDS}
+    for name in fields - {"header"}:
+        assert re.search(rf"\b{name}\b", page), name
