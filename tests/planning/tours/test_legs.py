@@ -13,7 +13,7 @@ LATER = Deadline.after(1e6)
 
 
 def test_a_leg_serves_either_way(problem: TourProblem) -> None:
-    planner = _TourPlanner(problem, TourOptions(), lambda _share, _stage: None)
+    planner = _TourPlanner(problem, TourOptions(), lambda _share, _stage: None, lambda _tour: None)
     configurations = planner._configurations(problem.start)
     assert isinstance(configurations, dict)
     tables = planner._tables(configurations, (problem.start, problem.start))
