@@ -88,3 +88,13 @@ CONVERT = Endpoint(
 EXPORT = Endpoint(
     "/v1/export", "service.schemas.export:ExportRequest", "service.tasks.export:export"
 )
+
+
+def answering(path: str) -> Endpoint:
+    """The endpoint that answers requests which a service keeps.
+
+    Args:
+        path: Of the URL.
+    """
+    known = {one.path: one for one in (CHECK, PLAN, VALIDATE, TASK, TOUR)}
+    return known.get(path, IK)

@@ -1,6 +1,8 @@
 """Answers computed in this process, by the tasks that a service's workers run."""
 
 import json
+from collections.abc import Iterator
+from contextlib import contextmanager, nullcontext
 from importlib import import_module
 from pathlib import Path
 from typing import Any
@@ -8,9 +10,10 @@ from typing import Any
 import platformdirs
 from rich.console import Console
 
-from command_line.endpoints import Endpoint
+from command_line.endpoints import Endpoint, answering
 from command_line.parameters import RobotSource
 from command_line.robot_files import is_file, robot_document
+from kinematics.errors import ArmwrightError
 from kinematics.kept_file import make_private
 from kinematics.robots import builtin_names
 from obstacles.robot_geometry import RobotGeometry
@@ -100,25 +103,21 @@ class LocalBackend:
             InvalidScene: The scene can't be built.
         """
         from service.tasks.check import project  # noqa: PLC0415
-        from service.tasks.robots import make_scene  # noqa: PLC0415
 
         validate_as(Scene, scene)
         validate_as(ProjectRequest, body)
-        make_private(self._folder)
-        folder = str(self._folder)
-        document = make_scene(json.dumps(scene).encode(), folder, _SCENE)
-        reference = Reference("scene", _SCENE, prepared_files.document_hash(document), folder)
-        try:
+        with self._stored(scene, _SCENE) as reference:
             return bytes(self._run(project, [reference, json.dumps(body).encode()]))
-        finally:
-            prepared_files.forget(reference)
 
-    def page(self, robot: str, plan: dict[str, Any], *, tree: bool = False) -> bytes:
-        """The HTML page of a kept plan.
+    def page(
+        self, robot: str, plan: dict[str, Any], scene: dict[str, Any] | None, *, tree: bool = False
+    ) -> bytes:
+        """The HTML page of a kept plan, whose request is answered here to see what is proved.
 
         Args:
             robot: The name of the robot.
-            plan: As ``GET /v1/plans/{id}`` answers it, with its scene inside of the request.
+            plan: As ``GET /v1/plans/{id}`` answers it; without an answer it gets that of here.
+            scene: That the request names, with this name; None where it names none.
             tree: Whether to draw the tree or roadmap of the last planner.
 
         Raises:
@@ -126,8 +125,45 @@ class LocalBackend:
         """
         from service.tasks.view import view  # noqa: PLC0415
 
-        content = json.dumps(plan).encode()
-        return bytes(self._run(view, [self._reference(robot), None, content, tree]))
+        stored = nullcontext() if scene is None else self._stored(scene, scene["name"])
+        with stored as reference:
+            content = json.dumps(self._proved(robot, reference, plan)).encode()
+            return bytes(self._run(view, [self._reference(robot), reference, content, tree]))
+
+    def _proved(self, robot: str, scene: Reference | None, plan: dict[str, Any]) -> dict[str, Any]:
+        """A kept plan that is proved here where the answer of here is its own."""
+        from service.http.answer_digest import answer_digest  # noqa: PLC0415
+        from service.http.keeping import named_robot, states_proof  # noqa: PLC0415
+
+        path = plan["operation"].removeprefix("POST ")
+        asked = {name: value for name, value in plan["request"].items() if name != "keep"}
+        told, unproved = plan.get("answer"), plan | {"proved_here": False}
+        if plan.get("problem") or named_robot(path, asked) != robot:
+            return unproved
+        try:
+            own = self._answer(answering(path), robot, scene, asked)
+        except (ProblemError, ArmwrightError):
+            if not told:
+                raise
+            return unproved
+        if told and answer_digest(json.dumps(told).encode()) != answer_digest(own):
+            return unproved
+        return plan | {"answer": json.loads(own), "proved_here": states_proof(path, own)}
+
+    @contextmanager
+    def _stored(self, scene: dict[str, Any], name: str) -> Iterator[Reference]:
+        """A scene as a service stores it, for as long as the block lasts."""
+        from service.tasks.robots import make_scene  # noqa: PLC0415
+
+        make_private(self._folder)
+        folder = str(self._folder)
+        body = {key: value for key, value in scene.items() if key != "name"}
+        document = make_scene(json.dumps(body).encode(), folder, name)
+        reference = Reference("scene", name, prepared_files.document_hash(document), folder)
+        try:
+            yield reference
+        finally:
+            prepared_files.forget(reference)
 
     def robot_model(self, name: str) -> dict[str, Any]:
         """The model of a robot, as ``GET /v1/robots/{name}`` answers it."""
@@ -171,18 +207,28 @@ class LocalBackend:
             ProblemError: The request does not have the right form, or has no answer.
             ArmwrightError: The request is at fault.
         """
-        validate_as(_load(endpoint.model), body)
         if isinstance(body.get("scene"), str):
             raise ProblemError(
                 "NOT_FOUND",
                 f"there is no scene file {body['scene']!r}",
                 hint="Give a JSON or MoveIt YAML file; names are those of a service (--url).",
             )
+        return self._answer(endpoint, robot, None, body)
+
+    def _answer(
+        self,
+        endpoint: Endpoint,
+        robot: str | None,
+        scene: Reference | None,
+        body: dict[str, Any],
+    ) -> bytes:
+        """The answer to a request that may name a scene, which is prepared."""
+        validate_as(_load(endpoint.model), body)
         arguments: list[Any] = []
         if endpoint.takes_robot:
             arguments.append(None if robot is None else self._reference(robot))
         if endpoint.takes_scene:
-            arguments.append(None)
+            arguments.append(scene)
         arguments.append(json.dumps(body).encode())
         seconds = body.get("timeout") or Settings.model_fields["default_timeout"].default
         task = _load(endpoint.task)

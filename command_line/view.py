@@ -76,32 +76,31 @@ def _of_file(file: Path, robot: str | None, scene: str | None, *, tree: bool) ->
     backend = LocalBackend()
     try:
         if "armwright_bundle" in document:
-            name, plan = _of_bundle(document, backend)
+            name, plan, place = _of_bundle(document, backend)
         else:
             source = robot or _robot_of(document)
             if source is None:
                 raise invalid_value(str(file), "it does not say which robot it is of",
                                     "Name the robot with --robot.")  # fmt: skip
             name = backend.robot_name(RobotSource(source))
-            plan = _plan(document, name, scene)
-        return backend.page(name, plan, tree=tree)
+            plan, place = _plan(document, name, scene)
+        return backend.page(name, plan, place, tree=tree)
     finally:
         backend.close()
 
 
-def _of_bundle(bundle: dict[str, Any], backend: LocalBackend) -> tuple[str, dict[str, Any]]:
-    """The robot of a bundle and its plan, with the stored scene inside of the request."""
+def _of_bundle(
+    bundle: dict[str, Any], backend: LocalBackend
+) -> tuple[str, dict[str, Any], dict[str, Any] | None]:
+    """The robot of a bundle, its plan, and the stored scene that its request names."""
     name, document = bundle["robot"], bundle["robot_document"]
     if document is not None:
         backend.add_robot(name, document.encode())
-    request = json.loads(bundle["request"])
-    if bundle["scene_document"] is not None:
-        stored = json.loads(bundle["scene_document"])
-        stored.pop("name", None)
-        request["scene"] = stored
+    request, stored = json.loads(bundle["request"]), bundle["scene_document"]
     field = "answer" if bundle["status"] == "succeeded" else "problem"
     fields = {key: bundle[key] for key in ("operation", "version", "seed", "digest")}
-    return name, fields | {"request": request, field: json.loads(bundle["answer"])}
+    plan = fields | {"request": request, field: json.loads(bundle["answer"])}
+    return name, plan, None if stored is None else json.loads(stored)
 
 
 def _robot_of(document: dict[str, Any]) -> str | None:
@@ -110,22 +109,29 @@ def _robot_of(document: dict[str, Any]) -> str | None:
     return named["name"] if isinstance(named, dict) else None
 
 
-def _plan(document: dict[str, Any], robot: str, scene: str | None) -> dict[str, Any]:
-    """The plan of a file: kept by a service, an answer, or a trajectory alone."""
+def _plan(
+    document: dict[str, Any], robot: str, scene: str | None
+) -> tuple[dict[str, Any], dict[str, Any] | None]:
+    """The plan of a file, and the scene that its request names: a kept one, an answer or a motion.
+
+    What an answer or a motion says of its proof is left out: it is proved anew.
+    """
     surroundings = values.scene(scene)
     if "operation" in document:
         request = dict(document["request"])
+        named = request.get("scene")
+        if isinstance(named, str):
+            if not isinstance(surroundings, dict):
+                raise invalid_value("FILE|ID", f"its scene {named!r} is not in the file",
+                                    "Give the scene with --scene, or take the bundle.")  # fmt: skip
+            return document, {**surroundings, "name": named}
         if surroundings is not None:
             request["scene"] = surroundings
-        if isinstance(request.get("scene"), str):
-            raise invalid_value("FILE|ID", f"its scene {request['scene']!r} is not in the file",
-                                "Give the scene with --scene, or take the bundle.")  # fmt: skip
-        return document | {"request": request}
+        return document | {"request": request}, None
     trajectory = document.get("trajectory", document)
     if "segments" not in trajectory:
         raise invalid_value("FILE|ID", "the file holds neither a plan nor a trajectory")
-    request = {"robot": robot, "trajectory": trajectory}
+    motion = {name: trajectory[name] for name in ("joint_names", "segments") if name in trajectory}
+    request = {"robot": robot, "trajectory": motion}
     request |= {} if surroundings is None else {"scene": surroundings}
-    certificate = document.get("certificate")
-    answer = {} if certificate is None else certificate
-    return {"operation": _VALIDATE, "request": request, "answer": answer}
+    return {"operation": _VALIDATE, "request": request}, None

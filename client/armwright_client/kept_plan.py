@@ -46,6 +46,7 @@ class KeptPlanSummary(Answer):
         expires: When the service forgets it.
         job: The job that it answered.
         replay_of: The kept plan that it repeats or changes.
+        proved_here: Whether the service came to the answer itself, and all it says is proved.
     """
 
     id: str
@@ -61,6 +62,7 @@ class KeptPlanSummary(Answer):
     expires: datetime
     job: str | None = None
     replay_of: str | None = None
+    proved_here: bool = False
 
 
 class KeptPlan(KeptPlanSummary):

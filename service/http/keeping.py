@@ -5,7 +5,7 @@ import logging
 import re
 import secrets
 import time
-from collections.abc import Awaitable, Callable
+from collections.abc import Awaitable, Callable, Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -106,6 +106,22 @@ def new_plan_id() -> str:
     return f"{int(1000 * time.time()):012x}{secrets.token_hex(10)}"
 
 
+def named_robot(path: str, body: Mapping[str, Any]) -> str | None:
+    """The robot that a request names, in its path or its body."""
+    named = _IK_ROBOT.match(path)
+    return named[1] if named else body.get("robot")
+
+
+def states_proof(path: str, content: bytes) -> bool:
+    """Whether an answer says that all is proved: those of validate alone may say that it is not.
+
+    Args:
+        path: Of the request.
+        content: The answer, JSON.
+    """
+    return path != "/v1/validate" or json.loads(content)["verified"] is True
+
+
 async def _is_wanted(request: Request) -> bool:
     body = await request.json()
     wanted = body.get("keep") if isinstance(body, dict) else getattr(body, "keep", None)
@@ -137,8 +153,7 @@ def _record(request: Request, content: PlanContent, outcome: _Outcome) -> PlanRe
     used: dict[str, Reference] = request.scope.get(USED_REFERENCES, {})
     robot, scene = used.get("robot"), used.get("scene")
     body: dict[str, Any] = json.loads(content.request)
-    named = _IK_ROBOT.match(request.url.path)
-    robot_name = named[1] if named else body.get("robot")
+    robot_name = named_robot(request.url.path, body)
     return PlanRecord(
         id=new_plan_id(),
         method=request.method,
@@ -157,6 +172,7 @@ def _record(request: Request, content: PlanContent, outcome: _Outcome) -> PlanRe
         replay_of=None if replay is None else replay.plan_id,
         tenant=caller.tenant,
         api_key=caller.api_key,
+        proved_here=outcome.code is None and states_proof(request.url.path, outcome.content),
     )
 
 

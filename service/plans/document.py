@@ -26,6 +26,7 @@ def plan_summary(record: PlanRecord, lifetime: float) -> KeptPlanSummary:
         expires=_iso_time(record.created + lifetime),
         job=record.job,
         replay_of=record.replay_of,
+        proved_here=record.proved_here,
     )
 
 

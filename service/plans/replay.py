@@ -1,6 +1,7 @@
 """Replays of kept plans: the request once more, perhaps changed, through the same endpoint."""
 
 import json
+from contextlib import AsyncExitStack
 from dataclasses import dataclass
 from typing import Any
 
@@ -108,7 +109,10 @@ async def replay_plan(
         return await request.receive()
 
     try:
-        await request.app.router(scope, receive, sent)
+        async with AsyncExitStack() as stack:
+            # A request that its route got directly has not passed the framework's own layer.
+            scope.setdefault("fastapi_middleware_astack", stack)
+            await request.app.router(scope, receive, sent)
     except (ProblemError, ArmwrightError) as error:
         problem = from_domain(error) if isinstance(error, ArmwrightError) else error
         if status_of(problem) not in _ANSWERING or problem.code == "VALIDATION_ERROR":

@@ -1,18 +1,22 @@
 """Kept plans: requests with their answers, to be looked at, replayed and taken elsewhere."""
 
+import asyncio
 import time
+from dataclasses import replace
 from typing import Annotated, Literal
 
 from fastapi import APIRouter, Query, Request, Response
+from fastapi.exceptions import RequestValidationError
 from fastapi.responses import HTMLResponse
 from pydantic_core import to_json
 from starlette.concurrency import run_in_threadpool
 
+from kinematics.errors import ArmwrightError
 from service.access.caller import caller_of
 from service.http import answers
 from service.http.answer_digest import answer_digest, differences
 from service.http.json_route import JsonRoute
-from service.http.keeping import new_plan_id
+from service.http.keeping import named_robot, new_plan_id, states_proof
 from service.http.openapi import RESPONSES
 from service.http.state import REPLAY, Replay, retention, settings_of, store_of
 from service.plans.document import bundle, plan_document, plan_summary, problem_code
@@ -40,6 +44,8 @@ router = APIRouter(
 
 #: Time for a page: clearances are measured at up to 151 instants [s].
 _VIEW_TIMEOUT = 60.0
+#: Time for answering the request of an imported plan; longer ones are not proved here [s].
+_PROOF_TIMEOUT = 120.0
 #: Of meshes: generators of clients know none of theirs.
 _MESH = "application/octet-stream"
 #: Status of a kept problem whose own is not known: an imported one.
@@ -67,7 +73,11 @@ async def list_plans(
 
 @router.post("", status_code=201, summary="Import a kept plan", response_model=KeptPlanSummary)
 async def import_plan(body: Bundle, request: Request) -> Response:
-    """Keeps the plan of a bundle, with its robot and scene, so that it can be replayed here."""
+    """Keeps the plan of a bundle, with its robot and scene, so that it can be replayed here.
+
+    A bundle proves nothing by itself: its request is answered once more, with its robot and its
+    scene. Where that gives the same answer, the plan is `proved_here`.
+    """
     # The outline of a large body has its texts cut.
     whole = Bundle.model_validate(parse_json(await request.body()))
     _check_content(whole)
@@ -97,6 +107,10 @@ async def import_plan(body: Bundle, request: Request) -> Response:
     given = {document_hash(c): c for c in contents if c is not None}
     plans, settings = store_of(request).plans, settings_of(request)
     await run_in_threadpool(plans.import_plan, record, content, given)
+    own = await _same_answer(request, record, content)
+    if own is not None:
+        await run_in_threadpool(plans.note_proof, record.id, record.tenant, own)
+        record = replace(record, proved_here=True)
     await run_in_threadpool(plans.purge, time.time(), retention(settings))
     summary = plan_summary(record, settings.plan_lifetime)
     headers = {"Location": f"/v1/plans/{record.id}"}
@@ -224,6 +238,25 @@ async def replay(id: str, body: ReplayRequest, request: Request) -> Response:  #
     field = b"answer" if result.succeeded else b"problem"
     answer = head[:-1] + b',"%s":' % field + result.content + b"}"
     return Response(answer, media_type="application/json")
+
+
+async def _same_answer(request: Request, record: PlanRecord, content: PlanContent) -> bytes | None:
+    """The answer of this service to a kept request, if it is the kept one and says proved."""
+    asked = parse_json(content.request)
+    scene = asked.get("scene") if isinstance(asked.get("scene"), str) else None
+    # The page draws the robot and the scene of the record.
+    if record.code or (named_robot(record.path, asked), scene) != (record.robot, record.scene):
+        return None
+    body, pinned = replayed_body(content, None, keep=False), pinned_references(request, record)
+    try:
+        async with asyncio.timeout(_PROOF_TIMEOUT):
+            result = await replay_plan(request, record, body, pinned)
+    except (TimeoutError, ProblemError, ArmwrightError, RequestValidationError):
+        return None
+    if not result.succeeded or not states_proof(record.path, result.content):
+        return None
+    digest = await run_in_threadpool(answer_digest, result.content)
+    return result.content if digest == record.digest else None
 
 
 async def _plan(plan_id: str, request: Request) -> tuple[PlanRecord, PlanContent]:

@@ -58,6 +58,11 @@ class KeptPlanSummary(Answer):
     expires: str = Field(description="when it is forgotten at the latest")
     job: str | None = Field(None, description="the job that it answered")
     replay_of: str | None = Field(None, description="the kept plan that it repeats or changes")
+    proved_here: bool = Field(
+        False,
+        description="this service came to the answer, and all that it says is proved; of an "
+        "imported plan: from the request, the robot and the scene of its bundle",
+    )
 
 
 class KeptPlan(KeptPlanSummary):

@@ -14,6 +14,7 @@ from sqlalchemy import (
     literal,
     or_,
     select,
+    update,
 )
 from sqlalchemy.exc import IntegrityError
 
@@ -45,6 +46,7 @@ class PlanRecord:
         replay_of: The kept plan that it replays, if it does.
         tenant: Whose it is.
         api_key: Id of the key of its caller, if there was one.
+        proved_here: Whether this service came to the answer, and what it says is proved.
     """
 
     id: str
@@ -64,6 +66,7 @@ class PlanRecord:
     replay_of: str | None = None
     tenant: str = DEFAULT_TENANT
     api_key: str | None = None
+    proved_here: bool = False
 
 
 @dataclass(frozen=True, slots=True)
@@ -120,6 +123,12 @@ class PlanStore:
     ) -> None:
         """Keep a plan of another installation with its documents, by their hashes."""
         self._add(record, content, given)
+
+    def note_proof(self, plan_id: str, tenant: str, answer: bytes) -> None:
+        """Note that a plan was proved here, with the answer that this service came to."""
+        its = (plans.c.id == plan_id) & (plans.c.tenant == tenant)
+        with self._database.transaction(durable=False) as connection:
+            connection.execute(update(plans).where(its).values(proved_here=True, answer=answer))
 
     def get(self, plan_id: str, tenant: str) -> tuple[PlanRecord, PlanContent]:
         """A kept plan of a tenant.

@@ -2,6 +2,7 @@
 
 from sqlalchemy import (
     BigInteger,
+    Boolean,
     Column,
     Double,
     Index,
@@ -11,10 +12,11 @@ from sqlalchemy import (
     PrimaryKeyConstraint,
     Table,
     Text,
+    false,
 )
 
 #: Revisions of the schema, the oldest first: the names of the migrations.
-REVISIONS = ("0001", "0002", "0003", "0004", "0005", "0006", "0007")
+REVISIONS = ("0001", "0002", "0003", "0004", "0005", "0006", "0007", "0008")
 METADATA = MetaData()
 #: Whose robots, scenes and jobs those are that came without an API key.
 DEFAULT_TENANT = "default"
@@ -113,6 +115,7 @@ plans = Table(
     Column("created", Double, nullable=False),
     Column("job", Text),
     Column("replay_of", Text),
+    Column("proved_here", Boolean, nullable=False, server_default=false()),
 )
 Index("plans_by_tenant", plans.c.tenant, plans.c.id)
 

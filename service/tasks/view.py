@@ -46,7 +46,13 @@ from service.viewer.document import (
 )
 from service.viewer.page import page
 from service.viewer.tree import tree_document, tree_sentence
-from service.viewer.words import certificate_sentences, problem_sentences
+from service.viewer.words import (
+    NOT_PROVED_HERE,
+    PROVED_HERE,
+    certificate_sentences,
+    problem_sentences,
+    unproved_sentences,
+)
 from service.workers import current
 from service.workers.task import task
 
@@ -99,9 +105,13 @@ def view(
     kept = Kept(
         whole["request"], whole.get("answer") or {}, whole.get("problem") or {}, robot, scene
     )
-    operation = whole["operation"]
+    operation, proved_here = whole["operation"], whole.get("proved_here") is True
     try:
         shown = _parts(operation)(kept)
+        if proved_here:
+            shown = shown._replace(sentences=[*shown.sentences, PROVED_HERE])
+        else:
+            shown = _unproved(shown, kept)
         explored = _explored(kept, operation) if tree else None
     except (ArithmeticError, AttributeError, LookupError, TypeError, ValueError) as error:
         # Bundles may hold anything; what was kept here was an answer of this service.
@@ -130,6 +140,7 @@ def view(
             "configurations": configuration_documents(
                 arm, place, shown.configurations[:_MAX_CONFIGURATIONS]
             ),
+            "proved_here": proved_here,
             "sentences": [
                 *(problem_sentences(kept.problem) if kept.problem else ()),
                 *shown.sentences,
@@ -140,6 +151,16 @@ def view(
             **shown.extra,
         }
     )
+
+
+def _unproved(shown: _Shown, kept: Kept) -> _Shown:
+    """The parts of a page without what its answer says was proved or found valid."""
+    if kept.problem:
+        return shown._replace(sentences=[*shown.sentences, NOT_PROVED_HERE])
+    told = [item._replace(verdict="asked", reason="") for item in shown.configurations]
+    certificate = kept.answer.get("certificate") or kept.answer
+    sentences = [NOT_PROVED_HERE, *unproved_sentences(certificate)]
+    return shown._replace(configurations=told, sentences=sentences)
 
 
 def _parts(operation: str) -> Callable[[Kept], _Shown]:

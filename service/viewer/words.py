@@ -14,6 +14,11 @@ _LIMITS = {
     "torque": "torque limits",
     "tool_speed": "the limit of the tool's speed",
 }
+PROVED_HERE = "Proved here, by the code that wrote this page."
+NOT_PROVED_HERE = (
+    "Not proved here: of the motions and configurations that are shown nothing is known to be free "
+    "or within limits. What a file says of that is not repeated."
+)
 #: Above this part of a limit a sentence says that it is not kept.
 _KEPT = 1.0 + 1e-9
 
@@ -43,13 +48,24 @@ def certificate_sentences(certificate: Mapping[str, Any]) -> list[str]:
         f"{item['residual']:.3g} {item['unit']}."
         for item in certificate.get("path_constraints", ())
     ]
-    sentences += [f"Not proved: {reason}" for reason in proved["reasons"]]
-    violation = certificate.get("violation")
-    if violation is not None:
-        sentences.append(f"First violation, at {violation['time']:.3f} s: {violation['message']}.")
+    sentences += unproved_sentences(certificate)
     if certificate.get("allowed_collisions"):
         pairs = "; ".join(" and ".join(pair) for pair in certificate["allowed_collisions"])
         sentences.append(f"The request lets these touch: {pairs}.")
+    return sentences
+
+
+def unproved_sentences(certificate: Mapping[str, Any]) -> list[str]:
+    """Sentences of what a certificate says is not proved, and why.
+
+    Args:
+        certificate: As the API answers it.
+    """
+    reasons = (certificate.get("proved") or {}).get("reasons") or ()
+    sentences = [f"Not proved: {reason}" for reason in reasons]
+    violation = certificate.get("violation")
+    if violation is not None:
+        sentences.append(f"First violation, at {violation['time']:.3f} s: {violation['message']}.")
     return sentences
 
 

@@ -1,9 +1,14 @@
 """The command ``armwright view``: pages of answers in files."""
 
+import json
 from pathlib import Path
+from typing import Any
 
 import pytest
 
+from command_line.endpoints import PLAN
+from command_line.local import LocalBackend
+from service.http.answer_digest import answer_digest
 from tests.command_line.commands import Run
 from tests.service.robots import ASIDE, HOME
 
@@ -34,3 +39,87 @@ def test_a_file_without_a_motion_is_refused(run: Run, tmp_path: Path, text: str)
     assert refused.code == 3
     assert "neither a plan nor a trajectory" in refused.err
     assert run("view", str(tmp_path / "none.json")).code == 3
+
+
+ASKED: dict[str, Any] = {
+    "robot": "planar_rr",
+    "start": {"joints": [0.0, 0.5]},
+    "goal": {"joints": [1.0, -0.4]},
+    "seed": 1,
+    "timeout": 60.0,
+}
+BALL = {
+    "id": "ball",
+    "shape": {"type": "sphere", "radius": 0.1},
+    "pose": {"position": [-0.5, 0.0, 2.3]},
+}
+
+
+@pytest.fixture
+def bundle(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> dict[str, Any]:
+    """A bundle of a plan near a stored scene, as a service makes it."""
+    monkeypatch.setattr("command_line.local.cache_folder", lambda: tmp_path / "cache")
+    scene, request = {"name": "room", "obstacles": [BALL]}, ASKED | {"scene": "room"}
+    backend = LocalBackend()
+    with backend._stored(scene, "room") as reference:
+        told = backend._answer(PLAN, "planar_rr", reference, request)
+    return {
+        "armwright_bundle": 1, "operation": "POST /v1/plan", "version": "1", "seed": 1,
+        "status": "succeeded", "digest": answer_digest(told), "robot": "planar_rr",
+        "robot_document": None, "scene": "room", "scene_document": json.dumps(scene),
+        "request": json.dumps(request), "answer": told.decode(),
+    }  # fmt: skip
+
+
+def page(run: Run, folder: Path, document: dict[str, Any], *words: str) -> str:
+    file = folder / "document.json"
+    file.write_text(json.dumps(document))
+    made = run("view", str(file), *words)
+    assert made.code == 0, made.err
+    return (folder / "document.html").read_text()
+
+
+def test_a_bundle_is_proved_anew(run: Run, tmp_path: Path, bundle: dict[str, Any]) -> None:
+    shown = page(run, tmp_path, bundle)
+    assert "Everything that the request names is proved" in shown
+    assert "against scene room of 1 obstacle" in shown
+    moved = json.loads(bundle["scene_document"])
+    moved["obstacles"][0]["pose"]["position"][2] = 1.0
+    answer = json.loads(bundle["answer"])
+    answer["certificate"]["min_clearance"] = 7.0
+    motion = json.loads(bundle["answer"])
+    motion["trajectory"]["segments"][0]["coefficients"][0][0] += 1e-6
+    for change in (
+        {"scene_document": json.dumps(moved)},
+        {"answer": json.dumps(answer)},
+        {"answer": json.dumps(motion)},
+        {"request": json.dumps(json.loads(bundle["request"]) | {"margin": 0.05})},
+    ):
+        forged = bundle | change
+        forged["digest"] = answer_digest(forged["answer"].encode())
+        shown = page(run, tmp_path, forged)
+        assert "Not proved here" in shown
+        assert "Everything that the request names is proved" not in shown
+        assert "7000.0 mm" not in shown
+
+
+def test_an_answer_of_somebody_is_proved_anew(
+    run: Run, tmp_path: Path, bundle: dict[str, Any]
+) -> None:
+    """The certificate of the file plays no part."""
+    forged = json.loads(bundle["answer"])
+    forged["certificate"]["min_clearance"] = 7.0
+    scene = tmp_path / "scene.json"
+    scene.write_text(json.dumps({"obstacles": [BALL]}))
+    words = ("--robot", "planar_rr", "--scene", str(scene))
+    shown = page(run, tmp_path, forged, *words)
+    assert "Everything that the request names is proved" in shown
+    assert "7000.0 mm" not in shown
+    alone = page(run, tmp_path, forged, "--robot", "planar_rr")
+    assert "against the robot itself only" in alone
+    through = {"id": "ball", "shape": {"type": "sphere", "radius": 1.5}}
+    through["pose"] = {"position": [0.0, 0.0, 1.4]}
+    scene.write_text(json.dumps({"obstacles": [through]}))
+    shown = page(run, tmp_path, forged, *words)
+    assert "Not proved here" in shown
+    assert "Everything that the request names is proved" not in shown

@@ -5,6 +5,7 @@ from collections.abc import Iterator
 from typing import Any
 
 import httpx
+import numpy as np
 import pytest
 
 from armwright_client import Client
@@ -313,3 +314,155 @@ def test_a_bundle_whose_answer_is_of_something_else_has_no_page(here: httpx.Clie
         }  # fmt: skip
         kept = answer(here.post("/v1/plans", json=bundle), 201)
         problem(here.get(f"/v1/plans/{kept['id']}/view"), 422, "VALIDATION_ERROR")
+
+
+# ------------------------------------------------------------------------- bundles from outside
+
+
+def imported(client: httpx.Client, bundle: dict[str, Any]) -> dict[str, Any]:
+    """A bundle as it is kept elsewhere, its digest that of its answer."""
+    digest = answer_digest(bundle["answer"].encode())
+    summary = answer(client.post("/v1/plans", json=bundle | {"digest": digest}), 201)
+    kept = stored(client, summary["id"])
+    listed = answer(client.get("/v1/plans", params={"limit": 1}))["plans"][0]
+    assert summary["proved_here"] == kept["proved_here"] == listed["proved_here"]
+    return kept
+
+
+def page_of(client: httpx.Client, kept: dict[str, Any]) -> str:
+    response = client.get(f"/v1/plans/{kept['id']}/view")
+    assert response.status_code in (200, 422), response.text
+    return response.text
+
+
+def changed(bundle: dict[str, Any], part: str, place: tuple[Any, ...], value: Any) -> Any:
+    """A bundle of which one value of a text is another."""
+    document = json.loads(bundle[part])
+    holder = document
+    for name in place[:-1]:
+        holder = holder[name]
+    holder[place[-1]] = value
+    return bundle | {part: json.dumps(document)}
+
+
+def numbers(value: Any, at: tuple[Any, ...] = ()) -> Iterator[tuple[tuple[Any, ...], float]]:
+    """Numbers of a JSON value that are no measured times, with their places."""
+    items = value.items() if isinstance(value, dict) else enumerate(value)
+    for name, item in items if isinstance(value, dict | list) else ():
+        if isinstance(item, float) and name != "milliseconds":
+            yield (*at, name), item
+        elif isinstance(item, dict | list):
+            yield from numbers(item, (*at, name))
+
+
+@pytest.fixture(scope="module")
+def genuine(here: httpx.Client, plan: dict[str, Any]) -> dict[str, Any]:
+    return answer(here.get(f"/v1/plans/{plan['plan_id']}/bundle"))
+
+
+def test_a_bundle_that_says_the_truth_is_proved_again(
+    here: httpx.Client, elsewhere: httpx.Client, genuine: dict[str, Any], plan: dict[str, Any]
+) -> None:
+    assert stored(here, plan["plan_id"])["proved_here"] is True
+    kept = imported(elsewhere, genuine)
+    assert kept["proved_here"] is True
+    page = page_of(elsewhere, kept)
+    assert "Everything that the request names is proved" in page
+    assert "Proved here" in page
+    assert "Not proved here" not in page
+
+
+FORGED = {
+    "collisions ignored": ("request", ("collisions",), "ignore"),
+    "another start": ("request", ("start", "joints"), [-1.0, 0.401]),
+    "another margin": ("request", ("margin",), 0.2),
+    "pairs that may touch": ("request", ("allowed_collisions",), [["upper", "bar"]]),
+    "something held": (
+        "request",
+        ("attached",),
+        [
+            {
+                "id": "rod",
+                "link": "upper",
+                "shape": {"type": "sphere", "radius": 0.02},
+                "pose": {"position": [0.0, 0.0, 0.3]},
+            }
+        ],
+    ),
+    "robot hash": ("answer", ("reproducibility", "robot_hash"), "0" * 64),
+    "scene hash of the premises": ("answer", ("certificate", "premises", "scene_hash"), "0" * 64),
+    "no obstacle": ("scene_document", ("obstacles",), [FLOOR]),
+    "clearance": ("answer", ("certificate", "min_clearance"), 9.0),
+    "text of the certificate": ("answer", ("certificate", "method"), "by hand"),
+    "reasons": ("answer", ("certificate", "proved", "reasons"), ["none"]),
+    "notes": ("answer", ("notes",), ["all is well"]),
+    "limits of the robot": ("robot_document", ("joint_limits", "elbow", "acceleration"), 5.5),
+}
+
+
+@pytest.mark.parametrize("name", FORGED)
+def test_a_forged_bundle_is_not_proved_here(
+    elsewhere: httpx.Client, genuine: dict[str, Any], name: str
+) -> None:
+    kept = imported(elsewhere, changed(genuine, *FORGED[name]))
+    assert kept["proved_here"] is False
+    page = page_of(elsewhere, kept)
+    assert "Everything that the request names is proved" not in page
+    assert "Nothing collides at any instant" not in page
+
+
+def test_no_number_of_an_answer_can_be_changed(
+    elsewhere: httpx.Client, genuine: dict[str, Any]
+) -> None:
+    random = np.random.default_rng(8)
+    places = [*numbers(json.loads(genuine["answer"]))]
+    for k in random.choice(len(places), 12, replace=False):
+        place, value = places[k]
+        forged = changed(genuine, "answer", place, value + 1e-9 * max(1.0, abs(value)))
+        kept = imported(elsewhere, forged)
+        assert kept["proved_here"] is False, place
+        assert "Not proved here" in page_of(elsewhere, kept)
+
+
+def test_a_forged_task_check_and_proof_are_not_proved_here(
+    here: httpx.Client, elsewhere: httpx.Client, plan: dict[str, Any]
+) -> None:
+    stage = {"kind": "move", "goal": {"joints": [0.5, 0.5]}}
+    asked: dict[str, dict[str, Any]] = {
+        "tasks": {"robot": "planar_rr", "start": {"joints": [0.0, 0.0]}, "stages": [stage]},
+        "check": {"robot": ARM, "joints": [[0.3, 0.4], [-1.2, 0.1]], "scene": "kept_scene"},
+        "validate": {"robot": ARM, "trajectory": plan["trajectory"], "scene": "kept_scene"},
+    }
+    forged = {
+        "tasks": (("stages", 0, "certificate", "min_clearance"), 7.0),
+        "check": (("valid",), [True, True]),
+        "validate": (("min_clearance",), 7.0),
+    }
+    for name, body in asked.items():
+        told = answer(here.post(f"/v1/{name}", json=body | {"keep": True}))
+        bundle = answer(here.get(f"/v1/plans/{told['plan_id']}/bundle"))
+        assert imported(elsewhere, bundle)["proved_here"] is True, name
+        if name == "check":
+            bundle = changed(bundle, "answer", ("clearance",), [7.0, 7.0])
+        place, value = forged[name]
+        kept = imported(elsewhere, changed(bundle, "answer", place, value))
+        assert kept["proved_here"] is False
+        page = page_of(elsewhere, kept)
+        assert "Not proved here" in page
+        assert "7000.0 mm" not in page
+
+
+def test_a_motion_that_is_not_proved_is_not_proved_here(here: httpx.Client) -> None:
+    body = {"robot": ARM, "scene": "kept_scene", "keep": True}
+    segment = {"t0": 0.0, "t1": 9.0, "coefficients": [[-1.0, 2.0 / 9.0], [0.0, 0.0]]}
+    told = answer(here.post("/v1/validate", json=body | {"trajectory": {"segments": [segment]}}))
+    assert told["verified"] is False
+    kept = stored(here, told["plan_id"])
+    assert kept["proved_here"] is False
+    assert "Not proved" in page_of(here, kept)
+
+
+def test_a_robot_that_the_request_does_not_name_is_not_drawn_as_proved(
+    elsewhere: httpx.Client, genuine: dict[str, Any]
+) -> None:
+    assert imported(elsewhere, genuine | {"robot": "another_arm"})["proved_here"] is False
