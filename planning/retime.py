@@ -132,7 +132,12 @@ def retime(
         attempts, shape = [lambda: timed], timed.trajectory
     elif interpolation == "linear":
         _refuse_knots(path)
-        line = simplified_polyline(points, timing.blend_tolerance or 0.0, parametrization.smooth)
+        line = simplified_polyline(
+            points,
+            timing.blend_tolerance or 0.0,
+            parametrization.smooth,
+            moving=timing.start_velocity is not None or timing.end_velocity is not None,
+        )
         notes += _line_notes(line)
         attempts = _linear(line, names, parametrization)
         shape = _legs(names, points)

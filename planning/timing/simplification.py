@@ -55,7 +55,9 @@ class Polyline(NamedTuple):
     rounding: float
 
 
-def simplified_polyline(points: Array, tolerance: float, smooth: bool) -> Polyline:
+def simplified_polyline(
+    points: Array, tolerance: float, smooth: bool, moving: bool = False
+) -> Polyline:
     """The polyline with rounded corners that stands for a path.
 
     Args:
@@ -64,6 +66,7 @@ def simplified_polyline(points: Array, tolerance: float, smooth: bool) -> Polyli
             joint space. Where it is 0, waypoints are left out that are off by no more than their
             last decimal tells, and corners rounded whose widest curve is not farther off.
         smooth: Whether cubics round corners, as in ``blend``, or parabolas.
+        moving: Whether the motion has a velocity at an end, along the leg there: all legs stay.
 
     Raises:
         InvalidOption: The tolerance is negative or no number.
@@ -73,7 +76,8 @@ def simplified_polyline(points: Array, tolerance: float, smooth: bool) -> Polyli
     rounding = 0.0 if tolerance else math.sqrt(points.shape[1]) * written_unit(points)
     rows = np.ascontiguousarray(points[merged])
     kept, beside = np.empty(len(rows), dtype=np.int64), np.zeros((3, len(rows)))
-    kept = kept[: simplify_kernel(rows, max(_SHARE * tolerance, rounding), kept, beside)]
+    within = 0.0 if moving else max(_SHARE * tolerance, rounding)
+    kept = kept[: simplify_kernel(rows, within, kept, beside)]
     corners = rows[kept]
     reaches = reach_for_deviation(corners, tolerance or rounding, smooth)
     if tolerance:

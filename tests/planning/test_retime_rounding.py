@@ -218,3 +218,19 @@ def test_another_solver_is_tried_where_one_finds_nothing(monkeypatch: pytest.Mon
     assert found.certificate.verified
     assert found.timing is not None
     assert found.timing.solver == "double_s"
+
+
+@pytest.mark.parametrize(("method", "count"), [("toppra", 60), ("jerk_limited", 8)])
+def test_velocities_at_the_ends_keep_to_the_legs_there(method: str, count: int) -> None:
+    rng = np.random.default_rng(2)
+    for _ in range(10):
+        points = arc(rng, count).round(6)
+        legs = np.diff(points, axis=0)[[0, -1]]
+        speeds = 0.05 * legs / np.linalg.norm(legs, axis=1)[:, None]
+        found = timed(
+            points, blend_tolerance=0.01, method=method,
+            start_velocity=speeds[0].tolist(), end_velocity=speeds[1].tolist(),
+        )  # fmt: skip
+        assert found.certificate.verified
+        ends = found.trajectory.sample([0.0, found.trajectory.duration], 1)
+        np.testing.assert_allclose(ends, speeds, atol=1e-9)
