@@ -41,6 +41,7 @@ if TYPE_CHECKING:
     from obstacles.shapes import (
         Box,
         Capsule,
+        Compound,
         Cone,
         Convex,
         Cylinder,
@@ -124,6 +125,7 @@ _MODULES = {
     "Checker": "obstacles.checker",
     "ClearanceConstraint": "planning.constraints.limit",
     "ComputedTorque": "tracking.computed_torque",
+    "Compound": "obstacles.shapes",
     "Cone": "obstacles.shapes",
     "ConeConstraint": "planning.constraints.orientation",
     "ConfigurationReport": "planning.configuration_check",
@@ -247,6 +249,7 @@ __all__ = [
     "Chain",
     "Checker",
     "ClearanceConstraint",
+    "Compound",
     "ComputedTorque",
     "Cone",
     "ConeConstraint",

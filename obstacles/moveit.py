@@ -195,7 +195,8 @@ def _fixed_frames(root: Mapping[str, Node], notes: list[str]) -> dict[str, tuple
         child = fields.get("child_frame_id")
         parent = None if child in (None, "") else _name(child, f"{here}.child_frame_id")
         if name is None or parent is None:
-            notes.append(f"{here} lacks a name of a frame: left out, as in MoveIt")
+            if T is not _IDENTITY:
+                notes.append(f"{here} lacks a name of a frame: left out, as in MoveIt")
         elif name != parent:
             frames[name] = parent, T
         elif T is not _IDENTITY:
@@ -274,15 +275,16 @@ def _operation(node: Node, where: str) -> int:
 def _in_scene(item: _Object, objects: Mapping[str, _Object]) -> _Object:
     """An object whose frame may be another object, or a subframe of one."""
     own, frame = item.obstacle, item.obstacle.frame or ""
-    for name, other in objects.items():
-        inner = frame.removeprefix(f"{name}/")
-        if frame == name or (inner != frame and inner in other.subframes):
-            T = other.obstacle.T_world_obstacle
-            T = T if frame == name else T @ other.subframes[inner]
-            moved = Obstacle(
-                own.id, own.shape, T @ own.T_world_obstacle, frame=other.obstacle.frame
-            )
-            return item._replace(obstacle=moved)
+    ways: list[tuple[str, str | None]] = [(frame, None)]
+    ways += [(frame[:k], frame[k + 1 :]) for k, letter in enumerate(frame) if letter == "/"]
+    for name, inner in ways:
+        other = objects.get(name)
+        if other is None or (inner is not None and inner not in other.subframes):
+            continue
+        T = _IDENTITY if inner is None else other.subframes[inner]
+        T = other.obstacle.T_world_obstacle @ T @ own.T_world_obstacle
+        moved = Obstacle(own.id, own.shape, T, frame=other.obstacle.frame)
+        return item._replace(obstacle=moved)
     return item
 
 
