@@ -66,8 +66,8 @@ def distance(mesh: trimesh.Trimesh, points: Array) -> Array:
     """Distances of points (m, 3) to the surface, (m,)."""
     triangles = np.tile(mesh.triangles, (len(points), 1, 1))
     repeated = np.repeat(points, len(mesh.triangles), axis=0)
-    found = trimesh.triangles.closest_point(triangles, repeated) - repeated
-    return np.linalg.norm(found, axis=1).reshape(len(points), -1).min(axis=1)
+    ways: Array = trimesh.triangles.closest_point(triangles, repeated) - repeated
+    return np.asarray(np.linalg.norm(ways, axis=1).reshape(len(points), -1).min(axis=1))
 
 
 def winding(mesh: trimesh.Trimesh, points: Array) -> Array:
@@ -77,7 +77,7 @@ def winding(mesh: trimesh.Trimesh, points: Array) -> Array:
     top = np.einsum("mfi,mfi->mf", a, np.cross(b, c))
     dots = [np.einsum("mfi,mfi->mf", x, y) for x, y in ((a, b), (b, c), (c, a))]
     low = la * lb * lc + dots[0] * lc + dots[1] * la + dots[2] * lb
-    return np.arctan2(top, low).sum(axis=1) / (2.0 * np.pi)
+    return np.asarray(np.arctan2(top, low).sum(axis=1) / (2.0 * np.pi))
 
 
 @pytest.mark.parametrize("seed", range(6))
@@ -105,6 +105,7 @@ def test_a_proof_meets_the_object_where_it_meets_a_solid(seed: int) -> None:
     if one.verified:
         assert one.min_clearance == pytest.approx(many.min_clearance, rel=0.1, abs=1e-3)
     else:
+        assert one.violation is not None
         assert "mug" in one.violation.details["pair"]
 
 
@@ -126,8 +127,13 @@ def test_it_is_told_from_others_by_all_that_it_is_made_of() -> None:
 
 def test_it_has_solids_with_a_pose_each_and_no_clouds() -> None:
     cloud, here = PointCloud([[0.0, 0.0, 0.0]], 0.1), np.eye(4)
-    for solids, poses in (((), ()), ((Sphere(0.1),), ()), ((cloud,), (here,)),
-                          ((Compound((Sphere(0.1),), (here,)),), (here,))):  # fmt: skip
+    cases: list[tuple[tuple[Shape, ...], tuple[Array, ...]]] = [
+        ((), ()),
+        ((Sphere(0.1),), ()),
+        ((cloud,), (here,)),
+        ((Compound((Sphere(0.1),), (here,)),), (here,)),
+    ]
+    for solids, poses in cases:
         with pytest.raises(InvalidScene, match="compound"):
             Compound(solids, poses)
     ground = Compound((HalfSpace([0, 0, 1], 0.0), Box([1, 1, 1])), (here, here))
