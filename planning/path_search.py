@@ -15,7 +15,7 @@ from planning.constrained.projected_rrt import Manifold, shortcut_along
 from planning.constrained.relaxation import Relaxation, find_relaxation
 from planning.deadline import Deadline
 from planning.diagnosis import Diagnosis, diagnose
-from planning.joint_barrier import joint_barrier
+from planning.joint_barrier import JointBarrier, joint_barrier
 from planning.options import Options
 from planning.planner import Planner, Query
 from planning.planners import CASCADE
@@ -166,11 +166,13 @@ class PathSearch:
         failure = self._no_path(attempt, deadline)
         if self.options.max_edges is not None:
             return failure
-        failure = self._barrier(ready) or failure
+        barrier = self._barrier(ready)
+        if barrier is not None:
+            failure = _beyond(barrier, failure)
         diagnosis = self.stages.run(
             "diagnosis", partial(self._diagnose, ready), lambda answer: (True, answer.sentence)
         )
-        if failure.code == "TIMED_OUT":
+        if barrier is None and failure.code == "TIMED_OUT":
             found = self._find_in_what_is_left(ready)
             if found is not None:
                 return found
@@ -295,17 +297,13 @@ class PathSearch:
             details={**attempt.details, **({} if known is None else known.details)},
         )
 
-    def _barrier(self, ready: Ready) -> Failure | None:
-        """The failure of goals that lie beyond a value of a joint that nothing passes."""
+    def _barrier(self, ready: Ready) -> JointBarrier | None:
+        """A value of a joint that nothing passes, where the goals lie beyond one."""
         exact = ready.checkers[-1]
         if isinstance(exact, ConstrainedChecker):
             return None
         until = self.deadline.at_most(_MAX_DIAGNOSIS)
-        found = joint_barrier(exact, ready.start, ready.goals, self.options.seed, until)
-        if found is None:
-            return None
-        details = {**asdict(found), "pair": list(found.pair)}
-        return Failure("PLANNING_FAILED", found.message, found.hint, "diagnosis", details=details)
+        return joint_barrier(exact, ready.start, ready.goals, self.options.seed, until)
 
     def _diagnose(self, ready: Ready) -> Diagnosis | Relaxation:
         """Diagnosis of a failed search, within the time reserved for it."""
@@ -392,6 +390,13 @@ class PathSearch:
         # Only legs next to the ends lack something: there it is weighed against the time.
         levels = found.levels[-1], found.ends.least
         return quicken(levels, path, self.limits, proves=proves) if quickens else path
+
+
+def _beyond(barrier: JointBarrier, failure: Failure) -> Failure:
+    """The failure of a search for goals beyond a value of a joint that nothing passes."""
+    details = {**failure.details, **asdict(barrier), "pair": list(barrier.pair)}
+    code = "PLANNING_FAILED" if barrier.certain else failure.code
+    return replace(failure, code=code, message=barrier.message, hint=barrier.hint, details=details)
 
 
 def _join(ends: Ends, roomy: Checker, path: Array) -> Array:
