@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING
 from armwright.shadowing import check_packages
 
 if TYPE_CHECKING:
+    from armwright.checker import Checker
     from armwright.configuration import check, ik
     from armwright.model import (
         Dynamics,
@@ -33,7 +34,6 @@ if TYPE_CHECKING:
     from kinematics.robots import builtin_names
     from kinematics.trajectory import Trajectory
     from obstacles.attachment import Attachment, Holding, grasp, hold, release
-    from obstacles.checker import Checker
     from obstacles.moveit import scene_from_moveit
     from obstacles.placement import place
     from obstacles.robot_geometry import RobotGeometry
@@ -122,7 +122,7 @@ _MODULES = {
     "Capsule": "obstacles.shapes",
     "Certificate": "planning.proof.certificate",
     "Chain": "kinematics.chain",
-    "Checker": "obstacles.checker",
+    "Checker": "armwright.checker",
     "ClearanceConstraint": "planning.constraints.limit",
     "ComputedTorque": "tracking.computed_torque",
     "Compound": "obstacles.shapes",

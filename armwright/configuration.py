@@ -1,10 +1,13 @@
 """Configurations: checked against a scene, and found for a pose by inverse kinematics."""
 
+import math
 from typing import Any
 
 from numpy.typing import ArrayLike
 
-from armwright.model import Robot, chain_of, geometry_of
+from armwright.model import Robot, chain_of
+from kinematics.argument_types import typed
+from kinematics.errors import InvalidOption
 from kinematics.ik.inverse import IkOptions, inverse_kinematics
 from kinematics.ik.solution import IkResult
 from obstacles.placement import place
@@ -13,6 +16,7 @@ from obstacles.scene import Scene
 from planning.configuration_check import ConfigurationReport, configuration_checker
 
 
+@typed
 def check(
     robot: RobotGeometry, scene: Scene, joints: ArrayLike, *, margin: float = 0.0
 ) -> ConfigurationReport:
@@ -27,10 +31,13 @@ def check(
     Raises:
         InvalidRobotState: ``joints`` has the wrong length or is not finite.
     """
-    q = geometry_of(robot).chain.configuration(joints).reshape(robot.chain.n)
+    q = robot.chain.state(joints)
+    if not 0.0 <= margin < math.inf:
+        raise InvalidOption(f"margin is {margin}", hint="Give 0 or more [m].")
     return configuration_checker(robot, place(scene, robot.chain, q), margin).check(q)
 
 
+@typed
 def ik(
     robot: Robot,
     T_base_link: ArrayLike,

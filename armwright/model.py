@@ -12,9 +12,9 @@ from dynamics.equations.sheet import Sheet, write_sheet
 from dynamics.equations.writing import Notation
 from dynamics.gravity import gravity_vector
 from dynamics.mass_matrix import mass_matrix
-from kinematics.arrays import Array
+from kinematics.argument_types import typed
+from kinematics.arrays import Array, numbers
 from kinematics.chain import Chain
-from kinematics.errors import InvalidOption
 from kinematics.forward import forward
 from kinematics.jacobian import geometric
 from kinematics.pose import from_quaternion, transform
@@ -38,29 +38,11 @@ class Dynamics(NamedTuple):
 
 
 def chain_of(robot: Robot) -> Chain:
-    """The kinematic chain of a robot.
-
-    Raises:
-        InvalidOption: It is none.
-    """
-    return robot if isinstance(robot, Chain) else geometry_of(robot).chain
+    """The kinematic chain of a robot."""
+    return robot if isinstance(robot, Chain) else robot.chain
 
 
-def geometry_of(robot: RobotGeometry) -> RobotGeometry:
-    """The robot, where it is one: a name of a robot is none.
-
-    Raises:
-        InvalidOption: It is none.
-    """
-    if isinstance(robot, RobotGeometry):
-        return robot
-    name = robot if isinstance(robot, str) else "panda"
-    raise InvalidOption(
-        f"a robot is wanted, and {robot!r:.60} is a {type(robot).__name__}",
-        hint=f"Load it by its name or from its file: aw.load_robot({name!r}).",
-    )
-
-
+@typed
 def pose(position: ArrayLike, quaternion_xyzw: ArrayLike | None = None) -> Array:
     """The transform T_a_b of a position and an orientation, shape (4, 4).
 
@@ -72,9 +54,10 @@ def pose(position: ArrayLike, quaternion_xyzw: ArrayLike | None = None) -> Array
         InvalidPose: The quaternion is not of unit length within 1e-3.
     """
     rotation = None if quaternion_xyzw is None else from_quaternion(quaternion_xyzw)
-    return transform(rotation, position)
+    return transform(rotation, numbers(position, "position", (3,)))
 
 
+@typed
 def fk(robot: Robot, joints: ArrayLike, link: str | None = None) -> Array:
     """Forward kinematics: T_base_link, shape (..., 4, 4).
 
@@ -90,6 +73,7 @@ def fk(robot: Robot, joints: ArrayLike, link: str | None = None) -> Array:
     return forward(chain_of(robot), joints, link)
 
 
+@typed
 def jacobian(robot: Robot, joints: ArrayLike, link: str | None = None) -> Array:
     """The geometric Jacobian J(q) of a link's origin, linear rows first, shape (..., 6, n).
 
@@ -105,6 +89,7 @@ def jacobian(robot: Robot, joints: ArrayLike, link: str | None = None) -> Array:
     return geometric(chain_of(robot), joints, link)
 
 
+@typed
 def dynamics(robot: Robot, joints: ArrayLike, velocities: ArrayLike | None = None) -> Dynamics:
     """Mass matrix, Coriolis matrix and gravity torques at a state.
 
@@ -118,7 +103,7 @@ def dynamics(robot: Robot, joints: ArrayLike, velocities: ArrayLike | None = Non
         InvalidRobotState: A vector has the wrong length or is not finite.
     """
     chain = chain_of(robot)
-    q = np.asarray(joints, dtype=np.float64)
+    q = numbers(joints, "joints")
     rates = np.zeros_like(q) if velocities is None else velocities
     return Dynamics(
         mass_matrix(chain, q),
@@ -127,6 +112,7 @@ def dynamics(robot: Robot, joints: ArrayLike, velocities: ArrayLike | None = Non
     )
 
 
+@typed
 def equations(robot: Robot, notation: Literal["latex", "text"] = "latex") -> Sheet:
     """Kinematics and dynamics of a robot as formulas.
 
@@ -141,6 +127,7 @@ def equations(robot: Robot, notation: Literal["latex", "text"] = "latex") -> She
     return write_sheet(textbook_table(chain_of(robot)), Notation(notation))
 
 
+@typed
 def inverse_dynamics(
     robot: Robot, joints: ArrayLike, velocities: ArrayLike, accelerations: ArrayLike
 ) -> Array:

@@ -6,8 +6,9 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import ArrayLike
 
-from armwright.model import chain_of, geometry_of
-from kinematics.arrays import Array
+from armwright.model import chain_of
+from kinematics.argument_types import typed
+from kinematics.arrays import frozen, numbers
 from kinematics.chain import Chain
 from kinematics.errors import InvalidGoal, InvalidOption
 from obstacles.robot_geometry import RobotGeometry
@@ -30,6 +31,7 @@ from tracking.simulation import simulate
 __all__ = ["certify", "plan", "plan_seam", "retime", "retime_states", "simulate"]
 
 
+@typed
 def plan(
     robot: RobotGeometry,
     scene: Scene,
@@ -59,7 +61,7 @@ def plan(
         MissingLimit: A velocity or acceleration limit is not known.
     """
     problem = Problem(
-        geometry_of(robot),
+        robot,
         scene,
         np.asarray(start, dtype=np.float64),
         _goals(goal),
@@ -69,6 +71,7 @@ def plan(
     return pipeline.plan(problem, Options() if options is None else options)
 
 
+@typed
 def plan_seam(
     robot: RobotGeometry,
     scene: Scene,
@@ -109,7 +112,7 @@ def _goals(goal: ArrayLike | Goal | Sequence[Goal]) -> tuple[Goal, ...]:
         return (goal,)
     if isinstance(goal, Sequence) and any(isinstance(one, JointGoal | PoseGoal) for one in goal):
         return tuple(found for one in goal for found in _goals(one))
-    values: Array = np.asarray(goal, dtype=np.float64)
+    values = numbers(goal, "goal")
     if values.shape == (4, 4):
         return (PoseGoal(values),)
     if values.ndim == 1:
@@ -120,6 +123,7 @@ def _goals(goal: ArrayLike | Goal | Sequence[Goal]) -> tuple[Goal, ...]:
     )
 
 
+@typed
 def retime(
     waypoints: ArrayLike,
     robot: RobotGeometry | Chain | None = None,
@@ -146,11 +150,12 @@ def retime(
         raise InvalidOption(f"waypoints have the shape {points.shape}, not (k, n)")
     chain = None if robot is None else chain_of(robot)
     names = _names(points.shape[1]) if chain is None else chain.joint_names
-    given = {name: np.asarray(value, dtype=np.float64) for name, value in (limits or {}).items()}
+    given = {name: frozen(value) for name, value in (limits or {}).items()}
     path = PathToTime(names, points)
     return timing.retime(path, timing_options or TimingOptions(), given, chain)
 
 
+@typed
 def retime_states(
     start: JointState,
     end: JointState,
@@ -177,7 +182,7 @@ def retime_states(
     """
     chain = None if robot is None else chain_of(robot)
     names = _names(len(start.position)) if chain is None else chain.joint_names
-    given = {name: np.asarray(value, dtype=np.float64) for name, value in (limits or {}).items()}
+    given = {name: frozen(value) for name, value in (limits or {}).items()}
     options = TimingOptions("jerk_limited")
     return time_states(names, (start, end), options, given, chain, synchronization)
 

@@ -283,6 +283,21 @@ class Chain:
             raise InvalidRobotState(f"{name} is not finite at joint {bad!r}", joint=bad)
         return array
 
+    def state(self, q: ArrayLike, name: str = "joints") -> Array:
+        """Check one joint vector (n,) and answer it as ``configuration`` does.
+
+        Raises:
+            InvalidRobotState: As there, or there are several.
+        """
+        array = self.configuration(q, name)
+        if array.ndim != 1:
+            raise InvalidRobotState(
+                f"{name} has the shape {array.shape}, one configuration of robot {self.name!r} has "
+                f"({self.n},)",
+                hint="Give one configuration.",
+            )
+        return array
+
     def sampling_bounds(self) -> tuple[Array, Array]:
         """Bounds to draw joints from, both (n,): the limits, or one turn where there are none.
 

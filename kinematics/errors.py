@@ -106,6 +106,10 @@ class InvalidOption(ArmwrightError):
     code = "VALIDATION_ERROR"
 
 
+class InvalidNumbers(InvalidOption, ValueError):
+    """What should be an array of numbers is none; numpy would raise ValueError."""
+
+
 class NotAvailable(ArmwrightError):
     """The robot does not have what was asked for, such as a closed form."""
 

@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 
 from kinematics.arrays import Array, frozen
 from kinematics.compiled.kernel import direct
-from kinematics.errors import InvalidOption, InvalidTrajectory
+from kinematics.errors import InvalidNumbers, InvalidOption, InvalidTrajectory
 from kinematics.polynomial import (
     are_pieces_kernel,
     extrema_kernel,
@@ -145,7 +145,7 @@ class Trajectory:
         Raises:
             InvalidOption: A time is outside the trajectory, or the derivative is negative.
         """
-        wanted = np.atleast_1d(np.asarray(times, dtype=np.float64))
+        wanted = np.atleast_1d(frozen(times))
         slack = _TIME_ROUNDING * self.duration
         if wanted.ndim != 1 or not ((wanted >= -slack) & (wanted <= self.duration + slack)).all():
             raise InvalidOption(
@@ -328,8 +328,10 @@ def _are_pieces() -> Callable[[Array, Array], bool]:
 def _array(values: ArrayLike, name: str) -> Array:
     try:
         return frozen(values)
-    except (TypeError, ValueError) as error:
-        raise InvalidTrajectory(f"the {name} are not an array of numbers: {error}") from None
+    except InvalidNumbers as error:
+        raise InvalidTrajectory(
+            f"the {name} are not an array of numbers", hint=error.hint
+        ) from None
 
 
 def _is_sound(names: tuple[str, ...], breaks: Array, c: Array) -> bool:
@@ -373,7 +375,7 @@ def _refuse(trajectory: Trajectory) -> None:
 
 
 def _order(derivative: int) -> int:
-    if derivative < 0:
+    if not isinstance(derivative, int | np.integer) or derivative < 0:
         raise InvalidOption(
             f"there is no derivative of order {derivative}", hint="Give 0, 1, 2, ..."
         )

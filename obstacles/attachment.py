@@ -11,6 +11,7 @@ from dataclasses import dataclass, replace
 
 from numpy.typing import ArrayLike
 
+from kinematics.argument_types import typed
 from kinematics.arrays import Array
 from kinematics.errors import ArmwrightError, InvalidLinkName, InvalidObjectName, InvalidScene
 from kinematics.forward import forward
@@ -50,6 +51,7 @@ class Holding:
     scene: Scene
 
 
+@typed
 def grasp(
     robot: RobotGeometry, scene: Scene, name: str, link: str, q: ArrayLike
 ) -> tuple[Obstacle, Array]:
@@ -73,12 +75,13 @@ def grasp(
         InvalidRobotState: Wrong length or not finite.
     """
     stands = scene.obstacle(name)
-    configuration = robot.chain.configuration(q, "grasp_joints").reshape(robot.chain.n)
+    configuration = robot.chain.state(q, "grasp_joints")
     T_base_link = forward(robot.chain, configuration, link)
     T_link_object = inverse(T_base_link) @ stands.T_world_obstacle
     return Obstacle(name, stands.shape, T_link_object), T_link_object
 
 
+@typed
 def release(
     robot: RobotGeometry, scene: Scene, attachment: Attachment, q: ArrayLike
 ) -> tuple[Scene, Obstacle]:
@@ -94,13 +97,14 @@ def release(
         InvalidScene: The scene has an obstacle of that name.
         InvalidRobotState: Wrong length or not finite.
     """
-    configuration = robot.chain.configuration(q).reshape(robot.chain.n)
+    configuration = robot.chain.state(q)
     held = attachment.held
     T = forward(robot.chain, configuration, attachment.link) @ held.T_world_obstacle
     put = Obstacle(held.id, held.shape, T)
     return replace(scene, obstacles=(*scene.obstacles, put)), put
 
 
+@typed
 def hold(
     robot: RobotGeometry,
     scene: Scene,

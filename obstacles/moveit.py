@@ -11,6 +11,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from kinematics.argument_types import typed
 from kinematics.arrays import Array, frozen
 from kinematics.errors import InvalidScene
 from kinematics.pose import from_quaternion, transform
@@ -59,6 +60,7 @@ _EXTRA = "more dimensions than its type has: the first ones count, as in MoveIt"
 _TYPE = "a type, which nothing here depends on"
 
 
+@typed
 def scene_from_moveit(text: str | bytes) -> Scene:
     """Read a MoveIt planning scene.
 

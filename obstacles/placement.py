@@ -6,6 +6,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import ArrayLike
 
+from kinematics.argument_types import typed
 from kinematics.arrays import Array
 from kinematics.chain import Chain
 from kinematics.errors import InvalidLinkName, InvalidScene
@@ -22,6 +23,7 @@ _MEANING = (
 )
 
 
+@typed
 def place(scene: Scene, chain: Chain, joints: ArrayLike | None = None) -> Scene:
     """The scene with every obstacle in the root frame of a robot.
 

@@ -69,7 +69,8 @@ class Obstacle:
         if not isinstance(self.shape, Shape):
             raise InvalidScene(f"obstacle {self.id!r}: {type(self.shape).__name__} is not a shape")
         object.__setattr__(self, "T_world_obstacle", _rigid(self.T_world_obstacle, self.id))
-        margin = float(self.margin)
+        known = isinstance(self.margin, int | float | np.number)
+        margin = float(self.margin) if known else np.nan
         if not 0.0 <= margin <= MAX_SIZE:
             raise InvalidScene(
                 f"obstacle {self.id!r}: margin is {margin:g} m",

@@ -20,7 +20,7 @@ class EffortLimits:
         tool_speed: Largest speed of the tip's origin [m/s]; None for none.
 
     Raises:
-        InvalidOption: A limit is not positive.
+        InvalidOption: A limit is not positive, or their number is wrong.
     """
 
     chain: Chain
@@ -32,8 +32,13 @@ class EffortLimits:
             raise InvalidOption(
                 f"the tool speed limit is {self.tool_speed}", hint="Give a positive number in m/s."
             )
-        if self.effort is not None and not (self.effort > 0.0).all():
-            raise InvalidOption("the torque limits must be positive")
+        if self.effort is not None:
+            object.__setattr__(self, "effort", frozen(self.effort))
+            if self.effort.shape != (self.chain.n,) or not (self.effort > 0.0).all():
+                raise InvalidOption(
+                    f"the torque limits must be {self.chain.n} positive numbers, one a joint",
+                    hint=f"The order is: {', '.join(self.chain.joint_names)}.",
+                )
         friction = self.chain.coulomb_friction
         if self.effort is None or not friction.any():
             return

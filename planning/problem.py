@@ -72,8 +72,9 @@ class PoseGoal:
         object.__setattr__(self, "T_base_tip", frozen(self.T_base_tip))
         if self.T_base_tip.shape != (4, 4) or not np.isfinite(self.T_base_tip).all():
             raise InvalidGoal("a goal's pose must be a finite 4x4 transform")
-        if not (self.position_tolerance > 0.0 and self.orientation_tolerance > 0.0):
-            raise InvalidGoal("a goal's tolerances must be positive")
+        tolerances = self.position_tolerance, self.orientation_tolerance
+        if not all(0.0 < one < np.inf for one in tolerances):
+            raise InvalidGoal("a goal's tolerances must be positive and finite")
 
 
 Goal = JointGoal | PoseGoal
@@ -111,9 +112,10 @@ class Problem:
     start_acceleration: Array | None = None
 
     def __post_init__(self) -> None:
+        if not isinstance(self.robot, RobotGeometry):
+            raise InvalidGoal(f"a problem's robot is {self.robot!r:.60}, not what load_robot makes")
         chain = self.robot.chain
-        start = chain.configuration(self.start, "start.joints")
-        object.__setattr__(self, "start", frozen(start.reshape(chain.n)))
+        object.__setattr__(self, "start", frozen(chain.state(self.start, "start.joints")))
         object.__setattr__(self, "scene", place(self.scene, chain, self.start))
         for name in ("start_velocity", "start_acceleration"):
             if getattr(self, name) is not None:
@@ -121,8 +123,10 @@ class Problem:
         if not self.goals:
             raise InvalidGoal("no goal is given")
         for goal in self.goals:
+            if not isinstance(goal, Goal):
+                raise InvalidGoal(f"a goal is {goal!r:.60}, neither a JointGoal nor a PoseGoal")
             if isinstance(goal, JointGoal):
-                chain.configuration(goal.joints, "goal.joints").reshape(chain.n)
+                chain.state(goal.joints, "goal.joints")
         for name, rates in self._rates():
             if rates.shape != (chain.n,) or not np.isfinite(rates).all():
                 raise InvalidRobotState(

@@ -65,6 +65,11 @@ class ToolTolerance:
     def __post_init__(self) -> None:
         for name in ("lower", "upper"):
             object.__setattr__(self, name, frozen(getattr(self, name)))
+            if getattr(self, name).shape != (SIZE,):
+                raise InvalidOption(
+                    f"{name} has the shape {getattr(self, name).shape}, not ({SIZE},)",
+                    hint=f"Give one number each for {', '.join(AXES)}.",
+                )
         if self.axes is not None:
             object.__setattr__(self, "axes", frozen(self.axes))
         for axis, low, high in zip(AXES, self.lower, self.upper, strict=True):

@@ -2,6 +2,7 @@
 
 from numpy.typing import ArrayLike
 
+from kinematics.argument_types import typed
 from kinematics.chain import Chain
 from kinematics.trajectory import Trajectory
 from tracking import callback, compiled
@@ -14,6 +15,7 @@ from tracking.setup import prepare
 __all__ = ["Disturbance", "EncoderNoise", "SimulationOptions", "simulate"]
 
 
+@typed
 def simulate(
     controller: Controller,
     trajectory: Trajectory,

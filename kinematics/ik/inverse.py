@@ -9,7 +9,7 @@ from numpy.typing import ArrayLike
 
 from kinematics.arrays import Array, frozen
 from kinematics.chain import Chain
-from kinematics.errors import InvalidOption
+from kinematics.errors import InvalidOption, InvalidPose
 from kinematics.ik import numeric
 from kinematics.ik.analytic import Branches, branches, closed_form, middle, parameter
 from kinematics.ik.arm_reach import out_of_reach
@@ -124,7 +124,9 @@ def inverse_kinematics(
         InvalidLinkName: No such link.
     """
     how = options or IkOptions()
-    near = middle(chain) if seed_joints is None else chain.configuration(seed_joints, "seed_joints")
+    near = middle(chain) if seed_joints is None else chain.state(seed_joints, "seed_joints")
+    if np.shape(target) != (4, 4):
+        raise InvalidPose("the target must be a finite 4x4 transform")
     query = _Query(chain, target, link, near, how)
     form = closed_form(chain, link) if how.method == "analytic" else structure(chain, link)
     if not how.all_axes:

@@ -208,10 +208,10 @@ class _Search:
         middle = 0.5 * (low + high)
         seed, posture = self.how.seed_joints, self.how.posture
         preferred = posture if posture is not None else seed if seed is not None else middle
-        near = self.chain.configuration(preferred, "posture").reshape(n)
+        near = self.chain.state(preferred, "posture")
         self.first = near
         if seed is not None:
-            self.first = self.chain.configuration(seed, "seed_joints").reshape(n)
+            self.first = self.chain.state(seed, "seed_joints")
         metric = np.ones(n)
         if self.how.objective == "limits":
             near, metric = middle, (2.0 / np.maximum(high - low, 1e-9)) ** 2

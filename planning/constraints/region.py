@@ -29,13 +29,13 @@ class BoxRegion:
     size: Array
 
     def __post_init__(self) -> None:
-        size, T = np.array(self.size, dtype=np.float64), np.array(self.T, dtype=np.float64)
+        size, T = frozen(self.size), frozen(self.T)
         if T.shape != (4, 4) or not np.isfinite(T).all():
             raise InvalidGoal("a box region's pose must be a finite 4x4 transform")
         if size.shape != (3,) or not (size >= 0.0).all():
             raise InvalidGoal("a box region's size must be three numbers, 0 or more")
-        object.__setattr__(self, "T", frozen(T))
-        object.__setattr__(self, "size", frozen(size))
+        object.__setattr__(self, "T", T)
+        object.__setattr__(self, "size", size)
 
     def rows(self, at: Attachment, point: Array) -> list[Row]:
         """A row for each pair of faces."""

@@ -5,6 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from kinematics.argument_types import typed
 from kinematics.arrays import Array
 from kinematics.chain import Limits
 from kinematics.errors import InvalidOption
@@ -70,6 +71,7 @@ class Export:
     point_count: int
 
 
+@typed
 def export(
     trajectory: Trajectory,
     robot: RobotGeometry,

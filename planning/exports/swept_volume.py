@@ -14,6 +14,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from kinematics.argument_types import typed
 from kinematics.arrays import Array
 from kinematics.body_tree import BodyTree
 from kinematics.errors import InvalidOption
@@ -48,6 +49,7 @@ class SweptVolume:
         return join(Triangles(hull.vertices, hull.triangles) for hull in self.hulls)
 
 
+@typed
 def swept_volume(
     motion: Trajectory, robot: RobotGeometry, *, tolerance: float = 0.005
 ) -> SweptVolume:
@@ -62,7 +64,7 @@ def swept_volume(
     Raises:
         InvalidOption: The tolerance is not positive, or asks for too many hulls.
     """
-    if not tolerance > 0.0:
+    if not 0.0 < tolerance < np.inf:
         raise InvalidOption("tolerance must be positive", hint="Give 0.005 for 5 mm.")
     moving = [i for i in range(len(robot.pieces)) if robot.joints[i] >= 0]
     times = _cells(motion, robot, tolerance)

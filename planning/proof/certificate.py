@@ -14,8 +14,10 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
+from kinematics.argument_types import typed
 from kinematics.bounded_cache import bounded_cache
 from kinematics.chain import Chain, Limits
+from kinematics.errors import InvalidOption, InvalidTrajectory
 from kinematics.trajectory import Trajectory
 from obstacles.robot_geometry import RobotGeometry
 from obstacles.scene import Scene
@@ -114,9 +116,16 @@ METHOD = (
     "exact extrema of polynomials"
 )
 NOTHING_KNOWN = "nothing is known of collisions"
+#: A motion that is refused anyway and goes farther than this [rad or m] is not looked at for
+#: collisions, which takes about a millisecond for each.
+_MOST_TRAVEL = 1e3
+_NOT_LOOKED_AT = (
+    f"a joint goes farther than {_MOST_TRAVEL:g} rad or m and limits are broken: {NOTHING_KNOWN}"
+)
 LIMITS_METHOD = f"exact extrema of polynomials; {NOTHING_KNOWN}"
 
 
+@typed
 def certify(
     trajectory: Trajectory,
     robot: RobotGeometry,
@@ -140,8 +149,14 @@ def certify(
             and clearance among them included.
         tool_motions: Lines and arcs that the tool has to keep to.
         deadline: When to give up (which proves nothing).
+
+    Raises:
+        InvalidTrajectory: It is not of the joints of the robot, in its order.
+        InvalidOption: Limits, constraints or the margin are none of such a motion, or an argument
+            is of another type.
     """
     wanted = limits or MotionLimits()
+    _check_question(trajectory, robot.chain, wanted, margin, constraints)
     effort = constrained_efforts(wanted.effort, constraints, robot.chain)
     if effort is not wanted.effort:
         wanted = replace(wanted, effort=effort)
@@ -161,14 +176,18 @@ def certify(
     within = not wrong and not told
     margin = constrained_margin(margin, constraints)
     proof = CollisionProof(trajectory, robot, scene, margin, deadline)
-    proof.run()
+    looked_at = not wrong or _travel(trajectory) <= _MOST_TRAVEL
+    if looked_at:
+        proof.run()
     solid = has_solids(robot)
     if not solid and scene.obstacles:
         message = f"{_no_solids(robot)} with {len(scene.obstacles)} obstacle(s)"
         wrong.append(Violation("unproved", 0.0, message, {}))
     wrong += [proof.violation] if proof.violation else []
-    free = solid and proof.violation is None
-    obstacle, own = proof.clearances
+    free = solid and looked_at and proof.violation is None
+    obstacle, own = proof.clearances if looked_at else (-np.inf, -np.inf)
+    unknown = None if solid else _no_solids(robot)
+    unknown = unknown if looked_at else _NOT_LOOKED_AT
     obstacle_pair, own_pair = proof.closest(OBSTACLE), proof.closest(OWN)
     first = min(wrong, key=lambda violation: violation.time) if wrong else None
     return Certificate(
@@ -184,7 +203,7 @@ def certify(
         violation=first,
         path_deviation=deviation,
         path_constraints=kept,
-        proved=Proved(within, free, _reasons(wrong + told, None if solid else _no_solids(robot))),
+        proved=Proved(within, free, _reasons(wrong + told, unknown)),
         obstacle_pair=obstacle_pair,
         self_pair=own_pair,
         tool_box=box,
@@ -204,7 +223,13 @@ def certify_limits(
         trajectory: The motion.
         chain: The robot, whose limits hold; None where there is none.
         wanted: Limits in place of them.
+
+    Raises:
+        InvalidTrajectory: It is not of the joints of the robot, in its order.
+        InvalidOption: Limits are none of such a motion.
     """
+    if chain is not None:
+        _check_question(trajectory, chain, wanted)
     limits = Limits.unlimited(len(trajectory.joint_names)) if chain is None else chain.limits
     reports, wrong, told = check_limits(trajectory, limits, wanted)
     if not (np.isfinite(limits.lower) | np.isfinite(limits.upper)).any():
@@ -226,6 +251,36 @@ def certify_limits(
         proved=Proved(not wrong + told, False, _reasons(wrong + told, NOTHING_KNOWN)),
         premises=Premises.of_limits(chain),
     )
+
+
+def _check_question(
+    trajectory: Trajectory,
+    chain: Chain,
+    wanted: MotionLimits,
+    margin: float = 0.0,
+    constraints: ConstraintSet | None = None,
+) -> None:
+    """Refuse what is none of a robot's: kernels read as many joints as it has, in its order."""
+    if trajectory.joint_names != chain.joint_names:
+        raise InvalidTrajectory(
+            f"the trajectory is of the joints {', '.join(map(str, trajectory.joint_names))}",
+            hint=f"Robot {chain.name!r} has, in this order: {', '.join(chain.joint_names)}.",
+            joint_names=list(chain.joint_names),
+        )
+    wanted.check(chain)
+    if not 0.0 <= margin < np.inf:
+        raise InvalidOption(f"margin is {margin}", hint="Give 0 or more [m].")
+    if constraints is not None and constraints.chain.joint_names != chain.joint_names:
+        raise InvalidOption(
+            f"the constraints are of robot {constraints.chain.name!r}, not of {chain.name!r}",
+            hint="Make a ConstraintSet of this robot's chain.",
+        )
+
+
+def _travel(trajectory: Trajectory) -> float:
+    """How far a joint goes at most, pieces one by one [rad or m]."""
+    lower, upper = trajectory.piece_extrema()
+    return float((upper - lower).sum(axis=0).max())
 
 
 @bounded_cache(maxsize=8)

@@ -6,7 +6,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from kinematics.arrays import Array
+from kinematics.argument_types import typed
+from kinematics.arrays import Array, as_numbers
 from kinematics.errors import InvalidOption, InvalidPose
 from kinematics.pose import inverse
 from obstacles.robot_geometry import RobotGeometry
@@ -46,6 +47,7 @@ class BasePlacement:
         return float(self.reach.is_reached.sum()), *np.nan_to_num(self.worst, posinf=np.inf)
 
 
+@typed
 def place_base(
     robot: RobotGeometry,
     scene: Scene,
@@ -76,7 +78,9 @@ def place_base(
         InvalidPose: The poses or candidates are not finite 4x4 matrices.
         InvalidOption: There is no candidate.
     """
-    T_world_link = np.asarray(poses, dtype=np.float64)
+    T_world_link = as_numbers(poses, "poses")
+    if T_world_link.ndim != 3:
+        raise InvalidPose(f"the poses have the shape {T_world_link.shape}, not (m, 4, 4)")
     candidates = np.asarray(bases, dtype=np.float64)
     if candidates.ndim != 3 or candidates.shape[1:] != (4, 4) or not np.isfinite(candidates).all():
         raise InvalidPose("the bases must be finite 4x4 transforms, shape (b, 4, 4)")

@@ -9,6 +9,7 @@ from typing import Any, Literal, NamedTuple, get_args
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from kinematics.argument_types import typed
 from kinematics.arrays import Array, frozen
 from kinematics.chain import Chain
 from kinematics.compiled.kernel import direct
@@ -139,6 +140,7 @@ class _Query:
     options: ReachOptions
 
 
+@typed
 def reach(
     robot: RobotGeometry,
     scene: Scene,

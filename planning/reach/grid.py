@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from kinematics.arrays import Array
+from kinematics.arrays import Array, frozen, numbers
 from kinematics.errors import InvalidOption
 
 #: The most poses of one grid.
@@ -31,7 +31,10 @@ class PoseGrid:
     rotations: Array
 
     def __post_init__(self) -> None:
-        if not self.spacing > 0.0:
+        shapes = {"size": (3,), "T_base_box": (4, 4), "rotations": (-1, 3, 3)}
+        for name, shape in shapes.items():
+            object.__setattr__(self, name, frozen(numbers(getattr(self, name), name, shape)))
+        if not 0.0 < self.spacing < np.inf:
             raise InvalidOption(f"spacing is {self.spacing:g} m; it must be positive")
         if min(self.size) < 0.0:
             raise InvalidOption(f"size is {list(self.size)} m; no edge may be negative")

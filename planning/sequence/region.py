@@ -6,7 +6,8 @@ from itertools import product
 import numpy as np
 from numpy.typing import ArrayLike
 
-from kinematics.arrays import Array
+from kinematics.argument_types import typed
+from kinematics.arrays import Array, numbers
 from kinematics.errors import InvalidOption
 from kinematics.pose import from_axis_angle, transform
 
@@ -14,6 +15,7 @@ from kinematics.pose import from_axis_angle, transform
 _SAME_ANGLE = 1e-9
 
 
+@typed
 def grasp_region(
     T_object_tool: ArrayLike,
     axis: Sequence[float],
@@ -36,12 +38,12 @@ def grasp_region(
     Raises:
         InvalidOption: The axis has no direction, a range is empty, or there are no samples.
     """
-    direction = np.asarray(axis, dtype=np.float64).reshape(3)
+    direction = numbers(axis, "axis", (3,))
     length = float(np.linalg.norm(direction))
     if not length > 0.0:
         raise InvalidOption("the axis of a region has no direction", hint="Give a unit vector.")
     direction = direction / length
-    base = np.asarray(T_object_tool, dtype=np.float64)
+    base = numbers(T_object_tool, "T_object_tool", (4, 4))
     return np.array(
         [
             transform(from_axis_angle(direction, phi), d * direction) @ base
@@ -50,6 +52,7 @@ def grasp_region(
     )
 
 
+@typed
 def place_region(
     T_reference_object: ArrayLike,
     size: tuple[float, float],
@@ -70,7 +73,7 @@ def place_region(
     Raises:
         InvalidOption: A range is empty, or there are no samples.
     """
-    base = np.asarray(T_reference_object, dtype=np.float64)
+    base = numbers(T_reference_object, "T_reference_object", (4, 4))
     xs, ys = (
         _values((-0.5 * length, 0.5 * length), count)
         for length, count in zip(size, samples, strict=False)
@@ -87,7 +90,7 @@ def place_region(
 
 
 def _values(ends: tuple[float, float], count: int) -> list[float]:
-    low, high = ends
+    low, high = numbers(ends, "a region's range", (2,)).tolist()
     if not low <= high:
         raise InvalidOption(f"a region's range is from {low:g} to {high:g}", hint="Swap its ends.")
     if count < 1:
@@ -98,7 +101,7 @@ def _values(ends: tuple[float, float], count: int) -> list[float]:
 
 
 def _angles(ends: tuple[float, float], count: int) -> list[float]:
-    low, high = ends
+    low, high = numbers(ends, "a region's range", (2,)).tolist()
     if high - low > 2.0 * np.pi - _SAME_ANGLE and count > 1:
         return _values((low, high - (high - low) / count), count)
     return _values(ends, count)

@@ -14,6 +14,7 @@ from heapq import heapify, heappop, heappush
 from itertools import count
 from typing import NamedTuple
 
+from kinematics.argument_types import typed
 from kinematics.arrays import Array
 from planning.deadline import Deadline
 from planning.result import Failure
@@ -74,6 +75,7 @@ class _Best(NamedTuple):
     value: float
 
 
+@typed
 def plan_task(task: Task, options: TaskOptions) -> SequencePlan | SequenceFailure:
     """Find, time and prove the motions of all stages, before one deadline.
 

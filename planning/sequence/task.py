@@ -80,7 +80,7 @@ class Task:
 
     def __post_init__(self) -> None:
         chain = self.world.robot.chain
-        start = chain.configuration(self.start, "start.joints").reshape(chain.n)
+        start = chain.state(self.start, "start.joints")
         object.__setattr__(self, "start", frozen(start))
         object.__setattr__(self, "stages", _check_objects(self.world, self.stages))
         _check_names(self.world, self.stages)

@@ -11,6 +11,7 @@ from kinematics.arrays import Array, frozen
 from kinematics.chain import Chain, Limits
 from kinematics.errors import InvalidOption, MissingLimit
 from planning.effort_limits import EffortLimits
+from planning.limits import MotionLimits
 from planning.timing.method import JerkUse, TimingMethod, timing_method
 from planning.timing.options import Method, Solver, TimingOptions
 from planning.timing.parametrization import TimeParametrization
@@ -79,6 +80,8 @@ def _within_limits(
     chain: Chain | None,
 ) -> TimeParametrization:
     """``chosen_parametrization`` from rest to rest."""
+    given = {name: row for name, row in overrides.items() if name != "effort"}
+    MotionLimits(given).check_lengths(joint_names)
     method = timing_method(timing.method, timing.solver)
     chosen = {
         name: overrides[name] if name in overrides else limits.require(name, joint_names)

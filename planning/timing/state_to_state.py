@@ -117,10 +117,10 @@ def state_to_state(
 
 
 def _row(values: ArrayLike, name: str) -> Array:
-    row = np.asarray(values, dtype=np.float64)
+    row = frozen(values)
     if row.ndim != 1 or not len(row) or not np.isfinite(row).all():
         raise InvalidTrajectory(f"the {name} of a state is not a list of finite numbers")
-    return frozen(row)
+    return row
 
 
 def _check(names: tuple[str, ...], start: JointState, end: JointState, bounds: Array) -> None:

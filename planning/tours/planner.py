@@ -5,6 +5,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
+from kinematics.argument_types import typed
 from kinematics.arrays import Array
 from obstacles.checker import Checker
 from planning.constrained.path_constraints import check_widths, end_violation
@@ -35,6 +36,7 @@ _CODES_OF_ENDS: Mapping[str, str] = {
 }
 
 
+@typed
 def plan_tour(
     problem: TourProblem,
     options: TourOptions | None = None,

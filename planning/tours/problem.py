@@ -96,11 +96,11 @@ class TourProblem:
                 hint="Plan a single motion by plan, and split longer tours by groups.",
             )
         if self.start is not None:
-            start = chain.configuration(self.start, "start.joints").reshape(chain.n)
+            start = chain.state(self.start, "start.joints")
             object.__setattr__(self, "start", frozen(start))
             object.__setattr__(self, "scene", place(self.scene, chain, start))
         if not isinstance(self.end, str):
-            end = chain.configuration(self.end, "end.joints").reshape(chain.n)
+            end = chain.state(self.end, "end.joints")
             object.__setattr__(self, "end", frozen(end))
         elif self.end == "start" and self.start is None:
             raise InvalidGoal(
@@ -110,7 +110,7 @@ class TourProblem:
         for i, goal in enumerate(self.goals):
             for alternative in goal.alternatives:
                 if isinstance(alternative, JointGoal):
-                    chain.configuration(alternative.joints, f"goals[{i}].joints").reshape(chain.n)
+                    chain.state(alternative.joints, f"goals[{i}].joints")
         check_order(self.names, self.groups, self.precedence)
 
     @property

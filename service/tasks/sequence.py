@@ -96,7 +96,7 @@ def _start(body: TaskRequest, robot: RobotGeometry) -> Array:
         raise InvalidOption("a task begins at rest: start has no velocities or accelerations")
     if body.start.state is not None:
         return np.array(state(robot.states, body.start.state, "start.state"))
-    return np.asarray(chain.configuration(body.start.joints or [], "start.joints").reshape(chain.n))
+    return np.asarray(chain.state(body.start.joints or [], "start.joints"))
 
 
 def _world(body: TaskRequest, robot: RobotGeometry, scene: Scene) -> World:

@@ -82,7 +82,7 @@ def plan_in_root_frame(body: PlanRequest, chain: Chain) -> PlanRequest:
         InvalidGoal: A constraint names two frames.
     """
     assert body.start.joints is not None
-    start = chain.configuration(body.start.joints, "start.joints").reshape(chain.n)
+    start = chain.state(body.start.joints, "start.joints")
     frames = Frames(chain, start, body.frame)
     changes: dict[str, Any] = {
         "goal": _goal(body.goal, frames, "goal"),
@@ -327,4 +327,4 @@ def first_configuration(chain: Chain, joints: Any) -> Array | None:
         return None
     if not isinstance(joints, list) and np.ndim(joints) != 1:
         return None
-    return chain.configuration(joints).reshape(chain.n)
+    return chain.state(joints)

@@ -40,7 +40,7 @@ def configuration(
         return None
     if body.state is not None:
         return np.array(state(states, body.state, f"{where}.state"))
-    return chain.configuration(body.joints or (), f"{where}.joints").reshape(chain.n)
+    return chain.state(body.joints or (), f"{where}.joints")
 
 
 def tour_problem(

@@ -21,6 +21,7 @@ CODES = {
     "InvalidTrajectory": "INVALID_MOTION_PLAN",
     "InvalidGoal": "INVALID_GOAL_CONSTRAINTS",
     "InvalidOption": "VALIDATION_ERROR",
+    "InvalidNumbers": "VALIDATION_ERROR",
     "NotAvailable": "VALIDATION_ERROR",
 }
 
