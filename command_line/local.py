@@ -2,7 +2,7 @@
 
 import json
 from collections.abc import Iterator
-from contextlib import contextmanager, nullcontext
+from contextlib import AbstractContextManager, contextmanager, nullcontext
 from importlib import import_module
 from pathlib import Path
 from typing import Any
@@ -125,7 +125,9 @@ class LocalBackend:
         """
         from service.tasks.view import view  # noqa: PLC0415
 
-        stored = nullcontext() if scene is None else self._stored(scene, scene["name"])
+        stored: AbstractContextManager[Reference | None] = nullcontext()
+        if scene is not None:
+            stored = self._stored(scene, scene["name"])
         with stored as reference:
             content = json.dumps(self._proved(robot, reference, plan)).encode()
             return bytes(self._run(view, [self._reference(robot), reference, content, tree]))
