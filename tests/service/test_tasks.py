@@ -71,6 +71,13 @@ def test_every_stage_is_proved_anew_by_validate(client: httpx.Client) -> None:
         # Told with these numbers, robot and scene are the same to the last bit.
         assert certificate["premises"] == stage["certificate"]["premises"]
         assert certificate["premises"]["attached"] == [item["id"] for item in held]
+        if stage["kind"] == "lift":
+            asked = body | {"format": "csv", "premises": stage["certificate"]["premises"]}
+            told = answer(client.post("/v1/export", json=asked))
+            assert "holding crate" in told["content"]
+            refused = client.post("/v1/export", json=asked | {"attached": []})
+            words = problem(refused, 422, "VALIDATION_ERROR")["detail"]
+            assert "has the robot hold crate, here it holds nothing" in words
     ends = [s["begins"] + s["trajectory"]["duration"] for s in planned["stages"]]
     assert planned["duration"] == pytest.approx(ends[-1])
     assert [s["begins"] for s in planned["stages"][1:]] == pytest.approx(ends[:-1])
