@@ -3,6 +3,7 @@
 import hashlib
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import cache, partial
 from types import MappingProxyType
 from typing import NamedTuple, TypeAlias
 
@@ -39,6 +40,8 @@ from obstacles.touching_pairs import always_touching
 Meshes: TypeAlias = Mapping[str, bytes] | Callable[[str], bytes]
 Pair: TypeAlias = tuple[str, str]
 
+#: Convex pieces of a robot, and triangles under their covers: pairs are the square of the pieces.
+_MOST_PIECES, _MOST_TRIANGLES = 4_000, 2_000_000
 _NO_SOLIDS = "the robot has no collision geometry: only its kinematics are known, it hits nothing"
 
 
@@ -170,11 +173,9 @@ def robot_geometry(
     """
     if description is None:
         return geometry_of_solids(chain, (), {})
-    solids = [
-        _Solid(link, element, _element_pieces(link, element, meshes))
-        for link in chain.links
-        for element in description.links[link.name].collisions
-    ]
+    # One file may stand for many solids: it is read once.
+    shape_of = cache(partial(_shape, meshes=meshes))
+    solids = _solids(chain, description, shape_of)
     lint = [line for solid in solids for line in solid_notes(*solid)]
     parents = {joint.child: joint.parent for joint in description.joints.values()}
     solids = [solid for solid in solids if solid.pieces]
@@ -185,7 +186,7 @@ def robot_geometry(
         return robot
     for number in crowded:
         link, element, _ = solids[number]
-        placed[number] = (link, _element_pieces(link, element, meshes, FINE))
+        placed[number] = (link, _element_pieces(link, element, shape_of, FINE))
     finer = geometry_of_solids(chain, placed, parents, semantics)
     return replace(finer, allowed=robot.allowed, lint=robot.lint)
 
@@ -196,6 +197,30 @@ class _Solid(NamedTuple):
     link: Link
     element: CollisionElement
     pieces: list[Piece]
+
+
+def _solids(
+    chain: Chain, description: RobotDescription, shape_of: Callable[[Geometry], Shape | None]
+) -> list[_Solid]:
+    """The collision solids of all links.
+
+    Raises:
+        InvalidRobotDescription: A solid is malformed, or there are more than any robot has.
+    """
+    found, pieces, triangles = list[_Solid](), 0, 0
+    for link in chain.links:
+        for element in description.links[link.name].collisions:
+            found.append(_Solid(link, element, _element_pieces(link, element, shape_of)))
+            pieces += len(found[-1].pieces)
+            triangles += sum(len(p.surface.triangles) for p in found[-1].pieces if p.surface)
+            if max(len(found), pieces) > _MOST_PIECES or triangles > _MOST_TRIANGLES:
+                raise InvalidRobotDescription(
+                    f"up to link {link.name!r} there are {len(found)} collision solids of {pieces} "
+                    f"convex pieces and {triangles} triangles; at most {_MOST_PIECES} pieces and "
+                    f"{_MOST_TRIANGLES} triangles are taken",
+                    hint="Use fewer or coarser collision solids.",
+                )
+    return found
 
 
 def geometry_of_solids(
@@ -263,10 +288,13 @@ def _hull(parts: list[Piece]) -> Piece:
 
 
 def _element_pieces(
-    link: Link, element: CollisionElement, meshes: Meshes | None, fineness: Fineness = COARSE
+    link: Link,
+    element: CollisionElement,
+    shape_of: Callable[[Geometry], Shape | None],
+    fineness: Fineness = COARSE,
 ) -> list[Piece]:
     try:
-        shape = _shape(element.geometry, meshes)
+        shape = shape_of(element.geometry)
         if shape is None:
             return []
         T = link.T_joint_link @ element.T_link_element
@@ -337,14 +365,15 @@ def _adjacent(bare: RobotGeometry, parents: Mapping[str, str]) -> set[Pair]:
 
 
 def _self_pairs(geometry: RobotGeometry) -> NDArray[np.int64]:
-    pairs = [
-        (i, j)
-        for i in range(len(geometry.pieces))
-        for j in range(i + 1, len(geometry.pieces))
-        if geometry.joints[i] != geometry.joints[j]
-        and _sorted(geometry.links[i], geometry.links[j]) not in geometry.allowed
-    ]
-    array = np.array(pairs, dtype=np.int64).reshape(-1, 2)
+    names, number = np.unique(geometry.links, return_inverse=True)
+    of_name = {str(name): k for k, name in enumerate(names)}
+    may_touch = np.zeros((len(names), len(names)), dtype=np.bool_)
+    for a, b in geometry.allowed:
+        if a in of_name and b in of_name:
+            may_touch[of_name[a], of_name[b]] = may_touch[of_name[b], of_name[a]] = True
+    i, j = np.triu_indices(len(geometry.pieces), 1)
+    chosen = (geometry.joints[i] != geometry.joints[j]) & ~may_touch[number[i], number[j]]
+    array = np.column_stack([i[chosen], j[chosen]]).astype(np.int64)
     array.setflags(write=False)
     return array
 

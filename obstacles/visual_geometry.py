@@ -1,6 +1,7 @@
 """Visual geometry of a robot: how its links look, as triangles, for display only."""
 
 from collections.abc import Callable, Iterable
+from functools import cache, partial
 from typing import NamedTuple
 
 import numpy as np
@@ -13,7 +14,7 @@ from kinematics.description import (
     MeshGeometry,
     SphereGeometry,
 )
-from kinematics.errors import ArmwrightError
+from kinematics.errors import ArmwrightError, InvalidScene
 from kinematics.urdf_visuals import Color, UrdfVisuals, VisualElement
 from obstacles.mesh import load_painted, scaled
 from obstacles.shapes import Box, Capsule, Cylinder, Shape, Sphere
@@ -38,6 +39,10 @@ class VisualBody(NamedTuple):
     color: Color | None
     surface: Triangles
     simplified: bool
+
+
+#: Triangles that are read before they are thinned out.
+_MOST_READ = 4_000_000
 
 
 class VisualGeometry(NamedTuple):
@@ -68,25 +73,39 @@ def visual_geometry(
     """
     bodies: list[VisualBody] = []
     missing: dict[str, str] = {}
+    # One file may stand for many elements: it is read once, and counted each time.
+    surfaces, left = cache(partial(_surfaces, meshes=meshes)), _MOST_READ
     for link in links:
         if link in visuals.faults:
             missing[link] = visuals.faults[link]
             continue
         try:
-            bodies += _link_bodies(link, visuals.links.get(link, ()), meshes)
+            own = _link_bodies(link, visuals.links.get(link, ()), surfaces, left)
+            left -= sum(len(body.surface.faces) for body in own)
+            bodies += own
         except ArmwrightError as error:
             missing[link] = error.message
     return VisualGeometry(_within(bodies, most), tuple(missing.items()))
 
 
 def _link_bodies(
-    link: str, elements: Iterable[VisualElement], meshes: Callable[[str], bytes]
+    link: str,
+    elements: Iterable[VisualElement],
+    surfaces: Callable[[Geometry], list[tuple[Color | None, Triangles]]],
+    most: int,
 ) -> list[VisualBody]:
-    """One body for each colour of a link."""
+    """One body for each colour of a link.
+
+    Raises:
+        InvalidScene: There are more triangles than ``most``.
+    """
     by_color: dict[Color | None, list[Triangles]] = {}
     for element in elements:
         T = element.T_link_element
-        for own, (vertices, faces) in _surfaces(element.geometry, meshes):
+        for own, (vertices, faces) in surfaces(element.geometry):
+            most -= len(faces)
+            if most < 0:
+                raise InvalidScene(f"with the links before it more than {_MOST_READ} triangles")
             placed = Triangles(vertices @ T[:3, :3].T + T[:3, 3], faces)
             by_color.setdefault(element.color or own, []).append(placed)
     return [VisualBody(link, color, join(parts), False) for color, parts in by_color.items()]

@@ -12,11 +12,15 @@ import pytest
 import trimesh
 
 from kinematics.errors import ArmwrightError
+from kinematics.serial_chain import serial_chain
 from kinematics.srdf import parse_srdf
 from kinematics.urdf import parse_urdf
+from kinematics.urdf_visuals import read_visuals
 from kinematics.yaml_reader import UnreadableYaml, read_yaml
 from obstacles.mesh import load_mesh
 from obstacles.moveit import scene_from_moveit
+from obstacles.robot_geometry import RobotGeometry, robot_geometry
+from obstacles.visual_geometry import visual_geometry
 from service.translate.archive import read_archive
 from tests.obstacles.test_collada import POLYGONS, TRIANGLES, written
 
@@ -201,3 +205,47 @@ def test_what_a_file_multiplies_is_refused_before_it_is_there(name: str) -> None
 @pytest.mark.parametrize("name", LONG)
 def test_many_parts_are_read(name: str) -> None:
     assert read_within_budget(*LONG[name])
+
+
+def arm(kind: str, solid: str, count: int) -> str:
+    """Two links, the last one of which has so many solids that are alike."""
+    solids = count * f"<{kind}><geometry>{solid}</geometry></{kind}>"
+    return (
+        f'<robot name="r"><link name="a"/><link name="b">{solids}</link>'
+        '<joint name="j" type="revolute"><parent link="a"/><child link="b"/>'
+        '<limit lower="-1" upper="1" effort="1" velocity="1"/></joint></robot>'
+    )
+
+
+FINE = bytes(trimesh.creation.icosphere(5, radius=0.1).export(file_type="stl"))
+MESH = '<mesh filename="m.stl"/>'
+
+
+def robot_of(text: str) -> RobotGeometry:
+    description = parse_urdf(text)
+    return robot_geometry(serial_chain(description), description, {"m.stl": FINE})
+
+
+def test_a_mesh_that_many_solids_refer_to_is_read_once() -> None:
+    began = time.process_time()
+    assert len(robot_of(arm("collision", MESH, 30)).pieces) == 30
+    assert time.process_time() - began < SECONDS
+
+
+@pytest.mark.parametrize(
+    ("solid", "count"), [(MESH, 4_000), ('<box size="1 1 1"/>', 6_000)], ids=["mesh", "box"]
+)
+def test_solids_of_a_robot_are_counted(solid: str, count: int) -> None:
+    began = time.process_time()
+    with pytest.raises(ArmwrightError, match="at most 4000 pieces and 2000000 triangles"):
+        robot_of(arm("collision", solid, count))
+    assert time.process_time() - began < SECONDS
+
+
+def test_visual_elements_are_counted_before_they_are_there() -> None:
+    visuals = read_visuals(arm("visual", MESH, 4_000))
+    began, before = time.process_time(), resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+    made = visual_geometry(visuals, ["b"], {"m.stl": FINE}.__getitem__)
+    assert dict(made.missing) == {"b": "with the links before it more than 4000000 triangles"}
+    assert time.process_time() - began < SECONDS
+    assert (resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before) / 1024.0 < MEMORY
