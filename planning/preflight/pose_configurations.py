@@ -29,6 +29,8 @@ from planning.preflight.goal_order import NEAR_LIMIT, motion_costs
 _SEARCHED = 12
 #: Steps in which the tool is led from the start to a pose.
 _STEPS = 4
+#: Turns below this are rounding: their axis has no direction [rad].
+_SAME = 1e-12
 #: Starts of inverse kinematics spent on them.
 _STARTS = 120
 #: Configurations that it looks for away from limits where the arm has joints to spare.
@@ -97,7 +99,7 @@ def _near_start(chain: Chain, T: Array, start: Array, options: numeric.SearchOpt
     turn = rotation_error(T_start[:3, :3], T[:3, :3])
     angle = float(np.linalg.norm(turn))
     for share in np.linspace(0.0, 1.0, _STEPS + 1)[1:]:
-        R = from_axis_angle(turn, share * angle) if angle > 0.0 else np.eye(3)
+        R = from_axis_angle(turn / angle, share * angle) if angle > _SAME else np.eye(3)
         way = T_start[:3, 3] + share * (T[:3, 3] - T_start[:3, 3])
         towards = T if share == 1.0 else transform(R @ T_start[:3, :3], way)
         found = numeric.solve(chain, towards, how, seed_joints=q).solutions

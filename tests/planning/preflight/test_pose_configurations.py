@@ -10,6 +10,7 @@ from kinematics.arrays import Array
 from kinematics.chain import Chain
 from kinematics.forward import forward
 from kinematics.ik import numeric
+from kinematics.pose import from_rpy, transform
 from planning.goal_costs import GoalCosts
 from planning.preflight.goal_order import motion_times
 from planning.preflight.pose_configurations import pose_configurations, turned_copies
@@ -68,6 +69,17 @@ def test_all_are_of_the_pose_and_inside_the_limits(name: str) -> None:
         for q in (*joints, *turned_copies(chain, joints, start)[0]):
             assert ((q >= chain.limits.lower) & (q <= chain.limits.upper)).all()
             np.testing.assert_allclose(forward(chain, q), T, atol=1e-5)
+
+
+@pytest.mark.parametrize("angle", [1e-17, 1e-15, 1e-13, 3e-12, 1e-9])
+def test_a_pose_with_the_orientation_of_the_start_but_for_rounding(angle: float) -> None:
+    chain = builtin("ur5e").chain
+    start = np.array([0.3, -1.2, 1.4, -1.0, -1.5, 0.4])
+    T = forward(chain, start)
+    T = transform(from_rpy([angle, 0.0, -angle]) @ T[:3, :3], T[:3, 3] + [0.0, 0.05, -0.05])
+    joints = configurations(chain, T, start)
+    assert np.abs(joints[0] - start).max() < 0.3
+    np.testing.assert_allclose(forward(chain, joints[0]), T, atol=1e-5)
 
 
 def test_a_joint_at_its_limit_is_turned_away_from_it_where_it_can_be() -> None:
