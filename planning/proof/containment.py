@@ -138,7 +138,7 @@ class _Found:
         self._points = list[Array]()
         self._sources = list[Indices]()
         self._opened = list[int]()
-        self._meshes = set[tuple[int, int]]()
+        self._meshes = set[tuple[int, int, bytes] | None]()
 
     def add(self, piece: Piece, owner: int, solid: int, may_be_mesh: bool = True) -> None:
         """Note a piece, and the mesh that it is a part of where that is not known.
@@ -150,12 +150,15 @@ class _Found:
             may_be_mesh: Whether a flat piece is an open mesh.
         """
         T, points = piece.T_owner_piece, piece.vertices[:1]
+        if piece.kind == PieceKind.HALFSPACE:
+            return
+        mark = None if piece.surface is None else (solid, id(piece.surface.mesh), T.tobytes())
         if piece.surface is None:
             self._opened += [owner] if may_be_mesh and _is_flat(piece) else []
-        elif (solid, id(piece.surface.mesh)) in self._meshes:
+        elif mark in self._meshes:
             return
         else:
-            self._meshes.add((solid, id(piece.surface.mesh)))
+            self._meshes.add(mark)
             mesh = _solids(piece.surface.mesh.tobytes())
             points = mesh.points
             self._opened += [owner] if mesh.opened else []

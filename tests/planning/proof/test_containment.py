@@ -7,12 +7,13 @@ import pytest
 import trimesh
 
 from kinematics.arrays import Array
+from kinematics.pose import transform
 from kinematics.trajectory import stay
 from obstacles.checker import Checker
 from obstacles.piece import Piece, PieceKind, Surface
 from obstacles.robot_geometry import RobotGeometry
 from obstacles.scene import Obstacle, Scene
-from obstacles.shapes import Box, Capsule, HalfSpace, Mesh, PointCloud, Shape, Sphere
+from obstacles.shapes import Box, Capsule, Compound, HalfSpace, Mesh, PointCloud, Shape, Sphere
 from planning.proof.certificate import certify
 from planning.proof.containment import first_inside, open_meshes
 from tests.obstacles.arms import cup, gantry, in_cup, mesh_shape, obstacle, off_file
@@ -265,3 +266,15 @@ def test_a_certificate_names_open_meshes_among_its_premises() -> None:
 def test_an_open_mesh_of_a_link_is_told_by_its_lint() -> None:
     assert any("'cup.off' is open" in line for line in holder(bowl(0.1)).lint)
     assert not any("open" in line for line in holder(tall()).lint)
+
+
+def test_each_mesh_of_an_object_of_several_solids_counts() -> None:
+    floor, wall = HalfSpace(np.array([0.0, 0.0, 1.0]), -5.0), mesh_shape(tall())
+    places = [np.eye(4), transform(None, [0.0, 0.0, 0.0]), transform(None, [1.0, 0.0, 0.0])]
+    scene = Scene((Obstacle("two", Compound((floor, wall, wall), tuple(places))),))
+    robot = gantry(BALL)
+    for x, is_inside in ((0.0, True), (1.0, True), (0.5, False)):
+        q = np.array([x, 0.0, -0.3])
+        assert (first_inside(robot, scene, q) is not None) == is_inside
+        assert Checker.of(robot, scene).valid(q) != is_inside
+        assert verified(robot, scene, q) != is_inside
