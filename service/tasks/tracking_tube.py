@@ -90,6 +90,8 @@ def tube_answer(
     def from_obstacles(links: Mapping[str, Displacement]) -> Clearance:
         """Clearance of some links from obstacles, told at least as far as they are displaced."""
         far = max(item.distance for item in links.values())
+        if not math.isfinite(far):
+            return obstacle  # nothing is left of any clearance
         some = _only_links(free, set(links))
         proof = certify(motion, some, scene, margin=far, deadline=deadline)
         known = proof.violation is None or proof.violation.kind == "collision"
