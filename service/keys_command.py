@@ -2,20 +2,24 @@
 
 import argparse
 import dataclasses
+import os
 import sys
 import time
 from collections.abc import Iterable
 from datetime import UTC, datetime
+from pathlib import Path
 
 from pydantic import ValidationError
 
-from service.access.secret import digest, new_credentials
+from service.access.secret import digest, new_credentials, parse
 from service.settings import Settings
 from service.storage.audit_store import last_entries
 from service.storage.database import StorageUnavailable, StoreError
 from service.storage.key_store import ApiKey
 from service.storage.store import Store, open_store
 
+#: File in the data folder with the first key, where a random one was made.
+FIRST_KEY = "first_key"
 #: Seconds of a day.
 _DAY = 86400.0
 
@@ -31,6 +35,47 @@ def run(options: argparse.Namespace) -> int:
             store.close()
     except (StoreError, StorageUnavailable, ValidationError) as error:
         return _refuse(str(error))
+
+
+def make_first_key(store: Store, settings: Settings, *, is_needed: bool) -> str | None:
+    """Make the first API key of a service that has none; a sentence about it, if one was made.
+
+    It is the one of the settings, or a random one in a file that only this user may read.
+
+    Args:
+        store: Where keys are kept.
+        settings: Those of the service.
+        is_needed: Whether others reach the service, who must not without a key.
+
+    Raises:
+        StoreError: The file can't be written.
+    """
+    if store.keys.are_there_any() or not (is_needed or settings.first_key):
+        return None
+    credentials = parse(settings.first_key) if settings.first_key else new_credentials()
+    assert credentials is not None
+    told = f"There was no API key: the one of ARMWRIGHT_FIRST_KEY, {credentials.id}, was made."
+    if settings.first_key is None:
+        file = settings.data_dir / FIRST_KEY
+        _write_secret(file, f"{credentials}\n")
+        told = f"There was no API key: a first one, of the scope admin, is in {file}."
+    secret_digest = digest(credentials.secret)
+    store.keys.add(
+        ApiKey(credentials.id, "first", secret_digest, scope="admin", created=time.time())
+    )
+    return told
+
+
+def _write_secret(file: Path, text: str) -> None:
+    """Write a new file that only this user may read."""
+    try:
+        file.parent.mkdir(mode=0o700, parents=True, exist_ok=True)
+        file.unlink(missing_ok=True)
+        flags = os.O_WRONLY | os.O_CREAT | os.O_EXCL
+        with os.fdopen(os.open(file, flags, 0o600), "w") as handle:
+            handle.write(text)
+    except OSError as error:
+        raise StoreError(f"the first API key can't be written to {file}: {error}") from error
 
 
 def _run(options: argparse.Namespace, store: Store) -> int:

@@ -23,6 +23,7 @@ from service.http.connection import (
 )
 from service.http.health_only import HealthOnly
 from service.jobs.engine import require_engine
+from service.keys_command import make_first_key
 from service.settings import Settings
 from service.storage.database import StoreError
 from service.storage.store import open_store
@@ -79,20 +80,13 @@ def serve(
             require_engine(settings.storage_url)
         require_telemetry(settings.traces)
         # Storage that can't be used is reported here in a sentence, not by the framework.
-        store = open_store(settings.storage_url, exclusive=True)
-        try:
-            has_keys = store.keys.are_there_any()
-        finally:
-            store.close()
         listener = _listen(settings.host, settings.port)
         is_safe = is_agent or settings.insecure or _is_local(listener)
-        if not (has_keys or is_safe):
-            listener.close()
-            return _refuse(
-                f"without API keys anybody who reaches {settings.host} port {settings.port} may "
-                "use the service. Make a key with `armwright keys create`, listen on 127.0.0.1, "
-                "or say --insecure (ARMWRIGHT_INSECURE=true)"
-            )
+        store = open_store(settings.storage_url, exclusive=True)
+        try:
+            made = make_first_key(store, settings, is_needed=not is_safe)
+        finally:
+            store.close()
     except ValidationError as error:
         return _refuse("; ".join(f"{_name(e['loc'])}: {e['msg']}" for e in error.errors()))
     except (StoreError, TelemetryMissing) as error:
@@ -116,7 +110,8 @@ def serve(
     for number in (signal.SIGTERM, signal.SIGINT):
         signal.signal(number, lambda *_: sys.exit(0))
     serves = "works on jobs; its health and metrics are" if is_agent else "serves"
-    server = _Server(config, app, f"Armwright {serves} on {_address(listener)}")
+    greeting = f"Armwright {serves} on {_address(listener)}"
+    server = _Server(config, app, greeting if made is None else f"{made}\n{greeting}")
     server.run([listener])
     # The log says why it could not start; whatever started it may try again.
     return 0 if server.started else 1

@@ -98,6 +98,15 @@ class Settings(BaseSettings):
     )
     batch_limit: int = Field(1000, ge=1, le=100_000, description="problems in one batch")
     keep_alive: Positive = Field(15.0, description="longest silence of an event stream [s]")
+    first_key: (
+        Annotated[str, StringConstraints(pattern=r"^aw_[0-9a-f]{12}_[0-9a-f]{64}$")] | None
+    ) = Field(
+        None,
+        description="API key of the scope admin that is made at the start if there is none, "
+        "aw_ with 12 and 64 hexadecimal digits; where others reach the service, a random one is "
+        "written to first_key in the data folder if left out",
+        repr=False,
+    )
     insecure: bool = Field(
         False, description="listen beyond this machine though there are no API keys"
     )

@@ -16,6 +16,7 @@ from service.http.metrics import Metrics
 from service.settings import Settings
 from service.storage import messages
 from service.storage.job_store import STATUSES
+from service.version import VERSION
 from service.workers.state import Counters
 
 DEPLOY = Path(__file__).parents[2] / "deploy"
@@ -112,6 +113,40 @@ def test_manifests_name_settings_ports_and_labels_that_exist() -> None:
     assert trigger["authenticationRef"]["name"] == secret["metadata"]["name"]
     assert {one["parameter"] for one in secret["spec"]["secretTargetRef"]} == {"connection"}
     assert f"queue_name = '{messages.QUEUE}'" in scaled["spec"]["triggers"][0]["metadata"]["query"]
+
+
+def test_manifests_are_closed_as_shipped() -> None:
+    texts = [path.read_text("utf-8") for path in DEPLOY.rglob("*.yaml")]
+    texts.append((DEPLOY.parent / "compose.yaml").read_text("utf-8"))
+    assert not any("ARMWRIGHT_INSECURE" in text for text in texts)
+    images = re.findall(r"image: (\S+)", "\n".join(texts))
+    assert images
+    for image in images:
+        assert re.fullmatch(r"\w+:\d[\w.]+", image), image
+        name, _, version = image.partition(":")
+        assert name != "armwright" or version == VERSION
+    covered = {
+        d["spec"]["podSelector"]["matchLabels"]["component"]
+        for _, d in KUBERNETES
+        if d["kind"] == "NetworkPolicy"
+    }
+    secrets = set()
+    for _, document in KUBERNETES:
+        if document["kind"] == "TriggerAuthentication":
+            secrets |= {one["key"] for one in document["spec"]["secretTargetRef"]}
+        if document["kind"] != "Deployment":
+            continue
+        spec = document["spec"]["template"]["spec"]
+        assert document["spec"]["strategy"]["type"] == "Recreate"
+        assert document["metadata"]["labels"]["component"] in covered
+        assert spec["automountServiceAccountToken"] is False
+        assert spec["securityContext"]["seccompProfile"]["type"] == "RuntimeDefault"
+        refs = [
+            v["valueFrom"]["secretKeyRef"] for v in spec["containers"][0]["env"] if "valueFrom" in v
+        ]
+        secrets |= {ref["key"] for ref in refs if ref["name"] == "armwright"}
+    told = (DEPLOY / "kubernetes/server.yaml").read_text("utf-8")
+    assert secrets == set(re.findall(r"--from-literal=([\w-]+)=", told))
 
 
 def test_the_compose_file_follows_its_specification() -> None:

@@ -3,7 +3,6 @@
 import contextlib
 import io
 import subprocess
-import time
 from collections.abc import Callable, Iterator
 from functools import partial
 from pathlib import Path
@@ -11,9 +10,13 @@ from pathlib import Path
 import httpx
 import pytest
 
+from service.access.authentication import Authenticator
 from service.app import create_app
 from service.cli import main
+from service.keys_command import make_first_key
+from service.problem import ProblemError
 from service.settings import Settings
+from service.storage.store import open_store
 from tests.service.forked_commands import start_command
 from tests.service.processes import wait_until
 from tests.service.robots import DETOUR, HOME, answer, bench, problem
@@ -215,16 +218,29 @@ def test_changes_are_in_the_audit_log(data: Path, service: httpx.Client, first: 
     assert (action, target) == ("create", "scene audited")
 
 
-def test_without_keys_it_does_not_listen_beyond_this_machine(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    arguments = ["serve", "--host", "0.0.0.0", "--port", "0", "--data-dir", str(tmp_path)]
-    began = time.monotonic()
-    assert main(arguments) == 1
-    assert time.monotonic() - began < 20.0
-    said = capsys.readouterr().err
-    assert "armwright keys create" in said
-    assert "--insecure" in said
+@pytest.mark.parametrize("given", [True, False])
+def test_a_service_that_others_reach_makes_its_first_key(tmp_path: Path, given: bool) -> None:
+    chosen = f"aw_{12 * 'a'}_{64 * 'b'}"
+    settings = Settings(data_dir=tmp_path, first_key=chosen if given else None)
+    store = open_store(settings.storage_url)
+    assert make_first_key(store, Settings(data_dir=tmp_path), is_needed=False) is None
+    said = make_first_key(store, settings, is_needed=not given)
+    assert said is not None
+    assert said.startswith("There was no API key")
+    assert make_first_key(store, settings, is_needed=True) is None  # there is one
+    key = chosen
+    if not given:
+        file = tmp_path / "first_key"
+        assert file.stat().st_mode & 0o777 == 0o600
+        key = file.read_text().strip()
+    assert key not in said
+    (row,) = command(tmp_path, "list").splitlines()
+    assert row.split("\t")[:5] == [key.split("_")[1], "first", "default", "admin", "valid"]
+    caller, _ = Authenticator(store.keys).authenticate({"x-api-key": key})
+    assert caller.scope == "admin"
+    with pytest.raises(ProblemError):
+        Authenticator(store.keys).authenticate({})
+    store.close()
 
 
 @pytest.mark.parametrize("with_key", [True, False])

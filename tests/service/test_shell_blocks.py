@@ -27,6 +27,7 @@ CHECKED = {
     "docs/agents.md": "an installation; test_agents.py runs agents",
     "docs/course/README.md": "a server in another terminal; tests/course runs the example",
     "docs/first_plan.md": "a clone and an installation",
+    "docs/how_to/back_up.md": "two databases; storage/test_back_up.py runs it",
     "docs/how_to/generated_clients.md": "npm; tests/client/test_generated.py makes one of both",
     "docs/how_to/release.md": "these tests, minutes, and a repository to push to",
     "docs/pick_and_place.md": "a server in the background; test_example_pick_and_place.py runs it",
