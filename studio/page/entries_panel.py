@@ -8,6 +8,7 @@ from typing import Any
 import viser
 
 from studio.entries import Entries, moved, with_field, without
+from studio.page.markdown import Text
 from studio.page.panel import Page, on_user_update, put_value
 from studio.settings_form import EntryForms, FormField
 
@@ -52,7 +53,7 @@ class EntriesPanel:
         kind = gui.add_dropdown(f"Kind of {word}", [*forms.fields], visible=len(forms.fields) > 1)
         add = gui.add_button(f"Add {word}")
         add.on_click(lambda _: self._run(partial(self._add, kind.value)))
-        self._text = gui.add_markdown("")
+        self._text = Text(gui)
         self._choice = gui.add_dropdown(f"Edit {word}", [_NONE])
         on_user_update(self._choice, lambda label: self._run(partial(self._choose, label)))
         order = gui.add_button_group(f"This {word}", ["earlier", "later", "remove"])
@@ -77,7 +78,7 @@ class EntriesPanel:
         """Show the entries, and the fields of the chosen one."""
         entries = self._read()
         forms = self._forms
-        self._text.content = describe(entries, forms) or f"No {self._word} yet."
+        self._text.show(describe(entries, forms) or f"No {self._word} yet.")
         labels = labels_of(entries, forms)
         if labels != [*self._choice.options]:
             self._choice.options = labels
@@ -190,7 +191,7 @@ def describe(entries: Entries, forms: EntryForms) -> str:
     for number, entry in enumerate(entries):
         rest = ", ".join(f"{k}={json.dumps(v)}" for k, v in entry.items() if k != forms.tag)
         short = rest if len(rest) <= _MAX_TEXT else f"{rest[:_MAX_TEXT]}…"
-        lines.append(f"{number}. **{forms.kind(entry)}** {f'`{short}`' if short else ''}".rstrip())
+        lines.append(f"{number}. **{forms.kind(entry)}** {short}".rstrip())
     return "\n".join(lines)
 
 

@@ -5,6 +5,7 @@ import viser
 
 from armwright_client import Pose
 from studio.branch import Branch
+from studio.page.markdown import Text
 from studio.page.panel import Page, on_user_update, put_value
 from studio.pose import pose_of, roll_pitch_yaw, wxyz
 
@@ -25,7 +26,7 @@ class GoalPanel:
         with gui.add_folder("Goal pose"):
             self._position = gui.add_vector3("Position [m]", (0.0, 0.0, 0.0), step=0.01)
             self._rpy = gui.add_vector3("Roll, pitch, yaw [rad]", (0.0, 0.0, 0.0), step=0.01)
-            self._text = gui.add_markdown("Drag the frame at the tip, or type a pose.")
+            self._text = Text(gui, "Drag the frame at the tip, or type a pose.")
             self._choice = gui.add_dropdown("Take branch", ["–"])
         on_user_update(self._position, lambda _: self._take_typed())
         on_user_update(self._rpy, lambda _: self._take_typed())
@@ -50,7 +51,7 @@ class GoalPanel:
         self._handle.position = np.array(tip.position)
         self._handle.wxyz = wxyz(tip)
         self._show_numbers(tip)
-        self._text.content = describe(branches)
+        self._text.show(describe(branches))
         labels = ["–", *(branch.label for branch in branches)]
         if tuple(labels) != tuple(self._choice.options):
             self._choice.options = labels
@@ -59,7 +60,7 @@ class GoalPanel:
     def refresh_branches(self, tip: Pose, branches: tuple[Branch, ...]) -> None:
         """Show the branches, and leave the frame where it is being dragged."""
         self._show_numbers(tip)
-        self._text.content = describe(branches)
+        self._text.show(describe(branches))
         self._choice.options = ["–", *(branch.label for branch in branches)]
 
     def _show_numbers(self, tip: Pose) -> None:

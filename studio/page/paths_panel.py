@@ -6,8 +6,9 @@ from functools import partial
 from studio.entries import Entries
 from studio.page.entries_panel import EntriesPanel
 from studio.page.fields_panel import FieldsPanel
+from studio.page.markdown import Text
 from studio.page.panel import Page
-from studio.page.plan_panel import describe
+from studio.page.plan_panel import describe, page_link
 from studio.result import Outcome, TourPlanned
 from studio.stages import goal_entry, pose_entry
 
@@ -23,7 +24,7 @@ class PathsPanel:
         self._page = page
         self._outcome: Outcome | None = None
         gui, workbench = page.server.gui, page.workbench
-        self._text = gui.add_markdown("")
+        self._text = Text(gui)
         with gui.add_folder("Tour"):
             self._tour = gui.add_button("Plan the tour", color="blue")
             self._tour.on_click(lambda _: page.queue.put("plan", partial(self._plan, "tour")))
@@ -70,10 +71,10 @@ class PathsPanel:
         workbench = self._page.workbench
         outcome = workbench.outcome
         ours = isinstance(outcome, TourPlanned) or (outcome and outcome is self._outcome)
-        words = describe(outcome, workbench.view_url())
-        self._text.content = (
-            words if ours else "Move the goal's frame, add it as a goal or a waypoint, and again."
-        )
+        if ours:
+            self._text.show(describe(outcome), page_link(workbench.view_url()))
+        else:
+            self._text.show("Move the goal's frame, add it as a goal or a waypoint, and again.")
 
     def _writer(self, name: str) -> Callable[[Entries, str | None], None]:
         return partial(self._page.workbench.set_entries, name)
@@ -81,7 +82,7 @@ class PathsPanel:
     def _plan(self, which: str) -> None:
         workbench = self._page.workbench
         button = self._tour if which == "tour" else self._path
-        self._text.content = "Planning …"
+        self._text.show("Planning …")
         button.disabled = True
         try:
             ask = workbench.plan_tour if which == "tour" else workbench.plan_tool_path

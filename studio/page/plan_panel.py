@@ -4,6 +4,7 @@ from functools import partial
 from typing import Any
 
 from studio.page.entries_panel import EntriesPanel
+from studio.page.markdown import Text
 from studio.page.panel import Page, on_user_update
 from studio.result import Failure, Outcome, Planned, compare
 from studio.settings_form import FormField
@@ -29,7 +30,7 @@ class PlanPanel:
         history.on_click(
             lambda event: page.queue.put("history", partial(self._step, event.target.value))
         )
-        self._text = gui.add_markdown("")
+        self._text = Text(gui)
         with gui.add_folder("Settings", expand_by_default=False):
             for field in page.workbench.fields:
                 self._widgets[field.path] = self._widget(field)
@@ -45,7 +46,7 @@ class PlanPanel:
             )
         pin = gui.add_button("Pin to compare", hint="The next plan is drawn and listed beside it.")
         pin.on_click(lambda _: page.queue.put("pin", self._pin))
-        self._comparison = gui.add_markdown("")
+        self._comparison = Text(gui)
 
     def refresh(self) -> None:
         """Show settings and result."""
@@ -59,10 +60,10 @@ class PlanPanel:
                 widget.value = value
         workbench = self._page.workbench
         self._constraints.refresh()
-        self._text.content = describe(workbench.outcome, workbench.view_url())
+        self._text.show(describe(workbench.outcome), page_link(workbench.view_url()))
         pinned, outcome = workbench.pinned, workbench.outcome
         both = pinned is not None and isinstance(outcome, Planned) and outcome is not pinned
-        self._comparison.content = (
+        self._comparison.show(
             compare(pinned, outcome)
             if both and pinned is not None and isinstance(outcome, Planned)
             else ""
@@ -98,7 +99,7 @@ class PlanPanel:
         self._page.queue.put(f"setting {field.path}", command)
 
     def _plan(self) -> None:
-        self._text.content = "Planning …"
+        self._text.show("Planning …")
         self.button.disabled = True
         try:
             self._page.workbench.plan()
@@ -138,16 +139,19 @@ def setting(field: FormField, value: Any) -> Any:
     return int(value) if field.kind == "integer" else float(value)
 
 
-def describe(outcome: Outcome | None, view: str | None) -> str:
+def page_link(view: str | None) -> tuple[str, str] | None:
+    """The link to the page of a plan, where it has one."""
+    return None if view is None else ("Page of this plan", view)
+
+
+def describe(outcome: Outcome | None) -> str:
     """A result in Markdown.
 
     Args:
         outcome: A motion, a failure, or nothing yet.
-        view: Address of its page.
     """
     if outcome is None:
         return "Set start and goal, then plan."
-    link = [] if view is None else ["", f"[Page of this plan]({view})"]
     if isinstance(outcome, Failure):
         lines = [f"**✗ {outcome.title}**", "", outcome.detail]
         if outcome.hint:
@@ -155,9 +159,9 @@ def describe(outcome: Outcome | None, view: str | None) -> str:
         if outcome.pair is not None:
             lines += ["", f"In collision: **{outcome.pair[0]}** and **{outcome.pair[1]}**"]
         lines += ["", *(f"- {branch.label}: {branch.reason}" for branch in outcome.candidates)]
-        return "\n".join([*lines, *link])
+        return "\n".join(lines)
     lines = [f"**✓ {outcome.title}**", "", *(f"- {text}" for text in outcome.sentences)]
-    return "\n".join([*lines, *link])
+    return "\n".join(lines)
 
 
 def _word(value: Any) -> str:

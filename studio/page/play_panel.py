@@ -9,6 +9,7 @@ import viser
 
 from armwright_client.export import ExportFormat
 from studio.motion_frames import MotionFrames
+from studio.page.markdown import Text
 from studio.page.panel import Page, on_user_update, put_value
 
 #: Frames shown each second while a motion plays.
@@ -34,7 +35,7 @@ class PlayPanel:
         self._button.on_click(lambda _: self._toggle())
         self._slider = gui.add_slider("Time [s]", 0.0, 1.0, 0.001, 0.0, disabled=True)
         self._speed = gui.add_slider("Speed", 0.1, 2.0, 0.1, 1.0)
-        self._label = gui.add_markdown("No motion yet.")
+        self._label = Text(gui, "No motion yet.")
         on_user_update(self._slider, self._seek)
         file_format = gui.add_dropdown("Format", list(get_args(ExportFormat)))
         export = gui.add_button("Export the motion")
@@ -53,7 +54,7 @@ class PlayPanel:
         self._button.label = "Play"
         self._button.disabled = self._slider.disabled = frames is None
         if frames is None:
-            self._label.content = "No motion."
+            self._label.show("No motion.")
             return
         self._slider.max = float(frames.times[-1])
         put_value(self._slider, 0.0)
@@ -86,7 +87,7 @@ class PlayPanel:
         frames = self._frames
         if frames is None:
             return
-        self._label.content = f"{seconds:.2f} of {frames.times[-1]:.2f} s"
+        self._label.show(f"{seconds:.2f} of {frames.times[-1]:.2f} s")
         self._show(frames, frames.at(seconds))
 
     def _run(self) -> None:

@@ -6,6 +6,7 @@ from typing import Any
 import viser
 
 from armwright_client import Robot
+from studio.page.markdown import Text
 from studio.page.panel import Page, on_user_update, put_value
 
 #: Range of a finger without limits [rad].
@@ -46,7 +47,7 @@ class RobotPanel:
             "Visual meshes", True, hint="Off: the collision geometry, which the proof is about."
         )
         on_user_update(self._looks, lambda on: page.queue.put("looks", lambda: page.show_looks(on)))
-        self._facts = gui.add_markdown("")
+        self._facts = Text(gui)
 
     def offer_looks(self, known: bool) -> bool:
         """Whether the robot is to be drawn by its visual meshes.
@@ -60,7 +61,7 @@ class RobotPanel:
     def refresh(self) -> None:
         """Show the facts of the present robot."""
         put_value(self._choice, self._page.workbench.state.robot)
-        self._facts.content = facts(self._page.workbench.model)
+        self._facts.show(facts(self._page.workbench.model))
 
     def _upload(self, name: str, content: bytes) -> None:
         workbench = self._page.workbench
@@ -182,7 +183,7 @@ def facts(model: Robot) -> str:
     Args:
         model: Of the robot.
     """
-    lines = [f"{len(model.joint_names)} joints, tip `{model.tip_link}`, wrist: {model.wrist}."]
+    lines = [f"{len(model.joint_names)} joints, tip {model.tip_link}, wrist: {model.wrist}."]
     for quantity in ("velocity", "acceleration", "jerk"):
         values = getattr(model.limits, quantity)
         missing = [

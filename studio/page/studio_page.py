@@ -8,6 +8,7 @@ from studio.explain import colliding_pairs
 from studio.motion_frames import MotionFrames, motion_frames, task_frames, tour_frames
 from studio.page.command_queue import CommandQueue
 from studio.page.goal_panel import GoalPanel
+from studio.page.markdown import Text
 from studio.page.pair_drawing import PairDrawing
 from studio.page.paths_panel import PathsPanel
 from studio.page.plan_panel import PlanPanel
@@ -66,7 +67,7 @@ class StudioPage:
         with tabs.add_tab("Paths"):
             self._paths = PathsPanel(self)
         with tabs.add_tab("Code"):
-            self._code = gui.add_markdown("")
+            self._code = Text(gui)
         self.rebuild()
 
     def close(self) -> None:
@@ -116,7 +117,7 @@ class StudioPage:
             tip = self.workbench.goal_tip()
             self._goal.refresh(tip, self.workbench.branches)
             self.show_goal()
-            self._code.content = all_code(self.workbench.url, self.workbench.state, tip)
+            self._code.show(all_code(self.workbench.url, self.workbench.state, tip))
 
     def show_looks(self, looks: bool) -> None:
         """Draw the robot by what it looks like, or by its collision geometry.

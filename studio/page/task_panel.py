@@ -5,8 +5,9 @@ from functools import partial
 
 from armwright_client import Obstacle
 from studio.page.entries_panel import EntriesPanel
+from studio.page.markdown import Text
 from studio.page.panel import Page, put_value
-from studio.page.plan_panel import describe
+from studio.page.plan_panel import describe, page_link
 from studio.result import Outcome, TaskPlanned
 from studio.stages import aimed, new_stage, pick_stages, place_stages
 
@@ -27,7 +28,7 @@ class TaskPanel:
         gui, workbench = page.server.gui, page.workbench
         self.button = gui.add_button("Plan the task", color="blue")
         self.button.on_click(lambda _: page.queue.put("plan", self._plan))
-        self._text = gui.add_markdown("")
+        self._text = Text(gui)
         with gui.add_folder("Pick and place"):
             self._object = gui.add_dropdown("Object", [_NONE])
             ready = gui.add_button_group("Add stages", ["pick", "place at goal"])
@@ -57,11 +58,13 @@ class TaskPanel:
         self._stages.refresh()
         outcome = workbench.outcome
         ours = isinstance(outcome, TaskPlanned) or (outcome and outcome is self._outcome)
-        words = describe(outcome, workbench.view_url()) if ours else "Add stages, then plan them."
-        self._text.content = words
+        if ours:
+            self._text.show(describe(outcome), page_link(workbench.view_url()))
+        else:
+            self._text.show("Add stages, then plan them.")
 
     def _plan(self) -> None:
-        self._text.content = "Planning …"
+        self._text.show("Planning …")
         self.button.disabled = True
         try:
             self._outcome = self._page.workbench.plan_task()

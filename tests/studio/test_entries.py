@@ -35,7 +35,7 @@ def test_a_choice_names_its_entry() -> None:
 
 
 def test_entries_are_described() -> None:
-    assert describe(ENTRIES, FORMS).splitlines()[2] == "2. **c** `x=[1.0, 2.0]`"
+    assert describe(ENTRIES, FORMS).splitlines()[2] == "2. **c** x=[1.0, 2.0]"
 
 
 @pytest.mark.parametrize(
