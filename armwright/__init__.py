@@ -37,7 +37,7 @@ if TYPE_CHECKING:
     from obstacles.moveit import scene_from_moveit
     from obstacles.placement import place
     from obstacles.robot_geometry import RobotGeometry
-    from obstacles.scene import Obstacle, Scene
+    from obstacles.scene import AllowedContact, Obstacle, Scene
     from obstacles.shapes import (
         Box,
         Capsule,
@@ -113,6 +113,7 @@ if TYPE_CHECKING:
 #: Module that each public name is imported from.
 _MODULES = {
     "Adaptive": "tracking.adaptive",
+    "AllowedContact": "obstacles.scene",
     "ArmwrightError": "kinematics.errors",
     "Attach": "planning.sequence.stage",
     "Attachment": "obstacles.attachment",
@@ -238,6 +239,7 @@ _MODULES = {
 
 __all__ = [
     "Adaptive",
+    "AllowedContact",
     "ArmwrightError",
     "Attach",
     "Attachment",

@@ -32,6 +32,7 @@ from kinematics.pose import (
     to_quaternion,
     transform,
 )
+from obstacles.allowed_pairs import sorted_pair
 from obstacles.checker import Checker
 from obstacles.mesh import load_mesh
 from obstacles.robot_geometry import RobotGeometry
@@ -55,7 +56,7 @@ from planning.sequence.stage import (
     Straight,
 )
 from planning.sequence.task import Task
-from planning.sequence.world import World, sorted_pair
+from planning.sequence.world import World
 
 GRASPS, PLACES = 18, 12
 #: Scenes that have something to be picked, and somewhere to put it: shelves, cages, tables.

@@ -26,9 +26,10 @@ from kinematics.jacobian import pose_and_jacobian
 from kinematics.pose import inverse
 from kinematics.trajectory import Trajectory
 from planning.sampling.space import joint_space, state_of
+from planning.sequence.node import contact_pairs
 from planning.sequence.stage import Grasp, Pair, Place, Straight
 from planning.sequence.task import Task
-from planning.sequence.world import Cells, Contact, World, sorted_pair
+from planning.sequence.world import Cells, Contact, World
 
 #: Steps of the tool along a line [m], and the largest change of a joint in one [rad].
 _STEP, _JUMP = 5e-3, 0.3
@@ -119,14 +120,14 @@ class SampledTask:
         assert isinstance(grasp, Grasp)
         world, name = self.task.world, grasp.object
         free = self._place(world, ())
-        near = self._place(world, tuple(sorted_pair(link, name) for link in grasp.touches))
+        near = self._place(world, contact_pairs(grasp))
         T_object = world.scene.obstacle(name).T_world_obstacle
         for frame in grasp.frames:
             goals = self._candidates(T_object @ frame, near, self.task.start)
             if not goals:
                 continue
-            there = world.after_grasp(Contact(name, frame), grasp.touches)
-            held = there.after_attach(name, None, (), None, goals[0])
+            there = world.after_grasp(Contact(name, frame), contact_pairs(grasp))
+            held = there.after_attach(name, None, ((), grasp.touch_depth), None, goals[0])
             lifting = self._place(held, self.task.stages[5].settings.allowed)
             puts: list[_Put] | None = None
             for q in goals:
@@ -169,7 +170,7 @@ class SampledTask:
                 if way_in is None or count == _PUTS:
                     continue
                 if leaving is None:
-                    stands = held.after_place(Contact(name, pose)).after_detach(name, (), q)
+                    stands = held.after_place(Contact(name, pose)).after_detach(name, ((), 0.0), q)
                     leaving = self._place(stands, ())
                 out = self._line(leaving, q, self._straight(11))
                 if out is not None:

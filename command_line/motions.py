@@ -22,7 +22,7 @@ from command_line.output import print_json, print_line, print_table, save, word
 from command_line.parameters import Connection, Margin, Request, RobotSource, Scene, command
 from command_line.problems import negative
 from command_line.robot_files import read_json
-from service.viewer.words import against
+from service.viewer.words import against, allowed_sentences
 
 #: Poles of the error dynamics at 20 rad/s, critically damped: a tenth of a second to settle.
 _CONTROLLER = '{"type": "computed_torque", "natural_frequency": 20.0, "damping": 1.0}'
@@ -131,6 +131,8 @@ def _show_check(answer: dict[str, Any]) -> None:
         ("limit", item["joint"], f"limit {word(item['limit'])}", item["value"])
         for item in answer["limit_violations"]
     ]
+    for sentence in allowed_sentences(answer["allowed_collisions"]):
+        print_line(sentence)
     if rows:
         print_table("Violations", ("kind", "of", "with", "depth [m] or value"), rows)
 
@@ -167,6 +169,8 @@ def _show_certificate(certificate: dict[str, Any]) -> None:
         print_line(f"clearance at least {clearance:.4f} m at every instant, between {pair}")
     for reason in certificate["proved"]["reasons"]:
         print_line(f"not proved: {reason}", "yellow")
+    for sentence in allowed_sentences(certificate["allowed_collisions"]):
+        print_line(sentence)
     violation = certificate["violation"]
     if violation is not None:
         rows = ((name, json.dumps(value)) for name, value in violation.items())

@@ -10,6 +10,7 @@ from command_line.endpoints import TASK
 from command_line.output import print_line, print_premises, print_table
 from command_line.parameters import Connection, Margin, Request, RobotSource, Scene, command
 from command_line.request_file import FileRequest
+from service.viewer.words import allowed_sentences
 
 
 @command
@@ -52,9 +53,21 @@ def _show(planned: dict[str, Any]) -> None:
     tried = sum(trial["outcome"] != "open" for trial in planned["trials"])
     told = len(planned["trials"]) + planned["trials_omitted"]
     print_line(f"{tried} of {told} alternatives decided")
+    for sentence in allowed_sentences(_deepest(planned["stages"])):
+        print_line(sentence)
     failure = planned["failure"]
     if failure is not None:
         print_line(f"stage {failure['index']} and what follows it: {failure['message']}", "yellow")
+
+
+def _deepest(stages: list[dict[str, Any]]) -> list[dict[str, Any]]:
+    """Pairs that were not kept apart in some stage, each where it is the deepest."""
+    found: dict[tuple[str, ...], dict[str, Any]] = {}
+    for item in (one for stage in stages for one in stage["certificate"]["allowed_collisions"]):
+        known = found.setdefault(tuple(item["pair"]), item)
+        if (item["overlap"] or 0.0) > (known["overlap"] or 0.0):
+            found[tuple(item["pair"])] = item
+    return list(found.values())
 
 
 def _row(stage: dict[str, Any]) -> tuple[object, ...]:

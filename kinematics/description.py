@@ -86,11 +86,13 @@ class LinkDescription:
         name: The link's name.
         inertia: In the link's frame; None where the file gives none.
         collisions: Its solids.
+        drawn: Whether the file says how it looks.
     """
 
     name: str
     inertia: Inertia | None = None
     collisions: tuple[CollisionElement, ...] = ()
+    drawn: bool = False
 
 
 @dataclass(frozen=True, slots=True)

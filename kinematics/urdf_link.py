@@ -79,7 +79,8 @@ def read_link(element: Element, lint: list[str]) -> LinkDescription:
     collisions = tuple(collision for collision in read if collision is not None)
     if not collisions:
         lint.append(no_solids(name))
-    return LinkDescription(name, _inertia(element, where, lint), collisions)
+    drawn = any(True for _ in children(element, "visual"))
+    return LinkDescription(name, _inertia(element, where, lint), collisions, drawn)
 
 
 def no_solids(name: str) -> str:

@@ -16,8 +16,9 @@ from kinematics.arrays import Array
 from kinematics.errors import ArmwrightError, InvalidLinkName, InvalidObjectName, InvalidScene
 from kinematics.forward import forward
 from kinematics.pose import inverse
+from obstacles.allowed_pairs import TOUCH_DEPTH, contacts_of, sorted_pair
 from obstacles.robot_geometry import RobotGeometry
-from obstacles.scene import Obstacle, Scene
+from obstacles.scene import AllowedContact, Obstacle, Scene
 
 #: Links, obstacles and attached objects that an error names.
 _TOLD = 60
@@ -31,11 +32,13 @@ class Attachment:
         held: The object; its pose is in the frame of ``link``, its margin is not used.
         link: The link that holds it.
         touches: Names of links, obstacles and other attached objects that it may touch.
+        touch_depth: How deep it may overlap these [m]; infinite for any depth.
     """
 
     held: Obstacle
     link: str
     touches: tuple[str, ...] = ()
+    touch_depth: float = TOUCH_DEPTH
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -117,7 +120,7 @@ def hold(
         robot: The arm, perhaps holding something already.
         scene: All obstacles, those that are held by now perhaps among them.
         attachments: What is held.
-        allowed: More pairs of names that may touch.
+        allowed: More pairs of names that may touch, perhaps with their contacts.
 
     Raises:
         InvalidScene: The name of an attached object is a link's, or stands twice; or one that may
@@ -127,20 +130,20 @@ def hold(
     """
     taken = {attachment.held.id for attachment in attachments}
     left = tuple(obstacle for obstacle in scene.obstacles if obstacle.id not in taken)
-    pairs = set(scene.allowed_collisions)
-    arm = robot
+    contacts, arm = dict(scene.contacts), robot
     for attachment in attachments:
         links = [name for name in attachment.touches if name in robot.chain.index]
-        pairs |= {_sorted(attachment.held.id, name) for name in attachment.touches}
+        contact = AllowedContact("touch_links", attachment.touch_depth)
+        contacts |= {sorted_pair(attachment.held.id, name): contact for name in attachment.touches}
         arm = arm.attach(attachment.held, attachment.link, links)
     known = dict.fromkeys([*arm.chain.index, *arm.names, *(obstacle.id for obstacle in left)])
     for attachment in attachments:
         what = f"touch_links of attached object {attachment.held.id!r}"
         _check_names(attachment.touches, what, known, InvalidLinkName)
-    for a, b in allowed:
-        _check_names((a, b), "allowed_collisions", known, InvalidObjectName)
-        pairs.add(_sorted(a, b))
-    scene = Scene(left, frozenset(pairs))
+    for pair, contact in contacts_of(allowed, "request").items():
+        _check_names(pair, "allowed_collisions", known, InvalidObjectName)
+        contacts[pair] = contact
+    scene = replace(scene, obstacles=left, contacts=contacts)
     check_allowed(arm, scene)
     return Holding(arm, scene)
 
@@ -164,10 +167,6 @@ def check_allowed(robot: RobotGeometry, scene: Scene) -> None:
                     name=name,
                     pair=list(pair),
                 )
-
-
-def _sorted(a: str, b: str) -> tuple[str, str]:
-    return (a, b) if a < b else (b, a)
 
 
 def _check_names(

@@ -45,7 +45,9 @@ def place(scene: Scene, chain: Chain, joints: ArrayLike | None = None) -> Scene:
     poses = {frame: _frame_pose(scene, frame, chain, q) for frame in scene.frames}
     obstacles = (_placed(obstacle, poses) for obstacle in scene.obstacles)
     allowed = scene.allowed_collisions | _free_pairs(scene, chain)
-    return Scene(tuple(obstacles), allowed, notes=scene.notes)
+    return replace(
+        scene, obstacles=tuple(obstacles), allowed_collisions=allowed, fixed_frames={}, free={}
+    )
 
 
 def in_frame(scene: Scene, frame: str) -> Scene:

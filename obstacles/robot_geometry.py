@@ -61,6 +61,7 @@ class RobotGeometry:
         states: Named configurations, each of shape (n,) [rad or m].
         suspected: Pairs that touch where the robot surely may stand, each with the reason.
         fingers: Joints off the chain that a gripper moves, and where they stand.
+        unseen: Links that are drawn and have no solids: nothing is compared with them.
     """
 
     chain: Chain
@@ -73,6 +74,7 @@ class RobotGeometry:
     states: Mapping[str, Array] = field(default_factory=dict)
     suspected: Mapping[Pair, str] = field(default_factory=dict)
     fingers: Fingers = field(default_factory=Fingers)
+    unseen: tuple[str, ...] = ()
     arrays: PieceArrays = field(init=False, repr=False)
     self_pairs: NDArray[np.int64] = field(init=False, repr=False)
     content_hash: str = field(init=False, repr=False)
@@ -98,7 +100,7 @@ class RobotGeometry:
     def __reduce__(self) -> tuple[object, ...]:
         values = (self.chain, self.pieces, self.links, self.joints, self.solids)
         more = (dict(self.allowed), self.lint, dict(self.states), dict(self.suspected))
-        return RobotGeometry, (*values, *more, self.fingers)
+        return RobotGeometry, (*values, *more, self.fingers, self.unseen)
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -146,6 +148,7 @@ class RobotGeometry:
             self.lint,
             self.states,
             fingers=self.fingers,
+            unseen=self.unseen,
         )
 
 
@@ -181,14 +184,16 @@ def robot_geometry(
     solids = [solid for solid in solids if solid.pieces]
     placed = [(solid.link, solid.pieces) for solid in solids]
     robot = geometry_of_solids(chain, placed, parents, semantics, lint)
+    drawn = (link.name for link in chain.links if description.links[link.name].drawn)
+    unseen = tuple(name for name in drawn if name not in robot.links)
     crowded = crowded_solids(robot)
     if not crowded:
-        return robot
+        return replace(robot, unseen=unseen)
     for number in crowded:
         link, element, _ = solids[number]
         placed[number] = (link, _element_pieces(link, element, shape_of, FINE))
     finer = geometry_of_solids(chain, placed, parents, semantics)
-    return replace(finer, allowed=robot.allowed, lint=robot.lint)
+    return replace(finer, allowed=robot.allowed, lint=robot.lint, unseen=unseen)
 
 
 class _Solid(NamedTuple):
@@ -392,4 +397,5 @@ def _content_hash(geometry: RobotGeometry) -> str:
         digest.update(name.encode() + b"\0")
     for (a, b), reason in geometry.allowed.items():
         digest.update(f"{a}\0{b}\0{reason}\0".encode())
+    digest.update("".join(f"unseen {name}\0" for name in geometry.unseen).encode())
     return digest.hexdigest()

@@ -5,7 +5,8 @@ from collections import Counter
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from itertools import groupby
-from typing import TYPE_CHECKING, TypeAlias
+from types import MappingProxyType
+from typing import TYPE_CHECKING, NamedTuple, TypeAlias
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -22,8 +23,21 @@ MAX_OBSTACLES = 10_000
 MAX_NAME = 256
 #: All pieces of a scene, whose each is, and its margin.
 Packed: TypeAlias = tuple[PieceArrays, NDArray[np.int64], Array]
+Pair: TypeAlias = tuple[str, str]
 _HALFSPACE = int(Primitive.HALFSPACE)
 _LAST_ROW = [0.0, 0.0, 0.0, 1.0]
+
+
+class AllowedContact(NamedTuple):
+    """A contact that is allowed: who allows it, and how deep it may be.
+
+    Args:
+        reason: Who allows it: "scene", "request", "touch_links" or "support".
+        touch_depth: How deep the two may overlap [m]; infinite for any depth.
+    """
+
+    reason: str = "scene"
+    touch_depth: float = float("inf")
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -167,17 +181,21 @@ class Scene:
         free: Names that may touch everything, each with the names that it may not touch all the
             same. ``obstacles.placement.place`` makes pairs of them, for a robot.
         notes: What is odd about the file it was read of, one sentence each.
+        contacts: What is known of these pairs, where they are not the scene's or have a depth.
 
     Raises:
         InvalidScene: An id occurs twice, or there are too many obstacles.
     """
 
     obstacles: tuple[Obstacle, ...] = ()
-    allowed_collisions: frozenset[tuple[str, str]] = frozenset()
+    allowed_collisions: frozenset[Pair] = frozenset()
     fixed_frames: Mapping[str, tuple[str, Array]] = field(default_factory=dict, repr=False)
     free: Mapping[str, frozenset[str]] = field(default_factory=dict, repr=False)
     notes: tuple[str, ...] = ()
+    contacts: Mapping[Pair, AllowedContact] = field(default_factory=dict)
     content_hash: str = field(init=False, repr=False)
+    #: Hash of the content of the obstacles alone.
+    obstacles_hash: str = field(init=False, repr=False)
     #: Names of the obstacles, in their order.
     ids: tuple[str, ...] = field(init=False, repr=False)
     _frames: frozenset[str] = field(init=False, repr=False)
@@ -193,6 +211,7 @@ class Scene:
             fixed_frames: Mapping[str, tuple[str, Array]] = ...,
             free: Mapping[str, frozenset[str]] = ...,
             notes: tuple[str, ...] = (),
+            contacts: Mapping[Pair, AllowedContact] = ...,
         ) -> None: ...
 
     def __post_init__(self) -> None:
@@ -211,7 +230,14 @@ class Scene:
         named = frozenset(o.frame for o in obstacles if o.frame is not None)
         object.__setattr__(self, "_frames", named)
         object.__setattr__(self, "ids", ids)
-        object.__setattr__(self, "allowed_collisions", _pairs(self.allowed_collisions))
+        contacts = MappingProxyType({(min(p), max(p)): c for p, c in self.contacts.items()})
+        object.__setattr__(self, "contacts", contacts)
+        pairs = _pairs(self.allowed_collisions).union(contacts)
+        object.__setattr__(self, "allowed_collisions", pairs)
+        digest = hashlib.sha256()
+        for obstacle in obstacles:
+            digest.update(obstacle.content())
+        object.__setattr__(self, "obstacles_hash", digest.hexdigest())
         object.__setattr__(self, "content_hash", _content_hash(self))
 
     def __eq__(self, other: object) -> bool:
@@ -222,7 +248,7 @@ class Scene:
 
     def __reduce__(self) -> tuple[object, ...]:
         values = (self.obstacles, self.allowed_collisions, self.fixed_frames, self.free)
-        return Scene, (*values, self.notes)
+        return Scene, (*values, self.notes, dict(self.contacts))
 
     @property
     def frames(self) -> frozenset[str]:
@@ -263,6 +289,13 @@ class Scene:
         if not self.allowed_collisions:
             return False
         return (min(a, b), max(a, b)) in self.allowed_collisions
+
+    def hash_allowing(self, pairs: Iterable[Pair]) -> str:
+        """Hash of the content of the obstacles and of pairs that may touch, whoever lets them."""
+        told = "".join(f"{a}\0{b}\0" for a, b in sorted(pairs))
+        if not told:
+            return self.obstacles_hash
+        return hashlib.sha256(f"{self.obstacles_hash}\0{told}".encode()).hexdigest()
 
     def pieces(self) -> Packed:
         """Every convex piece in the robot's root frame.
@@ -353,7 +386,7 @@ def checked_name(name: str, what: str) -> str:
     return name
 
 
-def _pairs(pairs: Iterable[Iterable[str]]) -> frozenset[tuple[str, str]]:
+def _pairs(pairs: Iterable[Iterable[str]]) -> frozenset[Pair]:
     sorted_pairs = set()
     for pair in pairs:
         names = tuple(pair)
@@ -418,14 +451,11 @@ def _is_exact(matrix: Array) -> bool:
 
 
 def _content_hash(scene: Scene) -> str:
-    digest = hashlib.sha256()
-    for obstacle in scene.obstacles:
-        digest.update(obstacle.content())
-    for a, b in sorted(scene.allowed_collisions):
-        digest.update(f"{a}\0{b}\0".encode())
+    told = [scene.hash_allowing(scene.allowed_collisions).encode()]
+    told += [f"{pair}\0{contact}\0".encode() for pair, contact in sorted(scene.contacts.items())]
     for name in sorted(scene.frames & scene.fixed_frames.keys()):
         parent, T = scene.fixed_frames[name]
-        digest.update(f"frame\0{name}\0{parent}\0".encode() + T.tobytes())
+        told.append(f"frame\0{name}\0{parent}\0".encode() + T.tobytes())
     for name, others in sorted(scene.free.items()):
-        digest.update(f"free\0{name}\0{sorted(others)}\0".encode())
-    return digest.hexdigest()
+        told.append(f"free\0{name}\0{sorted(others)}\0".encode())
+    return hashlib.sha256(b"".join(told)).hexdigest() if len(told) > 1 else told[0].decode()

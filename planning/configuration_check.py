@@ -8,6 +8,7 @@ from kinematics.arrays import Array
 from kinematics.bounded_cache import bounded_cache
 from obstacles.checker import Checker
 from obstacles.fcl_distance import FclWorld
+from obstacles.overlap_meter import OverlapMeter, overlap_meter
 from obstacles.robot_geometry import RobotGeometry
 from obstacles.scene import Scene
 from planning.ready import TOUCHING
@@ -74,12 +75,14 @@ class ConfigurationChecker:
         bare: Checker that ignores margins.
         strict: Checker that keeps the obstacles' margins and that of the request.
         plain: The scene without margins, for FCL's depths.
+        meter: Of the pairs that may touch.
     """
 
     robot: RobotGeometry
     bare: Checker
     strict: Checker
     plain: Scene
+    meter: OverlapMeter
 
     @classmethod
     def of(cls, robot: RobotGeometry, scene: Scene, margin: float = 0.0) -> "ConfigurationChecker":
@@ -90,7 +93,7 @@ class ConfigurationChecker:
         bare = Checker.of(robot, plain)
         margins = margin > 0.0 or any(obstacle.margin > 0.0 for obstacle in scene.obstacles)
         strict = Checker.of(robot, scene, margin) if margins else bare
-        return cls(robot, bare, strict, plain)
+        return cls(robot, bare, strict, plain, overlap_meter(robot, plain))
 
     def check(self, q: Array) -> ConfigurationReport:
         """Check a configuration (n,) [rad or m]."""
@@ -109,6 +112,11 @@ class ConfigurationChecker:
                     clearance, pair = nearest.distance, nearest.pair
                 if clearance <= 0.0 and pair is not None:
                     collisions = (Collision(pair, 0.0),)
+        deep = self.meter.too_deep(q)
+        if deep:
+            found = (*collisions, *(Collision(item.pair, depth) for item, depth in deep))
+            collisions = tuple(sorted(found, key=lambda item: -item.depth))
+            clearance, pair = -collisions[0].depth, collisions[0].pair
         strict = clearance if self.strict is self.bare else self.strict.clearance(q)[0]
         violations = self._limit_violations(q)
         valid = not collisions and not violations and strict > TOUCHING
@@ -120,9 +128,10 @@ class ConfigurationChecker:
         One pair that collides is told where there is any.
         """
         violations = self._limit_violations(q)
-        valid = self.strict.valid(q) and not violations
-        collisions: tuple[Collision, ...] = ()
-        if not valid and not self.bare.valid(q):
+        deep = self.meter.too_deep(q)
+        valid = self.strict.valid(q) and not violations and not deep
+        collisions: tuple[Collision, ...] = tuple(Collision(i.pair, np.nan) for i, _ in deep[:1])
+        if not valid and not deep and not self.bare.valid(q):
             clearance, pair = self.bare.clearance(q)
             if pair is not None and clearance <= _DEPTH_BELOW:
                 collisions = (Collision(pair, np.nan),)

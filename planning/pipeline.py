@@ -16,6 +16,7 @@ from obstacles.checker import Checker
 from planning.clearance_report import clearance_report
 from planning.constrained.checker import ConstrainedChecker
 from planning.constrained.path_constraints import apply_path_constraints
+from planning.contact_cores import with_cores
 from planning.deadline import Deadline
 from planning.motion_limits import with_limits
 from planning.optimize.options import OPTIMIZE
@@ -85,10 +86,13 @@ def plan(
     if wrong is not None:
         return wrong
     stages = Stages(options.observer)
-    pipeline = _Pipeline(problem, options, chosen, parametrization, stages, deadline)
+    pipeline = _Pipeline(problem, options, chosen, parametrization, stages, deadline, problem)
     try:
         with preparation_limit(deadline.at):
             answer = pipeline.run()
+            if isinstance(answer, Failure) and _is_too_deep(answer):
+                around = pipeline.run_around_cores()
+                answer = around if isinstance(around, Plan) else answer
     except PreparationTimedOut as late:
         deadline.interruptions.occurred = True
         answer = Failure(late.code, late.message, late.hint or "", late.details["stage"])
@@ -155,6 +159,7 @@ class _Pipeline:
         parametrization: The limits and the method of timing.
         stages: Reports of the stages.
         deadline: The end of all of them.
+        asked: What is to be proved: the problem, or that which has cores beside its obstacles.
     """
 
     problem: Problem
@@ -163,6 +168,12 @@ class _Pipeline:
     parametrization: TimeParametrization
     stages: Stages
     deadline: Deadline
+    asked: Problem
+
+    def run_around_cores(self) -> Plan | Failure | None:
+        """Run the stages with cores of what is touched too deep; None where that has none."""
+        problem = with_cores(self.problem)
+        return None if problem is None else replace(self, problem=problem).run()
 
     def run(self) -> Plan | Failure:
         """Run the stages in order, to the first failure."""
@@ -312,7 +323,7 @@ class _Pipeline:
         return self.stages.run("certificate", partial(self._certify, timed), _describe_certificate)
 
     def _certify(self, timed: _Timed) -> Certificate:
-        problem, parametrization, tool_path = self.problem, self.parametrization, timed.tool_path
+        problem, parametrization, tool_path = self.asked, self.parametrization, timed.tool_path
         limits = parametrization.motion_limits
         if tool_path is not None:
             limits = tool_path.limits(parametrization)
@@ -380,6 +391,11 @@ class _Pipeline:
         )
 
 
+def _is_too_deep(failure: Failure) -> bool:
+    """Whether a motion touches what it may touch too deep on its way, not at an end."""
+    return failure.stage == "certificate" and failure.details.keys() >= {"touch_depth", "time"}
+
+
 def _time_polyline(motion: Callable[[], ScaledTime], method: TimingMethod) -> _Timed:
     scaled = motion()
     return _Timed(scaled.trajectory, notes=method.notes((scaled,)), solver=scaled.solver)
@@ -392,6 +408,8 @@ def _proof_failure(violation: Violation, deadline: Deadline, *, tool: bool) -> F
         hint = "Allow more time, a larger max_deviation, or a smaller margin."
         if violation.kind == "path_constraint":
             hint = "Lead the tool elsewhere, or widen the constraint."
+    if "touch_depth" in violation.details:
+        hint = "Raise touch_depth if so deep a contact is meant (null for any depth)."
     return Failure(
         code="TIMED_OUT" if deadline.passed else "INVALID_MOTION_PLAN",
         message=f"the motion that was found could not be proved: {violation.message}",

@@ -113,11 +113,17 @@ def _joined(parts: Sequence[TimedTrajectory]) -> TimedTrajectory:
     return parts[0].model_copy(update={"duration": begin, "segments": segments})
 
 
+#: Who allows pairs beside the robot itself and what is attached to it, which the export knows.
+_ALLOWED_BY = frozenset({"request", "scene", "support", "touch_links"})
+
+
 def _allowed_in_all(stages: Sequence[TaskStageReport]) -> list[tuple[str, str]]:
-    """Pairs that may touch in every stage."""
-    first, *others = (stage.certificate.allowed_collisions for stage in stages)
-    kept = [{frozenset(pair) for pair in pairs} for pairs in others]
-    return [(a, b) for a, b in first if all(frozenset((a, b)) in pairs for pairs in kept)]
+    """Pairs that may touch in every stage, whoever lets them but the robot itself."""
+    first, *others = (
+        {item.pair for item in stage.certificate.allowed_collisions if item.reason in _ALLOWED_BY}
+        for stage in stages
+    )
+    return sorted(first.intersection(*others))
 
 
 def _fingers_before(outcome: TaskPlanned, stage: TaskStageReport) -> dict[str, float]:

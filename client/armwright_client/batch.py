@@ -8,7 +8,6 @@ from armwright_client.base import (
     Answer,
     NonNegative,
     Options,
-    Pairs,
     Positive,
     Request,
 )
@@ -20,7 +19,7 @@ from armwright_client.goal import Goal, GoalLike, Start, as_goal
 from armwright_client.plan import Plan, PlanRequest, Timing
 from armwright_client.planner import PlannerName
 from armwright_client.problem import Problem
-from armwright_client.scene import SceneReference
+from armwright_client.scene import AllowedPairs, SceneReference
 
 
 class BatchProblem(Request):
@@ -36,7 +35,7 @@ class BatchProblem(Request):
     constraints: Constraints | None = None
     attached: AttachedObjects | None = None
     fingers: FingerPositions | None = None
-    allowed_collisions: Pairs | None = None
+    allowed_collisions: AllowedPairs | None = None
     margin: NonNegative | None = None
     clearance: Clearance | None = None
     goal_costs: GoalCosts | None = None

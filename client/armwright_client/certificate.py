@@ -8,7 +8,6 @@ from armwright_client.base import (
     Answer,
     InFrame,
     NonNegative,
-    Pairs,
     Positive,
     Request,
     Vector,
@@ -16,7 +15,7 @@ from armwright_client.base import (
 from armwright_client.check import AttachedObjects, FingerPositions
 from armwright_client.constraint import Constraints, ConstraintUse
 from armwright_client.dynamics import Payload
-from armwright_client.scene import SceneReference
+from armwright_client.scene import AllowedPair, AllowedPairs, SceneReference
 from armwright_client.seam import ToolSpeed, ToolToleranceUse
 from armwright_client.tool_motion import TimedToolMotions
 from armwright_client.trajectory import Trajectory
@@ -131,7 +130,7 @@ class Certificate(InFrame):
         tool_speed: The tool's speed along waypoints of that planner.
         cells: Intervals of time that were looked at.
         violation: The first one, with its time, where it was not proved.
-        allowed_collisions: Of the request: pairs that were not looked at.
+        allowed_collisions: All pairs that were not kept apart, with who allows them and how deep.
         plan_id: Of the kept plan, if it was kept.
     """
 
@@ -152,7 +151,7 @@ class Certificate(InFrame):
     tool_speed: ToolSpeed | None = None
     cells: int | None = None
     violation: dict[str, Any] | None = None
-    allowed_collisions: list[tuple[str, str]] = Field(default_factory=list)
+    allowed_collisions: list[AllowedPair] = Field(default_factory=list)
     plan_id: str | None = None
 
 
@@ -192,7 +191,7 @@ class ValidateOptions(TypedDict, total=False):
     constraints: Constraints
     attached: AttachedObjects
     fingers: FingerPositions
-    allowed_collisions: Pairs
+    allowed_collisions: AllowedPairs
     margin: float
     collisions: Collisions
     tool_motions: TimedToolMotions
@@ -214,7 +213,7 @@ class ValidateRequest(Request):
     constraints: Constraints | None = None
     attached: AttachedObjects | None = None
     fingers: FingerPositions | None = None
-    allowed_collisions: Pairs | None = None
+    allowed_collisions: AllowedPairs | None = None
     margin: NonNegative | None = None
     collisions: Collisions | None = None
     tool_motions: TimedToolMotions | None = None

@@ -12,7 +12,6 @@ from armwright_client.base import (
     Matrix3,
     Names,
     NonNegative,
-    Pairs,
     Positive,
     Request,
     Rows,
@@ -20,11 +19,11 @@ from armwright_client.base import (
     Vector3,
 )
 from armwright_client.pose import Pose
-from armwright_client.scene import SceneReference
+from armwright_client.scene import AllowedPair, AllowedPairs, SceneReference, TouchDepth
 from armwright_client.shape import Shape
 
 
-class Attached(Request):
+class Attached(TouchDepth):
     """An object that moves with a link; one that stands in the scene is out of it meanwhile.
 
     Args:
@@ -35,6 +34,7 @@ class Attached(Request):
             object where it stands in the scene.
         link: That carries it.
         touch_links: What it may touch: links, obstacles, other attached objects.
+        touch_depth: How deep it may overlap these [m]; None for any depth.
         mass: For torques; without one it weighs nothing [kg].
         center_of_mass: In the object's frame, its origin if left out [m].
         inertia: About it, in the object's axes; a point if left out [kg m^2].
@@ -87,7 +87,7 @@ class CheckOptions(TypedDict, total=False):
     depth: bool
     attached: AttachedObjects
     fingers: FingerPositions
-    allowed_collisions: Pairs
+    allowed_collisions: AllowedPairs
     margin: float
     timeout: float
     keep: bool
@@ -101,7 +101,7 @@ class CheckRequest(Request):
     scene: SceneReference | None = None
     attached: AttachedObjects | None = None
     fingers: FingerPositions | None = None
-    allowed_collisions: Pairs | None = None
+    allowed_collisions: AllowedPairs | None = None
     margin: NonNegative | None = None
     frame: str | None = None
     depth: bool | None = None
@@ -133,7 +133,7 @@ class CheckAnswer(InFrame):
         clearance_pair: Between whom that is.
         collisions: All pairs that penetrate each other; without depths one of them.
         limit_violations: All joints outside their limits.
-        allowed_collisions: Of the request, as they were obeyed.
+        allowed_collisions: All pairs that were not kept apart, the deepest they are.
         plan_id: Of the kept plan, if it was kept.
     """
 
@@ -142,7 +142,7 @@ class CheckAnswer(InFrame):
     clearance_pair: tuple[str, str] | None = None
     collisions: list[Collision]
     limit_violations: list[LimitViolation] = Field(default_factory=list)
-    allowed_collisions: list[tuple[str, str]] = Field(default_factory=list)
+    allowed_collisions: list[AllowedPair] = Field(default_factory=list)
     plan_id: str | None = None
 
 
@@ -154,5 +154,5 @@ class CheckBatch(InFrame):
     clearance_pair: list[tuple[str, str] | None] | None = None
     collisions: list[list[Collision]]
     limit_violations: list[list[LimitViolation]] = Field(default_factory=list)
-    allowed_collisions: list[tuple[str, str]] = Field(default_factory=list)
+    allowed_collisions: list[AllowedPair] = Field(default_factory=list)
     plan_id: str | None = None

@@ -2,10 +2,10 @@
 
 from typing import Literal, TypedDict
 
-from armwright_client.base import Answer, NonNegative, Pairs, Positive, Request
+from armwright_client.base import Answer, NonNegative, Positive, Request
 from armwright_client.certificate import Certificate, Premises
 from armwright_client.check import AttachedObjects, FingerPositions
-from armwright_client.scene import SceneReference
+from armwright_client.scene import AllowedPairs, SceneReference
 from armwright_client.trajectory import Trajectory
 
 ExportFormat = Literal[
@@ -53,7 +53,7 @@ class ExportOptions(TypedDict, total=False):
     name: str
     frame_id: str
     attached: AttachedObjects
-    allowed_collisions: Pairs
+    allowed_collisions: AllowedPairs
     margin: float
     fingers: FingerPositions
     premises: Premises
@@ -77,7 +77,7 @@ class ExportRequest(Request):
     name: str | None = None
     frame_id: str | None = None
     attached: AttachedObjects | None = None
-    allowed_collisions: Pairs | None = None
+    allowed_collisions: AllowedPairs | None = None
     margin: NonNegative | None = None
     fingers: FingerPositions | None = None
     premises: Premises | None = None

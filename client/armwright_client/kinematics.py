@@ -9,7 +9,6 @@ from armwright_client.base import (
     Answer,
     InFrame,
     Matrix,
-    Pairs,
     Request,
     Rows,
     Vector,
@@ -19,7 +18,7 @@ from armwright_client.base import (
 from armwright_client.check import AttachedObjects
 from armwright_client.constraint import Constraints, ConstraintUse
 from armwright_client.pose import AnyPose, Pose
-from armwright_client.scene import SceneReference
+from armwright_client.scene import AllowedPair, AllowedPairs, SceneReference
 
 JacobianKind = Literal["geometric", "analytic_zyz"]
 IkMethod = Literal["auto", "analytic", "numeric", "gradient", "constrained"]
@@ -187,7 +186,7 @@ class IkOptions(TypedDict, total=False):
     frame: str
     scene: SceneReference
     attached: AttachedObjects
-    allowed_collisions: Pairs
+    allowed_collisions: AllowedPairs
     constraints: Constraints
     posture: VectorLike
     timeout: float
@@ -213,7 +212,7 @@ class IkRequest(Request):
     frame: str | None = None
     scene: SceneReference | None = None
     attached: AttachedObjects | None = None
-    allowed_collisions: Pairs | None = None
+    allowed_collisions: AllowedPairs | None = None
     constraints: Constraints | None = None
     posture: Vector | None = None
     timeout: float | None = None
@@ -320,7 +319,7 @@ class IkAnswer(InFrame):
     unsolved: list[Unsolved] = Field(default_factory=list)
     deterministic: bool = True
     trace: GradientTrace | None = None
-    allowed_collisions: list[tuple[str, str]] = Field(default_factory=list)
+    allowed_collisions: list[AllowedPair] = Field(default_factory=list)
     plan_id: str | None = None
 
 
@@ -339,5 +338,5 @@ class IkBatch(InFrame):
     unsolved: list[Unsolved] = Field(default_factory=list)
     deterministic: bool = True
     trace: GradientTrace | None = None
-    allowed_collisions: list[tuple[str, str]] = Field(default_factory=list)
+    allowed_collisions: list[AllowedPair] = Field(default_factory=list)
     plan_id: str | None = None

@@ -10,7 +10,6 @@ from armwright_client.base import (
     InFrame,
     NonNegative,
     Options,
-    Pairs,
     Positive,
     Request,
     Vector,
@@ -22,7 +21,7 @@ from armwright_client.constraint import Constraints
 from armwright_client.dynamics import Payload
 from armwright_client.goal import Goal, Start
 from armwright_client.planner import PlannerName
-from armwright_client.scene import SceneReference
+from armwright_client.scene import AllowedPairs, SceneReference
 from armwright_client.seam import StraightOffset, ToolTolerance, Waypoint
 from armwright_client.timing import TimingReport
 from armwright_client.tool_motion import (
@@ -219,7 +218,7 @@ class PlanOptions(TypedDict, total=False):
     constraints: Constraints
     attached: AttachedObjects
     fingers: FingerPositions
-    allowed_collisions: Pairs
+    allowed_collisions: AllowedPairs
     margin: float
     clearance: Clearance
     goal_costs: GoalCosts
@@ -246,7 +245,7 @@ class PlanRequest(Request):
     constraints: Constraints | None = None
     attached: AttachedObjects | None = None
     fingers: FingerPositions | None = None
-    allowed_collisions: Pairs | None = None
+    allowed_collisions: AllowedPairs | None = None
     margin: NonNegative | None = None
     clearance: Clearance | None = None
     goal_costs: GoalCosts | None = None

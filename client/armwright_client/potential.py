@@ -2,6 +2,8 @@
 
 from typing import Literal, TypedDict
 
+from pydantic import Field
+
 from armwright_client.base import (
     Answer,
     Matrix,
@@ -11,7 +13,7 @@ from armwright_client.base import (
     Rows,
     Vector,
 )
-from armwright_client.scene import Engine, SceneReference
+from armwright_client.scene import AllowedPair, Engine, SceneReference
 
 
 class PotentialOptions(Request):
@@ -112,12 +114,14 @@ class PotentialAnswer(Answer):
         gradient: Its slope in joint space.
         joint_force: Minus the slope: what a descent follows.
         control_points: Base to tip.
+        allowed_collisions: All pairs that were not kept apart, and how deep they are.
     """
 
     potential: float
     gradient: list[float]
     joint_force: list[float]
     control_points: list[ControlPoint]
+    allowed_collisions: list[AllowedPair] = Field(default_factory=list)
 
 
 class PotentialBatch(Answer):
@@ -127,3 +131,4 @@ class PotentialBatch(Answer):
     gradient: Matrix
     joint_force: Matrix
     control_points: list[list[ControlPoint]]
+    allowed_collisions: list[AllowedPair] = Field(default_factory=list)

@@ -12,7 +12,6 @@ from armwright_client.base import (
     Matrix,
     Names,
     NonNegative,
-    Pairs,
     Positive,
     Request,
     Rows,
@@ -21,7 +20,7 @@ from armwright_client.base import (
 )
 from armwright_client.check import Attached, AttachedObjects
 from armwright_client.pose import Pose
-from armwright_client.scene import SceneReference
+from armwright_client.scene import AllowedPair, AllowedPairs, SceneReference
 
 if TYPE_CHECKING:
     Poses: TypeAlias = Sequence[Pose]
@@ -112,7 +111,7 @@ class ReachOptions(TypedDict, total=False):
     tolerance: ReachTolerance | None
     scene: SceneReference | None
     attached: Sequence[Attached] | None
-    allowed_collisions: Sequence[tuple[str, str]] | None
+    allowed_collisions: AllowedPairs | None
     margin: float
     choice: Literal["manipulability", "clearance", "limits", "first"]
     clearance: bool
@@ -153,7 +152,7 @@ class ReachRequest(Request):
     tolerance: ReachTolerance | None = None
     scene: SceneReference | None = None
     attached: AttachedObjects | None = None
-    allowed_collisions: Pairs | None = None
+    allowed_collisions: AllowedPairs | None = None
     margin: NonNegative = 0.0
     choice: Literal["manipulability", "clearance", "limits", "first"] = "manipulability"
     clearance: bool = True
@@ -216,7 +215,7 @@ class ReachAnswer(InFrame):
         joint_names: Base to tip.
         grid: Order of the arrays of a box.
         bases: Candidates for the base, best first.
-        allowed_collisions: Of the request, as they were obeyed.
+        allowed_collisions: All pairs that were not kept apart, the deepest they are.
     """
 
     count: int
@@ -232,4 +231,4 @@ class ReachAnswer(InFrame):
     joint_names: list[str]
     grid: ReachGrid | None = None
     bases: list[BaseAnswer] | None = None
-    allowed_collisions: list[list[str]] = Field(default_factory=list)
+    allowed_collisions: list[AllowedPair] = Field(default_factory=list)

@@ -1,13 +1,55 @@
 """Scenes: obstacles by name, and projections of points onto them."""
 
+from collections.abc import Sequence
 from pathlib import Path
-from typing import Literal, Self, TypeAlias
+from typing import TYPE_CHECKING, Annotated, Any, Literal, Self, TypeAlias
 
-from pydantic import model_validator
+from pydantic import Field, SerializerFunctionWrapHandler, model_serializer, model_validator
 
-from armwright_client.base import Answer, NonNegative, Pairs, Points, Request
+from armwright_client.base import PLAIN, Answer, NonNegative, Points, Request
 from armwright_client.pose import AnyPose
 from armwright_client.shape import Shape
+
+
+class LimitedPair(Request):
+    """A pair that may touch, and how deep the two may overlap [m]; None for any depth."""
+
+    pair: Annotated[list[str], Field(min_length=2, max_length=2), PLAIN]
+    touch_depth: NonNegative | None = None
+
+
+if TYPE_CHECKING:
+    AllowedPairs: TypeAlias = Sequence[Sequence[str] | LimitedPair]
+else:
+    _Pair = Annotated[list[str], Field(min_length=2, max_length=2)]
+    AllowedPairs = Annotated[list[_Pair | LimitedPair], PLAIN]
+
+
+class TouchDepth(Request):
+    """How deep bodies may overlap where they may touch [m]; None for any depth."""
+
+    touch_depth: NonNegative | None = 1e-3
+
+    @model_serializer(mode="wrap")
+    def _with_any_depth(self, handler: SerializerFunctionWrapHandler) -> dict[str, Any]:
+        # None asks for something here, and is sent where others are left out.
+        dumped: dict[str, Any] = handler(self)
+        return dumped if self.touch_depth is not None else {**dumped, "touch_depth": None}
+
+
+class AllowedPair(Answer):
+    """A pair that was not kept apart.
+
+    Args:
+        pair: Names of the two bodies.
+        reason: Who allows it.
+        overlap: How deep they overlap at most [m], for every instant of a motion; None where it is
+            not measured.
+    """
+
+    pair: tuple[str, str]
+    reason: str = ""
+    overlap: float | None = None
 
 
 class Obstacle(Request):
@@ -34,7 +76,7 @@ class Scene(Request):
     frame: str | None = None
     obstacles: list[Obstacle] | None = None
     moveit: str | None = None
-    allowed_collisions: Pairs | None = None
+    allowed_collisions: AllowedPairs | None = None
 
     @model_validator(mode="after")
     def _check_form(self) -> Self:

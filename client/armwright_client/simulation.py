@@ -7,13 +7,12 @@ from armwright_client.base import (
     Matrix,
     Options,
     OptionsList,
-    Pairs,
     Positive,
     Request,
     Vector,
     VectorLike,
 )
-from armwright_client.scene import SceneReference
+from armwright_client.scene import AllowedPairs, SceneReference
 from armwright_client.trajectory import Trajectory
 
 
@@ -67,7 +66,7 @@ class SimulateOptions(TypedDict, total=False):
     scene: SceneReference
     frame: str
     attached: OptionsList
-    allowed_collisions: Pairs
+    allowed_collisions: AllowedPairs
     timeout: float
     seed: int
 
@@ -99,7 +98,7 @@ class SimulateRequest(Request):
     scene: SceneReference | None = None
     frame: str | None = None
     attached: OptionsList | None = None
-    allowed_collisions: Pairs | None = None
+    allowed_collisions: AllowedPairs | None = None
     timeout: Positive | None = None
     seed: int | None = None
 

@@ -6,14 +6,14 @@ from typing import TYPE_CHECKING, Annotated, Any, TypeAlias, TypedDict
 from pydantic import Field
 
 from armwright_client import task_stage
-from armwright_client.base import PLAIN, Answer, InFrame, NonNegative, Pairs, Positive, Request
+from armwright_client.base import PLAIN, Answer, InFrame, NonNegative, Positive, Request
 from armwright_client.certificate import Certificate, LimitValues
 from armwright_client.check import Attached, AttachedObjects, FingerPositions
 from armwright_client.clearance import ConfigurationReport, GoalCosts
 from armwright_client.goal import Start
 from armwright_client.plan import JointPath, Reproducibility, Stage, Timing
 from armwright_client.pose import Pose
-from armwright_client.scene import SceneReference
+from armwright_client.scene import AllowedPairs, SceneReference
 from armwright_client.task_stage import *  # noqa: F403 (its `__all__` is the list)
 from armwright_client.task_stage import Stages
 from armwright_client.tool_motion_report import ReferencePose
@@ -78,7 +78,7 @@ class TaskOptions(TypedDict, total=False):
     objects: Sequence[MovedObject]
     attached: Sequence[Attached]
     fingers: Mapping[str, float]
-    allowed_collisions: Pairs
+    allowed_collisions: AllowedPairs
     margin: float
     timing: Timing
     limits: LimitValues
@@ -101,7 +101,7 @@ class TaskRequest(Request):
     objects: MovedObjects | None = None
     attached: AttachedObjects | None = None
     fingers: FingerPositions | None = None
-    allowed_collisions: Pairs | None = None
+    allowed_collisions: AllowedPairs | None = None
     margin: NonNegative = 0.0
     timing: Timing | None = None
     limits: LimitValues | None = None
@@ -133,6 +133,7 @@ class HeldObject(Answer):
         link: That holds it.
         pose: In the frame of the link.
         touch_links: Names that it may touch.
+        touch_depth: How deep it may overlap these [m]; None for any depth.
         mass: [kg].
         center_of_mass: In the object's frame [m].
         inertia: About it [kg m^2].
@@ -142,6 +143,7 @@ class HeldObject(Answer):
     link: str
     pose: Pose
     touch_links: list[str]
+    touch_depth: float | None = None
     mass: float | None = None
     center_of_mass: list[float] | None = None
     inertia: list[list[float]] | None = None
@@ -165,7 +167,10 @@ class TaskWorld(Answer):
         return {
             "objects": [MovedObject(id=item.id, pose=item.pose) for item in self.objects],
             "attached": [
-                Attached(**{name: value for name, value in item if value is not None})
+                Attached(
+                    **{name: value for name, value in item if value is not None}
+                    | {"touch_depth": item.touch_depth}
+                )
                 for item in self.attached
             ],
             "fingers": self.fingers,

@@ -10,7 +10,6 @@ from armwright_client.base import (
     Matrix3,
     Names,
     NonNegative,
-    Pairs,
     Positive,
     Request,
     Vector,
@@ -24,6 +23,7 @@ from armwright_client.plan import Timing
 from armwright_client.planner import PlannerName
 from armwright_client.pose import AnyPose, Pose
 from armwright_client.reach import ReachTolerance
+from armwright_client.scene import AllowedPairs, TouchDepth
 
 __all__ = [
     "ApproachStage",
@@ -66,7 +66,7 @@ class TaskStageRequest(Request):
 
     name: str | None = None
     margin: NonNegative | None = None
-    allowed_collisions: Pairs | None = None
+    allowed_collisions: AllowedPairs | None = None
     constraints: Constraints | None = None
     timing: Timing | None = None
     limits: LimitValues | None = None
@@ -147,7 +147,7 @@ class GraspRegion(Request):
     offset_samples: int = 1
 
 
-class GraspStage(TaskStageRequest):
+class GraspStage(TaskStageRequest, TouchDepth):
     """A choice among grasps of an object.
 
     Args:
@@ -156,6 +156,7 @@ class GraspStage(TaskStageRequest):
         region: In place of a list.
         touch_links: Links that may touch it from the approach on.
         support: What it stands on.
+        touch_depth: How deep these may overlap [m]; None for any depth.
     """
 
     kind: Literal["grasp"] = "grasp"
@@ -163,7 +164,7 @@ class GraspStage(TaskStageRequest):
     grasps: Poses | None = None
     region: GraspRegion | None = None
     touch_links: Names = Field(default_factory=list)
-    support: str | None = None
+    support: str | Names | None = None
 
 
 class PlaceRegion(Request):
@@ -184,7 +185,7 @@ class PlaceRegion(Request):
     angle_samples: int = 4
 
 
-class PlaceStage(TaskStageRequest):
+class PlaceStage(TaskStageRequest, TouchDepth):
     """A choice among poses of the held object.
 
     Args:
@@ -193,6 +194,7 @@ class PlaceStage(TaskStageRequest):
         region: In place of a list.
         relative_to: Obstacle in whose frame they are.
         support: What it is put on.
+        touch_depth: How deep the two may overlap [m]; None for any depth.
     """
 
     kind: Literal["place"] = "place"
@@ -200,16 +202,17 @@ class PlaceStage(TaskStageRequest):
     poses: FramedPoses | None = None
     region: PlaceRegion | None = None
     relative_to: str | None = None
-    support: str | None = None
+    support: str | Names | None = None
 
 
-class AttachStage(TaskStageRequest):
+class AttachStage(TaskStageRequest, TouchDepth):
     """The object becomes a part of the robot.
 
     Args:
         object: Its name in the scene.
         link: That holds it; the tip if left out.
         touch_links: Names that it may touch while it is held.
+        touch_depth: How deep they may overlap [m]; None for any depth.
         mass: [kg].
         center_of_mass: In the object's frame [m].
         inertia: About it [kg m^2].
@@ -224,12 +227,13 @@ class AttachStage(TaskStageRequest):
     inertia: Matrix3 | None = None
 
 
-class DetachStage(TaskStageRequest):
+class DetachStage(TaskStageRequest, TouchDepth):
     """The object becomes an obstacle.
 
     Args:
         object: What is held, if left out.
         touch_links: Links that may touch it until a free motion begins.
+        touch_depth: How deep they may overlap [m]; None for any depth.
     """
 
     kind: Literal["detach"] = "detach"

@@ -14,7 +14,7 @@ from armwright_client.goal import GoalLike, SingleGoal, Start, as_goal
 from armwright_client.plan import JointPath, Reproducibility, Timing
 from armwright_client.pose import AnyPose
 from armwright_client.reach import ReachTolerance
-from armwright_client.scene import SceneReference
+from armwright_client.scene import AllowedPair, AllowedPairs, SceneReference
 from armwright_client.trajectory import TimedTrajectory
 
 __all__ = [
@@ -99,7 +99,7 @@ class TourOptions(TypedDict, total=False):
     scene: SceneReference | None
     frame: str | None
     attached: AttachedObjects | None
-    allowed_collisions: Pairs | None
+    allowed_collisions: AllowedPairs | None
     constraints: Constraints
     margin: float
     clearance: Clearance | None
@@ -126,7 +126,7 @@ class TourRequest(Request):
     scene: SceneReference | None = None
     frame: str | None = None
     attached: AttachedObjects | None = None
-    allowed_collisions: Pairs | None = None
+    allowed_collisions: AllowedPairs | None = None
     constraints: Constraints | None = None
     margin: NonNegative | None = None
     clearance: Clearance | None = None
@@ -253,7 +253,7 @@ class Tour(InFrame):
         unvisited: Goals that are left out, and why.
         search: Effort of the search.
         joint_names: Base to tip.
-        allowed_collisions: Of the request, as they were obeyed.
+        allowed_collisions: All pairs that were not kept apart, the deepest they are.
         reproducibility: Seed, hashes and versions that reproduce the answer.
         plan_id: Of the kept plan, if it was kept.
     """
@@ -269,6 +269,6 @@ class Tour(InFrame):
     unvisited: list[Unvisited]
     search: TourSearch
     joint_names: list[str]
-    allowed_collisions: list[list[str]] = Field(default_factory=list)
+    allowed_collisions: list[AllowedPair] = Field(default_factory=list)
     reproducibility: Reproducibility
     plan_id: str | None = None

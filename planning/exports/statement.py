@@ -79,6 +79,12 @@ def comments(
     if tolerance is not None:
         lines.append(f"Joint tolerance covered by it: {tolerance:.3g} rad (m of slides).")
     lines += [f"Not covered: {sentence}" for sentence in unproved]
+    lines += [
+        f"Not kept apart ({item.reason}): {' and '.join(item.pair)}, "
+        + ("joined or touching as built." if item.overlap is None else
+           f"at most {item.overlap:.6g} m deep.")
+        for item in certificate.allowed_collisions
+    ]  # fmt: skip
     sign = _SIGNS.get(options.format, "#")
     return [f"{sign} {_plain(line)}" for line in lines]
 

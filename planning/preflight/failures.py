@@ -10,6 +10,7 @@ from kinematics.chain import Chain
 from kinematics.ik.solution import IkResult
 from obstacles.checker import Checker
 from obstacles.fcl_distance import FclWorld
+from obstacles.overlap_meter import overlap_meter
 from planning.limits import position_excess
 from planning.preflight.limits import LimitViolation
 from planning.preflight.nearest_free import nearest_free
@@ -68,7 +69,11 @@ def collision_failure(
     world = FclWorld(problem.robot, replace(problem.scene, obstacles=solids))
     contacts = world.collisions(q)
     details: dict[str, Any] = {}
-    if contacts:
+    deep = overlap_meter(problem.robot, problem.scene).too_deep(q)
+    if deep:
+        (item, depth), pair = deep[0], deep[0][0].pair
+        message, details = item.deeper(depth)
+    elif contacts:
         pair, depth = contacts[0].pair, contacts[0].depth
         message = f"{pair[0]!r} and {pair[1]!r} overlap by {depth:.4g} m"
     else:
@@ -78,16 +83,21 @@ def collision_failure(
         details = {"clearance": distance, "margin": margin}
         message = _apart_message(pair, distance, margin)
     nearest = nearest_free(Checker.of(problem.robot, problem.scene, problem.margin), q)
+    allow = (
+        "allow the pair if contact is meant (allowed_collisions, or touch_links of what is held)"
+    )
+    if deep:
+        allow = "raise touch_depth if so deep a contact is meant (null for any depth)"
     return Failure(
         code=_COLLISION_CODES[end],
         message=f"at the {end}, {message}",
-        hint=f"Move the {end} away, lower the margin, or allow the pair if contact is meant "
-        "(allowed_collisions, or touch_links of what is held).",
+        hint=f"Move the {end} away, lower the margin, or {allow}.",
         stage=end,
         details={
             "pair": list(pair),
             "depth": depth,
-            "collisions": [{"pair": list(item.pair), "depth": item.depth} for item in contacts],
+            "collisions": [{"pair": list(item.pair), "depth": item.depth} for item in contacts]
+            + [{"pair": list(item.pair), "depth": depth} for item, depth in deep],
             "nearest_valid": None if nearest is None else nearest.details,
             **details,
         },

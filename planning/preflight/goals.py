@@ -8,6 +8,7 @@ from kinematics.arrays import Array
 from kinematics.chain import Chain
 from kinematics.ik import numeric
 from obstacles.checker import Checker
+from obstacles.overlap_meter import overlap_meter
 from planning.constrained.pose_goals import goal_configurations
 from planning.deadline import Deadline
 from planning.goal_costs import GoalCosts
@@ -95,7 +96,7 @@ def _joint_goal(problem: Problem, checker: Checker, goal: JointGoal) -> list[Can
     if violation is not None:
         return Refusal("GOAL_STATE_INVALID", partial(limit_failure, "goal", violation))
     clearance, _, pair = checker.closest(q[None], within)
-    if clearance <= TOUCHING:
+    if clearance <= TOUCHING or overlap_meter(problem.robot, problem.scene).too_deep(q):
         return _collision_refusal(problem, q, pair, clearance)
     return [Candidate(clearance, q)]
 
@@ -122,10 +123,14 @@ def _pose_goal(
         assert found.search is not None
         return Refusal("NO_IK_SOLUTION", partial(unreachable_failure, chain, found.search))
     at_limit = is_at_limit(chain, found.joints)
+    meter = overlap_meter(problem.robot, problem.scene)
     valid = [
-        *_free_configurations(checker, found.joints[~at_limit], _MOST_INSIDE),
-        *_free_configurations(checker, found.joints[at_limit], _MOST_AT_LIMIT),
-    ]
+        item
+        for joints, most in ((found.joints[~at_limit], _MOST_INSIDE),
+                             (found.joints[at_limit], _MOST_AT_LIMIT))
+        for item in _free_configurations(checker, joints, most)
+        if not meter.too_deep(item.joints)
+    ]  # fmt: skip
     if valid:
         return [*valid, *_turned_copies(chain, start, valid, costs)]
     closest = found.joints[:_MOST_INSIDE]

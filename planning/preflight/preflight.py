@@ -6,6 +6,7 @@ import numpy as np
 
 from kinematics.arrays import Array
 from obstacles.checker import Checker
+from obstacles.overlap_meter import overlap_meter
 from obstacles.robot_geometry import hulled
 from planning.deadline import Deadline
 from planning.goal_costs import GoalCosts
@@ -34,7 +35,7 @@ def check_start(problem: Problem, checker: Checker | None = None) -> ValidStart 
     if violation is not None:
         return limit_failure("start", violation)
     clearance, _, pair = checker.closest(start[None], ENOUGH)
-    if clearance <= TOUCHING:
+    if clearance <= TOUCHING or overlap_meter(problem.robot, problem.scene).too_deep(start):
         return collision_failure(problem, "start", start, pair, clearance)
     return ValidStart(start, checker, clearance, moved_note("start", problem.start, start))
 
@@ -137,6 +138,9 @@ def _ready_with_room(problem: Problem, exact: Checker, hulls: Checker | None) ->
     if any(violation is not None for _, violation in ends):
         return None
     if not spacious.all_valid(np.array([q for q, _ in ends])):
+        return None
+    meter = overlap_meter(problem.robot, problem.scene)
+    if any(meter.too_deep(q) for q, _ in ends):
         return None
     start, *goals = (q for q, _ in ends)
     models = [exact.model] if hulls is None else [hulls.model, exact.model]

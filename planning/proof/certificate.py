@@ -19,6 +19,7 @@ from kinematics.bounded_cache import bounded_cache
 from kinematics.chain import Chain, Limits
 from kinematics.errors import InvalidOption, InvalidTrajectory
 from kinematics.trajectory import Trajectory
+from obstacles.allowed_pairs import Overlap
 from obstacles.robot_geometry import RobotGeometry
 from obstacles.scene import Scene
 from planning.constraints.constraint_set import ConstraintSet
@@ -28,6 +29,7 @@ from planning.proof.collision_proof import CollisionProof
 from planning.proof.constraint_limits import constrained_efforts, constrained_margin
 from planning.proof.constraints import ConstraintReport, check_motion
 from planning.proof.limits import LimitReport, check_continuity, check_limits
+from planning.proof.overlap_proof import prove_overlaps, unlooked
 from planning.proof.premises import Premises
 from planning.proof.sweep_state import OBSTACLE, OWN
 from planning.proof.tool_box import BoxUse, check_tool_boxes
@@ -45,7 +47,8 @@ class Proved:
         limits: Limits, continuity, constraints and tool motions hold at every instant; not where a
             jerk limit that is known and was not asked for does not.
         collisions: Nothing collides at any instant.
-        reasons: Why a part is not proved, a sentence each.
+        reasons: Why a part is not proved, a sentence each; and what was not compared with anything
+            though it is there, by name, which leaves the rest proved.
     """
 
     limits: bool
@@ -80,6 +83,8 @@ class Certificate:
         tool_box: How much the tool uses of the tolerances of its motions, where they have some.
         tool_speed: How well it keeps to its band of speed, where it has one.
         premises: The robot, the scene and the margin that all this holds for.
+        allowed_collisions: All pairs that were not kept apart, with who allows them and how deep
+            they are at most.
     """
 
     verified: bool
@@ -100,6 +105,7 @@ class Certificate:
     tool_box: BoxUse | None = None
     tool_speed: SpeedUse | None = None
     premises: Premises = field(default_factory=Premises)
+    allowed_collisions: tuple[Overlap, ...] = ()
 
     @property
     def path_constraint_residual(self) -> float | None:
@@ -183,11 +189,13 @@ def certify(
     if not solid and scene.obstacles:
         message = f"{_no_solids(robot)} with {len(scene.obstacles)} obstacle(s)"
         wrong.append(Violation("unproved", 0.0, message, {}))
-    wrong += [proof.violation] if proof.violation else []
-    free = solid and looked_at and proof.violation is None
+    allowed, deep = prove_overlaps(trajectory, robot, scene, deadline) if looked_at else ((), None)
+    touching = [violation for violation in (proof.violation, deep) if violation]
+    wrong += touching
+    free = solid and looked_at and not touching
     obstacle, own = proof.clearances if looked_at else (-np.inf, -np.inf)
-    unknown = None if solid else _no_solids(robot)
-    unknown = unknown if looked_at else _NOT_LOOKED_AT
+    unknown = unlooked(robot, scene) if solid else (_no_solids(robot),)
+    unknown = unknown if looked_at else (_NOT_LOOKED_AT,)
     obstacle_pair, own_pair = proof.closest(OBSTACLE), proof.closest(OWN)
     first = min(wrong, key=lambda violation: violation.time) if wrong else None
     return Certificate(
@@ -209,6 +217,7 @@ def certify(
         tool_box=box,
         tool_speed=speed,
         premises=Premises.of_cell(robot, scene, margin),
+        allowed_collisions=allowed,
     )
 
 
@@ -248,7 +257,7 @@ def certify_limits(
         continuity=continuity,
         cells=0,
         violation=first,
-        proved=Proved(not wrong + told, False, _reasons(wrong + told, NOTHING_KNOWN)),
+        proved=Proved(not wrong + told, False, _reasons(wrong + told, (NOTHING_KNOWN,))),
         premises=Premises.of_limits(chain),
     )
 
@@ -294,7 +303,10 @@ def _no_solids(robot: RobotGeometry) -> str:
     return f"no solids of robot {robot.chain.name!r} are looked at: {NOTHING_KNOWN}"
 
 
-def _reasons(wrong: Sequence[Violation], unknown: str | None) -> tuple[str, ...]:
-    """Why parts of a proof do not hold: violations, and what nothing is known of."""
+def _reasons(wrong: Sequence[Violation], unknown: Sequence[str]) -> tuple[str, ...]:
+    """Why parts of a proof do not hold: violations, and what nothing is known of.
+
+    Premises are among them that leave a proof as it is: what was not looked at, by name.
+    """
     reasons = [violation.message for violation in wrong if violation.kind != "unproved"]
-    return tuple([*reasons, unknown] if unknown else reasons)
+    return (*reasons, *unknown)

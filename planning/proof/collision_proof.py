@@ -35,10 +35,8 @@ from planning.proof.sweep_state import (
     note_clearance,
     push_halves,
 )
-from planning.proof.violation import Violation
+from planning.proof.violation import Violation, at_an_end
 
-#: A violation this near to the start or the goal, in every joint, is told as theirs [rad or m].
-_AT_AN_END = 1e-6
 # The referee's decision on a pair.
 #: It is free all over the interval.
 _FREE = 0
@@ -253,11 +251,9 @@ class CollisionProof:
         if apart > 0.0:
             message += f", {apart:.6g} m are asked for"
         details = {"pair": list(names), "distance": distance, "margin": apart}
-        q = sweep.joints[: trajectory.n, VALUE]
-        for where, end in (("start", trajectory.start), ("goal", trajectory.end)):
-            if np.abs(q - end).max() <= _AT_AN_END:
-                message, details["at"] = f"{message} at the {where}", where
-                break
+        where = at_an_end(trajectory, sweep.joints[: trajectory.n, VALUE])
+        if where is not None:
+            message, details["at"] = f"{message} at the {where}", where
         decided = distance <= apart or sweep.referred_moves[at] < RESOLUTION
         kind = "collision" if decided else "undecided"
         self.violation = Violation(kind, time, message, details)

@@ -10,6 +10,7 @@ from functools import reduce
 
 from kinematics.arrays import Array
 from kinematics.trajectory import stay
+from obstacles.allowed_pairs import deepest
 from obstacles.finger_geometry import swept_cover
 from obstacles.robot_geometry import RobotGeometry
 from obstacles.scene import Scene
@@ -86,6 +87,7 @@ def _worst(one: Certificate, other: Certificate) -> Certificate:
         min_self_clearance=own.min_self_clearance,
         self_pair=own.self_pair,
         cells=one.cells + other.cells,
+        allowed_collisions=deepest(one.allowed_collisions, other.allowed_collisions),
         proved=one.proved if not one.proved.collisions else other.proved,
     )
 
@@ -97,7 +99,10 @@ def _in_part(violation: Violation, motion: FingerMotion, share: tuple[float, flo
     if pair is None:
         return replace(violation, time=time)
     middle = 0.5 * (share[0] + share[1])
-    message = f"{pair[0]!r} and {pair[1]!r} touch while the gripper moves, {middle:.0%} of its way"
+    limit, what = violation.details.get("touch_depth"), "touch"
+    if limit is not None:
+        what = f"overlap deeper than touch_depth allows ({limit:.4g} m)"
+    message = f"{pair[0]!r} and {pair[1]!r} {what} while the gripper moves, {middle:.0%} of its way"
     details = {key: value for key, value in violation.details.items() if key != "at"}
     return replace(violation, time=time, message=message, details=details)
 

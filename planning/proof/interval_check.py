@@ -8,10 +8,11 @@ can't help any more.
 """
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 
-from kinematics.arrays import Array
+from kinematics.arrays import Array, Indices
 from kinematics.compiled.kernel import kernel
 from planning.proof.displacement import (
     MOVED,
@@ -24,11 +25,14 @@ from planning.proof.displacement import (
 from planning.proof.joint_frames import follower_frames, forward_kernel
 from planning.proof.motion_bounds import TYPE, VALUE, enclose_followers, outside_box, place, reach
 from planning.proof.pair_table import PairArrays
-from planning.proof.proposals import propose
+from planning.proof.proposals import propose, propose_deepest
 from planning.proof.separating_direction import Vector, direction, gap, rounding_bound
 from planning.proof.sweep_state import (
+    CENTER,
     DEPTH,
+    FIRST,
     HALF,
+    LAST,
     MAX_DEPTH,
     OBSTACLE,
     OPEN,
@@ -62,6 +66,10 @@ _HALVES = 0.2
 #: Below so small a motion it is always worth it [m].
 _WORTH = 1e-4
 
+#: Depths are told within this [m], and within this share of them.
+_DEPTH_WITHIN = 5e-5
+_DEPTH_SHARE = 0.05
+
 #: Bounds of a pair on an interval: lower bound of its distance [m]; what GJK says it is at most
 #: [m]; how far the two move, and how far along the direction [m]; clearance that needs no sharper
 #: bound [m]; whether halving parts them; the direction.
@@ -80,15 +88,21 @@ def check_interval(model: PairArrays, w: Sweep) -> bool:
     first, last = w.starts[depth], w.starts[depth] + w.counts[depth]
     w.starts[depth + 1] = last
     counters[OPEN], counters[REFERRED] = 0, 0
+    _place_bodies(model, w)
+    for entry in range(first, last):  # noqa: SIM110  numba compiles no generator here
+        if not _check_pair(model, w, entry, last):
+            return False
+    return True
+
+
+@kernel(allocates=False, inline="code")
+def _place_bodies(model: PairArrays, w: Sweep) -> None:
+    """Place all bodies in the middle of the interval, and enclose those that follow others."""
     enclose_followers(model.leaders, model.leads, w.joints)
     types, n = model.bodies[TYPE], model.bodies.shape[1] - model.leaders.shape[0]
     forward_kernel(types, model.offsets, w.joints[:n, VALUE], w.frames)
     follower_frames(model.bodies, model.offsets, n, w.joints[:, VALUE], w.frames)
     w.interval[REACH] = reach(types, model.offsets, w.joints)
-    for entry in range(first, last):  # noqa: SIM110  numba compiles no generator here
-        if not _check_pair(model, w, entry, last):
-            return False
-    return True
 
 
 @kernel(allocates=False)
@@ -314,3 +328,153 @@ def _bounding_distance(model: PairArrays, w: Sweep, i: int, j: int, most: float)
     if lower <= most:
         lower = max(lower, outside_box(centers, i, model.boxes, w.poses, j) - model.radii[i])
     return float(lower)
+
+
+class AllowedRows(NamedTuple):
+    """Pairs of elements that may touch, and how deep they are known to be.
+
+    Args:
+        elements: Pairs of solid elements, the second moves against the first, shape (k, 2).
+        owner: The pair of bodies that each is of, shape (k,).
+        limits: How deep the pieces of each pair of bodies may overlap, shape (g,) [m].
+        known: The deepest overlap of them at any instant looked at, shape (g,) [m].
+        bounds: The deepest they can be, where that is proved, shape (g,) [m].
+        beyond: The first instant looked at when they were deeper than they may, shape (g,) [s].
+    """
+
+    elements: Indices
+    owner: Indices
+    limits: Array
+    known: Array
+    bounds: Array
+    beyond: Array
+
+
+@kernel
+def check_overlaps(model: PairArrays, breaks: Array, rows: AllowedRows, w: Sweep) -> bool:
+    """Bound the depth of allowed pairs on the last interval; what is not sharp stays open.
+
+    Along any direction u, the overlap of two convex solids is at most h_A(u) + h_B(-u): it is less
+    their gap, and bounds of gaps over an interval are bounds of depths.
+
+    Args:
+        model: The pairs, all motions asked for.
+        breaks: Of the trajectory, shape (m + 1,) [s].
+        rows: The allowed pairs; the sweep's pairs are numbers of these.
+        w: The sweep.
+
+    Returns:
+        False where there is no room for what stays open.
+    """
+    counters = w.counters
+    depth = counters[DEPTH]
+    first, last = w.starts[depth], w.starts[depth] + w.counts[depth]
+    w.starts[depth + 1] = last
+    counters[OPEN], counters[REFERRED] = 0, 0
+    _place_bodies(model, w)
+    time = w.interval[CENTER]
+    if counters[FIRST] == counters[LAST]:
+        time += breaks[counters[FIRST]]
+    for entry in range(first, last):
+        row = w.pairs[entry, 0]
+        u = (w.directions[entry, 0], w.directions[entry, 1], w.directions[entry, 2])
+        bound, u = _bound_depth(model, rows, w, row, u, time)
+        if bound >= 0.0:
+            owner = rows.owner[row]
+            rows.bounds[owner] = max(rows.bounds[owner], bound)
+            continue
+        if last + counters[OPEN] >= w.pairs.shape[0]:
+            return False
+        _keep_open(w, last, row, 0, u)
+    return True
+
+
+@kernel
+def _bound_depth(
+    model: PairArrays, rows: AllowedRows, w: Sweep, row: int, u: Vector, time: float
+) -> tuple[float, Vector]:
+    """The deepest overlap of a pair over the interval [m], -1 where it is not sharp yet.
+
+    Args:
+        model: The pairs.
+        rows: The allowed pairs.
+        w: The sweep.
+        row: Which pair.
+        u: The direction to try first, 0 for none.
+        time: The middle of the interval [s].
+
+    Returns:
+        The bound, and the direction to try on the halves.
+    """
+    i, j, owner = rows.elements[row, 0], rows.elements[row, 1], rows.owner[row]
+    _place_element(model, w, i)
+    _place_element(model, w, j)
+    lengths = w.interval[REACH] + model.extents[i] + model.extents[j]
+    lost = rounding_bound(model.bodies.shape[1], lengths)
+    still, after, most = model.joints[i] == model.joints[j], 0, lost
+    if not still:
+        after = _seen_from(model, i, j)
+        most += w.moves[j, after, MOVED]
+        if model.joints[i] >= after:
+            most += w.moves[i, after, MOVED]
+    if _bounding_distance(model, w, i, j, most) > most:
+        return 0.0, u
+    finest = still or most < RESOLUTION or w.counters[DEPTH] == MAX_DEPTH
+    parts, u = direction(model.kinds, w.poses, i, j, u)
+    overlap = np.inf
+    if parts:
+        known = most, lost, -_sharp_depth(rows, owner)
+        overlap, bound = _overlap_along(model, w, i, j, u, known, still)
+        if bound <= _sharp_depth(rows, owner):
+            return max(bound, 0.0), u
+    if finest or most <= _WORTH or overlap > _sharp_depth(rows, owner):
+        axis = w.proposal.axis
+        for k in range(3):
+            axis[k] = w.centers[i, k] - w.centers[j, k]
+        depth = -propose_deepest(model.proposals, i, j, w.poses, w.centers, w.proposal)
+        rows.known[owner] = max(rows.known[owner], depth)
+        if depth > rows.limits[owner]:
+            rows.beyond[owner] = min(rows.beyond[owner], time)
+        parts, u = direction(model.kinds, w.poses, i, j, (-axis[0], -axis[1], -axis[2]))
+        if parts:
+            known = most, lost, -_sharp_depth(rows, owner)
+            overlap, bound = _overlap_along(model, w, i, j, u, known, still)
+            if finest or bound <= _sharp_depth(rows, owner):
+                return max(bound, 0.0), u
+    return -1.0, u
+
+
+@kernel(allocates=False)
+def _overlap_along(
+    model: PairArrays,
+    w: Sweep,
+    i: int,
+    j: int,
+    u: Vector,
+    known: tuple[float, float, float],
+    still: bool,
+) -> tuple[float, float]:
+    """Overlap of two elements along a unit direction in the middle of the interval, and all over.
+
+    Args:
+        model: The pairs.
+        w: The sweep, both elements placed.
+        i: One element.
+        j: The other.
+        u: The direction.
+        known: As in ``_bound_along``.
+        still: Whether they do not move against each other.
+    """
+    if still:
+        apart, _ = gap(model.kinds, model.sizes, model.columns, model.starts, w.poses, i, j, u)
+        return -apart, known[1] - apart
+    apart, least, _ = _bound_along(model, w, i, j, u, known)
+    return -apart, -least
+
+
+@kernel(allocates=False)
+def _sharp_depth(rows: AllowedRows, owner: int) -> float:
+    """The depth of a pair of bodies up to which a bound is sharp [m]."""
+    known, limit = rows.known[owner], rows.limits[owner]
+    enough = known + max(_DEPTH_WITHIN, _DEPTH_SHARE * known)
+    return float(min(enough, limit) if known <= limit else enough)

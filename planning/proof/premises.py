@@ -9,6 +9,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from kinematics.chain import Chain
+from obstacles.allowed_pairs import allowed_pairs
 from obstacles.robot_geometry import RobotGeometry
 from obstacles.scene import Scene
 from planning.proof.containment import open_meshes
@@ -55,10 +56,11 @@ class Premises:
             margin: Distance kept from obstacles beyond their own margins [m].
         """
         chain = robot.chain
+        pairs = {item.pair for item in allowed_pairs(robot, scene)} - robot.allowed.keys()
         return cls(
             robot=chain.name,
             robot_hash=robot.content_hash,
-            scene_hash=scene.content_hash,
+            scene_hash=scene.hash_allowing(pairs),
             obstacles=len(scene.obstacles),
             attached=tuple(name for name in robot.names if name not in chain.index),
             tool=chain.tip_link,

@@ -17,6 +17,7 @@ import numpy as np
 from kinematics.arrays import Array, Indices
 from kinematics.bounded_cache import array_bytes, bounded_cache
 from kinematics.compiled.kernel import kernel
+from obstacles.epa import contact
 from obstacles.gjk import STILL, separation
 from obstacles.piece import Piece
 from obstacles.piece_set import (
@@ -196,6 +197,31 @@ def propose(
         proposal.simplex,
     )
     return float(upper)
+
+
+@kernel
+def propose_deepest(
+    model: ProposalRows, i: int, j: int, poses: Array, centers: Array, proposal: Proposal
+) -> float:
+    """Overwrite ``proposal.axis`` with the direction from element j to i that parts them the most.
+
+    Args:
+        model: The elements.
+        i: One element.
+        j: The other.
+        poses: Of all elements in the base frame, shape (e, 4, 4).
+        centers: Of their balls, shape (e, 3) [m].
+        proposal: Its axis is the direction to begin with.
+
+    Returns:
+        About how far they are apart, negative by the depth where they overlap [m].
+    """
+    rows = proposal.rows
+    _place_row(model, rows, 0, i, poses, centers)
+    _place_row(model, rows, 1, j, poses, centers)
+    distance, u, _ = contact(rows, 0, rows, 1, model.corners, model.tables, proposal.axis)
+    proposal.axis[0], proposal.axis[1], proposal.axis[2] = u
+    return float(distance)
 
 
 @kernel(allocates=False, inline="code")

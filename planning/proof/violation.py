@@ -4,6 +4,14 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
+import numpy as np
+
+from kinematics.arrays import Array
+from kinematics.trajectory import Trajectory
+
+#: A violation this near to the start or the goal, in every joint, is told as theirs [rad or m].
+_AT_AN_END = 1e-6
+
 
 @dataclass(frozen=True, slots=True)
 class Violation:
@@ -22,3 +30,11 @@ class Violation:
     time: float
     message: str
     details: Mapping[str, Any]
+
+
+def at_an_end(trajectory: Trajectory, q: Array) -> str | None:
+    """Whether a configuration (n,) is the "start" or the "goal" of a motion; None for neither."""
+    for where, end in (("start", trajectory.start), ("goal", trajectory.end)):
+        if np.abs(q - end).max() <= _AT_AN_END:
+            return where
+    return None

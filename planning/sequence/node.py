@@ -9,6 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from kinematics.arrays import Array
+from obstacles.allowed_pairs import contacts_of, sorted_pair
+from obstacles.scene import AllowedContact
 from planning.deadline import Deadline
 from planning.options import Options
 from planning.preflight.goal_order import MAX_LONGER
@@ -28,7 +30,7 @@ from planning.sequence.stage import (
 from planning.sequence.step import Step, least_passing, least_travel, still_time
 from planning.sequence.target import Target
 from planning.sequence.task import Segment, Task
-from planning.sequence.world import Cells, World, sorted_pair
+from planning.sequence.world import Cells, World
 
 #: A configuration whose target failed once counts as this much longer [s].
 _TARGET_PENALTY = 1.0
@@ -234,21 +236,24 @@ class Node:
             self.penalties[target.number] = late + _TARGET_PENALTY
 
 
-def contact_pairs(stage: Stage) -> tuple[Pair, ...]:
+def contact_pairs(stage: Stage) -> dict[Pair, AllowedContact]:
     """Pairs that a target lets touch from its approach on."""
     if isinstance(stage, Grasp):
-        return tuple(sorted_pair(link, stage.object) for link in stage.touches)
-    if isinstance(stage, Place) and stage.support is not None:
-        return (sorted_pair(str(stage.object), stage.support),)
-    return ()
+        contact = AllowedContact("touch_links", stage.touch_depth)
+        return {sorted_pair(link, stage.object): contact for link in stage.touches}
+    if isinstance(stage, Place):
+        contact = AllowedContact("support", stage.touch_depth)
+        return {sorted_pair(str(stage.object), name): contact for name in stage.supports}
+    return {}
 
 
 def changed(world: World, stage: Stage, q: Array) -> World:
     """The world after a stage in which the arm stands still."""
     if isinstance(stage, Attach):
-        return world.after_attach(stage.object, stage.link, stage.touches, stage.load, q)
+        touching = stage.touches, stage.touch_depth
+        return world.after_attach(stage.object, stage.link, touching, stage.load, q)
     if isinstance(stage, Detach):
-        return world.after_detach(str(stage.object), stage.touches, q)
+        return world.after_detach(str(stage.object), (stage.touches, stage.touch_depth), q)
     if isinstance(stage, Gripper) and stage.robot is not None:
         return world.with_robot(stage.robot)
     return world
@@ -272,7 +277,7 @@ def onward_steps(
     world, q = node.world, node.joints
     for k in segment.forward:
         stage = task.stages[k]
-        allowed = stage.settings.allowed
+        allowed = contacts_of(stage.settings.allowed, "request")
         if isinstance(stage, Straight):
             cell = cells.cell(world, allowed, stage.settings.margin)
             led = lead_straight(cell, stage, q, deadline)
@@ -322,7 +327,7 @@ def child_node(
     if segment.approach is not None:
         approach = task.stages[segment.approach]
         assert isinstance(approach, Straight)
-        allowed = (*approach.settings.allowed, *pairs)
+        allowed = pairs | contacts_of(approach.settings.allowed, "request")
         cell = cells.cell(world, allowed, approach.settings.margin)
         led = lead_straight(cell, approach, q, deadline)
         if isinstance(led, LineStopped):
@@ -332,14 +337,15 @@ def child_node(
         steps = [
             Step(segment.approach, approach, "straight", world, world, allowed, q_free, q, led,
                  bound=bound),
-            Step(segment.target, stage, "none", reached, reached, (*stage.settings.allowed, *pairs),
-                 q, q, target=target.number, bound=still_time(stage)),
+            Step(segment.target, stage, "none", reached, reached,
+                 pairs | contacts_of(stage.settings.allowed, "request"), q, q,
+                 target=target.number, bound=still_time(stage)),
         ]  # fmt: skip
     free, is_last = task.stages[segment.free], segment.approach is None
     ends = (node.onward_joints, q_free)
     passing = least_passing(world, task.stages, segment.free, ends)
     bound = least_travel(world, free, *ends) if passing is None else passing
-    allowed = (*free.settings.allowed, *(pairs if is_last else ()))
+    allowed = (pairs if is_last else {}) | contacts_of(free.settings.allowed, "request")
     steps.insert(
         0,
         Step(
@@ -357,7 +363,7 @@ def target_world(world: World, stage: Stage, target: Target) -> World:
     if target.contact is None:
         return world
     if isinstance(stage, Grasp):
-        return world.after_grasp(target.contact, stage.touches)
+        return world.after_grasp(target.contact, contact_pairs(stage))
     return world.after_place(target.contact)
 
 

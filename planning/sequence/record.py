@@ -83,7 +83,7 @@ class Record:
         known = self._colliding.setdefault(stage, [])
         if len(candidates.colliding) and candidates not in known and len(known) < _MAX_LISTS:
             known.append(candidates)
-        for index, (outcome, pair, joints) in candidates.outcomes.items():
+        for index, (outcome, pair, joints, why) in candidates.outcomes.items():
             reached = outcome is Outcome.REACHED
             trial = self._trial((*choices, index), stage)
             if reached:
@@ -93,7 +93,7 @@ class Record:
                 trial.outcome = outcome.value
             reason = str(outcome.value)
             if pair is not None:
-                reason = f"{_COLLIDES}{pair[0]} and {pair[1]}"
+                reason = why or f"{_COLLIDES}{pair[0]} and {pair[1]}"
             _note(trial, reason, joints)
             self._count(check, len(choices) - (check is Check.PLACE), stage, reason)
 
@@ -183,6 +183,8 @@ def hint_of(stage: Stage, reason: str) -> str:
     """Return what to try where a stage fails for a reason."""
     if "out_of_reach" in reason or "outside_limits" in reason:
         return "Bring what it aims at nearer to the robot, or give more alternatives."
+    if "touch_depth" in reason:
+        return "Move it out, or raise touch_depth if it is meant (null for any depth)."
     if any(word in reason for word in ("collision", "too near", " touch", " overlap", " apart")):
         return (
             "Give more alternatives, move what is in the way, or name the pairs that may touch in "

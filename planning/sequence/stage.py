@@ -1,6 +1,6 @@
 """Stages of a task: the motions, choices and changes of what the robot holds, as values."""
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Literal
 
@@ -12,6 +12,7 @@ from kinematics.arrays import Array, frozen
 from kinematics.chain import Chain
 from kinematics.errors import InvalidOption, InvalidPose
 from kinematics.fingers import Positions
+from obstacles.allowed_pairs import TOUCH_DEPTH
 from obstacles.robot_geometry import RobotGeometry
 from planning.constraints.constraint import Constraint
 from planning.finger_motion import FingerMotion
@@ -35,7 +36,7 @@ class StageSettings:
     Args:
         name: By which later stages refer to it; empty for none.
         margin: Distance to keep from obstacles beyond their own margins [m].
-        allowed: Pairs of names that may touch during this stage.
+        allowed: Pairs of names that may touch during this stage, perhaps with their contacts.
         constraints: To be held during this stage.
         options: Planner, timing and limits of its motion; its timeout is the longest one plan of
             this stage may take.
@@ -43,7 +44,7 @@ class StageSettings:
 
     name: str = ""
     margin: float = 0.0
-    allowed: tuple[Pair, ...] = ()
+    allowed: Iterable[Pair] = ()
     constraints: tuple[Constraint, ...] = ()
     options: Options = field(default_factory=Options)
 
@@ -129,16 +130,23 @@ class Grasp:
         frames: T_object_tool of each grasp, shape (k, 4, 4).
         touches: Links that may touch the object from here on until it is attached, and while it is
             held.
-        support: Obstacle that the object stands on, which it may touch from the attachment to the
-            end of the next straight motion.
+        support: Obstacles that the object stands on, which it may touch from the attachment to the
+            end of the next straight motion; the name alone where it is one.
         settings: StageSettings of the stage.
+        touch_depth: How deep it may overlap all of these [m]; infinite for any depth.
     """
 
     object: str
     frames: Array
     touches: tuple[str, ...] = ()
-    support: str | None = None
+    support: tuple[str, ...] | str | None = ()
     settings: StageSettings = field(default_factory=StageSettings)
+    touch_depth: float = TOUCH_DEPTH
+
+    @property
+    def supports(self) -> tuple[str, ...]:
+        """Obstacles that the object stands on."""
+        return _names(self.support)
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "frames", _poses(self.frames, "grasps"))
@@ -152,15 +160,23 @@ class Place:
         object: Name of the held object; None where only one thing is held.
         poses: T_reference_object of each place, shape (k, 4, 4).
         reference: Obstacle in whose frame, as it then stands, the poses are; None for the root.
-        support: Obstacle that it may touch from the approach to the detachment.
+        support: Obstacles that it may touch from the approach to the detachment; the name alone
+            where it is one.
         settings: StageSettings of the stage.
+        touch_depth: How deep it may overlap these [m]; infinite for any depth.
     """
 
     object: str | None
     poses: Array
     reference: str | None = None
-    support: str | None = None
+    support: tuple[str, ...] | str | None = ()
     settings: StageSettings = field(default_factory=StageSettings)
+    touch_depth: float = TOUCH_DEPTH
+
+    @property
+    def supports(self) -> tuple[str, ...]:
+        """Obstacles that it may touch."""
+        return _names(self.support)
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "poses", _poses(self.poses, "places"))
@@ -204,6 +220,7 @@ class Attach:
         touches: Links, obstacles and held objects that it may touch from now on.
         load: Its mass; None where it weighs nothing.
         settings: StageSettings of the stage.
+        touch_depth: How deep it may overlap what is in ``touches`` [m]; infinite for any depth.
     """
 
     object: str
@@ -211,6 +228,7 @@ class Attach:
     touches: tuple[str, ...] = ()
     load: Load | None = None
     settings: StageSettings = field(default_factory=StageSettings)
+    touch_depth: float = TOUCH_DEPTH
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -221,11 +239,13 @@ class Detach:
         object: Name of the held object; None where only one thing is held.
         touches: Links that may touch it until the next free motion, beside those of its grasp.
         settings: StageSettings of the stage.
+        touch_depth: How deep these may overlap it [m]; infinite for any depth.
     """
 
     object: str | None = None
     touches: tuple[str, ...] = ()
     settings: StageSettings = field(default_factory=StageSettings)
+    touch_depth: float = TOUCH_DEPTH
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -292,6 +312,10 @@ def describe_stage(stages: Sequence[Stage], k: int) -> str:
     """
     name = stages[k].settings.name
     return f"stage {k} ({stage_kind(stages[k])}{f' {name!r}' if name else ''})"
+
+
+def _names(named: tuple[str, ...] | str | None) -> tuple[str, ...]:
+    return (named,) if isinstance(named, str) else named or ()
 
 
 def _poses(poses: ArrayLike, what: str) -> Array:

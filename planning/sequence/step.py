@@ -1,7 +1,7 @@
 """Steps: stages with the world and the configurations they begin and end with, before any proof."""
 
 import time
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Literal
 
@@ -9,6 +9,7 @@ import numpy as np
 
 from kinematics.arrays import Array
 from kinematics.trajectory import REST
+from obstacles.scene import AllowedContact
 from planning.deadline import Deadline
 from planning.result import Failure
 from planning.sequence.estimate import passing_time, travel_times
@@ -50,7 +51,7 @@ class Step:
     motion: Literal["free", "straight", "none"]
     world: World
     after: World
-    allowed: tuple[Pair, ...]
+    allowed: Mapping[Pair, AllowedContact]
     start: Array
     end: Array
     line: Line | None = None
@@ -153,7 +154,9 @@ def _plan_still(step: Step, cell: Cell, deadline: Deadline, began: float) -> Sta
         return Failure(
             "TIMED_OUT" if violation.kind == "time" else "INVALID_MOTION_PLAN",
             violation.message,
-            "Name the pairs that may touch in touch_links, support or allowed_collisions.",
+            "Raise touch_depth if so deep a contact is meant (null for any depth)."
+            if "touch_depth" in violation.details
+            else "Name the pairs that may touch in touch_links, support or allowed_collisions.",
             "certificate",
             details={"kind": violation.kind, **violation.details},
         )

@@ -14,6 +14,7 @@ from kinematics.ik.inverse import CLOSE
 from kinematics.ik.structure import Structure, structure
 from kinematics.pose import inverse
 from obstacles.checker import Checker
+from obstacles.overlap_meter import overlap_meter
 from planning.deadline import Deadline
 from planning.preflight.goal_order import is_at_limit
 from planning.preflight.pose_configurations import inner_turns, with_inner_limits
@@ -56,11 +57,13 @@ class Verdict(NamedTuple):
         outcome: What came of it.
         pair: Two bodies that collide, where all of its configurations do.
         joints: The configuration in which they do, shape (n,).
+        why: What is wrong there, where they may touch and are too deep.
     """
 
     outcome: Outcome
     pair: tuple[str, str] | None = None
     joints: Array | None = None
+    why: str | None = None
 
 
 class Target(NamedTuple):
@@ -118,7 +121,7 @@ def stage_targets(stage: Stage, world: World, history: dict[int, Array]) -> list
         T_object = world.scene.obstacle(stage.object).T_world_obstacle
         tools = T_object @ stage.frames
         return [
-            Target(i, T, None, Contact(stage.object, frame, stage.support))
+            Target(i, T, None, Contact(stage.object, frame, stage.supports, stage.touch_depth))
             for i, (T, frame) in enumerate(zip(tools, stage.frames, strict=True))
         ]
     if isinstance(stage, Place):
@@ -128,7 +131,7 @@ def stage_targets(stage: Stage, world: World, history: dict[int, Array]) -> list
             places = world.scene.obstacle(stage.reference).T_world_obstacle @ places
         tools = places @ inverse(world.T_tool_object(stage.object))
         return [
-            Target(i, T, None, Contact(stage.object, place, stage.support))
+            Target(i, T, None, Contact(stage.object, place, stage.supports, stage.touch_depth))
             for i, (T, place) in enumerate(zip(tools, places, strict=True))
         ]
     assert isinstance(stage, Move)
@@ -277,6 +280,12 @@ def _assess(checker: Checker, reached: bool, joints: Array) -> tuple[list[Array]
         return [], Verdict(outcome)
     touching, spacious = Checker(checker.model, TOUCHING), Checker(checker.model, _SLACK)
     valid = [q for q in joints if touching.valid(q)]
+    meter = overlap_meter(checker.model.robot, checker.model.scene)
+    deep = [meter.too_deep(q) for q in valid]
+    if valid and all(deep):
+        item, depth = deep[0][0]
+        return [], Verdict(Outcome.IN_COLLISION, item.pair, valid[0], item.deeper(depth)[0])
+    valid = [q for q, found in zip(valid, deep, strict=True) if not found]
     if not valid:
         return [], Verdict(Outcome.IN_COLLISION, checker.clearance(joints[0])[1], joints[0])
     return [q for q in valid if spacious.valid(q)] or valid, Verdict(Outcome.REACHED)

@@ -1,6 +1,7 @@
 """Candidates of stages in the worlds of a search, each found once."""
 
 from kinematics.arrays import Array
+from obstacles.allowed_pairs import contacts_of
 from planning.deadline import Deadline
 from planning.sequence.node import contact_pairs
 from planning.sequence.stage import Move
@@ -64,5 +65,5 @@ class TargetFinder:
             world: The world before its motion.
         """
         stage = self._task.stages[k]
-        allowed = (*stage.settings.allowed, *contact_pairs(stage))
+        allowed = contact_pairs(stage) | contacts_of(stage.settings.allowed, "request")
         return self._cells.cell(world, allowed, stage.settings.margin)

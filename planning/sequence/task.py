@@ -241,14 +241,14 @@ def _check_names(world: World, stages: Sequence[Stage]) -> None:
                     stages, k, f"attaches to {stage.link!r}, which does not move with the tip",
                     f"Take the tip {chain.tip_link!r} or a link that is fixed to it.",
                 )  # fmt: skip
-        if isinstance(stage, Place) and stage.object in (stage.reference, stage.support):
+        if isinstance(stage, Place) and stage.object in (stage.reference, *stage.supports):
             raise _fault(stages, k, f"places {stage.object!r} on itself", "Name another object.")
 
 
 def _object_names(stage: Stage) -> list[tuple[str, str]]:
     """Names of objects in a stage, each with its field."""
-    fields = ("object", "reference", "support")
-    pairs = [(name, getattr(stage, name, None)) for name in fields]
+    pairs = [(name, getattr(stage, name, None)) for name in ("object", "reference")]
+    pairs += [("support", name) for name in getattr(stage, "supports", ())]
     return [(name, str(value)) for name, value in pairs if value is not None]
 
 

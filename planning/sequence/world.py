@@ -1,6 +1,6 @@
 """The world between stages: what the robot holds, where the objects stand, what may touch."""
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from typing import NamedTuple
 
@@ -9,13 +9,12 @@ import numpy as np
 from kinematics.arrays import Array
 from kinematics.forward import forward
 from kinematics.pose import inverse
+from obstacles.allowed_pairs import TOUCH_DEPTH, contacts_of, sorted_pair
 from obstacles.attachment import Attachment, hold
 from obstacles.checker import Checker
 from obstacles.robot_geometry import RobotGeometry
-from obstacles.scene import Obstacle, Scene
+from obstacles.scene import AllowedContact, Obstacle, Scene
 from planning.sequence.stage import Load, Pair
-
-_NO_PAIRS: frozenset[Pair] = frozenset()
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -42,12 +41,20 @@ class Contact(NamedTuple):
     Args:
         object: Name of the object.
         T: T_object_tool of a grasp, or T_root_object of a place, shape (4, 4).
-        support: What the object stands on, if that was named.
+        support: What the object stands on, where that was named.
+        touch_depth: How deep it may be in that [m].
     """
 
     object: str
     T: Array
-    support: str | None = None
+    support: tuple[str, ...] = ()
+    touch_depth: float = TOUCH_DEPTH
+
+    @property
+    def supported(self) -> dict[Pair, AllowedContact]:
+        """Pairs of the object and what it stands on."""
+        contact = AllowedContact("support", self.touch_depth)
+        return {sorted_pair(self.object, name): contact for name in self.support}
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -68,21 +75,23 @@ class World:
     robot: RobotGeometry
     scene: Scene
     held: tuple[Held, ...] = ()
-    touching: frozenset[Pair] = _NO_PAIRS
-    supported: frozenset[Pair] = _NO_PAIRS
+    touching: Mapping[Pair, AllowedContact] = field(default_factory=dict)
+    supported: Mapping[Pair, AllowedContact] = field(default_factory=dict)
     grasped: Contact | None = None
     placed: Contact | None = None
     key: tuple[object, ...] = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
         held = tuple((item.name, item.attachment.held.T_world_obstacle.tobytes(),
-                      item.attachment.touches) for item in self.held)  # fmt: skip
+                      item.attachment.touches, item.attachment.touch_depth)
+                     for item in self.held)  # fmt: skip
         marks = tuple(
-            None if mark is None else (mark.object, mark.T.tobytes(), mark.support)
+            None if mark is None else (mark.object, mark.T.tobytes(), *mark[2:])
             for mark in (self.grasped, self.placed)
         )
-        key = (self.robot.content_hash, self.scene.content_hash, held, self.touching)
-        object.__setattr__(self, "key", (*key, self.supported, *marks))
+        pairs = frozenset(self.touching.items()), frozenset(self.supported.items())
+        key = (self.robot.content_hash, self.scene.content_hash, held, *pairs)
+        object.__setattr__(self, "key", (*key, *marks))
 
     def holds(self, name: str) -> Held:
         """The held object of a name that is known to be held."""
@@ -90,56 +99,61 @@ class World:
 
     # ------------------------------------------------------------------------- after a stage
 
-    def after_grasp(self, contact: Contact, touches: Iterable[str]) -> "World":
-        """The world when the tool is at a grasp."""
-        pairs = {sorted_pair(link, contact.object) for link in touches}
-        return replace(self, touching=self.touching | pairs, grasped=contact, placed=None)
+    def after_grasp(self, contact: Contact, touching: Mapping[Pair, AllowedContact]) -> "World":
+        """The world when the tool is at a grasp, where some pairs may touch from now on."""
+        return replace(self, touching={**self.touching, **touching}, grasped=contact, placed=None)
 
     def after_place(self, contact: Contact) -> "World":
         """The world when a held object is at its place."""
-        pairs = set() if contact.support is None else {(contact.object, contact.support)}
-        supported = self.supported | {sorted_pair(*pair) for pair in pairs}
+        supported = {**self.supported, **contact.supported}
         return replace(self, supported=supported, placed=contact, grasped=None)
 
     def after_attach(
-        self, name: str, link: str | None, touches: tuple[str, ...], load: Load | None, q: Array
+        self,
+        name: str,
+        link: str | None,
+        touching: tuple[tuple[str, ...], float],
+        load: Load | None,
+        q: Array,
     ) -> "World":
         """The world when an object has become a part of the robot.
 
         Args:
             name: The object.
             link: The link that holds it; None for the tip.
-            touches: Names that it may touch.
+            touching: Names that it may touch, and how deep [m].
             load: Its mass.
             q: Where the arm stands, shape (n,).
         """
         stands = self.scene.obstacle(name)
         holder = link or self.robot.chain.tip_link
         links = tuple(a if b == name else b for a, b in sorted(self.touching) if name in (a, b))
+        # Of the depths of its grasp and its own, the larger one holds.
+        depths = [self.touching[sorted_pair(link, name)].touch_depth for link in links]
+        depths += touching[1:] if touching[0] or not depths else ()
         T = self._T_link_object(stands, holder, q)
         attachment = Attachment(
-            Obstacle(name, stands.shape, T), holder, tuple(dict.fromkeys((*links, *touches)))
-        )
-        support = None
-        if self.grasped is not None and self.grasped.object == name:
-            support = self.grasped.support
-        pairs = set() if support is None else {sorted_pair(name, support)}
+            Obstacle(name, stands.shape, T), holder,
+            tuple(dict.fromkeys((*links, *touching[0]))), max(depths),
+        )  # fmt: skip
+        grasped = self.grasped is not None and self.grasped.object == name
+        pairs = self.grasped.supported if self.grasped is not None and grasped else {}
         left = tuple(o for o in self.scene.obstacles if o.id != name)
         return replace(
             self,
             scene=replace(self.scene, obstacles=left),
             held=(*self.held, Held(attachment, load)),
-            touching=frozenset(pair for pair in self.touching if name not in pair),
-            supported=self.supported | pairs,
+            touching=_without(self.touching, name),
+            supported={**self.supported, **pairs},
             grasped=None,
         )
 
-    def after_detach(self, name: str, touches: tuple[str, ...], q: Array) -> "World":
+    def after_detach(self, name: str, touching: tuple[tuple[str, ...], float], q: Array) -> "World":
         """The world when a held object has become an obstacle, where it is.
 
         Args:
             name: The object.
-            touches: Links that may touch it until a free motion begins.
+            touching: Links that may touch it until a free motion begins, and how deep [m].
             q: Where the arm stands, shape (n,).
         """
         item = self.holds(name)
@@ -148,15 +162,20 @@ class World:
             T = self.placed.T
         else:
             T = forward(self.robot.chain, q, item.attachment.link) @ held.T_world_obstacle
-        links = [*item.attachment.touches, *touches]
-        pairs = {sorted_pair(x, name) for x in links if x in self.robot.chain.index}
+        held_by = dict.fromkeys(item.attachment.touches, item.attachment.touch_depth)
+        depths = {**dict.fromkeys(*touching), **held_by}
+        pairs = {
+            sorted_pair(link, name): AllowedContact("touch_links", depth)
+            for link, depth in depths.items()
+            if link in self.robot.chain.index
+        }
         put = Obstacle(name, held.shape, T)
         return replace(
             self,
             scene=replace(self.scene, obstacles=(*self.scene.obstacles, put)),
             held=tuple(other for other in self.held if other is not item),
-            touching=self.touching | pairs,
-            supported=frozenset(pair for pair in self.supported if name not in pair),
+            touching={**self.touching, **pairs},
+            supported=_without(self.supported, name),
             placed=None,
         )
 
@@ -168,8 +187,8 @@ class World:
         """
         if not (self.touching or self.supported or self.grasped or self.placed):
             return self
-        touching = _NO_PAIRS if free else self.touching
-        return replace(self, touching=touching, supported=_NO_PAIRS, grasped=None, placed=None)
+        touching = {} if free else self.touching
+        return replace(self, touching=touching, supported={}, grasped=None, placed=None)
 
     def with_robot(self, robot: RobotGeometry) -> "World":
         """The world with the gripper of the robot in another state."""
@@ -219,23 +238,23 @@ class Cells:
 
         Args:
             world: The robot and its surroundings.
-            allowed: Pairs that may touch beside those of the world.
+            allowed: Pairs that may touch beside those of the world, perhaps with their contacts.
             margin: Distance to keep from obstacles [m].
 
         Raises:
             InvalidObjectName: A name in ``allowed`` is unknown.
             InvalidLinkName: A name that a held object may touch is unknown.
         """
-        pairs = frozenset(sorted_pair(*pair) for pair in allowed)
-        key = (*world.key[:5], pairs, margin)
+        pairs = contacts_of(allowed, "request")
+        key = (*world.key[:5], frozenset(pairs.items()), margin)
         cell = self._cells.get(key)
         if cell is None:
             cell = self._cells[key] = _put_together(world, pairs, margin)
         return cell
 
 
-def _put_together(world: World, allowed: frozenset[Pair], margin: float) -> Cell:
-    pairs = allowed | world.touching | world.supported
+def _put_together(world: World, allowed: dict[Pair, AllowedContact], margin: float) -> Cell:
+    pairs = {**world.touching, **world.supported, **allowed}
     holding = hold(world.robot, world.scene, [item.attachment for item in world.held], pairs)
     robot = holding.robot
     chain = robot.chain
@@ -248,6 +267,5 @@ def _put_together(world: World, allowed: frozenset[Pair], margin: float) -> Cell
     return Cell(robot, holding.scene, Checker.of(robot, holding.scene, margin))
 
 
-def sorted_pair(a: str, b: str) -> Pair:
-    """A pair of names in their order."""
-    return (a, b) if a < b else (b, a)
+def _without(pairs: Mapping[Pair, AllowedContact], name: str) -> dict[Pair, AllowedContact]:
+    return {pair: contact for pair, contact in pairs.items() if name not in pair}

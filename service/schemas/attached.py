@@ -5,11 +5,13 @@ from typing import Annotated, ClassVar
 from pydantic import Field, model_validator
 
 from service.schemas.base import (
+    Answer,
     Beside,
     Body,
     JointVector,
     Label,
     Matrix3,
+    NonNegative,
     Number,
     Point,
     Positive,
@@ -17,12 +19,44 @@ from service.schemas.base import (
     exactly_one,
 )
 from service.schemas.pose import Pose
-from service.schemas.scene import Pair
+from service.schemas.scene import AllowedItem
 from service.schemas.shape import Shape
 
 MAX_ATTACHED = 100
 MAX_ALLOWED = 10_000
 MAX_FINGERS = 100
+
+
+#: As the library has it: tests compare the two [m].
+TOUCH_DEPTH = 1e-3
+TouchDepth = Annotated[
+    NonNegative | None,
+    Field(description="how deep they may overlap where they may touch [m]; null for any depth"),
+]
+
+
+class AllowedAnswer(Answer):
+    """A pair that was not kept apart."""
+
+    pair: list[str] = Field(
+        examples=[["panda_hand", "table_top"]], description="names of the two bodies"
+    )
+    reason: str = Field(
+        examples=["request"],
+        description="who allows it: request, scene, touch_links, support or attached; of the robot "
+        "itself srdf, adjacent, always, same body or suspected",
+    )
+    overlap: float | None = Field(
+        examples=[0.0004],
+        description="how deep they overlap at most [m], a bound for every t of a motion; null "
+        "where it is not measured: of links that a joint joins, or that touch as they are built",
+    )
+
+
+AllowedAnswers = Annotated[
+    list[AllowedAnswer],
+    Field(description="all pairs that were not kept apart, whoever allows them"),
+]
 
 
 class Attached(Body):
@@ -49,6 +83,7 @@ class Attached(Body):
         default_factory=list,
         description="what it may touch: links, obstacles, other attached objects",
     )
+    touch_depth: TouchDepth = TOUCH_DEPTH
     mass: Positive | None = Field(
         None, description="for torques; without one the object weighs nothing [kg]"
     )
@@ -84,10 +119,11 @@ AttachedObjects = Annotated[
     Field(max_length=MAX_ATTACHED, description="objects that the robot holds"),
 ]
 AllowedCollisions = Annotated[
-    list[Pair],
+    list[AllowedItem],
     Field(
         max_length=MAX_ALLOWED,
-        description="more pairs of links, obstacles and attached objects that may touch",
+        description="more pairs of links, obstacles and attached objects that may touch, to any "
+        "depth unless they give a `touch_depth`",
         examples=[[["panda_hand", "table_top"]]],
     ),
 ]

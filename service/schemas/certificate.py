@@ -4,7 +4,7 @@ from typing import Annotated, Any
 
 from pydantic import Field
 
-from service.schemas.attached import MAX_ATTACHED
+from service.schemas.attached import MAX_ATTACHED, AllowedAnswers
 from service.schemas.base import Answer, Body, Label, NonNegative
 from service.schemas.cartesian import PathDeviationAnswer
 from service.schemas.constraint import ConstraintUse
@@ -68,7 +68,10 @@ class ProvedAnswer(Answer):
         "limit is known that was not asked for and is not kept"
     )
     collisions: bool = Field(description="nothing collides")
-    reasons: list[str] = Field(description="why a part is not proved")
+    reasons: list[str] = Field(
+        description="why a part is not proved; and links and obstacles that were not compared, "
+        "which leaves the rest proved"
+    )
 
 
 class Premises(Body):
@@ -150,7 +153,5 @@ class CertificateAnswer(Answer):
         None, description="where the chain begins, if that is not the root frame"
     )
     notes: list[str] = Field(default_factory=list, description="what was done to the request")
-    allowed_collisions: list[list[str]] = Field(
-        default_factory=list, description="of the request: pairs that were not looked at"
-    )
+    allowed_collisions: AllowedAnswers = Field(default_factory=list)
     plan_id: PlanId = None

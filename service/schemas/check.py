@@ -4,7 +4,7 @@ from typing import Annotated
 
 from pydantic import Field
 
-from service.schemas.attached import AllowedCollisions, AttachedObjects, WithFingers
+from service.schemas.attached import AllowedAnswers, AllowedCollisions, AttachedObjects, WithFingers
 from service.schemas.base import Answer, Frame, InFrame, Joints, Name, NonNegative, Timeout
 from service.schemas.keep import Keepable, PlanId
 from service.schemas.kinematics import JOINTS_EXAMPLE
@@ -71,7 +71,5 @@ class CheckAnswer(InFrame):
     limit_violations: list[LimitViolation] | list[list[LimitViolation]] = Field(
         description="joints outside their limits"
     )
-    allowed_collisions: list[list[str]] = Field(
-        default_factory=list, description="of the request, as they were obeyed"
-    )
+    allowed_collisions: AllowedAnswers = Field(default_factory=list)
     plan_id: PlanId = None

@@ -5,7 +5,7 @@ from typing import Annotated, ClassVar, Literal, Self
 from pydantic import ConfigDict, Field, model_validator
 from pydantic.config import JsonDict
 
-from service.schemas.attached import MAX_FINGERS, AllowedCollisions, AttachedObjects
+from service.schemas.attached import MAX_FINGERS, AllowedAnswers, AllowedCollisions, AttachedObjects
 from service.schemas.base import (
     MAX_BATCH,
     Answer,
@@ -307,9 +307,7 @@ class IkAnswer(InFrame):
         "search under constraints",
     )
     trace: GradientTrace | None = None
-    allowed_collisions: list[list[str]] = Field(
-        default_factory=list, description="of the request, as they were obeyed"
-    )
+    allowed_collisions: AllowedAnswers = Field(default_factory=list)
     plan_id: PlanId = None
 
 

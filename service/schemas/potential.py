@@ -4,6 +4,7 @@ from typing import Annotated, Literal
 
 from pydantic import Field
 
+from service.schemas.attached import AllowedAnswers
 from service.schemas.base import (
     MAX_BATCH,
     MAX_JOINTS,
@@ -117,3 +118,4 @@ class PotentialAnswer(Answer):
     control_points: list[ControlPoint] | list[list[ControlPoint]] = Field(
         description="points that are pulled and pushed, from the base on"
     )
+    allowed_collisions: AllowedAnswers = Field(default_factory=list)

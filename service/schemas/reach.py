@@ -7,7 +7,7 @@ from pydantic import Field, field_validator, model_validator
 
 from kinematics.errors import InvalidPose
 from kinematics.rounding import check_quaternion_norm
-from service.schemas.attached import AllowedCollisions, AttachedObjects
+from service.schemas.attached import AllowedAnswers, AllowedCollisions, AttachedObjects
 from service.schemas.base import (
     Answer,
     Body,
@@ -206,6 +206,4 @@ class ReachAnswer(InFrame):
     joint_names: list[str] = Field(description="order of the configurations")
     grid: ReachGrid | None = None
     bases: list[BaseAnswer] | None = Field(None, description="best first")
-    allowed_collisions: list[list[str]] = Field(
-        default_factory=list, description="of the request, as they were obeyed"
-    )
+    allowed_collisions: AllowedAnswers = Field(default_factory=list)

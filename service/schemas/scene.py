@@ -25,6 +25,25 @@ _MAX_YAML = 16 * 1024 * 1024
 
 Pair = Annotated[list[Label], Field(min_length=2, max_length=2)]
 
+
+class LimitedPair(Body):
+    """A pair that may touch, and how deep."""
+
+    pair: Pair = Field(examples=[["gripper", "part"]], description="names of the two bodies")
+    touch_depth: NonNegative | None = Field(
+        None, description="how deep they may overlap [m]; null for any depth"
+    )
+
+
+def _form_of_pair(value: object) -> str:
+    return "limited" if isinstance(value, dict | LimitedPair) else "pair"
+
+
+AllowedItem = Annotated[
+    Annotated[Pair, Tag("pair")] | Annotated[LimitedPair, Tag("limited")],
+    Discriminator(_form_of_pair),
+]
+
 _EXAMPLE: JsonDict = {
     "name": "table",
     "obstacles": [
@@ -72,7 +91,7 @@ class Scene(Body):
     moveit: Annotated[str, Field(min_length=1, max_length=_MAX_YAML)] | None = Field(
         None, description="planning scene of MoveIt: its YAML, or the text of its .scene file"
     )
-    allowed_collisions: Annotated[list[Pair], Field(max_length=_MAX_PAIRS)] | None = Field(
+    allowed_collisions: Annotated[list[AllowedItem], Field(max_length=_MAX_PAIRS)] | None = Field(
         None, description="pairs of links or obstacles that may touch"
     )
 

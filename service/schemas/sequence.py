@@ -5,7 +5,13 @@ from typing import Annotated, ClassVar, Literal
 from pydantic import ConfigDict, Field, model_validator
 from pydantic.config import JsonDict
 
-from service.schemas.attached import AllowedCollisions, AttachedObjects, FingerPositions
+from service.schemas.attached import (
+    TOUCH_DEPTH,
+    AllowedCollisions,
+    AttachedObjects,
+    FingerPositions,
+    TouchDepth,
+)
 from service.schemas.base import (
     Beside,
     Body,
@@ -49,6 +55,7 @@ Distance = Annotated[
         min_length=2, max_length=2, description="[least, most] way [m]; the longest is tried first"
     ),
 ]
+Support = Label | Annotated[list[Label], Field(min_length=1, max_length=100)]
 Deviation = Annotated[float, Field(ge=1e-7, le=1.0)]
 
 
@@ -162,9 +169,10 @@ class GraspStage(StageBody):
         default_factory=list,
         description="links that may touch the object from the approach on, and while it is held",
     )
-    support: Label | None = Field(
+    support: Support | None = Field(
         None, description="what it stands on: they may touch from attach to the end of the lift"
     )
+    touch_depth: TouchDepth = TOUCH_DEPTH
 
     @model_validator(mode="after")
     def _check_form(self) -> "GraspStage":
@@ -200,9 +208,10 @@ class PlaceStage(StageBody):
     relative_to: Label | None = Field(
         None, description="an obstacle in whose frame the poses are, wherever it then stands"
     )
-    support: Label | None = Field(
+    support: Support | None = Field(
         None, description="what it is put on: they may touch from the approach to detach"
     )
+    touch_depth: TouchDepth = TOUCH_DEPTH
 
     @model_validator(mode="after")
     def _check_form(self) -> "PlaceStage":
@@ -221,6 +230,7 @@ class AttachStage(StageBody):
     touch_links: Labels = Field(
         default_factory=list, description="links and obstacles that it may touch while it is held"
     )
+    touch_depth: TouchDepth = TOUCH_DEPTH
     mass: Positive | None = Field(None, description="for torques [kg]")
     center_of_mass: Point | None = Field(None, description="in the object's frame [m]")
     inertia: Matrix3 | None = Field(None, description="about it, in the object's axes [kg m^2]")
@@ -240,6 +250,7 @@ class DetachStage(StageBody):
         default_factory=list,
         description="links that may touch it until a free motion begins, beside those of its grasp",
     )
+    touch_depth: TouchDepth = TOUCH_DEPTH
 
 
 class WaitStage(StageBody):

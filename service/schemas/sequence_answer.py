@@ -27,6 +27,7 @@ class HeldObject(Answer):
     link: str = Field(description="that holds it")
     pose: PoseAnswer = Field(description="in the frame of the link")
     touch_links: list[str] = Field(description="names that it may touch")
+    touch_depth: float | None = Field(None, description="how deep it may overlap these [m]")
     mass: float | None = Field(None, description="[kg]")
     center_of_mass: list[float] | None = Field(None, description="in the object's frame [m]")
     inertia: list[list[float]] | None = Field(

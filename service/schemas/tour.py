@@ -5,7 +5,7 @@ from typing import Annotated, Any, ClassVar, Literal
 from pydantic import ConfigDict, Field, model_validator
 from pydantic.config import JsonDict
 
-from service.schemas.attached import AllowedCollisions, AttachedObjects
+from service.schemas.attached import AllowedAnswers, AllowedCollisions, AttachedObjects
 from service.schemas.base import (
     Answer,
     Beside,
@@ -256,8 +256,6 @@ class TourAnswer(InFrame):
     unvisited: list[UnvisitedAnswer] = Field(description="goals that are left out, and why")
     search: TourSearchAnswer
     joint_names: list[str] = Field(description="base to tip")
-    allowed_collisions: list[list[str]] = Field(
-        default_factory=list, description="of the request, as they were obeyed"
-    )
+    allowed_collisions: AllowedAnswers = Field(default_factory=list)
     reproducibility: Reproducibility
     plan_id: PlanId = None

@@ -1,8 +1,8 @@
 """Robots with attached objects in the scenes of requests."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
-from typing import Protocol
+from typing import Any, Protocol
 
 import numpy as np
 from pydantic import BaseModel
@@ -15,14 +15,22 @@ from kinematics.forward import link_number
 from kinematics.root_frame import check_default_frame
 from obstacles.attachment import Attachment, check_allowed, grasp, hold
 from obstacles.finger_geometry import with_fingers
+from obstacles.overlap_meter import OverlapMeter
 from obstacles.placement import with_objects
 from obstacles.robot_geometry import RobotGeometry
 from obstacles.scene import Obstacle, Scene
 from service.schemas import scene as schema
 from service.schemas.attached import Attached, WithFingers
+from service.schemas.scene import AllowedItem
 from service.storage import worker_cache
 from service.storage.cache_key import Reference
 from service.translate import poses
+from service.translate.contacts import (
+    allowed_answer,
+    contacts,
+    touch_depth,
+    unmeasured_answer,
+)
 
 #: Unknown names that a note lists.
 _TOLD = 12
@@ -37,14 +45,21 @@ class RobotInScene:
     Args:
         robot: The robot with the objects that it holds, their masses included.
         scene: The scene without attached objects, with all pairs that may touch.
-        allowed: The pairs that the request allows to touch, as answers echo them.
         notes: What is odd about the scene.
     """
 
     robot: RobotGeometry
     scene: Scene
-    allowed: list[list[str]]
     notes: tuple[str, ...] = ()
+
+    @property
+    def pairs(self) -> list[dict[str, Any]]:
+        """Pairs that are not kept apart, as answers tell them, no depth among them."""
+        return unmeasured_answer(self.robot, self.scene)
+
+    def overlaps(self, configurations: Iterable[Array]) -> list[dict[str, Any]]:
+        """The same pairs with how deep they are in the deepest of some configurations (n,)."""
+        return allowed_answer(OverlapMeter(self.robot, self.scene).told(configurations))
 
 
 class SceneRequest(Protocol):
@@ -67,7 +82,7 @@ class CollisionRequest(SceneRequest, Protocol):
         """Objects that the robot holds."""
 
     @property
-    def allowed_collisions(self) -> Sequence[Sequence[str]] | None:
+    def allowed_collisions(self) -> Sequence[AllowedItem] | None:
         """Pairs that may touch."""
 
 
@@ -164,7 +179,7 @@ def attach(
     robot: RobotGeometry,
     scene: Scene,
     attached: Sequence[Attached] | None,
-    allowed: Sequence[Sequence[str]] | None,
+    allowed: Sequence[AllowedItem] | None,
 ) -> RobotInScene:
     """The robot with objects attached to its links, and the scene without them.
 
@@ -172,7 +187,7 @@ def attach(
         robot: The robot alone.
         scene: The scene with the objects still in it.
         attached: The objects.
-        allowed: Pairs of names that may touch.
+        allowed: Pairs of names that may touch, perhaps with a depth.
 
     Raises:
         InvalidScene: An object is not valid, has no shape, or its name is taken; or a name that may
@@ -181,11 +196,10 @@ def attach(
         InvalidObjectName: A name that may touch is unknown, or nothing is there to be grasped.
         InvalidOption: A mass or an inertia is none of a body.
     """
-    pairs = [(pair[0], pair[1]) for pair in allowed or ()]
-    echoed = [sorted(pair) for pair in pairs]
+    pairs = contacts(allowed, "request")
     if not attached and not pairs:
         check_allowed(robot, scene)
-        return RobotInScene(robot, scene, echoed, scene_notes(robot, scene))
+        return RobotInScene(robot, scene, scene_notes(robot, scene))
     objects = [(item, attachment(robot, scene, item)) for item in attached or ()]
     grasped = hold(robot, scene, [held for _, held in objects], pairs)
     chain = robot.chain
@@ -194,7 +208,7 @@ def attach(
             chain = _with_mass(chain, item, held.held.T_world_obstacle)
     loaded = grasped.robot if chain is robot.chain else replace(grasped.robot, chain=chain)
     notes = scene_notes(robot, scene, [item.id for item, _ in objects])
-    return RobotInScene(loaded, grasped.scene, echoed, notes)
+    return RobotInScene(loaded, grasped.scene, notes)
 
 
 def scene_notes(robot: RobotGeometry, scene: Scene, held: Sequence[str] = ()) -> tuple[str, ...]:
@@ -242,7 +256,8 @@ def attachment(robot: RobotGeometry, scene: Scene, item: Attached) -> Attachment
         assert item.pose is not None
         T = poses.transform(item.pose)
         shape = scene.obstacle(item.id).shape if item.shape is None else poses.shape(item.shape)
-    return Attachment(Obstacle(item.id, shape, T), item.link, tuple(item.touch_links))
+    held, depth = Obstacle(item.id, shape, T), touch_depth(item.touch_depth)
+    return Attachment(held, item.link, tuple(item.touch_links), depth)
 
 
 def _with_mass(chain: Chain, item: Attached, T_link_object: Array) -> Chain:

@@ -51,7 +51,8 @@ def check(
         if deadline.passed:
             return _late(len(verdicts), len(rows), depth=body.depth)
         verdicts.append(_verdict(look(q)))
-    same = {"allowed_collisions": cell.allowed, **in_frame(chain), **notes_of(body, cell.notes)}
+    told = cell.overlaps(rows) if body.depth else cell.pairs
+    same = {"allowed_collisions": told, **in_frame(chain), **notes_of(body, cell.notes)}
     if joints.ndim == 1:
         return to_json(verdicts[0] | same)
     return to_json({name: [one[name] for one in verdicts] for name in verdicts[0]} | same)

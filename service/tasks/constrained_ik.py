@@ -82,8 +82,8 @@ def answer(
         "solutions": [_solution(chain, body.link, T, wanted, s) for s in solved.solutions],
         "deterministic": solved.deterministic,
     }
-    if cell is not None and cell.allowed:
-        content["allowed_collisions"] = cell.allowed
+    if cell is not None:
+        content["allowed_collisions"] = cell.overlaps(s.joints for s in solved.solutions)
     return content
 
 

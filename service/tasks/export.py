@@ -49,7 +49,6 @@ def export(
             {"stage": "certificate"},
         )
     certificate = certificates.certificate_answer(written.certificate, begins, body.scene)
-    certificate["allowed_collisions"] = cell.allowed
     deviation = written.joint_deviation
     answer = {
         "format": body.format,

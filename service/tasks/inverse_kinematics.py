@@ -146,8 +146,8 @@ def _one(query: _Query, pose: Pose | None) -> dict[str, Any] | TaskProblem:
     if not body.all_solutions:
         answers = [item for item in answers if item["rejected_because"] is None] or answers[:1]
     answer: dict[str, Any] = {"solutions": answers[:count]}
-    if check is not None and check.cell.allowed:
-        answer["allowed_collisions"] = check.cell.allowed
+    if check is not None:
+        answer["allowed_collisions"] = check.told(answer["solutions"])
     if body.gradient is not None and body.gradient.trace and trace is not None:
         answer["trace"] = trace_answer(trace, body)
     return answer

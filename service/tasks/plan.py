@@ -185,7 +185,6 @@ def validate(
     if violation is not None and violation.kind == "time":
         return timed_out("the work was done", "certificate")
     answer = certificates.certificate_answer(certificate, begins, body.scene)
-    answer["allowed_collisions"] = cell.allowed
     return to_json(answer | in_frame(chain) | notes_of(body, cell.notes), inf_nan_mode="null")
 
 
@@ -221,7 +220,6 @@ def _refusal(failure: Failure) -> TaskProblem:
 
 def _answer(planned: Plan, body: PlanRequest, cell: RobotInScene) -> dict[str, Any]:
     certificate = certificates.certificate_answer(planned.certificate, scene=body.scene)
-    certificate["allowed_collisions"] = cell.allowed
     cartesian = planned.fraction is not None
     return {
         "status": "success",

@@ -16,7 +16,7 @@ from service.schemas.potential import PotentialRequest
 from service.storage import worker_cache
 from service.storage.cache_key import Reference
 from service.tasks.answer import reports_cache_miss
-from service.tasks.attached_objects import requested_scene
+from service.tasks.attached_objects import RobotInScene, requested_scene
 from service.tasks.result import CacheMiss
 from service.translate.frames import first_configuration
 from service.workers.task import task
@@ -39,10 +39,12 @@ def potential(robot: Reference, scene: Reference | None, content: bytes) -> byte
     goal = chain.configuration(body.goal_joints, "goal_joints")
     obstacles = requested_scene(scene, body, chain, first_configuration(chain, body.joints))
     field, where = potential_of(geometry, obstacles, goal, _options(body))
-    answers = [_value(chain, field, where, obstacles.ids, q) for q in joints.reshape(-1, chain.n)]
+    rows = joints.reshape(-1, chain.n)
+    answers = [_value(chain, field, where, obstacles.ids, q) for q in rows]
+    told = {"allowed_collisions": RobotInScene(geometry, obstacles).overlaps(rows)}
     if joints.ndim == 1:
-        return to_json(answers[0])
-    return to_json({name: [answer[name] for answer in answers] for name in answers[0]})
+        return to_json(answers[0] | told)
+    return to_json({name: [answer[name] for answer in answers] for name in answers[0]} | told)
 
 
 def _options(body: PotentialRequest) -> FieldOptions:

@@ -183,7 +183,7 @@ def _answer(
         if grid is None
         else {"shape": list(grid.shape), "axes": [axis.tolist() for axis in grid.axes()]},
         "bases": None if placements is None else [_base_answer(item) for item in placements],
-        "allowed_collisions": cell.allowed,
+        "allowed_collisions": cell.pairs,
         **poses.notes_of(body, cell.notes),
     }
 

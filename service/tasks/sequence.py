@@ -1,7 +1,9 @@
 """Tasks of several stages as requests ask for them, in workers."""
 
 import hashlib
+import math
 from collections.abc import Mapping
+from dataclasses import replace
 from functools import partial
 from typing import Any
 
@@ -118,7 +120,7 @@ def _world(body: TaskRequest, robot: RobotGeometry, scene: Scene) -> World:
     if len(names) < len(held):
         raise InvalidOption("attached: an object is given twice", hint="Name each object once.")
     left = tuple(o for o in scene.obstacles if o.id not in names)
-    return World(robot, Scene(left, scene.allowed_collisions), held)
+    return World(robot, replace(scene, obstacles=left), held)
 
 
 def _load(item: Attached) -> Load | None:
@@ -179,7 +181,6 @@ def _stage_answer(
 ) -> dict[str, Any]:
     plan = stage.plan
     certificate = certificates.certificate_answer(stage.certificate)
-    certificate["allowed_collisions"] = [list(pair) for pair in stage.allowed]
     return {
         "index": stage.index,
         "kind": stage.kind,
@@ -223,6 +224,7 @@ def _held_answer(item: Held) -> dict[str, Any]:
         "link": held.link,
         "pose": poses.pose_answer(held.held.T_world_obstacle).model_dump(),
         "touch_links": list(held.touches),
+        "touch_depth": held.touch_depth if math.isfinite(held.touch_depth) else None,
     }
     if load is not None:
         answer["mass"] = load.mass

@@ -58,7 +58,8 @@ def stage_cells(
             Attached.model_validate({name: x for name, x in item.items() if x is not None})
             for item in after["attached"]
         ]
-        scene, allowed = _with_places(around, places), stage["certificate"]["allowed_collisions"]
+        scene = _with_places(around, places)
+        allowed = [item["pair"] for item in stage["certificate"]["allowed_collisions"]]
         first = last = attach(with_fingers(robot, fingers), scene, held, allowed)
         if after["fingers"] != fingers:
             fingers = after["fingers"]
@@ -94,7 +95,7 @@ def task_objects(robot: RobotGeometry, around: Scene, body: TaskRequest) -> Scen
         if item.shape is not None
     }
     left = tuple(item for item in scene.obstacles if item.id not in own)
-    return Scene((*left, *own.values()), scene.allowed_collisions)
+    return replace(scene, obstacles=(*left, *own.values()))
 
 
 def told_transform(pose: Mapping[str, Any]) -> Array:
@@ -109,4 +110,4 @@ def _with_places(around: Scene, places: Mapping[str, Array]) -> Scene:
         replace(item, T_world_obstacle=places[item.id]) if item.id in places else item
         for item in around.obstacles
     )
-    return Scene(obstacles, around.allowed_collisions)
+    return replace(around, obstacles=obstacles)

@@ -71,7 +71,6 @@ def _surroundings(body: TourRequest, cell: RobotInScene, *, deterministic: bool)
     """Fields of the answer that say what it is about."""
     return {
         **in_frame(cell.robot.chain),
-        "allowed_collisions": cell.allowed,
         "reproducibility": {
             "seed": body.seed,
             "deterministic": deterministic,

@@ -74,7 +74,7 @@ def task_shown(
         "fingers": finger_tracks(alone, parts),
     }
     return Timeline(
-        RobotInScene(alone, Scene(still), []),
+        RobotInScene(alone, Scene(still)),
         joined(parts, answer["duration"]),
         joined_curves(parts, body.timing.tool_speed),
         moved,

@@ -8,6 +8,7 @@ from planning.proof.certificate import Certificate
 from planning.proof.premises import Premises
 from planning.proof.tool_speed_band import SpeedUse
 from service.schemas.scene import Scene
+from service.translate.contacts import allowed_answer
 from service.translate.problems import plain
 
 
@@ -44,6 +45,7 @@ def certificate_answer(
         },
         "continuity": dict(certificate.continuity),
         "cells": certificate.cells,
+        "allowed_collisions": allowed_answer(certificate.allowed_collisions),
         "violation": None,
     }
     answer["path_constraint_residual"] = certificate.path_constraint_residual

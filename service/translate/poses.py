@@ -20,6 +20,7 @@ from obstacles.scene import Obstacle, Scene
 from service.schemas import pose as pose_schema
 from service.schemas import scene as scene_schema
 from service.schemas import shape as shape_schema
+from service.translate.contacts import contacts
 
 
 def transform(pose: pose_schema.Pose) -> Array:
@@ -145,15 +146,14 @@ def scene(body: scene_schema.Scene) -> Scene:
         InvalidScene: A shape or an obstacle is not valid.
         InvalidPose: The pose of an obstacle is not valid.
     """
-    allowed = frozenset((first, second) for first, second in body.allowed_collisions or ())
+    allowed = contacts(body.allowed_collisions, "scene")
     if body.moveit is not None:
         read = scene_from_moveit(body.moveit)
-        made = (
-            replace(read, allowed_collisions=read.allowed_collisions | allowed) if allowed else read
-        )
+        made = replace(read, contacts={**read.contacts, **allowed}) if allowed else read
     else:
         obstacles = tuple(_obstacle(item) for item in body.obstacles or ())
-        made = with_objects(Scene(obstacles, allowed), {name for pair in allowed for name in pair})
+        named = {name for pair in allowed for name in pair}
+        made = with_objects(Scene(obstacles, contacts=allowed), named)
     return made if body.frame is None else in_frame(made, body.frame)
 
 

@@ -32,6 +32,7 @@ from service.schemas.goal import SingleGoal
 from service.schemas.reach import ReachTolerance
 from service.translate import poses, timings
 from service.translate.constraints import constraint
+from service.translate.contacts import contacts, touch_depth
 from service.translate.frames import Frames, constraints_in_root_frame
 from service.translate.problems import planner_name
 
@@ -91,16 +92,22 @@ class _Translator:
                 return _straight(body, settings)
             case schema.GraspStage():
                 grips = _grasps(body)
-                return Grasp(body.object, grips, tuple(body.touch_links), body.support, settings)
+                return Grasp(
+                    body.object, grips, tuple(body.touch_links), supports(body.support), settings,
+                    touch_depth(body.touch_depth),
+                )  # fmt: skip
             case schema.PlaceStage():
                 return Place(
-                    body.object, self._places(body, k), body.relative_to, body.support, settings
-                )
+                    body.object, self._places(body, k), body.relative_to, supports(body.support),
+                    settings, touch_depth(body.touch_depth),
+                )  # fmt: skip
             case schema.AttachStage():
-                touches = tuple(body.touch_links)
-                return Attach(body.object, body.link, touches, _load(body), settings)
+                touching = tuple(body.touch_links), _load(body), settings
+                depth = touch_depth(body.touch_depth)
+                return Attach(body.object, body.link, *touching, depth)
             case schema.DetachStage():
-                return Detach(body.object, tuple(body.touch_links), settings)
+                depth = touch_depth(body.touch_depth)
+                return Detach(body.object, tuple(body.touch_links), settings, depth)
             case schema.WaitStage():
                 return WaitStage(body.duration, settings)
             case _:
@@ -122,7 +129,7 @@ class _Translator:
         return StageSettings(
             name=body.name or "",
             margin=task.margin if body.margin is None else body.margin,
-            allowed=tuple((pair[0], pair[1]) for pair in pairs),
+            allowed=contacts(pairs, "request"),
             constraints=tuple(constraint(item) for item in wanted or ()),
             options=Options(
                 planner=planner,
@@ -207,6 +214,11 @@ class _Translator:
             (region.angles[0], region.angles[1]),
             (region.samples[0], region.samples[1], region.angle_samples),
         )
+
+
+def supports(given: str | list[str] | None) -> tuple[str, ...]:
+    """What an object stands on."""
+    return (given,) if isinstance(given, str) else tuple(given or ())
 
 
 def _straight(

@@ -8,6 +8,7 @@ import numpy as np
 from kinematics.arrays import Array
 from kinematics.chain import Chain
 from kinematics.named_states import state
+from obstacles.allowed_pairs import deepest
 from obstacles.robot_geometry import RobotGeometry
 from obstacles.scene import Scene
 from planning.options import MAX_TIMEOUT, Options
@@ -20,6 +21,7 @@ from service.schemas.goal import SingleGoal, Start
 from service.schemas.scene import Scene as SceneBody
 from service.translate import certificates, problems, timings, trajectories
 from service.translate.constraints import constraint_set
+from service.translate.contacts import allowed_answer
 from service.translate.frames import (
     Frames,
     constraints_in_root_frame,
@@ -162,6 +164,9 @@ def tour_answer(
             "stopped": tour.search.stopped,
         },
         "joint_names": list(problem.robot.chain.joint_names),
+        "allowed_collisions": allowed_answer(
+            deepest(*(leg.certificate.allowed_collisions for leg in tour.legs))
+        ),
         "notes": list(tour.notes),
     }
 

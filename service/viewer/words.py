@@ -1,6 +1,6 @@
 """Certificates and problems in words."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 from planning.proof.premises import Premises
@@ -49,9 +49,24 @@ def certificate_sentences(certificate: Mapping[str, Any]) -> list[str]:
         for item in certificate.get("path_constraints", ())
     ]
     sentences += unproved_sentences(certificate)
-    if certificate.get("allowed_collisions"):
-        pairs = "; ".join(" and ".join(pair) for pair in certificate["allowed_collisions"])
-        sentences.append(f"The request lets these touch: {pairs}.")
+    return sentences + allowed_sentences(certificate.get("allowed_collisions") or ())
+
+
+def allowed_sentences(told: Sequence[Mapping[str, Any]]) -> list[str]:
+    """Sentences of the pairs that were not kept apart.
+
+    Args:
+        told: As the API answers them.
+    """
+    measured = [item for item in told if item["overlap"] is not None]
+    sentences = [
+        f"{' and '.join(item['pair'])} were not kept apart ({item['reason']}): they overlap by at "
+        f"most {1000.0 * item['overlap']:.2f} mm."
+        for item in measured
+    ]
+    rest = len(told) - len(measured)
+    if rest:
+        sentences.append(f"Not kept apart, depth not measured: {rest} pair(s).")
     return sentences
 
 

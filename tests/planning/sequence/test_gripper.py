@@ -23,6 +23,8 @@ from tests.planning.sequence import crate, fingers
 TIME = TaskOptions(30.0)
 _POST = (0.08, 0.03, 0.05)
 _TOUCHES = ("panda_hand", "claw_left_plate", "claw_right_plate")
+#: The plates close to 5 mm less than the crate is wide on either side [m].
+_DEPTH = 0.02
 
 
 def _posts() -> list[aw.Obstacle]:
@@ -36,7 +38,7 @@ def _posts() -> list[aw.Obstacle]:
 
 def _stages(grips: int = 18) -> tuple[Stage, ...]:
     stages = list(crate.stages(crate.grasps(grips)))
-    stages[2] = replace(_grasp(stages[2]), touches=_TOUCHES)
+    stages[2] = replace(_grasp(stages[2]), touches=_TOUCHES, touch_depth=_DEPTH)
     return (Gripper("open"), *stages)
 
 

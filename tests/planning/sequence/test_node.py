@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from obstacles.scene import AllowedContact
 from planning.deadline import Deadline
 from planning.options import Options
 from planning.sequence.estimate import travel_times
@@ -26,7 +27,7 @@ def _target(number: int) -> Target:
 def _node(parent: Node | None = None, number: int | None = None, *bounds: float) -> Node:
     world = crate.world()
     steps = [
-        Step(k, Wait(1.0), "none", world, world, (), crate.HOME, crate.HOME, bound=bound)
+        Step(k, Wait(1.0), "none", world, world, {}, crate.HOME, crate.HOME, bound=bound)
         for k, bound in enumerate(bounds)
     ]
     target = None if number is None else _target(number)
@@ -99,22 +100,26 @@ def test_choices_bounds_and_penalties_add_up_along_the_path() -> None:
 
 def test_what_may_touch_at_a_target_is_what_it_names() -> None:
     grasp = Grasp("crate", GRIPS, ("panda_hand", "a"), "table")
-    assert contact_pairs(grasp) == (("crate", "panda_hand"), ("a", "crate"))
-    assert contact_pairs(Place("crate", crate.places(1), support="table")) == (("crate", "table"),)
-    assert contact_pairs(Place("crate", crate.places(1))) == ()
-    assert contact_pairs(Move()) == ()
+    touching = AllowedContact("touch_links", 1e-3)
+    assert contact_pairs(grasp) == {("crate", "panda_hand"): touching, ("a", "crate"): touching}
+    place = Place("crate", crate.places(1), support=("table", "wall"), touch_depth=0.002)
+    on = AllowedContact("support", 0.002)
+    assert contact_pairs(place) == {("crate", "table"): on, ("crate", "wall"): on}
+    assert contact_pairs(Place("crate", crate.places(1))) == {}
+    assert contact_pairs(Move()) == {}
 
 
 def test_the_place_that_a_grasp_leads_to_is_told_with_the_world_there() -> None:
     task = Task(crate.world(), crate.HOME, crate.stages(GRIPS))
-    at = crate.world().after_grasp(Contact("crate", GRIPS[0], "table"), ("panda_hand",))
+    touching = contact_pairs(Grasp("crate", GRIPS, ("panda_hand",)))
+    at = crate.world().after_grasp(Contact("crate", GRIPS[0], ("table",)), touching)
     found = next_place(task, 3, at, crate.HOME)
     assert found is not None
     k, world = found
     assert k == 8
     assert [item.name for item in world.held] == ["crate"]
     assert "crate" not in world.scene.ids
-    assert world.supported == frozenset()
+    assert world.supported == {}
     np.testing.assert_allclose(world.T_tool_object("crate"), np.linalg.inv(GRIPS[0]), atol=1e-12)
     # After the place nothing more is put anywhere; another grasp ends the look.
     assert next_place(task, 9, world, crate.HOME) is None

@@ -26,7 +26,7 @@ def _child(root: Node, number: int, stage: int) -> Node:
     target = Target(number, None, crate.HOME, None)
     grasp = Grasp("crate", crate.grasps(2))
     world = crate.world()
-    step = Step(stage, grasp, "none", world, world, (), crate.HOME, crate.HOME)
+    step = Step(stage, grasp, "none", world, world, {}, crate.HOME, crate.HOME)
     return Node(root, 1, world, crate.HOME, {}, target, [step])
 
 
@@ -105,7 +105,7 @@ def test_trials_are_in_the_order_of_stages_and_lists() -> None:
 
 def test_a_step_that_stands_still_lasts_its_bound_until_it_has_a_plan() -> None:
     world = crate.world()
-    step = Step(0, Wait(0.4), "none", world, world, (), crate.HOME, crate.HOME, bound=0.4)
+    step = Step(0, Wait(0.4), "none", world, world, {}, crate.HOME, crate.HOME, bound=0.4)
     assert step.least_time == 0.4
     solved = crate.plan().stages[0]
     step.plan = solved

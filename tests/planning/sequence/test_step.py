@@ -24,7 +24,7 @@ LATER = Deadline.after(1e6)
 def _free(**changes: Any) -> Step:
     world = crate.world()
     step = Step(
-        4, Move(settings=StageSettings("over")), "free", world, world, (), crate.HOME, THERE
+        4, Move(settings=StageSettings("over")), "free", world, world, {}, crate.HOME, THERE
     )
     return replace(step, **changes)
 
@@ -81,7 +81,7 @@ def test_a_free_motion_is_proved_from_end_to_end() -> None:
 def test_standing_in_a_collision_is_no_plan_and_says_what_to_name() -> None:
     deep = np.array([-0.46, 0.32, 0.0, -2.4, 0.0, 2.75, 0.3])
     world = crate.world()
-    step = Step(2, Wait(0.3), "none", world, world, (), deep, deep)
+    step = Step(2, Wait(0.3), "none", world, world, {}, deep, deep)
     failure = plan_step(Cells(), step, 10_000, LATER, 0)
     assert isinstance(failure, Failure)
     assert (failure.code, failure.stage) == ("INVALID_MOTION_PLAN", "certificate")

@@ -35,7 +35,7 @@ def test_a_world_is_looked_at_once_and_another_one_anew() -> None:
     world = crate.world()
     first = finder.find(0, world, 0, {}, LATER)
     assert finder.find(0, crate.world(), 0, {}, LATER) is first
-    held = world.after_attach("wall", None, ("panda_hand",), None, crate.HOME)
+    held = world.after_attach("wall", None, (("panda_hand",), np.inf), None, crate.HOME)
     assert finder.find(0, held, 0, {}, LATER) is not first
 
 
@@ -57,4 +57,8 @@ def test_links_that_may_touch_the_object_may_at_its_grasps() -> None:
     assert {v.outcome for v in refused.outcomes.values()} == {Outcome.IN_COLLISION}
     assert all("crate" in (v.pair or ()) for v in refused.outcomes.values())
     taken = _finder(Grasp("crate", deep, ("panda_hand",))).find(0, world, 0, {}, LATER)
+    assert {v.outcome for v in taken.outcomes.values()} == {Outcome.IN_COLLISION}
+    assert all("touch_depth is 0.001 m" in (v.why or "") for v in taken.outcomes.values())
+    any_depth = Grasp("crate", deep, ("panda_hand",), touch_depth=np.inf)
+    taken = _finder(any_depth).find(0, world, 0, {}, LATER)
     assert {v.outcome for v in taken.outcomes.values()} == {Outcome.REACHED}

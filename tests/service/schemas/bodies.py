@@ -64,12 +64,12 @@ SCENE: dict[str, Any] = {
     "name": "table",
     "frame": "base",
     "obstacles": [*OBSTACLES[:-1], OBSTACLES[-1] | {"pose": POSE | {"frame": "base"}}],
-    "allowed_collisions": [["hand", "o0"]],
+    "allowed_collisions": [["hand", "o0"], {"pair": ["hand", "o1"], "touch_depth": 0.002}],
 }
 ATTACHED: list[dict[str, Any]] = [
     {
         "id": "part", "shape": SHAPES[0], "pose": POSE, "link": "hand", "touch_links": ["finger"],
-        "mass": 0.5, "center_of_mass": [0.0, 0.0, 0.1], "inertia": IDENTITY,
+        "touch_depth": 0.002, "mass": 0.5, "center_of_mass": [0.0, 0.0, 0.1], "inertia": IDENTITY,
     },
     {"id": "o1", "grasp_joints": [0.1, 0.2], "link": "hand"},
 ]  # fmt: skip

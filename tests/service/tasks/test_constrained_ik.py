@@ -38,7 +38,7 @@ def test_only_what_is_there_is_to_be_changed(
     wanted = ConstraintSet(CHAIN, (ClearanceConstraint(margin),) if margin else ())
     pair = ("panda_hand", other)
     nearest = ConstrainedSolution(np.zeros(7), np.zeros(0), clearance, pair, 0.0, "descent")
-    what, hint = _too_near(wanted, nearest, RobotInScene(builtin("panda"), Scene((WALL,)), []))
+    what, hint = _too_near(wanted, nearest, RobotInScene(builtin("panda"), Scene((WALL,))))
     assert "closer than they may be by 0.05 m" in what
     assert hint == cures
 

@@ -139,7 +139,7 @@ def check() -> CollisionCheck:
     at = np.eye(4)
     at[:3, 3] = [0.0, 0.4, 0.55]
     scene = Scene((Obstacle("ball", Sphere(0.15), at),))
-    return CollisionCheck(RobotInScene(builtin("panda"), scene, []))
+    return CollisionCheck(RobotInScene(builtin("panda"), scene))
 
 
 TURNED = HOME + np.array([np.pi / 2, 0, 0, 0, 0, 0, 0])

@@ -206,7 +206,7 @@ def test_a_tool_speed_is_held_to() -> None:
 def test_obstacles_need_a_robot_that_can_hit_them() -> None:
     chain = builtin("planar_rr").chain
     none = np.zeros(0, dtype=np.int64)
-    bare = RobotInScene(RobotGeometry(chain, (), (), none, none, {}), Scene((STONE,)), [])
+    bare = RobotInScene(RobotGeometry(chain, (), (), none, none, {}), Scene((STONE,)))
     with pytest.raises(InvalidRobotDescription, match="no collision geometry") as refused:
         _collision_cell(bare, "check")
     assert refused.value.details["reason"] == "no_collision_geometry"
@@ -214,9 +214,8 @@ def test_obstacles_need_a_robot_that_can_hit_them() -> None:
     assert _collision_cell(alone, "check") is alone
     ignoring = _collision_cell(bare, "ignore")
     assert ignoring.scene.obstacles == ()
-    solid = RobotInScene(builtin("planar_rr"), Scene((STONE,)), [["a", "b"]])
+    solid = RobotInScene(builtin("planar_rr"), Scene((STONE,)))
     assert _collision_cell(solid, "check") is solid
     stripped = _collision_cell(solid, "ignore")
     assert (stripped.robot.pieces, stripped.scene.obstacles) == ((), ())
     assert stripped.robot.chain is solid.robot.chain
-    assert stripped.allowed == [["a", "b"]]

@@ -63,6 +63,7 @@ def test_a_valid_motion_is_answered_with_all_that_was_proved() -> None:
         "limits": {"velocity": {"worst_ratio": 0.5, "joint": "elbow", "time": 1.5}},
         "continuity": {"position": 1e-12, "velocity": 0.0},
         "cells": 17,
+        "allowed_collisions": [],
         "violation": None,
         "path_constraint_residual": None,
         "path_constraints": [],

@@ -28,7 +28,10 @@ def test_what_is_not_proved_is_said() -> None:
         "proved": {"limits": False, "collisions": False, "reasons": ["no geometry"]},
         "limits": {"velocity": {"worst_ratio": 1.25, "joint": "j1", "time": 0.25}},
         "violation": {"kind": "collision", "time": 0.5, "message": "hand hits post"},
-        "allowed_collisions": [["a", "b"]],
+        "allowed_collisions": [
+            {"pair": ["a", "b"], "reason": "request", "overlap": 0.0015},
+            {"pair": ["c", "d"], "reason": "srdf", "overlap": None},
+        ],
     }
     words = " ".join(certificate_sentences(CERTIFICATE | changes))
     assert "Not everything" in words
@@ -36,7 +39,8 @@ def test_what_is_not_proved_is_said() -> None:
     assert "Velocity limits are not kept: 125.0 %" in words
     assert "Not proved: no geometry" in words
     assert "at 0.500 s: hand hits post" in words
-    assert "a and b" in words
+    assert "a and b were not kept apart (request): they overlap by at most 1.50 mm." in words
+    assert "Not kept apart, depth not measured: 1 pair(s)." in words
 
 
 def test_a_problem_is_said_with_its_cure() -> None:
