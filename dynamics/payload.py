@@ -9,7 +9,7 @@ from numpy.typing import ArrayLike
 from kinematics.arrays import Array
 from kinematics.chain import Chain, Inertia, Link
 from kinematics.errors import InvalidOption
-from kinematics.rounding import asymmetry, tensor_rounding
+from kinematics.rounding import asymmetry, moment_rounding, tensor_rounding
 
 
 def with_payload(
@@ -115,8 +115,8 @@ def inertia(mass: float, center_of_mass: ArrayLike, tensor: ArrayLike) -> Inerti
     if not (np.isfinite(c).all() and np.isfinite(about).all()):
         raise InvalidOption("a centre of mass or inertia is not finite")
     moments = np.linalg.eigvalsh(0.5 * (about + about.T))
-    slack = tensor_rounding(about.tolist())
-    if asymmetry(about.tolist()) > slack or moments[0] < -slack:
+    slack = moment_rounding(about.tolist())
+    if asymmetry(about.tolist()) > tensor_rounding(about.tolist()) or moments[0] < -slack:
         raise InvalidOption(
             "an inertia tensor is not symmetric and positive semidefinite",
             hint="Give it about the centre of mass, in the axes of the link.",

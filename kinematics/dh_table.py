@@ -11,7 +11,7 @@ from kinematics.arrays import Array, frozen
 from kinematics.chain import MAX_JOINTS
 from kinematics.errors import InvalidPose, InvalidRobotDescription
 from kinematics.pose import from_matrix, transform
-from kinematics.rounding import asymmetry, tensor_rounding
+from kinematics.rounding import asymmetry, moment_rounding, tensor_rounding
 
 Convention = Literal["standard", "modified"]
 JointKind = Literal["revolute", "prismatic"]
@@ -177,8 +177,7 @@ def _check_inertia(row: DhRow, where: str) -> None:
     if row.inertia is None:
         return
     tensor = np.asarray(row.inertia, dtype=np.float64)
-    slack = tensor_rounding(tensor.tolist())
-    if asymmetry(tensor.tolist()) > slack:
+    if asymmetry(tensor.tolist()) > tensor_rounding(tensor.tolist()):
         raise InvalidRobotDescription(f"inertia in {where} is not symmetric")
-    if float(np.linalg.eigvalsh(0.5 * (tensor + tensor.T))[0]) < -slack:
+    if float(np.linalg.eigvalsh(0.5 * (tensor + tensor.T))[0]) < -moment_rounding(tensor.tolist()):
         raise InvalidRobotDescription(f"inertia in {where} is not positive semi-definite")

@@ -1,12 +1,13 @@
 """Numbers as people write them: the rule by which a miss is rounding, and repaired, or a mistake.
 
 What an exact value must fulfil (the norm of a quaternion, the rows of a rotation, the centre of an
-arc) a written one misses by rounding to the decimals that it is written with. So much is taken, and
-told from `TOLD` on; more is refused. Numbers with fewer than three decimals count as having three:
-what is coarser names no direction. The module needs no arrays, as the server has none.
+arc) a written one misses by rounding to the decimals or digits that it is written with. So much is
+taken, and told from `TOLD` on; more is refused. Numbers with fewer than three count as having
+three: what is coarser names no direction. The module needs no arrays, as the server has none.
 """
 
-from collections.abc import Iterable, Sequence
+import math
+from collections.abc import Iterable, Iterator, Sequence
 from decimal import Decimal
 
 from kinematics.errors import InvalidPose
@@ -26,31 +27,62 @@ _SHORTEST_AXIS = 1e-12
 _FEWEST_DECIMALS = 3
 
 
-def rounding(numbers: Iterable[float], fewest: int = _FEWEST_DECIMALS) -> float:
+def rounding(numbers: Iterable[float]) -> float:
     """The rounding error of numbers: half a unit of the last decimal that any is written with.
 
     Args:
-        numbers: Finite, of one vector or matrix; trailing zeros of some may have been lost.
-        fewest: Decimals that they have at least.
+        numbers: Finite, of one vector; trailing zeros of some may have been lost.
     """
+    return float(0.5 * 10.0 ** -max(_decimals(numbers), _FEWEST_DECIMALS))
+
+
+def _written(numbers: Iterable[float]) -> Iterator[Decimal]:
+    """The numbers with the digits that they are written with, without computed zeros."""
     written = (x for x in numbers if abs(x) >= _SHORTEST_AXIS)
-    exponents = (Decimal(repr(float(x))).normalize().as_tuple().exponent for x in written)
-    decimals = max((-int(exponent) for exponent in exponents), default=0)
-    return float(0.5 * 10.0 ** -max(decimals, fewest))
+    return (Decimal(repr(float(x))).normalize() for x in written)
+
+
+def _decimals(numbers: Iterable[float]) -> int:
+    return max((0, *(-int(x.as_tuple().exponent) for x in _written(numbers))))
+
+
+def _digits(numbers: Iterable[float]) -> int:
+    """The most significant digits that any number is written with, or three.
+
+    What is written with so many digits, rather than decimals, has more decimals where it is small.
+    """
+    return max((_FEWEST_DECIMALS, *(len(x.as_tuple().digits) for x in _written(numbers))))
 
 
 def tensor_rounding(rows: Sequence[Sequence[float]]) -> float:
-    """By how much rounding makes the entries of a symmetric matrix (3, 3) differ, at most.
+    """By how much rounding makes entries of a symmetric matrix that mirror each other differ.
 
     It is one unit of the last decimal, or 1e-6 of the largest entry, but 1 % of that at most.
 
     Args:
         rows: Shape (3, 3), finite.
     """
+    return _of_tensor(rows, _decimals(x for row in rows for x in row))
+
+
+def moment_rounding(rows: Sequence[Sequence[float]]) -> float:
+    """By how much rounding moves the principal moments of an inertia, at most.
+
+    It is one unit of the largest entry's last digit, or 1e-6 of that entry, but 1 % at most.
+
+    Args:
+        rows: Shape (3, 3), finite.
+    """
     largest = max(abs(x) for row in rows for x in row)
-    unit = 2.0 * rounding([x for row in rows for x in row], 0)
+    before = math.floor(math.log10(largest)) + 1 if largest > 0.0 else 0
+    return _of_tensor(rows, _digits(x for row in rows for x in row) - before)
+
+
+def _of_tensor(rows: Sequence[Sequence[float]], decimals: int) -> float:
+    largest = max(abs(x) for row in rows for x in row)
     # A difference of one unit is worked out with rounding of its own.
-    return max(TENSOR_TOLERANCE * largest, min(1.000001 * unit, _MOST_OF_TENSOR * largest))
+    unit = 1.000001 * 10.0**-decimals
+    return max(TENSOR_TOLERANCE * largest, min(unit, _MOST_OF_TENSOR * largest))
 
 
 def asymmetry(rows: Sequence[Sequence[float]]) -> float:
@@ -99,14 +131,15 @@ def check_rotation(rows: Sequence[Sequence[float]]) -> float:
     if determinant > 0.0 and error <= ORTHONORMAL_TOLERANCE:
         return error
     if determinant > 0.0 and error <= 1.0:
-        u = rounding([*rows[0], *rows[1], *rows[2]])
+        # Entries near 1 are written 0.9999 or 1: digits count as decimals.
+        u = 0.5 * 10.0 ** -_digits((*rows[0], *rows[1], *rows[2]))
         sizes = [sum(abs(row[k]) for row in rows) for k in range(3)]
         if all(abs(x) <= u * (sizes[k] + sizes[m]) + 3.0 * u * u for (k, m), x in errors.items()):
             return error
     raise InvalidPose(
         f"rotation_matrix is not a rotation: R^T R differs from I by {error:.3g}, "
         f"det R = {determinant:.6g}",
-        hint="Give an orthonormal matrix with determinant +1, row by row, with three decimals or "
+        hint="Give an orthonormal matrix with determinant +1, row by row, with three digits or "
         "more, or give quaternion_xyzw or rpy.",
     )
 

@@ -29,7 +29,7 @@ class Pose(Request):
     Args:
         position: [x, y, z] [m]; needed beside all but a transform.
         quaternion_xyzw: Of norm 1 within 1e-3.
-        rotation_matrix: 3x3, its rows; within rounding to three decimals or more.
+        rotation_matrix: 3x3, its rows; within rounding to three digits or more.
         euler_zyz: [phi, theta, psi] with R = Rz(phi) Ry(theta) Rz(psi) [rad].
         rpy: [roll, pitch, yaw] with R = Rz(yaw) Ry(pitch) Rx(roll) [rad].
         axis_angle: [x, y, z, angle]: about an axis of any length but 0, by an angle [rad].

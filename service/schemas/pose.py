@@ -50,7 +50,7 @@ class Pose(Body):
     )
     rotation_matrix: Matrix3 | None = Field(
         None,
-        description="rows; of a rotation within rounding to three decimals or more the nearest one "
+        description="rows; of a rotation within rounding to three digits or more the nearest one "
         "is taken, others are refused",
     )
     euler_zyz: Vector3 | None = Field(None, description="[phi, theta, psi], R = Rz Ry Rz [rad]")

@@ -65,7 +65,7 @@ def test_tables_that_can_be_built_are_taken(name: str) -> None:
 
 @pytest.mark.parametrize("share", [0.9, 1.1])
 def test_symmetry_and_sign_of_a_tensor_may_miss_by_the_tolerance(share: float) -> None:
-    skew, negative = np.diag([2.0, 2.0, 2.0]), np.diag([2.0, 2.0, 0.0])
+    skew, negative = np.diag([2.0, 2.0, 2.0]), np.diag([2.0000001, 2.0, 0.0])
     skew[0, 1] = share * TENSOR_TOLERANCE * 2.0
     negative[2, 2] = -share * TENSOR_TOLERANCE * 2.0
     if share < 1.0:

@@ -57,6 +57,37 @@ def test_a_rotation_written_with_few_decimals_is_the_nearest_one(seed: int, deci
 
 
 @SEEDS
+@pytest.mark.parametrize("form", ["%.3g", "%.4g", "%.5g", "%.6g", "%.3e"])
+@pytest.mark.parametrize("size", [2.0, 0.1, 1e-3])
+def test_a_rotation_written_with_few_digits_is_the_nearest_one(
+    seed: int, form: str, size: float
+) -> None:
+    exact = Rotation.from_rotvec(size * np.random.default_rng(seed).normal(size=3)).as_matrix()
+    written = np.array([[float(form % x) for x in row] for row in exact])
+    taken = from_matrix(written)
+    np.testing.assert_allclose(taken, Rotation.from_matrix(written).as_matrix(), atol=1e-14)
+    np.testing.assert_allclose(taken, exact, atol=3.0 * 10.0 ** -int(form[2]))
+
+
+@SEEDS
+@pytest.mark.parametrize("form", ["%.3g", "%.4g", "%.5g", "%.3e", "%.4f"])
+def test_an_inertia_of_a_plate_or_a_rod_may_be_written_with_few_digits(
+    seed: int, form: str
+) -> None:
+    random = np.random.default_rng(seed)
+    a, b = random.uniform(0.01, 1.0, 2)
+    R = Rotation.from_rotvec(0.1 * random.normal(size=3)).as_matrix()
+    for moments in ([a, b, a + b], [a, a, 0.0]):  # at the ends of what a body can have
+        tensor = R @ np.diag(moments) @ R.T
+        written = np.array([[float(form % x) for x in row] for row in tensor])
+        np.testing.assert_allclose(inertia(1.0, [0, 0, 0], written).tensor, written)
+    for moments in ([a, b, 1.03 * (a + b)], [a, a, -0.02 * a]):
+        wrong = R @ np.diag(moments) @ R.T
+        with pytest.raises(InvalidOption):
+            inertia(1.0, [0, 0, 0], [[float(form % x) for x in row] for row in wrong])
+
+
+@SEEDS
 @pytest.mark.parametrize("decimals", [3, 4, 5, 6, 16])
 def test_what_is_no_rotation_is_refused_at_any_precision(seed: int, decimals: int) -> None:
     random = np.random.default_rng(seed)
