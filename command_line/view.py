@@ -93,13 +93,19 @@ def _of_bundle(
     bundle: dict[str, Any], backend: LocalBackend
 ) -> tuple[str, dict[str, Any], dict[str, Any] | None]:
     """The robot of a bundle, its plan, and the stored scene that its request names."""
-    name, document = bundle["robot"], bundle["robot_document"]
-    if document is not None:
+    from service.plans.document import checked_bundle  # noqa: PLC0415
+    from service.storage.robot_repository import is_built_in  # noqa: PLC0415
+
+    checked = checked_bundle(bundle)
+    name, document, stored = checked.robot, checked.robot_document, checked.scene_document
+    if name is None:
+        raise invalid_value("FILE|ID", "the bundle names no robot")
+    # As in a service: nobody else's robot has the name of a built-in one.
+    if document is not None and not is_built_in(name):
         backend.add_robot(name, document.encode())
-    request, stored = json.loads(bundle["request"]), bundle["scene_document"]
-    field = "answer" if bundle["status"] == "succeeded" else "problem"
-    fields = {key: bundle[key] for key in ("operation", "version", "seed", "digest")}
-    plan = fields | {"request": request, field: json.loads(bundle["answer"])}
+    field = "answer" if checked.status == "succeeded" else "problem"
+    fields = checked.model_dump(include={"operation", "version", "seed", "digest"})
+    plan = fields | {"request": json.loads(checked.request), field: json.loads(checked.answer)}
     return name, plan, None if stored is None else json.loads(stored)
 
 

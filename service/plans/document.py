@@ -3,11 +3,22 @@
 import json
 from datetime import UTC, datetime
 from http import HTTPStatus
+from typing import Any
 
+from pydantic import BaseModel
 from starlette.concurrency import run_in_threadpool
 
+from service.http.answer_digest import answer_digest
+from service.problem import ProblemError
 from service.schemas.kept_plan import Bundle, DocumentName, KeptPlanSummary
+from service.schemas.robot import RobotBody
+from service.schemas.scene import NamedScene
+from service.schemas.strict_json import parse_json
+from service.schemas.validation import validate_as
 from service.storage.plan_store import PlanContent, PlanRecord, PlanStore
+
+#: What the documents of a bundle are, by their fields.
+_DOCUMENTS: dict[str, type[BaseModel]] = {"robot_document": RobotBody, "scene_document": NamedScene}
 
 
 def plan_summary(record: PlanRecord, lifetime: float) -> KeptPlanSummary:
@@ -58,6 +69,31 @@ async def bundle(plans: PlanStore, record: PlanRecord, content: PlanContent) -> 
     )
 
 
+def checked_bundle(value: Any) -> Bundle:
+    """A bundle from outside, each part of which has its form; what it claims is not looked at.
+
+    Raises:
+        ProblemError: VALIDATION_ERROR: a part has another form, or the digest is not that of the
+            answer.
+    """
+    body = validate_as(Bundle, value)
+    for field in ("request", "answer"):
+        if not _is_object(getattr(body, field)):
+            raise _broken(f"{field}: this is no JSON object")
+    if (problem_code(body.answer) is None) is (body.status == "failed"):
+        raise _broken("answer: a problem belongs to the status failed, and to no other")
+    if answer_digest(body.answer.encode()) != body.digest:
+        raise _broken("digest: it is not that of the answer")
+    for field, model in _DOCUMENTS.items():
+        document = getattr(body, field)
+        try:
+            if document is not None:
+                validate_as(model, parse_json(document.encode()))
+        except ProblemError as error:
+            raise _broken(f"{field}: {error.detail}") from error
+    return body
+
+
 def problem_code(answer: str) -> str | None:
     """The code of a problem document, if it is one."""
     value = json.loads(answer)
@@ -70,6 +106,22 @@ async def _document(plans: PlanStore, digest: str | None, tenant: str) -> str | 
         return None
     content = await run_in_threadpool(plans.document, digest, tenant)
     return None if content is None else content.decode()
+
+
+def _is_object(text: str) -> bool:
+    try:
+        return isinstance(parse_json(text.encode()), dict)
+    except ProblemError:
+        return False
+
+
+def _broken(detail: str) -> ProblemError:
+    return ProblemError(
+        "VALIDATION_ERROR",
+        detail,
+        stage="request",
+        hint="The bundle was changed. Fetch it again from GET /v1/plans/{id}/bundle.",
+    )
 
 
 def _succeeded(record: PlanRecord) -> bool:

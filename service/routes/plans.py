@@ -19,7 +19,13 @@ from service.http.json_route import JsonRoute
 from service.http.keeping import named_robot, new_plan_id, states_proof
 from service.http.openapi import RESPONSES
 from service.http.state import REPLAY, Replay, retention, settings_of, store_of
-from service.plans.document import bundle, plan_document, plan_summary, problem_code
+from service.plans.document import (
+    bundle,
+    checked_bundle,
+    plan_document,
+    plan_summary,
+    problem_code,
+)
 from service.plans.replay import pinned_references, replay_plan, replayed_body
 from service.problem import ProblemError
 from service.routes.paging import page
@@ -79,8 +85,7 @@ async def import_plan(body: Bundle, request: Request) -> Response:
     scene. Where that gives the same answer, the plan is `proved_here`.
     """
     # The outline of a large body has its texts cut.
-    whole = Bundle.model_validate(parse_json(await request.body()))
-    _check_content(whole)
+    whole = await run_in_threadpool(checked_bundle, parse_json(await request.body()))
     path = body.operation.removeprefix("POST ")
     documents = [whole.robot_document, whole.scene_document]
     contents = [None if text is None else text.encode() for text in documents]
@@ -262,34 +267,3 @@ async def _same_answer(request: Request, record: PlanRecord, content: PlanConten
 async def _plan(plan_id: str, request: Request) -> tuple[PlanRecord, PlanContent]:
     tenant = caller_of(request.scope).tenant
     return await run_in_threadpool(store_of(request).plans.get, plan_id, tenant)
-
-
-def _check_content(body: Bundle) -> None:
-    """Refuse a bundle whose parts are no JSON objects, do not fit its status, or were changed.
-
-    Raises:
-        ProblemError: VALIDATION_ERROR.
-    """
-    for field in ("request", "answer"):
-        if not _is_object(getattr(body, field)):
-            raise _broken(f"{field}: this is no JSON object")
-    if (problem_code(body.answer) is None) is (body.status == "failed"):
-        raise _broken("answer: a problem belongs to the status failed, and to no other")
-    if answer_digest(body.answer.encode()) != body.digest:
-        raise _broken("digest: it is not that of the answer")
-
-
-def _is_object(text: str) -> bool:
-    try:
-        return isinstance(parse_json(text.encode()), dict)
-    except ProblemError:
-        return False
-
-
-def _broken(detail: str) -> ProblemError:
-    return ProblemError(
-        "VALIDATION_ERROR",
-        detail,
-        stage="request",
-        hint="The bundle was changed. Fetch it again from GET /v1/plans/{id}/bundle.",
-    )

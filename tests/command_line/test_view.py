@@ -103,6 +103,34 @@ def test_a_bundle_is_proved_anew(run: Run, tmp_path: Path, bundle: dict[str, Any
         assert "7000.0 mm" not in shown
 
 
+def test_a_bundle_of_another_form_is_refused(
+    run: Run, tmp_path: Path, bundle: dict[str, Any]
+) -> None:
+    for field, value in [
+        ("robot_document", "{}"),
+        ("scene_document", "{}"),
+        ("scene_document", "no JSON"),
+        ("request", "[]"),
+        ("digest", None),
+    ]:
+        file = tmp_path / "broken.json"
+        file.write_text(json.dumps(bundle | {field: value}))
+        result = run("view", str(file), "--output", str(tmp_path / "page.html"))
+        assert result.code == 3
+        assert field in result.err
+
+
+def test_no_robot_of_a_bundle_takes_the_place_of_a_built_in_one(
+    run: Run, tmp_path: Path, bundle: dict[str, Any]
+) -> None:
+    thin = {"type": "revolute", "a": 1.0, "alpha": 0.0, "d": 0.0, "theta": 0.0}
+    rows = [thin | {"lower": -3.0, "upper": 3.0, "velocity": 2.0, "acceleration": 5.0}] * 2
+    table = {"convention": "standard", "rows": rows}
+    forged = json.dumps({"name": "planar_rr", "dh": table})
+    honest = page(run, tmp_path, bundle)
+    assert page(run, tmp_path, bundle | {"robot_document": forged}) == honest
+
+
 def test_an_answer_of_somebody_is_proved_anew(
     run: Run, tmp_path: Path, bundle: dict[str, Any]
 ) -> None:

@@ -274,6 +274,11 @@ def test_a_bundle_that_was_changed_is_refused(here: httpx.Client, plan: dict[str
         ("operation", "POST /v1/robots"),
         ("operation", "POST /v1/nothing"),
         ("digest", "0" * 64),
+        ("robot_document", "{}"),
+        ("robot_document", "no JSON"),
+        ("robot_document", '{"name": "a", "urdf": 3}'),
+        ("scene_document", "{}"),
+        ("scene_document", '{"obstacles": [{"id": "a"}]}'),
         ("armwright_bundle", 2),
     ]:
         response = here.post("/v1/plans", json=bundle | {field: value})
@@ -310,7 +315,8 @@ def test_a_bundle_whose_answer_is_of_something_else_has_no_page(here: httpx.Clie
     for request, content in (("{}", "{}"), (odd, odd)):
         bundle = BUNDLE | {
             "operation": "POST /v1/check", "status": "succeeded", "request": request,
-            "answer": content, "digest": answer_digest(content.encode()),
+            "answer": content, "digest": answer_digest(content.encode()), "robot": "planar_rr",
+            "robot_document": None, "scene": None, "scene_document": None,
         }  # fmt: skip
         kept = answer(here.post("/v1/plans", json=bundle), 201)
         problem(here.get(f"/v1/plans/{kept['id']}/view"), 422, "VALIDATION_ERROR")
