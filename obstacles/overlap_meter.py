@@ -27,7 +27,7 @@ class OverlapMeter:
     def __init__(self, robot: RobotGeometry, scene: Scene) -> None:
         self.pairs = allowed_pairs(robot, scene)
         self._measured = [pair for pair in self.pairs if pair.measured]
-        self._limited = any(item.limited for item in self._measured)
+        self.limited = any(item.limited for item in self._measured)
         self._world = FclWorld(robot, scene) if self._measured else None
         self._pieces = [piece_pairs(robot, scene, item.pair) for item in self._measured]
 
@@ -43,7 +43,7 @@ class OverlapMeter:
 
     def too_deep(self, q: Array) -> list[tuple[AllowedPair, float]]:
         """Pairs deeper than they may be in a configuration (n,), each with its depth [m]."""
-        if not self._limited:
+        if not self.limited:
             return []
         depths = self.depths(q)
         beyond = [(item, depths[item.pair]) for item in self._measured]

@@ -25,6 +25,7 @@ from kinematics.ik.structure import Structure, structure
 from kinematics.pose import inverse
 from obstacles.checker import any_model
 from obstacles.collision_model import CollisionModel, ModelArrays
+from obstacles.overlap_meter import OverlapMeter, overlap_meter
 from obstacles.robot_geometry import RobotGeometry
 from obstacles.scene import Scene
 from planning.deadline import Deadline
@@ -155,7 +156,8 @@ def reach(
 
     Every configuration is verified by forward kinematics and by the exact collision check. Arms
     with a closed form try every branch; of arms with seven joints at 16 values of the parameter.
-    Other arms search from several starts, so that a pose they miss may have a solution.
+    Other arms search from several starts, so that a pose they miss may have a solution. Contacts
+    that may be only so deep are measured in the best configuration of each pose alone.
 
     Args:
         robot: The arm with its solids.
@@ -186,9 +188,27 @@ def reach(
             _by_closed_form(query, targets, results[part], joints[part])
         else:
             _by_search(query, targets, results[part], joints[part])
+        _leave_out_deep(overlap_meter(robot, scene), results[part], joints[part])
         completed = part.stop
         report(completed / len(T))
     return _answer(results[:completed], joints[:completed], how)
+
+
+def _leave_out_deep(meter: OverlapMeter, results: Array, joints: Array) -> None:
+    """Take poses as in collision whose best configuration has allowed contacts that are too deep.
+
+    Args:
+        meter: Of the pairs that may touch.
+        results: Of the poses, shape (k, columns).
+        joints: Their best configurations, shape (k, n).
+    """
+    if not meter.limited:
+        return
+    for k in np.flatnonzero(results[:, assessment.STATUS] == Status.REACHED):
+        if meter.too_deep(joints[k]):
+            results[k, assessment.STATUS] = Status.IN_COLLISION
+            results[k, [assessment.BRANCHES, assessment.SAMPLES]] = 0.0
+            joints[k] = np.nan
 
 
 def _query(

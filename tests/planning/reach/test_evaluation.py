@@ -14,7 +14,7 @@ from obstacles.attachment import Attachment, hold
 from obstacles.fcl_distance import FclWorld
 from obstacles.robot_geometry import RobotGeometry
 from obstacles.scene import Obstacle, Scene
-from obstacles.shapes import Box, Sphere
+from obstacles.shapes import Box, HalfSpace, Sphere
 from planning.deadline import Deadline
 from planning.reach.assessment import GAIN
 from planning.reach.evaluation import Choice, Reach, ReachOptions, Status, parameter_values, reach
@@ -293,3 +293,21 @@ def test_nonsense_is_refused() -> None:
         ReachOptions(choice="speed")  # type: ignore[arg-type]
     with pytest.raises(InvalidOption, match="margin"):
         ReachOptions(margin=-0.1)
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_what_is_held_goes_no_deeper_into_a_floor_than_touch_depth_says(seed: int) -> None:
+    random, panda = np.random.default_rng(seed), builtin("panda")
+    limit, radius = random.uniform(0.001, 0.02), 0.05
+    ball = Obstacle("ball", Sphere(radius), transform(None, [0.0, 0.0, 0.2]))
+    held = Attachment(ball, "panda_hand", ("floor",), limit)
+    floor = Obstacle("floor", HalfSpace([0.0, 0.0, 1.0], 0.2))
+    base = [("panda_link0", "floor"), ("panda_link1", "floor")]
+    holding = hold(panda, Scene([floor]), [held], base)
+    depths = random.uniform(0.0, 2.0 * limit, 20)
+    targets = np.tile(transform(rotation_x(np.pi), [0.45, 0.0, 0.0]), (20, 1, 1))
+    # The hand points down: the lowest point of the ball is below it by 0.2 m and its radius.
+    targets[:, 2, 3] = 0.2 - depths + 0.2 + radius
+    found = reach(holding.robot, holding.scene, targets, link="panda_hand")
+    np.testing.assert_array_equal(found.is_reached, depths <= limit)
+    assert (found.status[depths > limit] == Status.IN_COLLISION).all()
