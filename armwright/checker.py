@@ -75,8 +75,8 @@ class Checker(checker.Checker):
         self, b0: ArrayLike, b1: ArrayLike, b2: ArrayLike, b3: ArrayLike | None = None
     ) -> Motion:
         """As there."""
-        terms = (self._state(b, f"b{k}") for k, b in enumerate((b0, b1, b2)))
-        return super().curve(*terms, None if b3 is None else self._state(b3, "b3"))
+        c0, c1, c2 = (self._state(b, f"b{k}") for k, b in enumerate((b0, b1, b2)))
+        return super().curve(c0, c1, c2, None if b3 is None else self._state(b3, "b3"))
 
     def free(self, start: ArrayLike, end: ArrayLike) -> bool:
         """As there."""

@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from typing import cast
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -112,7 +113,7 @@ def _goals(goal: ArrayLike | Goal | Sequence[Goal]) -> tuple[Goal, ...]:
         return (goal,)
     if isinstance(goal, Sequence) and any(isinstance(one, JointGoal | PoseGoal) for one in goal):
         return tuple(found for one in goal for found in _goals(one))
-    values = numbers(goal, "goal")
+    values = numbers(cast(ArrayLike, goal), "goal")
     if values.shape == (4, 4):
         return (PoseGoal(values),)
     if values.ndim == 1:

@@ -9,6 +9,7 @@ neither timed nor proved.
 """
 
 import time
+from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from typing import NamedTuple
 
@@ -183,7 +184,7 @@ class SampledTask:
         assert isinstance(stage, Straight)
         return stage
 
-    def _place(self, world: World, allowed: tuple[Pair, ...]) -> _Place:
+    def _place(self, world: World, allowed: Iterable[Pair]) -> _Place:
         cell = self._cells.cell(world, allowed)
         pairs = tuple(sorted(cell.scene.allowed_collisions))
         return _Place(world, pairs, _SurfaceJudge(cell.robot, cell.scene))

@@ -9,6 +9,7 @@ whatever the stages before it do.
 from dataclasses import replace
 
 from kinematics.arrays import Array
+from obstacles.allowed_pairs import contacts_of, sorted_pair
 from obstacles.checker import Checker
 from obstacles.robot_geometry import RobotGeometry
 from obstacles.scene import Scene
@@ -21,7 +22,7 @@ from planning.sequence.node import changed, contact_pairs
 from planning.sequence.result import SequenceFailure
 from planning.sequence.stage import Attach, Gripper, Move, Stage, describe_stage
 from planning.sequence.task import Task
-from planning.sequence.world import Cells, sorted_pair
+from planning.sequence.world import Cells
 
 
 def check_given_joints(
@@ -52,7 +53,7 @@ def _start_failure(task: Task, cells: Cells) -> Failure | None:
     first = task.stages[0]
     # Before a gripper moves nothing has changed; what is attached is looked at as held.
     world = task.world if isinstance(first, Gripper) else changed(task.world, first, task.start)
-    pairs = (*first.settings.allowed, *contact_pairs(first))
+    pairs = contacts_of(first.settings.allowed, "request") | contact_pairs(first)
     cell = cells.cell(world, pairs, first.settings.margin)
     goal = (JointGoal(task.start),)
     problem = Problem(cell.robot, cell.scene, task.start, goal, first.settings.margin)

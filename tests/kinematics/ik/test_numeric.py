@@ -291,6 +291,6 @@ def test_an_arm_of_four_joints_is_told_of_axes() -> None:
     assert not failed.solutions
     assert "4 joints" in failed.advice
     assert '"axes"' in failed.advice
-    axes = ("x", "y", "z", "rz")
+    axes: tuple[Axis, ...] = ("x", "y", "z", "rz")
     assert str(list(axes)) in failed.advice
     assert solve(chain, T, SearchOptions(axes=axes)).solutions

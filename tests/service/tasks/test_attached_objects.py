@@ -109,7 +109,9 @@ def test_what_is_odd_about_a_scene_is_told_where_it_is_used() -> None:
     request: dict[str, Any] = {
         "robot": "panda", "joints": HOME.tolist(), "scene": {"moveit": text},
     }  # fmt: skip
-    answer = json.loads(check(builtin_reference("panda"), None, json.dumps(request).encode()))
+    content = check(builtin_reference("panda"), None, json.dumps(request).encode())
+    assert isinstance(content, bytes)
+    answer = json.loads(content)
     assert answer["notes"] == [
         "fields of the planning scene that are not obeyed: is_diff",
         "the scene lets 'gripper' touch others: no link or obstacle has such a name",
