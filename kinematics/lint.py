@@ -63,7 +63,10 @@ _HARMLESS = frozenset(
 )  # fmt: skip
 _UNREAD = "that no motion depends on are not read"
 #: What is told last: it seldom changes a motion.
-_LAST = ("has no collision geometry: nothing", "tip_link is ", "no DH table", _UNREAD)
+_LAST = (
+    "has no collision geometry: nothing", "tip_link is ", "no DH table", _UNREAD,
+    "pair(s) with links that the robot does not have",
+)  # fmt: skip
 _NAME = re.compile(r"'[^']*'")
 
 

@@ -169,16 +169,19 @@ def check_semantics(semantics: Semantics, description: RobotDescription) -> tupl
         for link in ends
         if link not in description.links
     ]
-    lint += [
-        f"the SRDF {verb} collisions of {a!r} and {b!r}, but the robot has no link {missing!r}"
-        for verb, pairs in (
-            ("disables", semantics.disabled_collisions),
-            ("enables", semantics.enabled_collisions),
-        )
-        for a, b in sorted(pairs)
-        for missing in (a, b)
-        if missing not in description.links
-    ]
+    for verb, pairs in (
+        ("disables", semantics.disabled_collisions),
+        ("enables", semantics.enabled_collisions),
+    ):
+        off = [pair for pair in pairs if not description.links.keys() >= {*pair}]
+        if off:
+            names = map(
+                repr, sorted({name for pair in off for name in pair} - {*description.links})
+            )
+            lint.append(
+                f"the SRDF {verb} collisions of {len(off)} pair(s) with links that the robot does "
+                f"not have: {', '.join(names)}"
+            )
     lint += [
         f"the SRDF has {link!r} in <{_DEFAULT}>, but the robot has no such link"
         if link not in description.links

@@ -84,10 +84,23 @@ def test_semantics_can_be_sent_to_workers() -> None:
 def test_unknown_names_in_pairs_and_states_are_told() -> None:
     tree = parse_urdf(TREE)
     lint = check_semantics(parse_srdf(SRDF), tree)
-    assert "'ghost'" in lint[0]
+    assert "1 pair(s) with links that the robot does not have: 'ghost'" in lint[0]
     assert lint[1:] == parse_srdf(SRDF).notes
     lint = check_semantics(parse_srdf(SRDF.replace('"elbow"', '"knee"')), tree)
     assert any("'knee'" in line and "'home'" in line for line in lint)
+
+
+def test_pairs_of_another_variant_share_one_line() -> None:
+    others = [f"other_{k}" for k in range(30)]
+    pairs = "".join(
+        f'<disable_collisions link1="{a}" link2="{b}"/>' for a, b in combinations(others, 2)
+    )
+    lint = check_semantics(
+        parse_srdf(SRDF.replace("</robot>", pairs + "</robot>")), parse_urdf(TREE)
+    )
+    (line,) = (line for line in lint if "other_" in line)
+    assert f"{30 * 29 // 2 + 1} pair(s)" in line
+    assert all(repr(name) in line for name in ("ghost", *others))
 
 
 def test_a_link_paired_with_itself_is_told_and_allows_nothing() -> None:
