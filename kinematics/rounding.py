@@ -139,7 +139,7 @@ def check_rotation(rows: Sequence[Sequence[float]]) -> float:
     raise InvalidPose(
         f"rotation_matrix is not a rotation: R^T R differs from I by {error:.3g}, "
         f"det R = {determinant:.6g}",
-        hint="Give an orthonormal matrix with determinant +1, row by row, with three digits or "
+        hint="Give an orthonormal matrix with determinant +1, row by row, with three decimals or "
         "more, or give quaternion_xyzw or rpy.",
     )
 
