@@ -70,7 +70,8 @@ def rounding_notes(body: Any, where: str = "") -> list[str]:
         items = [(f"[{k}]", item) for k, item in enumerate(body)]
     notes = []
     for name, value in items:
-        if value is None or isinstance(value, float | str):
+        # Scenes tell theirs themselves: they may be stored ones, too.
+        if value is None or isinstance(value, float | str) or name == "scene":
             continue
         place = f"{where}{name}" if name.startswith("[") or not where else f"{where}.{name}"
         if name == "quaternion_xyzw":
@@ -153,7 +154,8 @@ def scene(body: scene_schema.Scene) -> Scene:
     else:
         obstacles = tuple(_obstacle(item) for item in body.obstacles or ())
         named = {name for pair in allowed for name in pair}
-        made = with_objects(Scene(obstacles, contacts=allowed), named)
+        notes = tuple(rounding_notes(body, "scene"))
+        made = with_objects(Scene(obstacles, contacts=allowed, notes=notes), named)
     return made if body.frame is None else in_frame(made, body.frame)
 
 

@@ -48,6 +48,19 @@ def requests(rows: list[list[float]]) -> dict[str, tuple[str, dict[str, Any], st
 NAMES = pytest.mark.parametrize("name", list(requests([])))
 
 
+def test_what_was_rounded_of_a_stored_scene_is_told_where_it_is_used(client: httpx.Client) -> None:
+    path, body, place = requests(written(3, 4))["obstacle"]
+    stored = {"name": "rounded_poses", **body["scene"]}
+    assert client.post("/v1/scenes", json=stored).status_code == 201
+    notes = [
+        client.post(path, json=body | {"scene": scene}).json()["notes"]
+        for scene in ("rounded_poses", body["scene"])
+    ]
+    assert notes[0] == notes[1]
+    (note,) = notes[0]
+    assert note.startswith(f"{place}.rotation_matrix is a rotation within rounding only")
+
+
 @NAMES
 @pytest.mark.parametrize("decimals", [3, 5])
 def test_a_matrix_of_few_decimals_is_taken_and_told(
