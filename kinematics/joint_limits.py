@@ -32,6 +32,11 @@ _MOVEIT_FIELDS = {
 }
 #: Shares of the limits in MoveIt's joint_limits.yaml that its plans use unless a request says more.
 _SCALING = ("default_velocity_scaling_factor", "default_acceleration_scaling_factor")
+#: Fields of one joint that ros2_control and Pilz's planner read of such files.
+_OTHER_READERS = frozenset(
+    ("has_deceleration_limits", "max_deceleration", "has_soft_limits", "soft_lower_limit",
+     "soft_upper_limit", "k_position", "k_velocity", "angle_wraparound")
+)  # fmt: skip
 
 JointValues = Mapping[str, Mapping[str, float]]
 
@@ -190,7 +195,10 @@ def moveit_notes(text: str) -> list[str]:
 
 def _joint_notes(name: str, fields: Mapping[str, object]) -> Iterator[str]:
     known = [word for pair in _MOVEIT_FIELDS.values() for word in pair]
-    for key in sorted(map(str, fields.keys() - {*known})):
+    others = sorted(fields.keys() & _OTHER_READERS)
+    if others:
+        yield f"joint_limits: joint {name!r}: {', '.join(others)}, of other readers, not read"
+    for key in sorted(map(str, fields.keys() - {*known, *others})):
         yield f"joint_limits: joint {name!r}: {key} is not read{meant(key, known)}"
     if fields.get("has_velocity_limits") is False:
         yield (

@@ -176,9 +176,10 @@ joint_limits:
 
 
 def test_fields_that_are_not_read_are_told() -> None:
-    text = "cartesian_limits: {}\njoint_limits: {a: {max_velocty: 1, stiffness: 3}}"
+    text = "cartesian_limits: {}\njoint_limits: {a: {max_velocty: 1, stiffness: 3, k_position: 2}}"
     assert sorted(moveit_notes(text)) == [
         "joint_limits: cartesian_limits of the text are not read",
+        "joint_limits: joint 'a': k_position, of other readers, not read",
         "joint_limits: joint 'a': max_velocty is not read; is 'max_velocity' meant?",
         "joint_limits: joint 'a': stiffness is not read",
     ]
