@@ -60,10 +60,9 @@ def make_first_key(store: Store, settings: Settings, *, is_needed: bool) -> str 
         _write_secret(file, f"{credentials}\n")
         told = f"There was no API key: a first one, of the scope admin, is in {file}."
     secret_digest = digest(credentials.secret)
-    store.keys.add(
-        ApiKey(credentials.id, "first", secret_digest, scope="admin", created=time.time())
-    )
-    return told
+    key = ApiKey(credentials.id, "first", secret_digest, scope="admin", created=time.time())
+    # Another server with the same settings may have made it between the statements.
+    return told if store.keys.add(key) else None
 
 
 def _write_secret(file: Path, text: str) -> None:

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from typing import Literal
 
 from sqlalchemy import bindparam, insert, select, update
+from sqlalchemy.exc import IntegrityError
 
 from service.storage.audit_store import Actor, note
 from service.storage.database import Database
@@ -69,11 +70,15 @@ class KeyStore:
     def __init__(self, database: Database) -> None:
         self._database = database
 
-    def add(self, key: ApiKey) -> None:
-        """Keep a new key."""
-        with self._database.transaction() as connection:
-            connection.execute(insert(api_keys), dataclasses.asdict(key))
-            note(connection, Actor(key.tenant), "create", f"key {key.id}")
+    def add(self, key: ApiKey) -> bool:
+        """Keep a new key; false if there is one of its id."""
+        try:
+            with self._database.transaction() as connection:
+                connection.execute(insert(api_keys), dataclasses.asdict(key))
+                note(connection, Actor(key.tenant), "create", f"key {key.id}")
+        except IntegrityError:
+            return False
+        return True
 
     def find(self, key_id: str) -> ApiKey | None:
         """The key of an id, valid or not."""

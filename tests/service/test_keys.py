@@ -243,6 +243,19 @@ def test_a_service_that_others_reach_makes_its_first_key(tmp_path: Path, given: 
     store.close()
 
 
+def test_servers_that_start_together_make_one_first_key(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Both have seen that there is none, and both have the key of one secret."""
+    settings = Settings(data_dir=tmp_path, first_key=f"aw_{12 * 'a'}_{64 * 'b'}")
+    store = open_store(settings.storage_url)
+    monkeypatch.setattr(type(store.keys), "are_there_any", lambda _: False)
+    assert make_first_key(store, settings, is_needed=True) is not None
+    assert make_first_key(store, settings, is_needed=True) is None
+    assert [key.name for key in store.keys.list()] == ["first"]
+    store.close()
+
+
 @pytest.mark.parametrize("with_key", [True, False])
 def test_with_a_key_or_when_told_it_listens_beyond_this_machine(
     tmp_path: Path, with_key: bool
