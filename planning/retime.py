@@ -254,10 +254,12 @@ def _failure(
     outside = certify_limits(shape, chain, MotionLimits(free)).violation or violation
     piece = int(np.searchsorted(shape.breaks[1:-1], outside.time, side="right"))
     between = numbers[[piece, min(piece + 1, len(numbers) - 1)]].tolist()
+    hint = "Give waypoints within the joint's limits"
+    if shape.coefficients.shape[-1] > 2:
+        hint += "; a spline swings over them less where more lead it, and straight lines do not"
     return TimingFailed(
         f"{outside.message}, between waypoints {between[0]} and {between[1]}",
-        hint="Give waypoints within the joint's limits; a spline swings over them less where more "
-        "waypoints lead it, and straight lines do not.",
+        hint=f"{hint}.",
         **outside.details,
         waypoints=between,
     )

@@ -187,6 +187,7 @@ def test_torques_payload_and_tool_speed_of_a_robot() -> None:
     with pytest.raises(TimingFailed, match=r"limit.*, between waypoints 0 and 1") as failure:
         retime(outside, TimingOptions(), {}, chain)
     assert failure.value.details["joint"] in chain.joint_names
+    assert failure.value.hint == "Give waypoints within the joint's limits."
 
 
 @pytest.mark.parametrize(
