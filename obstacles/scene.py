@@ -184,7 +184,8 @@ class Scene:
         contacts: What is known of these pairs, where they are not the scene's or have a depth.
 
     Raises:
-        InvalidScene: An id occurs twice, or there are too many obstacles.
+        InvalidScene: An id occurs twice, there are too many obstacles, or a ``touch_depth`` is
+            negative or no number.
     """
 
     obstacles: tuple[Obstacle, ...] = ()
@@ -231,6 +232,12 @@ class Scene:
         object.__setattr__(self, "_frames", named)
         object.__setattr__(self, "ids", ids)
         contacts = MappingProxyType({(min(p), max(p)): c for p, c in self.contacts.items()})
+        for pair, contact in contacts.items():
+            if not contact.touch_depth >= 0.0:
+                raise InvalidScene(
+                    f"touch_depth of {list(pair)} is {contact.touch_depth} m",
+                    hint="Give 0 or more [m]; infinite for any depth.",
+                )
         object.__setattr__(self, "contacts", contacts)
         pairs = _pairs(self.allowed_collisions).union(contacts)
         object.__setattr__(self, "allowed_collisions", pairs)

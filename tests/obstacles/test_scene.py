@@ -12,7 +12,7 @@ from scipy.spatial.transform import Rotation
 
 from kinematics.errors import InvalidObjectName, InvalidScene
 from kinematics.pose import from_matrix, transform
-from obstacles.scene import Obstacle, Scene
+from obstacles.scene import AllowedContact, Obstacle, Scene
 from obstacles.shapes import Box, Cylinder, HalfSpace, PointCloud, Sphere
 from tests.obstacles.solids import random_transform
 
@@ -136,3 +136,9 @@ def test_mirrors_are_refused_and_rotations_keep_their_bits() -> None:
         placed = Obstacle("a", Sphere(0.1), T).T_world_obstacle
         assert placed.tobytes() == T.tobytes()
         assert not placed.flags.writeable
+
+
+@pytest.mark.parametrize("depth", [-1e-9, -1.0, float("nan"), float("-inf")])
+def test_a_depth_of_contact_is_a_number_from_zero_on(depth: float) -> None:
+    with pytest.raises(InvalidScene, match="touch_depth"):
+        Scene(contacts={("a", "b"): AllowedContact("request", depth)})
