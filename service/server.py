@@ -80,10 +80,10 @@ def serve(
             require_engine(settings.storage_url)
         require_telemetry(settings.traces)
         # Storage that can't be used is reported here in a sentence, not by the framework.
-        listener = _listen(settings.host, settings.port)
-        is_safe = is_agent or settings.insecure or _is_local(listener)
         store = open_store(settings.storage_url, exclusive=True)
         try:
+            listener = _listen(settings.host, settings.port)
+            is_safe = is_agent or settings.insecure or _is_local(listener)
             made = make_first_key(store, settings, is_needed=not is_safe)
         finally:
             store.close()

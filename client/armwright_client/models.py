@@ -68,6 +68,7 @@ from armwright_client.planner import PlannerName
 from armwright_client.problem import Problem
 from armwright_client.retime import JointState, Retimed, RetimePath, RetimeRequest, RetimeTiming
 from armwright_client.scene import (
+    AllowedPair,
     Obstacle,
     ProjectAnswer,
     Projection,
@@ -116,6 +117,7 @@ from armwright_client.tool_motion_report import (
 from armwright_client.trajectory import Samples, Segment, TimedTrajectory, Trajectory
 
 __all__ = [
+    "AllowedPair",
     "ArrayLike",
     "Attached",
     "BatchAnswer",

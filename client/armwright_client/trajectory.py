@@ -14,6 +14,8 @@ from armwright_client.errors import InvalidArgument
 _TIME_ROUNDING = 1e-9
 #: A point this part of a period before the end would be the end twice over.
 _SAME_SAMPLE = 1e-6
+#: Ends slower than this share of the largest speed are at rest, as in the service's exports.
+_REST = 1e-7
 _NANOSECONDS = 1_000_000_000
 
 
@@ -107,7 +109,7 @@ class Trajectory(Request):
         """
         times = self._times(period)
         ticks = [round((time - times[0]) * _NANOSECONDS) for time in times]
-        rows = [self.sample(times, order) for order in range(3)]
+        rows = self._rows(times)
         points = [
             {
                 "positions": q,
@@ -133,10 +135,19 @@ class Trajectory(Request):
         times, names = self._times(period), self._names()
         kinds = ("position", "velocity", "acceleration")
         lines = [",".join(["time", *(f"{kind}.{name}" for kind in kinds for name in names)])]
-        rows = [self.sample(times, order) for order in range(3)]
+        rows = self._rows(times)
         for time, q, v, a in zip(times, *rows, strict=True):
             lines.append(",".join(repr(value) for value in (time, *q, *v, *a)))
         return "\r\n".join([*lines, ""])
+
+    def _rows(self, times: list[float]) -> list[list[list[float]]]:
+        """Positions, velocities and accelerations; an end at rest to rounding is at rest."""
+        rows = [self.sample(times, order) for order in range(3)]
+        speeds = rows[1]
+        rest = _REST * max(abs(speed) for row in speeds for speed in row)
+        for end in (0, -1):
+            speeds[end] = [0.0 if abs(speed) <= rest else speed for speed in speeds[end]]
+        return rows
 
     def _names(self) -> list[str]:
         if not self.joint_names:

@@ -10,7 +10,7 @@ START = np.array([0.0, -0.785, 0.0, -2.356, 0.0, 1.571, 0.785])
 def test_an_object_is_planned_with_where_the_hand_takes_it() -> None:
     robot = aw.load_robot("panda")
     T_base_hand = aw.fk(robot, START, "panda_hand")
-    T_base_box = T_base_hand @ aw.pose([0.0, 0.0, 0.07])
+    T_base_box = T_base_hand @ aw.pose([0.0, 0.0, 0.081])
     scene = aw.Scene([aw.Obstacle("box", aw.Box([0.03, 0.03, 0.03]), T_base_box)])
     assert not aw.check(robot, scene, START).valid
 

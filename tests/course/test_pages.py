@@ -20,7 +20,7 @@ OTHERS = [
         "reach",
         "robots",
         "tasks",
-        "timing",
+        "smooth_motions",
         "tool_paths",
         "tours",
         "tracking",

@@ -346,7 +346,7 @@ def test_a_motion_is_not_exported_for_another_scene_unless_told() -> None:
     premises, options = planned.certificate.premises, ExportOptions(ExportFormat.CSV)
     motion = planned.trajectory
     assert export(motion, UR, SCENE, options, premises=premises).proved
-    for scene in (Scene(), pillar(-1.2, 0.7), Scene(SCENE.obstacles, [("post", "tool0")])):
+    for scene in (Scene(), pillar(-1.2, 0.7), Scene(SCENE.obstacles, [("post", "wrist_3_link")])):
         with pytest.raises(InvalidOption, match="under other premises"):
             export(motion, UR, scene, options, premises=premises)
         made = export(motion, UR, scene, options, premises=premises, different_scene=True)

@@ -21,6 +21,7 @@ ALLOWED = {
     "planning.tool_corner",
     "planning.tool_motion",
     "planning.tool_tolerance",
+    "obstacles.allowed_pairs",
     "obstacles.bvh",
     "obstacles.convex_distance",
     "obstacles.finger_geometry",

@@ -25,7 +25,7 @@ TASK: Any = TaskRequest.model_json_schema()["examples"][0] | {"improve": 0.0}
 
 def document(operation: str, robot: Any, body: dict[str, Any], **result: Any) -> dict[str, Any]:
     """What the page of a kept answer or problem shows."""
-    kept = {"operation": operation, "request": body, **result}
+    kept = {"operation": operation, "request": body, "proved_here": True, **result}
     content = view(robot, None, json.dumps(kept).encode())
     assert isinstance(content, bytes)
     found = re.search(rb'type="application/json">(.*?)</script>', content, re.DOTALL)
@@ -136,7 +136,7 @@ def test_tasks_and_tours_without_an_answer_show_where_they_begin() -> None:
     assert "rock" in start["near"]["pair"]
     assert start["near"]["distance"] < 0.0
     assert data["motion"] is None
-    assert "panda_hand and rock" in " ".join(data["sentences"])
+    assert "'panda_hand' and 'rock'" in " ".join(data["sentences"])
     body = {"robot": "planar_rr", "start": {"joints": [0.0, 0.0]},
             "goals": [{"id": "a", "joints": [0.5, 0.5]}, {"joints": [9.0, 0.0]}]}  # fmt: skip
     problem = {"title": "No", "code": "X", "detail": "nothing", "stage": "goal"}
