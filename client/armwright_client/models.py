@@ -69,6 +69,7 @@ from armwright_client.problem import Problem
 from armwright_client.retime import JointState, Retimed, RetimePath, RetimeRequest, RetimeTiming
 from armwright_client.scene import (
     AllowedPair,
+    LimitedPair,
     Obstacle,
     ProjectAnswer,
     Projection,
@@ -77,6 +78,7 @@ from armwright_client.scene import (
     SceneList,
     SceneReference,
     SceneSummary,
+    TouchDepth,
 )
 from armwright_client.shape import (
     Box,
@@ -163,6 +165,7 @@ __all__ = [
     "LimitUses",
     "LimitValues",
     "LimitViolation",
+    "LimitedPair",
     "LineRegion",
     "LookAtConstraint",
     "Mesh",
@@ -222,6 +225,7 @@ __all__ = [
     "ToolMotionReport",
     "ToolSpeedConstraint",
     "TorqueConstraint",
+    "TouchDepth",
     "TrackedLimitUse",
     "Trajectory",
     "Tube",

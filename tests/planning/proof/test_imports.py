@@ -33,6 +33,7 @@ ALLOWED = {
 }
 #: The seam to GJK, whose proposals are checked.
 SEAM = {
+    "obstacles.epa",
     "obstacles.gjk",
     "obstacles.piece_set",
     "obstacles.scene_set",

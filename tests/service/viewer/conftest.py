@@ -49,7 +49,8 @@ def task(served: Served) -> bytes:
     assert served.client.post("/v1/robots", json=robot).status_code == 201
     example: Any = TaskRequest.model_json_schema()["examples"][0]
     grasp = example["stages"][2] | {
-        "touch_links": ["panda_hand", "claw_left_plate", "claw_right_plate"]
+        "touch_links": ["panda_hand", "claw_left_plate", "claw_right_plate"],
+        "touch_depth": 0.006,  # the plates are as far in the crate as it is wider than they open
     }
     stages = [{"kind": "open"}, *example["stages"][:2], grasp, *example["stages"][3:6]]
     changes = {"robot": "view_claws", "stages": stages, "improve": 0.0}
