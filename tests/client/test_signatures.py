@@ -1,11 +1,8 @@
 """Signatures: what comes back, names that shadow nothing, planners that type checkers know."""
 
 import importlib
-import subprocess
-import sys
 from collections.abc import AsyncIterator, Awaitable, Iterator
 from inspect import signature
-from pathlib import Path
 from typing import Any, get_args
 
 import pytest
@@ -18,9 +15,6 @@ from tests.client.scripted import Scripted, problem
 
 #: Modules whose names people import one by one.
 USUAL = ("builtins", "pathlib", "typing", "dataclasses", "collections", "asyncio", "enum", "json")
-#: Processor time that the import may add to that of httpx and pydantic [s]; a busy machine
-#: counts some of its own.
-IMPORT = 0.3
 
 
 def answer_of(method: Any) -> Any:
@@ -71,16 +65,3 @@ def test_a_misspelt_planner_is_found_before_it_runs() -> None:
         with pytest.raises(armwright_client.InvalidArgument, match="planer"):
             client.plan("panda", [0.0], [1.0], planer="rrt")  # type: ignore[call-arg]
     assert len(transport.requests) == 1
-
-
-def test_the_import_is_quick(tmp_path: Path) -> None:
-    code = (
-        "import sys, time, httpx, pydantic.main\n"
-        f"sys.pycache_prefix, sys.dont_write_bytecode = {str(tmp_path)!r}, False\n"
-        "begin = time.process_time(); import armwright_client\n"
-        "print(time.process_time() - begin)"
-    )
-    command = [sys.executable, "-c", code]
-    # The first one compiles; of the others the least, which a busy machine disturbs least.
-    seconds = [float(subprocess.check_output(command)) for _ in range(4)]
-    assert min(seconds[1:]) < IMPORT
