@@ -4,7 +4,7 @@ from dataclasses import dataclass
 from datetime import UTC, datetime
 from email.utils import parsedate_to_datetime
 
-from armwright_client.connections import Response
+import httpx
 
 #: Statuses that say "not now" rather than "no".
 _NOT_NOW = (429, 503)
@@ -26,7 +26,7 @@ class Retry:
     attempts: int = 3
     longest_wait: float = 10.0
 
-    def wait(self, attempt: int, response: Response) -> float | None:
+    def wait(self, attempt: int, response: httpx.Response) -> float | None:
         """Time to wait [s] after the given attempt, counted from 1; None to give up."""
         if response.status_code not in _NOT_NOW or attempt >= self.attempts:
             return None
@@ -34,7 +34,7 @@ class Retry:
         return seconds if seconds is not None and seconds <= self.longest_wait else None
 
 
-def retry_after(response: Response) -> float | None:
+def retry_after(response: httpx.Response) -> float | None:
     """Seconds of the header Retry-After; None where it is missing or unreadable."""
     value = response.headers.get("retry-after", "").strip()
     if value.isascii() and value.isdigit():

@@ -12,7 +12,6 @@ from pydantic import ValidationError
 
 from armwright_client.base import Request
 from armwright_client.call import Call, EventCall
-from armwright_client.connections import Response, direct
 from armwright_client.error_codes import from_problem
 from armwright_client.errors import (
     ArmwrightError,
@@ -37,8 +36,8 @@ _CONNECT = 10.0
 #: How much later than its deadline an answer may come [s]: the network both ways, and the end of a
 #: worker that overran.
 _GRACE = 10.0
-#: Addresses that are kept, parsed: those of jobs are used a few times each.
-_KEPT_URLS = 256
+#: Connections of a client: idle ones are closed before the service closes them, after 5 s.
+_CONNECTIONS = httpx.Limits(max_connections=100, max_keepalive_connections=20, keepalive_expiry=4.0)
 #: What may be wrong with a transport.
 _TRANSPORT_ERRORS = (httpx.HTTPError, httpx.InvalidURL, httpx.StreamError)
 #: Length of the excerpt of a foreign body [characters], enough to recognise it.
@@ -75,7 +74,6 @@ class Wire:
 
     def __init__(self, base_url: str, **options: Unpack[ClientOptions]) -> None:
         self._base_url = _valid_url(base_url)
-        self._urls: dict[str, httpx.URL] = {}
         self._headers = {
             "Accept": "application/json, application/problem+json",
             "Accept-Encoding": "gzip" if options.get("compress", False) else "identity",
@@ -90,41 +88,7 @@ class Wire:
 
     def settings(self) -> dict[str, Any]:
         """Arguments for httpx's clients."""
-        return {"base_url": self._base_url, "headers": self._headers}
-
-    @property
-    def base_url(self) -> str:
-        """Address of the service."""
-        return self._base_url
-
-    def headers(self, arguments: dict[str, Any]) -> dict[str, str]:
-        """All headers of a request with these arguments."""
-        return {**self._headers, **arguments["headers"]}
-
-    def request(self, http: httpx.Client | httpx.AsyncClient, call: Call[Any]) -> httpx.Request:
-        """The request of a call, as the client of httpx would make it.
-
-        Most are made here: to merge a call with the client's own settings takes as long as to read
-        the answer.
-        """
-        arguments = self.arguments(call)
-        if not _is_plain(call):
-            return http.build_request(**arguments)
-        return httpx.Request(
-            call.method,
-            self._url(call.path),
-            headers=self.headers(arguments),
-            content=arguments.get("content"),
-            extensions={"timeout": arguments["timeout"].as_dict()},
-        )
-
-    def _url(self, path: str) -> httpx.URL:
-        url = self._urls.get(path)
-        if url is None:
-            if len(self._urls) >= _KEPT_URLS:
-                self._urls.clear()
-            url = self._urls[path] = httpx.URL(self._base_url.rstrip("/") + path)
-        return url
+        return {"base_url": self._base_url, "headers": self._headers, "limits": _CONNECTIONS}
 
     def arguments(self, call: Call[Any]) -> dict[str, Any]:
         """Arguments for httpx's `request`."""
@@ -156,7 +120,7 @@ class Wire:
         # Waiting for one of the client's own connections is no fault of the service.
         return httpx.Timeout(read_timeout, connect=min(self._timeout, _CONNECT), pool=None)
 
-    def wait(self, call: Call[Any], attempt: int, response: Response) -> float | None:
+    def wait(self, call: Call[Any], attempt: int, response: httpx.Response) -> float | None:
         """Time to wait before sending again [s], None where that makes no sense."""
         if not call.repeatable and call.key is None:
             return None
@@ -169,28 +133,17 @@ class Session:
     def __init__(self, wire: Wire, transport: httpx.BaseTransport | None) -> None:
         self._wire = wire
         self._http = httpx.Client(**self._wire.settings(), transport=transport)
-        self._connections = direct(wire.base_url, transport)
 
     def send(self, call: Call[A]) -> A:
         """The answer to a call."""
         for attempt in count(1):
             with _Transport(call, self._http):
-                response = self._ask(call)
+                response = self._http.request(**self._wire.arguments(call))
             seconds = self._wire.wait(call, attempt, response)
             if seconds is None:
                 break
             time.sleep(seconds)
         return answer(call, response)
-
-    def _ask(self, call: Call[Any]) -> Response:
-        """The response to one request, by the shortest way that can send it."""
-        if self._connections is None or not _is_plain(call):
-            return self._http.send(self._wire.request(self._http, call))
-        arguments = self._wire.arguments(call)
-        return self._connections.send(
-            call.method, call.path, self._wire.headers(arguments),
-            arguments.get("content"), arguments["timeout"],
-        )  # fmt: skip
 
     def postpone(self, call: Call[A]) -> Pending[A]:
         """The handle of the job that will have the answer to a call."""
@@ -212,8 +165,6 @@ class Session:
     def close(self) -> None:
         """Close all connections."""
         self._http.close()
-        if self._connections is not None:
-            self._connections.close()
 
 
 class AsyncSession:
@@ -227,7 +178,7 @@ class AsyncSession:
         """The answer to a call."""
         for attempt in count(1):
             with _Transport(call, self._http):
-                response = await self._http.send(self._wire.request(self._http, call))
+                response = await self._http.request(**self._wire.arguments(call))
             seconds = self._wire.wait(call, attempt, response)
             if seconds is None:
                 break
@@ -255,11 +206,6 @@ class AsyncSession:
         await self._http.aclose()
 
 
-def _is_plain(call: Call[Any]) -> bool:
-    """Whether a call is a path with a body of JSON or none: no query, no form."""
-    return not call.query and not isinstance(call.body, RobotArchive)
-
-
 def as_job(call: Call[Any]) -> Call[Job]:
     """The call that has another one made a job of.
 
@@ -272,7 +218,7 @@ def as_job(call: Call[Any]) -> Call[Job]:
     return replace(call, read=Job.read, headers=headers, deadline=None, repeatable=False)
 
 
-def answer(call: Call[A], response: Response) -> A:
+def answer(call: Call[A], response: httpx.Response) -> A:
     """The answer in a response.
 
     Raises:
@@ -294,7 +240,7 @@ def answer(call: Call[A], response: Response) -> A:
         ) from error
 
 
-def failure(call: Call[Any], response: Response) -> ArmwrightError:
+def failure(call: Call[Any], response: httpx.Response) -> ArmwrightError:
     """The error that a response reports; `UnexpectedAnswer` if it is not from the service."""
     problem = _problem(response)
     if problem is not None:
@@ -312,7 +258,7 @@ def failure(call: Call[Any], response: Response) -> ArmwrightError:
     )
 
 
-def _problem(response: Response) -> Problem | None:
+def _problem(response: httpx.Response) -> Problem | None:
     media_type = response.headers.get("content-type", "").split(";")[0].strip().lower()
     if media_type not in ("application/problem+json", "application/json"):
         return None

@@ -11,7 +11,6 @@ import pytest
 
 import armwright_client as ours
 from armwright_client import Client, Retry, session
-from armwright_client.call import Call
 from tests.client.calls import URL, asked_async, once
 from tests.client.pauses import noted_pauses
 from tests.client.scripted import Answer, Scripted, health, problem
@@ -229,19 +228,3 @@ def test_retries_can_be_chosen(pauses: list[float]) -> None:
         once([busy()], lambda client: client.healthz(), retry=Retry(attempts=1))
     once([busy("60"), health()], lambda client: client.healthz(), retry=Retry(2, 60.0))
     assert pauses == [60.0]
-
-
-@pytest.mark.parametrize("base", ["http://a:8000", "http://a/", "https://b/prefix", "https://b/p/"])
-@pytest.mark.parametrize("path", ["/v1/plan", "/v1/robots/a%2Fb/ik", "/v1/scenes/%C3%A4"])
-def test_requests_are_as_httpx_would_make_them(base: str, path: str) -> None:
-    wire = session.Wire(base, token="secret", timeout=7.0)
-    for body, key in ((SCENE, "k"), (None, None)):
-        call = Call("POST", path, lambda content: content, body, key=key, deadline=90.0)
-        with httpx.Client(**wire.settings()) as http:
-            made, theirs = wire.request(http, call), http.build_request(**wire.arguments(call))
-        assert (made.method, made.content) == (theirs.method, theirs.content)
-        assert (made.url, made.url.raw_path) == (theirs.url, theirs.url.raw_path)
-        assert made.extensions == theirs.extensions
-        # A connection is kept without being asked for in HTTP/1.1.
-        theirs.headers.pop("connection")
-        assert made.headers == theirs.headers
