@@ -6,8 +6,6 @@ from typing import Literal
 
 from armwright_client.base import Answer
 
-__all__ = ["BodySurface", "GeometryAnswer"]
-
 
 class BodySurface(Answer):
     """The surface of one link, or its part of one colour, as triangles in the frame of a link.

@@ -6,16 +6,6 @@ from typing import Any, Literal
 from armwright_client.base import Answer, Options, Request
 from armwright_client.problem import Problem
 
-__all__ = [
-    "Bundle",
-    "DocumentName",
-    "KeptPlan",
-    "KeptPlanSummary",
-    "PlanList",
-    "ReplayAnswer",
-    "ReplayRequest",
-]
-
 
 class DocumentName(Answer):
     """A robot or scene of a kept plan.

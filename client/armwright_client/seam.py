@@ -7,15 +7,6 @@ from pydantic import Field
 from armwright_client.base import Answer, NonNegative, Positive, Request, Vector3, VectorLike
 from armwright_client.pose import AnyPose, Pose
 
-__all__ = [
-    "StraightOffset",
-    "ToolSpeed",
-    "ToolSpeedBand",
-    "ToolTolerance",
-    "ToolToleranceUse",
-    "Waypoint",
-]
-
 Range = tuple[float, float]
 
 

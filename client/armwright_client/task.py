@@ -5,7 +5,6 @@ from typing import TYPE_CHECKING, Annotated, Any, TypeAlias, TypedDict
 
 from pydantic import Field
 
-from armwright_client import task_stage
 from armwright_client.base import PLAIN, Answer, InFrame, NonNegative, Positive, Request
 from armwright_client.certificate import Certificate, LimitValues
 from armwright_client.check import Attached, AttachedObjects, FingerPositions
@@ -14,24 +13,9 @@ from armwright_client.goal import Start
 from armwright_client.plan import JointPath, Reproducibility, Stage, Timing
 from armwright_client.pose import Pose
 from armwright_client.scene import AllowedPairs, SceneReference
-from armwright_client.task_stage import *  # noqa: F403 (its `__all__` is the list)
 from armwright_client.task_stage import Stages
 from armwright_client.tool_motion_report import ReferencePose
 from armwright_client.trajectory import TimedTrajectory
-
-__all__ = [
-    "HeldObject",
-    "Improvement",
-    "MovedObject",
-    "PlacedObject",
-    "TaskOptions",
-    "TaskPlan",
-    "TaskRequest",
-    "TaskStageReport",
-    "TaskWorld",
-    "Trial",
-]
-__all__ += task_stage.__all__
 
 
 class MovedObject(Request):

@@ -25,25 +25,6 @@ from armwright_client.pose import AnyPose, Pose
 from armwright_client.reach import ReachTolerance
 from armwright_client.scene import AllowedPairs, TouchDepth
 
-__all__ = [
-    "ApproachStage",
-    "AttachStage",
-    "CloseStage",
-    "DetachStage",
-    "GraspRegion",
-    "GraspStage",
-    "LiftStage",
-    "MoveStage",
-    "OpenStage",
-    "PlaceRegion",
-    "PlaceStage",
-    "RetreatStage",
-    "StraightStage",
-    "TaskStage",
-    "TaskStageRequest",
-    "WaitStage",
-]
-
 if TYPE_CHECKING:
     Poses: TypeAlias = Sequence[Pose]
     FramedPoses: TypeAlias = Sequence[AnyPose]

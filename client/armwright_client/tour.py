@@ -17,18 +17,6 @@ from armwright_client.reach import ReachTolerance
 from armwright_client.scene import AllowedPair, AllowedPairs, SceneReference
 from armwright_client.trajectory import TimedTrajectory
 
-__all__ = [
-    "Leg",
-    "Tour",
-    "TourGoal",
-    "TourImprovement",
-    "TourOptions",
-    "TourRequest",
-    "TourSearch",
-    "Unvisited",
-    "Visit",
-]
-
 
 class TourGoal(Request):
     """A goal of a tour: a configuration, a pose that may have free axes, or any of several.

@@ -2,7 +2,7 @@
 
 import json
 
-import armwright_client.models as ours
+import armwright_client as ours
 
 POSE = ours.FramedPose(position=[0.1, 0.2, 0.3], frame="tool")
 SENT = {"position": [0.1, 0.2, 0.3], "frame": "tool"}
