@@ -3,750 +3,335 @@
 `Client` and `AsyncClient` are where to begin; `armwright_client.errors` shows the tree of errors.
 """
 
-from armwright_client.base import (
-    ArrayLike,
-    RowsLike,
-    VectorLike,
-)
-from armwright_client.batch import (
-    BatchAnswer,
-    BatchProblem,
-    BatchRequest,
-)
-from armwright_client.certificate import (
-    Certificate,
-    LimitUse,
-    LimitUses,
-    LimitValues,
-    PathDeviation,
-    Premises,
-    Proved,
-    ValidateOptions,
-    ValidateRequest,
-)
-from armwright_client.check import (
-    Attached,
-    CheckAnswer,
-    CheckBatch,
-    CheckOptions,
-    CheckRequest,
-    Collision,
-    LimitViolation,
-)
-from armwright_client.clearance import (
-    Clearance,
-    ClearanceReport,
-    CloseSpan,
-    ConfigurationReport,
-    GoalCosts,
-)
-from armwright_client.client import (
-    DEFAULT_URL,
-    AsyncClient,
-    AsyncJobs,
-    AsyncLater,
-    AsyncPlans,
-    AsyncRobots,
-    AsyncScenes,
-    Client,
-    Jobs,
-    Later,
-    Plans,
-    Robots,
-    Scenes,
-)
-from armwright_client.constraint import (
-    BoxRegion,
-    ClearanceConstraint,
-    ConstraintUse,
-    JointConstraint,
-    LineRegion,
-    LookAtConstraint,
-    OrientationConstraint,
-    PlaneRegion,
-    PositionConstraint,
-    RelativePoseConstraint,
-    SphereRegion,
-    ToolSpeedConstraint,
-    TorqueConstraint,
-)
-from armwright_client.dh_table import (
-    DerivedDh,
-    DhParameters,
-    DhRow,
-    DhTable,
-    LinkCapsules,
-    LinkSolid,
-)
-from armwright_client.dynamics import (
-    BaseParameter,
-    DampedDirection,
-    DynamicsAnswer,
-    DynamicsBatch,
-    DynamicsOptions,
-    DynamicsRequest,
-    ForwardDynamicsAnswer,
-    ForwardDynamicsBatch,
-    ForwardDynamicsOptions,
-    ForwardDynamicsRequest,
-    ModelOptions,
-    PartialJacobian,
-    Payload,
-    RegressorAnswer,
-    RegressorOptions,
-    RegressorRequest,
-    VelocityAnswer,
-    VelocityOptions,
-    VelocityRequest,
-    WrenchAnswer,
-    WrenchBatch,
-    WrenchOptions,
-    WrenchRequest,
-)
-from armwright_client.equations import (
-    Abbreviation,
-    ChristoffelFormula,
-    EquationsAnswer,
-    JointSymbol,
-    MotionFormulas,
-    ParameterSymbol,
-    PoseFormulas,
-    RegressorFormulas,
-)
-from armwright_client.error_codes import (
-    BY_CODE,
-)
+from armwright_client.base import ArrayLike as ArrayLike
+from armwright_client.base import RowsLike as RowsLike
+from armwright_client.base import VectorLike as VectorLike
+from armwright_client.batch import BatchAnswer as BatchAnswer
+from armwright_client.batch import BatchProblem as BatchProblem
+from armwright_client.batch import BatchRequest as BatchRequest
+from armwright_client.certificate import Certificate as Certificate
+from armwright_client.certificate import LimitUse as LimitUse
+from armwright_client.certificate import LimitUses as LimitUses
+from armwright_client.certificate import LimitValues as LimitValues
+from armwright_client.certificate import PathDeviation as PathDeviation
+from armwright_client.certificate import Premises as Premises
+from armwright_client.certificate import Proved as Proved
+from armwright_client.certificate import ValidateOptions as ValidateOptions
+from armwright_client.certificate import ValidateRequest as ValidateRequest
+from armwright_client.check import Attached as Attached
+from armwright_client.check import CheckAnswer as CheckAnswer
+from armwright_client.check import CheckBatch as CheckBatch
+from armwright_client.check import CheckOptions as CheckOptions
+from armwright_client.check import CheckRequest as CheckRequest
+from armwright_client.check import Collision as Collision
+from armwright_client.check import LimitViolation as LimitViolation
+from armwright_client.clearance import Clearance as Clearance
+from armwright_client.clearance import ClearanceReport as ClearanceReport
+from armwright_client.clearance import CloseSpan as CloseSpan
+from armwright_client.clearance import ConfigurationReport as ConfigurationReport
+from armwright_client.clearance import GoalCosts as GoalCosts
+from armwright_client.client import DEFAULT_URL as DEFAULT_URL
+from armwright_client.client import AsyncClient as AsyncClient
+from armwright_client.client import AsyncJobs as AsyncJobs
+from armwright_client.client import AsyncLater as AsyncLater
+from armwright_client.client import AsyncPlans as AsyncPlans
+from armwright_client.client import AsyncRobots as AsyncRobots
+from armwright_client.client import AsyncScenes as AsyncScenes
+from armwright_client.client import Client as Client
+from armwright_client.client import Jobs as Jobs
+from armwright_client.client import Later as Later
+from armwright_client.client import Plans as Plans
+from armwright_client.client import Robots as Robots
+from armwright_client.client import Scenes as Scenes
+from armwright_client.constraint import BoxRegion as BoxRegion
+from armwright_client.constraint import ClearanceConstraint as ClearanceConstraint
+from armwright_client.constraint import ConstraintUse as ConstraintUse
+from armwright_client.constraint import JointConstraint as JointConstraint
+from armwright_client.constraint import LineRegion as LineRegion
+from armwright_client.constraint import LookAtConstraint as LookAtConstraint
+from armwright_client.constraint import OrientationConstraint as OrientationConstraint
+from armwright_client.constraint import PlaneRegion as PlaneRegion
+from armwright_client.constraint import PositionConstraint as PositionConstraint
+from armwright_client.constraint import RelativePoseConstraint as RelativePoseConstraint
+from armwright_client.constraint import SphereRegion as SphereRegion
+from armwright_client.constraint import ToolSpeedConstraint as ToolSpeedConstraint
+from armwright_client.constraint import TorqueConstraint as TorqueConstraint
+from armwright_client.dh_table import DerivedDh as DerivedDh
+from armwright_client.dh_table import DhParameters as DhParameters
+from armwright_client.dh_table import DhRow as DhRow
+from armwright_client.dh_table import DhTable as DhTable
+from armwright_client.dh_table import LinkCapsules as LinkCapsules
+from armwright_client.dh_table import LinkSolid as LinkSolid
+from armwright_client.dynamics import BaseParameter as BaseParameter
+from armwright_client.dynamics import DampedDirection as DampedDirection
+from armwright_client.dynamics import DynamicsAnswer as DynamicsAnswer
+from armwright_client.dynamics import DynamicsBatch as DynamicsBatch
+from armwright_client.dynamics import DynamicsOptions as DynamicsOptions
+from armwright_client.dynamics import DynamicsRequest as DynamicsRequest
+from armwright_client.dynamics import ForwardDynamicsAnswer as ForwardDynamicsAnswer
+from armwright_client.dynamics import ForwardDynamicsBatch as ForwardDynamicsBatch
+from armwright_client.dynamics import ForwardDynamicsOptions as ForwardDynamicsOptions
+from armwright_client.dynamics import ForwardDynamicsRequest as ForwardDynamicsRequest
+from armwright_client.dynamics import ModelOptions as ModelOptions
+from armwright_client.dynamics import PartialJacobian as PartialJacobian
+from armwright_client.dynamics import Payload as Payload
+from armwright_client.dynamics import RegressorAnswer as RegressorAnswer
+from armwright_client.dynamics import RegressorOptions as RegressorOptions
+from armwright_client.dynamics import RegressorRequest as RegressorRequest
+from armwright_client.dynamics import VelocityAnswer as VelocityAnswer
+from armwright_client.dynamics import VelocityOptions as VelocityOptions
+from armwright_client.dynamics import VelocityRequest as VelocityRequest
+from armwright_client.dynamics import WrenchAnswer as WrenchAnswer
+from armwright_client.dynamics import WrenchBatch as WrenchBatch
+from armwright_client.dynamics import WrenchOptions as WrenchOptions
+from armwright_client.dynamics import WrenchRequest as WrenchRequest
+from armwright_client.equations import Abbreviation as Abbreviation
+from armwright_client.equations import ChristoffelFormula as ChristoffelFormula
+from armwright_client.equations import EquationsAnswer as EquationsAnswer
+from armwright_client.equations import JointSymbol as JointSymbol
+from armwright_client.equations import MotionFormulas as MotionFormulas
+from armwright_client.equations import ParameterSymbol as ParameterSymbol
+from armwright_client.equations import PoseFormulas as PoseFormulas
+from armwright_client.equations import RegressorFormulas as RegressorFormulas
+from armwright_client.error_codes import BY_CODE as BY_CODE
+from armwright_client.errors import ApiError as ApiError
+from armwright_client.errors import ArmwrightError as ArmwrightError
+from armwright_client.errors import Conflict as Conflict
+from armwright_client.errors import Forbidden as Forbidden
+from armwright_client.errors import GoalInCollision as GoalInCollision
+from armwright_client.errors import GoalStateInvalid as GoalStateInvalid
+from armwright_client.errors import GoalViolatesPathConstraints as GoalViolatesPathConstraints
+from armwright_client.errors import HostNotAllowed as HostNotAllowed
+from armwright_client.errors import IdempotencyKeyReused as IdempotencyKeyReused
+from armwright_client.errors import InCollision as InCollision
+from armwright_client.errors import InvalidArgument as InvalidArgument
+from armwright_client.errors import InvalidGoalConstraints as InvalidGoalConstraints
+from armwright_client.errors import InvalidGroupName as InvalidGroupName
+from armwright_client.errors import InvalidLinkName as InvalidLinkName
+from armwright_client.errors import InvalidMotionPlan as InvalidMotionPlan
+from armwright_client.errors import InvalidObjectName as InvalidObjectName
+from armwright_client.errors import InvalidRequest as InvalidRequest
+from armwright_client.errors import InvalidRobotDescription as InvalidRobotDescription
+from armwright_client.errors import InvalidRobotState as InvalidRobotState
+from armwright_client.errors import InvalidScene as InvalidScene
+from armwright_client.errors import MethodNotAllowed as MethodNotAllowed
+from armwright_client.errors import MissingInertia as MissingInertia
+from armwright_client.errors import MissingLimit as MissingLimit
+from armwright_client.errors import NoIkSolution as NoIkSolution
+from armwright_client.errors import NotFound as NotFound
+from armwright_client.errors import NotReady as NotReady
+from armwright_client.errors import NoWay as NoWay
+from armwright_client.errors import OutOfMemory as OutOfMemory
+from armwright_client.errors import OutsideLimits as OutsideLimits
+from armwright_client.errors import Overloaded as Overloaded
+from armwright_client.errors import PayloadTooLarge as PayloadTooLarge
+from armwright_client.errors import PlanningFailed as PlanningFailed
+from armwright_client.errors import PreconditionFailed as PreconditionFailed
+from armwright_client.errors import Preempted as Preempted
+from armwright_client.errors import QuotaExceeded as QuotaExceeded
+from armwright_client.errors import RequestTimeout as RequestTimeout
+from armwright_client.errors import StartStateInCollision as StartStateInCollision
+from armwright_client.errors import StartStateInvalid as StartStateInvalid
 from armwright_client.errors import (
-    ApiError,
-    ArmwrightError,
-    Conflict,
-    Forbidden,
-    GoalInCollision,
-    GoalStateInvalid,
-    GoalViolatesPathConstraints,
-    HostNotAllowed,
-    IdempotencyKeyReused,
-    InCollision,
-    InvalidArgument,
-    InvalidGoalConstraints,
-    InvalidGroupName,
-    InvalidLinkName,
-    InvalidMotionPlan,
-    InvalidObjectName,
-    InvalidRequest,
-    InvalidRobotDescription,
-    InvalidRobotState,
-    InvalidScene,
-    MethodNotAllowed,
-    MissingInertia,
-    MissingLimit,
-    NoIkSolution,
-    NotFound,
-    NotReady,
-    NoWay,
-    OutOfMemory,
-    OutsideLimits,
-    Overloaded,
-    PayloadTooLarge,
-    PlanningFailed,
-    PreconditionFailed,
-    Preempted,
-    QuotaExceeded,
-    RequestTimeout,
-    StartStateInCollision,
-    StartStateInvalid,
-    StartStateViolatesPathConstraints,
-    StorageUnavailable,
-    TimedOut,
-    TransportError,
-    TransportTimeout,
-    Unauthenticated,
-    Unavailable,
-    UnexpectedAnswer,
-    UnrecognizedGoalType,
-    UnsupportedMediaType,
-    ValidationFailed,
-    WorkerCrashed,
+    StartStateViolatesPathConstraints as StartStateViolatesPathConstraints,
 )
-from armwright_client.export import (
-    Export,
-    ExportOptions,
-    ExportRequest,
-)
-from armwright_client.geometry import (
-    BodySurface,
-    GeometryAnswer,
-)
-from armwright_client.goal import (
-    Goal,
-    GoalLike,
-    SingleGoal,
-    Start,
-)
-from armwright_client.health import (
-    Health,
-    Readiness,
-)
-from armwright_client.job import (
-    Job,
-    JobEvent,
-    JobList,
-)
-from armwright_client.kept_plan import (
-    Bundle,
-    DocumentName,
-    KeptPlan,
-    KeptPlanSummary,
-    PlanList,
-    ReplayAnswer,
-    ReplayRequest,
-)
-from armwright_client.kinematics import (
-    ArmSides,
-    FkAnswer,
-    FkBatch,
-    FkOptions,
-    FkRequest,
-    Gradient,
-    GradientTrace,
-    IkAnswer,
-    IkBatch,
-    IkOptions,
-    IkRequest,
-    IkSolution,
-    JacobianAnswer,
-    JacobianBatch,
-    JacobianOptions,
-    JacobianRequest,
-    Unsolved,
-)
-from armwright_client.lyapunov import (
-    Lyapunov,
-    LyapunovRequest,
-    Pole,
-    QuadraticForm,
-)
-from armwright_client.motor import (
-    Motor,
-)
-from armwright_client.pending import (
-    AsyncPending,
-    Pending,
-)
-from armwright_client.plan import (
-    CartesianOptions,
-    Descent,
-    JointPath,
-    Plan,
-    PlanOptions,
-    PlanRequest,
-    Progress,
-    Refine,
-    Reproducibility,
-    Stage,
-    Timing,
-)
-from armwright_client.planner import (
-    PlannerName,
-)
-from armwright_client.pose import (
-    ConvertedPose,
-    ConvertPoseRequest,
-    FramedPose,
-    Pose,
-    PoseForm,
-    PoseForms,
-    PoseMotion,
-    SingularForm,
-)
-from armwright_client.potential import (
-    ControlPoint,
-    PotentialAnswer,
-    PotentialBatch,
-    PotentialOptions,
-    PotentialRequest,
-    PotentialSettings,
-)
-from armwright_client.problem import (
-    Problem,
-)
-from armwright_client.reach import (
-    BaseAnswer,
-    BaseRegion,
-    ReachAnswer,
-    ReachBox,
-    ReachGrid,
-    ReachOptions,
-    ReachRequest,
-    ReachTolerance,
-)
-from armwright_client.retime import (
-    JointState,
-    Retimed,
-    RetimePath,
-    RetimeRequest,
-    RetimeTiming,
-)
-from armwright_client.retry import (
-    Retry,
-)
-from armwright_client.robot import (
-    ArchiveOptions,
-    DefaultLimits,
-    FingerJoint,
-    JointLimits,
-    Limits,
-    Robot,
-    RobotArchive,
-    RobotChanges,
-    RobotList,
-    RobotOptions,
-    RobotSummary,
-    RobotUpload,
-    SuspectedPair,
-)
-from armwright_client.scene import (
-    AllowedPair,
-    LimitedPair,
-    Obstacle,
-    ProjectAnswer,
-    Projection,
-    ProjectRequest,
-    Scene,
-    SceneList,
-    SceneReference,
-    SceneSummary,
-    TouchDepth,
-)
-from armwright_client.seam import (
-    StraightOffset,
-    ToolSpeed,
-    ToolSpeedBand,
-    ToolTolerance,
-    ToolToleranceUse,
-    Waypoint,
-)
-from armwright_client.session import (
-    ClientOptions,
-)
-from armwright_client.shape import (
-    Box,
-    Capsule,
-    Cone,
-    Convex,
-    Cylinder,
-    Halfspace,
-    Mesh,
-    PointCloud,
-    Shape,
-    Sphere,
-)
-from armwright_client.simulation import (
-    RemainingClearance,
-    SimulatedController,
-    SimulateOptions,
-    SimulateRequest,
-    Simulation,
-    SimulationReference,
-    TrackedLimitUse,
-    Tube,
-)
-from armwright_client.task import (
-    HeldObject,
-    Improvement,
-    MovedObject,
-    PlacedObject,
-    TaskOptions,
-    TaskPlan,
-    TaskRequest,
-    TaskStageReport,
-    TaskWorld,
-    Trial,
-)
-from armwright_client.task_stage import (
-    ApproachStage,
-    AttachStage,
-    CloseStage,
-    DetachStage,
-    GraspRegion,
-    GraspStage,
-    LiftStage,
-    MoveStage,
-    OpenStage,
-    PlaceRegion,
-    PlaceStage,
-    RetreatStage,
-    StraightStage,
-    TaskStage,
-    TaskStageRequest,
-    WaitStage,
-)
-from armwright_client.timing import (
-    RuledLimits,
-    TimingReport,
-)
-from armwright_client.tool_motion import (
-    CornerArc,
-    RoundedCorner,
-    TimedToolMotion,
-    TimedToolMotions,
-    ToolMotion,
-)
-from armwright_client.tool_motion_report import (
-    CornerArcReport,
-    ReferencePose,
-    RoundedCornerReport,
-    SpeedLimit,
-    ToolMotionReport,
-)
-from armwright_client.tour import (
-    Leg,
-    Tour,
-    TourGoal,
-    TourImprovement,
-    TourOptions,
-    TourRequest,
-    TourSearch,
-    Unvisited,
-    Visit,
-)
-from armwright_client.trajectory import (
-    Samples,
-    Segment,
-    TimedTrajectory,
-    Trajectory,
-)
+from armwright_client.errors import StorageUnavailable as StorageUnavailable
+from armwright_client.errors import TimedOut as TimedOut
+from armwright_client.errors import TransportError as TransportError
+from armwright_client.errors import TransportTimeout as TransportTimeout
+from armwright_client.errors import Unauthenticated as Unauthenticated
+from armwright_client.errors import Unavailable as Unavailable
+from armwright_client.errors import UnexpectedAnswer as UnexpectedAnswer
+from armwright_client.errors import UnrecognizedGoalType as UnrecognizedGoalType
+from armwright_client.errors import UnsupportedMediaType as UnsupportedMediaType
+from armwright_client.errors import ValidationFailed as ValidationFailed
+from armwright_client.errors import WorkerCrashed as WorkerCrashed
+from armwright_client.export import Export as Export
+from armwright_client.export import ExportOptions as ExportOptions
+from armwright_client.export import ExportRequest as ExportRequest
+from armwright_client.geometry import BodySurface as BodySurface
+from armwright_client.geometry import GeometryAnswer as GeometryAnswer
+from armwright_client.goal import Goal as Goal
+from armwright_client.goal import GoalLike as GoalLike
+from armwright_client.goal import SingleGoal as SingleGoal
+from armwright_client.goal import Start as Start
+from armwright_client.health import Health as Health
+from armwright_client.health import Readiness as Readiness
+from armwright_client.job import Job as Job
+from armwright_client.job import JobEvent as JobEvent
+from armwright_client.job import JobList as JobList
+from armwright_client.kept_plan import Bundle as Bundle
+from armwright_client.kept_plan import DocumentName as DocumentName
+from armwright_client.kept_plan import KeptPlan as KeptPlan
+from armwright_client.kept_plan import KeptPlanSummary as KeptPlanSummary
+from armwright_client.kept_plan import PlanList as PlanList
+from armwright_client.kept_plan import ReplayAnswer as ReplayAnswer
+from armwright_client.kept_plan import ReplayRequest as ReplayRequest
+from armwright_client.kinematics import ArmSides as ArmSides
+from armwright_client.kinematics import FkAnswer as FkAnswer
+from armwright_client.kinematics import FkBatch as FkBatch
+from armwright_client.kinematics import FkOptions as FkOptions
+from armwright_client.kinematics import FkRequest as FkRequest
+from armwright_client.kinematics import Gradient as Gradient
+from armwright_client.kinematics import GradientTrace as GradientTrace
+from armwright_client.kinematics import IkAnswer as IkAnswer
+from armwright_client.kinematics import IkBatch as IkBatch
+from armwright_client.kinematics import IkOptions as IkOptions
+from armwright_client.kinematics import IkRequest as IkRequest
+from armwright_client.kinematics import IkSolution as IkSolution
+from armwright_client.kinematics import JacobianAnswer as JacobianAnswer
+from armwright_client.kinematics import JacobianBatch as JacobianBatch
+from armwright_client.kinematics import JacobianOptions as JacobianOptions
+from armwright_client.kinematics import JacobianRequest as JacobianRequest
+from armwright_client.kinematics import Unsolved as Unsolved
+from armwright_client.lyapunov import Lyapunov as Lyapunov
+from armwright_client.lyapunov import LyapunovRequest as LyapunovRequest
+from armwright_client.lyapunov import Pole as Pole
+from armwright_client.lyapunov import QuadraticForm as QuadraticForm
+from armwright_client.motor import Motor as Motor
+from armwright_client.pending import AsyncPending as AsyncPending
+from armwright_client.pending import Pending as Pending
+from armwright_client.plan import CartesianOptions as CartesianOptions
+from armwright_client.plan import Descent as Descent
+from armwright_client.plan import JointPath as JointPath
+from armwright_client.plan import Plan as Plan
+from armwright_client.plan import PlanOptions as PlanOptions
+from armwright_client.plan import PlanRequest as PlanRequest
+from armwright_client.plan import Progress as Progress
+from armwright_client.plan import Refine as Refine
+from armwright_client.plan import Reproducibility as Reproducibility
+from armwright_client.plan import Stage as Stage
+from armwright_client.plan import Timing as Timing
+from armwright_client.planner import PlannerName as PlannerName
+from armwright_client.pose import ConvertedPose as ConvertedPose
+from armwright_client.pose import ConvertPoseRequest as ConvertPoseRequest
+from armwright_client.pose import FramedPose as FramedPose
+from armwright_client.pose import Pose as Pose
+from armwright_client.pose import PoseForm as PoseForm
+from armwright_client.pose import PoseForms as PoseForms
+from armwright_client.pose import PoseMotion as PoseMotion
+from armwright_client.pose import SingularForm as SingularForm
+from armwright_client.potential import ControlPoint as ControlPoint
+from armwright_client.potential import PotentialAnswer as PotentialAnswer
+from armwright_client.potential import PotentialBatch as PotentialBatch
+from armwright_client.potential import PotentialOptions as PotentialOptions
+from armwright_client.potential import PotentialRequest as PotentialRequest
+from armwright_client.potential import PotentialSettings as PotentialSettings
+from armwright_client.problem import Problem as Problem
+from armwright_client.reach import BaseAnswer as BaseAnswer
+from armwright_client.reach import BaseRegion as BaseRegion
+from armwright_client.reach import ReachAnswer as ReachAnswer
+from armwright_client.reach import ReachBox as ReachBox
+from armwright_client.reach import ReachGrid as ReachGrid
+from armwright_client.reach import ReachOptions as ReachOptions
+from armwright_client.reach import ReachRequest as ReachRequest
+from armwright_client.reach import ReachTolerance as ReachTolerance
+from armwright_client.retime import JointState as JointState
+from armwright_client.retime import Retimed as Retimed
+from armwright_client.retime import RetimePath as RetimePath
+from armwright_client.retime import RetimeRequest as RetimeRequest
+from armwright_client.retime import RetimeTiming as RetimeTiming
+from armwright_client.retry import Retry as Retry
+from armwright_client.robot import ArchiveOptions as ArchiveOptions
+from armwright_client.robot import DefaultLimits as DefaultLimits
+from armwright_client.robot import FingerJoint as FingerJoint
+from armwright_client.robot import JointLimits as JointLimits
+from armwright_client.robot import Limits as Limits
+from armwright_client.robot import Robot as Robot
+from armwright_client.robot import RobotArchive as RobotArchive
+from armwright_client.robot import RobotChanges as RobotChanges
+from armwright_client.robot import RobotList as RobotList
+from armwright_client.robot import RobotOptions as RobotOptions
+from armwright_client.robot import RobotSummary as RobotSummary
+from armwright_client.robot import RobotUpload as RobotUpload
+from armwright_client.robot import SuspectedPair as SuspectedPair
+from armwright_client.scene import AllowedPair as AllowedPair
+from armwright_client.scene import LimitedPair as LimitedPair
+from armwright_client.scene import Obstacle as Obstacle
+from armwright_client.scene import ProjectAnswer as ProjectAnswer
+from armwright_client.scene import Projection as Projection
+from armwright_client.scene import ProjectRequest as ProjectRequest
+from armwright_client.scene import Scene as Scene
+from armwright_client.scene import SceneList as SceneList
+from armwright_client.scene import SceneReference as SceneReference
+from armwright_client.scene import SceneSummary as SceneSummary
+from armwright_client.scene import TouchDepth as TouchDepth
+from armwright_client.seam import StraightOffset as StraightOffset
+from armwright_client.seam import ToolSpeed as ToolSpeed
+from armwright_client.seam import ToolSpeedBand as ToolSpeedBand
+from armwright_client.seam import ToolTolerance as ToolTolerance
+from armwright_client.seam import ToolToleranceUse as ToolToleranceUse
+from armwright_client.seam import Waypoint as Waypoint
+from armwright_client.session import ClientOptions as ClientOptions
+from armwright_client.shape import Box as Box
+from armwright_client.shape import Capsule as Capsule
+from armwright_client.shape import Cone as Cone
+from armwright_client.shape import Convex as Convex
+from armwright_client.shape import Cylinder as Cylinder
+from armwright_client.shape import Halfspace as Halfspace
+from armwright_client.shape import Mesh as Mesh
+from armwright_client.shape import PointCloud as PointCloud
+from armwright_client.shape import Shape as Shape
+from armwright_client.shape import Sphere as Sphere
+from armwright_client.simulation import RemainingClearance as RemainingClearance
+from armwright_client.simulation import SimulatedController as SimulatedController
+from armwright_client.simulation import SimulateOptions as SimulateOptions
+from armwright_client.simulation import SimulateRequest as SimulateRequest
+from armwright_client.simulation import Simulation as Simulation
+from armwright_client.simulation import SimulationReference as SimulationReference
+from armwright_client.simulation import TrackedLimitUse as TrackedLimitUse
+from armwright_client.simulation import Tube as Tube
+from armwright_client.task import HeldObject as HeldObject
+from armwright_client.task import Improvement as Improvement
+from armwright_client.task import MovedObject as MovedObject
+from armwright_client.task import PlacedObject as PlacedObject
+from armwright_client.task import TaskOptions as TaskOptions
+from armwright_client.task import TaskPlan as TaskPlan
+from armwright_client.task import TaskRequest as TaskRequest
+from armwright_client.task import TaskStageReport as TaskStageReport
+from armwright_client.task import TaskWorld as TaskWorld
+from armwright_client.task import Trial as Trial
+from armwright_client.task_stage import ApproachStage as ApproachStage
+from armwright_client.task_stage import AttachStage as AttachStage
+from armwright_client.task_stage import CloseStage as CloseStage
+from armwright_client.task_stage import DetachStage as DetachStage
+from armwright_client.task_stage import GraspRegion as GraspRegion
+from armwright_client.task_stage import GraspStage as GraspStage
+from armwright_client.task_stage import LiftStage as LiftStage
+from armwright_client.task_stage import MoveStage as MoveStage
+from armwright_client.task_stage import OpenStage as OpenStage
+from armwright_client.task_stage import PlaceRegion as PlaceRegion
+from armwright_client.task_stage import PlaceStage as PlaceStage
+from armwright_client.task_stage import RetreatStage as RetreatStage
+from armwright_client.task_stage import StraightStage as StraightStage
+from armwright_client.task_stage import TaskStage as TaskStage
+from armwright_client.task_stage import TaskStageRequest as TaskStageRequest
+from armwright_client.task_stage import WaitStage as WaitStage
+from armwright_client.timing import RuledLimits as RuledLimits
+from armwright_client.timing import TimingReport as TimingReport
+from armwright_client.tool_motion import CornerArc as CornerArc
+from armwright_client.tool_motion import RoundedCorner as RoundedCorner
+from armwright_client.tool_motion import TimedToolMotion as TimedToolMotion
+from armwright_client.tool_motion import TimedToolMotions as TimedToolMotions
+from armwright_client.tool_motion import ToolMotion as ToolMotion
+from armwright_client.tool_motion_report import CornerArcReport as CornerArcReport
+from armwright_client.tool_motion_report import ReferencePose as ReferencePose
+from armwright_client.tool_motion_report import RoundedCornerReport as RoundedCornerReport
+from armwright_client.tool_motion_report import SpeedLimit as SpeedLimit
+from armwright_client.tool_motion_report import ToolMotionReport as ToolMotionReport
+from armwright_client.tour import Leg as Leg
+from armwright_client.tour import Tour as Tour
+from armwright_client.tour import TourGoal as TourGoal
+from armwright_client.tour import TourImprovement as TourImprovement
+from armwright_client.tour import TourOptions as TourOptions
+from armwright_client.tour import TourRequest as TourRequest
+from armwright_client.tour import TourSearch as TourSearch
+from armwright_client.tour import Unvisited as Unvisited
+from armwright_client.tour import Visit as Visit
+from armwright_client.trajectory import Samples as Samples
+from armwright_client.trajectory import Segment as Segment
+from armwright_client.trajectory import TimedTrajectory as TimedTrajectory
+from armwright_client.trajectory import Trajectory as Trajectory
 from armwright_client.version import VERSION
 
 __version__ = VERSION
-
-__all__ = [
-    "BY_CODE",
-    "DEFAULT_URL",
-    "Abbreviation",
-    "AllowedPair",
-    "ApiError",
-    "ApproachStage",
-    "ArchiveOptions",
-    "ArmSides",
-    "ArmwrightError",
-    "ArrayLike",
-    "AsyncClient",
-    "AsyncJobs",
-    "AsyncLater",
-    "AsyncPending",
-    "AsyncPlans",
-    "AsyncRobots",
-    "AsyncScenes",
-    "AttachStage",
-    "Attached",
-    "BaseAnswer",
-    "BaseParameter",
-    "BaseRegion",
-    "BatchAnswer",
-    "BatchProblem",
-    "BatchRequest",
-    "BodySurface",
-    "Box",
-    "BoxRegion",
-    "Bundle",
-    "Capsule",
-    "CartesianOptions",
-    "Certificate",
-    "CheckAnswer",
-    "CheckBatch",
-    "CheckOptions",
-    "CheckRequest",
-    "ChristoffelFormula",
-    "Clearance",
-    "ClearanceConstraint",
-    "ClearanceReport",
-    "Client",
-    "ClientOptions",
-    "CloseSpan",
-    "CloseStage",
-    "Collision",
-    "Cone",
-    "ConfigurationReport",
-    "Conflict",
-    "ConstraintUse",
-    "ControlPoint",
-    "ConvertPoseRequest",
-    "ConvertedPose",
-    "Convex",
-    "CornerArc",
-    "CornerArcReport",
-    "Cylinder",
-    "DampedDirection",
-    "DefaultLimits",
-    "DerivedDh",
-    "Descent",
-    "DetachStage",
-    "DhParameters",
-    "DhRow",
-    "DhTable",
-    "DocumentName",
-    "DynamicsAnswer",
-    "DynamicsBatch",
-    "DynamicsOptions",
-    "DynamicsRequest",
-    "EquationsAnswer",
-    "Export",
-    "ExportOptions",
-    "ExportRequest",
-    "FingerJoint",
-    "FkAnswer",
-    "FkBatch",
-    "FkOptions",
-    "FkRequest",
-    "Forbidden",
-    "ForwardDynamicsAnswer",
-    "ForwardDynamicsBatch",
-    "ForwardDynamicsOptions",
-    "ForwardDynamicsRequest",
-    "FramedPose",
-    "GeometryAnswer",
-    "Goal",
-    "GoalCosts",
-    "GoalInCollision",
-    "GoalLike",
-    "GoalStateInvalid",
-    "GoalViolatesPathConstraints",
-    "Gradient",
-    "GradientTrace",
-    "GraspRegion",
-    "GraspStage",
-    "Halfspace",
-    "Health",
-    "HeldObject",
-    "HostNotAllowed",
-    "IdempotencyKeyReused",
-    "IkAnswer",
-    "IkBatch",
-    "IkOptions",
-    "IkRequest",
-    "IkSolution",
-    "Improvement",
-    "InCollision",
-    "InvalidArgument",
-    "InvalidGoalConstraints",
-    "InvalidGroupName",
-    "InvalidLinkName",
-    "InvalidMotionPlan",
-    "InvalidObjectName",
-    "InvalidRequest",
-    "InvalidRobotDescription",
-    "InvalidRobotState",
-    "InvalidScene",
-    "JacobianAnswer",
-    "JacobianBatch",
-    "JacobianOptions",
-    "JacobianRequest",
-    "Job",
-    "JobEvent",
-    "JobList",
-    "Jobs",
-    "JointConstraint",
-    "JointLimits",
-    "JointPath",
-    "JointState",
-    "JointSymbol",
-    "KeptPlan",
-    "KeptPlanSummary",
-    "Later",
-    "Leg",
-    "LiftStage",
-    "LimitUse",
-    "LimitUses",
-    "LimitValues",
-    "LimitViolation",
-    "LimitedPair",
-    "Limits",
-    "LineRegion",
-    "LinkCapsules",
-    "LinkSolid",
-    "LookAtConstraint",
-    "Lyapunov",
-    "LyapunovRequest",
-    "Mesh",
-    "MethodNotAllowed",
-    "MissingInertia",
-    "MissingLimit",
-    "ModelOptions",
-    "MotionFormulas",
-    "Motor",
-    "MoveStage",
-    "MovedObject",
-    "NoIkSolution",
-    "NoWay",
-    "NotFound",
-    "NotReady",
-    "Obstacle",
-    "OpenStage",
-    "OrientationConstraint",
-    "OutOfMemory",
-    "OutsideLimits",
-    "Overloaded",
-    "ParameterSymbol",
-    "PartialJacobian",
-    "PathDeviation",
-    "Payload",
-    "PayloadTooLarge",
-    "Pending",
-    "PlaceRegion",
-    "PlaceStage",
-    "PlacedObject",
-    "Plan",
-    "PlanList",
-    "PlanOptions",
-    "PlanRequest",
-    "PlaneRegion",
-    "PlannerName",
-    "PlanningFailed",
-    "Plans",
-    "PointCloud",
-    "Pole",
-    "Pose",
-    "PoseForm",
-    "PoseForms",
-    "PoseFormulas",
-    "PoseMotion",
-    "PositionConstraint",
-    "PotentialAnswer",
-    "PotentialBatch",
-    "PotentialOptions",
-    "PotentialRequest",
-    "PotentialSettings",
-    "PreconditionFailed",
-    "Preempted",
-    "Premises",
-    "Problem",
-    "Progress",
-    "ProjectAnswer",
-    "ProjectRequest",
-    "Projection",
-    "Proved",
-    "QuadraticForm",
-    "QuotaExceeded",
-    "ReachAnswer",
-    "ReachBox",
-    "ReachGrid",
-    "ReachOptions",
-    "ReachRequest",
-    "ReachTolerance",
-    "Readiness",
-    "ReferencePose",
-    "Refine",
-    "RegressorAnswer",
-    "RegressorFormulas",
-    "RegressorOptions",
-    "RegressorRequest",
-    "RelativePoseConstraint",
-    "RemainingClearance",
-    "ReplayAnswer",
-    "ReplayRequest",
-    "Reproducibility",
-    "RequestTimeout",
-    "RetimePath",
-    "RetimeRequest",
-    "RetimeTiming",
-    "Retimed",
-    "RetreatStage",
-    "Retry",
-    "Robot",
-    "RobotArchive",
-    "RobotChanges",
-    "RobotList",
-    "RobotOptions",
-    "RobotSummary",
-    "RobotUpload",
-    "Robots",
-    "RoundedCorner",
-    "RoundedCornerReport",
-    "RowsLike",
-    "RuledLimits",
-    "Samples",
-    "Scene",
-    "SceneList",
-    "SceneReference",
-    "SceneSummary",
-    "Scenes",
-    "Segment",
-    "Shape",
-    "SimulateOptions",
-    "SimulateRequest",
-    "SimulatedController",
-    "Simulation",
-    "SimulationReference",
-    "SingleGoal",
-    "SingularForm",
-    "SpeedLimit",
-    "Sphere",
-    "SphereRegion",
-    "Stage",
-    "Start",
-    "StartStateInCollision",
-    "StartStateInvalid",
-    "StartStateViolatesPathConstraints",
-    "StorageUnavailable",
-    "StraightOffset",
-    "StraightStage",
-    "SuspectedPair",
-    "TaskOptions",
-    "TaskPlan",
-    "TaskRequest",
-    "TaskStage",
-    "TaskStageReport",
-    "TaskStageRequest",
-    "TaskWorld",
-    "TimedOut",
-    "TimedToolMotion",
-    "TimedToolMotions",
-    "TimedTrajectory",
-    "Timing",
-    "TimingReport",
-    "ToolMotion",
-    "ToolMotionReport",
-    "ToolSpeed",
-    "ToolSpeedBand",
-    "ToolSpeedConstraint",
-    "ToolTolerance",
-    "ToolToleranceUse",
-    "TorqueConstraint",
-    "TouchDepth",
-    "Tour",
-    "TourGoal",
-    "TourImprovement",
-    "TourOptions",
-    "TourRequest",
-    "TourSearch",
-    "TrackedLimitUse",
-    "Trajectory",
-    "TransportError",
-    "TransportTimeout",
-    "Trial",
-    "Tube",
-    "Unauthenticated",
-    "Unavailable",
-    "UnexpectedAnswer",
-    "UnrecognizedGoalType",
-    "Unsolved",
-    "UnsupportedMediaType",
-    "Unvisited",
-    "ValidateOptions",
-    "ValidateRequest",
-    "ValidationFailed",
-    "VectorLike",
-    "VelocityAnswer",
-    "VelocityOptions",
-    "VelocityRequest",
-    "Visit",
-    "WaitStage",
-    "Waypoint",
-    "WorkerCrashed",
-    "WrenchAnswer",
-    "WrenchBatch",
-    "WrenchOptions",
-    "WrenchRequest",
-    "__version__",
-]
