@@ -97,10 +97,11 @@ check: $(TOOLS)  ## Lint, format, types, layers, Dockerfile
 	$(BIN)/hadolint Dockerfile
 
 bench: $(TOOLS)  ## Measure kernels, planning and the service
-	$(BIN)/python -m benchmarks
+	for name in kinematics dynamics ik timing scale overhead; do \
+		echo "== $$name"; $(BIN)/python -m benchmarks.$$name || exit 1; done
 
 bench-timing: $(TOOLS)  ## Judge the timing of a thousand random paths
-	$(BIN)/python -m benchmarks.timing_limits 1000
+	$(BIN)/python -m benchmarks.timing --limits 1000
 
 bench-arms: $(TOOLS)  ## Upload the arms of example-robot-data, measure them, write docs/arms.md
 	$(BIN)/python -m benchmarks.arms --write docs/arms.md

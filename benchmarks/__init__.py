@@ -1,1 +1,1 @@
-"""Measurements: what is claimed about speed and success, repeatable."""
+"""Measurements of speed and success that docs/benchmarks.md shows, each by one command."""

@@ -19,9 +19,9 @@ from statistics import median
 import numpy as np
 from numpy.typing import NDArray
 
-from benchmarks.example_arms import ExampleArm, mesh_bytes, package
-from benchmarks.mesh_scenes import own_scenes, reach_of
-from benchmarks.triangles import Triangles, scenery
+from benchmarks.judges.triangles import Triangles, scenery
+from benchmarks.problems.example_arms import ExampleArm, mesh_bytes, package
+from benchmarks.problems.mesh_scenes import own_scenes, reach_of
 from kinematics.description import MeshGeometry
 from kinematics.forward import forward, link_poses
 from kinematics.ik.inverse import inverse_kinematics

@@ -9,50 +9,17 @@ is run before what is counted.
 """
 
 import argparse
-import subprocess
-import sys
-import tempfile
 import time
-from collections.abc import Iterator
-from contextlib import contextmanager
 from pathlib import Path
 
 import numpy as np
 
-from armwright_client import Client, JointLimits, NotReady, RobotUpload, Scene, TransportError
+from armwright_client import Client, JointLimits, RobotUpload, Scene
 from benchmarks.mbm_problems import ACCELERATION, cases, panda
+from benchmarks.server.machines import local_server
 from planning.options import Options
 from planning.pipeline import plan
 from planning.result import Plan
-
-
-@contextmanager
-def service() -> Iterator[str]:
-    """A service on a free port; its address."""
-    command = [sys.executable, "-m", "service.cli", "serve", "--port", "0", "--workers", "1"]
-    with tempfile.TemporaryDirectory() as folder:
-        running = subprocess.Popen(
-            [*command, "--data-dir", folder], stdout=subprocess.PIPE, text=True
-        )
-        try:
-            assert running.stdout is not None
-            line = next(line for line in running.stdout if "http://" in line)
-            yield "http://" + line.split("http://")[1].strip()
-        finally:
-            running.terminate()
-            running.wait(20.0)
-
-
-def wait_until_ready(client: Client) -> None:
-    """Until the workers are warm."""
-    for _ in range(1200):
-        try:
-            client.readyz()
-        except (NotReady, TransportError):
-            time.sleep(0.1)
-        else:
-            return
-    raise SystemExit("the service did not become ready")
 
 
 def upload(folder: Path) -> RobotUpload:
@@ -78,8 +45,7 @@ def main() -> None:
     folder = asked.problems.parent.parent / "panda"
     robot = panda(folder)
     rows: list[tuple[float, float, float]] = []
-    with service() as address, Client(address) as client:
-        wait_until_ready(client)
+    with local_server({"ARMWRIGHT_WORKERS": "1"}) as (_, address), Client(address) as client:
         client.robots.create(upload(folder))
         chosen = list(cases(asked.problems, robot.chain.joint_names, asked.every))
         for count, case in enumerate(chosen):

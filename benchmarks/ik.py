@@ -18,8 +18,8 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import NDArray
 
-from benchmarks.ik_peers import time_calls
-from benchmarks.poses import edge_configurations, random_configurations
+from benchmarks.peers.ik_peers import time_calls
+from benchmarks.problems.poses import edge_configurations, random_configurations
 from kinematics.chain import Chain
 from kinematics.forward import forward
 from kinematics.ik.analytic import Branches, branches
@@ -95,7 +95,7 @@ def ask_peers(
             offsets=chain.offsets, tip_offset=chain.tip.T_joint_link, urdf=builtin_urdf(name),
             tip=chain.tip_link, base=chain.base_link, kind="" if form is None else form.kind,
         )  # fmt: skip
-        script = str(Path(__file__).with_name("ik_peers.py"))
+        script = str(Path(__file__).parent / "peers" / "ik_peers.py")
         subprocess.run([python, script, str(path), *peers], check=True)
         with np.load(path.with_suffix(".answers.npz"), allow_pickle=False) as told:
             return {key: told[key] for key in told.files}

@@ -14,7 +14,7 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import NDArray
 
-from benchmarks.poses import random_configurations
+from benchmarks.problems.poses import random_configurations
 from kinematics.chain import Chain
 from kinematics.evaluator import KinematicsEvaluator
 from kinematics.forward import forward, link_poses

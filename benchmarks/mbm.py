@@ -4,13 +4,10 @@
 
 Reads ``sceneNNNN.yaml`` and ``requestNNNN.yaml`` of every kind of scene below the folder, and the
 robot (``panda.urdf``, ``panda.srdf``, ``meshes/``) from ``../../panda`` beside it. Plans joint to
-joint in this process and has every trajectory looked at by ``benchmarks.recheck``, which shares no
-code with the planner. "path" is all that comes before timing, every edge proved; "whole" is a call
-of ``plan``. Both are told by the clock and as computing time of this process, which other
-programs on the machine disturb less. With ``--beside-ompl`` the same problems are planned by
-OMPL's RRT-Connect and its own simplification on the same proved edges, for the lengths of paths;
-with ``--repeats`` nothing is timed, answers are compared byte by byte instead, here and in fresh
-processes.
+joint in this process and has every trajectory checked by ``benchmarks.judges.recheck``, which
+shares no code with the planner. "path" is all that comes before timing, every edge proved; "whole"
+is a call of ``plan``. Both are given by the clock and as processor time of this process, which
+other programs on the machine disturb less.
 """
 
 import argparse
@@ -23,10 +20,8 @@ from pathlib import Path
 
 import numpy as np
 
-from benchmarks.mbm_ompl import simplified_length
+from benchmarks.judges.recheck import Recheck
 from benchmarks.mbm_problems import ACCELERATION, Case, cases, panda
-from benchmarks.mbm_repeats import compare
-from benchmarks.recheck import Recheck
 from obstacles.robot_geometry import RobotGeometry
 from planning.options import Options
 from planning.pipeline import plan
@@ -49,7 +44,6 @@ class Record:
         stages: Computing time by stage.
         planner: Who found the path.
         length: Of the path [rad].
-        beside: Length of OMPL's path [rad], NaN where it was not asked for.
         duration: Of the motion [s].
         unclean: What an independent look found wrong.
     """
@@ -61,15 +55,13 @@ class Record:
     stages: dict[str, float] = field(default_factory=dict)
     planner: str = ""
     length: float = np.nan
-    beside: float = np.nan
     duration: float = np.nan
     unclean: str = ""
 
 
 def run(
-    chosen: Iterable[Case], robot: RobotGeometry, recheck: Recheck, options: Options, margin: float,
-    beside: bool,
-) -> list[Record]:  # fmt: skip
+    chosen: Iterable[Case], robot: RobotGeometry, recheck: Recheck, options: Options, margin: float
+) -> list[Record]:
     """Plan and re-check every problem whose start and goal are free."""
     records: list[Record] = []
     for case in chosen:
@@ -79,8 +71,6 @@ def run(
         if not records:
             plan(case.problem(robot, margin), options)
         record = _solve(case, robot, recheck, options, margin)
-        if beside:
-            record.beside = simplified_length(case.problem(robot, margin), options.seed)
         if record.failure is not None:
             print(f"  {case.name}: {record.failure.code} {record.failure.message}", flush=True)
         if record.unclean:
@@ -139,14 +129,6 @@ def report(records: list[Record]) -> None:
         times = [record.stages[name] for record in solved if name in record.stages]
         print(f"  {name:16} in {len(times):4d}, computing ms: {_spread(times)}")
     print("  won by", dict(sorted(Counter(record.planner for record in solved).items())))
-    beside = [(r.length, r.beside) for r in solved if np.isfinite(r.beside)]
-    if beside:
-        ours, theirs = np.array(beside).T
-        print(
-            f"  lengths beside OMPL's: mean {ours.mean():.3f} and {theirs.mean():.3f},"
-            f" p95 {np.percentile(ours, 95):.3f} and {np.percentile(theirs, 95):.3f},"
-            f" shorter in {np.mean(ours < theirs):.0%}"
-        )
 
 
 def _row(kind: str, records: list[Record]) -> None:
@@ -180,22 +162,17 @@ def main() -> None:
     parser.add_argument("--preferred", type=float, default=DEFAULT_PREFERRED, help="[m]")
     parser.add_argument("--every", type=int, default=1, help="take every n-th problem of a kind")
     parser.add_argument("--timeout", type=float, default=5.0, help="[s]")
-    parser.add_argument("--beside-ompl", action="store_true")
-    parser.add_argument("--repeats", type=int, default=0)
     asked = parser.parse_args()
     robot_folder = asked.problems.parent.parent / "panda"
     robot = panda(robot_folder)
     chosen = list(cases(asked.problems, robot.chain.joint_names, asked.every))
-    if asked.repeats:
-        compare(asked.problems, robot, chosen, asked.repeats)
-        return
     recheck = Recheck(robot_folder)
     for margin, seed in itertools.product(asked.margins, asked.seeds):
         print(f"margin {1e3 * margin:g} mm, seed {seed}", flush=True)
         options = Options(
             timeout=asked.timeout, seed=seed, clearance=PreferredClearance(asked.preferred)
         )
-        report(run(chosen, robot, recheck, options, margin, asked.beside_ompl))
+        report(run(chosen, robot, recheck, options, margin))
 
 
 if __name__ == "__main__":

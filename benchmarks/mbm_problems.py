@@ -19,6 +19,8 @@ from planning.problem import JointGoal, Problem
 
 #: The URDF gives no accelerations: those of the manufacturer's data sheet [rad/s^2].
 ACCELERATION = (15.0, 7.5, 10.0, 12.5, 15.0, 20.0, 20.0)
+#: Likewise [rad/s^3].
+JERK = (7500.0, 3750.0, 5000.0, 6250.0, 7500.0, 10000.0, 10000.0)
 
 
 @dataclass(frozen=True)

@@ -12,13 +12,66 @@ each state has an interpreter of its own: builds of Python differ in speed.
 
 import argparse
 import json
+import os
+import subprocess
 import sys
+import sysconfig
 import time
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+
+
+class State:
+    """A state of the code, with its folder in ``PYTHONPATH``, which does what it is asked.
+
+    The script prints ``ready``, then a line of JSON for each line that it reads.
+
+    Args:
+        folder: Of the state.
+        script: What runs there; the modules that it imports are those of the state.
+        arguments: Of the script.
+        python: Another interpreter of this version, which takes the packages of this one.
+
+    Raises:
+        SystemExit: The script did not start there.
+    """
+
+    def __init__(
+        self, folder: Path, script: str, *arguments: str, python: str = sys.executable
+    ) -> None:
+        self.folder = folder.resolve()
+        # Packages may have added folders of their own to the path.
+        packages = [path for path in sys.path if path.startswith(sysconfig.get_path("purelib"))]
+        paths = os.pathsep.join((str(self.folder), str(self.folder / "client"), *packages))
+        self._process = subprocess.Popen(
+            [python, "-P", str(Path(script).resolve()), *arguments],
+            cwd=self.folder, env=os.environ | {"PYTHONPATH": paths},
+            stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True,
+        )  # fmt: skip
+        if self._read() != "ready":
+            self.end()
+            raise SystemExit(f"{folder} did not start")
+
+    def ask(self, line: str) -> Any:
+        """Have a turn, and give what it told."""
+        assert self._process.stdin is not None
+        print(line, file=self._process.stdin, flush=True)
+        told = self._read()
+        if not told:
+            raise SystemExit(f"{self.folder} ended in the midst of its work")
+        return json.loads(told)
+
+    def end(self) -> None:
+        """Let it end."""
+        self._process.communicate()
+
+    def _read(self) -> str:
+        assert self._process.stdout is not None
+        return self._process.stdout.readline().strip()
+
 
 #: A turn of a state: what it told of one problem.
 Turn = dict[str, Any]
@@ -120,9 +173,6 @@ def main() -> None:
     if asked.side:
         side(asked.problems, asked.every)
         return
-    # An older state has no such module: only this one needs it.
-    from benchmarks.turns import State  # noqa: PLC0415
-
     arguments = (str(asked.problems.resolve()), "--side", "--every", str(asked.every))
     pythons = asked.pythons or [sys.executable] * len(asked.folders)
     states = [

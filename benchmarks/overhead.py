@@ -29,7 +29,7 @@ import numpy as np
 from armwright.robot import load_robot
 from armwright_client import Box, Client, Obstacle, Pose
 from armwright_client import Scene as SceneBody
-from benchmarks.machines import local_server, processor_times, wait_until_idle
+from benchmarks.server.machines import local_server, processor_times, wait_until_idle
 from kinematics.arrays import Array
 from obstacles import shapes
 from obstacles.checker import Checker

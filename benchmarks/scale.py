@@ -10,24 +10,17 @@ proved plans between random free configurations, for a scene not seen before and
 
 import argparse
 import time
-from collections.abc import Callable
 from dataclasses import replace
 from itertools import pairwise
 
 import numpy as np
 
+from benchmarks.verdict import builtin, certify_all, cheapest
 from kinematics.arrays import Array
-from kinematics.compiled.kernel import kernel
 from kinematics.pose import transform
-from kinematics.robots import builtin_srdf, builtin_urdf
-from kinematics.serial_chain import serial_chain
-from kinematics.srdf import parse_srdf
-from kinematics.urdf import parse_urdf
 from obstacles.checker import Checker
-from obstacles.edge_check import FREE, MAX_INTERVALS, Cubic, certify_in
-from obstacles.kernel_work import workspace
-from obstacles.model_arrays import ModelArrays
-from obstacles.robot_geometry import RobotGeometry, robot_geometry
+from obstacles.edge_check import FREE
+from obstacles.robot_geometry import RobotGeometry
 from obstacles.scene import Obstacle, Scene
 from obstacles.shapes import Box, Cylinder, PointCloud, Sphere
 from obstacles.state_check import verdicts_on
@@ -37,35 +30,8 @@ from planning.problem import JointGoal, Problem
 from planning.result import Plan
 
 _STATES = 400
-_REPEATS = 5
 #: Plans between random free configurations for each scene, and the time each may take [s].
 _PLANS, _PATIENCE = 8, 20.0
-
-
-@kernel
-def certify_all(model: ModelArrays, starts: Array, steps: Array, verdicts: Array) -> None:
-    """Verdict on the straight motion by ``steps`` (k, n) from each of ``starts`` (k, n)."""
-    work, found, zero = workspace(model), np.empty(4), np.zeros(starts.shape[1])
-    for k in range(starts.shape[0]):
-        line = Cubic(starts[k], steps[k], zero, zero)
-        verdicts[k] = certify_in(model, work, line, 0.0, MAX_INTERVALS, found)
-
-
-def cheapest(task: Callable[[], object]) -> float:
-    """Processor time of the cheapest of a few runs [s]."""
-    spent = []
-    for _ in range(_REPEATS):
-        began = time.process_time()
-        task()
-        spent.append(time.process_time() - began)
-    return min(spent)
-
-
-def panda() -> RobotGeometry:
-    """The built-in Panda."""
-    description, semantics = parse_urdf(builtin_urdf("panda")), parse_srdf(builtin_srdf("panda"))
-    chain = serial_chain(description, semantics=semantics)
-    return robot_geometry(chain, description, {}, semantics)
 
 
 def clutter(random: np.random.Generator, count: int) -> Scene:
@@ -156,7 +122,7 @@ def main() -> None:
         "--points", type=int, nargs="*", default=[1_000, 3_000, 10_000, 30_000, 100_000]
     )
     sizes = parser.parse_args()
-    robot = panda()
+    robot = builtin("panda")
     Checker.of(robot, Scene())
     measure(robot, clutter(np.random.default_rng(0), 3), np.random.default_rng(0))
     head = (

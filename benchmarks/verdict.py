@@ -4,30 +4,33 @@
 
 Random states of every built-in robot among random solids of every kind (and with --problems of a
 Panda with meshes in MotionBenchMaker scenes) are judged by the kernel and by python-fcl
-(``benchmarks.fcl_judge``). A difference counts as wrong where the distance is farther than a
+(``benchmarks.judges.fcl``). A difference counts as wrong where the distance is farther than a
 micrometre from 0; so does a verdict of the walk over motions that differs. Times are processor
 time in a loop inside a kernel, and from Python; "path" is a state on a path that the planner found
 in the scene, "asked" the pairs of such a state that its brackets left to the exact test.
 """
 
 import argparse
-from collections.abc import Iterator
+import time
+from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import numpy as np
 
-from benchmarks.fcl_judge import FclJudge
+from benchmarks.judges.fcl import FclJudge
 from benchmarks.mbm_problems import cases, scene_at_root
 from benchmarks.mbm_problems import panda as mesh_panda
-from benchmarks.scale import certify_all, cheapest
 from kinematics.arrays import Array
+from kinematics.compiled.kernel import kernel
 from kinematics.pose import from_axis_angle, transform
 from kinematics.robots import builtin_names, builtin_srdf, builtin_urdf
 from kinematics.serial_chain import serial_chain
 from kinematics.srdf import parse_srdf
 from kinematics.urdf import parse_urdf
 from obstacles.checker import Checker
-from obstacles.edge_check import COLLIDING, FREE
+from obstacles.edge_check import COLLIDING, FREE, MAX_INTERVALS, Cubic, certify_in
+from obstacles.kernel_work import workspace
+from obstacles.model_arrays import ModelArrays
 from obstacles.robot_geometry import RobotGeometry, robot_geometry
 from obstacles.scene import Obstacle, Scene
 from obstacles.shapes import Box, Capsule, Cone, Convex, Cylinder, HalfSpace, PointCloud, Sphere
@@ -42,6 +45,7 @@ _BUDGET, _ALONG = 2.0, 300
 #: Distances this near to 0 [m] are left to rounding.
 BAND = 1e-6
 _SCENES = 3
+_REPEATS = 5
 _EVERY = 12
 
 
@@ -50,6 +54,25 @@ def builtin(name: str) -> RobotGeometry:
     description, semantics = parse_urdf(builtin_urdf(name)), parse_srdf(builtin_srdf(name))
     chain = serial_chain(description, semantics=semantics)
     return robot_geometry(chain, description, {}, semantics)
+
+
+@kernel
+def certify_all(model: ModelArrays, starts: Array, steps: Array, verdicts: Array) -> None:
+    """Verdict on the straight motion by ``steps`` (k, n) from each of ``starts`` (k, n)."""
+    work, found, zero = workspace(model), np.empty(4), np.zeros(starts.shape[1])
+    for k in range(starts.shape[0]):
+        line = Cubic(starts[k], steps[k], zero, zero)
+        verdicts[k] = certify_in(model, work, line, 0.0, MAX_INTERVALS, found)
+
+
+def cheapest(task: Callable[[], object]) -> float:
+    """Processor time of the cheapest of a few runs [s]."""
+    spent = []
+    for _ in range(_REPEATS):
+        began = time.process_time()
+        task()
+        spent.append(time.process_time() - began)
+    return min(spent)
 
 
 def clutter(random: np.random.Generator, reach: float) -> Scene:

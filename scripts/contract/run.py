@@ -10,7 +10,7 @@ from pathlib import Path
 
 import httpx
 
-from benchmarks.machines import local_server
+from benchmarks.server.machines import local_server
 
 FOLDER = Path(__file__).parent
 #: hooks.py has sharper checks in place of these.

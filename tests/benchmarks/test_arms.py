@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 
 from benchmarks import arms
-from benchmarks.example_arms import package
+from benchmarks.problems.example_arms import package
 from kinematics.likely_tip import likely_tip
 from kinematics.urdf import parse_urdf
 

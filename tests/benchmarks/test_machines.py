@@ -4,7 +4,7 @@ import os
 import subprocess
 import sys
 
-from benchmarks.machines import processor_times, wait_until_idle
+from benchmarks.server.machines import processor_times, wait_until_idle
 from tests.service.processes import wait_until
 
 #: Starts a process that works for a while and ends, and then does nothing.

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from benchmarks.memory import Lives, growth
+from benchmarks.server.soak import Lives, growth
 
 #: Looks of twenty minutes, one a second [s].
 TIMES = np.arange(1200.0)

@@ -5,9 +5,9 @@ import time
 import numpy as np
 import pytest
 
-from benchmarks.fcl_judge import FclJudge
-from benchmarks.scale import certify_all, room
-from benchmarks.verdict import builtin, clutter
+from benchmarks.judges.fcl import FclJudge
+from benchmarks.scale import room
+from benchmarks.verdict import builtin, certify_all, clutter
 from kinematics.arrays import Array
 from kinematics.robots import builtin_names
 from obstacles.brackets import Brackets, brackets

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from benchmarks.fcl_judge import FclJudge
+from benchmarks.judges.fcl import FclJudge
 from benchmarks.verdict import clutter
 from kinematics.arrays import Array
 from kinematics.robots import builtin_names

@@ -5,7 +5,7 @@ from functools import cache
 import numpy as np
 import pytest
 
-from benchmarks.example_arms import ARMS
+from benchmarks.problems.example_arms import ARMS
 from kinematics.arrays import Array
 from kinematics.errors import InvalidOption
 from obstacles.finger_geometry import moved_links, swept_cover, with_fingers

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from benchmarks.fcl_judge import FclJudge
+from benchmarks.judges.fcl import FclJudge
 from kinematics.forward import link_poses
 from kinematics.serial_chain import serial_chain
 from kinematics.urdf import parse_urdf

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from benchmarks.fcl_judge import FclJudge
+from benchmarks.judges.fcl import FclJudge
 from benchmarks.verdict import builtin, clutter
 from kinematics.arrays import Array
 from kinematics.compiled.kernel import kernel

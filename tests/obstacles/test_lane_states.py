@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from benchmarks.fcl_judge import FclJudge
+from benchmarks.judges.fcl import FclJudge
 from benchmarks.verdict import builtin, clutter
 from kinematics.serial_chain import serial_chain
 from kinematics.urdf import parse_urdf

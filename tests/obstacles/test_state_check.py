@@ -6,7 +6,7 @@ import time
 import numpy as np
 import pytest
 
-from benchmarks.fcl_judge import FclJudge
+from benchmarks.judges.fcl import FclJudge
 from benchmarks.scale import room
 from benchmarks.verdict import builtin, clutter, judge, wrong
 from kinematics.robots import builtin_names

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from benchmarks import ratios
+from benchmarks.judges import ratios
 from kinematics.trajectory import Trajectory
 from obstacles.checker import Checker
 from obstacles.robot_geometry import RobotGeometry

@@ -7,7 +7,6 @@ whose plans ended at one although another configuration was reached as soon.
 import numpy as np
 import pytest
 
-from benchmarks.goal_choice import judge, limit_share
 from kinematics.robots import builtin_urdf
 from kinematics.serial_chain import serial_chain
 from kinematics.urdf import parse_urdf
@@ -17,6 +16,7 @@ from planning.options import Options
 from planning.pipeline import plan
 from planning.problem import JointGoal, Problem
 from planning.result import Plan
+from tests.planning.goal_choice import judge, limit_share
 from tests.planning.scenes import HOME, builtin
 
 

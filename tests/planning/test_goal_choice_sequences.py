@@ -7,7 +7,6 @@ their configurations one in ten of these answers broke the rule.
 import numpy as np
 import pytest
 
-from benchmarks.goal_choice_sequences import judge
 from kinematics.arrays import Array
 from kinematics.forward import forward
 from kinematics.ik.inverse import inverse_kinematics
@@ -26,6 +25,7 @@ from planning.sequence.world import World
 from planning.tours.planner import plan_tour
 from planning.tours.problem import TourGoal, TourOptions, TourProblem
 from planning.tours.result import Tour
+from tests.planning.goal_choice_sequences import judge
 from tests.planning.scenes import builtin
 
 NEAR = 0.02

@@ -5,7 +5,6 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from benchmarks.clearance_room import KINDS, with_room
 from kinematics.arrays import Array
 from kinematics.pose import transform
 from kinematics.trajectory import Trajectory
@@ -19,6 +18,7 @@ from planning.pipeline import plan
 from planning.problem import JointGoal, Problem
 from planning.result import Plan
 from planning.retreat import join_ends, retreat
+from tests.planning.roomy_scenes import KINDS, with_room
 from tests.planning.scenes import builtin
 from tests.planning.slider import slider
 

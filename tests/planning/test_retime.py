@@ -9,7 +9,7 @@ import toppra
 from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 
-from benchmarks.ratios import worst_ratio
+from benchmarks.judges.ratios import worst_ratio
 from kinematics.errors import InvalidOption, InvalidTrajectory, MissingLimit
 from kinematics.robots import builtin_urdf
 from kinematics.serial_chain import serial_chain

@@ -7,7 +7,7 @@ import numpy as np
 import pinocchio
 import pytest
 
-from benchmarks.fcl_judge import FclJudge
+from benchmarks.judges.fcl import FclJudge
 from kinematics.pose import transform
 from kinematics.robots import builtin_urdf
 from obstacles.robot_geometry import RobotGeometry

@@ -5,9 +5,8 @@ import math
 import numpy as np
 import pytest
 
-from benchmarks import seams
-from benchmarks.seam_arms import SPEED, STARTS, load
-from benchmarks.seams import SHAPES, judge, seam
+from benchmarks.planning import seams
+from benchmarks.planning.seams import SHAPES, SPEED, STARTS, judge, load, seam
 from kinematics.pose import transform
 from obstacles.scene import Obstacle, Scene
 from obstacles.shapes import Cylinder

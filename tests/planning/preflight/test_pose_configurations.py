@@ -5,7 +5,6 @@ import itertools
 import numpy as np
 import pytest
 
-from benchmarks.goal_choice import least_time, limit_share
 from kinematics.arrays import Array
 from kinematics.chain import Chain
 from kinematics.forward import forward
@@ -14,6 +13,7 @@ from kinematics.pose import from_rpy, transform
 from planning.goal_costs import GoalCosts
 from planning.preflight.goal_order import motion_times
 from planning.preflight.pose_configurations import pose_configurations, turned_copies
+from tests.planning.goal_choice import least_time, limit_share
 from tests.planning.scenes import builtin
 
 ONLY_TIME = GoalCosts(1.0, 0.0, 0.0, 0.0, 0.0)

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 import trimesh
 
-from benchmarks.mesh_scenes import mesh
+from benchmarks.problems.mesh_scenes import mesh
 from kinematics.arrays import Array
 from kinematics.forward import forward
 from kinematics.pose import transform

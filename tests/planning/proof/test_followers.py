@@ -5,7 +5,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from benchmarks.fcl_judge import FclJudge
+from benchmarks.judges.fcl import FclJudge
 from kinematics.arrays import Array
 from kinematics.forward import joint_frames
 from kinematics.serial_chain import serial_chain

@@ -11,7 +11,7 @@ import pytest
 from scipy.spatial import ConvexHull
 
 import armwright as aw
-from benchmarks.example_arms import ARMS
+from benchmarks.problems.example_arms import ARMS
 from kinematics.arrays import Array
 from kinematics.errors import InvalidOption
 from kinematics.forward import forward

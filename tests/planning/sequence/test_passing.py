@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import armwright as aw
-from benchmarks.fcl_judge import FclJudge
+from benchmarks.judges.fcl import FclJudge
 from kinematics.arrays import Array
 from kinematics.forward import forward
 from kinematics.trajectory import concatenate

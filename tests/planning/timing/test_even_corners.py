@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from benchmarks.ratios import worst_ratio
+from benchmarks.judges.ratios import worst_ratio
 from planning.timing.blend import blend, largest_reaches, merge
 from planning.timing.even_corners import (
     fastest_reaches,

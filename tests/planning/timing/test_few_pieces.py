@@ -8,8 +8,7 @@ import pytest
 from scipy.interpolate import CubicSpline
 
 import armwright as aw
-from benchmarks.pieces import BYTES, LENGTH, MOST, size
-from benchmarks.ratios import worst_ratio
+from benchmarks.judges.ratios import worst_ratio
 from kinematics.forward import forward
 from kinematics.pose import transform
 from kinematics.trajectory import Trajectory
@@ -24,6 +23,7 @@ from planning.timing.options import TimingOptions
 from planning.timing.quintic_fit import even_parts, finer_parts, fit_pieces, fit_quintic
 from service.translate.trajectories import trajectory_answer
 from tests.planning.scenes import HOME, builtin, shelf
+from tests.planning.timing.motion_judge import BYTES, LENGTH, MOST, size
 
 
 def few(motion: Trajectory) -> bool:

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from benchmarks.ratios import worst_ratio
-from benchmarks.timing_optimum import optimum, stops
+from benchmarks.judges.least_time import optimum, stops
+from benchmarks.judges.ratios import worst_ratio
 from kinematics.errors import InvalidOption
 from kinematics.trajectory import Trajectory
 from planning.timing.blend import blend, largest_reaches, reach_for_deviation

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from benchmarks.ratios import worst_ratio
+from benchmarks.judges.ratios import worst_ratio
 from kinematics.trajectory import Trajectory
 from planning.timing.limit_ratios import worst_kernel
 

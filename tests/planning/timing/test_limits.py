@@ -5,8 +5,8 @@ import pytest
 from numpy.polynomial import polynomial as power_basis
 from numpy.typing import NDArray
 
-from benchmarks.ratios import worst_ratio
-from benchmarks.timing_limits import run
+from benchmarks.judges.ratios import worst_ratio
+from benchmarks.timing import run
 from dynamics.inverse import inverse_dynamics
 from dynamics.payload import with_motors, with_payload
 from kinematics.chain import Chain

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from benchmarks.ratios import worst_ratio
+from benchmarks.judges.ratios import worst_ratio
 from kinematics.arrays import Array
 from kinematics.errors import InvalidOption, MissingLimit
 from kinematics.trajectory import Trajectory

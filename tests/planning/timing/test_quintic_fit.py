@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.interpolate import BSpline
 
-from benchmarks.ratios import worst_ratio
+from benchmarks.judges.ratios import worst_ratio
 from planning.timing.blend import blend, largest_reaches, merge
 from planning.timing.even_corners import fastest_reaches, time_even_corners
 from planning.timing.quintic_basis import DEGREE, ROW, TABLE, write_bases, write_values

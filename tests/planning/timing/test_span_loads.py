@@ -4,8 +4,7 @@ import numpy as np
 import pinocchio
 import pytest
 
-from benchmarks.pieces import TOOL_SPEED, Judge, random_problems
-from benchmarks.ratios import worst_ratio
+from benchmarks.judges.ratios import worst_ratio
 from kinematics.arrays import Array
 from kinematics.robots import builtin_urdf
 from kinematics.trajectory import Trajectory
@@ -24,6 +23,7 @@ from planning.timing.parametrization import WORTH
 from planning.timing.quintic_fit import even_parts, fit_pieces
 from planning.timing.span_loads import no_loads, span_loads, span_room, widen_for_loads_kernel
 from tests.planning.scenes import builtin
+from tests.planning.timing.motion_judge import TOOL_SPEED, Judge, random_problems
 
 
 def _random_piece(n: int, seed: int) -> tuple[Array, Array]:

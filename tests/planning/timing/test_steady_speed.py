@@ -5,7 +5,7 @@ import pytest
 from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 
-from benchmarks.ratios import worst_ratio
+from benchmarks.judges.ratios import worst_ratio
 from planning.timing.path import JointPath
 from planning.timing.steady_speed import SteadyMotion, time_at_steady_speed
 

@@ -16,7 +16,7 @@ import fcl
 import numpy as np
 import pinocchio as pin
 
-from benchmarks.ratios import worst_ratio
+from benchmarks.judges.ratios import worst_ratio
 from kinematics.arrays import Array
 from kinematics.trajectory import Trajectory
 from obstacles.scene import Scene

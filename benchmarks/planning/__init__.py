@@ -1,0 +1,1 @@
+"""Kinds of motion planning: clearance, constraints, optimisation and seams."""

@@ -1,0 +1,1 @@
+"""Arms, scenes and poses that benchmarks use."""

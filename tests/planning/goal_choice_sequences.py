@@ -1,0 +1,191 @@
+"""Judge of the configurations that tasks and tours take.
+
+The rule: the arm rests within 2 % of a joint's range from its limit at no pose of a task or tour
+where another configuration of it makes the motions beside it at most 1.2 times as long, those
+before and after it staying as they are. Poses are those of random free configurations of which
+two of three have a joint at its limit; every third problem has obstacles. Where an answer rests at
+a limit all configurations that are found apart (``goal_choice``) are planned to and from. Told is
+also the time of the answers, so that two versions of the code can be compared.
+"""
+
+import time
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from benchmarks.problems.mesh_scenes import own_scenes
+from kinematics.arrays import Array
+from kinematics.forward import forward
+from kinematics.ik import numeric
+from kinematics.robots import builtin_urdf
+from obstacles.checker import Checker
+from obstacles.robot_geometry import RobotGeometry
+from obstacles.scene import Scene
+from planning.options import Options
+from planning.pipeline import plan
+from planning.preferred_clearance import PreferredClearance
+from planning.problem import JointGoal, PoseGoal, Problem
+from planning.result import Plan
+from planning.sequence.options import TaskOptions
+from planning.sequence.result import SequencePlan
+from planning.sequence.search import plan_task
+from planning.sequence.stage import Move
+from planning.sequence.task import Task
+from planning.sequence.world import World
+from planning.tours.planner import plan_tour
+from planning.tours.problem import TourGoal, TourOptions, TourProblem
+from planning.tours.result import Tour
+from tests.planning.goal_choice import (
+    LONGER,
+    NEAR,
+    Frames,
+    arm,
+    configurations,
+    least_time,
+    limit_share,
+)
+
+#: Poses of one task or tour.
+POSES = 3
+#: What free configurations keep [m], and configurations that are planned to in place of one.
+_CLEAR, _PLANNED = 2e-3, 12
+#: A configuration is one of a pose where the pose is no farther off [m or rad].
+_OFF = 1e-4
+
+
+@dataclass
+class Rests:
+    """Where an answer rests, and how long its motions take.
+
+    Args:
+        joints: From the start on, shape (k, n) [rad or m].
+        times: Of the motions between them, shape (k - 1,) [s].
+        known: A configuration of each pose, shape (k - 1, n).
+    """
+
+    joints: Array
+    times: Array
+    known: Array
+
+
+@dataclass
+class Tally:
+    """What came of the problems of an arm.
+
+    Args:
+        solved: Answers.
+        rests: Poses that they visit.
+        at_limit: Those of them where the arm rests at a limit.
+        broken: Times of better motions by those of the answer.
+        durations: Of the answers [s].
+        seconds: Processor time of each [s].
+    """
+
+    solved: int = 0
+    rests: int = 0
+    at_limit: int = 0
+    broken: list[float] = field(default_factory=list)
+    durations: list[float] = field(default_factory=list)
+    seconds: list[float] = field(default_factory=list)
+
+
+def judge(name: str, kind: str, count: int, seed: int) -> Tally:
+    """Plan the tasks or tours of a built-in arm, and to other configurations of their poses."""
+    robot, tally = arm(name), Tally()
+    chain = robot.chain
+    frames = Frames(builtin_urdf(name), chain)
+    random = np.random.default_rng(seed)
+    scenes = list(own_scenes(count, min(numeric.reach(chain)[1], 1.2), seed))
+    for k in range(count):
+        scene = scenes[k] if k % 3 == 2 else Scene(())
+        checker = Checker.of(robot, scene)
+        start = _free(robot, checker, random, at_limit=False)
+        known = [_free(robot, checker, random, at_limit=i != 1) for i in range(POSES)]
+        began = time.process_time()
+        answer = (_task if kind == "task" else _tour)(robot, scene, start, known)
+        tally.seconds.append(time.process_time() - began)
+        if answer is None:
+            continue
+        tally.solved += 1
+        tally.durations.append(float(answer.times.sum()))
+        for i in range(1, len(answer.joints)):
+            tally.rests += 1
+            if limit_share(chain, answer.joints[i]) < NEAR:
+                tally.at_limit += 1
+                better = _better(robot, scene, frames, answer, i, kind)
+                if better is not None:
+                    tally.broken.append(better)
+    return tally
+
+
+def _free(
+    robot: RobotGeometry, checker: Checker, random: np.random.Generator, *, at_limit: bool
+) -> Array:
+    chain = robot.chain
+    low, high = chain.sampling_bounds()
+    while True:
+        q = random.uniform(low, high)
+        if at_limit:
+            joint = int(random.choice([j for j in range(chain.n) if not chain.continuous[j]]))
+            q[joint] = high[joint] - NEAR * random.random() * (high[joint] - low[joint])
+        if checker.clearance(q)[0] > _CLEAR:
+            return np.asarray(q)
+
+
+def _task(robot: RobotGeometry, scene: Scene, start: Array, known: list[Array]) -> Rests | None:
+    stages = tuple(Move((PoseGoal(forward(robot.chain, q)),)) for q in known)
+    answer = plan_task(Task(World(robot, scene), start, stages), TaskOptions(30.0))
+    if not isinstance(answer, SequencePlan):
+        return None
+    motions = [stage.trajectory for stage in answer.stages]
+    joints = np.array([start, *(motion.end for motion in motions)])
+    return Rests(joints, np.array([motion.duration for motion in motions]), np.array(known))
+
+
+def _tour(robot: RobotGeometry, scene: Scene, start: Array, known: list[Array]) -> Rests | None:
+    goals = tuple(
+        TourGoal(str(i), (PoseGoal(forward(robot.chain, q)),)) for i, q in enumerate(known)
+    )
+    answer = plan_tour(TourProblem(robot, scene, goals, start), TourOptions(_options("tour")))
+    if not isinstance(answer, Tour):
+        return None
+    joints = np.array([start, *(visit.joints for visit in answer.visits)])
+    times = np.array([leg.trajectory.duration for leg in answer.legs])
+    return Rests(joints, times, np.array([known[i] for i in answer.order]))
+
+
+def _options(kind: str) -> Options:
+    if kind == "task":
+        return Options(timeout=30.0)
+    return Options(timeout=30.0, clearance=PreferredClearance(0.0))
+
+
+def _better(
+    robot: RobotGeometry, scene: Scene, frames: Frames, answer: Rests, i: int, kind: str
+) -> float | None:
+    """Time of motions by a configuration away from limits, by those of the answer; None: longer."""
+    chain, checker = robot.chain, Checker.of(robot, scene)
+    before, known = answer.joints[i - 1], answer.known[i - 1]
+    after = answer.joints[i + 1] if i + 1 < len(answer.joints) else None
+    took = float(answer.times[i - 1 : i + 1].sum())
+    T, planned, best = forward(chain, known), 0, np.inf
+    for q in configurations(chain, T, before, known):
+        least = least_time(chain, before, q) + (
+            0.0 if after is None else least_time(chain, q, after)
+        )
+        if (
+            limit_share(chain, q) < NEAR
+            or checker.clearance(q)[0] < _CLEAR
+            or least > LONGER * took
+        ):
+            continue
+        if planned == _PLANNED:
+            break
+        planned += 1
+        if np.abs(frames.pose(q) - T).max() > _OFF:
+            raise AssertionError("no configuration of the pose")
+        ways = [(before, q)] if after is None else [(before, q), (q, after)]
+        motions = [plan(Problem(robot, scene, a, (JointGoal(b),)), _options(kind)) for a, b in ways]
+        total = sum(m.trajectory.duration if isinstance(m, Plan) else np.inf for m in motions)
+        best = min(best, total)
+    return round(best / took, 3) if best <= LONGER * took else None

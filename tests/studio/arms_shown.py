@@ -1,0 +1,138 @@
+"""An arm of example-robot-data in the studio, by the commands that its page has.
+
+The arm is packed into a .zip as it lies, uploaded, drawn, moved, planned for and played: no file is
+edited.
+"""
+
+import time
+from dataclasses import asdict, dataclass
+
+import numpy as np
+
+from benchmarks.arms import UPLOADS
+from benchmarks.problems.example_arms import archive, package
+from kinematics.urdf_visuals import read_visuals
+from studio.branch import Verdict
+from studio.motion_frames import motion_frames
+from studio.page.studio_page import StudioPage
+from studio.result import Failure, Planned
+from studio.workbench import Workbench
+
+#: Goals tried for one that is free and can be planned to, drawn with this seed.
+TRIES, SEED = 20, 0
+#: Part of each joint's range that goals are drawn from, about the start.
+SPREAD = 0.25
+
+
+@dataclass(frozen=True)
+class Row:
+    """One arm in the studio.
+
+    Args:
+        name: Of the arm.
+        joints: Of its chain.
+        triangles: Of its collision geometry.
+        looks: Links that are drawn by their visual meshes.
+        shown: Time from the upload to the drawing [s].
+        lint: Remarks about its description.
+        branches: Configurations that reach the goal, valid and all.
+        planner: That found the motion; empty where there is none.
+        duration: Of the motion [s].
+        frames: That play it.
+        verified: Whether its certificate is complete.
+        failure: Why there is no motion; empty where there is one.
+    """
+
+    name: str
+    joints: int
+    triangles: int
+    looks: int
+    shown: float
+    lint: int
+    branches: tuple[int, int]
+    planner: str = ""
+    duration: float = 0.0
+    frames: int = 0
+    verified: bool = False
+    failure: str = ""
+
+
+def show(page: StudioPage, name: str) -> Row:
+    """Upload, draw, plan and play one arm.
+
+    Args:
+        page: Of the studio, in no browser.
+        name: Of the arm.
+
+    Raises:
+        ApiError: The upload is refused.
+    """
+    workbench = page.workbench
+    file_name = f"example_{name.lower().replace(' ', '_').replace(',', '')}.zip"
+    began = time.perf_counter()
+    urdf, fields = UPLOADS[name]
+    workbench.upload_robot(file_name, archive(urdf), fields)
+    page.rebuild()
+    shown = time.perf_counter() - began
+    meshes = workbench.geometry().bodies
+    triangles = sum(len(body.triangles()) for body in meshes)
+    looks = len({body.link for body in workbench.geometry("visual").bodies} & _seen(name))
+    joints, lint = len(workbench.model.joint_names), len(workbench.model.lint)
+    counts, outcome = _plan(workbench)
+    row = Row(name, joints, triangles, looks, shown, lint, counts)
+    if not isinstance(outcome, Planned):
+        detail = outcome.detail if isinstance(outcome, Failure) else "no goal was free"
+        return Row(**asdict(row) | {"failure": detail})
+    page.show_outcome()
+    frames = motion_frames(workbench, outcome)
+    return Row(
+        **asdict(row)
+        | {
+            "planner": outcome.plan.planner,
+            "duration": outcome.plan.trajectory.duration,
+            "frames": len(frames.times),
+            "verified": outcome.plan.certificate.verified,
+        }
+    )
+
+
+def _seen(name: str) -> set[str]:
+    """Links with visual geometry in the description."""
+    return set(read_visuals((package() / UPLOADS[name][0]).read_bytes()).links)
+
+
+def _plan(workbench: Workbench) -> tuple[tuple[int, int], Planned | Failure | None]:
+    """Goals about the start until one can be planned to: the branches of its pose, and the plan."""
+    rng = np.random.default_rng(SEED)
+    low, high = np.array(workbench.joint_ranges()).T
+    counts, outcome = (0, 0), None
+    for _ in range(TRIES):
+        start, goal = (_draw(rng, low, high, workbench) for _ in range(2))
+        if start is None or goal is None:
+            continue
+        workbench.set_start(start)
+        workbench.set_goal_joints(goal)
+        branches = workbench.move_goal(workbench.goal_tip())
+        valid = [branch for branch in branches if branch.verdict is Verdict.VALID]
+        counts = (len(valid), len(branches))
+        found = workbench.plan()
+        outcome = found if isinstance(found, Planned | Failure) else None
+        if isinstance(outcome, Planned):
+            break
+    return counts, outcome
+
+
+def _draw(
+    rng: np.random.Generator,
+    low: np.ndarray[tuple[int], np.dtype[np.float64]],
+    high: np.ndarray[tuple[int], np.dtype[np.float64]],
+    workbench: Workbench,
+) -> list[float] | None:
+    """A configuration that is free, if one of some draws is."""
+    middle, half = 0.5 * (low + high), 0.5 * (high - low)
+    for _ in range(TRIES):
+        q = middle + SPREAD * 2.0 * half * rng.uniform(-1.0, 1.0, len(middle))
+        joints = [float(value) for value in q]
+        if workbench.client.check(workbench.state.robot, joints, depth=False).valid:
+            return joints
+    return None
