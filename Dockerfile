@@ -7,7 +7,8 @@ WORKDIR /src
 RUN python -m venv /opt/venv
 # Dependencies and PostgreSQL's driver first: this layer changes only when they do.
 COPY pyproject.toml constraints.txt ./
-RUN python -c "import tomllib; p = tomllib.load(open('pyproject.toml', 'rb'))['project']; print(*p['dependencies'], *p['optional-dependencies']['agents'], sep='\n')" > requirements.txt \
+COPY client/pyproject.toml ./client/
+RUN python -c "import tomllib; p, c = (tomllib.load(open(f + 'pyproject.toml', 'rb'))['project'] for f in ('', 'client/')); print(*(d for d in p['dependencies'] + c['dependencies'] if not d.startswith('armwright')), *p['optional-dependencies']['agents'], sep='\n')" > requirements.txt \
     && /opt/venv/bin/pip install --no-cache-dir --quiet -c constraints.txt -r requirements.txt
 # CasADi's C++ headers and static libraries, and plugins for file formats that are not read here.
 RUN rm -rf /opt/venv/lib/python*/site-packages/casadi/{include,*.a,liblacemodelica*,libcasadi_graphmodel_onnx*} \
@@ -21,7 +22,8 @@ COPY obstacles ./obstacles
 COPY planning ./planning
 COPY tracking ./tracking
 COPY service ./service
-RUN /opt/venv/bin/pip install --no-cache-dir --quiet --no-deps -c constraints.txt .
+COPY client ./client
+RUN /opt/venv/bin/pip install --no-cache-dir --quiet --no-deps -c constraints.txt . ./client
 # Machine code beside the code: any user finds it, and nothing is written. For x86-64-v3 (AVX2), and
 # for AVX-512 too where the image is built on a processor that has it.
 RUN ARMWRIGHT_KERNEL_TARGET=x86-64-v3 /opt/venv/bin/armwright warm --in-package \

@@ -19,6 +19,7 @@ from statistics import median
 import numpy as np
 from numpy.typing import NDArray
 
+from armwright_wire.robot import RobotBody
 from benchmarks.judges.triangles import Triangles, scenery
 from benchmarks.problems.example_arms import ExampleArm, mesh_bytes, package
 from benchmarks.problems.mesh_scenes import own_scenes, reach_of
@@ -34,7 +35,6 @@ from planning.options import Options
 from planning.pipeline import plan
 from planning.problem import JointGoal, Problem
 from planning.result import Plan
-from service.schemas.robot import RobotBody
 from service.translate.robots import robot as uploaded
 
 Array = NDArray[np.float64]

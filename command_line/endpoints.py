@@ -27,66 +27,66 @@ class Endpoint(NamedTuple):
 
 FK = Endpoint(
     "/v1/robots/{robot}/fk",
-    "service.schemas.kinematics:FkRequest",
+    "armwright_wire.kinematics:FkRequest",
     "service.tasks.kinematics:fk_task",
     takes_scene=False,
 )
 IK = Endpoint(
     "/v1/robots/{robot}/ik",
-    "service.schemas.kinematics:IkRequest",
+    "armwright_wire.kinematics:IkRequest",
     "service.tasks.inverse_kinematics:ik",
 )
-CHECK = Endpoint("/v1/check", "service.schemas.check:CheckRequest", "service.tasks.check:check")
+CHECK = Endpoint("/v1/check", "armwright_wire.check:CheckRequest", "service.tasks.check:check")
 PLAN = Endpoint(
     "/v1/plan",
-    "service.schemas.plan:PlanRequest",
+    "armwright_wire.plan:PlanRequest",
     "service.tasks.plan:plan",
     long=True,
     keepable=True,
 )
 VALIDATE = Endpoint(
-    "/v1/validate", "service.schemas.plan:ValidateRequest", "service.tasks.plan:validate"
+    "/v1/validate", "armwright_wire.plan:ValidateRequest", "service.tasks.plan:validate"
 )
 RETIME = Endpoint(
     "/v1/retime",
-    "service.schemas.retime:RetimeRequest",
+    "armwright_wire.retime:RetimeRequest",
     "service.tasks.retime:retime",
     takes_scene=False,
 )
 SIMULATE = Endpoint(
     "/v1/simulate",
-    "service.schemas.simulation:SimulateRequest",
+    "armwright_wire.simulation:SimulateRequest",
     "service.tasks.simulate:simulate",
 )
 REACH = Endpoint(
     "/v1/robots/{robot}/reach",
-    "service.schemas.reach:ReachRequest",
+    "armwright_wire.reach:ReachRequest",
     "service.tasks.reach:reach",
     long=True,
 )
 TASK = Endpoint(
     "/v1/tasks",
-    "service.schemas.sequence:TaskRequest",
+    "armwright_wire.sequence:TaskRequest",
     "service.tasks.sequence:plan_sequence",
     long=True,
     keepable=True,
 )
 TOUR = Endpoint(
     "/v1/tours",
-    "service.schemas.tour:TourRequest",
+    "armwright_wire.tour:TourRequest",
     "service.tasks.tours:tour",
     long=True,
     keepable=True,
 )
 CONVERT = Endpoint(
     "/v1/convert",
-    "service.schemas.retime:ConvertRequest",
+    "armwright_wire.retime:ConvertRequest",
     "service.tasks.retime:convert",
     takes_robot=False,
     takes_scene=False,
 )
 EXPORT = Endpoint(
-    "/v1/export", "service.schemas.export:ExportRequest", "service.tasks.export:export"
+    "/v1/export", "armwright_wire.export:ExportRequest", "service.tasks.export:export"
 )
 
 

@@ -8,6 +8,7 @@ import typer
 from rich.console import Console
 from rich.text import Text
 
+from armwright_wire.plan import TrajectoryBody
 from command_line import values
 from command_line.backend import connect
 from command_line.endpoints import EXPORT
@@ -18,8 +19,7 @@ from command_line.parameters import Connection, Margin, Request, RobotSource, Sc
 from command_line.problems import invalid_value, negative
 from command_line.robot_files import read_json
 from planning.exports.swept_volume import swept_volume
-from service.schemas.plan import TrajectoryBody
-from service.schemas.validation import validate_as
+from service.validation import validate_as
 from service.viewer.words import against
 
 #: Files of meshes that `sweep` writes, by their suffix.

@@ -10,6 +10,8 @@ from typing import Any
 import platformdirs
 from rich.console import Console
 
+from armwright_wire.robot import RobotBody
+from armwright_wire.scene import ProjectRequest, Scene
 from command_line.endpoints import Endpoint, answering
 from command_line.parameters import RobotSource
 from command_line.robot_files import is_file, robot_document
@@ -19,14 +21,12 @@ from kinematics.robots import builtin_names
 from obstacles.robot_geometry import RobotGeometry
 from planning.deadline import Deadline
 from service.problem import ProblemError, from_fields
-from service.schemas.robot import RobotBody
-from service.schemas.scene import ProjectRequest, Scene
-from service.schemas.validation import validate_as
 from service.settings import Settings
 from service.storage import prepared_files, worker_cache
 from service.storage.cache_key import Reference, builtin_reference
 from service.storage.store import open_store
 from service.tasks.result import CacheMiss, PlanOutcome, TaskProblem
+from service.validation import validate_as
 from service.workers import current
 
 #: Prepared robots of files take up to this many bytes of the user's cache.

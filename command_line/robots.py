@@ -81,9 +81,9 @@ def scenes(
 
 
 def _show_scene(file: str, as_json: bool) -> None:
-    from service.schemas.scene import Scene  # noqa: PLC0415
-    from service.schemas.validation import validate_as  # noqa: PLC0415
+    from armwright_wire.scene import Scene  # noqa: PLC0415
     from service.translate import poses  # noqa: PLC0415
+    from service.validation import validate_as  # noqa: PLC0415
 
     obstacles = poses.scene(validate_as(Scene, values.scene(file))).obstacles
     rows = [

@@ -14,11 +14,11 @@ from typing import Any
 
 import numpy as np
 
+from armwright_wire.kinematics import FkRequest, JacobianRequest
 from kinematics.compiled.kernel_dispatcher import Kernel
 from kinematics.compiled.kernel_target import target
 from kinematics.forward import forward
 from planning.deadline import Deadline
-from service.schemas.kinematics import FkRequest, JacobianRequest
 from service.storage import worker_cache
 from service.storage.cache_key import builtin_reference
 from service.tasks import check, dynamics, inverse_kinematics, kinematics, plan

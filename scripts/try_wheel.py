@@ -2,6 +2,9 @@
 
     python scripts/try_wheel.py WHEEL [--processors Haswell Skylake-Client-v4]
 
+The client's wheel of the same version, which has the models of requests and answers, lies beside
+it, as `scripts/wheels.py` leaves it.
+
 The answers of `scripts/answers.py` are computed on this processor and on those named, which
 `qemu-x86_64` emulates (Debian's package qemu-user). Nothing may be compiled and nothing written,
 and all answers must be equal to the last bit. An emulated run takes minutes.
@@ -49,8 +52,9 @@ def install(wheel: Path, folder: Path) -> Path:
     """Install a wheel in an environment that borrows its dependencies; gives its interpreter."""
     subprocess.run([sys.executable, "-m", "venv", str(folder / "venv")], check=True)
     python = folder / "venv" / "bin" / "python"
-    command = [str(python), "-m", "pip", "install", "-q", "--no-deps", "--no-index", str(wheel)]
-    subprocess.run(command, check=True)
+    (client,) = wheel.parent.glob("armwright_client-*.whl")
+    command = [str(python), "-m", "pip", "install", "-q", "--no-deps", "--no-index"]
+    subprocess.run([*command, str(wheel), str(client)], check=True)
     program = "import sysconfig; print(sysconfig.get_paths()['purelib'])"
     own = subprocess.run([str(python), "-c", program], check=True, capture_output=True, text=True)
     # Later on the path than the wheel itself.

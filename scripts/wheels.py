@@ -1,4 +1,4 @@
-"""Build wheels of Armwright: a pure one, and one with the machine code of all kernels.
+"""Build wheels of Armwright: a pure one, one with the machine code of all kernels, the client's.
 
     python scripts/wheels.py [--output dist] [--targets x86-64-v3 x86-64-v4]
 
@@ -42,12 +42,13 @@ def main() -> None:
     chosen = parser.parse_args()
     with tempfile.TemporaryDirectory() as folder:
         source = copy_sources(Path(folder))
-        pure = build_pure(source)
+        pure, client = build_pure(source), build_pure(source / "client")
         kernels = [path for target in chosen.targets for path in compile_for(target, source)]
         chosen.output.mkdir(parents=True, exist_ok=True)
-        shutil.copy2(pure, chosen.output)
+        for wheel in (pure, client):
+            shutil.copy2(wheel, chosen.output)
         whole = add_kernels(pure, kernels, chosen.output)
-    for path in (chosen.output / pure.name, whole):
+    for path in (chosen.output / pure.name, whole, chosen.output / client.name):
         print(f"{path} ({path.stat().st_size / 1e6:.1f} MB)")
 
 
@@ -60,8 +61,8 @@ def copy_sources(folder: Path) -> Path:
 
 
 def build_pure(source: Path) -> Path:
-    """Build the wheel of a copy of the sources, and give its path."""
-    folder = source.parent  # setuptools leaves files beside what it builds
+    """Build the wheel of the sources of a distribution, and give its path."""
+    folder = source.parent / f"wheel-of-{source.name}"
     command = [sys.executable, "-m", "pip", "wheel", "-q", "--no-deps", "-w", str(folder)]
     subprocess.run([*command, str(source)], check=True)
     (wheel,) = folder.glob("*.whl")
@@ -72,7 +73,7 @@ def compile_for(target: str, source: Path) -> list[Path]:
     """Compile all kernels of a copy of the sources for a kind of processor; give their files."""
     store = source.parent / target
     environment = os.environ | {
-        "PYTHONPATH": str(source),
+        "PYTHONPATH": os.pathsep.join([str(source), str(source / "client")]),
         "ARMWRIGHT_KERNEL_TARGET": target,
         "NUMBA_CACHE_DIR": str(store),
         "ARMWRIGHT_KERNELS": str(store),

@@ -61,7 +61,8 @@ def declared() -> list[Requirement]:
     project = APP["project"]
     extras = [text for group in project["optional-dependencies"].values() for text in group]
     texts = [*project["dependencies"], *extras, *CLIENT["project"]["dependencies"]]
-    return [Requirement(text) for text in texts]
+    # The client is of this repository, and of the same version.
+    return [Requirement(text) for text in texts if not text.startswith("armwright-client==")]
 
 
 def test_constraints_are_plain_pins_in_order() -> None:
@@ -104,6 +105,7 @@ def test_versions_and_pythons_agree() -> None:
     service = importlib.import_module("service.version")
     assert APP["tool"]["setuptools"]["dynamic"]["version"] == {"attr": "service.version.VERSION"}
     assert service.VERSION == CLIENT["project"]["version"] == client.__version__
+    assert f"armwright-client=={service.VERSION}" in APP["project"]["dependencies"]
     assert APP["project"]["requires-python"] == CLIENT["project"]["requires-python"]
     named = [text.rsplit(" ", 1)[1] for text in APP["project"]["classifiers"] if ":: 3." in text]
     assert tuple(named) == SUPPORTED
@@ -181,7 +183,7 @@ def test_ci_runs_what_people_run() -> None:
 
 def test_containers_copy_every_package_and_nothing_secret() -> None:
     copied = re.findall(r"^COPY (\w+) \./\1$", (ROOT / "Dockerfile").read_text(), re.MULTILINE)
-    assert sorted(copied) == sorted(PACKAGES)
+    assert sorted(copied) == sorted([*PACKAGES, "client"])
     ignored = (ROOT / ".dockerignore").read_text().splitlines()
     assert ignored[0] == "*"
     assert {f"!{name}" for name in PACKAGES} <= set(ignored)

@@ -7,6 +7,7 @@ from typing import TypeVar
 from fastapi import Request
 from starlette.concurrency import run_in_threadpool
 
+from armwright_wire.scene import Scene
 from service.http.compute import compute, compute_at_once
 from service.http.state import (
     models_of,
@@ -16,7 +17,6 @@ from service.http.state import (
     settings_of,
 )
 from service.problem import ProblemError, from_fields
-from service.schemas.scene import Scene
 from service.storage.cache_key import Reference, builtin_reference
 from service.storage.robot_repository import RobotRepository, is_built_in
 from service.task_references import prepare_robot, prepare_scene, robot_model

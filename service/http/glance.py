@@ -12,8 +12,8 @@ from typing import Any
 
 from fastapi import Request
 
+from armwright_wire.base import NAME_PATTERN
 from service.http.job_context import DRY_RUN, job_context
-from service.schemas.base import NAME_PATTERN
 from service.workers.supervisor import WorkerSupervisor
 
 _NAME = re.compile(NAME_PATTERN)

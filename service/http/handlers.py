@@ -22,7 +22,7 @@ from service.http.errors import (
     status_of,
 )
 from service.problem import ProblemError, unexpected_fault
-from service.schemas.validation import validation_problem
+from service.validation import validation_problem
 from service.workers.faults import ShuttingDown
 
 _log = logging.getLogger(__name__)

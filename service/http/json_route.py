@@ -20,8 +20,7 @@ from service.http.job_context import job_context
 from service.http.keeping import answer_and_keep, takes_keep
 from service.http.large_body import INLINE_BYTES, validated_by_worker
 from service.problem import ProblemError
-from service.schemas.strict_json import parse_json
-from service.schemas.validation import validate_as
+from service.validation import parse_json, validate_as
 
 _USUAL_TYPE = "application/json"
 _JSON_TYPE = re.compile(r"application/([\w.+-]+\+)?json")

@@ -13,6 +13,7 @@ from fastapi import Request, Response
 from pydantic import BaseModel
 from starlette.concurrency import run_in_threadpool
 
+from armwright_wire.keep import Keepable
 from kinematics.errors import ArmwrightError
 from service.access.caller import caller_of
 from service.http.answer_digest import answer_digest
@@ -33,7 +34,6 @@ from service.http.state import (
     store_of,
 )
 from service.problem import ProblemError
-from service.schemas.keep import Keepable
 from service.storage.cache_key import Reference
 from service.storage.database import StorageUnavailable
 from service.storage.plan_store import PlanContent, PlanRecord

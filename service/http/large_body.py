@@ -12,10 +12,10 @@ from service.http.compute import client_of, deadline_of
 from service.http.job_context import job_context
 from service.http.state import settings_of, supervisor_of
 from service.problem import from_fields
-from service.schemas.strict_json import check_field_count
 from service.settings import Settings
 from service.task_references import outline
 from service.tasks.result import TaskProblem
+from service.validation import check_field_count
 
 #: Bodies up to this are parsed and validated within milliseconds [byte].
 INLINE_BYTES = 32 * 1024

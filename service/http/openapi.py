@@ -5,11 +5,11 @@ from typing import Any
 from fastapi import FastAPI
 from fastapi.openapi.utils import get_openapi
 
+from armwright_wire.cartesian import CartesianOptions
+from armwright_wire.problem import Problem
+from armwright_wire.robot import RobotBody
 from service.http import openapi_examples, openapi_fields, openapi_problems
 from service.http.errors import KINDS, PROBLEM_MEDIA_TYPE
-from service.schemas.cartesian import CartesianOptions
-from service.schemas.problem import Problem
-from service.schemas.robot import RobotBody
 
 DESCRIPTION = """\
 Robot, scene, start and goal in; a certified, timed trajectory out.
@@ -97,6 +97,7 @@ def install(app: FastAPI) -> None:
                 ref_template="#/components/schemas/{model}"
             )
             schemas |= {**options.pop("$defs"), "CartesianOptions": options} | schemas
+            openapi_fields.describe_planner_options(schemas)
             openapi_fields.describe_fields(schemas)
             longest = app.state.settings.max_timeout
             openapi_fields.bound_timeouts(schemas, longest)

@@ -2,6 +2,8 @@
 
 from typing import Any
 
+from planning.sampling.planners import PLANNERS, describe_options
+
 Schema = dict[str, Any]
 
 
@@ -16,6 +18,19 @@ def describe_fields(schemas: dict[str, Schema]) -> None:
             texts = _type_descriptions(field, schemas)
             if "description" not in field and len(texts) == 1:
                 field["description"] = texts[0]
+
+
+def describe_planner_options(schemas: dict[str, Schema]) -> None:
+    """List the options of OMPL's planners, which planning has and the models have not.
+
+    Args:
+        schemas: By name, as the document has them; their fields are changed.
+    """
+    text = "".join(f"\n* `{name}`: {describe_options(name)}" for name in PLANNERS)
+    for schema in schemas.values():
+        options = schema.get("properties", {}).get("planner_options")
+        if options is not None:
+            options["description"] += text
 
 
 def _type_descriptions(field: Schema, schemas: dict[str, Schema]) -> list[str]:

@@ -5,11 +5,11 @@ from typing import Protocol
 
 from fastapi import Request
 
+from armwright_wire.scene import Scene
 from service.http import answers
 from service.http.glance import Glance
 from service.http.metrics import Metrics
 from service.problem import ProblemError
-from service.schemas.scene import Scene
 from service.task_references import plan
 
 

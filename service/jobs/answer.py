@@ -5,7 +5,7 @@ from datetime import UTC, datetime
 
 from pydantic_core import to_json
 
-from service.schemas.job import JobSummary
+from armwright_wire.job import JobSummary
 from service.storage.job_store import JobAnswer, JobRecord
 
 

@@ -8,14 +8,13 @@ from typing import Any
 from pydantic import BaseModel
 from starlette.concurrency import run_in_threadpool
 
+from armwright_wire.kept_plan import Bundle, DocumentName, KeptPlanSummary
+from armwright_wire.robot import RobotBody
+from armwright_wire.scene import NamedScene
 from service.http.answer_digest import answer_digest
 from service.problem import ProblemError
-from service.schemas.kept_plan import Bundle, DocumentName, KeptPlanSummary
-from service.schemas.robot import RobotBody
-from service.schemas.scene import NamedScene
-from service.schemas.strict_json import parse_json
-from service.schemas.validation import validate_as
 from service.storage.plan_store import PlanContent, PlanRecord, PlanStore
+from service.validation import parse_json, validate_as
 
 #: What the documents of a bundle are, by their fields.
 _DOCUMENTS: dict[str, type[BaseModel]] = {"robot_document": RobotBody, "scene_document": NamedScene}

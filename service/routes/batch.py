@@ -2,6 +2,8 @@
 
 from fastapi import APIRouter, Request, Response
 
+from armwright_wire.batch import BatchAnswer, BatchRequest
+from armwright_wire.job import JobSummary
 from service.http import answers
 from service.http.compute import allowed_time
 from service.http.job_context import DeferToJob, job_context
@@ -10,8 +12,6 @@ from service.http.openapi import RESPONSES
 from service.http.state import settings_of
 from service.jobs.batch import Batch
 from service.problem import ProblemError
-from service.schemas.batch import BatchAnswer, BatchRequest
-from service.schemas.job import JobSummary
 
 _RESULT = {200: {"description": "The result of the job", "model": BatchAnswer}}
 

@@ -2,10 +2,10 @@
 
 from fastapi import APIRouter, Request, Response
 
+from armwright_wire.check import CheckAnswer, CheckRequest
 from service.http import answers
 from service.http.json_route import JsonRoute
 from service.http.openapi import RESPONSES
-from service.schemas.check import CheckAnswer, CheckRequest
 from service.task_references import check as check_task
 
 router = APIRouter(prefix="/v1", tags=["checking"], route_class=JsonRoute, responses=RESPONSES)

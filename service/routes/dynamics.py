@@ -4,12 +4,8 @@ from typing import Annotated, Literal
 
 from fastapi import APIRouter, Query, Request, Response
 
-from service.http import answers
-from service.http.json_route import JsonRoute
-from service.http.openapi import RESPONSES
-from service.routes.configurations import at_once, count, in_worker, json_answer
-from service.schemas.base import Timeout
-from service.schemas.dynamics import (
+from armwright_wire.base import Timeout
+from armwright_wire.dynamics import (
     DynamicsAnswer,
     DynamicsRequest,
     ForwardDynamicsAnswer,
@@ -19,7 +15,11 @@ from service.schemas.dynamics import (
     WrenchAnswer,
     WrenchRequest,
 )
-from service.schemas.equations import EquationsAnswer
+from armwright_wire.equations import EquationsAnswer
+from service.http import answers
+from service.http.json_route import JsonRoute
+from service.http.openapi import RESPONSES
+from service.routes.configurations import at_once, count, in_worker, json_answer
 from service.task_references import dynamics as dynamics_task
 from service.task_references import equations as equations_task
 from service.task_references import forward_dynamics as forward_dynamics_task

@@ -2,10 +2,10 @@
 
 from fastapi import APIRouter, Request, Response
 
+from armwright_wire.export import ExportAnswer, ExportRequest
 from service.http import answers
 from service.http.json_route import JsonRoute
 from service.http.openapi import RESPONSES
-from service.schemas.export import ExportAnswer, ExportRequest
 from service.task_references import export as export_task
 
 router = APIRouter(prefix="/v1", tags=["timing"], route_class=JsonRoute, responses=RESPONSES)

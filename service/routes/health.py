@@ -7,6 +7,7 @@ from prometheus_client import CONTENT_TYPE_PLAIN_0_0_4
 from pydantic import Field
 from starlette.concurrency import run_in_threadpool
 
+from armwright_wire.base import Answer
 from service.access.caller import caller_of
 from service.http.json_route import JsonRoute
 from service.http.metrics import Metrics, jobs_text
@@ -14,7 +15,6 @@ from service.http.openapi import RESPONSES
 from service.http.state import store_of, supervisor_of
 from service.jobs.runner import Jobs
 from service.problem import ProblemError
-from service.schemas.base import Answer
 from service.storage.database import StorageUnavailable
 from service.storage.tables import DEFAULT_TENANT
 from service.version import VERSION

@@ -5,6 +5,7 @@ from typing import Annotated
 from fastapi import APIRouter, Header, Query, Request, Response
 from starlette.responses import StreamingResponse
 
+from armwright_wire.job import JobAnswer, JobList, JobSummary
 from service.access.caller import caller_of
 from service.http.json_route import JsonRoute
 from service.http.openapi import RESPONSES
@@ -12,7 +13,6 @@ from service.http.state import settings_of
 from service.jobs.answer import job_document, job_summary
 from service.jobs.runner import Jobs
 from service.routes.paging import page
-from service.schemas.job import JobAnswer, JobList, JobSummary
 from service.storage.job_store import JobAnswer as StoredAnswer
 from service.storage.job_store import JobRecord, Status, no_job
 

@@ -2,11 +2,7 @@
 
 from fastapi import APIRouter, Request, Response
 
-from service.http import answers
-from service.http.json_route import JsonRoute
-from service.http.openapi import RESPONSES
-from service.routes.configurations import at_once, count, in_worker, json_answer
-from service.schemas.kinematics import (
+from armwright_wire.kinematics import (
     FkAnswer,
     FkRequest,
     IkAnswer,
@@ -16,6 +12,10 @@ from service.schemas.kinematics import (
     VelocityAnswer,
     VelocityRequest,
 )
+from service.http import answers
+from service.http.json_route import JsonRoute
+from service.http.openapi import RESPONSES
+from service.routes.configurations import at_once, count, in_worker, json_answer
 from service.task_references import finger_poses
 from service.task_references import fk as fk_task
 from service.task_references import ik as ik_task

@@ -2,10 +2,10 @@
 
 from fastapi import APIRouter, Request, Response
 
+from armwright_wire.lyapunov import LyapunovAnswer, LyapunovRequest
 from service.http.compute import compute
 from service.http.json_route import JsonRoute
 from service.http.openapi import RESPONSES
-from service.schemas.lyapunov import LyapunovAnswer, LyapunovRequest
 from service.task_references import lyapunov as lyapunov_task
 
 router = APIRouter(prefix="/v1", tags=["tracking"], route_class=JsonRoute, responses=RESPONSES)

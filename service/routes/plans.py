@@ -11,6 +11,15 @@ from fastapi.responses import HTMLResponse
 from pydantic_core import to_json
 from starlette.concurrency import run_in_threadpool
 
+from armwright_wire.kept_plan import (
+    MAX_DIFFERENCES,
+    Bundle,
+    KeptPlan,
+    KeptPlanSummary,
+    PlanList,
+    ReplayAnswer,
+    ReplayRequest,
+)
 from kinematics.errors import ArmwrightError
 from service.access.caller import caller_of
 from service.http import answers
@@ -29,19 +38,10 @@ from service.plans.document import (
 from service.plans.replay import pinned_references, replay_plan, replayed_body
 from service.problem import ProblemError
 from service.routes.paging import page
-from service.schemas.kept_plan import (
-    MAX_DIFFERENCES,
-    Bundle,
-    KeptPlan,
-    KeptPlanSummary,
-    PlanList,
-    ReplayAnswer,
-    ReplayRequest,
-)
-from service.schemas.strict_json import parse_json
 from service.storage.plan_store import PlanContent, PlanRecord, document_hash
 from service.task_references import swept as swept_task
 from service.task_references import view as view_task
+from service.validation import parse_json
 from service.viewer.page import content_security_policy
 
 router = APIRouter(

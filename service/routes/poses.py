@@ -2,10 +2,10 @@
 
 from fastapi import APIRouter, Request, Response
 
+from armwright_wire.pose_conversion import ConvertPoseAnswer, ConvertPoseRequest
 from service.http.compute import compute
 from service.http.json_route import JsonRoute
 from service.http.openapi import RESPONSES
-from service.schemas.pose_conversion import ConvertPoseAnswer, ConvertPoseRequest
 from service.task_references import convert_pose as convert_pose_task
 
 router = APIRouter(

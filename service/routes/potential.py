@@ -2,10 +2,10 @@
 
 from fastapi import APIRouter, Request, Response
 
+from armwright_wire.potential import PotentialAnswer, PotentialRequest
 from service.http import answers
 from service.http.json_route import JsonRoute
 from service.http.openapi import RESPONSES
-from service.schemas.potential import PotentialAnswer, PotentialRequest
 from service.task_references import potential as potential_task
 
 router = APIRouter(

@@ -3,12 +3,12 @@
 from fastapi import APIRouter
 from pydantic import Field
 
+from armwright_wire.base import Answer
 from service.http.cures import CURES
 from service.http.errors import KINDS
 from service.http.json_route import JsonRoute
 from service.http.openapi import RESPONSES
 from service.problem import ProblemError
-from service.schemas.base import Answer
 
 router = APIRouter(
     prefix="/v1/problems", tags=["problems"], route_class=JsonRoute, responses=RESPONSES

@@ -2,10 +2,10 @@
 
 from fastapi import APIRouter, Request, Response
 
+from armwright_wire.reach import ReachAnswer, ReachRequest
 from service.http import answers
 from service.http.json_route import JsonRoute
 from service.http.openapi import RESPONSES
-from service.schemas.reach import ReachAnswer, ReachRequest
 from service.task_references import reach as reach_task
 
 _RESULT = {

@@ -2,16 +2,16 @@
 
 from fastapi import APIRouter, Request, Response
 
-from service.http import answers
-from service.http.compute import compute
-from service.http.json_route import JsonRoute
-from service.http.openapi import RESPONSES
-from service.schemas.retime import (
+from armwright_wire.retime import (
     ConvertRequest,
     JointTrajectoryAnswer,
     RetimeAnswer,
     RetimeRequest,
 )
+from service.http import answers
+from service.http.compute import compute
+from service.http.json_route import JsonRoute
+from service.http.openapi import RESPONSES
 from service.task_references import convert as convert_task
 from service.task_references import retime as retime_task
 

@@ -7,6 +7,15 @@ from pydantic import ValidationError
 from starlette.concurrency import run_in_threadpool
 from starlette.datastructures import FormData, UploadFile
 
+from armwright_wire.geometry import GeometryAnswer, GeometryKind
+from armwright_wire.robot import (
+    ArchiveFields,
+    RobotAnswer,
+    RobotBody,
+    RobotChanges,
+    RobotList,
+    RobotSummary,
+)
 from kinematics.robot_names import builtin_names
 from service.http import answers
 from service.http.idempotency import kept_answer, note_kept
@@ -15,23 +24,13 @@ from service.http.openapi import RESPONSES
 from service.http.state import documents_of, prepared_folder
 from service.problem import ProblemError
 from service.routes.paging import page
-from service.schemas.geometry import GeometryAnswer, GeometryKind
-from service.schemas.robot import (
-    ArchiveFields,
-    RobotAnswer,
-    RobotBody,
-    RobotChanges,
-    RobotList,
-    RobotSummary,
-)
-from service.schemas.strict_json import parse_json
-from service.schemas.validation import fault_list, validation_problem
 from service.storage import prepared_files
 from service.storage.document_store import Record
 from service.storage.idempotency_store import KeptAnswer
 from service.storage.robot_repository import is_built_in
 from service.task_references import change_robot as change_task
 from service.task_references import make_robot, robot_geometry, robot_srdf, robot_urdf, unpack_robot
+from service.validation import fault_list, parse_json, validation_problem
 
 router = APIRouter(prefix="/v1/robots", tags=["robots"], route_class=JsonRoute, responses=RESPONSES)
 

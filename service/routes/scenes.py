@@ -7,6 +7,14 @@ from typing import Annotated, Any
 from fastapi import APIRouter, Query, Request, Response
 from starlette.concurrency import run_in_threadpool
 
+from armwright_wire.scene import (
+    NamedScene,
+    ProjectAnswer,
+    ProjectRequest,
+    Scene,
+    SceneList,
+    SceneSummary,
+)
 from service.http import answers
 from service.http.idempotency import kept_answer, note_kept
 from service.http.json_route import JsonRoute
@@ -15,20 +23,12 @@ from service.http.precondition import check_precondition
 from service.http.state import documents_of, prepared_folder
 from service.problem import ProblemError
 from service.routes.paging import page
-from service.schemas.scene import (
-    NamedScene,
-    ProjectAnswer,
-    ProjectRequest,
-    Scene,
-    SceneList,
-    SceneSummary,
-)
-from service.schemas.validation import validate_as
 from service.storage import prepared_files
 from service.storage.cache_key import Reference
 from service.storage.document_store import Record
 from service.task_references import make_scene
 from service.task_references import project as project_task
+from service.validation import validate_as
 
 router = APIRouter(prefix="/v1/scenes", tags=["scenes"], route_class=JsonRoute, responses=RESPONSES)
 

@@ -2,11 +2,11 @@
 
 from fastapi import APIRouter, Request, Response
 
+from armwright_wire.sequence import TaskRequest
+from armwright_wire.sequence_answer import TaskAnswer
 from service.http import answers
 from service.http.json_route import JsonRoute
 from service.http.openapi import RESPONSES
-from service.schemas.sequence import TaskRequest
-from service.schemas.sequence_answer import TaskAnswer
 from service.task_references import plan_sequence
 
 router = APIRouter(prefix="/v1", tags=["planning"], route_class=JsonRoute, responses=RESPONSES)

@@ -2,10 +2,10 @@
 
 from fastapi import APIRouter, Request, Response
 
+from armwright_wire.simulation import SimulateAnswer, SimulateRequest
 from service.http import answers
 from service.http.json_route import JsonRoute
 from service.http.openapi import RESPONSES
-from service.schemas.simulation import SimulateAnswer, SimulateRequest
 from service.task_references import simulate as simulate_task
 
 router = APIRouter(prefix="/v1", tags=["tracking"], route_class=JsonRoute, responses=RESPONSES)

@@ -2,10 +2,10 @@
 
 from fastapi import APIRouter, Request, Response
 
+from armwright_wire.tour import TourAnswer, TourRequest
 from service.http import answers
 from service.http.json_route import JsonRoute
 from service.http.openapi import RESPONSES
-from service.schemas.tour import TourAnswer, TourRequest
 from service.task_references import tour as tour_task
 
 router = APIRouter(prefix="/v1", tags=["planning"], route_class=JsonRoute, responses=RESPONSES)

@@ -2,6 +2,7 @@
 
 import hashlib
 
+from armwright_wire import scene as scene_schema
 from dynamics.motor import Motor
 from kinematics.arrays import Array
 from kinematics.chain import Chain
@@ -10,7 +11,6 @@ from obstacles.kept_files import keep_files_in
 from obstacles.placement import in_frame, place
 from obstacles.scene import Scene
 from obstacles.visual_geometry import VisualGeometry
-from service.schemas import scene as scene_schema
 from service.storage import disk_cache, prepared_files
 from service.storage.cache_key import Reference
 from service.storage.disk_cache import PreparedRobot

@@ -7,6 +7,9 @@ from typing import Any, Protocol
 import numpy as np
 from pydantic import BaseModel
 
+from armwright_wire import scene as schema
+from armwright_wire.attached import Attached, WithFingers
+from armwright_wire.scene import AllowedItem
 from dynamics.payload import with_payload
 from kinematics.arrays import Array
 from kinematics.chain import Chain
@@ -19,9 +22,6 @@ from obstacles.overlap_meter import OverlapMeter
 from obstacles.placement import with_objects
 from obstacles.robot_geometry import RobotGeometry
 from obstacles.scene import Obstacle, Scene
-from service.schemas import scene as schema
-from service.schemas.attached import Attached, WithFingers
-from service.schemas.scene import AllowedItem
 from service.storage import worker_cache
 from service.storage.cache_key import Reference
 from service.translate import poses

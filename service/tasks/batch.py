@@ -6,11 +6,10 @@ from typing import Any
 from pydantic import ValidationError
 from pydantic_core import from_json, to_json
 
+from armwright_wire.batch import BatchRequest, PlanRequests
+from armwright_wire.scene import NamedScene
 from kinematics.errors import ArmwrightError
 from planning.deadline import Deadline
-from service.schemas.batch import BatchRequest, PlanRequests
-from service.schemas.scene import NamedScene
-from service.schemas.validation import fault_list, validation_problem
 from service.storage import prepared_files
 from service.storage.cache_key import Reference
 from service.tasks import robots
@@ -27,6 +26,7 @@ from service.tasks.result import (
     TaskProblem,
 )
 from service.translate.frames import names_frame
+from service.validation import fault_list, validation_problem
 from service.workers import current
 from service.workers.task import GRACE, task
 

@@ -6,12 +6,12 @@ from typing import Any
 import numpy as np
 from pydantic_core import to_json
 
+from armwright_wire.check import CheckRequest
+from armwright_wire.scene import ProjectRequest
 from obstacles.fcl_projection import FclProjector
 from obstacles.placement import only_frame
 from obstacles.projection import Projector
 from planning.configuration_check import ConfigurationReport, configuration_checker
-from service.schemas.check import CheckRequest
-from service.schemas.scene import ProjectRequest
 from service.storage import worker_cache
 from service.storage.cache_key import Reference
 from service.tasks.answer import in_frame, reports_cache_miss

@@ -5,6 +5,8 @@ from typing import Any
 
 import numpy as np
 
+from armwright_wire.kinematics import IkRequest
+from armwright_wire.pose import Pose
 from kinematics.arrays import Array
 from kinematics.chain import Chain
 from kinematics.forward import forward
@@ -22,8 +24,6 @@ from planning.constraints.conflict import conflict
 from planning.constraints.constraint_set import ConstraintSet
 from planning.constraints.relative_pose import RelativePoseConstraint
 from planning.deadline import Deadline
-from service.schemas.kinematics import IkRequest
-from service.schemas.pose import Pose
 from service.tasks.attached_objects import RobotInScene
 from service.tasks.result import TaskProblem
 from service.translate import constraints, poses

@@ -8,6 +8,13 @@ from typing import Any
 import numpy as np
 from pydantic_core import to_json
 
+from armwright_wire.dynamics import (
+    DynamicsRequest,
+    ForwardDynamicsRequest,
+    Model,
+    RegressorRequest,
+    WrenchRequest,
+)
 from dynamics.base_parameters import base_parameters
 from dynamics.coriolis import christoffel_symbols, coriolis_matrix
 from dynamics.energy import kinetic_energy
@@ -22,13 +29,6 @@ from kinematics.arrays import Array
 from kinematics.chain import Chain
 from kinematics.errors import InvalidOption, InvalidRobotState
 from kinematics.statics import holding_torques
-from service.schemas.dynamics import (
-    DynamicsRequest,
-    ForwardDynamicsRequest,
-    Model,
-    RegressorRequest,
-    WrenchRequest,
-)
 from service.storage import worker_cache
 from service.storage.cache_key import builtin_reference
 from service.tasks.answer import chain_task, frame_transform, in_frame

@@ -2,10 +2,10 @@
 
 from pydantic_core import to_json
 
+from armwright_wire.export import ExportRequest
 from planning.exports.export import export as write_motion
 from planning.exports.options import ExportFormat, ExportOptions
 from planning.proof.premises import Premises
-from service.schemas.export import ExportRequest
 from service.storage import worker_cache
 from service.storage.cache_key import Reference
 from service.tasks.answer import reports_cache_miss

@@ -4,12 +4,12 @@ import base64
 
 import numpy as np
 
+from armwright_wire.geometry import BodySurface, GeometryAnswer, GeometryKind
 from kinematics.arrays import Array, Indices
 from kinematics.chain import Chain, Link
 from kinematics.pose import inverse
 from obstacles.scene import Scene
 from obstacles.visual_geometry import VisualBody
-from service.schemas.geometry import BodySurface, GeometryAnswer, GeometryKind
 from service.storage import worker_cache
 from service.storage.cache_key import Reference
 from service.tasks.answer import reports_cache_miss

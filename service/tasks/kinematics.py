@@ -9,6 +9,12 @@ from typing import Any
 import numpy as np
 from pydantic_core import to_json
 
+from armwright_wire.kinematics import (
+    FkRequest,
+    JacobianRequest,
+    VelocityRequest,
+)
+from armwright_wire.pose import Orientation
 from kinematics.arrays import Array
 from kinematics.chain import Chain
 from kinematics.errors import InvalidOption
@@ -23,12 +29,6 @@ from kinematics.velocity import (
     link_twist,
     singular_directions,
 )
-from service.schemas.kinematics import (
-    FkRequest,
-    JacobianRequest,
-    VelocityRequest,
-)
-from service.schemas.pose import Orientation
 from service.storage import worker_cache
 from service.storage.cache_key import builtin_reference
 from service.tasks.answer import chain_task, frame_transform, in_frame

@@ -6,9 +6,8 @@ from typing import Any
 from pydantic import BaseModel, TypeAdapter, ValidationError
 
 from service.problem import ProblemError
-from service.schemas.strict_json import parse_json
-from service.schemas.validation import fault_list, validation_problem
 from service.tasks.result import TaskProblem
+from service.validation import fault_list, parse_json, validation_problem
 from service.workers.task import task
 
 #: Lists of models whose items the server inspects.
@@ -24,7 +23,7 @@ def outline(model: str, content: bytes) -> BaseModel | TaskProblem:
     """Outline of a body that follows a model, or the reason why it does not.
 
     Args:
-        model: Where the model is, as ``"service.schemas.plan:PlanRequest"``.
+        model: Where the model is, as ``"armwright_wire.plan:PlanRequest"``.
         content: JSON.
 
     Returns:

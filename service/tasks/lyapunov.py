@@ -4,8 +4,8 @@ from typing import Any
 
 from pydantic_core import to_json
 
+from armwright_wire.lyapunov import LyapunovRequest
 from kinematics.errors import InvalidOption
-from service.schemas.lyapunov import LyapunovRequest
 from service.workers.task import task
 from tracking.quadratic_form import (
     QuadraticLyapunov,

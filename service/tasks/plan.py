@@ -12,6 +12,7 @@ import numpy as np
 from pydantic import ValidationError
 from pydantic_core import to_json
 
+from armwright_wire.plan import Collisions, PlanRequest, ValidateRequest
 from kinematics.errors import InvalidRobotDescription
 from obstacles.robot_geometry import RobotGeometry
 from obstacles.scene import Scene
@@ -20,7 +21,6 @@ from planning.limits import MotionLimits
 from planning.problem import Problem
 from planning.proof.certificate import certify, has_solids
 from planning.result import Failure, Plan
-from service.schemas.plan import Collisions, PlanRequest, ValidateRequest
 from service.storage import worker_cache
 from service.storage.cache_key import Reference
 from service.tasks.answer import in_frame, reports_cache_miss

@@ -5,6 +5,7 @@ from typing import Any
 
 from pydantic_core import to_json
 
+from armwright_wire.pose_conversion import ConvertPoseRequest
 from kinematics import pose as rotation
 from kinematics.arrays import Array
 from kinematics.pose_forms import (
@@ -13,7 +14,6 @@ from kinematics.pose_forms import (
     singular_forms,
     zyz_branches,
 )
-from service.schemas.pose_conversion import ConvertPoseRequest
 from service.translate.poses import rounding_notes, transform
 from service.workers.task import task
 

@@ -6,13 +6,13 @@ from typing import Any
 import numpy as np
 from pydantic_core import to_json
 
+from armwright_wire.potential import PotentialRequest
 from kinematics.arrays import Array
 from kinematics.chain import Chain
 from planning.field.control_points import ControlPoints
 from planning.field.options import PRESETS, FieldOptions
 from planning.field.planner import potential_of
 from planning.field.potential import Field
-from service.schemas.potential import PotentialRequest
 from service.storage import worker_cache
 from service.storage.cache_key import Reference
 from service.tasks.answer import reports_cache_miss

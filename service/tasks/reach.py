@@ -5,6 +5,7 @@ from typing import Any
 import numpy as np
 from pydantic_core import to_json
 
+from armwright_wire.reach import JOINTS_UP_TO, MAX_BASES, BaseRegion, ReachRequest
 from kinematics import pose as rotation
 from kinematics.arrays import Array
 from kinematics.errors import InvalidOption
@@ -13,7 +14,6 @@ from planning.reach import evaluation
 from planning.reach.base_placement import BasePlacement, place_base
 from planning.reach.evaluation import Reach, ReachOptions, Status
 from planning.reach.grid import PoseGrid
-from service.schemas.reach import JOINTS_UP_TO, MAX_BASES, BaseRegion, ReachRequest
 from service.storage.cache_key import Reference
 from service.tasks.answer import in_frame, reports_cache_miss
 from service.tasks.attached_objects import RobotInScene, robot_in_scene

@@ -4,6 +4,9 @@ import base64
 
 from pydantic import ValidationError
 
+from armwright_wire.robot import RobotBody, RobotChanges
+from armwright_wire.scene import NamedScene
+from armwright_wire.scene import Scene as SceneBody
 from kinematics.description import MeshGeometry
 from kinematics.errors import InvalidRobotDescription
 from kinematics.robots import builtin_urdf
@@ -16,10 +19,6 @@ from obstacles.collision_model import pack
 from obstacles.kept_files import keep_files_in, written_files
 from obstacles.robot_geometry import hulled
 from obstacles.scene import Scene
-from service.schemas.robot import RobotBody, RobotChanges
-from service.schemas.scene import NamedScene
-from service.schemas.scene import Scene as SceneBody
-from service.schemas.validation import validation_problem
 from service.storage import disk_cache, prepared_files, worker_cache
 from service.storage.cache_key import Reference
 from service.storage.disk_cache import PreparedRobot
@@ -29,6 +28,7 @@ from service.translate import poses, robot_limits, robots
 from service.translate.archive import read_archive
 from service.translate.urdf import table_urdf
 from service.translate.visuals import kept_meshes, robot_visuals
+from service.validation import validation_problem
 from service.workers.task import task
 
 #: Told of archives with MoveIt's limits in them.

@@ -10,6 +10,8 @@ from typing import Any
 import numpy as np
 from pydantic_core import to_json
 
+from armwright_wire.attached import Attached
+from armwright_wire.sequence import TaskRequest
 from kinematics.arrays import Array
 from kinematics.errors import InvalidOption, InvalidRobotDescription
 from kinematics.named_states import state
@@ -24,8 +26,6 @@ from planning.sequence.search import plan_task
 from planning.sequence.stage import Load, describe_stage
 from planning.sequence.task import Task
 from planning.sequence.world import Held, World
-from service.schemas.attached import Attached
-from service.schemas.sequence import TaskRequest
 from service.storage import worker_cache
 from service.storage.cache_key import Reference
 from service.tasks.answer import in_frame, reports_cache_miss

@@ -4,7 +4,7 @@ import dataclasses
 
 from pydantic_core import to_json
 
-from service.schemas.simulation import SimulateRequest
+from armwright_wire.simulation import SimulateRequest
 from service.storage import worker_cache
 from service.storage.cache_key import Reference
 from service.tasks.answer import reports_cache_miss

@@ -8,14 +8,14 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import Any, NamedTuple
 
+from armwright_wire.attached import Attached
+from armwright_wire.pose import Pose
+from armwright_wire.sequence import TaskRequest
 from kinematics.arrays import Array
 from obstacles.finger_geometry import with_fingers
 from obstacles.robot_geometry import RobotGeometry
 from obstacles.scene import Scene
 from planning.proof.premises import Premises
-from service.schemas.attached import Attached
-from service.schemas.pose import Pose
-from service.schemas.sequence import TaskRequest
 from service.tasks.attached_objects import RobotInScene, attach, attachment
 from service.translate import poses
 

@@ -4,6 +4,7 @@ import json
 from collections.abc import Iterator
 from typing import Any
 
+from armwright_wire.plan import PlanRequest, TrajectoryBody, ValidateRequest
 from kinematics.errors import InvalidOption
 from kinematics.trajectory import Trajectory
 from obstacles.finger_geometry import swept_cover
@@ -11,7 +12,6 @@ from obstacles.mesh_writer import glb, stl
 from obstacles.robot_geometry import RobotGeometry
 from obstacles.triangles import join
 from planning.exports.swept_volume import swept_volume
-from service.schemas.plan import PlanRequest, TrajectoryBody, ValidateRequest
 from service.storage import worker_cache
 from service.storage.cache_key import Reference
 from service.tasks.answer import reports_cache_miss

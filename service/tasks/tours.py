@@ -6,10 +6,10 @@ from typing import Any
 
 from pydantic_core import to_json
 
+from armwright_wire.tour import TourRequest
 from planning.result import Failure
 from planning.tours.planner import plan_tour
 from planning.tours.result import Tour
-from service.schemas.tour import TourRequest
 from service.storage import worker_cache
 from service.storage.cache_key import Reference
 from service.tasks.answer import in_frame, reports_cache_miss

@@ -8,16 +8,16 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from armwright_wire.check import CheckRequest
+from armwright_wire.kinematics import IkRequest
+from armwright_wire.plan import PlanRequest, TrajectoryBody, ValidateRequest
+from armwright_wire.sequence import TaskRequest
+from armwright_wire.tour import TourRequest
 from kinematics.errors import InvalidOption
 from kinematics.trajectory import Trajectory
 from obstacles.scene import Obstacle
 from planning.explored import Explored
 from planning.pipeline import plan
-from service.schemas.check import CheckRequest
-from service.schemas.kinematics import IkRequest
-from service.schemas.plan import PlanRequest, TrajectoryBody, ValidateRequest
-from service.schemas.sequence import TaskRequest
-from service.schemas.tour import TourRequest
 from service.storage import worker_cache
 from service.storage.cache_key import Reference
 from service.tasks import view_failures

@@ -5,11 +5,11 @@ import re
 from collections.abc import Iterator, Sequence
 from typing import Any, NamedTuple, cast
 
+from armwright_wire.goal import SingleGoal
+from armwright_wire.plan import PlanRequest
+from armwright_wire.sequence import TaskRequest
+from armwright_wire.tour import TourRequest
 from kinematics.errors import ArmwrightError
-from service.schemas.goal import SingleGoal
-from service.schemas.plan import PlanRequest
-from service.schemas.sequence import TaskRequest
-from service.schemas.tour import TourRequest
 from service.storage.cache_key import Reference
 from service.tasks.inverse_kinematics import ik
 from service.tasks.result import TaskProblem

@@ -5,14 +5,14 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from armwright_wire.plan import TrajectoryBody
+from armwright_wire.sequence import TaskRequest
+from armwright_wire.tour import TourRequest
 from kinematics.named_states import state
 from kinematics.trajectory import Trajectory
 from obstacles.finger_geometry import with_fingers
 from obstacles.robot_geometry import RobotGeometry
 from obstacles.scene import Obstacle, Scene
-from service.schemas.plan import TrajectoryBody
-from service.schemas.sequence import TaskRequest
-from service.schemas.tour import TourRequest
 from service.storage import worker_cache
 from service.storage.cache_key import Reference
 from service.tasks.attached_objects import (

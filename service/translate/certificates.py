@@ -4,10 +4,10 @@ import math
 from dataclasses import asdict
 from typing import Any
 
+from armwright_wire.scene import Scene
 from planning.proof.certificate import Certificate
 from planning.proof.premises import Premises
 from planning.proof.tool_speed_band import SpeedUse
-from service.schemas.scene import Scene
 from service.translate.contacts import allowed_answer
 from service.translate.problems import plain
 

@@ -5,6 +5,7 @@ from typing import Any
 
 import numpy as np
 
+from armwright_wire import constraint as schema
 from kinematics.arrays import Array
 from kinematics.chain import Chain
 from kinematics.errors import InvalidGoal, InvalidPose
@@ -24,7 +25,6 @@ from planning.constraints.region import (
     SphereRegion,
 )
 from planning.constraints.relative_pose import RelativePoseConstraint
-from service.schemas import constraint as schema
 from service.translate import poses
 
 

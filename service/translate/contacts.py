@@ -4,10 +4,10 @@ import math
 from collections.abc import Iterable, Sequence
 from typing import Any
 
+from armwright_wire.scene import AllowedItem, LimitedPair
 from obstacles.allowed_pairs import Overlap, allowed_pairs, sorted_pair
 from obstacles.robot_geometry import RobotGeometry
 from obstacles.scene import AllowedContact, Pair, Scene
-from service.schemas.scene import AllowedItem, LimitedPair
 
 
 def touch_depth(given: float | None) -> float:

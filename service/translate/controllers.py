@@ -6,12 +6,12 @@ from typing import Any
 
 import numpy as np
 
+from armwright_wire import controllers as schema
 from dynamics.parameter_units import base_parameter_labels, base_parameter_units
 from kinematics.arrays import Array
 from kinematics.chain import Chain
 from kinematics.errors import InvalidOption
 from kinematics.trajectory import Trajectory
-from service.schemas import controllers as schema
 from tracking.adaptive import Adaptive
 from tracking.computed_torque import ComputedTorque
 from tracking.controller import Controller

@@ -2,11 +2,11 @@
 
 from dataclasses import asdict
 
+from armwright_wire import equations as schema
 from dynamics.equations.page import write_page
 from dynamics.equations.sheet import Motion, Sheet
 from dynamics.equations.writing import Notation
 from kinematics.chain import Chain
-from service.schemas import equations as schema
 
 
 def equations_answer(chain: Chain, sheet: Sheet) -> schema.EquationsAnswer:

@@ -6,16 +6,16 @@ from typing import Any, TypeVar
 import numpy as np
 from pydantic import BaseModel
 
+from armwright_wire import constraint as constraints
+from armwright_wire.cartesian import RoundedCorner, TimedToolMotion, TimedToolMotions
+from armwright_wire.goal import Goal, SingleGoal
+from armwright_wire.kinematics import IkRequest
+from armwright_wire.plan import PlanRequest
+from armwright_wire.pose import FramedPose, Pose
 from kinematics.arrays import Array
 from kinematics.chain import Chain
 from kinematics.errors import InvalidGoal
 from kinematics.root_frame import check_default_frame, frame_pose
-from service.schemas import constraint as constraints
-from service.schemas.cartesian import RoundedCorner, TimedToolMotion, TimedToolMotions
-from service.schemas.goal import Goal, SingleGoal
-from service.schemas.kinematics import IkRequest
-from service.schemas.plan import PlanRequest
-from service.schemas.pose import FramedPose, Pose
 from service.translate import poses
 
 #: Marks a request that names a frame somewhere: others are left alone, to the last bit.

@@ -5,13 +5,13 @@ from typing import Any
 
 from pydantic import BaseModel, ConfigDict
 
+from armwright_wire import motor as schema
+from armwright_wire.base import MAX_NUMBER
+from armwright_wire.robot import RobotBody
 from dynamics.motor import Motor, attach_motors
 from kinematics.chain import Chain
 from kinematics.errors import InvalidRobotDescription
 from kinematics.joint_limits import ALL_JOINTS
-from service.schemas import motor as schema
-from service.schemas.base import MAX_NUMBER
-from service.schemas.robot import RobotBody
 
 
 class _MotorsOfAnswer(BaseModel):

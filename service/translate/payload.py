@@ -2,9 +2,9 @@
 
 import numpy as np
 
+from armwright_wire.dynamics import Payload
 from dynamics.payload import with_payload
 from kinematics.chain import Chain
-from service.schemas.dynamics import Payload
 
 
 def loaded_chain(chain: Chain, payload: Payload) -> Chain:

@@ -9,6 +9,9 @@ from typing import Any
 import numpy as np
 from pydantic import BaseModel
 
+from armwright_wire import pose as pose_schema
+from armwright_wire import scene as scene_schema
+from armwright_wire import shape as shape_schema
 from kinematics import pose as rotation
 from kinematics.arrays import Array
 from kinematics.errors import InvalidScene
@@ -17,9 +20,6 @@ from obstacles import mesh, shapes
 from obstacles.moveit import scene_from_moveit
 from obstacles.placement import in_frame, with_objects
 from obstacles.scene import Obstacle, Scene
-from service.schemas import pose as pose_schema
-from service.schemas import scene as scene_schema
-from service.schemas import shape as shape_schema
 from service.translate.contacts import contacts
 
 

@@ -6,6 +6,11 @@ from typing import Any
 
 import numpy as np
 
+from armwright_wire import cartesian
+from armwright_wire import goal as goal_schema
+from armwright_wire import plan as schema
+from armwright_wire.cartesian import cartesian_options
+from armwright_wire.goal_costs import GoalCosts as GoalCostsBody
 from kinematics.arrays import Array
 from kinematics.chain import Chain
 from obstacles.robot_geometry import RobotGeometry
@@ -18,11 +23,6 @@ from planning.planners import PLANNERS
 from planning.preferred_clearance import PreferredClearance
 from planning.problem import Goal, JointGoal, PoseGoal, Problem
 from planning.result import ChosenConfiguration, StageReport
-from service.schemas import cartesian
-from service.schemas import goal as goal_schema
-from service.schemas import plan as schema
-from service.schemas.cartesian import cartesian_options
-from service.schemas.goal_costs import GoalCosts as GoalCostsBody
 from service.translate import poses, timings
 from service.translate.constraints import constraint_set
 from service.translate.seams import seam_options

@@ -4,11 +4,11 @@ from typing import NamedTuple
 
 import numpy as np
 
+from armwright_wire import reference as schema
+from armwright_wire.simulation import SimulateRequest
 from kinematics.arrays import Array
 from kinematics.chain import Chain
 from kinematics.trajectory import Trajectory
-from service.schemas import reference as schema
-from service.schemas.simulation import SimulateRequest
 from service.translate import trajectories
 from tracking.references import hold, sine, spline, step
 

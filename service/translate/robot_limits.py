@@ -3,6 +3,7 @@
 import dataclasses
 from collections.abc import Collection, Mapping
 
+from armwright_wire import robot as schema
 from kinematics.chain import Chain
 from kinematics.errors import InvalidRobotDescription
 from kinematics.joint_limits import (
@@ -12,7 +13,6 @@ from kinematics.joint_limits import (
     moveit_joint_limits,
     moveit_notes,
 )
-from service.schemas import robot as schema
 
 
 def joint_limits(

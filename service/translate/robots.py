@@ -9,6 +9,9 @@ from typing import Any, Literal
 
 import numpy as np
 
+from armwright_wire import dh as dh_schema
+from armwright_wire import robot as schema
+from armwright_wire.motor import Motor
 from dynamics.body import joints_without_inertia, massless_joints
 from kinematics.arrays import Array
 from kinematics.chain import Chain, JointType
@@ -32,9 +35,6 @@ from kinematics.visual_solids import with_visual_solids
 from obstacles.dh_geometry import LinkSolid, dh_robot_geometry
 from obstacles.robot_geometry import RobotGeometry, robot_geometry
 from obstacles.touching_pairs import suspected_pairs
-from service.schemas import dh as dh_schema
-from service.schemas import robot as schema
-from service.schemas.motor import Motor
 from service.translate import poses, robot_limits
 from service.translate.motors import reflected, robot_motors, with_robot_motors
 

@@ -5,6 +5,8 @@ from dataclasses import replace
 
 import numpy as np
 
+from armwright_wire import seam as schema
+from armwright_wire.cartesian import CartesianOptions
 from kinematics.arrays import Array
 from kinematics.chain import Chain
 from kinematics.errors import InvalidGoal, InvalidOption
@@ -12,8 +14,6 @@ from kinematics.pose import transform
 from kinematics.root_frame import TOOL, frame_pose
 from planning.seam_options import SeamOptions, SeamWaypoint, StraightOffset
 from planning.tool_tolerance import AXES, MAX_POSITION, ROTATIONS, Axis, ToolTolerance
-from service.schemas import seam as schema
-from service.schemas.cartesian import CartesianOptions
 from service.translate import poses
 
 #: A direction must be this much across the normal for it to turn the tool [-].

@@ -6,6 +6,9 @@ from typing import Literal
 
 import numpy as np
 
+from armwright_wire import sequence as schema
+from armwright_wire.goal import SingleGoal
+from armwright_wire.reach import ReachTolerance
 from kinematics.arrays import Array
 from kinematics.errors import ArmwrightError, InvalidOption
 from kinematics.named_states import state
@@ -27,9 +30,6 @@ from planning.sequence.stage import (
     Straight,
 )
 from planning.sequence.stage import Wait as WaitStage
-from service.schemas import sequence as schema
-from service.schemas.goal import SingleGoal
-from service.schemas.reach import ReachTolerance
 from service.translate import poses, timings
 from service.translate.constraints import constraint
 from service.translate.contacts import contacts, touch_depth

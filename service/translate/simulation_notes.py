@@ -2,10 +2,10 @@
 
 import numpy as np
 
+from armwright_wire.simulation import SimulateRequest
 from kinematics.arrays import Array
 from kinematics.chain import Chain
 from kinematics.trajectory import Trajectory
-from service.schemas.simulation import SimulateRequest
 from tracking.controller import Controller
 from tracking.independent_joint import IndependentJoint
 from tracking.limit_use import limit_uses

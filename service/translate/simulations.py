@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
+from armwright_wire import simulation as schema
 from dynamics.body import scale_masses
 from dynamics.motor import Motor, attach_motors
 from dynamics.payload import inertia, with_gravity, with_inertias, with_motors
@@ -15,7 +16,6 @@ from kinematics.arrays import Array
 from kinematics.chain import Chain
 from kinematics.errors import InvalidOption
 from kinematics.trajectory import Trajectory
-from service.schemas import simulation as schema
 from service.translate.controllers import controller_answer
 from service.translate.motors import domain_motors
 from service.translate.payload import loaded_chain

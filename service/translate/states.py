@@ -3,10 +3,10 @@
 from collections.abc import Mapping
 from typing import Any, TypeVar
 
+from armwright_wire.goal import SingleGoal, Start
+from armwright_wire.plan import PlanRequest
 from kinematics.arrays import Array
 from kinematics.named_states import state
-from service.schemas.goal import SingleGoal, Start
-from service.schemas.plan import PlanRequest
 
 _Part = TypeVar("_Part", Start, SingleGoal)
 

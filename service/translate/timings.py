@@ -5,6 +5,9 @@ from typing import Any
 
 import numpy as np
 
+from armwright_wire import plan as schema
+from armwright_wire import retime as retime_schema
+from armwright_wire.timing import Timing
 from dynamics.payload import with_payload
 from kinematics.arrays import Array
 from kinematics.chain import Chain
@@ -15,9 +18,6 @@ from planning.timing.choice import JERK_RULE
 from planning.timing.options import Payload, TimingOptions
 from planning.timing.report import TimingReport
 from planning.timing.state_to_state import JointState
-from service.schemas import plan as schema
-from service.schemas import retime as retime_schema
-from service.schemas.timing import Timing
 
 #: What holds where a request says nothing else, and what it may say of its answer alone.
 _USUAL, _NOT_OF_TIMING = TimingOptions(), frozenset({"sample_period"})

@@ -5,6 +5,7 @@ from typing import Any
 
 import numpy as np
 
+from armwright_wire import cartesian
 from kinematics.arrays import Array
 from kinematics.chain import Chain
 from kinematics.errors import InvalidGoal
@@ -18,7 +19,6 @@ from planning.tool_corner import ToolCorner, ToolCurve
 from planning.tool_motion import ToolMotion
 from planning.tool_reference import tool_reference
 from planning.tool_tolerance import ToolTolerance
-from service.schemas import cartesian
 from service.translate import poses
 from service.translate.seams import tolerance
 

@@ -5,6 +5,9 @@ from typing import Any, Literal
 
 import numpy as np
 
+from armwright_wire import tour as schema
+from armwright_wire.goal import SingleGoal, Start
+from armwright_wire.scene import Scene as SceneBody
 from kinematics.arrays import Array
 from kinematics.chain import Chain
 from kinematics.named_states import state
@@ -16,9 +19,6 @@ from planning.preferred_clearance import PreferredClearance
 from planning.problem import Goal
 from planning.tours import problem as domain
 from planning.tours.result import Leg, Tour
-from service.schemas import tour as schema
-from service.schemas.goal import SingleGoal, Start
-from service.schemas.scene import Scene as SceneBody
 from service.translate import certificates, problems, timings, trajectories
 from service.translate.constraints import constraint_set
 from service.translate.contacts import allowed_answer

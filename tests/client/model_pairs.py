@@ -5,34 +5,34 @@ from pydantic import BaseModel
 import armwright_client as ours
 from armwright_client.base import Readable
 from armwright_client.robot import ArchiveFields, RobotFields
-from service.schemas import attached as their_attached
-from service.schemas import cartesian as their_cartesian
-from service.schemas import certificate as their_certificate
-from service.schemas import check as their_check
-from service.schemas import constraint as their_constraint
-from service.schemas import dh as their_dh
-from service.schemas import dynamics as their_dynamics
-from service.schemas import export as their_export
-from service.schemas import goal as their_goal
-from service.schemas import goal_costs as their_goal_costs
-from service.schemas import kept_plan as their_kept_plan
-from service.schemas import kinematics as their_kinematics
-from service.schemas import lyapunov as their_lyapunov
-from service.schemas import motor as their_motor
-from service.schemas import plan as their_plan
-from service.schemas import pose as their_pose
-from service.schemas import pose_conversion as their_conversion
-from service.schemas import potential as their_potential
-from service.schemas import reach as their_reach
-from service.schemas import retime as their_retime
-from service.schemas import robot as their_robot
-from service.schemas import scene as their_scene
-from service.schemas import seam as their_seam
-from service.schemas import sequence as their_sequence
-from service.schemas import sequence_answer as their_sequence_answer
-from service.schemas import shape as their_shape
-from service.schemas import timing as their_timing
-from service.schemas import tour as their_tour
+from armwright_wire import attached as their_attached
+from armwright_wire import cartesian as their_cartesian
+from armwright_wire import certificate as their_certificate
+from armwright_wire import check as their_check
+from armwright_wire import constraint as their_constraint
+from armwright_wire import dh as their_dh
+from armwright_wire import dynamics as their_dynamics
+from armwright_wire import export as their_export
+from armwright_wire import goal as their_goal
+from armwright_wire import goal_costs as their_goal_costs
+from armwright_wire import kept_plan as their_kept_plan
+from armwright_wire import kinematics as their_kinematics
+from armwright_wire import lyapunov as their_lyapunov
+from armwright_wire import motor as their_motor
+from armwright_wire import plan as their_plan
+from armwright_wire import pose as their_pose
+from armwright_wire import pose_conversion as their_conversion
+from armwright_wire import potential as their_potential
+from armwright_wire import reach as their_reach
+from armwright_wire import retime as their_retime
+from armwright_wire import robot as their_robot
+from armwright_wire import scene as their_scene
+from armwright_wire import seam as their_seam
+from armwright_wire import sequence as their_sequence
+from armwright_wire import sequence_answer as their_sequence_answer
+from armwright_wire import shape as their_shape
+from armwright_wire import timing as their_timing
+from armwright_wire import tour as their_tour
 
 REACH = [
     "ReachTolerance",

@@ -4,7 +4,7 @@ import pytest
 from pydantic import BaseModel
 
 import armwright_client as ours
-from service.schemas import equations
+from armwright_wire import equations
 
 MODELS = {
     name: model

@@ -12,13 +12,13 @@ from scipy.spatial.transform import Rotation
 
 import armwright_client as ours
 from armwright_client.base import Readable, Request
-from service.schemas import check as their_check
-from service.schemas import kinematics as their_kinematics
-from service.schemas import plan as their_plan
-from service.schemas import pose as their_pose
-from service.schemas import potential as their_potential
-from service.schemas import robot as their_robot
-from service.schemas import scene as their_scene
+from armwright_wire import check as their_check
+from armwright_wire import kinematics as their_kinematics
+from armwright_wire import plan as their_plan
+from armwright_wire import pose as their_pose
+from armwright_wire import potential as their_potential
+from armwright_wire import robot as their_robot
+from armwright_wire import scene as their_scene
 from tests.client.model_pairs import PAIRS
 
 BOX = ours.Box(size=[1.0, 0.8, 0.04])

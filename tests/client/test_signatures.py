@@ -10,7 +10,7 @@ import pytest
 import armwright_client
 from armwright_client import AsyncClient, AsyncPending, BatchAnswer, Client, JobEvent, Pending, Plan
 from armwright_client.planner import KnownPlanner
-from service.schemas.plan import PLANNERS
+from armwright_wire.plan import PLANNERS
 from tests.client.scripted import Scripted, problem
 
 #: Modules whose names people import one by one.

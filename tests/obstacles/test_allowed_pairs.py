@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 
 import armwright as aw
+from armwright_wire import attached
 from obstacles.allowed_pairs import TOUCH_DEPTH, allowed_pairs, deepest
 from obstacles.overlap_meter import OverlapMeter
 from planning.configuration_check import configuration_checker
-from service.schemas import attached
 from tests.planning.scenes import HOME, builtin
 
 PANDA = builtin("panda")

@@ -4,9 +4,9 @@ from typing import Any
 
 import httpx
 
+from armwright_wire.plan import PlanAnswer
+from armwright_wire.scene import Scene
 from obstacles.fcl_distance import FclWorld
-from service.schemas.plan import PlanAnswer
-from service.schemas.scene import Scene
 from service.storage import worker_cache
 from service.storage.cache_key import builtin_reference
 from service.translate import poses

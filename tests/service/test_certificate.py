@@ -7,10 +7,10 @@ import httpx
 import pytest
 
 from armwright_client import Certificate as ClientCertificate
+from armwright_wire.certificate import CertificateAnswer
 from kinematics.forward import forward
 from kinematics.pose import to_quaternion
 from kinematics.robots import builtin_chain
-from service.schemas.certificate import CertificateAnswer
 from tests.service.robots import HOME, POST, answer, problem, scene
 
 TIP = forward(builtin_chain("panda"), HOME)

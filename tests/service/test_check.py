@@ -6,6 +6,8 @@ import httpx
 import numpy as np
 import pytest
 
+from armwright_wire.check import CheckAnswer
+from armwright_wire.scene import ProjectAnswer, Scene
 from kinematics.forward import forward
 from kinematics.robots import builtin_chain
 from kinematics.serial_chain import serial_chain
@@ -13,8 +15,6 @@ from kinematics.urdf import parse_urdf
 from obstacles.fcl_distance import FclWorld
 from obstacles.robot_geometry import robot_geometry
 from obstacles.scene import Scene as ObstacleScene
-from service.schemas.check import CheckAnswer
-from service.schemas.scene import ProjectAnswer, Scene
 from service.storage import worker_cache
 from service.storage.cache_key import builtin_reference
 from service.translate import poses

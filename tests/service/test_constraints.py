@@ -7,11 +7,11 @@ import httpx
 import numpy as np
 import pytest
 
+from armwright_wire.certificate import CertificateAnswer
+from armwright_wire.kinematics import IkAnswer
+from armwright_wire.plan import PlanAnswer
 from kinematics.forward import forward
 from kinematics.robots import builtin_chain
-from service.schemas.certificate import CertificateAnswer
-from service.schemas.kinematics import IkAnswer
-from service.schemas.plan import PlanAnswer
 from service.tasks import inverse_kinematics
 from tests.service.robots import HOME, POST, answer, problem, scene
 from tests.service.tasks.ask import PANDA, problem_of

@@ -6,11 +6,11 @@ import httpx
 import numpy as np
 import pytest
 
+from armwright_wire.dynamics import DynamicsAnswer, RegressorAnswer, WrenchAnswer
+from armwright_wire.simulation import SimulateAnswer
 from dynamics.inverse import inverse_dynamics
 from dynamics.mass_matrix import mass_matrix
 from kinematics.robots import builtin_chain
-from service.schemas.dynamics import DynamicsAnswer, RegressorAnswer, WrenchAnswer
-from service.schemas.simulation import SimulateAnswer
 from tests.service.robots import HOME, answer, bench, problem
 
 RATES = [0.1, -0.2, 0.3, 0.1, 0.0, -0.1, 0.2]

@@ -8,9 +8,9 @@ import pytest
 import yaml
 from scipy.interpolate import BPoly
 
+from armwright_wire.export import ExportAnswer
+from armwright_wire.scene import Scene
 from obstacles.fcl_distance import FclWorld
-from service.schemas.export import ExportAnswer
-from service.schemas.scene import Scene
 from service.storage import worker_cache
 from service.storage.cache_key import builtin_reference
 from service.translate import poses

@@ -6,6 +6,8 @@ import httpx
 import numpy as np
 import pytest
 
+from armwright_wire.kinematics import IkAnswer
+from armwright_wire.scene import Scene
 from kinematics.forward import forward, joint_frames
 from kinematics.pose import (
     rotation_error,
@@ -13,8 +15,6 @@ from kinematics.pose import (
 )
 from kinematics.robots import builtin_chain
 from obstacles.fcl_distance import FclWorld
-from service.schemas.kinematics import IkAnswer
-from service.schemas.scene import Scene
 from service.storage import worker_cache
 from service.storage.cache_key import builtin_reference
 from service.translate import poses

@@ -10,6 +10,7 @@ import numpy as np
 import pinocchio
 import pytest
 
+from armwright_wire.kinematics import FkAnswer, JacobianAnswer, VelocityAnswer
 from kinematics.forward import forward, link_poses
 from kinematics.jacobian import analytic_zyz, geometric
 from kinematics.pose import (
@@ -21,7 +22,6 @@ from kinematics.pose import (
     transform,
 )
 from kinematics.robots import builtin_chain
-from service.schemas.kinematics import FkAnswer, JacobianAnswer, VelocityAnswer
 from tests.planning.sequence import fingers
 from tests.service.poses import draws
 from tests.service.robots import ASIDE, HOME, answer, problem

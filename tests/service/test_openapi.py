@@ -8,10 +8,10 @@ import httpx
 import pytest
 from pydantic import ValidationError
 
-from service.schemas.attached import Attached
-from service.schemas.base import Body
-from service.schemas.kinematics import VelocityRequest
-from service.schemas.scene import Scene
+from armwright_wire.attached import Attached
+from armwright_wire.base import Body
+from armwright_wire.kinematics import VelocityRequest
+from armwright_wire.scene import Scene
 
 ITEMS: dict[type[Body], dict[str, Any]] = {
     Scene: {"obstacles": [], "moveit": "x"},

@@ -8,11 +8,11 @@ import pytest
 from fastapi.routing import APIRoute
 from pydantic import TypeAdapter
 
+from armwright_wire.problem import Problem
 from scripts.openapi_examples import cut, send_all
 from service.app import _ROUTERS
 from service.http.errors import KINDS, PROBLEM_MEDIA_TYPE
 from service.http.openapi_examples import Example, examples
-from service.schemas.problem import Problem
 from tests.service.conftest import Served
 
 #: Operations whose whole answer tells what happens to run or to be stored.

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from numpy.polynomial import polynomial
 
+from armwright_wire.scene import Scene
 from kinematics.arrays import Array
 from kinematics.forward import forward
 from kinematics.pose import from_rpy
@@ -16,7 +17,6 @@ from planning import pipeline
 from planning.options import Options
 from planning.problem import JointGoal, Problem
 from planning.result import Plan
-from service.schemas.scene import Scene
 from service.storage import worker_cache
 from service.storage.cache_key import builtin_reference
 from service.translate import poses

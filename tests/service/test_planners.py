@@ -7,12 +7,12 @@ import httpx
 import numpy as np
 import pytest
 
+from armwright_wire.plan import PlanAnswer
 from kinematics.forward import forward
 from kinematics.robots import builtin_chain
 from planning.planners import PLANNERS
 from planning.sampling.planners import PLANNERS as SAMPLING
 from planning.sampling.planners import planner_by_name
-from service.schemas.plan import PlanAnswer
 from tests.service.robots import ASIDE, FLOOR, HOME, POST, answer, problem, scene
 
 BODY: dict[str, Any] = {

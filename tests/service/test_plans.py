@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 
 from armwright_client import Client
+from armwright_wire.kept_plan import Bundle, KeptPlan, PlanList, ReplayAnswer
 from service.app import create_app
 from service.http.answer_digest import answer_digest
-from service.schemas.kept_plan import Bundle, KeptPlan, PlanList, ReplayAnswer
 from service.settings import Settings
 from tests.service.processes import wait_until
 from tests.service.robots import FLOOR, HOME, answer, bench, problem, scene

@@ -9,13 +9,13 @@ import httpx
 import numpy as np
 import pytest
 
+from armwright_wire.robot import RobotAnswer
 from kinematics.arrays import Array
 from kinematics.dh import chain_from_dh
 from kinematics.dh_table import DhRow, DhTable
 from kinematics.forward import forward
 from kinematics.pose import from_quaternion, from_rpy, transform
 from kinematics.robots import builtin_chain, builtin_names
-from service.schemas.robot import RobotAnswer
 from tests.service.conftest import Served
 from tests.service.robots import ACCELERATIONS, BOX_OBJ, answer, bench, problem, urdf
 

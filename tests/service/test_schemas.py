@@ -5,19 +5,19 @@ import numpy as np
 import pytest
 from pydantic import BaseModel, TypeAdapter, ValidationError
 
+from armwright_wire.base import Joints
+from armwright_wire.check import CheckRequest
+from armwright_wire.goal import Goal
+from armwright_wire.kinematics import FkRequest, IkRequest
+from armwright_wire.plan import PlanRequest, TrajectoryBody
+from armwright_wire.pose import FramedPose, Pose
+from armwright_wire.retime import RetimeRequest
+from armwright_wire.robot import RobotBody
+from armwright_wire.scene import NamedScene, Scene
+from armwright_wire.shape import Shape
 from service.problem import ProblemError
-from service.schemas.base import Joints
-from service.schemas.check import CheckRequest
-from service.schemas.goal import Goal
-from service.schemas.kinematics import FkRequest, IkRequest
-from service.schemas.plan import PlanRequest, TrajectoryBody
-from service.schemas.pose import FramedPose, Pose
-from service.schemas.retime import RetimeRequest
-from service.schemas.robot import RobotBody
-from service.schemas.scene import NamedScene, Scene
-from service.schemas.shape import Shape
-from service.schemas.validation import field_path, validate_as
 from service.translate import poses
+from service.validation import field_path, validate_as
 
 _HALF = math.sqrt(0.5)
 TRANSFORM = [[1, 0, 0, 0.3], [0, -1, 0, 0.2], [0, 0, -1, 0.4], [0, 0, 0, 1]]

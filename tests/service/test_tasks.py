@@ -22,10 +22,10 @@ from armwright_client import (
     RetreatStage,
     Scene,
 )
+from armwright_wire.sequence import TaskRequest
+from armwright_wire.sequence_answer import TaskAnswer
 from kinematics.forward import forward
 from kinematics.robots import builtin_chain
-from service.schemas.sequence import TaskRequest
-from service.schemas.sequence_answer import TaskAnswer
 from tests.planning.sequence import fingers
 from tests.service.processes import wait_until
 from tests.service.robots import HOME, answer, problem

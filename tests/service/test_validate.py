@@ -7,8 +7,8 @@ import httpx
 import numpy as np
 import pytest
 
+from armwright_wire.certificate import CertificateAnswer
 from kinematics.robots import builtin_chain
-from service.schemas.certificate import CertificateAnswer
 from tests.service.planning import PLACE, plan, world
 from tests.service.robots import (
     ASIDE,

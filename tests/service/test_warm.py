@@ -30,7 +30,7 @@ from service.storage import worker_cache
 from service.tasks import check, dynamics, inverse_kinematics, kinematics, plan, potential, robots, simulate
 from service.workers import current
 from service.storage.cache_key import builtin_reference
-from service.schemas.kinematics import FkRequest, JacobianRequest
+from armwright_wire.kinematics import FkRequest, JacobianRequest
 
 ROBOTS = {"ur5e": 6, "stanford": 6, "scara": 4, "iiwa14": 7}
 OBSTACLES = [

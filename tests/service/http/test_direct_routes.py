@@ -7,12 +7,12 @@ import httpx
 import pytest
 from fastapi import APIRouter, FastAPI, Request, Response
 
+from armwright_wire.kinematics import FkRequest
 from kinematics.errors import InvalidScene
 from service.http import handlers
 from service.http.direct_routes import DirectRoutes
 from service.http.json_route import JsonRoute
 from service.problem import ProblemError
-from service.schemas.kinematics import FkRequest
 
 router = APIRouter(prefix="/v1", route_class=JsonRoute)
 

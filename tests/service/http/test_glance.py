@@ -8,13 +8,13 @@ import pytest
 from fastapi import FastAPI, Request
 from pydantic import BaseModel, ValidationError
 
+from armwright_wire.plan import PlanRequest
 from service.http.glance import glance_at
 from service.http.job_context import DRY_RUN
-from service.schemas.plan import PlanRequest
-from service.schemas.validation import validate_as
 from service.storage.cache_key import builtin_reference
 from service.tasks.plan import plan
 from service.tasks.result import TaskProblem
+from service.validation import validate_as
 from tests.service.robots import ASIDE, HOME, problem
 from tests.service.schemas.bodies import FULL
 from tests.service.schemas.changes import changed, refusals, values, without

@@ -5,8 +5,8 @@ from typing import Any
 
 import pytest
 
+from armwright_wire.job import JobAnswer as Schema
 from service.jobs.answer import job_document, job_summary
-from service.schemas.job import JobAnswer as Schema
 from service.storage.job_store import JobAnswer, Status
 from tests.service.jobs.stored import record
 

@@ -5,25 +5,25 @@ from typing import Any
 import numpy as np
 from pydantic import BaseModel
 
-from service.schemas.batch import BatchRequest
-from service.schemas.check import CheckRequest
-from service.schemas.dynamics import (
+from armwright_wire.batch import BatchRequest
+from armwright_wire.check import CheckRequest
+from armwright_wire.dynamics import (
     DynamicsRequest,
     ForwardDynamicsRequest,
     RegressorRequest,
     WrenchRequest,
 )
-from service.schemas.export import ExportRequest
-from service.schemas.kinematics import FkRequest, IkRequest, JacobianRequest, VelocityRequest
-from service.schemas.lyapunov import LyapunovRequest
-from service.schemas.plan import PlanRequest, ValidateRequest
-from service.schemas.pose_conversion import ConvertPoseRequest
-from service.schemas.potential import PotentialRequest
-from service.schemas.reach import ReachRequest
-from service.schemas.retime import ConvertRequest, RetimeRequest
-from service.schemas.robot import ArchiveFields, RobotBody, RobotChanges
-from service.schemas.scene import NamedScene, ProjectRequest
-from service.schemas.simulation import SimulateRequest
+from armwright_wire.export import ExportRequest
+from armwright_wire.kinematics import FkRequest, IkRequest, JacobianRequest, VelocityRequest
+from armwright_wire.lyapunov import LyapunovRequest
+from armwright_wire.plan import PlanRequest, ValidateRequest
+from armwright_wire.pose_conversion import ConvertPoseRequest
+from armwright_wire.potential import PotentialRequest
+from armwright_wire.reach import ReachRequest
+from armwright_wire.retime import ConvertRequest, RetimeRequest
+from armwright_wire.robot import ArchiveFields, RobotBody, RobotChanges
+from armwright_wire.scene import NamedScene, ProjectRequest
+from armwright_wire.simulation import SimulateRequest
 from tests.service.schemas.kept_bodies import KEPT_PLANS
 from tests.service.schemas.simulation_bodies import CONTROLLERS, MOTOR, REFERENCES, SIMULATE
 from tests.service.schemas.task_stages import tasks

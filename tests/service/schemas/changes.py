@@ -7,7 +7,7 @@ from typing import Any
 from pydantic import BaseModel
 
 from service.problem import ProblemError
-from service.schemas.validation import validate_as
+from service.validation import validate_as
 
 #: Steps from a body to a value in it.
 Path = tuple[str | int, ...]

@@ -7,13 +7,13 @@ import numpy as np
 import pytest
 from pydantic import BaseModel
 
-from service.schemas.base import MAX_BATCH, MAX_COORDINATE, MAX_JOINTS, MAX_NUMBER
-from service.schemas.batch import BatchRequest
-from service.schemas.cartesian import MAX_TIMED_MOTIONS, TimedToolMotions
-from service.schemas.check import CheckRequest
-from service.schemas.constraint import MAX_CONSTRAINTS
-from service.schemas.goal import MAX_GOALS
-from service.schemas.kinematics import (
+from armwright_wire.base import MAX_BATCH, MAX_COORDINATE, MAX_JOINTS, MAX_NUMBER
+from armwright_wire.batch import BatchRequest
+from armwright_wire.cartesian import MAX_TIMED_MOTIONS, TimedToolMotions
+from armwright_wire.check import CheckRequest
+from armwright_wire.constraint import MAX_CONSTRAINTS
+from armwright_wire.goal import MAX_GOALS
+from armwright_wire.kinematics import (
     MAX_PARAMETERS,
     MAX_POSES,
     MAX_SOLUTIONS,
@@ -22,12 +22,12 @@ from service.schemas.kinematics import (
     IkRequest,
     VelocityRequest,
 )
-from service.schemas.plan import MAX_COEFFICIENTS, PlanRequest, ValidateRequest
-from service.schemas.potential import PotentialRequest
-from service.schemas.retime import MAX_WAYPOINTS, ConvertRequest, RetimeRequest
-from service.schemas.robot import RobotBody
-from service.schemas.scene import NamedScene
-from service.schemas.simulation import SimulateRequest
+from armwright_wire.plan import MAX_COEFFICIENTS, PlanRequest, ValidateRequest
+from armwright_wire.potential import PotentialRequest
+from armwright_wire.retime import MAX_WAYPOINTS, ConvertRequest, RetimeRequest
+from armwright_wire.robot import RobotBody
+from armwright_wire.scene import NamedScene
+from armwright_wire.simulation import SimulateRequest
 from tests.service.schemas.bodies import (
     ATTACHED,
     BRIEF,

@@ -9,13 +9,13 @@ import jsonschema
 import pytest
 from pydantic import BaseModel, ValidationError
 
-from service.schemas.attached import Attached
-from service.schemas.batch import BatchRequest
-from service.schemas.cartesian import TimedToolMotion, ToolMotion
-from service.schemas.goal import Goal
-from service.schemas.kinematics import IkRequest, VelocityRequest
-from service.schemas.retime import RetimeRequest
-from service.schemas.tour import TourGoal
+from armwright_wire.attached import Attached
+from armwright_wire.batch import BatchRequest
+from armwright_wire.cartesian import TimedToolMotion, ToolMotion
+from armwright_wire.goal import Goal
+from armwright_wire.kinematics import IkRequest, VelocityRequest
+from armwright_wire.retime import RetimeRequest
+from armwright_wire.tour import TourGoal
 
 JOINTS = {"joints": [0.0]}
 POSE = {"position": [0.0, 0.0, 0.0]}

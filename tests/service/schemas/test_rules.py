@@ -5,17 +5,17 @@ from typing import Any
 import pytest
 from pydantic import BaseModel, ValidationError
 
-from service.schemas.attached import Attached
-from service.schemas.batch import BatchRequest, PlanRequests
-from service.schemas.cartesian import TimedToolMotions, ToolMotion, cartesian_options
-from service.schemas.constraint import OrientationConstraint
-from service.schemas.kinematics import IkRequest, VelocityRequest
-from service.schemas.plan import PlanRequest, Segment, TrajectoryBody
-from service.schemas.pose import Pose
-from service.schemas.retime import ConvertRequest
-from service.schemas.robot import RobotBody
-from service.schemas.shape import Mesh
-from service.schemas.simulation import SimulateRequest
+from armwright_wire.attached import Attached
+from armwright_wire.batch import BatchRequest, PlanRequests
+from armwright_wire.cartesian import TimedToolMotions, ToolMotion, cartesian_options
+from armwright_wire.constraint import OrientationConstraint
+from armwright_wire.kinematics import IkRequest, VelocityRequest
+from armwright_wire.plan import PlanRequest, Segment, TrajectoryBody
+from armwright_wire.pose import Pose
+from armwright_wire.retime import ConvertRequest
+from armwright_wire.robot import RobotBody
+from armwright_wire.shape import Mesh
+from armwright_wire.simulation import SimulateRequest
 from tests.service.schemas.bodies import (
     ATTACHED,
     BRIEF,

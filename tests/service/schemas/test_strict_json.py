@@ -10,7 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from service.problem import ProblemError
-from service.schemas.strict_json import MAX_FIELDS, MAX_OBJECT_FIELDS, parse_json
+from service.validation import MAX_FIELDS, MAX_OBJECT_FIELDS, parse_json
 
 #: Names and texts with all that could be taken for the end of a string or of a field.
 TEXT = st.text(alphabet='ab":\\{}[], \n', max_size=6)

@@ -2,11 +2,10 @@
 
 import pytest
 
+from armwright_wire.check import CheckRequest
+from armwright_wire.plan import PlanRequest
 from service.problem import ProblemError
-from service.schemas.check import CheckRequest
-from service.schemas.plan import PlanRequest
-from service.schemas.strict_json import parse_json
-from service.schemas.validation import field_path, validate_as
+from service.validation import field_path, parse_json, validate_as
 
 SPHERE = {"id": "a", "shape": {"type": "sphere", "radius": -1.0}, "pose": {"position": [0, 0, 0]}}
 

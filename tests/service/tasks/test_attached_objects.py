@@ -7,14 +7,14 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
+from armwright_wire.attached import Attached
+from armwright_wire.check import CheckRequest
+from armwright_wire.scene import Scene as SceneBody
 from dynamics.gravity import gravity_vector
 from kinematics.errors import InvalidLinkName, InvalidObjectName, InvalidScene
 from kinematics.forward import forward
 from obstacles.scene import Obstacle, Scene
 from obstacles.shapes import Box, Sphere
-from service.schemas.attached import Attached
-from service.schemas.check import CheckRequest
-from service.schemas.scene import Scene as SceneBody
 from service.storage.cache_key import NotPrepared, Reference, builtin_reference
 from service.tasks.attached_objects import RobotInScene, attach, requested_scene
 from service.tasks.check import check

@@ -6,10 +6,10 @@ from typing import Any
 import numpy as np
 import pytest
 
+from armwright_wire.check import CheckAnswer
+from armwright_wire.scene import ProjectAnswer
 from obstacles.scene import Obstacle, Scene
 from obstacles.shapes import Sphere
-from service.schemas.check import CheckAnswer
-from service.schemas.scene import ProjectAnswer
 from service.storage import worker_cache
 from service.storage.cache_key import Reference
 from service.tasks.check import check, project

@@ -8,9 +8,7 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
-from kinematics.errors import InvalidLinkName, InvalidOption, InvalidRobotState
-from kinematics.robots import builtin_chain, builtin_urdf
-from service.schemas.dynamics import (
+from armwright_wire.dynamics import (
     DynamicsAnswer,
     DynamicsRequest,
     ForwardDynamicsRequest,
@@ -18,6 +16,8 @@ from service.schemas.dynamics import (
     WrenchAnswer,
     WrenchRequest,
 )
+from kinematics.errors import InvalidLinkName, InvalidOption, InvalidRobotState
+from kinematics.robots import builtin_chain, builtin_urdf
 from service.tasks.dynamics import dynamics, forward_dynamics, model, regressor, wrench
 from tests.dynamics.samples import pinocchio_model
 

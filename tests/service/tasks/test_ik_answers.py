@@ -6,13 +6,13 @@ from typing import Any
 import numpy as np
 import pytest
 
+from armwright_wire.kinematics import GradientTrace, IkRequest
+from armwright_wire.kinematics import IkSolution as Schema
 from kinematics.ik.gradient import Trace
 from kinematics.ik.solution import IkSolution
 from kinematics.robots import builtin_chain
 from obstacles.scene import Obstacle, Scene
 from obstacles.shapes import Sphere
-from service.schemas.kinematics import GradientTrace, IkRequest
-from service.schemas.kinematics import IkSolution as Schema
 from service.tasks.attached_objects import RobotInScene
 from service.tasks.ik_answers import (
     all_in_collision,

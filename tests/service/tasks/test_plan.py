@@ -8,13 +8,13 @@ from typing import Any
 import numpy as np
 import pytest
 
+from armwright_wire.certificate import CertificateAnswer
+from armwright_wire.plan import PlanAnswer, PlanRequest
 from kinematics.errors import InvalidRobotDescription
 from obstacles.robot_geometry import RobotGeometry
 from obstacles.scene import Obstacle, Scene
 from obstacles.shapes import Sphere
 from planning.deadline import Deadline
-from service.schemas.certificate import CertificateAnswer
-from service.schemas.plan import PlanAnswer, PlanRequest
 from service.tasks.attached_objects import RobotInScene
 from service.tasks.plan import _collision_cell, plan, validate
 from service.workers import current

@@ -7,12 +7,12 @@ from typing import Any
 import numpy as np
 import pytest
 
+from armwright_wire.sequence import TaskRequest
+from armwright_wire.sequence_answer import TaskAnswer
+from armwright_wire.tour import TourAnswer
 from kinematics.errors import InvalidOption
 from kinematics.forward import forward, joint_frames
 from kinematics.robots import builtin_chain
-from service.schemas.sequence import TaskRequest
-from service.schemas.sequence_answer import TaskAnswer
-from service.schemas.tour import TourAnswer
 from service.tasks.sequence import plan_sequence
 from service.tasks.swept import swept
 from service.tasks.tours import tour

@@ -7,14 +7,14 @@ from typing import Any
 import numpy as np
 import pytest
 
+from armwright_wire.certificate import CertificateAnswer
+from armwright_wire.scene import Scene
 from planning.proof.certificate import Certificate, Proved
 from planning.proof.constraints import ConstraintReport
 from planning.proof.limits import LimitReport
 from planning.proof.premises import Premises
 from planning.proof.tool_deviation import PathDeviation
 from planning.proof.violation import Violation
-from service.schemas.certificate import CertificateAnswer
-from service.schemas.scene import Scene
 from service.translate.certificates import certificate_answer
 
 VALID = Certificate(

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 from pydantic import TypeAdapter
 
+from armwright_wire.controllers import Controller
 from kinematics.errors import InvalidOption
 from kinematics.robots import builtin_chain
-from service.schemas.controllers import Controller
 from service.translate.controllers import controller, controller_answer
 from tracking.references import hold
 

@@ -4,11 +4,11 @@ from typing import Any
 
 import pytest
 
+from armwright_wire import motor as schema
+from armwright_wire.robot import RobotBody
 from dynamics.motor import Motor
 from kinematics.errors import InvalidRobotDescription
 from kinematics.robots import builtin_urdf
-from service.schemas import motor as schema
-from service.schemas.robot import RobotBody
 from service.translate import motors, robots
 
 SMALL: dict[str, Any] = {"inertia": 1e-4, "friction": 2e-5, "torque_constant": 0.05,

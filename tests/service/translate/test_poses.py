@@ -11,11 +11,11 @@ from hypothesis import given
 from pydantic import TypeAdapter
 from scipy.spatial.transform import Rotation
 
+from armwright_wire.pose import Pose
+from armwright_wire.scene import Scene
+from armwright_wire.shape import Shape
 from kinematics.errors import InvalidScene
 from obstacles import shapes
-from service.schemas.pose import Pose
-from service.schemas.scene import Scene
-from service.schemas.shape import Shape
 from service.translate.poses import pose_answer, scene, shape, transform
 from tests.properties import transforms
 

@@ -5,10 +5,10 @@ from typing import Any
 import numpy as np
 import pytest
 
+from armwright_wire.plan import PlanRequest
 from kinematics.errors import InvalidGoal, InvalidOption, InvalidRobotState
 from obstacles.scene import Scene
 from planning.problem import JointGoal, PoseGoal
-from service.schemas.plan import PlanRequest
 from service.translate.problems import options, plain, planner_name, problem
 from service.translate.timings import given_limits, limits
 from tests.planning.scenes import builtin

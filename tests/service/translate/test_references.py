@@ -5,9 +5,9 @@ from typing import Any
 import numpy as np
 import pytest
 
+from armwright_wire.simulation import SimulateRequest
 from kinematics.errors import InvalidRobotState
 from kinematics.robots import builtin_chain
-from service.schemas.simulation import SimulateRequest
 from service.translate.references import RequestReference, reference
 
 CHAIN = builtin_chain("planar_rr")

@@ -6,9 +6,9 @@ from typing import Any
 import numpy as np
 import pytest
 
+from armwright_wire.robot import RobotBody
 from kinematics.errors import ArmwrightError, InvalidRobotDescription
 from kinematics.forward import forward
-from service.schemas.robot import RobotBody
 from service.translate.robots import built_in, dh_table, robot, robot_answer
 from tests.service.robots import ACCELERATIONS, bench, urdf
 

@@ -7,18 +7,18 @@ import numpy as np
 import pytest
 from pydantic import TypeAdapter
 
-from dynamics.mass_matrix import mass_matrix
-from kinematics.errors import ArmwrightError, InvalidOption, InvalidRobotState
-from kinematics.robots import builtin_chain
-from kinematics.trajectory import Trajectory
-from service.schemas.controllers import Controller
-from service.schemas.simulation import (
+from armwright_wire.controllers import Controller
+from armwright_wire.simulation import (
     MAX_SAMPLES,
     Disturbance,
     InitialState,
     SimulateAnswer,
     SimulateRequest,
 )
+from dynamics.mass_matrix import mass_matrix
+from kinematics.errors import ArmwrightError, InvalidOption, InvalidRobotState
+from kinematics.robots import builtin_chain
+from kinematics.trajectory import Trajectory
 from service.translate.controllers import controller
 from service.translate.simulations import (
     disturbance,

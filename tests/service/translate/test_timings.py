@@ -6,6 +6,9 @@ from typing import Any
 import numpy as np
 import pytest
 
+from armwright_wire.plan import LimitsBody, ValidateRequest
+from armwright_wire.retime import RetimePath, RetimeTiming
+from armwright_wire.timing import Timing
 from dynamics.gravity import gravity_vector
 from kinematics.errors import InvalidOption, InvalidTrajectory, MissingLimit
 from kinematics.forward import forward
@@ -14,9 +17,6 @@ from kinematics.trajectory import Trajectory
 from planning.retime import Retimed
 from planning.timing.options import TimingOptions
 from planning.timing.report import TimingReport
-from service.schemas.plan import LimitsBody, ValidateRequest
-from service.schemas.retime import RetimePath, RetimeTiming
-from service.schemas.timing import Timing
 from service.translate.timings import (
     effort_loads,
     given_limit,

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 from scipy.interpolate import CubicSpline
 
+from armwright_wire.plan import TrajectoryBody
 from kinematics.errors import InvalidOption, InvalidTrajectory
 from kinematics.robots import builtin_chain
-from service.schemas.plan import TrajectoryBody
 from service.translate.trajectories import named_trajectory, trajectory, trajectory_answer
 
 CHAIN = builtin_chain("planar_rr")

@@ -10,8 +10,8 @@ import pytest
 from playwright.sync_api import Browser
 
 import armwright as aw
+from armwright_wire.sequence import TaskRequest
 from kinematics.forward import forward
-from service.schemas.sequence import TaskRequest
 from service.viewer.page import page as page_of
 from tests.service.conftest import Served
 from tests.service.robots import (

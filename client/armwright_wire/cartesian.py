@@ -1,0 +1,377 @@
+"""Straight and circular motions of the tool on the wire: options of the planner "cartesian"."""
+
+from typing import Annotated, Any, ClassVar, Literal, Self
+
+from pydantic import Field, ValidationError, model_validator
+from pydantic.config import JsonDict
+
+from armwright_wire.base import (
+    Answer,
+    Beside,
+    Body,
+    NonNegative,
+    Point,
+    Vector3,
+    check_company,
+    is_given,
+)
+from armwright_wire.pose import FramedPose, PoseAnswer
+from armwright_wire.seam import (
+    MAX_WAYPOINTS,
+    Blend,
+    Speed,
+    StraightOffset,
+    ToolTolerance,
+    Waypoint,
+)
+
+MAX_MOTIONS = 200
+#: Of a seam: one for each waypoint and two where it rounds a corner, and the ways there and back.
+MAX_TIMED_MOTIONS = 3 * MAX_WAYPOINTS + 2
+
+Deviation = Annotated[float, Field(ge=1e-7, le=1.0)]
+Ends = Annotated[list[NonNegative], Field(min_length=1, max_length=MAX_TIMED_MOTIONS)]
+
+
+class ToolCurve(Body):
+    """A motion of the tool from where it is: what all kinds of them have."""
+
+    only_beside: ClassVar[Beside] = {"normal": ("center",)}
+
+    type: Literal["lin", "circ", "corner"] = Field(
+        examples=["lin"], description="line, arc or rounded corner"
+    )
+    pose: FramedPose = Field(description="of the tip where the motion ends")
+    via: Point | None = Field(None, description="point on the arc")
+    center: Point | None = Field(None, description="of the arc")
+    normal: Vector3 | None = Field(
+        None,
+        description="with center: axis to turn about by the right hand, up to a whole turn; the "
+        "shorter arc if left out",
+    )
+    blend: Blend | None = Field(
+        None,
+        description="distance from its end at which the tool may leave it for the next one, half "
+        "of either motion at most; that of the options if left out [m]",
+    )
+
+    @model_validator(mode="after")
+    def _check_form(self) -> Self:
+        if self.type != "circ":
+            if not (self.via is self.center is self.normal is None):
+                raise ValueError("via, center and normal belong to motions of type circ")
+        elif (self.via is None) == (self.center is None):
+            raise ValueError("a motion of type circ needs exactly one of via, center")
+        if self.normal is not None and self.center is None:
+            raise ValueError("normal needs center")
+        return self
+
+
+def _line_or_arc(kind: JsonDict) -> JsonDict:
+    """The published rule of a line or an arc.
+
+    Args:
+        kind: The schema of types that are no arcs.
+    """
+    return {
+        "oneOf": [
+            {
+                "properties": {"type": kind},
+                "not": {"anyOf": [is_given("via"), is_given("center")]},
+            },
+            {
+                "properties": {"type": {"const": "circ"}},
+                "oneOf": [is_given("via"), is_given("center")],
+            },
+        ]
+    }
+
+
+class ToolMotion(ToolCurve):
+    """A line, or an arc through a point or about a centre, from where the tool is."""
+
+    published_rules: ClassVar[tuple[JsonDict, ...]] = (_line_or_arc({"const": "lin"}),)
+
+    type: Literal["lin", "circ"] = Field(examples=["lin"], description="line or arc")
+
+
+class CornerArc(Body):
+    """The arc that leads to a rounded corner, or away from it."""
+
+    center: Point = Field(description="of the arc, in the frame of the motion's pose")
+    normal: Vector3 = Field(description="axis to turn about by the right hand")
+
+
+class RoundedCorner(Body):
+    """The corner that a motion rounds: the end of one motion and the beginning of the next."""
+
+    pose: FramedPose = Field(description="of the tip at the corner, which the tool passes by")
+    slope: Annotated[float, Field(gt=0.0, le=2.5)] = Field(
+        description="rate at which the tool leaves the motion before, and joins the one after"
+    )
+    before: CornerArc | None = Field(
+        None, description="arc that leads to the corner; a line if left out"
+    )
+    after: CornerArc | None = Field(
+        None, description="arc that leads away from it; a line if left out"
+    )
+
+
+class CartesianOptions(Body):
+    """`planner_options` of the planner "cartesian"."""
+
+    only_beside: ClassVar[Beside] = {
+        "tolerance": ("waypoints",),
+        "tool_speed": ("waypoints",),
+        "approach": ("waypoints",),
+        "retreat": ("waypoints",),
+        "branch_changes": ("waypoints",),
+    }
+
+    motions: Annotated[list[ToolMotion], Field(min_length=1, max_length=MAX_MOTIONS)] | None = (
+        Field(None, description="one line to the goal if left out")
+    )
+    max_deviation: Deviation = Field(
+        1e-4, description="of the tool's origin from its motion, for every instant [m]"
+    )
+    max_orientation_deviation: Deviation = Field(
+        1e-3, description="of its orientation from that at the same place [rad]"
+    )
+    orientation: Literal["slerp", "free"] = Field(
+        "slerp", description="about an axis that keeps still, or only the origin is led"
+    )
+    allow_partial: bool = Field(False, description="a motion that ends early is an answer too")
+    blend: Blend = Field(
+        0.0,
+        description="corners are rounded by curves that begin and end at most so far from them, "
+        "and the tool runs through; it rests at corners if 0 [m]",
+    )
+
+    waypoints: Annotated[list[Waypoint], Field(min_length=2, max_length=MAX_WAYPOINTS)] | None = (
+        Field(None, description="of a seam, in place of motions; the goal may be left out then")
+    )
+    tolerance: ToolTolerance | None = Field(
+        None, description="of all waypoints: by how much the tool may deviate; exact if left out"
+    )
+    tool_speed: Speed | None = Field(
+        None, description="to be kept on the way to waypoints that have none of their own [m/s]"
+    )
+    speed_band: Annotated[float, Field(gt=0.0, le=1.0)] = Field(
+        0.1, description="largest difference from tool_speed, as part of it"
+    )
+    approach: StraightOffset | None = Field(None, description="to the first waypoint")
+    retreat: StraightOffset | None = Field(None, description="from the last waypoint")
+    branch_changes: StraightOffset | None = Field(
+        None,
+        description="retreat from a waypoint after which the arm may come back in another branch "
+        "of its inverse kinematics; a seam that needs one is refused if left out",
+    )
+
+    @model_validator(mode="after")
+    def _check_seam(self) -> "CartesianOptions":
+        if self.waypoints is not None and self.motions is not None:
+            raise ValueError("give motions or waypoints, not both")
+        check_company(self)
+        return self
+
+
+class TimedToolMotion(ToolCurve):
+    """A line, an arc or a corner that a trajectory is held to, a part of a seam perhaps."""
+
+    published_rules: ClassVar[tuple[JsonDict, ...]] = (
+        _line_or_arc({"enum": ["lin", "corner"]}),
+        {
+            "oneOf": [
+                {"properties": {"type": {"const": "corner"}}, "allOf": [is_given("rounds")]},
+                {
+                    "properties": {"type": {"enum": ["lin", "circ"]}},
+                    "not": is_given("rounds"),
+                },
+            ]
+        },
+    )
+
+    rounds: RoundedCorner | None = Field(None, description='the corner that a "corner" rounds')
+    start: FramedPose | None = Field(
+        None,
+        description="of the tip where it begins; where the motion before ends if left out, of the "
+        "first one where the tool is at the start of the trajectory",
+    )
+    begins: NonNegative | None = Field(
+        None,
+        description="when it begins [s]; when the motion before ends if left out, the tool is free "
+        "in between if later",
+    )
+    part: Literal["motion", "approach", "seam", "retreat"] = Field(
+        "motion", description='of a "seam" tolerance and tool_speed hold'
+    )
+    tolerance: ToolTolerance | None = Field(
+        None, description="by how much the tool may deviate in this motion"
+    )
+    tool_speed: Speed | None = Field(
+        None, description='of a "seam": to be kept in this motion [m/s]; that of all if left out'
+    )
+
+    @model_validator(mode="after")
+    def _check_speed(self) -> "TimedToolMotion":
+        if self.tool_speed is not None and self.part != "seam":
+            raise ValueError('tool_speed belongs to motions whose part is "seam"')
+        if (self.type == "corner") != (self.rounds is not None):
+            raise ValueError("rounds belongs to motions of type corner, which need it")
+        if self.type == "corner" and (self.part == "seam" or self.tolerance is not None):
+            raise ValueError("a motion of type corner has no tolerance, and is no part of a seam")
+        return self
+
+
+class TimedToolMotions(Body):
+    """Motions of the tool that a trajectory is held to, in turn."""
+
+    motions: Annotated[list[TimedToolMotion], Field(min_length=1, max_length=MAX_TIMED_MOTIONS)] = (
+        Field(description="lines, arcs and corners, in their order")
+    )
+    begins: NonNegative | None = Field(
+        None,
+        description="when the first motion begins [s]; at the start of the trajectory if left out",
+    )
+    ends: Ends | None = Field(
+        None,
+        description="when each motion ends [s], as tool_motions of a plan tell it; the end of the "
+        "trajectory if left out, for one motion",
+    )
+    tolerance: ToolTolerance | None = Field(
+        None,
+        description="by how much the tool may deviate in motions that are parts of a seam and have "
+        "no tolerance of their own; the deviations are added on all sides",
+    )
+    tool_speed: Speed | None = Field(
+        None,
+        description="to be kept in motions that are parts of a seam and have none of their own "
+        "[m/s]",
+    )
+    speed_band: Annotated[float, Field(gt=0.0, le=1.0)] = Field(
+        0.1, description="largest difference from tool_speed, as part of it"
+    )
+    max_deviation: Deviation = Field(
+        1e-4, description="of the tool's origin from its motion, for every instant [m]"
+    )
+    max_orientation_deviation: Deviation = Field(
+        1e-3, description="of its orientation from that at the same place [rad]"
+    )
+    orientation: Literal["slerp", "free"] = Field(
+        "slerp", description="about an axis that keeps still, or only the origin is led"
+    )
+
+    @model_validator(mode="after")
+    def _check_ends(self) -> "TimedToolMotions":
+        count = 1 if self.ends is None else len(self.ends)
+        if count != len(self.motions):
+            raise ValueError("ends needs as many times as there are motions")
+        if self.ends is not None and sorted(self.ends) != self.ends:
+            raise ValueError("ends must not descend")
+        if any(motion.blend for motion in self.motions):
+            raise ValueError(
+                "blend belongs to plans: give the corners that tool_motions of one tell"
+            )
+        if self.begins is not None and self.ends is not None and self.begins > self.ends[0]:
+            raise ValueError("begins is after the end of the first motion")
+        if not any(motion.part == "seam" for motion in self.motions):
+            for name in ("tolerance", "tool_speed"):
+                if getattr(self, name) is not None:
+                    raise ValueError(f'{name} belongs to motions whose part is "seam"')
+        return self
+
+
+def cartesian_options(given: dict[str, Any] | None) -> CartesianOptions:
+    """The options, checked.
+
+    Raises:
+        ValueError: They have not the right form; the message says where.
+    """
+    try:
+        return CartesianOptions.model_validate(given or {})
+    except ValidationError as error:
+        first = error.errors()[0]
+        steps = (f"[{step}]" if isinstance(step, int) else f".{step}" for step in first["loc"])
+        text = str(first["msg"]).removeprefix("Value error, ")
+        raise ValueError(f"planner_options{''.join(steps)}: {text}") from None
+
+
+class CornerArcAnswer(Answer):
+    """The arc that leads to a rounded corner, or away from it."""
+
+    center: list[float] = Field(description="[m]")
+    normal: list[float] = Field(description="axis that it turns about")
+
+
+class RoundedCornerAnswer(Answer):
+    """The corner that a motion rounds."""
+
+    pose: PoseAnswer = Field(description="of the tip at the corner, which the tool passes by")
+    slope: float = Field(
+        description="rate at which the tool leaves the motion before, and joins the one after"
+    )
+    before: CornerArcAnswer | None = Field(
+        description="arc that leads to the corner; null for a line"
+    )
+    after: CornerArcAnswer | None = Field(
+        description="arc that leads away from it; null for a line"
+    )
+
+
+class SpeedLimitAnswer(Answer):
+    """Limit of a joint that keeps the tool below the speed asked for."""
+
+    speed: float = Field(description="largest constant speed of the tool that it allows [m/s]")
+    joint: str = Field(description="name of the joint")
+    quantity: Literal["velocity", "acceleration", "jerk"] = Field(description="which limit of it")
+
+
+class ToolMotionAnswer(Answer):
+    """Result of one tool motion."""
+
+    type: Literal["lin", "circ", "corner"] = Field(description="line, arc or rounded corner")
+    length: float = Field(description="of the whole of it [m]")
+    angle: float = Field(description="how far the tool turns in the whole of it [rad]")
+    fraction: float = Field(description="how far it was carried out")
+    begins: float = Field(description="[s]")
+    ends: float = Field(description="[s]")
+    motion: int = Field(
+        description="index of the motion of the request that it is a part of; of "
+        "a seam, of the waypoint that it leaves"
+    )
+    part: Literal["motion", "approach", "seam", "retreat"] = Field(
+        description="a motion of the request, or the way to, along or from a seam"
+    )
+    blend: bool = Field(description="it rounds the corner at the end of that motion")
+    pose: PoseAnswer = Field(description="of the tip where it ends, carried out in full")
+    start: PoseAnswer | None = Field(
+        None, description="of the tip where it begins; null where the motion before ends"
+    )
+    center: list[float] | None = Field(description="of an arc [m]")
+    normal: list[float] | None = Field(description="axis that an arc turns about")
+    rounds: RoundedCornerAnswer | None = Field(
+        None, description="the corner that a motion of type corner rounds"
+    )
+    speed_limit: SpeedLimitAnswer | None = Field(
+        None,
+        description="what keeps the tool below timing.tool_speed in it; null where nothing does, "
+        "or none is asked for. Before and after, the tool slows down and speeds up",
+    )
+
+
+class ReferencePoseAnswer(Answer):
+    """The pose that the tool is held to at an instant: deviations are measured from it."""
+
+    time: float = Field(description="the instant, drawn by the seed of the request [s]")
+    motion: int = Field(description="index of the tool motion that it is on")
+    pose: PoseAnswer = Field(description="of the tip at the place of the motion nearest to it")
+
+
+class PathDeviationAnswer(Answer):
+    """Largest deviation of the tool from its motions, proved for every instant."""
+
+    position: float = Field(description="from the line or arc [m]")
+    orientation: float | None = Field(description="[rad]; null where it is free")
+    time: float = Field(description="where it is farthest off [s]")
+    max_position: float = Field(description="what was allowed [m]")
+    max_orientation: float | None = Field(description="what was allowed [rad]")

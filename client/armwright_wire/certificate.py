@@ -1,0 +1,157 @@
+"""Timed trajectories and certificates in answers."""
+
+from typing import Annotated, Any
+
+from pydantic import Field
+
+from armwright_wire.attached import MAX_ATTACHED, AllowedAnswers
+from armwright_wire.base import Answer, Body, Label, NonNegative
+from armwright_wire.cartesian import PathDeviationAnswer
+from armwright_wire.constraint import ConstraintUse
+from armwright_wire.keep import PlanId
+from armwright_wire.scene import MAX_OBSTACLES
+from armwright_wire.seam import ToolSpeedAnswer, ToolToleranceAnswer
+
+ContentHash = Annotated[str, Field(pattern=r"^[0-9a-f]{64}$")]
+
+
+class SegmentAnswer(Answer):
+    """A polynomial piece, see `Segment`."""
+
+    t0: float = Field(description="when the piece begins [s]")
+    t1: float = Field(description="when the piece ends [s]")
+    coefficients: list[list[float]] = Field(description="[joint][power of t − t0]")
+
+
+class SamplesAnswer(Answer):
+    """The motion at regular times."""
+
+    time: list[float] = Field(description="of each row, increasing [s]")
+    position: list[list[float]] = Field(description="of the joints [rad or m]")
+    velocity: list[list[float]] = Field(description="of the joints [rad/s or m/s]")
+    acceleration: list[list[float]] = Field(description="of the joints [rad/s² or m/s²]")
+
+
+class TrajectoryAnswer(Answer):
+    """A timed motion."""
+
+    joint_names: list[str] = Field(description="order of the joints")
+    duration: float = Field(description="of the motion [s]")
+    segments: list[SegmentAnswer] = Field(description="polynomial pieces, which are the motion")
+    samples: SamplesAnswer | None = None
+
+
+class LimitUse(Answer):
+    """Use of a limit by a motion, from the exact extrema of its polynomials."""
+
+    worst_ratio: float | None = Field(description="1 is the limit itself; null beyond a limit of 0")
+    joint: str = Field(description="the joint that comes nearest to its limit")
+    time: float = Field(description="when it does [s]")
+
+
+class LimitUses(Answer):
+    """Use of each limit that was proved; null where none is known."""
+
+    position: LimitUse | None = None
+    velocity: LimitUse | None = None
+    acceleration: LimitUse | None = None
+    jerk: LimitUse | None = None
+    torque: LimitUse | None = Field(None, description="bounded from above for every instant")
+    tool_speed: LimitUse | None = Field(None, description="bounded from above for every instant")
+
+
+class ProvedAnswer(Answer):
+    """Parts of a proof that were carried out and hold."""
+
+    limits: bool = Field(
+        description="limits, continuity, constraints and tool motions; false also where a jerk "
+        "limit is known that was not asked for and is not kept"
+    )
+    collisions: bool = Field(description="nothing collides")
+    reasons: list[str] = Field(
+        description="why a part is not proved; and links and obstacles that were not compared, "
+        "which leaves the rest proved"
+    )
+
+
+class Premises(Body):
+    """What a certificate holds for: of another robot, scene or load it says nothing."""
+
+    robot: Label | None = Field(
+        None, description="name of the robot; null for limits given without one"
+    )
+    robot_hash: ContentHash | None = Field(
+        None,
+        description="content hash of the robot with what it holds and its fingers where they "
+        "stand; of its chain alone where collisions were not looked at",
+    )
+    scene: Label | None = Field(None, description="name of the stored scene; null for any other")
+    scene_hash: ContentHash | None = Field(
+        None,
+        description="content hash of the obstacles that are not held, and of the pairs that may "
+        "touch; null where collisions were not looked at",
+    )
+    obstacles: Annotated[int, Field(ge=0, le=MAX_OBSTACLES)] = Field(
+        0, description="how many these obstacles are"
+    )
+    attached: Annotated[list[Label], Field(max_length=MAX_ATTACHED)] = Field(
+        default_factory=list, description="names of the objects that the robot holds"
+    )
+    tool: Label | None = Field(None, description="the link whose frame poses of the tool are of")
+    margin: NonNegative = Field(0.0, description="kept from obstacles beyond their own margins [m]")
+    open_meshes: Annotated[list[Label], Field(max_length=MAX_OBSTACLES)] = Field(
+        default_factory=list, description="meshes taken as open: their inside is not solid"
+    )
+
+
+class CertificateAnswer(Answer):
+    """The proof that a motion is valid at every instant, or the first violation."""
+
+    verified: bool = Field(description="all that the request names is proved")
+    proved: ProvedAnswer
+    premises: Premises | None = Field(
+        None, description="what all of this holds for; null in answers of older versions"
+    )
+    min_clearance: float | None = Field(
+        description="a lower bound for every t [m]; null with nothing to hit"
+    )
+    clearance_pair: list[str] | None = Field(None, description="the two bodies that come nearest")
+    min_obstacle_clearance: float | None = Field(
+        None, description="the same from obstacles alone; null without any"
+    )
+    min_self_clearance: float | None = Field(
+        None,
+        description="the same among the robot's own links and what it holds; no margin is kept",
+    )
+    method: str = Field(description="how motions were proved free of collision")
+    limits: LimitUses | None = None
+    continuity: Any = Field(
+        None,
+        description="largest jumps of position and velocity between pieces",
+    )
+    path_constraint_residual: float | None = Field(
+        None,
+        description="the worst violation of the hard path constraints over all t [m or rad], "
+        "bounded from above; null without any",
+    )
+    path_constraints: list[ConstraintUse] = Field(
+        default_factory=list, description="each with the bound of its residual over all t"
+    )
+    path_deviation: PathDeviationAnswer | None = Field(
+        None, description="of the tool from the motions of the planner cartesian"
+    )
+    tool_tolerance: ToolToleranceAnswer | None = Field(
+        None, description="use of the tolerances of the planner cartesian"
+    )
+    tool_speed: ToolSpeedAnswer | None = Field(
+        None, description="the tool's speed along waypoints of the planner cartesian"
+    )
+    cells: int = Field(0, description="intervals of time that were looked at")
+    violation: dict[str, Any] | None = Field(None, description="the first, with its time")
+    frame: str | None = Field(None, description="of an answer to validate: that poses are in")
+    frame_note: str | None = Field(
+        None, description="where the chain begins, if that is not the root frame"
+    )
+    notes: list[str] = Field(default_factory=list, description="what was done to the request")
+    allowed_collisions: AllowedAnswers = Field(default_factory=list)
+    plan_id: PlanId = None

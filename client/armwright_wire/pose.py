@@ -1,0 +1,223 @@
+"""Poses on the wire."""
+
+import math
+from collections.abc import Sequence
+from decimal import Decimal
+from typing import Annotated, ClassVar, Literal, Self
+
+from pydantic import Field, field_validator, model_validator
+from pydantic.config import JsonDict
+
+from armwright_wire.base import (
+    Answer,
+    Body,
+    Coordinate,
+    Frame,
+    Matrix3,
+    Number,
+    Point,
+    Vector3,
+    any_given,
+)
+
+Quaternion = Annotated[list[Number], Field(min_length=4, max_length=4)]
+AxisAngle = Annotated[list[Number], Field(min_length=4, max_length=4)]
+#: Forms of an orientation on the wire.
+ORIENTATIONS = ("quaternion_xyzw", "rotation_matrix", "euler_zyz", "rpy", "axis_angle")
+
+
+_Row4 = Annotated[list[Number], Field(min_length=4, max_length=4)]
+Matrix4 = Annotated[list[_Row4], Field(min_length=4, max_length=4)]
+
+
+# The rules of rounding below are those of `kinematics.rounding`, which no client has; tests compare
+# the two.
+_NORM_TOLERANCE = 1e-3
+_ORTHONORMAL_TOLERANCE = 1e-6
+_SHORTEST_AXIS = 1e-12
+_FEWEST_DIGITS = 3
+
+
+def check_quaternion_norm(quaternion: Sequence[float]) -> None:
+    """Refuse a quaternion by its norm.
+
+    Raises:
+        ValueError: The norm differs from 1 by more than 1e-3.
+    """
+    norm = math.hypot(*quaternion)
+    if not abs(norm - 1.0) <= _NORM_TOLERANCE:
+        raise ValueError(
+            f"quaternion_xyzw has norm {norm:.6g}; it must be within {_NORM_TOLERANCE} of 1. "
+            "Normalise it; the order is [x, y, z, w]."
+        )
+
+
+def check_axis_length(axis: Sequence[float]) -> None:
+    """Refuse an axis by its length.
+
+    Raises:
+        ValueError: The axis has no direction.
+    """
+    if not math.hypot(*axis) >= _SHORTEST_AXIS:
+        raise ValueError("the axis has length 0, so it names no direction.")
+
+
+def check_rotation(rows: Sequence[Sequence[float]]) -> None:
+    """Refuse a matrix R that is no rotation within the rounding of its entries.
+
+    Args:
+        rows: Shape (3, 3).
+
+    Raises:
+        ValueError: R^T R differs from I by more than that and more than 1e-6, or det R is not +1.
+    """
+    (a, b, c), (d, e, f), (g, h, i) = rows
+    columns = ((a, d, g), (b, e, h), (c, f, i))
+    errors = {
+        (k, m): sum(x * y for x, y in zip(columns[k], columns[m], strict=True)) - float(k == m)
+        for k in range(3)
+        for m in range(k, 3)
+    }
+    error = max(map(abs, errors.values()))
+    determinant = a * (e * i - f * h) - b * (d * i - f * g) + c * (d * h - e * g)
+    if determinant > 0.0 and error <= 1.0:
+        # Entries near 1 are written 0.9999 or 1: digits count as decimals.
+        written = (Decimal(repr(float(x))).normalize() for x in (a, b, c, d, e, f, g, h, i)
+                   if abs(x) >= _SHORTEST_AXIS)  # fmt: skip
+        digits = max((_FEWEST_DIGITS, *(len(x.as_tuple().digits) for x in written)))
+        u = 0.5 * 10.0**-digits
+        sizes = [sum(map(abs, column)) for column in columns]
+        if error <= _ORTHONORMAL_TOLERANCE or all(
+            abs(x) <= u * (sizes[k] + sizes[m]) + 3.0 * u * u for (k, m), x in errors.items()
+        ):
+            return
+    raise ValueError(
+        f"rotation_matrix is not a rotation: R^T R differs from I by {error:.3g}, "
+        f"det R = {determinant:.6g}. Give an orthonormal matrix with determinant +1, row by row, "
+        "with three decimals or more, or give quaternion_xyzw or rpy."
+    )
+
+
+class Pose(Body):
+    """A position [m] and at most one orientation, the identity if left out; or a transform."""
+
+    published_rules: ClassVar[tuple[JsonDict, ...]] = (any_given(("position",), ("transform",)),)
+    #: Whether a pose without a position is at the origin.
+    may_lack_position: ClassVar[bool] = False
+
+    position: Point = Field(
+        default_factory=lambda: [0.0, 0.0, 0.0],
+        examples=[[0.4, 0.0, 0.3]],
+        description="x, y, z [m]; needed beside all but a transform",
+    )
+    quaternion_xyzw: Quaternion | None = Field(
+        None,
+        examples=[[0.0, 0.0, 0.0, 1.0]],
+        description="normalised if its norm is within 1e-3 of 1, else refused",
+    )
+    rotation_matrix: Matrix3 | None = Field(
+        None,
+        description="rows; of a rotation within rounding to three digits or more the nearest one "
+        "is taken, others are refused",
+    )
+    euler_zyz: Vector3 | None = Field(None, description="[phi, theta, psi], R = Rz Ry Rz [rad]")
+    rpy: Vector3 | None = Field(None, description="[roll, pitch, yaw], R = Rz Ry Rx [rad]")
+    axis_angle: AxisAngle | None = Field(
+        None, description="[x, y, z, angle]: about an axis of any length but 0, by an angle [rad]"
+    )
+    transform: Matrix4 | None = Field(
+        None, description="rows of [[R, p], [0, 0, 0, 1]], in place of all other forms"
+    )
+
+    @field_validator("quaternion_xyzw")
+    @classmethod
+    def _check_quaternion(cls, value: list[float] | None) -> list[float] | None:
+        if value is not None:
+            check_quaternion_norm(value)
+        return value
+
+    @field_validator("rotation_matrix")
+    @classmethod
+    def _check_matrix(cls, value: list[list[float]] | None) -> list[list[float]] | None:
+        if value is not None:
+            check_rotation(value)
+        return value
+
+    @field_validator("axis_angle")
+    @classmethod
+    def _check_axis_angle(cls, value: list[float] | None) -> list[float] | None:
+        if value is not None:
+            check_axis_length(value[:3])
+        return value
+
+    @field_validator("transform")
+    @classmethod
+    def _check_transform(cls, value: list[list[float]] | None) -> list[list[float]] | None:
+        if value is not None:
+            if value[3] != [0.0, 0.0, 0.0, 1.0]:
+                raise ValueError("the last row of a transform is 0, 0, 0, 1")
+            check_rotation([row[:3] for row in value[:3]])
+        return value
+
+    @model_validator(mode="after")
+    def _check_form(self) -> Self:
+        if self.transform is None and len(self.model_fields_set) <= 2 and self._has_position:
+            return self  # most of hundreds: a position, and one more perhaps
+        given = [name for name in ORIENTATIONS if getattr(self, name) is not None]
+        if self.transform is not None:
+            if given or any(self.position):
+                raise ValueError("transform holds position and orientation; leave all others out")
+            # One form less for all that reads poses.
+            values = vars(self)
+            values["position"] = [row[3] for row in self.transform[:3]]
+            values["rotation_matrix"] = [row[:3] for row in self.transform[:3]]
+            values["transform"] = None
+            self.model_fields_set.update(("position", "rotation_matrix"))
+        elif not self._has_position:
+            raise ValueError("a pose needs a position or a transform")
+        if len(given) > 1:
+            raise ValueError(f"give at most one orientation; found {' and '.join(given)}")
+        return self
+
+    @property
+    def _has_position(self) -> bool:
+        return self.may_lack_position or "position" in self.model_fields_set
+
+
+class FramedPose(Pose):
+    """A pose in the robot's root frame, or in one that it names."""
+
+    frame: Frame | None = None
+
+
+Orientation = Literal["quaternion_xyzw", "rotation_matrix", "euler_zyz", "rpy", "axis_angle"]
+
+
+class PoseAnswer(Answer):
+    """A pose in the robot's root frame."""
+
+    position: list[Coordinate] = Field(examples=[[0.4, 0.0, 0.3]], description="x, y, z [m]")
+    quaternion_xyzw: list[float] = Field(
+        examples=[[0.0, 0.0, 0.0, 1.0]], description="orientation as x, y, z, w"
+    )
+
+
+class OrientedPoseAnswer(Answer):
+    """A pose with its orientation in the form that was asked for."""
+
+    position: list[float] = Field(examples=[[0.4, 0.0, 0.3]], description="x, y, z [m]")
+    quaternion_xyzw: list[float] | None = Field(
+        None, examples=[[0.0, 0.0, 0.0, 1.0]], description="orientation as x, y, z, w"
+    )
+    rotation_matrix: list[list[float]] | None = Field(None, description="rows")
+    euler_zyz: list[float] | None = Field(
+        None, description="[phi, theta, psi] [rad], theta in [0, pi]; psi = 0 where sin(theta) = 0"
+    )
+    rpy: list[float] | None = Field(
+        None,
+        description="[roll, pitch, yaw] [rad], pitch in [-pi/2, pi/2]; roll = 0 at its ends",
+    )
+    axis_angle: list[float] | None = Field(
+        None,
+        description="[x, y, z, angle]: a unit axis, the angle [rad] in [0, pi]; z where it is 0",
+    )

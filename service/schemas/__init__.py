@@ -1,1 +1,0 @@
-"""Strict models of requests and answers, one noun a file."""
