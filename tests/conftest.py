@@ -15,6 +15,8 @@ from unittest.mock import patch
 import pytest
 from hypothesis import settings
 
+from tests.programs import not_run
+
 #: Examples of each property: enough for its corners, few enough for a tenth of a second.
 _EXAMPLES = 60
 #: Folders whose files share a service or a browser: one process takes all of a folder.
@@ -102,6 +104,16 @@ def _documents_are_made_once() -> Iterator[None]:
 
     with patch.object(module, "get_openapi", get_openapi):
         yield
+
+
+@pytest.hookimpl(wrapper=True, tryfirst=True)
+def pytest_terminal_summary(terminalreporter: pytest.TerminalReporter) -> Iterator[None]:
+    """Say at the end which tests were not run for want of a program, and how to get it."""
+    yield
+    skipped = terminalreporter.stats.get("skipped", ())
+    line = not_run(report.longrepr[2] for report in skipped)
+    if line is not None:
+        terminalreporter.write_line(line, yellow=True)
 
 
 @pytest.hookimpl(optionalhook=True)

