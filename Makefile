@@ -97,7 +97,7 @@ check: $(TOOLS)  ## Lint, format, types, layers, Dockerfile
 	$(BIN)/hadolint Dockerfile
 
 bench: $(TOOLS)  ## Measure kernels, planning and the service
-	for name in kinematics dynamics ik timing scale overhead; do \
+	for name in kinematics dynamics ik timing planning.scale overhead; do \
 		echo "== $$name"; $(BIN)/python -m benchmarks.$$name || exit 1; done
 
 bench-timing: $(TOOLS)  ## Judge the timing of a thousand random paths

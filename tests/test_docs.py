@@ -15,7 +15,8 @@ LONGEST = 1_500
 #: Pages of tables, whose rows don't count, beside those of benchmarks and of the reference.
 TABLES = {"examples.md"}
 STATUS = re.compile(
-    r"^Status: (accepted|superseded|proposed)[^.]*(\(.*\)[^.]*)*\. Date: \d{4}-\d\d-\d\d\.$"
+    r"^Status: (accepted|superseded|withdrawn|proposed)[^.]*(\(.*\)[^.]*)*\. "
+    r"Date: \d{4}-\d\d-\d\d\.$"
 )
 
 

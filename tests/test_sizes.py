@@ -1,8 +1,11 @@
-"""Sizes of modules and functions."""
+"""Sizes: source lines of the product, modules, functions and folders."""
 
 import ast
+import io
+import tokenize
 import tomllib
-from collections.abc import Iterator
+from collections import defaultdict
+from collections.abc import Iterable, Iterator
 from functools import cache
 from pathlib import Path
 from typing import NamedTuple
@@ -20,21 +23,30 @@ PRODUCT = (
     "tracking",
     "service",
 )
+#: Folders whose source lines have a ceiling; those that are not there yet have none.
+COUNTED = (*PRODUCT, "studio", "compiled", "client", "armwright_wire")
 FOLDERS = (
     *PRODUCT,
+    "studio",
     "client/armwright_client",
-    "client/armwright_wire",
     "tests",
     "benchmarks",
     "examples",
     "scripts",
 )
 MODULES = sorted(path for name in FOLDERS for path in (ROOT / name).rglob("*.py"))
+PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text("utf-8"))["tool"]
+#: Ceilings: they fall with each removal, and rise by a commit that says what for.
+CEILINGS = PROJECT["armwright"]
 
 #: Lines of a module, lines of a function with its docstring, arguments of a function.
 MAX_MODULE_LINES = 600
 MAX_FUNCTION_LINES = 100
 MAX_ARGUMENTS = 8
+#: Loose modules of a folder, without __init__.
+MAX_LOOSE = 12
+#: Source lines below which a module with one importer is part of that importer.
+MIN_SOURCE_LINES = 60
 #: Files that are exempt from lint rules in pyproject.toml.
 MAX_EXEMPTIONS = 8
 #: Kernels that are slower with tuples, see their modules: a call of ``plane_bound`` from Python
@@ -47,20 +59,53 @@ MANY_ARGUMENTS = {
     "implicit_step": 9,
     "load_robot": 9,
 }
+#: Folders with more loose modules than MAX_LOOSE that are still to be sorted.
+CROWDED = {
+    "client/armwright_client",
+    "command_line",
+    "dynamics",
+    "kinematics",
+    "kinematics/compiled",
+    "kinematics/ik",
+    "obstacles",
+    "planning",
+    "planning/cartesian",
+    "planning/constraints",
+    "planning/optimize",
+    "planning/proof",
+    "planning/sequence",
+    "planning/timing",
+    "planning/tours",
+    "service",
+    "service/http",
+    "service/jobs",
+    "service/routes",
+    "service/storage",
+    "service/tasks",
+    "service/translate",
+    "service/workers",
+    "studio",
+    "studio/page",
+    "tracking",
+}
 
 Definition = ast.Module | ast.ClassDef | ast.FunctionDef | ast.AsyncFunctionDef
 #: Fields of a tree that hold statements, or what holds statements.
 _BLOCKS = ("body", "orelse", "finalbody", "handlers", "cases")
+_NO_SOURCE = {
+    tokenize.COMMENT, tokenize.NL, tokenize.NEWLINE, tokenize.INDENT, tokenize.DEDENT,
+    tokenize.ENDMARKER,
+}  # fmt: skip
 
 
 class Function(NamedTuple):
     """A function or method.
 
     Attributes:
-        line: Of the module, where it begins.
-        name: Its name.
-        length: Lines, with its docstring.
-        arguments: How many, without `self` or `cls`.
+        line: First line in the module.
+        name: Name of the function.
+        length: Number of lines, with the docstring.
+        arguments: Number of arguments, without `self` or `cls`.
     """
 
     line: int
@@ -70,27 +115,66 @@ class Function(NamedTuple):
 
 
 class Module(NamedTuple):
-    """A module as the rules look at it, so that its tree need not be kept or made again.
+    """A module as the rules see it, so that its tree need not be stored or made again.
 
     Attributes:
-        length: Lines.
+        length: Number of lines.
+        source: Number of lines without blank lines, comments and docstrings; 0 outside COUNTED.
         functions: Every function and method.
+        imports: Dotted names that are imported from, and those with each imported name.
+        is_value: Whether it defines nothing but classes and constants.
     """
 
     length: int
+    source: int
     functions: list[Function]
+    imports: frozenset[str]
+    is_value: bool
 
 
 @cache
 def read(path: Path) -> Module:
     """A module that is parsed once for all rules."""
     text = path.read_text("utf-8")
+    tree = ast.parse(text)
+    found = list(definitions(tree))
     functions = [
         described(node)
-        for node in definitions(ast.parse(text))
+        for node in found
         if isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef)
     ]
-    return Module(len(text.splitlines()), functions)
+    is_counted = path.relative_to(ROOT).parts[0] in COUNTED
+    return Module(
+        len(text.splitlines()),
+        source_lines(text, found) if is_counted else 0,
+        functions,
+        frozenset(imports(tree)),
+        not any(isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef) for node in tree.body),
+    )
+
+
+def source_lines(text: str, found: Iterable[Definition]) -> int:
+    """Number of lines without blank lines, comments and docstrings."""
+    docstrings: set[int] = set()
+    for node in found:
+        first = node.body[0] if node.body else None
+        if isinstance(first, ast.Expr) and isinstance(first.value, ast.Constant):
+            docstrings.update(range(first.lineno, (first.end_lineno or 0) + 1))
+    lines: set[int] = set()
+    for token in tokenize.generate_tokens(io.StringIO(text).readline):
+        if token.type not in _NO_SOURCE:
+            lines.update(range(token.start[0], token.end[0] + 1))
+    return len(lines - docstrings)
+
+
+def imports(tree: ast.Module) -> Iterator[str]:
+    """Dotted names of modules that a module may import, wherever it does."""
+    for node in ast.walk(tree):
+        if isinstance(node, ast.ImportFrom) and node.module:
+            yield node.module
+            yield from (f"{node.module}.{name.name}" for name in node.names)
+        elif isinstance(node, ast.Import):
+            yield from (name.name for name in node.names)
 
 
 def definitions(tree: ast.Module) -> Iterator[Definition]:
@@ -112,7 +196,46 @@ def described(node: ast.FunctionDef | ast.AsyncFunctionDef) -> Function:
     return Function(node.lineno, node.name, (node.end_lineno or 0) - node.lineno + 1, count)
 
 
-@pytest.mark.parametrize("package", sorted({name.split("/")[0] for name in FOLDERS}))
+def dotted(path: Path) -> str:
+    """Name by which a module is imported."""
+    return ".".join(path.relative_to(ROOT).with_suffix("").parts).removeprefix("client.")
+
+
+def adapters() -> set[str]:
+    """Modules that import-linter names as the only ones that may import something."""
+    contracts = PROJECT["importlinter"]["contracts"]
+    lines = [line for contract in contracts for line in contract.get("ignore_imports", ())]
+    return {line.split(" -> ")[0] for line in lines}
+
+
+def small_modules() -> list[str]:
+    """Modules below MIN_SOURCE_LINES that one module of their package imports, and no other.
+
+    Values, adapters and modules of a lower package stand alone.
+    """
+    paths = {
+        dotted(path): path
+        for path in MODULES
+        if path.relative_to(ROOT).parts[0] in COUNTED and path.stem != "__init__"
+    }
+    importers: dict[str, set[str]] = defaultdict(set)
+    for name in COUNTED:
+        for path in (ROOT / name).rglob("*.py"):
+            for imported in read(path).imports & paths.keys():
+                importers[imported].add(dotted(path))
+    exempt = adapters()
+    return [
+        f"{name} ({read(path).source} lines) of {min(importers[name])}"
+        for name, path in paths.items()
+        if len(importers[name]) == 1
+        and min(importers[name]).split(".")[0] == name.split(".")[0]
+        and read(path).source < MIN_SOURCE_LINES
+        and not read(path).is_value
+        and name not in exempt
+    ]
+
+
+@pytest.mark.parametrize("package", [name.split("/")[0] for name in FOLDERS])
 def test_modules_and_functions_stay_short(package: str) -> None:
     wrong = []
     for path in MODULES:
@@ -131,6 +254,25 @@ def test_modules_and_functions_stay_short(package: str) -> None:
     assert not wrong, "\n".join(wrong)
 
 
+def test_the_product_stays_below_its_ceiling() -> None:
+    paths = [path for name in COUNTED for path in (ROOT / name).rglob("*.py")]
+    count = sum(read(path).source for path in paths)
+    assert count <= CEILINGS["source_lines"], f"{count} source lines in {len(paths)} modules"
+
+
+def test_few_modules_are_too_small_to_stand_alone() -> None:
+    small = small_modules()
+    assert len(small) <= CEILINGS["small_modules"], "\n".join([str(len(small)), *small])
+
+
+def test_folders_have_few_loose_modules() -> None:
+    loose: dict[str, int] = defaultdict(int)
+    for path in MODULES:
+        folder = path.parent.relative_to(ROOT).as_posix()
+        loose[folder] += path.stem != "__init__" and not folder.startswith("tests")
+    crowded = {folder for folder, count in loose.items() if count > MAX_LOOSE}
+    assert crowded <= CROWDED, f"more than {MAX_LOOSE} modules: {sorted(crowded - CROWDED)}"
+
+
 def test_few_files_are_exempt_from_lint() -> None:
-    project = tomllib.loads((ROOT / "pyproject.toml").read_text("utf-8"))
-    assert len(project["tool"]["ruff"]["lint"]["per-file-ignores"]) <= MAX_EXEMPTIONS
+    assert len(PROJECT["ruff"]["lint"]["per-file-ignores"]) <= MAX_EXEMPTIONS

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from benchmarks.judges.fcl import FclJudge
-from benchmarks.scale import room
+from benchmarks.planning.scale import room
 from benchmarks.verdict import builtin, certify_all, clutter
 from kinematics.arrays import Array
 from kinematics.robots import builtin_names

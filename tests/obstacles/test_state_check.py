@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from benchmarks.judges.fcl import FclJudge
-from benchmarks.scale import room
+from benchmarks.planning.scale import room
 from benchmarks.verdict import builtin, clutter, judge, wrong
 from kinematics.robots import builtin_names
 from obstacles.checker import Checker

@@ -1,4 +1,4 @@
-"""Draw the pictures of the studio: ``python -m scripts.studio_pictures``."""
+"""Draw the pictures of the studio: ``python -m scripts.pictures.studio``."""
 
 import tempfile
 from pathlib import Path

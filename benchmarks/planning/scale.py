@@ -1,6 +1,6 @@
 """What a look at the scene costs as it grows: obstacles 10 to 1,000, clouds of 1,000 to 100,000.
 
-    python -m benchmarks.scale
+    python -m benchmarks.planning.scale
 
 The built-in Panda among random boxes, cylinders and balls, and among points on the walls of a room
 with a table. Times are processor time: the model of a scene seen for the first time and again; a

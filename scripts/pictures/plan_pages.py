@@ -1,4 +1,4 @@
-"""Draw the pictures of the pages of kept plans: ``python -m scripts.view_pictures``."""
+"""Draw the pictures of the pages of kept plans: ``python -m scripts.pictures.plan_pages``."""
 
 import tempfile
 from pathlib import Path
