@@ -7,15 +7,25 @@ from playwright.sync_api import ViewportSize
 
 from service.app import create_app
 from service.settings import Settings
-from tests.service.robots import DETOUR
 from tests.service.server import serving
 from tests.service.viewer.browser import browsing
 
-PICTURES = Path(__file__).parents[1] / "docs" / "pictures"
+PICTURES = Path(__file__).parents[2] / "docs" / "pictures"
 #: Wide enough for both columns of a page, and no larger than a document shows it.
 SIZE: ViewportSize = {"width": 1180, "height": 980}
 
-
+#: The plan of the README: past a post.
+PLAN = {
+    "robot": "panda",
+    "start": {"joints": [0.8, 0.3, 0.0, -1.8, 0.0, 2.1, 0.8]},
+    "goal": {"joints": [-0.8, 0.3, 0.0, -1.8, 0.0, 2.1, 0.8]},
+    "scene": {
+        "obstacles": [
+            {"id": "post", "shape": {"type": "box", "size": [0.1, 0.1, 1.0]},
+             "pose": {"position": [0.5, 0.0, 0.5]}},
+        ]
+    },
+}  # fmt: skip
 #: A seam of two arcs over a bench; the tool may turn about its own axis and tilt.
 SEAM = {
     "robot": "panda",
@@ -38,6 +48,9 @@ SEAM = {
     },
 }  # fmt: skip
 
+#: Request, name of the picture, share of the motion's time, and zoom.
+PICTURED = ((PLAN, "view_plan", 0.4, 0.85), (SEAM, "seam", 0.7, 0.62))
+
 
 def draw(folder: Path) -> None:
     """Draw them.
@@ -46,7 +59,7 @@ def draw(folder: Path) -> None:
         folder: For the database of the service.
     """
     with serving(create_app(Settings(data_dir=folder, workers=1))) as client, browsing() as browser:
-        for request, name, share in ((DETOUR, "view_plan", 0.4), (SEAM, "seam", 0.7)):
+        for request, name, share, zoom in PICTURED:
             answer = client.post("/v1/plan", json=request | {"keep": True})
             assert answer.status_code == 200, answer.text
             page = folder / f"{name}.html"
@@ -56,7 +69,7 @@ def draw(folder: Path) -> None:
             shown.check("#show-ghosts")
             shown.evaluate(f"setTime({share} * motion.duration)")
             shown.select_option("#curve", index=1)
-            shown.evaluate("view.zoom(0.62)")
+            shown.evaluate(f"view.zoom({zoom})")
             shown.wait_for_timeout(500)
             shown.screenshot(path=PICTURES / f"{name}.png")
 

@@ -15,7 +15,7 @@ from studio.workbench import Workbench
 from tests.service.server import serving
 from tests.service.viewer.browser import browsing
 
-PICTURES = Path(__file__).parents[1] / "docs/pictures"
+PICTURES = Path(__file__).parents[2] / "docs/pictures"
 SIZE: ViewportSize = {"width": 1280, "height": 860}
 #: Software WebGL draws some frames each second; meshes arrive over a socket [ms].
 _SETTLE = 4000
