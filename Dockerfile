@@ -16,6 +16,7 @@ RUN rm -rf /opt/venv/lib/python*/site-packages/casadi/{include,*.a,liblacemodeli
 COPY README.md LICENSE ./
 COPY armwright ./armwright
 COPY command_line ./command_line
+COPY compiled ./compiled
 COPY kinematics ./kinematics
 COPY dynamics ./dynamics
 COPY obstacles ./obstacles

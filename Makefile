@@ -142,7 +142,7 @@ docker-steps: $(TOOLS)  ## Run the Dockerfile's steps without Docker, in a clean
 audit:  ## Look for dangerous code (bandit) and for packages with known faults (pip-audit, wants the network)
 	@test -x $(AUDIT)/pip-audit || { $(PYTHON) -m venv $(VENV)-audit && \
 		$(AUDIT)/pip install -q --disable-pip-version-check bandit==1.9.4 pip-audit==2.10.1; }
-	$(AUDIT)/bandit -q -c pyproject.toml -r armwright command_line kinematics dynamics obstacles planning tracking service client
+	$(AUDIT)/bandit -q -c pyproject.toml -r armwright command_line compiled kinematics dynamics obstacles planning tracking service client
 	$(AUDIT)/python -m scripts.audit $(AUDIT)/pip-audit
 
 # schemathesis in a folder of its own; the server it asks is this one, on this machine only.

@@ -27,18 +27,18 @@ if TYPE_CHECKING:
     )
     from armwright.motion import certify, plan, plan_seam, retime, retime_states, simulate
     from armwright.robot import load_robot
-    from kinematics.chain import Chain
-    from kinematics.dh_table import DhRow, DhTable
     from kinematics.errors import ArmwrightError
     from kinematics.ik.solution import IkResult, IkSolution
+    from kinematics.model.chain import Chain
+    from kinematics.model.dh_table import DhRow, DhTable
     from kinematics.robots import builtin_names
-    from kinematics.trajectory import Trajectory
-    from obstacles.attachment import Attachment, Holding, grasp, hold, release
-    from obstacles.moveit import scene_from_moveit
-    from obstacles.placement import place
-    from obstacles.robot_geometry import RobotGeometry
-    from obstacles.scene import AllowedContact, Obstacle, Scene
-    from obstacles.shapes import (
+    from kinematics.trajectory.trajectory import Trajectory
+    from obstacles.robots.attachment import Attachment, Holding, grasp, hold, release
+    from obstacles.robots.robot_geometry import RobotGeometry
+    from obstacles.scenes.moveit import scene_from_moveit
+    from obstacles.scenes.placement import place
+    from obstacles.scenes.scene import AllowedContact, Obstacle, Scene
+    from obstacles.shapes.shape import (
         Box,
         Capsule,
         Compound,
@@ -51,25 +51,21 @@ if TYPE_CHECKING:
         Sphere,
     )
     from planning.configuration_check import ConfigurationReport
-    from planning.constraints.joint import JointConstraint
-    from planning.constraints.limit import (
+    from planning.constraints.kinds.joint import JointConstraint
+    from planning.constraints.kinds.limit import (
         ClearanceConstraint,
         ToolSpeedConstraint,
         TorqueConstraint,
     )
-    from planning.constraints.look_at import LookAtConstraint
-    from planning.constraints.orientation import ConeConstraint, OrientationConstraint
-    from planning.constraints.position import PositionConstraint
-    from planning.constraints.region import BoxRegion, LineRegion, PlaneRegion, SphereRegion
-    from planning.constraints.relative_pose import RelativePoseConstraint
-    from planning.explored import Explored
+    from planning.constraints.kinds.look_at import LookAtConstraint
+    from planning.constraints.kinds.orientation import ConeConstraint, OrientationConstraint
+    from planning.constraints.kinds.position import PositionConstraint
+    from planning.constraints.kinds.region import BoxRegion, LineRegion, PlaneRegion, SphereRegion
+    from planning.constraints.kinds.relative_pose import RelativePoseConstraint
     from planning.exports.export import Export, export
     from planning.exports.options import ExportFormat, ExportOptions
     from planning.exports.swept_volume import SweptVolume, swept_volume
-    from planning.goal_costs import GoalCosts
-    from planning.limits import MotionLimits
     from planning.options import Options
-    from planning.preferred_clearance import PreferredClearance
     from planning.problem import JointGoal, PoseGoal, Problem
     from planning.proof.certificate import Certificate
     from planning.reach.base_placement import BasePlacement, place_base
@@ -77,8 +73,7 @@ if TYPE_CHECKING:
     from planning.reach.grid import PoseGrid
     from planning.reach.tolerance import Tolerance
     from planning.result import Failure, Plan
-    from planning.retime import Retimed
-    from planning.seam_options import SeamOptions, SeamWaypoint, StraightOffset
+    from planning.retiming.retime import Retimed
     from planning.sequence.options import TaskOptions
     from planning.sequence.region import grasp_region, place_region
     from planning.sequence.result import SequenceFailure, SequencePlan, StagePlan
@@ -97,111 +92,116 @@ if TYPE_CHECKING:
     )
     from planning.sequence.task import Task
     from planning.sequence.world import Held, World
+    from planning.timing.jerk.state_to_state import JointState
     from planning.timing.options import TimingOptions
-    from planning.timing.state_to_state import JointState
-    from planning.tool_tolerance import ToolTolerance
+    from planning.tool_motions.seam_options import SeamOptions, SeamWaypoint, StraightOffset
+    from planning.tool_motions.tool_tolerance import ToolTolerance
     from planning.tours.planner import plan_tour
     from planning.tours.problem import TourGoal, TourOptions, TourProblem
     from planning.tours.result import Tour
-    from tracking.adaptive import Adaptive
-    from tracking.computed_torque import ComputedTorque
-    from tracking.independent_joint import IndependentJoint
-    from tracking.passivity import Passivity
-    from tracking.pd_gravity import PdGravity
-    from tracking.quadratic_form import quadratic_lyapunov, solve_lyapunov
+    from planning.values.goal_costs import GoalCosts
+    from planning.values.limits import MotionLimits
+    from planning.values.preferred_clearance import PreferredClearance
+    from planning.values.search_trees import Explored
+    from tracking.controllers.adaptive import Adaptive
+    from tracking.controllers.computed_torque import ComputedTorque
+    from tracking.controllers.independent_joint import IndependentJoint
+    from tracking.controllers.passivity import Passivity
+    from tracking.controllers.pd_gravity import PdGravity
+    from tracking.controllers.quadratic_form import quadratic_lyapunov, solve_lyapunov
 
 #: Module that each public name is imported from.
 _MODULES = {
-    "Adaptive": "tracking.adaptive",
-    "AllowedContact": "obstacles.scene",
+    "Adaptive": "tracking.controllers.adaptive",
+    "AllowedContact": "obstacles.scenes.scene",
     "ArmwrightError": "kinematics.errors",
     "Attach": "planning.sequence.stage",
-    "Attachment": "obstacles.attachment",
+    "Attachment": "obstacles.robots.attachment",
     "BasePlacement": "planning.reach.base_placement",
-    "Box": "obstacles.shapes",
-    "BoxRegion": "planning.constraints.region",
-    "Capsule": "obstacles.shapes",
+    "Box": "obstacles.shapes.shape",
+    "BoxRegion": "planning.constraints.kinds.region",
+    "Capsule": "obstacles.shapes.shape",
     "Certificate": "planning.proof.certificate",
-    "Chain": "kinematics.chain",
+    "Chain": "kinematics.model.chain",
     "Checker": "armwright.checker",
-    "ClearanceConstraint": "planning.constraints.limit",
-    "ComputedTorque": "tracking.computed_torque",
-    "Compound": "obstacles.shapes",
-    "Cone": "obstacles.shapes",
-    "ConeConstraint": "planning.constraints.orientation",
+    "ClearanceConstraint": "planning.constraints.kinds.limit",
+    "ComputedTorque": "tracking.controllers.computed_torque",
+    "Compound": "obstacles.shapes.shape",
+    "Cone": "obstacles.shapes.shape",
+    "ConeConstraint": "planning.constraints.kinds.orientation",
     "ConfigurationReport": "planning.configuration_check",
-    "Convex": "obstacles.shapes",
-    "Cylinder": "obstacles.shapes",
+    "Convex": "obstacles.shapes.shape",
+    "Cylinder": "obstacles.shapes.shape",
     "Detach": "planning.sequence.stage",
-    "DhRow": "kinematics.dh_table",
-    "DhTable": "kinematics.dh_table",
+    "DhRow": "kinematics.model.dh_table",
+    "DhTable": "kinematics.model.dh_table",
     "Dynamics": "armwright.model",
     "Export": "planning.exports.export",
     "ExportFormat": "planning.exports.options",
     "ExportOptions": "planning.exports.options",
-    "Explored": "planning.explored",
+    "Explored": "planning.values.search_trees",
     "Failure": "planning.result",
-    "GoalCosts": "planning.goal_costs",
+    "GoalCosts": "planning.values.goal_costs",
     "Grasp": "planning.sequence.stage",
     "Gripper": "planning.sequence.stage",
-    "HalfSpace": "obstacles.shapes",
+    "HalfSpace": "obstacles.shapes.shape",
     "Held": "planning.sequence.world",
-    "Holding": "obstacles.attachment",
+    "Holding": "obstacles.robots.attachment",
     "IkResult": "kinematics.ik.solution",
     "IkSolution": "kinematics.ik.solution",
-    "IndependentJoint": "tracking.independent_joint",
-    "JointConstraint": "planning.constraints.joint",
+    "IndependentJoint": "tracking.controllers.independent_joint",
+    "JointConstraint": "planning.constraints.kinds.joint",
     "JointGoal": "planning.problem",
-    "JointState": "planning.timing.state_to_state",
-    "LineRegion": "planning.constraints.region",
+    "JointState": "planning.timing.jerk.state_to_state",
+    "LineRegion": "planning.constraints.kinds.region",
     "Load": "planning.sequence.stage",
-    "LookAtConstraint": "planning.constraints.look_at",
-    "Mesh": "obstacles.shapes",
-    "MotionLimits": "planning.limits",
+    "LookAtConstraint": "planning.constraints.kinds.look_at",
+    "Mesh": "obstacles.shapes.shape",
+    "MotionLimits": "planning.values.limits",
     "Move": "planning.sequence.stage",
-    "Obstacle": "obstacles.scene",
+    "Obstacle": "obstacles.scenes.scene",
     "Options": "planning.options",
-    "OrientationConstraint": "planning.constraints.orientation",
-    "Passivity": "tracking.passivity",
-    "PdGravity": "tracking.pd_gravity",
+    "OrientationConstraint": "planning.constraints.kinds.orientation",
+    "Passivity": "tracking.controllers.passivity",
+    "PdGravity": "tracking.controllers.pd_gravity",
     "Place": "planning.sequence.stage",
     "Plan": "planning.result",
-    "PlaneRegion": "planning.constraints.region",
-    "PointCloud": "obstacles.shapes",
+    "PlaneRegion": "planning.constraints.kinds.region",
+    "PointCloud": "obstacles.shapes.shape",
     "PoseGoal": "planning.problem",
     "PoseGrid": "planning.reach.grid",
-    "PositionConstraint": "planning.constraints.position",
-    "PreferredClearance": "planning.preferred_clearance",
+    "PositionConstraint": "planning.constraints.kinds.position",
+    "PreferredClearance": "planning.values.preferred_clearance",
     "Problem": "planning.problem",
     "Reach": "planning.reach.evaluation",
     "ReachOptions": "planning.reach.evaluation",
-    "RelativePoseConstraint": "planning.constraints.relative_pose",
-    "Retimed": "planning.retime",
-    "RobotGeometry": "obstacles.robot_geometry",
-    "Scene": "obstacles.scene",
-    "SeamOptions": "planning.seam_options",
-    "SeamWaypoint": "planning.seam_options",
+    "RelativePoseConstraint": "planning.constraints.kinds.relative_pose",
+    "Retimed": "planning.retiming.retime",
+    "RobotGeometry": "obstacles.robots.robot_geometry",
+    "Scene": "obstacles.scenes.scene",
+    "SeamOptions": "planning.tool_motions.seam_options",
+    "SeamWaypoint": "planning.tool_motions.seam_options",
     "SequenceFailure": "planning.sequence.result",
     "SequencePlan": "planning.sequence.result",
-    "Sphere": "obstacles.shapes",
-    "SphereRegion": "planning.constraints.region",
+    "Sphere": "obstacles.shapes.shape",
+    "SphereRegion": "planning.constraints.kinds.region",
     "StagePlan": "planning.sequence.result",
     "StageSettings": "planning.sequence.stage",
     "Straight": "planning.sequence.stage",
-    "StraightOffset": "planning.seam_options",
+    "StraightOffset": "planning.tool_motions.seam_options",
     "SweptVolume": "planning.exports.swept_volume",
     "Task": "planning.sequence.task",
     "TaskOptions": "planning.sequence.options",
     "TimingOptions": "planning.timing.options",
     "Tolerance": "planning.reach.tolerance",
-    "ToolSpeedConstraint": "planning.constraints.limit",
-    "ToolTolerance": "planning.tool_tolerance",
-    "TorqueConstraint": "planning.constraints.limit",
+    "ToolSpeedConstraint": "planning.constraints.kinds.limit",
+    "ToolTolerance": "planning.tool_motions.tool_tolerance",
+    "TorqueConstraint": "planning.constraints.kinds.limit",
     "Tour": "planning.tours.result",
     "TourGoal": "planning.tours.problem",
     "TourOptions": "planning.tours.problem",
     "TourProblem": "planning.tours.problem",
-    "Trajectory": "kinematics.trajectory",
+    "Trajectory": "kinematics.trajectory.trajectory",
     "Wait": "planning.sequence.stage",
     "World": "planning.sequence.world",
     "builtin_names": "kinematics.robots",
@@ -211,14 +211,14 @@ _MODULES = {
     "equations": "armwright.model",
     "export": "planning.exports.export",
     "fk": "armwright.model",
-    "grasp": "obstacles.attachment",
+    "grasp": "obstacles.robots.attachment",
     "grasp_region": "planning.sequence.region",
-    "hold": "obstacles.attachment",
+    "hold": "obstacles.robots.attachment",
     "ik": "armwright.configuration",
     "inverse_dynamics": "armwright.model",
     "jacobian": "armwright.model",
     "load_robot": "armwright.robot",
-    "place": "obstacles.placement",
+    "place": "obstacles.scenes.placement",
     "place_base": "planning.reach.base_placement",
     "place_region": "planning.sequence.region",
     "plan": "armwright.motion",
@@ -226,14 +226,14 @@ _MODULES = {
     "plan_task": "planning.sequence.search",
     "plan_tour": "planning.tours.planner",
     "pose": "armwright.model",
-    "quadratic_lyapunov": "tracking.quadratic_form",
+    "quadratic_lyapunov": "tracking.controllers.quadratic_form",
     "reach": "planning.reach.evaluation",
-    "release": "obstacles.attachment",
+    "release": "obstacles.robots.attachment",
     "retime": "armwright.motion",
     "retime_states": "armwright.motion",
-    "scene_from_moveit": "obstacles.moveit",
+    "scene_from_moveit": "obstacles.scenes.moveit",
     "simulate": "armwright.motion",
-    "solve_lyapunov": "tracking.quadratic_form",
+    "solve_lyapunov": "tracking.controllers.quadratic_form",
     "swept_volume": "planning.exports.swept_volume",
 }
 

@@ -9,14 +9,14 @@ from numpy.typing import ArrayLike, NDArray
 from kinematics.argument_types import typed
 from kinematics.arrays import Array
 from kinematics.errors import InvalidOption, InvalidRobotState
-from obstacles import checker
-from obstacles.checker import Bracket, Motion, Proximity
-from obstacles.robot_geometry import RobotGeometry
-from obstacles.scene import Scene
+from obstacles.collision import checker
+from obstacles.collision.checker import Bracket, Motion, Proximity
+from obstacles.robots.robot_geometry import RobotGeometry
+from obstacles.scenes.scene import Scene
 
 
 class Checker(checker.Checker):
-    """`obstacles.checker.Checker`, its arguments checked on every call.
+    """`obstacles.collision.checker.Checker`, its arguments checked on every call.
 
     Raises:
         InvalidRobotState: A configuration has the wrong length or shape, or is not finite.

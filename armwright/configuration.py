@@ -10,9 +10,9 @@ from kinematics.argument_types import typed
 from kinematics.errors import InvalidOption
 from kinematics.ik.inverse import IkOptions, inverse_kinematics
 from kinematics.ik.solution import IkResult
-from obstacles.placement import place
-from obstacles.robot_geometry import RobotGeometry
-from obstacles.scene import Scene
+from obstacles.robots.robot_geometry import RobotGeometry
+from obstacles.scenes.placement import place
+from obstacles.scenes.scene import Scene
 from planning.configuration_check import ConfigurationReport, configuration_checker
 
 

@@ -14,11 +14,11 @@ from dynamics.gravity import gravity_vector
 from dynamics.mass_matrix import mass_matrix
 from kinematics.argument_types import typed
 from kinematics.arrays import Array, numbers
-from kinematics.chain import Chain
 from kinematics.forward import forward
 from kinematics.jacobian import geometric
+from kinematics.model.chain import Chain
 from kinematics.pose import from_quaternion, transform
-from obstacles.robot_geometry import RobotGeometry
+from obstacles.robots.robot_geometry import RobotGeometry
 
 Robot = RobotGeometry | Chain
 

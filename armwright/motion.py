@@ -10,24 +10,24 @@ from numpy.typing import ArrayLike
 from armwright.model import chain_of
 from kinematics.argument_types import typed
 from kinematics.arrays import frozen, numbers
-from kinematics.chain import Chain
 from kinematics.errors import InvalidGoal, InvalidOption
-from obstacles.robot_geometry import RobotGeometry
-from obstacles.scene import Scene
-from planning import pipeline
-from planning import retime as timing
-from planning.constraints.constraint import Constraint
+from kinematics.model.chain import Chain
+from obstacles.robots.robot_geometry import RobotGeometry
+from obstacles.scenes.scene import Scene
 from planning.constraints.constraint_set import ConstraintSet
+from planning.constraints.kinds.constraint import Constraint
 from planning.options import Options
+from planning.pipeline import pipeline
 from planning.problem import Goal, JointGoal, PoseGoal, Problem
 from planning.proof.certificate import certify
 from planning.result import Failure, Plan
-from planning.retime import PathToTime, Retimed
-from planning.seam_options import SeamOptions
-from planning.state_motion import time_states
+from planning.retiming import retime as timing
+from planning.retiming.retime import PathToTime, Retimed
+from planning.retiming.state_motion import time_states
+from planning.timing.jerk.state_to_state import JointState, Synchronization
 from planning.timing.options import TimingOptions
-from planning.timing.state_to_state import JointState, Synchronization
-from tracking.simulation import simulate
+from planning.tool_motions.seam_options import SeamOptions
+from tracking.simulation.simulation import simulate
 
 __all__ = ["certify", "plan", "plan_seam", "retime", "retime_states", "simulate"]
 

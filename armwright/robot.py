@@ -5,28 +5,28 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from kinematics.bounded_cache import bounded_cache
-from kinematics.dh import chain_from_dh
-from kinematics.dh_table import Convention, DhRow, DhTable
+from kinematics.caches.bounded_cache import bounded_cache
 from kinematics.errors import InvalidRobotDescription
-from kinematics.fingers import fingers
-from kinematics.joint_limits import (
+from kinematics.model.dh import chain_from_dh
+from kinematics.model.dh_table import Convention, DhRow, DhTable
+from kinematics.readers.lint import tidy
+from kinematics.robots import builtin_names, builtin_srdf, builtin_urdf
+from kinematics.root_frame import root_notes, tool_notes
+from kinematics.tree.fingers import fingers
+from kinematics.tree.joint_limits import (
     apply_rules,
     limits_of_chain,
     moveit_joint_limits,
     moveit_notes,
 )
-from kinematics.lint import tidy
-from kinematics.named_states import named_states
-from kinematics.robots import builtin_names, builtin_srdf, builtin_urdf
-from kinematics.root_frame import root_notes, tool_notes
-from kinematics.serial_chain import select, serial_chain
-from kinematics.srdf import Semantics, check_semantics, parse_srdf
-from kinematics.urdf import parse_urdf
-from kinematics.urdf_visuals import read_visuals
-from kinematics.visual_solids import with_visual_solids
-from obstacles.robot_geometry import RobotGeometry, robot_geometry
-from obstacles.touching_pairs import suspected_pairs
+from kinematics.tree.named_states import named_states
+from kinematics.tree.serial_chain import select, serial_chain
+from kinematics.tree.srdf import Semantics, check_semantics, parse_srdf
+from kinematics.urdf.urdf import parse_urdf
+from kinematics.urdf.visual_solids import with_visual_solids
+from kinematics.urdf.visuals import read_visuals
+from obstacles.robots.robot_geometry import RobotGeometry, robot_geometry
+from obstacles.robots.touching_pairs import suspected_pairs
 
 #: Prefix of ROS's mesh names: package://<package>/<path in it>.
 _PACKAGE = "package://"

@@ -5,7 +5,7 @@ from importlib.util import find_spec
 from pathlib import Path
 
 #: Packages that the library is made of, side by side with this one.
-PACKAGES = ("kinematics", "dynamics", "obstacles", "planning", "tracking")
+PACKAGES = ("compiled", "kinematics", "dynamics", "obstacles", "planning", "tracking")
 
 
 @cache

@@ -23,16 +23,16 @@ from armwright_wire.robot import RobotBody
 from benchmarks.judges.triangles import Triangles, scenery
 from benchmarks.problems.example_arms import ExampleArm, mesh_bytes, package
 from benchmarks.problems.mesh_scenes import own_scenes, reach_of
-from kinematics.description import MeshGeometry
 from kinematics.forward import forward, link_poses
 from kinematics.ik.inverse import inverse_kinematics
-from kinematics.serial_chain import select
-from kinematics.urdf import parse_urdf
-from obstacles.checker import Checker
-from obstacles.robot_geometry import RobotGeometry
-from obstacles.scene import Scene
+from kinematics.tree.description import MeshGeometry
+from kinematics.tree.serial_chain import select
+from kinematics.urdf.urdf import parse_urdf
+from obstacles.collision.checker import Checker
+from obstacles.robots.robot_geometry import RobotGeometry
+from obstacles.scenes.scene import Scene
 from planning.options import Options
-from planning.pipeline import plan
+from planning.pipeline.pipeline import plan
 from planning.problem import JointGoal, Problem
 from planning.result import Plan
 from service.translate.robots import robot as uploaded

@@ -24,7 +24,7 @@ from dynamics.inverse import inverse_dynamics
 from dynamics.mass_matrix import mass_matrix
 from dynamics.regressor import regressor
 from kinematics.arrays import Array
-from kinematics.chain import Chain
+from kinematics.model.chain import Chain
 from kinematics.robots import builtin_chain, builtin_urdf
 
 ROUNDS, CALLS, STATES = 25, 2000, 1000

@@ -18,7 +18,7 @@ from armwright_client import Client, JointLimits, RobotUpload, Scene
 from benchmarks.mbm_problems import ACCELERATION, cases, panda
 from benchmarks.server.machines import local_server
 from planning.options import Options
-from planning.pipeline import plan
+from planning.pipeline.pipeline import plan
 from planning.result import Plan
 
 

@@ -20,14 +20,14 @@ from numpy.typing import NDArray
 
 from benchmarks.peers.ik_peers import time_calls
 from benchmarks.problems.poses import edge_configurations, random_configurations
-from kinematics.chain import Chain
 from kinematics.forward import forward
-from kinematics.ik.analytic import Branches, branches
-from kinematics.ik.numeric import AXES, Axis, SearchOptions, solve, solve_many
+from kinematics.ik.closed_form.analytic import Branches, branches
+from kinematics.ik.closed_form.structure import structure
+from kinematics.ik.numeric.numeric import AXES, Axis, SearchOptions, solve, solve_many
 from kinematics.ik.ranking import whole_turns
 from kinematics.ik.solution import IkResult
-from kinematics.ik.structure import structure
 from kinematics.jacobian import geometric
+from kinematics.model.chain import Chain
 from kinematics.pose import to_quaternions
 from kinematics.robots import builtin_chain, builtin_urdf
 

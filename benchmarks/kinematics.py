@@ -15,10 +15,10 @@ import pinocchio as pin
 from numpy.typing import NDArray
 
 from benchmarks.problems.poses import random_configurations
-from kinematics.chain import Chain
 from kinematics.evaluator import KinematicsEvaluator
 from kinematics.forward import forward, link_poses
 from kinematics.jacobian import geometric, pose_and_jacobian
+from kinematics.model.chain import Chain
 from kinematics.robots import builtin_chain, builtin_urdf
 
 Array = NDArray[np.float64]

@@ -22,11 +22,11 @@ import numpy as np
 
 from benchmarks.judges.recheck import Recheck
 from benchmarks.mbm_problems import ACCELERATION, Case, cases, panda
-from obstacles.robot_geometry import RobotGeometry
+from obstacles.robots.robot_geometry import RobotGeometry
 from planning.options import Options
-from planning.pipeline import plan
-from planning.preferred_clearance import DEFAULT_PREFERRED, PreferredClearance
+from planning.pipeline.pipeline import plan
 from planning.result import Failure, Plan
+from planning.values.preferred_clearance import DEFAULT_PREFERRED, PreferredClearance
 
 #: Stages after the path is found.
 AFTERWARDS = {"timing", "certificate"}

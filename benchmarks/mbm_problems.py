@@ -8,13 +8,13 @@ import numpy as np
 import yaml
 
 from kinematics.arrays import Array
-from kinematics.fingers import fingers
-from kinematics.serial_chain import select, serial_chain
-from kinematics.srdf import parse_srdf
-from kinematics.urdf import parse_urdf
-from obstacles.moveit import scene_from_moveit
-from obstacles.robot_geometry import RobotGeometry, robot_geometry
-from obstacles.scene import Obstacle, Scene
+from kinematics.tree.fingers import fingers
+from kinematics.tree.serial_chain import select, serial_chain
+from kinematics.tree.srdf import parse_srdf
+from kinematics.urdf.urdf import parse_urdf
+from obstacles.robots.robot_geometry import RobotGeometry, robot_geometry
+from obstacles.scenes.moveit import scene_from_moveit
+from obstacles.scenes.scene import Obstacle, Scene
 from planning.problem import JointGoal, Problem
 
 #: The URDF gives no accelerations: those of the manufacturer's data sheet [rad/s^2].

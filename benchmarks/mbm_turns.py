@@ -83,7 +83,7 @@ def side(problems: Path, every: int) -> None:
     from benchmarks.mbm import AFTERWARDS  # noqa: PLC0415
     from benchmarks.mbm_problems import cases, panda  # noqa: PLC0415
     from planning.options import Options  # noqa: PLC0415
-    from planning.pipeline import plan  # noqa: PLC0415
+    from planning.pipeline.pipeline import plan  # noqa: PLC0415
     from planning.result import Plan  # noqa: PLC0415
 
     robot = panda(problems.parent.parent / "panda")

@@ -3,8 +3,8 @@
     python -m benchmarks.overhead [--rounds 30] [--scenes none stored inline moveit moveit_again]
 
 A client with one connection asks a server with one worker for the plans that this process makes of
-the same problems with `planning.pipeline.plan`; in each round it plans eight motions, then asks for
-them. The built-in Panda moves among ten boxes:
+the same problems with `planning.pipeline.pipeline.plan`; in each round it plans eight
+motions, then asks for them. The built-in Panda moves among ten boxes:
 
 * ``none``: without them; ``stored``: in a scene that is stored, and named by requests;
 * ``inline``: each request brings them, as obstacles, of which one has a new name;
@@ -31,13 +31,13 @@ from armwright_client import Box, Client, Obstacle, Pose
 from armwright_client import Scene as SceneBody
 from benchmarks.server.machines import local_server, processor_times, wait_until_idle
 from kinematics.arrays import Array
-from obstacles import shapes
-from obstacles.checker import Checker
-from obstacles.robot_geometry import RobotGeometry
-from obstacles.scene import Obstacle as DomainObstacle
-from obstacles.scene import Scene
+from obstacles.collision.checker import Checker
+from obstacles.robots.robot_geometry import RobotGeometry
+from obstacles.scenes.scene import Obstacle as DomainObstacle
+from obstacles.scenes.scene import Scene
+from obstacles.shapes import shape
 from planning.options import Options
-from planning.pipeline import plan
+from planning.pipeline.pipeline import plan
 from planning.problem import JointGoal, Problem
 from planning.result import Plan
 
@@ -105,7 +105,7 @@ def moveit_text(title: str) -> str:
 def scene(table: str = "table") -> Scene:
     """The boxes as a scene that is not prepared yet."""
     return Scene(
-        tuple(DomainObstacle(name, shapes.Box(s), _pose(place)) for name, s, place in boxes(table))
+        tuple(DomainObstacle(name, shape.Box(s), _pose(place)) for name, s, place in boxes(table))
     )
 
 

@@ -33,15 +33,15 @@ from numpy.typing import NDArray
 from benchmarks import mbm_problems
 from benchmarks.judges.least_time import stops
 from benchmarks.judges.ratios import worst_ratio
-from kinematics.trajectory import Trajectory
-from planning.timing.blend import blend, largest_reaches, merge, reach_for_deviation
-from planning.timing.jerk_limited import time_path_with_jerk
+from kinematics.trajectory.trajectory import Trajectory
+from planning.timing.jerk.jerk_limited import time_path_with_jerk
 from planning.timing.method import timing_method
-from planning.timing.minimum_time import time_path
 from planning.timing.options import Method
 from planning.timing.parametrization import TimeParametrization
-from planning.timing.path import JointPath
-from planning.timing.spline import Ends, chord_knots, spline_path
+from planning.timing.path.blend import blend, largest_reaches, merge, reach_for_deviation
+from planning.timing.path.path import JointPath
+from planning.timing.speed.minimum_time import time_path
+from planning.timing.spline.spline import Ends, chord_knots, spline_path
 
 Array = NDArray[np.float64]
 NAMES = tuple(f"joint{i}" for i in range(1, 8))

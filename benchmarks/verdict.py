@@ -20,23 +20,32 @@ import numpy as np
 from benchmarks.judges.fcl import FclJudge
 from benchmarks.mbm_problems import cases, scene_at_root
 from benchmarks.mbm_problems import panda as mesh_panda
+from compiled.kernel import kernel
 from kinematics.arrays import Array
-from kinematics.compiled.kernel import kernel
 from kinematics.pose import from_axis_angle, transform
 from kinematics.robots import builtin_names, builtin_srdf, builtin_urdf
-from kinematics.serial_chain import serial_chain
-from kinematics.srdf import parse_srdf
-from kinematics.urdf import parse_urdf
-from obstacles.checker import Checker
-from obstacles.edge_check import COLLIDING, FREE, MAX_INTERVALS, Cubic, certify_in
-from obstacles.kernel_work import workspace
-from obstacles.model_arrays import ModelArrays
-from obstacles.robot_geometry import RobotGeometry, robot_geometry
-from obstacles.scene import Obstacle, Scene
-from obstacles.shapes import Box, Capsule, Cone, Convex, Cylinder, HalfSpace, PointCloud, Sphere
-from obstacles.state_check import verdicts_on
+from kinematics.tree.serial_chain import serial_chain
+from kinematics.tree.srdf import parse_srdf
+from kinematics.urdf.urdf import parse_urdf
+from obstacles.collision.checker import Checker
+from obstacles.collision.edge_check import COLLIDING, FREE, MAX_INTERVALS, Cubic, certify_in
+from obstacles.collision.model.kernel_work import workspace
+from obstacles.collision.model.model_arrays import ModelArrays
+from obstacles.collision.state_check import verdicts_on
+from obstacles.robots.robot_geometry import RobotGeometry, robot_geometry
+from obstacles.scenes.scene import Obstacle, Scene
+from obstacles.shapes.shape import (
+    Box,
+    Capsule,
+    Cone,
+    Convex,
+    Cylinder,
+    HalfSpace,
+    PointCloud,
+    Sphere,
+)
 from planning.options import Options
-from planning.pipeline import plan
+from planning.pipeline.pipeline import plan
 from planning.problem import JointGoal, Problem
 from planning.result import Plan
 

@@ -54,7 +54,7 @@ def doctor(connection: Connection) -> None:
 
 
 def _machine() -> list[Finding]:
-    from kinematics.compiled.kernel_target import usual  # noqa: PLC0415
+    from compiled.target import usual  # noqa: PLC0415
     from service.version import VERSION  # noqa: PLC0415
 
     chosen = os.environ.get("ARMWRIGHT_KERNEL_TARGET", usual())
@@ -115,12 +115,12 @@ def _version(name: str) -> str | None:
 
 
 def _kernels() -> Finding:
-    from kinematics.compiled import kernel_build, kernel_list, kernel_store  # noqa: PLC0415
+    from compiled import build, kernel_list, store  # noqa: PLC0415
     from service.kernels import LIST  # noqa: PLC0415
 
     entries, outdated = kernel_list.read(LIST)
-    missing = len(kernel_build.missing_entries(entries))
-    folders = " and ".join(map(str, kernel_store.layers()))
+    missing = len(build.missing_entries(entries))
+    folders = " and ".join(map(str, store.layers()))
     detail = f"{len(entries) - missing} of {len(entries)} compiled, in {folders}"
     if missing:
         return Finding("kernels", "warning", f"{detail}; {missing} missing", "armwright warm")

@@ -100,7 +100,7 @@ def sweep(
     ] = 0.005,
 ) -> None:
     """Write the space that an arm takes up during a motion, as a mesh that holds all of it."""
-    from obstacles.mesh_writer import glb, stl  # noqa: PLC0415
+    from obstacles.meshes.writer import glb, stl  # noqa: PLC0415
     from service.translate.trajectories import trajectory  # noqa: PLC0415
 
     if connection.url is not None:

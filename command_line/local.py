@@ -15,11 +15,11 @@ from armwright_wire.scene import ProjectRequest, Scene
 from command_line.endpoints import Endpoint, answering
 from command_line.parameters import RobotSource
 from command_line.robot_files import is_file, robot_document
+from compiled.kept_file import make_private
 from kinematics.errors import ArmwrightError
-from kinematics.kept_file import make_private
 from kinematics.robots import builtin_names
-from obstacles.robot_geometry import RobotGeometry
-from planning.deadline import Deadline
+from obstacles.robots.robot_geometry import RobotGeometry
+from planning.values.deadline import Deadline
 from service.problem import ProblemError, from_fields
 from service.settings import Settings
 from service.storage import prepared_files, worker_cache

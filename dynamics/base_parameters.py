@@ -9,8 +9,8 @@ from numpy.typing import NDArray
 
 from dynamics.regressor import parameter_names, regressor, standard_parameters
 from kinematics.arrays import Array, frozen
-from kinematics.chain import Chain, JointType
 from kinematics.errors import InvalidOption
+from kinematics.model.chain import Chain, JointType
 
 #: Of a column that is a combination of others so much of its length is left: rounding errors,
 #: magnified by how alike columns are. Of columns that are not, some hundredths are left.

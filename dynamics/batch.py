@@ -6,8 +6,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from kinematics.arrays import Array
-from kinematics.chain import Chain
 from kinematics.errors import InvalidRobotState
+from kinematics.model.chain import Chain
 
 
 def stack_vectors(chain: Chain, **vectors: ArrayLike) -> tuple[Array, tuple[int, ...]]:

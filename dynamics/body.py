@@ -9,8 +9,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from dynamics.body_row import COULOMB, FRAME, FRICTION, MASS, MOTOR, ROW, TYPE
 from kinematics.arrays import Array, frozen
-from kinematics.chain import Chain, Inertia, Link
 from kinematics.errors import InvalidOption, MissingInertia
+from kinematics.model.chain import Chain, Inertia, Link
 
 
 class Bodies(NamedTuple):

@@ -5,10 +5,10 @@ A row begins like a joint's row in ``Chain.model``, so that one forward kinemati
 
 import numpy as np
 
+from compiled.kernel import kernel
+from compiled.vec3 import Vector
 from kinematics.arrays import Array
-from kinematics.chain import JointType
-from kinematics.compiled.kernel import kernel
-from kinematics.vec3 import Vector
+from kinematics.model.chain import JointType
 
 #: A ``JointType``.
 TYPE = 0

@@ -17,13 +17,13 @@ C_kj = v_k . f_j + w_k . n_j for the moments of the farther one of the two joint
     f_j = m v_j' + w_j' x h + w_j x h',    n_j = h x v_j' + I w_j' + (tr W - W) w_j.
 """
 
+from compiled.kernel import kernel
+from compiled.simd import on_stack
+from compiled.sincos import TURNS, few_turns_kernel, turn_at_kernel
+from compiled.vec3 import Vector, add, cross, dot, load, scale, store, subtract
 from dynamics.body_row import FIRST_MOMENT, INERTIA, MASS, REVOLUTE, TYPE
 from kinematics.arrays import Array
-from kinematics.compiled.kernel import kernel
-from kinematics.compiled.simd import on_stack
 from kinematics.frame import IDENTITY, move_kernel
-from kinematics.sincos import TURNS, few_turns_kernel, turn_at_kernel
-from kinematics.vec3 import Vector, add, cross, dot, load, scale, store, subtract
 
 # Columns of scratch for each joint.
 #: First of the twelve numbers of its frame: three rows, each of the rotation and the origin.

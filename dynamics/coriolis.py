@@ -3,12 +3,12 @@
 import numpy as np
 from numpy.typing import ArrayLike
 
+from compiled.kernel import kernel
 from dynamics.batch import stack_vectors
 from dynamics.body import bodies
 from dynamics.composite import COMPOSITE_WORK, coriolis_kernel, frames_kernel
 from kinematics.arrays import Array
-from kinematics.chain import Chain
-from kinematics.compiled.kernel import kernel
+from kinematics.model.chain import Chain
 
 
 @kernel

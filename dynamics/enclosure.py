@@ -17,12 +17,12 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
+from compiled.kernel import kernel
 from dynamics.body import Bodies, bodies
 from kinematics.arrays import Array
-from kinematics.chain import Chain
-from kinematics.compiled.kernel import kernel
-from kinematics.polynomial import shift_kernel
-from kinematics.trajectory import Trajectory
+from kinematics.model.chain import Chain
+from kinematics.trajectory.polynomial import shift_kernel
+from kinematics.trajectory.trajectory import Trajectory
 
 #: Enclosures looked at for one answer, at most: a second of work.
 MAX_CELLS = 100_000

@@ -7,7 +7,7 @@ from dynamics.batch import stack_vectors
 from dynamics.gravity import potential_energy
 from dynamics.mass_matrix import augmented_mass_matrix
 from kinematics.arrays import Array
-from kinematics.chain import Chain
+from kinematics.model.chain import Chain
 
 
 def kinetic_energy(chain: Chain, q: ArrayLike, qd: ArrayLike) -> Array:

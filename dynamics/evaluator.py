@@ -5,14 +5,14 @@ from typing import Self
 import numpy as np
 from numpy.typing import ArrayLike
 
+from compiled.kernel import kernel
 from dynamics.body import bodies
 from dynamics.composite import COMPOSITE_WORK, coriolis_kernel, frames_kernel, mass_matrix_kernel
 from dynamics.forward import acceleration_kernel, massless
 from dynamics.recursion import WORK, gravity_kernel, inverse_kernel
 from dynamics.regressor import motor_columns, regressor_kernel
 from kinematics.arrays import Array
-from kinematics.chain import Chain
-from kinematics.compiled.kernel import kernel
+from kinematics.model.chain import Chain
 
 
 @kernel

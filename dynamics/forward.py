@@ -3,6 +3,8 @@
 import numpy as np
 from numpy.typing import ArrayLike
 
+from compiled.kernel import kernel
+from compiled.linear_solve import cholesky_solve_kernel
 from dynamics.batch import stack_vectors
 from dynamics.body import bodies, joints_without_inertia
 from dynamics.body_row import MOTOR
@@ -10,10 +12,8 @@ from dynamics.composite import COMPOSITE_WORK, frames_kernel, mass_matrix_kernel
 from dynamics.inverse import wrench_torque
 from dynamics.recursion import inverse_kernel
 from kinematics.arrays import Array
-from kinematics.chain import Chain
-from kinematics.compiled.kernel import kernel
 from kinematics.errors import MissingInertia
-from kinematics.linear_solve import cholesky_solve_kernel
+from kinematics.model.chain import Chain
 
 
 @kernel

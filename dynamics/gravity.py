@@ -3,12 +3,12 @@
 import numpy as np
 from numpy.typing import ArrayLike
 
+from compiled.kernel import kernel
 from dynamics.body import bodies
 from dynamics.recursion import WORK, gravity_kernel
 from kinematics.arrays import Array
-from kinematics.chain import Chain
-from kinematics.compiled.kernel import kernel
 from kinematics.forward import joint_frames
+from kinematics.model.chain import Chain
 
 
 @kernel

@@ -3,14 +3,14 @@
 import numpy as np
 from numpy.typing import ArrayLike
 
+from compiled.kernel import kernel
 from dynamics.batch import stack_vectors
 from dynamics.body import bodies
 from dynamics.recursion import WORK, inverse_kernel, reference_inverse_kernel
 from kinematics.arrays import Array
-from kinematics.chain import Chain
-from kinematics.compiled.kernel import kernel
 from kinematics.errors import InvalidOption
 from kinematics.jacobian import geometric
+from kinematics.model.chain import Chain
 
 
 @kernel

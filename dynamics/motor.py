@@ -8,8 +8,8 @@ import numpy as np
 
 from dynamics.payload import with_motors
 from kinematics.arrays import Array
-from kinematics.chain import Chain
 from kinematics.errors import InvalidOption
+from kinematics.model.chain import Chain
 
 
 @dataclass(frozen=True, slots=True)

@@ -5,7 +5,7 @@ import numpy as np
 from dynamics.base_parameters import BaseParameters, combination_text
 from dynamics.regressor import standard_parameters
 from kinematics.arrays import Array
-from kinematics.chain import Chain, JointType
+from kinematics.model.chain import Chain, JointType
 
 #: First moments by their axis, as the textbooks call the coordinates of a centre of mass.
 _FIRST_MOMENTS = {"mx": "xc", "my": "yc", "mz": "zc"}

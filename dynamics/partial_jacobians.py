@@ -7,8 +7,8 @@ from numpy.typing import ArrayLike
 
 from dynamics.body import bodies
 from kinematics.arrays import Array
-from kinematics.chain import Chain
 from kinematics.jacobian import geometric
+from kinematics.model.chain import Chain
 from kinematics.pose import inverse
 
 

@@ -7,8 +7,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from kinematics.arrays import Array
-from kinematics.chain import Chain, Inertia, Link
 from kinematics.errors import InvalidOption
+from kinematics.model.chain import Chain, Inertia, Link
 from kinematics.rounding import asymmetry, moment_rounding, tensor_rounding
 
 

@@ -13,6 +13,8 @@ Christoffel symbols.
 
 import numpy as np
 
+from compiled.kernel import kernel
+from compiled.vec3 import Vector, add, cross, scale
 from dynamics.body_row import (
     COULOMB,
     FIRST_MOMENT,
@@ -30,8 +32,6 @@ from dynamics.body_row import (
     to_parent,
 )
 from kinematics.arrays import Array
-from kinematics.compiled.kernel import kernel
-from kinematics.vec3 import Vector, add, cross, scale
 
 # Columns of scratch for each joint.
 COSINE = 0

@@ -3,15 +3,15 @@
 import numpy as np
 from numpy.typing import ArrayLike
 
+from compiled.kernel import kernel
+from compiled.vec3 import Vector, cross, dot, load, scale, subtract
 from dynamics.batch import stack_vectors
 from dynamics.body import bodies
 from dynamics.body_row import COULOMB, FRICTION, MASS, MOTOR, REVOLUTE, SMOOTH_SPEED, TYPE
 from dynamics.composite import FRAME, axis_of, frames_kernel, origin_of
 from dynamics.recursion import WORK, advance
 from kinematics.arrays import Array, frozen
-from kinematics.chain import Chain
-from kinematics.compiled.kernel import kernel
-from kinematics.vec3 import Vector, cross, dot, load, scale, subtract
+from kinematics.model.chain import Chain
 
 #: The standard parameters of one body, in their order; inertia about the joint frame's origin.
 BODY_PARAMETERS = ("m", "mx", "my", "mz", "Ixx", "Ixy", "Iyy", "Ixz", "Iyz", "Izz")

@@ -12,8 +12,8 @@ from numpy.typing import ArrayLike
 
 from dynamics.body import Bodies, bodies
 from dynamics.body_row import COULOMB, SMOOTH_SPEED
-from kinematics.bounded_cache import bounded_cache
-from kinematics.chain import Chain
+from kinematics.caches.bounded_cache import bounded_cache
+from kinematics.model.chain import Chain
 from kinematics.symbolic import Expression, symbolic_frames
 
 

@@ -1,12 +1,12 @@
-"""Array types of the whole application, and read-only copies."""
+"""Arrays of numbers: read-only copies, and checks of what callers give."""
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from compiled.arrays import Array, Indices
 from kinematics.errors import InvalidNumbers, InvalidOption
 
-Array = NDArray[np.float64]
-Indices = NDArray[np.int64]
+__all__ = ["Array", "Indices", "as_numbers", "frozen", "numbers"]
 
 
 def frozen(values: ArrayLike) -> Array:

@@ -5,10 +5,10 @@ from typing import Self
 import numpy as np
 
 from kinematics.arrays import Array
-from kinematics.chain import Chain
 from kinematics.errors import InvalidRobotState
 from kinematics.forward import all_poses, link_number, one_pose, write_branches
 from kinematics.jacobian import both_of_one, one_jacobian
+from kinematics.model.chain import Chain
 
 
 class KinematicsEvaluator:

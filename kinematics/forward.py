@@ -8,13 +8,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
+from compiled.kernel import direct, kernel
+from compiled.simd import LANES, on_stack
+from compiled.simd_transpose import aligned_kernel
+from compiled.sincos import TURNS, few_turns_kernel, turn_at_kernel
 from kinematics.arrays import Array
-from kinematics.branch import branch_to, is_on_branch, require_on_chain
-from kinematics.chain import Chain
-from kinematics.compiled.kernel import direct, kernel
-from kinematics.compiled.simd import LANES, on_stack
-from kinematics.compiled.simd_frames import FRAME, POSE, pose_lanes_kernel, poses_lanes_kernel
-from kinematics.compiled.simd_transpose import aligned_kernel
 from kinematics.errors import InvalidOption
 from kinematics.frame import (
     IDENTITY,
@@ -24,7 +22,9 @@ from kinematics.frame import (
     step_kernel,
     store_kernel,
 )
-from kinematics.sincos import TURNS, few_turns_kernel, turn_at_kernel
+from kinematics.model.branch import branch_to, is_on_branch, require_on_chain
+from kinematics.model.chain import Chain
+from kinematics.simd_frames import FRAME, POSE, pose_lanes_kernel, poses_lanes_kernel
 
 _FLOAT = np.dtype(np.float64)
 # Names of this module: looking them up in another one costs as much as a joint does.

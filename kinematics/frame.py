@@ -5,9 +5,9 @@ The same arithmetic serves one configuration and, with vectors for numbers, eigh
 
 import math
 
+from compiled.kernel import kernel
+from compiled.simd import Lanes
 from kinematics.arrays import Array
-from kinematics.compiled.kernel import kernel
-from kinematics.compiled.simd import Lanes
 
 Frame = tuple[Lanes, Lanes, Lanes, Lanes, Lanes, Lanes, Lanes, Lanes, Lanes, Lanes, Lanes, Lanes]
 IDENTITY: Frame = (1.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0)

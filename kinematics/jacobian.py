@@ -7,18 +7,18 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
+from compiled.kernel import direct, kernel
+from compiled.simd import LANES, on_stack
+from compiled.simd_transpose import aligned_kernel
+from compiled.sincos import TURNS, few_turns_kernel, turn_at_kernel
 from kinematics.arrays import Array
-from kinematics.branch import branch_to, is_on_branch
-from kinematics.chain import Chain
-from kinematics.compiled.kernel import direct, kernel
-from kinematics.compiled.simd import LANES, on_stack
-from kinematics.compiled.simd_frames import COLUMN, jacobians_lanes_kernel
-from kinematics.compiled.simd_transpose import aligned_kernel
 from kinematics.errors import InvalidOption, InvalidRobotState
 from kinematics.forward import fits_kernel, frames_kernel, link_number
 from kinematics.frame import IDENTITY, Frame, compose_kernel, move_kernel, store_kernel
+from kinematics.model.branch import branch_to, is_on_branch
+from kinematics.model.chain import Chain
 from kinematics.pose import to_zyz
-from kinematics.sincos import TURNS, few_turns_kernel, turn_at_kernel
+from kinematics.simd_frames import COLUMN, jacobians_lanes_kernel
 
 _FLOAT = np.dtype(np.float64)
 # Names of this module: looking them up in another one costs as much as a joint does.

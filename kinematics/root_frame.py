@@ -3,9 +3,9 @@
 import numpy as np
 
 from kinematics.arrays import Array
-from kinematics.chain import Chain
 from kinematics.errors import InvalidLinkName
 from kinematics.forward import forward
+from kinematics.model.chain import Chain
 
 #: The name of the tip's frame, where it stands at the configuration of a request.
 TOOL = "tool"

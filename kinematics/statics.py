@@ -4,9 +4,9 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from kinematics.arrays import Array
-from kinematics.chain import Chain
 from kinematics.errors import InvalidOption
 from kinematics.jacobian import geometric
+from kinematics.model.chain import Chain
 
 
 def holding_torques(

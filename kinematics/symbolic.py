@@ -12,10 +12,10 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from kinematics.arrays import Array
-from kinematics.bounded_cache import bounded_cache
-from kinematics.branch import require_on_chain
-from kinematics.chain import Chain
+from kinematics.caches.bounded_cache import bounded_cache
 from kinematics.errors import InvalidOption, InvalidRobotState
+from kinematics.model.branch import require_on_chain
+from kinematics.model.chain import Chain
 
 #: A CasADi matrix, SX (scalar expressions) or MX; CasADi itself has no types.
 Expression = Any

@@ -18,9 +18,9 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from kinematics.arrays import Array, Indices
-from kinematics.chain import Chain
 from kinematics.errors import InvalidOption
 from kinematics.jacobian import geometric
+from kinematics.model.chain import Chain
 
 #: Singular values below this are damped: at it, 1 m/s or 1 rad/s asks for 50 rad/s or m/s.
 DAMPED_BELOW = 0.02

@@ -14,8 +14,8 @@ from typing import IO
 
 import numpy as np
 
+from compiled.kept_file import read_kept, write_kept
 from kinematics.arrays import Array
-from kinematics.kept_file import read_kept, write_kept
 
 _directory: Path | None = None
 _written: list[Path] | None = None

@@ -8,10 +8,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from kinematics.arrays import Array
-from kinematics.trajectory import Trajectory
-from obstacles.checker import Checker
-from planning.close_instants import instants
-from planning.preferred_clearance import PreferredClearance
+from kinematics.trajectory.trajectory import Trajectory
+from obstacles.collision.checker import Checker
+from planning.timing.close_instants import instants
+from planning.values.preferred_clearance import PreferredClearance
 
 #: Instants that are looked at, at least this many and no farther apart than the period [s].
 _LEAST_INSTANTS = 32

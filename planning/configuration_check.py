@@ -5,13 +5,13 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from kinematics.arrays import Array
-from kinematics.bounded_cache import bounded_cache
-from obstacles.checker import Checker
-from obstacles.fcl_distance import FclWorld
-from obstacles.overlap_meter import OverlapMeter, overlap_meter
-from obstacles.robot_geometry import RobotGeometry
-from obstacles.scene import Scene
-from planning.ready import TOUCHING
+from kinematics.caches.bounded_cache import bounded_cache
+from obstacles.collision.checker import Checker
+from obstacles.collision.fcl.fcl_distance import FclWorld
+from obstacles.collision.fcl.overlap_meter import OverlapMeter, overlap_meter
+from obstacles.robots.robot_geometry import RobotGeometry
+from obstacles.scenes.scene import Scene
+from planning.preflight_result import TOUCHING
 
 #: Distances above this are exact as the kernel finds them; below it FCL measures the depth [m].
 _DEPTH_BELOW = 1e-6

@@ -14,11 +14,11 @@ from scipy.optimize import linprog
 from scipy.spatial import HalfspaceIntersection, QhullError
 
 from kinematics.arrays import Array
-from obstacles.allowed_pairs import allowed_pairs, sorted_pair
-from obstacles.hull import convex_hull
-from obstacles.piece import Piece, PieceKind
-from obstacles.scene import AllowedContact, Obstacle
-from obstacles.shapes import Box, Capsule, Convex, Cylinder, HalfSpace, Shape, Sphere
+from obstacles.convex.hull import convex_hull
+from obstacles.convex.piece import Piece, PieceKind
+from obstacles.robots.allowed_pairs import allowed_pairs, sorted_pair
+from obstacles.scenes.scene import AllowedContact, Obstacle
+from obstacles.shapes.shape import Box, Capsule, Convex, Cylinder, HalfSpace, Shape, Sphere
 from planning.problem import Problem
 
 #: A core is this much smaller than it need be [m]: a contact as deep as allowed is not in it.

@@ -7,12 +7,12 @@ from typing import Any, Literal
 
 from kinematics.arrays import Array
 from kinematics.errors import InvalidOption
-from planning.explored import Explored
-from planning.goal_costs import GoalCosts
-from planning.optimize.options import RefineOptions
-from planning.preferred_clearance import PreferredClearance
-from planning.seam_options import SeamOptions
 from planning.timing.options import TimingOptions
+from planning.tool_motions.seam_options import SeamOptions
+from planning.values.goal_costs import GoalCosts
+from planning.values.optimize_options import RefineOptions
+from planning.values.preferred_clearance import PreferredClearance
+from planning.values.search_trees import Explored
 
 #: Least deviation of the tool that can be asked for [m], [rad]: inverse kinematics and the bounds
 #: have three digits to spare below it.

@@ -3,12 +3,12 @@
 from dataclasses import dataclass
 from typing import Protocol
 
-from obstacles.checker import Checker
-from planning.deadline import Deadline
-from planning.explored import Explored
+from obstacles.collision.checker import Checker
+from planning.preflight_result import Ready
 from planning.problem import Problem
-from planning.ready import Ready
 from planning.result import Attempt
+from planning.values.deadline import Deadline
+from planning.values.search_trees import Explored
 
 
 @dataclass(frozen=True, slots=True, eq=False)

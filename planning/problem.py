@@ -9,9 +9,9 @@ from numpy.typing import ArrayLike
 
 from kinematics.arrays import Array, frozen
 from kinematics.errors import InvalidGoal, InvalidRobotState
-from obstacles.placement import place
-from obstacles.robot_geometry import RobotGeometry
-from obstacles.scene import Scene
+from obstacles.robots.robot_geometry import RobotGeometry
+from obstacles.scenes.placement import place
+from obstacles.scenes.scene import Scene
 from planning.constraints.constraint_set import ConstraintSet
 
 

@@ -15,10 +15,10 @@ from typing import Any
 import numpy as np
 
 from armwright_wire.kinematics import FkRequest, JacobianRequest
-from kinematics.compiled.kernel_dispatcher import Kernel
-from kinematics.compiled.kernel_target import target
+from compiled.dispatcher import Kernel
+from compiled.target import target
 from kinematics.forward import forward
-from planning.deadline import Deadline
+from planning.values.deadline import Deadline
 from service.storage import worker_cache
 from service.storage.cache_key import builtin_reference
 from service.tasks import check, dynamics, inverse_kinematics, kinematics, plan

@@ -17,8 +17,8 @@ from pathlib import Path
 ROOT = Path(__file__).parents[1]
 sys.path.insert(0, str(ROOT))
 
-from kinematics.compiled import kernel_list, kernel_store  # noqa: E402
-from kinematics.compiled.kernel_dispatcher import FROZEN  # noqa: E402
+from compiled import kernel_list, store  # noqa: E402
+from compiled.dispatcher import FROZEN  # noqa: E402
 from service import kernels  # noqa: E402
 
 #: What sends requests of every kind.
@@ -56,7 +56,7 @@ def record_first() -> None:
         bodies, doors = Path(temporary, "bodies"), Path(temporary, "doors")
         bodies.mkdir()
         doors.mkdir()
-        for folder in kernel_store.layers():
+        for folder in store.layers():
             for path in folder.iterdir() if folder.is_dir() else ():
                 if ".door" not in path.name and not (bodies / path.name).exists():
                     (bodies / path.name).symlink_to(path.resolve())

@@ -24,10 +24,10 @@ from pathlib import Path
 ROOT = Path(__file__).parents[1]
 sys.path.insert(0, str(ROOT))
 
-from kinematics.compiled import kernel_target  # noqa: E402
+from compiled import target as kernel_target  # noqa: E402
 
 #: Where an installed package looks for machine code first.
-_KERNELS = "kinematics/compiled/kernels"
+_KERNELS = "compiled/kernels"
 #: The first date that a zip file can hold: equal contents make equal wheels.
 _DATE = (1980, 1, 1, 0, 0, 0)
 #: Kinds of processors that a wheel is for; those that this one is of.

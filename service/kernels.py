@@ -6,9 +6,9 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import NamedTuple
 
-from kinematics.compiled import kernel_build, kernel_list, kernel_store
-from kinematics.compiled.kernel_build import BuildFailed, Report
-from kinematics.compiled.kernel_list import Entry
+from compiled import build, kernel_list, store
+from compiled.build import BuildFailed, Report
+from compiled.kernel_list import Entry
 from service import warm_requests
 
 _log = logging.getLogger(__name__)
@@ -51,17 +51,17 @@ def compile_kernels(
         BuildFailed: a process that compiled kernels died.
     """
     entries, outdated = _listed(first_only)
-    missing = kernel_build.missing_entries(entries)
+    missing = build.missing_entries(entries)
     if missing:
         processes = processes or len(os.sched_getaffinity(0))
-        outdated = [*outdated, *kernel_build.build(missing, processes, report)]
+        outdated = [*outdated, *build.build(missing, processes, report)]
     return Counts(len(entries), len(missing), tuple(outdated))
 
 
 def count_missing() -> int:
     """Count the kernels of the list that are not on disk."""
     entries, _ = kernel_list.read(LIST)
-    return len(kernel_build.missing_entries(entries))
+    return len(build.missing_entries(entries))
 
 
 def prepare(report: Report) -> None:
@@ -109,7 +109,7 @@ def load_kernels(*, first_only: bool = False) -> bool:
 
 def keep_in_package() -> None:
     """Have this process keep what it compiles where every user of the installation finds it."""
-    os.environ["NUMBA_CACHE_DIR"] = str(kernel_store.shipped_folder())
+    os.environ["NUMBA_CACHE_DIR"] = str(store.shipped_folder())
 
 
 def prune() -> int:
@@ -119,7 +119,7 @@ def prune() -> int:
         How many files that were.
     """
     entries, _ = kernel_list.read(LIST)
-    return kernel_store.prune({name for entry in entries for name in entry.files})
+    return store.prune({name for entry in entries for name in entry.files})
 
 
 def first_names() -> frozenset[str]:

@@ -10,15 +10,15 @@ from typing import Any
 
 import numpy as np
 
+from compiled import store
 from kinematics import pose as rotation
-from kinematics.compiled import kernel_store
 from kinematics.forward import forward
 from kinematics.robots import builtin_names
-from obstacles.checker import Checker
+from obstacles.collision.checker import Checker
 from obstacles.kept_files import keep_files_in, written_files
-from obstacles.scene import Scene
-from planning.deadline import Deadline
+from obstacles.scenes.scene import Scene
 from planning.search.rrt_connect import rrt_connect
+from planning.values.deadline import Deadline
 from service.storage import prepared_files, worker_cache
 from service.storage.cache_key import Reference, builtin_reference
 from service.tasks import check as check_tasks
@@ -96,7 +96,7 @@ def _load(name: str) -> None:
 
 
 def _kept_solids() -> Path:
-    return kernel_store.user_folder() / "solids"
+    return store.user_folder() / "solids"
 
 
 def _keep_apart(name: str) -> None:

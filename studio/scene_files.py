@@ -23,8 +23,8 @@ from armwright_client import (
     Sphere,
 )
 from armwright_client.shape import Capsule, Cone, Shape
-from obstacles.mesh import FILE_TYPES, load_mesh
-from obstacles.moveit import scene_from_moveit
+from obstacles.meshes.mesh import FILE_TYPES, load_mesh
+from obstacles.scenes.moveit import scene_from_moveit
 from studio.pose import rotation
 
 #: Endings of planning scenes of MoveIt.

@@ -24,12 +24,13 @@ _TOGETHER = ("tests/client/", "tests/service/jobs/", "tests/service/viewer/", "t
 
 #: Files of few tests that take long: they begin first, for who takes one last is waited for.
 LONG = (
-    "tests/service/test_kernels.py", "tests/kinematics/compiled/test_kernel.py",
+    "tests/service/test_kernels.py", "tests/compiled/test_kernel.py",
     "tests/service/test_cli.py", "tests/service/test_reproducible.py",
-    "tests/kinematics/compiled/test_kernel_build.py", "tests/command_line/test_studio.py",
+    "tests/compiled/test_build.py", "tests/command_line/test_studio.py",
     "tests/service/test_warm.py", "tests/planning/test_goal_choice_sequences.py",
     "tests/service/test_startup.py", "tests/service/test_agents.py",
-    "tests/obstacles/test_mesh_motion.py", "tests/service/test_positioner_obstacles.py",
+    "tests/obstacles/distance/triangles/test_motion.py",
+    "tests/service/test_positioner_obstacles.py",
     "tests/course/test_example_course.py", "tests/service/test_server.py", "tests/test_readme.py",
     "tests/command_line/test_main.py", "tests/planning/proof/test_followers.py",
 )  # fmt: skip

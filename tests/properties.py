@@ -8,7 +8,7 @@ from hypothesis.extra.numpy import arrays
 
 from kinematics.arrays import Array
 from kinematics.pose import from_axis_angle, transform
-from kinematics.trajectory import Trajectory
+from kinematics.trajectory.trajectory import Trajectory
 
 #: Angles with those that conversions find hard [rad].
 angles = st.one_of(

@@ -8,13 +8,13 @@ from tests.test_sizes import PRODUCT, ROOT
 #: Functions whose last values are bounded by number alone, and why that is enough. A chain has as
 #: many joints as a robot, so its tables take kilobytes.
 BY_NUMBER = {
-    "kinematics/ik/arm_parts.py": "parts of a chain",
-    "kinematics/ik/structure.py": "a few numbers of a chain",
-    "kinematics/ik/analytic.py": "a few numbers of a chain",
-    "kinematics/ik/numeric.py": "tables of a chain",
+    "kinematics/ik/closed_form/arm_parts.py": "parts of a chain",
+    "kinematics/ik/closed_form/structure.py": "a few numbers of a chain",
+    "kinematics/ik/closed_form/analytic.py": "a few numbers of a chain",
+    "kinematics/ik/numeric/numeric.py": "tables of a chain",
     "dynamics/body.py": "a row of numbers for each link of a chain",
     "dynamics/base_parameters.py": "matrices of a chain",
-    "obstacles/bvh.py": "a number",
+    "obstacles/distance/bvh.py": "a number",
     "planning/search/tree_pairs.py": "a number",
     "planning/timing/choice.py": "limits of a chain's joints",
     "service/http/state.py": "a path",
@@ -25,13 +25,13 @@ BY_NUMBER = {
 
 #: Functions that keep all values: of kernels, of files of ours, of functions of the client.
 WITHOUT_A_BOUND = {
-    ("kinematics/compiled/kernel_code.py", "copied"),
-    ("kinematics/compiled/kernel_code.py", "_environments"),
-    ("kinematics/compiled/kernel_code.py", "_size"),
-    ("kinematics/compiled/kernel_library.py", "_plain_machine"),
-    ("kinematics/compiled/kernel_store.py", "_warn_once"),
-    ("obstacles/obstacle_content.py", "_field_names"),
-    ("obstacles/triangles.py", "_inner_radius"),
+    ("compiled/machine_code.py", "copied"),
+    ("compiled/machine_code.py", "_environments"),
+    ("compiled/machine_code.py", "_size"),
+    ("compiled/library.py", "_plain_machine"),
+    ("compiled/store.py", "_warn_once"),
+    ("obstacles/scenes/obstacle_content.py", "_field_names"),
+    ("obstacles/convex/triangles.py", "_inner_radius"),
     ("service/viewer/page.py", "_asset"),
     ("client/armwright_client/call.py", "_method"),
 }

@@ -6,7 +6,7 @@ from typing import Any
 
 import pytest
 
-from planning.deadline import Deadline
+from planning.values.deadline import Deadline
 
 ROOT = Path(__file__).parents[1]
 PAGES = sorted([*ROOT.glob("*.md"), *(ROOT / "docs").rglob("*.md")])

@@ -22,6 +22,7 @@ ROOT = Path(__file__).parents[1]
 PACKAGES = (
     "armwright",
     "command_line",
+    "compiled",
     "kinematics",
     "dynamics",
     "obstacles",
@@ -128,6 +129,7 @@ def test_layers_stand_in_order() -> None:
         "planning | tracking",
         "dynamics | obstacles",
         "kinematics",
+        "compiled",
     ]
     forbidden = {name for c in contracts.values() for name in c.get("forbidden_modules", ())}
     assert forbidden >= {"fcl", "ompl", "toppra", "ruckig", "trimesh", "casadi", "numba"}

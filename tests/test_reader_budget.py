@@ -12,17 +12,17 @@ import pytest
 import trimesh
 
 from kinematics.errors import ArmwrightError
-from kinematics.serial_chain import serial_chain
-from kinematics.srdf import parse_srdf
-from kinematics.urdf import parse_urdf
-from kinematics.urdf_visuals import read_visuals
-from kinematics.yaml_reader import UnreadableYaml, read_yaml
-from obstacles.mesh import load_mesh
-from obstacles.moveit import scene_from_moveit
-from obstacles.robot_geometry import RobotGeometry, robot_geometry
-from obstacles.visual_geometry import visual_geometry
+from kinematics.readers.yaml_reader import UnreadableYaml, read_yaml
+from kinematics.tree.serial_chain import serial_chain
+from kinematics.tree.srdf import parse_srdf
+from kinematics.urdf.urdf import parse_urdf
+from kinematics.urdf.visuals import read_visuals
+from obstacles.meshes.mesh import load_mesh
+from obstacles.robots.robot_geometry import RobotGeometry, robot_geometry
+from obstacles.robots.visual_geometry import visual_geometry
+from obstacles.scenes.moveit import scene_from_moveit
 from service.translate.archive import read_archive
-from tests.obstacles.test_collada import POLYGONS, TRIANGLES, written
+from tests.obstacles.meshes.test_collada import POLYGONS, TRIANGLES, written
 
 #: Of one small file, with all the load of other tests [s of the processor], [MiB].
 SECONDS, MEMORY = 5.0, 300.0

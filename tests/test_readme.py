@@ -19,7 +19,7 @@ from armwright_wire.controllers import Controller
 from armwright_wire.tour import MAX_GOALS
 from kinematics.robots import builtin_names
 from planning.exports.options import ExportFormat
-from planning.optimize.options import OBJECTIVES
+from planning.values.optimize_options import OBJECTIVES
 from service.version import VERSION
 from tests.command_line.commands import Run, runner
 from tests.service.forked_commands import start_command

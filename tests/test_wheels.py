@@ -29,10 +29,10 @@ def load(name: str) -> ModuleType:
 def whole(tmp_path: Path) -> Path:
     info = "armwright-0.1.0.dist-info"
     contents = {
-        "kinematics/compiled/__init__.py": "",
+        "compiled/__init__.py": "",
         f"{info}/METADATA": "Metadata-Version: 2.1\nName: armwright\nVersion: 0.1.0\n",
         f"{info}/WHEEL": FACTS,
-        f"{info}/RECORD": "kinematics/compiled/__init__.py,sha256=x,0\n",
+        f"{info}/RECORD": "compiled/__init__.py,sha256=x,0\n",
     }
     with zipfile.ZipFile(tmp_path / NAME, "w") as pure:
         for name, content in contents.items():
@@ -51,7 +51,7 @@ def test_it_is_for_this_python_and_platform_and_holds_the_machine_code(whole: Pa
     version = f"cp{sys.version_info[0]}{sys.version_info[1]}"
     assert whole.name.startswith(f"armwright-0.1.0-{version}-{version}-linux_")
     with zipfile.ZipFile(whole) as wheel:
-        assert wheel.read("kinematics/compiled/kernels/two") == b"two"
+        assert wheel.read("compiled/kernels/two") == b"two"
         facts = wheel.read("armwright-0.1.0.dist-info/WHEEL").decode()
     assert "Root-Is-Purelib: false" in facts
     assert f"Tag: {version}-{version}-linux_" in facts
@@ -75,4 +75,4 @@ def test_every_file_is_recorded_with_its_digest(whole: Path) -> None:
 def test_pip_installs_it_here(whole: Path, tmp_path: Path) -> None:
     command = [sys.executable, "-m", "pip", "install", "-q", "--no-index", "--no-deps"]
     subprocess.run([*command, "--target", str(tmp_path / "site"), str(whole)], check=True)
-    assert (tmp_path / "site/kinematics/compiled/kernels/one").read_bytes() == b"one"
+    assert (tmp_path / "site/compiled/kernels/one").read_bytes() == b"one"

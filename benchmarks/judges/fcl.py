@@ -13,10 +13,10 @@ from benchmarks.judges.triangles import winding_numbers
 from kinematics.arrays import Array
 from kinematics.forward import joint_frames
 from kinematics.pose import align_z
-from obstacles.hull import convex_hull
-from obstacles.piece import Piece, PieceKind
-from obstacles.robot_geometry import RobotGeometry
-from obstacles.scene import Scene
+from obstacles.convex.hull import convex_hull
+from obstacles.convex.piece import Piece, PieceKind
+from obstacles.robots.robot_geometry import RobotGeometry
+from obstacles.scenes.scene import Scene
 
 _UNITS = 1e5
 

@@ -8,7 +8,7 @@ import numpy as np
 import ruckig
 from numpy.typing import NDArray
 
-from planning.timing.path import JointPath
+from planning.timing.path.path import JointPath
 
 Array = NDArray[np.float64]
 

@@ -3,7 +3,7 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from kinematics.trajectory import Trajectory
+from kinematics.trajectory.trajectory import Trajectory
 
 Array = NDArray[np.float64]
 

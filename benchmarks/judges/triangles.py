@@ -18,9 +18,9 @@ import trimesh
 from numpy.typing import NDArray
 
 from benchmarks.problems.example_arms import ExampleArm, mesh_bytes
-from obstacles.robot_geometry import RobotGeometry
-from obstacles.scene import Scene
-from obstacles.shapes import Box, Cylinder, Mesh, Sphere
+from obstacles.robots.robot_geometry import RobotGeometry
+from obstacles.scenes.scene import Scene
+from obstacles.shapes.shape import Box, Cylinder, Mesh, Sphere
 
 Array = NDArray[np.float64]
 

@@ -25,10 +25,10 @@ from ompl import base, geometric, util
 from benchmarks.judges.recheck import STEP, Recheck, Scenery
 from benchmarks.mbm_problems import Case, cases, panda
 from kinematics.arrays import Array
-from kinematics.chain import Chain
-from obstacles.robot_geometry import RobotGeometry
+from kinematics.model.chain import Chain
+from obstacles.robots.robot_geometry import RobotGeometry
 from planning.options import Options
-from planning.pipeline import plan
+from planning.pipeline.pipeline import plan
 from planning.result import Plan
 from planning.sampling.space import joint_space, state_of
 

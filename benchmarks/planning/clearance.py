@@ -16,13 +16,13 @@ from typing import NamedTuple
 import numpy as np
 
 from benchmarks.mbm_problems import cases, panda
-from kinematics.trajectory import Trajectory
-from obstacles.checker import Checker
+from kinematics.trajectory.trajectory import Trajectory
+from obstacles.collision.checker import Checker
 from planning.options import Options
-from planning.pipeline import plan
-from planning.preferred_clearance import PreferredClearance
+from planning.pipeline.pipeline import plan
 from planning.problem import Problem
 from planning.result import Failure
+from planning.values.preferred_clearance import PreferredClearance
 
 #: Between two looks at a motion [s].
 PERIOD = 5e-3

@@ -28,18 +28,18 @@ from benchmarks.judges.recheck import Recheck
 from benchmarks.mbm_problems import ACCELERATION, Case, cases, panda, scene_at_root
 from kinematics.arrays import Array
 from kinematics.forward import forward
-from kinematics.trajectory import Trajectory
-from obstacles.robot_geometry import RobotGeometry
-from obstacles.scene import Scene
+from kinematics.trajectory.trajectory import Trajectory
+from obstacles.robots.robot_geometry import RobotGeometry
+from obstacles.scenes.scene import Scene
 from planning.constrained.ik import IkOptions, constrained_ik
-from planning.constraints.constraint import Geometric
 from planning.constraints.constraint_set import ConstraintSet
-from planning.constraints.limit import ClearanceConstraint
-from planning.constraints.orientation import ConeConstraint, OrientationConstraint
-from planning.constraints.position import PositionConstraint
-from planning.constraints.region import PlaneRegion, SphereRegion
+from planning.constraints.kinds.constraint import Geometric
+from planning.constraints.kinds.limit import ClearanceConstraint
+from planning.constraints.kinds.orientation import ConeConstraint, OrientationConstraint
+from planning.constraints.kinds.position import PositionConstraint
+from planning.constraints.kinds.region import PlaneRegion, SphereRegion
 from planning.options import Options
-from planning.pipeline import plan
+from planning.pipeline.pipeline import plan
 from planning.problem import Goal, JointGoal, PoseGoal, Problem
 from planning.result import Failure
 

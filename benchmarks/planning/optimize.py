@@ -20,14 +20,14 @@ import pinocchio
 from benchmarks.judges.recheck import Recheck
 from benchmarks.mbm_problems import ACCELERATION, JERK, Case, cases, panda
 from dynamics.payload import with_payload
-from kinematics.trajectory import Trajectory
-from obstacles.robot_geometry import RobotGeometry
+from kinematics.trajectory.trajectory import Trajectory
+from obstacles.robots.robot_geometry import RobotGeometry
 from planning.optimize.objective import value
-from planning.optimize.options import OBJECTIVES, SOLVERS, Objective
 from planning.options import Options
-from planning.pipeline import plan
+from planning.pipeline.pipeline import plan
 from planning.result import Failure, Plan
 from planning.timing.options import Payload, TimingOptions
+from planning.values.optimize_options import OBJECTIVES, SOLVERS, Objective
 
 
 @dataclass(frozen=True)

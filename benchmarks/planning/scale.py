@@ -18,14 +18,14 @@ import numpy as np
 from benchmarks.verdict import builtin, certify_all, cheapest
 from kinematics.arrays import Array
 from kinematics.pose import transform
-from obstacles.checker import Checker
-from obstacles.edge_check import FREE
-from obstacles.robot_geometry import RobotGeometry
-from obstacles.scene import Obstacle, Scene
-from obstacles.shapes import Box, Cylinder, PointCloud, Sphere
-from obstacles.state_check import verdicts_on
+from obstacles.collision.checker import Checker
+from obstacles.collision.edge_check import FREE
+from obstacles.collision.state_check import verdicts_on
+from obstacles.robots.robot_geometry import RobotGeometry
+from obstacles.scenes.scene import Obstacle, Scene
+from obstacles.shapes.shape import Box, Cylinder, PointCloud, Sphere
 from planning.options import Options
-from planning.pipeline import plan
+from planning.pipeline.pipeline import plan
 from planning.problem import JointGoal, Problem
 from planning.result import Plan
 

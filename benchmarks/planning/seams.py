@@ -23,18 +23,18 @@ from benchmarks.judges.fcl import FclJudge
 from kinematics.arrays import Array
 from kinematics.pose import transform
 from kinematics.robots import builtin_srdf, builtin_urdf
-from kinematics.serial_chain import serial_chain
-from kinematics.srdf import parse_srdf
-from kinematics.urdf import parse_urdf
-from obstacles.robot_geometry import RobotGeometry, robot_geometry
-from obstacles.scene import Obstacle, Scene
-from obstacles.shapes import Cylinder
+from kinematics.tree.serial_chain import serial_chain
+from kinematics.tree.srdf import parse_srdf
+from kinematics.urdf.urdf import parse_urdf
+from obstacles.robots.robot_geometry import RobotGeometry, robot_geometry
+from obstacles.scenes.scene import Obstacle, Scene
+from obstacles.shapes.shape import Cylinder
 from planning.options import CartesianOptions, Options
-from planning.pipeline import plan
+from planning.pipeline.pipeline import plan
 from planning.problem import PoseGoal, Problem
 from planning.result import Plan
-from planning.seam_options import SeamOptions, SeamWaypoint
-from planning.tool_tolerance import ToolTolerance
+from planning.tool_motions.seam_options import SeamOptions, SeamWaypoint
+from planning.tool_motions.tool_tolerance import ToolTolerance
 
 #: Speed of the tool [m/s].
 SPEED = 0.1

@@ -7,13 +7,13 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from kinematics.description import MeshGeometry
-from kinematics.fingers import fingers
-from kinematics.serial_chain import select, serial_chain
-from kinematics.srdf import Semantics, parse_srdf
-from kinematics.urdf import parse_urdf
-from kinematics.urdf_visuals import read_visuals
-from obstacles.robot_geometry import RobotGeometry, robot_geometry
+from kinematics.tree.description import MeshGeometry
+from kinematics.tree.fingers import fingers
+from kinematics.tree.serial_chain import select, serial_chain
+from kinematics.tree.srdf import Semantics, parse_srdf
+from kinematics.urdf.urdf import parse_urdf
+from kinematics.urdf.visuals import read_visuals
+from obstacles.robots.robot_geometry import RobotGeometry, robot_geometry
 
 _SCHEME = "package://example-robot-data/robots/"
 

@@ -7,8 +7,8 @@ import trimesh
 
 from kinematics.arrays import Array
 from kinematics.pose import from_rpy, transform
-from obstacles.scene import Obstacle, Scene
-from obstacles.shapes import Box, Mesh, Shape
+from obstacles.scenes.scene import Obstacle, Scene
+from obstacles.shapes.shape import Box, Mesh, Shape
 
 
 def own_scenes(count: int, reach: float, seed: int = 0) -> Iterator[Scene]:

@@ -3,7 +3,7 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from kinematics.chain import Chain
+from kinematics.model.chain import Chain
 
 Array = NDArray[np.float64]
 

@@ -11,9 +11,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from kinematics.arrays import Array
-from kinematics.chain import Chain
-from kinematics.dh import dh_from_chain
-from kinematics.dh_table import DhRow, DhTable
+from kinematics.model.chain import Chain
+from kinematics.model.dh import dh_from_chain
+from kinematics.model.dh_table import DhRow, DhTable
 
 #: Lengths [m], angles [rad] and entries of rotations below this are rounding of products.
 ROUNDING = 1e-10

@@ -21,8 +21,8 @@ from dynamics.equations.polynomial import Polynomials, TooManyTerms
 from dynamics.equations.regressor import symbolic_regressor
 from dynamics.equations.table import SymbolicTable, symbolic_table
 from dynamics.equations.writing import Notation, Writer
-from kinematics.dh_table import DhTable
 from kinematics.errors import InvalidOption
+from kinematics.model.dh_table import DhTable
 
 #: Arms with more joints get no Christoffel symbols and no regressor: those fill hundreds of pages.
 MAX_REGRESSOR_JOINTS = 4

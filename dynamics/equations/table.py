@@ -22,7 +22,7 @@ from dynamics.equations.parameters import (
 )
 from dynamics.equations.polynomial import Polynomial, Polynomials, Variables, constant, matrix
 from kinematics.arrays import Array
-from kinematics.dh_table import DhRow, DhTable
+from kinematics.model.dh_table import DhRow, DhTable
 
 
 @dataclass(frozen=True, slots=True, eq=False)

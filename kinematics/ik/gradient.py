@@ -24,10 +24,9 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from kinematics.arrays import Array, frozen
-from kinematics.chain import Chain
 from kinematics.errors import InvalidOption, InvalidPose
 from kinematics.forward import forward
-from kinematics.ik.numeric import (
+from kinematics.ik.numeric.numeric import (
     AXES,
     ORIENTATION_TOLERANCE,
     POSITION,
@@ -36,6 +35,7 @@ from kinematics.ik.numeric import (
 )
 from kinematics.ik.solution import IkSolution
 from kinematics.jacobian import analytic_zyz, pose_and_jacobian
+from kinematics.model.chain import Chain
 from kinematics.pose import rotation_error, to_zyz
 
 Rule = Literal["pseudo_inverse", "transpose"]

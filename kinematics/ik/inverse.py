@@ -8,16 +8,16 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from kinematics.arrays import Array, frozen
-from kinematics.chain import Chain
 from kinematics.errors import InvalidOption, InvalidPose
-from kinematics.ik import numeric
-from kinematics.ik.analytic import Branches, branches, closed_form, middle, parameter
-from kinematics.ik.arm_reach import out_of_reach
-from kinematics.ik.numeric import AXES, Axis
+from kinematics.ik.closed_form.analytic import Branches, branches, closed_form, middle, parameter
+from kinematics.ik.closed_form.arm_reach import out_of_reach
+from kinematics.ik.closed_form.structure import Structure, structure
+from kinematics.ik.closed_form.subproblem import EXACT
+from kinematics.ik.numeric import numeric
+from kinematics.ik.numeric.numeric import AXES, Axis
 from kinematics.ik.ranking import Ranking, check_ranking, order, whole_turns
 from kinematics.ik.solution import IkResult, IkSolution
-from kinematics.ik.structure import Structure, structure
-from kinematics.ik.subproblem import EXACT
+from kinematics.model.chain import Chain
 
 Method = Literal["auto", "analytic", "numeric"]
 METHODS: tuple[Method, ...] = get_args(Method)

@@ -6,14 +6,14 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from kinematics.arrays import Array, frozen
-from kinematics.chain import Chain
 from kinematics.errors import InvalidOption
-from kinematics.ik import numeric
-from kinematics.ik.analytic import Branches, branches, middle, parameter
+from kinematics.ik.closed_form.analytic import Branches, branches, middle, parameter
+from kinematics.ik.closed_form.structure import Structure, structure
 from kinematics.ik.inverse import CLOSE, IkOptions, parameter_grid
+from kinematics.ik.numeric import numeric
 from kinematics.ik.ranking import order
 from kinematics.ik.solution import IkSolution
-from kinematics.ik.structure import Structure, structure
+from kinematics.model.chain import Chain
 
 #: Starts of the search for each pose. The rare pose that needs more is left to the single search.
 _STARTS = 100

@@ -5,9 +5,9 @@ from typing import Literal, get_args
 import numpy as np
 
 from kinematics.arrays import Array, Indices
-from kinematics.chain import Chain, JointType
 from kinematics.errors import InvalidOption
 from kinematics.jacobian import geometric, manipulability
+from kinematics.model.chain import Chain, JointType
 
 Ranking = Literal["nearest", "limits", "manipulability"]
 RANKINGS: tuple[Ranking, ...] = get_args(Ranking)

@@ -5,12 +5,12 @@ Where each number comes from is said at the head of each URDF and in docs/robots
 
 from importlib.resources import files
 
-from kinematics.chain import Chain
 from kinematics.errors import InvalidOption
+from kinematics.model.chain import Chain
 from kinematics.robot_names import builtin_names as builtin_names
-from kinematics.serial_chain import serial_chain
-from kinematics.srdf import parse_srdf
-from kinematics.urdf import parse_urdf
+from kinematics.tree.serial_chain import serial_chain
+from kinematics.tree.srdf import parse_srdf
+from kinematics.urdf.urdf import parse_urdf
 
 
 def builtin_urdf(name: str) -> str:

@@ -7,7 +7,7 @@ from itertools import pairwise
 import numpy as np
 
 from kinematics.arrays import Array
-from obstacles.checker import Checker, Motion
+from obstacles.collision.checker import Checker, Motion
 from planning.constraints.constraint_set import ConstraintSet
 from planning.constraints.edge_bounds import edge_holds
 from planning.constraints.row import LOWER, UPPER

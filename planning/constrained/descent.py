@@ -6,10 +6,17 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from kinematics.arrays import Array
-from obstacles.model_arrays import ModelArrays
-from planning.constraints.active_set import COURSE, OVER, STAGE, go_on
-from planning.constraints.active_set_program import GAIN, LEFT, Goal, Work, linearise, make_work
-from planning.deadline import Deadline
+from obstacles.collision.model.model_arrays import ModelArrays
+from planning.constraints.solvers.active_set import COURSE, OVER, STAGE, go_on
+from planning.constraints.solvers.active_set_program import (
+    GAIN,
+    LEFT,
+    Goal,
+    Work,
+    linearise,
+    make_work,
+)
+from planning.values.deadline import Deadline
 
 #: Steps between two looks at the clock where solids are kept apart.
 _STEPS = 2

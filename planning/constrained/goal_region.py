@@ -13,11 +13,11 @@ from kinematics.arrays import Array
 from planning.constrained.checker import ConstrainedChecker
 from planning.constrained.pose_goals import pose_constraint
 from planning.constrained.projected_rrt import project_kernel
-from planning.constraints.active_set import FEASIBLE
-from planning.constraints.active_set_program import Goal, make_goal
 from planning.constraints.constraint_set import ConstraintSet
+from planning.constraints.solvers.active_set import FEASIBLE
+from planning.constraints.solvers.active_set_program import Goal, make_goal
+from planning.preflight_result import TOUCHING
 from planning.problem import PoseGoal
-from planning.ready import TOUCHING
 
 #: Iterations of Newton's method from a configuration to a pose.
 _PROJECTIONS = 40

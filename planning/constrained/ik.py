@@ -14,27 +14,27 @@ import numpy as np
 from numpy.typing import NDArray
 
 from kinematics.arrays import Array, frozen
-from kinematics.chain import Chain
 from kinematics.errors import InvalidGoal, InvalidOption
 from kinematics.ik.ranking import margin as limit_use
 from kinematics.jacobian import geometric, manipulability
-from obstacles.checker import Checker
-from obstacles.collision_model import ModelArrays
-from obstacles.edge_check import FREE
-from obstacles.robot_geometry import RobotGeometry
-from obstacles.scene import Scene
-from obstacles.state_check import verdict_on
+from kinematics.model.chain import Chain
+from obstacles.collision.checker import Checker
+from obstacles.collision.edge_check import FREE
+from obstacles.collision.model.collision_model import ModelArrays
+from obstacles.collision.state_check import verdict_on
+from obstacles.robots.robot_geometry import RobotGeometry
+from obstacles.scenes.scene import Scene
 from planning.constrained.descent import Descents
-from planning.constraints.active_set_program import (
+from planning.constraints.constraint_set import ConstraintSet
+from planning.constraints.solvers.active_set_program import (
     LEAST_GAIN,
     Goal,
     make_goal,
     search_arrays,
     without_surfaces,
 )
-from planning.constraints.constraint_set import ConstraintSet
-from planning.constraints.program import BUILDING_TIME, PLANES, Planes, is_built, program
-from planning.deadline import Deadline
+from planning.constraints.solvers.program import BUILDING_TIME, PLANES, Planes, is_built, program
+from planning.values.deadline import Deadline
 
 Objective = Literal["nearest", "limits", "manipulability"]
 OBJECTIVES: tuple[Objective, ...] = get_args(Objective)

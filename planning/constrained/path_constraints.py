@@ -8,14 +8,14 @@ from kinematics.arrays import Array
 from kinematics.errors import InvalidGoal
 from planning.constrained.checker import ConstrainedChecker
 from planning.constrained.pose_goals import goal_configurations
-from planning.constraints.conflict import conflict
 from planning.constraints.constraint_set import ConstraintSet
 from planning.constraints.edge_bounds import TOLERANCE
 from planning.constraints.row import RowKind
-from planning.deadline import Deadline
+from planning.constraints.solvers.conflict import conflict
+from planning.preflight_result import TOUCHING, Ready
 from planning.problem import PoseGoal, Problem
-from planning.ready import TOUCHING, Ready
 from planning.result import Failure
+from planning.values.deadline import Deadline
 
 #: Half a row's width along a path is at least this [m or rad]: the motion of a tool along a line
 #: is made of joint motions that leave it, and a set without thickness can be left at no instant.

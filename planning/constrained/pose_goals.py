@@ -4,12 +4,12 @@ import numpy as np
 
 from kinematics.arrays import Array
 from planning.constrained.ik import ConstrainedSolution, IkOptions, constrained_ik
-from planning.constraints.constraint import Constraint
 from planning.constraints.constraint_set import ConstraintSet
-from planning.constraints.limit import ClearanceConstraint
-from planning.constraints.relative_pose import RelativePoseConstraint
-from planning.deadline import Deadline
+from planning.constraints.kinds.constraint import Constraint
+from planning.constraints.kinds.limit import ClearanceConstraint
+from planning.constraints.kinds.relative_pose import RelativePoseConstraint
 from planning.problem import PoseGoal, Problem
+from planning.values.deadline import Deadline
 
 #: Share of a goal's tolerance for each of three axes; a thousandth is kept for rounding.
 _SHARE = 0.999 / np.sqrt(3.0)

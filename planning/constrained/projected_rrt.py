@@ -19,17 +19,17 @@ from itertools import pairwise
 
 import numpy as np
 
+from compiled.kernel import kernel
 from kinematics.arrays import Array
-from kinematics.compiled.kernel import kernel
-from obstacles.collision_model import ModelArrays
-from obstacles.edge_check import FREE, certify_curve
+from obstacles.collision.edge_check import FREE, certify_curve
+from obstacles.collision.model.collision_model import ModelArrays
 from planning.constrained.checker import ConstrainedChecker, narrow_rows
-from planning.constraints.active_set import FEASIBLE, make_feasible
-from planning.constraints.active_set_program import Goal, make_goal, make_work
 from planning.constraints.edge_bounds import EDGE_CELLS, HOLDS, edge_kernel
-from planning.deadline import Deadline
-from planning.explored import Explored
-from planning.search_box import search_box
+from planning.constraints.solvers.active_set import FEASIBLE, make_feasible
+from planning.constraints.solvers.active_set_program import Goal, make_goal, make_work
+from planning.values.deadline import Deadline
+from planning.values.search_box import search_box
+from planning.values.search_trees import Explored
 
 #: Longest step of a tree, Euclidean in joint space [rad or m].
 _LONGEST = 0.5

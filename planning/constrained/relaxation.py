@@ -6,12 +6,12 @@ from typing import Any
 import numpy as np
 
 from kinematics.arrays import Array
-from obstacles.checker import Checker, collision_model
-from obstacles.scene import Scene
+from obstacles.collision.checker import Checker, collision_model
+from obstacles.scenes.scene import Scene
 from planning.constrained.checker import ConstrainedChecker
 from planning.constrained.projected_rrt import Manifold, projected_rrt, shortcut_along
 from planning.constraints.constraint_set import ConstraintSet
-from planning.deadline import Deadline
+from planning.values.deadline import Deadline
 
 #: Samples of each leg of a path at which residuals are evaluated.
 _SAMPLES = 33

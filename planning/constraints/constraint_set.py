@@ -7,12 +7,16 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
+from compiled.kernel import kernel
 from kinematics.arrays import Array, Indices, frozen
-from kinematics.chain import Chain
-from kinematics.compiled.kernel import kernel
 from kinematics.forward import frames_kernel
-from planning.constraints.constraint import Constraint
-from planning.constraints.limit import ClearanceConstraint, ToolSpeedConstraint, TorqueConstraint
+from kinematics.model.chain import Chain
+from planning.constraints.kinds.constraint import Constraint
+from planning.constraints.kinds.limit import (
+    ClearanceConstraint,
+    ToolSpeedConstraint,
+    TorqueConstraint,
+)
 from planning.constraints.row import WIDTH, Row
 from planning.constraints.row_value import gradient_kernel, residual_kernel
 

@@ -9,18 +9,18 @@ joints j carry then stays within
 of the segment x(t) + u V, V its velocity times h and l_j the most it is from axis j; a direction
 within sum s_j + (sum delta_j)^2 / 2 of A(t) + u W x A(t); an angle changes by sum delta_j at most.
 What these bounds leave open is looked at again on the halves, so the residual is bounded for all t.
-The proof bounds residuals by code of its own, ``planning.proof.residual_bounds``.
+The proof bounds residuals by code of its own, ``planning.proof.constraints.residual_bounds``.
 """
 
 import math
 
 import numpy as np
 
+from compiled.kernel import kernel
+from compiled.vec3 import cross, dot
 from kinematics.arrays import Array
-from kinematics.chain import Chain
-from kinematics.compiled.kernel import kernel
 from kinematics.forward import frames_kernel
-from kinematics.vec3 import cross, dot
+from kinematics.model.chain import Chain
 from planning.constraints.row import (
     AXIS,
     CARRIER,

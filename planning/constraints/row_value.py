@@ -6,9 +6,9 @@ the reference, make the gradient in the joints.
 
 import math
 
+from compiled.kernel import kernel
+from compiled.vec3 import cross, dot
 from kinematics.arrays import Array
-from kinematics.compiled.kernel import kernel
-from kinematics.vec3 import cross, dot
 from planning.constraints.row import (
     AXIS,
     CARRIER,

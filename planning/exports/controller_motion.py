@@ -5,8 +5,8 @@ from collections.abc import Sequence
 import numpy as np
 
 from kinematics.arrays import Array
-from kinematics.interpolation import interpolate
-from kinematics.trajectory import Trajectory
+from kinematics.trajectory.interpolation import interpolate
+from kinematics.trajectory.trajectory import Trajectory
 from planning.exports.options import Rule
 from planning.exports.points import ExportPoints
 

@@ -7,21 +7,21 @@ import numpy as np
 
 from kinematics.argument_types import typed
 from kinematics.arrays import Array
-from kinematics.chain import Limits
 from kinematics.errors import InvalidOption
-from kinematics.trajectory import Trajectory
-from obstacles.robot_geometry import RobotGeometry
-from obstacles.scene import Scene
-from planning.deadline import Deadline
+from kinematics.model.chain import Limits
+from kinematics.trajectory.trajectory import Trajectory
+from obstacles.robots.robot_geometry import RobotGeometry
+from obstacles.scenes.scene import Scene
 from planning.exports import programs, ros, table
 from planning.exports.controller_motion import controller_motion, joint_deviation
 from planning.exports.joint_tolerance import joint_tolerance
 from planning.exports.options import ExportFormat, ExportOptions, Rule
 from planning.exports.points import ExportPoints, export_points
 from planning.exports.statement import comments, unproved_parts
-from planning.limits import RATIO_TOLERANCE, MotionLimits
 from planning.proof.certificate import Certificate, certify
 from planning.proof.premises import Premises
+from planning.values.deadline import Deadline
+from planning.values.limits import RATIO_TOLERANCE, MotionLimits
 
 #: Excesses of limits that are called rounding, as a share of the duration, and how often a motion
 #: is slowed down for them.

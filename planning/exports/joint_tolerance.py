@@ -5,8 +5,8 @@ import math
 import numpy as np
 
 from kinematics.arrays import Array
-from kinematics.body_tree import BodyTree
-from obstacles.robot_geometry import RobotGeometry
+from kinematics.model.body_tree import BodyTree
+from obstacles.robots.robot_geometry import RobotGeometry
 
 
 def joint_tolerance(robot: RobotGeometry, clearance: float) -> float | None:

@@ -6,10 +6,10 @@ import numpy as np
 
 from kinematics.arrays import Array, Indices
 from kinematics.errors import InvalidOption
-from kinematics.trajectory import Trajectory
-from kinematics.trajectory_export import NANOSECONDS, nanoseconds, rows_at
+from kinematics.trajectory.export import NANOSECONDS, nanoseconds, rows_at
+from kinematics.trajectory.trajectory import Trajectory
 from planning.exports.options import ExportFormat, ExportOptions, Rule
-from planning.limits import JERK_JUMP
+from planning.values.limits import JERK_JUMP
 
 #: Points of one file: at half a kilobyte each, fifty megabytes.
 MAX_POINTS = 100_000

@@ -6,8 +6,8 @@ from itertools import pairwise
 import numpy as np
 
 from kinematics.arrays import Array
-from kinematics.chain import Chain, JointType
 from kinematics.errors import InvalidOption
+from kinematics.model.chain import Chain, JointType
 from planning.exports.options import ExportFormat, ExportOptions
 from planning.exports.points import ExportPoints, single_degrees
 

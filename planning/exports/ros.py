@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from kinematics.arrays import Array
-from kinematics.trajectory_export import NANOSECONDS
+from kinematics.trajectory.export import NANOSECONDS
 from planning.exports.points import ExportPoints
 
 #: How late the arm may be at the goal of an action [s].

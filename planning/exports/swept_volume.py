@@ -16,13 +16,13 @@ import numpy as np
 
 from kinematics.argument_types import typed
 from kinematics.arrays import Array
-from kinematics.body_tree import BodyTree
 from kinematics.errors import InvalidOption
 from kinematics.forward import joint_frames
-from kinematics.trajectory import Trajectory
-from obstacles.hull import Hull, convex_hull
-from obstacles.robot_geometry import RobotGeometry
-from obstacles.triangles import Triangles, corners, join
+from kinematics.model.body_tree import BodyTree
+from kinematics.trajectory.trajectory import Trajectory
+from obstacles.convex.hull import Hull, convex_hull
+from obstacles.convex.triangles import Triangles, corners, join
+from obstacles.robots.robot_geometry import RobotGeometry
 
 #: Cells of time times moving pieces: a hull of each takes about 0.3 ms and 5 kB.
 _MAX_HULLS = 50_000

@@ -5,17 +5,17 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from compiled.kernel import kernel
+from compiled.vec3 import cross
 from kinematics.arrays import Array, Indices, frozen
-from kinematics.bounded_cache import bounded_cache
-from kinematics.chain import Chain
-from kinematics.compiled.kernel import kernel
-from kinematics.dh import frame_origins
+from kinematics.caches.bounded_cache import bounded_cache
 from kinematics.errors import InvalidOption
 from kinematics.forward import frames_kernel
 from kinematics.jacobian import jacobian_kernel
-from kinematics.vec3 import cross
-from obstacles.piece import Piece, PieceKind
-from obstacles.robot_geometry import RobotGeometry
+from kinematics.model.chain import Chain
+from kinematics.model.dh import frame_origins
+from obstacles.convex.piece import Piece, PieceKind
+from obstacles.robots.robot_geometry import RobotGeometry
 
 #: A piece longer than this many times its width gets several points, each for about as much.
 _SLENDER = 1.5
@@ -49,7 +49,7 @@ class ControlPoints:
 
 
 def origin_points(chain: Chain, radii: float | Sequence[float] = 0.0) -> ControlPoints:
-    """O_1 ... O_n of the course notes, see ``kinematics.dh.frame_origins``.
+    """O_1 ... O_n of the course notes, see ``kinematics.model.dh.frame_origins``.
 
     Args:
         chain: The robot.

@@ -5,10 +5,10 @@ from typing import NamedTuple
 
 import numpy as np
 
+from compiled.kernel import kernel
 from kinematics.arrays import Array, Indices
-from kinematics.compiled.kernel import kernel
-from obstacles.projection import project_kernel
-from obstacles.projection_arrays import ProjectionArrays
+from obstacles.projection.projection import project_kernel
+from obstacles.projection.projection_arrays import ProjectionArrays
 from planning.field.control_points import control_points_kernel
 
 #: A joint force below this share of forces times levers is their rounding.

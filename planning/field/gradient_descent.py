@@ -5,12 +5,12 @@ from typing import NamedTuple
 
 import numpy as np
 
+from compiled.kernel import kernel
 from kinematics.arrays import Array, Indices
-from kinematics.compiled.kernel import kernel
-from obstacles.edge_check import FREE, Cubic, certify_in
-from obstacles.kernel_work import Workspace, workspace
-from obstacles.model_arrays import ModelArrays
-from obstacles.state_check import blocked_at, verdict_in
+from obstacles.collision.edge_check import FREE, Cubic, certify_in
+from obstacles.collision.model.kernel_work import Workspace, workspace
+from obstacles.collision.model.model_arrays import ModelArrays
+from obstacles.collision.state_check import blocked_at, verdict_in
 from planning.constraints.edge_bounds import EDGE_CELLS, HOLDS, edge_kernel
 from planning.field.field_kernels import (
     FieldModel,

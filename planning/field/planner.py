@@ -20,15 +20,14 @@ from typing import ClassVar
 import numpy as np
 
 from kinematics.arrays import Array
-from kinematics.bounded_cache import array_bytes, bounded_cache
-from obstacles.checker import Checker
-from obstacles.fcl_projection import FclProjector
-from obstacles.projection import Projector
-from obstacles.robot_geometry import RobotGeometry
-from obstacles.scene import Scene
+from kinematics.caches.bounded_cache import array_bytes, bounded_cache
+from obstacles.collision.checker import Checker
+from obstacles.projection.fcl_projection import FclProjector
+from obstacles.projection.projection import Projector
+from obstacles.robots.robot_geometry import RobotGeometry
+from obstacles.scenes.scene import Scene
 from planning.constrained.checker import ConstrainedChecker
 from planning.constraints.row import WIDTH
-from planning.deadline import Deadline
 from planning.field.control_points import ControlPoints, along_links, origin_points
 from planning.field.field_kernels import value_kernel, vanishing_force_kernel
 from planning.field.gradient_descent import (
@@ -52,6 +51,7 @@ from planning.field.stop import explain_stop
 from planning.field.weights import FieldWeights
 from planning.planner import Query
 from planning.result import Attempt, Descent, Explanation
+from planning.values.deadline import Deadline
 
 #: Steps between two looks at the clock.
 _STEPS_A_LOOK = 8

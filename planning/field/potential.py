@@ -21,9 +21,9 @@ from typing import NamedTuple
 import numpy as np
 
 from kinematics.arrays import Array, Indices
-from kinematics.chain import Chain
-from obstacles.fcl_projection import FclProjector
-from obstacles.projection import Projector
+from kinematics.model.chain import Chain
+from obstacles.projection.fcl_projection import FclProjector
+from obstacles.projection.projection import Projector
 from planning.field.control_points import ControlPoints, control_points
 from planning.field.field_kernels import (
     NUDGE,

@@ -12,7 +12,7 @@ from typing import TypeAlias
 import numpy as np
 
 from kinematics.arrays import Array
-from obstacles.kernel_work import Workspace, workspace
+from obstacles.collision.model.kernel_work import Workspace, workspace
 from planning.field.gradient_descent import (
     ARRIVED,
     BLOCKED,

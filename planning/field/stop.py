@@ -6,8 +6,8 @@ from typing import Any
 import numpy as np
 
 from kinematics.arrays import Array
-from kinematics.chain import Chain
-from obstacles.checker import Checker
+from kinematics.model.chain import Chain
+from obstacles.collision.checker import Checker
 from planning.field.control_points import ControlPoints
 from planning.field.options import FieldOptions
 from planning.field.potential import Field

@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from kinematics.arrays import Array
-from kinematics.bounded_cache import bounded_cache
+from kinematics.caches.bounded_cache import bounded_cache
 from kinematics.errors import InvalidOption
 from planning.field.number import positive
 

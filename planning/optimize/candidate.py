@@ -5,8 +5,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from kinematics.arrays import Array
-from kinematics.trajectory import Trajectory
-from obstacles.checker import Checker
+from kinematics.trajectory.trajectory import Trajectory
+from obstacles.collision.checker import Checker
 from planning.optimize.iterate import Iterate
 
 

@@ -3,7 +3,7 @@
 import numpy as np
 
 from kinematics.arrays import Array
-from kinematics.trajectory import Trajectory
+from kinematics.trajectory.trajectory import Trajectory
 from planning.optimize.iterate import Iterate, set_ends
 from planning.optimize.spline import SplineSpace
 from planning.optimize.task import Task

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from kinematics.arrays import Array
-from kinematics.trajectory import Trajectory
+from kinematics.trajectory.trajectory import Trajectory
 from planning.optimize.spline import SplineSpace
 from planning.optimize.task import End
 

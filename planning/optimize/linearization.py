@@ -12,14 +12,14 @@ import numpy as np
 
 from dynamics.inverse import inverse_dynamics
 from kinematics.arrays import Array
-from kinematics.chain import Chain
+from kinematics.model.chain import Chain
 from planning.constrained.checker import ConstrainedChecker
 from planning.constraints.row import UPPER
-from planning.deadline import Deadline
 from planning.optimize.iterate import Iterate
 from planning.optimize.response import Response, tool_speed, torques
 from planning.optimize.rows import Rows, local_matrix
 from planning.optimize.task import Task
+from planning.values.deadline import Deadline
 
 # Violations that count as 1.
 #: Of a distance [m].

@@ -20,15 +20,15 @@ import scipy.sparse
 
 from dynamics.inverse import inverse_dynamics
 from kinematics.arrays import Array
-from kinematics.chain import Chain
-from kinematics.trajectory import Trajectory
+from kinematics.model.chain import Chain
+from kinematics.trajectory.trajectory import Trajectory
 from planning.constraints.constraint_set import ConstraintSet
-from planning.limits import JERK_JUMP
 from planning.optimize.iterate import Iterate
-from planning.optimize.options import Objective
 from planning.optimize.response import torques
 from planning.optimize.rows import local_matrix
 from planning.optimize.task import Task
+from planning.values.limits import JERK_JUMP
+from planning.values.optimize_options import Objective
 
 #: Its stubs know no stacks of sparse and dense matrices.
 sparse: Any = scipy.sparse

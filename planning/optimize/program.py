@@ -18,7 +18,7 @@ import numpy as np
 import scipy.sparse
 
 from kinematics.arrays import Array, Indices
-from kinematics.bounded_cache import bounded_cache
+from kinematics.caches.bounded_cache import bounded_cache
 from planning.optimize.quadratic import Quadratic
 from planning.optimize.rows import Rows
 from planning.optimize.spline import SplineSpace

@@ -6,21 +6,21 @@ from typing import NamedTuple
 import numpy as np
 
 from kinematics.arrays import Array
-from kinematics.trajectory import Trajectory
-from planning.deadline import Deadline
-from planning.limits import JERK_JUMP
+from kinematics.trajectory.trajectory import Trajectory
 from planning.optimize.candidate import Candidate
 from planning.optimize.initial_guess import fit_spline
 from planning.optimize.linearization import Obstruction
 from planning.optimize.objective import value
-from planning.optimize.options import CONTROL_POINTS, RefineOptions
 from planning.optimize.scp import Descent
 from planning.optimize.spline import SplineSpace
 from planning.optimize.task import Task
 from planning.timing.failure import TimingFailed
 from planning.timing.parametrization import TimeParametrization
-from planning.timing.path import JointPath
+from planning.timing.path.path import JointPath
 from planning.timing.time_scaling import dilate
+from planning.values.deadline import Deadline
+from planning.values.limits import JERK_JUMP
+from planning.values.optimize_options import CONTROL_POINTS, RefineOptions
 
 #: Control points where nobody says how many: 16 are enough for a dozen corners.
 _POINTS = 16

@@ -12,8 +12,8 @@ import numpy as np
 
 from dynamics.symbolic import symbolic_inverse_dynamics
 from kinematics.arrays import Array
-from kinematics.bounded_cache import bounded_cache
-from kinematics.chain import Chain
+from kinematics.caches.bounded_cache import bounded_cache
+from kinematics.model.chain import Chain
 from kinematics.symbolic import symbolic_jacobian
 from planning.optimize.iterate import Iterate
 

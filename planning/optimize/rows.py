@@ -14,7 +14,7 @@ import numpy as np
 import scipy.sparse
 
 from kinematics.arrays import Array, Indices
-from kinematics.bounded_cache import bounded_cache
+from kinematics.caches.bounded_cache import bounded_cache
 from planning.optimize.iterate import Iterate
 from planning.optimize.spline import SplineSpace
 from planning.optimize.task import End, Task

@@ -18,9 +18,8 @@ import numpy as np
 from scipy import sparse
 
 from kinematics.arrays import Array
-from kinematics.chain import Chain
-from kinematics.trajectory import Trajectory
-from planning.deadline import Deadline
+from kinematics.model.chain import Chain
+from kinematics.trajectory.trajectory import Trajectory
 from planning.optimize import objective, program
 from planning.optimize.candidate import Candidate, blocked_places
 from planning.optimize.initial_guess import least_duration
@@ -33,13 +32,14 @@ from planning.optimize.linearization import (
     linearize,
 )
 from planning.optimize.objective import value
-from planning.optimize.options import RefineOptions
 from planning.optimize.quadratic import Quadratic
 from planning.optimize.rows import Rows, end_rows, limit_rows, stack_rows
 from planning.optimize.task import Task
-from planning.timing.effort_limits import estimate_uses, slow_down
 from planning.timing.failure import TimingFailed
+from planning.timing.speed.effort_limits import estimate_uses, slow_down
 from planning.timing.time_scaling import ScaledTime, fitting_factor, peak_ratios
+from planning.values.deadline import Deadline
+from planning.values.optimize_options import RefineOptions
 
 #: Half width of the trust region in the first round: control points move at most this far
 #: [rad or m].

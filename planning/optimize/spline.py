@@ -17,7 +17,7 @@ import numpy as np
 
 from kinematics.arrays import Array, Indices
 from kinematics.errors import InvalidOption
-from kinematics.trajectory import Trajectory
+from kinematics.trajectory.trajectory import Trajectory
 
 
 @dataclass(frozen=True)

@@ -6,10 +6,10 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from kinematics.arrays import Array, frozen
-from kinematics.chain import Chain
-from obstacles.checker import Checker
+from kinematics.model.chain import Chain
+from obstacles.collision.checker import Checker
 from planning.constraints.constraint_set import ConstraintSet
-from planning.effort_limits import EffortLimits
+from planning.values.effort_limits import EffortLimits
 
 
 @dataclass(frozen=True, slots=True, eq=False)

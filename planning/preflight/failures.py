@@ -6,17 +6,17 @@ from dataclasses import dataclass, replace
 from typing import Any, Literal
 
 from kinematics.arrays import Array
-from kinematics.chain import Chain
 from kinematics.ik.solution import IkResult
-from obstacles.checker import Checker
-from obstacles.fcl_distance import FclWorld
-from obstacles.overlap_meter import overlap_meter
-from planning.limits import position_excess
+from kinematics.model.chain import Chain
+from obstacles.collision.checker import Checker
+from obstacles.collision.fcl.fcl_distance import FclWorld
+from obstacles.collision.fcl.overlap_meter import overlap_meter
 from planning.preflight.limits import LimitViolation
 from planning.preflight.nearest_free import nearest_free
+from planning.preflight_result import TOUCHING
 from planning.problem import Problem
-from planning.ready import TOUCHING
 from planning.result import Failure
+from planning.values.limits import position_excess
 
 End = Literal["start", "goal"]
 

@@ -13,11 +13,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from kinematics.arrays import Array
-from kinematics.chain import Chain, JointType
 from kinematics.forward import forward
 from kinematics.jacobian import geometric
+from kinematics.model.chain import Chain, JointType
 from kinematics.pose import rotation_error
-from planning.goal_costs import GoalCosts
+from planning.values.goal_costs import GoalCosts
 
 #: Share of a joint's range from a limit below which a configuration is at the limit [-].
 NEAR_LIMIT = 0.02

@@ -5,13 +5,11 @@ from functools import partial
 import numpy as np
 
 from kinematics.arrays import Array
-from kinematics.chain import Chain
-from kinematics.ik import numeric
-from obstacles.checker import Checker
-from obstacles.overlap_meter import overlap_meter
+from kinematics.ik.numeric import numeric
+from kinematics.model.chain import Chain
+from obstacles.collision.checker import Checker
+from obstacles.collision.fcl.overlap_meter import overlap_meter
 from planning.constrained.pose_goals import goal_configurations
-from planning.deadline import Deadline
-from planning.goal_costs import GoalCosts
 from planning.preflight.failures import (
     Refusal,
     collision_failure,
@@ -23,9 +21,11 @@ from planning.preflight.failures import (
 from planning.preflight.goal_order import is_at_limit, motion_costs
 from planning.preflight.limits import goal_onto_limits
 from planning.preflight.pose_configurations import pose_configurations, turned_copies
+from planning.preflight_result import ENOUGH, TOUCHING, Candidate
 from planning.problem import JointGoal, PoseGoal, Problem
-from planning.ready import ENOUGH, TOUCHING, Candidate
 from planning.result import Failure
+from planning.values.deadline import Deadline
+from planning.values.goal_costs import GoalCosts
 
 #: Free configurations of a pose at most, of those away from limits, of those at one, and copies of
 #: them with a joint a turn further than it need be.

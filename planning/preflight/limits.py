@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 
 from kinematics.arrays import Array
-from kinematics.chain import Chain
+from kinematics.model.chain import Chain
 
 #: A measured state may be outside a limit by this part of it: encoders and filters miss so much.
 MEASURED = 1e-4

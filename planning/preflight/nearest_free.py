@@ -7,7 +7,7 @@ import numpy as np
 
 from kinematics.arrays import Array
 from kinematics.forward import forward
-from obstacles.checker import Checker
+from obstacles.collision.checker import Checker
 
 #: Clearance that a configuration found to be free has at least, margins taken off [m].
 _CLEARANCE = 1e-3

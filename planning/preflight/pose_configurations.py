@@ -14,16 +14,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from kinematics.arrays import Array, Indices
-from kinematics.chain import Chain, JointType
 from kinematics.forward import forward
-from kinematics.ik import numeric
-from kinematics.ik.analytic import branches, parameter
+from kinematics.ik.closed_form.analytic import branches, parameter
+from kinematics.ik.closed_form.structure import structure
 from kinematics.ik.inverse import CLOSE, parameter_grid
+from kinematics.ik.numeric import numeric
 from kinematics.ik.solution import IkResult
-from kinematics.ik.structure import structure
+from kinematics.model.chain import Chain, JointType
 from kinematics.pose import from_axis_angle, rotation_error, transform
-from planning.goal_costs import GoalCosts
 from planning.preflight.goal_order import NEAR_LIMIT, motion_costs
+from planning.values.goal_costs import GoalCosts
 
 #: Configurations that inverse kinematics looks for where an arm has no closed form.
 _SEARCHED = 12

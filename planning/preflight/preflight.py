@@ -5,18 +5,18 @@ import time
 import numpy as np
 
 from kinematics.arrays import Array
-from obstacles.checker import Checker
-from obstacles.overlap_meter import overlap_meter
-from obstacles.robot_geometry import hulled
-from planning.deadline import Deadline
-from planning.goal_costs import GoalCosts
+from obstacles.collision.checker import Checker
+from obstacles.collision.fcl.overlap_meter import overlap_meter
+from obstacles.robots.robot_geometry import hulled
 from planning.preflight.failures import collision_failure, limit_failure, packing_failure
 from planning.preflight.goal_order import order_goals
 from planning.preflight.goals import find_goals
 from planning.preflight.limits import goal_onto_limits, moved_note, snap_to_limits
+from planning.preflight_result import ENOUGH, SLACK, TOUCHING, Candidate, Ready, ValidStart
 from planning.problem import JointGoal, PoseGoal, Problem
-from planning.ready import ENOUGH, SLACK, TOUCHING, Candidate, Ready, ValidStart
 from planning.result import Failure
+from planning.values.deadline import Deadline
+from planning.values.goal_costs import GoalCosts
 
 #: What is kept more than the margin where the tool is led, and the path can't be chosen [m].
 _SLACK_ALONG_MOTIONS = 1e-4

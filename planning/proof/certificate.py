@@ -15,28 +15,28 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from kinematics.argument_types import typed
-from kinematics.bounded_cache import bounded_cache
-from kinematics.chain import Chain, Limits
+from kinematics.caches.bounded_cache import bounded_cache
 from kinematics.errors import InvalidOption, InvalidTrajectory
-from kinematics.trajectory import Trajectory
-from obstacles.allowed_pairs import Overlap
-from obstacles.robot_geometry import RobotGeometry
-from obstacles.scene import Scene
+from kinematics.model.chain import Chain, Limits
+from kinematics.trajectory.trajectory import Trajectory
+from obstacles.robots.allowed_pairs import Overlap
+from obstacles.robots.robot_geometry import RobotGeometry
+from obstacles.scenes.scene import Scene
 from planning.constraints.constraint_set import ConstraintSet
-from planning.deadline import Deadline
-from planning.limits import MotionLimits
-from planning.proof.collision_proof import CollisionProof
-from planning.proof.constraint_limits import constrained_efforts, constrained_margin
-from planning.proof.constraints import ConstraintReport, check_motion
-from planning.proof.limits import LimitReport, check_continuity, check_limits
-from planning.proof.overlap_proof import prove_overlaps, unlooked
+from planning.proof.collision.collision_proof import CollisionProof
+from planning.proof.collision.overlap_proof import prove_overlaps, unlooked
+from planning.proof.collision.sweep_state import OBSTACLE, OWN
+from planning.proof.constraints.constraint_limits import constrained_efforts, constrained_margin
+from planning.proof.constraints.constraints import ConstraintReport, check_motion
+from planning.proof.limits.limits import LimitReport, check_continuity, check_limits
 from planning.proof.premises import Premises
-from planning.proof.sweep_state import OBSTACLE, OWN
-from planning.proof.tool_box import BoxUse, check_tool_boxes
-from planning.proof.tool_deviation import PathDeviation, check_tool_motions
-from planning.proof.tool_speed_band import SpeedUse, check_speed_bands
+from planning.proof.tool.tool_box import BoxUse, check_tool_boxes
+from planning.proof.tool.tool_deviation import PathDeviation, check_tool_motions
+from planning.proof.tool.tool_speed_band import SpeedUse, check_speed_bands
 from planning.proof.violation import Violation
-from planning.timed_tool_motions import TimedToolMotions
+from planning.tool_motions.timed_tool_motions import TimedToolMotions
+from planning.values.deadline import Deadline
+from planning.values.limits import MotionLimits
 
 
 @dataclass(frozen=True, slots=True)

@@ -12,9 +12,9 @@ from typing import NamedTuple
 
 import numpy as np
 
+from compiled.kernel import kernel
 from kinematics.arrays import Array
-from kinematics.compiled.kernel import kernel
-from kinematics.trajectory import Trajectory
+from kinematics.trajectory.trajectory import Trajectory
 
 #: A bound may be this much beyond what is reached [relative].
 _SHARP = 1e-11

@@ -9,19 +9,19 @@ from dataclasses import replace
 from functools import reduce
 
 from kinematics.arrays import Array
-from kinematics.trajectory import stay
-from obstacles.allowed_pairs import deepest
-from obstacles.finger_geometry import swept_cover
-from obstacles.robot_geometry import RobotGeometry
-from obstacles.scene import Scene
+from kinematics.trajectory.trajectory import stay
+from obstacles.robots.allowed_pairs import deepest
+from obstacles.robots.finger_geometry import swept_cover
+from obstacles.robots.robot_geometry import RobotGeometry
+from obstacles.scenes.scene import Scene
 from planning.constraints.constraint_set import ConstraintSet
-from planning.deadline import Deadline
-from planning.finger_motion import FingerMotion
-from planning.limits import RATIO_TOLERANCE
 from planning.proof.certificate import Certificate, certify
-from planning.proof.limits import QUANTITIES
+from planning.proof.limits.limits import QUANTITIES
 from planning.proof.premises import Premises
 from planning.proof.violation import Violation
+from planning.values.deadline import Deadline
+from planning.values.finger_motion import FingerMotion
+from planning.values.limits import RATIO_TOLERANCE
 
 #: Parts in which solids are grown by less are not halved any more [m].
 _LEAST_GROWTH = 1e-4

@@ -9,8 +9,8 @@ import math
 
 import numpy as np
 
+from compiled.kernel import kernel
 from kinematics.arrays import Array, Indices
-from kinematics.compiled.kernel import kernel
 
 #: Unit of rounding [relative].
 UNIT_ROUNDOFF = 2.0**-53

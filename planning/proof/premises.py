@@ -8,11 +8,11 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
-from kinematics.chain import Chain
-from obstacles.allowed_pairs import allowed_pairs
-from obstacles.robot_geometry import RobotGeometry
-from obstacles.scene import Scene
-from planning.proof.containment import open_meshes
+from kinematics.model.chain import Chain
+from obstacles.robots.allowed_pairs import allowed_pairs
+from obstacles.robots.robot_geometry import RobotGeometry
+from obstacles.scenes.scene import Scene
+from planning.proof.collision.containment import open_meshes
 
 #: Digits of a hash that texts show.
 _DIGITS = 12

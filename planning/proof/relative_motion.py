@@ -20,9 +20,9 @@ part of all bounds.
 import math
 from typing import NamedTuple
 
+from compiled.kernel import kernel
+from compiled.vec3 import Vector, cross, dot
 from kinematics.arrays import Array, Indices
-from kinematics.compiled.kernel import kernel
-from kinematics.vec3 import Vector, cross, dot
 from planning.proof.motion_bounds import ACCELERATION, OUTWARD, RADIUS, RATE, ROUNDING, SPEED
 
 #: What a sum of products that cancel may have lost of the sum of their sizes [relative].

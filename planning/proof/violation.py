@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from kinematics.arrays import Array
-from kinematics.trajectory import Trajectory
+from kinematics.trajectory.trajectory import Trajectory
 
 #: A violation this near to the start or the goal, in every joint, is told as theirs [rad or m].
 _AT_AN_END = 1e-6

@@ -13,17 +13,17 @@ from typing import NamedTuple
 
 import numpy as np
 
+from compiled.kernel import kernel
+from compiled.simd import on_stack
 from kinematics.arrays import Array, Indices
-from kinematics.compiled.kernel import kernel
-from kinematics.compiled.simd import on_stack
-from kinematics.ik.plan import Arm
-from kinematics.ik.refine import CODE, INSIDE, MORE
+from kinematics.ik.closed_form.plan import Arm
+from kinematics.ik.closed_form.refine import CODE, INSIDE, MORE
 from kinematics.jacobian import frame_and_jacobian_kernel
-from obstacles.edge_check import FREE
-from obstacles.kernel_work import Workspace
-from obstacles.model_arrays import ModelArrays
-from obstacles.proximity import closest_of
-from obstacles.state_check import verdict_in
+from obstacles.collision.edge_check import FREE
+from obstacles.collision.model.kernel_work import Workspace
+from obstacles.collision.model.model_arrays import ModelArrays
+from obstacles.collision.proximity import closest_of
+from obstacles.collision.state_check import verdict_in
 
 # Columns of a row of results.
 #: What became of the pose, see `Status`.

@@ -10,10 +10,10 @@ from kinematics.argument_types import typed
 from kinematics.arrays import Array, as_numbers
 from kinematics.errors import InvalidOption, InvalidPose
 from kinematics.pose import inverse
-from obstacles.robot_geometry import RobotGeometry
-from obstacles.scene import Obstacle, Scene
-from planning.deadline import Deadline
+from obstacles.robots.robot_geometry import RobotGeometry
+from obstacles.scenes.scene import Obstacle, Scene
 from planning.reach.evaluation import Reach, ReachOptions, reach
+from planning.values.deadline import Deadline
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -9,28 +9,28 @@ from typing import Any, Literal, NamedTuple, get_args
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from compiled.kernel import direct
 from kinematics.argument_types import typed
 from kinematics.arrays import Array, frozen
-from kinematics.chain import Chain
-from kinematics.compiled.kernel import direct
 from kinematics.errors import InvalidOption, InvalidPose
 from kinematics.forward import link_number
-from kinematics.ik import numeric
-from kinematics.ik.analytic import TOLERANCE, middle
 from kinematics.ik.batch import shared
-from kinematics.ik.plan import COLUMNS as PLAN_COLUMNS
-from kinematics.ik.plan import Arm
-from kinematics.ik.refine import INSIDE, MORE
-from kinematics.ik.structure import Structure, structure
+from kinematics.ik.closed_form.analytic import TOLERANCE, middle
+from kinematics.ik.closed_form.plan import COLUMNS as PLAN_COLUMNS
+from kinematics.ik.closed_form.plan import Arm
+from kinematics.ik.closed_form.refine import INSIDE, MORE
+from kinematics.ik.closed_form.structure import Structure, structure
+from kinematics.ik.numeric import numeric
+from kinematics.model.chain import Chain
 from kinematics.pose import inverse
-from obstacles.checker import any_model
-from obstacles.collision_model import CollisionModel, ModelArrays
-from obstacles.overlap_meter import OverlapMeter, overlap_meter
-from obstacles.robot_geometry import RobotGeometry
-from obstacles.scene import Scene
-from planning.deadline import Deadline
+from obstacles.collision.checker import any_model
+from obstacles.collision.fcl.overlap_meter import OverlapMeter, overlap_meter
+from obstacles.collision.model.collision_model import CollisionModel, ModelArrays
+from obstacles.robots.robot_geometry import RobotGeometry
+from obstacles.scenes.scene import Scene
 from planning.reach import assessment, kernel
 from planning.reach.tolerance import Tolerance
+from planning.values.deadline import Deadline
 
 Choice = Literal["manipulability", "clearance", "limits", "first"]
 CHOICES: tuple[Choice, ...] = get_args(Choice)

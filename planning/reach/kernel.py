@@ -2,14 +2,14 @@
 
 import numpy as np
 
+from compiled.kernel import kernel
 from kinematics.arrays import Array
-from kinematics.compiled.kernel import kernel
-from kinematics.ik.branches import branches_kernel
-from kinematics.ik.plan import Arm
-from kinematics.ik.refine import GROUP, INSIDE, MORE
-from obstacles.kernel_work import workspace
-from obstacles.model_arrays import ModelArrays
-from obstacles.proximity import closest_of
+from kinematics.ik.closed_form.branches import branches_kernel
+from kinematics.ik.closed_form.plan import Arm
+from kinematics.ik.closed_form.refine import GROUP, INSIDE, MORE
+from obstacles.collision.model.kernel_work import workspace
+from obstacles.collision.model.model_arrays import ModelArrays
+from obstacles.collision.proximity import closest_of
 from planning.reach.assessment import (
     BY_ORDER,
     CLEARANCE,

@@ -2,14 +2,14 @@
 
 import numpy as np
 
+from compiled.kernel import kernel
 from kinematics.arrays import Array, Indices
-from kinematics.compiled.kernel import kernel
-from kinematics.ik.plan import Arm
-from kinematics.ik.refine import CODE
-from kinematics.ik.verification import near_kernel
-from obstacles.edge_check import FREE
-from obstacles.model_arrays import ModelArrays
-from obstacles.state_check import verdict_in
+from kinematics.ik.closed_form.plan import Arm
+from kinematics.ik.closed_form.refine import CODE
+from kinematics.ik.closed_form.verification import near_kernel
+from obstacles.collision.edge_check import FREE
+from obstacles.collision.model.model_arrays import ModelArrays
+from obstacles.collision.state_check import verdict_in
 from planning.reach.assessment import (
     BRANCHES,
     BY_CLEARANCE,

@@ -9,10 +9,8 @@ import numpy as np
 from ompl import base, geometric, util
 
 from kinematics.arrays import Array
-from kinematics.chain import Chain
-from obstacles.checker import Checker
-from planning.deadline import Deadline
-from planning.explored import Explored
+from kinematics.model.chain import Chain
+from obstacles.collision.checker import Checker
 from planning.planner import Query
 from planning.result import Attempt
 from planning.sampling.parameter import Value
@@ -20,6 +18,8 @@ from planning.sampling.planners import Planner, complete_options, planner_by_nam
 from planning.sampling.roadmap import grow_roadmap
 from planning.sampling.space import CertifiedEdges, problem, solution
 from planning.sampling.watch import Watch
+from planning.values.deadline import Deadline
+from planning.values.search_trees import Explored
 
 #: The time a random tree takes is spread widely: one that has looked at so many edges without
 #: arriving is given up for a fresh one, which may look at somewhat more. Counted in edges, not in

@@ -6,11 +6,11 @@ import numpy as np
 from ompl import base, util
 
 from kinematics.arrays import Array
-from kinematics.chain import Chain
-from obstacles.checker import Checker
-from planning.deadline import Deadline
-from planning.explored import Explored
-from planning.search_box import search_box
+from kinematics.model.chain import Chain
+from obstacles.collision.checker import Checker
+from planning.values.deadline import Deadline
+from planning.values.search_box import search_box
+from planning.values.search_trees import Explored
 
 util.setLogLevel(util.LogLevel.LOG_NONE)
 

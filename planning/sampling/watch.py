@@ -6,8 +6,8 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from planning.deadline import Deadline
 from planning.result import Progress
+from planning.values.deadline import Deadline
 
 #: Memory that a planner may fill before it is stopped [bytes].
 MAX_MEMORY = 1 << 30

@@ -4,9 +4,9 @@ import math
 
 import numpy as np
 
+from compiled.kernel import kernel
+from compiled.simd import LANES, choose, fill, lane, load, store
 from kinematics.arrays import Array
-from kinematics.compiled.kernel import kernel
-from kinematics.compiled.simd import LANES, choose, fill, lane, load, store
 
 
 @kernel(allocates=False)

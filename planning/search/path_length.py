@@ -2,8 +2,8 @@
 
 import math
 
+from compiled.kernel import kernel
 from kinematics.arrays import Array
-from kinematics.compiled.kernel import kernel
 
 #: A path so many times as long as the straight line is worth another pair of trees: shortening does
 #: for the others what that would do.

@@ -17,13 +17,13 @@ from typing import ClassVar, NamedTuple
 import numpy as np
 
 from kinematics.arrays import Array
-from obstacles.checker import Checker
-from planning.deadline import Deadline
-from planning.explored import Explored
+from obstacles.collision.checker import Checker
 from planning.planner import Planner, Query
 from planning.result import Attempt
 from planning.search.narrow_passage import find_narrow_passage
 from planning.search.tree_pairs import DOMAIN, PairOptions, TreePairs
+from planning.values.deadline import Deadline
+from planning.values.search_trees import Explored
 
 #: Longest step of one pair of trees after another, Euclidean in joint space. Long ones are through
 #: in half of the edges where there is room, with longer paths; in clutter short ones are sooner.

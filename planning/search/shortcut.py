@@ -19,17 +19,17 @@ from typing import NamedTuple
 
 import numpy as np
 
+from compiled.kernel import direct, kernel
+from compiled.simd import on_stack
 from kinematics.arrays import Array, Indices
-from kinematics.chain import MAX_JOINTS
-from kinematics.compiled.kernel import direct, kernel
-from kinematics.compiled.simd import on_stack
-from obstacles.checker import Checker, any_model
-from obstacles.edge_check import FREE
-from obstacles.kernel_work import Workspace, workspace
-from obstacles.line_check import prove_line
-from obstacles.model_arrays import ModelArrays
-from planning.deadline import Deadline
-from planning.search.looks import Look, distance, look_of, looks_free
+from kinematics.model.chain import MAX_JOINTS
+from obstacles.collision.checker import Checker, any_model
+from obstacles.collision.edge_check import FREE
+from obstacles.collision.line_check import prove_line
+from obstacles.collision.model.kernel_work import Workspace, workspace
+from obstacles.collision.model.model_arrays import ModelArrays
+from planning.search.sampled_check import Look, distance, look_of, looks_free
+from planning.values.deadline import Deadline
 
 #: Rounds after which a path counts as short.
 _ROUNDS = 6

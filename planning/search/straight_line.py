@@ -6,7 +6,7 @@ from typing import ClassVar
 import numpy as np
 
 from kinematics.arrays import Array
-from obstacles.checker import Checker, Motion
+from obstacles.collision.checker import Checker, Motion
 from planning.planner import Query
 from planning.result import Attempt
 

@@ -8,13 +8,11 @@ from typing import NamedTuple
 
 import numpy as np
 
+from compiled.kernel import direct
+from compiled.random import State
 from kinematics.arrays import Array
-from kinematics.compiled.kernel import direct
-from kinematics.random import State
-from obstacles.checker import Checker, any_model
-from obstacles.collision_model import ModelArrays
-from planning.deadline import Deadline
-from planning.explored import Explored
+from obstacles.collision.checker import Checker, any_model
+from obstacles.collision.model.collision_model import ModelArrays
 from planning.search.trees import (
     EDGES,
     EDGES_BEFORE,
@@ -25,7 +23,9 @@ from planning.search.trees import (
     grow_kernel,
     new_trees,
 )
-from planning.search_box import nearby_box, search_box
+from planning.values.deadline import Deadline
+from planning.values.search_box import nearby_box, search_box
+from planning.values.search_trees import Explored
 
 #: Share of the mean distance of two random configurations beyond which a node that has met
 #: something is not grown any more.

@@ -12,16 +12,16 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from compiled.kernel import kernel
+from compiled.random import State, uniform_kernel
+from compiled.simd import LANES, on_stack
 from kinematics.arrays import Array, Indices
-from kinematics.compiled.kernel import kernel
-from kinematics.compiled.simd import LANES, on_stack
-from kinematics.random import State, uniform_kernel
-from obstacles.edge_check import COLLIDING, FREE
-from obstacles.kernel_work import Workspace, workspace
-from obstacles.lane_check import blocked_between, blocked_lanes, write_states
-from obstacles.line_check import prove_line
-from obstacles.model_arrays import ModelArrays
-from obstacles.state_check import verdict_in
+from obstacles.collision.edge_check import COLLIDING, FREE
+from obstacles.collision.lanes.check import blocked_between, blocked_lanes, write_states
+from obstacles.collision.line_check import prove_line
+from obstacles.collision.model.kernel_work import Workspace, workspace
+from obstacles.collision.model.model_arrays import ModelArrays
+from obstacles.collision.state_check import verdict_in
 from planning.search.nearest_node import nearest_node, place_node
 from planning.search.path_length import is_detour, path_length, square_distance, write_step
 

@@ -8,9 +8,8 @@ it is taken where every other one would make them longer than that.
 import numpy as np
 
 from kinematics.arrays import Array
-from kinematics.chain import Chain
-from obstacles.checker import Checker
-from planning.goal_costs import GoalCosts, time_weight
+from kinematics.model.chain import Chain
+from obstacles.collision.checker import Checker
 from planning.preflight.goal_order import (
     FAR_FROM_OBSTACLES,
     clearance_lacks,
@@ -22,6 +21,7 @@ from planning.preflight.goal_order import (
 from planning.sequence.node import Child, Node, OwnCosts
 from planning.sequence.target import Candidates
 from planning.sequence.world import Cell
+from planning.values.goal_costs import GoalCosts, time_weight
 
 
 class ConfigurationCosts:

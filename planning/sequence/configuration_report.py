@@ -4,16 +4,16 @@ from dataclasses import replace
 
 import numpy as np
 
-from planning.chosen_configuration import chosen_configuration
-from planning.deadline import Deadline
+from planning.goal_choice.chosen_configuration import chosen_configuration
 from planning.result import ChosenConfiguration
 from planning.sequence.configuration_costs import ConfigurationCosts
 from planning.sequence.estimate import travel_times
+from planning.sequence.limit_avoidance import Replacement
 from planning.sequence.node import Node
-from planning.sequence.off_limits import Replacement
 from planning.sequence.result import StagePlan
 from planning.sequence.target_finder import TargetFinder
 from planning.sequence.task import Segment, Task
+from planning.values.deadline import Deadline
 
 
 def with_configurations(

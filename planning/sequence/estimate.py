@@ -3,7 +3,7 @@
 import numpy as np
 
 from kinematics.arrays import Array
-from kinematics.chain import Chain
+from kinematics.model.chain import Chain
 from planning.options import Options
 
 #: Speed of a joint whose limit is not known [rad/s or m/s].

@@ -1,11 +1,11 @@
 """The failure of a search: the stage that cuts all combinations off, and why."""
 
-from planning.deadline import Deadline
 from planning.sequence.motion import LineStopped
 from planning.sequence.record import Blame, Record, hint_of
 from planning.sequence.result import SequenceFailure, StagePlan
 from planning.sequence.stage import describe_stage
 from planning.sequence.task import Task
+from planning.values.deadline import Deadline
 
 
 def search_failure(

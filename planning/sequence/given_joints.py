@@ -9,11 +9,10 @@ whatever the stages before it do.
 from dataclasses import replace
 
 from kinematics.arrays import Array
-from obstacles.allowed_pairs import contacts_of, sorted_pair
-from obstacles.checker import Checker
-from obstacles.robot_geometry import RobotGeometry
-from obstacles.scene import Scene
-from planning.deadline import Deadline
+from obstacles.collision.checker import Checker
+from obstacles.robots.allowed_pairs import contacts_of, sorted_pair
+from obstacles.robots.robot_geometry import RobotGeometry
+from obstacles.scenes.scene import Scene
 from planning.preflight.goals import find_goals
 from planning.preflight.preflight import check_start
 from planning.problem import JointGoal, Problem
@@ -23,6 +22,7 @@ from planning.sequence.result import SequenceFailure
 from planning.sequence.stage import Attach, Gripper, Move, Stage, describe_stage
 from planning.sequence.task import Task
 from planning.sequence.world import Cells
+from planning.values.deadline import Deadline
 
 
 def check_given_joints(

@@ -7,11 +7,11 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 from kinematics.errors import InvalidOption
-from kinematics.fingers import Fingers, Positions
-from obstacles.finger_geometry import moved_links, with_fingers
-from obstacles.robot_geometry import RobotGeometry
-from planning.finger_motion import FingerMotion, least_duration
+from kinematics.tree.fingers import Fingers, Positions
+from obstacles.robots.finger_geometry import moved_links, with_fingers
+from obstacles.robots.robot_geometry import RobotGeometry
 from planning.sequence.stage import GRIPPER_DURATION, Attach, Gripper, Stage, describe_stage
+from planning.values.finger_motion import FingerMotion, least_duration
 
 #: Names of the states that a stage means which names none, by its kind.
 _STATES = {"open": ("open", "opened"), "close": ("close", "closed")}

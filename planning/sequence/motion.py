@@ -8,17 +8,14 @@ from typing import ClassVar, NamedTuple
 import numpy as np
 
 from kinematics.arrays import Array
-from kinematics.chain import Chain
 from kinematics.forward import forward
+from kinematics.model.chain import Chain
 from kinematics.pose import transform
-from kinematics.trajectory import Trajectory, stay
-from obstacles.checker import Checker
-from planning import pipeline
-from planning.cartesian.leading import lead_tool
+from kinematics.trajectory.trajectory import Trajectory, stay
+from obstacles.collision.checker import Checker
 from planning.constraints.constraint_set import ConstraintSet
-from planning.deadline import Deadline
-from planning.finger_motion import FingerMotion
 from planning.options import Options
+from planning.pipeline import pipeline
 from planning.planner import Query
 from planning.problem import JointGoal, Problem
 from planning.proof.certificate import Certificate, certify
@@ -26,9 +23,12 @@ from planning.proof.gripper import certify_gripper
 from planning.result import Attempt, Failure, Plan
 from planning.sequence.stage import StageSettings, Straight
 from planning.sequence.world import Cell
-from planning.timing.path import JointPath
-from planning.tool_motion import ToolMotion, line
-from planning.tool_path import Stop, Tolerances, ToolPath, ToolSegment
+from planning.timing.path.path import JointPath
+from planning.tool_motions.tool_motion import ToolMotion, line
+from planning.tool_motions.tool_path import Stop, Tolerances, ToolPath, ToolSegment
+from planning.tool_paths.leading import lead_tool
+from planning.values.deadline import Deadline
+from planning.values.finger_motion import FingerMotion
 
 #: Slack of straight motions where their end has twice as much to spare [m].
 _SLACK = 1e-4

@@ -9,9 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from kinematics.arrays import Array
-from obstacles.allowed_pairs import contacts_of, sorted_pair
-from obstacles.scene import AllowedContact
-from planning.deadline import Deadline
+from obstacles.robots.allowed_pairs import contacts_of, sorted_pair
+from obstacles.scenes.scene import AllowedContact
 from planning.options import Options
 from planning.preflight.goal_order import MAX_LONGER
 from planning.sequence.estimate import travel_times
@@ -31,6 +30,7 @@ from planning.sequence.step import Step, least_passing, least_travel, still_time
 from planning.sequence.target import Target
 from planning.sequence.task import Segment, Task
 from planning.sequence.world import Cells, World
+from planning.values.deadline import Deadline
 
 #: A configuration whose target failed once counts as this much longer [s].
 _TARGET_PENALTY = 1.0

@@ -3,8 +3,8 @@
 from collections.abc import Callable
 from dataclasses import dataclass, field
 
-from planning.goal_costs import GoalCosts
 from planning.sequence.result import SequencePlan
+from planning.values.goal_costs import GoalCosts
 
 
 @dataclass(frozen=True, slots=True)

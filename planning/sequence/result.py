@@ -5,12 +5,12 @@ from dataclasses import dataclass
 from typing import Any
 
 from kinematics.arrays import Array
-from kinematics.trajectory import Trajectory
-from planning.finger_motion import FingerMotion
+from kinematics.trajectory.trajectory import Trajectory
 from planning.proof.certificate import Certificate
 from planning.result import ChosenConfiguration, Plan
 from planning.sequence.stage import Pair
 from planning.sequence.world import World
+from planning.values.finger_motion import FingerMotion
 
 
 @dataclass(frozen=True, slots=True, eq=False)

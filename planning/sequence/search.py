@@ -16,12 +16,12 @@ from typing import NamedTuple
 
 from kinematics.argument_types import typed
 from kinematics.arrays import Array
-from planning.deadline import Deadline
 from planning.result import Failure
 from planning.sequence.configuration_costs import ConfigurationCosts, rests_at_limit
 from planning.sequence.configuration_report import with_configurations
 from planning.sequence.failure import describe_stop, search_failure
 from planning.sequence.given_joints import check_given_joints
+from planning.sequence.limit_avoidance import OffLimits
 from planning.sequence.node import (
     Child,
     Node,
@@ -30,9 +30,7 @@ from planning.sequence.node import (
     onward_steps,
     target_world,
 )
-from planning.sequence.off_limits import OffLimits
 from planning.sequence.options import TaskOptions
-from planning.sequence.passing import pass_ends
 from planning.sequence.record import Check, Record
 from planning.sequence.result import (
     Improvement,
@@ -46,7 +44,9 @@ from planning.sequence.step import Step, plan_step
 from planning.sequence.target import Target
 from planning.sequence.target_finder import TargetFinder
 from planning.sequence.task import Segment, Task
+from planning.sequence.via_blending import pass_ends
 from planning.sequence.world import Cells, World
+from planning.values.deadline import Deadline
 
 #: Seconds by which each segment that is done makes a node more promising, before the first answer.
 _DEPTH_BONUS = 5.0

@@ -9,15 +9,15 @@ from numpy.typing import ArrayLike
 
 from dynamics.payload import with_payload
 from kinematics.arrays import Array, frozen
-from kinematics.chain import Chain
 from kinematics.errors import InvalidOption, InvalidPose
-from kinematics.fingers import Positions
-from obstacles.allowed_pairs import TOUCH_DEPTH
-from obstacles.robot_geometry import RobotGeometry
-from planning.constraints.constraint import Constraint
-from planning.finger_motion import FingerMotion
+from kinematics.model.chain import Chain
+from kinematics.tree.fingers import Positions
+from obstacles.robots.allowed_pairs import TOUCH_DEPTH
+from obstacles.robots.robot_geometry import RobotGeometry
+from planning.constraints.kinds.constraint import Constraint
 from planning.options import Options
 from planning.problem import Goal
+from planning.values.finger_motion import FingerMotion
 
 Pair = tuple[str, str]
 #: Frames of a straight motion's direction: the tool's where the stage begins or ends, or the root.

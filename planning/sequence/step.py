@@ -8,9 +8,8 @@ from typing import Literal
 import numpy as np
 
 from kinematics.arrays import Array
-from kinematics.trajectory import REST
-from obstacles.scene import AllowedContact
-from planning.deadline import Deadline
+from kinematics.trajectory.trajectory import REST
+from obstacles.scenes.scene import AllowedContact
 from planning.result import Failure
 from planning.sequence.estimate import passing_time, travel_times
 from planning.sequence.motion import Line, plan_free, plan_line, stand_still
@@ -24,6 +23,7 @@ from planning.sequence.stage import (
     stage_kind,
 )
 from planning.sequence.world import Cell, Cells, World
+from planning.values.deadline import Deadline
 
 
 @dataclass(slots=True, eq=False)

@@ -7,21 +7,21 @@ from typing import NamedTuple
 import numpy as np
 
 from kinematics.arrays import Array
-from kinematics.chain import Chain
-from kinematics.ik import numeric
-from kinematics.ik.analytic import branches, middle
+from kinematics.ik.closed_form.analytic import branches, middle
+from kinematics.ik.closed_form.structure import Structure, structure
 from kinematics.ik.inverse import CLOSE
-from kinematics.ik.structure import Structure, structure
+from kinematics.ik.numeric import numeric
+from kinematics.model.chain import Chain
 from kinematics.pose import inverse
-from obstacles.checker import Checker
-from obstacles.overlap_meter import overlap_meter
-from planning.deadline import Deadline
+from obstacles.collision.checker import Checker
+from obstacles.collision.fcl.overlap_meter import overlap_meter
 from planning.preflight.goal_order import is_at_limit
 from planning.preflight.pose_configurations import inner_turns, with_inner_limits
+from planning.preflight_result import TOUCHING
 from planning.problem import JointGoal
-from planning.ready import TOUCHING
 from planning.sequence.stage import Grasp, Move, Place, Stage
 from planning.sequence.world import Contact, World
+from planning.values.deadline import Deadline
 
 #: Values of a redundant arm's parameter that are tried.
 _PARAMETERS = 12

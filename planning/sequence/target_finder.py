@@ -1,8 +1,7 @@
 """Candidates of stages in the worlds of a search, each found once."""
 
 from kinematics.arrays import Array
-from obstacles.allowed_pairs import contacts_of
-from planning.deadline import Deadline
+from obstacles.robots.allowed_pairs import contacts_of
 from planning.sequence.node import contact_pairs
 from planning.sequence.stage import Move
 from planning.sequence.target import (
@@ -13,6 +12,7 @@ from planning.sequence.target import (
 )
 from planning.sequence.task import Task
 from planning.sequence.world import Cell, Cells, World
+from planning.values.deadline import Deadline
 
 #: Targets of a stage that are looked at together; each batch is spread over the whole list.
 _BATCH = 256

@@ -9,11 +9,11 @@ import numpy as np
 from kinematics.arrays import Array
 from kinematics.forward import forward
 from kinematics.pose import inverse
-from obstacles.allowed_pairs import TOUCH_DEPTH, contacts_of, sorted_pair
-from obstacles.attachment import Attachment, hold
-from obstacles.checker import Checker
-from obstacles.robot_geometry import RobotGeometry
-from obstacles.scene import AllowedContact, Obstacle, Scene
+from obstacles.collision.checker import Checker
+from obstacles.robots.allowed_pairs import TOUCH_DEPTH, contacts_of, sorted_pair
+from obstacles.robots.attachment import Attachment, hold
+from obstacles.robots.robot_geometry import RobotGeometry
+from obstacles.scenes.scene import AllowedContact, Obstacle, Scene
 from planning.sequence.stage import Load, Pair
 
 

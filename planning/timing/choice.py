@@ -8,13 +8,13 @@ import numpy as np
 
 from dynamics.payload import with_payload
 from kinematics.arrays import Array, frozen
-from kinematics.chain import Chain, Limits
 from kinematics.errors import InvalidOption, MissingLimit
-from planning.effort_limits import EffortLimits
-from planning.limits import MotionLimits
+from kinematics.model.chain import Chain, Limits
 from planning.timing.method import JerkUse, TimingMethod, timing_method
 from planning.timing.options import Method, Solver, TimingOptions
 from planning.timing.parametrization import TimeParametrization
+from planning.values.effort_limits import EffortLimits
+from planning.values.limits import MotionLimits
 
 # Limits that every method must know.
 _REQUIRED = ("velocity", "acceleration")

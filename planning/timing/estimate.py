@@ -11,8 +11,8 @@ import math
 
 import numpy as np
 
+from compiled.kernel import kernel
 from kinematics.arrays import Array
-from kinematics.compiled.kernel import kernel
 
 #: Rows of ``legs``: length, time, greatest speed squared, acceleration, corner's speed squared.
 LENGTH, TIME, SPEED, ACCELERATION, CORNER = 0, 1, 2, 3, 4

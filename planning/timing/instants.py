@@ -5,10 +5,10 @@ from functools import cache
 
 import numpy as np
 
+from compiled.kernel import direct, kernel
 from kinematics.arrays import Array, frozen
-from kinematics.compiled.kernel import direct, kernel
-from kinematics.polynomial import sample_between_kernel
-from planning.limits import RATIO_TOLERANCE
+from kinematics.trajectory.polynomial import sample_between_kernel
+from planning.values.limits import RATIO_TOLERANCE
 
 # A spline may be nearer than preferred where the motion that it is near to is so at most this part
 # of the duration away: their times differ a little.

@@ -7,10 +7,10 @@ to be the worst of all joints; only the others cost roots.
 
 import numpy as np
 
+from compiled.kernel import kernel
+from compiled.simd import LANES, Lanes, bits, fill, lane, load, store
 from kinematics.arrays import Array
-from kinematics.compiled.kernel import kernel
-from kinematics.compiled.simd import LANES, Lanes, bits, fill, lane, load, store
-from kinematics.polynomial import widen_inside_kernel
+from kinematics.trajectory.polynomial import widen_inside_kernel
 
 # Pieces are passed over that stay below the worst ratio by this part of it: far more than rounding.
 _HAIR = 1e-12

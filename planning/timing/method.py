@@ -7,14 +7,14 @@ from typing import NamedTuple, Protocol
 
 from kinematics.arrays import Array
 from kinematics.errors import InvalidOption
-from planning.effort_limits import EffortLimits
-from planning.timing.effort_limits import effort_rows, slow_down
 from planning.timing.failure import TimingFailed
-from planning.timing.jerk_limited import time_path_with_jerk
-from planning.timing.minimum_time import time_path
+from planning.timing.jerk.jerk_limited import time_path_with_jerk
 from planning.timing.options import TOPPRA_SOLVERS, Method, Solver
-from planning.timing.path import JointPath
+from planning.timing.path.path import JointPath
+from planning.timing.speed.effort_limits import effort_rows, slow_down
+from planning.timing.speed.minimum_time import time_path
 from planning.timing.time_scaling import ScaledTime
+from planning.values.effort_limits import EffortLimits
 
 # A boundary velocity counts as kept where slowing down changes it by less than this part [-].
 _SAME_SPEED = 1e-9

@@ -13,13 +13,9 @@ import numpy as np
 
 from kinematics.arrays import Array
 from kinematics.errors import InvalidOption
-from kinematics.trajectory import Trajectory, stay
-from obstacles.checker import Checker
-from planning.close_instants import WHOLE, CloseInstants, close_instants
-from planning.deadline import Deadline
-from planning.timing.blend import largest_reaches, merge, reach_for_deviation
-from planning.timing.corner_blending import certified_reaches
-from planning.timing.even_corners import Pieces
+from kinematics.trajectory.trajectory import Trajectory, stay
+from obstacles.collision.checker import Checker
+from planning.timing.close_instants import WHOLE, CloseInstants, close_instants
 from planning.timing.instants import (
     is_inside,
     not_beside,
@@ -27,14 +23,18 @@ from planning.timing.instants import (
     spans_beside,
     states_between,
 )
+from planning.timing.jerk.even_corners import Pieces
 from planning.timing.options import TimingOptions
 from planning.timing.parametrization import (
     TimeParametrization,
     merge_repeated,
 )
-from planning.timing.quintic_fit import SPAN_RATES, even_parts, finer_parts
+from planning.timing.path.blend import largest_reaches, merge, reach_for_deviation
+from planning.timing.path.corner_blending import certified_reaches
+from planning.timing.spline.quintic_fit import SPAN_RATES, even_parts, finer_parts
 from planning.timing.time_scaling import ScaledTime
 from planning.timing.waypoint_splines import waypoint_splines
+from planning.values.deadline import Deadline
 
 # How much more finely a spline is looked at where it has nothing to spare.
 _FINELY = 4

@@ -7,27 +7,27 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from kinematics.arrays import Array, frozen
-from kinematics.chain import Chain
 from kinematics.errors import InvalidOption
-from kinematics.trajectory import Trajectory
-from planning.effort_limits import EffortLimits
-from planning.limits import MotionLimits
-from planning.timing.blend import blend, merge
-from planning.timing.effort_limits import slow_down
+from kinematics.model.chain import Chain
+from kinematics.trajectory.trajectory import Trajectory
 from planning.timing.estimate import estimate_limits
-from planning.timing.even_corners import (
+from planning.timing.failure import TimingFailed
+from planning.timing.jerk.even_corners import (
     Pieces,
     fastest_reaches,
     rounded_pieces_kernel,
     time_even_corners,
 )
-from planning.timing.failure import TimingFailed
 from planning.timing.method import JerkUse, PathLimits, TimingMethod
-from planning.timing.path import JointPath
-from planning.timing.quintic_fit import even_parts, fit_pieces
-from planning.timing.span_loads import SpanLoads, span_loads
-from planning.timing.spline import Ends, chord_knots, spline_trajectory
+from planning.timing.path.blend import blend, merge
+from planning.timing.path.path import JointPath
+from planning.timing.speed.effort_limits import slow_down
+from planning.timing.spline.quintic_fit import even_parts, fit_pieces
+from planning.timing.spline.span_loads import SpanLoads, span_loads
+from planning.timing.spline.spline import Ends, chord_knots, spline_trajectory
 from planning.timing.time_scaling import ScaledTime, dilate, fit, fitting_factor
+from planning.values.effort_limits import EffortLimits
+from planning.values.limits import MotionLimits
 
 # Boundary velocities may miss the path's direction by this part.
 _ALONG = 1e-6

@@ -9,10 +9,10 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
+from compiled.kernel import kernel
 from kinematics.arrays import Array
-from kinematics.compiled.kernel import kernel
 from kinematics.errors import InvalidOption
-from kinematics.trajectory import Trajectory
+from kinematics.trajectory.trajectory import Trajectory
 from planning.timing.limit_ratios import worst_kernel
 from planning.timing.options import Solver
 

@@ -10,12 +10,12 @@ import numpy as np
 
 from kinematics.arrays import Array
 from kinematics.errors import InvalidOption
-from planning.limits import RATIO_TOLERANCE
 from planning.timing.failure import TimingFailed
 from planning.timing.options import TimingOptions
 from planning.timing.parametrization import TimeParametrization
-from planning.timing.spline import Ends
+from planning.timing.spline.spline import Ends
 from planning.timing.time_scaling import ScaledTime
+from planning.values.limits import RATIO_TOLERANCE
 
 # Velocity at an end that still counts as rest [rad/s or m/s].
 _REST = 1e-9

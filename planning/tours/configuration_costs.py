@@ -12,8 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from kinematics.arrays import Array
-from kinematics.chain import Chain
-from planning.goal_costs import GoalCosts, time_weight
+from kinematics.model.chain import Chain
 from planning.preflight.goal_order import (
     MAX_LONGER,
     clearance_lacks,
@@ -23,6 +22,7 @@ from planning.preflight.goal_order import (
     turn_counts,
 )
 from planning.tours.rest_to_rest import Times
+from planning.values.goal_costs import GoalCosts, time_weight
 
 
 class VisitCosts(NamedTuple):

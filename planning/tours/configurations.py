@@ -6,22 +6,22 @@ import numpy as np
 from numpy.typing import NDArray
 
 from kinematics.arrays import Array
-from kinematics.chain import Chain
-from kinematics.ik import numeric
-from kinematics.ik.analytic import branches
-from kinematics.ik.structure import structure
-from obstacles.checker import Checker
+from kinematics.ik.closed_form.analytic import branches
+from kinematics.ik.closed_form.structure import structure
+from kinematics.ik.numeric import numeric
+from kinematics.model.chain import Chain
+from obstacles.collision.checker import Checker
 from planning.constrained.path_constraints import end_violation
-from planning.deadline import Deadline
 from planning.preflight.goal_order import is_at_limit
 from planning.preflight.goals import find_goals
 from planning.preflight.limits import goal_onto_limits
 from planning.preflight.pose_configurations import inner_turns, with_inner_limits
+from planning.preflight_result import TOUCHING
 from planning.problem import JointGoal, PoseGoal, Problem
 from planning.reach.evaluation import parameter_values
-from planning.ready import TOUCHING
 from planning.result import Failure
 from planning.tours.problem import MAX_CONFIGURATIONS, TourGoal, TourProblem
+from planning.values.deadline import Deadline
 
 #: Configurations of one goal: more hardly shorten a tour.
 _MAX_OF_GOAL = 32

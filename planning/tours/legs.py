@@ -6,12 +6,11 @@ import numpy as np
 
 from kinematics.arrays import Array, Indices
 from kinematics.forward import forward
-from kinematics.trajectory import Trajectory
-from obstacles.checker import Checker
-from planning import pipeline
+from kinematics.trajectory.trajectory import Trajectory
+from obstacles.collision.checker import Checker
 from planning.constrained.checker import ConstrainedChecker
-from planning.deadline import Deadline
 from planning.options import Options
+from planning.pipeline import pipeline
 from planning.problem import JointGoal, Problem
 from planning.proof.certificate import certify
 from planning.result import Failure
@@ -20,6 +19,7 @@ from planning.tours.configuration_costs import VisitCosts
 from planning.tours.problem import TourProblem
 from planning.tours.rest_to_rest import Times, rest_to_rest_kernel
 from planning.tours.result import Leg
+from planning.values.deadline import Deadline
 
 #: Straight motions keep this much more than the margin, where their ends do: as plans do [m].
 _SLACK = 1e-3

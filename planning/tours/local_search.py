@@ -10,8 +10,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from compiled.kernel import kernel
 from kinematics.arrays import Array, Indices
-from kinematics.compiled.kernel import kernel
 from planning.tours.layers import choose_configurations
 from planning.tours.moves import may_reverse, may_swap, reverse, swap_blocks, time_kernel
 from planning.tours.network import Network, TourState

@@ -9,10 +9,10 @@ Order constraints are left out, which only lowers the bound.
 
 import numpy as np
 
+from compiled.kernel import kernel
 from kinematics.arrays import Array, Indices
-from kinematics.compiled.kernel import kernel
-from planning.deadline import Deadline
 from planning.tours.rest_to_rest import Times
+from planning.values.deadline import Deadline
 
 #: Rounds without a better bound after which steps are halved.
 _PATIENCE = 8

@@ -2,8 +2,8 @@
 
 import numpy as np
 
+from compiled.kernel import kernel
 from kinematics.arrays import Indices
-from kinematics.compiled.kernel import kernel
 from planning.tours.network import Network, TourState
 
 

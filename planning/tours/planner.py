@@ -7,9 +7,8 @@ import numpy as np
 
 from kinematics.argument_types import typed
 from kinematics.arrays import Array
-from obstacles.checker import Checker
+from obstacles.collision.checker import Checker
 from planning.constrained.path_constraints import check_widths, end_violation
-from planning.deadline import Deadline
 from planning.motion_limits import with_limits
 from planning.preflight.preflight import check_start
 from planning.problem import JointGoal, Problem
@@ -22,6 +21,7 @@ from planning.tours.order import goal_pairs
 from planning.tours.problem import TourOptions, TourProblem
 from planning.tours.result import Tour, Unvisited
 from planning.tours.search import Stops, TourSearch
+from planning.values.deadline import Deadline
 
 #: Called with the share of the work that is done, and its stage.
 Report = Callable[[float, str], None]

@@ -8,15 +8,15 @@ import numpy as np
 
 from kinematics.arrays import Array, frozen
 from kinematics.errors import InvalidGoal
-from obstacles.placement import place
-from obstacles.robot_geometry import RobotGeometry
-from obstacles.scene import Scene
+from obstacles.robots.robot_geometry import RobotGeometry
+from obstacles.scenes.placement import place
+from obstacles.scenes.scene import Scene
 from planning.constraints.constraint_set import ConstraintSet
 from planning.options import Options
-from planning.preferred_clearance import PreferredClearance
 from planning.problem import Goal, JointGoal
 from planning.reach.tolerance import Tolerance
 from planning.tours.order import check_order
+from planning.values.preferred_clearance import PreferredClearance
 
 #: Goals of one tour.
 MAX_GOALS = 500

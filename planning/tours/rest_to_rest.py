@@ -3,8 +3,8 @@
 import numpy as np
 from numpy.typing import NDArray
 
+from compiled.kernel import kernel
 from kinematics.arrays import Array, Indices
-from kinematics.compiled.kernel import kernel
 
 Times = NDArray[np.float32]
 

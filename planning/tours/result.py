@@ -6,7 +6,7 @@ from types import MappingProxyType
 from typing import Any
 
 from kinematics.arrays import Array
-from kinematics.trajectory import Trajectory, concatenate, stay
+from kinematics.trajectory.trajectory import Trajectory, concatenate, stay
 from planning.proof.certificate import Certificate
 from planning.result import ChosenConfiguration
 

@@ -9,15 +9,14 @@ from typing import NamedTuple
 import numpy as np
 
 from kinematics.arrays import Indices
-from planning.chosen_configuration import chosen_configuration
-from planning.deadline import Deadline
+from planning.goal_choice.chosen_configuration import chosen_configuration
 from planning.result import ChosenConfiguration, Failure
 from planning.tours.construction import nearest_neighbour_tour
 from planning.tours.legs import SAME_TIME, LegTable, Pair
+from planning.tours.limit_avoidance import lead_off_limits
 from planning.tours.local_search import SearchWork, enqueue, search_kernel, search_work
 from planning.tours.lower_bound import lower_bound
 from planning.tours.network import Network, TourState, make_network, set_state
-from planning.tours.off_limits import lead_off_limits
 from planning.tours.order import goal_pairs, group_numbers, precedence_table
 from planning.tours.problem import TourOptions, TourProblem
 from planning.tours.result import (
@@ -28,6 +27,7 @@ from planning.tours.result import (
     Unvisited,
     Visit,
 )
+from planning.values.deadline import Deadline
 
 #: Near stops that moves of the search look at.
 _NEIGHBOURS = 10

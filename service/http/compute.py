@@ -7,7 +7,7 @@ from typing import TypeVar
 
 from fastapi import Request
 
-from planning.deadline import Deadline
+from planning.values.deadline import Deadline
 from service.access.caller import caller_of
 from service.http.admission import Admission
 from service.http.body_limit import ARRIVAL

@@ -20,7 +20,7 @@ from sqlalchemy.exc import (
 from sqlalchemy.exc import TimeoutError as PoolTimeout
 from sqlalchemy.pool import ConnectionPoolEntry, QueuePool
 
-from kinematics.kept_file import make_private
+from compiled.kept_file import make_private
 from service.problem import ProblemError
 from service.storage.file_lock import FileLock, FileLocked
 from service.storage.schema import DURABILITY, DamagedFile, NewerSchema, migrate

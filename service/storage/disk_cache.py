@@ -1,7 +1,7 @@
 """Cache of prepared robots and scenes on disk: built once, loaded by the hash of their document.
 
 The files are pickles, so none is opened that anybody but the service can have written or that is
-not as this version wrote it (`kinematics.kept_file`); what is not read is built anew.
+not as this version wrote it (`compiled.kept_file`); what is not read is built anew.
 """
 
 import hashlib
@@ -13,14 +13,14 @@ from pathlib import Path
 
 import numpy as np
 
-from kinematics.chain import Chain, Inertia, Limits, Link
+from compiled.kept_file import read_kept, write_kept
 from kinematics.errors import ArmwrightError
-from kinematics.fingers import Finger, Fingers
-from kinematics.kept_file import read_kept, write_kept
-from obstacles.piece import Piece
-from obstacles.robot_geometry import RobotGeometry
-from obstacles.scene import Obstacle, Scene
-from obstacles.visual_geometry import VisualBody, VisualGeometry
+from kinematics.model.chain import Chain, Inertia, Limits, Link
+from kinematics.tree.fingers import Finger, Fingers
+from obstacles.convex.piece import Piece
+from obstacles.robots.robot_geometry import RobotGeometry
+from obstacles.robots.visual_geometry import VisualBody, VisualGeometry
+from obstacles.scenes.scene import Obstacle, Scene
 from service.storage.cache_key import NotPrepared, Reference
 from service.storage.prepared_files import prepared_file, visual_file
 from service.version import VERSION

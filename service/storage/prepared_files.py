@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from functools import lru_cache
 from pathlib import Path
 
-from kinematics.kept_file import read_kept, write_kept
+from compiled.kept_file import read_kept, write_kept
 from service.storage.cache_key import Reference
 
 _DECOMPOSITIONS = "decompositions"

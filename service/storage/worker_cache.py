@@ -5,12 +5,12 @@ import hashlib
 from armwright_wire import scene as scene_schema
 from dynamics.motor import Motor
 from kinematics.arrays import Array
-from kinematics.chain import Chain
+from kinematics.model.chain import Chain
 from kinematics.root_frame import TOOL
 from obstacles.kept_files import keep_files_in
-from obstacles.placement import in_frame, place
-from obstacles.scene import Scene
-from obstacles.visual_geometry import VisualGeometry
+from obstacles.robots.visual_geometry import VisualGeometry
+from obstacles.scenes.placement import in_frame, place
+from obstacles.scenes.scene import Scene
 from service.storage import disk_cache, prepared_files
 from service.storage.cache_key import Reference
 from service.storage.disk_cache import PreparedRobot

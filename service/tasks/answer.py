@@ -8,7 +8,7 @@ from numpy.typing import ArrayLike
 from pydantic import BaseModel
 
 from kinematics.arrays import Array
-from kinematics.chain import Chain
+from kinematics.model.chain import Chain
 from kinematics.root_frame import frame_pose, root_notes
 from service.storage import worker_cache
 from service.storage.cache_key import NotPrepared, Reference

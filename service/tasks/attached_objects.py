@@ -12,16 +12,16 @@ from armwright_wire.attached import Attached, WithFingers
 from armwright_wire.scene import AllowedItem
 from dynamics.payload import with_payload
 from kinematics.arrays import Array
-from kinematics.chain import Chain
 from kinematics.errors import InvalidScene
 from kinematics.forward import link_number
+from kinematics.model.chain import Chain
 from kinematics.root_frame import check_default_frame
-from obstacles.attachment import Attachment, check_allowed, grasp, hold
-from obstacles.finger_geometry import with_fingers
-from obstacles.overlap_meter import OverlapMeter
-from obstacles.placement import with_objects
-from obstacles.robot_geometry import RobotGeometry
-from obstacles.scene import Obstacle, Scene
+from obstacles.collision.fcl.overlap_meter import OverlapMeter
+from obstacles.robots.attachment import Attachment, check_allowed, grasp, hold
+from obstacles.robots.finger_geometry import with_fingers
+from obstacles.robots.robot_geometry import RobotGeometry
+from obstacles.scenes.placement import with_objects
+from obstacles.scenes.scene import Obstacle, Scene
 from service.storage import worker_cache
 from service.storage.cache_key import Reference
 from service.translate import poses

@@ -9,7 +9,7 @@ from pydantic_core import from_json, to_json
 from armwright_wire.batch import BatchRequest, PlanRequests
 from armwright_wire.scene import NamedScene
 from kinematics.errors import ArmwrightError
-from planning.deadline import Deadline
+from planning.values.deadline import Deadline
 from service.storage import prepared_files
 from service.storage.cache_key import Reference
 from service.tasks import robots

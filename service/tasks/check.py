@@ -8,9 +8,9 @@ from pydantic_core import to_json
 
 from armwright_wire.check import CheckRequest
 from armwright_wire.scene import ProjectRequest
-from obstacles.fcl_projection import FclProjector
-from obstacles.placement import only_frame
-from obstacles.projection import Projector
+from obstacles.projection.fcl_projection import FclProjector
+from obstacles.projection.projection import Projector
+from obstacles.scenes.placement import only_frame
 from planning.configuration_check import ConfigurationReport, configuration_checker
 from service.storage import worker_cache
 from service.storage.cache_key import Reference

@@ -8,11 +8,11 @@ import numpy as np
 from armwright_wire.kinematics import IkRequest
 from armwright_wire.pose import Pose
 from kinematics.arrays import Array
-from kinematics.chain import Chain
 from kinematics.forward import forward
-from kinematics.ik.numeric import AXES
+from kinematics.ik.numeric.numeric import AXES
+from kinematics.model.chain import Chain
 from kinematics.pose import rotation_error
-from obstacles.robot_geometry import RobotGeometry
+from obstacles.robots.robot_geometry import RobotGeometry
 from planning.constrained.ik import (
     HELD,
     ConstrainedIk,
@@ -20,10 +20,10 @@ from planning.constrained.ik import (
     IkOptions,
     constrained_ik,
 )
-from planning.constraints.conflict import conflict
 from planning.constraints.constraint_set import ConstraintSet
-from planning.constraints.relative_pose import RelativePoseConstraint
-from planning.deadline import Deadline
+from planning.constraints.kinds.relative_pose import RelativePoseConstraint
+from planning.constraints.solvers.conflict import conflict
+from planning.values.deadline import Deadline
 from service.tasks.attached_objects import RobotInScene
 from service.tasks.result import TaskProblem
 from service.translate import constraints, poses

@@ -26,8 +26,8 @@ from dynamics.partial_jacobians import partial_jacobians
 from dynamics.payload import with_gravity, with_motors
 from dynamics.regressor import parameter_names, reference_regressor, standard_parameters
 from kinematics.arrays import Array
-from kinematics.chain import Chain
 from kinematics.errors import InvalidOption, InvalidRobotState
+from kinematics.model.chain import Chain
 from kinematics.statics import holding_torques
 from service.storage import worker_cache
 from service.storage.cache_key import builtin_reference

@@ -6,9 +6,9 @@ from armwright_wire.robot import RobotBody
 from dynamics.equations.parameters import textbook_table
 from dynamics.equations.sheet import write_sheet
 from dynamics.equations.writing import Notation
-from kinematics.bounded_cache import bounded_cache
-from kinematics.chain import Chain
-from kinematics.dh_table import DhTable
+from kinematics.caches.bounded_cache import bounded_cache
+from kinematics.model.chain import Chain
+from kinematics.model.dh_table import DhTable
 from service.storage import worker_cache
 from service.storage.cache_key import Reference
 from service.tasks.answer import reports_cache_miss

@@ -7,11 +7,11 @@ from pydantic_core import to_json
 
 from armwright_wire.kinematics import FkRequest
 from kinematics.arrays import Array
-from kinematics.chain import Chain
 from kinematics.errors import InvalidOption
-from kinematics.fingers import Fingers
 from kinematics.forward import link_poses
+from kinematics.model.chain import Chain
 from kinematics.pose import inverse
+from kinematics.tree.fingers import Fingers
 from service.storage import worker_cache
 from service.storage.cache_key import Reference
 from service.tasks.answer import reports_cache_miss

@@ -6,10 +6,10 @@ import numpy as np
 
 from armwright_wire.geometry import BodySurface, GeometryAnswer, GeometryKind
 from kinematics.arrays import Array, Indices
-from kinematics.chain import Chain, Link
+from kinematics.model.chain import Chain, Link
 from kinematics.pose import inverse
-from obstacles.scene import Scene
-from obstacles.visual_geometry import VisualBody
+from obstacles.robots.visual_geometry import VisualBody
+from obstacles.scenes.scene import Scene
 from service.storage import worker_cache
 from service.storage.cache_key import Reference
 from service.tasks.answer import reports_cache_miss

@@ -5,12 +5,12 @@ from typing import Any
 import numpy as np
 
 from armwright_wire.kinematics import IkRequest
-from kinematics.chain import Chain
-from kinematics.ik.arm_geometry import arm_sides
+from kinematics.ik.closed_form.arm_geometry import arm_sides
 from kinematics.ik.gradient import Trace
-from kinematics.ik.numeric import AXES
+from kinematics.ik.numeric.numeric import AXES
 from kinematics.ik.ranking import outside
 from kinematics.ik.solution import IkResult, IkSolution
+from kinematics.model.chain import Chain
 from service.tasks.result import TaskProblem
 
 #: Rejected configurations that a refusal carries.

@@ -7,11 +7,11 @@ import numpy as np
 
 from armwright_wire.kinematics import IkRequest
 from armwright_wire.pose import Pose
-from kinematics.chain import Chain
+from kinematics.ik.closed_form.structure import structure
 from kinematics.ik.inverse import IkOptions, Method
 from kinematics.ik.inverse_batch import inverse_kinematics_batch
-from kinematics.ik.numeric import AXES
-from kinematics.ik.structure import structure
+from kinematics.ik.numeric.numeric import AXES
+from kinematics.model.chain import Chain
 from service.tasks.ik_answers import add_sides, solution_answer
 from service.translate import poses
 

@@ -9,13 +9,13 @@ from pydantic_core import to_json
 from armwright_wire.kinematics import MAX_SOLUTIONS, IkRequest
 from armwright_wire.kinematics import GradientOptions as RequestedGradient
 from armwright_wire.pose import Pose
-from kinematics.chain import Chain
 from kinematics.errors import InvalidOption
+from kinematics.ik.closed_form.structure import structure
 from kinematics.ik.gradient import GradientOptions, Trace, follow
 from kinematics.ik.inverse import IkOptions, Method, inverse_kinematics
-from kinematics.ik.numeric import AXES
+from kinematics.ik.numeric.numeric import AXES
 from kinematics.ik.solution import IkResult
-from kinematics.ik.structure import structure
+from kinematics.model.chain import Chain
 from service.storage import worker_cache
 from service.storage.cache_key import Reference
 from service.tasks import constrained_ik

@@ -16,10 +16,10 @@ from armwright_wire.kinematics import (
 )
 from armwright_wire.pose import Orientation
 from kinematics.arrays import Array
-from kinematics.chain import Chain
 from kinematics.errors import InvalidOption
 from kinematics.forward import forward, link_poses
 from kinematics.jacobian import analytic_zyz, geometric
+from kinematics.model.chain import Chain
 from kinematics.pose import to_axis_angle, to_quaternions, to_rpy, to_zyz
 from kinematics.velocity import (
     DAMPED_BELOW,

@@ -7,7 +7,7 @@ from pydantic_core import to_json
 from armwright_wire.lyapunov import LyapunovRequest
 from kinematics.errors import InvalidOption
 from service.workers.task import task
-from tracking.quadratic_form import (
+from tracking.controllers.quadratic_form import (
     QuadraticLyapunov,
     SymmetricForm,
     Verdict,

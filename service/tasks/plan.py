@@ -14,13 +14,13 @@ from pydantic_core import to_json
 
 from armwright_wire.plan import Collisions, PlanRequest, ValidateRequest
 from kinematics.errors import InvalidRobotDescription
-from obstacles.robot_geometry import RobotGeometry
-from obstacles.scene import Scene
-from planning import pipeline
-from planning.limits import MotionLimits
+from obstacles.robots.robot_geometry import RobotGeometry
+from obstacles.scenes.scene import Scene
+from planning.pipeline import pipeline
 from planning.problem import Problem
 from planning.proof.certificate import certify, has_solids
 from planning.result import Failure, Plan
+from planning.values.limits import MotionLimits
 from service.storage import worker_cache
 from service.storage.cache_key import Reference
 from service.tasks.answer import in_frame, reports_cache_miss

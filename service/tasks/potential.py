@@ -8,7 +8,7 @@ from pydantic_core import to_json
 
 from armwright_wire.potential import PotentialRequest
 from kinematics.arrays import Array
-from kinematics.chain import Chain
+from kinematics.model.chain import Chain
 from planning.field.control_points import ControlPoints
 from planning.field.options import PRESETS, FieldOptions
 from planning.field.planner import potential_of

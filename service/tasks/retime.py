@@ -5,12 +5,12 @@ from dataclasses import replace
 from pydantic_core import to_json
 
 from armwright_wire.retime import ConvertRequest, RetimeRequest
-from kinematics.chain import Chain
 from kinematics.errors import InvalidOption
-from kinematics.trajectory_export import csv_text, joint_trajectory
-from planning.retime import Retimed
-from planning.retime import retime as time_again
-from planning.state_motion import time_states
+from kinematics.model.chain import Chain
+from kinematics.trajectory.export import csv_text, joint_trajectory
+from planning.retiming.retime import Retimed
+from planning.retiming.retime import retime as time_again
+from planning.retiming.state_motion import time_states
 from service.storage import worker_cache
 from service.storage.cache_key import Reference
 from service.tasks.answer import reports_cache_miss

@@ -7,18 +7,18 @@ from pydantic import ValidationError
 from armwright_wire.robot import RobotBody, RobotChanges
 from armwright_wire.scene import NamedScene
 from armwright_wire.scene import Scene as SceneBody
-from kinematics.description import MeshGeometry
 from kinematics.errors import InvalidRobotDescription
 from kinematics.robots import builtin_urdf
-from kinematics.srdf_writer import srdf_text
-from kinematics.urdf import parse_urdf
-from kinematics.urdf_limits import with_limits
-from kinematics.urdf_visuals import read_visuals
-from kinematics.visual_solids import with_visual_solids
-from obstacles.collision_model import pack
+from kinematics.tree.description import MeshGeometry
+from kinematics.urdf.limits import with_limits
+from kinematics.urdf.srdf_writer import srdf_text
+from kinematics.urdf.urdf import parse_urdf
+from kinematics.urdf.visual_solids import with_visual_solids
+from kinematics.urdf.visuals import read_visuals
+from obstacles.collision.model.collision_model import pack
 from obstacles.kept_files import keep_files_in, written_files
-from obstacles.robot_geometry import hulled
-from obstacles.scene import Scene
+from obstacles.robots.robot_geometry import hulled
+from obstacles.scenes.scene import Scene
 from service.storage import disk_cache, prepared_files, worker_cache
 from service.storage.cache_key import Reference
 from service.storage.disk_cache import PreparedRobot

@@ -14,10 +14,10 @@ from armwright_wire.attached import Attached
 from armwright_wire.sequence import TaskRequest
 from kinematics.arrays import Array
 from kinematics.errors import InvalidOption, InvalidRobotDescription
-from kinematics.named_states import state
-from obstacles.finger_geometry import with_fingers
-from obstacles.robot_geometry import RobotGeometry
-from obstacles.scene import Scene
+from kinematics.tree.named_states import state
+from obstacles.robots.finger_geometry import with_fingers
+from obstacles.robots.robot_geometry import RobotGeometry
+from obstacles.scenes.scene import Scene
 from planning.options import MAX_TIMEOUT
 from planning.proof.certificate import has_solids
 from planning.sequence.options import TaskOptions

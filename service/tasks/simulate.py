@@ -17,7 +17,7 @@ from service.translate.references import reference
 from service.translate.simulation_notes import request_notes, simulation_notes
 from service.workers import current
 from service.workers.task import GRACE, task
-from tracking.simulation import simulate as close_loop
+from tracking.simulation.simulation import simulate as close_loop
 
 
 @task(grace=GRACE)

@@ -12,9 +12,9 @@ from armwright_wire.attached import Attached
 from armwright_wire.pose import Pose
 from armwright_wire.sequence import TaskRequest
 from kinematics.arrays import Array
-from obstacles.finger_geometry import with_fingers
-from obstacles.robot_geometry import RobotGeometry
-from obstacles.scene import Scene
+from obstacles.robots.finger_geometry import with_fingers
+from obstacles.robots.robot_geometry import RobotGeometry
+from obstacles.scenes.scene import Scene
 from planning.proof.premises import Premises
 from service.tasks.attached_objects import RobotInScene, attach, attachment
 from service.translate import poses

@@ -6,11 +6,11 @@ from typing import Any
 
 from armwright_wire.plan import PlanRequest, TrajectoryBody, ValidateRequest
 from kinematics.errors import InvalidOption
-from kinematics.trajectory import Trajectory
-from obstacles.finger_geometry import swept_cover
-from obstacles.mesh_writer import glb, stl
-from obstacles.robot_geometry import RobotGeometry
-from obstacles.triangles import join
+from kinematics.trajectory.trajectory import Trajectory
+from obstacles.convex.triangles import join
+from obstacles.meshes.writer import glb, stl
+from obstacles.robots.finger_geometry import swept_cover
+from obstacles.robots.robot_geometry import RobotGeometry
 from planning.exports.swept_volume import swept_volume
 from service.storage import worker_cache
 from service.storage.cache_key import Reference

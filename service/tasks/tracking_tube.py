@@ -7,17 +7,17 @@ from typing import Any, NamedTuple, TypeVar
 
 import numpy as np
 
-from kinematics.chain import Limits
-from kinematics.interpolation import interpolate
-from kinematics.trajectory import Trajectory
-from obstacles.robot_geometry import RobotGeometry
-from obstacles.scene import Scene
-from planning.deadline import Deadline
+from kinematics.model.chain import Limits
+from kinematics.trajectory.interpolation import interpolate
+from kinematics.trajectory.trajectory import Trajectory
+from obstacles.robots.robot_geometry import RobotGeometry
+from obstacles.scenes.scene import Scene
 from planning.proof.certificate import Certificate, certify
-from tracking.global_error import LOST
-from tracking.limit_use import limit_uses
-from tracking.result import SimulationOutcome, SimulationResult
-from tracking.tube import Displacement, tube
+from planning.values.deadline import Deadline
+from tracking.simulation.integrators.global_error import LOST
+from tracking.simulation.result import SimulationOutcome, SimulationResult
+from tracking.tube.limit_use import limit_uses
+from tracking.tube.tube import Displacement, tube
 
 _Part = TypeVar("_Part", str, tuple[str, str])
 

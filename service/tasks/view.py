@@ -14,10 +14,10 @@ from armwright_wire.plan import PlanRequest, TrajectoryBody, ValidateRequest
 from armwright_wire.sequence import TaskRequest
 from armwright_wire.tour import TourRequest
 from kinematics.errors import InvalidOption
-from kinematics.trajectory import Trajectory
-from obstacles.scene import Obstacle
-from planning.explored import Explored
-from planning.pipeline import plan
+from kinematics.trajectory.trajectory import Trajectory
+from obstacles.scenes.scene import Obstacle
+from planning.pipeline.pipeline import plan
+from planning.values.search_trees import Explored
 from service.storage import worker_cache
 from service.storage.cache_key import Reference
 from service.tasks import view_failures

@@ -8,11 +8,11 @@ import numpy as np
 from armwright_wire.plan import TrajectoryBody
 from armwright_wire.sequence import TaskRequest
 from armwright_wire.tour import TourRequest
-from kinematics.named_states import state
-from kinematics.trajectory import Trajectory
-from obstacles.finger_geometry import with_fingers
-from obstacles.robot_geometry import RobotGeometry
-from obstacles.scene import Obstacle, Scene
+from kinematics.trajectory.trajectory import Trajectory
+from kinematics.tree.named_states import state
+from obstacles.robots.finger_geometry import with_fingers
+from obstacles.robots.robot_geometry import RobotGeometry
+from obstacles.scenes.scene import Obstacle, Scene
 from service.storage import worker_cache
 from service.storage.cache_key import Reference
 from service.tasks.attached_objects import (

@@ -9,7 +9,7 @@ from functools import partial
 from pathlib import PurePosixPath
 
 from kinematics.errors import InvalidRobotDescription
-from obstacles.mesh import FILE_TYPES
+from obstacles.meshes.mesh import FILE_TYPES
 
 #: A robot with visual and collision meshes of all its variants stays well below these.
 MAX_ENTRIES = 2_000

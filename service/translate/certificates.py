@@ -7,7 +7,7 @@ from typing import Any
 from armwright_wire.scene import Scene
 from planning.proof.certificate import Certificate
 from planning.proof.premises import Premises
-from planning.proof.tool_speed_band import SpeedUse
+from planning.proof.tool.tool_speed_band import SpeedUse
 from service.translate.contacts import allowed_answer
 from service.translate.problems import plain
 

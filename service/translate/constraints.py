@@ -7,24 +7,28 @@ import numpy as np
 
 from armwright_wire import constraint as schema
 from kinematics.arrays import Array
-from kinematics.chain import Chain
 from kinematics.errors import InvalidGoal, InvalidPose
+from kinematics.model.chain import Chain
 from kinematics.pose import from_quaternion
-from planning.constraints.constraint import Constraint
 from planning.constraints.constraint_set import ConstraintSet
-from planning.constraints.joint import JointConstraint
-from planning.constraints.limit import ClearanceConstraint, ToolSpeedConstraint, TorqueConstraint
-from planning.constraints.look_at import LookAtConstraint
-from planning.constraints.orientation import ConeConstraint, OrientationConstraint
-from planning.constraints.position import PositionConstraint
-from planning.constraints.region import (
+from planning.constraints.kinds.constraint import Constraint
+from planning.constraints.kinds.joint import JointConstraint
+from planning.constraints.kinds.limit import (
+    ClearanceConstraint,
+    ToolSpeedConstraint,
+    TorqueConstraint,
+)
+from planning.constraints.kinds.look_at import LookAtConstraint
+from planning.constraints.kinds.orientation import ConeConstraint, OrientationConstraint
+from planning.constraints.kinds.position import PositionConstraint
+from planning.constraints.kinds.region import (
     BoxRegion,
     LineRegion,
     PlaneRegion,
     Region,
     SphereRegion,
 )
-from planning.constraints.relative_pose import RelativePoseConstraint
+from planning.constraints.kinds.relative_pose import RelativePoseConstraint
 from service.translate import poses
 
 

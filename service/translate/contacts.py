@@ -5,9 +5,9 @@ from collections.abc import Iterable, Sequence
 from typing import Any
 
 from armwright_wire.scene import AllowedItem, LimitedPair
-from obstacles.allowed_pairs import Overlap, allowed_pairs, sorted_pair
-from obstacles.robot_geometry import RobotGeometry
-from obstacles.scene import AllowedContact, Pair, Scene
+from obstacles.robots.allowed_pairs import Overlap, allowed_pairs, sorted_pair
+from obstacles.robots.robot_geometry import RobotGeometry
+from obstacles.scenes.scene import AllowedContact, Pair, Scene
 
 
 def touch_depth(given: float | None) -> float:

@@ -9,16 +9,16 @@ import numpy as np
 from armwright_wire import controllers as schema
 from dynamics.parameter_units import base_parameter_labels, base_parameter_units
 from kinematics.arrays import Array
-from kinematics.chain import Chain
 from kinematics.errors import InvalidOption
-from kinematics.trajectory import Trajectory
-from tracking.adaptive import Adaptive
-from tracking.computed_torque import ComputedTorque
-from tracking.controller import Controller
-from tracking.gain import adaptation_gain, gain_vector, placed_gains
-from tracking.independent_joint import IndependentJoint, effective_inertia
-from tracking.passivity import Passivity
-from tracking.pd_gravity import PdGravity
+from kinematics.model.chain import Chain
+from kinematics.trajectory.trajectory import Trajectory
+from tracking.controllers.adaptive import Adaptive
+from tracking.controllers.computed_torque import ComputedTorque
+from tracking.controllers.controller import Controller
+from tracking.controllers.gain import adaptation_gain, gain_vector, placed_gains
+from tracking.controllers.independent_joint import IndependentJoint, effective_inertia
+from tracking.controllers.passivity import Passivity
+from tracking.controllers.pd_gravity import PdGravity
 
 
 def controller(body: schema.Controller, model: Chain, trajectory: Trajectory) -> Controller:

@@ -6,7 +6,7 @@ from armwright_wire import equations as schema
 from dynamics.equations.page import write_page
 from dynamics.equations.sheet import Motion, Sheet
 from dynamics.equations.writing import Notation
-from kinematics.chain import Chain
+from kinematics.model.chain import Chain
 
 
 def equations_answer(chain: Chain, sheet: Sheet) -> schema.EquationsAnswer:

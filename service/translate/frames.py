@@ -13,8 +13,8 @@ from armwright_wire.kinematics import IkRequest
 from armwright_wire.plan import PlanRequest
 from armwright_wire.pose import FramedPose, Pose
 from kinematics.arrays import Array
-from kinematics.chain import Chain
 from kinematics.errors import InvalidGoal
+from kinematics.model.chain import Chain
 from kinematics.root_frame import check_default_frame, frame_pose
 from service.translate import poses
 

@@ -9,9 +9,9 @@ from armwright_wire import motor as schema
 from armwright_wire.base import MAX_NUMBER
 from armwright_wire.robot import RobotBody
 from dynamics.motor import Motor, attach_motors
-from kinematics.chain import Chain
 from kinematics.errors import InvalidRobotDescription
-from kinematics.joint_limits import ALL_JOINTS
+from kinematics.model.chain import Chain
+from kinematics.tree.joint_limits import ALL_JOINTS
 
 
 class _MotorsOfAnswer(BaseModel):

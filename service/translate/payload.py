@@ -4,7 +4,7 @@ import numpy as np
 
 from armwright_wire.dynamics import Payload
 from dynamics.payload import with_payload
-from kinematics.chain import Chain
+from kinematics.model.chain import Chain
 
 
 def loaded_chain(chain: Chain, payload: Payload) -> Chain:

@@ -16,10 +16,11 @@ from kinematics import pose as rotation
 from kinematics.arrays import Array
 from kinematics.errors import InvalidScene
 from kinematics.rounding import TOLD, asymmetry, check_rotation
-from obstacles import mesh, shapes
-from obstacles.moveit import scene_from_moveit
-from obstacles.placement import in_frame, with_objects
-from obstacles.scene import Obstacle, Scene
+from obstacles.meshes import mesh
+from obstacles.scenes.moveit import scene_from_moveit
+from obstacles.scenes.placement import in_frame, with_objects
+from obstacles.scenes.scene import Obstacle, Scene
+from obstacles.shapes import shape as shapes
 from service.translate.contacts import contacts
 
 

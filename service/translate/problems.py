@@ -12,17 +12,17 @@ from armwright_wire import plan as schema
 from armwright_wire.cartesian import cartesian_options
 from armwright_wire.goal_costs import GoalCosts as GoalCostsBody
 from kinematics.arrays import Array
-from kinematics.chain import Chain
-from obstacles.robot_geometry import RobotGeometry
-from obstacles.scene import Scene
+from kinematics.model.chain import Chain
+from obstacles.robots.robot_geometry import RobotGeometry
+from obstacles.scenes.scene import Scene
 from planning.clearance_report import ClearanceReport
-from planning.goal_costs import GoalCosts
-from planning.optimize.options import RefineOptions
 from planning.options import CartesianOptions, Options, ToolMotionOptions
-from planning.planners import PLANNERS
-from planning.preferred_clearance import PreferredClearance
+from planning.pipeline.planners import PLANNERS
 from planning.problem import Goal, JointGoal, PoseGoal, Problem
 from planning.result import ChosenConfiguration, StageReport
+from planning.values.goal_costs import GoalCosts
+from planning.values.optimize_options import RefineOptions
+from planning.values.preferred_clearance import PreferredClearance
 from service.translate import poses, timings
 from service.translate.constraints import constraint_set
 from service.translate.seams import seam_options

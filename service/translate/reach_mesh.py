@@ -3,8 +3,8 @@
 import numpy as np
 
 from kinematics.arrays import Array
-from obstacles.mesh_writer import glb
-from obstacles.triangles import Triangles
+from obstacles.convex.triangles import Triangles
+from obstacles.meshes.writer import glb
 from planning.reach.evaluation import Reach, Status
 from planning.reach.grid import PoseGrid
 from service.translate.reach_picture import HIGH, LOW

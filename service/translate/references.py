@@ -7,10 +7,10 @@ import numpy as np
 from armwright_wire import reference as schema
 from armwright_wire.simulation import SimulateRequest
 from kinematics.arrays import Array
-from kinematics.chain import Chain
-from kinematics.trajectory import Trajectory
+from kinematics.model.chain import Chain
+from kinematics.trajectory.trajectory import Trajectory
 from service.translate import trajectories
-from tracking.references import hold, sine, spline, step
+from tracking.simulation.references import hold, sine, spline, step
 
 
 class RequestReference(NamedTuple):

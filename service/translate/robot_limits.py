@@ -4,9 +4,9 @@ import dataclasses
 from collections.abc import Collection, Mapping
 
 from armwright_wire import robot as schema
-from kinematics.chain import Chain
 from kinematics.errors import InvalidRobotDescription
-from kinematics.joint_limits import (
+from kinematics.model.chain import Chain
+from kinematics.tree.joint_limits import (
     ALL_JOINTS,
     apply_rules,
     limits_of_chain,

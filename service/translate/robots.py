@@ -14,27 +14,27 @@ from armwright_wire import robot as schema
 from armwright_wire.motor import Motor
 from dynamics.body import joints_without_inertia, massless_joints
 from kinematics.arrays import Array
-from kinematics.chain import Chain, JointType
-from kinematics.description import RobotDescription
-from kinematics.dh import dh_from_chain
-from kinematics.dh_table import DhRow, DhTable
 from kinematics.errors import InvalidRobotDescription, InvalidScene
-from kinematics.fingers import fingers
-from kinematics.ik.structure import classify_wrist
-from kinematics.joint_limits import ALL_JOINTS, soft_limit_notes
-from kinematics.lint import tidy
-from kinematics.mesh_uri import resolve_mesh
-from kinematics.named_states import named_states
+from kinematics.ik.closed_form.structure import classify_wrist
+from kinematics.model.chain import Chain, JointType
+from kinematics.model.dh import dh_from_chain
+from kinematics.model.dh_table import DhRow, DhTable
+from kinematics.readers.lint import tidy
+from kinematics.readers.mesh_uri import resolve_mesh
 from kinematics.robots import builtin_srdf, builtin_urdf
 from kinematics.root_frame import root_notes, tool_notes
-from kinematics.serial_chain import GRAVITY, select, serial_chain
-from kinematics.srdf import check_semantics, parse_srdf
-from kinematics.urdf import parse_urdf
-from kinematics.urdf_visuals import read_visuals
-from kinematics.visual_solids import with_visual_solids
-from obstacles.dh_geometry import LinkSolid, dh_robot_geometry
-from obstacles.robot_geometry import RobotGeometry, robot_geometry
-from obstacles.touching_pairs import suspected_pairs
+from kinematics.tree.description import RobotDescription
+from kinematics.tree.fingers import fingers
+from kinematics.tree.joint_limits import ALL_JOINTS, soft_limit_notes
+from kinematics.tree.named_states import named_states
+from kinematics.tree.serial_chain import GRAVITY, select, serial_chain
+from kinematics.tree.srdf import check_semantics, parse_srdf
+from kinematics.urdf.urdf import parse_urdf
+from kinematics.urdf.visual_solids import with_visual_solids
+from kinematics.urdf.visuals import read_visuals
+from obstacles.robots.dh_geometry import LinkSolid, dh_robot_geometry
+from obstacles.robots.robot_geometry import RobotGeometry, robot_geometry
+from obstacles.robots.touching_pairs import suspected_pairs
 from service.translate import poses, robot_limits
 from service.translate.motors import reflected, robot_motors, with_robot_motors
 

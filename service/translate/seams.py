@@ -8,12 +8,12 @@ import numpy as np
 from armwright_wire import seam as schema
 from armwright_wire.cartesian import CartesianOptions
 from kinematics.arrays import Array
-from kinematics.chain import Chain
 from kinematics.errors import InvalidGoal, InvalidOption
+from kinematics.model.chain import Chain
 from kinematics.pose import transform
 from kinematics.root_frame import TOOL, frame_pose
-from planning.seam_options import SeamOptions, SeamWaypoint, StraightOffset
-from planning.tool_tolerance import AXES, MAX_POSITION, ROTATIONS, Axis, ToolTolerance
+from planning.tool_motions.seam_options import SeamOptions, SeamWaypoint, StraightOffset
+from planning.tool_motions.tool_tolerance import AXES, MAX_POSITION, ROTATIONS, Axis, ToolTolerance
 from service.translate import poses
 
 #: A direction must be this much across the normal for it to turn the tool [-].

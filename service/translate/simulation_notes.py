@@ -4,13 +4,13 @@ import numpy as np
 
 from armwright_wire.simulation import SimulateRequest
 from kinematics.arrays import Array
-from kinematics.chain import Chain
-from kinematics.trajectory import Trajectory
-from tracking.controller import Controller
-from tracking.independent_joint import IndependentJoint
-from tracking.limit_use import limit_uses
-from tracking.pd_gravity import PdGravity
-from tracking.result import SimulationResult
+from kinematics.model.chain import Chain
+from kinematics.trajectory.trajectory import Trajectory
+from tracking.controllers.controller import Controller
+from tracking.controllers.independent_joint import IndependentJoint
+from tracking.controllers.pd_gravity import PdGravity
+from tracking.simulation.result import SimulationResult
+from tracking.tube.limit_use import limit_uses
 
 #: Excess of a limit, and jump of a reference, that is no rounding error [rad or m, rad/s or m/s].
 _ROUNDING = 1e-9

@@ -13,19 +13,19 @@ from dynamics.body import scale_masses
 from dynamics.motor import Motor, attach_motors
 from dynamics.payload import inertia, with_gravity, with_inertias, with_motors
 from kinematics.arrays import Array
-from kinematics.chain import Chain
 from kinematics.errors import InvalidOption
-from kinematics.trajectory import Trajectory
+from kinematics.model.chain import Chain
+from kinematics.trajectory.trajectory import Trajectory
 from service.translate.controllers import controller_answer
 from service.translate.motors import domain_motors
 from service.translate.payload import loaded_chain
-from tracking.adaptive import Adaptive
-from tracking.controller import Controller
-from tracking.disturbance import Disturbance, EncoderNoise
-from tracking.gain import gain_vector
-from tracking.joint_stop import JointStops
-from tracking.options import SimulationOptions
-from tracking.result import SimulationOutcome, SimulationResult
+from tracking.controllers.adaptive import Adaptive
+from tracking.controllers.controller import Controller
+from tracking.controllers.gain import gain_vector
+from tracking.simulation.disturbance import Disturbance, EncoderNoise
+from tracking.simulation.joint_stop import JointStops
+from tracking.simulation.options import SimulationOptions
+from tracking.simulation.result import SimulationOutcome, SimulationResult
 
 #: Evaluations of the dynamics that a second of motion may take: ten times what a stiff arm needs.
 _EVALUATIONS_PER_SECOND = 100_000

@@ -10,14 +10,14 @@ from armwright_wire import retime as retime_schema
 from armwright_wire.timing import Timing
 from dynamics.payload import with_payload
 from kinematics.arrays import Array
-from kinematics.chain import Chain
 from kinematics.errors import InvalidOption, InvalidTrajectory
-from planning.effort_limits import EffortLimits
-from planning.retime import PathToTime, Retimed
+from kinematics.model.chain import Chain
+from planning.retiming.retime import PathToTime, Retimed
 from planning.timing.choice import JERK_RULE
+from planning.timing.jerk.state_to_state import JointState
 from planning.timing.options import Payload, TimingOptions
 from planning.timing.report import TimingReport
-from planning.timing.state_to_state import JointState
+from planning.values.effort_limits import EffortLimits
 
 #: What holds where a request says nothing else, and what it may say of its answer alone.
 _USUAL, _NOT_OF_TIMING = TimingOptions(), frozenset({"sample_period"})

@@ -7,18 +7,18 @@ import numpy as np
 
 from armwright_wire import cartesian
 from kinematics.arrays import Array
-from kinematics.chain import Chain
 from kinematics.errors import InvalidGoal
 from kinematics.forward import forward
-from kinematics.trajectory import Trajectory
-from planning.cartesian.motions import tool_motion
+from kinematics.model.chain import Chain
+from kinematics.trajectory.trajectory import Trajectory
 from planning.options import ToolMotionOptions
 from planning.result import Plan, ToolMotionReport
-from planning.timed_tool_motions import SpeedBand, TimedToolMotions
-from planning.tool_corner import ToolCorner, ToolCurve
-from planning.tool_motion import ToolMotion
-from planning.tool_reference import tool_reference
-from planning.tool_tolerance import ToolTolerance
+from planning.tool_motions.timed_tool_motions import SpeedBand, TimedToolMotions
+from planning.tool_motions.tool_corner import ToolCorner, ToolCurve
+from planning.tool_motions.tool_motion import ToolMotion
+from planning.tool_motions.tool_tolerance import ToolTolerance
+from planning.tool_paths.motions import tool_motion
+from planning.tool_paths.tool_reference import tool_reference
 from service.translate import poses
 from service.translate.seams import tolerance
 

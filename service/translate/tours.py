@@ -9,16 +9,16 @@ from armwright_wire import tour as schema
 from armwright_wire.goal import SingleGoal, Start
 from armwright_wire.scene import Scene as SceneBody
 from kinematics.arrays import Array
-from kinematics.chain import Chain
-from kinematics.named_states import state
-from obstacles.allowed_pairs import deepest
-from obstacles.robot_geometry import RobotGeometry
-from obstacles.scene import Scene
+from kinematics.model.chain import Chain
+from kinematics.tree.named_states import state
+from obstacles.robots.allowed_pairs import deepest
+from obstacles.robots.robot_geometry import RobotGeometry
+from obstacles.scenes.scene import Scene
 from planning.options import MAX_TIMEOUT, Options
-from planning.preferred_clearance import PreferredClearance
 from planning.problem import Goal
 from planning.tours import problem as domain
 from planning.tours.result import Leg, Tour
+from planning.values.preferred_clearance import PreferredClearance
 from service.translate import certificates, problems, timings, trajectories
 from service.translate.constraints import constraint_set
 from service.translate.contacts import allowed_answer

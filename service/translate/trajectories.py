@@ -7,10 +7,10 @@ import numpy as np
 
 from armwright_wire import plan as schema
 from kinematics.arrays import Array
-from kinematics.chain import Chain, Limits
 from kinematics.errors import InvalidOption, InvalidTrajectory
-from kinematics.interpolation import interpolate
-from kinematics.trajectory import MAX_DEGREE, Trajectory
+from kinematics.model.chain import Chain, Limits
+from kinematics.trajectory.interpolation import interpolate
+from kinematics.trajectory.trajectory import MAX_DEGREE, Trajectory
 
 #: Samples of one answer: at a kilobyte each, a hundred megabytes.
 _MAX_SAMPLES = 100_000

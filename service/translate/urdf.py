@@ -2,16 +2,16 @@
 
 import numpy as np
 
-from kinematics.description import (
+from kinematics.pose import align_z, inverse, transform
+from kinematics.tree.description import (
     CapsuleGeometry,
     CollisionElement,
     CylinderGeometry,
     SphereGeometry,
 )
-from kinematics.pose import align_z, inverse, transform
-from kinematics.urdf_writer import urdf_text
-from obstacles.piece import Piece, PieceKind
-from obstacles.robot_geometry import RobotGeometry
+from kinematics.urdf.writer import urdf_text
+from obstacles.convex.piece import Piece, PieceKind
+from obstacles.robots.robot_geometry import RobotGeometry
 
 
 def table_urdf(robot: RobotGeometry) -> str:

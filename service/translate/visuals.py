@@ -5,12 +5,12 @@ from collections.abc import Iterator, Mapping
 from functools import partial
 
 from armwright_wire.robot import MAX_MESHES, RobotBody
-from kinematics.chain import Chain
-from kinematics.description import MeshGeometry
 from kinematics.errors import InvalidRobotDescription
-from kinematics.mesh_uri import resolve_mesh
-from kinematics.urdf_visuals import UrdfVisuals, read_visuals
-from obstacles.visual_geometry import VisualGeometry, visual_geometry
+from kinematics.model.chain import Chain
+from kinematics.readers.mesh_uri import resolve_mesh
+from kinematics.tree.description import MeshGeometry
+from kinematics.urdf.visuals import UrdfVisuals, read_visuals
+from obstacles.robots.visual_geometry import VisualGeometry, visual_geometry
 
 #: Visual mesh files that are kept of an archive, together [byte].
 MAX_VISUAL_BYTES = 16 * 2**20

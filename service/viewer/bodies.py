@@ -8,11 +8,11 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from kinematics.arrays import Array, Indices
-from kinematics.chain import Chain
-from obstacles.robot_geometry import RobotGeometry
-from obstacles.scene import Obstacle, Scene
-from obstacles.triangles import Triangles, join, piece_triangles
-from obstacles.visual_geometry import VisualBody, VisualGeometry
+from kinematics.model.chain import Chain
+from obstacles.convex.triangles import Triangles, join, piece_triangles
+from obstacles.robots.robot_geometry import RobotGeometry
+from obstacles.robots.visual_geometry import VisualBody, VisualGeometry
+from obstacles.scenes.scene import Obstacle, Scene
 
 #: All triangles of a page together: with their text they stay below 8 of its 10 MB [byte].
 _BUDGET = 5_500_000

@@ -9,13 +9,13 @@ import numpy as np
 
 from dynamics.inverse import inverse_dynamics
 from kinematics.arrays import Array
-from kinematics.chain import Chain
 from kinematics.errors import MissingInertia
-from kinematics.trajectory import Trajectory
+from kinematics.model.chain import Chain
+from kinematics.trajectory.trajectory import Trajectory
 from kinematics.velocity import link_twist
-from obstacles.fcl_distance import FclWorld
-from obstacles.robot_geometry import RobotGeometry
-from obstacles.scene import Scene
+from obstacles.collision.fcl.fcl_distance import FclWorld
+from obstacles.robots.robot_geometry import RobotGeometry
+from obstacles.scenes.scene import Scene
 
 #: Instants at which torque and tool speed are drawn.
 _SAMPLES = 301

@@ -7,12 +7,12 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from kinematics.arrays import Array
-from kinematics.chain import Chain, JointType
-from kinematics.follower import Follower
-from kinematics.trajectory import Trajectory
-from obstacles.robot_geometry import RobotGeometry
-from obstacles.scene import Obstacle, Scene
-from obstacles.visual_geometry import VisualGeometry
+from kinematics.model.chain import Chain, JointType
+from kinematics.model.mimic_joint import Follower
+from kinematics.trajectory.trajectory import Trajectory
+from obstacles.robots.robot_geometry import RobotGeometry
+from obstacles.robots.visual_geometry import VisualGeometry
+from obstacles.scenes.scene import Obstacle, Scene
 from service.viewer.bodies import bodies, body_document, visual_bodies
 from service.viewer.curves import clearance_curve, nearest, tool_speed_curve, torque_curve
 

@@ -7,9 +7,9 @@ import numpy as np
 
 from kinematics.arrays import Array
 from kinematics.pose import inverse
-from kinematics.trajectory import Trajectory, concatenate
-from obstacles.robot_geometry import RobotGeometry
-from obstacles.scene import Scene
+from kinematics.trajectory.trajectory import Trajectory, concatenate
+from obstacles.robots.robot_geometry import RobotGeometry
+from obstacles.scenes.scene import Scene
 from service.viewer.curves import (
     clearance_at,
     clearance_curve,

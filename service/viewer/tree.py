@@ -6,9 +6,9 @@ from typing import Any
 import numpy as np
 
 from kinematics.arrays import Array
-from kinematics.chain import Chain
 from kinematics.forward import forward
-from planning.explored import WHOLE, Edge, Explored
+from kinematics.model.chain import Chain
+from planning.values.search_trees import WHOLE, Edge, Explored
 
 #: Straight pieces of a line: the tool moves on a curve while the joints move straight.
 _PIECES = 3

@@ -5,8 +5,8 @@ import time
 from collections.abc import Callable
 from typing import Any
 
-from kinematics.preparation_limit import limit_preparation
-from planning.deadline import Deadline
+from kinematics.caches.preparation_limit import limit_preparation
+from planning.values.deadline import Deadline
 from service.workers.task import NEVER
 
 #: Progress within a stage is reported at most this often [s].

@@ -16,7 +16,7 @@ from functools import partial
 from typing import Any
 
 from kinematics.errors import ArmwrightError
-from planning.deadline import Deadline
+from planning.values.deadline import Deadline
 from service.workers import current, framing
 from service.workers.task import registered_task, unpack_job
 

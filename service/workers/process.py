@@ -8,7 +8,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Any, cast
 
-from planning.deadline import Deadline
+from planning.values.deadline import Deadline
 from service.quick_writer import QuickWriter
 from service.workers import framing
 from service.workers.fork_client import WorkerProcess

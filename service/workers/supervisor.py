@@ -14,7 +14,7 @@ from collections import deque
 from collections.abc import Sequence
 from typing import Any, TypeVar, cast
 
-from planning.deadline import Deadline
+from planning.values.deadline import Deadline
 from service.problem import from_fields, unexpected_fault
 from service.workers.fair_queue import FairQueue
 from service.workers.faults import (

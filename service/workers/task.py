@@ -8,7 +8,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 from typing import Any, Generic, ParamSpec, TypeVar, overload
 
-from planning.deadline import Deadline
+from planning.values.deadline import Deadline
 
 #: Grace of tasks that mind their deadline themselves [s]: enough to tell what was tried, and too
 #: little for a client to notice.

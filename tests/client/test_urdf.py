@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 from armwright_client import InvalidArgument, JointLimits, RobotArchive, RobotUpload
-from kinematics.mesh_uri import resolve_mesh
+from kinematics.readers.mesh_uri import resolve_mesh
 
 LINK = '<link name="l{0}"><collision><geometry><mesh filename={1}/></geometry></collision></link>'
 VISUAL = '<link name="v"><visual><geometry><mesh filename="gone.dae"/></geometry></visual></link>'

@@ -4,8 +4,8 @@ import pytest
 import typer
 
 from command_line.problems import invalid_value, negative, shows_problems
-from kinematics.chain import Limits
 from kinematics.errors import InvalidOption
+from kinematics.model.chain import Limits
 
 
 def test_an_unexpected_fault_is_told_without_a_traceback(

@@ -6,7 +6,7 @@ import casadi
 import numpy as np
 
 from kinematics.arrays import Array
-from kinematics.chain import Chain
+from kinematics.model.chain import Chain
 from kinematics.symbolic import symbolic_frames
 
 

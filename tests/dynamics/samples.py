@@ -6,7 +6,7 @@ import numpy as np
 import pinocchio as pin
 
 from kinematics.arrays import Array
-from kinematics.chain import Chain, Inertia, JointType, Limits, Link
+from kinematics.model.chain import Chain, Inertia, JointType, Limits, Link
 from kinematics.pose import from_axis_angle, from_rpy, transform
 
 REVOLUTE, PRISMATIC = int(JointType.REVOLUTE), int(JointType.PRISMATIC)

@@ -12,8 +12,8 @@ from dynamics.body import scale_masses
 from dynamics.payload import with_gravity, with_motors
 from dynamics.regressor import parameter_names, regressor, standard_parameters
 from kinematics.arrays import Array
-from kinematics.chain import Chain
 from kinematics.errors import InvalidOption, MissingInertia
+from kinematics.model.chain import Chain
 from kinematics.robots import builtin_chain
 from tests.dynamics.oracle import relative_error
 from tests.dynamics.samples import cart_pendulum, planar_rr, random_chain, random_state

@@ -12,8 +12,8 @@ from dynamics.body import bodies, joints_without_inertia, massless_joints, scale
 from dynamics.forward import forward_dynamics
 from dynamics.inverse import inverse_dynamics
 from dynamics.mass_matrix import mass_matrix
-from kinematics.chain import Chain, Inertia, Link
 from kinematics.errors import InvalidOption, MissingInertia
+from kinematics.model.chain import Chain, Inertia, Link
 from tests.dynamics.samples import pinocchio_model, random_chain
 
 

@@ -14,21 +14,21 @@ from dynamics.forward import forward_dynamics
 from dynamics.inverse import inverse_dynamics, reference_dynamics
 from dynamics.regressor import parameter_names, reference_regressor, regressor, standard_parameters
 from dynamics.symbolic import symbolic_inverse_dynamics
-from kinematics.chain import Chain
-from kinematics.dh import chain_from_dh, dh_from_chain
-from kinematics.dh_table import DhRow, DhTable
 from kinematics.errors import InvalidOption
-from kinematics.serial_chain import serial_chain
-from kinematics.urdf import parse_urdf
+from kinematics.model.chain import Chain
+from kinematics.model.dh import chain_from_dh, dh_from_chain
+from kinematics.model.dh_table import DhRow, DhTable
+from kinematics.tree.serial_chain import serial_chain
+from kinematics.urdf.urdf import parse_urdf
 from planning.constraints.constraint_set import ConstraintSet
-from planning.constraints.limit import TorqueConstraint
-from planning.effort_limits import EffortLimits
-from planning.proof.constraint_limits import constrained_efforts
+from planning.constraints.kinds.limit import TorqueConstraint
+from planning.proof.constraints.constraint_limits import constrained_efforts
+from planning.values.effort_limits import EffortLimits
 from tests.dynamics.samples import pinocchio_model, random_chain
 from tests.tracking.samples import constant, slider, smooth
-from tracking.adaptive import Adaptive
-from tracking.computed_torque import ComputedTorque
-from tracking.simulation import SimulationOptions, simulate
+from tracking.controllers.adaptive import Adaptive
+from tracking.controllers.computed_torque import ComputedTorque
+from tracking.simulation.simulation import SimulationOptions, simulate
 
 URDF = """<robot name="wheel"><link name="base"/><link name="rim"><inertial><mass value="1"/>
 <inertia ixx="1" iyy="1" izz="1" ixy="0" ixz="0" iyz="0"/></inertial></link>

@@ -8,12 +8,12 @@ from dynamics.body import bodies
 from dynamics.enclosure import bounds_kernel, tool_speed_use, torque_use
 from dynamics.inverse import inverse_dynamics
 from dynamics.payload import with_payload
-from kinematics.chain import Chain
 from kinematics.jacobian import geometric
+from kinematics.model.chain import Chain
 from kinematics.robots import builtin_names, builtin_urdf
-from kinematics.serial_chain import serial_chain
-from kinematics.trajectory import Trajectory
-from kinematics.urdf import parse_urdf
+from kinematics.trajectory.trajectory import Trajectory
+from kinematics.tree.serial_chain import serial_chain
+from kinematics.urdf.urdf import parse_urdf
 
 
 def chain_of(name: str) -> Chain:

@@ -30,7 +30,7 @@ from kinematics.errors import MissingInertia
 from kinematics.forward import forward
 from kinematics.jacobian import geometric
 from kinematics.pose import rotation_z
-from kinematics.trajectory import Trajectory, stay
+from kinematics.trajectory.trajectory import Trajectory, stay
 from tests.dynamics.samples import cart_pendulum, planar_rr, random_chain
 from tests.properties import numbers, rotations
 

@@ -10,7 +10,7 @@ from scipy.integrate import solve_ivp
 from dynamics.energy import kinetic_energy, total_energy
 from dynamics.forward import forward_dynamics
 from kinematics.arrays import Array
-from kinematics.chain import Chain
+from kinematics.model.chain import Chain
 from kinematics.robots import builtin_chain
 from tests.dynamics.samples import (
     cart_pendulum,

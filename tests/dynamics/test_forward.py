@@ -8,8 +8,8 @@ import pytest
 
 from dynamics.forward import forward_dynamics
 from dynamics.inverse import inverse_dynamics
-from kinematics.chain import Inertia
 from kinematics.errors import InvalidRobotState, MissingInertia
+from kinematics.model.chain import Inertia
 from tests.dynamics.oracle import relative_error
 from tests.dynamics.samples import pinocchio_model, planar_rr, random_chain, random_state
 

@@ -11,10 +11,10 @@ from dynamics.inverse import inverse_dynamics
 from dynamics.mass_matrix import augmented_mass_matrix, mass_matrix
 from dynamics.motor import Motor, attach_motors
 from dynamics.payload import inertia, with_gravity, with_inertias, with_motors, with_payload
-from kinematics.chain import Inertia
 from kinematics.errors import InvalidLinkName, InvalidOption
 from kinematics.forward import forward
 from kinematics.jacobian import geometric
+from kinematics.model.chain import Inertia
 from tests.dynamics.oracle import relative_error
 from tests.dynamics.samples import pinocchio_model, random_chain, random_inertia, random_state
 

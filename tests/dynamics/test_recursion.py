@@ -14,7 +14,7 @@ from dynamics.recursion import (
     reference_inverse_kernel,
 )
 from kinematics.arrays import Array
-from kinematics.chain import Chain
+from kinematics.model.chain import Chain
 from tests.dynamics.oracle import christoffel_function, relative_error
 from tests.dynamics.samples import pinocchio_model, random_chain, random_state
 

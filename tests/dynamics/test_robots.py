@@ -19,10 +19,10 @@ from dynamics.inverse import inverse_dynamics
 from dynamics.mass_matrix import augmented_mass_matrix, mass_matrix
 from dynamics.regressor import regressor, standard_parameters
 from kinematics.arrays import Array
-from kinematics.chain import Chain
+from kinematics.model.chain import Chain
 from kinematics.robots import builtin_chain, builtin_names, builtin_urdf
-from kinematics.serial_chain import serial_chain
-from kinematics.urdf import parse_urdf
+from kinematics.tree.serial_chain import serial_chain
+from kinematics.urdf.urdf import parse_urdf
 from tests.dynamics.samples import pinocchio_model, random_state, random_urdf
 
 STATES = 1000

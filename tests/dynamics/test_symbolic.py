@@ -15,8 +15,8 @@ from dynamics.symbolic import (
     symbolic_equations,
     symbolic_inverse_dynamics,
 )
-from kinematics.chain import Chain
 from kinematics.errors import InvalidRobotState
+from kinematics.model.chain import Chain
 from kinematics.robots import builtin_chain
 from tests.dynamics.oracle import relative_error
 from tests.dynamics.samples import cart_pendulum, planar_rr, random_chain, random_state

@@ -6,7 +6,7 @@ import numpy as np
 import pinocchio as pin
 
 from kinematics.arrays import Array
-from kinematics.chain import Chain
+from kinematics.model.chain import Chain
 from kinematics.robots import builtin_names, builtin_urdf
 
 NAMES = builtin_names()

@@ -9,12 +9,12 @@ import numpy as np
 import pinocchio as pin
 
 from kinematics.arrays import Array
-from kinematics.chain import Chain, Limits, Link
-from kinematics.description import RobotDescription
+from kinematics.model.chain import Chain, Limits, Link
 from kinematics.pose import from_axis_angle, rotation_x, rotation_z, transform
 from kinematics.robots import builtin_names, builtin_urdf
-from kinematics.serial_chain import select, serial_chain
-from kinematics.urdf import parse_urdf
+from kinematics.tree.description import RobotDescription
+from kinematics.tree.serial_chain import select, serial_chain
+from kinematics.urdf.urdf import parse_urdf
 
 #: An arm on a rail with what files have: a base above, odd axes, a gripper that mimics, a camera.
 TREE = """<?xml version="1.0"?>

@@ -7,15 +7,15 @@ import pinocchio as pin
 import pytest
 
 from kinematics.arrays import Array
-from kinematics.chain import Chain
 from kinematics.errors import InvalidLinkName, InvalidOption, InvalidRobotDescription
 from kinematics.evaluator import KinematicsEvaluator
-from kinematics.follower import parents
 from kinematics.forward import forward, joint_frames, link_poses
 from kinematics.ik.inverse import inverse_kinematics
 from kinematics.jacobian import geometric, geometric_rate, pose_and_jacobian
-from kinematics.serial_chain import select, serial_chain
-from kinematics.urdf import parse_urdf
+from kinematics.model.chain import Chain
+from kinematics.model.mimic_joint import parents
+from kinematics.tree.serial_chain import select, serial_chain
+from kinematics.urdf.urdf import parse_urdf
 from tests.followers import ARM, FOLLOWERS, configurations, follower_positions, urdf
 
 CARRIED = ("crank", "rod", "cover", "flap", "piston", "drum")

@@ -6,13 +6,13 @@ import numpy as np
 import pytest
 from numpy.typing import ArrayLike
 
+from compiled.kernel import kernel
 from kinematics import forward as module
 from kinematics.arrays import Array
-from kinematics.chain import JointType
-from kinematics.compiled.kernel import kernel
 from kinematics.errors import InvalidLinkName, InvalidOption, InvalidRobotState
 from kinematics.forward import forward, joint_frames, link_poses
 from kinematics.jacobian import geometric
+from kinematics.model.chain import JointType
 from kinematics.pose import rotation_z, transform
 from tests.kinematics.samples import Reference, Sample, configurations, random_chain, samples
 

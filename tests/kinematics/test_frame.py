@@ -5,9 +5,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from compiled.kernel import kernel
 from kinematics.arrays import Array
-from kinematics.chain import Chain
-from kinematics.compiled.kernel import kernel
 from kinematics.frame import (
     IDENTITY,
     at_joint_kernel,
@@ -16,6 +15,7 @@ from kinematics.frame import (
     step_kernel,
     store_kernel,
 )
+from kinematics.model.chain import Chain
 from kinematics.pose import rotation_z, transform
 from tests.kinematics.samples import random_chain
 from tests.properties import transforms

@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 
 from kinematics.arrays import Array
-from kinematics.chain import Chain
 from kinematics.errors import InvalidOption
 from kinematics.forward import forward
 from kinematics.jacobian import analytic_zyz, geometric, manipulability
+from kinematics.model.chain import Chain
 from kinematics.pose import from_zyz, rotation_error, to_zyz
 from tests.kinematics.samples import Reference, Sample, configurations, random_chain, samples
 

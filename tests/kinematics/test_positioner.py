@@ -9,8 +9,8 @@ from kinematics.errors import InvalidLinkName, InvalidRobotDescription, MissingI
 from kinematics.forward import link_poses
 from kinematics.robots import builtin_urdf
 from kinematics.root_frame import frame_names, frame_pose
-from kinematics.serial_chain import select, serial_chain
-from kinematics.urdf import parse_urdf
+from kinematics.tree.serial_chain import select, serial_chain
+from kinematics.urdf.urdf import parse_urdf
 
 # A slide, a tilting axis and a turning one, none of them through the origin of the next.
 CELL = """<link name="floor"/><link name="sledge"/><link name="cradle"/><link name="table"/>

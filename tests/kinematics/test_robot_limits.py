@@ -8,10 +8,15 @@ import pinocchio as pin
 import pytest
 
 from kinematics.arrays import Array
-from kinematics.description import BoxGeometry, CylinderGeometry, LinkDescription, SphereGeometry
 from kinematics.robots import builtin_chain, builtin_srdf, builtin_urdf
-from kinematics.srdf import parse_srdf
-from kinematics.urdf import parse_urdf
+from kinematics.tree.description import (
+    BoxGeometry,
+    CylinderGeometry,
+    LinkDescription,
+    SphereGeometry,
+)
+from kinematics.tree.srdf import parse_srdf
+from kinematics.urdf.urdf import parse_urdf
 from tests.kinematics.builtin import NAMES, configurations, model, pin_configuration
 
 

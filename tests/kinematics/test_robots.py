@@ -8,11 +8,11 @@ import pinocchio as pin
 import pytest
 
 from kinematics.arrays import Array
-from kinematics.chain import Chain
 from kinematics.errors import InvalidOption
 from kinematics.forward import forward, joint_frames
+from kinematics.model.chain import Chain
 from kinematics.robots import builtin_chain, builtin_srdf, builtin_urdf
-from kinematics.urdf import parse_urdf
+from kinematics.urdf.urdf import parse_urdf
 from tests.kinematics.builtin import NAMES, configurations, model, pin_configuration
 
 H = np.pi / 2

@@ -3,15 +3,15 @@
 import numpy as np
 import pytest
 
-from kinematics.chain import Chain
 from kinematics.errors import InvalidLinkName, InvalidRobotState
 from kinematics.forward import forward
-from kinematics.named_states import named_states, state
+from kinematics.model.chain import Chain
 from kinematics.pose import from_rpy, transform
 from kinematics.root_frame import frame_names, frame_pose, root_notes, tool_notes
-from kinematics.serial_chain import serial_chain
-from kinematics.srdf import Semantics
-from kinematics.urdf import parse_urdf
+from kinematics.tree.named_states import named_states, state
+from kinematics.tree.serial_chain import serial_chain
+from kinematics.tree.srdf import Semantics
+from kinematics.urdf.urdf import parse_urdf
 
 #: A mount of 0.9144 m and 1.57 rad before the chain, as a UR5 on its stand has it.
 MOUNTED = """<robot name="mounted">

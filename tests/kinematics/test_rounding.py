@@ -7,8 +7,8 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from dynamics.payload import inertia
-from kinematics.dh import DhRow, DhTable, chain_from_dh
 from kinematics.errors import InvalidOption, InvalidPose, InvalidRobotDescription
+from kinematics.model.dh import DhRow, DhTable, chain_from_dh
 from kinematics.pose import from_axis_angle, from_matrix, from_quaternion
 from kinematics.rounding import (
     NORM_TOLERANCE,

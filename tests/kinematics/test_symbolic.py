@@ -4,10 +4,10 @@ import casadi
 import numpy as np
 import pytest
 
-from kinematics.chain import Chain
 from kinematics.errors import InvalidLinkName, InvalidOption, InvalidRobotState
 from kinematics.forward import forward, joint_frames
 from kinematics.jacobian import geometric
+from kinematics.model.chain import Chain
 from kinematics.robots import builtin_chain, builtin_names
 from kinematics.symbolic import (
     forward_function,

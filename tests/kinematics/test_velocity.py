@@ -5,10 +5,10 @@ import pinocchio as pin
 import pytest
 
 from kinematics.arrays import Array
-from kinematics.chain import Chain
 from kinematics.errors import InvalidOption, InvalidRobotState
 from kinematics.forward import forward
 from kinematics.jacobian import geometric, geometric_rate, pose_and_jacobian
+from kinematics.model.chain import Chain
 from kinematics.robots import builtin_chain, builtin_names, builtin_urdf
 from kinematics.velocity import DAMPED_BELOW, joint_velocities, link_twist, singular_directions
 from tests.kinematics.samples import configurations, random_chain

@@ -8,16 +8,16 @@ import trimesh
 from numpy.typing import NDArray
 
 from kinematics.arrays import Array
-from kinematics.chain import Chain, Limits, Link
+from kinematics.model.chain import Chain, Limits, Link
 from kinematics.pose import transform
 from kinematics.robots import builtin_srdf, builtin_urdf
-from kinematics.serial_chain import serial_chain
-from kinematics.srdf import parse_srdf
-from kinematics.urdf import parse_urdf
-from obstacles.piece import Piece, PieceKind
-from obstacles.robot_geometry import RobotGeometry, robot_geometry
-from obstacles.scene import Obstacle
-from obstacles.shapes import Mesh, Shape
+from kinematics.tree.serial_chain import serial_chain
+from kinematics.tree.srdf import parse_srdf
+from kinematics.urdf.urdf import parse_urdf
+from obstacles.convex.piece import Piece, PieceKind
+from obstacles.robots.robot_geometry import RobotGeometry, robot_geometry
+from obstacles.scenes.scene import Obstacle
+from obstacles.shapes.shape import Mesh, Shape
 
 _GANTRY = """<robot name="gantry"><link name="base"/><link name="x"/><link name="y"/>
 <link name="tool"><collision><geometry>{geometry}</geometry></collision></link>

@@ -7,7 +7,7 @@ import numpy as np
 import trimesh
 
 from kinematics.arrays import Array, Indices
-from obstacles.shapes import Mesh
+from obstacles.shapes.shape import Mesh
 
 
 class Assembly(NamedTuple):

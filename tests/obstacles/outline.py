@@ -3,8 +3,8 @@
 import numpy as np
 
 from kinematics.arrays import Array
-from obstacles.piece import Piece, PieceArrays, PieceKind
-from obstacles.shapes import Box, Capsule, Cone, Convex, Cylinder, Shape, Sphere
+from obstacles.convex.piece import Piece, PieceArrays, PieceKind
+from obstacles.shapes.shape import Box, Capsule, Cone, Convex, Cylinder, Shape, Sphere
 from tests.obstacles.solids import random_transform
 
 _RIM = 720

@@ -8,7 +8,7 @@ from scipy.spatial import ConvexHull
 
 from kinematics.arrays import Array
 from kinematics.pose import from_axis_angle, transform
-from obstacles.piece import Piece, PieceKind
+from obstacles.convex.piece import Piece, PieceKind
 
 KINDS = ("box", "sphere", "capsule", "cylinder", "cone", "hull")
 NO_VERTICES = np.zeros((0, 3))

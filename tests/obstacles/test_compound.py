@@ -11,9 +11,18 @@ import armwright as aw
 from kinematics.arrays import Array
 from kinematics.errors import InvalidScene
 from kinematics.pose import transform
-from obstacles.projection import Projector
-from obstacles.scene import Obstacle, Scene
-from obstacles.shapes import Box, Compound, Cylinder, HalfSpace, Mesh, PointCloud, Shape, Sphere
+from obstacles.projection.projection import Projector
+from obstacles.scenes.scene import Obstacle, Scene
+from obstacles.shapes.shape import (
+    Box,
+    Compound,
+    Cylinder,
+    HalfSpace,
+    Mesh,
+    PointCloud,
+    Shape,
+    Sphere,
+)
 from planning.configuration_check import configuration_checker
 from planning.proof.certificate import certify
 from tests.planning.scenes import HOME, builtin

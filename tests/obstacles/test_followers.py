@@ -7,16 +7,16 @@ import pytest
 
 from benchmarks.judges.fcl import FclJudge
 from kinematics.forward import link_poses
-from kinematics.serial_chain import serial_chain
-from kinematics.urdf import parse_urdf
-from obstacles.checker import Checker
-from obstacles.kernel_work import meeting_body, pair_stray, place, visit, workspace
-from obstacles.robot_geometry import RobotGeometry, robot_geometry
-from obstacles.scene import Obstacle, Scene
-from obstacles.shapes import Box, Sphere
+from kinematics.tree.serial_chain import serial_chain
+from kinematics.urdf.urdf import parse_urdf
+from obstacles.collision.checker import Checker
+from obstacles.collision.model.kernel_work import meeting_body, pair_stray, place, visit, workspace
+from obstacles.robots.robot_geometry import RobotGeometry, robot_geometry
+from obstacles.scenes.scene import Obstacle, Scene
+from obstacles.shapes.shape import Box, Sphere
 from tests.followers import configurations, urdf
+from tests.obstacles.collision.test_edge_check_oracle import at, edges
 from tests.obstacles.solids import random_transform
-from tests.obstacles.test_edge_check_oracle import at, edges
 
 
 @pytest.fixture(scope="module")

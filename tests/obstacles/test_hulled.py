@@ -3,12 +3,12 @@
 import numpy as np
 
 from kinematics.arrays import Array
-from kinematics.serial_chain import serial_chain
-from kinematics.urdf import parse_urdf
-from obstacles.checker import Checker
-from obstacles.robot_geometry import RobotGeometry, hulled, robot_geometry
-from obstacles.scene import Obstacle, Scene
-from obstacles.shapes import Sphere
+from kinematics.tree.serial_chain import serial_chain
+from kinematics.urdf.urdf import parse_urdf
+from obstacles.collision.checker import Checker
+from obstacles.robots.robot_geometry import RobotGeometry, hulled, robot_geometry
+from obstacles.scenes.scene import Obstacle, Scene
+from obstacles.shapes.shape import Sphere
 from tests.obstacles.solids import random_transform
 
 URDF = """<robot name="hook"><link name="base"/><link name="arm">

@@ -9,10 +9,11 @@ import numpy as np
 import pytest
 
 from armwright.robot import load_robot
-from kinematics.kept_file import write_kept
-from obstacles import brackets, collision_model, pair_grid, sphere_set
+from compiled.kept_file import write_kept
+from obstacles.collision.model import brackets, collision_model, pair_grid
+from obstacles.convex import sphere_set
 from obstacles.kept_files import keep_file, keep_files_in, kept_array, written_files
-from obstacles.robot_geometry import RobotGeometry
+from obstacles.robots.robot_geometry import RobotGeometry
 
 
 @pytest.fixture

@@ -3,10 +3,10 @@
 import numpy as np
 
 from benchmarks.judges import ratios
-from kinematics.trajectory import Trajectory
-from obstacles.checker import Checker
-from obstacles.robot_geometry import RobotGeometry
-from obstacles.scene import Scene
+from kinematics.trajectory.trajectory import Trajectory
+from obstacles.collision.checker import Checker
+from obstacles.robots.robot_geometry import RobotGeometry
+from obstacles.scenes.scene import Scene
 
 
 def least_clearance(

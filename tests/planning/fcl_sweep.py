@@ -11,10 +11,10 @@ from scipy.special import comb
 
 from kinematics.arrays import Array
 from kinematics.forward import joint_frames
-from kinematics.trajectory import Trajectory
-from obstacles.fcl_distance import FclWorld
-from obstacles.robot_geometry import RobotGeometry
-from obstacles.scene import Scene
+from kinematics.trajectory.trajectory import Trajectory
+from obstacles.collision.fcl.fcl_distance import FclWorld
+from obstacles.robots.robot_geometry import RobotGeometry
+from obstacles.scenes.scene import Scene
 
 #: As fine as the certificate itself decides [m].
 _RESOLUTION = 1e-7

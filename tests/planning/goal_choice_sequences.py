@@ -16,14 +16,13 @@ import numpy as np
 from benchmarks.problems.mesh_scenes import own_scenes
 from kinematics.arrays import Array
 from kinematics.forward import forward
-from kinematics.ik import numeric
+from kinematics.ik.numeric import numeric
 from kinematics.robots import builtin_urdf
-from obstacles.checker import Checker
-from obstacles.robot_geometry import RobotGeometry
-from obstacles.scene import Scene
+from obstacles.collision.checker import Checker
+from obstacles.robots.robot_geometry import RobotGeometry
+from obstacles.scenes.scene import Scene
 from planning.options import Options
-from planning.pipeline import plan
-from planning.preferred_clearance import PreferredClearance
+from planning.pipeline.pipeline import plan
 from planning.problem import JointGoal, PoseGoal, Problem
 from planning.result import Plan
 from planning.sequence.options import TaskOptions
@@ -35,7 +34,8 @@ from planning.sequence.world import World
 from planning.tours.planner import plan_tour
 from planning.tours.problem import TourGoal, TourOptions, TourProblem
 from planning.tours.result import Tour
-from tests.planning.goal_choice import (
+from planning.values.preferred_clearance import PreferredClearance
+from tests.planning.goal_judge import (
     LONGER,
     NEAR,
     Frames,

@@ -5,12 +5,12 @@ from collections.abc import Callable
 import numpy as np
 
 from kinematics.pose import transform
-from obstacles.checker import Checker
-from obstacles.robot_geometry import RobotGeometry
-from obstacles.scene import Obstacle, Scene
-from obstacles.shapes import Box, Cylinder, Sphere
-from planning.preferred_clearance import PreferredClearance
+from obstacles.collision.checker import Checker
+from obstacles.robots.robot_geometry import RobotGeometry
+from obstacles.scenes.scene import Obstacle, Scene
+from obstacles.shapes.shape import Box, Cylinder, Sphere
 from planning.problem import JointGoal, Problem
+from planning.values.preferred_clearance import PreferredClearance
 
 
 def _post(random: np.random.Generator, reach: float) -> list[Obstacle]:

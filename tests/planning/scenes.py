@@ -6,12 +6,12 @@ import numpy as np
 
 from kinematics.pose import transform
 from kinematics.robots import builtin_srdf, builtin_urdf
-from kinematics.serial_chain import serial_chain
-from kinematics.srdf import parse_srdf
-from kinematics.urdf import parse_urdf
-from obstacles.robot_geometry import RobotGeometry, robot_geometry
-from obstacles.scene import Obstacle, Scene
-from obstacles.shapes import Box, Cylinder
+from kinematics.tree.serial_chain import serial_chain
+from kinematics.tree.srdf import parse_srdf
+from kinematics.urdf.urdf import parse_urdf
+from obstacles.robots.robot_geometry import RobotGeometry, robot_geometry
+from obstacles.scenes.scene import Obstacle, Scene
+from obstacles.shapes.shape import Box, Cylinder
 
 HOME = np.array([0.0, -0.785, 0.0, -2.356, 0.0, 1.571, 0.785])
 

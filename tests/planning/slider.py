@@ -1,8 +1,8 @@
 """A ball that slides on a table: collisions of it have closed forms."""
 
-from kinematics.serial_chain import serial_chain
-from kinematics.urdf import parse_urdf
-from obstacles.robot_geometry import RobotGeometry, robot_geometry
+from kinematics.tree.serial_chain import serial_chain
+from kinematics.urdf.urdf import parse_urdf
+from obstacles.robots.robot_geometry import RobotGeometry, robot_geometry
 
 #: A ball of 5 cm on a table of two slides, in the plane z = 0.
 SLIDER = """<robot name="slider"><link name="base"/><link name="x"/>

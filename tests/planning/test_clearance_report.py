@@ -5,14 +5,14 @@ from dataclasses import replace
 import numpy as np
 
 from kinematics.pose import transform
-from kinematics.trajectory import Trajectory
-from obstacles.checker import Checker
-from obstacles.fcl_distance import FclWorld
-from obstacles.robot_geometry import hulled
-from obstacles.scene import Obstacle, Scene
-from obstacles.shapes import Sphere
+from kinematics.trajectory.trajectory import Trajectory
+from obstacles.collision.checker import Checker
+from obstacles.collision.fcl.fcl_distance import FclWorld
+from obstacles.robots.robot_geometry import hulled
+from obstacles.scenes.scene import Obstacle, Scene
+from obstacles.shapes.shape import Sphere
 from planning.clearance_report import clearance_report
-from planning.preferred_clearance import PreferredClearance
+from planning.values.preferred_clearance import PreferredClearance
 from tests.obstacles.test_hulled import robot
 from tests.planning.scenes import box, builtin
 

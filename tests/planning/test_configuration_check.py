@@ -9,9 +9,9 @@ import pytest
 
 from kinematics.arrays import Array
 from kinematics.robots import builtin_urdf
-from obstacles.fcl_distance import Clearance, FclWorld
-from obstacles.scene import Obstacle, Scene
-from obstacles.shapes import Sphere
+from obstacles.collision.fcl.fcl_distance import Clearance, FclWorld
+from obstacles.scenes.scene import Obstacle, Scene
+from obstacles.shapes.shape import Sphere
 from planning.configuration_check import configuration_checker
 from tests.planning.scenes import HOME, builtin
 

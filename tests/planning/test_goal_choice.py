@@ -8,15 +8,15 @@ import numpy as np
 import pytest
 
 from kinematics.robots import builtin_urdf
-from kinematics.serial_chain import serial_chain
-from kinematics.urdf import parse_urdf
-from obstacles.robot_geometry import robot_geometry
-from obstacles.scene import Scene
+from kinematics.tree.serial_chain import serial_chain
+from kinematics.urdf.urdf import parse_urdf
+from obstacles.robots.robot_geometry import robot_geometry
+from obstacles.scenes.scene import Scene
 from planning.options import Options
-from planning.pipeline import plan
+from planning.pipeline.pipeline import plan
 from planning.problem import JointGoal, Problem
 from planning.result import Plan
-from tests.planning.goal_choice import judge, limit_share
+from tests.planning.goal_judge import judge, limit_share
 from tests.planning.scenes import HOME, builtin
 
 

@@ -10,10 +10,8 @@ import pytest
 from kinematics.arrays import Array
 from kinematics.forward import forward
 from kinematics.ik.inverse import inverse_kinematics
-from obstacles.scene import Scene
-from planning.goal_costs import GoalCosts
+from obstacles.scenes.scene import Scene
 from planning.options import Options
-from planning.preferred_clearance import PreferredClearance
 from planning.preflight.goal_order import limit_shares
 from planning.problem import JointGoal, PoseGoal
 from planning.sequence.options import TaskOptions
@@ -25,6 +23,8 @@ from planning.sequence.world import World
 from planning.tours.planner import plan_tour
 from planning.tours.problem import TourGoal, TourOptions, TourProblem
 from planning.tours.result import Tour
+from planning.values.goal_costs import GoalCosts
+from planning.values.preferred_clearance import PreferredClearance
 from tests.planning.goal_choice_sequences import judge
 from tests.planning.scenes import builtin
 

@@ -9,17 +9,17 @@ from scipy.sparse.csgraph import dijkstra
 
 from kinematics.arrays import Array
 from kinematics.pose import transform
-from obstacles.scene import Obstacle, Scene
-from obstacles.shapes import Box
+from obstacles.scenes.scene import Obstacle, Scene
+from obstacles.shapes.shape import Box
 from planning.constraints.constraint_set import ConstraintSet
-from planning.constraints.limit import ClearanceConstraint
+from planning.constraints.kinds.limit import ClearanceConstraint
 from planning.options import Options
-from planning.pipeline import plan
-from planning.preferred_clearance import DEFAULT_PREFERRED
+from planning.pipeline.pipeline import plan
 from planning.preflight.preflight import preflight, start_only
+from planning.preflight_result import Ready
 from planning.problem import JointGoal, Problem
-from planning.ready import Ready
 from planning.result import Failure, Plan
+from planning.values.preferred_clearance import DEFAULT_PREFERRED
 from tests.planning.slider import slider
 
 ROBOT, RADIUS = slider(), 0.05

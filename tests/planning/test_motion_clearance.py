@@ -7,17 +7,17 @@ import pytest
 
 from kinematics.arrays import Array
 from kinematics.pose import transform
-from kinematics.trajectory import Trajectory
-from obstacles.checker import Checker
-from obstacles.fcl_distance import FclWorld
-from obstacles.robot_geometry import RobotGeometry
-from obstacles.scene import Obstacle, Scene
-from obstacles.shapes import Box
+from kinematics.trajectory.trajectory import Trajectory
+from obstacles.collision.checker import Checker
+from obstacles.collision.fcl.fcl_distance import FclWorld
+from obstacles.robots.robot_geometry import RobotGeometry
+from obstacles.scenes.scene import Obstacle, Scene
+from obstacles.shapes.shape import Box
+from planning.clearance.retreat import join_ends, retreat
 from planning.options import Options
-from planning.pipeline import plan
+from planning.pipeline.pipeline import plan
 from planning.problem import JointGoal, Problem
 from planning.result import Plan
-from planning.retreat import join_ends, retreat
 from tests.planning.roomy_scenes import KINDS, with_room
 from tests.planning.scenes import builtin
 from tests.planning.slider import slider

@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 
 from planning.constraints.constraint_set import ConstraintSet
-from planning.constraints.limit import ToolSpeedConstraint, TorqueConstraint
+from planning.constraints.kinds.limit import ToolSpeedConstraint, TorqueConstraint
 from planning.motion_limits import with_limits
 from planning.options import Options
-from planning.proof.constraint_limits import constrained_efforts
+from planning.proof.constraints.constraint_limits import constrained_efforts
 from planning.timing.options import TimingOptions
 from tests.planning.scenes import builtin
 

@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 
 from kinematics.errors import InvalidGoal, InvalidRobotState
-from obstacles.scene import Scene
+from obstacles.scenes.scene import Scene
 from planning.constraints.constraint_set import ConstraintSet
-from planning.constraints.joint import JointConstraint
-from planning.constraints.limit import ClearanceConstraint
+from planning.constraints.kinds.joint import JointConstraint
+from planning.constraints.kinds.limit import ClearanceConstraint
 from planning.problem import Goal, JointGoal, PoseGoal, Problem
 from tests.planning.scenes import box
 from tests.planning.slider import slider

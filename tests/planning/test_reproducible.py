@@ -10,12 +10,12 @@ import numpy as np
 import pytest
 
 from kinematics.arrays import Array
-from planning import deadline
-from planning.optimize.options import RefineOptions
 from planning.options import Options
-from planning.pipeline import plan
+from planning.pipeline.pipeline import plan
 from planning.problem import JointGoal, Problem
 from planning.result import Plan
+from planning.values import deadline
+from planning.values.optimize_options import RefineOptions
 from tests.planning.scenes import HOME, builtin, pillar, shelf
 
 #: No deadline may cut a stage short: that is the one thing that time may change [s].

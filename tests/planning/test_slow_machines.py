@@ -7,7 +7,6 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from planning import deadline
 from planning.options import Options
 from planning.sequence.options import TaskOptions
 from planning.sequence.result import SequencePlan
@@ -17,6 +16,7 @@ from planning.sequence.task import Task
 from planning.tours.planner import plan_tour
 from planning.tours.problem import TourOptions, TourProblem
 from planning.tours.result import Tour
+from planning.values import deadline
 from tests.planning.sequence import crate
 from tests.planning.tours.test_planner import problem as problem  # noqa: PLC0414
 

@@ -5,10 +5,10 @@ import pinocchio as pin
 import pytest
 
 from kinematics.robots import builtin_chain, builtin_urdf
-from obstacles.checker import Checker
-from obstacles.scene import Scene
+from obstacles.collision.checker import Checker
+from obstacles.scenes.scene import Scene
 from planning.options import Options
-from planning.pipeline import plan
+from planning.pipeline.pipeline import plan
 from planning.preflight.goal_order import MAX_LONGER_IN_BRANCH, motion_times
 from planning.problem import PoseGoal, Problem
 from planning.result import Plan

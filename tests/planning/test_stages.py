@@ -4,16 +4,16 @@ import numpy as np
 import pytest
 
 from kinematics.errors import InvalidOption
-from obstacles.checker import Checker
-from obstacles.scene import Scene
-from planning.deadline import Deadline
+from obstacles.collision.checker import Checker
+from obstacles.scenes.scene import Scene
 from planning.sampling import search
 from planning.sampling.planners import PLANNERS
 from planning.sampling.search import sample
 from planning.search.shortcut import shortcut
 from planning.search.straight_line import straight_line
-from planning.timing.blend import blend, merge
-from planning.timing.corner_blending import certified_reaches
+from planning.timing.path.blend import blend, merge
+from planning.timing.path.corner_blending import certified_reaches
+from planning.values.deadline import Deadline
 from tests.planning.scenes import HOME, builtin, pillar
 
 START, GOAL = HOME.copy(), HOME.copy()

@@ -25,7 +25,7 @@ from service.workers import fork_server
 from service.workers.launch import _THREADS, Launched, Recipe
 from service.workers.launch import launch as launch_and_load
 from service.workers.task import load_tasks
-from tests.kinematics.compiled.forked import Ran, fork_programs, run
+from tests.compiled.forked import Ran, fork_programs, run
 
 _MAIN = """\
 import sys

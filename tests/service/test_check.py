@@ -10,11 +10,11 @@ from armwright_wire.check import CheckAnswer
 from armwright_wire.scene import ProjectAnswer, Scene
 from kinematics.forward import forward
 from kinematics.robots import builtin_chain
-from kinematics.serial_chain import serial_chain
-from kinematics.urdf import parse_urdf
-from obstacles.fcl_distance import FclWorld
-from obstacles.robot_geometry import robot_geometry
-from obstacles.scene import Scene as ObstacleScene
+from kinematics.tree.serial_chain import serial_chain
+from kinematics.urdf.urdf import parse_urdf
+from obstacles.collision.fcl.fcl_distance import FclWorld
+from obstacles.robots.robot_geometry import robot_geometry
+from obstacles.scenes.scene import Scene as ObstacleScene
 from service.storage import worker_cache
 from service.storage.cache_key import builtin_reference
 from service.translate import poses

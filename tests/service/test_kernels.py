@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from kinematics.compiled import kernel_build, kernel_code, kernel_list, kernel_store
+from compiled import build, kernel_list, machine_code, store
 from service import kernels
 from service.cli import main
 from tests.service.loaded_fork_server import run_where_ready
@@ -20,18 +20,18 @@ UNREACHED = {
     "kinematics.jacobian._rate_batch_kernel",
     "kinematics.jacobian.rate_kernel",
     # Of tests and benchmarks, which ask for parts of an answer.
-    "obstacles.ball_distance.distance_from",
-    "obstacles.ball_distance.nearest_from",
-    "obstacles.state_check.bracket_on",
-    "obstacles.state_check.verdicts_on",
+    "obstacles.distance.ball_distance.distance_from",
+    "obstacles.distance.ball_distance.nearest_from",
+    "obstacles.collision.state_check.bracket_on",
+    "obstacles.collision.state_check.verdicts_on",
 }
 #: Prints the kernels of modules that the service imports, and that nothing on the list calls.
 FIND_UNREACHED = """
 import sys
 import service.app, service.tasks, service.warm_requests
-from kinematics.compiled import kernel_list
-from kinematics.compiled.kernel_dispatcher import Kernel
-from kinematics.compiled.kernel_fingerprint import callees
+from compiled import kernel_list
+from compiled.dispatcher import Kernel
+from compiled.fingerprint import callees
 from service import kernels
 from service.workers.task import load_tasks
 load_tasks(service.tasks.__name__)
@@ -74,16 +74,16 @@ def test_entries_are_missing_where_no_folder_has_them(
     monkeypatch.setenv("ARMWRIGHT_KERNELS", str(tmp_path))
     entries, _ = kernel_list.read(kernels.LIST)
     some = [entry for entry in entries if entry.door][:3]
-    assert kernel_build.missing_entries(some) == some
+    assert build.missing_entries(some) == some
     for name in [*some[0].files, some[1].files[0]]:
-        kernel_store.file_of(tmp_path, name).touch(0o644)
-    assert kernel_build.missing_entries(some) == some[1:]
+        store.file_of(tmp_path, name).touch(0o644)
+    assert build.missing_entries(some) == some[1:]
     (tmp_path / "other").touch()
-    kernel_store.file_of(tmp_path, f"no.kernel-{'0' * 32}.door").touch()
+    store.file_of(tmp_path, f"no.kernel-{'0' * 32}.door").touch()
     (tmp_path / some[0].files[0]).touch()  # as files were called before
     assert kernels.prune() == 2
     assert (tmp_path / "other").is_file()
-    assert kernel_build.missing_entries(some) == some[1:]
+    assert build.missing_entries(some) == some[1:]
 
 
 def test_every_kernel_that_the_service_imports_is_reached_from_the_list() -> None:
@@ -104,10 +104,10 @@ def test_the_demonstration_needs_the_first_kernels_alone(
         name = pending.pop()
         if name not in linked:
             linked.add(name)
-            files = (kernel_store.file_of(one, name) for one in kernel_store.layers())
+            files = (store.file_of(one, name) for one in store.layers())
             found = next(file for file in files if file.is_file())
             (tmp_path / found.name).symlink_to(found)
-            code = kernel_code.find(name)
+            code = machine_code.find(name)
             assert code is not None
             # Some that only kernels call have types without a notation, and are on no list.
             pending += code.needs
@@ -131,4 +131,4 @@ def test_an_image_keeps_its_kernels_where_they_are_looked_for_first(
     monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path / "user"))
     monkeypatch.setenv("ARMWRIGHT_KERNELS", str(tmp_path / "package"))
     kernels.keep_in_package()
-    assert kernel_store.user_folder() == tmp_path / "package" == kernel_store.layers()[0]
+    assert store.user_folder() == tmp_path / "package" == store.layers()[0]

@@ -13,8 +13,8 @@ from kinematics.arrays import Array
 from kinematics.forward import forward
 from kinematics.pose import from_rpy
 from kinematics.robots import builtin_chain
-from planning import pipeline
 from planning.options import Options
+from planning.pipeline import pipeline
 from planning.problem import JointGoal, Problem
 from planning.result import Plan
 from service.storage import worker_cache

@@ -10,7 +10,7 @@ import pytest
 from armwright_wire.plan import PlanAnswer
 from kinematics.forward import forward
 from kinematics.robots import builtin_chain
-from planning.planners import PLANNERS
+from planning.pipeline.planners import PLANNERS
 from planning.sampling.planners import PLANNERS as SAMPLING
 from planning.sampling.planners import planner_by_name
 from tests.service.robots import ASIDE, FLOOR, HOME, POST, answer, problem, scene

@@ -11,9 +11,9 @@ import pytest
 
 from armwright_wire.robot import RobotAnswer
 from kinematics.arrays import Array
-from kinematics.dh import chain_from_dh
-from kinematics.dh_table import DhRow, DhTable
 from kinematics.forward import forward
+from kinematics.model.dh import chain_from_dh
+from kinematics.model.dh_table import DhRow, DhTable
 from kinematics.pose import from_quaternion, from_rpy, transform
 from kinematics.robots import builtin_chain, builtin_names
 from tests.service.conftest import Served

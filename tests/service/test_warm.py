@@ -22,9 +22,9 @@ kernels.prepare(lambda *_: None)
 before = signatures()
 
 import numpy as np
-from obstacles.checker import Checker
-from obstacles.scene import Scene
-from planning.deadline import Deadline
+from obstacles.collision.checker import Checker
+from obstacles.scenes.scene import Scene
+from planning.values.deadline import Deadline
 from planning.search.rrt_connect import rrt_connect
 from service.storage import worker_cache
 from service.tasks import check, dynamics, inverse_kinematics, kinematics, plan, potential, robots, simulate

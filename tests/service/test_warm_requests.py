@@ -5,10 +5,12 @@ from pathlib import Path
 import pytest
 
 from kinematics.robots import builtin_names
-from obstacles import brackets, collision_model, kept_files, pair_grid, sphere_set
-from obstacles.checker import Checker
-from obstacles.collision_model import _robot_part
-from obstacles.scene import Scene
+from obstacles import kept_files
+from obstacles.collision.checker import Checker
+from obstacles.collision.model import brackets, collision_model, pair_grid
+from obstacles.collision.model.collision_model import _robot_part
+from obstacles.convex import sphere_set
+from obstacles.scenes.scene import Scene
 from service import warm_requests
 from service.storage import worker_cache
 from service.storage.cache_key import builtin_reference

@@ -11,7 +11,7 @@ import numpy as np
 
 from benchmarks.arms import UPLOADS
 from benchmarks.problems.example_arms import archive, package
-from kinematics.urdf_visuals import read_visuals
+from kinematics.urdf.visuals import read_visuals
 from studio.branch import Verdict
 from studio.motion_frames import motion_frames
 from studio.page.studio_page import StudioPage

@@ -6,7 +6,7 @@ import numpy as np
 
 from kinematics.arrays import Array, Indices
 from kinematics.forward import joint_frames
-from obstacles.robot_geometry import RobotGeometry
+from obstacles.robots.robot_geometry import RobotGeometry
 
 
 def corner_displacement(robot: RobotGeometry, before: Array, after: Array) -> float:

@@ -5,8 +5,8 @@ from dataclasses import replace
 import numpy as np
 
 from kinematics.arrays import Array
-from kinematics.chain import Chain, Inertia, Link
-from kinematics.trajectory import Trajectory
+from kinematics.model.chain import Chain, Inertia, Link
+from kinematics.trajectory.trajectory import Trajectory
 from tests.dynamics.samples import PRISMATIC, textbook
 
 

@@ -8,19 +8,19 @@ import pytest
 from dynamics.body import scale_masses
 from dynamics.gravity import gravity_vector
 from kinematics.arrays import Array
-from kinematics.chain import Chain
+from kinematics.model.chain import Chain
 from kinematics.robots import builtin_chain
-from kinematics.trajectory import Trajectory
+from kinematics.trajectory.trajectory import Trajectory
+from tests.tracking.controllers.test_adaptive import wave
 from tests.tracking.samples import constant, smooth
-from tests.tracking.test_adaptive import wave
-from tracking.adaptive import Adaptive
-from tracking.computed_torque import ComputedTorque
-from tracking.controller import Controller
-from tracking.independent_joint import IndependentJoint, effective_inertia
-from tracking.passivity import Passivity
-from tracking.pd_gravity import PdGravity
-from tracking.result import SimulationResult
-from tracking.simulation import SimulationOptions, simulate
+from tracking.controllers.adaptive import Adaptive
+from tracking.controllers.computed_torque import ComputedTorque
+from tracking.controllers.controller import Controller
+from tracking.controllers.independent_joint import IndependentJoint, effective_inertia
+from tracking.controllers.passivity import Passivity
+from tracking.controllers.pd_gravity import PdGravity
+from tracking.simulation.result import SimulationResult
+from tracking.simulation.simulation import SimulationOptions, simulate
 
 FREE = SimulationOptions(saturate=False)
 PANDA = np.array([0.0, -0.5, 0.0, -2.0, 0.0, 1.6, 0.8])

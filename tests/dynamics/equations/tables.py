@@ -9,7 +9,7 @@ import sympy
 
 from dynamics.equations.sheet import Sheet, write_sheet
 from dynamics.equations.writing import Notation
-from kinematics.dh_table import DhRow, DhTable
+from kinematics.model.dh_table import DhRow, DhTable
 
 Q = sympy.symbols("q_1:4")
 QD = sympy.symbols("qd_1:4")

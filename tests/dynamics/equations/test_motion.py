@@ -15,10 +15,10 @@ from dynamics.equations.table import symbolic_table
 from dynamics.gravity import gravity_vector, potential_energy
 from dynamics.inverse import inverse_dynamics
 from dynamics.mass_matrix import mass_matrix
-from kinematics.dh import chain_from_dh
-from kinematics.dh_table import DhRow, DhTable
 from kinematics.forward import forward
 from kinematics.jacobian import geometric
+from kinematics.model.dh import chain_from_dh
+from kinematics.model.dh_table import DhRow, DhTable
 from tests.dynamics.equations.tables import (
     QD,
     TABLES,

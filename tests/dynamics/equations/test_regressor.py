@@ -6,7 +6,7 @@ import sympy
 
 from dynamics.base_parameters import base_parameters
 from dynamics.inverse import inverse_dynamics
-from kinematics.dh import chain_from_dh
+from kinematics.model.dh import chain_from_dh
 from tests.dynamics.equations.tables import (
     QD,
     QDD,

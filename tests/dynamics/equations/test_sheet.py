@@ -14,9 +14,9 @@ from dynamics.equations.parameters import textbook_table
 from dynamics.equations.sheet import Sheet, write_sheet
 from dynamics.equations.writing import Notation
 from dynamics.mass_matrix import mass_matrix
-from kinematics.dh_table import DhRow, DhTable
 from kinematics.errors import InvalidOption
 from kinematics.forward import forward
+from kinematics.model.dh_table import DhRow, DhTable
 from kinematics.robots import builtin_chain
 from tests.dynamics.equations.tables import (
     TABLES,

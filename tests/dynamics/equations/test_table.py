@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from dynamics.equations.table import symbolic_table
-from kinematics.dh_table import DhRow, DhTable
+from kinematics.model.dh_table import DhRow, DhTable
 from tests.dynamics.equations.tables import text_sheet
 
 

@@ -5,7 +5,7 @@ import dataclasses
 import numpy as np
 
 from kinematics.arrays import Array
-from kinematics.chain import Chain, Limits, Link
+from kinematics.model.chain import Chain, Limits, Link
 from kinematics.pose import from_axis_angle, inverse, rotation_x, rotation_z, transform
 from tests.kinematics.samples import random_rotation
 

@@ -5,10 +5,10 @@ from dataclasses import replace
 import numpy as np
 
 from kinematics.arrays import Array
-from kinematics.chain import Chain
 from kinematics.forward import forward, joint_frames
-from kinematics.ik.analytic import Branches, branches
+from kinematics.ik.closed_form.analytic import Branches, branches
 from kinematics.jacobian import geometric
+from kinematics.model.chain import Chain
 from kinematics.pose import inverse, rotation_z, transform
 
 

@@ -7,7 +7,6 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from kinematics.arrays import Array
-from kinematics.chain import Chain
 from kinematics.errors import InvalidOption, InvalidPose
 from kinematics.forward import forward
 from kinematics.ik.gradient import (
@@ -18,8 +17,9 @@ from kinematics.ik.gradient import (
     Rule,
     follow,
 )
-from kinematics.ik.numeric import POSITION
+from kinematics.ik.numeric.numeric import POSITION
 from kinematics.jacobian import geometric
+from kinematics.model.chain import Chain
 from kinematics.pose import from_zyz, rotation_error, transform
 from kinematics.robots import builtin_chain
 

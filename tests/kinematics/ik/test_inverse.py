@@ -7,12 +7,12 @@ import numpy as np
 import pytest
 
 from kinematics.arrays import Array
-from kinematics.chain import Chain
 from kinematics.errors import InvalidOption, InvalidPose, InvalidRobotState, NotAvailable
 from kinematics.forward import forward
-from kinematics.ik.analytic import closed_form, parameter
+from kinematics.ik.closed_form.analytic import closed_form, parameter
 from kinematics.ik.inverse import METHODS, IkOptions, inverse_kinematics, parameter_grid
 from kinematics.ik.ranking import RANKINGS
+from kinematics.model.chain import Chain
 from kinematics.pose import transform
 from kinematics.robots import builtin_chain
 from tests.kinematics.ik.arms import general_arm

@@ -4,11 +4,11 @@ import numpy as np
 import pytest
 
 from kinematics.arrays import Array
-from kinematics.chain import Chain
 from kinematics.errors import InvalidOption, InvalidPose, InvalidRobotState
 from kinematics.forward import forward
 from kinematics.ik.inverse import IkOptions, inverse_kinematics
 from kinematics.ik.inverse_batch import inverse_kinematics_batch
+from kinematics.model.chain import Chain
 from kinematics.pose import transform
 from kinematics.robots import builtin_chain
 

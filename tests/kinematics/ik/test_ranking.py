@@ -6,13 +6,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from kinematics.chain import Limits
 from kinematics.errors import InvalidOption, InvalidRobotState, NotAvailable
 from kinematics.forward import forward
-from kinematics.ik.analytic import branches
+from kinematics.ik.closed_form.analytic import branches
 from kinematics.ik.inverse import IkOptions, inverse_kinematics
 from kinematics.ik.ranking import margin, order, outside, whole_turns
 from kinematics.jacobian import geometric
+from kinematics.model.chain import Limits
 from kinematics.pose import transform
 from kinematics.robots import builtin_chain, builtin_names
 from tests.kinematics.ik.arms import apart, edge_configuration

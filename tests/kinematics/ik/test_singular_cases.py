@@ -6,13 +6,13 @@ import numpy as np
 import pytest
 
 from kinematics.arrays import Array
-from kinematics.chain import Chain
 from kinematics.errors import InvalidOption
 from kinematics.forward import forward
-from kinematics.ik.analytic import branches, parameter
+from kinematics.ik.closed_form.analytic import branches, parameter
 from kinematics.ik.inverse import IkOptions, inverse_kinematics
-from kinematics.ik.numeric import solve
+from kinematics.ik.numeric.numeric import solve
 from kinematics.jacobian import analytic_zyz, geometric
+from kinematics.model.chain import Chain
 from kinematics.pose import from_zyz, to_zyz, transform
 from kinematics.robots import builtin_chain
 from kinematics.velocity import joint_velocities

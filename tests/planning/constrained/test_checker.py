@@ -8,12 +8,12 @@ import pytest
 
 from kinematics.arrays import Array
 from kinematics.robots import builtin_urdf
-from obstacles.checker import Checker
-from obstacles.scene import Scene
+from obstacles.collision.checker import Checker
+from obstacles.scenes.scene import Scene
 from planning.constrained.checker import ConstrainedChecker, narrow_rows
 from planning.constraints.constraint_set import ConstraintSet
-from planning.constraints.joint import JointConstraint
-from planning.constraints.orientation import ConeConstraint
+from planning.constraints.kinds.joint import JointConstraint
+from planning.constraints.kinds.orientation import ConeConstraint
 from planning.constraints.row import LOWER, UPPER
 from tests.planning.scenes import HOME, builtin, pillar
 

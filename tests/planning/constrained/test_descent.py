@@ -8,14 +8,17 @@ import pytest
 
 from kinematics.arrays import Array
 from kinematics.forward import forward
-from obstacles.checker import Checker, collision_model
-from obstacles.scene import Obstacle, Scene
-from planning import deadline as deadlines
+from obstacles.collision.checker import Checker, collision_model
+from obstacles.scenes.scene import Obstacle, Scene
 from planning.constrained import descent
 from planning.constrained.descent import Descents
 from planning.constrained.ik import IkOptions, constrained_ik
-from planning.constraints.active_set import COURSE, FEASIBLE, OVER, STAGE, descend, go_on
-from planning.constraints.active_set_program import (
+from planning.constraints.constraint_set import ConstraintSet
+from planning.constraints.kinds.orientation import ConeConstraint
+from planning.constraints.kinds.position import PositionConstraint
+from planning.constraints.kinds.region import SphereRegion
+from planning.constraints.solvers.active_set import COURSE, FEASIBLE, OVER, STAGE, descend, go_on
+from planning.constraints.solvers.active_set_program import (
     LEAST_GAIN,
     LEFT,
     linearise,
@@ -23,13 +26,10 @@ from planning.constraints.active_set_program import (
     make_work,
     search_arrays,
 )
-from planning.constraints.constraint_set import ConstraintSet
-from planning.constraints.orientation import ConeConstraint
-from planning.constraints.position import PositionConstraint
-from planning.constraints.region import SphereRegion
-from planning.deadline import Deadline
-from tests.obstacles.test_decomposition import ring
-from tests.obstacles.test_mesh_distance import mesh
+from planning.values import deadline as deadlines
+from planning.values.deadline import Deadline
+from tests.obstacles.distance.triangles.test_distance import mesh
+from tests.obstacles.meshes.test_decomposition import ring
 from tests.planning.scenes import HOME, builtin, pillar
 
 ROBOT = builtin("panda")

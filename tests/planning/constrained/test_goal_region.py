@@ -5,15 +5,15 @@ import pinocchio as pin
 
 from kinematics.forward import forward
 from kinematics.robots import builtin_urdf
-from obstacles.checker import Checker
-from obstacles.scene import Scene
+from obstacles.collision.checker import Checker
+from obstacles.scenes.scene import Scene
 from planning.constrained.checker import ConstrainedChecker
 from planning.constrained.goal_region import GoalRegion
 from planning.constrained.pose_goals import goal_configurations
 from planning.constraints.constraint_set import ConstraintSet
-from planning.constraints.orientation import OrientationConstraint
+from planning.constraints.kinds.orientation import OrientationConstraint
 from planning.options import Options
-from planning.pipeline import plan
+from planning.pipeline.pipeline import plan
 from planning.problem import PoseGoal, Problem
 from planning.result import Plan
 from tests.planning.scenes import HOME, box, builtin, pillar

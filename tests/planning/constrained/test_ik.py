@@ -15,20 +15,20 @@ from kinematics.errors import InvalidGoal, InvalidOption, InvalidRobotState
 from kinematics.forward import forward
 from kinematics.robots import builtin_urdf
 from kinematics.symbolic import symbolic_jacobian
-from obstacles.checker import Checker
-from obstacles.scene import Scene
-from planning import deadline as deadlines
+from obstacles.collision.checker import Checker
+from obstacles.scenes.scene import Scene
 from planning.constrained.ik import IkOptions, constrained_ik
 from planning.constraints.constraint_set import ConstraintSet
-from planning.constraints.joint import JointConstraint
-from planning.constraints.limit import ClearanceConstraint, ToolSpeedConstraint
-from planning.constraints.look_at import LookAtConstraint
-from planning.constraints.orientation import ConeConstraint
-from planning.constraints.position import PositionConstraint
-from planning.constraints.program import Program, _determinant, is_built, program
-from planning.constraints.region import BoxRegion, SphereRegion
-from planning.constraints.relative_pose import RelativePoseConstraint
-from planning.deadline import Deadline
+from planning.constraints.kinds.joint import JointConstraint
+from planning.constraints.kinds.limit import ClearanceConstraint, ToolSpeedConstraint
+from planning.constraints.kinds.look_at import LookAtConstraint
+from planning.constraints.kinds.orientation import ConeConstraint
+from planning.constraints.kinds.position import PositionConstraint
+from planning.constraints.kinds.region import BoxRegion, SphereRegion
+from planning.constraints.kinds.relative_pose import RelativePoseConstraint
+from planning.constraints.solvers.program import Program, _determinant, is_built, program
+from planning.values import deadline as deadlines
+from planning.values.deadline import Deadline
 from tests.planning.scenes import HOME, builtin, shelf
 
 ROBOT = builtin("panda")

@@ -3,19 +3,19 @@
 import numpy as np
 import trimesh
 
-from obstacles.checker import Checker
-from obstacles.scene import Obstacle, Scene
-from obstacles.shapes import Sphere
+from obstacles.collision.checker import Checker
+from obstacles.scenes.scene import Obstacle, Scene
+from obstacles.shapes.shape import Sphere
 from planning.constrained.ik import IkOptions, constrained_ik
-from planning.constraints.active_set_program import search_arrays, without_surfaces
 from planning.constraints.constraint_set import ConstraintSet
-from planning.constraints.joint import JointConstraint
-from planning.constraints.limit import ClearanceConstraint
-from planning.constraints.position import PositionConstraint
-from planning.constraints.region import SphereRegion
-from tests.obstacles.test_decomposition import ring
-from tests.obstacles.test_fcl_distance import slide
-from tests.obstacles.test_mesh_distance import apart, mesh
+from planning.constraints.kinds.joint import JointConstraint
+from planning.constraints.kinds.limit import ClearanceConstraint
+from planning.constraints.kinds.position import PositionConstraint
+from planning.constraints.kinds.region import SphereRegion
+from planning.constraints.solvers.active_set_program import search_arrays, without_surfaces
+from tests.obstacles.collision.fcl.test_fcl_distance import slide
+from tests.obstacles.distance.triangles.test_distance import apart, mesh
+from tests.obstacles.meshes.test_decomposition import ring
 from tests.planning.scenes import builtin
 
 UR5E = builtin("ur5e")

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from kinematics.errors import InvalidGoal
-from obstacles.checker import Checker
-from obstacles.scene import Scene
+from obstacles.collision.checker import Checker
+from obstacles.scenes.scene import Scene
 from planning.constrained.checker import ConstrainedChecker
 from planning.constrained.path_constraints import (
     apply_path_constraints,
@@ -13,11 +13,11 @@ from planning.constrained.path_constraints import (
     end_violation,
 )
 from planning.constraints.constraint_set import ConstraintSet
-from planning.constraints.joint import JointConstraint
-from planning.constraints.position import PositionConstraint
-from planning.constraints.region import PlaneRegion
+from planning.constraints.kinds.joint import JointConstraint
+from planning.constraints.kinds.position import PositionConstraint
+from planning.constraints.kinds.region import PlaneRegion
+from planning.preflight_result import Ready
 from planning.problem import JointGoal, Problem
-from planning.ready import Ready
 from planning.result import Failure
 from tests.planning.slider import slider
 

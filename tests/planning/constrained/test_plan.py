@@ -8,33 +8,37 @@ import pinocchio as pin
 import pytest
 
 from kinematics.arrays import Array
-from kinematics.chain import JointType
 from kinematics.errors import InvalidGoal
 from kinematics.forward import forward
+from kinematics.model.chain import JointType
 from kinematics.pose import transform
 from kinematics.robots import builtin_urdf
-from kinematics.trajectory import Trajectory
-from obstacles.checker import Checker
-from obstacles.scene import Scene
+from kinematics.trajectory.trajectory import Trajectory
+from obstacles.collision.checker import Checker
+from obstacles.scenes.scene import Scene
 from planning.constrained.ik import IkOptions, constrained_ik
 from planning.constrained.path_constraints import apply_path_constraints
-from planning.constraints.constraint import Constraint, Geometric
 from planning.constraints.constraint_set import ConstraintSet
-from planning.constraints.joint import JointConstraint
-from planning.constraints.limit import ClearanceConstraint, ToolSpeedConstraint, TorqueConstraint
-from planning.constraints.orientation import ConeConstraint, OrientationConstraint
-from planning.constraints.position import PositionConstraint
-from planning.constraints.region import BoxRegion, LineRegion, PlaneRegion, SphereRegion
-from planning.deadline import Deadline
+from planning.constraints.kinds.constraint import Constraint, Geometric
+from planning.constraints.kinds.joint import JointConstraint
+from planning.constraints.kinds.limit import (
+    ClearanceConstraint,
+    ToolSpeedConstraint,
+    TorqueConstraint,
+)
+from planning.constraints.kinds.orientation import ConeConstraint, OrientationConstraint
+from planning.constraints.kinds.position import PositionConstraint
+from planning.constraints.kinds.region import BoxRegion, LineRegion, PlaneRegion, SphereRegion
 from planning.field.options import FieldOptions
 from planning.field.planner import potential_field
 from planning.options import Options
-from planning.pipeline import plan
+from planning.pipeline.pipeline import plan
 from planning.preflight.preflight import preflight
+from planning.preflight_result import Ready
 from planning.problem import JointGoal, PoseGoal, Problem
 from planning.proof.certificate import certify
-from planning.ready import Ready
 from planning.result import Failure, Plan
+from planning.values.deadline import Deadline
 from tests.planning.dense import least_clearance, worst_ratio
 from tests.planning.scenes import HOME, box, builtin, pillar
 

@@ -3,13 +3,13 @@
 import numpy as np
 import pytest
 
-from obstacles.checker import Checker
-from obstacles.scene import Scene
+from obstacles.collision.checker import Checker
+from obstacles.scenes.scene import Scene
 from planning.constrained.checker import ConstrainedChecker
 from planning.constrained.relaxation import Relaxation, find_relaxation
 from planning.constraints.constraint_set import ConstraintSet
-from planning.constraints.joint import JointConstraint
-from planning.deadline import Deadline
+from planning.constraints.kinds.joint import JointConstraint
+from planning.values.deadline import Deadline
 from tests.planning.scenes import box
 from tests.planning.slider import slider
 

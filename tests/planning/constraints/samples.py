@@ -3,15 +3,15 @@
 import numpy as np
 
 from kinematics.arrays import Array
-from kinematics.chain import Chain
+from kinematics.model.chain import Chain
 from kinematics.pose import transform
-from planning.constraints.constraint import Geometric
-from planning.constraints.joint import JointConstraint
-from planning.constraints.look_at import LookAtConstraint
-from planning.constraints.orientation import ConeConstraint, OrientationConstraint
-from planning.constraints.position import PositionConstraint
-from planning.constraints.region import BoxRegion, LineRegion, PlaneRegion, SphereRegion
-from planning.constraints.relative_pose import RelativePoseConstraint
+from planning.constraints.kinds.constraint import Geometric
+from planning.constraints.kinds.joint import JointConstraint
+from planning.constraints.kinds.look_at import LookAtConstraint
+from planning.constraints.kinds.orientation import ConeConstraint, OrientationConstraint
+from planning.constraints.kinds.position import PositionConstraint
+from planning.constraints.kinds.region import BoxRegion, LineRegion, PlaneRegion, SphereRegion
+from planning.constraints.kinds.relative_pose import RelativePoseConstraint
 from tests.kinematics.samples import random_rotation
 
 

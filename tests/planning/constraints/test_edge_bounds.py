@@ -5,8 +5,8 @@ import pytest
 from numpy.polynomial import polynomial as power_basis
 
 from kinematics.arrays import Array
-from kinematics.chain import Chain
 from kinematics.forward import forward
+from kinematics.model.chain import Chain
 from kinematics.robots import builtin_chain
 from planning.constrained.checker import narrow_rows
 from planning.constraints.constraint_set import ConstraintSet
@@ -18,9 +18,9 @@ from planning.constraints.edge_bounds import (
     edge_holds,
     edge_kernel,
 )
-from planning.constraints.orientation import ConeConstraint
-from planning.constraints.position import PositionConstraint
-from planning.constraints.region import PlaneRegion
+from planning.constraints.kinds.orientation import ConeConstraint
+from planning.constraints.kinds.position import PositionConstraint
+from planning.constraints.kinds.region import PlaneRegion
 from planning.constraints.row import LOWER, UPPER
 from tests.planning.constraints.samples import some_of_each
 

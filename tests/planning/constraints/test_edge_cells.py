@@ -6,16 +6,16 @@ from numpy.polynomial import Polynomial
 from numpy.polynomial import polynomial as power_basis
 
 from kinematics.arrays import Array
-from kinematics.chain import Chain
 from kinematics.forward import forward, frames_kernel
+from kinematics.model.chain import Chain
 from kinematics.robots import builtin_chain
-from kinematics.serial_chain import serial_chain
-from kinematics.urdf import parse_urdf
+from kinematics.tree.serial_chain import serial_chain
+from kinematics.urdf.urdf import parse_urdf
 from planning.constraints.constraint_set import ConstraintSet
 from planning.constraints.edge_bounds import bound_kernel, expand_kernel
-from planning.constraints.orientation import ConeConstraint
-from planning.constraints.position import PositionConstraint
-from planning.constraints.region import PlaneRegion
+from planning.constraints.kinds.orientation import ConeConstraint
+from planning.constraints.kinds.position import PositionConstraint
+from planning.constraints.kinds.region import PlaneRegion
 from planning.constraints.row import KIND, RowKind
 from tests.dynamics.samples import random_chain
 from tests.planning.constraints.samples import some_of_each

@@ -7,8 +7,8 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from kinematics.arrays import Array
-from kinematics.chain import Chain
 from kinematics.forward import frames_kernel
+from kinematics.model.chain import Chain
 from planning.constraints.constraint_set import ConstraintSet
 from planning.constraints.row import CARRIER, KIND, LOWER, REFERENCE, UPPER, WIDTH, RowKind
 from planning.constraints.row_value import (

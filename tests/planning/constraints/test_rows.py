@@ -6,17 +6,17 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from kinematics.arrays import Array
-from kinematics.chain import Chain
 from kinematics.forward import forward
+from kinematics.model.chain import Chain
 from kinematics.pose import transform
 from kinematics.robots import builtin_chain, builtin_names
 from planning.constraints.constraint_set import ConstraintSet
-from planning.constraints.joint import JointConstraint
-from planning.constraints.look_at import LookAtConstraint
-from planning.constraints.orientation import ConeConstraint, OrientationConstraint
-from planning.constraints.position import PositionConstraint
-from planning.constraints.region import BoxRegion, LineRegion, PlaneRegion, SphereRegion
-from planning.constraints.relative_pose import RelativePoseConstraint
+from planning.constraints.kinds.joint import JointConstraint
+from planning.constraints.kinds.look_at import LookAtConstraint
+from planning.constraints.kinds.orientation import ConeConstraint, OrientationConstraint
+from planning.constraints.kinds.position import PositionConstraint
+from planning.constraints.kinds.region import BoxRegion, LineRegion, PlaneRegion, SphereRegion
+from planning.constraints.kinds.relative_pose import RelativePoseConstraint
 from planning.constraints.symbolic import smooth_rows, symbolic_residuals, symbolic_values
 from tests.dynamics.samples import random_chain
 from tests.kinematics.samples import random_rotation

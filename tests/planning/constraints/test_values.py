@@ -8,15 +8,19 @@ import pytest
 
 from kinematics.errors import ArmwrightError, InvalidLinkName
 from kinematics.robots import builtin_chain
-from planning.constraints.constraint import Constraint
 from planning.constraints.constraint_set import ConstraintSet
-from planning.constraints.joint import JointConstraint
-from planning.constraints.limit import ClearanceConstraint, ToolSpeedConstraint, TorqueConstraint
-from planning.constraints.look_at import LookAtConstraint
-from planning.constraints.orientation import ConeConstraint, OrientationConstraint
-from planning.constraints.position import PositionConstraint
-from planning.constraints.region import BoxRegion, LineRegion, PlaneRegion, SphereRegion
-from planning.constraints.relative_pose import RelativePoseConstraint
+from planning.constraints.kinds.constraint import Constraint
+from planning.constraints.kinds.joint import JointConstraint
+from planning.constraints.kinds.limit import (
+    ClearanceConstraint,
+    ToolSpeedConstraint,
+    TorqueConstraint,
+)
+from planning.constraints.kinds.look_at import LookAtConstraint
+from planning.constraints.kinds.orientation import ConeConstraint, OrientationConstraint
+from planning.constraints.kinds.position import PositionConstraint
+from planning.constraints.kinds.region import BoxRegion, LineRegion, PlaneRegion, SphereRegion
+from planning.constraints.kinds.relative_pose import RelativePoseConstraint
 
 CHAIN = builtin_chain("panda")
 BALL = SphereRegion([0.4, 0.0, 0.4], 0.1)

@@ -13,15 +13,15 @@ from scipy.interpolate import BPoly, PPoly
 
 from kinematics.arrays import Array
 from kinematics.errors import InvalidOption
-from kinematics.interpolation import interpolate
-from kinematics.trajectory import Trajectory
-from obstacles.fcl_distance import FclWorld
-from obstacles.scene import Scene
+from kinematics.trajectory.interpolation import interpolate
+from kinematics.trajectory.trajectory import Trajectory
+from obstacles.collision.fcl.fcl_distance import FclWorld
+from obstacles.scenes.scene import Scene
 from planning.exports.export import Export, export
 from planning.exports.options import PATH_FORMATS, ExportFormat, ExportOptions
 from planning.exports.statement import _plain
 from planning.options import Options
-from planning.pipeline import plan
+from planning.pipeline.pipeline import plan
 from planning.problem import JointGoal, Problem
 from planning.result import Plan
 from planning.timing.options import Solver, TimingOptions

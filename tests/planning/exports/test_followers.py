@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 
 from kinematics.forward import joint_frames
-from kinematics.serial_chain import serial_chain
-from kinematics.trajectory import Trajectory
-from kinematics.urdf import parse_urdf
-from obstacles.robot_geometry import RobotGeometry, robot_geometry
+from kinematics.trajectory.trajectory import Trajectory
+from kinematics.tree.serial_chain import serial_chain
+from kinematics.urdf.urdf import parse_urdf
+from obstacles.robots.robot_geometry import RobotGeometry, robot_geometry
 from planning.exports.joint_tolerance import lever_arms
 from planning.exports.swept_volume import swept_volume
 from tests.followers import configurations, urdf

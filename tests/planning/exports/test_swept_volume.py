@@ -10,9 +10,9 @@ import armwright as aw
 from kinematics.arrays import Array
 from kinematics.errors import InvalidOption
 from kinematics.forward import forward, joint_frames
-from kinematics.trajectory import Trajectory
-from obstacles.robot_geometry import RobotGeometry
-from obstacles.triangles import corners
+from kinematics.trajectory.trajectory import Trajectory
+from obstacles.convex.triangles import corners
+from obstacles.robots.robot_geometry import RobotGeometry
 from planning.exports.swept_volume import SweptVolume, swept_volume
 
 ROUNDING = 1e-9

@@ -5,9 +5,9 @@ from typing import Any
 import numpy as np
 
 from kinematics.arrays import Array
-from obstacles.checker import Checker
-from obstacles.projection import Projector
-from obstacles.scene import Scene
+from obstacles.collision.checker import Checker
+from obstacles.projection.projection import Projector
+from obstacles.scenes.scene import Scene
 from planning.constraints.row import WIDTH
 from planning.field.control_points import origin_points
 from planning.field.gradient_descent import (

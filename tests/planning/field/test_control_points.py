@@ -4,13 +4,13 @@ import numpy as np
 import pytest
 
 from kinematics.arrays import Array
-from kinematics.dh import chain_from_dh, dh_from_chain
 from kinematics.errors import InvalidOption
 from kinematics.forward import forward, joint_frames, link_poses
+from kinematics.model.dh import chain_from_dh, dh_from_chain
 from kinematics.robots import builtin_names
-from obstacles.piece import Piece
-from obstacles.robot_geometry import RobotGeometry
-from obstacles.shapes import Box, Capsule, Cylinder, HalfSpace, Shape, Sphere
+from obstacles.convex.piece import Piece
+from obstacles.robots.robot_geometry import RobotGeometry
+from obstacles.shapes.shape import Box, Capsule, Cylinder, HalfSpace, Shape, Sphere
 from planning.field.control_points import (
     ControlPoints,
     along_links,

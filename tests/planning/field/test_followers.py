@@ -4,20 +4,20 @@ import numpy as np
 import pytest
 
 from kinematics.pose import transform
-from kinematics.serial_chain import serial_chain
-from kinematics.urdf import parse_urdf
-from obstacles.checker import Checker
-from obstacles.projection import Projector
-from obstacles.robot_geometry import RobotGeometry, robot_geometry
-from obstacles.scene import Obstacle, Scene
-from obstacles.shapes import Sphere
-from planning.deadline import Deadline
+from kinematics.tree.serial_chain import serial_chain
+from kinematics.urdf.urdf import parse_urdf
+from obstacles.collision.checker import Checker
+from obstacles.projection.projection import Projector
+from obstacles.robots.robot_geometry import RobotGeometry, robot_geometry
+from obstacles.scenes.scene import Obstacle, Scene
+from obstacles.shapes.shape import Sphere
 from planning.field.control_points import along_links, control_points
 from planning.field.field_kernels import value_kernel
 from planning.field.options import FieldOptions
 from planning.field.planner import potential_field
 from planning.field.potential import Field
 from planning.field.weights import FieldWeights
+from planning.values.deadline import Deadline
 from tests.followers import configurations, urdf
 from tests.planning.field.test_potential import near_a_kink, slope
 

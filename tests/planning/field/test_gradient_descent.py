@@ -5,9 +5,9 @@ from typing import Any
 import numpy as np
 import pytest
 
-from obstacles.scene import Scene
+from obstacles.scenes.scene import Scene
 from planning.constraints.constraint_set import ConstraintSet
-from planning.constraints.joint import JointConstraint
+from planning.constraints.kinds.joint import JointConstraint
 from planning.field.gradient_descent import (
     ARRIVED,
     BLOCKED,

@@ -6,21 +6,21 @@ from typing import Any
 import numpy as np
 import pytest
 
-from kinematics.dh import DhRow, DhTable
 from kinematics.errors import InvalidOption
+from kinematics.model.dh import DhRow, DhTable
 from kinematics.pose import transform
-from obstacles.checker import Checker
-from obstacles.dh_geometry import dh_robot_geometry
-from obstacles.projection import Projector
-from obstacles.robot_geometry import RobotGeometry
-from obstacles.scene import Obstacle, Scene
-from obstacles.shapes import Sphere
-from planning.deadline import Deadline
+from obstacles.collision.checker import Checker
+from obstacles.projection.projection import Projector
+from obstacles.robots.dh_geometry import dh_robot_geometry
+from obstacles.robots.robot_geometry import RobotGeometry
+from obstacles.scenes.scene import Obstacle, Scene
+from obstacles.shapes.shape import Sphere
 from planning.field.control_points import control_points, origin_points
 from planning.field.options import PRESETS, QUICK, FieldOptions
 from planning.field.planner import FieldResult, potential_field
 from planning.field.potential import Field
 from planning.field.weights import FieldWeights
+from planning.values.deadline import Deadline
 from tests.planning.scenes import HOME, box, builtin, shelf
 from tests.planning.slider import slider
 

@@ -4,12 +4,12 @@ import numpy as np
 import pytest
 
 from kinematics.arrays import Array
-from kinematics.chain import Chain
 from kinematics.errors import InvalidOption
+from kinematics.model.chain import Chain
 from kinematics.pose import transform
-from obstacles.projection import Projector
-from obstacles.scene import Obstacle, Scene
-from obstacles.shapes import Box, HalfSpace, Mesh, PointCloud, Sphere
+from obstacles.projection.projection import Projector
+from obstacles.scenes.scene import Obstacle, Scene
+from obstacles.shapes.shape import Box, HalfSpace, Mesh, PointCloud, Sphere
 from planning.field.control_points import along_links, control_points, origin_points
 from planning.field.field_kernels import value_kernel
 from planning.field.potential import Field

@@ -6,13 +6,13 @@ import numpy as np
 import pytest
 
 from kinematics.errors import InvalidOption
-from obstacles.checker import Checker
-from obstacles.projection import Projector
-from obstacles.scene import Scene
-from planning.deadline import Deadline
+from obstacles.collision.checker import Checker
+from obstacles.projection.projection import Projector
+from obstacles.scenes.scene import Scene
 from planning.field import planner as planner_module
 from planning.field.options import PRESETS, FieldOptions
 from planning.field.planner import potential_field
+from planning.values.deadline import Deadline
 from tests.planning.field.test_planner import POST, turned
 from tests.planning.scenes import HOME, box, builtin
 

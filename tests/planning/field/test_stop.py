@@ -5,17 +5,17 @@ from typing import Any
 import numpy as np
 import pytest
 
-from kinematics.dh import DhRow, DhTable
+from kinematics.model.dh import DhRow, DhTable
 from kinematics.pose import transform
-from obstacles.checker import Checker
-from obstacles.dh_geometry import dh_robot_geometry
-from obstacles.robot_geometry import RobotGeometry
-from obstacles.scene import Obstacle, Scene
-from obstacles.shapes import Sphere
-from planning.deadline import Deadline
+from obstacles.collision.checker import Checker
+from obstacles.robots.dh_geometry import dh_robot_geometry
+from obstacles.robots.robot_geometry import RobotGeometry
+from obstacles.scenes.scene import Obstacle, Scene
+from obstacles.shapes.shape import Sphere
 from planning.field.options import FieldOptions
 from planning.field.planner import FieldResult, potential_field
 from planning.result import Explanation
+from planning.values.deadline import Deadline
 
 
 def arm() -> RobotGeometry:

@@ -3,12 +3,12 @@
 import numpy as np
 
 from kinematics.arrays import Array
-from obstacles.checker import Checker
-from obstacles.scene import Scene
-from planning.effort_limits import EffortLimits
+from obstacles.collision.checker import Checker
+from obstacles.scenes.scene import Scene
 from planning.optimize.iterate import Iterate
 from planning.optimize.spline import SplineSpace
 from planning.optimize.task import End, Task
+from planning.values.effort_limits import EffortLimits
 from tests.planning.scenes import HOME, builtin
 
 SPACE = SplineSpace.uniform(4, 11)

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from kinematics.arrays import Array
-from obstacles.checker import Checker
-from obstacles.scene import Scene
+from obstacles.collision.checker import Checker
+from obstacles.scenes.scene import Scene
 from planning.optimize.candidate import blocked_places
 from planning.optimize.iterate import Iterate
 from planning.optimize.spline import SplineSpace

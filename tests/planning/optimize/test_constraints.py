@@ -6,29 +6,29 @@ import numpy as np
 import pinocchio
 
 from kinematics.robots import builtin_urdf
-from kinematics.trajectory import Trajectory
-from obstacles.checker import Checker
-from obstacles.scene import Scene
+from kinematics.trajectory.trajectory import Trajectory
+from obstacles.collision.checker import Checker
+from obstacles.scenes.scene import Scene
 from planning.constrained.checker import ConstrainedChecker
 from planning.constrained.ik import IkOptions, constrained_ik
 from planning.constraints.constraint_set import ConstraintSet
-from planning.constraints.orientation import ConeConstraint
-from planning.constraints.position import PositionConstraint
-from planning.constraints.region import LineRegion, SphereRegion
-from planning.deadline import Deadline
-from planning.limits import MotionLimits
+from planning.constraints.kinds.orientation import ConeConstraint
+from planning.constraints.kinds.position import PositionConstraint
+from planning.constraints.kinds.region import LineRegion, SphereRegion
 from planning.optimize import objective
 from planning.optimize.initial_guess import fit_spline
 from planning.optimize.iterate import Iterate
-from planning.optimize.options import Objective, RefineOptions
 from planning.optimize.scp import Descent
 from planning.optimize.spline import SplineSpace
 from planning.optimize.task import End, Task
 from planning.options import Options
-from planning.pipeline import plan
+from planning.pipeline.pipeline import plan
 from planning.problem import JointGoal, Problem
 from planning.proof.certificate import certify
 from planning.result import Plan
+from planning.values.deadline import Deadline
+from planning.values.limits import MotionLimits
+from planning.values.optimize_options import Objective, RefineOptions
 from tests.planning.scenes import HOME, builtin
 
 ROBOT = builtin("panda")

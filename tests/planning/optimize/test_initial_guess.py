@@ -5,12 +5,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from kinematics.trajectory import Trajectory
+from kinematics.trajectory.trajectory import Trajectory
 from planning.optimize.initial_guess import fit_spline, least_duration
 from planning.optimize.spline import SplineSpace
 from planning.optimize.task import End, Task
-from planning.timing.blend import blend
-from planning.timing.minimum_time import time_path
+from planning.timing.path.blend import blend
+from planning.timing.speed.minimum_time import time_path
 from planning.timing.time_scaling import fitting_factor
 from tests.planning.optimize.motions import PANDA, iterate, task
 from tests.planning.scenes import HOME

@@ -6,13 +6,11 @@ import numpy as np
 import pytest
 
 from kinematics.arrays import Array
-from obstacles.checker import Checker
-from obstacles.scene import Scene
+from obstacles.collision.checker import Checker
+from obstacles.scenes.scene import Scene
 from planning.constrained.checker import ConstrainedChecker
 from planning.constraints.constraint_set import ConstraintSet
-from planning.constraints.joint import JointConstraint
-from planning.deadline import Deadline
-from planning.effort_limits import EffortLimits
+from planning.constraints.kinds.joint import JointConstraint
 from planning.optimize.iterate import Iterate
 from planning.optimize.linearization import (
     DEPTH,
@@ -26,6 +24,8 @@ from planning.optimize.linearization import (
 )
 from planning.optimize.rows import stack_rows
 from planning.optimize.task import Task
+from planning.values.deadline import Deadline
+from planning.values.effort_limits import EffortLimits
 from tests.planning.optimize import motions
 from tests.planning.optimize.table import BLOCK, RADIUS, ROBOT, gap, line, task
 

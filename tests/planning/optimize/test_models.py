@@ -6,16 +6,16 @@ import numpy as np
 import pytest
 
 from dynamics.payload import with_payload
-from planning.deadline import Deadline
-from planning.effort_limits import EffortLimits
 from planning.optimize import objective
 from planning.optimize.iterate import Iterate
 from planning.optimize.linearization import Checkpoints, least_factor, linearize
-from planning.optimize.options import Objective
 from planning.optimize.quadratic import Quadratic
 from planning.optimize.response import tool_speed, torques
 from planning.optimize.rows import end_rows, limit_rows, local_matrix, stack_rows
 from planning.optimize.task import End
+from planning.values.deadline import Deadline
+from planning.values.effort_limits import EffortLimits
+from planning.values.optimize_options import Objective
 from tests.planning.optimize.motions import PANDA, SPACE, iterate, packed, task, unpacked
 from tests.planning.scenes import pillar
 

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from dynamics.payload import with_payload
-from kinematics.trajectory import Trajectory
+from kinematics.trajectory.trajectory import Trajectory
 from planning.constraints.constraint_set import ConstraintSet
-from planning.constraints.joint import JointConstraint
+from planning.constraints.kinds.joint import JointConstraint
 from planning.optimize import objective
 from tests.planning.optimize.motions import PANDA, iterate, packed, task, unpacked
 from tests.planning.pinocchio_panda import PinocchioPanda

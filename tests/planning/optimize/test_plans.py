@@ -15,22 +15,22 @@ from kinematics.errors import InvalidOption
 from kinematics.forward import forward
 from kinematics.pose import transform
 from kinematics.robots import builtin_urdf
-from kinematics.trajectory import Trajectory
-from obstacles.checker import Checker
-from obstacles.fcl_distance import FclWorld
-from obstacles.scene import Obstacle, Scene
-from obstacles.shapes import Sphere
-from planning.deadline import Deadline
+from kinematics.trajectory.trajectory import Trajectory
+from obstacles.collision.checker import Checker
+from obstacles.collision.fcl.fcl_distance import FclWorld
+from obstacles.scenes.scene import Obstacle, Scene
+from obstacles.shapes.shape import Sphere
 from planning.optimize.initial_guess import fit_spline
-from planning.optimize.options import RefineOptions
 from planning.optimize.scp import Descent
 from planning.optimize.spline import SplineSpace
 from planning.optimize.task import End, Task
 from planning.options import Options
-from planning.pipeline import plan
+from planning.pipeline.pipeline import plan
 from planning.problem import JointGoal, Problem
 from planning.result import Failure, Plan
 from planning.timing.options import Payload, TimingOptions
+from planning.values.deadline import Deadline
+from planning.values.optimize_options import RefineOptions
 from tests.planning.dense import least_clearance, worst_ratio
 from tests.planning.scenes import HOME, box, builtin
 

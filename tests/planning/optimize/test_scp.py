@@ -5,12 +5,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from obstacles.scene import Scene
-from planning.deadline import Deadline
-from planning.effort_limits import EffortLimits
-from planning.optimize.options import RefineOptions
+from obstacles.scenes.scene import Scene
 from planning.optimize.scp import _REACH, Descent
 from planning.optimize.task import End
+from planning.values.deadline import Deadline
+from planning.values.effort_limits import EffortLimits
+from planning.values.optimize_options import RefineOptions
 from tests.planning.optimize.table import BOUNDS, GOAL, ROBOT, START, gap, line, task
 
 NONE = Scene()

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from obstacles.checker import Checker
-from obstacles.scene import Scene
+from obstacles.collision.checker import Checker
+from obstacles.scenes.scene import Scene
 from planning.preflight.failures import (
     Refusal,
     collision_failure,

@@ -6,15 +6,15 @@ import numpy as np
 import pytest
 
 from kinematics.arrays import Array
-from kinematics.chain import Chain
 from kinematics.forward import forward
-from obstacles.scene import Scene
-from planning.goal_costs import GoalCosts
+from kinematics.model.chain import Chain
+from obstacles.scenes.scene import Scene
 from planning.options import Options
-from planning.pipeline import plan
+from planning.pipeline.pipeline import plan
 from planning.preflight.goal_order import limit_shares, motion_times, order_goals
 from planning.problem import PoseGoal, Problem
 from planning.result import Plan
+from planning.values.goal_costs import GoalCosts
 from tests.planning.scenes import HOME, builtin
 
 ONLY_TIME = GoalCosts(1.0, 0.0, 0.0, 0.0, 0.0)

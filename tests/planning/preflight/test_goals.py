@@ -8,14 +8,14 @@ import pytest
 
 from kinematics.forward import forward
 from kinematics.pose import from_rpy, transform
-from obstacles.checker import Checker
-from obstacles.scene import Scene
-from planning.deadline import Deadline
+from obstacles.collision.checker import Checker
+from obstacles.scenes.scene import Scene
 from planning.preflight.goals import find_goals
 from planning.preflight.preflight import preflight, start_only
+from planning.preflight_result import ENOUGH, TOUCHING, Ready
 from planning.problem import JointGoal, PoseGoal, Problem
-from planning.ready import ENOUGH, TOUCHING, Ready
 from planning.result import Failure
+from planning.values.deadline import Deadline
 from tests.planning.scenes import HOME, box, builtin
 from tests.planning.slider import slider
 

@@ -3,11 +3,11 @@
 import numpy as np
 import pytest
 
-from obstacles.checker import Checker
-from obstacles.fcl_distance import FclWorld
-from obstacles.scene import Scene
+from obstacles.collision.checker import Checker
+from obstacles.collision.fcl.fcl_distance import FclWorld
+from obstacles.scenes.scene import Scene
 from planning.options import Options
-from planning.pipeline import plan
+from planning.pipeline.pipeline import plan
 from planning.preflight.nearest_free import nearest_free
 from planning.problem import JointGoal, Problem
 from planning.result import Failure, Plan

@@ -6,14 +6,14 @@ import numpy as np
 import pytest
 
 from kinematics.arrays import Array
-from kinematics.chain import Chain
 from kinematics.forward import forward
-from kinematics.ik import numeric
+from kinematics.ik.numeric import numeric
+from kinematics.model.chain import Chain
 from kinematics.pose import from_rpy, transform
-from planning.goal_costs import GoalCosts
 from planning.preflight.goal_order import motion_times
 from planning.preflight.pose_configurations import pose_configurations, turned_copies
-from tests.planning.goal_choice import least_time, limit_share
+from planning.values.goal_costs import GoalCosts
+from tests.planning.goal_judge import least_time, limit_share
 from tests.planning.scenes import builtin
 
 ONLY_TIME = GoalCosts(1.0, 0.0, 0.0, 0.0, 0.0)

@@ -11,15 +11,15 @@ from benchmarks.problems.mesh_scenes import mesh
 from kinematics.arrays import Array
 from kinematics.forward import forward
 from kinematics.pose import transform
-from obstacles.checker import Checker
-from obstacles.robot_geometry import RobotGeometry
-from obstacles.scene import Obstacle, Scene
-from obstacles.shapes import Box, Sphere
+from obstacles.collision.checker import Checker
+from obstacles.robots.robot_geometry import RobotGeometry
+from obstacles.scenes.scene import Obstacle, Scene
+from obstacles.shapes.shape import Box, Sphere
 from planning.options import Options
-from planning.pipeline import plan
+from planning.pipeline.pipeline import plan
 from planning.preflight import failures
+from planning.preflight_result import TOUCHING
 from planning.problem import JointGoal, PoseGoal, Problem
-from planning.ready import TOUCHING
 from planning.result import Failure, Plan
 from tests.planning.scenes import HOME, builtin
 

@@ -5,11 +5,11 @@ from typing import NamedTuple
 
 import numpy as np
 
-from kinematics.trajectory import Trajectory
-from obstacles.scene import Scene
-from planning.proof.pair_table import PairArrays, PairTable
-from planning.proof.sweep import run
-from planning.proof.sweep_state import Sweep, start_kernel
+from kinematics.trajectory.trajectory import Trajectory
+from obstacles.scenes.scene import Scene
+from planning.proof.collision.pair_table import PairArrays, PairTable
+from planning.proof.collision.sweep import run
+from planning.proof.collision.sweep_state import Sweep, start_kernel
 from tests.planning.scenes import box
 from tests.planning.slider import slider
 

@@ -7,17 +7,17 @@ import pytest
 
 from kinematics.arrays import Array
 from kinematics.forward import forward
-from kinematics.interpolation import interpolate
-from kinematics.trajectory import Trajectory
-from obstacles.fcl_distance import FclWorld
-from obstacles.robot_geometry import RobotGeometry
-from obstacles.scene import Obstacle, Scene
-from obstacles.shapes import HalfSpace, PointCloud
-from planning.deadline import Deadline
-from planning.effort_limits import EffortLimits
-from planning.limits import MotionLimits
+from kinematics.trajectory.interpolation import interpolate
+from kinematics.trajectory.trajectory import Trajectory
+from obstacles.collision.fcl.fcl_distance import FclWorld
+from obstacles.robots.robot_geometry import RobotGeometry
+from obstacles.scenes.scene import Obstacle, Scene
+from obstacles.shapes.shape import HalfSpace, PointCloud
 from planning.proof.certificate import certify
-from planning.proof.limits import check_limits
+from planning.proof.limits.limits import check_limits
+from planning.values.deadline import Deadline
+from planning.values.effort_limits import EffortLimits
+from planning.values.limits import MotionLimits
 from tests.planning.dense import least_clearance
 from tests.planning.scenes import HOME, box, builtin, pillar, shelf
 

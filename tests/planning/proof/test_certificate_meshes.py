@@ -19,15 +19,15 @@ import trimesh
 
 from kinematics.arrays import Array
 from kinematics.pose import transform
-from kinematics.serial_chain import serial_chain
-from kinematics.trajectory import Trajectory
-from kinematics.urdf import parse_urdf
-from obstacles.robot_geometry import RobotGeometry, hulled, robot_geometry
-from obstacles.scene import Obstacle, Scene
-from obstacles.shapes import Mesh
+from kinematics.trajectory.trajectory import Trajectory
+from kinematics.tree.serial_chain import serial_chain
+from kinematics.urdf.urdf import parse_urdf
+from obstacles.robots.robot_geometry import RobotGeometry, hulled, robot_geometry
+from obstacles.scenes.scene import Obstacle, Scene
+from obstacles.shapes.shape import Mesh
 from planning.proof.certificate import certify
-from tests.obstacles.test_decomposition import ell, ring, room
-from tests.obstacles.test_mesh_distance import random_pose, tube
+from tests.obstacles.distance.triangles.test_distance import random_pose, tube
+from tests.obstacles.meshes.test_decomposition import ell, ring, room
 
 #: Largest joint change between two looks [rad or m], and FCL's units in a metre.
 STEP, UNITS = 3e-3, 1e3

@@ -4,18 +4,18 @@ import numpy as np
 import pytest
 
 from kinematics.arrays import Array
-from kinematics.chain import Chain, Limits, Link
+from kinematics.model.chain import Chain, Limits, Link
 from kinematics.pose import from_axis_angle, transform
-from kinematics.trajectory import Trajectory
-from obstacles.fcl_distance import FclWorld
-from obstacles.piece import Piece
-from obstacles.robot_geometry import RobotGeometry
-from obstacles.scene import Obstacle, Scene
-from obstacles.shapes import Box, Capsule, Cone, Convex, Cylinder, HalfSpace, Shape, Sphere
+from kinematics.trajectory.trajectory import Trajectory
+from obstacles.collision.fcl.fcl_distance import FclWorld
+from obstacles.convex.piece import Piece
+from obstacles.robots.robot_geometry import RobotGeometry
+from obstacles.scenes.scene import Obstacle, Scene
+from obstacles.shapes.shape import Box, Capsule, Cone, Convex, Cylinder, HalfSpace, Shape, Sphere
 from planning.proof.certificate import Certificate, certify
-from planning.proof.pair_table import PairTable
-from planning.proof.sweep import DONE, FULL, PAUSED, run
-from planning.proof.sweep_state import enlarge
+from planning.proof.collision.pair_table import PairTable
+from planning.proof.collision.sweep import DONE, FULL, PAUSED, run
+from planning.proof.collision.sweep_state import enlarge
 from tests.planning.fcl_sweep import sweep
 from tests.planning.proof.sweeping import start_sweep
 from tests.planning.scenes import builtin

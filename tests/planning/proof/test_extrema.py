@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 from kinematics.arrays import Array
-from kinematics.trajectory import Trajectory
+from kinematics.trajectory.trajectory import Trajectory
 from planning.proof.extrema import extrema, jumps, largest_jump, to_bernstein
-from planning.proof.limit_uses import (
+from planning.proof.limits.limit_uses import (
     AT,
     BEYOND,
     EXCESS,

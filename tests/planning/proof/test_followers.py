@@ -8,21 +8,22 @@ import pytest
 from benchmarks.judges.fcl import FclJudge
 from kinematics.arrays import Array
 from kinematics.forward import joint_frames
-from kinematics.serial_chain import serial_chain
-from kinematics.trajectory import Trajectory
-from kinematics.urdf import parse_urdf
-from obstacles.checker import Checker
-from obstacles.robot_geometry import RobotGeometry, robot_geometry
-from obstacles.scene import Scene
-from planning.proof import pair_table
-from planning.proof.collision_proof import CollisionProof
-from planning.proof.displacement import (
+from kinematics.trajectory.trajectory import Trajectory
+from kinematics.tree.serial_chain import serial_chain
+from kinematics.urdf.urdf import parse_urdf
+from obstacles.collision.checker import Checker
+from obstacles.robots.robot_geometry import RobotGeometry, robot_geometry
+from obstacles.scenes.scene import Scene
+from planning.proof.collision import pair_table
+from planning.proof.collision.collision_proof import CollisionProof
+from planning.proof.collision.displacement import (
     MOVE_COLUMNS,
     MOVED,
     displacement_along,
     displacement_bounds,
     meeting_body,
 )
+from planning.proof.collision.pair_table import PairArrays, PairTable
 from planning.proof.joint_frames import follower_frames, forward_kernel
 from planning.proof.motion_bounds import (
     JOINT_COLUMNS,
@@ -33,7 +34,6 @@ from planning.proof.motion_bounds import (
     enclose,
     enclose_followers,
 )
-from planning.proof.pair_table import PairArrays, PairTable
 from tests.followers import configurations, follower_positions, urdf
 from tests.obstacles.test_followers import scene
 

@@ -15,12 +15,12 @@ from benchmarks.problems.example_arms import ARMS
 from kinematics.arrays import Array
 from kinematics.errors import InvalidOption
 from kinematics.forward import forward
-from obstacles.finger_geometry import with_fingers
-from obstacles.robot_geometry import RobotGeometry
-from planning.deadline import Deadline
-from planning.finger_motion import FingerMotion, least_duration
+from obstacles.robots.finger_geometry import with_fingers
+from obstacles.robots.robot_geometry import RobotGeometry
 from planning.proof.certificate import Certificate
 from planning.proof.gripper import certify_gripper
+from planning.values.deadline import Deadline
+from planning.values.finger_motion import FingerMotion, least_duration
 
 _HOME = np.array([0.0, -0.785, 0.0, -2.356, 0.0, 1.571, 0.785])
 _JOINT = "panda_finger_joint1"

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from kinematics.arrays import Array
-from kinematics.trajectory import Trajectory
+from kinematics.trajectory.trajectory import Trajectory
 from planning.proof.motion_bounds import (
     ACCELERATION,
     BOW,

@@ -6,15 +6,15 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from kinematics.interpolation import interpolate
-from kinematics.trajectory import Trajectory
-from obstacles.attachment import Attachment, hold
-from obstacles.finger_geometry import with_fingers
-from obstacles.scene import Obstacle, Scene
-from obstacles.shapes import Box, Sphere
-from planning.limits import MotionLimits
+from kinematics.trajectory.interpolation import interpolate
+from kinematics.trajectory.trajectory import Trajectory
+from obstacles.robots.attachment import Attachment, hold
+from obstacles.robots.finger_geometry import with_fingers
+from obstacles.scenes.scene import Obstacle, Scene
+from obstacles.shapes.shape import Box, Sphere
 from planning.proof.certificate import certify, certify_limits
 from planning.proof.premises import Premises
+from planning.values.limits import MotionLimits
 from tests.planning.scenes import HOME, builtin
 from tests.planning.sequence.fingers import LEADER, robot
 

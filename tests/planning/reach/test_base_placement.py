@@ -5,12 +5,12 @@ import pytest
 
 from kinematics.errors import InvalidOption, InvalidPose
 from kinematics.pose import inverse, rotation_x, rotation_z, transform
-from obstacles.fcl_distance import FclWorld
-from obstacles.scene import Obstacle, Scene
-from obstacles.shapes import Box
-from planning.deadline import Deadline
+from obstacles.collision.fcl.fcl_distance import FclWorld
+from obstacles.scenes.scene import Obstacle, Scene
+from obstacles.shapes.shape import Box
 from planning.reach.base_placement import moved, place_base
 from planning.reach.evaluation import ReachOptions
+from planning.values.deadline import Deadline
 from tests.planning.scenes import builtin
 
 DOWN = rotation_x(np.pi)

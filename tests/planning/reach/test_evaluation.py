@@ -5,20 +5,20 @@ import pytest
 
 from kinematics.errors import InvalidOption, InvalidPose
 from kinematics.forward import forward
-from kinematics.ik.analytic import branches
-from kinematics.ik.refine import CODE
-from kinematics.ik.structure import structure
+from kinematics.ik.closed_form.analytic import branches
+from kinematics.ik.closed_form.refine import CODE
+from kinematics.ik.closed_form.structure import structure
 from kinematics.jacobian import geometric
 from kinematics.pose import rotation_error, rotation_x, rotation_y, transform
-from obstacles.attachment import Attachment, hold
-from obstacles.fcl_distance import FclWorld
-from obstacles.robot_geometry import RobotGeometry
-from obstacles.scene import Obstacle, Scene
-from obstacles.shapes import Box, HalfSpace, Sphere
-from planning.deadline import Deadline
+from obstacles.collision.fcl.fcl_distance import FclWorld
+from obstacles.robots.attachment import Attachment, hold
+from obstacles.robots.robot_geometry import RobotGeometry
+from obstacles.scenes.scene import Obstacle, Scene
+from obstacles.shapes.shape import Box, HalfSpace, Sphere
 from planning.reach.assessment import GAIN
 from planning.reach.evaluation import Choice, Reach, ReachOptions, Status, parameter_values, reach
 from planning.reach.tolerance import Axis, Tolerance
+from planning.values.deadline import Deadline
 from tests.planning.scenes import builtin
 
 CLOSED = ["kr6_sixx", "ur5e", "panda", "iiwa14"]

@@ -10,7 +10,6 @@ import pytest
 from ompl import base, geometric
 
 from kinematics.errors import InvalidOption
-from planning.deadline import Deadline
 from planning.sampling.planners import (
     DEFAULT_RANGE,
     PLANNERS,
@@ -20,6 +19,7 @@ from planning.sampling.planners import (
 )
 from planning.sampling.search import sample
 from planning.sampling.space import problem
+from planning.values.deadline import Deadline
 from tests.planning.sampling.world import GOAL, START, WALL, plane
 
 ROOT = Path(__file__).parents[3]
@@ -123,7 +123,7 @@ FUZZ = """
 import sys
 import numpy as np
 from kinematics.errors import InvalidOption
-from planning.deadline import Deadline
+from planning.values.deadline import Deadline
 from planning.sampling.planners import PLANNERS, planner_by_name
 from planning.sampling.search import sample
 from tests.planning.sampling.world import ENCLOSED, GOAL, START, WALL, plane

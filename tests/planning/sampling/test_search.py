@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 
 from kinematics.arrays import Array
-from obstacles.checker import Checker
-from planning.deadline import Deadline
+from obstacles.collision.checker import Checker
 from planning.result import Attempt
 from planning.sampling.planners import PLANNERS, planner_by_name
 from planning.sampling.search import sample
+from planning.values.deadline import Deadline
 from tests.planning.sampling.world import ENCLOSED, GOAL, SHORTEST, START, WALL, plane
 from tests.planning.scenes import HOME, builtin, shelf
 

@@ -3,8 +3,8 @@
 import numpy as np
 from ompl import geometric, util
 
-from planning.deadline import Deadline
 from planning.sampling.space import joint_space, problem, solution, state_of
+from planning.values.deadline import Deadline
 from tests.planning.sampling.world import GOAL, START, WALL, plane
 
 OVER = np.array([0.0, 1.0])

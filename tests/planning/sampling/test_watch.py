@@ -4,9 +4,9 @@ import math
 
 import pytest
 
-from planning.deadline import Deadline
 from planning.sampling import watch as module
 from planning.sampling.watch import Watch
+from planning.values.deadline import Deadline
 
 LATER = 1000.0
 

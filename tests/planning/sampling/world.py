@@ -7,8 +7,8 @@ from typing import Any, cast
 import numpy as np
 
 from kinematics.arrays import Array
-from kinematics.chain import Chain
-from obstacles.checker import Checker
+from kinematics.model.chain import Chain
+from obstacles.collision.checker import Checker
 from tests.planning.scenes import builtin
 
 #: Coordinates of a segment's first point and its last one: plain numbers, for searches ask often.

@@ -6,13 +6,13 @@ import numpy as np
 import pytest
 
 from kinematics.arrays import Array
-from obstacles.checker import Checker
-from obstacles.fcl_distance import FclWorld
-from obstacles.scene import Scene
-from planning.deadline import Deadline
+from obstacles.collision.checker import Checker
+from obstacles.collision.fcl.fcl_distance import FclWorld
+from obstacles.scenes.scene import Scene
 from planning.search import narrow_passage, rrt_connect
 from planning.search.narrow_passage import find_narrow_passage
 from planning.search.tree_pairs import PairOptions, TreePairs
+from planning.values.deadline import Deadline
 from tests.planning.scenes import HOME, box, builtin, pillar, shelf
 
 START, GOAL = HOME.copy(), HOME.copy()

@@ -7,18 +7,18 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from obstacles.checker import Checker
-from obstacles.fcl_distance import FclWorld
-from obstacles.robot_geometry import RobotGeometry
-from obstacles.scene import Scene
-from planning.deadline import Deadline
+from obstacles.collision.checker import Checker
+from obstacles.collision.fcl.fcl_distance import FclWorld
+from obstacles.robots.robot_geometry import RobotGeometry
+from obstacles.scenes.scene import Scene
 from planning.planner import Query
 from planning.preflight.preflight import preflight
+from planning.preflight_result import Ready
 from planning.problem import JointGoal, Problem
-from planning.ready import Ready
 from planning.sampling.search import OmplPlanner
 from planning.search.rrt_connect import RrtConnect, RrtResult, rrt_connect
-from planning.search_box import nearby_box, search_box
+from planning.values.deadline import Deadline
+from planning.values.search_box import nearby_box, search_box
 from tests.planning.scenes import HOME, box, builtin, pillar, shelf
 
 START, GOAL = HOME.copy(), HOME.copy()

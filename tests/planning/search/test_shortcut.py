@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 
 from kinematics.arrays import Array
-from obstacles.checker import Checker
-from obstacles.fcl_distance import FclWorld
-from obstacles.scene import Scene
-from planning.deadline import Deadline
+from obstacles.collision.checker import Checker
+from obstacles.collision.fcl.fcl_distance import FclWorld
+from obstacles.scenes.scene import Scene
 from planning.search.shortcut import path_is_free, shortcut, shortcut_unproved
+from planning.values.deadline import Deadline
 from tests.planning.scenes import HOME, box, builtin
 from tests.planning.slider import slider
 

@@ -5,14 +5,13 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
+from compiled.kernel import kernel
 from kinematics.arrays import Array, Indices
-from kinematics.compiled.kernel import kernel
-from obstacles.checker import Checker
-from obstacles.kernel_work import workspace
-from obstacles.model_arrays import ModelArrays
-from obstacles.scene import Scene
-from planning.deadline import Deadline
-from planning.search.looks import Look
+from obstacles.collision.checker import Checker
+from obstacles.collision.model.kernel_work import workspace
+from obstacles.collision.model.model_arrays import ModelArrays
+from obstacles.scenes.scene import Scene
+from planning.search.sampled_check import Look
 from planning.search.shortcut import (
     _MAX_CHECKS,
     Corners,
@@ -23,6 +22,7 @@ from planning.search.shortcut import (
     skip_waypoints,
     thin_waypoints,
 )
+from planning.values.deadline import Deadline
 from tests.planning.scenes import box, builtin
 from tests.planning.slider import slider
 

@@ -5,8 +5,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from obstacles.checker import Checker
-from obstacles.scene import Scene
+from obstacles.collision.checker import Checker
+from obstacles.scenes.scene import Scene
 from planning.search.straight_line import straight_line
 from tests.planning.scenes import box
 from tests.planning.slider import slider

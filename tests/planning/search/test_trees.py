@@ -5,12 +5,12 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from obstacles.checker import Checker
-from obstacles.scene import Scene
-from planning.deadline import Deadline
-from planning.explored import Explored
+from obstacles.collision.checker import Checker
+from obstacles.scenes.scene import Scene
 from planning.search.rrt_connect import rrt_connect
 from planning.search.trees import EDGES, FOUND, PATH, Draws, grow_kernel, new_trees
+from planning.values.deadline import Deadline
+from planning.values.search_trees import Explored
 from tests.planning.scenes import box, builtin
 
 BEFORE, BEHIND = np.array([-0.6, 0.2]), np.array([0.6, 0.2])

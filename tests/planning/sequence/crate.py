@@ -6,7 +6,7 @@ import numpy as np
 
 import armwright as aw
 from kinematics.arrays import Array
-from obstacles.robot_geometry import RobotGeometry
+from obstacles.robots.robot_geometry import RobotGeometry
 from planning.problem import JointGoal
 from planning.sequence.options import TaskOptions
 from planning.sequence.region import grasp_region, place_region

@@ -6,7 +6,7 @@ from tempfile import TemporaryDirectory
 
 import armwright as aw
 from kinematics.robots import builtin_srdf, builtin_urdf
-from obstacles.robot_geometry import RobotGeometry
+from obstacles.robots.robot_geometry import RobotGeometry
 
 LEADER, FOLLOWER = "claw_left", "claw_right"
 _PLATE = """<link name="{0}_plate"><collision><origin xyz="0 0 0.02"/>

@@ -7,7 +7,7 @@ import pytest
 
 import armwright as aw
 from kinematics.forward import forward
-from obstacles.checker import Checker
+from obstacles.collision.checker import Checker
 from planning.options import Options
 from planning.problem import JointGoal
 from planning.sequence.options import TaskOptions

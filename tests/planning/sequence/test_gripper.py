@@ -10,8 +10,8 @@ import pytest
 import armwright as aw
 from kinematics.errors import InvalidOption
 from kinematics.forward import forward
-from obstacles.attachment import Attachment
-from obstacles.finger_geometry import with_fingers
+from obstacles.robots.attachment import Attachment
+from obstacles.robots.finger_geometry import with_fingers
 from planning.sequence.options import TaskOptions
 from planning.sequence.result import SequenceFailure, SequencePlan
 from planning.sequence.search import plan_task

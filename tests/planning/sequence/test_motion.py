@@ -5,11 +5,11 @@ import pytest
 
 import armwright as aw
 from kinematics.forward import forward
-from planning.deadline import Deadline
 from planning.sequence.motion import Line, LineStopped, lead_straight, reverse_joint_path
 from planning.sequence.stage import Straight
 from planning.sequence.world import Cells
-from planning.timing.path import JointPath
+from planning.timing.path.path import JointPath
+from planning.values.deadline import Deadline
 from tests.planning.sequence import crate
 
 SOON = Deadline.after(1e6)

@@ -3,8 +3,7 @@
 import numpy as np
 import pytest
 
-from obstacles.scene import AllowedContact
-from planning.deadline import Deadline
+from obstacles.scenes.scene import AllowedContact
 from planning.options import Options
 from planning.sequence.estimate import travel_times
 from planning.sequence.motion import LineStopped
@@ -14,6 +13,7 @@ from planning.sequence.step import Step
 from planning.sequence.target import Target
 from planning.sequence.task import Task
 from planning.sequence.world import Cells, Contact
+from planning.values.deadline import Deadline
 from tests.planning.sequence import crate
 
 GRIPS = crate.grasps(2)

@@ -6,8 +6,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from kinematics.trajectory import REST
-from planning.deadline import Deadline
+from kinematics.trajectory.trajectory import REST
 from planning.options import Options
 from planning.result import Failure
 from planning.sequence.estimate import passing_time, travel_times
@@ -15,6 +14,7 @@ from planning.sequence.result import StagePlan
 from planning.sequence.stage import Detach, Gripper, Move, StageSettings, Wait
 from planning.sequence.step import Step, least_passing, least_travel, plan_step, still_time
 from planning.sequence.world import Cells
+from planning.values.deadline import Deadline
 from tests.planning.sequence import crate
 
 THERE = crate.HOME + np.array([0.5, 0.1, 0.0, 0.0, 0.0, 0.0, 0.0])

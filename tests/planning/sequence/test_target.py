@@ -6,10 +6,9 @@ import pytest
 import armwright as aw
 from benchmarks.judges.fcl import FclJudge
 from kinematics.arrays import Array
-from kinematics.chain import Chain
 from kinematics.forward import forward
-from obstacles.checker import Checker
-from planning.deadline import Deadline
+from kinematics.model.chain import Chain
+from obstacles.collision.checker import Checker
 from planning.problem import JointGoal, PoseGoal
 from planning.sequence.stage import Grasp, Move, Place, Wait
 from planning.sequence.target import (
@@ -21,6 +20,7 @@ from planning.sequence.target import (
     target_count,
 )
 from planning.sequence.world import Contact
+from planning.values.deadline import Deadline
 from tests.planning.scenes import builtin
 from tests.planning.sequence import crate
 

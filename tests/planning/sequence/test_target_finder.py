@@ -2,13 +2,13 @@
 
 import numpy as np
 
-from planning.deadline import Deadline
 from planning.problem import JointGoal
 from planning.sequence.stage import Grasp, Move
 from planning.sequence.target import Outcome
 from planning.sequence.target_finder import TargetFinder
 from planning.sequence.task import Task
 from planning.sequence.world import Cells
+from planning.values.deadline import Deadline
 from tests.planning.sequence import crate
 
 LATER = Deadline.after(1e6)

@@ -8,9 +8,9 @@ import pinocchio
 
 from benchmarks.problems.mesh_scenes import own_scenes
 from kinematics.arrays import Array
-from kinematics.trajectory import Trajectory
-from obstacles.checker import Checker
-from obstacles.robot_geometry import RobotGeometry
+from kinematics.trajectory.trajectory import Trajectory
+from obstacles.collision.checker import Checker
+from obstacles.robots.robot_geometry import RobotGeometry
 from planning.options import Options
 from planning.problem import JointGoal, Problem
 from planning.timing.options import Payload, TimingOptions

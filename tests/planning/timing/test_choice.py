@@ -5,8 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from kinematics.chain import Limits
 from kinematics.errors import InvalidOption, MissingLimit
+from kinematics.model.chain import Limits
 from kinematics.robots import builtin_chain
 from planning.timing.choice import (
     JERK_RULE,

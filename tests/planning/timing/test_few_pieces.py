@@ -11,16 +11,16 @@ import armwright as aw
 from benchmarks.judges.ratios import worst_ratio
 from kinematics.forward import forward
 from kinematics.pose import transform
-from kinematics.trajectory import Trajectory
-from obstacles.scene import Obstacle, Scene
-from obstacles.shapes import Cylinder
+from kinematics.trajectory.trajectory import Trajectory
+from obstacles.scenes.scene import Obstacle, Scene
+from obstacles.shapes.shape import Cylinder
 from planning.options import CartesianOptions, Options, ToolMotionOptions
-from planning.pipeline import plan
+from planning.pipeline.pipeline import plan
 from planning.problem import JointGoal, PoseGoal, Problem
 from planning.result import Plan
-from planning.timing.even_corners import Pieces
+from planning.timing.jerk.even_corners import Pieces
 from planning.timing.options import TimingOptions
-from planning.timing.quintic_fit import even_parts, finer_parts, fit_pieces, fit_quintic
+from planning.timing.spline.quintic_fit import even_parts, finer_parts, fit_pieces, fit_quintic
 from service.translate.trajectories import trajectory_answer
 from tests.planning.scenes import HOME, builtin, shelf
 from tests.planning.timing.motion_judge import BYTES, LENGTH, MOST, size

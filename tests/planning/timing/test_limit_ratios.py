@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from benchmarks.judges.ratios import worst_ratio
-from kinematics.trajectory import Trajectory
+from kinematics.trajectory.trajectory import Trajectory
 from planning.timing.limit_ratios import worst_kernel
 
 

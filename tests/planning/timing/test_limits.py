@@ -9,20 +9,20 @@ from benchmarks.judges.ratios import worst_ratio
 from benchmarks.timing import run
 from dynamics.inverse import inverse_dynamics
 from dynamics.payload import with_motors, with_payload
-from kinematics.chain import Chain
 from kinematics.errors import InvalidOption
 from kinematics.jacobian import geometric
+from kinematics.model.chain import Chain
 from kinematics.robots import builtin_urdf
-from kinematics.serial_chain import serial_chain
-from kinematics.trajectory import Trajectory
-from kinematics.urdf import parse_urdf
-from planning.effort_limits import EffortLimits
-from planning.proof.effort import effort_uses
-from planning.timing.blend import blend, largest_reaches
+from kinematics.trajectory.trajectory import Trajectory
+from kinematics.tree.serial_chain import serial_chain
+from kinematics.urdf.urdf import parse_urdf
+from planning.proof.limits.effort import effort_uses
 from planning.timing.failure import TimingFailed
 from planning.timing.method import JerkLimited, TimeOptimal, TimingMethod
-from planning.timing.minimum_time import time_path
 from planning.timing.parametrization import TimeParametrization
+from planning.timing.path.blend import blend, largest_reaches
+from planning.timing.speed.minimum_time import time_path
+from planning.values.effort_limits import EffortLimits
 
 Array = NDArray[np.float64]
 

@@ -4,8 +4,7 @@ import numpy as np
 import pytest
 
 from kinematics.errors import InvalidOption
-from kinematics.trajectory import Trajectory
-from planning.timing.blend import blend
+from kinematics.trajectory.trajectory import Trajectory
 from planning.timing.method import (
     JerkLimited,
     JerkUse,
@@ -15,6 +14,7 @@ from planning.timing.method import (
     timing_method,
 )
 from planning.timing.options import METHODS
+from planning.timing.path.blend import blend
 from planning.timing.time_scaling import ScaledTime
 
 LIMITS = PathLimits(np.ones(2), np.full(2, 4.0), np.full(2, 40.0))

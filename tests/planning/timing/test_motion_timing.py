@@ -10,26 +10,26 @@ import pytest
 from benchmarks.judges.ratios import worst_ratio
 from kinematics.arrays import Array
 from kinematics.errors import InvalidOption, MissingLimit
-from kinematics.trajectory import Trajectory
-from obstacles.checker import Checker
-from obstacles.scene import Scene
-from planning import pipeline
-from planning.close_instants import WHOLE, CloseInstants
-from planning.deadline import Deadline
-from planning.optimize.options import RefineOptions
+from kinematics.trajectory.trajectory import Trajectory
+from obstacles.collision.checker import Checker
+from obstacles.scenes.scene import Scene
 from planning.options import Options
-from planning.pipeline import plan
+from planning.pipeline import pipeline
+from planning.pipeline.pipeline import plan
 from planning.problem import JointGoal, Problem
 from planning.proof import certificate
 from planning.proof.certificate import Certificate
 from planning.proof.violation import Violation
 from planning.result import Failure, Plan
 from planning.timing import motion_timing
-from planning.timing.blend import largest_reaches, reach_for_deviation
 from planning.timing.choice import chosen_parametrization
-from planning.timing.corner_blending import certified_reaches
+from planning.timing.close_instants import WHOLE, CloseInstants
 from planning.timing.motion_timing import motions
 from planning.timing.options import Payload, TimingOptions
+from planning.timing.path.blend import largest_reaches, reach_for_deviation
+from planning.timing.path.corner_blending import certified_reaches
+from planning.values.deadline import Deadline
+from planning.values.optimize_options import RefineOptions
 from tests.planning.scenes import HOME, builtin, pillar, shelf
 
 #: In the straight line's way.

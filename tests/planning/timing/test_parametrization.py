@@ -6,10 +6,10 @@ from scipy.interpolate import CubicSpline
 
 from kinematics.arrays import Array
 from kinematics.errors import InvalidOption
-from planning.timing.blend import blend, largest_reaches
 from planning.timing.method import timing_method
 from planning.timing.options import Method
 from planning.timing.parametrization import TimeParametrization, merge_repeated
+from planning.timing.path.blend import blend, largest_reaches
 
 NAMES = ("a", "b")
 V, A, J = np.array([1.0, 2.0]), np.array([4.0, 3.0]), np.array([40.0, 50.0])

@@ -5,8 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from kinematics.chain import Limits
-from planning.retime import PathToTime, retime
+from kinematics.model.chain import Limits
+from planning.retiming.retime import PathToTime, retime
 from planning.timing.choice import chosen_parametrization
 from planning.timing.options import TimingOptions
 from planning.timing.report import timing_report

@@ -5,7 +5,7 @@ import pytest
 from numpy.typing import ArrayLike
 
 from kinematics.errors import InvalidOption
-from kinematics.trajectory import Trajectory, stay
+from kinematics.trajectory.trajectory import Trajectory, stay
 from planning.timing.time_scaling import dilate, fit, peak_ratios
 
 

@@ -6,11 +6,11 @@ import numpy as np
 import toppra
 from numpy.typing import ArrayLike, NDArray
 
-from kinematics.trajectory import Trajectory
-from planning.timing.blend import blend, largest_reaches
-from planning.timing.minimum_time import time_path
+from kinematics.trajectory.trajectory import Trajectory
 from planning.timing.options import Solver
-from planning.timing.path import JointPath
+from planning.timing.path.blend import blend, largest_reaches
+from planning.timing.path.path import JointPath
+from planning.timing.speed.minimum_time import time_path
 
 Array = NDArray[np.float64]
 

@@ -13,8 +13,8 @@ from toppra.constraint import LinearConstraint
 from toppra.exceptions import ToppraError
 
 from kinematics.arrays import Array
-from planning.timing.constraints import Cells, guards
 from planning.timing.failure import TimingFailed
+from planning.timing.speed.constraints import Cells, guards
 
 # Above the speed that full acceleration all the way would lead to, on any sensible path.
 _ROOM = 16.0

@@ -8,8 +8,8 @@ import pytest
 
 import armwright as aw
 from planning.constraints.constraint_set import ConstraintSet
-from planning.constraints.limit import ClearanceConstraint, ToolSpeedConstraint
-from planning.constraints.orientation import ConeConstraint
+from planning.constraints.kinds.limit import ClearanceConstraint, ToolSpeedConstraint
+from planning.constraints.kinds.orientation import ConeConstraint
 from planning.options import Options
 from planning.result import Failure
 from planning.tours.planner import plan_tour

@@ -7,8 +7,6 @@ from typing import Any
 import numpy as np
 import pytest
 
-from planning import deadline
-from planning.deadline import Deadline
 from planning.options import Options
 from planning.result import Failure
 from planning.timing.choice import chosen_parametrization
@@ -18,6 +16,8 @@ from planning.tours.planner import plan_tour
 from planning.tours.problem import TourOptions, TourProblem
 from planning.tours.result import Tour
 from planning.tours.search import TourSearch
+from planning.values import deadline
+from planning.values.deadline import Deadline
 from service.translate.tours import tour_answer
 from tests.planning.tours.test_planner import problem as problem  # noqa: PLC0414
 from tests.planning.tours.test_search_kernels import instance

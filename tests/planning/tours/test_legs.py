@@ -2,11 +2,11 @@
 
 import numpy as np
 
-from planning.deadline import Deadline
 from planning.result import Failure
 from planning.tours.planner import _TourPlanner
 from planning.tours.problem import TourOptions, TourProblem
 from planning.tours.result import Leg
+from planning.values.deadline import Deadline
 from tests.planning.tours.test_planner import problem as problem  # noqa: PLC0414
 
 LATER = Deadline.after(1e6)

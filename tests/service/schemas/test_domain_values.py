@@ -6,9 +6,9 @@ import pytest
 from armwright_wire import clearance, goal_costs, plan, pose
 from kinematics.errors import InvalidPose
 from kinematics.rounding import check_axis_length, check_quaternion_norm, check_rotation
-from planning.goal_costs import GoalCosts
-from planning.planners import PLANNERS
-from planning.preferred_clearance import DEFAULT_PREFERRED, MAX_PREFERRED
+from planning.pipeline.planners import PLANNERS
+from planning.values.goal_costs import GoalCosts
+from planning.values.preferred_clearance import DEFAULT_PREFERRED, MAX_PREFERRED
 
 
 def test_defaults_and_names_are_those_of_planning() -> None:

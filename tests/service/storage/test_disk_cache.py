@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from obstacles.scene import Obstacle, Scene
-from obstacles.shapes import Box
+from obstacles.scenes.scene import Obstacle, Scene
+from obstacles.shapes.shape import Box
 from service.storage import disk_cache, prepared_files
 from service.storage.cache_key import NotPrepared, Reference
 from service.storage.disk_cache import PreparedRobot

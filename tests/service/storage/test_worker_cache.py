@@ -7,7 +7,7 @@ from armwright_wire.scene import Scene
 from kinematics.errors import InvalidLinkName
 from kinematics.forward import forward
 from kinematics.robots import builtin_chain
-from obstacles.placement import in_frame, place
+from obstacles.scenes.placement import in_frame, place
 from service.storage import worker_cache
 from service.translate import poses
 

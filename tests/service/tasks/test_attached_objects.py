@@ -13,8 +13,8 @@ from armwright_wire.scene import Scene as SceneBody
 from dynamics.gravity import gravity_vector
 from kinematics.errors import InvalidLinkName, InvalidObjectName, InvalidScene
 from kinematics.forward import forward
-from obstacles.scene import Obstacle, Scene
-from obstacles.shapes import Box, Sphere
+from obstacles.scenes.scene import Obstacle, Scene
+from obstacles.shapes.shape import Box, Sphere
 from service.storage.cache_key import NotPrepared, Reference, builtin_reference
 from service.tasks.attached_objects import RobotInScene, attach, requested_scene
 from service.tasks.check import check

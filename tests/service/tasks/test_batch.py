@@ -8,7 +8,7 @@ from typing import Any
 import pytest
 
 from armwright_wire.batch import BatchRequest
-from planning.deadline import Deadline
+from planning.values.deadline import Deadline
 from service.storage.cache_key import Reference
 from service.tasks import batch
 from service.tasks.batch import cut, plan_part, split

@@ -8,8 +8,8 @@ import pytest
 
 from armwright_wire.check import CheckAnswer
 from armwright_wire.scene import ProjectAnswer
-from obstacles.scene import Obstacle, Scene
-from obstacles.shapes import Sphere
+from obstacles.scenes.scene import Obstacle, Scene
+from obstacles.shapes.shape import Sphere
 from service.storage import worker_cache
 from service.storage.cache_key import Reference
 from service.tasks.check import check, project

@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 
 from kinematics.robots import builtin_chain
-from obstacles.scene import Scene
+from obstacles.scenes.scene import Scene
 from planning.constrained.ik import ConstrainedSolution
 from planning.constraints.constraint_set import ConstraintSet
-from planning.constraints.limit import ClearanceConstraint
+from planning.constraints.kinds.limit import ClearanceConstraint
 from service.tasks.attached_objects import RobotInScene
 from service.tasks.constrained_ik import _too_near
 from tests.planning.scenes import box, builtin

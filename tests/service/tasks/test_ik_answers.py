@@ -11,8 +11,8 @@ from armwright_wire.kinematics import IkSolution as Schema
 from kinematics.ik.gradient import Trace
 from kinematics.ik.solution import IkSolution
 from kinematics.robots import builtin_chain
-from obstacles.scene import Obstacle, Scene
-from obstacles.shapes import Sphere
+from obstacles.scenes.scene import Obstacle, Scene
+from obstacles.shapes.shape import Sphere
 from service.tasks.attached_objects import RobotInScene
 from service.tasks.ik_answers import (
     all_in_collision,

@@ -11,10 +11,10 @@ import pytest
 from armwright_wire.certificate import CertificateAnswer
 from armwright_wire.plan import PlanAnswer, PlanRequest
 from kinematics.errors import InvalidRobotDescription
-from obstacles.robot_geometry import RobotGeometry
-from obstacles.scene import Obstacle, Scene
-from obstacles.shapes import Sphere
-from planning.deadline import Deadline
+from obstacles.robots.robot_geometry import RobotGeometry
+from obstacles.scenes.scene import Obstacle, Scene
+from obstacles.shapes.shape import Sphere
+from planning.values.deadline import Deadline
 from service.tasks.attached_objects import RobotInScene
 from service.tasks.plan import _collision_cell, plan, validate
 from service.workers import current

@@ -10,19 +10,19 @@ import pytest
 
 from kinematics.pose import transform
 from kinematics.robots import builtin_srdf, builtin_urdf
-from kinematics.serial_chain import serial_chain
-from kinematics.srdf import parse_srdf
-from kinematics.urdf import parse_urdf
-from obstacles.fcl_distance import FclWorld
-from obstacles.robot_geometry import RobotGeometry, robot_geometry
-from obstacles.scene import Obstacle, Scene
-from obstacles.shapes import Sphere
-from planning.deadline import Deadline
+from kinematics.tree.serial_chain import serial_chain
+from kinematics.tree.srdf import parse_srdf
+from kinematics.urdf.urdf import parse_urdf
+from obstacles.collision.fcl.fcl_distance import FclWorld
+from obstacles.robots.robot_geometry import RobotGeometry, robot_geometry
+from obstacles.scenes.scene import Obstacle, Scene
+from obstacles.shapes.shape import Sphere
+from planning.values.deadline import Deadline
 from service.tasks.tracking_tube import Clearance, own_clearance, remaining
 from tests.service.robots import answer
 from tests.tracking.corners import corner_displacement
-from tracking.references import hold
-from tracking.tube import Displacement
+from tracking.simulation.references import hold
+from tracking.tube.tube import Displacement
 
 #: A ball of 0.05 m that swings at 1 m in the vertical plane.
 PENDULUM = """<robot name="pendulum">

@@ -16,7 +16,7 @@ from kinematics.errors import InvalidRobotDescription
 from service.tasks.robots import unpack_robot
 from service.translate import archive, visuals
 from service.translate.archive import read_archive
-from tests.obstacles.test_collada import written
+from tests.obstacles.meshes.test_collada import written
 
 URDF = "<robot/>"
 MESH = '<mesh filename="package://arm/{}"/>'

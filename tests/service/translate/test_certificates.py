@@ -10,10 +10,10 @@ import pytest
 from armwright_wire.certificate import CertificateAnswer
 from armwright_wire.scene import Scene
 from planning.proof.certificate import Certificate, Proved
-from planning.proof.constraints import ConstraintReport
-from planning.proof.limits import LimitReport
+from planning.proof.constraints.constraints import ConstraintReport
+from planning.proof.limits.limits import LimitReport
 from planning.proof.premises import Premises
-from planning.proof.tool_deviation import PathDeviation
+from planning.proof.tool.tool_deviation import PathDeviation
 from planning.proof.violation import Violation
 from service.translate.certificates import certificate_answer
 

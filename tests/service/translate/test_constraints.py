@@ -11,7 +11,7 @@ from armwright_wire.constraint import Constraints, ConstraintUse
 from kinematics.errors import InvalidGoal, InvalidLinkName
 from kinematics.forward import forward
 from kinematics.robots import builtin_chain
-from planning.constraints.joint import JointConstraint
+from planning.constraints.kinds.joint import JointConstraint
 from service.translate.constraints import constraint_set, uses
 
 CHAIN = builtin_chain("panda")

@@ -10,7 +10,7 @@ from armwright_wire.controllers import Controller
 from kinematics.errors import InvalidOption
 from kinematics.robots import builtin_chain
 from service.translate.controllers import controller, controller_answer
-from tracking.references import hold
+from tracking.simulation.references import hold
 
 CHAIN = builtin_chain("planar_rr")
 BODY: TypeAdapter[Any] = TypeAdapter(Controller)

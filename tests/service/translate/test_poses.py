@@ -15,7 +15,7 @@ from armwright_wire.pose import Pose
 from armwright_wire.scene import Scene
 from armwright_wire.shape import Shape
 from kinematics.errors import InvalidScene
-from obstacles import shapes
+from obstacles.shapes import shape as shapes
 from service.translate.poses import pose_answer, scene, shape, transform
 from tests.properties import transforms
 

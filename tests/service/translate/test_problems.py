@@ -7,7 +7,7 @@ import pytest
 
 from armwright_wire.plan import PlanRequest
 from kinematics.errors import InvalidGoal, InvalidOption, InvalidRobotState
-from obstacles.scene import Scene
+from obstacles.scenes.scene import Scene
 from planning.problem import JointGoal, PoseGoal
 from service.translate.problems import options, plain, planner_name, problem
 from service.translate.timings import given_limits, limits

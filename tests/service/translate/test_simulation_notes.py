@@ -5,14 +5,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from kinematics.chain import Chain, Limits
-from kinematics.trajectory import Trajectory
+from kinematics.model.chain import Chain, Limits
+from kinematics.trajectory.trajectory import Trajectory
 from service.translate.simulation_notes import simulation_notes
 from tests.dynamics.samples import planar_rr
 from tests.tracking.samples import constant, smooth
-from tracking.computed_torque import ComputedTorque
-from tracking.pd_gravity import PdGravity
-from tracking.simulation import SimulationOptions, simulate
+from tracking.controllers.computed_torque import ComputedTorque
+from tracking.controllers.pd_gravity import PdGravity
+from tracking.simulation.simulation import SimulationOptions, simulate
 
 FREE = SimulationOptions(saturate=False)
 

@@ -18,7 +18,7 @@ from armwright_wire.simulation import (
 from dynamics.mass_matrix import mass_matrix
 from kinematics.errors import ArmwrightError, InvalidOption, InvalidRobotState
 from kinematics.robots import builtin_chain
-from kinematics.trajectory import Trajectory
+from kinematics.trajectory.trajectory import Trajectory
 from service.translate.controllers import controller
 from service.translate.simulations import (
     disturbance,
@@ -28,13 +28,13 @@ from service.translate.simulations import (
     robot_and_model,
     simulation_answer,
 )
-from tracking.adaptive import Adaptive
-from tracking.computed_torque import ComputedTorque
-from tracking.independent_joint import IndependentJoint
-from tracking.motion_bounds import empty_bounds
-from tracking.passivity import Passivity
-from tracking.pd_gravity import PdGravity
-from tracking.result import SimulationOutcome, SimulationResult
+from tracking.controllers.adaptive import Adaptive
+from tracking.controllers.computed_torque import ComputedTorque
+from tracking.controllers.independent_joint import IndependentJoint
+from tracking.controllers.passivity import Passivity
+from tracking.controllers.pd_gravity import PdGravity
+from tracking.simulation.result import SimulationOutcome, SimulationResult
+from tracking.tube.motion_bounds import empty_bounds
 
 CHAIN = builtin_chain("planar_rr")
 N = CHAIN.n

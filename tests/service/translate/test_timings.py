@@ -13,8 +13,8 @@ from dynamics.gravity import gravity_vector
 from kinematics.errors import InvalidOption, InvalidTrajectory, MissingLimit
 from kinematics.forward import forward
 from kinematics.robots import builtin_chain
-from kinematics.trajectory import Trajectory
-from planning.retime import Retimed
+from kinematics.trajectory.trajectory import Trajectory
+from planning.retiming.retime import Retimed
 from planning.timing.options import TimingOptions
 from planning.timing.report import TimingReport
 from service.translate.timings import (

@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from kinematics.trajectory import Trajectory
-from obstacles.finger_geometry import with_fingers
-from obstacles.scene import Scene
+from kinematics.trajectory.trajectory import Trajectory
+from obstacles.robots.finger_geometry import with_fingers
+from obstacles.scenes.scene import Scene
 from service.viewer.timeline import Part, finger_tracks, joined, joined_curves
 from tests.planning.sequence import fingers
 from tests.service.robots import HOME

@@ -5,10 +5,10 @@ from types import SimpleNamespace
 
 import pytest
 
-from kinematics import preparation_limit
-from kinematics.preparation_limit import PreparationTimedOut, check_preparation_time
-from planning import deadline
-from planning.deadline import Deadline
+from kinematics.caches import preparation_limit
+from kinematics.caches.preparation_limit import PreparationTimedOut, check_preparation_time
+from planning.values import deadline
+from planning.values.deadline import Deadline
 from service.workers import current
 from service.workers.task import NEVER
 

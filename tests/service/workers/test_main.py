@@ -11,7 +11,7 @@ from contextlib import contextmanager
 from multiprocessing.context import SpawnProcess
 from typing import Any
 
-from planning.deadline import Deadline
+from planning.values.deadline import Deadline
 from service.workers import framing
 from service.workers.main import HEADER, Reply
 from service.workers.task import Job, pack_job

@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 
 import pytest
 
-from planning.deadline import Deadline
+from planning.values.deadline import Deadline
 from service import tasks
 from service.storage.cache_key import Reference, builtin_reference
 from service.tasks.plan import plan, validate

@@ -11,24 +11,24 @@ import pinocchio as pin
 import trimesh
 
 from kinematics.arrays import Array
-from kinematics.dh import DhRow, DhTable, chain_from_dh
+from kinematics.model.dh import DhRow, DhTable, chain_from_dh
 from kinematics.pose import transform
 from kinematics.robots import builtin_urdf
-from kinematics.serial_chain import serial_chain
-from kinematics.urdf import parse_urdf
-from obstacles.robot_geometry import RobotGeometry, robot_geometry
-from obstacles.scene import Scene
-from obstacles.shapes import Cylinder
-from planning.constraints.constraint import Constraint
+from kinematics.tree.serial_chain import serial_chain
+from kinematics.urdf.urdf import parse_urdf
+from obstacles.robots.robot_geometry import RobotGeometry, robot_geometry
+from obstacles.scenes.scene import Scene
+from obstacles.shapes.shape import Cylinder
 from planning.constraints.constraint_set import ConstraintSet
-from planning.constraints.limit import ToolSpeedConstraint, TorqueConstraint
-from planning.constraints.orientation import ConeConstraint
-from planning.constraints.position import PositionConstraint
-from planning.constraints.region import PlaneRegion
+from planning.constraints.kinds.constraint import Constraint
+from planning.constraints.kinds.limit import ToolSpeedConstraint, TorqueConstraint
+from planning.constraints.kinds.orientation import ConeConstraint
+from planning.constraints.kinds.position import PositionConstraint
+from planning.constraints.kinds.region import PlaneRegion
 from planning.options import CartesianOptions, Options
-from planning.preferred_clearance import PreferredClearance
 from planning.problem import JointGoal, PoseGoal, Problem
 from planning.timing.options import TimingOptions
+from planning.values.preferred_clearance import PreferredClearance
 from tests.planning.proof.sabotage.judge import Arm, Residual, Truth
 from tests.planning.scenes import HOME, box, builtin, pillar
 

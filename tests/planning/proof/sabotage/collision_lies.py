@@ -7,18 +7,18 @@ from typing import Any
 import numpy as np
 
 from kinematics.arrays import Array
-from obstacles.brackets import OUTER
-from obstacles.bvh import Tree, tree
-from obstacles.checker import Checker, Motion, collision_model
-from obstacles.collision_model import CollisionModel, skipped_pairs
-from obstacles.piece_set import RADIUS
-from obstacles.robot_geometry import RobotGeometry, hulled
-from obstacles.scene import Obstacle, Scene
-from obstacles.shapes import Box, Cylinder, Shape
+from obstacles.collision.checker import Checker, Motion, collision_model
+from obstacles.collision.model.brackets import OUTER
+from obstacles.collision.model.collision_model import CollisionModel, skipped_pairs
+from obstacles.distance.bvh import Tree, tree
+from obstacles.distance.piece_set import RADIUS
+from obstacles.robots.robot_geometry import RobotGeometry, hulled
+from obstacles.scenes.scene import Obstacle, Scene
+from obstacles.shapes.shape import Box, Cylinder, Shape
 from planning.constrained.checker import round_one_by_one
 from planning.search.shortcut import shortcut
-from planning.timing.blend import blend, largest_reaches
-from planning.timing.corner_blending import certified_reaches
+from planning.timing.path.blend import blend, largest_reaches
+from planning.timing.path.corner_blending import certified_reaches
 from tests.planning.proof.sabotage.cases import case
 from tests.planning.proof.sabotage.trial import Lie, Sabotage
 

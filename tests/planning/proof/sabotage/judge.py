@@ -18,9 +18,9 @@ import pinocchio as pin
 
 from benchmarks.judges.ratios import worst_ratio
 from kinematics.arrays import Array
-from kinematics.trajectory import Trajectory
-from obstacles.scene import Scene
-from obstacles.shapes import Box, Cylinder, Shape
+from kinematics.trajectory.trajectory import Trajectory
+from obstacles.scenes.scene import Scene
+from obstacles.shapes.shape import Box, Cylinder, Shape
 from tests.planning.proof.sabotage.box_gaps import box_gaps
 
 #: Instants at which a motion is looked at.

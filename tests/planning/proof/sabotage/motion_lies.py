@@ -7,21 +7,21 @@ import numpy as np
 
 from dynamics.enclosure import Use, tool_speed_use, torque_use
 from kinematics.arrays import Array
-from kinematics.trajectory import Extrema, Peaks, Trajectory
-from obstacles.checker import Checker
-from planning.cartesian.tool_following import _Following, _spline
+from kinematics.trajectory.trajectory import Extrema, Peaks, Trajectory
+from obstacles.collision.checker import Checker
 from planning.constrained.checker import ConstrainedChecker, narrow_rows
 from planning.constraints import edge_bounds
 from planning.constraints.row import LOWER, UPPER
-from planning.effort_limits import EffortLimits
 from planning.motion_limits import with_limits
 from planning.options import Options
-from planning.timing.effort_limits import knot_limits, slow_down
-from planning.timing.jerk_limited import time_path_with_jerk
-from planning.timing.minimum_time import time_path
+from planning.timing.jerk.jerk_limited import time_path_with_jerk
+from planning.timing.speed.effort_limits import knot_limits, slow_down
+from planning.timing.speed.minimum_time import time_path
 from planning.timing.time_scaling import ScaledTime, dilate, fit, peak_ratios
-from planning.tool_deviation import piece_deviations
-from planning.tool_motion import ToolMotion
+from planning.tool_motions.tool_motion import ToolMotion
+from planning.tool_paths.deviation.tool_deviation import piece_deviations
+from planning.tool_paths.tool_following import _Following, _spline
+from planning.values.effort_limits import EffortLimits
 from tests.planning.proof.sabotage.trial import Lie, Sabotage
 
 #: What limits are multiplied by, and ratios to them divided.

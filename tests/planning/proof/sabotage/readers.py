@@ -19,13 +19,16 @@ from scipy.spatial.transform import Rotation
 from kinematics.arrays import Array
 from kinematics.forward import joint_frames
 from kinematics.pose import from_quaternion, transform
-from kinematics.serial_chain import serial_chain
-from kinematics.urdf import parse_urdf
-from obstacles import mesh, moveit, robot_geometry, scene, shapes
-from obstacles.piece import PieceKind
-from planning.proof.pair_table import PairTable
+from kinematics.tree.serial_chain import serial_chain
+from kinematics.urdf.urdf import parse_urdf
+from obstacles.convex.piece import PieceKind
+from obstacles.meshes import mesh
+from obstacles.robots import robot_geometry
+from obstacles.scenes import moveit, scene
+from obstacles.shapes import shape as shapes
+from planning.proof.collision.pair_table import PairTable
 from tests.obstacles.bodies import ell
-from tests.obstacles.test_collada import written
+from tests.obstacles.meshes.test_collada import written
 
 #: Directions along which solids are compared, and what single precision leaves of a metre.
 DIRECTIONS = np.random.default_rng(0).normal(size=(200, 3))

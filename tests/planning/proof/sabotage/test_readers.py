@@ -8,9 +8,11 @@ from typing import Any
 import numpy as np
 import pytest
 
-from kinematics import pose, urdf_link
+from kinematics import pose
 from kinematics.arrays import Array
-from obstacles import collada, mesh, scene, wavefront
+from kinematics.urdf import links
+from obstacles.meshes import collada, mesh, wavefront
+from obstacles.scenes import scene
 from tests.planning.proof.sabotage.readers import (
     TOLERANCE,
     robot_differences,
@@ -62,7 +64,7 @@ FAULTS: dict[str, tuple[Callable[..., Any], Callable[..., Any], str]] = {
     "rotations of few digits one millimetre off": (scene._rigid, _rounded, "scene"),
     "scales not obeyed": (mesh.scaled, _unscaled, "both"),
     "units not obeyed": (collada._unit, lambda true, root: 1.0, "scene"),
-    "origins turned the other way": (urdf_link.read_origin, _turned, "robot"),
+    "origins turned the other way": (links.read_origin, _turned, "robot"),
     "faces of other corners": (wavefront.plain_obj, _wrong_square, "both"),
     "quaternions read as w, x, y, z": (pose.from_quaternion, _scalar_first, "scene"),
 }

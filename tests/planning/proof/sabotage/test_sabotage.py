@@ -4,7 +4,7 @@ from functools import cache
 
 import pytest
 
-from obstacles.checker import Checker
+from obstacles.collision.checker import Checker
 from planning.constraints import edge_bounds
 from tests.planning.proof.sabotage.cases import names
 from tests.planning.proof.sabotage.lies import LIES

@@ -8,15 +8,15 @@ from dataclasses import dataclass
 from types import ModuleType
 from typing import Any
 
-from kinematics.trajectory import Trajectory
-from planning.pipeline import plan
+from kinematics.trajectory.trajectory import Trajectory
+from planning.pipeline.pipeline import plan
 from planning.proof.certificate import Certificate, certify
 from planning.result import Plan
 from tests.planning.proof.sabotage.cases import Case, case
 from tests.planning.proof.sabotage.judge import faults
 
 #: Packages in which a lie is told to everyone who knows the verdict by its name.
-_PACKAGES = ("kinematics", "dynamics", "obstacles", "planning")
+_PACKAGES = ("compiled", "kinematics", "dynamics", "obstacles", "planning")
 
 #: Installs a lie; everything it changes is undone by the patch.
 Install = Callable[["Sabotage"], None]

@@ -1,0 +1,91 @@
+"""Machine code on disk, by names that say what it was made from."""
+
+import logging
+import os
+import re
+from collections.abc import Container, Iterator
+from functools import cache
+from pathlib import Path
+
+import platformdirs
+
+from compiled.kept_file import is_kept, read_kept, write_kept
+
+_log = logging.getLogger(__name__)
+#: Ending of the files; those of before had none.
+_ENDING = ".kernel"
+#: Names of files: of a kernel, and a digest of what it is made from.
+_NAME = re.compile(r"[\w.]+-[0-9a-f]{32}(\.door\d*(-locked)?)?(\.kernel)?")
+
+
+def read(name: str) -> bytes | None:
+    """The entry of a name; None where there is none that can be trusted."""
+    found = (read_from(folder, name) for folder in layers())
+    return next((content for content in found if content is not None), None)
+
+
+def read_from(folder: Path, name: str) -> bytes | None:
+    """The entry of a name in one folder; None where there is none that can be trusted."""
+    return read_kept(file_of(folder, name))
+
+
+def file_of(folder: Path, name: str) -> Path:
+    """Where the entry of a name is in a folder, or would be."""
+    return folder / f"{name}{_ENDING}"
+
+
+def names(folder: Path) -> Iterator[str]:
+    """Names of the entries of a folder."""
+    return (file.name.removesuffix(_ENDING) for file in folder.glob(f"[!.]*{_ENDING}"))
+
+
+def has(name: str) -> bool:
+    """Whether there is an entry of a name that nobody else can have written, whole or damaged."""
+    return any(is_kept(file_of(folder, name)) for folder in layers())
+
+
+def prune(wanted: Container[str]) -> int:
+    """Remove the entries of the user's folder that are not wanted, and say how many they were."""
+    removed = 0
+    for path in user_folder().iterdir() if user_folder().is_dir() else ():
+        name = path.name.removesuffix(_ENDING)
+        if _NAME.fullmatch(path.name) and (name == path.name or name not in wanted):
+            path.unlink(missing_ok=True)
+            removed += 1
+    return removed
+
+
+def write(name: str, content: bytes) -> None:
+    """Keep machine code in the user's folder; of processes that do so at once, any may be last."""
+    folder = user_folder()
+    try:
+        write_kept(file_of(folder, name), content, public=True)
+    except OSError as error:
+        _warn_once(folder, str(error))
+
+
+def user_folder() -> Path:
+    """Where this process keeps what it compiles: NUMBA_CACHE_DIR, or the user's cache folder."""
+    chosen = os.environ.get("NUMBA_CACHE_DIR")
+    return Path(chosen) if chosen else platformdirs.user_cache_path("armwright") / "kernels"
+
+
+def shipped_folder() -> Path:
+    """Where machine code made beforehand may lie: ARMWRIGHT_KERNELS, or beside this module."""
+    chosen = os.environ.get("ARMWRIGHT_KERNELS")
+    return Path(chosen) if chosen else Path(__file__).with_name("kernels")
+
+
+def layers() -> tuple[Path, ...]:
+    """The folders that are looked in, the first one first."""
+    return shipped_folder(), user_folder()
+
+
+@cache
+def _warn_once(folder: Path, error: str) -> None:
+    _log.warning(
+        "Kernels can't be kept in %s (%s) and are compiled anew in each process. "
+        "Set NUMBA_CACHE_DIR to a folder that can be written.",
+        folder,
+        error,
+    )

@@ -1,0 +1,55 @@
+"""Vectors of three components as tuples of floats, which stay in registers inside kernels.
+
+The arithmetic is that of IEEE 754 in the order written, so that verdicts can hang on it.
+"""
+
+from compiled.arrays import Array
+from compiled.kernel import kernel
+
+Vector = tuple[float, float, float]
+
+
+@kernel(allocates=False)
+def add(a: Vector, b: Vector) -> Vector:
+    """The sum a + b."""
+    return a[0] + b[0], a[1] + b[1], a[2] + b[2]
+
+
+@kernel(allocates=False)
+def subtract(a: Vector, b: Vector) -> Vector:
+    """The difference a - b."""
+    return a[0] - b[0], a[1] - b[1], a[2] - b[2]
+
+
+@kernel(allocates=False)
+def scale(s: float, a: Vector) -> Vector:
+    """The multiple s a."""
+    return s * a[0], s * a[1], s * a[2]
+
+
+@kernel(allocates=False)
+def dot(a: Vector, b: Vector) -> float:
+    """The scalar product a . b."""
+    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
+
+
+@kernel(allocates=False)
+def cross(a: Vector, b: Vector) -> Vector:
+    """The vector product a x b."""
+    return (
+        a[1] * b[2] - a[2] * b[1],
+        a[2] * b[0] - a[0] * b[2],
+        a[0] * b[1] - a[1] * b[0],
+    )
+
+
+@kernel(allocates=False)
+def load(row: Array, at: int) -> Vector:
+    """The vector in three columns of a row, from column ``at`` on."""
+    return row[at], row[at + 1], row[at + 2]
+
+
+@kernel(allocates=False)
+def store(row: Array, at: int, a: Vector) -> None:
+    """Write a vector into three columns of a row, from column ``at`` on."""
+    row[at], row[at + 1], row[at + 2] = a

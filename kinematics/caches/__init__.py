@@ -1,0 +1,1 @@
+"""Caches of prepared values, bounded by the memory that they take."""

@@ -1,1 +1,0 @@
-"""The compiler's adapters: kernels, SIMD vectors and SIMD frames."""

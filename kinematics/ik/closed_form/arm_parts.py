@@ -1,0 +1,267 @@
+"""Shoulder, elbow and wrist of arms: the numbers whose signs are the sides of a configuration.
+
+With unit axes z_i through O_i, and W the wrist centre:
+
+    six revolute joints, axes 2 and 3 parallel, and three with the same shoulder and elbow
+        shoulder   (W - O_2) . (z_1 x z_2)          how fast joint 2 raises W along axis 1
+        elbow      the elbow's offset from the line of shoulder and wrist, along z_1
+        wrist      (z_4 x z_6) . z_5                the sine of joint 5
+    two revolute joints, a slide and a spherical wrist: the same shoulder and wrist, no elbow
+    seven revolute joints, axes 1 to 3 through one point S
+        shoulder   (z_1 x z_3) . z_2                the sine of joint 2
+        elbow      ((O_4 - S) x (W - O_4)) . z_4    the sine of the bend at axis 4
+        wrist      (z_5 x z_7) . z_6, the sine of joint 6; where axes 5 to 7 do not meet
+                   (W - S) . (z_5 x z_6), W where axes 5 and 6 meet
+    parallel axes, the first two of joints that turn: planar arms and SCARA
+        elbow      (W - O_1) x (O_2 - O_1) along z_1
+
+W of a spherical wrist is where its axes meet; of a UR the point where axes 5 and 6 do for the
+shoulder and O_4 for the elbow; of a planar arm or SCARA its last axis; of arms with no wrist the
+link's origin.
+"""
+
+from collections.abc import Mapping
+from enum import Enum
+from functools import lru_cache
+from itertools import pairwise
+from typing import NamedTuple
+
+import numpy as np
+
+from kinematics.arrays import Array
+from kinematics.forward import joint_frames
+from kinematics.ik.closed_form.structure import Structure, structure
+from kinematics.model.chain import Chain, JointType
+
+#: Sines of angles and lengths [m] below this are singular, or axes parallel or meeting.
+SINGULAR = 1e-6
+#: Which joints turn, of an arm whose third one slides.
+_SLIDING_ELBOW = [True, True, False, True, True, True]
+_RAISES = ("right", "left")
+_HEIGHT = ("up", "down")
+_SINE = ("no flip", "flip")
+_TURN = ("left", "right")
+
+
+class ArmShape(Enum):
+    """Shapes of arms whose sides are known."""
+
+    SPHERICAL_WRIST = "six joints, axes 2 and 3 parallel, spherical wrist"
+    PARALLEL_WRIST = "six joints, axes 2 to 4 parallel"
+    SLIDING_ELBOW = "two turning joints, a sliding one and a spherical wrist"
+    TWO_SPHERES = "seven joints, spherical shoulder and wrist"
+    SPHERICAL_SHOULDER = "seven joints, spherical shoulder"
+    ARTICULATED = "three joints, axes 2 and 3 parallel"
+    PLANAR = "parallel axes, the first two of joints that turn"
+
+
+class Part(NamedTuple):
+    """A part of an arm in m configurations.
+
+    Args:
+        side: Its sign tells the side, shape (m,).
+        size: 0 where the part is singular, shape (m,) [m, or the sine of an angle].
+        names: The sides for a positive and for a negative sign.
+    """
+
+    side: Array
+    size: Array
+    names: tuple[str, str]
+
+
+class Lines(NamedTuple):
+    """Joint axes of m configurations.
+
+    Args:
+        z: Directions, shape (m, k, 3), of the k joints up to the link.
+        origins: Points on the axes, shape (m, k, 3) [m].
+        end: Origin of the link, shape (m, 3) [m].
+    """
+
+    z: Array
+    origins: Array
+    end: Array
+
+
+def lines(chain: Chain, q: Array, link: str | None = None) -> Lines:
+    """Axes of the joints up to a link, and its origin.
+
+    Args:
+        chain: The robot.
+        q: Configurations, shape (m, n) [rad or m].
+        link: The link; the tip where none is named.
+    """
+    frames = joint_frames(chain, q).reshape(-1, chain.body_count, 4, 4)
+    carrier = chain.link(link or chain.tip_link)
+    frames = frames[:, : carrier.joint + 1]
+    end = frames[:, -1] @ carrier.T_joint_link[:, 3]
+    return Lines(frames[:, :, :3, 2], frames[:, :, :3, 3], end[:, :3])
+
+
+@lru_cache(maxsize=64)
+def arm_shape(chain: Chain, link: str | None = None) -> ArmShape | None:
+    """The shape of an arm up to a link (the tip); None where its sides are not known."""
+    count = chain.link(link or chain.tip_link).joint + 1
+    if count < 2:
+        return None
+    z, origins, _ = (part[0] for part in lines(chain, np.zeros((1, chain.n)), link))
+    turns = (chain.joint_types[:count] == JointType.REVOLUTE).tolist()
+    if all(_parallel(z[0], axis) for axis in z):
+        return ArmShape.PLANAR if _is_planar(turns) else None
+    if count == 3:
+        return ArmShape.ARTICULATED if all(turns) and _parallel(z[1], z[2]) else None
+    if turns == _SLIDING_ELBOW:
+        bent = not _parallel(z[0], z[1]) and abs(float(z[1] @ z[2])) <= SINGULAR
+        return ArmShape.SLIDING_ELBOW if bent and _meet(z[3:], origins[3:]) else None
+    return _shape_of_form(structure(chain, link), z, origins)
+
+
+def _shape_of_form(form: Structure | None, z: Array, origins: Array) -> ArmShape | None:
+    """The shape of an arm of six or seven revolute joints from its closed form.
+
+    Args:
+        form: The closed form; None where it has none.
+        z: Axes at q = 0, shape (n, 3).
+        origins: Points on them, shape (n, 3) [m].
+    """
+    if form is None:
+        return None
+    if form.kind == "redundant":
+        return ArmShape.TWO_SPHERES
+    if form.redundant:
+        meet = _meet(z[:3], origins[:3]) and _meet(z[4:6], origins[4:6])
+        return ArmShape.SPHERICAL_SHOULDER if form.locked == len(z) - 1 and meet else None
+    if form.reverse or not _parallel(z[1], z[2]):
+        return None
+    if form.kind == "spherical":
+        return ArmShape.SPHERICAL_WRIST
+    return ArmShape.PARALLEL_WRIST if _parallel(z[1], z[3]) else None
+
+
+def arm_parts(shape: ArmShape, axes: Lines) -> Mapping[str, Part]:
+    """The parts of an arm, "shoulder", "elbow" and "wrist" as far as it has them.
+
+    Args:
+        shape: Of the arm.
+        axes: In m configurations.
+    """
+    z, o = axes.z, axes.origins
+    if shape is ArmShape.PLANAR:
+        return {"elbow": _planar_elbow(axes)}
+    if shape in (ArmShape.TWO_SPHERES, ArmShape.SPHERICAL_SHOULDER):
+        return _seven_joints(shape, axes)
+    shoulder_end, elbow_end = wrist_centers(shape, axes)
+    parts = {"shoulder": _part(dot(shoulder_end - o[:, 1], cross(z[:, 0], z[:, 1])), _RAISES)}
+    if shape is not ArmShape.SLIDING_ELBOW:
+        height, bend = _elbow(z[:, 0], z[:, 1], o[:, 2] - o[:, 1], elbow_end - o[:, 1])
+        parts["elbow"] = Part(height, bend, _HEIGHT)
+    if shape is not ArmShape.ARTICULATED:
+        parts["wrist"] = _part(dot(cross(z[:, 3], z[:, 5]), z[:, 4]), _SINE)
+    return parts
+
+
+def wrist_centers(shape: ArmShape, axes: Lines) -> tuple[Array, Array]:
+    """The points W of shoulder and elbow, both (m, 3) [m]."""
+    z, o = axes.z, axes.origins
+    if shape is ArmShape.ARTICULATED:
+        return axes.end, axes.end
+    if shape is ArmShape.PLANAR:
+        last = axes.end if o.shape[1] == 2 else o[:, -1]
+        return last, last
+    first = 3 if shape in (ArmShape.SPHERICAL_WRIST, ArmShape.SLIDING_ELBOW) else 4
+    W = meeting(o[:, first], z[:, first], o[:, first + 1], z[:, first + 1])
+    return W, o[:, 3] if shape is ArmShape.PARALLEL_WRIST else W
+
+
+def _seven_joints(shape: ArmShape, axes: Lines) -> Mapping[str, Part]:
+    z, o = axes.z, axes.origins
+    W, _ = wrist_centers(shape, axes)
+    S = meeting(o[:, 0], z[:, 0], o[:, 1], z[:, 1])
+    upper, fore = across(o[:, 3] - S, z[:, 3]), across(W - o[:, 3], z[:, 3])
+    lengths = np.linalg.norm(upper, axis=1) * np.linalg.norm(fore, axis=1)
+    bend = dot(cross(upper, fore), z[:, 3]) / np.maximum(lengths, SINGULAR**2)
+    if shape is ArmShape.TWO_SPHERES:
+        wrist = dot(cross(z[:, 4], z[:, 6]), z[:, 5])
+    else:
+        wrist = dot(W - S, cross(z[:, 4], z[:, 5]))
+    return {
+        "shoulder": _part(dot(cross(z[:, 0], z[:, 2]), z[:, 1]), _SINE),
+        "elbow": _part(bend, _SINE),
+        "wrist": _part(wrist, _SINE),
+    }
+
+
+def _planar_elbow(axes: Lines) -> Part:
+    z1, o = axes.z[:, 0], axes.origins
+    W, _ = wrist_centers(ArmShape.PLANAR, axes)
+    upper, whole = across(o[:, 1] - o[:, 0], z1), across(W - o[:, 0], z1)
+    return Part(dot(cross(whole, upper), z1), _bend(upper, whole), _TURN)
+
+
+def _part(values: Array, names: tuple[str, str]) -> Part:
+    return Part(values, np.abs(values), names)
+
+
+def _elbow(z1: Array, z2: Array, upper: Array, whole: Array) -> tuple[Array, Array]:
+    """Offset of the elbow from the line to the wrist along axis 1 [m], and the sine of its bend.
+
+    Args:
+        z1: Axis 1, shape (m, 3).
+        z2: Axis 2, shape (m, 3).
+        upper: From axis 2 to axis 3, shape (m, 3) [m].
+        whole: From axis 2 to the wrist, shape (m, 3) [m].
+    """
+    # Both in the plane across axis 2, in which the elbow bends.
+    a, c = across(upper, z2), across(whole, z2)
+    line = c / np.maximum(np.linalg.norm(c, axis=1), SINGULAR)[:, None]
+    return dot(a - dot(a, line)[:, None] * line, z1), _bend(a, c)
+
+
+def _bend(upper: Array, whole: Array) -> Array:
+    """The sine of the angle between upper arm and forearm, shape (m,)."""
+    fore = whole - upper
+    lengths = np.linalg.norm(upper, axis=1) * np.linalg.norm(fore, axis=1)
+    sines: Array = np.linalg.norm(cross(upper, fore), axis=1) / np.maximum(lengths, SINGULAR**2)
+    return sines
+
+
+def _is_planar(turns: list[bool]) -> bool:
+    """Whether joints on parallel axes are those of a planar arm or a SCARA."""
+    return all(turns[:2]) and turns[2:] in ([], [True], [True, False], [False, True])
+
+
+def _parallel(u: Array, v: Array) -> bool:
+    return float(np.linalg.norm(cross(u, v))) <= SINGULAR
+
+
+def _meet(z: Array, origins: Array) -> bool:
+    """Whether neighbouring axes are not parallel and all pass through the first crossing."""
+    if any(_parallel(a, b) for a, b in pairwise(z)):
+        return False
+    point = meeting(origins[:1], z[:1], origins[1:2], z[1:2])[0]
+    away = np.linalg.norm(cross(point - origins, z), axis=1)
+    return bool((away <= SINGULAR).all())
+
+
+def across(v: Array, unit: Array) -> Array:
+    """The parts of vectors across unit vectors, shape (m, 3)."""
+    return np.asarray(v - dot(v, unit)[:, None] * unit)
+
+
+def meeting(p: Array, u: Array, s: Array, v: Array) -> Array:
+    """Points of lines p + t u that are nearest to lines s + t v, all of shape (m, 3)."""
+    normal = cross(u, v)
+    t = dot(cross(s - p, v), normal) / dot(normal, normal)
+    return np.asarray(p + t[:, None] * u)
+
+
+def cross(a: Array, b: Array) -> Array:
+    """Vector products along the last axis; numpy's own costs three times as much for a few."""
+    x, y, z = a[..., 0], a[..., 1], a[..., 2]
+    u, v, w = b[..., 0], b[..., 1], b[..., 2]
+    return np.stack([y * w - z * v, z * u - x * w, x * v - y * u], axis=-1)
+
+
+def dot(a: Array, b: Array) -> Array:
+    """Scalar products of rows, shape (m,)."""
+    return np.asarray((a * b).sum(axis=1))

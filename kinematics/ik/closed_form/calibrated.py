@@ -1,0 +1,258 @@
+"""Branches of an arm that misses its closed form by little, as calibrated arms do.
+
+Far from singularities each branch of the form has one of the true arm nearby, which damped steps
+find. Near them branches part, meet or vanish elsewhere than the form's: a family of the form's
+solutions leaves a few of the true arm's, a fold of one branch opens into two. Those lie along
+curves (``continuation``) through what the form says, and through what it says for poses nearby.
+"""
+
+import math
+
+import numpy as np
+
+from compiled.kernel import kernel
+from compiled.linear_solve import cholesky_solve_kernel
+from kinematics.arrays import Array, Indices
+from kinematics.ik.closed_form.continuation import (
+    Curve,
+    follow_kernel,
+    is_visited_kernel,
+    sharpen_kernel,
+)
+from kinematics.ik.closed_form.nearby_branches import set_joints_kernel
+from kinematics.ik.closed_form.plan import BRANCH, HEADER, HELD, MISS, PARAMETER, Arm, Problem
+from kinematics.ik.closed_form.refine import (
+    CODE,
+    GROUP,
+    ORIENTATION,
+    POSITION,
+    VALUE,
+    admit_kernel,
+    refine_kernel,
+    tip_kernel,
+)
+from kinematics.ik.closed_form.singular_directions import (
+    JOINTS,
+    joint_direction_kernel,
+    weakest_kernel,
+)
+from kinematics.ik.numeric.dls_step import error_kernel
+from kinematics.jacobian import frame_and_jacobian_kernel
+
+#: The sign of a determinant is not certain where the least singular value is below [m or rad].
+_UNCERTAIN = 1e-8
+#: Branches that some direction moves by less than this [m or rad a radian] may have others along
+#: it.
+_FOLD = 0.03
+#: A redundant arm is searched for them so far along that direction [rad].
+_STEPS_ASIDE = (1e-4, 1e-3, 1e-2, 5e-2, 0.2, 0.6)
+#: Two singular values below so many times the root of what the arm misses make a singularity of
+#: both.
+_FOLD_TWICE = 2.0
+#: Directions in which curves through a solution in such a singularity are followed.
+_TURNS = 4
+#: Candidates in such a singularity that the curve through them is followed of.
+_SPARSE = 16
+#: A curve that was followed runs through a solution that is so near to it [rad].
+_BESIDE = 1e-3
+#: Candidates may be away from it by so many times what the arm misses more.
+_ASIDE = 30.0
+#: Points of curves that are remembered.
+_VISITED = 4096
+#: Solutions along one curve at most.
+_ROOTS = 16
+
+
+@kernel
+def add_curve_branches_kernel(  # noqa: PLR0912, PLR0915
+    problem: Problem, candidates: Array, before: int, phase: float, q: Array, out: Array, count: int
+) -> int:
+    """Add the branches along the curves through what is nearly singular; the new count.
+
+    Args:
+        problem: The pose and the arm.
+        candidates: Candidates that curves begin at after the branches, shape (k, WIDTH).
+        before: Row of ``out`` from which on curves begin at its branches, those added included.
+        phase: Turns the directions of curves where two are lost, as a share of the angle between
+            them, in [0, 1).
+        q: Workspace, shape (n,).
+        out: Table of branches, shape (r, n + MORE).
+        count: Rows that are taken.
+    """
+    arm, T, tolerance = problem.arm, problem.T, problem.tolerance
+    plan, model, link, n = arm.plan, arm.model, arm.link, q.shape[0]
+    joints = np.empty(JOINTS, dtype=np.int64)
+    if not _write_moving_joints(arm, joints):
+        return _add_twins(problem, before, q, out, count)
+    count = _sharpen_branches(problem, joints, before, q, out, count)
+    J, start, w = np.empty((6, n)), np.empty(n), np.empty(6)
+    u, v, second, none = np.empty(6), np.empty(6), np.empty(6), np.zeros(6)
+    visited, seen, roots = np.empty((_VISITED, 2 * JOINTS)), 0, np.empty((_ROOTS, n))
+    moving = Curve(model, link, T, joints, True, tolerance)
+    staying = Curve(model, link, T, joints, False, tolerance)
+    k, number = before, candidates.shape[0]
+    stride = 1 + number // _SPARSE
+    # What is solved lies on its curve, a candidate beside it.
+    tried, both = 0, _FOLD_TWICE * math.sqrt(plan[HEADER, MISS])
+    while k < count or tried < number:
+        solved = k < count
+        if solved:
+            start[:] = out[k, :n]
+            about = (out[k, n + CODE], 0.0, out[k, n + VALUE])
+            k += 1
+        else:
+            start[:] = problem.seed
+            set_joints_kernel(plan, candidates[tried], start)
+            about = (candidates[tried, BRANCH], 0.0, candidates[tried, PARAMETER])
+            tried += 1
+        frame_and_jacobian_kernel(model, start, link, J)
+        if weakest_kernel(J, joints, u, v, none) >= _FOLD:
+            continue
+        turns = 1
+        if weakest_kernel(J, joints, second, w, u) < both and (solved or tried % stride == 0):
+            turns += _TURNS if solved else 1
+        for turn in range(turns):
+            if turn == 0:
+                # Where two directions are lost, many curves run through the same places.
+                beside = _BESIDE
+                if not (solved or turns > 1):
+                    beside += _ASIDE * plan[HEADER, MISS]
+                if is_visited_kernel(visited, seen, joints, start, beside):
+                    continue
+                w[:] = u
+            else:
+                if solved:
+                    angle = math.pi * (turn + phase) / _TURNS
+                    w[:] = math.cos(angle) * u + math.sin(angle) * second
+                else:
+                    # Of all curves the one that runs through the candidate.
+                    e = error_kernel(tip_kernel(model, start, link), T)
+                    w[0], w[1], w[2], w[3], w[4], w[5] = e[0], e[1], e[2], e[3], e[4], e[5]
+                    size = math.sqrt(np.sum(w * w))
+                    if not size > tolerance:
+                        continue
+                    w /= size
+                v[:] = joint_direction_kernel(J, joints, w)
+            for side in range(2):
+                zeros, seen, closed = follow_kernel(
+                    moving if turn == 0 else staying, start, w, (1.0 - 2.0 * side) * v, visited,
+                    seen, roots,
+                )  # fmt: skip
+                for r in range(zeros):
+                    q[:] = roots[r]
+                    error = sharpen_kernel(model, link, T, joints, q)
+                    count = admit_kernel(problem, error, about, q, out, count)
+                if closed:
+                    break
+    return count
+
+
+@kernel
+def _write_moving_joints(arm: Arm, joints: Indices) -> bool:
+    """Write the joints that carry the link and are not held into ``joints``; whether they fit."""
+    number, held, model = 0, int(arm.plan[HEADER, HELD]), arm.model
+    for j in range(int(model[1 + int(model[0, 0]) + arm.link, 0]) + 1):
+        if j != held:
+            if number < JOINTS:
+                joints[number] = j
+            number += 1
+    return number == JOINTS
+
+
+@kernel
+def is_balanced_kernel(arm: Arm, before: int, q: Array, out: Array, count: int) -> bool:
+    """Whether as many branches have a positive determinant of the Jacobian as a negative one.
+
+    All branches of an arm do, since they come and go in pairs of opposite signs and far poses have
+    none: what is out of balance lacks one. True where a sign is not certain.
+    """
+    n = q.shape[0]
+    joints, J, M, total = np.empty(JOINTS, dtype=np.int64), np.empty((6, n)), np.empty((6, 6)), 0
+    u, v = np.zeros(6), np.empty(6)
+    if not _write_moving_joints(arm, joints):
+        return True
+    for k in range(before, count):
+        q[:] = out[k, :n]
+        frame_and_jacobian_kernel(arm.model, q, arm.link, J)
+        for i in range(6):
+            for a in range(JOINTS):
+                M[i, a] = J[i, joints[a]]
+        if weakest_kernel(J, joints, u, v, np.zeros(6)) < _UNCERTAIN:
+            return True
+        total += 1 if np.linalg.det(M) > 0.0 else -1
+    return total == 0
+
+
+@kernel
+def _sharpen_branches(
+    problem: Problem, joints: Indices, before: int, q: Array, out: Array, count: int
+) -> int:
+    """Enter the branches from row ``before`` on once more, to the last bits where nearly singular.
+
+    Several that are one, but for the tolerance, are one then.
+    """
+    model, link, n = problem.arm.model, problem.arm.link, q.shape[0]
+    J, u, v, none = np.empty((6, n)), np.empty(6), np.empty(6), np.zeros(6)
+    rows, count = out[before:count].copy(), before
+    for k in range(rows.shape[0]):
+        q[:] = rows[k, :n]
+        error = (rows[k, n + POSITION], rows[k, n + ORIENTATION])
+        frame_and_jacobian_kernel(model, q, link, J)
+        if weakest_kernel(J, joints, u, v, none) < _FOLD:
+            error = sharpen_kernel(model, link, problem.T, joints, q)
+        about = (rows[k, n + CODE], rows[k, n + GROUP], rows[k, n + VALUE])
+        count = admit_kernel(problem, error, about, q, out, count)
+    return count
+
+
+@kernel
+def _add_twins(problem: Problem, before: int, q: Array, out: Array, count: int) -> int:
+    """Look for the twin of each branch that is near a fold, where two of them meet.
+
+    It lies along the direction that moves the link least. The form may have one root there, or
+    none, where the true arm has two.
+    """
+    model, link, T = problem.arm.model, problem.arm.link, problem.T
+    n, held = q.shape[0], int(problem.arm.plan[HEADER, HELD])
+    J, v, unlimited = np.empty((6, n)), np.empty(n), np.full(n, np.inf)
+    k = before
+    while k < count:
+        q[:] = out[k, :n]
+        frame_and_jacobian_kernel(model, q, link, J)
+        if _least_moving(J, held, int(model[1 + n + link, 0]), v) < _FOLD:
+            for step in _STEPS_ASIDE:
+                for side in (1.0, -1.0):
+                    for j in range(n):
+                        q[j] = out[k, j] + side * step * v[j]
+                    error = refine_kernel(model, link, T, -unlimited, unlimited, held, q)
+                    about = (out[k, n + CODE], 0.0, out[k, n + VALUE])
+                    count = admit_kernel(problem, error, about, q, out, count)
+        k += 1
+    return count
+
+
+@kernel
+def _least_moving(J: Array, held: int, last: int, v: Array) -> float:
+    """Write the direction that J (6, n) stretches least into v, by inverse iteration; how much."""
+    n = v.shape[0]
+    H = np.empty((n, n))
+    if held >= 0:
+        J[:, held] = 0.0
+    for j in range(n):
+        v[j] = 1.0 + 0.1 * j if j <= last and j != held else 0.0
+    for _ in range(3):
+        for a in range(n):
+            for b in range(a + 1):
+                H[a, b] = 0.0
+                for i in range(6):
+                    H[a, b] += J[i, a] * J[i, b]
+            H[a, a] += 1e-14 if a <= last and a != held else 1.0
+        cholesky_solve_kernel(H, v, n)
+        v /= math.sqrt(np.sum(v * v))
+    square = 0.0
+    for i in range(6):
+        along = 0.0
+        for j in range(n):
+            along += J[i, j] * v[j]
+        square += along * along
+    return math.sqrt(square)

@@ -1,0 +1,310 @@
+"""Which closed form fits a chain, and the chain as that form reads it.
+
+All is found on the axes as lines at q = 0, so neither the frames nor a description's conventions
+matter. Each form is tried forwards and, as T^-1 runs the joints the other way, backwards: a
+spherical shoulder is a spherical wrist then. Seven joints are two spheres with an elbow (S-R-S), or
+six with the first or the last held at a parameter.
+
+An arm that misses a form by a little (calibration moves axes by a few millimetres) is read as the
+nearest arm that has it; ``refine`` carries what comes out over to the true one.
+"""
+
+from dataclasses import dataclass
+from functools import lru_cache
+from typing import Literal
+
+import numpy as np
+
+from kinematics.arrays import Array, frozen
+from kinematics.ik.closed_form.plan import (
+    COLUMNS,
+    GENERAL,
+    HEADER,
+    HELD,
+    INDEX,
+    JOINTS,
+    KIND,
+    LOCKED,
+    LOCKED_TIP,
+    MISS,
+    REDUNDANT,
+    REVERSED,
+    ROWS,
+    SHOULDER,
+    SIGN,
+    SPHERICAL,
+    THREE_PARALLEL,
+    TIP,
+    TURN_COSINE,
+    TURN_SINE,
+    WRIST,
+)
+from kinematics.ik.closed_form.subproblem import EXACT, wrist_constants
+from kinematics.model.chain import Chain, JointType
+from kinematics.pose import inverse, rotation_x, transform
+
+Kind = Literal["spherical", "three_parallel", "redundant"]
+Wrist = Literal["spherical", "three_parallel", "none"]
+KINDS: tuple[Kind, ...] = ("spherical", "three_parallel", "redundant")
+#: Numbers of the kinds in a plan.
+_NUMBERS: dict[Kind, int] = {
+    "spherical": SPHERICAL,
+    "three_parallel": THREE_PARALLEL,
+    "redundant": REDUNDANT,
+}
+
+#: Axes may miss a form by this much [m]; beyond, too many branches would come and go.
+NEAR_LENGTH = 8e-3
+#: Axes may miss a form by this angle [rad].
+NEAR_ANGLE = 2e-2
+#: Axes are called parallel or meeting within this [rad], [m]: published tables round angles to a
+#: millionth of a radian and lengths to a hundredth of a millimetre.
+PARALLEL_TOLERANCE = 1e-6
+MEETING_TOLERANCE = 1e-5
+#: Axes that must not be parallel are at least so far from it [rad].
+_DISTINCT = 0.05
+_FLIP = transform(rotation_x(np.pi))
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Structure:
+    """A closed form and the chain packed for it.
+
+    Args:
+        kind: Which form.
+        reverse: Whether it reads the joints from the tip.
+        locked: Index of the joint that is held at the parameter; None where the parameter is the
+            arm angle, or none is needed.
+        joints: How many joints of the chain take part, from the first on.
+        miss: How far the axes are from the form [m or rad].
+        plan: The arm for the kernels, columns as ``plan`` names them, shape (ROWS, COLUMNS).
+    """
+
+    kind: Kind
+    reverse: bool
+    locked: int | None
+    joints: int
+    miss: float
+    plan: Array
+
+    @property
+    def redundant(self) -> bool:
+        """Whether solutions have a parameter."""
+        return self.locked is not None or self.kind == "redundant"
+
+
+@lru_cache(maxsize=256)
+def structure(chain: Chain, link: str | None = None) -> Structure | None:
+    """The closed form that a chain has up to a link (the tip), or is nearest to; None for none."""
+    carrier = chain.link(link or chain.tip_link)
+    m = carrier.joint + 1
+    if m not in {6, 7}:
+        return None
+    forms: list[Structure] = []
+    for lock in (None,) if m == 6 else (None, 6, 0):
+        forms += _forms(chain, carrier.T_joint_link, m, lock)
+    # The first of those that fit exactly, else the nearest.
+    return min(forms, key=lambda form: max(form.miss, EXACT), default=None)
+
+
+def _forms(chain: Chain, T_joint_link: Array, m: int, lock: int | None) -> list[Structure]:
+    used = [j for j in range(m) if j != lock]
+    if (chain.joint_types[used] != JointType.REVOLUTE).any():
+        return []
+    offsets = chain.offsets
+    F, T = [], np.eye(4)
+    for j in used:
+        T = T @ offsets[j]
+        F.append(T)
+    if lock is None or lock == 0:
+        T = T @ T_joint_link
+    frames, home = np.array(F), T
+    if m == 7 and lock is None:
+        form = _two_spheres(frames)
+        return [] if form is None else [_pack("redundant", False, lock, m, form, home, used)]
+    forms = []
+    for reverse in (False, True):
+        order = used[::-1] if reverse else used
+        lines = inverse(home) @ frames[::-1] if reverse else frames
+        end = inverse(home) if reverse else home
+        for kind in KINDS[:2]:
+            form = _wrist(lines) if kind == "spherical" else _parallels(lines)
+            if form is not None:
+                item = _pack(kind, reverse, lock, m, form, end, order)
+                forms.append(_with_held_joint(item, chain, T_joint_link))
+    return forms
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Form:
+    """Home frames that have a form exactly, the sense of each axis, and how far they were moved."""
+
+    frames: Array
+    signs: Array
+    miss: float
+    special: bool
+
+
+def _two_spheres(F: Array) -> _Form | None:
+    S, miss_s = _meeting(F[:3])
+    W, miss_w = _meeting(F[4:])
+    distinct = all(_angle(F[i], F[i + 1]) > _DISTINCT for i in (0, 1, 2, 3, 4, 5))
+    miss = max(miss_s, miss_w)
+    if miss > NEAR_LENGTH or not distinct:
+        return None
+    frames = F.copy()
+    frames[:3, :3, 3], frames[4:, :3, 3] = S, W
+    return _Form(frames, np.ones(7), miss, True)
+
+
+def _wrist(F: Array) -> _Form | None:
+    W, miss = _meeting(F[3:])
+    if miss > NEAR_LENGTH or _angle(F[3], F[4]) < _DISTINCT or _angle(F[4], F[5]) < _DISTINCT:
+        return None
+    frames, signs = F.copy(), np.ones(6)
+    frames[3:, :3, 3] = W
+    tilt = _angle(F[1], F[2])
+    special = tilt <= (1e-6 if miss <= EXACT else NEAR_ANGLE) and _angle(F[0], F[1]) > _DISTINCT
+    if special:
+        _align(frames, signs, F[1, :3, 2], (1, 2))
+        miss = max(miss, tilt)
+    return _Form(frames, signs, miss, special)
+
+
+def _parallels(F: Array) -> _Form | None:
+    z = F[1, :3, 2]
+    same = F[1:4, :3, 2] * np.sign(F[1:4, :3, 2] @ z)[:, None]
+    n = np.asarray(same.sum(axis=0) / np.linalg.norm(same.sum(axis=0)))
+    miss = max(_tilt(F[i, :3, 2], n) for i in (1, 2, 3))
+    apart = (_angle(F[0], F[1]), _angle(F[3], F[4]), _angle(F[4], F[5]))
+    if miss > NEAR_ANGLE or min(apart) < _DISTINCT:
+        return None
+    frames, signs = F.copy(), np.ones(6)
+    _align(frames, signs, n, (1, 2, 3))
+    point, gap = _meeting(F[4:])
+    special = gap <= (1e-6 if miss <= EXACT else NEAR_LENGTH)
+    if special:
+        frames[4:, :3, 3] = point
+        miss = max(miss, gap)
+    return _Form(frames, signs, miss, special)
+
+
+def _align(frames: Array, signs: Array, z: Array, which: tuple[int, ...]) -> None:
+    """Turn axes onto one direction, by the smallest turn or half a turn and that."""
+    for i in which:
+        if frames[i, :3, 2] @ z < 0.0:
+            frames[i] = frames[i] @ _FLIP
+            signs[i] = -1.0
+        x = frames[i, :3, 0] - (frames[i, :3, 0] @ z) * z
+        x /= np.linalg.norm(x)
+        frames[i, :3, :3] = np.column_stack([x, np.cross(z, x), z])
+
+
+def _meeting(F: Array) -> tuple[Array, float]:
+    """The point nearest to the z axes of frames, and its largest distance from one."""
+    z, p = F[:, :3, 2], F[:, :3, 3]
+    across = np.eye(3) - z[:, :, None] * z[:, None, :]
+    point = np.linalg.lstsq(across.sum(0), np.einsum("kij,kj->i", across, p), rcond=1e-9)[0]
+    away = np.einsum("kij,kj->ki", across, point - p)
+    return point, float(np.linalg.norm(away, axis=1).max())
+
+
+def _tilt(a: Array, b: Array) -> float:
+    """Angle between two directions as lines."""
+    sine = float(np.linalg.norm(np.cross(a, b)))
+    return float(np.arctan2(sine, abs(float(a @ b))))
+
+
+def _angle(A: Array, B: Array) -> float:
+    return _tilt(A[:3, 2], B[:3, 2])
+
+
+def _pack(
+    kind: Kind,
+    reverse: bool,
+    lock: int | None,
+    m: int,
+    form: _Form,
+    home: Array,
+    order: list[int],
+) -> Structure:
+    plan = np.zeros((ROWS, COLUMNS))
+    k = len(order)
+    header = plan[HEADER]
+    header[KIND], header[REVERSED] = _NUMBERS[kind], float(reverse)
+    header[HELD] = -1.0 if lock is None else lock
+    header[JOINTS], header[GENERAL] = m, 0.0 if form.special else 1.0
+    header[MISS] = form.miss
+    before = np.eye(4)
+    offsets = []
+    for j, (frame, sign, index) in enumerate(zip(form.frames, form.signs, order, strict=True)):
+        offset = inverse(before) @ frame
+        offsets.append(offset)
+        plan[1 + j, SIGN] = -sign if reverse else sign
+        plan[1 + j, 1:13] = offset[:3].flat
+        plan[1 + j, INDEX] = index
+        before = frame
+    plan[TIP, 1:13] = (inverse(before) @ home)[:3].flat
+    plan[WRIST, :4] = wrist_constants(offsets[k - 2][:3, :3], offsets[k - 1][:3, :3])
+    if kind == "redundant":
+        plan[SHOULDER, :4] = wrist_constants(offsets[1][:3, :3], offsets[2][:3, :3])
+    if kind == "three_parallel":
+        turn = offsets[2][:3, :3] @ offsets[3][:3, :3]
+        header[TURN_COSINE], header[TURN_SINE] = turn[0, 0], turn[1, 0]
+    return Structure(kind, reverse, lock, m, form.miss, frozen(plan))
+
+
+def _with_held_joint(form: Structure, chain: Chain, T_joint_link: Array) -> Structure:
+    """The form with the held joint and the tip behind it in its plan."""
+    if form.locked is None:
+        return form
+    plan = np.array(form.plan)
+    plan[LOCKED, 0] = chain.joint_types[form.locked]
+    plan[LOCKED, 1:13] = inverse(chain.offsets[form.locked])[:3].flat
+    plan[LOCKED_TIP, 1:13] = inverse(T_joint_link)[:3].flat
+    return Structure(form.kind, form.reverse, form.locked, form.joints, form.miss, frozen(plan))
+
+
+def classify_wrist(chain: Chain) -> Wrist:
+    """Classify a chain by the axes that make its inverse kinematics solvable in closed form.
+
+    Returns:
+        "spherical" when the last three axes meet in one point; else "three_parallel" when any
+        three consecutive axes are parallel; else "none". Only revolute joints count. Source: the
+        sufficient conditions of "The kinematics of manipulators under computer control", 1968.
+    """
+    if chain.n >= 3 and _three_revolute(chain, chain.n - 3) and _has_spherical_wrist(chain):
+        return "spherical"
+    parallel = (
+        _three_revolute(chain, i)
+        and _parallel_axes(chain.offsets[i + 1])
+        and _parallel_axes(chain.offsets[i + 2])
+        for i in range(chain.n - 2)
+    )
+    return "three_parallel" if any(parallel) else "none"
+
+
+def _three_revolute(chain: Chain, first: int) -> bool:
+    """Whether three joints from ``first`` on are revolute."""
+    return bool((chain.joint_types[first : first + 3] == JointType.REVOLUTE).all())
+
+
+def _has_spherical_wrist(chain: Chain) -> bool:
+    before = _crossing(inverse(chain.offsets[-2]))
+    after = _crossing(chain.offsets[-1])
+    return before is not None and after is not None and abs(before - after) <= MEETING_TOLERANCE
+
+
+def _parallel_axes(A: Array) -> bool:
+    return float(np.hypot(A[0, 2], A[1, 2])) <= PARALLEL_TOLERANCE
+
+
+def _crossing(A: Array) -> float | None:
+    """Where on z the z axis of frame ``A`` (4, 4) meets it [m]; None where it doesn't."""
+    if _parallel_axes(A):
+        return None
+    direction, point = A[:3, 2], A[:3, 3]
+    across = direction[:2]
+    along = -float(point[:2] @ across) / float(across @ across)
+    nearest = point + along * direction
+    return float(nearest[2]) if float(np.hypot(*nearest[:2])) <= MEETING_TOLERANCE else None

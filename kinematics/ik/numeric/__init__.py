@@ -1,0 +1,1 @@
+"""Inverse kinematics of any chain by damped least squares."""

@@ -1,0 +1,113 @@
+"""The serial chain from the root to a body that hangs on followers, and what moves it.
+
+A follower's position is that of a joint of the robot's chain, scaled and shifted, so all joints on
+the way to such a body are q' = L q + c: with the Jacobian J'(q') of the serial chain on the way
+
+    T(q) = T'(L q + c),      J(q) = J'(L q + c) L,      d/dt J = (d/dt J') L.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from kinematics.arrays import Array, frozen
+from kinematics.errors import InvalidOption
+from kinematics.model.chain import Chain, Limits, Link
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Branch:
+    """A serial chain of k joints to a body of a robot of n.
+
+    Args:
+        chain: Its last joint carries the links of the body; it has no limits.
+        matrix: L, shape (k, n).
+        shift: c, shape (k,) [rad or m].
+    """
+
+    chain: Chain
+    matrix: Array
+    shift: Array
+
+    def positions(self, q: Array) -> Array:
+        """Q' of configurations (..., n), shape (..., k) [rad or m]."""
+        return np.asarray(q @ self.matrix.T + self.shift)
+
+    def rates(self, rates: Array) -> Array:
+        """Velocities of the branch's joints from those of the robot's (..., n)."""
+        return np.asarray(rates @ self.matrix.T)
+
+
+def is_on_branch(chain: Chain, link: str | None) -> bool:
+    """Whether a link (None for the tip) hangs on a follower.
+
+    Raises:
+        InvalidLinkName: There is no such link.
+    """
+    return bool(chain.followers) and link is not None and chain.link(link).joint >= chain.n
+
+
+def require_on_chain(chain: Chain, link: str) -> None:
+    """Refuse a link that hangs on a follower, where such links are not known.
+
+    Raises:
+        InvalidLinkName: There is no such link.
+        InvalidOption: It hangs on a follower.
+    """
+    if is_on_branch(chain, link):
+        raise InvalidOption(
+            f"link {link!r} hangs on a joint that mimics one of the chain: its pose and Jacobian "
+            "are known, it collides and is planned for, but nothing can be asked of it here",
+            hint=f"Name a link that a joint of the chain carries, such as {chain.tip_link!r}.",
+            link=link,
+        )
+
+
+def branch_to(chain: Chain, link: str) -> Branch:
+    """The branch to a link that ``is_on_branch``; made once for each body.
+
+    Raises:
+        InvalidLinkName: There is no such link.
+    """
+    body = chain.link(link).joint
+    made: dict[int, Branch] = chain.memo.setdefault("branches", {})
+    if body not in made:
+        made[body] = _branch(chain, body)
+    return made[body]
+
+
+def _branch(chain: Chain, body: int) -> Branch:
+    n, way = chain.n, list[int]()
+    at = body
+    while at >= 0:
+        way.append(at)
+        at = chain.followers[at - n].parent if at >= n else at - 1
+    way.reverse()
+    matrix, shift = np.zeros((len(way), n)), np.zeros(len(way))
+    names, types, offsets = [], [], []
+    for row, at in enumerate(way):
+        if at < n:
+            matrix[row, at] = 1.0
+            one = (chain.joint_names[at], int(chain.joint_types[at]), chain.offsets[at])
+        else:
+            follower = chain.followers[at - n]
+            matrix[row, follower.leader], shift[row] = follower.multiplier, follower.offset
+            one = (follower.name, follower.joint_type, follower.T_parent_joint)
+        names.append(one[0])
+        types.append(one[1])
+        offsets.append(one[2])
+    own = [link for link in chain.links if link.joint == body]
+    links = [Link(link.name, len(way) - 1, link.T_joint_link, link.inertia) for link in own]
+    serial = Chain(
+        name=chain.name,
+        joint_names=tuple(names),
+        joint_types=np.array(types),
+        offsets=np.array(offsets),
+        links=tuple(links),
+        base_link=chain.root_link,
+        tip_link=links[0].name,
+        limits=Limits.unlimited(len(way)),
+        continuous=np.zeros(len(way), dtype=np.bool_),
+        gravity=chain.gravity,
+    )
+    return Branch(serial, frozen(matrix), frozen(shift))

@@ -1,0 +1,239 @@
+"""Frames and Jacobians of eight configurations at a time, one in each SIMD lane, for batches.
+
+What one configuration has as a number is here a vector of eight (see ``simd``), and the
+arithmetic is that of ``frame`` itself. In memory a vector is a row of eight numbers: a frame has
+twelve rows, a Jacobian six for each joint, joint values one for each joint; all are flat arrays.
+"""
+
+from compiled.kernel import kernel
+from compiled.simd import LANES, Lanes, fill, load, store
+from compiled.simd_transpose import (
+    gather_kernel,
+    load_rows_kernel,
+    scatter_kernel,
+    store_rows_kernel,
+    transpose,
+)
+from compiled.sincos import turns_kernel
+from kinematics.arrays import Array
+from kinematics.frame import Frame, at_joint_kernel, compose_kernel, move_kernel
+
+#: Rows of a frame.
+FRAME = 12
+#: Numbers of a pose (4, 4).
+POSE = 16
+#: Rows of a column of a Jacobian.
+COLUMN = 6
+#: Numbers in eight frames.
+FRAME_SIZE = FRAME * LANES
+#: Numbers in eight columns.
+COLUMN_SIZE = COLUMN * LANES
+Column = tuple[Lanes, Lanes, Lanes, Lanes, Lanes, Lanes]
+
+
+@kernel(inline="code")
+def identity_lanes_kernel() -> Frame:
+    """Eight identities."""
+    zero, one = fill(0.0), fill(1.0)
+    return one, zero, zero, zero, zero, one, zero, zero, zero, zero, one, zero
+
+
+@kernel(allocates=False)
+def store_lanes_kernel(frames: Array, poses: Array) -> None:
+    """Write frames (links * FRAME * LANES,) into poses (LANES, links, 4, 4), flat."""
+    count = frames.shape[0] // FRAME_SIZE
+    zero, one = fill(0.0), fill(1.0)
+    for link in range(count):
+        at = FRAME_SIZE * link
+        upper = transpose(load_rows_kernel(frames, at, LANES))
+        store_rows_kernel(poses, POSE * link, POSE * count, upper)
+        lower = transpose((
+            load(frames, at + 8 * LANES), load(frames, at + 9 * LANES),
+            load(frames, at + 10 * LANES), load(frames, at + 11 * LANES), zero, zero, zero, one,
+        ))  # fmt: skip
+        store_rows_kernel(poses, POSE * link + LANES, POSE * count, lower)
+
+
+@kernel(allocates=False)
+def stream_lanes_kernel(frames: Array, poses: Array, count: int) -> None:
+    """``store_lanes_kernel`` for many links, from the first to the last byte of ``poses``.
+
+    Poses take the place of the frames before that: from the last link on, none is overwritten that
+    is still to be read.
+    """
+    zero, one = fill(0.0), fill(1.0)
+    for link in range(count - 1, -1, -1):
+        at, to = FRAME_SIZE * link, LANES * POSE * link
+        upper = transpose(load_rows_kernel(frames, at, LANES))
+        lower = transpose((
+            load(frames, at + 8 * LANES), load(frames, at + 9 * LANES),
+            load(frames, at + 10 * LANES), load(frames, at + 11 * LANES), zero, zero, zero, one,
+        ))  # fmt: skip
+        store_rows_kernel(frames, to, POSE, upper)
+        store_rows_kernel(frames, to + LANES, POSE, lower)
+    to = 0
+    for lane in range(LANES):
+        for link in range(count):
+            at = POSE * (LANES * link + lane)
+            store(poses, to, load(frames, at))
+            store(poses, to + LANES, load(frames, at + LANES))
+            to += POSE
+
+
+@kernel(allocates=False)
+def axes_lanes_kernel(
+    model: Array, q: Array, cosines: Array, sines: Array, link: int, axes: Array
+) -> Frame:
+    """The frames of a link from joint values and their turns (n * LANES,).
+
+    The origins and z axes of the joints on the way are written into axes (n * COLUMN * LANES,).
+    """
+    row = 1 + q.shape[0] // LANES + (link if link >= 0 else int(model[0, 1]))
+    B = identity_lanes_kernel()
+    for j in range(int(model[row, 0]) + 1):
+        at = LANES * j
+        B = move_kernel(model, 1 + j, load(q, at), load(cosines, at), load(sines, at), B)
+        store_column_kernel(axes, COLUMN_SIZE * j, (B[3], B[7], B[11], B[2], B[6], B[10]))
+    return compose_kernel(B, model, row)
+
+
+@kernel(inline="code")
+def column_lanes_kernel(model: Array, axes: Array, j: int, last: int, B: Frame) -> Column:
+    """Column j of the Jacobians of frames B that joint ``last`` carries, by what is in ``axes``."""
+    zero = fill(0.0)
+    if j > last:
+        return zero, zero, zero, zero, zero, zero
+    px, py, pz, zx, zy, zz = load_column_kernel(axes, COLUMN_SIZE * j)
+    if model[1 + j, 0] != 0.0:
+        return zx, zy, zz, zero, zero, zero
+    x, y, z = B[3] - px, B[7] - py, B[11] - pz
+    return zy * z - zz * y, zz * x - zx * z, zx * y - zy * x, zx, zy, zz
+
+
+@kernel(allocates=False)
+def jacobians_lanes_kernel(model: Array, q: Array, link: int, J: Array, room: Array) -> None:
+    """Jacobians (LANES, 6, n), flat, of a link at q (LANES, n).
+
+    ``jacobian.frame_and_jacobian_kernel`` in lanes; room ((3 + 2 * COLUMN) * n * LANES,).
+    """
+    n = q.shape[1]
+    size, columns = n * LANES, n * COLUMN * LANES
+    values, cosines, sines = room[:size], room[size : 2 * size], room[2 * size : 3 * size]
+    axes, rows = room[3 * size : 3 * size + columns], room[3 * size + columns :]
+    last = int(model[1 + n + (link if link >= 0 else int(model[0, 1])), 0])
+    gather_kernel(q, values)
+    turns_kernel(values, cosines, sines)
+    B = axes_lanes_kernel(model, values, cosines, sines, link, axes)
+    for j in range(n):
+        column = column_lanes_kernel(model, axes, j, last, B)
+        at = LANES * j
+        store(rows, at, column[0])
+        store(rows, at + size, column[1])
+        store(rows, at + 2 * size, column[2])
+        store(rows, at + 3 * size, column[3])
+        store(rows, at + 4 * size, column[4])
+        store(rows, at + 5 * size, column[5])
+    # By way of the axes, which are read no more: a batch that is too large for the cache is written
+    # from the first to the last byte, which memory likes better than eight places in turn.
+    scatter_kernel(rows, axes)
+    for at in range(0, columns, LANES):
+        store(J, at, load(axes, at))
+
+
+@kernel(inline="code")
+def load_column_kernel(J: Array, at: int) -> Column:
+    """The six vectors of a column that begins at an index."""
+    return (
+        load(J, at), load(J, at + LANES), load(J, at + 2 * LANES),
+        load(J, at + 3 * LANES), load(J, at + 4 * LANES), load(J, at + 5 * LANES),
+    )  # fmt: skip
+
+
+@kernel(inline="code")
+def store_column_kernel(J: Array, at: int, column: Column) -> None:
+    """Write the six vectors of a column from an index on."""
+    store(J, at, column[0])
+    store(J, at + LANES, column[1])
+    store(J, at + 2 * LANES, column[2])
+    store(J, at + 3 * LANES, column[3])
+    store(J, at + 4 * LANES, column[4])
+    store(J, at + 5 * LANES, column[5])
+
+
+@kernel(inline="code")
+def load_frame_kernel(frames: Array, at: int) -> Frame:
+    """The twelve vectors of eight frames that begin at an index."""
+    return (
+        load(frames, at), load(frames, at + LANES), load(frames, at + 2 * LANES),
+        load(frames, at + 3 * LANES), load(frames, at + 4 * LANES), load(frames, at + 5 * LANES),
+        load(frames, at + 6 * LANES), load(frames, at + 7 * LANES), load(frames, at + 8 * LANES),
+        load(frames, at + 9 * LANES), load(frames, at + 10 * LANES), load(frames, at + 11 * LANES),
+    )  # fmt: skip
+
+
+@kernel(inline="code")
+def store_frame_kernel(frames: Array, at: int, B: Frame) -> None:
+    """Write the twelve vectors of eight frames from an index on."""
+    store(frames, at, B[0])
+    store(frames, at + LANES, B[1])
+    store(frames, at + 2 * LANES, B[2])
+    store(frames, at + 3 * LANES, B[3])
+    store(frames, at + 4 * LANES, B[4])
+    store(frames, at + 5 * LANES, B[5])
+    store(frames, at + 6 * LANES, B[6])
+    store(frames, at + 7 * LANES, B[7])
+    store(frames, at + 8 * LANES, B[8])
+    store(frames, at + 9 * LANES, B[9])
+    store(frames, at + 10 * LANES, B[10])
+    store(frames, at + 11 * LANES, B[11])
+
+
+@kernel(allocates=False, inline="code")
+def poses_lanes_kernel(model: Array, q: Array, poses: Array, room: Array) -> None:
+    """Poses (LANES, links, 4, 4) of all links but those on followers at q (LANES, n).
+
+    The poses wait in ``room``, (3 n + POSE links) * LANES, until they are written from the first to
+    the last byte: memory likes that better than eight places in turn.
+    """
+    n, count = q.shape[1], poses.shape[1]
+    size = LANES * n
+    values, cosines, sines = room[:size], room[size : 2 * size], room[2 * size : 3 * size]
+    frames = room[3 * size :]
+    gather_kernel(q, values)
+    turns_kernel(values, cosines, sines)
+    B = identity_lanes_kernel()
+    joint = -1
+    for k in range(count):
+        link = int(model[1 + n + k, 13])
+        row = 1 + n + link
+        if int(model[row, 0]) >= n:
+            break
+        while joint < int(model[row, 0]):
+            joint += 1
+            at = LANES * joint
+            B = move_kernel(
+                model, 1 + joint, load(values, at), load(cosines, at), load(sines, at), B
+            )
+        if at_joint_kernel(model, row):
+            store_frame_kernel(frames, FRAME_SIZE * link, B)
+        else:
+            store_frame_kernel(frames, FRAME_SIZE * link, compose_kernel(B, model, row))
+    stream_lanes_kernel(frames, poses.reshape(poses.size), count)
+
+
+@kernel(allocates=False, inline="code")
+def pose_lanes_kernel(model: Array, q: Array, link: int, poses: Array, room: Array) -> None:
+    """Poses (LANES, 4, 4) of a link, -1 for the tip; room (3 n + FRAME) * LANES."""
+    n = q.shape[1]
+    size = LANES * n
+    row = 1 + n + (link if link >= 0 else int(model[0, 1]))
+    values, cosines, sines = room[:size], room[size : 2 * size], room[2 * size : 3 * size]
+    gather_kernel(q, values)
+    turns_kernel(values, cosines, sines)
+    B = identity_lanes_kernel()
+    for j in range(int(model[row, 0]) + 1):
+        at = LANES * j
+        B = move_kernel(model, 1 + j, load(values, at), load(cosines, at), load(sines, at), B)
+    frames = room[3 * size : 3 * size + FRAME_SIZE]
+    store_frame_kernel(frames, 0, compose_kernel(B, model, row))
+    store_lanes_kernel(frames, poses.reshape(poses.size))

@@ -1,0 +1,1 @@
+"""Trajectories as piecewise polynomials of time."""

@@ -1,0 +1,1 @@
+"""Robots as trees of links and joints, and the chain that is cut out of a tree."""

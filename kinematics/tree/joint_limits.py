@@ -1,0 +1,314 @@
+"""Limits of a chain's joints: of its description, of a request, of MoveIt's file, of a rule."""
+
+import math
+import re
+from collections.abc import Collection, Iterator, Mapping, Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from kinematics.arrays import Array
+from kinematics.errors import InvalidRobotDescription
+from kinematics.model.chain import Limits
+from kinematics.readers.lint import meant
+from kinematics.readers.yaml_reader import UnreadableYaml, fields_of, finite_number, read_yaml
+from kinematics.tree.description import JointDescription
+
+#: The name that stands for all joints of a chain.
+ALL_JOINTS = "*"
+QUANTITIES = ("lower", "upper", "velocity", "acceleration", "jerk", "effort")
+#: Quantities that a rule can give, each with those that it may be a multiple of.
+RULED = {"acceleration": ("velocity",), "jerk": ("acceleration", "velocity")}
+#: A rule as it is written: "10 x velocity".
+_RULE = re.compile(r"\s*(\d+(?:\.\d+)?(?:[eE][+-]?\d+)?)\s*[x*×]\s*([a-z]+)\s*")
+#: Limits in MoveIt's joint_limits.yaml: the flag that switches one on, and its value.
+_MOVEIT_FIELDS = {
+    "velocity": ("has_velocity_limits", "max_velocity"),
+    "acceleration": ("has_acceleration_limits", "max_acceleration"),
+    "jerk": ("has_jerk_limits", "max_jerk"),
+    "effort": ("has_effort_limits", "max_effort"),
+    "lower": ("has_position_limits", "min_position"),
+    "upper": ("has_position_limits", "max_position"),
+}
+#: Shares of the limits in MoveIt's joint_limits.yaml that its plans use unless a request says more.
+_SCALING = ("default_velocity_scaling_factor", "default_acceleration_scaling_factor")
+#: Fields of one joint that ros2_control and Pilz's planner read of such files.
+_OTHER_READERS = frozenset(
+    ("has_deceleration_limits", "max_deceleration", "has_soft_limits", "soft_lower_limit",
+     "soft_upper_limit", "k_position", "k_velocity", "angle_wraparound")
+)  # fmt: skip
+
+JointValues = Mapping[str, Mapping[str, float]]
+
+
+def joint_limit_values(
+    joints: Sequence[JointDescription],
+    overrides: JointValues,
+    known: Collection[str],
+) -> tuple[Limits, list[bool]]:
+    """Limits of the joints of a chain, and which of them turn without end.
+
+    A position limit that is not known is none.
+
+    Args:
+        joints: The moving joints, base to tip, n of them.
+        overrides: Values in place of theirs, by joint and quantity; "*" is all joints.
+        known: Names of all joints of the tree.
+
+    Raises:
+        InvalidRobotDescription: A joint or a quantity is unknown, or a value out of its range.
+    """
+    names = [joint.name for joint in joints]
+    values = {q: [float(getattr(joint, q)) for joint in joints] for q in QUANTITIES}
+    for name, limits in sorted(overrides.items(), key=lambda item: item[0] != ALL_JOINTS):
+        if name not in (*names, ALL_JOINTS):
+            reason = "is held, not part of the chain" if name in known else "is unknown"
+            raise InvalidRobotDescription(
+                f"joint_limits names joint {name!r}, which {reason}",
+                hint=f"The joints of the chain are: {', '.join(names)}.",
+                joint=name,
+            )
+        numbers = range(len(names)) if name == ALL_JOINTS else [names.index(name)]
+        for quantity, value in limits.items():
+            _check_override(name, quantity, value)
+            for i in numbers:
+                values[quantity][i] = float(value)
+    _check_ranges(joints, values)
+    values["lower"] = [-math.inf if math.isnan(value) else value for value in values["lower"]]
+    values["upper"] = [math.inf if math.isnan(value) else value for value in values["upper"]]
+    continuous = [
+        joint.type in ("continuous", "revolute")
+        and math.isinf(values["lower"][i])
+        and math.isinf(values["upper"][i])
+        for i, joint in enumerate(joints)
+    ]
+    return Limits(**{q: np.array(v) for q, v in values.items()}), continuous
+
+
+def soft_limit_notes(
+    joints: Sequence[JointDescription], limits: Limits, names: Sequence[str]
+) -> list[str]:
+    """A note where safety controllers keep joints to less than the limits of a chain.
+
+    MoveIt plans within such soft limits, and a controller that has them stops an arm there.
+
+    Args:
+        joints: All of the tree.
+        limits: Of the chain.
+        names: Of the chain's joints.
+    """
+    soft = {joint.name: joint.soft_range for joint in joints if joint.soft_range is not None}
+    told = [
+        f"{name} [{soft[name][0]:.6g}, {soft[name][1]:.6g}]"
+        for name, lower, upper in zip(names, limits.lower, limits.upper, strict=True)
+        if name in soft and (soft[name][0] > lower or soft[name][1] < upper)
+    ]
+    if not told:
+        return []
+    note = (
+        f"the description has soft limits inside the limits of {', '.join(told)}: plans do not "
+        "keep to them, give them in joint_limits (lower, upper) if the controller does"
+    )
+    return [note]
+
+
+def _check_ranges(
+    joints: Sequence[JointDescription], values: Mapping[str, Sequence[float]]
+) -> None:
+    for joint, lower, upper in zip(joints, values["lower"], values["upper"], strict=True):
+        if not lower > upper:
+            continue
+        if (lower, upper) == (joint.lower, joint.upper):
+            raise InvalidRobotDescription(
+                f"joint {joint.name!r} has the lower limit {lower:g} above its upper limit "
+                f"{upper:g}",
+                hint="Give lower and upper of this joint in joint_limits, or mend the description.",
+                joint=joint.name,
+            )
+        raise InvalidRobotDescription(
+            f"joint_limits puts the lower limit of joint {joint.name!r} above its upper limit",
+            joint=joint.name,
+        )
+
+
+def _check_override(name: str, quantity: str, value: float) -> None:
+    if quantity not in QUANTITIES:
+        raise InvalidRobotDescription(
+            f"joint_limits of joint {name!r} names the unknown quantity {quantity!r}",
+            hint=f"One of: {', '.join(QUANTITIES)}.",
+            joint=name,
+        )
+    if not math.isfinite(value):
+        raise InvalidRobotDescription(f"{quantity} of joint {name!r} must be finite", joint=name)
+    if quantity not in ("lower", "upper") and value <= 0.0:
+        raise InvalidRobotDescription(
+            f"{quantity} of joint {name!r} is {value:g}, it must be positive", joint=name
+        )
+
+
+# ------------------------------------------------------------------------ MoveIt's file
+
+
+def moveit_joint_limits(text: str) -> dict[str, dict[str, float]]:
+    """Limits by joint and quantity, of the text of MoveIt's ``joint_limits.yaml``.
+
+    A limit counts unless its flag (``has_velocity_limits``, ...) is false. Scaling factors are no
+    limits: `moveit_notes` tells them, and all else that is not obeyed.
+
+    Args:
+        text: The YAML text.
+
+    Raises:
+        InvalidRobotDescription: It is no such text; the message says at which joint.
+    """
+    joints = fields_of(_document(text).get("joint_limits"))
+    if joints is None:
+        raise InvalidRobotDescription(
+            "joint_limits: the text has no mapping joint_limits",
+            hint="Give the text of a joint_limits.yaml as MoveIt has it, or an object by joint.",
+        )
+    return {str(name): _moveit_joint(str(name), entry) for name, entry in joints.items()}
+
+
+def moveit_notes(text: str) -> list[str]:
+    """Notes on what of MoveIt's ``joint_limits.yaml`` is not obeyed, or means another thing there.
+
+    Raises:
+        InvalidRobotDescription: The text is no YAML.
+    """
+    root = _document(text)
+    notes = []
+    factors = {key: finite_number(root.get(key)) for key in _SCALING}
+    told = [f"{key} {x:g}" for key, x in factors.items() if x is not None and x != 1.0]
+    if told:
+        notes.append(
+            f"joint_limits: {' and '.join(told)} are of MoveIt's plans alone: here a request "
+            "scales its limits by timing.velocity_scaling and timing.acceleration_scaling"
+        )
+    others = [str(key) for key in root if key not in ("joint_limits", *_SCALING)]
+    if others:
+        notes.append(f"joint_limits: {', '.join(others)} of the text are not read")
+    for name, entry in (fields_of(root.get("joint_limits")) or {}).items():
+        notes += _joint_notes(str(name), fields_of(entry) or {})
+    return notes
+
+
+def _joint_notes(name: str, fields: Mapping[str, object]) -> Iterator[str]:
+    known = [word for pair in _MOVEIT_FIELDS.values() for word in pair]
+    others = sorted(fields.keys() & _OTHER_READERS)
+    if others:
+        yield f"joint_limits: joint {name!r}: {', '.join(others)}, of other readers, not read"
+    for key in sorted(map(str, fields.keys() - {*known, *others})):
+        yield f"joint_limits: joint {name!r}: {key} is not read{meant(key, known)}"
+    if fields.get("has_velocity_limits") is False:
+        yield (
+            f"joint_limits: joint {name!r} has no velocity limit in MoveIt (has_velocity_limits is "
+            "false): here that of the URDF holds"
+        )
+    for quantity, (flag, key) in _MOVEIT_FIELDS.items():
+        if fields.get(flag) is False and finite_number(fields.get(key)) and quantity != "velocity":
+            yield f"joint_limits: joint {name!r}: {key} is not used, {flag} is false"
+
+
+def _document(text: str) -> Mapping[str, object]:
+    try:
+        return fields_of(read_yaml(text)) or {}
+    except UnreadableYaml as error:
+        raise InvalidRobotDescription(f"joint_limits: {error}") from None
+
+
+def _moveit_joint(name: str, entry: object) -> dict[str, float]:
+    fields = fields_of(entry)
+    if fields is None:
+        raise InvalidRobotDescription(
+            f"joint_limits: joint {name!r} needs named fields", joint=name
+        )
+    limits = {}
+    for quantity, (flag, key) in _MOVEIT_FIELDS.items():
+        # A limit without its flag counts in MoveIt 1, and one of position always does.
+        if fields.get(flag) is False or (flag not in fields and key not in fields):
+            continue
+        value = finite_number(fields.get(key))
+        if value is None and quantity in ("lower", "upper") and key not in fields:
+            continue
+        if value is None:
+            raise InvalidRobotDescription(
+                f"joint_limits: joint {name!r} has {flag}, but {key} is no finite number",
+                joint=name,
+            )
+        limits[quantity] = value
+    return limits
+
+
+def limits_of_chain(
+    values: JointValues, joints: Collection[str], known: Collection[str]
+) -> tuple[dict[str, Mapping[str, float]], list[str]]:
+    """The part of a robot's limits that concerns a chain, and a note on the rest.
+
+    Args:
+        values: By joint and quantity, of the whole robot.
+        joints: Names of the joints of the chain.
+        known: Names of all joints of the tree.
+    """
+    kept = {name: limits for name, limits in values.items() if name in (*joints, ALL_JOINTS)}
+    off_chain = [name for name in values if name not in kept and name in known]
+    unknown = [name for name in values if name not in kept and name not in known]
+    lint = []
+    if off_chain:
+        lint.append(f"joint_limits of {', '.join(off_chain)} are not used: off the chain")
+    if unknown:
+        lint.append(f"joint_limits names {', '.join(unknown)}, which the robot does not have")
+    return kept, lint
+
+
+# ---------------------------------------------------------------------------------- rules
+
+
+def apply_rules(
+    limits: Limits, rules: Mapping[str, str], joint_names: Sequence[str]
+) -> tuple[Limits, list[str]]:
+    """Limits with those that are missing made by rules, and a note on each rule.
+
+    Args:
+        limits: Of n joints.
+        rules: By quantity (acceleration, jerk), as a multiple of another: "10 x velocity".
+        joint_names: n names.
+
+    Raises:
+        InvalidRobotDescription: A rule is none.
+    """
+    notes = []
+    for quantity in RULED:  # acceleration first: jerk may be a multiple of it
+        if quantity not in rules:
+            continue
+        factor, source = parse_rule(quantity, rules[quantity])
+        values: Array = getattr(limits, quantity)
+        made = factor * getattr(limits, source)
+        missing = np.isnan(values) & np.isfinite(made)
+        if missing.any():
+            names = ", ".join(joint_names[int(i)] for i in np.flatnonzero(missing))
+            notes.append(f"{quantity} limits of {names} are ruled: {factor:g} x {source}")
+        limits = replace(limits, **{quantity: np.where(missing, made, values)})
+    return limits, notes
+
+
+def parse_rule(quantity: str, rule: str) -> tuple[float, str]:
+    """Factor and source of a rule such as "10 x velocity".
+
+    Args:
+        quantity: What it is a rule for.
+        rule: The text.
+
+    Raises:
+        InvalidRobotDescription: It is no rule, or its factor is not positive.
+    """
+    sources = RULED.get(quantity, ())
+    match = _RULE.fullmatch(rule)
+    factor = 0.0 if match is None else float(match[1])
+    if match is None or match[2] not in sources or not 0.0 < factor < math.inf:
+        example = f"10 x {sources[0]}" if sources else "none"
+        raise InvalidRobotDescription(
+            f"default_limits of {quantity}: {rule!r} is no rule",
+            hint=f'A rule is a number times one of {", ".join(sources)}: "{example}".',
+        )
+    return factor, match[2]

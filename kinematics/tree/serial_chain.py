@@ -1,0 +1,256 @@
+"""From a tree to a serial chain: one path of joints moves, everything else is held still."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from types import MappingProxyType
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from kinematics.arrays import Array
+from kinematics.errors import InvalidRobotDescription
+from kinematics.model.chain import MAX_JOINTS, Chain, JointType, Link
+from kinematics.model.mimic_joint import Follower
+from kinematics.pose import align_z, from_axis_angle, inverse, transform
+from kinematics.tree.chain_ends import choose_ends, joints_above, joints_between
+from kinematics.tree.description import JointDescription, RobotDescription
+from kinematics.tree.held_joints import held_positions
+from kinematics.tree.joint_limits import joint_limit_values
+from kinematics.tree.likely_tip import leaves
+from kinematics.tree.mimic_limits import follower_notes, joint_followers, narrowed_limits
+from kinematics.tree.srdf import Semantics
+
+#: Standard gravity, rounded as robot software does, in a root frame that stands upright.
+GRAVITY = (0.0, 0.0, -9.81)
+#: Of a chain whose root moves over the ground.
+_SEEN_FROM_WORK = (
+    "poses and scenes are in the frame of {base!r}, which {joints} moves over the ground: what "
+    "stands on the ground is attached to a link there, and forces and torques are not known"
+)
+
+
+@dataclass(frozen=True, slots=True)
+class Selection:
+    """Part of a tree that is the chain.
+
+    Args:
+        base_link: Where it starts.
+        tip_link: Where it ends.
+        joints: Names of its moving joints, base to tip.
+        held: Positions of all other joints that could move, without ``followers``, by name
+            [rad or m].
+        lint: What was chosen without being asked for, one sentence each.
+        followers: The joints off the chain that mimic one of it, by name, each with the joint that
+            leads, multiplier and offset.
+    """
+
+    base_link: str
+    tip_link: str
+    joints: tuple[str, ...]
+    held: Mapping[str, float]
+    lint: tuple[str, ...]
+    followers: Mapping[str, tuple[str, float, float]] = field(default_factory=dict)
+
+
+def serial_chain(
+    description: RobotDescription,
+    base_link: str | None = None,
+    tip_link: str | None = None,
+    held: Mapping[str, float] | None = None,
+    joint_limits: Mapping[str, Mapping[str, float]] | None = None,
+    semantics: Semantics | None = None,
+    gravity: ArrayLike = GRAVITY,
+) -> Chain:
+    """Cut a serial chain out of a tree.
+
+    Every link of the tree becomes a link of the chain: those of side branches are carried by the
+    joint they hang on, or by one that mimics a joint of the chain; those above the base stand
+    still. All poses are in the frame of the tree's root, wherever the chain begins. Where the tip
+    does not hang on the base, but both on a link above, the base is the root: work on a positioner,
+    with the arm that works on it beside. The positioner's joints are the first of the chain, and
+    what stands on the floor moves with them.
+
+    Args:
+        description: The tree.
+        base_link: Where the chain starts; by default where the SRDF's chain does, else the root.
+        tip_link: Where it ends; by default where the SRDF's chain does, else the likely tip.
+        held: Positions of joints off the chain [rad or m]; 0, or the limit nearest to 0, for
+            those not named. A mimic joint follows the held value of the joint it mimics.
+        joint_limits: Values that replace those of the tree: {joint: {quantity: value}}, where a
+            quantity is lower, upper, velocity, acceleration, jerk or effort, and the joint "*"
+            stands for all that are not named.
+        semantics: The SRDF.
+        gravity: In the root frame, shape (3,) [m/s^2].
+
+    Raises:
+        InvalidRobotDescription: A name is unknown, the tip is open, a joint of the path can't be
+            part of a chain, or a value is out of its range.
+    """
+    chosen = select(description, base_link, tip_link, held, semantics)
+    above = joints_above(description, chosen.base_link, chosen.tip_link)
+    joints = [description.joints[name] for name in chosen.joints]
+    offsets, links, followers = _unfold(description, chosen)
+    limits, continuous = joint_limit_values(joints, joint_limits or {}, description.joints)
+    limits, continuous = narrowed_limits(
+        limits, continuous, chosen.joints, description, chosen.followers
+    )
+    if chosen.followers or any(joint.moves for joint in above):
+        limits = replace(limits, effort=np.full(len(joints), np.nan))
+    prismatic = [joint.type == "prismatic" for joint in joints]
+    aliases = () if semantics is None else semantics.root_aliases(description.root)
+    if above:
+        aliases = (chosen.base_link,)  # not "world": what stands in the world moves over the work
+    return Chain(
+        name=description.name,
+        joint_names=chosen.joints,
+        joint_types=np.where(prismatic, JointType.PRISMATIC, JointType.REVOLUTE),
+        offsets=np.array(offsets),
+        links=tuple(links),
+        base_link=chosen.base_link,
+        tip_link=chosen.tip_link,
+        limits=limits,
+        continuous=np.array(continuous),
+        gravity=_gravity(gravity),
+        viscous_friction=np.array([joint.damping for joint in joints]),
+        coulomb_friction=np.array([joint.friction for joint in joints]),
+        root_link=chosen.base_link if above else description.root,
+        root_aliases=aliases,
+        followers=tuple(followers),
+    )
+
+
+def _gravity(values: ArrayLike) -> Array:
+    try:
+        g = np.asarray(values, dtype=np.float64)
+    except (TypeError, ValueError):
+        g = np.zeros(0)
+    if g.shape != (3,) or not np.isfinite(g).all():
+        raise InvalidRobotDescription("gravity must be three finite numbers [x, y, z]")
+    return g
+
+
+def select(
+    description: RobotDescription,
+    base_link: str | None = None,
+    tip_link: str | None = None,
+    held: Mapping[str, float] | None = None,
+    semantics: Semantics | None = None,
+) -> Selection:
+    """Choose base, tip and held positions as ``serial_chain`` does.
+
+    Raises:
+        InvalidRobotDescription: As there.
+    """
+    ends = choose_ends(description, base_link, tip_link, semantics)
+    base, tip = ends.base_link, ends.tip_link
+    path = joints_between(description, base, tip)
+    names = tuple(joint.name for joint in path if joint.moves)
+    if not names:
+        raise InvalidRobotDescription(
+            f"no joint moves between {base!r} and {tip!r}",
+            hint=f"Other tips are: {', '.join(leaves(description, description.root))}.",
+        )
+    if len(names) > MAX_JOINTS:
+        raise InvalidRobotDescription(
+            f"{len(names)} joints move between {base!r} and {tip!r}, at most {MAX_JOINTS} may"
+        )
+    positions, lint = held_positions(description, names, held or {})
+    followers = joint_followers(description, names, base)
+    lint += follower_notes(description, followers)
+    turned = [joint.name for joint in joints_above(description, base, tip) if joint.moves]
+    if turned:
+        lint.append(_SEEN_FROM_WORK.format(base=base, joints=", ".join(turned)))
+    lint = [*ends.lint, *lint]
+    return Selection(base, tip, names, MappingProxyType(positions), tuple(lint), followers)
+
+
+# ------------------------------------------------------------------------ frames and limits
+
+
+def _unfold(
+    description: RobotDescription, chosen: Selection
+) -> tuple[list[Array], list[Link], list[Follower]]:
+    """Offsets of the chain's joints, every link with the joint that carries it, and followers.
+
+    The first offset and the links that stand still are in the root frame.
+    """
+    index = {name: i for i, name in enumerate(chosen.joints)}
+    offsets = [np.eye(4)] * len(index)
+    links: list[Link] = []
+    followers: list[Follower] = []
+    reverse = {j.name for j in joints_above(description, chosen.base_link, chosen.tip_link)}
+    is_still = not any(description.joints[name].moves for name in reverse)
+    # The weight of what followers carry is felt by other joints than those that carry them.
+    is_still = is_still and not chosen.followers
+    standing = _poses_to_base(description, chosen) if not reverse else {chosen.base_link: np.eye(4)}
+    waiting = [(chosen.base_link, -1, standing[chosen.base_link])]
+    seen = {chosen.base_link}
+    while waiting:
+        name, carrier, T = waiting.pop(0)
+        # In a frame that moves over the ground a body's inertia is not the whole of its motion.
+        inertia = description.links[name].inertia if is_still else None
+        links.append(Link(name, carrier, T, inertia))
+        for joint in description.children(name):
+            if joint.child in seen:
+                continue
+            seen.add(joint.child)
+            if joint.name in index:
+                align = transform(align_z(joint.axis))
+                offsets[index[joint.name]] = T @ joint.T_parent_joint @ align
+                waiting.append((joint.child, index[joint.name], inverse(align)))
+            elif joint.name in chosen.followers:
+                followers.append(_follower(joint, carrier, T, chosen))
+                body = len(index) + len(followers) - 1
+                waiting.append((joint.child, body, inverse(transform(align_z(joint.axis)))))
+            else:
+                waiting.append((joint.child, carrier, T @ _held_motion(joint, chosen.held)))
+        above = description.parent_joint(name)
+        if above is not None and above.parent not in seen:
+            seen.add(above.parent)
+            if above.name in index:
+                align = transform(align_z(-above.axis))
+                offsets[index[above.name]] = T @ align
+                back = inverse(align) @ inverse(above.T_parent_joint)
+                waiting.append((above.parent, index[above.name], back))
+            elif reverse:
+                back = T @ inverse(_held_motion(above, chosen.held))
+                waiting.append((above.parent, carrier, back))
+            else:
+                waiting.append((above.parent, carrier, standing[above.parent]))
+    return offsets, links, followers
+
+
+def _follower(joint: JointDescription, carrier: int, T: Array, chosen: Selection) -> Follower:
+    """A joint that hangs on body ``carrier`` at the link whose frame there is T."""
+    leader, multiplier, offset = chosen.followers[joint.name]
+    return Follower(
+        name=joint.name,
+        joint_type=int(JointType.PRISMATIC if joint.type == "prismatic" else JointType.REVOLUTE),
+        parent=carrier,
+        leader=chosen.joints.index(leader),
+        T_parent_joint=T @ joint.T_parent_joint @ transform(align_z(joint.axis)),
+        multiplier=multiplier,
+        offset=offset,
+    )
+
+
+def _poses_to_base(description: RobotDescription, chosen: Selection) -> dict[str, Array]:
+    """Poses in the root frame of the root, the base link and those between, joints held."""
+    path, link = [], chosen.base_link
+    while (joint := description.parent_joint(link)) is not None:
+        path.append(joint)
+        link = joint.parent
+    poses = {description.root: np.eye(4)}
+    for joint in reversed(path):
+        poses[joint.child] = poses[joint.parent] @ _held_motion(joint, chosen.held)
+    return poses
+
+
+def _held_motion(joint: JointDescription, held: Mapping[str, float]) -> Array:
+    """T_parent_child of a joint that is held still."""
+    position = held.get(joint.name, 0.0)
+    if position == 0.0:
+        return joint.T_parent_joint
+    if joint.type == "prismatic":
+        return joint.T_parent_joint @ transform(position=position * joint.axis)
+    return joint.T_parent_joint @ transform(from_axis_angle(joint.axis, position))

@@ -1,0 +1,1 @@
+"""URDF and SRDF files: read strictly, and written from a chain."""

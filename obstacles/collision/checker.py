@@ -1,0 +1,326 @@
+"""Exact verdicts about configurations and joint motions: free, colliding, how far apart."""
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from functools import cache
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from compiled.kernel import direct
+from kinematics.arrays import Array, Indices
+from kinematics.model.chain import Chain, Limits, Link
+from obstacles.collision.corner_check import round_corners
+from obstacles.collision.edge_check import COLLIDING, FREE, certify_curve
+from obstacles.collision.lanes.states import any_blocked, mark_blocked
+from obstacles.collision.line_check import certify_edge, certify_path, check_straight
+from obstacles.collision.model.collision_model import CollisionModel, ModelArrays
+from obstacles.collision.proximity import closest_pair, closest_state, near_pairs
+from obstacles.collision.state_check import bracket_on, verdict_on
+from obstacles.robots.robot_geometry import RobotGeometry
+from obstacles.scenes.scene import Scene
+
+_FLOAT = np.dtype(np.float64)
+#: Parts of a motion at whose ends ``straight`` looks.
+_LOOKS = 16
+#: States of which the depth of a collision is looked at, at most.
+_MOST_OVERLAPS = 60
+#: Near pairs there is room for at first.
+_NEAR_PAIRS = 64
+
+
+@cache
+def _edge_verdict() -> Callable[[ModelArrays, Array, Array, float], int]:
+    """``certify_edge`` without the look at its arguments' types, which would cost more than it."""
+    return direct(certify_edge, any_model(), np.zeros(1), np.zeros(1), 0.0)
+
+
+@cache
+def _state_verdict() -> Callable[[ModelArrays, Array, float], int]:
+    """``verdict_on`` likewise."""
+    return direct(verdict_on, any_model(), np.zeros(1), 0.0)
+
+
+@cache
+def _curve_verdict() -> Callable[[ModelArrays, Array, Array, Array, Array, float, Array], int]:
+    """``certify_curve`` likewise."""
+    none = np.zeros(1)
+    return direct(certify_curve, any_model(), none, none, none, none, 0.0, none)
+
+
+@cache
+def _check_straight() -> Callable[[ModelArrays, Array, Array, float, int, Array], int]:
+    """``check_straight`` likewise."""
+    none = np.zeros(1)
+    return direct(check_straight, any_model(), none, none, 0.0, 1, none)
+
+
+@cache
+def _mark_blocked() -> Callable[[ModelArrays, Array, float, Array], None]:
+    """``mark_blocked`` likewise."""
+    return direct(mark_blocked, any_model(), np.zeros((1, 1)), 0.0, np.zeros(1))
+
+
+@cache
+def _closest_pair() -> Callable[[ModelArrays, Array], tuple[float, int]]:
+    """``closest_pair`` likewise."""
+    return direct(closest_pair, any_model(), np.zeros(1))
+
+
+@cache
+def _closest_state() -> Callable[[ModelArrays, Array, float], tuple[float, int, int]]:
+    """``closest_state`` likewise."""
+    return direct(closest_state, any_model(), np.zeros((1, 1)), 0.0)
+
+
+@cache
+def _any_blocked() -> Callable[[ModelArrays, Array, float], bool]:
+    """``any_blocked`` likewise."""
+    return direct(any_blocked, any_model(), np.zeros((1, 1)), 0.0)
+
+
+@cache
+def _round_corners() -> Callable[[ModelArrays, Array, float, int, bool, bool, int, Array], int]:
+    """``round_corners`` likewise."""
+    corners = 0.0, 1, True, True, 0, np.zeros(1)
+    return direct(round_corners, any_model(), np.zeros((1, 1)), *corners)
+
+
+def any_model() -> ModelArrays:
+    """A model that stands for all of them where a kernel is looked up by its arguments' types."""
+    limits = Limits.unlimited(1)
+    links = (Link("base", -1, np.eye(4)), Link("tip", 0, np.eye(4)))
+    turning = np.zeros(1, dtype=np.int64), np.eye(4)[None]
+    chain = Chain("any", ("j",), *turning, links, "base", "tip", limits, np.zeros(1, np.bool_))
+    return CollisionModel.bare(chain).arrays
+
+
+@dataclass(frozen=True, slots=True)
+class Motion:
+    """Verdict on a joint motion.
+
+    Args:
+        free: Proved free for every instant.
+        colliding: A configuration on it was found that collides; neither is set where a pair comes
+            within a millionth of a metre of its margin.
+        at: Where along the motion it was stopped, from 0 to 1; 1 where it is free.
+        pair: The link and what it met; None where the motion is free.
+        clearance: A lower bound of the clearance over the whole motion, margins taken off [m];
+            -inf where none is told.
+        intervals: Intervals that were looked at; parts of meshes count as intervals too.
+    """
+
+    free: bool
+    colliding: bool
+    at: float
+    pair: tuple[str, str] | None
+    clearance: float
+    intervals: int
+
+
+class Proximity(NamedTuple):
+    """Pairs that are near each other in one configuration, and how their distances change.
+
+    Args:
+        pairs: Numbers for ``CollisionModel.pair_name``, shape (m,).
+        distances: Signed distances, margins taken off, negative by the depth of overlap, (m,) [m].
+        gradients: Of the distances with respect to the joints, shape (m, n) [m/rad or 1].
+    """
+
+    pairs: Indices
+    distances: Array
+    gradients: Array
+
+
+class Bracket(NamedTuple):
+    """Verdict of bounding and inscribed spheres on a configuration.
+
+    Args:
+        free: All outer spheres are clear.
+        colliding: An inner sphere met something.
+        flagged: Pairs that neither tells about, for the exact test; where it collides, those found
+            before.
+    """
+
+    free: bool
+    colliding: bool
+    flagged: tuple[tuple[str, str], ...]
+
+
+def collision_model(robot: RobotGeometry, scene: Scene, margin: float = 0.0) -> CollisionModel:
+    """``CollisionModel``."""
+    return CollisionModel(robot, scene, margin)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Checker:
+    """Answers for one robot in one scene.
+
+    Args:
+        model: The packed robot and scene, with the margin of every pair.
+        slack: Distance to keep beyond that from everything, the robot's own links too [m].
+    """
+
+    model: CollisionModel
+    slack: float = 0.0
+
+    @classmethod
+    def of(cls, robot: RobotGeometry, scene: Scene, margin: float = 0.0) -> "Checker":
+        """The checker of a robot in a scene, ``margin`` [m] to be kept from its obstacles."""
+        return cls(collision_model(robot, scene, margin))
+
+    def clearance(self, q: Array) -> tuple[float, tuple[str, str] | None]:
+        """Distance of the closest pair, margins taken off [m], and the pair.
+
+        Exact where positive; 0 or below says that something touches, not how deep. Infinite, and no
+        pair, where nothing can collide.
+        """
+        distance, pair = _closest_pair()(self.model.arrays, np.ascontiguousarray(q, _FLOAT))
+        return distance - self.slack, None if pair < 0 else self.model.pair_name(pair)
+
+    def closest(self, states: Array, within: float) -> tuple[float, int, tuple[str, str] | None]:
+        """The least ``clearance`` of states (k, n), if it is below ``within`` [m].
+
+        Returns:
+            The distance, ``within`` where nothing is closer [m], the number of the state, and the
+            pair; -1 and None where nothing is.
+        """
+        points = np.ascontiguousarray(states, _FLOAT)
+        beyond = float(within + self.slack)
+        found, state, pair = _closest_state()(self.model.arrays, points, beyond)
+        return found - self.slack, state, None if pair < 0 else self.model.pair_name(pair)
+
+    def gradient(self, q: Array, within: float) -> Proximity:
+        """Signed distances of all pairs closer than ``within`` [m], and their gradients.
+
+        A distance has no gradient where the direction it is measured along jumps (the middle of a
+        solid, the edge of a face opposite to another face); one of those on either side is
+        answered there. Pairs of pieces count, so a link that is made of several, or a mesh, can
+        occur several times with one obstacle.
+
+        Args:
+            q: Shape (n,).
+            within: Pairs farther apart than this, margins taken off, are left out [m].
+        """
+        point = np.ascontiguousarray(q, dtype=np.float64)
+        m, room = _NEAR_PAIRS, 0
+        while m > room:
+            room = m
+            pairs, distances = np.empty(room, np.int64), np.empty(room)
+            gradients = np.empty((room, len(point)))
+            m = near_pairs(
+                self.model.arrays, point, within + self.slack, pairs, distances, gradients
+            )
+        return Proximity(pairs[:m], distances[:m] - self.slack, gradients[:m])
+
+    def least_overlap(self, states: Array) -> tuple[float, tuple[str, str]] | None:
+        """The depth [m] and the pair of the least deep of some collisions, of states (k, n).
+
+        Of more than sixty states some are looked at, spread over all. None where none collides.
+        """
+        best: tuple[float, tuple[str, str]] | None = None
+        for q in states[:: max(1, len(states) // _MOST_OVERLAPS)]:
+            near = self.gradient(q, 0.0)
+            if not near.distances.size:
+                continue
+            depth, pair = -float(near.distances.min()), int(near.pairs[near.distances.argmin()])
+            if best is None or depth < best[0]:
+                best = depth, self.model.pair_name(pair)
+        return best
+
+    def valid(self, q: Array) -> bool:
+        """Whether a configuration keeps every pair its margin apart."""
+        point = np.ascontiguousarray(q, _FLOAT)
+        return _state_verdict()(self.model.arrays, point, float(self.slack)) == FREE
+
+    def all_valid(self, states: Array) -> bool:
+        """Whether all of the configurations (k, n) are ``valid``."""
+        points = np.ascontiguousarray(states, _FLOAT)
+        return not _any_blocked()(self.model.arrays, points, float(self.slack))
+
+    def each_valid(self, states: Array) -> NDArray[np.bool_]:
+        """Which of the configurations (k, n) are ``valid``, shape (k,)."""
+        points = np.ascontiguousarray(states, _FLOAT)
+        blocked = np.empty(len(points))
+        _mark_blocked()(self.model.arrays, points, float(self.slack), blocked)
+        return np.asarray(blocked == 0.0)
+
+    def bracket(self, q: Array) -> "Bracket":
+        """Verdict of the spheres alone, with the pairs that they leave to the exact test."""
+        point = np.ascontiguousarray(q, dtype=np.float64)
+        asked = np.zeros(1 + _NEAR_PAIRS, dtype=np.int64)
+        verdict = bracket_on(self.model.arrays, point, self.slack, asked)
+        if asked[0] >= len(asked):
+            asked = np.zeros(1 + asked[0], dtype=np.int64)
+            verdict = bracket_on(self.model.arrays, point, self.slack, asked)
+        pairs = tuple(self.model.pair_name(int(pair)) for pair in asked[1 : 1 + asked[0]])
+        return Bracket(verdict == FREE, verdict == COLLIDING, pairs)
+
+    def segment(self, start: Array, end: Array) -> Motion:
+        """Prove the straight joint motion from ``start`` to ``end``, both (n,)."""
+        return self.curve(start, end - start, np.zeros_like(start))
+
+    def curve(self, b0: Array, b1: Array, b2: Array, b3: Array | None = None) -> Motion:
+        """Prove the joint motion b0 + b1 s + b2 s^2 + b3 s^3 over 0 <= s <= 1, each (n,)."""
+        found, last = np.empty(4), np.zeros_like(b2) if b3 is None else b3
+        c0, c1, c2, c3 = (np.ascontiguousarray(b, _FLOAT) for b in (b0, b1, b2, last))
+        verdict = _curve_verdict()(self.model.arrays, c0, c1, c2, c3, float(self.slack), found)
+        return self._motion(verdict, found)
+
+    def free(self, start: Array, end: Array) -> bool:
+        """Whether the straight joint motion is proved free: ``segment`` without the report."""
+        a, b = np.ascontiguousarray(start, _FLOAT), np.ascontiguousarray(end, _FLOAT)
+        return _edge_verdict()(self.model.arrays, a, b, float(self.slack)) == FREE
+
+    def straight(self, start: Array, end: Array) -> Motion:
+        """``segment`` at less cost: it tells no clearance (-inf).
+
+        It looks at fifteen states between ``start`` and ``end``, both (n,), before it proves
+        anything: they cost less than a proof that fails.
+        """
+        a, b = np.ascontiguousarray(start, _FLOAT), np.ascontiguousarray(end, _FLOAT)
+        found = np.empty(4)
+        arrays, slack = self.model.arrays, float(self.slack)
+        return self._motion(_check_straight()(arrays, a, b, slack, _LOOKS, found), found)
+
+    def round_corners(
+        self, waypoints: Array, reaches: Array, halvings: int, *, keep: bool, smooth: bool
+    ) -> Iterator[int]:
+        """Find the first of each corner's reach, its half, ... whose ``curve`` is free.
+
+        Args:
+            waypoints: Shape (k, n), none that repeats its predecessor.
+            reaches: Largest reaches, 0 for corners that are not asked about, shape (k - 2,); filled
+                with those found, negative where none is free.
+            halvings: Reaches tried at a corner.
+            keep: Whether corners that are not ``valid`` themselves are passed over.
+            smooth: Whether two cubics of continuous curvature round a corner, or a parabola.
+
+        Yields:
+            The number of corners done, whenever the search may be given up.
+        """
+        points, done = np.ascontiguousarray(waypoints, _FLOAT), 0
+        while done < len(reaches):
+            done = _round_corners()(
+                self.model.arrays, points, float(self.slack), halvings, keep, smooth, done, reaches
+            )
+            yield done
+
+    def polyline(self, waypoints: Array) -> tuple[Motion, int]:
+        """Prove every leg of a polyline (k, n); what was found and the leg it is about."""
+        found = np.empty(4)
+        points = np.array(waypoints, dtype=np.float64)
+        verdict, leg = certify_path(self.model.arrays, points, self.slack, found)
+        return self._motion(verdict, found), int(leg)
+
+    def _motion(self, verdict: int, found: Array) -> Motion:
+        free = verdict == FREE
+        return Motion(
+            free=free,
+            colliding=verdict == COLLIDING,
+            at=1.0 if free else float(found[0]),
+            pair=None if free else self.model.pair_name(int(found[1])),
+            clearance=float(found[3]) - self.slack,
+            intervals=int(found[2]),
+        )

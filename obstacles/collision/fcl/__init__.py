@@ -1,0 +1,1 @@
+"""Exact distances and overlaps of a robot in a scene, by FCL."""

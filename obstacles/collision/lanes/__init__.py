@@ -1,0 +1,1 @@
+"""Collision checks of eight configurations at a time, one in each SIMD lane."""

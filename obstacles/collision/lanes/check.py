@@ -1,0 +1,330 @@
+"""The verdict on states, eight abreast: which of them are not free.
+
+It is ``state_check``'s, by the same spheres and the same exact test. What that has as a number is
+here a vector of eight, one state in each lane (see ``simd``). Lanes that are still open are bits of
+a number; a box, a ball or a grid that clears all of them is left at once, and only what stays open
+in the end is asked one by one.
+"""
+
+import numpy as np
+
+from compiled.kernel import kernel
+from compiled.simd import (
+    LANES,
+    bits,
+    choose,
+    load,
+    on_stack,
+    store,
+)
+from compiled.sincos import turns_kernel
+from kinematics.arrays import Array
+from kinematics.frame import move_kernel
+from kinematics.simd_frames import (
+    FRAME_SIZE,
+    identity_lanes_kernel,
+    load_frame_kernel,
+    store_frame_kernel,
+)
+from obstacles.collision.edge_check import FREE
+from obstacles.collision.exact_verdict import exact_verdict
+from obstacles.collision.lanes.balls import (
+    ball_at,
+    enter_group,
+    frame_at,
+    moved,
+    place_balls,
+    sphere_at,
+)
+from obstacles.collision.lanes.distance import beyond_grid, box_gap, closer, lane_bound_from
+from obstacles.collision.model.brackets import AFTER, INNER, OUTER
+from obstacles.collision.model.kernel_work import Workspace, place_row
+from obstacles.collision.model.model_arrays import ModelArrays
+from obstacles.collision.waiting_pairs import ROUNDING_ERROR
+from obstacles.distance.ball_distance import closed_form
+from obstacles.distance.bvh import FIRST, LAST, SKIP
+from obstacles.distance.piece_set import (
+    MARGIN,
+    NODE_STOP,
+    OWNER,
+    RADIUS,
+)
+
+#: Numbers on the stack for three vectors.
+_THREE = 3 * LANES
+
+
+@kernel(allocates=False)
+def blocked_between(
+    model: ModelArrays, work: Workspace, a: Array, b: Array, margin: float, parts: int, looks: int
+) -> bool:
+    """Whether a state between a and b (n,) is not free that ``blocked_at`` would look at.
+
+    Args:
+        model: The packed robot and scene.
+        work: A workspace of the model.
+        a: Where the motion begins, shape (n,) [rad or m].
+        b: Where it ends, shape (n,).
+        margin: Asked for on top of the pairs' own margins [m].
+        parts: Into which the motion is divided at first, a power of 2; 1 where the end is open.
+        looks: Parts at last.
+    """
+    shares, count, part = on_stack(LANES), 0, 1
+    while parts <= looks:
+        shares[count] = part / parts
+        count, part = count + 1, part + 2
+        if part > parts:
+            parts, part = 2 * parts, 1
+        if count == LANES or parts > looks:
+            write_states(work, a, b, shares, 0, count)
+            every = (1 << count) - 1
+            if blocked_lanes(model, work, margin, every, every, 0) != 0:
+                return True
+            count = 0
+    return False
+
+
+@kernel(allocates=False)
+def write_states(work: Workspace, a: Array, b: Array, shares: Array, first: int, end: int) -> None:
+    """Write states on the way from a to b (n,) into lanes, from the first to before the end.
+
+    Args:
+        work: The workspace, whose lanes before the first stay; those behind repeat the last.
+        a: Where the way begins, shape (n,).
+        b: Where it ends, shape (n,).
+        shares: Of the way, by lanes, shape (8,).
+        first: The first lane that is written.
+        end: The lane behind the last that is asked about, more than the first.
+    """
+    numbers = on_stack(LANES)
+    for number in range(LANES):
+        numbers[number] = number
+        if number >= end:
+            shares[number] = shares[end - 1]
+    share, kept = load(shares, 0), load(numbers, 0) < first
+    for j in range(a.shape[0]):
+        state = a[j] + (b[j] - a[j]) * share
+        store(work.lanes, LANES * j, choose(kept, load(work.lanes, LANES * j), state))
+
+
+@kernel(allocates=False)
+def blocked_lanes(
+    model: ModelArrays, work: Workspace, margin: float, asked: int, vital: int, together: int
+) -> int:
+    """Which of the eight states that a workspace begins with are not free, as bits.
+
+    Args:
+        model: The packed robot and scene.
+        work: A workspace of the model, its ``lanes`` beginning with the states.
+        margin: Asked for on top of the pairs' own margins [m].
+        asked: States that are asked about, as bits, as are the next two.
+        vital: Those of which one that is not free will do: the others may be left open then.
+        together: Those that all count as not free where one of them is not.
+    """
+    blocked = 0
+    write_frames(model.chain, work.lanes)
+    for body in range(model.bodies.shape[0]):
+        place_balls(model, work, model.bodies[body, 0])
+        if model.bodies[body, 1] < model.bodies[body, 2]:
+            blocked |= _around_body(
+                model, work, body, model.margin + margin, asked & ~blocked, vital
+            )
+        if blocked & together != 0:
+            blocked |= together
+        if blocked == asked or blocked & vital != 0:
+            return blocked
+    apart = model.own_margin + margin
+    blocked |= _own_pairs(model, work, apart, asked & ~blocked, vital)
+    return blocked | together if blocked & together != 0 else blocked
+
+
+@kernel(allocates=False)
+def write_frames(chain: Array, lanes: Array) -> None:
+    """Write the frames of all bodies at the states that ``lanes`` begin with."""
+    n = int(chain[0, 0])
+    size = LANES * n
+    q, cosines, sines = lanes[:size], lanes[size : 2 * size], lanes[2 * size : 3 * size]
+    turns_kernel(q, cosines, sines)
+    B = identity_lanes_kernel()
+    for j in range(n):
+        at = LANES * j
+        B = move_kernel(chain, 1 + j, load(q, at), load(cosines, at), load(sines, at), B)
+        store_frame_kernel(lanes, 3 * size + FRAME_SIZE * j, B)
+    turn = on_stack(_THREE)
+    for k in range(int(chain[0, 2])):
+        row = int(chain[0, 3]) + 2 * k
+        parent, leader = int(chain[row, 13]), int(chain[row + 1, 0])
+        B = identity_lanes_kernel()
+        if parent >= 0:
+            B = load_frame_kernel(lanes, 3 * size + FRAME_SIZE * parent)
+        value = chain[row + 1, 1] * load(q, LANES * leader) + chain[row + 1, 2]
+        store(turn, 0, value)
+        turns_kernel(turn[:LANES], turn[LANES : 2 * LANES], turn[2 * LANES :])
+        B = move_kernel(chain, row, value, load(turn, LANES), load(turn, 2 * LANES), B)
+        store_frame_kernel(lanes, 3 * size + FRAME_SIZE * (n + k), B)
+
+
+@kernel(allocates=False, inline="always")
+def _around_body(
+    model: ModelArrays, work: Workspace, body: int, extra: float, open_lanes: int,
+    vital: int,
+) -> int:  # fmt: skip
+    """Lanes of those open where a piece of a body meets what stands around."""
+    row, walls = model.bodies[body, 0], model.walls
+    nodes, items, scene = model.nodes, model.items, model.scene
+    p = ball_at(model, work, row)
+    radius = model.robot[row, RADIUS]
+    reach = max(radius + extra + ROUNDING_ERROR, 0.0)
+    several = model.bodies[body, 2] - model.bodies[body, 1] > 1
+    square, node, end, entry, stop = reach * reach, 0, nodes.shape[0], 0, 0
+    wall, blocked, near = 0, 0, 0
+    # One loop over half-spaces, nodes and what is in them: what it does is pasted in once.
+    while True:
+        if entry < stop:
+            k = items[entry]
+            entry += 1
+        elif node < end:
+            near = bits(box_gap(nodes, node, p) <= square) & open_lanes
+            if near == 0:
+                node = int(nodes[node, SKIP])
+            else:
+                entry, stop = int(nodes[node, FIRST]), int(nodes[node, LAST])
+                node += 1
+            continue
+        elif wall < walls.shape[0]:
+            k, near = walls[wall], open_lanes
+            wall += 1
+        else:
+            return blocked
+        apart, meets = scene[k, MARGIN] + extra, near & ~blocked
+        if several and meets != 0:
+            bound = lane_bound_from(scene, k, model.corners, p)
+            meets &= bits(bound <= radius + apart + ROUNDING_ERROR)
+        if meets != 0:
+            blocked |= _body_against(model, work, body, k, apart, meets, vital)
+            if blocked == open_lanes or (blocked & vital != 0):
+                return blocked
+
+
+@kernel(allocates=False, inline="always")
+def _body_against(
+    model: ModelArrays, work: Workspace, body: int, k: int, apart: float, open_lanes: int,
+    vital: int,
+) -> int:  # fmt: skip
+    """Lanes of those open where a piece of a body meets piece k of the scene."""
+    scene, spheres, corners, lanes = model.scene, model.spheres, model.corners, work.lanes
+    # What covers a part of a mesh may hold more than it: it is free, but never struck, by itself.
+    exact, blocked = closed_form(scene, k) and not scene[k, NODE_STOP] > 0.0, 0
+    for entry in range(model.bodies[body, 1], model.bodies[body, 2]):
+        i = model.carried[entry]
+        if model.skipped[i, int(scene[k, OWNER])]:
+            continue
+        at, left = frame_at(work, model.joints[i]), open_lanes & ~blocked
+        sphere, end = model.sphere_starts[i], model.sphere_starts[i + 1]
+        while sphere < end and left != 0:
+            x, y, z = spheres[sphere, 0], spheres[sphere, 1], spheres[sphere, 2]
+            distance = lane_bound_from(scene, k, corners, moved(lanes, at, x, y, z))
+            near = spheres[sphere, OUTER] + apart + ROUNDING_ERROR
+            close, after = bits(distance <= near) & left, int(spheres[sphere, AFTER])
+            if sphere == model.sphere_starts[i]:
+                left = close
+            if exact and close != 0:
+                deep = spheres[sphere, INNER] + apart - ROUNDING_ERROR
+                struck = bits(distance <= deep) & close
+                blocked |= struck
+                left, close = left & ~struck, close & ~struck
+            if blocked & vital != 0:
+                return blocked
+            if close == 0:
+                sphere = after
+                continue
+            sphere += 1
+            if after == sphere:
+                blocked |= _ask_each(model, work, k, i, apart, close, vital)
+                left &= ~close
+        if blocked & vital != 0:
+            return blocked
+    return blocked
+
+
+@kernel(allocates=False, inline="always")
+def _own_pairs(
+    model: ModelArrays, work: Workspace, apart: float, open_lanes: int, vital: int
+) -> int:
+    """Lanes of those open where a pair of the robot's own meets."""
+    rows, groups, lanes, blocked, group = model.robot, model.groups, work.lanes, 0, 0
+    while group < groups.shape[0]:
+        start, stop, a, b = groups[group]
+        reach = rows[a, RADIUS] + rows[b, RADIUS] + apart + ROUNDING_ERROR
+        close = closer(ball_at(model, work, a), ball_at(model, work, b), reach)
+        close &= open_lanes & ~blocked
+        if start < 0:
+            group += enter_group(model, work, group, close)
+            continue
+        group += 1
+        if close == 0:
+            continue
+        for s in range(start, stop):
+            i, j = model.self_pairs[s, 0], model.self_pairs[s, 1]
+            one, other = model.sphere_starts[i], model.sphere_starts[j]
+            reach = model.spheres[one, OUTER] + model.spheres[other, OUTER] + apart
+            meets = closer(
+                sphere_at(model, work, one, model.joints[i]),
+                sphere_at(model, work, other, model.joints[j]), reach + ROUNDING_ERROR,
+            ) & close & ~blocked  # fmt: skip
+            if meets != 0 and model.grid_axes[s, 0, 2] > 0.0:
+                meets = beyond_grid(model, lanes, s, apart + ROUNDING_ERROR, meets)
+            if meets != 0:
+                blocked |= _ask_own_each(model, work, s, apart, meets, vital)
+                if blocked & vital != 0:
+                    return blocked
+    return blocked
+
+
+@kernel(allocates=False)
+def _ask_each(
+    model: ModelArrays, work: Workspace, k: int, i: int, apart: float, open_lanes: int,
+    vital: int,
+) -> int:  # fmt: skip
+    """Lanes of those open where piece i of the robot meets piece k of the scene, by exact tests."""
+    asked, blocked = on_stack(1).view(np.int64), 0
+    for number in range(LANES):
+        if open_lanes >> number & 1:
+            work.stamps[-1] += 1
+            _write_frame(work, model.joints[i], number)
+            verdict = exact_verdict(model, work, model.scene, k, i, apart, asked, 0)
+            blocked |= int(verdict != FREE) << number
+            if blocked & vital != 0:
+                return blocked
+    return blocked
+
+
+@kernel(allocates=False)
+def _ask_own_each(
+    model: ModelArrays, work: Workspace, s: int, apart: float, open_lanes: int, vital: int
+) -> int:
+    """Lanes of those open where pair s of the robot's own meets, by exact tests."""
+    asked, blocked = on_stack(1).view(np.int64), 0
+    i, j = model.self_pairs[s, 0], model.self_pairs[s, 1]
+    for number in range(LANES):
+        if open_lanes >> number & 1:
+            work.stamps[-1] += 1
+            _write_frame(work, model.joints[i], number)
+            _write_frame(work, model.joints[j], number)
+            place_row(work.placed, i, model.robot, work.frames, model.joints[i])
+            verdict = exact_verdict(model, work, work.placed, i, j, apart, asked, 0)
+            blocked |= int(verdict != FREE) << number
+            if blocked & vital != 0:
+                return blocked
+    return blocked
+
+
+@kernel(allocates=False)
+def _write_frame(work: Workspace, joint: int, number: int) -> None:
+    """Write the frame of a body in one lane as that of the state that is looked at."""
+    if joint < 0:
+        return
+    at, T = frame_at(work, joint) + number, work.frames[joint]
+    for row in range(3):
+        for column in range(4):
+            T[row, column] = work.lanes[at + LANES * (4 * row + column)]

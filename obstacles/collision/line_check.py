@@ -1,0 +1,125 @@
+"""``edge_check`` on straight joint motions: one of them, or the legs of a polyline."""
+
+import numpy as np
+
+from compiled.kernel import kernel
+from compiled.simd import on_stack
+from kinematics.arrays import Array
+from kinematics.model.chain import MAX_JOINTS
+from obstacles.collision.edge_check import (
+    FREE,
+    MAX_INTERVALS,
+    NO_ROOM,
+    Cubic,
+    certify_in,
+    certify_spans,
+)
+from obstacles.collision.lanes.motion import open_stretches
+from obstacles.collision.model.kernel_work import Workspace, workspace
+from obstacles.collision.model.model_arrays import ModelArrays
+from obstacles.collision.state_check import blocked_at, verdict_in
+from obstacles.collision.waiting_pairs import Entries
+
+
+@kernel(allocates=False)
+def certify_line(
+    model: ModelArrays, work: Workspace, start: Array, end: Array, margin: float, most: int,
+    outcome: Array,
+) -> int:  # fmt: skip
+    """``certify_in`` on the straight motion from ``start`` to ``end``, both (n,)."""
+    n = start.shape[0]
+    step, zero = on_stack(MAX_JOINTS)[:n], on_stack(MAX_JOINTS)[:n]
+    for j in range(n):
+        step[j], zero[j] = end[j] - start[j], 0.0
+    return certify_in(model, work, Cubic(start, step, zero, zero), margin, most, outcome)
+
+
+@kernel(allocates=False)
+def prove_line(
+    model: ModelArrays, work: Workspace, start: Array, end: Array, margin: float, most: int,
+    outcome: Array,
+) -> int:  # fmt: skip
+    """``certify_line`` with stretches in lanes first; it tells no clearance (-inf).
+
+    Where most of a motion has some centimetres of room it costs a third.
+    """
+    n = start.shape[0]
+    step, zero = on_stack(MAX_JOINTS)[:n], on_stack(MAX_JOINTS)[:n]
+    for j in range(n):
+        step[j], zero[j] = end[j] - start[j], 0.0
+    curve, count = Cubic(start, step, zero, zero), open_stretches(model, work, start, end, margin)
+    if count == 0:
+        outcome[0], outcome[1], outcome[2], outcome[3] = 0.0, -1.0, 0.0, -np.inf
+        return FREE
+    if count > 0:
+        open_pairs = Entries(work.entries[0], work.hints[0])
+        verdict = certify_spans(model, work, curve, margin, most, open_pairs, count, outcome)
+        if verdict != NO_ROOM:
+            outcome[3] = -np.inf
+            return verdict
+    return certify_in(model, work, curve, margin, most, outcome)
+
+
+@kernel
+def certify_edge(model: ModelArrays, start: Array, end: Array, margin: float) -> int:
+    """``certify_curve`` on the straight motion from ``start`` to ``end``, the verdict alone.
+
+    Its end is looked at first: a state costs a tenth of a proof, and a thousandth of one that finds
+    a contact at the end of a motion which comes near others before.
+    """
+    return _edge_in(model, workspace(model), start, end, margin)
+
+
+@kernel(allocates=False)
+def _edge_in(model: ModelArrays, work: Workspace, start: Array, end: Array, margin: float) -> int:
+    verdict = verdict_in(model, work, end, margin, on_stack(1).view(np.int64))
+    if verdict != FREE:
+        return verdict
+    return prove_line(model, work, start, end, margin, MAX_INTERVALS, on_stack(4))
+
+
+@kernel
+def check_straight(
+    model: ModelArrays, start: Array, end: Array, margin: float, looks: int, outcome: Array
+) -> int:
+    """``prove_line`` behind a look at states on the way, which finds most contacts.
+
+    Args:
+        model: The packed robot and scene.
+        start: Where the straight motion begins, shape (n,) [rad or m].
+        end: Where it ends, shape (n,).
+        margin: Asked for on top of the pairs' own margins [m].
+        looks: Parts of the motion between which states are looked at, a power of 2.
+        outcome: As of ``certify_curve``, without a clearance.
+
+    Returns:
+        The verdict on the first state that a look finds not free, else on the motion.
+    """
+    work, n = workspace(model), start.shape[0]
+    share = blocked_at(model, work, start, end, margin, 2, looks, on_stack(1).view(np.int64))
+    if share >= 0.0:
+        there, zero = on_stack(MAX_JOINTS)[:n], on_stack(MAX_JOINTS)[:n]
+        for j in range(n):
+            there[j], zero[j] = start[j] + share * (end[j] - start[j]), 0.0
+        curve = Cubic(there, zero, zero, zero)
+        verdict = certify_in(model, work, curve, margin, MAX_INTERVALS, outcome)
+        # A look may leave open what is free by a hair: a state proves nothing of the motion.
+        if verdict != FREE:
+            outcome[0], outcome[3] = share, -np.inf
+            return verdict
+    return prove_line(model, work, start, end, margin, MAX_INTERVALS, outcome)
+
+
+@kernel
+def certify_path(
+    model: ModelArrays, waypoints: Array, margin: float, outcome: Array
+) -> tuple[int, int]:
+    """``certify_curve`` along every leg of a polyline (m, n); the verdict and the leg it is on."""
+    work = workspace(model)
+    for leg in range(waypoints.shape[0] - 1):
+        verdict = certify_line(
+            model, work, waypoints[leg], waypoints[leg + 1], margin, MAX_INTERVALS, outcome
+        )
+        if verdict != FREE:
+            return verdict, leg
+    return FREE, waypoints.shape[0] - 1

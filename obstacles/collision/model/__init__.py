@@ -1,0 +1,1 @@
+"""A robot in a scene, packed for the kernels of collision checks."""

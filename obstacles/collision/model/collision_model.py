@@ -1,0 +1,384 @@
+"""A robot and a scene packed for the kernels; each is prepared once and kept by its content."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import NamedTuple, TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from compiled.kernel import kernel
+from kinematics.arrays import Array, Indices
+from kinematics.caches.bounded_cache import DEFAULT_LIMIT, array_bytes, bounded_cache
+from kinematics.model.chain import Chain
+from obstacles.collision.model.brackets import Brackets, brackets, sphere_sets
+from obstacles.collision.model.model_arrays import ModelArrays, with_margins
+from obstacles.collision.model.pair_grid import PairGrid, pair_grid
+from obstacles.collision.model.pair_groups import chosen_groups, pair_groups, whole_groups
+from obstacles.distance.bvh import Tree, tree
+from obstacles.distance.piece_set import (
+    GROUP,
+    GROUP_STOP,
+    HALF,
+    KIND,
+    MARGIN,
+    MIDDLE,
+    OWNER,
+    POSE,
+    CoreKind,
+    PieceSet,
+)
+from obstacles.distance.scene_set import scene_set
+from obstacles.robots.robot_geometry import RobotGeometry
+from obstacles.scenes.scene import Scene
+
+__all__ = ["CollisionModel", "ModelArrays", "all_pieces", "pack", "skipped_pairs"]
+
+_T = TypeVar("_T", bound=np.generic)
+_HALFSPACE = int(CoreKind.HALFSPACE)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class CollisionModel:
+    """Everything a collision verdict depends on but the configuration; packed when first asked.
+
+    Every link is compared with every obstacle, and the robot's own pairs. What stands still with
+    the base can't be planned out of anything and is not compared with obstacles; pairs that the
+    scene or the robot allows are left out.
+
+    Args:
+        robot: Chain and solids.
+        scene: What stands around.
+        margin: To be kept from obstacles, beyond their own [m].
+        own_margin: To be kept between the robot's own links [m], which may be built close together.
+        _like: What is packed with other margins, if anything is.
+    """
+
+    robot: RobotGeometry
+    scene: Scene
+    margin: float = 0.0
+    own_margin: float = 0.0
+    _like: ModelArrays | None = field(default=None, repr=False)
+    _arrays: ModelArrays | None = field(default=None, init=False, repr=False)
+
+    @property
+    def chain(self) -> Chain:
+        """The robot's."""
+        return self.robot.chain
+
+    @property
+    def links(self) -> tuple[str, ...]:
+        """The link each piece of the robot belongs to, p of them."""
+        return self.robot.links
+
+    @property
+    def obstacles(self) -> tuple[str, ...]:
+        """Names of the obstacles."""
+        return self.scene.ids
+
+    @property
+    def arrays(self) -> ModelArrays:
+        """Arrays of the model for kernels."""
+        arrays = self._arrays
+        if arrays is None:
+            packed = self._like or _packed(self.robot, self.scene)
+            arrays = with_margins(packed, self.margin, self.own_margin)
+            object.__setattr__(self, "_arrays", arrays)
+        return arrays
+
+    def with_margins(self, margin: float, own_margin: float) -> "CollisionModel":
+        """Model of this robot and scene with other margins from obstacles and between links [m]."""
+        packed = self._arrays or self._like  # the margins are two numbers of it
+        return CollisionModel(self.robot, self.scene, margin, own_margin, packed)
+
+    def is_own_pair(self, pair: int) -> bool:
+        """Whether a pair is of two of the robot's own links."""
+        return pair >= len(self.links) * len(self.arrays.scene)
+
+    @classmethod
+    def bare(cls, chain: Chain) -> "CollisionModel":
+        """A robot without solids where there is nothing."""
+        none = np.zeros(0, dtype=np.int64)
+        return cls(RobotGeometry(chain, (), (), none, none, {}), Scene())
+
+    def pair_name(self, pair: int) -> tuple[str, str]:
+        """Names of the two bodies of a pair, the link that moves first.
+
+        Pair i m + k is piece i of the robot and piece k of the scene, p m + s the robot's pair s.
+        """
+        p, m = len(self.links), len(self.arrays.scene)
+        if pair >= p * m:
+            i, j = self.arrays.self_pairs[pair - p * m]
+            return self.links[j], self.links[i]
+        owner = int(self.arrays.scene[pair % m, OWNER])
+        return self.links[pair // m], self.obstacles[owner]
+
+
+def _packed(robot: RobotGeometry, scene: Scene) -> ModelArrays:
+    scene.check_placed()
+    own, around = _robot_part(robot), _scene_part(scene)
+    skipped = skipped_pairs(robot, scene)
+    robot_set = own.pieces.behind(around.pieces)
+    if robot_set is not own.pieces:  # which are read-only already
+        for array in robot_set:
+            array.setflags(write=False)
+    met_things, allowed = len(around.tree.items) > 0, scene.allowed_collisions
+    searches = _searches(robot, allowed, skipped.tobytes(), len(scene.ids), met_things)
+    roots = searches.roots
+    if len(around.walls):
+        roots = _with_walls(roots, searches.moving, met_things, skipped, around)
+    return ModelArrays(
+        chain=robot.chain.model,
+        joints=own.carriers,
+        robot=robot_set.rows,
+        scene=around.pieces.rows,
+        corners=robot_set.corners,
+        tables=robot_set.tables,
+        surfaces=robot_set.surfaces,
+        self_pairs=searches.self_pairs,
+        groups=searches.groups,
+        grid_axes=searches.grid.axes,
+        grid_starts=searches.grid.starts,
+        grid_values=searches.grid.values,
+        nodes=around.tree.nodes,
+        items=around.tree.items,
+        skipped=skipped,
+        spheres=own.brackets.spheres,
+        sphere_starts=own.brackets.starts,
+        bodies=searches.bodies,
+        carried=searches.carried,
+        walls=around.walls,
+        roots=roots,
+        margin=0.0,
+        own_margin=0.0,  # those of a model are put in their place
+    )
+
+
+def pack(robot: RobotGeometry) -> None:
+    """Pack a robot beforehand: what takes longest is kept (`kept_files`)."""
+    sphere_sets(robot)  # of a robot in memory too: what it was packed for may be gone
+    pair_grid(robot.chain, robot.pieces, robot.joints, _robot_part(robot).pairs)
+
+
+def all_pieces(robot: RobotGeometry, scene: Scene) -> PieceSet:
+    """The pieces of a robot, each in the frame of its joint, and behind them those of a scene."""
+    own, around = _robot_part(robot).pieces, _scene_part(scene).pieces
+    behind = own._replace(rows=own.rows[: len(robot.pieces)]).behind(around)
+    rows = np.vstack([behind.rows, around.rows])
+    grouped = rows[len(robot.pieces) :, GROUP_STOP] > 0.0
+    rows[len(robot.pieces) :, GROUP : GROUP_STOP + 1][grouped] += len(robot.pieces)
+    return behind._replace(rows=_readonly(rows))
+
+
+def skipped_pairs(robot: RobotGeometry, scene: Scene) -> NDArray[np.bool_]:
+    """Which pieces of a robot may touch which obstacles, shape (p, obstacles); read-only.
+
+    Those may that stand still with the base, and those whose link the scene allows to.
+    """
+    return _skipped_in(robot, scene.ids, scene.allowed_collisions)
+
+
+#: Scenes that differ in where things are often have the same names.
+@bounded_cache(maxsize=16, weigh=array_bytes)
+def _skipped_in(
+    robot: RobotGeometry, ids: tuple[str, ...], allowed: frozenset[tuple[str, str]]
+) -> NDArray[np.bool_]:
+    """``skipped_pairs`` with obstacles of these names."""
+    skipped = np.zeros((len(robot.pieces), len(ids)), dtype=np.bool_)
+    skipped[robot.joints < 0] = True
+    if allowed:
+        column = {name: k for k, name in enumerate(ids)}
+        # Most that scenes allow is of the robot's own links.
+        for pair in (pair for pair in allowed if pair[0] in column or pair[1] in column):
+            for link, obstacle in (pair, pair[::-1]):
+                if obstacle in column:
+                    rows = [i for i, name in enumerate(robot.links) if name == link]
+                    skipped[rows, column[obstacle]] = True
+    return _readonly(skipped)
+
+
+class _RobotPart(NamedTuple):
+    """A robot's rows, pieces and then balls, what carries them, and its pairs by groups."""
+
+    pieces: PieceSet
+    carriers: Indices
+    bodies: Mapping[int, int]
+    pairs: Indices
+    groups: Indices
+    grid: PairGrid
+    brackets: Brackets
+
+
+class _Searches(NamedTuple):
+    """Where searches start and what they compare, columns as in ``ModelArrays``.
+
+    ``moving`` are the pieces that meet things, outermost first.
+    """
+
+    self_pairs: Indices
+    grid: PairGrid
+    groups: Indices
+    bodies: Indices
+    carried: Indices
+    moving: Indices
+    roots: Indices
+
+
+class _ScenePart(NamedTuple):
+    pieces: PieceSet
+    tree: Tree
+    walls: Indices
+
+
+@bounded_cache(maxsize=64, limit=4 * DEFAULT_LIMIT)  # a plan's fine solids, and their hulls
+def _robot_part(robot: RobotGeometry) -> _RobotPart:
+    order = np.argsort(robot.joints[robot.self_pairs], axis=1, kind="stable")
+    pairs = np.take_along_axis(robot.self_pairs, order, axis=1)
+    pairs = pairs[np.lexsort(robot.joints[pairs[:, ::-1]].T)]
+    packed, p = PieceSet.of(robot.pieces), len(robot.pieces)
+    by_groups = pair_groups(packed.rows, robot.joints, pairs)
+    pairs, groups = _readonly(by_groups.pairs), _readonly(by_groups.groups)
+    grid = pair_grid(robot.chain, robot.pieces, robot.joints, pairs)
+    bodies = {int(joint): p + k for k, joint in enumerate(np.unique(robot.joints))}
+    carriers = _readonly(np.concatenate([robot.joints, by_groups.joints]))
+    own = packed._replace(rows=_readonly(np.vstack([packed.rows, by_groups.balls])))
+    for array in own:
+        array.setflags(write=False)
+    return _RobotPart(own, carriers, bodies, pairs, groups, grid, brackets(robot))
+
+
+def _own_pairs(
+    robot: RobotGeometry, allowed: frozenset[tuple[str, str]]
+) -> tuple[Indices, PairGrid, Indices]:
+    """The robot's pairs but for those that are allowed, their grids and ``ModelArrays.groups``."""
+    own = _robot_part(robot)
+    numbers = {name: k for k, name in enumerate(dict.fromkeys(robot.links))}
+    may_touch = np.zeros((len(numbers), len(numbers)), dtype=np.bool_)
+    for one, other in allowed:
+        if one in numbers and other in numbers:
+            a, b = numbers[one], numbers[other]
+            may_touch[a, b] = may_touch[b, a] = True
+    links = np.array([numbers[name] for name in robot.links], dtype=np.int64)
+    chosen = ~may_touch[links[own.pairs[:, 0]], links[own.pairs[:, 1]]]
+    grid = PairGrid(
+        _readonly(own.grid.axes[chosen]), _readonly(own.grid.starts[chosen]),
+        _readonly(own.grid.values),
+    )  # fmt: skip
+    return _readonly(own.pairs[chosen]), grid, _readonly(chosen_groups(own.groups, chosen))
+
+
+#: In scenes that allow the same, and most allow nothing, a robot's are the same.
+@bounded_cache(maxsize=64)
+def _searches(
+    robot: RobotGeometry, allowed: frozenset[tuple[str, str]], skipped: bytes, obstacles: int,
+    met_things: bool,
+) -> _Searches:  # fmt: skip
+    """Searches in a scene, those against half-spaces left out.
+
+    Args:
+        robot: The robot.
+        allowed: Pairs of names that may touch.
+        skipped: Bytes of ``skipped_pairs``.
+        obstacles: How many there are.
+        met_things: Whether there is anything that is no half-space.
+    """
+    self_pairs, grid, groups = _own_pairs(robot, allowed)
+    mask = np.frombuffer(skipped, dtype=np.bool_).reshape(len(robot.pieces), obstacles)
+    bodies, carried, moving = _bodies(robot, np.asarray(~mask.all(axis=1)))
+    # What is carried farthest out meets things first.
+    first = moving if met_things else moving[:0]
+    whole = whole_groups(groups)
+    roots = np.zeros((len(first) + len(whole), 2), dtype=np.int64)
+    roots[: len(first), 0], roots[: len(first), 1] = first, -1
+    roots[len(first) :, 0] = -1 - whole
+    return _Searches(self_pairs, grid, groups, bodies, carried, moving, _readonly(roots))
+
+
+def _bodies(robot: RobotGeometry, meets: NDArray[np.bool_]) -> tuple[Indices, Indices, Indices]:
+    """``ModelArrays.bodies`` and ``carried``, and the pieces that meet things, outermost first."""
+    rows = _robot_part(robot).bodies
+    outermost = np.argsort(-robot.joints, kind="stable")
+    carried = outermost[(meets & (robot.joints >= 0))[outermost]]
+    # All moving bodies, for their balls: some may have no piece that meets anything.
+    moving = sorted((joint for joint in rows if joint >= 0), reverse=True)
+    last = np.searchsorted(-robot.joints[carried], -np.array(moving, dtype=np.int64), side="right")
+    first = np.concatenate([[0], last[:-1]]) if len(last) else last
+    bodies = np.column_stack([[rows[joint] for joint in moving], first, last])
+    bodies = bodies.astype(np.int64).reshape(-1, 3)
+    return _readonly(bodies), _readonly(carried), _readonly(outermost[meets[outermost]])
+
+
+@bounded_cache(maxsize=16, weigh=array_bytes)
+def _scene_part(scene: Scene) -> _ScenePart:
+    packed = scene_set(scene)
+    rows = packed.rows.copy()
+    counts = np.array([obstacle.count for obstacle in scene.obstacles], dtype=np.int64)
+    margins = np.array([obstacle.margin for obstacle in scene.obstacles], dtype=np.float64)
+    low, high = np.empty((len(rows), 3)), np.empty((len(rows), 3))
+    order = np.empty(len(rows), dtype=np.int64)
+    solids = bound_rows_kernel(counts, margins, rows, low, high, order)
+    grown = tree(low[:solids], high[:solids])
+    items = order[grown.items]
+    for array in (rows, order, items):
+        array.setflags(write=False)
+    return _ScenePart(packed._replace(rows=rows), Tree(grown.nodes, items), order[solids:])
+
+
+@kernel(allocates=False, unlocks=False)
+def bound_rows_kernel(
+    counts: Indices, margins: Array, rows: Array, low: Array, high: Array, order: Indices
+) -> int:
+    """Write the obstacles and their margins into the rows (m, WIDTH) of a scene's pieces.
+
+    Args:
+        counts: Pieces of each obstacle.
+        margins: Of each obstacle [m].
+        rows: Of the pieces.
+        low: Filled with the lowest corners of pieces, margins on, half-spaces left out, (m, 3) [m].
+        high: Filled with the highest corners.
+        order: Filled with the numbers of these pieces, and behind them those of half-spaces, (m,).
+
+    Returns:
+        How many pieces are no half-spaces.
+    """
+    k, solids, m = 0, 0, rows.shape[0]
+    for owner in range(counts.shape[0]):
+        for _ in range(counts[owner]):
+            row = rows[k]
+            row[OWNER], row[MARGIN] = owner, margins[owner]
+            if row[KIND] != _HALFSPACE:
+                for axis in range(3):
+                    at = POSE + 4 * axis
+                    middle, half = 0.0, 0.0
+                    for other in range(3):
+                        middle += row[at + other] * row[MIDDLE + other]
+                        half += abs(row[at + other]) * row[HALF + other]
+                    middle, half = middle + row[at + 3], half + row[MARGIN]
+                    low[solids, axis], high[solids, axis] = middle - half, middle + half
+                order[solids] = k
+                solids += 1
+            k += 1
+    walls = solids
+    for k in range(m):
+        if rows[k, KIND] == _HALFSPACE:
+            order[walls] = k
+            walls += 1
+    return solids
+
+
+def _with_walls(
+    roots: Indices, moving: Indices, met_things: bool, skipped: NDArray[np.bool_],
+    around: _ScenePart,
+) -> Indices:  # fmt: skip
+    """Roots with those of searches against half-spaces, which come before own pairs."""
+    owners = around.pieces.rows[:, OWNER].astype(np.int64)
+    walls = [(i, k) for i in moving for k in around.walls if not skipped[i, owners[k]]]
+    first = len(moving) if met_things else 0
+    against = np.array(walls, dtype=np.int64).reshape(-1, 2)
+    return _readonly(np.concatenate([roots[:first], against, roots[first:]]))
+
+
+def _readonly(array: NDArray[_T]) -> NDArray[_T]:
+    array = np.ascontiguousarray(array)
+    array.setflags(write=False)
+    return array

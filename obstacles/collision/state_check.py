@@ -1,0 +1,345 @@
+"""The verdict on one configuration: free, colliding, exact where a sphere bracket can't tell.
+
+A body's ball walks the tree of what stands around; what it meets is met by each of its pieces,
+from one sphere about the piece down to the finest ones, at distances in closed form. A piece whose
+outer spheres are all clear of a solid is free of it; where an inner one meets it, it collides.
+Pairs that neither settles are asked of the distance iteration (`gjk`). A pair of the robot's own is
+looked up on its grid first. Poses of whole pieces are only worked out for the exact test.
+"""
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from compiled.kernel import kernel
+from compiled.vec3 import Vector, dot, subtract
+from kinematics.arrays import Array, Indices
+from kinematics.forward import frames_kernel
+from obstacles.collision.edge_check import COLLIDING, FREE, UNDECIDED
+from obstacles.collision.exact_verdict import exact_verdict, place_whole
+from obstacles.collision.group_verdict import asked_again, group_verdict
+from obstacles.collision.model.brackets import AFTER, INNER, OUTER
+from obstacles.collision.model.kernel_work import (
+    LAST_GROUP,
+    LAST_MET,
+    Workspace,
+    place_ball,
+    workspace,
+)
+from obstacles.collision.model.model_arrays import ModelArrays
+from obstacles.collision.model.pair_grid import grid_bound
+from obstacles.collision.waiting_pairs import ROUNDING_ERROR
+from obstacles.distance.ball_distance import bound_from, closed_form
+from obstacles.distance.bounds import balls_apart
+from obstacles.distance.bvh import FIRST, LAST, SKIP, gap
+from obstacles.distance.piece_set import CENTER, MARGIN, NODE_STOP, OWNER, RADIUS
+
+#: Pairs of two bodies from which on it pays to bring the balls of all pieces into the base frame.
+_FEW = 4
+
+
+class _Spheres(NamedTuple):
+    """The spheres of one piece of the robot.
+
+    Args:
+        first: The first of them.
+        end: The one behind the last.
+        joint: The joint that carries them, -1 for the base.
+    """
+
+    first: int
+    end: int
+    joint: int
+
+
+@kernel(allocates=False)
+def verdict_in(model: ModelArrays, work: Workspace, q: Array, margin: float, asked: Indices) -> int:
+    """The verdict on configuration q (n,).
+
+    Args:
+        model: The packed robot and scene.
+        work: A workspace of the model.
+        q: Shape (n,).
+        margin: Asked for on top of the pairs' own margins [m].
+        asked: Filled with how many pairs the brackets left open, and those of them there is room
+            for, shape (1 + r,). With room for any (r > 0) they are flagged and not asked.
+
+    Returns:
+        FREE, COLLIDING, or UNDECIDED: a pair comes within a millionth of a metre of its margin, or
+        is flagged.
+    """
+    asked[0] = 0
+    work.stamps[-1] += 1
+    for joint in range(q.shape[0]):
+        work.joints[0, joint] = q[joint]
+    frames_kernel(model.chain, q, work.frames)
+    verdict = FREE
+    # The body that met something last comes first: where a search is stuck, it is that again.
+    last, count = int(work.tally[LAST_MET]), model.bodies.shape[0]
+    if last >= count:  # of a model with more bodies, as a workspace may be shared by parts of one
+        last = 0
+    many, apart = work.tally[LAST_GROUP] >= 0.0, model.own_margin + margin
+    if many:
+        verdict = asked_again(model, work, apart, asked)
+        if verdict == COLLIDING:
+            return verdict
+    for turn in range(count):
+        body = last if turn == 0 else turn - 1 if turn <= last else turn
+        found = _around_body(model, work, body, model.margin + margin, asked)
+        if found == COLLIDING:
+            work.tally[LAST_MET] = body
+            if many:
+                work.tally[LAST_GROUP] = 0.0
+            return found
+        verdict = max(verdict, found)
+    if many:
+        found = group_verdict(model, work, apart, asked)
+    else:
+        found = _own_pairs(model, work, apart, asked)
+    return found if found == COLLIDING else max(verdict, found)
+
+
+@kernel(allocates=False, inline="always")
+def _around_body(
+    model: ModelArrays, work: Workspace, body: int, extra: float, asked: Indices
+) -> int:
+    """The verdict on all pieces of a body against what stands around."""
+    row, walls = model.bodies[body, 0], model.walls
+    nodes, items, rows = model.nodes, model.items, model.robot
+    place_ball(rows, row, work.frames, model.joints[row], work.placed)
+    placed, verdict, wall = work.placed, FREE, 0
+    x, y, z = placed[row, CENTER], placed[row, CENTER + 1], placed[row, CENTER + 2]
+    reach = max(rows[row, RADIUS] + extra + ROUNDING_ERROR, 0.0)
+    square, node, end, entry, stop = reach * reach, 0, nodes.shape[0], 0, 0
+    # One loop over half-spaces, nodes and what is in them: what it does is pasted in once.
+    while True:
+        if entry < stop:
+            k = items[entry]
+            entry += 1
+        elif node < end:
+            if gap(nodes, node, x, y, z) > square:
+                node = int(nodes[node, SKIP])
+            else:
+                entry, stop = int(nodes[node, FIRST]), int(nodes[node, LAST])
+                node += 1
+            continue
+        elif wall < walls.shape[0]:
+            k = walls[wall]
+            wall += 1
+        else:
+            return verdict
+        found = _body_against(model, work, body, k, extra, asked)
+        if found == COLLIDING:
+            return found
+        verdict = max(verdict, found)
+
+
+@kernel(allocates=False, inline="always")
+def _body_against(
+    model: ModelArrays, work: Workspace, body: int, k: int, extra: float, asked: Indices
+) -> int:
+    """The verdict on all pieces of a body against piece k of the scene."""
+    row, first, last = model.bodies[body, 0], model.bodies[body, 1], model.bodies[body, 2]
+    scene, placed = model.scene, work.placed
+    apart = scene[k, MARGIN] + extra
+    x, y, z = placed[row, CENTER], placed[row, CENTER + 1], placed[row, CENTER + 2]
+    if last - first > 1:
+        bound = bound_from(scene, k, model.corners, x, y, z)
+        if bound > model.robot[row, RADIUS] + apart + ROUNDING_ERROR:
+            return FREE
+    verdict = FREE
+    for entry in range(first, last):
+        i = model.carried[entry]
+        if model.skipped[i, int(scene[k, OWNER])]:
+            continue
+        found = _bracket(model, work, i, k, apart)
+        if found == UNDECIDED:
+            found = exact_verdict(model, work, scene, k, i, apart, asked, i * scene.shape[0] + k)
+        if found == COLLIDING:
+            return found
+        verdict = max(verdict, found)
+    return verdict
+
+
+@kernel(allocates=False, inline="always")
+def _own_pairs(model: ModelArrays, work: Workspace, apart: float, asked: Indices) -> int:
+    """The verdict on the robot's own pairs where no group of them is parted."""
+    placed, pairs, joints = work.placed, model.self_pairs, model.joints
+    pieces = model.skipped.shape[0]
+    first_pair, verdict, ready = pieces * model.scene.shape[0], FREE, False
+    for group in range(model.groups.shape[0]):
+        start, stop, a, b = model.groups[group]
+        if balls_apart(placed, a, b) > apart + ROUNDING_ERROR:
+            continue
+        if not ready and stop - start > _FEW:
+            for i in range(pieces):
+                if joints[i] >= 0:
+                    place_ball(model.robot, i, work.frames, joints[i], placed)
+            ready = True
+        for s in range(start, stop):
+            i, j = pairs[s, 0], pairs[s, 1]
+            if ready and balls_apart(placed, i, j) > apart + ROUNDING_ERROR:
+                continue
+            if model.grid_axes[s, 0, 2] > 0.0:
+                proved = grid_bound(
+                    model.grid_axes, model.grid_starts, model.grid_values, s, joints[i], work.joints
+                )
+                if proved > apart + ROUNDING_ERROR:
+                    continue
+            found = _bracket_pair(
+                model.spheres,
+                _Spheres(model.sphere_starts[i], model.sphere_starts[i + 1], joints[i]),
+                _Spheres(model.sphere_starts[j], model.sphere_starts[j + 1], joints[j]),
+                work.frames, apart, asked.shape[0] > 1,
+            )  # fmt: skip
+            if found == UNDECIDED:
+                place_whole(model, work, i)
+                found = exact_verdict(model, work, placed, i, j, apart, asked, first_pair + s)
+            if found == COLLIDING:
+                return found
+            verdict = max(verdict, found)
+    return verdict
+
+
+@kernel(allocates=False, inline="always")
+def _bracket(model: ModelArrays, work: Workspace, i: int, k: int, apart: float) -> int:
+    """The verdict of the spheres of piece i of the robot on piece k of the scene.
+
+    Returns:
+        FREE, COLLIDING, or UNDECIDED: the exact test is to be asked.
+    """
+    spheres, frames, joint = model.spheres, work.frames, model.joints[i]
+    sphere, end = model.sphere_starts[i], model.sphere_starts[i + 1]
+    rows, corners = model.scene, model.corners
+    # What covers a part of a mesh may hold more than it: it is free, but never struck, by itself.
+    exact = closed_form(rows, k) and not rows[k, NODE_STOP] > 0.0
+    while sphere < end:
+        x, y, z = spheres[sphere, 0], spheres[sphere, 1], spheres[sphere, 2]
+        distance = bound_from(
+            rows, k, corners,
+            frames[joint, 0, 0] * x + frames[joint, 0, 1] * y + frames[joint, 0, 2] * z
+            + frames[joint, 0, 3],
+            frames[joint, 1, 0] * x + frames[joint, 1, 1] * y + frames[joint, 1, 2] * z
+            + frames[joint, 1, 3],
+            frames[joint, 2, 0] * x + frames[joint, 2, 1] * y + frames[joint, 2, 2] * z
+            + frames[joint, 2, 3],
+        )  # fmt: skip
+        if distance > spheres[sphere, OUTER] + apart + ROUNDING_ERROR:
+            sphere = int(spheres[sphere, AFTER])
+            continue
+        if exact and distance <= spheres[sphere, INNER] + apart - ROUNDING_ERROR:
+            return COLLIDING
+        sphere += 1
+        if spheres[sphere - 1, AFTER] == sphere:
+            return UNDECIDED
+    return FREE
+
+
+@kernel(allocates=False)
+def _bracket_pair(
+    spheres: Array, one: _Spheres, other: _Spheres, frames: Array, apart: float, deep: bool
+) -> int:
+    """``_bracket`` of two pieces of the robot: the finest spheres of one that come near the other.
+
+    Links are built close together: below the first spheres (``deep``) the exact test is done
+    sooner. Inner radii below 0 prove what they say too: with s and t the signed distances from the
+    pieces, these are at most |c - d| + s(c) + t(d) apart.
+    """
+    a, a_end, a_joint = one
+    b, b_end, b_joint = other
+    middle, far = _moved(spheres, b, frames, b_joint), spheres[b, OUTER] + apart + ROUNDING_ERROR
+    while a < a_end:
+        center = _moved(spheres, a, frames, a_joint)
+        away = subtract(center, middle)
+        if dot(away, away) > (spheres[a, OUTER] + far) ** 2:
+            a = int(spheres[a, AFTER])
+            continue
+        if not deep:
+            return UNDECIDED
+        a += 1
+        if spheres[a - 1, AFTER] != a:
+            continue
+        k, reach = b, spheres[a - 1, OUTER] + apart + ROUNDING_ERROR
+        while k < b_end:
+            away = subtract(center, _moved(spheres, k, frames, b_joint))
+            distance = math.sqrt(dot(away, away))
+            if distance > spheres[k, OUTER] + reach:
+                k = int(spheres[k, AFTER])
+                continue
+            overlap = spheres[a - 1, INNER] + spheres[k, INNER] + apart - ROUNDING_ERROR
+            if distance <= overlap:
+                return COLLIDING
+            k += 1
+            if spheres[k - 1, AFTER] == k:
+                return UNDECIDED
+    return FREE
+
+
+@kernel(allocates=False)
+def _moved(spheres: Array, k: int, frames: Array, joint: int) -> Vector:
+    """The centre of a sphere in the base frame."""
+    x, y, z = spheres[k, 0], spheres[k, 1], spheres[k, 2]
+    if joint < 0:
+        return x, y, z
+    T = frames[joint]
+    return (
+        T[0, 0] * x + T[0, 1] * y + T[0, 2] * z + T[0, 3],
+        T[1, 0] * x + T[1, 1] * y + T[1, 2] * z + T[1, 3],
+        T[2, 0] * x + T[2, 1] * y + T[2, 2] * z + T[2, 3],
+    )
+
+
+@kernel(allocates=False)
+def blocked_at(
+    model: ModelArrays, work: Workspace, a: Array, b: Array, margin: float,
+    parts: int, looks: int, asked: Indices,
+) -> float:  # fmt: skip
+    """Share of the straight motion from a to b (n,) at which a state is not free, else -1.
+
+    States cost a tenth of a proof: most motions that collide are refused by them. First comes the
+    end (in one part), then the middle, the quarters and so on.
+
+    Args:
+        model: The packed robot and scene.
+        work: A workspace of the model.
+        a: Where it begins, shape (n,) [rad or m].
+        b: Where it ends, shape (n,).
+        margin: Asked for on top of the pairs' own margins [m].
+        parts: Into which the motion is divided at first, a power of 2; 1 where the end is open.
+        looks: Parts at last.
+        asked: Room, shape (1,).
+    """
+    q = work.joints[1]
+    while parts <= looks:
+        # Of all n / parts those that were not looked at before: odd n, and the end itself.
+        for part in range(1, parts + 1, 2):
+            share = part / parts
+            for joint in range(q.shape[0]):
+                q[joint] = a[joint] + (b[joint] - a[joint]) * share
+            if verdict_in(model, work, q, margin, asked) != FREE:
+                return share
+        parts *= 2
+    return -1.0
+
+
+@kernel
+def verdict_on(model: ModelArrays, q: Array, margin: float) -> int:
+    """``verdict_in`` in a workspace of its own."""
+    return verdict_in(model, workspace(model), q, margin, np.empty(1, dtype=np.int64))
+
+
+@kernel
+def bracket_on(model: ModelArrays, q: Array, margin: float, asked: Indices) -> int:
+    """``verdict_in`` by brackets alone, which flags pairs in ``asked`` (1 + r,), r > 0."""
+    return verdict_in(model, workspace(model), q, margin, asked)
+
+
+@kernel
+def verdicts_on(model: ModelArrays, states: Array, margin: float, verdicts: Array) -> int:
+    """``verdict_in`` of states (k, n) one after the other; how many pairs took the exact test."""
+    work, asked, total = workspace(model), np.empty(1, dtype=np.int64), 0
+    for k in range(states.shape[0]):
+        verdicts[k] = verdict_in(model, work, states[k], margin, asked)
+        total += asked[0]
+    return total

@@ -1,0 +1,1 @@
+"""Convex pieces: hulls, covers by spheres, nearest points."""

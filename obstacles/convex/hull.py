@@ -1,0 +1,202 @@
+"""Convex hulls of point sets, flat and segment-like ones included."""
+
+from dataclasses import dataclass, fields
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial import ConvexHull, QhullError
+
+from compiled.kernel import kernel
+from kinematics.arrays import Array, Indices
+
+#: Of more points than this, those that are surely inside of the hull are looked for first.
+_MANY = 1000
+#: How deep such a point lies at least, as a part of the points' extent.
+_INSIDE = 1e-9
+#: Extents below this part of the largest one are rounding errors of the coordinates, no thickness.
+_FLATNESS = 1e-9
+
+
+def _directions(count: int) -> Array:
+    """Both ways along the axes, then others along a spiral of equal areas, (3, count + 6).
+
+    Those follow each other in leaps: hulls that grow evenly make fewer faces that do not last.
+    """
+    z = 1.0 - (2.0 * np.arange(count) + 1.0) / count
+    turn = np.pi * (1.0 + np.sqrt(5.0)) * np.arange(count)
+    flat = np.sqrt(1.0 - z * z)
+    spiral = np.column_stack([flat * np.cos(turn), flat * np.sin(turn), z])
+    leaps = np.arange(count) * 77 % count
+    return np.ascontiguousarray(np.vstack([np.eye(3), -np.eye(3), spiral[leaps]]).T)
+
+
+#: Directions all over the sphere, (3, d): points that are the farthest along one are corners.
+DIRECTIONS = _directions(200)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Hull:
+    """The convex hull of a point set.
+
+    Args:
+        vertices: Its corners, shape (k, 3) [m].
+        triangles: Its surface, counter-clockwise seen from outside where it has an inside, shape
+            (f, 3) of indices into ``vertices``; corners repeat where it is a segment or a point.
+        planes: Unit normal and offset of each triangle, n.x <= o inside, shape (f, 4).
+        solid: Whether it has an inside; a polygon, a segment and a point have none.
+    """
+
+    vertices: Array
+    triangles: NDArray[np.int64]
+    planes: Array
+    solid: bool
+
+    def __post_init__(self) -> None:
+        for item in fields(self):
+            if item.name != "solid":
+                getattr(self, item.name).setflags(write=False)
+
+    @property
+    def volume(self) -> float:
+        """Enclosed volume, one sixth of the sum of a.(b x c) over the triangles [m^3]."""
+        if not self.solid:
+            return 0.0
+        corners = (self.vertices - self.vertices.mean(axis=0))[self.triangles]
+        a, b, c = corners[:, 0], corners[:, 1], corners[:, 2]
+        return float(np.einsum("ij,ij->", a, np.cross(b, c)) / 6.0)
+
+
+def principal_axes(points: Array) -> Array:
+    """Principal axes of ``points`` (m, 3) about their mean, the widest first; rows, shape (3, 3).
+
+    The singular vectors of the m x 3 matrix; those of its other side, m x m, are never made.
+    """
+    # Fewer points than axes leave axes that only the full decomposition has.
+    full = len(points) < 3
+    _, _, axes = np.linalg.svd(points - points.mean(axis=0), full_matrices=full)
+    return np.asarray(axes)
+
+
+def corners_and_volume(points: Array) -> tuple[Array, float]:
+    """Corners of the hull of ``points`` (m, 3), m >= 1, and its volume [m^3].
+
+    As those of `convex_hull`, whose planes cost more than both where corners are many.
+    """
+    points = _without_inner(points)
+    try:
+        hull = ConvexHull(points)
+    except (QhullError, ValueError):
+        return convex_hull(points).vertices, 0.0
+    return np.ascontiguousarray(points[hull.vertices]), float(hull.volume)
+
+
+def _without_inner(points: Array) -> Array:
+    """Points without most of those that are inside of the hull."""
+    if len(points) <= _MANY:
+        return points
+    points = np.ascontiguousarray(points)
+    best = np.full(DIRECTIONS.shape[1], -np.inf)
+    farthest = np.zeros(DIRECTIONS.shape[1], dtype=np.int64)
+    _write_farthest(points, DIRECTIONS, best, farthest)
+    inner = convex_hull(points[np.unique(farthest)])
+    if not inner.solid:
+        return points
+    depth = _INSIDE * float(np.ptp(inner.vertices, axis=0).max())
+    lies = np.empty(len(points), dtype=np.bool_)
+    _tell_inner(points, inner.planes, depth, lies)
+    return points[~lies]
+
+
+@kernel
+def _write_farthest(points: Array, directions: Array, best: Array, farthest: Indices) -> None:
+    values = np.empty(directions.shape[1])
+    for i in range(points.shape[0]):
+        write_values(directions, points, i, values)
+        keep_farthest(values, i, best, farthest)
+
+
+@kernel(fastmath=True, allocates=False)
+def write_values(directions: Array, points: Array, i: int, values: Array) -> None:
+    """Write how far point ``i`` is along each of ``directions`` (3, d)."""
+    x, y, z = points[i, 0], points[i, 1], points[i, 2]
+    for k in range(values.shape[0]):
+        values[k] = x * directions[0, k] + y * directions[1, k] + z * directions[2, k]
+
+
+@kernel(allocates=False)
+def keep_farthest(values: Array, i: int, best: Array, farthest: Indices) -> None:
+    """Note point ``i`` where it is farther than all before, ``best`` and ``farthest`` (d,)."""
+    for k in range(values.shape[0]):
+        if values[k] > best[k]:
+            best[k] = values[k]
+            farthest[k] = i
+
+
+@kernel(allocates=False)
+def _tell_inner(points: Array, planes: Array, depth: float, lies: NDArray[np.bool_]) -> None:
+    """Write whether each point (m, 3) is deeper than ``depth`` below all planes (f, 4)."""
+    for i in range(points.shape[0]):
+        x, y, z = points[i, 0], points[i, 1], points[i, 2]
+        lies[i] = True
+        for f in range(planes.shape[0]):
+            above = planes[f, 0] * x + planes[f, 1] * y + planes[f, 2] * z - planes[f, 3]
+            if above > -depth:
+                lies[i] = False
+                break
+
+
+def convex_hull(points: Array) -> Hull:
+    """The convex hull of ``points``, shape (m, 3) with m >= 1, all finite."""
+    points = _without_inner(np.asarray(points, dtype=np.float64).reshape(-1, 3))
+    points = np.unique(points, axis=0)
+    center = points.mean(axis=0)
+    _, extents, axes = np.linalg.svd(points - center, full_matrices=False)
+    rank = int(np.count_nonzero(extents > _FLATNESS * extents[0])) if extents[0] > 0.0 else 0
+    if rank == 3:
+        try:
+            return _solid(points)
+        except QhullError:
+            rank = 2  # thinner than qhull can tell from flat
+    if rank == 2:
+        flat = (points - center) @ axes[:2].T
+        return _polygon(points[ConvexHull(flat).vertices])
+    if rank == 1:
+        along = (points - center) @ axes[0]
+        points = points[[int(np.argmin(along)), int(np.argmax(along))]]
+    else:
+        points = points[:1]
+    last = len(points) - 1
+    return Hull(points, np.array([[0, last, last]]), np.zeros((1, 4)), solid=False)
+
+
+def _solid(points: Array) -> Hull:
+    hull = ConvexHull(points)
+    corners = hull.vertices
+    number = np.full(len(points), -1)
+    number[corners] = np.arange(len(corners))
+    triangles = number[hull.simplices]
+    vertices = np.ascontiguousarray(points[corners])
+    a, b, c = (vertices[triangles[:, i]] for i in range(3))
+    outward = np.einsum("ij,ij->i", np.cross(b - a, c - a), hull.equations[:, :3])
+    triangles[outward < 0.0] = triangles[outward < 0.0][:, ::-1]
+    planes = np.array(hull.equations)
+    # Qhull joins nearly coplanar facets: no corner may lie outside of a plane that is trusted.
+    _push_out(planes, np.ascontiguousarray(vertices.T))
+    return Hull(vertices, triangles.astype(np.int64), planes, solid=True)
+
+
+@kernel(fastmath=True)
+def _push_out(planes: Array, columns: Array) -> None:
+    """Raise the offset of each plane (f, 4) to its highest corner, ``columns`` of shape (3, k)."""
+    for f in range(planes.shape[0]):
+        a, b, c = planes[f, 0], planes[f, 1], planes[f, 2]
+        highest = -np.inf
+        for k in range(columns.shape[1]):
+            highest = max(highest, a * columns[0, k] + b * columns[1, k] + c * columns[2, k])
+        planes[f, 3] = highest
+
+
+def _polygon(corners: Array) -> Hull:
+    k = len(corners)
+    fan = np.array([[0, i, i + 1] for i in range(1, k - 1)], dtype=np.int64)
+    return Hull(np.ascontiguousarray(corners), fan, np.zeros((k - 2, 4)), solid=False)

@@ -1,0 +1,1 @@
+"""Distances and overlaps of two convex pieces."""

@@ -1,0 +1,205 @@
+"""How far a point is from a piece: with a ball's radius taken off, the ball's own signed distance.
+
+Closed forms for balls, boxes, cylinders, cones, half-spaces and capsules, exact inside and outside.
+A polytope's box bounds its distance from below; the distance itself takes an iteration, or inside
+the depth below its nearest face. Of many pieces, a cloud's points say, the nearest is found in
+their tree.
+"""
+
+import math
+
+import numpy as np
+
+from compiled.kernel import kernel
+from compiled.vec3 import Vector
+from kinematics.arrays import Array
+from obstacles.convex.support_table import Lists
+from obstacles.distance.bvh import FIRST, LAST, SKIP, Tree, gap
+from obstacles.distance.epa import contact
+from obstacles.distance.piece_set import (
+    CENTER,
+    HALF,
+    KIND,
+    MIDDLE,
+    POSE,
+    ROUNDING,
+    SIZE,
+    START,
+    STOP,
+    CoreKind,
+    ball_rows,
+)
+
+_POLYTOPE = int(CoreKind.POLYTOPE)
+_CYLINDER = int(CoreKind.CYLINDER)
+_CONE = int(CoreKind.CONE)
+_HALFSPACE = int(CoreKind.HALFSPACE)
+_BOX = int(CoreKind.BOX)
+_TABLED = int(CoreKind.TABLED)
+_POINT = int(CoreKind.POINT)
+#: Entries of a walk through a tree: its depth is the binary logarithm of its leaves.
+_DEEPEST = 128
+_BALL = ball_rows(np.zeros((1, 3)), 0.0)
+
+
+@kernel(allocates=False)
+def closed_form(rows: Array, k: int) -> bool:
+    """Whether ``bound_from`` is the distance itself: of all but polytopes that are no box."""
+    kind = rows[k, KIND]
+    return bool(kind != _TABLED and (kind != _POLYTOPE or rows[k, STOP] - rows[k, START] == 2.0))
+
+
+@kernel(allocates=False, inline="always")
+def bound_from(rows: Array, k: int, corners: Array, x: float, y: float, z: float) -> float:
+    """Signed distance of a point from piece k [m]; from the box around a polytope.
+
+    Args:
+        rows: Of a ``PieceSet``.
+        k: One of them.
+        corners: Theirs.
+        x: Of the point, in the frame the rows' poses map into, as are the next two [m].
+        y: Likewise.
+        z: Likewise.
+    """
+    a, b, c = x - rows[k, POSE + 3], y - rows[k, POSE + 7], z - rows[k, POSE + 11]
+    if rows[k, KIND] == _POINT:
+        return float(math.sqrt(a * a + b * b + c * c) - rows[k, ROUNDING])
+    u = rows[k, POSE] * a + rows[k, POSE + 4] * b + rows[k, POSE + 8] * c
+    v = rows[k, POSE + 1] * a + rows[k, POSE + 5] * b + rows[k, POSE + 9] * c
+    w = rows[k, POSE + 2] * a + rows[k, POSE + 6] * b + rows[k, POSE + 10] * c
+    if rows[k, KIND] < _BOX:
+        return from_core(rows, k, corners, u, v, w)
+    u = abs(u - rows[k, MIDDLE]) - rows[k, HALF]
+    v = abs(v - rows[k, MIDDLE + 1]) - rows[k, HALF + 1]
+    w = abs(w - rows[k, MIDDLE + 2]) - rows[k, HALF + 2]
+    deepest = max(u, v, w)
+    if deepest <= 0.0:
+        return float(deepest)
+    u, v, w = max(u, 0.0), max(v, 0.0), max(w, 0.0)
+    return math.sqrt(u * u + v * v + w * w)
+
+
+@kernel(allocates=False)
+def from_core(rows: Array, k: int, corners: Array, x: float, y: float, z: float) -> float:
+    """``bound_from`` of the rarer kinds, the point in the frame of the piece."""
+    kind, rounding = rows[k, KIND], rows[k, ROUNDING]
+    if kind == _HALFSPACE:
+        return float(z)
+    if kind == _CYLINDER:
+        across, along = math.sqrt(x * x + y * y) - rows[k, SIZE], abs(z) - rows[k, SIZE + 1]
+        return float(_outside(across, along, -np.inf) - rounding)
+    if kind == _CONE:
+        r = math.sqrt(x * x + y * y)
+        return float(_from_cone(r, z, rows[k, SIZE], rows[k, SIZE + 1]) - rounding)
+    if rows[k, STOP] - rows[k, START] == 2.0:
+        return float(_from_segment(corners, int(rows[k, START]), x, y, z) - rounding)
+    return _outside(
+        abs(x - rows[k, MIDDLE]) - rows[k, HALF],
+        abs(y - rows[k, MIDDLE + 1]) - rows[k, HALF + 1],
+        abs(z - rows[k, MIDDLE + 2]) - rows[k, HALF + 2],
+    )
+
+
+@kernel(allocates=False)
+def _outside(a: float, b: float, c: float) -> float:
+    """How far out is what is a, b and c beyond three planes at right angles; -inf for no plane."""
+    deepest = max(a, b, c)
+    if deepest <= 0.0:
+        return deepest
+    a, b, c = max(a, 0.0), max(b, 0.0), max(c, 0.0)
+    return math.sqrt(a * a + b * b + c * c)
+
+
+@kernel(allocates=False)
+def _from_cone(r: float, z: float, radius: float, half: float) -> float:
+    """From a cone with apex z = half and base z = -half, r from its axis.
+
+    In the half-plane through the axis it is a triangle with a right angle on the axis.
+    """
+    height = 2.0 * half
+    slope = math.sqrt(height * height + radius * radius)
+    # Along the slope from the rim, and out of it.
+    beyond = (height * (r - radius) + radius * (z + half)) / slope
+    along = (height * (z + half) - radius * (r - radius)) / slope
+    if beyond <= 0.0 and z >= -half:
+        return max(beyond, -half - z)
+    if z < -half and r <= radius:
+        return -half - z
+    along = min(max(along, 0.0), slope)
+    a = r - radius + along * radius / slope
+    b = z + half - along * height / slope
+    return math.sqrt(a * a + b * b)
+
+
+@kernel(allocates=False)
+def _from_segment(corners: Array, first: int, x: float, y: float, z: float) -> float:
+    """From the segment between two corners."""
+    ax, ay, az = x - corners[first, 0], y - corners[first, 1], z - corners[first, 2]
+    dx = corners[first + 1, 0] - corners[first, 0]
+    dy = corners[first + 1, 1] - corners[first, 1]
+    dz = corners[first + 1, 2] - corners[first, 2]
+    square = dx * dx + dy * dy + dz * dz
+    if square > 0.0:
+        share = min(max((ax * dx + ay * dy + az * dz) / square, 0.0), 1.0)
+        ax, ay, az = ax - share * dx, ay - share * dy, az - share * dz
+    return math.sqrt(ax * ax + ay * ay + az * az)
+
+
+@kernel
+def distance_from(
+    rows: Array, k: int, corners: Array, tables: Lists, x: float, y: float, z: float
+) -> float:
+    """Signed distance of a point from piece k of any kind [m]; arguments as of ``bound_from``."""
+    if closed_form(rows, k):
+        return bound_from(rows, k, corners, x, y, z)
+    ball = _BALL.copy()
+    for column in range(3):
+        value = (x, y, z)[column]
+        ball[0, CENTER + column], ball[0, POSE + 3 + 4 * column] = value, value
+    axis = np.zeros(3)
+    return contact(ball, 0, rows, k, corners, tables, axis)[0]
+
+
+@kernel
+def nearest_from(
+    rows: Array, tree: Tree, corners: Array, tables: Lists, p: Vector, within: float
+) -> tuple[float, int]:
+    """Signed distance of a point from the nearest of the pieces in a tree, and which one it is.
+
+    Args:
+        rows: Rows of a ``PieceSet``.
+        tree: A tree over them, whose boxes hold them.
+        corners: Corners of the pieces, shape (v, 3).
+        tables: Support tables of the pieces.
+        p: The point [m].
+        within: Pieces farther away than this don't count [m].
+
+    Returns:
+        ``within`` and -1 where there is none.
+    """
+    x, y, z = p
+    nodes, items = tree
+    best, nearest = within, -1
+    stack = np.empty(_DEEPEST, dtype=np.int64)
+    stack[0], top = 0, int(nodes.shape[0] > 0)
+    while top > 0:
+        top -= 1
+        node = stack[top]
+        square = gap(nodes, node, x, y, z)
+        # Inside a box the pieces' depths can't be told from it.
+        if square > 0.0 and (best <= 0.0 or square > best * best):
+            continue
+        if nodes[node, FIRST] < 0.0:
+            near, far = node + 1, int(nodes[node + 1, SKIP])
+            if gap(nodes, far, x, y, z) < gap(nodes, near, x, y, z):
+                near, far = far, near
+            stack[top], stack[top + 1] = far, near
+            top += 2
+            continue
+        for entry in range(int(nodes[node, FIRST]), int(nodes[node, LAST])):
+            k = items[entry]
+            if bound_from(rows, k, corners, x, y, z) < best:
+                distance = distance_from(rows, k, corners, tables, x, y, z)
+                if distance < best:
+                    best, nearest = distance, k
+    return best, nearest

@@ -1,0 +1,1 @@
+"""Distances, overlaps and motion of meshes, by their triangles."""

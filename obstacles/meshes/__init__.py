@@ -1,0 +1,1 @@
+"""Triangle meshes: read, checked, written, and decomposed into convex pieces."""

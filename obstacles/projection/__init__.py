@@ -1,0 +1,1 @@
+"""Orthogonal projection of points onto obstacles."""

@@ -1,0 +1,1 @@
+"""Solids of robots, objects they hold, and pairs of links that may touch."""

@@ -1,0 +1,152 @@
+"""Visual geometry of a robot: how its links look, as triangles, for display only."""
+
+from collections.abc import Callable, Iterable
+from functools import cache, partial
+from typing import NamedTuple
+
+import numpy as np
+
+from kinematics.errors import ArmwrightError, InvalidScene
+from kinematics.tree.description import (
+    BoxGeometry,
+    CapsuleGeometry,
+    CylinderGeometry,
+    Geometry,
+    MeshGeometry,
+    SphereGeometry,
+)
+from kinematics.urdf.visuals import Color, UrdfVisuals, VisualElement
+from obstacles.convex.triangles import Triangles, join, piece_triangles
+from obstacles.meshes.mesh import load_painted, scaled
+from obstacles.meshes.thinning import thin_out
+from obstacles.shapes.shape import Box, Capsule, Cylinder, Shape, Sphere
+
+#: Triangles of a whole robot: with their corners about 3 MB.
+MAX_TRIANGLES = 120_000
+
+
+class VisualBody(NamedTuple):
+    """A part of a link in one colour.
+
+    Args:
+        link: Its name.
+        color: Red, green, blue, opacity, 0 to 1; None where the description gives none.
+        surface: In the frame of the link.
+        simplified: Whether it is thinned out.
+    """
+
+    link: str
+    color: Color | None
+    surface: Triangles
+    simplified: bool
+
+
+#: Triangles that are read before they are thinned out.
+_MOST_READ = 4_000_000
+
+
+class VisualGeometry(NamedTuple):
+    """Visual geometry of a robot.
+
+    Args:
+        bodies: Of links whose visual elements can all be drawn.
+        missing: Links that have visual elements which can't be drawn, and why.
+    """
+
+    bodies: tuple[VisualBody, ...] = ()
+    missing: tuple[tuple[str, str], ...] = ()
+
+
+def visual_geometry(
+    visuals: UrdfVisuals,
+    links: Iterable[str],
+    meshes: Callable[[str], bytes],
+    most: int = MAX_TRIANGLES,
+) -> VisualGeometry:
+    """The visual geometry of some links; fine meshes are thinned out.
+
+    Args:
+        visuals: Of the URDF.
+        links: Names of the links.
+        meshes: Finds the bytes of a mesh file by its URI; raises where there are none.
+        most: Triangles of all together.
+    """
+    bodies: list[VisualBody] = []
+    missing: dict[str, str] = {}
+    # One file may stand for many elements: it is read once, and counted each time.
+    surfaces, left = cache(partial(_surfaces, meshes=meshes)), _MOST_READ
+    for link in links:
+        if link in visuals.faults:
+            missing[link] = visuals.faults[link]
+            continue
+        try:
+            own = _link_bodies(link, visuals.links.get(link, ()), surfaces, left)
+            left -= sum(len(body.surface.faces) for body in own)
+            bodies += own
+        except ArmwrightError as error:
+            missing[link] = error.message
+    return VisualGeometry(_within(bodies, most), tuple(missing.items()))
+
+
+def _link_bodies(
+    link: str,
+    elements: Iterable[VisualElement],
+    surfaces: Callable[[Geometry], list[tuple[Color | None, Triangles]]],
+    most: int,
+) -> list[VisualBody]:
+    """One body for each colour of a link.
+
+    Raises:
+        InvalidScene: There are more triangles than ``most``.
+    """
+    by_color: dict[Color | None, list[Triangles]] = {}
+    for element in elements:
+        T = element.T_link_element
+        for own, (vertices, faces) in surfaces(element.geometry):
+            most -= len(faces)
+            if most < 0:
+                raise InvalidScene(f"with the links before it more than {_MOST_READ} triangles")
+            placed = Triangles(vertices @ T[:3, :3].T + T[:3, 3], faces)
+            by_color.setdefault(element.color or own, []).append(placed)
+    return [VisualBody(link, color, join(parts), False) for color, parts in by_color.items()]
+
+
+def _surfaces(
+    geometry: Geometry, meshes: Callable[[str], bytes]
+) -> list[tuple[Color | None, Triangles]]:
+    if isinstance(geometry, MeshGeometry):
+        data, kind = meshes(geometry.uri), geometry.uri.rpartition(".")[2]
+        parts = load_painted(data, kind)
+        return [(color, Triangles(*scaled(v, f, geometry.scale))) for color, v, f in parts]
+    return [(None, join(piece_triangles(piece) for piece in _shape(geometry).pieces()))]
+
+
+def _shape(
+    geometry: BoxGeometry | SphereGeometry | CylinderGeometry | CapsuleGeometry,
+) -> Shape:
+    if isinstance(geometry, BoxGeometry):
+        return Box(np.array(geometry.size))
+    if isinstance(geometry, SphereGeometry):
+        return Sphere(geometry.radius)
+    if isinstance(geometry, CylinderGeometry):
+        return Cylinder(geometry.radius, geometry.length)
+    return Capsule(geometry.radius, geometry.length)
+
+
+def _within(bodies: list[VisualBody], most: int) -> tuple[VisualBody, ...]:
+    """Bodies with at most so many triangles together: large ones are thinned out."""
+    counts = sorted(len(body.surface.faces) for body in bodies)
+    if sum(counts) <= most:
+        return tuple(bodies)
+    left, share = most, most
+    for number, count in enumerate(counts):
+        share = left // (len(counts) - number)
+        if count > share:
+            break
+        left -= count
+    coarse = [body.surface if len(body.surface.faces) <= share else thin_out(body.surface, share)
+              for body in bodies]  # fmt: skip
+    return tuple(
+        body if surface is body.surface else body._replace(surface=surface, simplified=True)
+        for body, surface in zip(bodies, coarse, strict=True)
+    )

@@ -1,0 +1,1 @@
+"""Scenes of named obstacles, and MoveIt planning scenes."""

@@ -1,0 +1,1 @@
+"""Shapes of obstacles as values."""

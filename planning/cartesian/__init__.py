@@ -1,1 +1,0 @@
-"""Straight and circular tool motions."""

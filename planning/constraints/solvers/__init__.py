@@ -1,0 +1,1 @@
+"""Solvers of inverse kinematics under constraints."""

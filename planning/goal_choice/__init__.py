@@ -1,0 +1,1 @@
+"""The choice among configurations of a goal."""

@@ -1,0 +1,417 @@
+"""The search for a path: planners in turn, shortcuts, and the distance from what is passed."""
+
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import asdict, dataclass, replace
+from functools import partial
+from typing import NamedTuple
+
+import numpy as np
+
+from kinematics.arrays import Array
+from obstacles.collision.checker import Checker
+from planning.clearance.clearance_search import RoomTrials, Trial, leg_states
+from planning.clearance.levels import clearance_levels, highest_level
+from planning.clearance.moving_away import keep_clear
+from planning.clearance.retreat import join_ends, retreat
+from planning.clearance.time_shortcut import MAX_WAYPOINTS, quicken
+from planning.constrained.checker import ConstrainedChecker
+from planning.constrained.projected_rrt import Manifold, shortcut_along
+from planning.constrained.relaxation import Relaxation, find_relaxation
+from planning.options import Options
+from planning.pipeline.diagnosis import Diagnosis, diagnose
+from planning.pipeline.planners import CASCADE
+from planning.planner import Planner, Query
+from planning.preflight_result import Ready
+from planning.problem import Problem
+from planning.result import Attempt, Failure
+from planning.search.shortcut import path_is_free, shortcut, shortcut_unproved
+from planning.search.straight_line import StraightLine
+from planning.stages import Stages
+from planning.values.deadline import Deadline
+from planning.values.joint_barrier import JointBarrier, joint_barrier
+
+#: Share of the time that is kept back for shortening, timing and the proof.
+_RESERVED_SHARE = 0.2
+#: Share of it that is kept back from a last search, where nothing was found by then.
+_LAST_SHARE = 0.05
+#: Time that is kept back for them at most [s].
+_MAX_RESERVED = 1.0
+#: Time that is spent on finding out why there is no path, at most [s].
+_MAX_DIAGNOSIS = 1.0
+#: Share of the time for a path of the robot in its solids' hulls, before the exact one is tried.
+_HULLS_SHARE = 0.4
+#: Share of the time for a path that keeps the preferred clearance all along.
+_PREFERRED_SHARE = 0.4
+#: Edges that the cascade's trees may look at for a path to the best goals, before all are tried.
+_MAX_EDGES_TO_BEST = 2000
+#: Edges that they may look at for one that keeps half of the preferred clearance.
+_MAX_HALF_EDGES = 500
+
+
+class FoundPath(NamedTuple):
+    """A path: the planner that found it, its attempt, and the checker that it was found with.
+
+    Args:
+        planner: Its name.
+        attempt: What it answered; whether its path is proved free.
+        checker: One of the levels, the highest that the path keeps.
+        waypoints: Shape (k, n).
+        levels: Checkers of falling clearance, the last of which proves paths and motions.
+        motion_levels: Take their place for the motion, where it has others.
+        ends: Of a path between retreats.
+    """
+
+    planner: str
+    attempt: Attempt
+    checker: Checker
+    waypoints: Array
+    levels: tuple[Checker, ...]
+    motion_levels: tuple[Checker, ...] | None = None
+    ends: "Ends | None" = None
+
+
+class Ends(NamedTuple):
+    """Ends of a path that is planned between retreats from them.
+
+    Args:
+        start: Shape (n,).
+        goals: Configurations (n,).
+        retreats: From each of the goals, (n,).
+        least: Proves the legs to the ends.
+    """
+
+    start: Array
+    goals: list[Array]
+    retreats: list[Array]
+    least: Checker
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class PathSearch:
+    """The search for the path of one problem.
+
+    Args:
+        problem: What is to be planned.
+        options: Planner, timeout, seed and preferred clearance.
+        planners: Tried in turn.
+        stages: Reports of the stages.
+        deadline: The end of all stages.
+        limits: Of velocity, acceleration and jerk, as ``estimate_limits`` has them, shape (3, n).
+    """
+
+    problem: Problem
+    options: Options
+    planners: tuple[Planner, ...]
+    stages: Stages
+    deadline: Deadline
+    limits: Array
+
+    def find(self, ready: Ready) -> FoundPath | Failure:
+        """Find a path and shorten it, proved in every place.
+
+        One that keeps the preferred clearance where it is looked at is changed first and proved
+        then: few of its legs are left. Where that proof fails, all is done once more with a proof
+        of what the planners find.
+        """
+        found = self._find(ready, proves=False)
+        if isinstance(found, Failure):
+            return found
+        short = self._shorten(found)
+        if found.attempt.proved or self._is_proved(short):
+            return short
+        found = self._find(ready, proves=True)
+        return found if isinstance(found, Failure) else self._shorten(found)
+
+    def _is_proved(self, found: FoundPath) -> bool:
+        """Prove the legs of a path that was only looked at, as a stage of its own."""
+        checker, path = found.levels[-1], found.waypoints
+        return self.stages.run(
+            "path_proof",
+            lambda: path_is_free(checker, path),
+            lambda free: _describe_proof(path, free=free),
+        )
+
+    def _find(self, ready: Ready, *, proves: bool) -> FoundPath | Failure:
+        """Let the planners try in turn; with the robot in its solids' hulls first, if it can be."""
+        reserved = min(_RESERVED_SHARE * self.options.timeout, _MAX_RESERVED)
+        deadline = Deadline(self.deadline.at - reserved, self.deadline.interruptions)
+        proves = proves or self.options.explored is not None
+        best, chooses = ready, False
+        if self.planners is CASCADE and ready.best is not None and ready.best < len(ready.goals):
+            best, chooses = replace(ready, goals=ready.goals[: ready.best], best=None), True
+        for checker in ready.checkers:
+            levels = clearance_levels(checker, self.options.clearance)
+            until = deadline.within(_PREFERRED_SHARE * deadline.remaining)
+            trials, found = self._room_trials(best, levels), None
+            if trials is not None:
+                found = self._find_in_rooms(trials, trials.first(), until, proves=proves)
+                if found is not None:
+                    return found
+                found = self._find_at_half(best, levels, until, proves=proves)
+            if found is None and chooses:
+                query = self._query(best, checker, until, _MAX_EDGES_TO_BEST)
+                found, attempt = self._ask_planners(self.planners, query, levels)
+            if found is None:
+                share = 1.0 if checker is ready.checkers[-1] else _HULLS_SHARE
+                query = self._query(ready, checker, deadline.within(share * deadline.remaining))
+                found, attempt = self._ask_planners(self.planners, query, levels)
+            if found is not None:
+                if trials is None:
+                    return found
+                later = trials.later(found.waypoints)
+                roomier = self._find_in_rooms(trials, later, until, proves=proves)
+                return found if roomier is None else roomier
+        if attempt.failure is not None:
+            return attempt.failure
+        failure = self._no_path(attempt, deadline)
+        if self.options.max_edges is not None:
+            return failure
+        barrier = self._barrier(ready)
+        if barrier is not None:
+            failure = _beyond(barrier, failure)
+        diagnosis = self.stages.run(
+            "diagnosis", partial(self._diagnose, ready), lambda answer: (True, answer.sentence)
+        )
+        if barrier is None and failure.code == "TIMED_OUT":
+            found = self._find_in_what_is_left(ready)
+            if found is not None:
+                return found
+        return replace(failure, details={**failure.details, **diagnosis.details})
+
+    def _find_in_what_is_left(self, ready: Ready) -> FoundPath | None:
+        """A path that a search with another seed finds, in time that the diagnosis did not need."""
+        reserved = _LAST_SHARE * self.options.timeout
+        until = Deadline(self.deadline.at - reserved, self.deadline.interruptions)
+        if until.passed:
+            return None
+        checker = ready.checkers[-1]
+        query = replace(self._query(ready, checker, until), seed=self.options.seed + 1)
+        levels = clearance_levels(checker, self.options.clearance)
+        return self._ask_planners(self.planners, query, levels)[0]
+
+    def _room_trials(self, ready: Ready, levels: tuple[Checker, ...]) -> RoomTrials | None:
+        """The cascade's searches for a path that keeps the preferred clearance, if any."""
+        checker = levels[-1]
+        is_later = checker is not ready.checkers[0]
+        is_plain = not isinstance(checker, ConstrainedChecker) and len(levels) > 1
+        if self.planners is not CASCADE or is_later or not is_plain:
+            return None
+        return RoomTrials(ready, levels)
+
+    def _find_at_half(
+        self, ready: Ready, levels: tuple[Checker, ...], until: Deadline, *, proves: bool
+    ) -> FoundPath | None:
+        """A short search for a path that keeps half of the preferred clearance."""
+        highest = highest_level(levels[1:], ready.start, ready.goals)
+        if highest is None:
+            return None
+        level, goals = highest
+        kept = replace(ready, goals=goals)
+        query = self._query(kept, level, until, _MAX_HALF_EDGES, proves=proves)
+        return self._ask_planners(self.planners, query, levels)[0]
+
+    def _find_in_rooms(
+        self, trials: RoomTrials, choices: Iterator[Trial], until: Deadline, *, proves: bool
+    ) -> FoundPath | None:
+        """The path that the first of some trials finds which finds one."""
+        for trial in choices:
+            found = self._find_in_room(trials, trial, until, proves=proves)
+            if found is not None:
+                return found
+        return None
+
+    def _find_in_room(
+        self, trials: RoomTrials, trial: Trial, until: Deadline, *, proves: bool
+    ) -> FoundPath | None:
+        """A path that keeps the preferred clearance all along, or between retreats from its ends.
+
+        Where both ends keep it, all of the path and of its motion is held to it.
+        """
+        ready, room, least = trials.ready, trial.room, trials.levels[-1]
+        start = ready.start if trial.keeps_start else retreat(room.look, least, ready.start)
+        if start is None:
+            return None
+        known = [trial.keeps_goal and k == 0 for k in range(len(ready.goals))]
+        goals = [
+            (goal, goal if keeps else retreat(room.look, least, goal))
+            for goal, keeps in zip(ready.goals, known, strict=True)
+        ]
+        kept = [goal for goal, end in goals if end is not None]
+        ends = [end for _, end in goals if end is not None]
+        if not kept:
+            return None
+        among = Ready(start, ends, ready.checkers, ready.notes, ready.best)
+        query = self._query(among, room.look, until, trial.max_edges, proves=proves)
+        found, _ = self._ask_planners(self.planners, query, (room.look, room.kept))
+        if found is None:
+            return None
+        if start is ready.start and all(a is b for a, b in zip(kept, ends, strict=True)):
+            return found._replace(motion_levels=(room.kept, room.preferred, room.preferred))
+        lower = (room.kept, *trials.levels[1:])
+        return found._replace(motion_levels=lower, ends=Ends(ready.start, kept, ends, least))
+
+    def _query(
+        self,
+        ready: Ready,
+        checker: Checker,
+        until: Deadline,
+        max_edges: int | None = None,
+        *,
+        proves: bool = True,
+    ) -> Query:
+        options = self.options
+        return Query(
+            self.problem, ready, checker, options.seed, until, max_edges, options.max_edges,
+            options.explored, proves,
+        )  # fmt: skip
+
+    def _ask_planners(
+        self, planners: Sequence[Planner], query: Query, levels: tuple[Checker, ...]
+    ) -> tuple[FoundPath | None, Attempt]:
+        """The first path that a planner finds, if one does, and the last attempt."""
+        for planner in planners:
+            attempt = self.stages.run(planner.name, partial(planner.plan, query), _describe_attempt)
+            if attempt.waypoints is not None:
+                path = attempt.waypoints
+                return FoundPath(planner.name, attempt, query.checker, path, levels), attempt
+        return None, attempt
+
+    def _no_path(self, attempt: Attempt, deadline: Deadline) -> Failure:
+        last = self.stages.reports[-1]
+        if deadline.passed:
+            return Failure(
+                code="TIMED_OUT",
+                message=f"no path was found within the timeout of {self.options.timeout:g} s",
+                hint="Allow more time, another seed, or a smaller margin.",
+                stage=last.name,
+                details=attempt.details,
+            )
+        known = None if attempt.explain is None else attempt.explain()
+        return Failure(
+            code="PLANNING_FAILED",
+            message=f"{last.name} found no path: {last.detail}",
+            hint='Ask for planner "auto", or move the start, the goal or the obstacles.'
+            if known is None
+            else known.hint,
+            stage=last.name,
+            details={**attempt.details, **({} if known is None else known.details)},
+        )
+
+    def _barrier(self, ready: Ready) -> JointBarrier | None:
+        """A value of a joint that nothing passes, where the goals lie beyond one."""
+        exact = ready.checkers[-1]
+        if isinstance(exact, ConstrainedChecker):
+            return None
+        until = self.deadline.at_most(_MAX_DIAGNOSIS)
+        return joint_barrier(exact, ready.start, ready.goals, self.options.seed, until)
+
+    def _diagnose(self, ready: Ready) -> Diagnosis | Relaxation:
+        """Diagnosis of a failed search, within the time reserved for it."""
+        problem, seed = self.problem, self.options.seed
+        until = self.deadline.at_most(_MAX_DIAGNOSIS)
+        exact = ready.checkers[-1]
+        if isinstance(exact, ConstrainedChecker):
+            return find_relaxation(exact, ready.start, ready.goals, seed, until)
+        return diagnose(
+            problem.robot,
+            problem.scene,
+            exact,
+            ready.start,
+            ready.goals,
+            until,
+            margin=problem.margin,
+            seed=seed,
+        )
+
+    def _shorten(self, found: FoundPath) -> FoundPath:
+        """The path with fewer waypoints. A tool path, or one to be kept, stays as it is."""
+        if found.attempt.tool_path is not None or found.attempt.keep_path:
+            return found._replace(levels=found.levels[-1:])
+        if len(found.waypoints) > 2:
+            found = self._replace_path(found, "shortcut", self._shortcut)
+        is_kept = found.checker is found.levels[0] and len(found.waypoints) == 2
+        if self._may_keep_clear(found) and not (is_kept and found.ends is None):
+            found = self._replace_path(found, "clearance", self._keep_clear)
+        return found if found.motion_levels is None else self._for_motion(found)
+
+    def _may_keep_clear(self, found: FoundPath) -> bool:
+        """Whether a path may be moved for the sake of its clearance."""
+        is_straight = found.planner == self.options.planner == StraightLine.name
+        is_held = isinstance(found.checker, ConstrainedChecker) or len(found.levels) == 1
+        return not (is_held or is_straight)
+
+    def _for_motion(self, found: FoundPath) -> FoundPath:
+        """The path with the levels for its motion, and the highest that it keeps as its checker."""
+        levels = found.motion_levels
+        assert levels is not None
+        if found.ends is None or self.options.refine is None:
+            return found._replace(levels=levels, checker=levels[-1])
+        states = leg_states(found.waypoints)
+        kept = next((level for level in levels[:-1] if level.all_valid(states)), levels[-1])
+        return found._replace(levels=levels, checker=kept)
+
+    def _replace_path(
+        self, found: FoundPath, stage: str, change: Callable[[FoundPath], Array]
+    ) -> FoundPath:
+        count = len(found.waypoints)
+        path = self.stages.run(
+            stage,
+            partial(change, found),
+            lambda path: (True, f"{count} waypoints became {len(path)}."),
+        )
+        return found._replace(waypoints=path)
+
+    def _shortcut(self, found: FoundPath) -> Array:
+        checker, waypoints = found.checker, found.waypoints
+        if isinstance(checker, ConstrainedChecker):
+            return shortcut_along(Manifold(checker), waypoints, self.options.seed, self.deadline)
+        # Corners are cut where that saves time when the path is made quicker, which comes next.
+        cuts = not self._may_keep_clear(found) or self.options.refine is not None
+        short = self._left_out(found, cuts=cuts)
+        return short if len(short) <= MAX_WAYPOINTS else self._left_out(found, cuts=True)
+
+    def _left_out(self, found: FoundPath, *, cuts: bool) -> Array:
+        """The path with waypoints left out, and its corners cut or not."""
+        if not found.attempt.proved:
+            return shortcut_unproved(found.checker, found.waypoints, self.deadline, cuts=cuts)
+        least = found.levels[-1]
+        return shortcut(found.checker, found.waypoints, self.deadline, least, cuts=cuts)
+
+    def _keep_clear(self, found: FoundPath) -> Array:
+        reached, proves = found.levels.index(found.checker), found.attempt.proved
+        path = keep_clear(found.levels, found.waypoints, self.deadline, reached)
+        # What is optimised afterwards is made quicker there.
+        quickens = not self.deadline.passed and self.options.refine is None
+        if quickens:
+            path = quicken(found.levels, path, self.limits, spacious=reached == 0, proves=proves)
+        if found.ends is None:
+            return path
+        path = _join(found.ends, found.checker, path)
+        # Only legs next to the ends lack something: there it is weighed against the time.
+        levels = found.levels[-1], found.ends.least
+        return quicken(levels, path, self.limits, proves=proves) if quickens else path
+
+
+def _beyond(barrier: JointBarrier, failure: Failure) -> Failure:
+    """The failure of a search for goals beyond a value of a joint that nothing passes."""
+    details = {**failure.details, **asdict(barrier), "pair": list(barrier.pair)}
+    code = "PLANNING_FAILED" if barrier.certain else failure.code
+    return replace(failure, code=code, message=barrier.message, hint=barrier.hint, details=details)
+
+
+def _join(ends: Ends, roomy: Checker, path: Array) -> Array:
+    """The path with the ends that it is to have."""
+    apart = [float(np.abs(end - path[-1]).max()) for end in ends.retreats]
+    last = apart.index(min(apart))
+    return join_ends(roomy, ends.least, ends.start, path, ends.goals[last])
+
+
+def _describe_proof(waypoints: Array, *, free: bool) -> tuple[bool, str]:
+    legs = len(waypoints) - 1
+    if free:
+        return True, f"{legs} legs are proved free."
+    return False, f"Of {legs} legs that were looked at, not all could be proved free."
+
+
+def _describe_attempt(attempt: Attempt) -> tuple[bool, str]:
+    return attempt.waypoints is not None and attempt.stopped is None, attempt.detail

@@ -1,0 +1,134 @@
+"""Planners by name, and the cascade that plans where none is named."""
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from functools import partial
+from types import MappingProxyType
+
+from kinematics.errors import InvalidOption
+from planning.constrained.checker import ConstrainedChecker
+from planning.constrained.planner import ProjectedRrt
+from planning.field.options import FieldOptions
+from planning.field.planner import PotentialField
+from planning.options import Options
+from planning.planner import Planner, Query
+from planning.problem import Problem
+from planning.result import Attempt
+from planning.sampling.planners import PLANNERS as OMPL_PLANNERS
+from planning.sampling.search import OmplPlanner
+from planning.search.rrt_connect import RrtConnect
+from planning.search.straight_line import StraightLine
+from planning.tool_paths.planner import Cartesian
+from planning.values.optimize_options import OPTIMIZE
+
+
+@dataclass(frozen=True, slots=True)
+class ByConstraints:
+    """Two planners of one name, one of them for paths under constraints.
+
+    Args:
+        free: Plans where no constraint holds along the path.
+        constrained: Plans where one does.
+    """
+
+    free: Planner
+    constrained: Planner
+
+    @property
+    def name(self) -> str:
+        """Name of the first planner."""
+        return self.free.name
+
+    @property
+    def needs_goals(self) -> bool:
+        """Whether one of them needs goal configurations."""
+        return self.free.needs_goals or self.constrained.needs_goals
+
+    def plan(self, query: Query) -> Attempt:
+        """Look for a path with the planner that suits the checker."""
+        constrained = isinstance(query.checker, ConstrainedChecker)
+        return (self.constrained if constrained else self.free).plan(query)
+
+
+#: Planners tried in turn where none is named.
+CASCADE: tuple[Planner, ...] = (
+    StraightLine(),
+    ByConstraints(
+        RrtConnect(fallback=OmplPlanner.of("rrt_connect", {})), ProjectedRrt("rrt_connect")
+    ),
+)
+
+
+def _reject_options(options: Options) -> None:
+    if options.planner_options:
+        raise InvalidOption(
+            f"planner {options.planner!r} has no options",
+            hint="Name the planner that planner_options are for.",
+        )
+
+
+def _cascade(problem: Problem, options: Options) -> tuple[Planner, ...]:  # noqa: ARG001
+    _reject_options(options)
+    return CASCADE
+
+
+def _straight_line(problem: Problem, options: Options) -> tuple[Planner, ...]:  # noqa: ARG001
+    _reject_options(options)
+    return (StraightLine(),)
+
+
+def _potential_field(problem: Problem, options: Options) -> tuple[Planner, ...]:  # noqa: ARG001
+    return (PotentialField(FieldOptions.of(options.planner_options)),)
+
+
+def _cartesian(problem: Problem, options: Options) -> tuple[Planner, ...]:
+    _reject_options(options)
+    return (Cartesian.of(problem, options),)
+
+
+def _ompl(name: str, problem: Problem, options: Options) -> tuple[Planner, ...]:  # noqa: ARG001
+    return (OmplPlanner.of(name, options.planner_options),)
+
+
+def _rrt_connect(problem: Problem, options: Options) -> tuple[Planner, ...]:
+    (planner,) = _ompl("rrt_connect", problem, options)
+    return (ByConstraints(planner, ProjectedRrt("rrt_connect")),)
+
+
+Factory = Callable[[Problem, Options], tuple[Planner, ...]]
+
+_FACTORIES: Mapping[str, Factory] = MappingProxyType(
+    {
+        "auto": _cascade,
+        "straight_line": _straight_line,
+        "potential_field": _potential_field,
+        "cartesian": _cartesian,
+        OPTIMIZE: _cascade,
+        **{name: partial(_ompl, name) for name in OMPL_PLANNERS},
+        "rrt_connect": _rrt_connect,
+    }
+)
+
+#: Names of all planners.
+PLANNERS = tuple(_FACTORIES)
+
+
+def choose_planners(problem: Problem, options: Options) -> tuple[Planner, ...]:
+    """Return the planners to be tried in turn, with their options checked.
+
+    Args:
+        problem: What is to be planned.
+        options: The planner's name and its options.
+
+    Raises:
+        InvalidOption: There is no such planner or option, or a value is out of its range.
+        InvalidGoal: The planner does not take goals like those of the problem.
+    """
+    factory = _FACTORIES.get(options.planner)
+    if factory is None:
+        raise InvalidOption(
+            f"there is no planner {options.planner!r}",
+            hint=f"Choose one of: {', '.join(PLANNERS)}.",
+            planners=list(PLANNERS),
+        )
+    return factory(problem, options)

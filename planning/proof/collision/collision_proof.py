@@ -1,0 +1,265 @@
+"""Proof that nothing touches for every instant of a trajectory, or its first collision.
+
+A sweep of separating directions (``sweep``) settles pair after pair; FCL decides what no direction
+settles, since it touches or nearly so. Meshes that are not convex are swept as the solids that
+cover them first: where these stay apart, so does all that they hold, and no triangle is looked at.
+"""
+
+import numpy as np
+
+from kinematics.arrays import Array, Indices
+from kinematics.trajectory.trajectory import Trajectory
+from obstacles.distance.convex_distance import ACCURACY, convex_distance
+from obstacles.robots.robot_geometry import RobotGeometry
+from obstacles.scenes.scene import Scene
+from planning.proof.collision.containment import first_inside
+from planning.proof.collision.interval_check import COVERED, RESOLUTION, sharp_enough
+from planning.proof.collision.pair_table import PairTable
+from planning.proof.collision.sweep import ASKING, DONE, FULL, Proved, sweep_from_start, sweep_on
+from planning.proof.collision.sweep_state import (
+    CENTER,
+    DEPTH,
+    FIRST,
+    LAST,
+    MAX_DEPTH,
+    OBSTACLE,
+    OPEN,
+    OWN,
+    REFERRED,
+    TOP,
+    VISITS,
+    Sweep,
+    enlarge,
+    note_clearance,
+    push_halves,
+)
+from planning.proof.motion_bounds import VALUE
+from planning.proof.violation import Violation, at_an_end
+from planning.values.deadline import Deadline
+
+# The referee's decision on a pair.
+#: It is free all over the interval.
+_FREE = 0
+#: It may be free on the halves.
+_OPEN = 1
+#: It violates its margin.
+_HIT = 2
+#: Sweeps with ever more covers opened; the last one opens all.
+_MAX_SWEEPS = 8
+#: Triangles up to which all covers are opened at once: their table costs less than a sweep.
+_FEW_TRIANGLES = 15_000
+#: Intervals between two looks at the clock: a few milliseconds.
+_INTERVALS_A_CALL = 1000
+
+
+class CollisionProof:
+    """A sweep of separating directions along a trajectory, FCL the referee of what they leave.
+
+    Args:
+        trajectory: The motion.
+        robot: The arm with its geometry.
+        scene: The obstacles.
+        margin: Distance to keep from obstacles beyond their own margins [m].
+        deadline: When to give up.
+    """
+
+    def __init__(
+        self,
+        trajectory: Trajectory,
+        robot: RobotGeometry,
+        scene: Scene,
+        margin: float,
+        deadline: Deadline | None,
+    ) -> None:
+        self._robot, self._scene, self._margin = robot, scene, margin
+        self._trajectory, self._deadline = trajectory, deadline
+        self._start(frozenset())
+
+    def _start(self, opened: frozenset[int] | None) -> None:
+        """Begin a sweep with the triangles of some covers, None for all, others as solids."""
+        self._table = PairTable.of(self._robot, self._scene, self._margin, opened)
+        self._proved: Proved | None = None
+        self._unfinished: Sweep | None = None
+        self.violation: Violation | None = None
+
+    @property
+    def interval_count(self) -> int:
+        """Intervals that were looked at."""
+        return 0 if self._proved is None else int(self._proved.counters[VISITS])
+
+    @property
+    def clearances(self) -> tuple[float, float]:
+        """Proved from obstacles and among the robot's own links [m]."""
+        if self._proved is None:
+            nothing = np.inf if self.violation is None else 0.0
+            return nothing, nothing
+        return float(self._proved.clearance[OBSTACLE]), float(self._proved.clearance[OWN])
+
+    def closest(self, against: int) -> tuple[str, str] | None:
+        """The pair with the least clearance, of those with obstacles or of the robot's own."""
+        if self._proved is None:
+            return None
+        i, j = self._proved.closest[against].tolist()
+        return self._table.names(i, j) if i >= 0 else None
+
+    def run(self) -> None:
+        """Settle every pair on every interval, or find the first violation."""
+        if not len(self._table.arrays.roots):
+            return
+        # Whatever covers and triangles are proved apart: who is inside touches neither.
+        inside = first_inside(self._robot, self._scene, self._trajectory.start)
+        if inside is not None:
+            self._note_inside(*inside)
+            return
+        opened: frozenset[int] = frozenset()
+        for sweeps in range(1, _MAX_SWEEPS + 1):
+            more = self._run_once()
+            if not more:
+                return
+            opened |= more
+            last = sweeps + 1 == _MAX_SWEEPS or self._triangle_count() <= _FEW_TRIANGLES
+            self._start(None if last else opened)
+
+    def _run_once(self) -> set[int]:
+        """Sweep once; covers that have to be opened first for a proof or a violation, if any."""
+        while True:
+            if self._is_late():
+                message = "time was up before the proof was complete"
+                self.violation = self.violation or Violation("time", 0.0, message, {})
+                return set()
+            state = self._sweep_on()
+            if state == ASKING:
+                more = self._closed_covers(self._sweep.referred[: self._sweep.counters[REFERRED]])
+                if more:
+                    return more
+                self._decide_referred()
+            if state == DONE:
+                # Too near for what covers prove to be told as the clearance of what they cover.
+                assert self._proved is not None
+                least = self._proved.nearest
+                if self.violation is not None or min(least.tolist()) > COVERED:
+                    return set()
+                return self._closed_covers(self._proved.closest[least <= COVERED])
+
+    def _triangle_count(self) -> int:
+        """Triangles under all covers of the robot and the scene."""
+        pieces = list(self._robot.pieces)
+        pieces += [p for o in self._scene.obstacles if not o.is_cloud for p in o.pieces()]
+        return sum(len(p.surface.triangles) for p in pieces if p.surface is not None)
+
+    def _closed_covers(self, pairs: Indices) -> set[int]:
+        """Covers among pairs of elements (k, 2) that are not opened."""
+        covers = {self._table.closed_cover(int(k)) for k in pairs.reshape(-1) if k >= 0}
+        return {row for row in covers if row is not None}
+
+    def _note_inside(self, outer: str, inner: str) -> None:
+        """Note that of two bodies one is inside the other at the start."""
+        message = f"{outer!r} and {inner!r}: one is inside the other at the start"
+        details = {"pair": [outer, inner], "distance": 0.0, "margin": 0.0, "at": "start"}
+        self.violation = Violation("collision", 0.0, message, details)
+
+    def _is_late(self) -> bool:
+        return self._deadline is not None and self._deadline.passed
+
+    def _sweep_on(self) -> int:
+        """Sweep on for some milliseconds; why it stopped, with more room where there was none."""
+        motion, pairs, most = self._trajectory, self._table.arrays, _INTERVALS_A_CALL
+        sharp = self.violation is None
+        if self._unfinished is None:
+            begun = sweep_from_start(motion, pairs, most, sharp=sharp)
+            state, self._proved, self._unfinished = begun
+        else:
+            state = sweep_on(motion, pairs, self._unfinished, most, sharp=sharp)
+        if state == FULL:
+            self._unfinished = enlarge(self._sweep)
+        return state
+
+    @property
+    def _sweep(self) -> Sweep:
+        """The sweep that has begun and is not done."""
+        assert self._unfinished is not None
+        return self._unfinished
+
+    def _decide_referred(self) -> None:
+        """Let FCL decide about the pairs referred to it, so that the sweep can go on."""
+        sweep, counters = self._sweep, self._sweep.counters
+        referred = [(int(i), int(j)) for i, j in sweep.referred[: counters[REFERRED]]]
+        left: list[tuple[int, int]] = []
+        hit = -1
+        for at, (i, j) in enumerate(referred):
+            verdict = self._decide(at, i, j)
+            if verdict == _HIT:
+                left, hit = left + referred[at:], at
+                break
+            if verdict == _OPEN:
+                left.append((i, j))
+        if hit >= 0:
+            # Nothing later than the middle of this interval is the first violation any more.
+            counters[TOP] = 0
+            if self._is_final(hit):
+                return
+        still_open = int(counters[OPEN])
+        if not (left or still_open):
+            return
+        end = int(sweep.starts[counters[DEPTH] + 1]) + still_open
+        sweep.pairs[end : end + len(left)] = np.array(left, dtype=np.int64).reshape(-1, 2)
+        sweep.directions[end : end + len(left)] = 0.0
+        counters[OPEN] = still_open + len(left)
+        push_halves(sweep, self._trajectory.breaks, hit < 0)
+
+    def _decide(self, at: int, i: int, j: int) -> int:
+        """FCL's decision on a referred pair: free all over the interval, open, or a violation."""
+        sweep, arrays = self._sweep, self._table.arrays
+        against = OWN if i < arrays.moving else OBSTACLE
+        apart = 0.0 if against == OWN else float(arrays.margins[i]) + arrays.margin
+        distance = convex_distance(
+            self._table.solid(i), self._pose(i), self._table.solid(j), self._pose(j)
+        )
+        lower = distance - float(sweep.referred_moves[at]) - ACCURACY
+        final = self._is_final(at)
+        if lower > apart and (final or lower >= sharp_enough(sweep.nearest[against], True)):
+            note_clearance(sweep, against, i, j, lower)
+            return _FREE
+        if distance > apart and not final:
+            return _OPEN
+        self._note_violation(at, (i, j), distance, apart)
+        return _HIT
+
+    def _pose(self, k: int) -> Array:
+        """Pose of element k in the middle of the interval, by the joints' frames alone."""
+        joint, T = int(self._table.arrays.joints[k]), self._table.arrays.poses[k]
+        return np.asarray(self._sweep.frames[joint] @ T) if joint >= 0 else T
+
+    def _is_final(self, at: int) -> bool:
+        """Whether halving the interval any further is of no use to a referred pair."""
+        sweep = self._sweep
+        return bool(sweep.referred_moves[at] < RESOLUTION or sweep.counters[DEPTH] == MAX_DEPTH)
+
+    def _note_violation(
+        self, at: int, pair: tuple[int, int], distance: float, apart: float
+    ) -> None:
+        """Note a violation in the middle of the interval; the sweep goes on with earlier ones."""
+        sweep, trajectory = self._sweep, self._trajectory
+        i, j = pair
+        whole = sweep.counters[FIRST] < sweep.counters[LAST]
+        begins = 0.0 if whole else float(trajectory.breaks[sweep.counters[FIRST]])
+        time = min(begins + float(sweep.interval[CENTER]), trajectory.duration)
+        against = OWN if i < self._table.arrays.moving else OBSTACLE
+        note_clearance(sweep, against, i, j, distance)
+        names = self._table.names(i, j)
+        message = f"{names[0]!r} and {names[1]!r} {_describe(distance)}"
+        if apart > 0.0:
+            message += f", {apart:.6g} m are asked for"
+        details = {"pair": list(names), "distance": distance, "margin": apart}
+        where = at_an_end(trajectory, sweep.joints[: trajectory.n, VALUE])
+        if where is not None:
+            message, details["at"] = f"{message} at the {where}", where
+        decided = distance <= apart or sweep.referred_moves[at] < RESOLUTION
+        kind = "collision" if decided else "undecided"
+        self.violation = Violation(kind, time, message, details)
+
+
+def _describe(distance: float) -> str:
+    if abs(distance) <= RESOLUTION:
+        return "touch"
+    return f"overlap by {-distance:.6g} m" if distance < 0.0 else f"are {distance:.6g} m apart"

@@ -1,0 +1,388 @@
+"""Pairs that must stay apart, packed for the proof's own kernels: solids, and what holds them.
+
+Everything is an element: a convex solid, or something that holds those below it. A tree of boxes
+holds the obstacles; the cover of a part of a mesh holds its triangles, by way of a tree of boxes. A
+pair of elements that can be proved apart settles all pairs below it.
+"""
+
+from dataclasses import dataclass, replace
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from kinematics.arrays import Array, Indices, frozen
+from kinematics.caches.bounded_cache import array_bytes, bounded_cache
+from kinematics.model.chain import Chain
+from obstacles.convex.piece import Piece, PieceArrays, PieceKind
+from obstacles.robots.robot_geometry import RobotGeometry
+from obstacles.scenes.scene import Scene
+from planning.proof.collision.elements import HOLDER, Elements, boxes_over, join, solids
+from planning.proof.collision.joined_pieces import join_pieces, join_primitives
+from planning.proof.collision.link_boxes import link_parts, part_pairs, with_link_boxes
+from planning.proof.collision.proposals import (
+    STOP_NODE,
+    PackedPieces,
+    ProposalRows,
+    Rows,
+    any_rows,
+    packed_pieces,
+    rows_before,
+)
+from planning.proof.motion_bounds import PARENT, TYPE
+
+__all__ = ["HOLDER", "PairArrays", "PairTable"]
+
+_HALFSPACE = int(PieceKind.HALFSPACE)
+
+
+class PairArrays(NamedTuple):
+    """Arrays that the proof's kernels read (n joints, b bodies, e elements, v vertices).
+
+    The joints of the chain come first, then those that follow them; each moves a body.
+
+    Elements of the robot come first: its pieces, then what is below them; then those of the scene
+    alike, and at last the tree over the scene's pieces.
+
+    Args:
+        bodies: Type of the joint that moves each body, 0 revolute, 1 prismatic, and the body before
+            it, shape (2, b).
+        offsets: Of every joint at 0 in the frame of the body before, shape (b, 4, 4).
+        leads: Multiplier and offset of the joints that follow others, shape (b - n, 2).
+        leaders: The joints that these follow, shape (b - n,).
+        roots: Pairs that everything hangs below; the second is the robot's and moves against the
+            first; shape (k, 2).
+        moving: How many elements are the robot's.
+        asked: Whether a pair asks how each of these moves seen from body k - 1, shape (r, b).
+        margins: Distance that each element of the scene is to be kept away, of a holder the most of
+            those below it, shape (e,) [m].
+        margin: To be kept from obstacles beyond that [m].
+        joints: Body that each element is part of, -1 for what stands still, shape (e,).
+        kinds: Of the elements' cores, as ``PieceKind``, or HOLDER, shape (e,).
+        starts: Vertices of element i are ``vertices[starts[i]:starts[i + 1]]``, shape (e + 1,).
+        columns: The vertices in their elements' frames, shape (3, v): so loops compile to vectors.
+        sizes: Radius, half height, rounding; shape (e, 3).
+        poses: Frame of each element in that of its joint, shape (e, 4, 4).
+        centers: Of a ball that holds each element, in the frame of its joint, shape (e, 3).
+        radii: Of these balls, shape (e,).
+        boxes: Centre and half sizes of a box that holds each element, in its own frame, (e, 6).
+        extents: Size of the largest numbers that an element's place is summed from, shape (e,) [m].
+        below: What is directly below element i is ``kids[below[i]:below[i + 1]]``, shape (e + 1,).
+        kids: Elements.
+        parts: The robot's piece or the obstacle that an element belongs to, -1 for several, (e,).
+        skipped: Whether a piece of the robot may touch an obstacle, shape (p, obstacles).
+        proposals: The elements as GJK reads them.
+    """
+
+    bodies: Indices
+    offsets: Array
+    leads: Array
+    leaders: Indices
+    roots: Indices
+    moving: int
+    asked: NDArray[np.bool_]
+    margins: Array
+    margin: float
+    joints: Indices
+    kinds: Indices
+    starts: Indices
+    columns: Array
+    sizes: Array
+    poses: Array
+    centers: Array
+    radii: Array
+    boxes: Array
+    extents: Array
+    below: Indices
+    kids: Indices
+    parts: Indices
+    skipped: NDArray[np.bool_]
+    proposals: ProposalRows
+
+
+#: Where the margin is, the one number that is not kept.
+_MARGIN = PairArrays._fields.index("margin")
+
+
+def any_pairs() -> PairArrays:
+    """Pairs that stand for all of them where a kernel is looked up by its arguments' types."""
+    numbers, rows = np.zeros(1, dtype=np.int64), np.zeros((1, 2), dtype=np.int64)
+    values, columns, poses = np.zeros(1), np.zeros((1, 3)), np.zeros((1, 4, 4))
+    mask = np.zeros((1, 1), dtype=np.bool_)
+    return PairArrays(
+        bodies=rows, offsets=poses, leads=columns, leaders=numbers, roots=rows, moving=1,
+        asked=mask, margins=values, margin=0.0, joints=numbers, kinds=numbers, starts=numbers,
+        columns=columns, sizes=columns, poses=poses, centers=columns, radii=values,
+        boxes=columns, extents=values, below=numbers, kids=numbers, parts=numbers, skipped=mask,
+        proposals=any_rows(),
+    )  # fmt: skip
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class PairTable:
+    """The pairs of a robot in a scene.
+
+    Args:
+        arrays: Packed.
+        robot: Whose elements come first.
+        scene: What stands around.
+        opened: Covers whose triangles are elements too, None for all.
+    """
+
+    arrays: PairArrays
+    robot: RobotGeometry
+    scene: Scene
+    opened: Rows = None
+
+    @classmethod
+    def of(
+        cls, robot: RobotGeometry, scene: Scene, margin: float, opened: Rows = None
+    ) -> "PairTable":
+        """All pairs that neither robot nor scene allows to touch.
+
+        What stands still with the base can't be moved away from obstacles and is not compared with
+        them.
+
+        Args:
+            robot: The robot.
+            scene: What stands around.
+            margin: To be kept from obstacles beyond their own [m].
+            opened: Pieces, the robot's and then the scene's, whose triangles are elements too, if
+                they are covers, None for all; other covers are solids, which hold what they cover.
+        """
+        scene.check_placed()
+        kept = _arrays(robot, scene, opened)
+        # As ``_replace``, which takes three times as long.
+        arrays = PairArrays._make((*kept[:_MARGIN], float(margin), *kept[_MARGIN + 1 :]))
+        return cls(arrays, robot, scene, opened)
+
+    def names(self, i: int, j: int) -> tuple[str, str]:
+        """The link, and the obstacle or other link, of a pair of elements."""
+        arrays = self.arrays
+        while arrays.parts[i] < 0:  # of several it names the first
+            i = int(arrays.kids[arrays.below[i]])
+        first = self.robot.links if i < arrays.moving else self.scene.ids
+        return self.robot.links[arrays.parts[j]], first[arrays.parts[i]]
+
+    def closed_cover(self, k: int) -> int | None:
+        """The piece that element ``k`` is, where it is a cover that was not opened."""
+        row = int(self.arrays.proposals.row[k])
+        if self.opened is None or row < 0 or row in self.opened:
+            return None
+        robots = len(self.robot.pieces)
+        piece = self.robot.pieces[row] if row < robots else self.scene.piece(row - robots)
+        return None if piece.surface is None else row
+
+    def solid(self, k: int) -> Piece:
+        """Element ``k``, which holds nothing, as a piece in the frame of its joint."""
+        arrays = self.arrays
+        row, robots = int(arrays.proposals.row[k]), len(self.robot.pieces)
+        piece = self.robot.pieces[row] if row < robots else self.scene.piece(row - robots)
+        if arrays.proposals.first[k] < 0:
+            return piece
+        corners = arrays.columns[:, arrays.starts[k] : arrays.starts[k + 1]].T
+        return replace(piece, vertices=corners, offset_radius=0.0, surface=None)
+
+
+@bounded_cache(maxsize=8, weigh=array_bytes)
+def _arrays(robot: RobotGeometry, scene: Scene, opened: Rows) -> PairArrays:
+    packed, p = packed_pieces(robot, scene, opened), len(robot.pieces)
+    own, _, corners = _own(robot, rows_before(opened, p))
+    # The scene's corners come first in what is packed.
+    ahead = len(packed.corners) - corners
+    if ahead:
+        own = own._replace(first=np.where(own.first >= 0, own.first + ahead, -1))
+    moving = len(own.kinds)
+    if len(scene.primitives.kinds) == len(scene.obstacles):
+        margins = np.array([obstacle.margin for obstacle in scene.obstacles], dtype=np.float64)
+        joined, nodes = join_primitives(own, scene.primitives, margins, p)
+        kinds = joined.kinds[moving : moving + len(margins)]
+    else:
+        still, owners, margins = scene.pieces()
+        kinds = still.kinds
+        if (packed.rows[p:, STOP_NODE] > 0.0).any():
+            around = _around(packed, still, owners, margins, moving)
+            boxed = boxes_over(still, margins, moving, moving + len(around.kinds))
+            joined, nodes = join(own, around, boxed), len(boxed.kinds)
+        else:
+            joined, nodes = join_pieces(own, still, owners, margins, p)
+    skipped = _pairs_that_may_touch(robot, scene.ids, scene.allowed_collisions)
+    tops = [len(joined.kinds) - nodes] if nodes else []
+    tops += [moving + k for k, kind in enumerate(kinds.tolist()) if kind == _HALFSPACE]
+    return PairArrays(
+        *_joints(robot.chain),
+        roots=_roots(
+            robot, rows_before(opened, p), scene.ids, scene.allowed_collisions, tuple(tops)
+        ),
+        moving=moving,
+        asked=_asked_rows(robot, rows_before(opened, p)),
+        margins=joined.margins,
+        margin=0.0,
+        joints=joined.joints,
+        kinds=joined.kinds,
+        starts=joined.starts,
+        columns=joined.vertices,
+        sizes=joined.sizes,
+        poses=joined.poses,
+        centers=joined.centers,
+        radii=joined.radii,
+        boxes=joined.boxes,
+        extents=joined.extents,
+        below=joined.below,
+        kids=joined.kids,
+        parts=joined.parts,
+        skipped=skipped,
+        proposals=ProposalRows(
+            packed.rows, joined.row, joined.first, packed.corners, packed.tables
+        ),
+    )
+
+
+def _around(
+    packed: PackedPieces, still: PieceArrays, owners: Indices, margins: Array, moving: int
+) -> Elements:
+    """The scene's elements but the tree over them, some of them below covers."""
+    p = len(packed.rows) - len(still)
+    nodes = int(packed.rows[p:, STOP_NODE].max())
+    around = solids(still, packed, slice(p, None), slice(0, nodes), moving)
+    placed = around.row - p
+    return around._replace(parts=owners[placed], margins=margins[placed])
+
+
+@bounded_cache(maxsize=8, weigh=array_bytes)
+def _joints(chain: Chain) -> tuple[Indices, Array, Array, Indices]:
+    """The first columns of ``PairArrays``, which tell how bodies hang on each other."""
+    n, followers = chain.n, chain.followers
+    bodies = np.empty((2, n + len(followers)), dtype=np.int64)
+    bodies[TYPE, :n], bodies[PARENT, :n] = chain.joint_types, np.arange(-1, n - 1)
+    for k, follower in enumerate(followers, start=n):
+        bodies[:, k] = follower.joint_type, follower.parent
+    own = np.array([f.T_parent_joint for f in followers]).reshape(-1, 4, 4)
+    leads = np.array([[f.multiplier, f.offset] for f in followers]).reshape(-1, 2)
+    leaders = np.array([f.leader for f in followers], dtype=np.int64)
+    offsets = frozen(np.concatenate([chain.offsets, own]))
+    return bodies, offsets, leads, leaders
+
+
+#: Scenes that differ in where things are often have the same names.
+@bounded_cache(maxsize=8, weigh=array_bytes)
+def _pairs_that_may_touch(
+    robot: RobotGeometry, ids: tuple[str, ...], allowed: frozenset[tuple[str, str]]
+) -> NDArray[np.bool_]:
+    """Mask of the pieces of a robot and the obstacles that may touch, shape (p, obstacles).
+
+    Those that stand still with the base may, and those whose link the scene allows to. The planner
+    chooses its own pairs elsewhere: written twice on purpose, a pair dropped there is found here.
+
+    Args:
+        robot: The robot.
+        ids: Names of the obstacles.
+        allowed: Pairs of names that may touch.
+    """
+    skipped = np.zeros((len(robot.pieces), len(ids)), dtype=np.bool_)
+    skipped[robot.joints < 0] = True
+    if allowed:
+        columns, rows = {name: k for k, name in enumerate(ids)}, _pieces_by_name(robot)
+        for pair in allowed:
+            if pair[0] not in columns and pair[1] not in columns:  # as most that scenes allow
+                continue
+            for link, name in (pair, pair[::-1]):
+                if link in rows and name in columns:
+                    skipped[rows[link], columns[name]] = True
+    skipped.setflags(write=False)
+    return skipped
+
+
+@bounded_cache(maxsize=8)
+def _pieces_by_name(robot: RobotGeometry) -> dict[str, list[int]]:
+    """Pieces of each link and attached object."""
+    rows: dict[str, list[int]] = {}
+    for row, link in enumerate(robot.links):
+        rows.setdefault(link, []).append(row)
+    return rows
+
+
+class _Own(NamedTuple):
+    """A robot's elements alone.
+
+    Args:
+        elements: The elements.
+        tops: Those that hold all of each of ``link_parts``.
+        corners: How many are packed with them.
+    """
+
+    elements: Elements
+    tops: Indices
+    corners: int
+
+
+@bounded_cache(maxsize=8)
+def _own(robot: RobotGeometry, opened: Rows) -> _Own:
+    packed = packed_pieces(robot, Scene(()), opened)
+    own = solids(robot.arrays, packed, slice(None), slice(None), 0)
+    own = own._replace(parts=own.row, joints=robot.joints[own.row])
+    elements, tops = with_link_boxes(robot, own)
+    return _Own(elements, tops, len(packed.corners))
+
+
+@bounded_cache(maxsize=8)
+def _asked_rows(robot: RobotGeometry, opened: Rows) -> NDArray[np.bool_]:
+    """``PairArrays.asked``: seen from the base all is, the rest by the robot's own pairs."""
+    return _asked_of_pieces(robot)[_own(robot, opened).elements.parts]
+
+
+@bounded_cache(maxsize=8)
+def _asked_of_pieces(robot: RobotGeometry) -> NDArray[np.bool_]:
+    bodies, starts = _joints(robot.chain)[0], link_parts(robot)
+    asked = np.zeros((len(starts) - 1, bodies.shape[1]), dtype=np.bool_)
+    asked[:, :1] = True
+    joints = robot.joints[starts[:-1]]
+    for a, b in part_pairs(robot)[0].tolist():
+        before = {-1, body := int(joints[a])}
+        while body >= 0:
+            before.add(body := int(bodies[PARENT, body]))
+        meeting = int(joints[b])
+        while meeting not in before:
+            meeting = int(bodies[PARENT, meeting])
+        # Neither may hang on the other: then both are seen from where they meet.
+        asked[b, meeting + 1] = True
+        if joints[a] > meeting:
+            asked[a, meeting + 1] = True
+    return np.repeat(asked, np.diff(starts), axis=0)
+
+
+#: Scenes of as many things by the same names often have the same.
+@bounded_cache(maxsize=16, weigh=array_bytes)
+def _roots(
+    robot: RobotGeometry,
+    opened: Rows,
+    ids: tuple[str, ...],
+    allowed: frozenset[tuple[str, str]],
+    tops: tuple[int, ...],
+) -> Indices:
+    """Pairs that everything hangs below: robot and scene, and the robot's own.
+
+    Args:
+        robot: The robot.
+        opened: Its covers whose triangles are elements too.
+        ids: Names of the obstacles.
+        allowed: Pairs of names that may touch.
+        tops: Elements of the scene that all others hang below.
+    """
+    skipped = _pairs_that_may_touch(robot, ids, allowed)
+    own, names = part_pairs(robot)
+    parts, first = _own(robot, opened).tops, link_parts(robot)[:-1]
+    met = np.zeros(0, dtype=np.int64)
+    if skipped.size:  # pieces of one part may all touch the same
+        met = parts[~skipped[first].all(axis=1)]
+    if not names.isdisjoint(allowed):
+        links = [robot.links[k] for k in first]
+        pairs = ((links[a], links[b]) for a, b in own.tolist())
+        own = own[[(min(pair), max(pair)) not in allowed for pair in pairs]]
+    against = len(met) * len(tops)
+    roots = np.empty((against + len(own), 2), dtype=np.int64)
+    roots[against:] = parts[own]
+    around = roots[:against].reshape(len(met), len(tops), 2)
+    around[:, :, 0], around[:, :, 1] = tops, met[:, None]
+    roots.setflags(write=False)
+    return roots

@@ -1,0 +1,1 @@
+"""Proof that path constraints hold at every instant."""

@@ -1,0 +1,1 @@
+"""Proof that the tool keeps to its path at every instant."""

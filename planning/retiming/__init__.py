@@ -1,0 +1,1 @@
+"""Timing of given paths, and timed motions between two states."""

@@ -1,0 +1,375 @@
+"""Timing of any path: of its limits all is proved, of collisions nothing is known."""
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import partial
+
+import numpy as np
+
+from kinematics.arrays import Array, Indices
+from kinematics.errors import InvalidOption, InvalidTrajectory
+from kinematics.model.chain import Chain, Limits
+from kinematics.trajectory.trajectory import REST, Trajectory, stay
+from planning.proof.certificate import Certificate, certify_limits
+from planning.proof.violation import Violation
+from planning.timing.choice import chosen_parametrization, require_limits, required_limits
+from planning.timing.failure import TimingFailed
+from planning.timing.method import JerkLimited, JerkUse, timing_method
+from planning.timing.options import Interpolation, TimingOptions
+from planning.timing.parametrization import TimeParametrization
+from planning.timing.path.blend import merge
+from planning.timing.path.path import JointPath
+from planning.timing.path.simplification import Polyline, simplified_polyline
+from planning.timing.report import TimingReport, timing_report
+from planning.timing.spline.spline import Ends, chord_knots, led_by, spline_path
+from planning.timing.time_scaling import ScaledTime
+from planning.values.limits import MotionLimits
+
+#: Legs shorter than this are told of: their direction has lost digits.
+TINY = 1e-9
+_SIZES = "Look for limits or lengths of very different sizes."
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class PathToTime:
+    """A path whose motion is wanted.
+
+    Args:
+        joint_names: n names.
+        waypoints: Shape (k, n), k >= 1 [rad or m].
+        knots: Of a spline through them, shape (k,); by distance in joint space where none are
+            given. Times, for the method "spline" [s].
+    """
+
+    joint_names: tuple[str, ...]
+    waypoints: Array
+    knots: Array | None = None
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Retimed:
+    """A timed path.
+
+    Args:
+        trajectory: The motion.
+        certificate: What was proved of its limits; not verified where times given break them.
+        factor: How many times as long as asked the motion is: times given were stretched by it.
+        needed_factor: How many times as long the motion would have to be to keep all limits; 1
+            where it does, None where no slowing down cures it: outside a joint's range, or a jump.
+        notes: What is special about the path: waypoints left out, stops.
+        begins: Time at which the motion begins, the first of given times [s].
+        timing: Method and limits that it was timed by.
+    """
+
+    trajectory: Trajectory
+    certificate: Certificate
+    factor: float
+    needed_factor: float | None
+    notes: tuple[str, ...]
+    begins: float = 0.0
+    timing: TimingReport | None = None
+
+    @property
+    def peaks(self) -> dict[str, Array]:
+        """Exact largest |velocity|, |acceleration| and |jerk| of each joint, each (n,)."""
+        return {
+            name: np.asarray(self.trajectory.peaks(order).value)
+            for order, name in enumerate(("velocity", "acceleration", "jerk"), start=1)
+        }
+
+
+def retime(
+    path: PathToTime,
+    timing: TimingOptions,
+    overrides: Mapping[str, Array],
+    chain: Chain | None = None,
+) -> Retimed:
+    """Time a path within limits.
+
+    Args:
+        path: What to follow.
+        timing: How.
+        overrides: Limits (n,) by quantity, in place of the robot's.
+        chain: The robot; without one the limits have to be given.
+
+    Raises:
+        MissingLimit: A limit that is needed is not known; the message names the joints.
+        InvalidTrajectory: The path is malformed.
+        InvalidOption: Options do not go together.
+        TimingFailed: There is no such motion, or none was found.
+    """
+    names, n = path.joint_names, len(path.joint_names)
+    if chain is None and "jerk" not in overrides:
+        # All limits are the caller's: what is not among them is not limited.
+        timing = _with_method(timing)
+    points = _points(path)
+    method = timing_method(timing.method, timing.solver)
+    limits = Limits.unlimited(n) if chain is None else chain.limits
+    times = _given_times(path, timing)
+    if times is not None and not timing.scale_times:
+        overrides = _known_limits(limits, overrides)
+    elif chain is None:
+        require_limits(required_limits(method), names, overrides)
+    parametrization = chosen_parametrization(timing, names, limits, overrides, chain)
+    begins = 0.0 if times is None else float(times[0])
+    interpolation = timing.interpolation or _usual(timing)
+    notes, numbers = _notes(points), np.arange(len(points))
+    is_still = len(merge(points)) < 2
+    if interpolation != "linear" and times is None and path.knots is None and not is_still:
+        numbers = led_by(points)
+        notes += _led_notes(points, numbers)
+        points = points[numbers]
+    attempts: Sequence[Callable[[], ScaledTime]]
+    if is_still:
+        notes = (f"The path has no length: the robot stays where it is for {REST:g} s.",)
+        shape = stay(names, points[0])
+        attempts = [lambda: ScaledTime(shape, 1.0)]
+    elif not method.follows_path:
+        ends = _ends(interpolation)
+        shifted = None if times is None else times - times[0]
+        timed = parametrization.time_spline(points, shifted, ends, names, timing.scale_times)
+        notes += _spline_notes(timed.trajectory, ends)
+        attempts, shape = [lambda: timed], timed.trajectory
+    elif interpolation == "linear":
+        _refuse_knots(path)
+        line = simplified_polyline(
+            points,
+            timing.blend_tolerance or 0.0,
+            parametrization.smooth,
+            moving=timing.start_velocity is not None or timing.end_velocity is not None,
+        )
+        notes += _line_notes(line)
+        attempts = _linear(line, names, parametrization)
+        shape = _legs(names, points)
+    else:
+        curve = _curve(points, path.knots, interpolation)
+        attempts = [lambda: parametrization.time(curve, names)]
+        shape = Trajectory(names, curve.breaks, curve.coefficients)
+    timed, certificate = _first_verified(attempts, chain, parametrization.motion_limits)
+    notes += method.notes((timed,))
+    if times is None:
+        if not certificate.verified:
+            raise _failure(certificate.violation, shape, numbers, chain)
+        # No times were asked for, so there is nothing to be longer than.
+        timed = timed._replace(factor=1.0)
+    if method.jerk is JerkUse.UNUSED and "jerk" in overrides:
+        notes += ("The method toppra does not limit jerk: jerk_limited does.",)
+    return _report(timed, certificate, parametrization, chain, notes, begins)
+
+
+def _with_method(timing: TimingOptions) -> TimingOptions:
+    """The options with the least time as the method, where neither method nor solver is named."""
+    if timing.method is None and timing.solver is None:
+        return replace(timing, method="toppra")
+    return timing
+
+
+def _usual(timing: TimingOptions) -> Interpolation:
+    return "natural_spline" if timing.method == "spline" else "linear"
+
+
+def _points(path: PathToTime) -> Array:
+    points = np.asarray(path.waypoints, dtype=np.float64)
+    if points.ndim != 2 or len(points) < 1 or points.shape[1] != len(path.joint_names):
+        raise InvalidTrajectory(
+            f"a path of shape {points.shape} does not have {len(path.joint_names)} joint(s)",
+            hint=f"The joints are: {', '.join(path.joint_names)}; give one value for each.",
+        )
+    return points
+
+
+def _refuse_knots(path: PathToTime) -> None:
+    if path.knots is not None:
+        raise InvalidOption(
+            "knots belong to splines; straight lines have none",
+            hint="Ask for interpolation natural_spline or clamped_spline, or leave knots out.",
+        )
+
+
+def _linear(
+    line: Polyline, names: tuple[str, ...], parametrization: TimeParametrization
+) -> list[Callable[[], ScaledTime]]:
+    """Motions along straight lines by the solver asked for, then by another one.
+
+    With many corners the optimum on a grid can be slower than closed forms, which are found in a
+    moment: the faster of the two is taken.
+    """
+    solvers = [parametrization]
+    if isinstance(parametrization.method, JerkLimited):
+        solvers.append(replace(parametrization, method=parametrization.method.other))
+
+    def motion(by: TimeParametrization) -> ScaledTime:
+        return by.time_polyline(line.corners, by.widest_reaches(line.corners, line.reaches), names)
+
+    def fastest() -> ScaledTime:
+        closed = [motion(by) for by in solvers[1:] if by.even_corners]
+        found = [motion(parametrization), *closed]
+        return min(found, key=lambda timed: timed.trajectory.duration)
+
+    return [fastest, *(partial(motion, by) for by in solvers[1:])]
+
+
+def _legs(names: tuple[str, ...], points: Array) -> Trajectory:
+    """Straight lines through waypoints, one in each unit of time."""
+    legs = np.stack([points[:-1], np.diff(points, axis=0)], axis=-1)
+    return Trajectory(names, np.arange(float(len(points))), legs)
+
+
+def _first_verified(
+    attempts: Sequence[Callable[[], ScaledTime]], chain: Chain | None, wanted: MotionLimits
+) -> tuple[ScaledTime, Certificate]:
+    """The first motion that is proved, else the last one, and its certificate.
+
+    Raises:
+        TimingFailed: The last attempt finds none.
+    """
+    for number, attempt in enumerate(attempts, start=1):
+        try:
+            timed = attempt()
+        except TimingFailed:
+            if number == len(attempts):
+                raise
+            continue
+        certificate = certify_limits(timed.trajectory, chain, wanted)
+        if certificate.verified:
+            break
+    return timed, certificate
+
+
+def _failure(
+    violation: Violation | None, shape: Trajectory, numbers: Indices, chain: Chain | None
+) -> TimingFailed:
+    """Refusal of a motion that is not proved.
+
+    Args:
+        violation: The first of the motion.
+        shape: The path, a piece from each waypoint to the next, at any times.
+        numbers: Of these waypoints.
+        chain: The robot.
+    """
+    assert violation is not None
+    if violation.kind != "position":
+        return TimingFailed(f"no motion was proved: {violation.message}", hint=_SIZES)
+    free = dict.fromkeys(("velocity", "acceleration", "jerk"), np.full(shape.n, np.inf))
+    outside = certify_limits(shape, chain, MotionLimits(free)).violation or violation
+    piece = int(np.searchsorted(shape.breaks[1:-1], outside.time, side="right"))
+    between = numbers[[piece, min(piece + 1, len(numbers) - 1)]].tolist()
+    hint = "Give waypoints within the joint's limits"
+    if shape.coefficients.shape[-1] > 2:
+        hint += "; a spline swings over them less where more lead it, and straight lines do not"
+    return TimingFailed(
+        f"{outside.message}, between waypoints {between[0]} and {between[1]}",
+        hint=f"{hint}.",
+        **outside.details,
+        waypoints=between,
+    )
+
+
+def _curve(points: Array, knots: Array | None, interpolation: Interpolation) -> JointPath:
+    values = chord_knots(points) if knots is None else knots
+    return spline_path(points, values, _ends(interpolation))
+
+
+def _ends(interpolation: Interpolation) -> Ends:
+    return "natural" if interpolation == "natural_spline" else "clamped"
+
+
+def _given_times(path: PathToTime, timing: TimingOptions) -> Array | None:
+    """Times at the waypoints of a spline of time (k,) [s]; None where none are given."""
+    if timing.method != "spline":
+        return None
+    if timing.times is not None and path.knots is not None:
+        raise InvalidOption("both path.knots and timing.times are given", hint="Give one.")
+    return path.knots if timing.times is None else np.array(timing.times, dtype=np.float64)
+
+
+def _known_limits(limits: Limits, overrides: Mapping[str, Array]) -> dict[str, Array]:
+    """Limits (n,) by quantity, infinite where none is known: given times need none."""
+    known = {name: getattr(limits, name) for name in ("velocity", "acceleration")}
+    unlimited = {name: np.where(np.isnan(row), np.inf, row) for name, row in known.items()}
+    return unlimited | dict(overrides)
+
+
+def _spline_notes(motion: Trajectory, ends: Ends) -> tuple[str, ...]:
+    """Note on the velocities of a natural spline at its ends."""
+    start, end = motion.sample([0.0, motion.duration], 1)
+    if ends == "clamped" or not (start.any() or end.any()):
+        return ()
+    begins, stops = (", ".join(f"{value:.6g}" for value in row) for row in (start, end))
+    note = f"The natural spline begins with velocity [{begins}] and ends with [{stops}]: "
+    note += "clamped_spline begins and ends at rest, or with start_velocity and end_velocity."
+    return (note,)
+
+
+def _report(
+    timed: ScaledTime,
+    certificate: Certificate,
+    parametrization: TimeParametrization,
+    chain: Chain | None,
+    notes: tuple[str, ...],
+    begins: float,
+) -> Retimed:
+    bounds = {} if parametrization.method.follows_path else parametrization.bounds
+    unknown = [name for name, row in bounds.items() if np.isinf(row).all()]
+    needed = 1.0 if certificate.violation is None else _needed(timed, parametrization, chain)
+    if unknown:
+        reason = f"no limits of {' and '.join(unknown)} are known: its peaks are only reported"
+        notes += (f"{reason[0].upper()}{reason[1:]}.",)
+    if unknown and len(unknown) == len(bounds):
+        reasons = (*certificate.proved.reasons, reason)
+        unproved = replace(certificate.proved, limits=False, reasons=reasons)
+        certificate = replace(certificate, verified=False, proved=unproved)
+    report = timing_report(parametrization, timed.solver)
+    return Retimed(timed.trajectory, certificate, timed.factor, needed, notes, begins, report)
+
+
+def _needed(
+    timed: ScaledTime, parametrization: TimeParametrization, chain: Chain | None
+) -> float | None:
+    """How many times as long a motion is proved; None where no slowing down is what it lacks."""
+    try:
+        factor = parametrization.needed_factor(timed.trajectory)
+    except TimingFailed:
+        return None
+    slow = timed.trajectory.dilate(factor)
+    slower = certify_limits(slow, chain, parametrization.motion_limits)
+    return factor if slower.verified else None
+
+
+def _notes(points: Array) -> tuple[str, ...]:
+    """Notes on waypoints that repeat others, by their numbers."""
+    steps = np.linalg.norm(np.diff(points, axis=0), axis=1)
+    notes = [f"Waypoint {i + 1} repeats waypoint {i}." for i in np.flatnonzero(steps == 0.0)]
+    notes += [
+        f"Waypoint {i + 1} is only {steps[i]:.3g} from waypoint {i}."
+        for i in np.flatnonzero((steps > 0.0) & (steps < TINY))
+    ]
+    return tuple(notes)
+
+
+def _led_notes(points: Array, numbers: Indices) -> tuple[str, ...]:
+    """Note on waypoints that a spline leaves out, being nearly at others."""
+    out = np.setdiff1d(np.arange(len(points)), numbers)
+    if not len(out):
+        return ()
+    away = np.linalg.norm(points[out][:, None] - points[numbers], axis=2).min(axis=1).max()
+    listed = ", ".join(map(str, out))
+    return (f"The spline leaves out waypoint(s) {listed}, at most {away:.3g} from others.",)
+
+
+def _line_notes(line: Polyline) -> tuple[str, ...]:
+    """Notes on waypoints that straight lines pass by, and on stops."""
+    notes = []
+    why = " for the rounding of the waypoints' last decimal." if line.rounding else "."
+    if line.left_out:
+        notes.append(
+            f"{line.left_out} waypoint(s) are left out, at most {line.deviation:.3g} from straight "
+            f"lines between the others{why}"
+        )
+    is_rounded = line.reaches > 0.0
+    if line.rounding and is_rounded.any():
+        notes.append(f"{is_rounded.sum()} corner(s) are cut by at most {line.rounding:.3g}{why}")
+    if not is_rounded.all():
+        places = ", ".join(map(str, line.numbers[1:-1][~is_rounded]))
+        notes.append(f"The motion stops at waypoint(s) {places}.")
+    return tuple(notes)

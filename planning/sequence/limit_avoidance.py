@@ -1,0 +1,220 @@
+"""Configurations at a joint limit, replaced where another one takes little longer.
+
+The search goes by least times. Where the proved answer rests at a joint limit all the same, the
+other configurations of that target are planned to: all other choices stay as they are, and the
+first that makes the motions beside it at most a fifth longer takes its place.
+"""
+
+from dataclasses import dataclass, field
+from itertools import count
+from typing import NamedTuple
+
+import numpy as np
+
+from kinematics.arrays import Array
+from planning.preflight.goal_order import MAX_LONGER, is_at_limit
+from planning.preflight.goals import configurations_off_limits
+from planning.result import Failure
+from planning.sequence.configuration_costs import rests_at_limit
+from planning.sequence.estimate import travel_times
+from planning.sequence.motion import LineStopped
+from planning.sequence.node import Node, child_node, onward_steps
+from planning.sequence.result import StagePlan, total_duration
+from planning.sequence.stage import Move
+from planning.sequence.step import Step, plan_step
+from planning.sequence.target import Target
+from planning.sequence.target_finder import TargetFinder
+from planning.sequence.task import Task
+from planning.sequence.via_blending import pass_ends
+from planning.sequence.world import Cells
+from planning.values.deadline import Deadline
+from planning.values.goal_costs import GoalCosts
+
+#: Configurations at most that motions are planned to in place of one at a limit.
+_MAX_PLANNED = 6
+#: Edges that the search for a way to another configuration may look at.
+_MAX_EDGES = 2000
+
+
+class Replacement(NamedTuple):
+    """A configuration that took the place of one at a joint limit.
+
+    Args:
+        before: Time of the motions beside the one at the limit [s].
+        after: Of those that take their place [s].
+    """
+
+    before: float
+    after: float
+
+
+@dataclass(slots=True, eq=False)
+class OffLimits:
+    """A proved combination, led away from joint limits.
+
+    Args:
+        task: The stages.
+        cells: Cells that were put together.
+        finder: Knows the configurations of all targets.
+        leaf: The last node of the combination.
+        stages: Its plans, in order.
+        weights: Of what configurations cost.
+        deadline: The end of everything.
+        replaced: What took the place of a configuration at a limit, by the number of its stage.
+    """
+
+    task: Task
+    cells: Cells
+    finder: TargetFinder
+    leaf: Node
+    stages: tuple[StagePlan, ...]
+    weights: GoalCosts
+    deadline: Deadline
+    replaced: dict[int, Replacement] = field(default_factory=dict)
+
+    def run(self) -> None:
+        """Replace what can be replaced, from the first target to the last, until nothing can."""
+        changed = True
+        while changed and not self.deadline.passed:
+            depths = [k for k, node in enumerate(self.leaf.path) if _is_at_limit(node)]
+            # Each replacement leaves one fewer at a limit: this ends.
+            changed = sum(self._replace(depth) for depth in depths) > 0
+
+    def _replace(self, depth: int) -> bool:
+        planned = count()
+        if not _is_at_limit(self.leaf.path[depth]):
+            return False
+        for target, q in self._others(depth):
+            if self.deadline.passed:
+                return False
+            leaf = self._with(depth, target, q)
+            if leaf is None or not self._fewer_at_limit(leaf):
+                continue
+            steps, known = leaf.all_steps, self.leaf.all_steps
+            changed = [k for k, step in enumerate(steps) if step.plan is None]
+            before = sum(self.stages[k].trajectory.duration for k in changed)
+            if sum(steps[k].least_time for k in changed) > MAX_LONGER * before:
+                continue
+            if next(planned) == _MAX_PLANNED:
+                return False
+            if not self._plan([steps[k] for k in changed]):
+                continue
+            stages = pass_ends(self.cells, steps, self.deadline)
+            longer = total_duration(stages) - total_duration(self.stages)
+            if longer <= (MAX_LONGER - 1.0) * before:
+                number = known[changed[0]].index
+                segment = self.task.segments[depth - 1]
+                number = segment.target if segment.target is not None else number
+                self.replaced[number] = Replacement(before, before + longer)
+                self.leaf, self.stages = leaf, stages
+                return True
+        return False
+
+    def _plan(self, steps: list[Step]) -> bool:
+        """Plan steps, those that have no choice of a way first; whether all can be done."""
+        for step in sorted(steps, key=lambda step: step.motion == "free"):
+            plan = plan_step(self.cells, step, _MAX_EDGES, self.deadline, self.task.seed)
+            if isinstance(plan, Failure):
+                return False
+            step.plan = plan
+        return True
+
+    def _fewer_at_limit(self, leaf: Node) -> bool:
+        return _count_at_limit(leaf) < _count_at_limit(self.leaf)
+
+    # ------------------------------------------------------------------ the other configurations
+
+    def _others(self, depth: int) -> list[tuple[Target, Array]]:
+        """Other configurations of a node's target away from limits, the soonest first.
+
+        Of a motion's goals any one will do; another grasp or place would change what follows.
+        """
+        path = self.leaf.path
+        node, parent = path[depth], path[depth - 1]
+        segment = self.task.segments[depth - 1]
+        k, begin, world = segment.target, parent.onward_joints, parent.onward_world
+        assert k is not None
+        assert begin is not None
+        assert world is not None
+        assert node.target is not None
+        any_target = isinstance(self.task.stages[k], Move)
+        chain, options = world.robot.chain, self.task.stages[k].settings.options
+        found: list[tuple[Target, Array]] = []
+        for batch in range(self.finder.batches(k)):
+            candidates = self.finder.find(
+                k, world.after_motion(free=True), batch, parent.history, self.deadline
+            )
+            if not len(candidates.joints):
+                continue
+            inside = ~is_at_limit(chain, candidates.joints)
+            found += [
+                (candidates.targets[i], candidates.joints[i])
+                for i in np.flatnonzero(inside)
+                if any_target or candidates.targets[i].number == node.target.number
+            ]
+        if node.target.T is not None:
+            checker = self.finder.cell(k, world.after_motion(free=True)).checker
+            found += [
+                (node.target, q)
+                for q in configurations_off_limits(
+                    chain, checker, node.target.T, begin, self.task.seed, self.weights
+                )
+            ]
+        if not found:
+            return []
+        joints = np.array([q for _, q in found])
+        times = travel_times(chain, begin, joints, options)
+        if depth + 1 < len(path) and path[depth + 1].steps:
+            times = times + travel_times(chain, path[depth + 1].steps[0].end, joints, options)
+        return [found[i] for i in np.argsort(times, kind="stable")]
+
+    def _with(self, depth: int, target: Target, q: Array) -> Node | None:
+        """The combination with another configuration at one target; None where it can't be done.
+
+        Plans of steps that stay as they are stay with them.
+        """
+        path, known = self.leaf.path, {step.index: step for step in self.leaf.all_steps}
+        task, node = self.task, path[depth - 1]
+        for k in range(depth, len(path)):
+            chosen = (target, q) if k == depth else self._choice(path[k], k, node)
+            child = child_node(task, self.cells, node, task.segments[k - 1], chosen, self.deadline)
+            if not isinstance(child, Node):
+                return None
+            child.cost, child.expanded = path[k].cost, path[k].expanded
+            if path[k].onward_joints is not None:
+                stopped = onward_steps(task, self.cells, child, task.segments[k], self.deadline)
+                if isinstance(stopped, tuple) and isinstance(stopped[1], LineStopped):
+                    return None
+            child.at_limit = rests_at_limit(task.world.robot.chain, child)
+            for step in (*child.steps, *child.onward):
+                if _is_same(step, known[step.index]):
+                    step.plan = known[step.index].plan
+            node = child
+        return node
+
+    def _choice(self, node: Node, depth: int, parent: Node) -> tuple[Target, Array]:
+        """Target and configuration of a node, under a parent whose rests may be others."""
+        number = self.task.segments[depth - 1].target
+        assert number is not None
+        assert node.target is not None
+        stage = self.task.stages[number]
+        if isinstance(stage, Move) and stage.to_end_of is not None:
+            q = parent.history[stage.to_end_of]
+            return node.target._replace(joints=q), q
+        return node.target, node.joints
+
+
+def _is_at_limit(node: Node) -> bool:
+    """Whether a node is one whose choice has the arm rest at a joint limit."""
+    return node.parent is not None and node.at_limit
+
+
+def _count_at_limit(leaf: Node) -> int:
+    return sum(_is_at_limit(node) for node in leaf.path)
+
+
+def _is_same(step: Step, known: Step) -> bool:
+    """Whether a step is one that was planned before."""
+    same = np.array_equal(step.start, known.start) and np.array_equal(step.end, known.end)
+    worlds = step.world.key == known.world.key and step.after.key == known.after.key
+    return same and worlds and step.allowed == known.allowed

@@ -1,0 +1,1 @@
+"""Timing with bounded jerk."""

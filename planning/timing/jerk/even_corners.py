@@ -1,0 +1,244 @@
+"""Rounded polylines timed with bounded jerk in few pieces, each corner at a speed of its own."""
+
+import math
+from collections.abc import Callable, Sequence
+from functools import cache
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from compiled.kernel import direct, kernel
+from kinematics.arrays import Array
+from kinematics.trajectory.polynomial import shift_kernel
+from kinematics.trajectory.trajectory import Trajectory
+from planning.timing.jerk.corner_reaches import CornerLimits, fastest_reaches_kernel
+from planning.timing.jerk.double_s import (
+    CONVERGED,
+    MAX_PHASES,
+    Legs,
+    lower_speeds_kernel,
+    polyline_phases_kernel,
+)
+from planning.timing.path.blend import smooth_blend_kernel
+from planning.timing.path.composition import compose_kernel
+from planning.timing.path.merging import keep_kernel, largest_reaches_kernel
+from planning.timing.path.path import JointPath
+from planning.timing.time_scaling import ScaledTime, dilate
+
+# Degree of q(t): straight pieces in phases of constant jerk, cubics at constant speed.
+_DEGREE = 3
+
+
+class Pieces(NamedTuple):
+    """Cubic pieces of a motion, not yet looked at.
+
+    Args:
+        breaks: Shape (m + 1,) [s].
+        coefficients: Shape (m, n, 4).
+    """
+
+    breaks: Array
+    coefficients: Array
+
+
+def fastest_reaches(waypoints: Array, limits: Array, largest: Array) -> Array:
+    """Reaches of a polyline's corners with which ``time_even_corners`` is fastest, nearly.
+
+    Args:
+        waypoints: Merged, shape (k, n), k >= 3.
+        limits: Of velocity, acceleration and jerk, shape (3, n).
+        largest: Reaches at most, shape (k - 2,).
+
+    Returns:
+        Reaches for ``blend``, shape (k - 2,).
+    """
+    reaches = np.zeros(len(largest))
+    _find_reaches()(np.ascontiguousarray(waypoints), limits, largest, reaches)
+    return reaches
+
+
+@cache
+def _find_reaches() -> Callable[[Array, Array, Array, Array], None]:
+    """``corner_reaches_kernel`` for contiguous arrays, without numba's look at their types."""
+    return direct(corner_reaches_kernel, *np.zeros((2, 3, 1)), *np.zeros((2, 1)))
+
+
+@kernel
+def corner_reaches_kernel(waypoints: Array, limits: Array, largest: Array, reaches: Array) -> None:
+    """``fastest_reaches_kernel`` of the polyline through waypoints (k, n)."""
+    legs, n = waypoints.shape[0] - 1, waypoints.shape[1]
+    lengths, directions = np.zeros(legs), np.empty((legs, n))
+    along = np.full((legs, 3), np.inf)
+    at_corners = np.full((3, legs - 1), np.inf)
+    for i in range(legs):
+        for joint in range(n):
+            directions[i, joint] = waypoints[i + 1, joint] - waypoints[i, joint]
+            lengths[i] += directions[i, joint] ** 2
+        lengths[i] = math.sqrt(lengths[i])
+        for joint in range(n):
+            directions[i, joint] /= lengths[i]
+            for row in range(3):
+                along[i, row] = min(along[i, row], limits[row, joint] / abs(directions[i, joint]))
+    for i in range(legs - 1):
+        for joint in range(n):
+            before, after = directions[i, joint], directions[i + 1, joint]
+            steepest, turn = max(abs(before), abs(after)), abs(after - before)
+            for row in range(3):
+                limit = limits[row, joint] / (steepest if row == 0 else turn)
+                at_corners[row, i] = min(at_corners[row, i], limit)
+    corners = CornerLimits(at_corners[0], at_corners[1], at_corners[2])
+    kept, widest = np.empty(legs + 1, dtype=np.int64), np.zeros(legs - 1)
+    largest_reaches_kernel(waypoints, kept[: keep_kernel(waypoints, kept)], widest)
+    for i in range(legs - 1):
+        widest[i] = min(widest[i], largest[i])
+    fastest_reaches_kernel(Legs(lengths, along), corners, widest, reaches)
+
+
+def time_even_corners(path: JointPath, joint_names: Sequence[str], limits: Array) -> ScaledTime:
+    """``pass_even_corners`` with all limits kept to the last bit.
+
+    Returns:
+        The motion, and the factor by which time was stretched for rounding.
+    """
+    motion = pass_even_corners(path, joint_names, limits)
+    return dilate(motion, *limits)._replace(solver="double_s")
+
+
+def pass_even_corners(path: JointPath, joint_names: Sequence[str], limits: Array) -> Trajectory:
+    """The rounded polyline run through with bounded jerk, each corner at a constant speed.
+
+    Legs take the least time between the speeds of their ends. The motion stops at sharp corners.
+    The pieces are cubics of time with continuous acceleration.
+
+    Args:
+        path: Of ``blend(..., smooth=True)``.
+        joint_names: n names.
+        limits: Of velocity (inf where there is none), acceleration and jerk, shape (3, n); rounding
+            may exceed them.
+    """
+    return Trajectory(tuple(joint_names), *pieces_kernel(path.coefficients, path.lengths, limits))
+
+
+@kernel
+def rounded_pieces_kernel(waypoints: Array, reaches: Array, limits: Array) -> Pieces:
+    """The pieces of ``pass_even_corners`` along ``blend`` of a merged polyline.
+
+    Args:
+        waypoints: Shape (k, n), k >= 2.
+        reaches: Of the corners, within their largest ones, shape (k - 2,).
+        limits: Of velocity, acceleration and jerk, shape (3, n).
+    """
+    path, spans = smooth_blend_kernel(waypoints, reaches)
+    return pieces_kernel(path, spans, limits)
+
+
+@kernel
+def pieces_kernel(coefficients: Array, lengths: Array, limits: Array) -> Pieces:
+    """The pieces of ``pass_even_corners``.
+
+    Args:
+        coefficients: Of the path, cubics, shape (p, n, 4).
+        lengths: Of its pieces, shape (p,).
+        limits: Of velocity, acceleration and jerk, shape (3, n).
+    """
+    count, n = coefficients.shape[:2]
+    straight, along = np.empty(count, dtype=np.bool_), np.empty((count, 3))
+    speeds = np.zeros(count + 1)
+    path_speeds_kernel(coefficients, lengths, limits, straight, along, speeds)
+    phases, owners = np.empty((MAX_PHASES * count, 5)), np.empty(MAX_PHASES * count, dtype=np.int64)
+    used = polyline_phases_kernel(lengths, straight, along, speeds, phases, owners)
+    breaks, pieces = np.zeros(used + 1), np.empty((used, n, _DEGREE + 1))
+    shifted, product, inner = np.empty(4), np.empty(10), np.empty(3)
+    whole, made = np.zeros(10), 0
+    for i in range(used):
+        owner, start = owners[i], phases[i, 0]
+        inner[0], inner[1], inner[2] = phases[i, 1], phases[i, 2], phases[i, 3]
+        breaks[made + 1] = breaks[made] + phases[i, 4]
+        # A phase that is shorter than the rounding of its time is none.
+        if not breaks[made + 1] > breaks[made]:
+            continue
+        made += 1
+        for joint in range(n):
+            c, out = coefficients[owner, joint], pieces[made - 1, joint]
+            if straight[owner]:
+                out[0] = c[0] + start * c[1]
+                for k in range(_DEGREE):
+                    # Not minus 0.
+                    out[k + 1] = 0.0 + c[1] * inner[k]
+                continue
+            # At constant speed a curve stays a cubic.
+            shift_kernel(c, start, shifted)
+            top = _DEGREE
+            while top > 0 and shifted[top] == 0.0:
+                top -= 1
+            whole[:] = 0.0
+            compose_kernel(shifted, top, inner, product, whole)
+            for k in range(_DEGREE + 1):
+                out[k] = whole[k]
+    return Pieces(breaks[: made + 1], pieces[:made])
+
+
+@kernel
+def path_speeds_kernel(
+    coefficients: Array,
+    lengths: Array,
+    limits: Array,
+    straight: NDArray[np.bool_],
+    along: Array,
+    speeds: Array,
+) -> None:
+    """Write the speeds at the ends of the pieces of a path that begins and ends at rest.
+
+    Args:
+        coefficients: Of the path, cubics, shape (p, n, 4).
+        lengths: Of its pieces, shape (p,).
+        limits: Of velocity, acceleration and jerk, shape (3, n).
+        straight: Filled: which pieces are straight, shape (p,).
+        along: Filled with the limits along the straight ones, shape (p, 3).
+        speeds: Filled, shape (p + 1,).
+    """
+    count, n = coefficients.shape[:2]
+    legs = 0
+    for i in range(count):
+        straight[i] = True
+        for row in range(3):
+            along[i, row] = np.inf
+        for joint in range(n):
+            c = coefficients[i, joint]
+            straight[i] &= c[2] == 0.0 and c[3] == 0.0
+            for row in range(3):
+                along[i, row] = min(along[i, row], limits[row, joint] / abs(c[1]))
+        legs += straight[i]
+    # Curves that meet share a speed: each piece that is straight begins a leg after such a run.
+    caps, leg_lengths, leg_limits = np.zeros(legs + 1), np.empty(legs), np.empty((legs, 3))
+    run = 0
+    for i in range(count):
+        if straight[i]:
+            leg_lengths[run] = lengths[i]
+            for row in range(3):
+                leg_limits[run, row] = along[i, row]
+            run += 1
+        elif 0 < run < legs:
+            speed = _curve_speed(coefficients[i], lengths[i], limits)
+            caps[run] = speed if caps[run] == 0.0 else min(caps[run], speed)
+    lower_speeds_kernel(Legs(leg_lengths, leg_limits), caps, CONVERGED)
+    run, speeds[0] = 0, 0.0
+    for i in range(count):
+        run += straight[i]
+        speeds[i + 1] = caps[run]
+
+
+@kernel(allocates=False)
+def _curve_speed(c: Array, length: float, limits: Array) -> float:
+    """Largest constant speed through a cubic piece (n, 4) of a rounded corner."""
+    by_speed, by_bend, by_jerk = np.inf, np.inf, np.inf
+    for joint in range(c.shape[0]):
+        bend, jerk = 2.0 * c[joint, 2], 6.0 * c[joint, 3]
+        begins = c[joint, 1]
+        ends = begins + (bend + 0.5 * jerk * length) * length
+        by_speed = min(by_speed, limits[0, joint] / max(abs(begins), abs(ends)))
+        bend = max(abs(bend), abs(bend + jerk * length))
+        by_bend = min(by_bend, limits[1, joint] / bend)
+        by_jerk = min(by_jerk, limits[2, joint] / abs(jerk))
+    return float(min(by_speed, math.sqrt(by_bend), by_jerk ** (1.0 / 3.0)))

@@ -1,0 +1,266 @@
+"""Limits of velocity, acceleration and jerk on a path, on a grid made for jerk-limited motion.
+
+From rest, at constant jerk j, s grows as j t^3 / 6. In s the squared speed then has no derivatives
+at the ends. So the path is described by a parameter tau of its own, s = phi(tau), that leaves rest
+the same way: with phi' = u^2 (6 - 8 u + 3 u^2), u = tau / T from 0 to 1, which goes over into
+phi' = 1 with two continuous derivatives. Of c = (dtau/dt)^2 nothing is asked then at the ends, and
+the motion is at rest there with no acceleration. With Q(tau) = q(phi(tau)),
+
+    dq/dt^2 = Q'^2 c,    d2q/dt2 = Q'' c + Q' c'/2,
+    d3q/dt3 = sqrt(c) (Q''' c + 3 Q'' c'/2 + Q' c''/2).
+"""
+
+from collections.abc import Callable, Sequence
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from compiled.kernel import kernel
+from kinematics.arrays import Array
+from planning.timing.jerk.limits import JerkLimits
+from planning.timing.path.path import JointPath
+
+# phi(T) / T: the length of a ramp for each unit of tau.
+_RAMP = 0.6
+# Cells in a ramp, on a curved piece and on a straight one; with twice as many the duration falls by
+# less than a hundredth.
+_RAMP_CELLS = 18
+_CURVED_CELLS = 6
+_STRAIGHT_CELLS = 10
+# A speed asked for at an end counts like this part of the path run through at it.
+_PULL = 0.1
+# A ramp takes at most this part of the way.
+_RAMP_SHARE = 0.4
+# Two knots nearer than this part of the cells about them are one.
+_SAME_KNOT = 0.3
+# A knot nearer than this part of its cell to where a ramp ends is one with it: on a cell that only
+# rounding makes there is no speed to be found.
+_ON_THE_RAMP = 1e-6
+_NEWTON_STEPS = 60
+
+
+class KnotLimits(NamedTuple):
+    """Further linear limits at places on a path, of ds/dt and d2s/dt2.
+
+    Args:
+        caps: Largest (ds/dt)^2, inf where there is none, shape (k,).
+        rows: (a, b, lo, up) of lo <= a d2s/dt2 + b (ds/dt)^2 <= up, shape (k, r, 4).
+    """
+
+    caps: Array
+    rows: Array
+
+
+#: Further limits at some places (k,) of a path, or None.
+Extra = Callable[[JointPath, Array], KnotLimits]
+
+
+class Grid(NamedTuple):
+    """Knots on a path and the limits upon them.
+
+    Args:
+        places: s at the knots, shape (N + 1,).
+        speeds: ds/dtau and d2s/dtau2 at the knots, shape (2, N + 1).
+        pieces: The path's piece of each cell, shape (N,).
+        rows: The limits.
+    """
+
+    places: Array
+    speeds: Array
+    pieces: NDArray[np.int64]
+    rows: JerkLimits
+
+
+class _Pace(NamedTuple):
+    """phi: ramps of length ``first`` and ``last`` at the two ends of a way of some length."""
+
+    length: float
+    first: float
+    last: float
+
+    def tau(self, s: Array) -> Array:
+        """The parameter at places s."""
+        ahead = np.minimum(s, self.first)
+        behind = np.minimum(self.length - s, self.last)
+        cruise = s - ahead - (self.last - behind)
+        return np.asarray(_ramp_time(ahead, self.first) + cruise - _ramp_time(behind, self.last))
+
+    def derivatives(self, s: Array) -> Array:
+        """phi', phi'' and phi''' at places s, shape (3, k)."""
+        answer = np.zeros((3, len(s)))
+        answer[0] = 1.0
+        for sign, away, length in ((1.0, s, self.first), (-1.0, self.length - s, self.last)):
+            within = away < length
+            if not within.any():
+                continue
+            T = length / _RAMP
+            u = _inverse(away[within] / T)
+            answer[0, within] = u**2 * (6.0 - 8.0 * u + 3.0 * u**2)
+            answer[1, within] = sign * 12.0 * u * (1.0 - u) ** 2 / T
+            answer[2, within] = 12.0 * (1.0 - u) * (1.0 - 3.0 * u) / T**2
+        return answer
+
+
+def _ramp_time(away: Array, length: float) -> Array:
+    if length == 0.0:
+        return np.zeros_like(away)
+    T = length / _RAMP
+    times = np.full(away.shape, T)
+    within = away < length
+    times[within] = T * _inverse(away[within] / T)
+    return times
+
+
+@kernel
+def _inverse(y: Array) -> Array:
+    """The u in [0, 1] with 2 u^3 - 2 u^4 + 0.6 u^5 = y, by Newton's method from above."""
+    answer = np.empty_like(y)
+    for i in range(y.shape[0]):
+        u = min((y[i] / 0.6) ** (1.0 / 3.0), 1.0)
+        for _ in range(_NEWTON_STEPS):
+            value = u**3 * (2.0 - 2.0 * u + 0.6 * u**2) - y[i]
+            slope = u**2 * (6.0 - 8.0 * u + 3.0 * u**2)
+            step = value / slope if slope > 0.0 else 0.0
+            u = min(max(u - step, 0.0), 1.0)
+            if abs(step) < 1e-15:
+                break
+        answer[i] = u
+    return answer
+
+
+def grid(
+    path: JointPath,
+    limits: Array,
+    speeds: tuple[float, float] = (0.0, 0.0),
+    extra: Extra | None = None,
+) -> Grid:
+    """The grid on a path without sharp corners.
+
+    Args:
+        path: Pieces of degree at most 3 with continuous second derivatives.
+        limits: Of velocity (inf where there is none), acceleration and jerk, shape (3, n).
+        speeds: ds/dt at the two ends, at most.
+        extra: Further limits.
+    """
+    c, breaks = path.coefficients, path.breaks
+    straight = ~(c[:, :, 2:] != 0.0).any(axis=(1, 2))
+    pace, ramps = _pace(path, limits, speeds)
+    places = _knots(breaks, straight, ramps, [speed == 0.0 for speed in speeds])
+    pieces = np.searchsorted(breaks, 0.5 * (places[1:] + places[:-1]), side="right") - 1
+    phi = pace.derivatives(places)
+    ends = np.stack([places[:-1], places[1:]], axis=1) - breaks[pieces][:, None]
+    q1, q2, q3 = derivatives(c[pieces], ends)
+    p1, p2, p3 = np.stack([phi[:, :-1], phi[:, 1:]], axis=2)[..., None]
+    Q = (q1 * p1, q2 * p1**2 + q1 * p2, q3 * p1**3 + 3.0 * q2 * p1 * p2 + q1 * p3)
+    flat = straight[pieces]
+    jerk_rows = np.stack([Q[2], 1.5 * Q[1], 0.5 * Q[0]], axis=-1) / limits[2][:, None]
+    _lead(jerk_rows, flat, np.abs(q1[:, 0]) / limits[2])
+    at = np.append(np.arange(len(pieces)), len(pieces) - 1), np.append(0 * pieces, 1)
+    both_flat = np.append(flat, True) & np.append(True, flat)
+    acceleration = np.stack([Q[1][at], 0.5 * Q[0][at]], axis=-1) / limits[1][:, None]
+    _lead(acceleration[:, None], both_flat, np.abs(q1[at]) / limits[1])
+    ones = np.ones(acceleration.shape[:2])
+    knot_rows = np.concatenate([acceleration, np.stack([-ones, ones], axis=-1)], axis=-1)
+    with np.errstate(divide="ignore"):
+        caps = (limits[0] / np.abs(Q[0][at])).min(axis=1) ** 2
+    for end, speed in ((0, speeds[0]), (-1, speeds[1])):
+        if speed > 0.0:
+            caps[end] = min(caps[end], speed**2)
+    counts = np.where(both_flat, 1, path.n)
+    if extra is not None:
+        caps, knot_rows, counts = _with_extra(extra(path, places), phi, caps, knot_rows, counts)
+    rows = JerkLimits(
+        np.concatenate([[0.0], np.diff(pace.tau(places)), [0.0]]),
+        caps,
+        np.ascontiguousarray(knot_rows),
+        counts.astype(np.int64),
+        np.ascontiguousarray(jerk_rows),
+        np.where(flat, 1, path.n).astype(np.int64),
+        np.where(np.array(speeds) > 0.0, _PULL * float(breaks[-1]), 0.0),
+    )
+    return Grid(places, phi[:2], pieces.astype(np.int64), rows)
+
+
+def _with_extra(
+    more: KnotLimits, phi: Array, caps: Array, rows: Array, counts: NDArray[np.int64]
+) -> tuple[Array, Array, NDArray[np.int64]]:
+    """Further limits in terms of c, put before those that are there already."""
+    speed, bend = phi[0][:, None], phi[1][:, None]
+    with np.errstate(divide="ignore"):
+        caps = np.minimum(caps, more.caps / phi[0] ** 2)
+    a, b, low, high = np.moveaxis(more.rows, -1, 0)
+    added = np.stack([a * bend + b * speed**2, 0.5 * a * speed, low, high], axis=-1)
+    return caps, np.concatenate([added, rows], axis=1), counts + added.shape[1]
+
+
+def _lead(rows: Array, flat: NDArray[np.bool_], shares: Array) -> None:
+    """On straight cells put the row of the tightest joint first: it decides for all."""
+    cells = np.flatnonzero(flat)
+    tightest = np.argmax(shares[cells], axis=1)
+    rows[cells, :, 0] = rows[cells, :, tightest]
+
+
+def derivatives(c: Array, u: Array) -> tuple[Array, Array, Array]:
+    """q', q'' and q''' of pieces c (N, n, k) at places u (N, 2), each (N, 2, n)."""
+    answers = []
+    for _ in range(3):
+        if c.shape[2] == 1:
+            answers.append(np.zeros((*u.shape, c.shape[1])))
+            continue
+        c = c[:, :, 1:] * np.arange(1.0, c.shape[2])
+        value = np.zeros((*u.shape, c.shape[1]))
+        for k in range(c.shape[2] - 1, -1, -1):
+            value = value * u[..., None] + c[:, None, :, k]
+        answers.append(value)
+    return answers[0], answers[1], answers[2]
+
+
+def _pace(
+    path: JointPath, limits: Array, speeds: tuple[float, float]
+) -> tuple[_Pace, tuple[float, float]]:
+    """The pace, and the ways at the two ends on which speeds change most."""
+    length = float(path.breaks[-1])
+    slopes = np.abs(path.sample([0.0, length], 1))
+    ramps = [min(_ramp(slope, limits), _RAMP_SHARE * length) for slope in slopes]
+    resting = [ramp if speed == 0.0 else 0.0 for ramp, speed in zip(ramps, speeds, strict=True)]
+    return _Pace(length, resting[0], resting[1]), (ramps[0], ramps[1])
+
+
+def _ramp(slope: Array, limits: Array) -> float:
+    """The way that it takes to get from rest to full speed in a straight line."""
+    with np.errstate(divide="ignore"):
+        v, a, j = (limits / slope).min(axis=1)
+    if not np.isfinite(j):
+        return np.inf
+    v = min(v, 1e6 * a * a / j)
+    time = v / a + a / j if v * j > a * a else 2.0 * np.sqrt(v / j)
+    return float(0.5 * v * time)
+
+
+def _knots(
+    breaks: Array,
+    straight: NDArray[np.bool_],
+    ramps: tuple[float, float],
+    resting: Sequence[bool],
+) -> Array:
+    """Places of the knots: all breaks of the path, and others between them."""
+    counts = np.where(straight, _STRAIGHT_CELLS, _CURVED_CELLS)
+    shares = np.arange(counts.sum()) - np.repeat(np.cumsum(counts) - counts, counts)
+    cells = np.repeat(np.diff(breaks) / counts, counts)
+    base = np.repeat(breaks[:-1], counts) + shares * cells
+    away = np.minimum(base - ramps[0], (breaks[-1] - ramps[1]) - base)
+    base = base[away > _ON_THE_RAMP * cells]
+    u = np.linspace(0.0, 1.0, _RAMP_CELLS + 1)
+    ramp = u**3 * (2.0 - 2.0 * u + 0.6 * u**2) / _RAMP
+    # From rest s grows as t^3; an end that is passed at speed needs no knots close together.
+    first, last = (ramp if still else u for still in resting)
+    free = np.concatenate([base, ramps[0] * first, breaks[-1] - ramps[1] * last])
+    free = np.unique(free)
+    # Knots of our own give way to the path's.
+    ends = np.searchsorted(free, breaks).clip(1, len(free) - 1)
+    near = _SAME_KNOT * (free[ends] - free[ends - 1])
+    keep = np.ones(len(free), dtype=np.bool_)
+    keep[ends[free[ends] - breaks <= near]] = False
+    keep[ends[breaks - free[ends - 1] <= near] - 1] = False
+    return np.union1d(free[keep], breaks)

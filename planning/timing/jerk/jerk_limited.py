@@ -1,0 +1,339 @@
+"""The least time along a given path within velocity, acceleration and jerk limits.
+
+Straight stretches between stops are run through in seven phases, in closed form. On all others the
+squared speed is a spline on a grid, found by an interior-point method. What comes of it is turned
+into exact polynomials of time with continuous acceleration, and slowed down by what their exact
+peaks exceed the limits by: a hundredth as a rule, since on the grid they hold.
+"""
+
+import itertools
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from kinematics.arrays import Array
+from kinematics.errors import InvalidOption
+from kinematics.trajectory.trajectory import Trajectory
+from planning.timing.failure import TimingFailed
+from planning.timing.jerk.grid import Extra, Grid, KnotLimits, grid
+from planning.timing.jerk.interior_point import least_time_kernel
+from planning.timing.jerk.limits import (
+    JerkLimits,
+    decisive_kernel,
+    envelope_kernel,
+    inside_kernel,
+    time_kernel,
+)
+from planning.timing.jerk.profile import compose_pieces_kernel, phases_kernel, ratios_kernel
+from planning.timing.jerk.ruckig import line_phases
+from planning.timing.path.path import SAME_DIRECTION, JointPath
+from planning.timing.time_scaling import ScaledTime, checked_limits, dilate, fitting_factor
+
+#: What the time found may exceed the least one on the grid by, as a part of it.
+TOLERANCE = 3e-3
+# That of the first round, which only shows where the limits between knots are exceeded.
+_ROUGH = 1e-2
+# On a path of a higher degree the pieces of time would be of a degree above 9: too many digits go.
+_MAX_DEGREE = 3
+# First guesses are these powers of the highest speeds place by place, as fast as stays inside.
+_POWERS = (1.0, 0.7, 0.4, 0.0)
+_INSIDE = 0.7
+_NEARLY_INSIDE = 0.95
+# What is outside by less than this is mended in the next round, if there is one.
+_MENDED = 0.8
+_BISECTIONS = 8
+# Barrier parameter at the start from a first guess: far from the limits [-].
+_FAR = 0.3
+# Barrier parameter at the start from a guess that is nearly right [-].
+_NEAR = 0.03
+# Where the motion between knots takes longer than this without exceeding limits, they are lowered
+# there and the speeds found anew: of the excess hardly a tenth is left each time.
+_ENOUGH = 1.01
+_ROUNDS = 2
+# Limits that less than this part of is used hardly matter to the next round, which leaves them out.
+_DECISIVE = 0.3
+# Where no phases fit, c may be at most this many times what it is nearby.
+_CALM = 2.0
+_MOST_ROUNDS = 12
+# Boundary speeds are met this well before they are set right.
+_SAME_SPEED = 0.02
+_MAX_TRIALS = 8
+_HAIR = 1e-9
+
+
+def time_path_with_jerk(
+    path: JointPath,
+    joint_names: Sequence[str],
+    velocity: ArrayLike,
+    acceleration: ArrayLike,
+    jerk: ArrayLike,
+    *,
+    end_speeds: tuple[float, float] = (0.0, 0.0),
+    extra: Extra | None = None,
+) -> ScaledTime:
+    """The path run through in little more than the least time that a bounded jerk allows.
+
+    The trajectory follows the path exactly; its acceleration is continuous and 0 at both ends. It
+    stops at sharp corners. On a path of degree d the pieces have degree 3 d.
+
+    Args:
+        path: What to follow, of degree at most 3, d2q/ds2 continuous but at its sharp corners.
+        joint_names: n names.
+        velocity: Limits, shape (n,), inf where there is none [rad/s or m/s].
+        acceleration: Limits, shape (n,) [rad/s^2 or m/s^2].
+        jerk: Limits, shape (n,) [rad/s^3 or m/s^3].
+        end_speeds: ds/dt at the start and at the end.
+        extra: Further limits on the grid; they are not dilated for.
+
+    Returns:
+        The trajectory, and the factor by which time was stretched so that every exact peak ratio
+        is at most 1.
+
+    Raises:
+        InvalidOption: A limit is not positive and finite (the velocity's may be inf), or the
+            path's second derivative jumps.
+        TimingFailed: Nothing was found, say since boundary speeds can't be kept.
+    """
+    limits = _limits(path, velocity, acceleration, jerk)
+    _check_smooth(path)
+    factor = 1.0
+    for _ in range(_MAX_TRIALS):
+        durations, coefficients = _sections(
+            path, limits, (end_speeds[0] * factor, end_speeds[1] * factor), extra
+        )
+        motion = Trajectory(
+            tuple(joint_names), np.concatenate([[0.0], np.cumsum(durations)]), coefficients
+        )
+        if end_speeds == (0.0, 0.0):
+            return dilate(motion, *limits)
+        # Slowing down changes the speeds at the ends: they are asked for that much higher.
+        needed = fitting_factor(motion, *limits)
+        if needed <= factor:
+            return ScaledTime(motion.dilate(factor), factor)
+        factor = needed * (1.0 + _HAIR)
+    raise TimingFailed(
+        "the boundary velocities can't be kept within all limits",
+        hint="Give lower boundary velocities, or higher limits.",
+    )
+
+
+def _sections(
+    path: JointPath, limits: Array, speeds: tuple[float, float], extra: Extra | None
+) -> tuple[Array, Array]:
+    """Durations and coefficients of the pieces, from stop to stop."""
+    durations, coefficients = [], []
+    stops = [0, *path.corners, len(path.lengths)]
+    for first, last in itertools.pairwise(stops):
+        section = JointPath(path.coefficients[first:last], path.lengths[first:last])
+        ends = (speeds[0] if first == 0 else 0.0, speeds[1] if last == stops[-1] else 0.0)
+        straight = last == first + 1 and not section.coefficients[:, :, 2:].any()
+        if straight and extra is None:
+            with np.errstate(divide="ignore"):
+                along = (limits / np.abs(section.coefficients[0, :, 1])).min(axis=1)
+            phases = line_phases(float(section.lengths[0]), along, *ends)
+            owners = np.zeros(len(phases), dtype=np.int64)
+        else:
+            phases, owners = _curved_phases(section, limits, ends, extra)
+        degree = section.coefficients.shape[2] - 1
+        pieces = np.zeros((len(phases), section.n, 3 * degree + 1))
+        work = np.empty((2, 3 * degree + 1))
+        compose_pieces_kernel(section.coefficients, owners, phases, work, pieces)
+        durations.append(phases[:, 4])
+        coefficients.append(pieces)
+    return np.concatenate(durations), np.concatenate(coefficients)
+
+
+def _curved_phases(
+    path: JointPath, limits: Array, speeds: tuple[float, float], extra: Extra | None
+) -> tuple[Array, np.ndarray[tuple[int], np.dtype[np.int64]]]:
+    """The phases of a section, their starts within the path's pieces, and those pieces."""
+    made = grid(path, limits, speeds, extra)
+    rows = made.rows
+    z = _start(rows)
+    least_time_kernel(rows, z, _FAR, _ROUGH)
+    phases = _phases(made, z, speeds)
+    rounds = 0
+    while True:
+        if phases is None:
+            rows = _limit_changes(rows, z)
+        else:
+            ratios = _ratios(path, made, phases, limits)
+            if extra is not None:
+                _widen(ratios, extra(path, phases[1::2, 0]), phases[1::2])
+            excess = max(float(r.max()) ** (1.0 / k) for k, r in enumerate(ratios, 1))
+            if excess < _ENOUGH or rounds >= _ROUNDS:
+                break
+            rows = _tighten_limits(rows, ratios)
+        if rounds >= _MOST_ROUNDS:
+            raise _no_speed()
+        rounds += 1
+        z = _faster(rows, z, _NEARLY_INSIDE if rounds >= _ROUNDS else _MENDED)
+        phases = _phases(made, z, speeds)
+    owners = np.repeat(made.pieces, 2)
+    phases[:, 0] -= path.breaks[owners]
+    return phases, owners
+
+
+def _faster(rows: JerkLimits, z: Array, enough: float) -> Array:
+    """The least time from a z that is nearly right, by the limits that matter.
+
+    Where that is not inside all limits even when made smaller by ``enough``, by all of them.
+    """
+    decisive = decisive_kernel(rows, z, _DECISIVE)
+    found = _scale_into_limits(decisive, z, _NEARLY_INSIDE)
+    least_time_kernel(decisive, found, _NEAR, TOLERANCE)
+    if inside_kernel(rows, enough * found):
+        return found
+    z = _scale_into_limits(rows, z, _NEARLY_INSIDE)
+    least_time_kernel(rows, z, _NEAR, TOLERANCE)
+    return z
+
+
+def _start(rows: JerkLimits) -> Array:
+    """A shape between constant and as fast as the limits allow place by place, inside them all."""
+    caps, rises = _static(rows)
+    shape = np.empty(len(rows.lengths))
+    shape[1:-1] = np.minimum(caps[:-1], caps[1:])
+    shape[[0, -1]] = shape[[1, -2]]
+    envelope_kernel(rows.lengths, rises, shape)
+    candidates = [_scale_into_limits(rows, shape**power, _INSIDE) for power in _POWERS]
+    return min(candidates, key=lambda z: time_kernel(rows, z))
+
+
+def _static(rows: JerkLimits) -> tuple[Array, Array]:
+    """Largest c at each knot where c stands still, and by how much it may change to the next."""
+    e, f, low, high = np.moveaxis(rows.knot_rows, -1, 0)
+    counted = np.arange(e.shape[1]) < rows.knot_counts[:, None]
+    jerks = np.arange(rows.jerk_rows.shape[2]) < rows.jerk_counts[:, None, None]
+    with np.errstate(divide="ignore", invalid="ignore"):
+        bound = np.where(e > 0.0, high / e, np.where(e < 0.0, low / e, np.inf))
+        change = np.minimum(high, -low) / np.abs(f)
+        jerk = np.where(jerks, np.abs(rows.jerk_rows[..., 0]), 0.0).max(axis=2) ** (-2.0 / 3.0)
+    caps = np.minimum(rows.caps, np.where(counted, bound, np.inf).min(axis=1))
+    caps[:-1] = np.minimum(caps[:-1], jerk[:, 0])
+    caps[1:] = np.minimum(caps[1:], jerk[:, 1])
+    slopes = np.where(counted & ~np.isnan(change), change, np.inf).min(axis=1)
+    return caps, 0.5 * slopes * (rows.lengths[:-1] + rows.lengths[1:])
+
+
+def _scale_into_limits(rows: JerkLimits, z: Array, inside: float) -> Array:
+    """The largest multiple of z inside all limits, and a bit less.
+
+    Raises:
+        TimingFailed: Not even standing nearly still is inside.
+    """
+    low, high = -1.0, 1.0
+    while not inside_kernel(rows, z * np.exp(low)):
+        low *= 2.0
+        if not low > -500.0:
+            raise _no_speed()
+    for _ in range(_BISECTIONS):
+        middle = 0.5 * (low + high)
+        low, high = (middle, high) if inside_kernel(rows, z * np.exp(middle)) else (low, middle)
+    return np.asarray(inside * np.exp(low) * z)
+
+
+def _tighten_limits(rows: JerkLimits, ratios: Array) -> JerkLimits:
+    """The limits, lower where the motion between its knots exceeds them by the ratios (3, N)."""
+    velocity, acceleration, jerk = np.maximum(ratios, 1.0)
+    caps, knot_rows = rows.caps.copy(), rows.knot_rows.copy()
+    for knots in (slice(None, -1), slice(1, None)):
+        caps[knots] /= velocity**2
+        knot_rows[knots, :, :2] *= acceleration[:, None, None]
+    jerk_rows = rows.jerk_rows * jerk[:, None, None, None]
+    return rows._replace(caps=caps, knot_rows=knot_rows, jerk_rows=jerk_rows)
+
+
+def _limit_changes(rows: JerkLimits, z: Array) -> JerkLimits:
+    """The limits, with c kept from changing much faster than from knot to knot.
+
+    Where the tangent of the path vanishes, as at the ends of a clamped spline, no speed along it is
+    too high, and cubics in time can't follow.
+    """
+    c = _at_knots(rows.lengths, z)
+    near = np.pad(c, 2, mode="edge")
+    least = np.min([near[k : k + len(c)] for k in range(5)], axis=0)
+    return rows._replace(caps=np.minimum(rows.caps, _CALM * least))
+
+
+def _at_knots(h: Array, z: Array) -> Array:
+    """The c at the knots."""
+    return np.asarray((h[1:] * z[:-1] + h[:-1] * z[1:]) / (h[:-1] + h[1:]))
+
+
+def _ratios(path: JointPath, made: Grid, phases: Array, limits: Array) -> Array:
+    """Largest ratios to the limits at both ends of both phases of each cell, shape (3, N)."""
+    ratios = np.empty((3, len(made.pieces)))
+    ratios_kernel(path.coefficients, made.pieces, path.breaks, phases, limits, ratios)
+    return ratios
+
+
+def _widen(ratios: Array, more: KnotLimits, middles: Array) -> None:
+    """Let the ratios (3, N) take in further limits in the middle of each cell."""
+    v, a = middles[:, 1], 2.0 * middles[:, 2]
+    ratios[0] = np.maximum(ratios[0], v / np.sqrt(more.caps))
+    along, square, low, high = np.moveaxis(more.rows, -1, 0)
+    value = along * a[:, None] + square * (v**2)[:, None]
+    over = np.maximum(value / high, value / low).max(axis=1, initial=0.0)
+    ratios[1] = np.maximum(ratios[1], over)
+
+
+def _phases(made: Grid, z: Array, speeds: tuple[float, float]) -> Array | None:
+    """Two phases a cell, shape (2 N, 5), their starts along the whole path; None if none fit."""
+    h = made.rows.lengths
+    c = _at_knots(h, z)
+    slope = 2.0 * np.diff(z) / (h[:-1] + h[1:])
+    speed, bend = made.speeds
+    v, a = speed * np.sqrt(c), bend * c + 0.5 * speed * slope
+    for end, wanted in ((0, speeds[0]), (-1, speeds[1])):
+        if wanted > 0.0 and abs(v[end] - wanted) > _SAME_SPEED * wanted:
+            raise TimingFailed(
+                f"a boundary speed of {wanted:.6g} along the path is not possible without "
+                f"acceleration: {v[end]:.6g} is",
+                hint="Give a lower boundary velocity, or higher limits.",
+            )
+        v[end] = wanted
+    phases = np.empty((2 * len(made.pieces), 5))
+    fit = phases_kernel(np.column_stack([made.places, v, a]), phases)
+    return phases if fit else None
+
+
+def _no_speed() -> TimingFailed:
+    return TimingFailed(
+        "no speed along the path was found that keeps all limits",
+        hint="Look for limits or lengths of very different sizes.",
+    )
+
+
+def _limits(path: JointPath, *given: ArrayLike) -> Array:
+    names = ("velocity", "acceleration", "jerk")
+    limits = np.stack(
+        [checked_limits(values, name, path.n) for values, name in zip(given, names, strict=True)]
+    )
+    if not np.isfinite(limits[1:]).all():
+        raise InvalidOption(
+            "each joint needs finite acceleration and jerk limits to be timed with bounded jerk",
+            hint="Only a velocity limit may be missing.",
+        )
+    return limits
+
+
+def _check_smooth(path: JointPath) -> None:
+    """Refuse what no bounded jerk can follow."""
+    if path.coefficients.shape[2] - 1 > _MAX_DEGREE:
+        raise InvalidOption(f"a path of a degree above {_MAX_DEGREE} can't be timed with its jerk")
+    c, u = path.coefficients, path.lengths[:, None]
+    powers = np.arange(c.shape[2])
+    bends = c * powers * (powers - 1)
+    leaving = sum(bends[:, :, k] * u ** (k - 2) for k in range(2, c.shape[2]))
+    if not np.any(bends):
+        return
+    jumps = np.abs(2.0 * c[1:, :, 2] - np.asarray(leaving)[:-1]).max(axis=1)
+    jumps[np.array(path.corners, dtype=np.int64) - 1] = 0.0
+    if jumps.max(initial=0.0) > 1e3 * SAME_DIRECTION * float(np.abs(bends).max()):
+        place = int(np.argmax(jumps)) + 1
+        raise InvalidOption(
+            f"the second derivative of the path jumps at the start of its piece {place}",
+            hint="Round corners by cubics, which blend(..., smooth=True) does.",
+        )

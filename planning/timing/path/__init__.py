@@ -1,0 +1,1 @@
+"""Geometric paths: blended corners, merged and simplified waypoints."""

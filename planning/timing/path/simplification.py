@@ -1,0 +1,249 @@
+"""Polylines that stand for recorded or sampled paths: fewer waypoints, near all that are left out.
+
+From each corner the line goes on to the farthest waypoint that keeps those between near; then
+corners move to where the lines on both sides are about as near. Waypoints are matched in their
+order with places on the line, never back, and both polylines are straight between them: at the same
+share of the way they are nowhere farther apart than at a waypoint. A curve that rounds a corner is
+matched with its legs likewise. Its offset and the distance of the waypoints are convex between
+them, so that their sum is largest at a waypoint too, and is kept within the tolerance there.
+
+Without a tolerance only what rounding explains is left out: numbers that are written with so many
+decimals are off by up to half a unit of the last one, and so is the line between two of them.
+"""
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from compiled.kernel import kernel
+from kinematics.arrays import Array, Indices
+from planning.timing.path.blend import corner_indices, largest_reaches, reach_for_deviation
+
+# Share of the tolerance that waypoints left out may use: the rest is for corners beside them.
+_SHARE = 0.9
+# Rounds in which corners move: more change durations by less than a hundredth.
+_ROUNDS = 4
+# Numbers with at most so many decimals are meant as they stand, with more than the other they are
+# not rounded [-].
+_FEW_DECIMALS, _MANY_DECIMALS = 2, 12
+# Part of the way of the joint that goes farthest that a unit of the last decimal is at most: where
+# hardly more than one digit changes, numbers tell steps and not a rounded path [-].
+_FINE = 1.0 / 200.0
+# Halvings of what is not known of a reach.
+_BISECTIONS = 30
+
+
+class Polyline(NamedTuple):
+    """Corners that stand for a path.
+
+    Args:
+        corners: Shape (k', n) [rad or m].
+        numbers: The waypoints that they are, shape (k',).
+        left_out: How many waypoints are left out; 0 where all are exactly on the line.
+        reaches: Largest reach of each inner corner for ``blend``, shape (k' - 2,); 0 for a stop.
+        deviation: Largest distance of a waypoint left out from the line [rad or m].
+        rounding: Largest distance that was put down to the waypoints' last decimal; 0 where a
+            tolerance decided [rad or m].
+    """
+
+    corners: Array
+    numbers: Indices
+    left_out: int
+    reaches: Array
+    deviation: float
+    rounding: float
+
+
+def simplified_polyline(
+    points: Array, tolerance: float, smooth: bool, moving: bool = False
+) -> Polyline:
+    """The polyline with rounded corners that stands for a path.
+
+    Args:
+        points: Shape (k, n), at least two of them distinct.
+        tolerance: Largest distance of the line with rounded corners from the path, Euclidean in
+            joint space. Where it is 0, waypoints are left out that are off by no more than their
+            last decimal tells, and corners rounded whose widest curve is not farther off.
+        smooth: Whether cubics round corners, as in ``blend``, or parabolas.
+        moving: Whether the motion has a velocity at an end, along the leg there: all legs stay.
+
+    Raises:
+        InvalidOption: The tolerance is negative or no number.
+        InvalidTrajectory: As in ``merge``.
+    """
+    merged = corner_indices(points)
+    rounding = 0.0 if tolerance else math.sqrt(points.shape[1]) * written_unit(points)
+    rows = np.ascontiguousarray(points[merged])
+    kept, beside = np.empty(len(rows), dtype=np.int64), np.zeros((3, len(rows)))
+    within = 0.0 if moving else max(_SHARE * tolerance, rounding)
+    kept = kept[: simplify_kernel(rows, within, kept, beside)]
+    corners = rows[kept]
+    reaches = reach_for_deviation(corners, tolerance or rounding, smooth)
+    if tolerance:
+        narrow_kernel(tolerance, 3 if smooth else 2, kept, beside, _turns(corners), reaches)
+    else:
+        reaches[reaches < largest_reaches(corners)] = 0.0
+    left_out = len(points) - len(kept) if len(kept) < len(rows) else 0
+    return Polyline(corners, merged[kept], left_out, reaches, float(beside[0].max()), rounding)
+
+
+def written_unit(points: Array) -> float:
+    """The unit of the last decimal that waypoints (k, n) are rounded to [rad or m].
+
+    It is 0 where they are not: with few decimals, with many, or with decimals that are coarse for
+    the way that they describe.
+    """
+    for decimals in range(_FEW_DECIMALS, _MANY_DECIMALS + 1):
+        if np.array_equal(np.round(points, decimals), points):
+            unit = 10.0**-decimals
+            is_fine = unit <= _FINE * float(np.ptp(points, axis=0).max())
+            return unit if decimals > _FEW_DECIMALS and is_fine else 0.0
+    return 0.0
+
+
+def _turns(corners: Array) -> Array:
+    """|u_out - u_in| at inner corners, shape (k - 2,)."""
+    legs = np.diff(corners, axis=0)
+    directions = legs / np.linalg.norm(legs, axis=1)[:, None]
+    return np.asarray(np.linalg.norm(np.diff(directions, axis=0), axis=1))
+
+
+@kernel
+def simplify_kernel(points: Array, within: float, kept: Indices, beside: Array) -> int:
+    """Write the numbers of the waypoints that stay; how many.
+
+    Args:
+        points: Shape (k, n).
+        within: Largest distance of a waypoint left out.
+        kept: Shape (k,).
+        beside: Of each waypoint, zeros come in: its distance from the line, and the lengths from
+            the place that it is matched with back to the leg's beginning and on to its end, shape
+            (3, k).
+    """
+    k, count = points.shape[0], 1
+    kept[0] = 0
+    while kept[count - 1] < k - 1:
+        kept[count] = _farthest_end_kernel(points, kept[count - 1], within, beside)
+        count += 1
+    for _ in range(_ROUNDS):
+        for i in range(1, count - 1):
+            kept[i] = _even_corner_kernel(points, kept[i - 1 : i + 2], within, beside)
+    for i in range(count - 1):
+        leg_kernel(points, kept[i], kept[i + 1], within, beside)
+    for i in range(count):
+        beside[:, kept[i]] = 0.0
+    return count
+
+
+@kernel(allocates=False)
+def _farthest_end_kernel(points: Array, first: int, within: float, beside: Array) -> int:
+    """About the last waypoint that a leg can end at: steps twice as long, then half as long."""
+    last, low, step = points.shape[0] - 1, first + 1, 2
+    while low < last:
+        far = min(first + step, last)
+        if leg_kernel(points, first, far, within, beside) == np.inf:
+            break
+        low, step = far, 2 * step
+    high = min(first + step, last)
+    while low < high - 1:
+        middle = (low + high) // 2
+        if leg_kernel(points, first, middle, within, beside) < np.inf:
+            low = middle
+        else:
+            high = middle
+    return low
+
+
+@kernel(allocates=False)
+def _even_corner_kernel(points: Array, corners: Indices, within: float, beside: Array) -> int:
+    """The waypoint at which the legs on both sides of a corner are about as near, if that helps.
+
+    Args:
+        points: Shape (k, n).
+        corners: The one before, the corner, and the one after, shape (3,).
+        within: As in ``simplify_kernel``.
+        beside: Scratch, shape (3, k).
+    """
+    before, here, after = corners
+    low, high = before + 1, after - 1
+    while low < high:
+        middle = (low + high) // 2
+        left = leg_kernel(points, before, middle, within, beside)
+        if left < leg_kernel(points, middle, after, within, beside):
+            low = middle + 1
+        else:
+            high = middle
+    now = leg_kernel(points, before, here, within, beside)
+    now = max(now, leg_kernel(points, here, after, within, beside))
+    then = leg_kernel(points, before, low, within, beside)
+    then = max(then, leg_kernel(points, low, after, within, beside))
+    return int(low if then < now else here)
+
+
+@kernel(allocates=False)
+def leg_kernel(points: Array, first: int, last: int, within: float, beside: Array) -> float:
+    """The largest distance of waypoints from the leg between two others; inf where it is too large.
+
+    Args:
+        points: Shape (k, n).
+        first: Number of the waypoint that the leg begins at.
+        last: Number of that which it ends at.
+        within: As in ``simplify_kernel``.
+        beside: Filled for the waypoints between, as in ``simplify_kernel``.
+    """
+    n, square = points.shape[1], 0.0
+    for joint in range(n):
+        square += (points[last, joint] - points[first, joint]) ** 2
+    most, share = 0.0, 0.0
+    for i in range(first + 1, last):
+        along = 0.0
+        for joint in range(n):
+            step = points[last, joint] - points[first, joint]
+            along += (points[i, joint] - points[first, joint]) * step
+        if along > share * square:
+            share = min(along / square, 1.0)
+        away = 0.0
+        for joint in range(n):
+            step = points[last, joint] - points[first, joint]
+            away += (points[i, joint] - points[first, joint] - share * step) ** 2
+        away = math.sqrt(away)
+        most = max(most, away)
+        length = math.sqrt(square)
+        beside[0, i], beside[1, i], beside[2, i] = away, share * length, (1.0 - share) * length
+    return most if most <= within else np.inf
+
+
+@kernel
+def narrow_kernel(
+    tolerance: float, order: int, kept: Indices, beside: Array, turns: Array, reaches: Array
+) -> None:
+    """Lower reaches until curve and waypoints left out are within the tolerance together.
+
+    At the length w from its corner the curve of reach r is |u_out - u_in| (r - w)^p / (2 p r^(p-1))
+    off its leg, with p = 2 for a parabola and 3 for cubics.
+
+    Args:
+        tolerance: Of their sum.
+        order: The p.
+        kept: Numbers of the waypoints that are corners, shape (k',).
+        beside: As ``simplify_kernel`` leaves it, shape (3, k).
+        turns: |u_out - u_in|, shape (k' - 2,).
+        reaches: Shape (k' - 2,).
+    """
+    for corner in range(1, kept.shape[0] - 1):
+        reach, half = reaches[corner - 1], turns[corner - 1] / (2.0 * order)
+        for i in range(kept[corner - 1] + 1, kept[corner + 1]):
+            away = beside[2, i] if i < kept[corner] else beside[1, i]
+            spare = tolerance - beside[0, i]
+            low, high = away, reach
+            if high <= low or half * (high - away) ** order <= spare * high ** (order - 1):
+                continue
+            for _ in range(_BISECTIONS):
+                middle = 0.5 * (low + high)
+                if half * (middle - away) ** order <= spare * middle ** (order - 1):
+                    low = middle
+                else:
+                    high = middle
+            reach = low
+        reaches[corner - 1] = reach

@@ -1,0 +1,1 @@
+"""Timing within velocity and acceleration limits."""

@@ -1,0 +1,1 @@
+"""Timing by splines."""

@@ -1,0 +1,189 @@
+"""Cubic splines through waypoints at given times (or other knots): natural and clamped.
+
+On the interval [t_i, t_(i+1)] of length h_i, with u = t - t_i and d_i = (q_(i+1) - q_i) / h_i,
+
+    q(u) = q_i + (d_i - h_i (2 m_i + m_(i+1)) / 6) u + m_i / 2 u^2 + (m_(i+1) - m_i) / (6 h_i) u^3,
+
+where m_i is the second derivative at knot i. This meets all waypoints and makes the second
+derivative continuous; that the first one is too asks at the inner knots
+
+    h_(i-1) m_(i-1) + 2 (h_(i-1) + h_i) m_i + h_i m_(i+1) = 6 (d_i - d_(i-1)),
+
+and each end adds one equation: m = 0 (natural: no acceleration) or, with zero velocity there
+(clamped), 2 h_0 m_0 + h_0 m_1 = 6 d_0 and its mirror image; with a velocity v it is d_0 - v in the
+place of d_0. The system is tridiagonal and
+diagonally dominant, so it always has one solution.
+"""
+
+from collections.abc import Sequence
+from typing import Literal
+
+import numpy as np
+from numpy.typing import ArrayLike
+from scipy.linalg import solve_banded
+
+from kinematics.arrays import Array, Indices
+from kinematics.errors import InvalidOption, InvalidTrajectory
+from kinematics.trajectory.trajectory import Trajectory
+from planning.timing.path.path import JointPath
+
+Ends = Literal["natural", "clamped"]
+# Waypoints that are nearer than this part of the mean step are nearly the same [-].
+_NEARLY_REPEATED = 1e-3
+
+
+def spline_trajectory(
+    joint_names: Sequence[str],
+    waypoints: ArrayLike,
+    times: ArrayLike,
+    ends: Ends = "natural",
+    velocities: tuple[Array, Array] | None = None,
+) -> Trajectory:
+    """The cubic spline q(t) that is at each waypoint at its time.
+
+    Args:
+        joint_names: n names.
+        waypoints: Shape (k, n), k >= 2.
+        times: Shape (k,), strictly increasing from 0 [s].
+        ends: "natural" for zero acceleration at both ends, "clamped" for zero velocity.
+        velocities: At the two ends if they are clamped, each (n,), in place of zero.
+
+    Raises:
+        InvalidTrajectory: Waypoints and times do not fit, or times do not increase from 0.
+        InvalidOption: There is no such kind of ends.
+    """
+    points, knots = _check_samples(waypoints, times)
+    if knots[0] != 0.0:
+        raise InvalidTrajectory(
+            f"the first time is {knots[0]} s", hint="Give times that start at 0."
+        )
+    return Trajectory(tuple(joint_names), knots, _coefficients(points, knots, ends, velocities))
+
+
+def spline_path(waypoints: ArrayLike, knots: ArrayLike, ends: Ends = "natural") -> JointPath:
+    """The cubic spline through the waypoints as a shape without time, to be timed afterwards.
+
+    Args:
+        waypoints: Shape (k, n), k >= 2.
+        knots: Values of the path parameter at the waypoints, strictly increasing, shape (k,).
+        ends: "natural" or "clamped".
+
+    Raises:
+        InvalidTrajectory: Waypoints and knots do not fit, or knots do not increase.
+        InvalidOption: There is no such kind of ends.
+    """
+    points, values = _check_samples(waypoints, knots)
+    return JointPath(_coefficients(points, values, ends), np.diff(values))
+
+
+def led_by(waypoints: Array) -> Indices:
+    """Numbers of the waypoints that lead a spline: all but those nearly at the one before.
+
+    Between two that are nearly the same a spline turns within their distance, and can only be run
+    through as slowly. The ends always stay.
+
+    Args:
+        waypoints: Shape (k, n), k >= 2, at least two of them distinct.
+    """
+    steps = np.linalg.norm(np.diff(waypoints, axis=0), axis=1)
+    kept, least = [0], _NEARLY_REPEATED * float(steps.mean())
+    for i in range(1, len(waypoints)):
+        if np.linalg.norm(waypoints[i] - waypoints[kept[-1]]) > least:
+            kept.append(i)
+    if len(kept) > 1:
+        kept.pop()
+    return np.array([*kept, len(waypoints) - 1], dtype=np.int64)
+
+
+def chord_knots(waypoints: ArrayLike) -> Array:
+    """Knots from 0 that advance by the joint-space distance of the waypoints, shape (k,).
+
+    Raises:
+        InvalidTrajectory: A waypoint repeats its predecessor, or they are malformed.
+    """
+    points = np.asarray(waypoints, dtype=np.float64)
+    if points.ndim != 2:
+        raise InvalidTrajectory(f"waypoints of shape {points.shape} describe no path")
+    knots = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(points, axis=0), axis=1))])
+    if not (np.diff(knots) > 0.0).all():
+        place = int(np.argmin(np.diff(knots) > 0.0))
+        raise InvalidTrajectory(
+            f"waypoint {place + 1} repeats waypoint {place}, or one is not finite",
+            hint="Remove repeated waypoints, or give knots or times.",
+        )
+    return knots
+
+
+def _check_samples(waypoints: ArrayLike, knots: ArrayLike) -> tuple[Array, Array]:
+    try:
+        points = np.array(waypoints, dtype=np.float64)
+        values = np.array(knots, dtype=np.float64)
+    except (TypeError, ValueError) as error:
+        raise InvalidTrajectory(f"waypoints and times must be numbers: {error}") from None
+    if points.ndim != 2 or points.shape[0] < 2 or points.shape[1] < 1:
+        raise InvalidTrajectory(
+            f"waypoints of shape {points.shape} can't be joined by a spline",
+            hint="Give a list of at least two joint vectors.",
+        )
+    if values.shape != points.shape[:1]:
+        raise InvalidTrajectory(
+            f"{len(points)} waypoints with {values.size} times", hint="Give one for each waypoint."
+        )
+    if not (np.isfinite(points).all() and np.isfinite(values).all()):
+        raise InvalidTrajectory("the waypoints or their times are not all finite")
+    if not (np.diff(values) > 0.0).all():
+        place = int(np.argmin(np.diff(values) > 0.0))
+        raise InvalidTrajectory(
+            f"time {place + 1} ({values[place + 1]}) is not after time {place} ({values[place]})",
+            hint="Give strictly increasing times.",
+        )
+    return points, values
+
+
+def _coefficients(
+    points: Array, knots: Array, ends: Ends, velocities: tuple[Array, Array] | None = None
+) -> Array:
+    h = np.diff(knots)[:, None]
+    d = np.diff(points, axis=0) / h
+    start, end = velocities or (np.zeros(points.shape[1]), np.zeros(points.shape[1]))
+    if start.shape != points.shape[1:] or end.shape != points.shape[1:]:
+        raise InvalidTrajectory(f"boundary velocities must be {points.shape[1]} numbers each")
+    m = _second_derivatives(h[:, 0], d, ends, (start, end))
+    before, after = m[:-1], m[1:]
+    coefficients = np.stack(
+        [
+            points[:-1],
+            d - h * (2.0 * before + after) / 6.0,
+            0.5 * before,
+            (after - before) / (6.0 * h),
+        ],
+        axis=-1,
+    )
+    if ends == "clamped":
+        # Exactly, not but for what solving the system rounds off.
+        coefficients[0, :, 1] = start
+    return coefficients
+
+
+def _second_derivatives(h: Array, d: Array, ends: Ends, velocities: tuple[Array, Array]) -> Array:
+    """The m_i at all k knots, shape (k, n), from the tridiagonal system."""
+    count = len(h) + 1
+    # Rows of ``bands`` as in scipy: above, on and below the diagonal.
+    bands = np.zeros((3, count))
+    right = np.zeros((count, d.shape[1]))
+    bands[0, 2:] = h[1:]
+    bands[1, 1:-1] = 2.0 * (h[:-1] + h[1:])
+    bands[2, :-2] = h[:-1]
+    right[1:-1] = 6.0 * np.diff(d, axis=0)
+    if ends == "natural":
+        bands[1, [0, -1]] = 1.0
+    elif ends == "clamped":
+        bands[1, [0, -1]] = 2.0 * h[[0, -1]]
+        bands[0, 1], bands[2, -2] = h[0], h[-1]
+        right[0] = 6.0 * (d[0] - velocities[0])
+        right[-1] = 6.0 * (velocities[1] - d[-1])
+    else:
+        raise InvalidOption(
+            f"there are no spline ends {ends!r}", hint="Choose from natural, clamped."
+        )
+    return np.asarray(solve_banded((1, 1), bands, right))

@@ -1,0 +1,1 @@
+"""Straight and circular tool motions as values."""

@@ -1,0 +1,1 @@
+"""Planners of tool motions: lines, arcs and seams."""

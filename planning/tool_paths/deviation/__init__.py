@@ -1,0 +1,1 @@
+"""Bounds of the deviation of the tool from its motion."""

@@ -1,0 +1,1 @@
+"""Planning along seams: tool paths with tolerances and a speed."""

@@ -1,0 +1,241 @@
+"""The path of a seam: runs of lines and arcs through its waypoints, and places along them."""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from itertools import pairwise
+
+import numpy as np
+from numpy.typing import NDArray
+
+from kinematics.arrays import Array, Indices, frozen
+from kinematics.errors import InvalidGoal
+from planning.tool_motions.seam_options import SeamOptions, SeamWaypoint
+from planning.tool_motions.tool_corner import ToolCurve
+from planning.tool_motions.tool_motion import ToolMotion, arc_via, line, without_spin
+from planning.tool_motions.tool_run import ToolRun
+from planning.tool_motions.tool_tolerance import ToolTolerance
+from planning.tool_paths.blending import runs
+
+#: Corners flatter than this are run through without a blend, within the tolerance [rad].
+FLAT_CORNER = math.radians(30.0)
+#: Waypoints nearer to each other than this are the same place [m].
+_SAME_PLACE = 1e-6
+#: Longest way between two places of a seam [m].
+_STEP_LENGTH = 0.03
+#: Largest turn between two places [rad].
+_STEP_ANGLE = 0.15
+#: Places of a run at least.
+_LEAST_PLACES = 8
+#: Way between two layers of the search, where waypoints are nearer together [m].
+_LAYER_LENGTH = 0.04
+#: Turn between two layers, likewise [rad].
+_LAYER_ANGLE = 0.25
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class SeamPlaces:
+    """Places along a seam where configurations are looked for (k of them).
+
+    Args:
+        runs: The runs from rest to rest.
+        run: Index of the run of each place, of the later one where two meet, shape (k,).
+        s: Place on that run, shape (k,).
+        nominal: Poses asked for, shape (k, 4, 4).
+        boxes: Tolerances as kernels read them, shape (k, 23).
+        tolerances: The same as values.
+        along: Length of the seam up to each place [m], shape (k,).
+        turned: Angle that the path turns by up to each place [rad], shape (k,).
+        waypoint: Index of the waypoint at or before each place, shape (k,).
+        ends: Index of the last place of each run.
+    """
+
+    runs: tuple[ToolRun, ...]
+    run: Indices
+    s: Array
+    nominal: Array
+    boxes: Array
+    tolerances: tuple[ToolTolerance, ...]
+    along: Array
+    turned: Array
+    waypoint: Indices
+    ends: tuple[int, ...]
+
+    def layers(self, every: bool = False) -> NDArray[np.int64]:
+        """Indices of the places that the search looks at: all of them, or some on the way."""
+        if every:
+            return np.arange(len(self.s))
+        measure = np.maximum(self.along / _LAYER_LENGTH, self.turned / _LAYER_ANGLE)
+        chosen = [0]
+        for k in range(1, len(self.s)):
+            is_last = k == len(self.s) - 1
+            if is_last or measure[k + 1] - measure[chosen[-1]] > 1.0:
+                chosen.append(k)
+        return np.array(chosen)
+
+    @property
+    def length(self) -> float:
+        """Length of the whole [m]."""
+        return float(self.along[-1])
+
+
+def pack_tolerance(tolerance: ToolTolerance) -> Array:
+    """A tolerance as the kernels of seams read it, shape (23,)."""
+    box = np.zeros(23)
+    box[:6], box[6:12], box[12] = tolerance.lower, tolerance.upper, tolerance.tilt
+    if tolerance.axes is not None:
+        box[13], box[14:] = 1.0, tolerance.axes.ravel()
+    return box
+
+
+def seam_runs(options: SeamOptions, blend: float) -> tuple[ToolRun, ...]:
+    """The path of a seam without deviation, corners rounded or flat.
+
+    Args:
+        options: The seam.
+        blend: Distance from sharp corners at which the tool may leave its way [m]; 0 for a rest.
+
+    Raises:
+        InvalidGoal: Two waypoints at one place, or an arc that names no circle.
+    """
+    points = options.waypoints
+    motions, axis_only = _ways(points), [point.axis_only for point in points[1:]]
+    blends = [point.blend if point.blend is not None else blend for point in points[1:]]
+    rounded: list[ToolRun] = []
+    for first, last in _smooth_parts(motions, blends):
+        part = slice(first, last)
+        rounds = runs(motions[part], blends[part], arcs=True, axis_only=axis_only[part])
+        rounded += _join(rounds, first)
+    boxes, speeds = [point.tolerance or options.tolerance for point in points], options.speeds
+    return tuple(
+        replace(
+            run,
+            tolerances=tuple(boxes[asked + 1] for asked in run.asked),
+            tool_speeds=tuple(speeds[asked] for asked in run.asked) if speeds else (),
+            name="seam",
+        )
+        for run in rounded
+    )
+
+
+def _ways(points: Sequence[SeamWaypoint]) -> list[ToolMotion]:
+    """The motions between waypoints.
+
+    Where one of the two says the tool's axis z alone, that alone is interpolated, along the great
+    circle: the other axes are carried along without a spin, from the pose that says them.
+    """
+    ways: list[ToolMotion] = []
+    T = points[0].T_base_tip
+    for k, (first, last) in enumerate(pairwise(points)):
+        T_end = last.T_base_tip
+        try:
+            if last.axis_only:
+                T_end = without_spin(T, T_end)
+            elif first.axis_only:
+                T = without_spin(T_end, first.T_base_tip)
+        except InvalidGoal as error:
+            raise InvalidGoal(
+                f"between waypoints[{k}] and waypoints[{k + 1}] {error.message}",
+                hint=error.hint,
+                waypoint=k + 1,
+            ) from None
+        ways.append(_way(k, T, T_end, last.via))
+        T = T_end
+    return ways
+
+
+def _way(k: int, T_start: Array, T_end: Array, via: Array | None) -> ToolMotion:
+    """The motion from the k-th waypoint to the next."""
+    away = float(np.linalg.norm(T_end[:3, 3] - T_start[:3, 3]))
+    if away < _SAME_PLACE:
+        raise InvalidGoal(
+            f"waypoints[{k + 1}] is at the place of waypoints[{k}]",
+            hint="Leave one of them out; for a turn on the spot give motions.",
+            waypoint=k + 1,
+        )
+    if via is None:
+        return line(T_start, T_end)
+    try:
+        return arc_via(T_start, T_end, via)
+    except InvalidGoal as error:
+        raise InvalidGoal(
+            f"waypoints[{k + 1}]: {error.message}", hint=error.hint, waypoint=k + 1, **error.details
+        ) from None
+
+
+def _smooth_parts(motions: Sequence[ToolMotion], blends: Sequence[float]) -> list[tuple[int, int]]:
+    """Ranges of motions between rests: corners that are sharp and have no blend."""
+    sharp = [
+        k + 1
+        for k in range(len(motions) - 1)
+        if blends[k] == 0.0 and corner_angle(motions[k], motions[k + 1]) > FLAT_CORNER
+    ]
+    starts = [0, *sharp]
+    return list(zip(starts, [*starts[1:], len(motions)], strict=True))
+
+
+def corner_angle(first: ToolCurve, second: ToolCurve) -> float:
+    """Angle between the directions in which two motions meet [rad]."""
+    a, b = first.direction(1.0), second.direction(0.0)
+    return math.atan2(float(np.linalg.norm(np.cross(a, b))), float(a @ b))
+
+
+def _join(parts: Sequence[ToolRun], first: int) -> list[ToolRun]:
+    """Runs of motions from the ``first`` on, joined where they meet at flat corners."""
+    joined: list[ToolRun] = []
+    for run in parts:
+        moved = replace(run, asked=tuple(asked + first for asked in run.asked))
+        if joined and corner_angle(joined[-1].motions[-1], run.motions[0]) <= FLAT_CORNER:
+            before = joined.pop()
+            moved = ToolRun(
+                before.motions + moved.motions,
+                before.asked + moved.asked,
+                before.blends + moved.blends,
+            )
+        joined.append(moved)
+    return joined
+
+
+def seam_places(runs: tuple[ToolRun, ...]) -> SeamPlaces:
+    """Places along runs: where motions meet, and as many between as the steps ask for.
+
+    Args:
+        runs: From rest to rest, each from where the one before ends.
+    """
+    rows: list[tuple[int, float, ToolTolerance, float, float, int]] = []
+    ends: list[int] = []
+    along = turned = 0.0
+    for number, run in enumerate(runs):
+        parts = run.parts
+        least = -(-_LEAST_PLACES // len(parts))
+        for part in parts:
+            assert part.tolerance is not None
+            length, angle = part.motion.length, part.motion.angle
+            steps = max(length / _STEP_LENGTH, angle / _STEP_ANGLE, float(least))
+            count = math.ceil(steps - 1e-9)
+            for i in range(count):
+                share = i / count
+                s = part.begin + share * (part.end - part.begin)
+                row = (along + share * length, turned + share * angle, part.asked)
+                rows.append((number, s, part.tolerance, *row))
+            along, turned = along + length, turned + angle
+        ends.append(len(rows))
+    last = runs[-1].parts[-1]
+    assert last.tolerance is not None
+    rows.append((len(runs) - 1, 1.0, last.tolerance, along, turned, last.asked + 1))
+    numbers, places, tolerances, lengths, angles, waypoint = zip(*rows, strict=True)
+    packed = {id(tolerance): pack_tolerance(tolerance) for tolerance in set(tolerances)}
+    return SeamPlaces(
+        runs,
+        np.array(numbers),
+        frozen(places),
+        np.concatenate(
+            [run.poses(frozen(places)[np.array(numbers) == k]) for k, run in enumerate(runs)]
+        ),
+        np.array([packed[id(tolerance)] for tolerance in tolerances]),
+        tolerances,
+        frozen(lengths),
+        frozen(angles),
+        np.array(waypoint),
+        tuple(ends),
+    )

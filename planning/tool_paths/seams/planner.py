@@ -1,0 +1,241 @@
+"""Plans along seams in one branch: the search, the calmer way, approach and retreat, transit."""
+
+from dataclasses import dataclass, replace
+from math import comb
+from typing import Any
+
+import numpy as np
+
+from kinematics.arrays import Array
+from kinematics.forward import forward
+from kinematics.pose import transform
+from planning.options import CartesianOptions
+from planning.planner import Query
+from planning.result import Failure
+from planning.search.rrt_connect import rrt_connect
+from planning.search.shortcut import shortcut
+from planning.search.straight_line import straight_line
+from planning.timing.path.path import JointPath
+from planning.tool_motions.seam_options import SeamOptions, StraightOffset
+from planning.tool_motions.tool_motion import ToolMotion, line
+from planning.tool_motions.tool_path import Stop, Tolerances, ToolSegment
+from planning.tool_motions.tool_run import PartName, ToolRun
+from planning.tool_paths.leading import free_part
+from planning.tool_paths.seams.failure import explain_bend, explain_search, explain_stop
+from planning.tool_paths.seams.following import refine, segments
+from planning.tool_paths.seams.nodes import COARSE, DENSE, Density
+from planning.tool_paths.seams.path import seam_places, seam_runs
+from planning.tool_paths.seams.ranges import with_fewer_ranges
+from planning.tool_paths.seams.search import SeamJoints, SeamSearch
+from planning.tool_paths.tool_following import follow
+
+#: Name of the planner.
+NAME = "cartesian"
+#: Places of a seam up to which all of them are searched where a few have no way.
+_ALL_PLACES = 600
+#: Edges of the trees that look for the way to a seam at most.
+_MAX_EDGES = 200_000
+#: Motions of the joints below this are none [rad or m].
+_SAME_JOINTS = 1e-9
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Ends:
+    """Straight motions before and after a seam.
+
+    Args:
+        motions: Of the tool.
+        segments: The joint paths.
+    """
+
+    motions: tuple[ToolRun, ...]
+    segments: tuple[ToolSegment, ...]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class SeamPart:
+    """A part of a seam that is followed in one branch, with the ways there, before and after.
+
+    Args:
+        motions: Of the tool.
+        segments: The joint path of each.
+        transit: Waypoints of the free motion to where the first one begins, shape (k, n); None
+            where the robot is there.
+        detail: How it was found, for a person.
+    """
+
+    motions: tuple[ToolRun, ...]
+    segments: tuple[ToolSegment, ...]
+    transit: Array | None
+    detail: str
+
+
+def plan_in_one_branch(
+    query: Query, start: Array, options: CartesianOptions, tolerances: Tolerances
+) -> SeamPart | Failure:
+    """Find a joint path along a seam in one branch, from where the arm is.
+
+    Args:
+        query: The robot in its scene; goals are not looked at.
+        start: Where the arm is, shape (n,).
+        options: With a seam.
+        tolerances: Deviations that are added to the tolerances of the seam.
+
+    Raises:
+        InvalidGoal: Two waypoints at one place, or an arc that names no circle.
+    """
+    seam = options.seam
+    assert seam is not None
+    places = seam_places(seam_runs(seam, options.blend))
+    search = SeamSearch(query.checker, places, start, seam.speeds, query.deadline)
+    found, followed = _search(query, search, tolerances, advise=seam.branch_changes is None)
+    if isinstance(followed, Failure):
+        return followed
+    ends = _approach_and_retreat(query, seam, followed, tolerances)
+    if isinstance(ends, Failure):
+        return ends
+    before, after = ends
+    parts = (*before.segments, *followed, *after.segments)
+    transit = _transit(query, start, parts[0].start)
+    if isinstance(transit, Failure):
+        return transit
+    detail = (
+        f"{len(seam.waypoints)} waypoints, {len(found.graph.nodes.joints)} configurations in "
+        f"{len(found.graph.layers)} layers, {found.tries} way(s)."
+    )
+    return SeamPart((*before.motions, *places.runs, *after.motions), parts, transit, detail)
+
+
+def _search(
+    query: Query, search: SeamSearch, tolerances: Tolerances, *, advise: bool
+) -> tuple[SeamJoints, tuple[ToolSegment, ...] | Failure]:
+    """A way along a seam with the joint paths of its runs: of few configurations, or of more."""
+    looks: list[tuple[bool, Density]] = [(False, COARSE), (False, DENSE)]
+    if len(search.places.s) <= _ALL_PLACES:
+        looks.append((True, COARSE))
+    unfound: list[SeamJoints] = []
+    failure: tuple[SeamJoints, Failure] | None = None
+    for every, density in looks:
+        if query.deadline.passed and (unfound or failure):
+            break
+        for places, own in with_fewer_ranges(search.places, tolerances.position):
+            narrower = replace(search, places=places)
+            found = narrower.run(every, density)
+            if found.joints is None:
+                unfound.append(found)
+                break
+            followed = _follow(query, narrower, found.joints, tolerances, own)
+            if not isinstance(followed, Failure):
+                return found, followed
+            failure = failure or (found, followed)
+            if followed.details.get("reason") != "deviation":
+                break
+    if failure is not None:
+        return failure
+    return unfound[-1], explain_search(search, [found.graph for found in unfound], advise=advise)
+
+
+def _follow(
+    query: Query, search: SeamSearch, joints: Array, tolerances: Tolerances, own_places: bool
+) -> tuple[ToolSegment, ...] | Failure:
+    """Joint paths of the runs, proved free: of the calmer way, or of the one that was found."""
+    number, stop = 0, None
+    for way in (refine(search, joints), joints):
+        paths = segments(
+            search.checker, search.places, way, tolerances, query.deadline, own_places=own_places
+        )
+        if paths is None:
+            continue
+        free = [free_part(query.checker, path) for path in paths]
+        stops = [(k, path.stop) for k, path in enumerate(free) if path.stop is not None]
+        if not stops:
+            return tuple(free)
+        number, stop = stops[0]
+    if query.deadline.passed:
+        stop = Stop(0.0 if stop is None else stop.at, "time", "time was up", {})
+    return (
+        explain_bend(search.places) if stop is None else explain_stop(search.places, number, stop)
+    )
+
+
+def _approach_and_retreat(
+    query: Query, seam: SeamOptions, path: tuple[ToolSegment, ...], tolerances: Tolerances
+) -> tuple[_Ends, _Ends] | Failure:
+    """The straight motions before and after a seam, in its branch."""
+    none = _Ends((), ())
+    ends = [none, none]
+    for k, (offset, q) in enumerate(((seam.approach, path[0].start), (seam.retreat, path[-1].end))):
+        if offset is None:
+            continue
+        name: PartName = "approach" if k == 0 else "retreat"
+        motion = _offset_motion(query, q, offset, -1.0 if k == 0 else 1.0)
+        segment = follow(query.checker.model.chain, motion, q, tolerances, query.deadline)
+        segment = free_part(query.checker, segment)
+        if segment.stop is not None:
+            return _end_failure(name, segment, segment.stop)
+        if k == 0:
+            motion, segment = line(motion.T_end, motion.T_start), _reverse(segment)
+        ends[k] = _Ends((replace(ToolRun.of(motion), name=name),), (segment,))
+    return ends[0], ends[1]
+
+
+def _offset_motion(query: Query, q: Array, offset: StraightOffset, sign: float) -> ToolMotion:
+    """The line from the tool's pose at q along an offset, or against it."""
+    T = forward(query.checker.model.chain, q)
+    direction = offset.direction / np.linalg.norm(offset.direction)
+    if offset.frame == "tool":
+        direction = T[:3, :3] @ direction
+    return line(T, transform(T[:3, :3], T[:3, 3] + sign * offset.distance * direction))
+
+
+def _end_failure(name: str, segment: ToolSegment, stop: Stop) -> Failure:
+    details: dict[str, Any] = {"part": name, "reason": stop.reason, "reached": segment.reached}
+    return Failure(
+        "TIMED_OUT" if stop.reason == "time" else "PLANNING_FAILED",
+        f"the {name} can't be carried out beyond {100.0 * segment.reached:.4g} % of it: "
+        f"{stop.message}",
+        f"Give the {name} another direction, or a smaller distance.",
+        NAME,
+        details=details | stop.details,
+    )
+
+
+def _reverse(segment: ToolSegment) -> ToolSegment:
+    """A joint path the other way round."""
+    path = segment.path
+    if path is None:
+        return segment
+    c, lengths = path.coefficients[::-1], path.lengths[::-1]
+    size = c.shape[2]
+    reversed_pieces = np.zeros_like(c)
+    for order in range(size):
+        # The Taylor coefficients at a piece's end, of which odd powers change their sign.
+        for power in range(order, size):
+            factor = float(comb(power, order)) * lengths ** (power - order)
+            reversed_pieces[:, :, order] += factor[:, None] * c[:, :, power]
+        reversed_pieces[:, :, order] *= (-1.0) ** order
+    return ToolSegment(
+        JointPath(reversed_pieces, lengths.copy()), segment.end, segment.start, 1.0, None
+    )
+
+
+def _transit(query: Query, start: Array, goal: Array) -> Array | Failure | None:
+    """Waypoints of the free motion to the start of a seam; None where the arm is there."""
+    if np.abs(start - goal).max() <= _SAME_JOINTS:
+        return None
+    waypoints, _ = straight_line(query.checker, start, [goal])
+    if waypoints is None:
+        deadline = query.deadline
+        waypoints = rrt_connect(
+            query.checker, start, [goal], query.seed, deadline, _MAX_EDGES
+        ).waypoints
+        if waypoints is None:
+            return Failure(
+                "TIMED_OUT" if deadline.passed else "PLANNING_FAILED",
+                "the seam can be followed, but no free motion to its start was found",
+                "Start nearer to it, or allow more time.",
+                NAME,
+                details={"part": "transit", "seam_start": goal.tolist()},
+            )
+        waypoints = shortcut(query.checker, waypoints, deadline)
+    return waypoints

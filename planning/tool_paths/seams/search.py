@@ -1,0 +1,360 @@
+"""The search for a joint path along a seam: layers of configurations, then places in between.
+
+The cheapest way through the layers is looked for first, without a look at collisions. Its
+configurations and the places between them are then checked: what collides, or has no continuous way
+to the next layer, is taken out, and the search goes on.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from kinematics.arrays import Array
+from kinematics.model.chain import Chain, JointType
+from obstacles.collision.checker import Checker
+from planning.tool_paths.seams.kernels import Layers, Steps, Ways, layer_kernel, project_kernel
+from planning.tool_paths.seams.nodes import COARSE, DENSE, TWO_TURNS, Density, Nodes, nodes
+from planning.tool_paths.seams.path import SeamPlaces
+from planning.values.deadline import Deadline
+
+#: Largest motion of a joint between neighbouring layers [rad or m].
+_LAYER_JUMP = 0.9
+#: Largest motion of a joint between neighbouring places [rad or m].
+_JUMP = 0.45
+#: Newton steps of a projection.
+_ROUNDS = 12
+#: Error of a place that counts as reached [m], [rad].
+_REACHED = 1e-6
+#: Distance to the joint limits that is kept, for the spline between the places [rad or m].
+_INSET = 2e-3
+#: Ways through the layers that are tried.
+_MAX_TRIES = 200
+#: After so many of them all configurations are checked for collisions at once.
+_LAZY_TRIES = 6
+#: Cost of a configuration at a joint limit, falling to none at a share of its range from it.
+_LIMIT_COST = 0.3
+_NEAR_LIMIT = 0.1
+#: Speed that layers are weighed by where none is asked for [m/s].
+_SPEED = 0.5
+#: Speed of a joint whose limit is not known [rad/s or m/s].
+_JOINT_SPEED = 2.0
+_FULL_TURN = 2.0 * np.pi
+#: Weight of the motion from the start to a seam's first configuration.
+_TRANSIT_WEIGHT = 0.5
+
+
+@dataclass(slots=True)
+class SeamGraph:
+    """Layers of configurations along a seam, with what is known of them.
+
+    Args:
+        layers: Index of the place of each layer.
+        nodes: Configurations, layer by layer.
+        costs: Of each, infinite where it collides.
+        best: Cost of the cheapest way to each.
+        before: Configuration before on that way, -1 where it begins.
+        origin: Layer where it begins.
+        collided: Of each configuration whether it collides.
+        blocked: Pairs of configurations that have no continuous way between them.
+        hits: Of these the pairs between which there is a collision, with a configuration in it.
+        winds: Whether whole turns of joints with two of them do not count.
+        jump: Largest motion of a joint from one layer to the next [rad or m].
+    """
+
+    layers: NDArray[np.int64]
+    nodes: Nodes
+    costs: Array
+    best: Array
+    before: NDArray[np.int64]
+    origin: NDArray[np.int64]
+    collided: NDArray[np.bool_]
+    blocked: list[tuple[int, int]] = field(default_factory=list)
+    hits: dict[tuple[int, int], Array] = field(default_factory=dict)
+    winds: bool = True
+    jump: float = _LAYER_JUMP
+
+    def layer_of(self, node: int) -> int:
+        """Number of the layer of a configuration."""
+        return int(np.searchsorted(self.nodes.firsts, node, side="right")) - 1
+
+    def of_layer(self, layer: int) -> NDArray[np.int64]:
+        """Numbers of the configurations of a layer."""
+        return np.arange(self.nodes.firsts[layer], self.nodes.firsts[layer + 1])
+
+    def way_to(self, node: int) -> list[int]:
+        """The cheapest way to a configuration, from where it begins."""
+        way = [node]
+        while self.before[way[-1]] >= 0:
+            way.append(int(self.before[way[-1]]))
+        return way[::-1]
+
+    def longest(self) -> tuple[int, int, int]:
+        """The layers that the longest way begins and ends at, and the configuration at its end."""
+        candidates = np.flatnonzero(np.isfinite(self.best))
+        if not candidates.size:
+            return 0, 0, -1
+        layer = np.searchsorted(self.nodes.firsts, candidates, side="right") - 1
+        size = layer - self.origin[candidates]
+        k = int(np.argmax(size))
+        return int(self.origin[candidates[k]]), int(layer[k]), int(candidates[k])
+
+
+class SeamJoints(NamedTuple):
+    """Configurations at the places of a seam, or the graph in which there are none.
+
+    Args:
+        joints: Shape (k, n); None where there is no way.
+        graph: The layers that were searched.
+        tries: Ways that were looked at.
+    """
+
+    joints: Array | None
+    graph: SeamGraph
+    tries: int
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class SeamSearch:
+    """The search for the joints along one seam.
+
+    Args:
+        checker: The robot in its scene.
+        places: Of the seam.
+        start: Configuration before the seam, shape (n,).
+        tool_speeds: Speed on the way to each waypoint but the first [m/s]; empty for none.
+        deadline: When to stop.
+    """
+
+    checker: Checker
+    places: SeamPlaces
+    start: Array
+    tool_speeds: tuple[float, ...]
+    deadline: Deadline
+
+    @property
+    def chain(self) -> Chain:
+        """The robot; its tip is the tool."""
+        return self.checker.model.chain
+
+    def run(self, every: bool = False, density: Density = COARSE) -> SeamJoints:
+        """Look for the cheapest way that is continuous and free at all places.
+
+        Args:
+            every: Whether all places are layers.
+            density: Of the configurations that are looked at.
+        """
+        graph = self.prepare(self.places.layers(every), density)
+        graph.jump = _JUMP if every else _LAYER_JUMP
+        for tries in range(1, _MAX_TRIES + 1):
+            self.solve(graph)
+            way = self._cheapest(graph)
+            if way is None or self.deadline.passed:
+                return SeamJoints(None, graph, tries)
+            if tries == _LAZY_TRIES:
+                self.check_all(graph)
+            elif self._is_free(graph, way):
+                joints = self._fill(graph, way)
+                if joints is not None:
+                    return SeamJoints(joints, graph, tries)
+        return SeamJoints(None, graph, tries)
+
+    def prepare(self, layers: NDArray[np.int64], density: Density = COARSE) -> SeamGraph:
+        """Layers with their configurations and costs."""
+        chain = self.chain
+        found = nodes(chain, self.places, layers, self.start, density)
+        if density is DENSE:
+            found = self._with_neighbours(layers, found, density.most)
+        joints, firsts = found.joints, found.firsts
+        lower, upper = _narrow(chain)
+        half = 0.5 * (upper - lower)
+        with np.errstate(invalid="ignore", divide="ignore"):
+            left = np.minimum(joints - lower, upper - joints) / half
+        near = np.clip(1.0 - np.where(np.isfinite(left), left, 1.0) / _NEAR_LIMIT, 0.0, 1.0)
+        costs = _LIMIT_COST * (near**2).sum(axis=1)
+        costs[((joints < lower) | (joints > upper)).any(axis=1)] = np.inf
+        first = slice(0, firsts[1])
+        away = np.abs(joints[first] - self.start) * self._weights()
+        if len(away):
+            costs[first] += _TRANSIT_WEIGHT * away.max(axis=1)
+        m = len(joints)
+        empty = np.zeros(m, dtype=np.int64)
+        return SeamGraph(
+            layers, found, costs, np.full(m, np.inf), empty - 1, empty.copy(), empty != 0
+        )
+
+    def _with_neighbours(self, layers: NDArray[np.int64], found: Nodes, most: int) -> Nodes:
+        """Configurations, where a layer has none those of the layers beside it moved there.
+
+        At the end of an arm's reach samples miss the few deviations that are left.
+        """
+        firsts, chain = found.firsts, self.chain
+        if np.diff(firsts).all():
+            return found
+        rows = [found.joints[firsts[k] : firsts[k + 1]] for k in range(len(layers))]
+        limits = np.array(_narrow(chain))
+        for way in (1, -1):
+            for k in range(len(rows))[::way]:
+                beside = k - way
+                if len(rows[k]) or not 0 <= beside < len(rows) or not len(rows[beside]):
+                    continue
+                moved, place = (
+                    rows[beside][:most].copy(),
+                    np.full(len(rows[beside][:most]), layers[k]),
+                )
+                errors = np.empty((len(moved), 2))
+                project_kernel(
+                    chain.model, self.places.nominal[place], self.places.boxes[place], limits,
+                    _ROUNDS, moved, errors,
+                )  # fmt: skip
+                rows[k] = moved[errors.max(axis=1) <= _REACHED]
+        counts = [len(row) for row in rows]
+        return Nodes(
+            np.ascontiguousarray(np.concatenate(rows)),
+            np.concatenate([[0], np.cumsum(counts)]),
+            found.outside & (np.array(counts) == 0),
+        )
+
+    def solve(self, graph: SeamGraph) -> None:
+        """Find the cheapest way to each configuration."""
+        along = self.places.along[graph.layers]
+        speeds = np.array(self.tool_speeds or (_SPEED,))
+        ways = np.minimum(self.places.waypoint[graph.layers[:-1]], len(speeds) - 1)
+        times = np.diff(along) / speeds[ways]
+        blocked = np.array(graph.blocked, dtype=np.int64).reshape(-1, 2)
+        layer_kernel(
+            Layers(graph.nodes.joints, graph.nodes.firsts, graph.costs, times),
+            Steps(self._weights(), self._turns() * int(graph.winds), graph.jump, blocked),
+            Ways(graph.best, graph.before, graph.origin),
+        )
+
+    def without_collisions(self, graph: SeamGraph) -> SeamGraph:
+        """Layers with the ways that there would be if nothing was in the way."""
+        free = replace(
+            graph,
+            costs=np.where(graph.collided, 0.0, graph.costs),
+            best=graph.best.copy(),
+            before=graph.before.copy(),
+            origin=graph.origin.copy(),
+            blocked=[step for step in graph.blocked if step not in graph.hits],
+        )
+        self.solve(free)
+        return free
+
+    def check_all(self, graph: SeamGraph) -> None:
+        """Check all configurations that are left for collisions."""
+        for node in np.flatnonzero(np.isfinite(graph.costs)):
+            if self.deadline.passed:
+                return
+            self._check(graph, int(node))
+
+    def _cheapest(self, graph: SeamGraph) -> list[int] | None:
+        last = slice(graph.nodes.firsts[-2], graph.nodes.firsts[-1])
+        complete = np.isfinite(graph.best[last]) & (graph.origin[last] == 0)
+        if not complete.any():
+            return None
+        costs = np.where(complete, graph.best[last], np.inf)
+        return graph.way_to(int(graph.nodes.firsts[-2] + np.argmin(costs)))
+
+    def _is_free(self, graph: SeamGraph, way: Sequence[int]) -> bool:
+        """Whether no configuration of a way collides; those that do are taken out."""
+        free = [self._check(graph, node) for node in way]
+        return all(free)
+
+    def _check(self, graph: SeamGraph, node: int) -> bool:
+        if graph.collided[node]:
+            return False
+        if self.checker.valid(graph.nodes.joints[node]):
+            return True
+        graph.collided[node], graph.costs[node] = True, np.inf
+        return False
+
+    def _fill(self, graph: SeamGraph, way: Sequence[int]) -> Array | None:
+        """Configurations at all places; None, and a pair blocked, where there is no way on."""
+        corners = graph.nodes.joints[list(way)]
+        if graph.winds:
+            unwound = self._unwind(corners)
+            if unwound is None:
+                graph.winds = False
+                return None
+            corners = unwound
+        k = np.arange(len(self.places.s))
+        joints = np.column_stack(
+            [np.interp(k, graph.layers, corners[:, j]) for j in range(self.chain.n)]
+        )
+        errors = self.project(joints)
+        wrong = errors.max(axis=1) > _REACHED
+        wrong[1:] |= (np.abs(np.diff(joints, axis=0)) > _JUMP).any(axis=1)
+        place, hit = int(np.argmax(wrong)) if wrong.any() else -1, None
+        if place < 0:
+            colliding = (i for i, q in enumerate(joints) if not self.checker.valid(q))
+            place = next(colliding, -1)
+            if place < 0:
+                return joints
+            hit = joints[place]
+        layer = min(max(int(np.searchsorted(graph.layers, place)), 1), len(way) - 1)
+        step = (way[layer - 1], way[layer])
+        graph.blocked.append(step)
+        if hit is not None:
+            graph.hits[step] = hit
+        return None
+
+    def project(self, joints: Array, away_from_limits: float = 0.0) -> Array:
+        """Move configurations (k, n) into the tolerances; what is left [m], [rad], shape (k, 2).
+
+        Args:
+            joints: Moved.
+            away_from_limits: Part of half of a joint's range that is kept free at either end; of a
+                joint that is nearer already, what it keeps free.
+        """
+        lower, upper = _narrow(self.chain)
+        if away_from_limits > 0.0:
+            half = 0.5 * (upper - lower)
+            room = np.where(np.isfinite(half), away_from_limits * half, 0.0)
+            lower = np.maximum(lower, np.minimum(lower + room, joints.min(axis=0)))
+            upper = np.minimum(upper, np.maximum(upper - room, joints.max(axis=0)))
+        errors = np.empty((len(joints), 2))
+        project_kernel(
+            self.chain.model, self.places.nominal, self.places.boxes, np.array([lower, upper]),
+            _ROUNDS, joints, errors,
+        )  # fmt: skip
+        return errors
+
+    def _unwind(self, corners: Array) -> Array | None:
+        """A way without jumps by whole turns, inside the limits; None where there is none."""
+        turns = self._turns() == 1
+        if not turns.any():
+            return corners
+        lower, upper = _narrow(self.chain)
+        way = corners.copy()
+        way[:, turns] = np.unwrap(way[:, turns], axis=0)
+        for j in np.flatnonzero(turns):
+            low, high = float(way[:, j].min()), float(way[:, j].max())
+            # The whole turn that brings it inside, nearest to where it is.
+            least, most = (
+                np.ceil((lower[j] - low) / _FULL_TURN - 1e-9),
+                np.floor((upper[j] - high) / _FULL_TURN + 1e-9),
+            )
+            if least > most:
+                return None
+            near = np.round((self.start[j] - way[0, j]) / _FULL_TURN)
+            way[:, j] += _FULL_TURN * min(max(near, least), most)
+        return way
+
+    def _weights(self) -> Array:
+        """Least time of each joint for a unit of motion."""
+        velocity = self.chain.limits.velocity
+        known = np.isfinite(velocity) & (velocity > 0.0)
+        return np.asarray(1.0 / np.where(known, velocity, _JOINT_SPEED))
+
+    def _turns(self) -> NDArray[np.int64]:
+        """1 for revolute joints whose range is nearly two whole turns or more."""
+        wide = self.chain.limits.upper - self.chain.limits.lower >= TWO_TURNS
+        return np.asarray(wide & (self.chain.joint_types == JointType.REVOLUTE), dtype=np.int64)
+
+
+def _narrow(chain: Chain) -> tuple[Array, Array]:
+    """Joint limits with a little kept for the spline between places."""
+    return chain.limits.lower + _INSET, chain.limits.upper - _INSET

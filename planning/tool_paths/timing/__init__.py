@@ -1,0 +1,1 @@
+"""Timing of joint paths that lead the tool."""

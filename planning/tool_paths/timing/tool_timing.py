@@ -1,0 +1,303 @@
+"""Timing of joint paths that lead the tool, from rest to rest along every motion."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from types import MappingProxyType
+
+import numpy as np
+
+from kinematics.arrays import Array
+from kinematics.jacobian import geometric
+from kinematics.model.chain import Chain
+from kinematics.trajectory.trajectory import Trajectory, concatenate, stay
+from planning.result import SpeedLimit, ToolMotionReport
+from planning.timing.jerk.steady_speed import time_at_steady_speed
+from planning.timing.parametrization import TimeParametrization
+from planning.timing.path.path import JointPath
+from planning.timing.time_scaling import ScaledTime
+from planning.tool_motions.passing_times import passing_times
+from planning.tool_motions.timed_tool_motions import SpeedBand, TimedToolMotions
+from planning.tool_motions.tool_motion import ToolMotion
+from planning.tool_motions.tool_path import ToolPath
+from planning.tool_motions.tool_run import RunPart, ToolRun, run_of
+from planning.tool_paths.deviation.run_deviation import pieces_within
+from planning.tool_paths.timing.tool_speed_limits import speed_limits
+from planning.tool_paths.timing.tool_spline import spline_near
+from planning.values.limits import MotionLimits
+
+#: How often a spline of time is given twice as many waypoints to keep nearer to its motion.
+_MAX_DOUBLINGS = 6
+#: Looks at the tool's speed on each piece of a path, and on a whole motion.
+_LOOKS = 5
+_INSTANTS = 1001
+#: Part of the width of a band of speed by which a steady speed may vary with the path.
+_BAND_SHARE = 0.5
+#: Band of the speed of motions without a rest between them, as part of it.
+_CORNER_BAND = 0.01
+#: Places of a path that differ by less than this part of it are one.
+_SAME_PLACE = 1e-9
+#: A steady motion that is slowed down for torques by more than this factor is held against another.
+_AS_FAST = 1.02
+#: A steady motion may take longer than another one by this factor.
+_LONGER = 1.05
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class TimedToolPath:
+    """A tool path in time.
+
+    Args:
+        path: The joint paths with the motions of the tool.
+        parts: One trajectory for each motion in which the joints move.
+        reports: Times of each motion, and the share of it that is carried out.
+        notes: About the timing.
+        transits: Free motions before some of the motions, by the index of the one that each leads
+            to.
+    """
+
+    path: ToolPath
+    parts: tuple[Trajectory, ...]
+    reports: tuple[ToolMotionReport, ...]
+    notes: tuple[str, ...] = ()
+    transits: Mapping[int, Trajectory] = field(default_factory=lambda: MappingProxyType({}))
+
+    @property
+    def begins(self) -> float:
+        """Time at which the first tool motion begins [s]."""
+        return self.transits[0].duration if 0 in self.transits else 0.0
+
+    @property
+    def tool_motions(self) -> TimedToolMotions:
+        """The motions with their times, as the proof asks for them."""
+        times = [self.begins, *(report.ends for report in self.reports)]
+        tolerances = self.path.tolerances
+        parts = _begun_parts(self.path)
+        return TimedToolMotions(
+            tuple(part.motion for part in parts),
+            np.array(times),
+            tolerances.position,
+            tolerances.orientation,
+            tuple(part.tolerance for part in parts),
+            self._speed_bands(),
+            np.array([report.begins for report in self.reports]),
+        )
+
+    def _speed_bands(self) -> tuple[SpeedBand, ...]:
+        """The speeds to be kept, and when."""
+        width = self.path.speed_band
+        if width is None:
+            return ()
+        spans = [
+            (report.begins, report.ends, part.tool_speed)
+            for report, part in zip(self.reports, _begun_parts(self.path), strict=True)
+        ]
+        return SpeedBand.of_spans(spans, width)
+
+    def trajectory(self, chain: Chain) -> Trajectory:
+        """The parts one after the other; a short stay where there are none."""
+        remaining, parts = iter(self.parts), []
+        for k, segment in enumerate(self.path.segments):
+            parts += [self.transits[k]] if k in self.transits else []
+            parts += [next(remaining)] if segment.path is not None else []
+        if parts:
+            return concatenate(parts)
+        return stay(chain.joint_names, self.path.segments[0].start)
+
+    def limits(self, parametrization: TimeParametrization) -> MotionLimits:
+        """Limits that the trajectory keeps; splines one after the other can't keep a jerk limit."""
+        limits = parametrization.motion_limits
+        keeps_jerk = parametrization.method.follows_path or len(self.parts) < 2
+        return limits if keeps_jerk else replace(limits, holds_jerk=False)
+
+
+def time_tool_path(
+    chain: Chain,
+    path: ToolPath,
+    parametrization: TimeParametrization,
+    transits: Mapping[int, Trajectory] | None = None,
+    *,
+    near: bool = False,
+) -> TimedToolPath:
+    """Time every motion of a tool path, from rest to rest.
+
+    Args:
+        chain: The robot; its tip is the tool.
+        path: The joint paths.
+        parametrization: The method and the limits.
+        transits: Free motions before some of the motions, at rest at both ends.
+        near: Whether splines of few pieces are taken that keep near the path, not exactly to it.
+
+    Raises:
+        TimingFailed: No motion within the limits was found.
+    """
+    scaled = [_time_motion(chain, path, *pair, parametrization) for pair in path.moving]
+    if near:
+        runs = [run_of(motion) for motion, _ in path.moving]
+        scaled = [
+            spline_near(chain, *pair, path.tolerances, parametrization)
+            for pair in zip(runs, scaled, strict=True)
+        ]
+    parts = tuple(part.trajectory for part in scaled)
+    free = transits or {}
+    limits = [_speed_limits(chain, *pair, parametrization) for pair in path.moving]
+    reports = _reports(chain, path, parts, limits, free)
+    return TimedToolPath(path, parts, reports, parametrization.method.notes(scaled), free)
+
+
+def _begun_parts(path: ToolPath) -> list[RunPart]:
+    """Motions that were begun, in order."""
+    return [
+        part
+        for run, segment in zip(path.runs, path.segments, strict=True)
+        for part in run.parts_until(1.0 if segment.stop is None else segment.reached)
+    ]
+
+
+def _reports(
+    chain: Chain,
+    path: ToolPath,
+    trajectories: tuple[Trajectory, ...],
+    limits: Sequence[Sequence[SpeedLimit | None]],
+    transits: Mapping[int, Trajectory],
+) -> tuple[ToolMotionReport, ...]:
+    """Times of each motion of a tool path, with the free motions before some of them."""
+    remaining = iter(zip(trajectories, limits, strict=True))
+    reports: list[ToolMotionReport] = []
+    now = 0.0
+    for k, (run, segment) in enumerate(zip(path.runs, path.segments, strict=True)):
+        now += transits[k].duration if k in transits else 0.0
+        then = now
+        reached = 1.0 if segment.stop is None else segment.reached
+        parts = run.parts_until(reached)
+        ends = [0.0] * len(parts)
+        slower: Sequence[SpeedLimit | None] = [None] * len(parts)
+        if segment.path is not None:
+            timed, slower = next(remaining)
+            ends = passing_times(chain, segment.path, timed, parts)
+        for part, end, limit in zip(parts, ends, slower, strict=True):
+            motion, share = part.motion, (reached - part.begin) / (part.end - part.begin)
+            reports.append(
+                ToolMotionReport(
+                    motion.kind, motion.length, motion.angle, min(share, 1.0), then,
+                    now + end, motion, part.asked, part.blends, run.name, limit,
+                )
+            )  # fmt: skip
+            then = now + end
+        now = then
+    return tuple(reports)
+
+
+def _speed_limits(
+    chain: Chain,
+    motion: ToolMotion | ToolRun,
+    path: JointPath,
+    parametrization: TimeParametrization,
+) -> list[SpeedLimit | None]:
+    """Limits below the tool speed that a run without tolerances is to be timed at, part by part."""
+    run, speed = run_of(motion), parametrization.tool_speed
+    parts = run.parts_until(path.length)
+    if speed is None or run.tolerances:
+        return [None] * len(parts)
+    return speed_limits(chain.joint_names, path, parts, run.length, speed, parametrization)
+
+
+def _time_motion(
+    chain: Chain,
+    tool_path: ToolPath,
+    motion: ToolMotion | ToolRun,
+    path: JointPath,
+    parametrization: TimeParametrization,
+) -> ScaledTime:
+    run = run_of(motion)
+    if run.tool_speeds:
+        steady = _time_steadily(chain, run, tool_path.speed_band, path, parametrization)
+        if steady is not None:
+            return steady
+        parametrization = parametrization.at_tool_speed(chain, min(run.tool_speeds))
+    elif parametrization.tool_speed is not None and len(run.motions) > 1:
+        asked = replace(run, tool_speeds=(parametrization.tool_speed,) * len(run.motions))
+        steady = _time_steadily(chain, asked, _CORNER_BAND, path, parametrization)
+        if steady is not None:
+            return steady
+    if parametrization.method.follows_path:
+        return parametrization.time(path, chain.joint_names)
+    knots = path.breaks
+    for _ in range(_MAX_DOUBLINGS):
+        timed = parametrization.time_spline(path.sample(knots), None, "clamped", chain.joint_names)
+        spline = timed.trajectory
+        fine = pieces_within(
+            chain, run, knots, spline.breaks, spline.coefficients, tool_path.tolerances.pair
+        )
+        if fine.all():
+            break
+        knots = np.sort(np.concatenate([knots, 0.5 * (knots[1:] + knots[:-1])]))
+    return timed
+
+
+def _time_steadily(
+    chain: Chain,
+    run: ToolRun,
+    band: float | None,
+    path: JointPath,
+    parametrization: TimeParametrization,
+) -> ScaledTime | None:
+    """The motion at steady speeds of the tool; None where another one keeps them as far."""
+    if band is None or path.corners or not parametrization.smooth:
+        return None
+    path, speeds = _cut_where_speeds_change(chain, run, path)
+    parametrization = parametrization.at_tool_speed(chain, max(run.tool_speeds))
+    places = path.breaks[:-1, None] + np.outer(path.lengths, np.linspace(0.0, 1.0, _LOOKS))
+    at = np.minimum(places.ravel(), path.length)
+    along = np.einsum("kij,kj->ki", geometric(chain, path.sample(at))[:, :3], path.sample(at, 1))
+    rates = np.linalg.norm(along, axis=1).reshape(places.shape).max(axis=1)
+    with np.errstate(divide="ignore"):
+        wanted = speeds / rates
+    steady = time_at_steady_speed(
+        path, chain.joint_names, parametrization.jerk_bounds, wanted, _BAND_SHARE * band
+    )
+    if steady is None:
+        return None
+    timed = parametrization.slow_down_for_effort(steady.timed)
+    if len(steady.speeds) == 1 and timed.factor <= _AS_FAST:
+        return timed
+    if len(set(run.tool_speeds)) > 1:
+        # Another one keeps the least of the speeds everywhere.
+        return timed
+    other = parametrization.time(path, chain.joint_names)
+    low = (1.0 - band) * run.tool_speeds[0]
+    if timed.trajectory.duration > _LONGER * other.trajectory.duration:
+        return other
+    shares = [_share_in_band(chain, one.trajectory, low) for one in (timed, other)]
+    return timed if shares[0] >= shares[1] else other
+
+
+def _cut_where_speeds_change(
+    chain: Chain, run: ToolRun, path: JointPath
+) -> tuple[JointPath, Array]:
+    """A path with a break where the tool passes from one speed to another, and those of pieces.
+
+    Returns:
+        The path, and the speed asked for on each of its p pieces, shape (p,) [m/s].
+    """
+    asked = np.array(run.tool_speeds)
+    changes = np.flatnonzero(np.diff(asked))
+    if not changes.size:
+        return path, np.full(len(path.lengths), asked[0])
+    # Times of a motion at ds/dt = 1 are places.
+    motion = Trajectory(chain.joint_names, path.breaks, path.coefficients)
+    cuts = np.array(passing_times(chain, path, motion, run.parts))[changes]
+    for cut in cuts.tolist():
+        if np.abs(motion.breaks - cut).min() > _SAME_PLACE * path.length:
+            motion = concatenate(motion.split(cut))
+    middles = 0.5 * (motion.breaks[1:] + motion.breaks[:-1])
+    speeds = asked[np.append(changes, len(asked) - 1)][np.searchsorted(cuts, middles)]
+    return JointPath(motion.coefficients, np.diff(motion.breaks)), speeds
+
+
+def _share_in_band(chain: Chain, motion: Trajectory, low: float) -> float:
+    """Part of the tool's way on which it is no slower than a speed [m/s], about."""
+    times = np.linspace(0.0, motion.duration, _INSTANTS)
+    J = geometric(chain, motion.sample(times))[:, :3]
+    speeds = np.linalg.norm(np.einsum("kij,kj->ki", J, motion.sample(times, 1)), axis=1)
+    total = float(speeds.sum())
+    return float(speeds[speeds >= low].sum()) / total if total > 0.0 else 1.0

@@ -1,0 +1,1 @@
+"""Values that planners and proof share: limits, deadlines, costs."""

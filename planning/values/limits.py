@@ -1,0 +1,92 @@
+"""Limits that a motion is held to, with their tolerances: values for planners and proof alike."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from kinematics.arrays import Array
+from kinematics.errors import InvalidOption
+from kinematics.model.chain import Chain
+from planning.values.effort_limits import EffortLimits
+
+#: Quantities that have limits beside position.
+_BOUNDED = ("velocity", "acceleration", "jerk")
+#: A ratio of a value to its limit may exceed 1 by the rounding error of an extremum [-]; a position
+#: may exceed its limit by as much [rad or m].
+RATIO_TOLERANCE = 1e-9
+#: Jump of the acceleration beyond which jerk is not bounded [rad/s^2 or m/s^2]. Pieces that meet to
+#: rounding are nearer by thousands: of positions of 10 rad, a hundredth of a second apart, doubles
+#: leave 1e-11. A controller that reads the motion at 1 kHz makes 1e-3 rad/s^3 of the jump, less
+#: than a ten thousandth of the jerk that any arm is limited to.
+JERK_JUMP = 1e-6
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class MotionLimits:
+    """Limits that a motion is held to in place of the robot's.
+
+    Args:
+        bounds: Limits by quantity ("velocity", "acceleration", "jerk"), each of shape (n,); NaN and
+            infinity bind nothing. A quantity that is not named has the robot's limits.
+        effort: Limits of torque and tool speed; None for none.
+        holds_jerk: Whether jerk is to be kept; else what exceeds its limits is told, no more.
+
+    Raises:
+        InvalidOption: There is no such quantity, or a limit is negative.
+    """
+
+    bounds: Mapping[str, Array] = field(default_factory=dict)
+    effort: EffortLimits | None = None
+    holds_jerk: bool = True
+
+    def __post_init__(self) -> None:
+        for name, given in self.bounds.items():
+            row = np.asarray(given)
+            if name not in _BOUNDED:
+                raise InvalidOption(
+                    f"there is no limit of {name!r}", hint=f"Name one of: {', '.join(_BOUNDED)}."
+                )
+            if row.ndim != 1 or row.dtype.kind not in "fiu" or (row < 0.0).any():
+                raise InvalidOption(
+                    f"the limits of {name} are not one number of 0 or more for each joint",
+                    hint="Give an array (n,), inf for a joint without a limit.",
+                )
+
+    def check_lengths(self, joint_names: Sequence[str]) -> None:
+        """Refuse limits of another number of joints.
+
+        Raises:
+            InvalidOption: There are more or fewer.
+        """
+        for name, row in self.bounds.items():
+            if len(row) != len(joint_names):
+                raise InvalidOption(
+                    f"limits.{name} has {len(row)} value(s) for {len(joint_names)} joints",
+                    hint=f"The order is: {', '.join(joint_names)}.",
+                )
+
+    def check(self, chain: Chain) -> None:
+        """Refuse limits of another number of joints, or of another robot.
+
+        Raises:
+            InvalidOption: They are none of this robot's.
+        """
+        self.check_lengths(chain.joint_names)
+        if self.effort is not None and self.effort.chain.joint_names != chain.joint_names:
+            raise InvalidOption(
+                f"the limits of torque and tool speed are of robot {self.effort.chain.name!r}",
+                hint=f"Make them for the joints {', '.join(chain.joint_names)}.",
+            )
+
+
+def position_excess(joint: str, value: float, limit: float) -> str:
+    """Sentence that says by how much a joint is outside a limit of its position.
+
+    Args:
+        joint: Name of the joint.
+        value: Its position [rad or m].
+        limit: The limit that it exceeds [rad or m].
+    """
+    which = "above its upper" if value > limit else "below its lower"
+    return f"joint {joint!r} is at {value:.9g}, {abs(value - limit):.3g} {which} limit {limit:.9g}"

@@ -1,0 +1,223 @@
+"""Lists of kernels, and their compilation in several processes."""
+
+import os
+import signal
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from tests.compiled.forked import run
+
+ROOT = Path(__file__).parents[2]
+
+#: A chain of large kernels, each calling the one before, and a small one that is copied.
+KERNELS = (
+    """
+import numpy as np
+from compiled.kernel import kernel
+
+@kernel(fastmath=True)
+def small(x):
+    return x + 1.0
+
+@kernel
+def large0(values):
+    return values[0]
+"""
+    + "".join(
+        f"""
+@kernel
+def large{number}(values):
+    total = large{number - 1}(values)
+    for i in range(len(values)):
+        total += small(values[i]) * np.sin(values[i] + {number}.0)
+        for j in range(i):
+            total += np.exp(-values[i]) * np.arctan2(values[j], total) - np.tanh(total)
+    return total
+"""
+        for number in range(1, 5)
+    )
+    + """
+@kernel
+def top(values):
+    if len(values) > 1000:
+        raise ValueError("too many")
+    roots = np.sqrt(values * 2.0) + np.minimum(values, 1.0)
+    return large4(values) + small(2.0) + roots.sum()
+"""
+)
+COMMON = """
+import sys
+from pathlib import Path
+from compiled import kernel_build, kernel_list, kernel_store
+path = Path("kernels.txt")
+"""
+MAKE_LIST = (
+    COMMON
+    + """
+import numpy as np, chain
+answer = chain.top(np.arange(3.0))
+kernel_list.write(path, kernel_list.stored(kernel_store.user_folder()))
+print(answer)
+"""
+)
+BUILD = (
+    COMMON
+    + """
+entries, unknown = kernel_list.read(path)
+assert not unknown
+missing = kernel_build.missing_entries(entries)
+print(len(entries), len(missing), flush=True)
+def report(done, total, seconds_left):
+    print(done, total, seconds_left, flush=True)
+for failure in kernel_build.build(missing, 2, report):
+    print("failed", failure.split(":")[:2])
+"""
+)
+PRUNE = (
+    COMMON
+    + """
+entries, _ = kernel_list.read(path)
+wanted = {name for entry in entries for name in entry.files}
+print(kernel_store.prune(wanted), kernel_store.prune(wanted))
+"""
+)
+#: Numba's compiler as it is.
+WITHOUT_SHORTCUTS = """
+from compiled import kernel_dispatcher, kernel_shortcuts
+kernel_dispatcher.take_shortcuts = lambda: None
+kernel_shortcuts.forget = lambda module: None
+"""
+CALL = """
+import numpy as np, chain
+print(chain.top(np.arange(3.0)))
+"""
+
+
+def python(program: str, folder: Path, cache: str = "cache", **more: str) -> str:
+    """What a program prints in a new process."""
+    answer = run(program, folder, {"NUMBA_CACHE_DIR": str(folder / cache), **more})
+    assert answer.code == 0, answer.errors
+    return answer.out
+
+
+@pytest.fixture(scope="module")
+def listed(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, str]:
+    """A folder with kernels and their list, made by calling one of them, and what it answered."""
+    folder = tmp_path_factory.mktemp("listed")
+    (folder / "chain.py").write_text(KERNELS)
+    return folder, python(MAKE_LIST, folder)
+
+
+def files(folder: Path, cache: str) -> dict[str, bytes]:
+    return {path.name: path.read_bytes() for path in (folder / cache).iterdir()}
+
+
+def test_the_list_names_what_python_calls_and_what_kernels_call(listed: tuple[Path, str]) -> None:
+    lines = (listed[0] / "kernels.txt").read_text().splitlines()
+    doors = [line.split()[2] for line in lines if line.startswith("python")]
+    others = [line.split()[2] for line in lines if line.startswith("kernel")]
+    assert doors == ["chain.top(float64[::1])"]
+    assert others == [*(f"chain.large{n}(float64[::1])" for n in range(5)), "chain.small(float64)"]
+
+
+def test_what_python_needs_is_a_kernel_with_all_that_it_calls(listed: tuple[Path, str]) -> None:
+    program = f"""{COMMON}
+entries, _ = kernel_list.read(path)
+for names in ({{"chain.top"}}, {{"chain.large2"}}, set()):
+    print([one.name for one in kernel_list.needed_by(names, entries)] == [
+        one.name for one in entries if names == {{"chain.top"}}])
+# As if Python called both, of which one alone is asked for.
+both = [one._replace(door=one.name in ("chain.large2", "chain.top")) for one in entries]
+print([(one.name, one.door) for one in kernel_list.needed_by({{"chain.large2"}}, both)])
+"""
+    needed = [(f"chain.large{number}", number == 2) for number in range(3)]
+    said = python(program, listed[0]).splitlines()
+    assert said == [*["True"] * 3, str([*needed, ("chain.small", False)])]
+
+
+def test_two_processes_compile_all_of_it_and_the_same_as_one(listed: tuple[Path, str]) -> None:
+    folder, answer = listed
+    head, *progress = python(BUILD, folder, "parallel").splitlines()
+    assert head == "7 7"
+    assert [line.split()[0] for line in progress] == [str(n) for n in range(8)]
+    assert progress[-1] == "7 7 0.0"
+    assert files(folder, "parallel") == files(folder, "cache")
+    frozen = python(CALL, folder, "parallel", ARMWRIGHT_KERNELS_FROZEN="1")
+    assert frozen == answer
+    assert python(BUILD, folder, "parallel").splitlines()[0] == "7 0"
+
+
+def test_shortcuts_and_orders_of_sets_change_no_byte(listed: tuple[Path, str]) -> None:
+    folder, answer = listed
+    assert python(WITHOUT_SHORTCUTS + CALL, folder, "without", PYTHONHASHSEED="1") == answer
+    assert files(folder, "without") == files(folder, "cache")
+
+
+def test_a_run_that_was_killed_goes_on_where_it_stopped(listed: tuple[Path, str]) -> None:
+    folder, _ = listed
+    process = subprocess.Popen(
+        [sys.executable, "-c", BUILD], cwd=folder, stdout=subprocess.PIPE, text=True,
+        env=os.environ
+        | {
+            "PYTHONPATH": f"{ROOT}{os.pathsep}{folder}",
+            "NUMBA_CACHE_DIR": str(folder / "killed"),
+        },
+    )  # fmt: skip
+    assert process.stdout is not None
+    while not process.stdout.readline().startswith("2 "):
+        pass
+    process.send_signal(signal.SIGKILL)
+    process.communicate()  # the workers end with the kernels that they are at
+    before = files(folder, "killed")
+    assert 2 <= len([name for name in before if "door" not in name]) < 7
+    head = python(BUILD, folder, "killed").splitlines()[0]
+    assert head == f"7 {7 - len([name for name in before if 'door' not in name])}"
+    after = files(folder, "killed")
+    assert after == files(folder, "cache")
+
+
+def test_a_kernel_that_is_edited_is_compiled_again_and_no_other(
+    listed: tuple[Path, str], tmp_path: Path
+) -> None:
+    folder, _ = listed
+    python(BUILD, folder, "edited")
+    (tmp_path / "kernels.txt").write_bytes((folder / "kernels.txt").read_bytes())
+    (tmp_path / "chain.py").write_text(KERNELS.replace("values[i] + 3.0", "values[i] + 3.5"))
+    (folder / "edited").rename(tmp_path / "edited")
+    # The third, the fourth and what Python calls, with its door.
+    assert python(BUILD, tmp_path, "edited").splitlines()[0] == "7 3"
+    assert python(PRUNE, tmp_path, "edited").split() == ["4", "0"]
+    assert python(BUILD, tmp_path, "edited").splitlines()[0] == "7 0"
+
+
+def test_a_kernel_that_can_not_be_compiled_is_named(tmp_path: Path) -> None:
+    (tmp_path / "chain.py").write_text(KERNELS.replace("x + 1.0", "x + 'one'"))
+    (tmp_path / "kernels.txt").write_text(
+        "python 1 chain.top(float64[::1])\nkernel 1 chain.small(float64)\n"
+    )
+    *_, done, failed = python(BUILD, tmp_path).splitlines()
+    assert done.startswith("2 2")
+    # The other, that only kernels call, may be listed for types that nobody uses any more.
+    assert failed == "failed ['chain.top', ' TypingError']"
+
+
+def test_lines_of_what_is_not_there_are_given_back(tmp_path: Path) -> None:
+    (tmp_path / "chain.py").write_text(KERNELS)
+    lines = ["kernel 1 chain.gone(float64)", "kernel 1 chain.small(float65)", "python chain.top()"]
+    (tmp_path / "kernels.txt").write_text("\n".join(["# A list.", "", *lines]))
+    program = f"{COMMON}\nprint(kernel_list.read(path)[1] == {lines!r})"
+    assert python(program, tmp_path) == "True\n"
+
+
+def test_a_kernel_that_is_missing_is_named_where_compiling_is_forbidden(
+    listed: tuple[Path, str], tmp_path: Path
+) -> None:
+    folder, _ = listed
+    variables = {"NUMBA_CACHE_DIR": str(tmp_path / "cache"), "ARMWRIGHT_KERNELS_FROZEN": "1"}
+    answer = run(CALL, folder, variables)
+    assert answer.code == 1
+    assert "KernelMissing: chain.top was not compiled for (array(float64, 1d, C))" in answer.errors
+    assert not (tmp_path / "cache").exists()

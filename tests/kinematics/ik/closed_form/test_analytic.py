@@ -1,0 +1,328 @@
+"""Closed forms: verified by pinocchio, complete against dense numeric search."""
+
+from dataclasses import fields, replace
+
+import numpy as np
+import pinocchio as pin
+import pytest
+
+from kinematics.arrays import Array
+from kinematics.errors import InvalidOption, InvalidPose, InvalidRobotState, NotAvailable
+from kinematics.forward import forward
+from kinematics.ik.closed_form import analytic
+from kinematics.ik.closed_form.analytic import branches, closed_form, parameter
+from kinematics.ik.closed_form.structure import structure
+from kinematics.ik.numeric.numeric import SearchOptions, solve
+from kinematics.jacobian import geometric
+from kinematics.model.chain import Chain
+from kinematics.pose import (
+    from_axis_angle,
+    rotation_error,
+    rotation_x,
+    rotation_z,
+    transform,
+)
+from kinematics.robots import builtin_chain, builtin_urdf
+from tests.kinematics.ik.arms import (
+    GENERAL,
+    apart,
+    arm_of,
+    edge_configuration,
+    general_arm,
+    reversed_arm,
+)
+from tests.kinematics.samples import random_rotation
+
+ARMS = ("ur5e", "kr6_sixx", "puma560", "elbow_wrist", "panda", "iiwa14")
+
+
+FORMS = {
+    "ur5e": ("three_parallel", False, None),
+    "kr6_sixx": ("spherical", False, None),
+    "puma560": ("spherical", False, None),
+    "elbow_wrist": ("spherical", False, None),
+    "panda": ("spherical", True, 6),
+    "iiwa14": ("redundant", False, None),
+}
+
+
+def parameters(chain: Chain, q: Array) -> list[float] | None:
+    form = structure(chain)
+    return [parameter(chain, q)] if form is not None and form.redundant else None
+
+
+@pytest.mark.parametrize("name", ARMS)
+def test_forms_of_the_built_in_arms(name: str) -> None:
+    form = closed_form(builtin_chain(name))
+    assert (form.kind, form.reverse, form.locked) == FORMS[name]
+    assert form.miss < 1e-12
+
+
+@pytest.mark.parametrize("name", ARMS)
+def test_every_pose_has_its_own_branch_and_all_are_right(name: str) -> None:
+    chain = builtin_chain(name)
+    model = pin.buildModelFromXML(builtin_urdf(name))
+    data = model.createData()
+    frame = model.getFrameId(chain.tip_link)
+    rng = np.random.default_rng(1)
+    lower, upper = chain.sampling_bounds()
+    for _ in range(150):
+        q = rng.uniform(lower, upper)
+        T = forward(chain, q)
+        found = branches(chain, T, parameters=parameters(chain, q))
+        assert apart(found.joints, q).min() < 1e-6
+        assert found.within_limits[apart(found.joints, q).argmin()]
+        labels = [found.label(i) for i in range(len(found.table))]
+        assert len(set(labels)) == len(labels)
+        for solution in found.joints:
+            pin.framesForwardKinematics(model, data, solution)
+            reached = np.array(data.oMf[frame].homogeneous)
+            assert np.linalg.norm(reached[:3, 3] - T[:3, 3]) < 1e-9
+            assert np.linalg.norm(rotation_error(reached[:3, :3], T[:3, :3])) < 1e-9
+
+
+@pytest.mark.parametrize("name", ARMS)
+def test_edge_poses_are_answered_inside_the_limits(name: str) -> None:
+    chain = builtin_chain(name)
+    rng = np.random.default_rng(2)
+    for k in range(400):
+        q = edge_configuration(chain, rng, k)
+        T = forward(chain, q)
+        found = branches(chain, T, parameters=parameters(chain, q))
+        assert found.within_limits.any(), (name, q)
+        inside = found.joints[found.within_limits]
+        assert (inside >= chain.limits.lower).all()
+        assert (inside <= chain.limits.upper).all()
+        assert np.abs(forward(chain, found.joints) - T).max() < 2e-9
+        # Where the arm is regular for its parameter, its own configuration is among them.
+        J = geometric(chain, q)
+        if chain.n == 6 and np.linalg.svd(J, compute_uv=False)[-1] > 1e-3:
+            assert apart(found.joints, q).min() < 1e-6
+
+
+@pytest.mark.parametrize("kind", [*GENERAL, "reversed spherical", "reversed three parallel"])
+def test_general_arms_lose_nothing_that_search_finds(kind: str) -> None:
+    rng = np.random.default_rng(3)
+    compared = 0
+    for _ in range(4):
+        chain = general_arm(rng, kind.removeprefix("reversed "))
+        if kind.startswith("reversed"):
+            chain = reversed_arm(chain)
+        form = structure(chain)
+        assert form is not None
+        assert form.reverse == kind.startswith("reversed")
+        for k in range(3):
+            q = rng.uniform(-np.pi, np.pi, 6)
+            T = forward(chain, q)
+            found = branches(chain, T)
+            assert apart(found.joints, q).min() < 1e-6
+            assert found.within_limits.all()
+            for other in solve(chain, T, SearchOptions(seed=k, starts=60), solutions=16).solutions:
+                if np.linalg.svd(geometric(chain, other.joints), compute_uv=False)[-1] < 1e-2:
+                    continue
+                compared += 1
+                assert apart(found.joints, other.joints).min() < 1e-3
+    assert compared > 20
+
+
+def right_angles(rng: np.random.Generator, kind: int) -> Array:
+    """Multiples of 45 degrees, zeros, or some multiples of 90 degrees."""
+    q = rng.uniform(-np.pi, np.pi, 6)
+    match kind % 3:
+        case 0:
+            return np.array(np.round(q / (np.pi / 4)) * np.pi / 4)
+        case 1:
+            return np.array(np.where(rng.random(6) < 0.6, 0.0, q))
+        case _:
+            return np.array(np.where(rng.random(6) < 0.5, rng.integers(-2, 3, 6) * np.pi / 2, q))
+
+
+def lost(chain: Chain, q: Array) -> bool:
+    """Whether the configuration's own branch is missing, or any that is answered is wrong."""
+    T = forward(chain, q)
+    found = branches(chain, T)
+    if not len(found.table) or np.abs(forward(chain, found.joints) - T).max() > 3e-9:
+        return True
+    regular = np.linalg.svd(geometric(chain, q), compute_uv=False)[-1] > 1e-4
+    return bool(regular and apart(found.joints, q).min() > 1e-6)
+
+
+@pytest.mark.parametrize("kind", [*GENERAL, "reversed spherical", "reversed three parallel"])
+def test_general_arms_at_right_angles(kind: str) -> None:
+    rng = np.random.default_rng(6)
+    for _ in range(20):
+        chain = general_arm(rng, kind.removeprefix("reversed "))
+        chain = reversed_arm(chain) if kind.startswith("reversed") else chain
+        assert not [k for k in range(30) if lost(chain, right_angles(rng, k))]
+
+
+@pytest.mark.parametrize("exponent", range(3, 13))
+@pytest.mark.parametrize("kind", GENERAL[1:5])
+def test_arms_that_are_nearly_special(kind: str, exponent: int) -> None:
+    rng = np.random.default_rng(exponent)
+    for _ in range(6):
+        chain = general_arm(rng, kind)
+        offsets = list(chain.offsets)
+        for i in (1, 2):
+            size = 10.0**-exponent
+            turn = from_axis_angle(rng.normal(size=3), size * rng.uniform())
+            offsets[i] = offsets[i] @ transform(turn, size * rng.normal(size=3))
+        chain = arm_of(offsets, chain.tip.T_joint_link)
+        assert not [k for k in range(30) if lost(chain, right_angles(rng, k))]
+
+
+def test_families_of_one_name_are_all_answered() -> None:
+    # Two arms reach the wrist point with the same signs; both leave the straight wrist free.
+    def offset(alpha: float, a: float, d: float, theta: float) -> Array:
+        return transform(rotation_x(alpha), [a, 0.0, 0.0]) @ transform(rotation_z(theta), [0, 0, d])
+
+    right = np.pi / 2
+    chain = arm_of(
+        [
+            offset(0.0, 0.0, 0.45, right), offset(0.0, 0.1, 0.45, 0.0), offset(right, 0.3, -0.2, 0),
+            offset(right, 0.0, 0.45, right), offset(right, 0.0, 0.0, right),
+            offset(right, 0.0, 0.0, 0.0),
+        ],
+        np.eye(4),
+    )  # fmt: skip
+    both = np.array([[0.0, 2.9376, -np.pi, 0.0, right, 0.2], [0.6, 0.5, 0.4, 0.0, right, 0.2]])
+    for q in both:
+        T = forward(chain, q)
+        found = branches(chain, T, seed_joints=q)
+        for other in solve(chain, T, SearchOptions(starts=60), solutions=12).solutions:
+            assert apart(found.joints[:, :3], other.joints[:3]).min() < 0.02
+
+
+def test_a_plane_arm_of_four_joints_answers_both_of_its_loops() -> None:
+    # Axis 6 is parallel to axes 2 to 4: links of 0.3, 0.1 and 0.15 m close a loop over 0.3 m.
+    up = rotation_x(np.pi / 2)
+    links = [transform(None, [x, 0.0, 0.0]) for x in (0.3, 0.1)]
+    links += [transform(up, [0.15, 0.0, 0.0]), transform(up)]
+    chain = arm_of([np.eye(4), transform(up, [0.1, 0.0, 0.2]), *links], np.eye(4))
+    rng, tried = np.random.default_rng(7), 0
+    while tried < 20:
+        q = np.array([*rng.uniform(-np.pi, np.pi, 4), 0.0, rng.uniform(-np.pi, np.pi)])
+        span = 0.3 + 0.1 * np.exp(1j * q[2]) + 0.15 * np.exp(1j * (q[2] + q[3]))
+        if not 0.26 < abs(span) < 0.34:
+            continue
+        tried += 1
+        T = forward(chain, q)
+        found = branches(chain, T).joints
+        # The last link stands on either side of the line that the loop spans.
+        line = np.exp(1j * q[1]) * span
+        sides = np.imag(np.exp(1j * found[:, 1:4].sum(axis=1)) / line)
+        near = np.isclose(np.cos(found[:, 0] - q[0]), 1.0)
+        assert (sides[near] > 0.0).any()
+        assert (sides[near] < 0.0).any()
+
+
+def test_the_stretched_arm_and_the_target_on_axis_1() -> None:
+    chain = builtin_chain("elbow_wrist")
+    straight = np.array([0.4, 0.3, 0.0, 0.2, 0.0, -0.5])
+    for q in (straight, np.array([0.4, np.pi / 2, 0.0, 0.2, 0.7, -0.5]), np.zeros(6)):
+        T = forward(chain, q)
+        # Seeds decide what a pose leaves open: the same angle of a free joint comes back.
+        found = branches(chain, T, seed_joints=q)
+        assert apart(found.joints, q).min() < 1e-6
+        assert np.abs(forward(chain, found.joints) - T).max() < 1e-9
+
+
+@pytest.mark.parametrize("name", ["panda", "iiwa14"])
+def test_parameters_of_redundant_arms(name: str) -> None:
+    chain = builtin_chain(name)
+    rng = np.random.default_rng(5)
+    lower, upper = chain.sampling_bounds()
+    for _ in range(20):
+        q = rng.uniform(lower, upper)
+        T = forward(chain, q)
+        wanted = [parameter(chain, q), 0.3, -1.1]
+        found = branches(chain, T, parameters=wanted)
+        for solution, value in zip(found.joints, found.parameter, strict=True):
+            assert parameter(chain, solution) == pytest.approx(value, abs=1e-7)
+        # The seed's own parameter is the one that is taken by itself.
+        own = branches(chain, T, seed_joints=q)
+        assert apart(own.joints, q).min() < 1e-6
+        np.testing.assert_allclose(own.parameter, wanted[0], atol=1e-12)
+
+
+def test_a_rail_before_six_joints_is_held_at_the_parameter() -> None:
+    arm = builtin_chain("ur5e")
+    tip = arm.tip.T_joint_link
+    rail = replace(
+        arm,
+        joint_names=("rail", *arm.joint_names),
+        joint_types=np.array([1, *arm.joint_types]),
+        offsets=np.array([transform(random_rotation(np.random.default_rng(6))), *arm.offsets]),
+        links=tuple(
+            replace(link, joint=6 if link.joint == 5 else -1) for link in arm.links
+        ),
+        limits=replace(
+            arm.limits,
+            **{
+                item.name: np.array([-1.0 if item.name == "lower" else 2.0, *getattr(
+                    arm.limits, item.name)])
+                for item in fields(arm.limits)
+            },
+        ),
+        continuous=np.zeros(7, dtype=np.bool_),
+        motor_inertia=np.zeros(7),
+        viscous_friction=np.zeros(7),
+    )  # fmt: skip
+    form = closed_form(rail)
+    assert (form.kind, form.locked) == ("three_parallel", 0)
+    q = np.array([0.7, 0.1, -1.2, 1.5, -1.0, -1.4, 0.3])
+    T = forward(rail, q)
+    found = branches(rail, T, seed_joints=q)
+    assert apart(found.joints, q).min() < 1e-6
+    assert len(branches(rail, T, parameters=[0.7, 0.4]).table) > len(found.table)
+    np.testing.assert_array_equal(rail.tip.T_joint_link, tip)
+
+
+@pytest.mark.parametrize("name", ["ur5e", "iiwa14"])
+def test_batches_equal_single_calls(name: str) -> None:
+    chain = builtin_chain(name)
+    rng = np.random.default_rng(7)
+    lower, upper = chain.sampling_bounds()
+    q = rng.uniform(lower, upper, (20, chain.n))
+    T = forward(chain, q)
+    batch = branches(chain, T, seed_joints=q)
+    assert batch.counts is not None
+    for k in range(20):
+        one = branches(chain, T[k], seed_joints=q[k])
+        np.testing.assert_allclose(batch.table[k, : batch.counts[k]], one.table, atol=1e-12)
+
+
+def test_single_calls_answer_more_branches_than_they_have_room_for_at_first(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr(analytic, "_FEW_ROWS", 3)
+    rng = np.random.default_rng(11)
+    arm = general_arm(rng, "three parallel, axes 5 and 6 meet")
+    T = forward(arm, rng.uniform(-3.0, 3.0, (50, 6)))
+    batch = branches(arm, T)
+    assert batch.counts is not None
+    assert batch.counts.max() == 8
+    for k in range(50):
+        one = branches(arm, T[k])
+        np.testing.assert_array_equal(batch.table[k, : batch.counts[k]], one.table)
+
+
+def test_poses_out_of_reach_have_no_branch() -> None:
+    for name in ARMS:
+        assert not len(branches(builtin_chain(name), transform(None, [9.0, 0.0, 0.0])).table)
+
+
+def test_bad_input_is_named() -> None:
+    chain = builtin_chain("ur5e")
+    with pytest.raises(InvalidPose):
+        branches(chain, np.full((4, 4), np.nan))
+    with pytest.raises(InvalidPose):
+        branches(chain, np.eye(3))
+    with pytest.raises(InvalidRobotState, match="6 joints"):
+        branches(chain, np.eye(4), seed_joints=[0.0])
+    with pytest.raises(InvalidRobotState, match="finite"):
+        branches(chain, np.eye(4), seed_joints=[np.nan] * 6)
+    with pytest.raises(InvalidOption, match="parameters"):
+        branches(chain, np.eye(4), parameters=[np.inf])
+    with pytest.raises(NotAvailable, match="closed form"):
+        branches(builtin_chain("scara"), np.eye(4))

@@ -1,0 +1,188 @@
+"""Arms with a spherical wrist: what symmetry, the Jacobian and decoupling demand of branches."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from kinematics.arrays import Array
+from kinematics.forward import forward, joint_frames
+from kinematics.ik.closed_form.analytic import branches, closed_form
+from kinematics.ik.closed_form.plan import TIP
+from kinematics.ik.closed_form.spherical import (
+    back_kernel,
+    family_kernel,
+    flange_kernel,
+    rotation_column,
+)
+from kinematics.pose import inverse
+from tests.kinematics.ik import symmetries
+from tests.kinematics.ik.arms import GENERAL, general_arm, reversed_arm
+from tests.kinematics.ik.symmetries import distance, labels, regular_cases, wrapped
+
+KINDS = [kind for kind in GENERAL if kind.startswith("spherical")]
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_branches_come_in_pairs_of_opposite_determinants(kind: str) -> None:
+    # Far poses have none, and branches come and go in such pairs.
+    chain = general_arm(np.random.default_rng(1), kind)
+    for q, _, table in regular_cases(chain, 1, 8):
+        signs = np.sign(symmetries.determinants(chain, table.joints))
+        assert signs.sum() == 0
+        assert np.abs(wrapped(table.joints - q)).max(axis=1).min() < 1e-8
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_the_names_signs_multiply_to_that_of_the_determinant(kind: str) -> None:
+    chain = general_arm(np.random.default_rng(2), kind)
+    ratios = set()
+    for _, _, table in regular_cases(chain, 2, 8):
+        signs = np.sign(symmetries.determinants(chain, table.joints))
+        ratios |= {
+            int(sign) * symmetries.product_of_signs(name)
+            for sign, name in zip(signs, labels(table), strict=True)
+        }
+    assert len(ratios) == 1
+
+
+@pytest.mark.parametrize("kind", [kind for kind in KINDS if "1 and 2 parallel" not in kind])
+def test_the_sign_of_the_shoulder_is_the_side_of_the_wrist_that_joint_1_turned_to(
+    kind: str,
+) -> None:
+    chain = general_arm(np.random.default_rng(2), kind)
+    for _, _, table in regular_cases(chain, 2, 6):
+        assert len(set(labels(table))) == len(table.table)
+        for name, row in zip(labels(table), table.joints, strict=True):
+            lever = symmetries.first_lever(chain, row, 4)
+            assert ("shoulder+" in name) == (lever < 0.0)
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_turning_the_first_or_last_joint_turns_its_angle_in_every_branch(kind: str) -> None:
+    chain = general_arm(np.random.default_rng(3), kind)
+    for k, (_, T, table) in enumerate(regular_cases(chain, 3, 4)):
+        angle = -2.0 + k
+        for joint, pose in (
+            (0, symmetries.turned_before(chain, T, angle)),
+            (5, symmetries.turned_behind(chain, T, angle)),
+        ):
+            other = branches(chain, pose)
+            moved = table.joints.copy()
+            moved[:, joint] += angle
+            assert distance(other.joints, moved) < 1e-8
+            assert sorted(labels(other)) == sorted(labels(table))
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_the_arm_from_tip_to_base_has_the_same_branches_backwards(kind: str) -> None:
+    chain = general_arm(np.random.default_rng(14), kind)
+    back = reversed_arm(chain)
+    assert closed_form(back).reverse
+    for _, T, table in regular_cases(chain, 4, 4):
+        other = branches(back, inverse(T))
+        assert distance(other.joints, -table.joints[:, ::-1]) < 1e-8
+        assert sorted(map(symmetries.product_of_signs, labels(other))) == sorted(
+            map(symmetries.product_of_signs, labels(table))
+        )
+
+
+@pytest.mark.parametrize("factor", [0.1, 7.0])
+@pytest.mark.parametrize("kind", KINDS[:3])
+def test_an_arm_of_another_size_has_the_same_angles(kind: str, factor: float) -> None:
+    chain = general_arm(np.random.default_rng(5), kind)
+    large = symmetries.scaled(chain, factor)
+    for _, T, table in regular_cases(chain, 5, 4):
+        pose = T.copy()
+        pose[:3, 3] *= factor
+        assert distance(branches(large, pose).joints, table.joints) < 1e-7
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_the_wrist_flips_without_moving_the_arm(kind: str) -> None:
+    chain = general_arm(np.random.default_rng(6), kind)
+    for _, _, table in regular_cases(chain, 6, 6):
+        arms = wrapped(table.joints[:, :3])
+        for name, arm in zip(labels(table), arms, strict=True):
+            flip = "wrist-" if "wrist+" in name else "wrist+"
+            same = np.abs(wrapped(arms - arm)).max(axis=1) < 1e-8
+            assert same.sum() == 2
+            assert flip in "".join(np.array(labels(table))[same])
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_the_wrist_point_is_the_same_in_all_branches(kind: str) -> None:
+    chain = general_arm(np.random.default_rng(17), kind)
+    for q, _, table in regular_cases(chain, 7, 4):
+        centre = joint_frames(chain, q)[3, :3, 3]
+        for row in table.joints:
+            frames = joint_frames(chain, row)
+            np.testing.assert_allclose(frames[3:, :3, 3], [centre] * 3, atol=1e-9)
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_a_straight_wrist_is_answered_at_the_seed_with_its_own_joints(kind: str) -> None:
+    chain = general_arm(np.random.default_rng(8), kind)
+    # Where axes 4 and 6 are one, which skew axes of a general wrist never are.
+    offsets = chain.offsets.copy()
+    offsets[5, :3, :3] = offsets[4, :3, :3].T
+    chain = replace(chain, offsets=offsets)
+    rng = np.random.default_rng(9)
+    for _ in range(6):
+        q = rng.uniform(-np.pi, np.pi, 6)
+        q[4] = 0.0
+        T = forward(chain, q)
+        table = branches(chain, T, seed_joints=q)
+        assert np.abs(forward(chain, table.joints) - T).max() < 1e-8
+        assert np.abs(table.joints - q).max(axis=1).min() < 1e-6
+        # Another seed has the same sum of angles, near its own.
+        seed = q.copy()
+        seed[3] += 0.7
+        near = branches(chain, T, seed_joints=seed)
+        row = near.joints[np.abs(near.joints[:, :3] - q[:3]).max(axis=1).argmin()]
+        assert row[3] == pytest.approx(seed[3], abs=1e-6)
+        assert row[3] + row[5] == pytest.approx(q[3] + q[5], abs=1e-6)
+
+
+# ------------------------------------------------------------------------------------ pieces
+
+
+def row_of(T: Array) -> Array:
+    """A transform in a row as the kernels read it."""
+    return np.concatenate([[0.0], T[:3].ravel()])
+
+
+def test_a_direction_is_seen_from_before_a_turn_and_an_offset() -> None:
+    rng = np.random.default_rng(10)
+    chain = general_arm(rng, KINDS[0])
+    for A in chain.offsets:
+        angle, v = float(rng.uniform(-3.0, 3.0)), rng.normal(size=3)
+        c, s = float(np.cos(angle)), float(np.sin(angle))
+        Rz = np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
+        found = back_kernel(c, s, row_of(A), float(v[0]), float(v[1]), float(v[2]))
+        np.testing.assert_allclose(found, A[:3, :3].T @ Rz.T @ v, atol=1e-14)
+
+
+def test_the_flange_is_the_last_joint_seen_from_the_first() -> None:
+    rng = np.random.default_rng(11)
+    for kind in KINDS[:2]:
+        chain = general_arm(rng, kind)
+        plan = closed_form(chain).plan
+        for q in rng.uniform(-np.pi, np.pi, (5, 6)):
+            T = forward(chain, q)
+            first = np.vstack([plan[1, 1:13].reshape(3, 4), [0.0, 0.0, 0.0, 1.0]])
+            tip = np.vstack([plan[TIP, 1:13].reshape(3, 4), [0.0, 0.0, 0.0, 1.0]])
+            expected = inverse(first) @ T @ inverse(tip)
+            x, z, o = flange_kernel(plan, row_of(T))
+            np.testing.assert_allclose(x, expected[:3, 0], atol=1e-13)
+            np.testing.assert_allclose(z, expected[:3, 2], atol=1e-13)
+            np.testing.assert_allclose(o, expected[:3, 3], atol=1e-13)
+            for k in range(3):
+                column = rotation_column(row_of(T), plan[TIP], k)
+                np.testing.assert_allclose(column, (T @ inverse(tip))[:3, k], atol=1e-13)
+
+
+def test_a_family_inside_another_keeps_the_outer_number() -> None:
+    assert family_kernel(0.0, 4) == -5.0
+    assert family_kernel(-2.0, 4) == -2.0
+    assert family_kernel(3.0, 4) == 3.0

@@ -1,0 +1,296 @@
+"""Numeric inverse kinematics, verified by pinocchio and by limits."""
+
+import numpy as np
+import pinocchio as pin
+import pytest
+
+from kinematics.arrays import Array
+from kinematics.errors import InvalidLinkName, InvalidOption, InvalidPose, InvalidRobotState
+from kinematics.forward import forward
+from kinematics.ik.numeric.dls_step import (
+    StepWorkspace,
+    dual_kernel,
+    error_kernel,
+    frame_kernel,
+    step_within_kernel,
+)
+from kinematics.ik.numeric.numeric import (
+    AXES,
+    POSITION,
+    Axis,
+    SearchOptions,
+    reach,
+    solve,
+    solve_many,
+)
+from kinematics.model.chain import Chain, Limits
+from kinematics.pose import from_axis_angle, inverse, rotation_error, transform
+from kinematics.robots import builtin_chain, builtin_names, builtin_urdf
+from tests.kinematics.samples import random_chain
+
+SIX = ("panda", "ur5e", "iiwa14", "kr6_sixx", "puma560", "stanford", "elbow_wrist")
+
+
+def inside(chain: Chain, q: Array) -> bool:
+    return bool((q >= chain.limits.lower).all() and (q <= chain.limits.upper).all())
+
+
+def pinocchio_pose(name: str, q: Array, link: str) -> Array:
+    model = pin.buildModelFromXML(builtin_urdf(name))
+    data = model.createData()
+    pin.framesForwardKinematics(model, data, q)
+    return np.array(data.oMf[model.getFrameId(link)].homogeneous)
+
+
+@pytest.mark.parametrize("name", SIX)
+def test_every_reachable_pose_is_reached_inside_the_limits(name: str) -> None:
+    chain = builtin_chain(name)
+    random = np.random.default_rng(1)
+    lower, upper = chain.sampling_bounds()
+    for k in range(150):
+        q = random.uniform(lower, upper)
+        if k % 5 == 0:
+            # Edge poses: joints at their limits, at zero, and at right angles.
+            edges = np.array(
+                [lower, upper, np.zeros(chain.n), np.round(q / (np.pi / 4)) * np.pi / 4]
+            )
+            q = np.clip(edges[random.integers(0, 4, chain.n), np.arange(chain.n)], lower, upper)
+        target = forward(chain, q)
+        result = solve(chain, target, SearchOptions(seed=k))
+        assert result.solutions, (name, k, result.nearest, result.advice)
+        solution = result.solutions[0]
+        assert inside(chain, solution.joints)
+        reached = pinocchio_pose(name, solution.joints, chain.tip_link)
+        assert np.linalg.norm(reached[:3, 3] - target[:3, 3]) <= 1.01e-6
+        assert np.linalg.norm(rotation_error(reached[:3, :3], target[:3, :3])) <= 1.01e-6
+
+
+def test_several_solutions_are_distinct_and_nearest_first() -> None:
+    chain = builtin_chain("ur5e")
+    start = np.array([0.1, -1.2, 1.5, -1.0, -1.4, 0.3])
+    target = forward(chain, start + 0.3)
+    result = solve(chain, target, SearchOptions(starts=300), seed_joints=start, solutions=8)
+    assert len(result.solutions) >= 4
+    distances = [np.linalg.norm(s.joints - start) for s in result.solutions]
+    assert distances == sorted(distances)
+    for i, a in enumerate(result.solutions):
+        assert np.abs(forward(chain, a.joints) - target).max() < 3e-6
+        for b in result.solutions[:i]:
+            assert np.abs(a.joints - b.joints).max() > 1e-3
+
+
+def test_same_seed_same_answer() -> None:
+    chain = builtin_chain("panda")
+    target = forward(chain, 0.3 * np.ones(7) * np.array([1, 1, 1, -4, 1, 4, 1]))
+    answers = [solve(chain, target, SearchOptions(seed=5), solutions=4).solutions for _ in range(2)]
+    for a, b in zip(*answers, strict=True):
+        assert np.array_equal(a.joints, b.joints)
+
+
+def test_out_of_reach_says_how_far() -> None:
+    chain = builtin_chain("panda")
+    target = transform(None, [3.0, 0.0, 0.3])
+    result = solve(chain, target, SearchOptions(starts=20))
+    assert not result.solutions
+    _, radius = reach(chain)
+    assert result.nearest.position_error >= 3.0 - radius - 0.1
+    assert "beyond the longest the arm can reach" in result.advice
+
+
+def test_position_can_be_reached_but_not_the_orientation() -> None:
+    chain = builtin_chain("scara")
+    q = np.clip(np.array([0.3, 0.5, 0.0, 0.2]), chain.limits.lower, chain.limits.upper)
+    target = forward(chain, q)
+    target[:3, :3] = target[:3, :3] @ from_axis_angle([1.0, 0.0, 0.0], 0.5)
+    result = solve(chain, target, SearchOptions(starts=20))
+    assert not result.solutions
+    assert "not in this orientation" in result.advice
+    assert solve(chain, target, SearchOptions(axes=POSITION)).solutions
+
+
+@pytest.mark.parametrize("name", builtin_names())
+def test_no_configuration_leaves_the_reach(name: str) -> None:
+    chain = builtin_chain(name)
+    center, radius = reach(chain)
+    random = np.random.default_rng(2)
+    lower, upper = chain.sampling_bounds()
+    tips = forward(chain, random.uniform(lower, upper, (500, chain.n)))[:, :3, 3]
+    assert np.linalg.norm(tips - center, axis=1).max() <= radius + 1e-12
+
+
+def test_random_chains_with_slides_of_many_lengths() -> None:
+    random = np.random.default_rng(3)
+    solved = 0
+    for n in (1, 2, 3, 5, 6, 7, 9, 12, 20):
+        chain = random_chain(random, n)
+        lower, upper = chain.sampling_bounds()
+        for _ in range(5):
+            target = forward(chain, random.uniform(lower, upper))
+            result = solve(chain, target, SearchOptions(seed=n))
+            solved += bool(result.solutions)
+            if result.solutions:
+                assert np.abs(forward(chain, result.solutions[0].joints) - target).max() < 5e-6
+    assert solved >= 43
+
+
+def test_link_before_the_tip_leaves_later_joints_alone() -> None:
+    chain = builtin_chain("panda")
+    q = np.array([0.4, -0.3, 0.2, -1.9, 0.1, 1.5, 0.6])
+    link = chain.links[[item.joint for item in chain.links].index(3)].name
+    target = forward(chain, q, link)
+    result = solve(chain, target, link=link, seed_joints=q)
+    assert result.solutions
+    assert np.array_equal(result.solutions[0].joints[4:], q[4:])
+
+
+def test_error_near_none_and_half_a_turn() -> None:
+    random = np.random.default_rng(4)
+    for angle in (0.0, 1e-12, 1e-8, 1e-5, 1e-3, 1.0, 3.0, np.pi - 1e-6, np.pi - 1e-9, np.pi):
+        for _ in range(50):
+            axis = random.normal(size=3)
+            axis /= np.linalg.norm(axis)
+            R = transform(from_axis_angle(random.normal(size=3), random.uniform(0.0, 3.0)))
+            target = transform(from_axis_angle(axis, angle) @ R[:3, :3])
+            out = np.array(error_kernel(frame_kernel(R), frame_kernel(target))[3:])
+            reached = (
+                from_axis_angle(out, float(np.linalg.norm(out))) if angle > 1e-9 else np.eye(3)
+            )
+            assert np.abs(reached @ R[:3, :3] - target[:3, :3]).max() < 2e-8
+            assert np.linalg.norm(out) == pytest.approx(angle, abs=2e-8)
+
+
+def test_bad_input_is_named() -> None:
+    chain = builtin_chain("panda")
+    with pytest.raises(InvalidPose):
+        solve(chain, np.full((4, 4), np.nan))
+    with pytest.raises(InvalidRobotState, match="7 joints"):
+        solve(chain, np.eye(4), seed_joints=[0.0])
+    with pytest.raises(InvalidLinkName, match="nowhere"):
+        solve(chain, np.eye(4), link="nowhere")
+
+
+def test_continuous_joints_have_no_limits_to_hit() -> None:
+    chain = builtin_chain("cart_pendulum")
+    assert isinstance(chain.limits, Limits)
+    target = forward(chain, np.array([0.2, 2.0]))
+    assert solve(chain, target).solutions
+
+
+@pytest.mark.parametrize("name", ["panda", "ur5e", "scara"])
+def test_batches_reach_every_pose_inside_the_limits(name: str) -> None:
+    chain = builtin_chain(name)
+    random = np.random.default_rng(8)
+    lower, upper = chain.sampling_bounds()
+    targets = forward(chain, random.uniform(lower, upper, (500, chain.n)))
+    seeds = random.uniform(lower, upper, (500, chain.n))
+    batch = solve_many(chain, targets, seed_joints=seeds)
+    assert batch.solved.all()
+    assert (batch.joints >= lower).all()
+    assert (batch.joints <= upper).all()
+    assert np.abs(forward(chain, batch.joints) - targets).max() < 3e-6
+    alone = solve_many(chain, targets, seed_joints=seeds, threads=1)
+    np.testing.assert_array_equal(batch.joints, alone.joints)
+    one = solve(chain, targets[7], seed_joints=seeds[7])
+    np.testing.assert_array_equal(batch.joints[7], one.solutions[0].joints)
+
+
+@pytest.mark.parametrize("name", ["panda", "ur5e"])
+def test_poses_of_a_batch_are_answered_as_alone(name: str) -> None:
+    chain = builtin_chain(name)
+    random = np.random.default_rng(18)
+    lower, upper = chain.sampling_bounds()
+    q = random.uniform(lower, upper, (40, chain.n))
+    q[::3] = np.where(random.random(q[::3].shape) < 0.5, lower, q[::3])
+    targets = forward(chain, q)
+    targets[[5, 39], :3, 3] = 9.0
+    batch = solve_many(chain, targets, SearchOptions(seed=3, starts=40))
+    assert not batch.solved[[5, 39]].any()
+    for k, target in enumerate(targets):
+        one = solve(chain, target, SearchOptions(seed=3, starts=40))
+        assert bool(one.solutions) == batch.solved[k]
+        np.testing.assert_array_equal(batch.joints[k], one.nearest.joints)
+        assert (batch.steps[k], batch.position_error[k]) == one.nearest[3:0:-2]
+
+
+@pytest.mark.parametrize("n", [1, 2, 3, 4, 5, 6, 8, 13, 20])
+def test_steps_solve_the_damped_system(n: int) -> None:
+    random = np.random.default_rng(n)
+    J, e = random.normal(size=(6, n)), random.normal(size=6)
+    if n >= 6:
+        x = np.empty(6)
+        dual_kernel(J, e, np.arange(n), n, 1e-3, x)
+        np.testing.assert_allclose(x, np.linalg.solve(J @ J.T + 1e-3 * np.eye(6), e), rtol=1e-10)
+    q, out, far = np.zeros(n), np.empty(n), np.full(n, np.inf)
+    room = StepWorkspace(np.empty(n, dtype=np.int64), np.empty((n, n)), np.empty(max(n, 6)))
+    step_within_kernel(J, e, q, -far, far, 1e-3, room, out)
+    expected = np.linalg.solve(J.T @ J + 1e-3 * np.eye(n), J.T @ e)
+    np.testing.assert_allclose(out, expected, atol=1e-9)
+    # A joint at its limit that e pushes outwards stays, the others do what they can.
+    j = int(np.argmax(np.abs(J.T @ e)))
+    upper = np.where((np.arange(n) == j) & (J.T @ e > 0), 0.0, np.inf)
+    lower = np.where((np.arange(n) == j) & (J.T @ e < 0), 0.0, -np.inf)
+    step_within_kernel(J, e, q, lower, upper, 1e-3, room, out)
+    others = np.delete(np.arange(n), j)
+    A = J[:, others]
+    expected = np.linalg.solve(A.T @ A + 1e-3 * np.eye(n - 1), A.T @ e) if n > 1 else np.empty(0)
+    assert out[j] == 0.0
+    np.testing.assert_allclose(out[others], expected, atol=1e-9)
+
+
+def test_position_and_yaw_of_four_axes() -> None:
+    chain = builtin_chain("scara")
+    random = np.random.default_rng(9)
+    lower, upper = chain.sampling_bounds()
+    for k in range(50):
+        target = forward(chain, random.uniform(lower, upper))
+        # A tilt that the arm can't make, and need not.
+        tilt = transform(from_axis_angle([1.0, 0.5, 0.0], random.uniform(0.0, 0.5)))
+        result = solve(chain, target @ tilt, SearchOptions(seed=k, axes=("x", "y", "z")))
+        assert result.solutions
+        reached = forward(chain, result.solutions[0].joints)
+        assert np.linalg.norm(reached[:3, 3] - target[:3, 3]) < 1.01e-6
+        result = solve(chain, target, SearchOptions(seed=k, axes=("x", "y", "z", "rz")))
+        assert np.abs(forward(chain, result.solutions[0].joints) - target).max() < 3e-6
+
+
+@pytest.mark.parametrize("free", ["rz", "z", "rx"])
+def test_one_free_axis_of_the_tool_is_left_free(free: str) -> None:
+    chain = builtin_chain("kr6_sixx")
+    random = np.random.default_rng(10)
+    lower, upper = chain.sampling_bounds()
+    axes: list[Axis] = [axis for axis in AXES if axis != free]
+    moved = 0
+    for k in range(40):
+        target = forward(chain, random.uniform(lower, upper))
+        result = solve(chain, target, SearchOptions(seed=k, axes=axes))
+        assert result.solutions
+        rest = inverse(target) @ forward(chain, result.solutions[0].joints)
+        error = np.array([*rest[:3, 3], *rotation_error(np.eye(3), rest[:3, :3])])
+        counted = [AXES.index(axis) for axis in axes]
+        assert np.abs(error[counted]).max() < 1.1e-6
+        moved += abs(error[AXES.index(free)]) > 1e-3
+    assert moved > 20
+
+
+def test_axes_that_do_not_exist_are_named() -> None:
+    with pytest.raises(InvalidOption, match="roll"):
+        SearchOptions(axes=["roll"])  # type: ignore[list-item]
+    with pytest.raises(InvalidOption, match="positive"):
+        SearchOptions(position_tolerance=0.0)
+    with pytest.raises(InvalidOption, match="seed_joints"):
+        solve_many(builtin_chain("panda"), np.eye(4)[None], seed_joints=np.zeros((2, 7)))
+    with pytest.raises(InvalidPose):
+        solve_many(builtin_chain("panda"), np.eye(4))
+
+
+def test_an_arm_of_four_joints_is_told_of_axes() -> None:
+    chain = builtin_chain("scara")
+    T = forward(chain, 0.5 * (chain.limits.lower + chain.limits.upper))
+    tilted = transform(from_axis_angle([1.0, 0.0, 0.0], 0.4) @ T[:3, :3], T[:3, 3])
+    failed = solve(chain, tilted)
+    assert not failed.solutions
+    assert "4 joints" in failed.advice
+    assert '"axes"' in failed.advice
+    axes: tuple[Axis, ...] = ("x", "y", "z", "rz")
+    assert str(list(axes)) in failed.advice
+    assert solve(chain, T, SearchOptions(axes=axes)).solutions

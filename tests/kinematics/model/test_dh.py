@@ -1,0 +1,377 @@
+"""Denavit-Hartenberg tables against their definition, sympy, and the chains they come from."""
+
+import math
+from typing import Any
+
+import numpy as np
+import pytest
+import sympy
+
+from kinematics.arrays import Array
+from kinematics.errors import InvalidRobotDescription
+from kinematics.forward import forward, link_poses
+from kinematics.model.chain import Chain, JointType, Limits, Link
+from kinematics.model.dh import (
+    PARALLEL_ANGLE,
+    Convention,
+    DhRow,
+    DhTable,
+    chain_from_dh,
+    dh_from_chain,
+)
+from kinematics.pose import from_axis_angle, rotation_x, rotation_z, transform
+from tests.kinematics.samples import (
+    Sample,
+    configurations,
+    random_chain,
+    random_offset,
+    random_rotation,
+    samples,
+)
+
+CONVENTIONS: tuple[Convention, ...] = ("standard", "modified")
+#: A table holds d to half a unit in its 53rd binary digit, and a chain adds a few of them up.
+ROUNDING_OF_D = 1e-15
+
+
+def random_row(rng: np.random.Generator, **given: Any) -> DhRow:
+    a, d = rng.uniform(-0.5, 0.5, 2)
+    alpha, theta = rng.uniform(-3, 3, 2)
+    kind: Any = rng.choice(["revolute", "prismatic"])
+    values: dict[str, Any] = {"a": a, "alpha": alpha, "d": d, "theta": theta}
+    return DhRow(kind, **(values | {"lower": -1.0, "upper": 1.0} | given))
+
+
+def random_table(rng: np.random.Generator, convention: Convention) -> DhTable:
+    rows = tuple(random_row(rng) for _ in range(rng.integers(1, 8)))
+    ends = [transform(random_rotation(rng), rng.uniform(-1, 1, 3)) for _ in range(2)]
+    return DhTable(convention, rows, *ends)
+
+
+def stage(row: DhRow, q: float, convention: Convention) -> Array:
+    """One H_i, multiplied out from its four motions."""
+    theta = row.theta + (q if row.type == "revolute" else 0.0)
+    d = row.d + (q if row.type == "prismatic" else 0.0)
+    z = transform(rotation_z(theta)) @ transform(position=[0, 0, d])
+    x = transform(position=[row.a, 0, 0]) @ transform(rotation_x(row.alpha))
+    return z @ x if convention == "standard" else x @ z
+
+
+def product(table: DhTable, q: Array) -> list[Array]:
+    """Frames 0 to n and the tool, in the base frame."""
+    frames = [table.base]
+    for row, value in zip(table.rows, q, strict=True):
+        frames.append(frames[-1] @ stage(row, float(value), table.convention))
+    return [*frames, frames[-1] @ table.tool]
+
+
+# ----------------------------------------------------------------------------- table to chain
+
+
+@pytest.mark.parametrize("convention", CONVENTIONS)
+def test_frames_are_the_products(convention: Convention) -> None:
+    rng = np.random.default_rng(30)
+    for _ in range(60):
+        table = random_table(rng, convention)
+        chain = chain_from_dh("random", table)
+        q = rng.uniform(-3, 3, chain.n)
+        frames = product(table, q)
+        for i in range(1, chain.n + 1):
+            np.testing.assert_allclose(forward(chain, q, f"link_{i}"), frames[i], atol=1e-13)
+        np.testing.assert_allclose(forward(chain, q), frames[-1], atol=1e-13)
+
+
+def test_standard_stage_is_the_matrix_of_the_notes() -> None:
+    a, alpha, d, theta = sympy.symbols("a alpha d theta", real=True)
+
+    def turn(axis: int, angle: sympy.Symbol) -> sympy.Matrix:
+        rotation = {2: sympy.rot_ccw_axis3, 0: sympy.rot_ccw_axis1}[axis](angle)
+        return sympy.diag(rotation, 1)
+
+    def shift(x: sympy.Symbol, z: sympy.Symbol) -> sympy.Matrix:
+        return sympy.Matrix([[1, 0, 0, x], [0, 1, 0, 0], [0, 0, 1, z], [0, 0, 0, 1]])
+
+    H = turn(2, theta) * shift(0, d) * shift(a, 0) * turn(0, alpha)
+    values = {a: 0.3, alpha: -1.2, d: 0.7, theta: 0.4}
+    chain = chain_from_dh(
+        "one", DhTable("standard", (DhRow("revolute", 0.3, -1.2, 0.7, lower=-1, upper=1),))
+    )
+    expected = np.array(H.subs(values).evalf(20), dtype=np.float64)
+    np.testing.assert_allclose(forward(chain, [0.4]), expected, atol=1e-15)
+
+
+def test_names_types_and_limits() -> None:
+    rows = (
+        DhRow("revolute", lower=-math.inf, upper=math.inf, velocity=2.0, effort=5.0),
+        DhRow("prismatic", lower=0.0, upper=1.0, acceleration=3.0, jerk=4.0, motor_inertia=0.1),
+        DhRow("revolute", lower=-1.0, upper=2.0, viscous_friction=0.2),
+    )
+    chain = chain_from_dh("three", DhTable("standard", rows, gravity=np.array([0, -9.8, 0])))
+    assert chain.joint_names == ("joint_1", "joint_2", "joint_3")
+    assert list(chain.index) == ["base", "link_1", "link_2", "link_3", "tool"]
+    assert (chain.base_link, chain.tip_link) == ("base", "tool")
+    assert list(chain.joint_types) == [0, 1, 0]
+    assert list(chain.continuous) == [True, False, False]
+    np.testing.assert_array_equal(chain.limits.upper, [math.inf, 1, 2])
+    np.testing.assert_array_equal(chain.limits.velocity, [2, math.nan, math.nan])
+    np.testing.assert_array_equal(chain.limits.jerk, [math.nan, 4, math.nan])
+    np.testing.assert_array_equal(chain.motor_inertia, [0, 0.1, 0])
+    np.testing.assert_array_equal(chain.viscous_friction, [0, 0, 0.2])
+    np.testing.assert_array_equal(chain.gravity, [0, -9.8, 0])
+
+
+def test_masses_are_in_the_frames_of_the_table() -> None:
+    inertia = np.diag([0.1, 0.2, 0.25])
+    row = DhRow(
+        "revolute", 0.5, 0.3, lower=-1, upper=1, mass=2.0, center_of_mass=[-0.25, 0, 0],
+        inertia=inertia,
+    )  # fmt: skip
+    chain = chain_from_dh("one", DhTable("standard", (row, DhRow("revolute", lower=0, upper=1))))
+    link = chain.link("link_1")
+    assert link.inertia is not None
+    np.testing.assert_array_equal(link.inertia.tensor, inertia)
+    T = link_poses(chain, [0.0, 0.0], ["link_1"])[0]
+    center = T[:3, :3] @ link.inertia.center_of_mass + T[:3, 3]
+    np.testing.assert_allclose(center, [0.25, 0, 0], atol=1e-15)
+    assert chain.link("link_2").inertia is None
+    point = chain_from_dh(
+        "point", DhTable("modified", (DhRow("revolute", lower=0, upper=1, mass=1.0),))
+    ).link("link_1")
+    assert point.inertia is not None
+    assert not point.inertia.tensor.any()
+
+
+GOOD: dict[str, Any] = {"lower": -1.0, "upper": 1.0}
+
+
+@pytest.mark.parametrize(
+    ("row", "words"),
+    [
+        ({"type": "helical"}, ["'helical'", "revolute"]),
+        ({"a": math.nan}, ["a in", "finite"]),
+        ({"theta": math.inf}, ["theta", "finite"]),
+        ({"upper": math.nan}, ["upper"]),
+        ({"lower": 2.0}, ["lower", "2"]),
+        ({"lower": math.inf, "upper": math.inf}, ["lower", "inf"]),
+        ({"velocity": 0.0}, ["velocity", "positive"]),
+        ({"jerk": math.nan}, ["jerk", "positive"]),
+        ({"mass": -1.0}, ["mass", "negative"]),
+        ({"motor_inertia": math.nan}, ["motor_inertia"]),
+        ({"viscous_friction": -1.0}, ["viscous_friction", "negative"]),
+        ({"center_of_mass": [0, 0, 0]}, ["center_of_mass", "no mass"]),
+        ({"mass": 1.0, "center_of_mass": [0, 0]}, ["center_of_mass", "3"]),
+        ({"mass": 1.0, "center_of_mass": [0, 0, math.nan]}, ["center_of_mass", "finite"]),
+        ({"mass": 1.0, "inertia": [[1, 0], [0, 1]]}, ["inertia", "3 x 3"]),
+        ({"mass": 1.0, "inertia": [[1, 0, 0], [0, 1]]}, ["inertia", "3 x 3"]),
+        ({"mass": 1.0, "inertia": [[1, 0.5, 0], [0, 1, 0], [0, 0, 1]]}, ["inertia", "symmetric"]),
+        ({"mass": 1.0, "inertia": -np.eye(3)}, ["inertia", "semi-definite"]),
+    ],
+)
+def test_wrong_rows_are_named(row: dict[str, Any], words: list[str]) -> None:
+    kind = row.get("type", "revolute")
+    rest = GOOD | {name: value for name, value in row.items() if name != "type"}
+    table = DhTable("standard", (DhRow("revolute", **GOOD), DhRow(kind, **rest)))
+    with pytest.raises(InvalidRobotDescription) as error:
+        chain_from_dh("wrong", table)
+    said = f"{error.value} {error.value.hint}"
+    assert all(word in said for word in ["row 2", *words]), said
+
+
+@pytest.mark.parametrize(
+    ("change", "word"),
+    [
+        ({"convention": "usual"}, "'usual'"),
+        ({"rows": ()}, "rows"),
+        ({"rows": (DhRow("revolute", **GOOD),) * 65}, "rows"),
+        ({"base": np.diag([1.0, 1, 1, 2])}, "base"),
+        ({"tool": np.diag([2.0, 1, 1, 1])}, "tool"),
+        ({"tool": np.eye(3)}, "tool"),
+        ({"base": np.full((4, 4), math.nan)}, "base"),
+        ({"gravity": np.array([0.0, 0.0])}, "gravity"),
+    ],
+)
+def test_wrong_tables(change: dict[str, Any], word: str) -> None:
+    values: dict[str, Any] = {"convention": "standard", "rows": (DhRow("revolute", **GOOD),)}
+    with pytest.raises(InvalidRobotDescription, match=word):
+        chain_from_dh("wrong", DhTable(**(values | change)))
+
+
+# ----------------------------------------------------------------------------- chain to table
+
+
+def worst_error(chain: Chain, table: DhTable, q: Array) -> float:
+    """Largest difference of the tip's pose, over what rounding of the table's d allows."""
+    back = chain_from_dh("back", table)
+    far = max(abs(row.d) for row in table.rows)
+    error = np.abs(forward(chain, q) - forward(back, q)).max()
+    return float(error / max(1e-12, ROUNDING_OF_D * far))
+
+
+@pytest.mark.parametrize("sample", samples(), ids=lambda sample: sample.name)
+@pytest.mark.parametrize("convention", CONVENTIONS)
+def test_robots_keep_their_tip(sample: Sample, convention: Convention) -> None:
+    chain = sample.chain()
+    table = dh_from_chain(chain, convention)
+    back = chain_from_dh("back", table)
+    q = np.array(configurations(chain, 20))
+    np.testing.assert_allclose(forward(back, q), forward(chain, q), atol=1e-12, rtol=0)
+    np.testing.assert_array_equal(back.joint_types, chain.joint_types)
+    np.testing.assert_array_equal(back.continuous, chain.continuous)
+    for quantity in ("lower", "upper", "velocity", "acceleration", "jerk", "effort"):
+        theirs = getattr(chain.limits, quantity)
+        np.testing.assert_array_equal(getattr(back.limits, quantity), theirs)
+
+
+@pytest.mark.parametrize("convention", CONVENTIONS)
+def test_random_chains_keep_their_tip(convention: Convention) -> None:
+    rng = np.random.default_rng(31)
+    for _ in range(400):
+        chain = random_chain(rng)
+        q = rng.uniform(-2, 2, (3, chain.n))
+        assert worst_error(chain, dh_from_chain(chain, convention), q) < 1.0
+
+
+@pytest.mark.parametrize("convention", CONVENTIONS)
+@pytest.mark.parametrize("exponent", range(-17, 0))
+def test_nearly_parallel_axes(convention: Convention, exponent: int) -> None:
+    rng = np.random.default_rng(32)
+    for flip in (np.eye(3), rotation_x(math.pi)):
+        tilt = from_axis_angle(rng.normal(size=3), 10.0**exponent) @ flip
+        offsets = [random_offset(rng), transform(tilt, [0.3, -0.2, 0.1]), random_offset(rng)]
+        chain = Chain(
+            "tilted", ("a", "b", "c"), np.zeros(3, dtype=np.int64), np.array(offsets),
+            (Link("base", -1, np.eye(4)), Link("tip", 2, random_offset(rng))),
+            "base", "tip", Limits.unlimited(3), np.ones(3, dtype=np.bool_),
+        )  # fmt: skip
+        q = rng.uniform(-3, 3, (5, 3))
+        table = dh_from_chain(chain, convention)
+        assert worst_error(chain, table, q) < 1.0
+        if exponent < -8 or exponent > -3:
+            back = chain_from_dh("back", table)
+            np.testing.assert_allclose(forward(back, q), forward(chain, q), atol=1e-12, rtol=0)
+        # Whoever reads the four classical numbers only is off by no more than the tilt.
+        poses = np.array([product(table, row)[-1] for row in q])
+        np.testing.assert_allclose(poses, forward(chain, q), atol=2 * PARALLEL_ANGLE)
+
+
+@pytest.mark.parametrize("convention", CONVENTIONS)
+def test_classical_numbers_suffice_but_for_near_parallels(convention: Convention) -> None:
+    rng = np.random.default_rng(33)
+    for _ in range(100):
+        offsets = [transform(random_rotation(rng), rng.uniform(-1, 1, 3)) for _ in range(5)]
+        chain = Chain(
+            "generic", tuple("abcde"), rng.integers(0, 2, 5), np.array(offsets),
+            (Link("tip", 4, offsets[0]),), "tip", "tip", Limits.unlimited(5),
+            np.zeros(5, dtype=np.bool_),
+        )  # fmt: skip
+        q = rng.uniform(-3, 3, 5)
+        table = dh_from_chain(chain, convention)
+        assert all(row.beta == 0.0 and row.a >= 0.0 for row in table.rows)
+        np.testing.assert_allclose(product(table, q)[-1], forward(chain, q), atol=1e-11)
+
+
+def test_axes_of_standard_frames_lie_on_the_joints() -> None:
+    """DH1 and DH2: x_i is orthogonal to z_{i-1} and meets it; z_{i-1} is the axis of joint i."""
+    rng = np.random.default_rng(34)
+    for _ in range(50):
+        chain = random_chain(rng)
+        table = dh_from_chain(chain)
+        if max(abs(row.d) for row in table.rows) > 1e3:
+            continue
+        frames = product(table, np.zeros(chain.n))
+        T = np.eye(4)
+        for i in range(chain.n):
+            T = T @ chain.offsets[i]
+            before, after = frames[i], frames[i + 1]
+            between = after[:3, 3] - before[:3, 3]
+            x, z = after[:3, 0], before[:3, 2]
+            assert abs(x @ z) < 1e-12
+            assert abs(between @ np.cross(z, x)) < 1e-11
+            # The tilt that beta makes up for is in no classical frame.
+            if not any(row.beta for row in table.rows):
+                np.testing.assert_allclose(z, T[:3, 2], atol=1e-12)
+                apart = np.cross(T[:3, 3] - before[:3, 3], z)
+                np.testing.assert_allclose(apart, 0, atol=1e-11)
+
+
+@pytest.mark.parametrize("convention", CONVENTIONS)
+def test_textbook_table_comes_back(convention: Convention) -> None:
+    """An elbow arm with a spherical wrist: every case of the notes but the skew one."""
+    half = math.pi / 2
+    rows = tuple(
+        DhRow("revolute", a, alpha, d, lower=-3, upper=3)
+        for a, alpha, d in [
+            (0.0, half, 0.4), (0.5, 0.0, 0.0), (0.0, half, 0.0),
+            (0.0, -half, 0.35), (0.0, half, 0.0), (0.0, 0.0, 0.1),
+        ]
+    )  # fmt: skip
+    table = DhTable("standard", rows)
+    derived = dh_from_chain(chain_from_dh("elbow", table), convention)
+    if convention == "modified":
+        # The same arm has a and alpha one row later, and the last ones in the tool.
+        expected = [(0.0, 0.0), *[(row.a, row.alpha) for row in rows[:-1]]]
+        found = np.array([(row.a, row.alpha) for row in derived.rows])
+        np.testing.assert_allclose(found, expected, atol=1e-12)
+        return
+    for before, after in zip(table.rows, derived.rows, strict=True):
+        numbers = (after.a, after.alpha, after.d, after.theta, after.beta)
+        wanted = (before.a, before.alpha, before.d, before.theta, 0.0)
+        assert numbers == pytest.approx(wanted, abs=1e-12)
+    np.testing.assert_allclose(derived.base, np.eye(4), atol=1e-12)
+    np.testing.assert_allclose(derived.tool, np.eye(4), atol=1e-12)
+
+
+@pytest.mark.parametrize("convention", CONVENTIONS)
+@pytest.mark.parametrize("sample", samples()[:8], ids=lambda sample: sample.name)
+def test_masses_move_alike(sample: Sample, convention: Convention) -> None:
+    """Mass, centre and inertia about the base's origin of all that moves, in any configuration."""
+    chain = sample.chain()
+    back = chain_from_dh("back", dh_from_chain(chain, convention))
+    for q in configurations(chain, 3):
+        np.testing.assert_allclose(_spatial(chain, q), _spatial(back, q), atol=1e-10)
+
+
+def _spatial(chain: Chain, q: Array) -> Array:
+    """Mass, moment (3,) and inertia (3, 3) one after the other, shape (13,)."""
+    mass, moment, tensor = 0.0, np.zeros(3), np.zeros((3, 3))
+    for link, T in zip(chain.links, link_poses(chain, q), strict=True):
+        if link.joint < 0 or link.inertia is None:
+            continue
+        m, R = link.inertia.mass, T[:3, :3]
+        c = R @ link.inertia.center_of_mass + T[:3, 3]
+        mass += m
+        moment = moment + m * c
+        tensor = tensor + R @ link.inertia.tensor @ R.T + m * (c @ c * np.eye(3) - np.outer(c, c))
+    return np.concatenate([[mass], moment, tensor.ravel()])
+
+
+def test_far_common_normals_keep_the_chain_small() -> None:
+    """The table's frames may lie 100 km away, the frames of its joints may not."""
+    tilt = transform(from_axis_angle([1, 0.3, 0], 1e-6), [0.3, 0.2, 0.1])
+    chain = Chain(
+        "tilted", ("a", "b"), np.zeros(2, dtype=np.int64), np.array([np.eye(4), tilt]),
+        (Link("tip", 1, np.eye(4)),), "tip", "tip", Limits.unlimited(2),
+        np.ones(2, dtype=np.bool_),
+    )  # fmt: skip
+    for convention in CONVENTIONS:
+        table = dh_from_chain(chain, convention)
+        assert max(abs(row.d) for row in table.rows) > 1e5
+        back = chain_from_dh("back", table)
+        assert np.abs(back.offsets[:, :3, 3]).max() < 1.0
+
+
+def test_tip_must_move_with_the_last_joint() -> None:
+    chain = random_chain(np.random.default_rng(35), 3)
+    early = Chain(
+        chain.name, chain.joint_names, chain.joint_types, chain.offsets, chain.links, "base",
+        "link_1", chain.limits, chain.continuous,
+    )  # fmt: skip
+    with pytest.raises(InvalidRobotDescription, match="'link_1'"):
+        dh_from_chain(early)
+
+
+def test_prismatic_rows_slide_along_z() -> None:
+    rows = (DhRow("prismatic", d=0.5, theta=0.3, lower=0, upper=1),)
+    chain = chain_from_dh("slide", DhTable("standard", rows))
+    assert chain.joint_types[0] == JointType.PRISMATIC
+    np.testing.assert_allclose(forward(chain, [0.25])[:3, 3], [0, 0, 0.75], atol=1e-15)

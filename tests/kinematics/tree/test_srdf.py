@@ -1,0 +1,224 @@
+"""What the SRDF reader keeps, drops and refuses."""
+
+import contextlib
+import pickle
+from itertools import combinations
+from random import Random
+from xml.etree import ElementTree
+
+import pytest
+
+from kinematics.errors import InvalidRobotDescription
+from kinematics.tree.srdf import Semantics, check_semantics, parse_srdf
+from kinematics.urdf.urdf import parse_urdf
+from tests.kinematics.samples import TREE
+
+SRDF = """<?xml version="1.0"?>
+<robot name="tree">
+  <!-- the arm, with and without its rail -->
+  <group name="arm"><chain base_link="carriage" tip_link="hand"/></group>
+  <group name="whole"><chain base_link="rail" tip_link="hand"/></group>
+  <group name="fingers"><joint name="left_finger_joint"/><link name="right_finger"/></group>
+  <group name="both"><group name="arm"/><group name="fingers"/></group>
+  <group name="two"><chain base_link="rail" tip_link="hand"/>
+    <chain base_link="rail" tip_link="mast"/></group>
+  <group_state name="home" group="arm">
+    <joint name="shoulder" value="0.5"/><joint name="elbow" value="-1.25"/>
+  </group_state>
+  <group_state name="open" group="fingers"><joint name="left_finger_joint" value="0.04"/>
+    <joint name="floating_one" value="0 0 0 0 0 0 1"/></group_state>
+  <group_state name="home"><joint name="slide" value="0"/></group_state>
+  <virtual_joint name="v" type="fixed" parent_frame="map" child_link="world"/>
+  <end_effector name="e" parent_link="hand" group="fingers"/>
+  <passive_joint name="right_finger_joint"/>
+  <disable_collisions link1="upper" link2="carriage" reason="Adjacent"/>
+  <disable_collisions link1="carriage" link2="upper" reason="Never"/>
+  <disable_collisions link1="hand" link2="ghost" reason="Never"/>
+</robot>
+"""
+
+
+def test_everything_a_chain_needs_is_kept() -> None:
+    srdf = parse_srdf(SRDF)
+    assert srdf.name == "tree"
+    assert dict(srdf.chains) == {"arm": ("carriage", "hand"), "whole": ("rail", "hand")}
+    assert srdf.disabled_collisions == {("carriage", "upper"), ("ghost", "hand")}
+    assert dict(srdf.states["arm"]["home"]) == {"shoulder": 0.5, "elbow": -1.25}
+    assert dict(srdf.states["fingers"]["open"]) == {"left_finger_joint": 0.04}
+    assert dict(srdf.states[""]["home"]) == {"slide": 0.0}
+
+
+def test_what_is_not_obeyed_is_told_by_name() -> None:
+    assert parse_srdf(SRDF).notes == (
+        "groups of the SRDF that are not one chain are not offered: fingers, both, two",
+        "joint 'floating_one' has several values in state 'open' of the SRDF: they are not read",
+        "elements and attributes that no motion depends on are not read: end_effector (1)",
+    )
+    more = (
+        '<disable_colisions link1="a" link2="b"/><passive_joint name="elbow"/>'
+        '<link_sphere_approximation link="hand"><sphere center="0 0 0" radius="0"/>'
+        '</link_sphere_approximation><joint_property joint_name="elbow"/>'
+        '<group_state name="s" group="arm"><joint name="elbow" valeu="1" value="0"/></group_state>'
+    )
+    srdf = parse_srdf(SRDF.replace("</robot>", more + "</robot>"))
+    lint = check_semantics(srdf, parse_urdf(TREE))
+    for words in (
+        "the robot: <disable_colisions> is not read; is 'disable_collisions' meant?",
+        "group_state 's': attribute 'valeu' of <joint> is not read; is 'value' meant?",
+        "joint 'elbow' is a passive_joint of the SRDF",
+        "end_effector (1), joint_property (1), link_sphere_approximation (1)",
+    ):
+        assert any(words in line for line in lint), words
+    assert pickle.loads(pickle.dumps(srdf)).notes == srdf.notes
+
+
+def test_semantics_can_be_sent_to_workers() -> None:
+    srdf = parse_srdf(SRDF)
+    copy = pickle.loads(pickle.dumps(srdf))
+    assert copy.disabled_collisions == srdf.disabled_collisions
+    assert copy.states["arm"]["home"]["elbow"] == -1.25
+    with pytest.raises(TypeError):
+        srdf.chains["new"] = ("a", "b")  # type: ignore[index]
+
+
+def test_unknown_names_in_pairs_and_states_are_told() -> None:
+    tree = parse_urdf(TREE)
+    lint = check_semantics(parse_srdf(SRDF), tree)
+    assert "1 pair(s) with links that the robot does not have: 'ghost'" in lint[0]
+    assert lint[1:] == parse_srdf(SRDF).notes
+    lint = check_semantics(parse_srdf(SRDF.replace('"elbow"', '"knee"')), tree)
+    assert any("'knee'" in line and "'home'" in line for line in lint)
+
+
+def test_pairs_of_another_variant_share_one_line() -> None:
+    others = [f"other_{k}" for k in range(30)]
+    pairs = "".join(
+        f'<disable_collisions link1="{a}" link2="{b}"/>' for a, b in combinations(others, 2)
+    )
+    lint = check_semantics(
+        parse_srdf(SRDF.replace("</robot>", pairs + "</robot>")), parse_urdf(TREE)
+    )
+    (line,) = (line for line in lint if "other_" in line)
+    assert f"{30 * 29 // 2 + 1} pair(s)" in line
+    assert all(repr(name) in line for name in ("ghost", *others))
+
+
+def test_a_link_paired_with_itself_is_told_and_allows_nothing() -> None:
+    text = SRDF.replace('link1="hand" link2="ghost"', 'link1="hand" link2="hand"')
+    srdf = parse_srdf(text)
+    assert srdf.disabled_collisions == {("carriage", "upper")}
+    assert pickle.loads(pickle.dumps(srdf)).own_pairs == ("hand",)
+    line, *notes = check_semantics(srdf, parse_urdf(TREE))
+    assert "'hand' with itself" in line
+    assert tuple(notes) == srdf.notes
+
+
+def may_touch(text: str, a: str, b: str) -> bool:
+    """Whether MoveIt lets two links touch, by its own steps.
+
+    ``AllowedCollisionMatrix(srdf)`` sets defaults, then enabled and at last disabled pairs, each
+    over what was there; ``getAllowedCollision`` takes a pair's entry before the default of either
+    link (moveit/moveit: moveit_core/collision_detection/src/collision_matrix.cpp).
+    """
+    root = ElementTree.fromstring(text)
+    defaults = {e.attrib["link"] for e in root.iter("disable_default_collisions")}
+    entries = {}
+    for tag, allowed in (("enable_collisions", False), ("disable_collisions", True)):
+        for e in root.iter(tag):
+            entries[frozenset((e.attrib["link1"], e.attrib["link2"]))] = allowed
+    return entries.get(frozenset((a, b)), bool(defaults & {a, b}))
+
+
+@pytest.mark.parametrize("seed", range(30))
+def test_links_may_touch_that_may_in_moveit(seed: int) -> None:
+    random = Random(seed)
+    links = [f"l{i}" for i in range(6)]
+
+    def pairs(tag: str, count: int) -> list[str]:
+        drawn = (random.sample(links, 2) for _ in range(count))
+        return [f'<{tag} link1="{a}" link2="{b}" reason="User"/>' for a, b in drawn]
+
+    free = random.sample(links, random.randrange(4))
+    elements = [
+        *(f'<disable_default_collisions link="{link}"/>' for link in free),
+        *pairs("enable_collisions", random.randrange(6)),
+        *pairs("disable_collisions", random.randrange(6)),
+    ]
+    random.shuffle(elements)
+    text = f"<robot name='r'>{''.join(elements)}</robot>"
+    srdf = pickle.loads(pickle.dumps(parse_srdf(text)))
+    expected = {pair for pair in combinations(links, 2) if may_touch(text, *pair)}
+    assert srdf.allowed_pairs(links) == expected
+    assert srdf.names_allowed_pairs == ("disable" in text)
+
+
+def test_defaults_are_told_with_what_moveit_would_not_look_at() -> None:
+    text = SRDF.replace("</robot>", '<disable_default_collisions link="hand"/></robot>')
+    (line,) = (x for x in check_semantics(parse_srdf(text), parse_urdf(TREE)) if "'hand'" in x
+               and "ghost" not in x)  # fmt: skip
+    assert "disable_default_collisions" in line
+    assert "obstacles" in line
+    unknown = SRDF.replace("</robot>", '<enable_collisions link1="hand" link2="tail"/></robot>')
+    lint = check_semantics(parse_srdf(unknown), parse_urdf(TREE))
+    assert any("enables" in line and "'tail'" in line for line in lint)
+
+
+def test_unknown_link_of_a_chain_is_told() -> None:
+    srdf = Semantics("x", chains={"arm": ("rail", "hook")})
+    (line,) = check_semantics(srdf, parse_urdf(TREE))
+    assert "'arm'" in line
+    assert "'hook'" in line
+
+
+def test_virtual_joints_name_the_root_frame() -> None:
+    srdf = parse_srdf(SRDF)
+    assert srdf.root_aliases("world") == ("map",)
+    assert srdf.root_aliases("rail") == ()
+    # moveit_core/robot_model: the planning frame of MoveIt is the parent frame of such a joint.
+    floating = parse_srdf(SRDF.replace('name="v" type="fixed"', 'name="v" type="floating"'))
+    assert floating.root_aliases("world") == ("map",)
+    assert any("'v'" in line and "does not move" in line for line in floating.notes)
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ("", ["well-formed"]),
+        (SRDF[:-12], ["well-formed"]),
+        ("<srdf/>", ["<srdf>", "<robot>"]),
+        ('<!DOCTYPE robot [<!ENTITY a "b">]><robot name="&a;"/>', ["document type"]),
+        ("<robot><group/></robot>", ["<group>", "'name'"]),
+        ('<robot><group name="g"><chain tip_link="t"/></group></robot>', ["'g'", "base_link"]),
+        ('<robot><disable_collisions link1="a"/></robot>', ["link2"]),
+        ('<robot><group_state group="g"/></robot>', ["<group_state>", "'name'"]),
+        (
+            '<robot><group_state name="s"><joint name="j" value="nan"/></group_state></robot>',
+            ["'s'", "'j'", "nan"],
+        ),
+        ('<robot><group_state name="s"><joint name="j"/></group_state></robot>', ["'j'", "value"]),
+        (SRDF.replace('name="whole"', 'name="arm"'), ["'arm'", "two groups"]),
+        (
+            '<robot><group_state name="s" group="g"/><group_state name="s" group="g"/></robot>',
+            ["'s'", "two states"],
+        ),
+    ],
+)
+def test_faults_are_refused(text: str, words: list[str]) -> None:
+    with pytest.raises(InvalidRobotDescription) as error:
+        parse_srdf(text)
+    said = f"{error.value} {error.value.hint}"
+    assert all(word in said for word in words), said
+
+
+def test_every_truncation_is_refused() -> None:
+    data = SRDF.rstrip().encode()
+    for end in range(0, len(data), 17):
+        with pytest.raises(InvalidRobotDescription):
+            parse_srdf(data[:end])
+
+
+def test_flipped_bytes_never_escape() -> None:
+    data = SRDF.encode()
+    for i in range(0, len(data), 3):
+        with contextlib.suppress(InvalidRobotDescription):
+            parse_srdf(data[:i] + bytes([(data[i] * 7 + i) % 256]) + data[i + 1 :])

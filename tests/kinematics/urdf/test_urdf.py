@@ -1,0 +1,376 @@
+"""What the URDF reader takes, what it refuses, and what it says about either."""
+
+import contextlib
+import math
+import pickle
+import random
+import re
+from collections import Counter
+
+import numpy as np
+import pinocchio as pin
+import pytest
+
+from kinematics.errors import InvalidRobotDescription
+from kinematics.tree.description import (
+    BoxGeometry,
+    CapsuleGeometry,
+    CylinderGeometry,
+    MeshGeometry,
+    Mimic,
+    SphereGeometry,
+)
+from kinematics.tree.serial_chain import serial_chain
+from kinematics.urdf.urdf import MAX_LINKS, parse_urdf
+from tests.kinematics.samples import TREE, Sample, arm, random_rotation, real_robots
+
+TWO = (
+    '<robot name="two"><link name="a"/><link name="b"/><link name="c"/>'
+    '<joint name="ab" type="fixed"><parent link="{}"/><child link="{}"/></joint>'
+    '<joint name="bc" type="fixed"><parent link="{}"/><child link="{}"/></joint></robot>'
+)
+
+
+def inertial(mass: str = "1", ixx: str = "1", rest: str = 'iyy="1" izz="1"') -> str:
+    return f'<inertial><mass value="{mass}"/><inertia ixx="{ixx}" {rest}/></inertial>'
+
+
+def base(inside: str) -> str:
+    return f'<link name="base">{inside}</link>'
+
+
+def collision(geometry: str) -> str:
+    return base(f"<collision><geometry>{geometry}</geometry></collision>")
+
+
+#: What is wrong: (text, words that the message or the hint must have).
+FAULTS: dict[str, tuple[str, list[str]]] = {
+    "empty": ("", ["well-formed"]),
+    "not XML": ("robot: panda", ["well-formed"]),
+    "cut off": (arm()[:-20], ["well-formed"]),
+    "two documents": (arm() + arm(), ["well-formed"]),
+    "other root": ("<sdf><model/></sdf>", ["<sdf>", "<robot>"]),
+    "no links": ('<robot name="none"/>', ["no <link>"]),
+    "two links of a name": (arm(more='<link name="tip"/>'), ["'tip'", "two links"]),
+    "two joints of a name": (arm() .replace("</robot>", "") + arm()[arm().index("<joint"):],
+                             ["'swing'", "two joints"]),
+    "link without name": (arm(more="<link/>"), ["<link>", "'name'"]),
+    "joint without name": (arm('<joint type="fixed"/>'), ["<joint>", "'name'"]),
+    "joint without type": (arm('<joint name="swing"/>'), ["'swing'", "'type'"]),
+    "unknown type": (arm(type="ball"), ["'swing'", "'ball'", "revolute"]),
+    "no parent": (arm(parent=""), ["'swing'", "<parent>"]),
+    "no child": (arm(child=""), ["'swing'", "<child>"]),
+    "two child elements": (arm(extra='<child link="base"/>'), ["'swing'", "<child>"]),
+    "parent without link": (arm(parent="<parent/>"), ["'swing'", "'link'"]),
+    "unknown parent": (arm(parent='<parent link="bass"/>'), ["'swing'", "'bass'", "base"]),
+    "unknown child": (arm(child='<child link="top"/>'), ["'swing'", "'top'"]),
+    "two parents": (TWO.format("a", "c", "b", "c"), ["'c'", "two parents", "'ab'", "'bc'"]),
+    "two roots": (arm(more='<link name="alone"/>'), ["2 roots", "base", "alone"]),
+    "cycle": (TWO.format("b", "c", "c", "b"), ["cycle", "b", "c"]),
+    "nothing but a cycle": (
+        TWO.format("a", "b", "b", "a").replace('<link name="c"/>', ""), ["cycle", "a", "b"]),
+    "own parent": (arm(child='<child link="base"/>'), ["base"]),
+    "zero axis": (arm(axis='<axis xyz="0 0 0"/>'), ["'swing'", "axis", "direction"]),
+    "tiny axis": (arm(axis='<axis xyz="0 1e-30 0"/>'), ["'swing'", "axis", "direction"]),
+    "axis without xyz": (arm(axis="<axis/>"), ["'swing'", "'xyz'"]),
+    "NaN axis": (arm(axis='<axis xyz="0 nan 1"/>'), ["'swing'", "finite", "nan"]),
+    "infinite axis": (arm(axis='<axis xyz="0 1e999 1"/>'), ["'swing'", "finite"]),
+    "short axis": (arm(axis='<axis xyz="0 1"/>'), ["'swing'", "3 number"]),
+    "two axes": (arm(extra='<axis xyz="1 0 0"/>'), ["'swing'", "<axis>"]),
+    "NaN origin": (arm(origin='<origin xyz="0 nan 0"/>'), ["'swing'", "xyz", "nan"]),
+    "inf origin": (arm(origin='<origin rpy="inf 0 0"/>'), ["'swing'", "rpy", "inf"]),
+    "long origin": (arm(origin='<origin xyz="0 0 0 1"/>'), ["'swing'", "3 number"]),
+    "worded origin": (arm(origin='<origin xyz="0 zero 0"/>'), ["'swing'", "zero"]),
+    "python number": (arm(origin='<origin xyz="0 1_0 0"/>'), ["'swing'", "1_0"]),
+    "unexpanded": (arm(origin='<origin xyz="0 ${d} 0"/>'), ["xacro", "${d}"]),
+    "astronomic origin": (arm(origin='<origin xyz="0 0 1e300"/>'), ["'swing'", "units"]),
+    "wrong quaternion": (arm(origin='<origin quat_xyzw="0 0 0 2"/>'), ["'swing'", "norm"]),
+    "two rotations": (arm(origin='<origin rpy="0 0 0" quat_xyzw="0 0 0 1"/>'), ["both"]),
+    "NaN limit": (arm(limit='<limit lower="nan" upper="1"/>'), ["'swing'", "lower", "nan"]),
+    "infinite limit": (arm(limit='<limit lower="0" upper="inf"/>'), ["'swing'", "upper", "inf"]),
+    "negative damping": (arm(extra='<dynamics damping="-1"/>'), ["'swing'", "damping"]),
+    "mimics nobody": (arm(extra='<mimic joint="nobody"/>'), ["'swing'", "'nobody'"]),
+    "mimics itself": (arm(extra='<mimic joint="swing"/>'), ["'swing'", "itself"]),
+    "mimic without joint": (arm(extra="<mimic/>"), ["'swing'", "'joint'"]),
+    "negative mass": (arm(base=base(inertial(mass="-1"))), ["'base'", "mass", "negative"]),
+    "NaN mass": (arm(base=base(inertial(mass="nan"))), ["'base'", "nan"]),
+    "NaN inertia": (arm(base=base(inertial(ixx="nan"))), ["'base'", "ixx", "nan"]),
+    "no izz": (arm(base=base(inertial(rest='iyy="1"'))), ["'base'", "izz", "missing"]),
+    "no mass": (arm(base=base("<inertial/>")), ["'base'", "<mass>"]),
+    "empty collision": (arm(base=base("<collision/>")), ["'base'", "geometry"]),
+    "no geometry": (arm(base=collision("")), ["'base'", "geometry", "box"]),
+    "two geometries": (arm(base=collision('<sphere radius="1"/><sphere radius="1"/>')),
+                       ["'base'", "one geometry"]),
+    "unknown geometry": (arm(base=collision('<torus radius="1"/>')), ["'base'", "torus", "box"]),
+    "inverted box": (arm(base=collision('<box size="1 -1 1"/>')), ["'base'", "box", "positive"]),
+    "negative sphere": (arm(base=collision('<sphere radius="-1"/>')), ["'base'", "positive"]),
+    "sphere without radius": (arm(base=collision("<sphere/>")), ["'base'", "radius", "missing"]),
+    "inverted cylinder": (arm(base=collision('<cylinder radius="1" length="-1"/>')), ["'base'"]),
+    "mesh without name": (arm(base=collision("<mesh/>")), ["'base'", "filename"]),
+    "scale of 0": (arm(base=collision('<mesh filename="a.stl" scale="1 0 1"/>')),
+                   ["'base'", "scale"]),
+    "NaN scale": (arm(base=collision('<mesh filename="a.stl" scale="1 nan 1"/>')),
+                  ["'base'", "scale", "nan"]),
+    "two scales": (arm(base=collision('<mesh filename="a.stl" scale="1 1"/>')),
+                   ["'base'", "scale", "3 number"]),
+    "xacro": ('<robot name="x" xmlns:xacro="http://ros.org/wiki/xacro"><xacro:arm/></robot>',
+              ["xacro", "Expand"]),
+    "too many links": (
+        '<robot name="x">' + "".join(f'<link name="{i}"/>' for i in range(MAX_LINKS + 1))
+        + "</robot>", [str(MAX_LINKS)]),
+    "control character": (arm(tip='<link name="ti&#10;p"/>'), ["printable"]),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("fault", FAULTS)
+def test_faults_are_refused_by_name(fault: str) -> None:
+    text, words = FAULTS[fault]
+    with pytest.raises(InvalidRobotDescription) as error:
+        parse_urdf(text)
+    said = f"{error.value} {error.value.hint}"
+    assert all(word in said for word in words), said
+    with pytest.raises(InvalidRobotDescription):
+        parse_urdf(text.encode())
+
+
+def test_the_sample_arm_is_accepted() -> None:
+    description = parse_urdf(arm())
+    assert description.root == "base"
+    assert [j.name for j in description.joints.values()] == ["swing"]
+
+
+def test_tree() -> None:
+    tree = parse_urdf(TREE)
+    assert (tree.name, tree.root) == ("tree", "world")
+    assert len(tree.links) == 9
+    assert len(tree.joints) == 8
+    slide, elbow = tree.joints["slide"], tree.joints["elbow"]
+    assert (slide.type, slide.parent, slide.child) == ("prismatic", "rail", "carriage")
+    limits = (slide.lower, slide.upper, slide.velocity, slide.effort)
+    assert limits == (-0.4, 0.9, 1.5, 200.0)
+    assert (slide.acceleration, slide.jerk, slide.damping, slide.friction) == (3, 40, 2.5, 0.5)
+    np.testing.assert_allclose(slide.axis, np.array([1, 2, -0.5]) / math.sqrt(5.25), atol=1e-15)
+    assert math.isnan(elbow.velocity)
+    assert math.isnan(elbow.acceleration)
+    np.testing.assert_array_equal(elbow.axis, [1, 0, 0])
+    shoulder = tree.joints["shoulder"]
+    assert (shoulder.lower, shoulder.upper) == (-math.inf, math.inf)
+    follower = tree.joints["right_finger_joint"]
+    assert follower.mimic == Mimic("left_finger_joint", 0.5, 0.01)
+    assert tree.joints["stand"].mimic is None
+
+
+def test_geometries() -> None:
+    tree = parse_urdf(TREE)
+    solids = {name: [c.geometry for c in link.collisions] for name, link in tree.links.items()}
+    assert solids["rail"] == [BoxGeometry((1.0, 0.2, 0.1))]
+    assert solids["carriage"] == [SphereGeometry(0.1), CylinderGeometry(0.05, 0.3)]
+    assert solids["upper"] == [CapsuleGeometry(0.05, 0.4)]
+    assert solids["fore"] == [MeshGeometry("package://tree/meshes/fore.stl", (1.0, 1.0, 1.0))]
+    assert solids["hand"] == [MeshGeometry("hand.obj", (0.001, -0.001, 0.001))]
+    T = tree.links["carriage"].collisions[1].T_link_element
+    np.testing.assert_array_equal(T[:3, 3], [0, 0, 0.2])
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        (arm(axis=""), ["'swing'", "axis", "x"]),
+        (arm(limit='<limit lower="0" upper="1"/>'), ["'swing'", "no velocity limit"]),
+        (arm(limit='<limit lower="0" upper="1" velocity="0"/>'), ["'swing'", "is 0"]),
+        (arm(limit='<limit lower="0" upper="1" velocity="-1"/>'), ["'swing'", "velocity", "-1"]),
+        (arm(limit='<limit lower="0" upper="1" effort="-1"/>'), ["'swing'", "effort", "not given"]),
+        (arm(limit='<limit lower="0" upper="1" jerk="-1"/>'), ["'swing'", "jerk", "not given"]),
+        (arm(limit='<limit upper="1" velocity="1"/>'), ["'swing'", "'lower'", "0"]),
+        (arm(limit='<limit velocity="1"/>'), ["'swing'", "neither", "unlimited"]),
+        (arm(limit=""), ["'swing'", "revolute", "neither", "joint_limits"]),
+        (arm(limit="", type="prismatic"), ["'swing'", "prismatic", "neither", "unlimited"]),
+        (arm(limit='<limit lower="1" upper="1"/>'), ["'swing'", "can't move"]),
+        (arm(limit='<limit lower="1" upper="-1"/>'), ["'swing'", "1 above", "-1", "not known"]),
+        (arm(limit='<limit lower="-180" upper="180"/>'), ["'swing'", "-180 to 180", "radians"]),
+        (arm(), ["'base'", "no collision"]),
+        (arm(base=base(inertial(mass="0"))), ["'base'", "mass 0"]),
+        (arm(base=base(inertial(ixx="-1"))), ["'base'", "positive semi-definite"]),
+        (arm(base=base(inertial(ixx="3"))), ["'base'", "principal moment"]),
+    ],
+)
+def test_what_is_odd_is_told(text: str, words: list[str]) -> None:
+    lint = parse_urdf(text).lint
+    assert any(all(word in line for word in words) for line in lint), lint
+
+
+def test_ranges_of_some_turns_or_of_a_slide_are_no_degrees() -> None:
+    for limit, type_ in (('"-20" upper="20"', "revolute"), ('"0" upper="180"', "prismatic")):
+        lint = parse_urdf(arm(limit=f"<limit lower={limit}/>", type=type_)).lint
+        assert not any("degrees" in line for line in lint), lint
+
+
+def test_axis_of_a_fixed_joint_means_nothing() -> None:
+    joint = parse_urdf(arm(type="fixed", axis='<axis xyz="0 0 0"/>', limit="")).joints["swing"]
+    assert not joint.moves
+
+
+def test_quaternion_origin() -> None:
+    half = math.sqrt(0.5)
+    text = arm(origin=f'<origin xyz="1 2 3" quat_xyzw="0 0 {half} {half}"/>')
+    T = parse_urdf(text).joints["swing"].T_parent_joint
+    np.testing.assert_allclose(T[:3, :3], [[0, -1, 0], [1, 0, 0], [0, 0, 1]], atol=1e-15)
+
+
+def test_inertia_is_pinocchios() -> None:
+    rng = np.random.default_rng(1)
+    for _ in range(20):
+        R = random_rotation(rng)
+        tensor = R @ np.diag([0.3, 0.4, 0.5]) @ R.T
+        rpy, xyz = rng.uniform(-3, 3, (2, 3))
+        upper = zip(("xx", "xy", "xz", "yy", "yz", "zz"), tensor[np.triu_indices(3)], strict=True)
+        entries = " ".join(f'i{axes}="{value!r}"' for axes, value in upper).replace(
+            "np.float64", ""
+        )
+        inside = (
+            f'<inertial><origin xyz="{" ".join(map(str, xyz))}" rpy="{" ".join(map(str, rpy))}"/>'
+            f'<mass value="2.5"/><inertia {re.sub("[()]", "", entries)}/></inertial>'
+        )
+        text = arm(tip=f'<link name="tip">{inside}</link>')
+        ours = parse_urdf(text).links["tip"].inertia
+        theirs = pin.buildModelFromXML(text).inertias[1]
+        assert ours is not None
+        assert ours.mass == theirs.mass
+        np.testing.assert_allclose(ours.center_of_mass, theirs.lever, atol=1e-15)
+        np.testing.assert_allclose(ours.tensor, theirs.inertia, atol=1e-14)
+
+
+def test_encodings_and_namespaces() -> None:
+    text = arm(more='<link name="größe"/>').replace("<robot", '<robot xmlns="http://urdf.org"')
+    text = text.replace('"tip"', '"größe"', 1).replace('<link name="größe"/>', "", 1)
+    text = text.replace('<child link="tip"/>', '<child link="größe"/>')
+    for encoding in ("utf-8", "utf-16", "latin-1"):
+        declared = f'<?xml version="1.0" encoding="{encoding}"?>' + text
+        assert "größe" in parse_urdf(declared.encode(encoding)).links
+
+
+def test_descriptions_can_be_sent_to_workers() -> None:
+    tree = parse_urdf(TREE)
+    copy = pickle.loads(pickle.dumps(tree))
+    assert list(copy.links) == list(tree.links)
+    assert copy.joints["slide"].upper == 0.9
+    assert copy.lint == tree.lint
+    with pytest.raises(TypeError):
+        tree.links["new"] = tree.links["hand"]  # type: ignore[index]
+    with pytest.raises(ValueError, match="read-only"):
+        tree.joints["slide"].axis[0] = 1.0
+
+
+# ------------------------------------------------------------------------------- hostile XML
+
+BOMB = """<?xml version="1.0"?><!DOCTYPE robot [<!ENTITY a "aaaaaaaaaa">
+<!ENTITY b "&a;&a;&a;&a;&a;&a;&a;&a;">]><robot name="&b;"><link name="base"/></robot>"""
+EXTERNAL = """<?xml version="1.0"?><!DOCTYPE robot [<!ENTITY a SYSTEM "file:///etc/hostname">]>
+<robot name="x"><link name="&a;"/></robot>"""
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        BOMB,
+        EXTERNAL,
+        '<!DOCTYPE robot SYSTEM "http://localhost/robot.dtd"><robot name="x"/>',
+        "<!DOCTYPE robot>" + arm(),
+    ],
+)
+def test_document_types_are_refused(text: str) -> None:
+    with pytest.raises(InvalidRobotDescription, match="document type"):
+        parse_urdf(text)
+
+
+def test_size_depth_and_count_are_bounded() -> None:
+    with pytest.raises(InvalidRobotDescription, match="MiB"):
+        parse_urdf(arm(more=" " * (17 * 2**20)))
+    with pytest.raises(InvalidRobotDescription, match="deep"):
+        parse_urdf(arm(more="<a>" * 200 + "</a>" * 200))
+    with pytest.raises(InvalidRobotDescription, match="elements"):
+        parse_urdf(arm(more="<a/>" * 210_000))
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        b"\xff\xfe\x00",
+        b'<?xml version="1.0" encoding="klingon"?><robot/>',
+        b'<?xml version="1.0" encoding="utf-32"?><robot/>',
+        '<robot name="\ud800"/>',
+        '<robot name="\x00"/>',
+        "\ufeff",
+    ],
+)
+def test_broken_text_is_refused(text: str | bytes) -> None:
+    with pytest.raises(InvalidRobotDescription):
+        parse_urdf(text)
+
+
+# -------------------------------------------------------------------------------------- fuzz
+
+
+def build(text: str | bytes) -> None:
+    """Whatever the text, it is either a chain or refused as a description."""
+    with contextlib.suppress(InvalidRobotDescription):
+        serial_chain(parse_urdf(text), tip_link="hand")
+
+
+def test_every_truncation_is_refused() -> None:
+    data = TREE.rstrip().encode()
+    for end in range(0, len(data), 23):
+        with pytest.raises(InvalidRobotDescription):
+            parse_urdf(data[:end])
+
+
+def test_flipped_bytes_never_escape() -> None:
+    draw = random.Random(4)
+    data = TREE.encode()
+    for _ in range(500):
+        broken = bytearray(data)
+        for _ in range(draw.randint(1, 4)):
+            broken[draw.randrange(len(broken))] = draw.randrange(256)
+        build(bytes(broken))
+
+
+def test_odd_attribute_values_never_escape() -> None:
+    odd = ["", " ", "nan", "-inf", "1e999", "0", "-1", "x", "0 0", "0 0 0", "1 2 3 4", "hand",
+           "1e300", "floating", "slide", "\u0661", "9" * 400]  # fmt: skip
+    # The first two of each attribute of each element: what is read once and what is read again.
+    seen = Counter[tuple[str, str]]()
+    for element in re.finditer(r"<([\w:]+)[^<>]*>", TREE):
+        for match in re.finditer(r'([\w:]+)="([^"]*)"', element[0]):
+            kind, at = (element[1], match[1]), element.start()
+            seen[kind] += 1
+            if seen[kind] <= 2 and not match[1].startswith("xmlns"):
+                for value in odd:
+                    build(TREE[: at + match.start(2)] + value + TREE[at + match.end(2) :])
+    assert len(seen) > 40
+
+
+def test_left_out_elements_never_escape() -> None:
+    lines = TREE.split("\n")
+    for i in range(1, len(lines)):
+        build("\n".join(lines[:i] + lines[i + 1 :]))
+        for tag in re.findall(r"<\w+[^<>]*/>", lines[i]):
+            build(TREE.replace(tag, "", 1))
+
+
+@pytest.mark.parametrize("sample", real_robots(), ids=lambda sample: sample.name)
+def test_real_files_are_accepted(sample: Sample) -> None:
+    assert sample.chain().n >= 5
+
+
+@pytest.mark.parametrize(
+    ("limits", "told"),
+    [('velocity="1"', False), ('lower="-1" upper="1" velocity="1"', True), ('upper="3"', True)],
+)
+def test_limits_of_a_continuous_joint_are_told_to_be_unused(limits: str, told: bool) -> None:
+    parsed = parse_urdf(
+        f'<robot name="r"><link name="a"/><link name="b"/><joint name="j" type="continuous">'
+        f'<parent link="a"/><child link="b"/><axis xyz="0 0 1"/><limit {limits} effort="1"/>'
+        "</joint></robot>"
+    )
+    assert (parsed.joints["j"].lower, parsed.joints["j"].upper) == (-np.inf, np.inf)
+    assert any("'j' is continuous" in line for line in parsed.lint) == told

@@ -1,0 +1,261 @@
+"""The world by FCL: distances against coal and bounds proved without either, depths, names."""
+
+import itertools
+
+import numpy as np
+import pytest
+
+from kinematics.arrays import Array
+from kinematics.errors import InvalidRobotState
+from kinematics.model.chain import Chain, Limits, Link
+from kinematics.pose import transform
+from kinematics.robots import builtin_srdf, builtin_urdf
+from kinematics.tree.serial_chain import serial_chain
+from kinematics.tree.srdf import parse_srdf
+from kinematics.urdf.urdf import parse_urdf
+from obstacles.collision.fcl.fcl_distance import FclWorld
+from obstacles.convex.piece import Piece
+from obstacles.distance.convex_distance import ACCURACY
+from obstacles.distance.signed_distance import halfspace_distance, signed_distance
+from obstacles.robots.robot_geometry import RobotGeometry, robot_geometry
+from obstacles.scenes.scene import Obstacle, Scene
+from obstacles.shapes.shape import (
+    Box,
+    Capsule,
+    Cone,
+    Convex,
+    Cylinder,
+    HalfSpace,
+    Mesh,
+    PointCloud,
+    Shape,
+    Sphere,
+)
+from tests.obstacles.solids import KINDS, coal_distance, random_solid, random_transform
+
+UP = np.array([0.0, 0.0, 1.0])
+
+
+def slide(*pieces: Piece) -> RobotGeometry:
+    """Solids on a rail along x."""
+    one = np.array([1.0])
+    limits = Limits(-5.0 * one, 5.0 * one, one, one, one, one)
+    links = (Link("base", -1, np.eye(4)), Link("car", 0, np.eye(4)))
+    along_x = np.array([[0.0, 0, 1, 0], [1, 0, 0, 0], [0, 1, 0, 0], [0, 0, 0, 1]])
+    chain = Chain(
+        "slide", ("x",), np.array([1]), along_x[None], links, "base", "car", limits,
+        np.zeros(1, dtype=bool),
+    )  # fmt: skip
+    back = np.linalg.inv(along_x)
+    own = tuple(p.placed(back) for p in pieces)
+    numbers = np.arange(len(own))
+    return RobotGeometry(chain, own, ("car",) * len(own), 0 * numbers, numbers, {})
+
+
+def alone(shape: Shape) -> RobotGeometry:
+    return slide(*shape.pieces())
+
+
+def distance(shape: Shape, other: Shape, T: Array, margin: float = 0.0) -> float:
+    world = FclWorld(alone(shape), Scene((Obstacle("it", other, T, margin),)))
+    return world.clearance(np.zeros(1)).distance
+
+
+@pytest.mark.parametrize(("a", "b"), list(itertools.product(KINDS, KINDS)))
+def test_distances_agree_with_coal(a: str, b: str) -> None:
+    random = np.random.default_rng(21)
+    apart = 0
+    for _ in range(12):
+        T_a, T_b = random_transform(random, 0.5), random_transform(random, 0.5)
+        (one, its), (other, theirs) = random_solid(random, a, T_a), random_solid(random, b, T_b)
+        expected = coal_distance(its, T_a, theirs, T_b)
+        if expected <= 1e-6:
+            continue
+        apart += 1
+        world = FclWorld(slide(one, other), Scene())
+        world.pairs = np.array([[0, 1]])
+        world.margins = np.zeros(1)
+        world.set_configuration(np.zeros(1))
+        assert world.distance(0) == pytest.approx(expected, abs=2e-7)
+    assert apart
+
+
+SIZES = [0.005, 0.05, 0.5, 5.0]
+
+
+@pytest.mark.parametrize("size", SIZES)
+def test_what_is_answered_is_proved_at_every_size(size: float) -> None:
+    """FCL alone misses penetrations of centimetre-sized solids."""
+    random = np.random.default_rng(22)
+    shapes: list[Shape] = [
+        Box(size * np.array([1.0, 0.5, 0.3])),
+        Sphere(0.4 * size),
+        Cylinder(0.3 * size, size),
+        Cone(0.4 * size, size),
+        Capsule(0.2 * size, size),
+        Convex(0.4 * size * random.normal(size=(20, 3))),
+        Convex(size * random.normal(size=(6, 3)) * [1.0, 1.0, 0.0]),
+    ]
+    for one, other in itertools.product(shapes, shapes):
+        T = random_transform(random, 0.6 * size)
+        found = distance(one, other, T)
+        (a,), (b,) = one.pieces(), other.pieces()
+        lower, upper = signed_distance(a, np.eye(4), b, T)
+        assert found <= upper + 1e-12
+        assert found >= lower - 2.0 * ACCURACY
+
+
+@pytest.mark.parametrize("gap", [1e-2, 1e-4, 1e-6, 1e-8, 0.0, -1e-8, -1e-4])
+def test_flush_faces(gap: float) -> None:
+    """Where FCL by itself can be centimetres off."""
+    random = np.random.default_rng(23)
+    for _ in range(15):
+        a, b = random.uniform(0.05, 1.0, 3), random.uniform(0.05, 1.0, 3)
+        shift = [(a[0] + b[0]) / 2.0 + gap, *(0.2 * random.normal(size=2) * a[1:])]
+        found = distance(Box(a), Box(b), transform(None, shift))
+        assert gap - ACCURACY <= found <= gap + 1e-9
+
+
+def test_depths_of_spheres_boxes_and_capsules() -> None:
+    for gap in (-0.3, -0.1, -1e-3, -1e-6):
+        T = transform(None, [0.0, 0.5 + gap, 0.0])
+        assert distance(Sphere(0.3), Sphere(0.2), T) == pytest.approx(gap, abs=1e-7)
+        cube = Box(np.array([0.6, 0.6, 0.6]))
+        assert distance(cube, Sphere(0.2), T) == pytest.approx(gap, abs=1e-7)
+        assert distance(cube, Box(np.array([0.4, 0.4, 0.4])), T) == pytest.approx(gap, abs=1e-7)
+        assert distance(Capsule(0.3, 1.0), Capsule(0.2, 1.0), T) == pytest.approx(gap, abs=1e-7)
+        assert distance(Cylinder(0.3, 5.0), cube, T) == pytest.approx(gap - 0.1, abs=1e-7)
+
+
+@pytest.mark.parametrize("kind", ["box", "sphere", "capsule", "cylinder", "cone", "hull"])
+def test_balls_and_points_of_clouds_are_as_deep_as_by_the_growing_polytope(kind: str) -> None:
+    random = np.random.default_rng(8)
+    for k in range(20):
+        piece, _ = random_solid(random, kind, random_transform(random, 0.1))
+        offset, T = random.normal(size=3) * 0.1, random_transform(random, 0.1)
+        shape = PointCloud(offset[None], 0.05) if k % 2 else Sphere(0.05)
+        world = FclWorld(slide(piece), Scene((Obstacle("ball", shape, T),)))
+        world.set_configuration(np.zeros(1))
+        ball = world.scene.piece(0)
+        exact = signed_distance(piece, world._poses[0], ball, world._poses[1])[0]
+        # Round solids are found to 1e-4 of their size by the polytope, too shallow by that.
+        assert world.between(0, 1) == pytest.approx(exact, abs=2e-4)
+
+
+def test_points_of_clouds_are_where_their_balls_are_beside_triangles() -> None:
+    """A sheet is nothing but triangles: its cover never decides."""
+    random = np.random.default_rng(17)
+    corners = np.array([[0, 0, 0], [0.1, 0, 0], [0.1, 0.1, 0], [0, 0.1, 0], [0.05, 0.05, 0.1]])
+    sheet = alone(Mesh(corners, np.array([[0, 1, 2], [0, 2, 3], [4, 3, 2]])))
+    touching = 0
+    for _ in range(40):
+        T = random_transform(random, 0.05)
+        points, radius = random.normal(0.0, 0.05, (12, 3)), float(random.uniform(0.005, 0.03))
+        places = points @ T[:3, :3].T + T[:3, 3]
+        balls = Scene(tuple(
+            Obstacle(f"{k}", Sphere(radius), transform(np.eye(3), at))
+            for k, at in enumerate(places)
+        ))  # fmt: skip
+        cloud = Scene((Obstacle("cloud", PointCloud(points, radius), T),))
+        expected = FclWorld(sheet, balls).clearance(np.zeros(1)).distance
+        found = FclWorld(sheet, cloud).clearance(np.zeros(1)).distance
+        assert (found > 0.0) == (expected > 0.0)
+        assert max(found, 0.0) == pytest.approx(max(expected, 0.0), abs=1e-9)
+        touching += found <= 0.0
+    assert 8 < touching < 32
+
+
+def test_the_halfspace_is_exact() -> None:
+    random = np.random.default_rng(24)
+    for _ in range(20):
+        floor = HalfSpace(random.normal(size=3), random.normal())
+        shape = [Box(random.uniform(0.1, 1.0, 3)), Cylinder(0.2, 0.7), Cone(0.3, 0.5), Sphere(0.3)][
+            random.integers(4)
+        ]
+        (piece,), (half,) = shape.pieces(), floor.pieces()
+        expected = halfspace_distance(piece, np.eye(4), half.T_owner_piece)
+        assert distance(shape, floor, np.eye(4)) == pytest.approx(expected, abs=1e-12)
+
+
+def test_margins_are_taken_off() -> None:
+    T = transform(None, [0.0, 1.0, 0.0])
+    assert distance(Sphere(0.3), Sphere(0.2), T, 0.1) == pytest.approx(0.4, abs=1e-7)
+    assert distance(Sphere(0.3), HalfSpace(UP, -1.0), np.eye(4), 0.2) == pytest.approx(0.5)
+    scene = Scene((Obstacle("it", Sphere(0.2), T, 0.6),))
+    (collision,) = FclWorld(alone(Sphere(0.3)), scene).collisions(np.zeros(1))
+    assert collision.pair == ("car", "it")
+    assert collision.depth == pytest.approx(0.1, abs=1e-7)
+
+
+def test_collisions_name_each_pair_once_deepest_first() -> None:
+    cloud = PointCloud(np.array([[0.0, 0.3, 0], [0, 0.35, 0], [0, 9, 0]]), 0.1)
+    scene = Scene((
+        Obstacle("cloud", cloud),
+        Obstacle("far", Sphere(0.1), transform(None, [3.0, 0, 0])),
+        Obstacle("wall", Box(np.ones(3)), transform(None, [0.0, 0.0, 0.6])),
+        Obstacle("pass", Sphere(0.5)),
+    ), frozenset({("car", "pass")}))  # fmt: skip
+    world = FclWorld(alone(Sphere(0.3)), scene)
+    found = world.collisions(np.zeros(1))
+    assert [c.pair for c in found] == [("car", "wall"), ("car", "cloud")]
+    assert [c.depth for c in found] == pytest.approx([0.2, 0.1], abs=1e-7)
+    assert world.collisions(np.array([1.5])) == []
+    # Driven up to the one that was far.
+    assert world.clearance(np.array([2.0])).pair == ("car", "far")
+    assert world.clearance(np.array([2.0])).distance == pytest.approx(0.6, abs=1e-7)
+
+
+def panda() -> RobotGeometry:
+    description, semantics = parse_urdf(builtin_urdf("panda")), parse_srdf(builtin_srdf("panda"))
+    chain = serial_chain(description, semantics=semantics)
+    return robot_geometry(chain, description, {}, semantics)
+
+
+def test_clearance_is_the_least_over_all_pairs() -> None:
+    robot = panda()
+    random = np.random.default_rng(25)
+    shapes = [Box(np.array([0.2, 0.3, 0.4])), Cylinder(0.1, 0.5), Cone(0.2, 0.3), Sphere(0.1)]
+    obstacles = [
+        Obstacle(str(k), shapes[k % 4], random_transform(random, 0.6), 0.01 * (k % 2))
+        for k in range(8)
+    ]
+    obstacles.append(Obstacle("floor", HalfSpace(UP, -0.2)))
+    world = FclWorld(robot, Scene(tuple(obstacles)))
+    lower, upper = robot.chain.sampling_bounds()
+    for q in random.uniform(lower, upper, (20, robot.chain.n)):
+        found = world.clearance(q)
+        bounds = world.ball_bounds(*world.pairs.T) - world.margins
+        every = np.array([world.distance(k) for k in range(len(world.pairs))])
+        assert (bounds <= every + 1e-12).all()
+        assert found.distance == pytest.approx(every.min(), abs=1e-12)
+        assert found.pair == world.pair_names(int(every.argmin()))
+        collisions = world.collisions(q)
+        assert bool(collisions) == (every.min() <= 0.0)
+        if collisions:
+            assert collisions[0].depth == pytest.approx(-every.min(), abs=1e-12)
+
+
+def test_the_base_is_not_compared_with_obstacles() -> None:
+    robot = panda()
+    world = FclWorld(robot, Scene((Obstacle("floor", HalfSpace(UP, 0.0)),)))
+    named = {world.pair_names(k) for k in range(len(world.pairs))}
+    assert ("panda_link0", "floor") not in named
+    assert ("panda_link7", "floor") in named
+
+
+def test_nothing_to_collide_with() -> None:
+    world = FclWorld(alone(Sphere(0.3)), Scene())
+    assert world.clearance(np.zeros(1)).distance == np.inf
+    assert world.clearance(np.zeros(1)).pair is None
+    assert world.collisions(np.zeros(1)) == []
+    ghost = slide()
+    assert FclWorld(ghost, Scene((Obstacle("a", Sphere(1.0)),))).clearance([0.0]).pair is None
+
+
+@pytest.mark.parametrize("q", [[np.nan], [np.inf], [0.0, 0.0], []])
+def test_refuses_a_configuration(q: list[float]) -> None:
+    world = FclWorld(alone(Sphere(0.3)), Scene((Obstacle("a", Sphere(1.0)),)))
+    with pytest.raises(InvalidRobotState):
+        world.clearance(q)
+    with pytest.raises(InvalidRobotState):
+        world.collisions(q)

@@ -1,0 +1,332 @@
+"""The packed robot and scene: which pairs are compared, by which margins, under which names."""
+
+import itertools
+
+import numpy as np
+import pytest
+
+from kinematics.arrays import Array
+from kinematics.forward import joint_frames
+from obstacles.collision.checker import Checker
+from obstacles.collision.model.collision_model import CollisionModel, all_pieces, skipped_pairs
+from obstacles.convex.piece import Piece, PieceKind
+from obstacles.distance.bvh import FIRST, LAST
+from obstacles.distance.piece_set import (
+    CENTER,
+    GROUP,
+    GROUP_STOP,
+    MARGIN,
+    OWNER,
+    POSE,
+    RADIUS,
+    PieceSet,
+)
+from obstacles.distance.signed_distance import halfspace_distance, signed_distance
+from obstacles.distance.triangles.distance import touching
+from obstacles.robots.robot_geometry import RobotGeometry
+from obstacles.scenes.scene import Obstacle, Scene
+from obstacles.shapes.shape import Box, HalfSpace, PointCloud, Sphere
+from tests.obstacles.arms import builtin, cup, gantry, mesh_shape, obstacle
+from tests.obstacles.outline import convex_shapes, offset, owned, rim
+from tests.obstacles.solids import random_transform
+
+BALL = '<sphere radius="0.1"/>'
+UP = np.array([0.0, 0.0, 1.0])
+
+
+def mixed(seed: int) -> Scene:
+    """Solids of every convex kind with margins, two clouds and two half-spaces, mixed."""
+    random = np.random.default_rng(seed)
+    shapes = [
+        *convex_shapes(random), HalfSpace(UP, -0.7), PointCloud(random.normal(size=(5, 3)), 0.05),
+        HalfSpace(-UP, -1.5), PointCloud(random.normal(size=(3, 3)), 0.02),
+    ]  # fmt: skip
+    names = random.permutation(len(shapes))
+    return Scene(
+        Obstacle(f"o{k}", shapes[k], random_transform(random, 0.8), 0.01 * k) for k in names
+    )
+
+
+def pairs_of(robot: RobotGeometry, scene: Scene) -> list[tuple[int, int, int]]:
+    """Every pair that must stay apart as (pair number, piece, other piece), by definition."""
+    owners, p = scene.pieces()[1], len(robot.pieces)
+    m = len(owners)
+    pairs = [
+        (i * m + k, i, p + k)
+        for i, k in itertools.product(range(p), range(m))
+        if robot.joints[i] >= 0 and not scene.allows(robot.links[i], scene.ids[owners[k]])
+    ]
+    own = CollisionModel(robot, scene).arrays.self_pairs
+    return pairs + [(p * m + s, int(i), int(j)) for s, (i, j) in enumerate(own)]
+
+
+def distances(robot: RobotGeometry, scene: Scene, margin: float, q: Array) -> dict[int, float]:
+    """Upper bounds of signed distances of all pairs less their margins, by Qhull."""
+    frames = np.concatenate([np.eye(4)[None], joint_frames(robot.chain, q)])[robot.joints + 1]
+    placed = [piece.placed(T) for piece, T in zip(robot.pieces, frames, strict=True)]
+    placed += [scene.piece(k) for k in range(len(scene.pieces()[1]))]
+    margins = np.concatenate([np.zeros(len(frames)), scene.pieces()[2] + margin])
+    return {pair: apart(placed[i], placed[j]) - margins[j] for pair, i, j in pairs_of(robot, scene)}
+
+
+def apart(a: Piece, b: Piece) -> float:
+    """Signed distance of two pieces by Qhull [m], b perhaps a half-space."""
+    if b.kind == PieceKind.HALFSPACE:
+        return halfspace_distance(a, a.T_owner_piece, b.T_owner_piece)
+    return signed_distance(a, a.T_owner_piece, b, b.T_owner_piece)[1]
+
+
+@pytest.mark.parametrize(("name", "seed"), [("planar_rr", 0), ("scara", 1), ("kr6_sixx", 2)])
+def test_near_pairs_are_all_that_are_near_with_their_margins_off(name: str, seed: int) -> None:
+    """Each pair by itself, against an independent distance of each two pieces."""
+    robot, scene, random = builtin(name), mixed(seed), np.random.default_rng(seed)
+    checker = Checker.of(robot, scene, 0.02)
+    q = random.uniform(*robot.chain.sampling_bounds())
+    expected = distances(robot, scene, 0.02, q)
+    near = checker.gradient(q, 0.3)
+    told = dict(zip(near.pairs.tolist(), near.distances.tolist(), strict=True))
+    assert len(told) == len(near.pairs) > 3
+    assert {k for k, d in expected.items() if d < 0.3 - 1e-5} <= set(told)
+    for pair, distance in told.items():
+        assert distance == pytest.approx(expected[pair], abs=1e-5)
+
+
+@pytest.mark.parametrize("name", ["planar_rr", "scara", "ur5e", "panda"])
+def test_every_pair_has_the_names_of_its_bodies(name: str) -> None:
+    robot, scene = builtin(name), mixed(3)
+    model, owners = CollisionModel(robot, scene), scene.pieces()[1]
+    p, m = len(robot.pieces), len(owners)
+    random = np.random.default_rng(3)
+    for i, k in zip(random.integers(p, size=60), random.integers(m, size=60), strict=True):
+        assert model.pair_name(int(i * m + k)) == (robot.links[i], scene.ids[owners[k]])
+    own = model.arrays.self_pairs
+    for s in random.integers(len(own), size=60 if len(own) else 0):
+        i, j = own[s]
+        assert model.pair_name(int(p * m + s)) == (robot.links[j], robot.links[i])
+        # The one that moves first is carried farther out.
+        assert robot.joints[j] > robot.joints[i]
+
+
+@pytest.mark.parametrize("name", ["planar_rr", "scara", "ur5e", "panda"])
+def test_own_pairs_are_those_of_the_robot_but_for_what_the_scene_allows(name: str) -> None:
+    robot = builtin(name)
+    all_own = {frozenset(map(int, pair)) for pair in robot.self_pairs}
+    packed = CollisionModel(robot, Scene()).arrays.self_pairs
+    assert {frozenset(map(int, pair)) for pair in packed} == all_own
+    assert len(packed) == len(robot.self_pairs)
+    names = sorted({tuple(sorted((robot.links[i], robot.links[j]))) for i, j in robot.self_pairs})
+    for a, b in names[:12]:
+        fewer = CollisionModel(robot, Scene((), {(b, a)})).arrays
+        left = {frozenset(map(int, pair)) for pair in fewer.self_pairs}
+        assert left == {pair for pair in all_own if {robot.links[k] for k in pair} != {a, b}}
+        # Groups still cover them one behind the other, each of two bodies.
+        spans = [tuple(group[:2]) for group in fewer.groups]
+        assert [first for first, _ in spans] == [0, *(last for _, last in spans)][: len(spans)]
+        assert not spans or spans[-1][1] == len(fewer.self_pairs)
+        for first, last, *_ in fewer.groups:
+            joints = robot.joints[fewer.self_pairs[first:last]]
+            assert (joints == joints[0]).all()
+
+
+def test_the_grid_of_a_pair_stays_with_it_when_others_are_allowed() -> None:
+    robot = builtin("panda")
+    whole = CollisionModel(robot, Scene()).arrays
+    pairs = {tuple(pair): s for s, pair in enumerate(whole.self_pairs.tolist())}
+    allowed = {("panda_link5", "panda_link7"), ("panda_link1", "panda_link4")}
+    fewer = CollisionModel(robot, Scene((), allowed)).arrays
+    assert 0 < len(fewer.self_pairs) < len(whole.self_pairs)
+    for s, pair in enumerate(fewer.self_pairs.tolist()):
+        before = pairs[tuple(pair)]
+        np.testing.assert_array_equal(fewer.grid_axes[s], whole.grid_axes[before])
+        assert fewer.grid_starts[s] == whole.grid_starts[before]
+
+
+def test_skipped_pairs_are_those_of_the_base_and_those_allowed() -> None:
+    robot, scene = builtin("ur5e"), mixed(4)
+    # Names are sorted within a pair: one link comes before the obstacles, one behind them.
+    allowed = {("o1", "forearm_link"), ("forearm_link", "o5"), ("o2", "wrist_1_link"),
+               ("o2", "o3"), ("nobody", "o4")}  # fmt: skip
+    skipped = skipped_pairs(robot, Scene(scene.obstacles, allowed))
+    for i, link in enumerate(robot.links):
+        for k, name in enumerate(scene.ids):
+            may = {"forearm_link": ("o1", "o5"), "wrist_1_link": ("o2",)}.get(link, ())
+            assert skipped[i, k] == (robot.joints[i] < 0 or name in may)
+    assert skipped_pairs(robot, Scene()).shape == (len(robot.pieces), 0)
+
+
+def test_a_link_and_an_obstacle_of_one_name_are_two() -> None:
+    """A pair of a scene's names means both ways to read them."""
+    robot = gantry(BALL)
+    scene = Scene((obstacle("tool", Sphere(0.1), np.zeros(3)),))
+    assert not Checker.of(robot, scene).valid(np.zeros(3))
+    assert Checker.of(robot, Scene(scene.obstacles, {("tool", "tool")})).valid(np.zeros(3))
+
+
+def test_margins_add_up() -> None:
+    robot = gantry(BALL)
+    scene = Scene((obstacle("ball", Sphere(0.1), [1.0, 0.0, 0.0], margin=0.05),
+                   Obstacle("floor", HalfSpace(UP, -1.0), margin=0.25)))  # fmt: skip
+    model = CollisionModel(robot, scene, 0.02)
+    assert Checker(model).clearance(np.zeros(3))[0] == pytest.approx(0.9 - 0.25 - 0.02)
+    assert Checker(model, 0.1).clearance(np.zeros(3))[0] == pytest.approx(0.53)
+    # At x = 0.2 the ball is nearer than the floor.
+    clearance, pair = Checker(model).clearance(np.array([0.2, 0.0, 0.0]))
+    assert clearance == pytest.approx(0.6 - 0.07)
+    assert pair == ("tool", "ball")
+
+
+def test_a_margin_is_not_kept_between_links() -> None:
+    """Links may be built close together: they only have to stay apart."""
+    robot, q = builtin("ur5e"), np.array([0.0, -1.2, 1.9, -0.7, 1.57, 0.0])
+    clearances = [Checker.of(robot, Scene(), margin).clearance(q)[0] for margin in (0.0, 0.2)]
+    assert clearances[0] == clearances[1] > 0.0
+    assert Checker(Checker.of(robot, Scene()).model, 0.2).clearance(q)[0] < clearances[0]
+
+
+@pytest.mark.parametrize("seed", [5, 6])
+def test_the_tree_has_every_solid_once_within_boxes_that_hold_it_and_its_margin(seed: int) -> None:
+    scene = mixed(seed)
+    arrays = CollisionModel(gantry(BALL), scene).arrays
+    packed, _, margins = scene.pieces()
+    walls = np.flatnonzero(packed.kinds == PieceKind.HALFSPACE)
+    assert arrays.walls.tolist() == walls.tolist()
+    assert sorted([*arrays.items.tolist(), *walls.tolist()]) == list(range(len(packed)))
+    for row in arrays.nodes[arrays.nodes[:, FIRST] >= 0.0]:
+        for k in arrays.items[int(row[FIRST]) : int(row[LAST])]:
+            piece = scene.piece(int(k))
+            outline, around = owned(piece, rim(piece)), offset(piece) + margins[k]
+            assert (outline.min(axis=0) - around >= row[:3] - 1e-12).all()
+            assert (outline.max(axis=0) + around <= row[3:6] + 1e-12).all()
+
+
+def test_the_order_of_obstacles_changes_no_verdict() -> None:
+    robot, scene = builtin("ur5e"), mixed(7)
+    random = np.random.default_rng(7)
+    shuffled = Scene(scene.obstacles[k] for k in random.permutation(len(scene.obstacles)))
+    one, other = Checker.of(robot, scene), Checker.of(robot, shuffled)
+    lower, upper = robot.chain.sampling_bounds()
+    for q in random.uniform(lower, upper, (60, 6)):
+        assert one.valid(q) == other.valid(q)
+        (a, pair), (b, same) = one.clearance(q), other.clearance(q)
+        assert (a > 0.0) == (b > 0.0)
+        if a > 0.0:
+            assert a == pytest.approx(b, abs=1e-9)
+            assert pair == same
+
+
+def test_balls_of_bodies_hold_their_pieces() -> None:
+    robot = builtin("panda")
+    arrays = CollisionModel(robot, mixed(8)).arrays
+    p = len(robot.pieces)
+    for row, joint in zip(arrays.robot[p:], arrays.joints[p:], strict=True):
+        for own in arrays.robot[:p][robot.joints == joint]:
+            away = np.linalg.norm(own[CENTER : CENTER + 3] - row[CENTER : CENTER + 3])
+            assert away + own[RADIUS] <= row[RADIUS] + 1e-12
+    moving = sorted({int(j) for j in robot.joints if j >= 0}, reverse=True)
+    assert arrays.joints[arrays.bodies[:, 0]].tolist() == moving
+    for row, first, last in arrays.bodies:
+        assert set(robot.joints[arrays.carried[first:last]]) <= {int(arrays.joints[row])}
+    assert sorted(arrays.carried.tolist()) == np.flatnonzero(robot.joints >= 0).tolist()
+
+
+def test_all_pieces_are_those_of_the_robot_and_behind_them_the_scene() -> None:
+    """Meshes and clouds mixed: each piece touches what it touches when packed by itself."""
+    robot = builtin("planar_rr")
+    random = np.random.default_rng(9)
+    T, points = random_transform(random, 0.3), random.normal(size=(6, 3)) * 0.3
+    scene = Scene((
+        obstacle("cloud", PointCloud(points, 0.1), np.zeros(3)),
+        Obstacle("cup", mesh_shape(cup()), T),
+        obstacle("box", Box(np.full(3, 0.2)), [0.1, 0.1, 0.1]),
+        Obstacle("twin", mesh_shape(cup()), np.linalg.inv(T)),
+    ))  # fmt: skip
+    packed = all_pieces(robot, scene)
+    count = len(scene.pieces()[1])
+    alone = PieceSet.of([*robot.pieces, *(scene.piece(k) for k in range(count))])
+    assert len(packed.rows) == len(alone.rows) == len(robot.pieces) + count
+    np.testing.assert_allclose(packed.rows[:, POSE : POSE + 12], alone.rows[:, POSE : POSE + 12])
+    groups = slice(GROUP, GROUP_STOP + 1)
+    np.testing.assert_array_equal(packed.rows[:, groups], alone.rows[:, groups])
+    verdicts = [
+        (touching(packed, i, j), touching(alone, i, j))
+        for i, j in itertools.combinations(range(len(alone.rows)), 2)
+    ]
+    assert all(one == other for one, other in verdicts)
+    assert 0 < sum(one for one, _ in verdicts) < len(verdicts)
+
+
+def test_a_bare_chain_hits_nothing() -> None:
+    model = CollisionModel.bare(builtin("ur5e").chain)
+    assert model.links == model.obstacles == ()
+    assert model.chain is builtin("ur5e").chain
+    assert Checker(model).clearance(np.zeros(6)) == (np.inf, None)
+    assert Checker(model).valid(np.zeros(6))
+    assert Checker(model).segment(np.zeros(6), np.ones(6)).free
+
+
+def test_arrays_are_packed_once_and_can_not_be_written_to() -> None:
+    model = CollisionModel(builtin("ur5e"), mixed(10))
+    arrays = model.arrays
+    assert model.arrays is arrays
+    for name, array in arrays._asdict().items():
+        if isinstance(array, np.ndarray) and array.size:
+            assert not array.flags.writeable, name
+
+
+def test_a_link_may_be_in_a_halfspace_that_it_is_allowed_to_touch() -> None:
+    robot, floor = gantry(BALL), Obstacle("floor", HalfSpace(UP, 0.0))
+    below = np.array([0.0, 0.0, -0.5])
+    assert not Checker.of(robot, Scene((floor,))).valid(below)
+    allowed = Checker.of(robot, Scene((floor,), {("floor", "tool")}))
+    assert allowed.valid(below)
+    assert allowed.free(-below, below)
+    assert allowed.clearance(below) == (np.inf, None)
+    # With something else to meet, the floor still does not count.
+    both = Scene((floor, obstacle("ball", Sphere(0.1), [1.0, 0.0, -0.5])), {("floor", "tool")})
+    clearance, pair = Checker.of(robot, both).clearance(below)
+    assert clearance == pytest.approx(0.8)
+    assert pair == ("tool", "ball")
+    assert Checker.of(robot, both).free(-below, below)
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_leaves_hold_the_corners_of_their_solids_with_margins(seed: int) -> None:
+    """Boxes along the axes about turned boxes, by their corners; half-spaces are in no leaf."""
+    scene = mixed(seed)
+    model = CollisionModel(builtin("planar_rr"), scene, 0.02).arrays
+    owners = model.scene[:, OWNER].astype(int)
+    np.testing.assert_array_equal(owners, scene.pieces()[1])
+    np.testing.assert_array_equal(model.scene[:, MARGIN], scene.pieces()[2])
+    walls = [k for k, i in enumerate(owners) if isinstance(scene.obstacles[i].shape, HalfSpace)]
+    assert model.walls.tolist() == walls
+    assert sorted([*model.items.tolist(), *walls]) == list(range(len(owners)))
+    signs = np.array(list(itertools.product((-1.0, 1.0), repeat=3)))
+    for node in model.nodes[model.nodes[:, FIRST] >= 0.0]:
+        corners = []
+        for k in model.items[int(node[FIRST]) : int(node[LAST])]:
+            piece, margin = scene.piece(int(k)), float(model.scene[k, MARGIN])
+            T, box = piece.T_owner_piece, piece.local_box()
+            if len(piece.vertices) == 1:  # a ball needs no turn
+                T, box = np.eye(4), np.hstack([T[:3, :3] @ box[:3] + T[:3, 3], box[3:]])
+            turned = (box[:3] + signs * box[3:]) @ T[:3, :3].T + T[:3, 3]
+            corners += [turned - margin, turned + margin]
+        placed = np.vstack(corners)
+        np.testing.assert_allclose(node[:3], placed.min(axis=0), atol=1e-14)
+        np.testing.assert_allclose(node[3:6], placed.max(axis=0), atol=1e-14)
+
+
+def test_half_spaces_come_between_the_tree_and_own_pairs() -> None:
+    robot, scene = builtin("panda"), mixed(5)
+    packed = CollisionModel(robot, scene).arrays
+    walls = set(packed.walls.tolist())
+    met = [i for i in np.argsort(-robot.joints, kind="stable") if robot.joints[i] >= 0]
+    expected = [(i, -1) for i in met] + [(i, k) for i in met for k in packed.walls]
+    expected += [(-1 - g, 0) for g in range(len(packed.groups))]
+    assert [tuple(root) for root in packed.roots.tolist()] == expected
+    alone = CollisionModel(robot, Scene(o for o in scene.obstacles if is_wall(o))).arrays
+    assert {k for i, k in alone.roots.tolist() if i >= 0} == set(range(len(walls)))
+    assert not (alone.roots[:, 1] == -1).any()
+
+
+def is_wall(obstacle: Obstacle) -> bool:
+    return isinstance(obstacle.shape, HalfSpace)

@@ -1,0 +1,244 @@
+"""Groups of own pairs hold every pair once, and change no answer."""
+
+from functools import cache
+
+import fcl
+import numpy as np
+import pytest
+import trimesh
+
+from kinematics.forward import joint_frames
+from obstacles.collision.checker import Checker
+from obstacles.collision.fcl.fcl_distance import FclWorld
+from obstacles.collision.model.collision_model import CollisionModel
+from obstacles.collision.model.model_arrays import ModelArrays
+from obstacles.collision.model.pair_groups import (
+    BALL,
+    FIRST_PAIR,
+    LAST_PAIR,
+    OTHER_BALL,
+    PARTED,
+    SIZE,
+    chosen_groups,
+    whole_groups,
+)
+from obstacles.convex.piece import Piece
+from obstacles.distance.piece_set import CENTER, RADIUS
+from obstacles.scenes.scene import Scene
+from tests.obstacles.arms import cut_arm
+
+ARM = cut_arm()
+
+
+def arrays() -> ModelArrays:
+    return CollisionModel(ARM, Scene()).arrays
+
+
+def size(groups: np.ndarray, group: int) -> int:
+    """How many groups one and those that part it are."""
+    return int(groups[group, SIZE]) if groups[group, PARTED] < 0 else 1
+
+
+def pairs_of(groups: np.ndarray, group: int) -> tuple[int, int]:
+    """The first pair of a group and of those that part it, and the number after the last."""
+    inside = groups[group : group + size(groups, group)]
+    whole = inside[inside[:, PARTED] >= 0]
+    return int(whole[:, FIRST_PAIR].min()), int(whole[:, LAST_PAIR].max())
+
+
+def flat() -> Checker:
+    """The arm whose groups are not parted: every pair of two bodies is looked at."""
+    model = CollisionModel(ARM, Scene())
+    found, tops = model.arrays, whole_groups(model.arrays.groups)
+    groups = found.groups[tops]
+    for group, top in zip(groups, tops.tolist(), strict=True):
+        first, last = pairs_of(found.groups, top)
+        group[FIRST_PAIR], group[LAST_PAIR] = first, last
+    roots = found.roots.copy()
+    roots[roots[:, 0] < 0, 0] = -1 - np.arange(len(tops))
+    object.__setattr__(model, "_arrays", found._replace(groups=groups, roots=roots))
+    return Checker(model)
+
+
+def states(count: int, seed: int) -> np.ndarray:
+    return np.random.default_rng(seed).uniform(-np.pi, np.pi, (count, ARM.chain.n))
+
+
+def test_leaves_hold_every_pair_once_and_parents_what_is_in_them() -> None:
+    groups = arrays().groups
+    assert max(size(groups, group) for group in range(len(groups))) > 40
+    leaves = groups[groups[:, PARTED] >= 0]
+    numbers = np.concatenate([np.arange(a, b) for a, b in leaves[:, : LAST_PAIR + 1]])
+    assert numbers.tolist() == list(range(len(ARM.self_pairs)))
+    ours = {frozenset(pair) for pair in arrays().self_pairs.tolist()}
+    assert ours == {frozenset(pair) for pair in ARM.self_pairs.tolist()}
+    tops, end = whole_groups(groups).tolist(), 0
+    for top in tops:
+        first, last = pairs_of(groups, top)
+        assert first == end
+        end = last
+    assert end == len(ARM.self_pairs)
+    assert tops[0] == 0
+    for group in np.flatnonzero(groups[:, PARTED] < 0).tolist():
+        part, end = group + 1, pairs_of(groups, group)[0]
+        while part < group + size(groups, group):
+            first, last = pairs_of(groups, part)
+            assert first == end
+            part, end = part + size(groups, part), last
+        assert part == group + size(groups, group)
+        assert end == pairs_of(groups, group)[1]
+
+
+def test_balls_of_a_group_hold_those_of_its_pieces() -> None:
+    model = arrays()
+    rows = model.robot
+    for group, (_, _, *balls) in enumerate(model.groups):
+        first, last = pairs_of(model.groups, group)
+        for side in range(2):
+            ball, pieces = balls[side], model.self_pairs[first:last, side]
+            assert set(model.joints[pieces]) == {model.joints[ball]}
+            away = rows[pieces, CENTER : CENTER + 3] - rows[ball, CENTER : CENTER + 3]
+            reach = np.linalg.norm(away, axis=1) + rows[pieces, RADIUS]
+            assert reach.max() <= rows[ball, RADIUS] + 1e-12
+
+
+def test_groups_of_chosen_pairs_hold_these() -> None:
+    groups, random = arrays().groups, np.random.default_rng(1)
+    for share in (0.0, 0.01, 0.5, 1.0):
+        chosen = random.random(len(ARM.self_pairs)) < share
+        kept = chosen_groups(groups, chosen)
+        leaves = kept[kept[:, PARTED] >= 0]
+        numbers = [k for a, b in leaves[:, : LAST_PAIR + 1] for k in range(a, b)]
+        assert numbers == list(range(int(chosen.sum())))
+        assert np.all(kept[:, BALL] != kept[:, OTHER_BALL])
+        tops = whole_groups(kept)
+        assert sum(size(kept, top) for top in tops.tolist()) == len(kept)
+        assert np.all(kept[kept[:, PARTED] < 0, SIZE] > 1)
+
+
+def test_no_verdict_differs_from_fcl_and_from_a_look_at_all_pairs() -> None:
+    checker, all_pairs, world = Checker.of(ARM, Scene()), flat(), FclWorld(ARM, Scene())
+    drawn = states(400, 2)
+    truth = []
+    for q in drawn:
+        world.set_configuration(q)
+        truth.append(not world.collisions(q))
+    assert 60 < sum(truth) < 340
+    for one in (checker, all_pairs):
+        assert [one.valid(q) for q in drawn] == truth
+        assert one.each_valid(drawn).tolist() == truth
+
+
+def test_verdicts_near_contact_are_those_of_a_look_at_all_pairs() -> None:
+    """With slack a hair less and more than the clearance, in one workspace after the other."""
+    checker, all_pairs = Checker.of(ARM, Scene()), flat()
+    free = [q for q in states(200, 3) if checker.valid(q)]
+    assert len(free) > 30
+    for q in free:
+        distance, pair = checker.clearance(q)
+        expected, same = all_pairs.clearance(q)
+        assert distance == pytest.approx(expected, abs=1e-12)
+        assert pair == same
+        for change, verdict in ((-2e-6, True), (2e-6, False)):
+            for one in (checker, all_pairs):
+                near = Checker(one.model, distance + change)
+                assert near.valid(q) == verdict
+                assert near.each_valid(np.array([*free[:9], q]))[-1] == verdict
+
+
+@cache
+def surfaces() -> list[fcl.CollisionObject]:
+    """The triangles of all pieces of each link, base first, in units of a millimetre."""
+    objects = []
+    for joint in range(-1, ARM.chain.n):
+        own = [ARM.pieces[k] for k in np.flatnonzero(ARM.joints == joint)]
+        hulls = [trimesh.convex.convex_hull(corners(piece)) for piece in own]
+        joined = trimesh.util.concatenate(hulls)
+        bvh = fcl.BVHModel()
+        bvh.beginModel(len(joined.vertices), len(joined.faces))
+        bvh.addSubModel(1e3 * np.array(joined.vertices), np.array(joined.faces))
+        bvh.endModel()
+        objects.append(fcl.CollisionObject(bvh))
+    return objects
+
+
+def corners(piece: Piece) -> np.ndarray:
+    """Corners of a piece in the frame of its link."""
+    T = piece.T_owner_piece
+    return np.asarray(piece.vertices @ T[:3, :3].T + T[:3, 3])
+
+
+def distance_of_triangles(q: np.ndarray) -> float:
+    """Least distance of two links that must stay apart, by FCL [m]; 0 where triangles meet."""
+    frames = joint_frames(ARM.chain, q)
+    for body, T in zip(surfaces()[1:], frames, strict=True):
+        body.setTransform(fcl.Transform(T[:3, :3], 1e3 * T[:3, 3]))
+    least = np.inf
+    for a, b in ((0, 2), (0, 3), (1, 3), (2, 3)):
+        one, other = surfaces()[a], surfaces()[b]
+        if fcl.collide(one, other, fcl.CollisionRequest(), fcl.CollisionResult()):
+            return 0.0
+        found = fcl.distance(one, other, fcl.DistanceRequest(), fcl.DistanceResult())
+        least = min(least, 1e-3 * float(found))
+    return least
+
+
+def test_distances_are_those_of_the_triangles_down_to_contact() -> None:
+    """Halving motions between free and colliding states ends where triangles begin to touch."""
+    checker, drawn = Checker.of(ARM, Scene()), states(160, 9)
+    free = [q for q in drawn if checker.valid(q)]
+    blocked = [q for q in drawn if not checker.valid(q)]
+    contacts = 0
+    for q, end in zip(free, blocked, strict=False):
+        assert checker.clearance(q)[0] == pytest.approx(distance_of_triangles(q), abs=1e-6)
+        low, high = q, end
+        while np.abs(high - low).max() > 1e-9:
+            middle = 0.5 * (low + high)
+            low, high = (middle, high) if checker.valid(middle) else (low, middle)
+        # No piece is deep in another here: what begins to touch does so by its surface.
+        assert distance_of_triangles(low) == pytest.approx(checker.clearance(low)[0], abs=1e-6)
+        assert distance_of_triangles(low) < 1e-6
+        assert distance_of_triangles(high + 1e-4 * (high - q)) == 0.0
+        contacts += 1
+    assert contacts > 30
+
+
+def test_near_pairs_and_their_gradients_are_those_of_a_look_at_all_pairs() -> None:
+    checker, all_pairs = Checker.of(ARM, Scene()), flat()
+    found = 0
+    for q in states(60, 4):
+        a, b = checker.gradient(q, 0.05), all_pairs.gradient(q, 0.05)
+        one, other = np.argsort(a.pairs), np.argsort(b.pairs)
+        assert a.pairs[one].tolist() == b.pairs[other].tolist()
+        np.testing.assert_allclose(a.distances[one], b.distances[other], atol=1e-12)
+        np.testing.assert_allclose(a.gradients[one], b.gradients[other], atol=1e-9)
+        found += len(one)
+    assert found > 200
+
+
+@pytest.mark.parametrize("length", [0.1, 0.5, 2.0])
+def test_motions_are_judged_as_by_a_look_at_all_pairs(length: float) -> None:
+    checker, all_pairs = Checker.of(ARM, Scene()), flat()
+    starts = [q for q in states(160, 5) if checker.valid(q)][:40]
+    random, outcomes = np.random.default_rng(6), set()
+    for q in starts:
+        step = random.normal(size=len(q))
+        end = q + length * step / np.linalg.norm(step)
+        one, other = checker.segment(q, end), all_pairs.segment(q, end)
+        assert (one.free, one.colliding) == (other.free, other.colliding)
+        outcomes.add(one.free)
+        looks = [q + share * (end - q) for share in np.linspace(0.0, 1.0, 200)]
+        if one.free:
+            assert all(all_pairs.valid(look) for look in looks)
+            least = min(all_pairs.clearance(look)[0] for look in looks[::10])
+            assert one.clearance <= least + 1e-9
+    assert True in outcomes
+    if length > 0.2:
+        assert False in outcomes
+
+
+def test_what_met_last_is_asked_first_and_no_verdict_hangs_on_it() -> None:
+    """The same states in two orders: each begins with another group remembered."""
+    checker, drawn = Checker.of(ARM, Scene()), states(300, 7)
+    order = np.random.default_rng(8).permutation(len(drawn))
+    assert checker.each_valid(drawn)[order].tolist() == checker.each_valid(drawn[order]).tolist()

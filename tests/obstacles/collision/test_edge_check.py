@@ -1,0 +1,257 @@
+"""Certified motion: what is proved free stays free, what is refused has a reason."""
+
+import numpy as np
+import pytest
+
+from kinematics.arrays import Array
+from kinematics.forward import joint_frames
+from kinematics.model.chain import Chain, Limits, Link
+from kinematics.pose import transform
+from kinematics.robots import builtin_names, builtin_srdf, builtin_urdf
+from kinematics.tree.serial_chain import serial_chain
+from kinematics.tree.srdf import parse_srdf
+from kinematics.urdf.urdf import parse_urdf
+from obstacles.collision.checker import Checker
+from obstacles.collision.edge_check import (
+    COLLIDING,
+    FREE,
+    MAX_INTERVALS,
+    UNDECIDED,
+    Cubic,
+    certify_in,
+)
+from obstacles.collision.model.kernel_work import drift, place, visit, workspace
+from obstacles.convex.piece import Piece, PieceKind
+from obstacles.distance.gjk import allowance
+from obstacles.distance.piece_set import CENTER, RADIUS
+from obstacles.robots.robot_geometry import RobotGeometry, robot_geometry
+from obstacles.scenes.scene import Obstacle, Scene
+from obstacles.shapes.shape import Box, Cylinder, HalfSpace, Sphere
+from tests.obstacles.solids import random_transform
+
+
+def builtin(name: str) -> RobotGeometry:
+    description, semantics = parse_urdf(builtin_urdf(name)), parse_srdf(builtin_srdf(name))
+    return robot_geometry(
+        serial_chain(description, semantics=semantics), description, {}, semantics
+    )
+
+
+def clutter(random: np.random.Generator, count: int = 6) -> Scene:
+    obstacles = [Obstacle("floor", HalfSpace(np.array([0.0, 0.0, 1.0]), -0.6))]
+    for k in range(count):
+        T = random_transform(random, 0.5)
+        T[:3, 3] += 0.4 * T[:3, 3] / np.linalg.norm(T[:3, 3])
+        shape = [Box(random.uniform(0.05, 0.3, 3)), Sphere(0.1), Cylinder(0.05, 0.4)][k % 3]
+        obstacles.append(Obstacle(f"thing_{k}", shape, T, margin=0.01 * (k % 2)))
+    return Scene(tuple(obstacles))
+
+
+def slider() -> tuple[Checker, Chain]:
+    """A ball of 0.1 m on a rail along z, in front of a wall whose face is at z = 1."""
+    limits = Limits(*(np.array([x]) for x in (-5.0, 5.0, 1.0, 1.0, np.nan, np.nan)))
+    links = (Link("base", -1, np.eye(4)), Link("tip", 0, np.eye(4)))
+    chain = Chain(
+        "slider", ("slide",), np.array([1]), np.eye(4)[None], links, "base", "tip", limits,
+        np.zeros(1, dtype=bool),
+    )  # fmt: skip
+    ball = Piece(PieceKind.POLYTOPE, np.eye(4), np.zeros((1, 3)), offset_radius=0.1)
+    one = np.zeros(1, dtype=np.int64)
+    robot = RobotGeometry(chain, (ball,), ("tip",), one, one, {})
+    wall = Box(np.array([2.0, 2.0, 0.5]))
+    scene = Scene((Obstacle("wall", wall, transform(None, [0.0, 0.0, 1.25])),))
+    return Checker.of(robot, scene), chain
+
+
+def test_slide_up_to_a_wall_is_free_until_it_touches() -> None:
+    checker, _ = slider()
+    start = np.array([0.0])
+    for gap in (0.5, 1e-3, 1e-5):
+        motion = checker.segment(start, np.array([0.9 - gap]))
+        assert motion.free
+        assert 0.0 < motion.clearance <= gap + 1e-9
+    assert checker.segment(start, np.array([0.9 + 1e-4])).colliding
+    through = checker.segment(start, np.array([3.0]))
+    assert through.colliding
+    assert through.pair == ("tip", "wall")
+    touching = checker.segment(start, np.array([0.9]))
+    assert not touching.free
+
+
+def test_margin_is_kept() -> None:
+    checker, _ = slider()
+    assert Checker(checker.model, slack=0.2).segment(np.zeros(1), np.array([0.69])).free
+    assert not Checker(checker.model, slack=0.2).segment(np.zeros(1), np.array([0.71])).free
+
+
+@pytest.mark.parametrize("name", builtin_names())
+def test_proved_motions_stay_as_far_away_as_was_proved(name: str) -> None:
+    robot = builtin(name)
+    random = np.random.default_rng(7)
+    lower, upper = robot.chain.sampling_bounds()
+    proved = refused = 0
+    for _ in range(6):
+        checker = Checker.of(robot, clutter(random))
+        for k in range(14):
+            a, b = random.uniform(lower, upper, (2, robot.chain.n))
+            b = a + (b - a) * random.uniform(0.02, 0.1 if k % 2 else 1.0)
+            bend = random.normal(size=robot.chain.n) * 0.1
+            motion = checker.curve(a, b - a - bend, bend)
+            s = np.linspace(0.0, 1.0, 80)[:, None]
+            states = a + (b - a - bend) * s + bend * s**2
+            dense = min(checker.clearance(q)[0] for q in states)
+            if motion.free:
+                proved += 1
+                assert dense >= motion.clearance - 1e-9
+                assert motion.clearance > 0.0
+            else:
+                refused += 1
+                at = a + (b - a - bend) * motion.at + bend * motion.at**2
+                assert checker.clearance(at)[0] <= (0.0 if motion.colliding else 1e-5)
+    assert proved > 3
+    assert refused > 3 or name in ("planar_rr", "cart_pendulum", "scara")
+
+
+def test_no_point_of_a_piece_moves_farther_than_its_bound() -> None:
+    robot = builtin("stanford")
+    chain = robot.chain
+    model = Checker.of(robot, Scene()).model.arrays
+    work = workspace(model)
+    random = np.random.default_rng(8)
+    lower, upper = chain.sampling_bounds()
+    tightest = 0.0
+    for _ in range(200):
+        q = random.uniform(lower, upper)
+        delta = random.uniform(0.0, 0.3, chain.n) * (random.random(chain.n) < 0.7)
+        moved = q + random.uniform(-1.0, 1.0, chain.n) * delta
+        work.joints[:] = q, delta, delta, 0.0 * q
+        visit(model, work)
+        before, after = joint_frames(chain, q), joint_frames(chain, moved)
+        for i, joint in enumerate(model.joints):
+            if joint < 0:
+                continue
+            place(model, work, i)
+            center, radius = model.robot[i, CENTER : CENTER + 3], model.robot[i, RADIUS]
+            points = _surface(random, center, radius)
+            steps = _apply(after[joint], points) - _apply(before[joint], points)
+            distance = np.linalg.norm(steps, axis=1)
+            bound = work.strays[i, 0]
+            assert distance.max() <= bound + 1e-12
+            if bound > 0.0:
+                tightest = max(tightest, float(distance.max() / bound))
+    # A bound that is never nearly reached would prove nothing in time.
+    assert tightest > 0.6
+
+
+@pytest.mark.parametrize("name", ["panda", "stanford", "scara"])
+def test_no_point_gets_nearer_along_a_normal_than_is_allowed(name: str) -> None:
+    """Along random curves, seen from the base and from other links."""
+    chain = builtin(name).chain
+    robot = builtin(name)
+    model = Checker.of(robot, Scene()).model.arrays
+    work, random = workspace(model), np.random.default_rng(9)
+    lower, upper = chain.sampling_bounds()
+    gained, tightest = [], 0.0
+    for _ in range(150):
+        q, u = (
+            random.uniform(lower, upper),
+            random.normal(size=chain.n) * random.choice([0.01, 0.2]),
+        )
+        bend = np.abs(random.normal(size=chain.n)) * random.choice([0.0, 0.02])
+        work.joints[:] = q, np.abs(u) + bend, u, bend
+        visit(model, work)
+        i = int(random.choice(np.flatnonzero(model.joints > 0)))
+        last = int(model.joints[i])
+        still = int(random.integers(-1, last))
+        place(model, work, i)
+        moving = drift(work.twists, work.placed, work.strays, i, last, still)
+        n = random.normal(size=3)
+        n /= np.linalg.norm(n)
+        allowed = allowance((n[0], n[1], n[2]), moving)
+        points = _surface(random, model.robot[i, CENTER : CENTER + 3], model.robot[i, RADIUS])
+        start = joint_frames(chain, q)
+        seen = np.eye(4) if still < 0 else start[still]
+        for t in np.linspace(-1.0, 1.0, 9):
+            moved = joint_frames(chain, q + t * u + t * t * random.uniform(-1.0, 1.0) * bend)
+            # As seen from the body that is taken to stand still.
+            back = seen @ np.linalg.inv(np.eye(4) if still < 0 else moved[still])
+            steps = _apply(back @ moved[last], points) - _apply(start[last], points)
+            along = float(np.abs(steps @ n).max())
+            assert along <= allowed + 1e-12
+            tightest = max(tightest, along / allowed)
+        gained.append(allowed / work.strays[i, 3 * (still + 1)])
+    assert tightest > 0.8
+    assert np.median(gained) < 0.9
+
+
+def _surface(random: np.random.Generator, center: Array, radius: float) -> Array:
+    directions = random.normal(size=(40, 3))
+    directions /= np.linalg.norm(directions, axis=1, keepdims=True)
+    return np.asarray(center + radius * directions)
+
+
+def _apply(T: Array, points: Array) -> Array:
+    return np.asarray(points @ T[:3, :3].T + T[:3, 3])
+
+
+def test_allowed_pairs_and_what_stands_still_are_not_checked() -> None:
+    robot = builtin("panda")
+    q = np.array([0.0, -0.785, 0.0, -2.356, 0.0, 1.571, 0.785])
+    around_base = Obstacle("plinth", Box(np.array([0.3, 0.3, 0.1])))
+    assert Checker.of(robot, Scene((around_base,))).clearance(q)[1] != ("panda_link0", "plinth")
+    hand = Obstacle("grasped", Sphere(0.05), transform(None, [0.5, 0.0, 0.45]))
+    hit, pair = Checker.of(robot, Scene((hand,))).clearance(q)
+    assert pair is not None
+    if hit <= 0.0:
+        allowed = frozenset((link, "grasped") for link in robot.names)
+        assert Checker.of(robot, Scene((hand,), allowed)).clearance(q)[0] > 0.0
+
+
+def test_polyline_names_the_leg() -> None:
+    checker, _ = slider()
+    motion, leg = checker.polyline(np.array([[0.0], [0.5], [0.2], [2.0], [0.0]]))
+    assert motion.colliding
+    assert leg == 2
+    assert checker.polyline(np.array([[0.0], [0.5], [0.2]]))[0].free
+
+
+def test_proof_is_given_up_after_the_intervals_it_may_take() -> None:
+    random = np.random.default_rng(5)
+    robot = builtin("panda")
+    model = Checker.of(robot, clutter(random)).model.arrays
+    limits, zero, found = robot.chain.limits, np.zeros(robot.chain.n), np.empty(4)
+    given_up = 0
+    for _ in range(200):
+        a, b = random.uniform(limits.lower, limits.upper, (2, robot.chain.n))
+        step = 0.2 * (b - a)
+        work, line = workspace(model), Cubic(a, step, zero, zero)
+        verdict = certify_in(model, work, line, 0.0, MAX_INTERVALS, found)
+        needed = found[2]
+        if verdict == FREE and needed > 1:
+            assert certify_in(model, work, line, 0.0, 1, found) == UNDECIDED
+            assert found[2] == 1
+            given_up += 1
+    assert given_up > 5
+
+
+def test_room_that_runs_out_is_widened_to_the_same_verdict() -> None:
+    """A workspace with hardly any room gives what one with plenty gives."""
+    random = np.random.default_rng(6)
+    robot = builtin("panda")
+    model = Checker.of(robot, clutter(random)).model.arrays
+    limits, zero = robot.chain.limits, np.zeros(robot.chain.n)
+    roomy, small, verdicts = workspace(model), workspace(model), set[int]()
+    small = small._replace(
+        entries=small.entries[:, :2].copy(),
+        hints=np.zeros((3, len(model.roots), 3)),
+        spans=small.spans[:, :2].copy(),
+        lists=small.lists[:, :2].copy(),
+    )
+    for _ in range(60):
+        a, b = random.uniform(limits.lower, limits.upper, (2, robot.chain.n))
+        line, plenty, little = Cubic(a, 0.2 * (b - a), zero, zero), np.empty(4), np.empty(4)
+        verdict = certify_in(model, roomy, line, 0.0, MAX_INTERVALS, plenty)
+        assert certify_in(model, small, line, 0.0, MAX_INTERVALS, little) == verdict
+        np.testing.assert_array_equal(little, plenty)
+        verdicts.add(verdict)
+    assert verdicts >= {FREE, COLLIDING}

@@ -1,0 +1,77 @@
+"""Convex hulls, flat ones included."""
+
+import numpy as np
+import pytest
+from scipy.spatial import ConvexHull
+
+from kinematics.arrays import Array
+from obstacles.convex.hull import convex_hull, corners_and_volume
+
+
+def test_encloses_every_point_and_faces_out() -> None:
+    random = np.random.default_rng(0)
+    for scale in (1e-3, 1.0, 1e3):
+        for _ in range(20):
+            points = scale * random.normal(size=(random.integers(4, 100), 3)) * [1.0, 0.3, 2.0]
+            hull = convex_hull(points)
+            assert hull.solid
+            assert hull.volume == pytest.approx(ConvexHull(points).volume)
+            heights = points @ hull.planes[:, :3].T - hull.planes[:, 3]
+            assert heights.max() <= 1e-12 * scale
+            corners = hull.vertices[hull.triangles]
+            normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+            assert (np.einsum("ij,ij->i", normals, hull.planes[:, :3]) > 0.0).all()
+
+
+@pytest.mark.parametrize("jitter", [0.0, 1e-14])
+def test_flat_sets_have_no_inside(jitter: float) -> None:
+    random = np.random.default_rng(0)
+    axes = np.linalg.qr(random.normal(size=(3, 3)))[0]
+    disc = random.normal(size=(40, 3)) * [1.0, 1.0, jitter]
+    line = random.normal(size=(40, 3)) * [1.0, jitter, jitter]
+    polygon, segment = convex_hull(disc @ axes + 1.0), convex_hull(line @ axes + 1.0)
+    assert not polygon.solid
+    assert polygon.volume == 0.0
+    area = _area(polygon.vertices[polygon.triangles])
+    assert area == pytest.approx(ConvexHull(disc[:, :2]).volume)
+    assert len(segment.vertices) == 2
+    assert np.linalg.norm(np.diff(segment.vertices, axis=0)) == pytest.approx(np.ptp(line[:, 0]))
+
+
+def _area(corners: Array) -> float:
+    edges = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    return float(np.linalg.norm(edges, axis=1).sum() / 2.0)
+
+
+def many_points(kind: str, random: np.random.Generator) -> Array:
+    """More points than are given to qhull as they are."""
+    points = random.normal(size=(4000, 3))
+    if kind == "sphere":
+        points /= np.linalg.norm(points, axis=1, keepdims=True)
+    if kind == "box":
+        points = np.clip(points, -0.5, 0.5)
+    if kind == "thin":
+        points[:, 2] *= 1e-7
+    if kind == "flat":
+        points[:, 2] = 0.25
+    return points
+
+
+@pytest.mark.parametrize("kind", ["normal", "sphere", "box", "thin", "flat"])
+def test_of_many_points_no_corner_is_missing(kind: str) -> None:
+    random = np.random.default_rng(4)
+    for _ in range(3):
+        points = many_points(kind, random)
+        hull = convex_hull(points)
+        corners, volume = corners_and_volume(points)
+        if kind == "flat":
+            assert not hull.solid
+            assert volume == 0.0
+            expected = points[ConvexHull(points[:, :2]).vertices]
+        else:
+            qhull = ConvexHull(points)
+            expected = points[qhull.vertices]
+            assert volume == pytest.approx(qhull.volume, rel=1e-12)
+            assert (points @ hull.planes[:, :3].T - hull.planes[:, 3]).max() <= 1e-12
+        for found in (hull.vertices, corners):
+            assert {tuple(p) for p in found} == {tuple(p) for p in expected}

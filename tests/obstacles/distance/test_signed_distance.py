@@ -1,0 +1,187 @@
+"""Signed distances: closed forms, separating axes, and coal where solids are apart."""
+
+import itertools
+
+import numpy as np
+import pytest
+
+from kinematics.arrays import Array
+from kinematics.pose import align_z, transform
+from obstacles.convex.piece import Piece, PieceKind
+from obstacles.distance.signed_distance import halfspace_distance, plane_bound, signed_distance
+from tests.obstacles.solids import (
+    KINDS,
+    NO_VERTICES,
+    coal_distance,
+    random_solid,
+    random_transform,
+)
+
+SIGNS = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)])
+
+
+def box(size: Array) -> Piece:
+    return Piece(PieceKind.POLYTOPE, np.eye(4), SIGNS * size / 2.0)
+
+
+def ball(radius: float) -> Piece:
+    return Piece(PieceKind.POLYTOPE, np.eye(4), np.zeros((1, 3)), offset_radius=radius)
+
+
+def cylinder(radius: float, half_height: float) -> Piece:
+    return Piece(PieceKind.CYLINDER, np.eye(4), NO_VERTICES, radius, half_height)
+
+
+def cone(radius: float, half_height: float) -> Piece:
+    return Piece(PieceKind.CONE, np.eye(4), NO_VERTICES, radius, half_height)
+
+
+@pytest.mark.parametrize(("a", "b"), list(itertools.combinations_with_replacement(KINDS, 2)))
+def test_agrees_with_coal_where_solids_are_apart(a: str, b: str) -> None:
+    random = np.random.default_rng(11)
+    apart = 0
+    for _ in range(12):
+        T_a, T_b = random_transform(random, 0.5), random_transform(random, 0.5)
+        (one, its), (other, theirs) = random_solid(random, a, T_a), random_solid(random, b, T_b)
+        expected = coal_distance(its, T_a, theirs, T_b)
+        if expected < 1e-6:
+            continue
+        apart += 1
+        lower, upper = signed_distance(one, T_a, other, T_b)
+        assert lower <= expected + 1e-7
+        assert upper >= expected - 1e-7
+        assert upper - lower <= 1e-7
+    assert apart
+
+
+def separating_axes(a: Array, T_a: Array, b: Array, T_b: Array) -> float:
+    """Depth of two overlapping boxes of half sizes a and b: least overlap over the 15 axes."""
+    A, B, gap = T_a[:3, :3], T_b[:3, :3], T_b[:3, 3] - T_a[:3, 3]
+    axes = [*A.T, *B.T, *(np.cross(u, v) for u in A.T for v in B.T)]
+    depths = []
+    for axis in axes:
+        length = np.linalg.norm(axis)
+        if length > 1e-9:
+            n = axis / length
+            depths.append(float(np.abs(n @ A) @ a + np.abs(n @ B) @ b - abs(n @ gap)))
+    return min(depths)
+
+
+def test_overlapping_boxes_by_their_separating_axes() -> None:
+    random = np.random.default_rng(12)
+    for trial in range(40):
+        a, b = random.uniform(0.1, 1.0, 3), random.uniform(0.1, 1.0, 3)
+        T_a, T_b = random_transform(random, 0.1), random_transform(random, 0.1)
+        if trial % 3 == 0:
+            T_b[:3, :3] = T_a[:3, :3]
+        expected = separating_axes(a / 2.0, T_a, b / 2.0, T_b)
+        if expected > 0.0:
+            lower, upper = signed_distance(box(a), T_a, box(b), T_b)
+            assert lower == pytest.approx(-expected, abs=1e-7)
+            assert upper == pytest.approx(-expected, abs=1e-7)
+
+
+def test_balls_are_as_far_apart_as_their_centres_less_their_radii() -> None:
+    for gap in (-0.5, -0.4999999, -1e-9, 0.0, 1e-9, 1e-3, 2.0):
+        T = transform(None, [0.0, 0.3 + 0.2 + gap, 0.0])
+        lower, upper = signed_distance(ball(0.3), np.eye(4), ball(0.2), T)
+        assert lower == pytest.approx(gap, abs=1e-12)
+        assert upper == pytest.approx(gap, abs=1e-12)
+
+
+def test_a_ball_in_a_cylinder_or_cone() -> None:
+    random = np.random.default_rng(13)
+    for _ in range(25):
+        radius, half = random.uniform(0.2, 1.0, 2)
+        direction = random.normal(size=2)
+        x, y = 0.9 * random.uniform() * radius * direction / np.linalg.norm(direction)
+        z = 0.9 * random.uniform(-1.0, 1.0) * half
+        T = transform(None, [x, y, z])
+        expected = min(radius - np.hypot(x, y), half - abs(z)) + 0.05
+        lower, upper = signed_distance(cylinder(radius, half), np.eye(4), ball(0.05), T)
+        # The way out through the round side, from near the axis, has no one direction.
+        assert lower <= -expected + 1e-9
+        assert lower == pytest.approx(-expected, abs=2e-4)
+        assert upper >= -expected - 1e-9
+        slope = np.array([2.0 * half, radius]) / np.hypot(2.0 * half, radius)
+        inside = float(slope @ [-np.hypot(x, y), half - z])
+        if inside > 0.0:
+            expected = min(inside, half + z) + 0.05
+            lower, _ = signed_distance(cone(radius, half), np.eye(4), ball(0.05), T)
+            assert lower == pytest.approx(-expected, abs=2e-4)
+
+
+def test_coaxial_cylinders_are_bounded_although_no_direction_is_nearest() -> None:
+    lower, upper = signed_distance(cylinder(0.3, 1.0), np.eye(4), cylinder(0.2, 1.0), np.eye(4))
+    assert lower - 1e-12 <= -0.5 <= upper + 1e-12
+    assert upper - lower < 1e-3
+
+
+@pytest.mark.parametrize("gap", [1e-3, 1e-6, 1e-7, 0.0, -1e-7, -1e-3])
+def test_faces_that_nearly_touch(gap: float) -> None:
+    """Flush faces, where FCL's own answer can be centimetres off."""
+    random = np.random.default_rng(14)
+    for _ in range(10):
+        a, b = random.uniform(0.05, 1.0, 3), random.uniform(0.05, 1.0, 3)
+        T = random_transform(random)
+        shift = [(a[0] + b[0]) / 2.0 + gap, *(0.2 * random.normal(size=2) * a[1:])]
+        lower, upper = signed_distance(box(a), T, box(b), T @ transform(None, shift))
+        assert lower == pytest.approx(gap, abs=1e-9)
+        assert upper == pytest.approx(gap, abs=1e-9)
+
+
+def test_solids_without_inside() -> None:
+    square = Piece(PieceKind.POLYTOPE, np.eye(4), SIGNS * [0.5, 0.5, 0.0])
+    needle = Piece(PieceKind.POLYTOPE, np.eye(4), np.array([[0.0, 0, -1], [0, 0, 1]]))
+    point = Piece(PieceKind.POLYTOPE, np.eye(4), np.zeros((1, 3)))
+    here, off = np.eye(4), transform(None, [0.0, 0.0, 0.25])
+    aside = transform(None, [0.75, 0.0, 0.0])
+    for a, T_a, b, T_b, expected in [
+        (square, here, square, off, 0.25),
+        (square, here, square, here, 0.0),
+        (square, here, needle, off, -0.5),  # pierced: out sideways
+        (square, here, needle, aside, 0.25),
+        (needle, here, needle, aside, 0.75),
+        (needle, here, needle, here, 0.0),
+        (point, here, point, here, 0.0),
+        (point, here, point, off, 0.25),
+        (point, off, square, here, 0.25),
+    ]:
+        for bound in signed_distance(a, T_a, b, T_b):
+            assert bound == pytest.approx(expected, abs=1e-9)
+
+
+def test_the_halfspace_by_its_lowest_point() -> None:
+    random = np.random.default_rng(15)
+    for _ in range(50):
+        n, offset = random.normal(size=3), random.normal()
+        n /= np.linalg.norm(n)
+        T_h = transform(align_z(n), offset * n)
+        T = random_transform(random)
+        center, axis = T[:3, 3], T[:3, 2]
+        across = float(np.linalg.norm(np.cross(axis, n)))
+        height = float(n @ center) - offset
+        lowest = 0.3 * across + 0.5 * abs(float(axis @ n))
+        assert halfspace_distance(cylinder(0.3, 0.5), T, T_h) == pytest.approx(height - lowest)
+        assert halfspace_distance(ball(0.3), T, T_h) == pytest.approx(height - 0.3)
+        reach = float(np.abs(n @ T[:3, :3]) @ [0.1, 0.2, 0.3])
+        size = np.array([0.2, 0.4, 0.6])
+        assert halfspace_distance(box(size), T, T_h) == pytest.approx(height - reach)
+        up = 0.5 * float(axis @ n)
+        expected = height + min(up, -up - 0.3 * across)
+        assert halfspace_distance(cone(0.3, 0.5), T, T_h) == pytest.approx(expected)
+
+
+def test_no_direction_proves_more_than_there_is() -> None:
+    random = np.random.default_rng(16)
+    for kind_a, kind_b in itertools.product(KINDS, KINDS):
+        T_a, T_b = random_transform(random), random_transform(random)
+        a, _ = random_solid(random, kind_a, T_a)
+        b, _ = random_solid(random, kind_b, T_b)
+        _, upper = signed_distance(a, T_a, b, T_b)
+        sizes = [np.array([p.radius, p.half_height]) for p in (a, b)]
+        for n in [*random.normal(size=(30, 3)), np.zeros(3), np.full(3, np.nan)]:
+            bound = plane_bound(
+                int(a.kind), a.vertices, sizes[0], T_a, int(b.kind), b.vertices, sizes[1], T_b, n
+            )
+            assert bound - a.offset_radius - b.offset_radius <= upper + 1e-12

@@ -1,0 +1,206 @@
+"""Mesh files: read from bytes, everything malformed refused."""
+
+import io
+import zipfile
+
+import numpy as np
+import pytest
+import trimesh
+
+from kinematics.arrays import Array
+from kinematics.errors import InvalidScene
+from obstacles.meshes import mesh as mesh_module
+from obstacles.meshes.mesh import FILE_TYPES, checked_mesh, is_bare_header, load_mesh, scaled
+
+
+def exported(body: trimesh.Trimesh, file_type: str) -> bytes:
+    data = body.export(file_type=file_type)
+    return data.encode() if isinstance(data, str) else bytes(data)
+
+
+@pytest.mark.parametrize("file_type", FILE_TYPES)
+def test_reads_every_type(file_type: str) -> None:
+    body = trimesh.creation.cylinder(0.3, 1.0, sections=16)
+    for name in (file_type, "." + file_type.upper()):
+        vertices, faces = load_mesh(exported(body, file_type), name)
+        assert not vertices.flags.writeable
+        assert not faces.flags.writeable
+        assert trimesh.Trimesh(vertices, faces).volume == pytest.approx(body.volume, rel=1e-5)
+
+
+def test_reads_ascii_stl() -> None:
+    data = exported(trimesh.creation.box([1.0, 2.0, 3.0]), "stl_ascii")
+    vertices, faces = load_mesh(data, "stl")
+    assert trimesh.Trimesh(vertices, faces).volume == pytest.approx(6.0)
+
+
+def test_joins_the_bodies_of_one_file() -> None:
+    text = ""
+    for body in range(3):
+        text += f"o body_{body}\nusemtl paint_{body}\n"
+        text += "".join(f"v {x + 2 * body} {y} 0\n" for x, y in ((0, 0), (1, 0), (0, 1)))
+        text += f"f {3 * body + 1} {3 * body + 2} {3 * body + 3}\n"
+    vertices, faces = load_mesh(text.encode(), "obj")
+    assert len(faces) == 3
+    assert np.ptp(vertices[faces][:, :, 0]) == pytest.approx(5.0)
+
+
+@pytest.mark.parametrize("file_type", ["zip", "3mf", "glb", "", "stl.zip", "../x"])
+def test_refuses_other_types_by_name(file_type: str) -> None:
+    with pytest.raises(InvalidScene) as error:
+        load_mesh(b"whatever", file_type)
+    assert "stl, obj, ply, off, dae" in str(error.value.hint)
+
+
+def stl_of(triangles: Array) -> bytes:
+    record = np.zeros(len(triangles), dtype=[("n", "<f4", 3), ("v", "<f4", (3, 3)), ("a", "<u2")])
+    record["v"] = triangles
+    return b"\0" * 80 + np.uint32(len(triangles)).tobytes() + record.tobytes()
+
+
+def archive() -> bytes:
+    buffer = io.BytesIO()
+    with zipfile.ZipFile(buffer, "w", zipfile.ZIP_DEFLATED) as file:
+        file.writestr("a.stl", stl_of(np.zeros((10, 3, 3))))
+    return buffer.getvalue()
+
+
+HUGE_PLY = (
+    b"ply\nformat binary_little_endian 1.0\nelement vertex 4000000000\n"
+    b"property float x\nproperty float y\nproperty float z\nend_header\n"
+)
+TRIANGLE = np.array([[[0.0, 0, 0], [1, 0, 0], [0, 1, 0]]])
+
+
+@pytest.mark.parametrize(("data", "file_type"), [
+    (b"", "stl"),
+    (b"", "obj"),
+    (b"", "ply"),
+    (b"", "off"),
+    (b"\xff\xfe\x00garbage", "obj"),
+    (b"\xff\xfe\x00garbage", "stl"),
+    (archive(), "stl"),
+    (archive(), "ply"),
+    (stl_of(TRIANGLE)[:-20], "stl"),
+    (stl_of(TRIANGLE * np.nan), "stl"),
+    (stl_of(np.where(TRIANGLE > 0.0, np.inf, 0.0)), "stl"),
+    (stl_of(TRIANGLE[:0]), "stl"),
+    (b"v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 9\n", "obj"),
+    (b"v 0 0 0\nv 1 0 0\nv 0 1 0\n", "obj"),
+    (b"v 0 0 0\nv 1 0 nan\nv 0 1 0\nf 1 2 3\n", "obj"),
+    (b"OFF\n3 1 0\n0 0 0\n1 0 0\n0 1 0\n3 0 1 7\n", "off"),
+    (b"OFF\n99999999 99999999 0\n", "off"),
+    (HUGE_PLY, "ply"),
+])  # fmt: skip
+@pytest.mark.filterwarnings("ignore::RuntimeWarning")
+def test_refuses_what_is_malformed(data: bytes, file_type: str) -> None:
+    with pytest.raises(InvalidScene, match="mesh"):
+        load_mesh(data, file_type)
+
+
+def test_refuses_what_is_too_large(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(mesh_module, "MAX_BYTES", 100)
+    with pytest.raises(InvalidScene, match="at most"):
+        load_mesh(stl_of(TRIANGLE), "stl")
+    monkeypatch.setattr(mesh_module, "MAX_FACES", 3)
+    body = trimesh.creation.box([1.0, 1.0, 1.0])
+    with pytest.raises(InvalidScene, match="at most 3"):
+        checked_mesh(body.vertices, body.faces)
+
+
+@pytest.mark.parametrize("scale", [(2.0, 3.0, 0.5), (-2.0, 3.0, 0.5), (-1.0, -1.0, -1.0)])
+def test_scaled_meshes_still_face_out(scale: tuple[float, float, float]) -> None:
+    body = trimesh.creation.icosphere(2)
+    vertices, faces = scaled(*checked_mesh(body.vertices, body.faces), scale)
+    expected = body.volume * abs(float(np.prod(scale)))
+    assert trimesh.Trimesh(vertices, faces).volume == pytest.approx(expected)
+
+
+@pytest.mark.parametrize("scale", [(0.0, 1.0, 1.0), (np.nan, 1.0, 1.0), (1.0, 1.0)])
+def test_refuses_a_scale(scale: tuple[float, ...]) -> None:
+    body = trimesh.creation.box([1.0, 1.0, 1.0])
+    with pytest.raises(InvalidScene, match="scale"):
+        scaled(*checked_mesh(body.vertices, body.faces), scale)
+
+
+STL = """solid Kühler
+facet normal 0 0 1
+outer loop
+vertex 0 0 0
+vertex 1 0 0
+vertex 0 2 0
+endloop
+endfacet
+endsolid Kühler
+"""
+PLY = """ply
+format ascii 1.0
+comment Kühler
+element vertex 3
+property float x
+property float y
+property float z
+element face 1
+property list uchar int vertex_indices
+end_header
+0 0 0
+1 0 0
+0 2 0
+3 0 1 2
+"""
+OBJ = "# Kühler\nv 0 0 0\nv 1 0 0\nv 0 2 0\nf 1 2 3\n"
+OFF = "OFF\n# Kühler\n3 1 0\n0 0 0\n1 0 0\n0 2 0\n3 0 1 2\n"
+
+
+@pytest.mark.parametrize("encoding", ["latin-1", "utf-8"])
+@pytest.mark.parametrize(
+    ("text", "file_type"), [(STL, "stl"), (PLY, "ply"), (OBJ, "obj"), (OFF, "off")]
+)
+def test_names_may_be_in_any_encoding(text: str, file_type: str, encoding: str) -> None:
+    vertices, faces = load_mesh(text.encode(encoding), file_type)
+    assert trimesh.Trimesh(vertices, faces).area == pytest.approx(1.0)
+
+
+def test_binary_stl_may_begin_as_text_does() -> None:
+    data = stl_of(np.array([[[0.0, 0, 0], [1, 0, 0], [0, 2, 0]]]))
+    header = "solid Kühler".encode("latin-1")
+    vertices, faces = load_mesh(header + data[len(header) :], "stl")
+    assert trimesh.Trimesh(vertices, faces).area == pytest.approx(1.0)
+
+
+@pytest.mark.parametrize(
+    "corners",
+    [
+        [[0, 0, 0], [0, 0, 0], [0, 0, 0]],
+        [[3, 4, 5], [3, 4, 5], [6, 8, 10]],
+        [[0, 0, 0], [1, 2, 3], [2, 4, 6]],
+        [[0.1, 0.1, 0.1], [0.2, 0.2, 0.2], [0.7, 0.7, 0.7]],
+    ],
+)
+def test_points_and_lines_are_no_solids(corners: list[list[float]]) -> None:
+    for size in (1e-6, 1.0, 1e5):
+        with pytest.raises(InvalidScene, match="a point or a line"):
+            checked_mesh(size * np.array(corners), [[0, 1, 2], [2, 1, 0]])
+
+
+def test_one_triangle_with_an_area_is_enough() -> None:
+    corners = np.array([[0, 0, 0], [1, 2, 3], [2, 4, 6], [2, 4, 6.001]])
+    for size in (1e-6, 1.0, 1e5):
+        checked_mesh(size * corners, [[0, 1, 2], [0, 1, 3]])
+
+
+@pytest.mark.parametrize(
+    ("data", "kind", "is_bare"),
+    [
+        (bytes(80), "stl", True),
+        (bytes(84), "STL", True),
+        (b"exported".ljust(84, b"\0"), "stl", True),
+        (bytes(80) + b"\1\0\0\0", "stl", False),
+        (bytes(79), "stl", False),
+        (b"", "stl", False),
+        (bytes(134), "stl", False),
+        (bytes(84), "obj", False),
+    ],
+)
+def test_headers_of_stl_files_without_triangles(data: bytes, kind: str, is_bare: bool) -> None:
+    assert is_bare_header(data, kind) == is_bare

@@ -1,0 +1,250 @@
+"""Bounds of residuals judged by pinocchio alone: sound on both sides of the bound, and sharp.
+
+Along random motions each kind of constraint is measured at dense samples of pinocchio's poses, then
+asked for with a tolerance just above and just below the worst that was measured. The verdict that
+planners use for edges is held to the same frames.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+import pinocchio as pin
+import pytest
+
+from kinematics.arrays import Array
+from kinematics.robots import builtin_chain, builtin_urdf
+from kinematics.trajectory.trajectory import Trajectory
+from planning.constraints.constraint_set import ConstraintSet
+from planning.constraints.edge_bounds import edge_holds
+from planning.constraints.kinds.constraint import Geometric
+from planning.constraints.kinds.joint import JointConstraint
+from planning.constraints.kinds.look_at import LookAtConstraint
+from planning.constraints.kinds.orientation import ConeConstraint, OrientationConstraint
+from planning.constraints.kinds.position import PositionConstraint
+from planning.constraints.kinds.region import LineRegion, PlaneRegion, SphereRegion
+from planning.constraints.kinds.relative_pose import RelativePoseConstraint
+from planning.proof.constraints.residual_search import (
+    LEAST_GAP,
+    SHARP,
+    TOLERANCE,
+    ResidualBounds,
+    Verdict,
+    bound_residuals,
+)
+from tests.planning.constraints.samples import some_of_each
+
+#: What dense samples may miss of a maximum [m or rad].
+MISSED = 2e-5
+SAMPLES = 1501
+
+
+class Frames:
+    """Poses of links by pinocchio."""
+
+    def __init__(self, name: str) -> None:
+        model = pin.buildModelFromXML(builtin_urdf(name))
+        fingers = [j for j, joint in enumerate(model.names) if "finger" in joint]
+        self.model = pin.buildReducedModel(model, fingers, pin.neutral(model))
+        self.data = self.model.createData()
+
+    def poses(self, configurations: Array, link: str) -> Array:
+        """Of one link in many configurations, (k, 4, 4)."""
+        frame, found = self.model.getFrameId(link), []
+        for q in configurations:
+            pin.framesForwardKinematics(self.model, self.data, q)
+            found.append(self.data.oMf[frame].homogeneous)
+        return np.array(found)
+
+
+@dataclass(frozen=True)
+class Case:
+    """A quantity measured from the poses of tip and reference, and the constraint on it."""
+
+    name: str
+    measured: Callable[[Array, Array], Array]
+    bounded: Callable[[float], Geometric]
+
+    @property
+    def angular(self) -> bool:
+        """Whether half a turn is all that it can be."""
+        return any(word in self.name for word in ("cone", "look", "orientation"))
+
+
+def bounds_of(constraints: ConstraintSet, motion: Trajectory) -> ResidualBounds:
+    return bound_residuals(constraints.chain, constraints.rows, motion)
+
+
+def angle(a: Array, b: Array) -> Array:
+    """Between vectors (k, 3) [rad]."""
+    sine = np.linalg.norm(np.cross(a, b), axis=-1)
+    return np.asarray(np.arctan2(sine, (a * b).sum(axis=-1)))
+
+
+def drawn(rng: np.random.Generator, reference: str) -> list[Case]:
+    """One of each kind with random numbers, seen from the base and from a link."""
+    a, d, c, p = (rng.normal(size=3) for _ in range(4))
+    a, d = a / np.linalg.norm(a), d / np.linalg.norm(d)
+    c, p = 0.5 * c, 0.1 * p
+    R = pin.exp3(rng.normal(size=3))
+    T = np.eye(4)
+    T[:3, :3], T[:3, 3] = R, c
+
+    def point(tip: Array) -> Array:
+        return np.asarray(tip[:, :3, :3] @ p + tip[:, :3, 3])
+
+    def seen(tip: Array, ref: Array) -> Array:
+        return np.asarray(np.linalg.inv(ref) @ tip)
+
+    def turn(tip: Array, _: Array) -> Array:
+        return np.asarray(np.abs([pin.log3(R.T @ X[:3, :3]) for X in tip]).max(axis=1))
+
+    def off_line(tip: Array, _: Array) -> Array:
+        off = point(tip) - c
+        return np.asarray(np.linalg.norm(off - (off @ d)[:, None] * d, axis=1))
+
+    return [
+        Case(
+            "cone", lambda tip, _: angle(tip[:, :3, :3] @ a, d), lambda w: ConeConstraint(a, d, w)
+        ),
+        Case(
+            "cone seen from a link",
+            lambda tip, ref: angle(seen(tip, ref)[:, :3, :3] @ a, d),
+            lambda w: ConeConstraint(a, d, w, reference_link=reference),
+        ),
+        Case(
+            "look-at",
+            lambda tip, _: angle(tip[:, :3, :3] @ a, 3.0 * c - point(tip)),
+            lambda w: LookAtConstraint(a, 3.0 * c, w, point=p),
+        ),
+        Case("orientation", turn, lambda w: OrientationConstraint(R, w)),
+        Case(
+            "plane",
+            lambda tip, _: np.abs((point(tip) - c) @ d),
+            lambda w: PositionConstraint(PlaneRegion(c, d, w), point=p),
+        ),
+        Case(
+            "sphere",
+            lambda tip, _: np.linalg.norm(point(tip) - c, axis=1),
+            lambda w: PositionConstraint(SphereRegion(c, w), point=p),
+        ),
+        Case("line", off_line, lambda w: PositionConstraint(LineRegion(c, d, w), point=p)),
+        Case(
+            "sphere seen from a link",
+            lambda tip, ref: np.linalg.norm(seen(tip, ref)[:, :3, 3] - c, axis=1),
+            lambda w: PositionConstraint(SphereRegion(c, w), reference_link=reference),
+        ),
+        Case(
+            "relative position",
+            lambda tip, ref: np.abs((seen(tip, ref)[:, :3, 3] - c) @ R).max(axis=1),
+            lambda w: RelativePoseConstraint(
+                T, reference_link=reference, position_tolerances=w, orientation_tolerances=np.pi
+            ),
+        ),
+    ]
+
+
+@pytest.mark.parametrize(
+    ("name", "reference"), [("panda", "panda_link3"), ("ur5e", "forearm_link")]
+)
+def test_every_kind_is_bounded_soundly_and_sharply(name: str, reference: str) -> None:
+    chain, frames, rng = builtin_chain(name), Frames(name), np.random.default_rng(11)
+    low, high = chain.sampling_bounds()
+    checked = dict.fromkeys((Verdict.HOLDS, Verdict.VIOLATED), 0)
+    for _ in range(12):
+        start = rng.uniform(low, high)
+        scale = 0.4 ** np.arange(6) * rng.choice([0.2, 1.0])
+        coefficients = rng.normal(size=(2, chain.n, 6)) * scale
+        coefficients[:, :, 0] = start
+        given = Trajectory(chain.joint_names, np.array([0.0, 0.6, 1.5]), coefficients)
+        # The pieces do not meet: the end of the first one is looked at as closely as it can be.
+        pieces = np.linspace(0.0, 0.6 - 1e-12, SAMPLES), np.linspace(0.6, 1.5, SAMPLES)
+        times = np.concatenate(pieces)
+        configurations = given.sample(times)
+        tip, ref = (frames.poses(configurations, link) for link in (chain.tip_link, reference))
+        for case in drawn(rng, reference):
+            values = case.measured(tip, ref)
+            most = float(values.max())
+            for spare in (1e-4, 0.05 * most):
+                width = most + spare
+                if case.angular and width >= np.pi:
+                    continue
+                found = bounds_of(ConstraintSet(chain, (case.bounded(width),)), given)
+                worst = found.worst
+                assert found.verdict == Verdict.HOLDS, (case.name, spare)
+                assert worst >= -spare - MISSED, case.name
+                assert worst <= -spare + SHARP * spare + LEAST_GAP + MISSED, case.name
+                checked[Verdict.HOLDS] += 1
+            if most < 1e-3:
+                continue
+            tight = ConstraintSet(chain, (case.bounded(most - 1e-5),))
+            found = bounds_of(tight, given)
+            assert found.verdict == Verdict.VIOLATED, case.name
+            at = given.sample([found.time])
+            here = case.measured(*(frames.poses(at, link) for link in (chain.tip_link, reference)))
+            assert here[0] > most - 1e-5 + 0.99 * TOLERANCE, case.name
+            assert abs(here[0] - (most - 1e-5) - found.residual) < 1e-9, case.name
+            assert not any(
+                edge_holds(chain, tight.packed, piece * h ** np.arange(6))
+                for piece, h, own in zip(
+                    given.coefficients, np.diff(given.breaks), (times < 0.6, times >= 0.6),
+                    strict=True,
+                )
+                if values[own].max() > most - 1e-5 + TOLERANCE
+            )  # fmt: skip
+            checked[Verdict.VIOLATED] += 1
+    assert checked[Verdict.HOLDS] > 150
+    assert checked[Verdict.VIOLATED] > 80
+
+
+def test_joints_are_bounded_by_their_extrema() -> None:
+    chain, rng = builtin_chain("panda"), np.random.default_rng(12)
+    times = np.linspace(0.0, 1.0, SAMPLES)
+    for _ in range(40):
+        coefficients = rng.normal(size=(1, chain.n, 5)) * 0.5
+        given = Trajectory(chain.joint_names, np.array([0.0, 1.0]), coefficients)
+        q = given.sample(times)[:, 3]
+        for spare in (1e-4, -1e-4):
+            asked = JointConstraint("panda_joint4", -50.0, float(q.max()) + 50.0 + spare, 100.0)
+            found = bounds_of(ConstraintSet(chain, (asked,)), given)
+            assert found.verdict == (Verdict.HOLDS if spare > 0.0 else Verdict.VIOLATED)
+
+
+def test_values_are_those_of_the_planner_at_every_sample() -> None:
+    """Two evaluations written apart, on every kind of row, seen from the base and from links."""
+    for name in ("panda", "stanford", "scara"):
+        chain, rng = builtin_chain(name), np.random.default_rng(5)
+        constraints = ConstraintSet(chain, tuple(some_of_each(chain, 1)))
+        for q in rng.normal(size=(60, chain.n)):
+            rest = Trajectory(chain.joint_names, np.array([0.0, 1.0]), q.reshape(1, chain.n, 1))
+            residuals = [bound_residuals(chain, [row], rest).worst for row in constraints.rows]
+            np.testing.assert_allclose(residuals, constraints.residuals(q), atol=1e-9)
+
+
+def test_a_violation_between_samples_is_found() -> None:
+    chain = builtin_chain("planar_rr")
+    asked = JointConstraint(chain.joint_names[0], 0.0, 0.5, 0.5)
+    # Out and back within a thousandth of the motion's time.
+    times = np.array([0.0, 1.0, 1.0005, 1.001, 2.0])
+    q = np.zeros((5, 2))
+    q[2, 0] = 0.51
+    rates = np.diff(q, axis=0) / np.diff(times)[:, None]
+    spike = Trajectory(chain.joint_names, times, np.stack([q[:-1], rates], axis=2))
+    bounds = bounds_of(ConstraintSet(chain, (asked,)), spike)
+    assert bounds.verdict == Verdict.VIOLATED
+    assert bounds.time == pytest.approx(1.0005 * 0.5 / 0.51 + 1.0 * (1.0 - 0.5 / 0.51), abs=1e-4)
+    assert bounds.worst == pytest.approx(0.01, rel=SHARP)
+
+
+def test_a_bound_that_is_met_exactly_holds_and_one_beyond_does_not() -> None:
+    chain = builtin_chain("panda")
+    q = np.array([0.3, -0.5, 0.1, -2.0, 0.2, 1.6, 0.4])
+    free = ConstraintSet(chain, (ConeConstraint([0, 0, 1], [0, 0, 1], 1.0),))
+    exact = float(free.values(q)[0])
+    # Only the last joint turns: the axis stays where it is, on the cone.
+    coefficients = np.zeros((1, 7, 2))
+    coefficients[0, :, 0], coefficients[0, 6, 1] = q, 1.0
+    turn = Trajectory(chain.joint_names, np.array([0.0, 1.0]), coefficients)
+    for bound, verdict in ((exact, Verdict.HOLDS), (exact - 1e-4, Verdict.VIOLATED)):
+        tight = ConstraintSet(chain, (ConeConstraint([0, 0, 1], [0, 0, 1], bound),))
+        assert bounds_of(tight, turn).verdict == verdict

@@ -1,0 +1,185 @@
+"""Limits of timed motions: verdicts and numbers against numpy's roots, jumps, and lying peaks."""
+
+import numpy as np
+import pytest
+
+from kinematics.arrays import Array
+from kinematics.model.chain import Limits
+from kinematics.robots import builtin_chain
+from kinematics.trajectory.trajectory import Extrema, Peaks, Trajectory
+from planning.proof.limits.limits import check_continuity, check_limits
+from planning.values.effort_limits import EffortLimits
+from planning.values.limits import MotionLimits
+
+NAMES = ("a", "b")
+
+
+def limits(position: float = 10.0) -> Limits:
+    two = np.full(2, np.inf)
+    return Limits(np.full(2, -position), np.full(2, position), two, two, two, two)
+
+
+def swing(height: float = 1.0, length: float = 2.0) -> Trajectory:
+    """Joint b goes to ``height`` and back: a cubic up and its mirror image down, at rest between.
+
+    Velocity peaks at 1.5 height / length, acceleration at 6 height / length^2, jerk is
+    12 height / length^3.
+    """
+    up = np.array([0.0, 0.0, 3.0 / length**2, -2.0 / length**3]) * height
+    down = np.array([height, 0.0, -3.0 * height / length**2, 2.0 * height / length**3])
+    c = np.zeros((2, 2, 4))
+    c[0, 1], c[1, 1] = up, down
+    return Trajectory(NAMES, np.array([0.0, length, 2.0 * length]), c)
+
+
+PEAKS = {"velocity": 1.5 / 2.0, "acceleration": 6.0 / 4.0}
+
+
+@pytest.mark.parametrize("name", PEAKS)
+def test_a_limit_just_above_the_peak_holds_and_one_just_below_does_not(name: str) -> None:
+    peak = PEAKS[name]
+    for share in (1.0 + 1e-8, 1.0, 1.0 - 1e-8):
+        bound = np.array([np.inf, peak * share])
+        reports, wrong, _ = check_limits(swing(), limits(), MotionLimits({name: bound}))
+        assert reports[name].worst_ratio == pytest.approx(1.0 / share, rel=1e-10)
+        assert reports[name].joint == "b"
+        assert bool(wrong) is (share < 1.0)
+        if wrong:
+            assert wrong[0].kind == name
+            assert wrong[0].details["limit"] == bound[1]
+    if name == "velocity":
+        assert reports[name].time == pytest.approx(1.0, abs=1e-3)
+
+
+def test_the_time_of_a_violation_is_when_the_limit_is_left() -> None:
+    bound = np.array([np.inf, 0.5])
+    _, wrong, _ = check_limits(swing(), limits(), MotionLimits({"velocity": bound}))
+    # 6 t / 4 - 6 t^2 / 8 = 0.5 first at t = 1 - sqrt(1 / 3).
+    assert wrong[0].time == pytest.approx(1.0 - np.sqrt(1.0 / 3.0), abs=1e-9)
+
+
+def test_positions_are_held_to_both_ends_of_their_range() -> None:
+    for bound, is_wrong in ((1.0, False), (1.0 - 1e-6, True)):
+        for height in (1.0, -1.0):
+            reports, wrong, _ = check_limits(swing(height), limits(bound), MotionLimits())
+            assert bool(wrong) is is_wrong
+            assert reports["position"].worst_ratio == pytest.approx(1.0 / bound, rel=1e-9)
+            if wrong:
+                assert wrong[0].kind == "position"
+                assert wrong[0].details["joint"] == "b"
+                assert wrong[0].time == pytest.approx(2.0, abs=5e-3)
+
+
+def test_jerk_has_no_bound_where_the_acceleration_jumps() -> None:
+    # From -6 / 4 to -6 / 4: no jump in the middle of the swing, one of a polygon.
+    smooth = check_limits(swing(), limits(), MotionLimits({"jerk": np.full(2, 2.0)}))
+    assert smooth[0]["jerk"].worst_ratio == pytest.approx(12.0 / 8.0 / 2.0)
+    assert not smooth[1]
+    c = np.zeros((2, 2, 3))
+    c[0, 0], c[1, 0] = [0.0, 0.0, 1.0], [1.0, 2.0, -1.0]
+    jerky = Trajectory(NAMES, np.array([0.0, 1.0, 2.0]), c)
+    reports, wrong, _ = check_limits(jerky, limits(), MotionLimits({"jerk": np.full(2, 2.0)}))
+    assert "jerk" not in reports
+    assert wrong[0].kind == "jerk"
+    assert wrong[0].details == {"joint": "a", "jump": pytest.approx(4.0)}
+
+
+def _steps(random: np.random.Generator, jerk: float, jump: float) -> Trajectory:
+    """Pieces of constant jerk of joint b, the acceleration of which jumps once; a rests."""
+    pieces = int(random.integers(2, 6))
+    breaks = np.concatenate([[0.0], np.cumsum(random.uniform(0.2, 1.0, pieces))])
+    jerks = jerk * random.choice([-1.0, 1.0], pieces) * random.uniform(0.1, 0.9, pieces)
+    jerks[random.integers(pieces)] = jerk
+    at = int(random.integers(1, pieces))
+    c = np.zeros((pieces, 2, 4))
+    q, v, a = random.normal(size=3)
+    for i, length in enumerate(np.diff(breaks)):
+        a += jump if i == at else 0.0
+        c[i, 1] = q, v, a / 2.0, jerks[i] / 6.0
+        t = np.array([1.0, length, length**2 / 2.0, length**3 / 6.0])
+        q, v, a = t @ [q, v, a, jerks[i]], t[:3] @ [v, a, jerks[i]], a + jerks[i] * length
+    return Trajectory(NAMES, breaks, c)
+
+
+@pytest.mark.parametrize("seed", range(8))
+def test_a_jump_of_the_acceleration_is_told_and_the_jerk_beside_it_is_held_to(seed: int) -> None:
+    random = np.random.default_rng(seed)
+    free = np.full(2, np.inf)
+    known = Limits(-free, free, free, free, np.array([np.inf, 1.0]), free)
+    for jump in (0.0, float(random.choice([-1.0, 1.0]) * random.uniform(1e-5, 3.0))):
+        for jerk in (0.99, 1.01):
+            motion = _steps(random, jerk, jump)
+            for bounds, holds in (({}, True), ({"jerk": known.jerk}, True), ({}, False)):
+                wanted = MotionLimits(bounds, None, holds)
+                reports, wrong, told = check_limits(motion, known, wanted)
+                fast, jumps = [jerk > 1.0], [jump != 0.0]
+                refused = (fast if holds else []) + (jumps if bounds else [])
+                assert len(wrong) == sum(refused)
+                assert len(wrong) + len(told) == sum(fast + jumps)
+                assert {one.kind for one in wrong + told} <= {"jerk"}
+                assert all(one.message.endswith("proved but for jerk") for one in told)
+                assert ("jerk" in reports) is (jump == 0.0)
+    # A joint that no limit of jerk is known of may jump.
+    other = Limits(-free, free, free, free, np.array([1.0, np.inf]), free)
+    assert check_limits(motion, other, MotionLimits({"jerk": other.jerk}))[1:] == ([], [])
+
+
+@pytest.mark.parametrize(("order", "name"), [(0, "position"), (1, "velocity")])
+def test_jumps_between_pieces_are_violations(order: int, name: str) -> None:
+    assert not check_continuity(swing())[1]
+    c = np.array(swing().coefficients)
+    c[1, 0, order] = 1e-6
+    continuity, wrong = check_continuity(Trajectory(NAMES, swing().breaks, c))
+    assert continuity[name] == pytest.approx(1e-6)
+    assert wrong[0].kind == "continuity"
+    assert wrong[0].details["quantity"] == name
+    assert wrong[0].time == 2.0
+
+
+def test_peaks_that_lie_are_not_believed(monkeypatch: pytest.MonkeyPatch) -> None:
+    """What planners scale time by may be wrong: the proof has extrema of its own."""
+    told = Trajectory.peaks, Trajectory.extrema, Trajectory.piece_extrema
+
+    def peaks(self: Trajectory, derivative: int = 0) -> Peaks:
+        value, time = told[0](self, derivative)
+        return Peaks(value / 1.05, time)
+
+    def ends(self: Trajectory, derivative: int = 0) -> Extrema:
+        low, low_time, high, high_time = told[1](self, derivative)
+        return Extrema(low / 1.05, low_time, high / 1.05, high_time)
+
+    def piece_ends(self: Trajectory, derivative: int = 0) -> tuple[Array, Array]:
+        low, high = told[2](self, derivative)
+        return low / 1.05, high / 1.05
+
+    monkeypatch.setattr(Trajectory, "peaks", peaks)
+    monkeypatch.setattr(Trajectory, "extrema", ends)
+    monkeypatch.setattr(Trajectory, "piece_extrema", piece_ends)
+    bound = np.array([np.inf, PEAKS["velocity"] / 1.04])
+    _, wrong, _ = check_limits(swing(), limits(1.0 / 1.04), MotionLimits({"velocity": bound}))
+    assert {violation.kind for violation in wrong} == {"velocity", "position"}
+    assert wrong[1].time == pytest.approx(1.0 - np.sqrt(1.0 - 1.0 / 1.04), abs=1e-6)
+
+
+def test_torque_and_tool_speed_are_reported_and_refused() -> None:
+    chain = builtin_chain("planar_rr")
+    c = np.zeros((1, 2, 2))
+    c[0, 0] = [0.0, 1.0]
+    turn = Trajectory(chain.joint_names, np.array([0.0, 1.0]), c)
+    reach = float(np.linalg.norm(chain.offsets[1, :3, 3]))
+    reach += float(np.linalg.norm(chain.tip.T_joint_link[:3, 3]))
+    for share, is_wrong in ((1.001, False), (0.999, True)):
+        loads = EffortLimits(chain, None, reach * share)
+        reports, wrong, _ = check_limits(turn, chain.limits, MotionLimits({}, loads))
+        assert reports["tool_speed"].worst_ratio == pytest.approx(1.0 / share, rel=1.1e-3)
+        assert [violation.kind == "tool_speed" for violation in wrong] == [True] * is_wrong
+
+
+@pytest.mark.parametrize("length", [2.2e-311, 1e-200, 1e-12, 1.0])
+def test_huge_motions_in_no_time_are_refused_with_a_time_inside(length: float) -> None:
+    rows = np.array([[8.8e11, -4.0e11, 1.2e-38, -9.6e11], [0.0, -1.1e-308, 8.0e11, 1e-310]])
+    names = ("joint_1", "joint_2")
+    motion = Trajectory(names, np.array([0.0, length]), rows[None])
+    _, wrong, _ = check_limits(motion, limits(), MotionLimits({}))
+    assert wrong[0].kind == "position"
+    assert 0.0 <= wrong[0].time <= length

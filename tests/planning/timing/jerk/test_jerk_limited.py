@@ -1,0 +1,194 @@
+"""Motion with bounded jerk along paths: limits, optimality, exactness, odd input."""
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from benchmarks.judges.least_time import optimum, stops
+from benchmarks.judges.ratios import worst_ratio
+from kinematics.errors import InvalidOption
+from kinematics.trajectory.trajectory import Trajectory
+from planning.timing.failure import TimingFailed
+from planning.timing.jerk.jerk_limited import time_path_with_jerk
+from planning.timing.jerk.ruckig import line_phases
+from planning.timing.path.blend import blend, largest_reaches, reach_for_deviation
+from planning.timing.path.path import JointPath
+from planning.timing.spline.spline import chord_knots, spline_path
+
+Array = NDArray[np.float64]
+VELOCITY = np.array([2.175] * 4 + [2.61] * 3)
+ACCELERATION = np.array([15.0, 7.5, 10.0, 12.5, 15.0, 20.0, 20.0])
+JERK = np.array([7500.0, 3750.0, 5000.0, 6250.0, 7500.0, 10000.0, 10000.0])
+
+
+def names(n: int) -> tuple[str, ...]:
+    return tuple(f"joint{i}" for i in range(n))
+
+
+def timed(path: JointPath, *limits: Array) -> Trajectory:
+    return time_path_with_jerk(path, names(path.n), *limits).trajectory
+
+
+@pytest.mark.parametrize("softness", [1.0, 10.0, 100.0])
+@pytest.mark.parametrize("part", [1.0, 0.3])
+def test_limits_hold_and_corners_cost_less_than_stops(softness: float, part: float) -> None:
+    limits = VELOCITY, ACCELERATION, JERK / softness
+    rng = np.random.default_rng(int(softness))
+    for _ in range(3):
+        waypoints = rng.uniform(-2.0, 2.0, (10, 7))
+        path = blend(waypoints, part * largest_reaches(waypoints), smooth=True)
+        result = time_path_with_jerk(path, names(7), *limits)
+        motion = result.trajectory
+        for order, limit in enumerate(limits, 1):
+            assert worst_ratio(motion, limit, order) <= 1.0 + 1e-9
+            assert (motion.peaks(order).value <= limit).all()
+        assert result.factor < 1.03
+        jumps = motion.continuity()
+        assert jumps.position < 1e-12
+        assert jumps.velocity < 1e-11
+        assert jumps.acceleration < 1e-9
+        for order in (1, 2):
+            ends = motion.sample([0.0, motion.duration], order)
+            np.testing.assert_allclose(ends, 0.0, atol=1e-9)
+        np.testing.assert_allclose(motion.end, waypoints[-1], atol=1e-12)
+        assert motion.duration < 0.97 * stops(waypoints, limits)
+
+
+def test_the_curve_is_that_of_the_path() -> None:
+    rng = np.random.default_rng(4)
+    for tolerance in (0.01, 0.1):
+        waypoints = rng.uniform(-1.0, 1.0, (6, 3))
+        reaches = reach_for_deviation(waypoints, tolerance, smooth=True)
+        path = blend(waypoints, reaches, smooth=True)
+        motion = timed(path, np.ones(3), np.full(3, 5.0), np.full(3, 50.0))
+        points = motion.sample(np.linspace(0.0, motion.duration, 500))
+        dense = path.sample(np.linspace(0.0, path.breaks[-1], 20_000))
+        gaps = [np.linalg.norm(dense - point, axis=1).min() for point in points]
+        assert max(gaps) < 3e-4 * path.length
+        corners = [np.linalg.norm(dense - corner, axis=1).min() for corner in waypoints[1:-1]]
+        assert max(corners) <= tolerance * (1.0 + 1e-3)
+
+
+def test_straight_lines_take_the_time_that_ruckig_takes() -> None:
+    rng = np.random.default_rng(5)
+    for n in (1, 2, 7, 14):
+        for _ in range(10):
+            limits = (
+                10.0 ** rng.uniform(-1, 1, n),
+                10.0 ** rng.uniform(-1, 1.5, n),
+                10.0 ** rng.uniform(0, 3, n),
+            )
+            ends = rng.uniform(-3.0, 3.0, (2, n))
+            motion = timed(blend(ends, [], smooth=True), *limits)
+            assert motion.duration == pytest.approx(stops(ends, limits), rel=1e-6)
+            assert motion.pieces <= 7
+            middle = motion.sample(np.linspace(0.0, motion.duration, 50))
+            direction = (ends[1] - ends[0]) / np.linalg.norm(ends[1] - ends[0])
+            off = (middle - ends[0]) - np.outer((middle - ends[0]) @ direction, direction)
+            assert np.abs(off).max() < 1e-12
+
+
+def test_without_a_velocity_limit_closed_forms_hold() -> None:
+    # Jerk alone: 4 phases of equal length, d = 2 j t^3 with T = 4 t.
+    motion = timed(blend([[0.0], [2.0]], [], smooth=True), *map(np.array, ([1e9], [1e9], [8.0])))
+    assert motion.duration == pytest.approx(4.0 * (2.0 / 16.0) ** (1.0 / 3.0), rel=1e-9)
+    # Full profile: d / v + v / a + a / j.
+    motion = timed(blend([[0.0], [20.0]], [], smooth=True), *map(np.array, ([2.0], [1.0], [4.0])))
+    assert motion.duration == pytest.approx(10.0 + 2.0 + 0.25, rel=1e-9)
+
+
+def test_it_is_within_a_twentieth_of_the_optimum() -> None:
+    rng = np.random.default_rng(6)
+    for part in (1.0, 0.5):
+        waypoints = rng.uniform(-1.0, 1.0, (3, 2))
+        limits = np.array([[1.0, 1.5], [4.0, 5.0], [40.0, 40.0]])
+        path = blend(waypoints, part * largest_reaches(waypoints), smooth=True)
+        least = optimum(path, limits, 12)
+        assert 0.95 * least <= timed(path, *limits).duration <= 1.05 * least
+
+
+@pytest.mark.parametrize("ends", ["natural", "clamped"])
+def test_splines_are_followed(ends: str) -> None:
+    waypoints = np.random.default_rng(7).uniform(-1.0, 1.0, (7, 7))
+    kind = "natural" if ends == "natural" else "clamped"
+    path = spline_path(waypoints, chord_knots(waypoints), kind)  # type: ignore[arg-type]
+    motion = timed(path, VELOCITY, ACCELERATION, JERK / 10.0)
+    for order, limit in enumerate((VELOCITY, ACCELERATION, JERK / 10.0), 1):
+        assert worst_ratio(motion, limit, order) <= 1.0 + 1e-9
+    for waypoint in waypoints:
+        times = np.linspace(0.0, motion.duration, 20_000)
+        assert np.linalg.norm(motion.sample(times) - waypoint, axis=1).min() < 1e-3
+
+
+@pytest.mark.parametrize("speed", [0.05, 0.3, 0.72])
+def test_boundary_speeds_are_met_exactly(speed: float) -> None:
+    waypoints = np.random.default_rng(0).uniform(-1.0, 1.0, (6, 3))
+    path = blend(waypoints, reach_for_deviation(waypoints, 0.1, True), smooth=True)
+    limits = np.full(3, 1.0), np.full(3, 4.0), np.full(3, 30.0)
+    motion = time_path_with_jerk(path, names(3), *limits, end_speeds=(speed, 0.2)).trajectory
+    velocities = motion.sample([0.0, motion.duration], 1)
+    assert np.linalg.norm(velocities, axis=1) == pytest.approx([speed, 0.2], rel=1e-9)
+    np.testing.assert_allclose(motion.sample([0.0, motion.duration], 2), 0.0, atol=1e-9)
+    for order, limit in enumerate(limits, 1):
+        assert worst_ratio(motion, limit, order) <= 1.0 + 1e-9
+
+
+def test_boundary_speeds_beyond_the_limits_are_refused() -> None:
+    path = blend([[0.0, 0.0], [1.0, 0.0], [1.0, 1.0]], [0.3], smooth=True)
+    for speed in (1.5, 50.0):
+        with pytest.raises(TimingFailed, match="boundary"):
+            time_path_with_jerk(
+                path, names(2), np.ones(2), np.ones(2), np.ones(2), end_speeds=(speed, 0.0)
+            )
+
+
+@pytest.mark.parametrize("size", [1e-9, 1e-4, 1e2])
+def test_the_scale_of_a_path_does_not_matter(size: float) -> None:
+    waypoints = np.random.default_rng(8).uniform(-1.0, 1.0, (5, 4))
+    limits = np.full(4, 2.0), np.full(4, 10.0), np.full(4, 100.0)
+    whole = timed(blend(waypoints, largest_reaches(waypoints), smooth=True), *limits)
+    small = blend(size * waypoints, largest_reaches(size * waypoints), smooth=True)
+    scaled = timed(small, limits[0], limits[1] / size, limits[2] / size**2)
+    assert scaled.duration == pytest.approx(size * whole.duration, rel=1e-3)
+
+
+def test_what_no_bounded_jerk_can_follow_is_refused() -> None:
+    waypoints = np.random.default_rng(9).uniform(-1.0, 1.0, (4, 2))
+    parabolas = blend(waypoints, largest_reaches(waypoints))
+    ones = np.ones(2)
+    with pytest.raises(InvalidOption, match="second derivative"):
+        timed(parabolas, ones, ones, ones)
+    line = blend(waypoints[:2], [], smooth=True)
+    with pytest.raises(InvalidOption, match="finite"):
+        timed(line, ones, ones, np.full(2, np.inf))
+    with pytest.raises(InvalidOption, match="jerk limits"):
+        timed(line, ones, ones, np.zeros(2))
+
+
+def test_phases_join_what_they_say() -> None:
+    rng = np.random.default_rng(10)
+    for _ in range(50):
+        length, v, a, j = 10.0 ** rng.uniform(-3.0, 2.0, 4)
+        phases = line_phases(length, [v, a, j])
+        ends = phases[:, 0] + phases[:, 4] * (
+            phases[:, 1] + phases[:, 4] * (phases[:, 2] + phases[:, 4] * phases[:, 3])
+        )
+        np.testing.assert_allclose(ends, [*phases[1:, 0], length], rtol=1e-9)
+
+
+def test_phases_along_a_line_take_the_least_time_and_lead_to_its_end() -> None:
+    rng = np.random.default_rng(11)
+    limits = np.full(4, 1.0), np.full(4, 3.0), np.full(4, 20.0)
+    for _ in range(20):
+        start, end = rng.uniform(-2.0, 2.0, (2, 4))
+        bounds = [float((limit / np.abs(end - start)).min()) for limit in limits]
+        phases = line_phases(1.0, bounds)
+        duration = stops(np.array([start, end]), limits)
+        assert phases[:, 4].sum() == pytest.approx(duration, rel=1e-9)
+        ends = [[*phases[1:, 0], 1.0], [*phases[1:, 1], 0.0], [*2.0 * phases[1:, 2], 0.0]]
+        for order, expected in enumerate(ends):
+            pieces = (np.polynomial.Polynomial(c).deriv(order) for c in phases[:, :4])
+            there = [piece(t) for piece, t in zip(pieces, phases[:, 4], strict=True)]
+            np.testing.assert_allclose(there, expected, atol=1e-9)
+    with pytest.raises(TimingFailed, match="ruckig"):
+        line_phases(1.0, bounds, end_speed=2.0 * bounds[0])

@@ -1,0 +1,219 @@
+"""Rounded polylines: continuity, deviation, merging, reversals, bad input."""
+
+import itertools
+
+import numpy as np
+import pytest
+from numpy.typing import ArrayLike, NDArray
+
+from kinematics.errors import InvalidOption, InvalidTrajectory
+from planning.timing.path.blend import (
+    blend,
+    largest_reaches,
+    merge,
+    reach_for_deviation,
+    smooth_blend_kernel,
+)
+from planning.timing.path.path import JointPath
+
+Array = NDArray[np.float64]
+
+
+def distance_to_polyline(points: Array, waypoints: Array) -> Array:
+    """Distance of each point from the nearest leg."""
+    best = np.full(len(points), np.inf)
+    for a, b in itertools.pairwise(waypoints):
+        w = np.clip(((points - a) @ (b - a)) / ((b - a) @ (b - a)), 0.0, 1.0)
+        best = np.minimum(best, np.linalg.norm(points - a - w[:, None] * (b - a), axis=1))
+    return best
+
+
+def jumps(path: JointPath, derivative: int) -> Array:
+    """Jump of q or a derivative at the inner breaks, from numpy's polynomials."""
+    result = []
+    for before, after, length in zip(
+        path.coefficients[:-1], path.coefficients[1:], path.lengths[:-1], strict=True
+    ):
+        ends = []
+        for c, u in ((before, length), (after, 0.0)):
+            rates = [np.polynomial.Polynomial(row).deriv(derivative) for row in c]
+            ends.append(np.array([rate(u) for rate in rates]))
+        result.append(np.abs(ends[1] - ends[0]).max())
+    return np.array(result)
+
+
+@pytest.mark.parametrize("n", [1, 2, 7, 20])
+@pytest.mark.parametrize("part", [0.05, 0.7, 1.0])
+def test_blended_paths_are_smooth_and_keep_their_ends(n: int, part: float) -> None:
+    rng = np.random.default_rng(n)
+    for _ in range(10):
+        waypoints = rng.uniform(-3.0, 3.0, (int(rng.integers(3, 9)), n))
+        path = blend(waypoints, part * largest_reaches(waypoints))
+        assert jumps(path, 0).max(initial=0.0) < 1e-14
+        sharp = np.zeros(len(path.lengths) - 1, dtype=bool)
+        sharp[[i - 1 for i in path.corners]] = True
+        tangents = jumps(path, 1)
+        assert tangents[~sharp].max(initial=0.0) < 1e-14
+        assert sharp.any() == (n == 1 and len(merge(waypoints)) > 2)
+        ends = path.sample([0.0, path.breaks[-1]])
+        np.testing.assert_allclose(ends, waypoints[[0, -1]], atol=1e-14)
+
+
+def test_the_arc_length_is_the_parameter_on_the_legs() -> None:
+    waypoints = np.array([[0.0, 0.0], [2.0, 0.0], [2.0, 1.0]])
+    path = blend(waypoints, [0.25])
+    np.testing.assert_allclose(path.lengths, [1.75, 0.5, 0.75])
+    speeds = np.linalg.norm(path.sample([0.1, 1.0, 2.5], 1), axis=1)
+    np.testing.assert_allclose(speeds, 1.0, rtol=1e-15)
+
+
+@pytest.mark.parametrize("n", [2, 3, 7])
+def test_the_deviation_is_the_reach_times_a_quarter_of_the_turn(n: int) -> None:
+    rng = np.random.default_rng(10 + n)
+    for _ in range(50):
+        waypoints = rng.normal(size=(3, n))
+        reach = float(largest_reaches(waypoints)[0] * rng.uniform(0.05, 1.0))
+        path = blend(waypoints, [reach])
+        legs = np.diff(waypoints, axis=0)
+        units = legs / np.linalg.norm(legs, axis=1)[:, None]
+        parabola = float(np.linalg.norm(legs[0])) - reach
+        points = path.sample(np.linspace(parabola, parabola + 2.0 * reach, 2001))
+        nearest = np.linalg.norm(points - waypoints[1], axis=1).min()
+        assert nearest == pytest.approx(reach * np.linalg.norm(units[1] - units[0]) / 4.0, rel=1e-9)
+        assert distance_to_polyline(points, waypoints).max() <= nearest * (1.0 + 1e-12)
+
+
+@pytest.mark.parametrize("deviation", [0.0, 1e-3, 0.05, 10.0])
+def test_a_deviation_asked_for_is_kept(deviation: float) -> None:
+    rng = np.random.default_rng(4)
+    for _ in range(20):
+        waypoints = rng.uniform(-2.0, 2.0, (6, 4))
+        reaches = reach_for_deviation(waypoints, deviation)
+        assert (reaches <= largest_reaches(waypoints)).all()
+        path = blend(waypoints, reaches)
+        points = path.sample(np.linspace(0.0, path.breaks[-1], 4001))
+        assert distance_to_polyline(points, waypoints).max() <= deviation + 1e-12
+        corner = np.linalg.norm(points[:, None] - waypoints, axis=2).min(axis=0)
+        assert (corner <= deviation + 3e-3).all()
+    assert len(blend(waypoints, np.zeros(4)).corners) == 4
+
+
+def test_points_that_repeat_or_lie_on_a_leg_are_merged() -> None:
+    a, b, c = np.array([0.1, 0.2, 0.3]), np.array([1.1, -0.4, 2.0]), np.array([0.0, 1.0, 1.0])
+    ts = np.linspace(0.0, 1.0, 13)[:, None]
+    points = np.concatenate([a + ts * (b - a), [b, b + 1e-13], b + ts * (c - b), [c]])
+    np.testing.assert_allclose(merge(points), [a, b, c], atol=1e-12)
+    reaches = np.full(len(points) - 2, 0.01)
+    path = blend(points, reaches)
+    assert len(path.lengths) == 3
+    np.testing.assert_allclose(path.length, np.linalg.norm(b - a) + np.linalg.norm(c - b))
+    # The only reach that means anything is that of the corner, which is the first of its copies.
+    assert np.count_nonzero(largest_reaches(points)) == 1
+    np.testing.assert_array_equal(merge([a, a, a]), [a])
+
+
+def test_a_slow_bend_is_not_taken_for_a_line() -> None:
+    angles = np.linspace(0.0, 0.5, 50_001)[::10]
+    circle = np.column_stack([np.cos(angles), np.sin(angles)])
+    kept = merge(circle)
+    assert distance_to_polyline(circle[::50], kept).max() < 1e-9
+
+
+def test_a_reversal_stays_a_stop() -> None:
+    waypoints = np.array([[0.0, 0.0], [1.0, 0.0], [0.2, 0.0], [0.2, 1.0]])
+    assert largest_reaches(waypoints)[0] == 0.0
+    path = blend(waypoints, [0.3, 0.1])
+    assert path.corners == (1,)
+    np.testing.assert_allclose(path.sample([1.0]), [[1.0, 0.0]])
+    with pytest.raises(InvalidOption):
+        blend(waypoints, [-0.3, 0.1])
+
+
+def test_reaches_that_nearly_meet_leave_a_piece_to_reckon_with() -> None:
+    waypoints = np.array([[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [2.0, 1.0]])
+    for gap in (0.0, 1e-16, 1e-13, 1e-10, 1e-8):
+        path = blend(waypoints, [0.5 - gap, 0.5])
+        assert path.lengths.min() > 0.9e-7
+        assert jumps(path, 0).max() < 1e-15
+        assert jumps(path, 1).max() < 1e-15
+        assert path.length == pytest.approx(3.0, rel=1e-7)
+
+
+@pytest.mark.parametrize(
+    "waypoints",
+    [[], [[]], [1.0, 2.0], [[1.0], [2.0, 3.0]], [[0.0], [np.nan]], [["a"], ["b"]]],
+)
+def test_malformed_waypoints_are_refused(waypoints: ArrayLike) -> None:
+    with pytest.raises(InvalidTrajectory):
+        merge(waypoints)
+
+
+@pytest.mark.parametrize("reaches", [[], [0.1, 0.1], [-0.1], [np.nan], [0.51]])
+def test_malformed_reaches_are_refused(reaches: list[float]) -> None:
+    with pytest.raises(InvalidOption):
+        blend([[0.0, 0.0], [1.0, 0.0], [1.0, 1.0]], reaches)
+
+
+def test_a_path_without_length_is_refused() -> None:
+    for waypoints in ([[1.0, 2.0]], [[1.0, 2.0]] * 4):
+        with pytest.raises(InvalidTrajectory, match="no length"):
+            blend(waypoints, np.zeros(max(len(waypoints) - 2, 0)))
+    with pytest.raises(InvalidOption, match="blend tolerance"):
+        reach_for_deviation([[0.0], [1.0], [0.0]], -1.0)
+
+
+def test_malformed_paths_are_refused() -> None:
+    good = np.zeros((1, 2, 3))
+    for c, lengths in (
+        (good[0], [1.0]),
+        (good[:, :, :1], [1.0]),
+        (good, [0.0]),
+        (good, [1.0, 1.0]),
+        (good + np.inf, [1.0]),
+        (good, [np.nan]),
+    ):
+        with pytest.raises(InvalidTrajectory):
+            JointPath(c, np.array(lengths))
+    path = blend([[0.0], [1.0]], [])
+    for places in ([-0.1], [1.1], [np.nan]):
+        with pytest.raises(InvalidOption):
+            path.sample(places)
+
+
+@pytest.mark.parametrize("n", [1, 2, 7, 8, 14])
+def test_the_kernel_blends_as_the_function_does(n: int) -> None:
+    for seed in range(40):
+        rng = np.random.default_rng(seed)
+        points = np.cumsum(rng.uniform(-0.5, 0.7, (int(rng.integers(2, 9)), n)), axis=0)
+        if seed % 3 == 0 and len(points) > 3:
+            points[2] = points[1] + 1.7 * (points[1] - points[0])
+        if seed % 5 == 0 and len(points) > 3:
+            points[3] = points[1]
+        waypoints = merge(points)
+        reaches = largest_reaches(waypoints)
+        reaches *= rng.choice([0.0, 1e-8, 0.3, 1.0 - 1e-9, 1.0], len(reaches))
+        path = blend(waypoints, reaches, smooth=True)
+        coefficients, lengths = smooth_blend_kernel(waypoints, reaches)
+        # numpy adds squares of eight joints or more in another order.
+        scale = np.abs(path.coefficients).max()
+        close = 1e-13 * scale if n > 7 else 0.0
+        np.testing.assert_allclose(lengths, path.lengths, rtol=0.0, atol=close)
+        np.testing.assert_allclose(coefficients, path.coefficients, rtol=0.0, atol=close)
+
+
+def test_arrays_of_any_layout_are_merged_alike() -> None:
+    rng = np.random.default_rng(2)
+    points = np.cumsum(rng.uniform(-0.5, 0.7, (7, 5)), axis=0)
+    points[3], points[5] = points[2], 0.5 * (points[4] + points[6])
+    merged, largest = merge(points), largest_reaches(points)
+    assert len(merged) == 5
+    assert not np.shares_memory(merged, points)
+    for other in (points.tolist(), np.asfortranarray(points), np.repeat(points, 2, axis=1)[:, ::2]):
+        np.testing.assert_array_equal(merge(other), merged)
+        np.testing.assert_array_equal(largest_reaches(other), largest)
+    for number in (np.nan, np.inf, -np.inf):
+        points[4, 1] = number
+        for function in (merge, largest_reaches):
+            with pytest.raises(InvalidTrajectory, match="waypoint 4 is not finite"):
+                function(points)
+    assert len(largest_reaches(points[:1])) == len(largest_reaches(points[:2])) == 0

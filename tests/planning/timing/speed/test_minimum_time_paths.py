@@ -1,0 +1,202 @@
+"""Minimum-time motion: paths that are followed, scaled, odd or refused."""
+
+import numpy as np
+import pytest
+import toppra
+from numpy.polynomial import polynomial as power_basis
+
+from kinematics.errors import InvalidOption, InvalidTrajectory
+from planning.timing.failure import TimingFailed
+from planning.timing.options import TOPPRA_SOLVERS, Solver
+from planning.timing.path.blend import blend, largest_reaches
+from planning.timing.path.path import JointPath
+from planning.timing.speed.minimum_time import MAX_RESOLUTION, time_path
+from planning.timing.spline.spline import chord_knots, spline_path
+from tests.planning.timing.timed_paths import (
+    PANDA_ACCELERATION,
+    PANDA_VELOCITY,
+    Array,
+    names,
+    package_duration,
+    random_path,
+    timed,
+)
+
+
+def distance_to_path(path: JointPath, points: Array) -> Array:
+    """Distance of each point from the nearest piece, by Newton's steps on each piece."""
+    best = np.full(len(points), np.inf)
+    for c, length in zip(path.coefficients, path.lengths, strict=True):
+        u = np.linspace(0.0, length, 200)
+        dense = power_basis.polyval(u, c.T).T
+        places = u[np.linalg.norm(points[:, None] - dense, axis=2).argmin(axis=1)]
+        for _ in range(15):
+            q = power_basis.polyval(places, c.T).T
+            tangent = power_basis.polyval(places, power_basis.polyder(c.T)).T
+            steps = ((points - q) * tangent).sum(axis=1) / (tangent**2).sum(axis=1)
+            places = np.clip(places + steps, 0.0, length)
+        q = power_basis.polyval(places, c.T).T
+        best = np.minimum(best, np.linalg.norm(points - q, axis=1))
+    return best
+
+
+@pytest.mark.parametrize("solver", TOPPRA_SOLVERS)
+def test_the_path_is_followed_exactly_and_smoothly(solver: Solver) -> None:
+    rng = np.random.default_rng(9)
+    for _ in range(10):
+        path = random_path(rng, 7)
+        trajectory = timed(path, PANDA_VELOCITY, PANDA_ACCELERATION, solver)
+        position, velocity, _ = trajectory.continuity()
+        assert position <= 1e-12
+        assert velocity <= 1e-12
+        np.testing.assert_allclose(
+            trajectory.sample([0.0, trajectory.duration], 1), 0.0, atol=1e-12
+        )
+        points = trajectory.sample(np.linspace(0.0, trajectory.duration, 500))
+        assert distance_to_path(path, points).max() < 1e-12
+
+
+def test_a_finer_grid_gains_little() -> None:
+    rng = np.random.default_rng(12)
+    losses = []
+    for _ in range(20):
+        waypoints = rng.uniform(-2.0, 2.0, (6, 7))
+        path = blend(waypoints, largest_reaches(waypoints))
+        limits = PANDA_VELOCITY, PANDA_ACCELERATION
+        fine = time_path(path, names(7), *limits, resolution=8000).trajectory.duration
+        losses.append(timed(path, *limits).duration / fine - 1.0)
+    assert max(losses) < 2e-3
+
+
+@pytest.mark.parametrize("solver", TOPPRA_SOLVERS)
+def test_splines_are_timed_without_changing_their_curve(solver: Solver) -> None:
+    rng = np.random.default_rng(13)
+    for kind in ("natural", "clamped"):
+        points = rng.uniform(-2.0, 2.0, (7, 7))
+        path = spline_path(points, chord_knots(points), kind)
+        result = time_path(path, names(7), PANDA_VELOCITY, PANDA_ACCELERATION, solver=solver)
+        trajectory = result.trajectory
+        assert result.factor < 1.0 + (1e-6 if solver == "reachability" else 0.02)
+        assert trajectory.degree == 6
+        assert trajectory.continuity().velocity < 1e-12
+        assert (trajectory.peaks(1).value <= PANDA_VELOCITY).all()
+        assert (trajectory.peaks(2).value <= PANDA_ACCELERATION).all()
+        np.testing.assert_allclose(
+            trajectory.sample([0.0, trajectory.duration], 1), 0.0, atol=1e-12
+        )
+        inner = trajectory.sample(trajectory.breaks[1:-1])
+        assert distance_to_path(path, inner).max() < 1e-12
+        ends = trajectory.sample([0.0, trajectory.duration])
+        np.testing.assert_allclose(ends, points[[0, -1]], atol=1e-13)
+        other = package_duration(path, PANDA_VELOCITY, PANDA_ACCELERATION, 1000)
+        # The package stops in s at the ends of a clamped spline, where q' = 0 is rest enough.
+        if solver == "reachability" or kind == "natural":
+            assert trajectory.duration <= 1.005 * other
+        if solver == "reachability" and kind == "clamped":
+            assert trajectory.duration < 0.999 * other
+
+
+@pytest.mark.parametrize("solver", TOPPRA_SOLVERS)
+@pytest.mark.parametrize("size", [1e-9, 1e-6, 1e-3, 1e3])
+def test_the_scale_of_a_path_does_not_matter(solver: Solver, size: float) -> None:
+    waypoints = np.random.default_rng(14).uniform(-1.0, 1.0, (5, 4))
+    v, a = np.full(4, 2.0), np.full(4, 10.0)
+    whole = timed(blend(waypoints, largest_reaches(waypoints)), v, a, solver)
+    # All lengths by s, all times by s too: accelerations by 1 / s.
+    small = blend(size * waypoints, largest_reaches(size * waypoints))
+    scaled = timed(small, v, a / size, solver)
+    assert scaled.duration == pytest.approx(size * whole.duration, rel=1e-6)
+    assert (scaled.peaks(2).value <= a / size).all()
+
+
+@pytest.mark.parametrize("solver", TOPPRA_SOLVERS)
+def test_odd_paths_are_timed(solver: Solver) -> None:
+    rng = np.random.default_rng(15)
+    v, a = np.array([1e-3, 1e3, 1.0, np.inf]), np.array([1e4, 1e-2, 1.0, 5.0])
+    waypoints = rng.uniform(-1.0, 1.0, (6, 4))
+    waypoints[:, 2] = 0.7
+    repeated = np.repeat(waypoints, 2, axis=0)
+    reversal = np.array([waypoints[0], waypoints[1], waypoints[0], waypoints[2]])
+    for points in (waypoints, repeated, reversal, waypoints[:, ::-1]):
+        for part in (0.0, 1e-5, 0.4, 1.0):
+            path = blend(points, part * largest_reaches(points))
+            trajectory = timed(path, v, a, solver)
+            assert (trajectory.peaks(1).value <= v).all()
+            assert (trajectory.peaks(2).value <= a).all()
+            assert trajectory.continuity().position < 1e-12
+            np.testing.assert_allclose(trajectory.end, points[-1], atol=1e-12)
+    still = timed(blend(waypoints, largest_reaches(waypoints)), v, a, solver)
+    assert np.abs(still.sample(np.linspace(0, still.duration, 50))[:, 2] - 0.7).max() < 1e-15
+
+
+def test_a_crawl_between_stops_takes_its_time() -> None:
+    # It takes 4 billionths of the way to get up to speed.
+    trajectory = timed(blend([[-9.0], [3.0], [-3.0]], [0.0]), [1.5e-3], [300.0])
+    # Breaks at 10^4 s are known to 10^-12 s: a ten-millionth of the 5 microseconds that a change
+    # of speed takes, which the dilation then makes good.
+    assert trajectory.duration == pytest.approx(18.0 / 1.5e-3 + 2 * 1.5e-3 / 300.0, rel=1e-6)
+    assert trajectory.peaks(1).value[0] <= 1.5e-3
+    assert trajectory.peaks(2).value[0] <= 300.0
+
+
+def test_without_velocity_limits_the_acceleration_alone_decides() -> None:
+    path = blend([[0.0, 0.0], [4.0, 1.0]], [])
+    trajectory = timed(path, [np.inf, np.inf], [1.0, 10.0])
+    assert trajectory.duration == pytest.approx(2.0 * np.sqrt(4.0), rel=1e-11)
+
+
+@pytest.mark.parametrize("solver", TOPPRA_SOLVERS)
+@pytest.mark.parametrize(
+    ("v", "a", "match"),
+    [
+        ([1.0], [1.0, 1.0], "velocity"),
+        ([1.0, 0.0], [1.0, 1.0], "velocity"),
+        ([1.0, 1.0], [1.0, np.nan], "acceleration"),
+        ([1.0, 1.0], [1.0, -1.0], "acceleration"),
+        ([1.0, 1.0], [1.0, np.inf], "finite"),
+    ],
+)
+def test_malformed_limits_are_refused(
+    solver: Solver, v: list[float], a: list[float], match: str
+) -> None:
+    with pytest.raises(InvalidOption, match=match):
+        timed(blend([[0.0, 0.0], [1.0, 1.0]], []), v, a, solver)
+
+
+def test_malformed_options_are_refused() -> None:
+    path = blend([[0.0], [1.0]], [])
+    with pytest.raises(InvalidOption, match="no timing solver"):
+        time_path(path, ["a"], [1.0], [1.0], solver="guess")  # type: ignore[arg-type]
+    for resolution in (0, MAX_RESOLUTION + 1):
+        with pytest.raises(InvalidOption, match="cells"):
+            time_path(path, ["a"], [1.0], [1.0], resolution=resolution)
+    with pytest.raises(InvalidTrajectory):
+        time_path(path, ["a", "b"], [1.0], [1.0])
+
+
+@pytest.mark.parametrize("solver", TOPPRA_SOLVERS)
+def test_a_solver_that_fails_says_so_by_name(
+    solver: Solver, caplog: pytest.LogCaptureFixture
+) -> None:
+    path = blend([[0.0, 0.0], [1.0, 0.0], [1.0, 1.0]], [0.3])
+    # Accelerations over lengths that no double holds: no speed can be told.
+    tiny = JointPath(path.coefficients, path.lengths * 1e-200)
+    with pytest.raises(TimingFailed):
+        timed(tiny, [1.0, 1.0], [1e-200, 1e-200], solver)
+    assert not caplog.records
+
+
+def test_exceptions_of_the_package_do_not_leak(monkeypatch: pytest.MonkeyPatch) -> None:
+    path = blend([[0.0, 0.0], [1.0, 0.0], [1.0, 1.0]], [0.3])
+
+    def broken(*_: object) -> None:
+        raise toppra.exceptions.ToppraError("inside")
+
+    monkeypatch.setattr(toppra.algorithm.TOPPRA, "compute_parameterization", broken)
+    with pytest.raises(TimingFailed, match="ToppraError"):
+        timed(path, [1.0, 1.0], [1.0, 1.0], "toppra")
+    monkeypatch.setattr(
+        toppra.algorithm.TOPPRA, "compute_parameterization", lambda *_: (None, None, None)
+    )
+    with pytest.raises(TimingFailed, match="no timing"):
+        timed(path, [1.0, 1.0], [1.0, 1.0], "toppra")

@@ -1,0 +1,102 @@
+"""Quintic splines of few pieces against scipy's B-splines and least squares."""
+
+import numpy as np
+import pytest
+from scipy.interpolate import BSpline
+
+from benchmarks.judges.ratios import worst_ratio
+from planning.timing.jerk.even_corners import fastest_reaches, time_even_corners
+from planning.timing.path.blend import blend, largest_reaches, merge
+from planning.timing.spline.quintic_basis import DEGREE, ROW, TABLE, write_bases, write_values
+from planning.timing.spline.quintic_fit import MIN_SPANS, fit_quintic, fit_spans_kernel
+from planning.timing.spline.span_loads import no_loads
+from planning.timing.time_scaling import ScaledTime
+from tests.planning.timing.timed_paths import PANDA_ACCELERATION, PANDA_VELOCITY, names
+
+LIMITS = np.stack([PANDA_VELOCITY, PANDA_ACCELERATION, 10.0 * PANDA_ACCELERATION])
+
+
+def _knots(spans: np.ndarray) -> np.ndarray:
+    breaks = np.concatenate([[0.0], np.cumsum(spans)])
+    return np.concatenate([np.zeros(DEGREE), breaks, np.full(DEGREE, breaks[-1])])
+
+
+def _rounded(seed: int, corners: int = 3) -> tuple[np.ndarray, ScaledTime]:
+    rng = np.random.default_rng(seed)
+    points = merge(np.cumsum(rng.uniform(-0.2, 0.6, (corners + 2, 7)), axis=0))
+    reaches = fastest_reaches(points, LIMITS, largest_reaches(points))
+    return points, time_even_corners(blend(points, reaches, smooth=True), names(7), LIMITS)
+
+
+@pytest.mark.parametrize("size", [6, 8, 13, 16])
+def test_basis_functions_are_those_of_scipy(size: int) -> None:
+    whole, shares = -(-size // 8) * 8, np.array([0.0, 0.3, 0.6, 0.999])
+    spans = np.random.default_rng(0).uniform(0.1, 1.0, whole)
+    tables, values = np.empty(whole // 8 * TABLE), np.zeros((4 * whole, ROW))
+    write_bases(spans, size, np.empty(whole + 2 * DEGREE + 1), tables)
+    write_values(tables, spans, shares, values)
+    bases = tables.reshape(whole // 8, 6, 6, 8).transpose(0, 3, 1, 2).reshape(whole, 6, 6)
+    knots = _knots(spans[:size])
+    for i in range(size):
+        begins = knots[DEGREE + i]
+        times = shares * spans[i]
+        expected = BSpline.design_matrix(begins + times, knots, DEGREE).toarray()[:, i : i + 6]
+        ours = np.stack([np.polynomial.polynomial.polyval(times, row) for row in bases[i]], axis=1)
+        np.testing.assert_allclose(ours, expected, atol=1e-12)
+        at_points = values[4 * i : 4 * i + 4]
+        np.testing.assert_allclose(at_points[:, DEGREE::-1], expected, atol=1e-12)
+        assert not at_points[:, 6:].any()
+
+
+@pytest.mark.parametrize("n", [1, 2, 7, 8, 14])
+def test_the_spline_is_that_of_least_squares_with_ends_at_rest(n: int) -> None:
+    rng = np.random.default_rng(1)
+    points, shares = rng.normal(size=(9, 4, n)), np.array([0.1, 0.4, 0.6, 0.9])
+    ends, spans = rng.normal(size=(2, n)), rng.uniform(0.1, 0.4, 9)
+    coefficients, limits = np.zeros((9, n, 6)), np.ones((3, n))
+    factor = fit_spans_kernel(points, shares, ends, limits, no_loads(), spans, coefficients)
+    breaks = np.concatenate([[0.0], np.cumsum(spans)])
+    times = (breaks[:-1, None] + spans[:, None] * shares).ravel()
+    design = BSpline.design_matrix(times, _knots(spans), DEGREE).toarray()
+    control = np.concatenate([np.tile(ends[0], (3, 1)), np.zeros((8, n)), np.tile(ends[1], (3, 1))])
+    right = points.reshape(-1, n) - design @ control
+    control[3:-3] = np.linalg.lstsq(design[:, 3:-3], right, rcond=None)[0]
+    spline = BSpline(_knots(spans), control, DEGREE)
+    for order in range(3):
+        ours = coefficients[:, :, order] * [1.0, 1.0, 2.0][order]
+        np.testing.assert_allclose(ours, spline(breaks[:-1], order), rtol=1e-8, atol=1e-8)
+    fine = np.linspace(0.0, breaks[-1], 2000)
+    worst = max(np.abs(spline(fine, k)).max() ** (1.0 / k) for k in (1, 2, 3))
+    assert factor == pytest.approx(worst, rel=0.02)
+
+
+@pytest.mark.parametrize("seed", range(8))
+def test_few_pieces_keep_all_limits_exactly(seed: int) -> None:
+    points, rounded = _rounded(seed)
+    spline, _, solver = fit_quintic(rounded.trajectory, names(7), LIMITS, len(points) - 1)
+    assert solver == "quintic_spline"
+    for order, bound in enumerate(LIMITS, 1):
+        assert worst_ratio(spline, bound, order) <= 1.0 + 1e-9
+    assert spline.pieces <= max(MIN_SPANS, 8.0 * rounded.trajectory.duration + 1.0)
+    np.testing.assert_allclose(spline.start, points[0], atol=1e-12)
+    np.testing.assert_allclose(spline.end, points[-1], atol=1e-10)
+    for order in (1, 2):
+        ends = spline.sample([0.0, spline.duration], order)
+        np.testing.assert_allclose(ends, 0.0, atol=1e-8)
+    for order in range(5):
+        scale = np.abs(spline.peaks(order).value).max()
+        assert np.abs(spline.jumps(order)).max() <= 1e-7 * max(scale, 1.0)
+    # Near the path, and about as fast.
+    on_path = rounded.trajectory.sample(np.linspace(0.0, rounded.trajectory.duration, 4000))
+    at = spline.sample(np.linspace(0.0, spline.duration, 50))
+    away = np.linalg.norm(at[:, None] - on_path[None], axis=2).min(axis=1)
+    assert away.max() < 0.04
+    assert spline.duration < 1.2 * rounded.trajectory.duration
+
+
+def test_slow_motions_have_no_more_pieces_than_their_legs_need() -> None:
+    points, rounded = _rounded(0)
+    slow = rounded.trajectory.dilate(10.0)
+    limits = LIMITS / np.array([[10.0], [100.0], [1000.0]])
+    spline = fit_quintic(slow, names(7), limits, len(points) - 1).trajectory
+    assert spline.pieces == 6 * (len(points) - 1)

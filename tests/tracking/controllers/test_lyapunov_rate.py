@@ -1,0 +1,140 @@
+"""The rate of each Lyapunov function: against differences of V, the proofs, and Python."""
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from dynamics.body import scale_masses
+from kinematics.arrays import Array
+from kinematics.model.chain import Chain
+from tests.dynamics.samples import random_chain
+from tests.tracking.samples import constant, smooth
+from tracking.controllers.adaptive import Adaptive
+from tracking.controllers.computed_torque import ComputedTorque
+from tracking.controllers.control_law import Kind, law, space
+from tracking.controllers.controller import Controller, Flow, Reference
+from tracking.controllers.independent_joint import IndependentJoint
+from tracking.controllers.lyapunov_rate import lyapunov_rate_kernel
+from tracking.controllers.passivity import Passivity
+from tracking.controllers.pd_gravity import PdGravity
+from tracking.simulation.result import SimulationResult
+from tracking.simulation.simulation import Disturbance, SimulationOptions, simulate
+
+ARM = random_chain(11, 3, motors=True)
+N, B = ARM.n, ARM.viscous_friction
+LAMBDA, K, KP, KD = np.array(4.0), np.array(6.0), np.array(30.0), np.array(9.0)
+TIGHT = SimulationOptions(
+    saturate=False, relative_tolerance=1e-12, absolute_tolerance=1e-13, sample_period=1e-3
+)
+START, END = np.zeros(N), np.array([0.5, -0.4, 0.3])
+#: Fourth-order weights of a difference over five samples.
+WEIGHTS = np.array([1.0, -8.0, 0.0, 8.0, -1.0]) / 12.0
+kinds = pytest.mark.parametrize("kind", Kind)
+
+
+def controller(kind: Kind, model: Chain = ARM) -> Any:
+    if kind is Kind.INDEPENDENT_JOINT:
+        return IndependentJoint(model, KP, KD)
+    if kind is Kind.COMPUTED_TORQUE:
+        return ComputedTorque(model, KP, KD)
+    if kind is Kind.PD_GRAVITY:
+        return PdGravity(model, KP, KD)
+    if kind is Kind.PASSIVITY:
+        return Passivity(model, LAMBDA, K)
+    return Adaptive(model, LAMBDA, K, np.array(2.0))
+
+
+def run(used: Controller, motion: Any, **options: Any) -> SimulationResult:
+    offset = motion.start + np.array([0.2, -0.1, 0.15])
+    return simulate(used, motion, TIGHT, robot=ARM, initial_position=offset, **options)
+
+
+@kinds
+@pytest.mark.parametrize("is_disturbed", [False, True])
+def test_the_rate_is_the_slope_of_the_function(kind: Kind, is_disturbed: bool) -> None:
+    # A moving reference, a wrong model and a disturbance: no proof applies, the rate does.
+    used = controller(kind, scale_masses(ARM, 1.3) if is_disturbed else ARM)
+    push = Disturbance([1.0, -2.0, 0.5], 0.7, 1.5) if is_disturbed else None
+    found = run(used, smooth(ARM, START, END, 0.4), disturbance=push)
+    slope = np.convolve(found.lyapunov, WEIGHTS[::-1], "valid") / TIGHT.sample_period
+    size = np.abs(found.lyapunov_rate).max()
+    assert size > 0.1
+    np.testing.assert_allclose(found.lyapunov_rate[2:-2], slope, rtol=0.0, atol=1e-6 * size)
+
+
+@kinds
+def test_compiled_rates_equal_those_in_python(kind: Kind) -> None:
+    used: Any = controller(kind, scale_masses(ARM, 1.3))
+    rng = np.random.default_rng(3)
+    compiled_law = used.compiled_law(ARM)
+    for _ in range(5):
+        q, qd, qdd, *reference = rng.uniform(-2.0, 2.0, (6, N))
+        estimate = np.array(getattr(used, "estimate", np.zeros(0)))
+        change = rng.uniform(-1.0, 1.0, len(estimate))
+        value = lyapunov_rate_kernel(
+            compiled_law,
+            space(N, compiled_law),
+            np.array([q, qd]),
+            np.array(reference),
+            estimate,
+            np.concatenate([qd, qdd, change]),
+        )
+        flow = Flow(q, qd, qdd, change)
+        expected = used.lyapunov_rate(flow, Reference(*reference), ARM)
+        np.testing.assert_allclose(value, expected, rtol=1e-10)
+
+
+def test_where_the_assumptions_hold_the_rates_are_those_of_the_proofs() -> None:
+    motion = smooth(ARM, START, END, 0.4)
+    for kind in (Kind.COMPUTED_TORQUE, Kind.PASSIVITY, Kind.ADAPTIVE):
+        found = run(controller(kind), motion)
+        e, e_dot = found.tracking_error, found.reference_velocity - found.velocity
+        expected = {
+            Kind.COMPUTED_TORQUE: -0.5 * float(KD) * (e_dot**2 + float(KP) * e**2).sum(axis=1),
+            Kind.PASSIVITY: -float(K) * (e_dot**2 + float(LAMBDA) ** 2 * e**2).sum(axis=1),
+        }
+        expected[Kind.ADAPTIVE] = expected[Kind.PASSIVITY]
+        np.testing.assert_allclose(found.lyapunov_rate, expected[kind], atol=1e-8)
+    still = run(controller(Kind.PD_GRAVITY), constant(ARM, END, 0.5))
+    energy = -((B + float(KD)) * still.velocity**2).sum(axis=1)
+    np.testing.assert_allclose(still.lyapunov_rate, energy, atol=1e-8)
+
+
+def test_dry_friction_adds_to_the_fall() -> None:
+    rough = replace(ARM, coulomb_friction=np.array([0.5, 0.2, 0.1]))
+    motion = constant(ARM, END, 0.5)
+    found = simulate(PdGravity(rough, KP, KD), motion, TIGHT, initial_position=END + 0.2)
+    dry = rough.coulomb_friction * np.tanh(found.velocity / 0.01)
+    expected = -((B + float(KD)) * found.velocity**2 + dry * found.velocity).sum(axis=1)
+    np.testing.assert_allclose(found.lyapunov_rate, expected, atol=1e-7)
+
+
+def test_a_controller_without_a_rate_has_none() -> None:
+    class Idle(Controller):
+        chain = ARM
+
+        def torque(self, _t: float, _q: Array, _qd: Array, _reference: Reference, /) -> Array:
+            return np.zeros(N)
+
+        def lyapunov(
+            self, q: Array, qd: Array, reference: Reference, robot: Chain | None = None
+        ) -> float:
+            return 0.0
+
+    found = simulate(Idle(), constant(ARM, START, 0.01), TIGHT)
+    assert np.isnan(found.lyapunov_rate).all()
+
+
+def test_a_law_of_another_robot_takes_that_robot_s_mass() -> None:
+    made = law(Kind.PASSIVITY, ARM, scale_masses(ARM, 2.0), Kd=np.eye(N), Lambda=np.ones(N))
+    state, reference = np.array([START, END]), np.zeros((3, N))
+    rate = np.concatenate([END, np.ones(N)])
+    heavy = Passivity(ARM, np.array(1.0), np.array(1.0))
+    value = lyapunov_rate_kernel(made, space(N, made), state, reference, np.zeros(0), rate)
+    flow = Flow(START, END, np.ones(N))
+    at = Reference(*reference)
+    expected = heavy.lyapunov_rate(flow, at, scale_masses(ARM, 2.0))
+    assert value == pytest.approx(expected, rel=1e-10)
+    assert value != pytest.approx(heavy.lyapunov_rate(flow, at), rel=1e-3)

@@ -1,0 +1,188 @@
+"""What a run of a closed loop needs: states, samples, limits, options, disturbances and noise."""
+
+import math
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from kinematics.errors import InvalidOption, InvalidRobotState, MissingLimit
+from kinematics.robots import builtin_chain
+from kinematics.trajectory.trajectory import Trajectory
+from tests.tracking.samples import smooth
+from tracking.controllers.adaptive import Adaptive
+from tracking.controllers.computed_torque import ComputedTorque
+from tracking.simulation.disturbance import Disturbance, EncoderNoise
+from tracking.simulation.options import SimulationOptions
+from tracking.simulation.result import settling_time
+from tracking.simulation.setup import Setup, prepare
+
+CHAIN = builtin_chain("planar_rr")
+FREE = SimulationOptions(saturate=False)
+START, END = np.array([0.1, 0.2]), np.array([0.5, 0.9])
+MOTION = smooth(CHAIN, START, END, 0.5)
+CONTROLLER = ComputedTorque(CHAIN, np.array(4.0), np.array(4.0))
+
+
+def made(
+    options: SimulationOptions = FREE, controller: Any = CONTROLLER, robot: Any = CHAIN,
+    motion: Trajectory = MOTION, q: Any = None, qd: Any = None,
+) -> Setup:  # fmt: skip
+    return prepare(controller, motion, options, robot, (q, qd), None, None)
+
+
+def test_a_run_begins_at_the_reference_unless_it_is_told_otherwise() -> None:
+    np.testing.assert_allclose(made().start, [*START, 0.0, 0.0], atol=1e-15)
+    np.testing.assert_allclose(made(q=[1.0, 2.0]).start, [1.0, 2.0, 0.0, 0.0], atol=1e-15)
+    np.testing.assert_allclose(made(qd=[3.0, 4.0]).start, [*START, 3.0, 4.0], atol=1e-15)
+    moving = Trajectory(CHAIN.joint_names, np.array([0.0, 1.0]), np.array([[[0, 2.0], [1, -1.0]]]))
+    np.testing.assert_allclose(made(motion=moving).start, [0.0, 1.0, 2.0, -1.0])
+
+
+def test_an_estimate_is_carried_behind_the_state() -> None:
+    adaptive = Adaptive(CHAIN, np.array(1.0), np.array(1.0), np.array(1.0))
+    start = made(controller=adaptive).start
+    np.testing.assert_array_equal(start[4:], adaptive.estimate)
+    assert len(start) == 4 + adaptive.parameters.count
+
+
+@pytest.mark.parametrize(
+    ("q", "qd", "words"),
+    [([1.0], None, "initial_position"), (None, [1.0, 2.0, 3.0], "initial_velocity"),
+     ([math.nan, 0.0], None, "initial_position"), ([[0.0, 0.0]], None, "not at a batch"),
+     (None, [[0.0, 0.0], [0.0, 0.0]], "not at a batch")],
+)  # fmt: skip
+def test_a_state_that_is_none_is_refused(q: Any, qd: Any, words: str) -> None:
+    with pytest.raises(InvalidRobotState, match=words):
+        made(q=q, qd=qd)
+
+
+def test_samples_end_with_the_duration() -> None:
+    np.testing.assert_allclose(made(replace(FREE, sample_period=0.2)).times, [0.0, 0.2, 0.4, 0.5])
+    np.testing.assert_allclose(made(replace(FREE, sample_period=0.25)).times, [0.0, 0.25, 0.5])
+    longer = replace(FREE, sample_period=0.5, duration=1.25)
+    np.testing.assert_allclose(made(longer).times, [0.0, 0.5, 1.0, 1.25])
+    with pytest.raises(InvalidOption, match="sample_period"):
+        made(replace(FREE, sample_period=1e-9))
+
+
+def test_torques_are_limited_only_where_that_is_asked_for() -> None:
+    assert (made().limit == np.inf).all()
+    effort = replace(CHAIN, limits=replace(CHAIN.limits, effort=np.array([3.0, 4.0])))
+    np.testing.assert_array_equal(made(SimulationOptions(), robot=effort).limit, [3.0, 4.0])
+    unknown = replace(CHAIN, limits=replace(CHAIN.limits, effort=np.array([3.0, np.nan])))
+    with pytest.raises(MissingLimit, match=CHAIN.joint_names[1]):
+        made(SimulationOptions(), robot=unknown)
+    made(FREE, robot=unknown)
+
+
+def test_a_torque_is_held_where_there_is_a_control_period() -> None:
+    assert not made().zero_order_hold
+    assert made(replace(FREE, control_period=0.01)).zero_order_hold
+
+
+def test_model_trajectory_and_robot_have_the_same_joints() -> None:
+    swapped = replace(MOTION, joint_names=CHAIN.joint_names[::-1])
+    with pytest.raises(InvalidOption, match="the trajectory has the joints"):
+        made(motion=swapped)
+    with pytest.raises(InvalidOption, match="the robot has the joints"):
+        made(robot=replace(CHAIN, joint_names=("a", "b")))
+
+
+# ---------------------------------------------------------------------------------- options
+
+
+def options_with(name: str, value: Any) -> SimulationOptions:
+    fields: dict[str, Any] = {name: value}
+    return SimulationOptions(**fields)
+
+
+@pytest.mark.parametrize(
+    "name", ["duration", "sample_period", "control_period", "settling_tolerance"]
+)
+@pytest.mark.parametrize("value", [0.0, -1.0, math.inf, math.nan])
+def test_times_and_tolerances_are_positive(name: str, value: float) -> None:
+    with pytest.raises(InvalidOption, match=f"{name} is"):
+        options_with(name, value)
+    assert getattr(options_with(name, 1e-300), name) == 1e-300
+
+
+@pytest.mark.parametrize("name", ["relative_tolerance", "absolute_tolerance"])
+def test_tolerances_of_a_step_are_within_their_bounds(name: str) -> None:
+    for value in (1e-13, 1e-2):
+        assert getattr(options_with(name, value), name) == value
+    for value in (np.nextafter(1e-13, 0.0), np.nextafter(1e-2, 1.0), math.nan, 0.0, -1e-8):
+        with pytest.raises(InvalidOption, match=f"{name} is"):
+            options_with(name, value)
+
+
+def test_a_run_may_cost_one_evaluation_at_least() -> None:
+    assert SimulationOptions(max_evaluations=1).max_evaluations == 1
+    with pytest.raises(InvalidOption, match="max_evaluations is 0"):
+        SimulationOptions(max_evaluations=0)
+
+
+# ----------------------------------------------------------------- disturbances and noise
+
+
+def test_a_disturbance_is_one_number_or_one_a_joint() -> None:
+    constant, amplitude = Disturbance(2.0, [3.0, 4.0]).parts(CHAIN)
+    np.testing.assert_array_equal(constant, [2.0, 2.0])
+    np.testing.assert_array_equal(amplitude, [3.0, 4.0])
+    for wrong, name in (
+        (Disturbance([1.0]), "disturbance"),
+        (Disturbance(0.0, [1.0] * 3), "amplitude"),
+        (Disturbance(math.nan), "disturbance"),
+        (Disturbance([[1.0, 2.0]]), "batch"),
+    ):
+        with pytest.raises(InvalidRobotState, match=name):
+            wrong.parts(CHAIN)
+
+
+@pytest.mark.parametrize(
+    "fields",
+    [{"wrench": [1.0] * 5}, {"wrench": [math.inf] * 6}, {"frequency": -1.0}, {"start": -0.1},
+     {"frequency": math.nan}, {"start": 1.0, "end": 1.0}, {"end": math.nan}],
+)  # fmt: skip
+def test_disturbances_that_are_none_are_refused(fields: dict[str, Any]) -> None:
+    with pytest.raises(InvalidOption):
+        Disturbance(**fields)
+
+
+def test_a_disturbance_cuts_a_run_where_it_begins_and_ends() -> None:
+    acting = Disturbance(1.0, start=0.5, end=1.5)
+    assert acting.cuts(2.0) == [0.5, 1.5]
+    assert acting.cuts(1.5) == [0.5]
+    assert acting.cuts(0.5) == []
+    assert Disturbance(1.0).cuts(2.0) == []
+
+
+def test_noise_has_the_deviations_that_were_asked_for_and_comes_again() -> None:
+    noise = EncoderNoise(0.1, 2.0, seed=3)
+    drawn = noise.draw(20_000, 2)
+    assert drawn.shape == (20_000, 2, 2)
+    np.testing.assert_allclose(drawn.std(axis=(0, 2)), [0.1, 2.0], rtol=0.02)
+    np.testing.assert_allclose(drawn.mean(axis=0), 0.0, atol=0.05)
+    np.testing.assert_array_equal(drawn, EncoderNoise(0.1, 2.0, seed=3).draw(20_000, 2))
+    assert (EncoderNoise(0.1, 2.0, seed=4).draw(5, 2) != drawn[:5]).all()
+    for wrong in ({"position": -1.0}, {"velocity": math.inf}, {"seed": -1}, {"period": 0.0}):
+        with pytest.raises(InvalidOption):
+            EncoderNoise(**wrong)
+
+
+# ---------------------------------------------------------------------------------- settling
+
+
+@pytest.mark.parametrize(
+    ("errors", "expected"),
+    [([0.0, 0.0, 0.0], 0.0), ([1.0, 0.0, 0.0], 1.0), ([0.0, 1.0, 0.0], 2.0),
+     ([0.0, 0.0, 1.0], None), ([0.1, 0.1, 0.1], 0.0), ([-1.0, 0.05, -0.1], 1.0)],
+)  # fmt: skip
+def test_a_robot_has_settled_from_where_it_stays_within_the_tolerance(
+    errors: list[float], expected: float | None
+) -> None:
+    times = np.arange(3.0)
+    error = np.column_stack([np.array(errors), np.zeros(3)])
+    assert settling_time(times, error, 0.1) == expected
+    assert settling_time(times, error[:, ::-1], 0.1) == expected

@@ -1,0 +1,1 @@
+"""Controllers, their gains and their Lyapunov functions."""

@@ -1,0 +1,1 @@
+"""Simulation of the closed loop of robot, controller and reference."""

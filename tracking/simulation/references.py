@@ -1,0 +1,139 @@
+"""References by name: holds, steps, sines and splines, as trajectories."""
+
+import math
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from kinematics.arrays import Array
+from kinematics.errors import InvalidOption, InvalidRobotState
+from kinematics.model.chain import Chain
+from kinematics.trajectory.interpolation import interpolate
+from kinematics.trajectory.trajectory import Trajectory
+
+#: Pieces in a period of the fastest sine, each a Taylor polynomial of the degree below: positions
+#: are those of the sine to 3e-17 of its amplitude, accelerations to 3e-14 of theirs.
+_PIECES = 16
+_DEGREE = 13
+#: Most pieces: as many events for the integrator.
+_MOST_PIECES = 20_000
+
+
+def hold(chain: Chain, position: ArrayLike, duration: float) -> Trajectory:
+    """A reference that stands still at ``position`` (n,) [rad or m] for ``duration`` [s].
+
+    Raises:
+        InvalidRobotState: The position has the wrong length or is not finite.
+    """
+    q = _vector(chain, "joints", position)
+    return Trajectory(chain.joint_names, np.array([0.0, duration]), q[None, :, None])
+
+
+def step(chain: Chain, start: ArrayLike, end: ArrayLike, at: float, duration: float) -> Trajectory:
+    """A reference that jumps from ``start`` (n,) to ``end`` (n,) [rad or m].
+
+    Args:
+        chain: The robot.
+        start: Where it stands before, shape (n,) [rad or m].
+        end: Where it stands after, shape (n,) [rad or m].
+        at: When it jumps [s]; at 0 the reference stands at ``end`` all the time.
+        duration: How long the whole lasts [s].
+
+    Raises:
+        InvalidRobotState: A position has the wrong length or is not finite.
+        InvalidOption: It does not jump within its duration.
+    """
+    before, after = _vector(chain, "from", start), _vector(chain, "to", end)
+    if not 0.0 <= at < duration:
+        raise InvalidOption(
+            f"the reference lasts {duration:g} s and would step at {at:g} s",
+            hint="Give a time `at` that is not negative, and a longer duration.",
+        )
+    if at == 0.0:
+        return hold(chain, after, duration)
+    rows = np.stack([before, after])[:, :, None]
+    return Trajectory(chain.joint_names, np.array([0.0, at, duration]), rows)
+
+
+def sine(
+    chain: Chain,
+    center: ArrayLike,
+    amplitude: ArrayLike,
+    frequency: ArrayLike,
+    phase: ArrayLike,
+    duration: float,
+) -> Trajectory:
+    """The reference center + amplitude sin(2 pi frequency t + phase) of each joint.
+
+    Args:
+        chain: The robot.
+        center: Shape (n,) [rad or m].
+        amplitude: Shape (n,) or () for all joints [rad or m].
+        frequency: Not negative, shape (n,) or () [Hz].
+        phase: Shape (n,) or () [rad].
+        duration: How long it lasts [s].
+
+    Raises:
+        InvalidRobotState: A vector has the wrong length or is not finite.
+        InvalidOption: A frequency is negative, or the duration has too many periods.
+    """
+    middle, size = _vector(chain, "center", center), _vector(chain, "amplitude", amplitude)
+    hertz, angle = _vector(chain, "frequency", frequency), _vector(chain, "phase", phase)
+    if (hertz < 0.0).any():
+        raise InvalidOption(
+            f"the frequency of a reference is {hertz.min():g} Hz", hint="Give one that is >= 0."
+        )
+    count = max(1, math.ceil(_PIECES * float(hertz.max()) * duration))
+    if count > _MOST_PIECES:
+        raise InvalidOption(
+            f"the reference has {float(hertz.max()) * duration:.6g} periods, at most "
+            f"{_MOST_PIECES / _PIECES:g} are taken",
+            hint="Give a lower frequency or a shorter duration.",
+        )
+    breaks = np.linspace(0.0, duration, count + 1)
+    turn = 2.0 * np.pi * hertz
+    orders = np.arange(_DEGREE + 1)
+    factorials = np.array([math.factorial(k) for k in orders], dtype=np.float64)
+    # The k-th derivative of the sine is that of a quarter of a turn more.
+    angles = (np.outer(breaks[:-1], turn) + angle)[:, :, None] + 0.5 * np.pi * orders
+    rows = size[:, None] * np.sin(angles) * turn[:, None] ** orders / factorials
+    rows[:, :, 0] += middle
+    return Trajectory(chain.joint_names, breaks, rows)
+
+
+def spline(
+    chain: Chain, points: Sequence[ArrayLike], times: ArrayLike, interpolation: str
+) -> Trajectory:
+    """A cubic spline through points.
+
+    Args:
+        chain: The robot.
+        points: Configurations, each of shape (n,) [rad or m].
+        times: One for each point, ascending, the first 0 [s].
+        interpolation: "natural_spline" or "clamped_spline"; see ``interpolate``.
+
+    Raises:
+        InvalidRobotState: A point has the wrong length or is not finite.
+        InvalidOption: There are not as many times as points, or the first is not 0.
+        InvalidTrajectory: Times do not ascend.
+    """
+    rows = np.stack([_vector(chain, f"points[{i}]", point) for i, point in enumerate(points)])
+    knots = np.array(times, dtype=np.float64)
+    if knots.shape != (len(rows),) or knots[0] != 0.0:
+        raise InvalidOption(
+            f"the spline has {len(rows)} points and {knots.size} times, the first at "
+            f"{knots.flat[0] if knots.size else math.nan:g} s",
+            hint="Give one time for each point, ascending from 0.",
+        )
+    return interpolate(chain.joint_names, knots, rows, interpolation)
+
+
+def _vector(chain: Chain, name: str, value: ArrayLike) -> Array:
+    """One number for each joint, (n,), from one for all or n of them."""
+    if np.ndim(value) == 0:
+        value = np.full(chain.n, value)
+    checked = chain.configuration(value, f"reference.{name}")
+    if checked.shape != (chain.n,):
+        raise InvalidRobotState(f"reference.{name} is a batch; give one value for each joint")
+    return checked

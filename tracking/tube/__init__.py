@@ -1,0 +1,1 @@
+"""The tube around a reference that a tracked motion stays in."""
