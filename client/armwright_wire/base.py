@@ -2,7 +2,16 @@
 
 import math
 from collections.abc import Mapping, Sequence
-from typing import Annotated, Any, ClassVar, TypeVar
+from typing import (
+    TYPE_CHECKING,
+    Annotated,
+    Any,
+    ClassVar,
+    Self,
+    TypeAlias,
+    TypeVar,
+    get_args,
+)
 
 from pydantic import (
     AfterValidator,
@@ -33,8 +42,25 @@ Beside = Mapping[str, tuple[str, ...]]
 _T = TypeVar("_T")
 
 
-class Body(BaseModel):
-    """A request: unknown fields, coerced types, NaN and infinity are refused."""
+class Wire(BaseModel):
+    """A part of a request or answer."""
+
+    @classmethod
+    def read(cls, content: bytes) -> Self:
+        """Read JSON; fields that are not known here are passed over, as a newer service has more.
+
+        Raises:
+            pydantic.ValidationError: A field that is known here is missing or has another type.
+        """
+        return cls.model_validate_json(content, extra="ignore", strict=False)
+
+
+class Body(Wire):
+    """A request: unknown fields, coerced types, NaN and infinity are refused.
+
+    Python code may give tuples and arrays for lists, and parts of answers for parts of requests;
+    the field that tells a form from others (`type` or `kind`) may be left out.
+    """
 
     model_config = ConfigDict(strict=True, extra="forbid", allow_inf_nan=False, frozen=True)
 
@@ -47,6 +73,39 @@ class Body(BaseModel):
     #: Whether the task of a request validates it, and says so where it is malformed.
     is_validated_by_task: ClassVar[bool] = False
 
+    #: The field that tells this form from others, if there are any.
+    tag: ClassVar[str | None] = None
+
+    def __init__(self, **fields: Any) -> None:
+        aliases = type(self).model_fields
+        given = {
+            (aliases[name].alias or name if name in aliases else name): as_json(value)
+            for name, value in fields.items()
+        }
+        super().__init__(**given)
+        if self.tag is not None:
+            self.__pydantic_fields_set__.add(self.tag)
+
+    # Only code that makes an object comes by there, not validation.
+    __init__.__pydantic_base_init__ = True  # type: ignore[attr-defined]
+
+    @classmethod
+    def __pydantic_init_subclass__(cls, **_: Any) -> None:
+        """Note the field that tells this form from others."""
+        for name in ("type", "kind"):
+            field = cls.model_fields.get(name)
+            if field is not None and [field.default] == [*get_args(field.annotation)]:
+                cls.tag = name
+
+    @classmethod
+    def of(cls, **fields: Any) -> Self:
+        """The request with the fields that are not None."""
+        return cls(**{name: value for name, value in fields.items() if value is not None})
+
+    def to_json(self) -> str:
+        """The JSON that is sent: the fields that were given, by their names on the wire."""
+        return self.model_dump_json(by_alias=True, exclude_unset=True)
+
     @classmethod
     def __get_pydantic_json_schema__(
         cls, core_schema: CoreSchema, handler: GetJsonSchemaHandler
@@ -57,6 +116,8 @@ class Body(BaseModel):
         one without fields.
         """
         schema = handler(core_schema)
+        if cls.tag is not None:
+            _require(handler.resolve_ref_schema(schema), cls.tag)
         rules: list[JsonDict] = []
         if cls.one_of:
             rules.append({"oneOf": [is_given(name) for name in cls.one_of]})
@@ -68,7 +129,7 @@ class Body(BaseModel):
         return schema
 
 
-class Answer(BaseModel):
+class Answer(Wire):
     """An answer, as strict as a request so that a mistake of ours is seen here."""
 
     model_config = ConfigDict(extra="forbid", allow_inf_nan=False, frozen=True)
@@ -105,11 +166,18 @@ Seed = Annotated[
     Field(ge=0, le=2**32 - 1, description="of all random choices: the same seed, the same answer"),
 ]
 
-Vector3 = Annotated[list[Number], Field(min_length=3, max_length=3)]
-Vector6 = Annotated[list[Number], Field(min_length=6, max_length=6)]
-Point = Annotated[list[Coordinate], Field(min_length=3, max_length=3)]
-Matrix3 = Annotated[list[Vector3], Field(min_length=3, max_length=3)]
-Matrix = list[list[float]]
+Matrix: TypeAlias = list[list[float]]
+if TYPE_CHECKING:
+    # Objects hold lists; tuples and arrays may be given.
+    Vector3: TypeAlias = Sequence[float]
+    Vector6: TypeAlias = Sequence[float]
+    Point: TypeAlias = Sequence[float]
+    Matrix3: TypeAlias = Sequence[Sequence[float]]
+else:
+    Vector3 = Annotated[list[Number], Field(min_length=3, max_length=3)]
+    Vector6 = Annotated[list[Number], Field(min_length=6, max_length=6)]
+    Point = Annotated[list[Coordinate], Field(min_length=3, max_length=3)]
+    Matrix3 = Annotated[list[Vector3], Field(min_length=3, max_length=3)]
 
 #: A name that can stand in a URL as it is.
 NAME_PATTERN = r"^[A-Za-z0-9][A-Za-z0-9_.\-]{0,127}$"
@@ -151,6 +219,32 @@ Joints = Annotated[
         "of `joint_names` [rad or m]"
     ),
 ]
+
+
+#: Types of values that stay as they are.
+_SIMPLE_TYPES = frozenset({float, int, str, bool, type(None)})
+
+
+def as_json(value: Any) -> Any:
+    """Tuples and arrays as lists, mappings and answers as dictionaries, at any depth."""
+    if isinstance(value, list | tuple):
+        # Nearly all are numbers: a call for each of them would be most of what it takes.
+        return [item if type(item) in _SIMPLE_TYPES else as_json(item) for item in value]
+    if isinstance(value, Answer):
+        return {name: as_json(item) for name, item in value if item is not None}
+    if isinstance(value, Mapping):
+        return {name: as_json(item) for name, item in value.items()}
+    return value.tolist() if hasattr(value, "tolist") else value
+
+
+def _require(schema: JsonSchemaValue, tag: str) -> None:
+    """Publish a field with a default as one that is required: unions are told apart by it."""
+    fields = schema["properties"]
+    if "default" not in fields[tag]:
+        return
+    del fields[tag]["default"]
+    needed = {*schema.get("required", ()), tag}
+    schema["required"] = [name for name in fields if name in needed]
 
 
 def _finite(value: _T) -> _T:
@@ -223,3 +317,19 @@ def distinct(labels: Sequence[str], what: str) -> None:
         if label in seen:
             raise ValueError(f"{what} {label!r} is given twice; each must be unique")
         seen.add(label)
+
+
+#: The kept plan that an answer became.
+PlanId = Annotated[
+    str | None, Field(description="of the kept plan (GET /v1/plans/{id}), if it was kept")
+]
+
+
+class Keepable(Body):
+    """A request whose answer can be kept, to be looked at or replayed later."""
+
+    keep: bool | None = Field(
+        None,
+        description="keep request and answer, or problem, as a plan (GET /v1/plans); if left out, "
+        "those of jobs are kept",
+    )

@@ -5,10 +5,9 @@ from typing import Annotated, Any
 from pydantic import Field
 
 from armwright_wire.attached import MAX_ATTACHED, AllowedAnswers
-from armwright_wire.base import Answer, Body, Label, NonNegative
+from armwright_wire.base import Answer, Body, Label, NonNegative, PlanId
 from armwright_wire.cartesian import PathDeviationAnswer
 from armwright_wire.constraint import ConstraintUse
-from armwright_wire.keep import PlanId
 from armwright_wire.scene import MAX_OBSTACLES
 from armwright_wire.seam import ToolSpeedAnswer, ToolToleranceAnswer
 

@@ -5,8 +5,17 @@ from typing import Annotated
 from pydantic import Field
 
 from armwright_wire.attached import AllowedAnswers, AllowedCollisions, AttachedObjects, WithFingers
-from armwright_wire.base import Answer, Frame, InFrame, Joints, Name, NonNegative, Timeout
-from armwright_wire.keep import Keepable, PlanId
+from armwright_wire.base import (
+    Answer,
+    Frame,
+    InFrame,
+    Joints,
+    Keepable,
+    Name,
+    NonNegative,
+    PlanId,
+    Timeout,
+)
 from armwright_wire.kinematics import JOINTS_EXAMPLE
 from armwright_wire.scene import SceneReference
 

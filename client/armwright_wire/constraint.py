@@ -44,7 +44,7 @@ class OfLink(_Weighed):
 class JointConstraint(_Weighed):
     """position − tolerance_below ≤ q ≤ position + tolerance_above [rad or m]."""
 
-    type: Literal["joint"]
+    type: Literal["joint"] = "joint"
     joint: Label = Field(examples=["panda_joint1"], description="name of the joint")
     position: Number = Field(examples=[0.0], description="value to stay near [rad or m]")
     tolerance_above: NonNegative = Field(
@@ -58,7 +58,7 @@ class JointConstraint(_Weighed):
 class BoxRegion(Body):
     """A box by the pose of its centre and its edge lengths [m]."""
 
-    type: Literal["box"]
+    type: Literal["box"] = "box"
     pose: Pose
     size: Annotated[list[NonNegative], Field(min_length=3, max_length=3)] = Field(
         examples=[[0.1, 0.4, 0.2]], description="edge lengths along x, y, z [m]"
@@ -68,7 +68,7 @@ class BoxRegion(Body):
 class SphereRegion(Body):
     """All points within a radius of a centre [m]."""
 
-    type: Literal["sphere"]
+    type: Literal["sphere"] = "sphere"
     center: Point = Field(examples=[[0.4, 0.0, 0.4]], description="of the sphere [m]")
     radius: NonNegative = Field(examples=[0.05], description="of the sphere [m]")
 
@@ -76,7 +76,7 @@ class SphereRegion(Body):
 class PlaneRegion(Body):
     """All points within a tolerance of a plane [m]."""
 
-    type: Literal["plane"]
+    type: Literal["plane"] = "plane"
     point: Point = Field(examples=[[0.4, 0.0, 0.4]], description="on the plane [m]")
     normal: Vector3 = Field(
         examples=[[0.0, 0.0, 1.0]], description="of the plane, of any length but 0"
@@ -89,7 +89,7 @@ class PlaneRegion(Body):
 class LineRegion(Body):
     """All points within a tolerance of a line [m]."""
 
-    type: Literal["line"]
+    type: Literal["line"] = "line"
     point: Point = Field(examples=[[0.4, 0.0, 0.4]], description="on the line [m]")
     direction: Vector3 = Field(
         examples=[[0.0, 1.0, 0.0]], description="of the line, of any length but 0"
@@ -106,7 +106,7 @@ Region = Annotated[BoxRegion | SphereRegion | PlaneRegion | LineRegion, Field(di
 class PositionConstraint(OfLink):
     """A point of a link stays in a region."""
 
-    type: Literal["position"]
+    type: Literal["position"] = "position"
     point: Point = Field(default_factory=lambda: [0.0, 0.0, 0.0], description="in its frame [m]")
     region: Region = Field(description="where the point stays")
 
@@ -120,7 +120,7 @@ class OrientationConstraint(OfLink):
         )
     )
 
-    type: Literal["orientation"]
+    type: Literal["orientation"] = "orientation"
     axis: Vector3 | None = Field(None, examples=[[0.0, 0.0, 1.0]], description="of the link")
     direction: Vector3 | None = Field(
         None, examples=[[0.0, 0.0, -1.0]], description="of the cone's axis"
@@ -148,7 +148,7 @@ class OrientationConstraint(OfLink):
 class LookAtConstraint(OfLink):
     """An axis of a link, from a point on it, points at a target within an angle."""
 
-    type: Literal["look_at"]
+    type: Literal["look_at"] = "look_at"
     axis: Vector3 = Field(examples=[[0.0, 0.0, 1.0]], description="of the link")
     target: Point = Field(examples=[[0.6, 0.0, 0.1]], description="to look at [m]")
     angle: Angle = Field(examples=[0.05], description="[rad]")
@@ -158,7 +158,7 @@ class LookAtConstraint(OfLink):
 class ClearanceConstraint(Body):
     """Every obstacle stays at least so far away, beyond its own margin [m]."""
 
-    type: Literal["clearance"]
+    type: Literal["clearance"] = "clearance"
     margin: NonNegative = Field(
         examples=[0.02], description="least distance from every obstacle [m]"
     )
@@ -167,7 +167,7 @@ class ClearanceConstraint(Body):
 class RelativePoseConstraint(OfLink):
     """A link stays near a pose, in a frame that stands still or as another link sees it."""
 
-    type: Literal["relative_pose"]
+    type: Literal["relative_pose"] = "relative_pose"
     pose: Pose
     position_tolerance: Tolerances = Field(0.0, description="along the pose's x, y, z [m]")
     orientation_tolerance: Tolerances = Field(0.0, description="about the pose's x, y, z [rad]")
@@ -176,14 +176,14 @@ class RelativePoseConstraint(OfLink):
 class ToolSpeedConstraint(Body):
     """The tip moves at most so fast [m/s]; of motions only."""
 
-    type: Literal["tool_speed"]
+    type: Literal["tool_speed"] = "tool_speed"
     limit: Positive = Field(examples=[0.25], description="largest speed [m/s]")
 
 
 class TorqueConstraint(Body):
     """Joint torques stay within limits [N m or N], the robot's if left out; of motions only."""
 
-    type: Literal["torque"]
+    type: Literal["torque"] = "torque"
     limits: Annotated[list[Positive], Field(min_length=1, max_length=MAX_JOINTS)] | None = Field(
         None, description="largest torque of each joint [N m or N]; the robot's if left out"
     )

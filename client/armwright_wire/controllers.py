@@ -36,7 +36,7 @@ class ControllerBody(Body):
 class IndependentJoint(ControllerBody):
     """Each joint a motor of its own: u = J q̈ʳ + B q̇ʳ + Kp q̃ + Kd dq̃/dt."""
 
-    type: Literal["independent_joint"]
+    type: Literal["independent_joint"] = "independent_joint"
     Kp: Gain | None = Field(None, validation_alias=AliasChoices("Kp", "kp"))
     Kd: Gain | None = Field(None, validation_alias=AliasChoices("Kd", "kd"))
     inertia: Gain | None = Field(
@@ -52,7 +52,7 @@ class IndependentJoint(ControllerBody):
 class ComputedTorque(ControllerBody):
     """Feedback linearisation: u = M (q̈ʳ + Kd dq̃/dt + Kp q̃) + C q̇ + B q̇ + G."""
 
-    type: Literal["computed_torque"]
+    type: Literal["computed_torque"] = "computed_torque"
     Kp: Gain | None = Field(None, validation_alias=AliasChoices("Kp", "kp"))
     Kd: Gain | None = Field(None, validation_alias=AliasChoices("Kd", "kd"))
 
@@ -60,7 +60,7 @@ class ComputedTorque(ControllerBody):
 class PdGravity(ControllerBody):
     """u = Kp q̃ + Kd dq̃/dt + G, for a reference that stands still."""
 
-    type: Literal["pd_gravity"]
+    type: Literal["pd_gravity"] = "pd_gravity"
     Kp: GainMatrix | None = Field(None, validation_alias=AliasChoices("Kp", "kp"))
     Kd: GainMatrix | None = Field(None, validation_alias=AliasChoices("Kd", "kd"))
 
@@ -68,7 +68,7 @@ class PdGravity(ControllerBody):
 class Passivity(ControllerBody):
     """u = M a + C v + B q̇ + G + K r with r = dq̃/dt + Λ q̃."""
 
-    type: Literal["passivity"]
+    type: Literal["passivity"] = "passivity"
     Lambda: Gain | None = Field(
         None, description="Λ [1/s]", validation_alias=AliasChoices("Lambda", "lambda")
     )
@@ -78,7 +78,7 @@ class Passivity(ControllerBody):
 class Adaptive(ControllerBody):
     """Slotine and Li: u = Y Θ̂ + K r with dΘ̂/dt = Γ Yᵀ r on the base parameters."""
 
-    type: Literal["adaptive"]
+    type: Literal["adaptive"] = "adaptive"
     Lambda: Gain | None = Field(
         None, description="Λ [1/s]", validation_alias=AliasChoices("Lambda", "lambda")
     )

@@ -15,10 +15,12 @@ from armwright_wire.base import (
     InFrame,
     Joints,
     JointVector,
+    Keepable,
     Label,
     Matrix,
     NonNegative,
     Number,
+    PlanId,
     Point,
     Positive,
     Seed,
@@ -29,7 +31,6 @@ from armwright_wire.base import (
     is_given,
 )
 from armwright_wire.constraint import Constraints, ConstraintUse
-from armwright_wire.keep import Keepable, PlanId
 from armwright_wire.pose import FramedPose, Orientation, OrientedPoseAnswer
 from armwright_wire.scene import SceneReference
 

@@ -14,10 +14,12 @@ from armwright_wire.base import (
     FreeForm,
     InFrame,
     JointVector,
+    Keepable,
     Label,
     Name,
     NonNegative,
     Number,
+    PlanId,
     Positive,
     Seed,
     Timeout,
@@ -36,7 +38,6 @@ from armwright_wire.constraint import Constraints
 from armwright_wire.dynamics import Payload
 from armwright_wire.goal import Goal, Start
 from armwright_wire.goal_costs import ConfigurationAnswer, GoalCosts
-from armwright_wire.keep import Keepable, PlanId
 from armwright_wire.kinematics import JOINTS_EXAMPLE
 from armwright_wire.scene import SceneReference
 from armwright_wire.timing import Timing, TimingAnswer

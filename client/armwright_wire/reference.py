@@ -12,7 +12,7 @@ Vector = Number | JointVector
 class Hold(Body):
     """A reference that stands still."""
 
-    type: Literal["hold"]
+    type: Literal["hold"] = "hold"
     joints: JointVector = Field(description="[rad or m]")
     duration: Positive = Field(description="[s]")
 
@@ -20,7 +20,7 @@ class Hold(Body):
 class Step(Body):
     """A reference that jumps; the robot starts where it stands before, at rest."""
 
-    type: Literal["step"]
+    type: Literal["step"] = "step"
     start: JointVector = Field(alias="from", description="where it stands before [rad or m]")
     end: JointVector = Field(alias="to", description="where it stands after [rad or m]")
     at: NonNegative = Field(0.0, description="when it jumps [s]")
@@ -30,7 +30,7 @@ class Step(Body):
 class Sine(Body):
     """center + amplitude sin(2π frequency t + phase); one number holds for all joints."""
 
-    type: Literal["sine"]
+    type: Literal["sine"] = "sine"
     center: JointVector = Field(description="[rad or m]")
     amplitude: Vector = Field(description="[rad or m]")
     frequency: NonNegative | list[NonNegative] = Field(description="[Hz]")
@@ -41,7 +41,7 @@ class Sine(Body):
 class Spline(Body):
     """A cubic spline through points; it lasts until the last time."""
 
-    type: Literal["spline"]
+    type: Literal["spline"] = "spline"
     points: Annotated[list[JointVector], Field(min_length=2, max_length=MAX_BATCH)] = Field(
         description="[rad or m]"
     )

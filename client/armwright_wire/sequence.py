@@ -16,6 +16,7 @@ from armwright_wire.base import (
     Beside,
     Body,
     Frame,
+    Keepable,
     Label,
     Matrix3,
     Name,
@@ -33,7 +34,6 @@ from armwright_wire.check import Margin
 from armwright_wire.constraint import Constraints
 from armwright_wire.goal import Goal, Start
 from armwright_wire.goal_costs import GoalCosts
-from armwright_wire.keep import Keepable
 from armwright_wire.kinematics import JOINTS_EXAMPLE
 from armwright_wire.plan import LimitsBody
 from armwright_wire.pose import FramedPose, Pose
@@ -75,7 +75,7 @@ class StageBody(Body):
 class MoveStage(StageBody):
     """A free motion to a goal, or to where the approach after it begins."""
 
-    kind: Literal["move"]
+    kind: Literal["move"] = "move"
     goal: Goal | None = Field(
         None, description="any that a plan takes; left out before an approach: where that begins"
     )
@@ -128,19 +128,19 @@ class StraightStage(StageBody):
 class ApproachStage(StraightStage):
     """The straight end of the way to the grasp, place or goal of the next stage."""
 
-    kind: Literal["approach"]
+    kind: Literal["approach"] = "approach"
 
 
 class RetreatStage(StraightStage):
     """A straight way off."""
 
-    kind: Literal["retreat"]
+    kind: Literal["retreat"] = "retreat"
 
 
 class LiftStage(StraightStage):
     """A straight way up."""
 
-    kind: Literal["lift"]
+    kind: Literal["lift"] = "lift"
 
 
 class GraspRegion(Body):
@@ -159,7 +159,7 @@ class GraspStage(StageBody):
 
     one_of: ClassVar[tuple[str, ...]] = ("grasps", "region")
 
-    kind: Literal["grasp"]
+    kind: Literal["grasp"] = "grasp"
     object: Label = Field(description="name of the obstacle", examples=["crate"])
     grasps: Annotated[list[Pose], Field(min_length=1, max_length=MAX_TARGETS)] | None = Field(
         None, description="poses of the tool in the object's frame"
@@ -199,7 +199,7 @@ class PlaceStage(StageBody):
 
     one_of: ClassVar[tuple[str, ...]] = ("poses", "region")
 
-    kind: Literal["place"]
+    kind: Literal["place"] = "place"
     object: Label | None = Field(None, description="what is held, if that is one thing")
     poses: Annotated[list[FramedPose], Field(min_length=1, max_length=MAX_TARGETS)] | None = Field(
         None, description="of the object"
@@ -224,7 +224,7 @@ class AttachStage(StageBody):
 
     only_beside: ClassVar[Beside] = {"center_of_mass": ("mass",), "inertia": ("mass",)}
 
-    kind: Literal["attach"]
+    kind: Literal["attach"] = "attach"
     object: Label = Field(description="name of the obstacle", examples=["crate"])
     link: Label | None = Field(None, description="that holds it and moves with the tip; the tip")
     touch_links: Labels = Field(
@@ -244,7 +244,7 @@ class AttachStage(StageBody):
 class DetachStage(StageBody):
     """The object becomes an obstacle, where it is held."""
 
-    kind: Literal["detach"]
+    kind: Literal["detach"] = "detach"
     object: Label | None = Field(None, description="what is held, if that is one thing")
     touch_links: Labels = Field(
         default_factory=list,
@@ -256,7 +256,7 @@ class DetachStage(StageBody):
 class WaitStage(StageBody):
     """The arm stands still."""
 
-    kind: Literal["wait"]
+    kind: Literal["wait"] = "wait"
     duration: Annotated[Positive, Field(le=3600.0)] = Field(description="[s]")
 
 
@@ -283,13 +283,13 @@ class GripperStage(StageBody):
 class OpenStage(GripperStage):
     """The gripper opens."""
 
-    kind: Literal["open"]
+    kind: Literal["open"] = "open"
 
 
 class CloseStage(GripperStage):
     """The gripper closes."""
 
-    kind: Literal["close"]
+    kind: Literal["close"] = "close"
 
 
 StageUnion = Annotated[

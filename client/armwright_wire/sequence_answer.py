@@ -4,11 +4,10 @@ from typing import Any, Literal
 
 from pydantic import Field
 
-from armwright_wire.base import Answer, InFrame
+from armwright_wire.base import Answer, InFrame, PlanId
 from armwright_wire.cartesian import ReferencePoseAnswer
 from armwright_wire.certificate import CertificateAnswer, TrajectoryAnswer
 from armwright_wire.goal_costs import ConfigurationAnswer
-from armwright_wire.keep import PlanId
 from armwright_wire.plan import PathAnswer, Reproducibility, Stage
 from armwright_wire.pose import PoseAnswer
 

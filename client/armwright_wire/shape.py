@@ -24,7 +24,7 @@ _LEAST_NORMAL = 1e-6
 class Box(Body):
     """A box centred in its frame, with its full edge lengths along x, y, z."""
 
-    type: Literal["box"]
+    type: Literal["box"] = "box"
     size: Annotated[list[Length], Field(min_length=3, max_length=3)] = Field(
         examples=[[0.2, 0.3, 0.5]], description="edge lengths along x, y, z [m]"
     )
@@ -33,14 +33,14 @@ class Box(Body):
 class Sphere(Body):
     """A sphere centred in its frame."""
 
-    type: Literal["sphere"]
+    type: Literal["sphere"] = "sphere"
     radius: Length = Field(examples=[0.1], description="[m]")
 
 
 class Cylinder(Body):
     """A cylinder centred in its frame, along z."""
 
-    type: Literal["cylinder"]
+    type: Literal["cylinder"] = "cylinder"
     radius: Length = Field(examples=[0.05], description="about z [m]")
     height: Length = Field(examples=[0.4], description="along z [m]")
 
@@ -48,7 +48,7 @@ class Cylinder(Body):
 class Capsule(Body):
     """A cylinder of the given height along z with a half sphere at each end, centred."""
 
-    type: Literal["capsule"]
+    type: Literal["capsule"] = "capsule"
     radius: Length = Field(examples=[0.05], description="of the cylinder and of its ends [m]")
     height: Length = Field(examples=[0.4], description="of the cylinder without its ends [m]")
 
@@ -56,7 +56,7 @@ class Capsule(Body):
 class Cone(Body):
     """A cone along z, centred at half its height, its tip at +z."""
 
-    type: Literal["cone"]
+    type: Literal["cone"] = "cone"
     radius: Length = Field(examples=[0.05], description="of the base [m]")
     height: Length = Field(examples=[0.4], description="from the base to the tip [m]")
 
@@ -64,7 +64,7 @@ class Cone(Body):
 class Halfspace(Body):
     """All points p with normal · p ≤ offset; both are divided by the length of the normal."""
 
-    type: Literal["halfspace"]
+    type: Literal["halfspace"] = "halfspace"
     normal: Vector3 = Field(
         examples=[[0.0, 0.0, 1.0]],
         description="outward direction of the plane, of any length but 0",
@@ -85,7 +85,7 @@ class Halfspace(Body):
 class Convex(Body):
     """The convex hull of its vertices."""
 
-    type: Literal["convex"]
+    type: Literal["convex"] = "convex"
     vertices: Annotated[_Vertices, Field(min_length=4)] = Field(
         examples=[[[0.0, 0.0, 0.0], [0.1, 0.0, 0.0], [0.0, 0.1, 0.0], [0.0, 0.0, 0.1]]],
         description="points whose convex hull is meant [m]",
@@ -97,7 +97,7 @@ class Mesh(Body):
 
     model_config = ConfigDict(json_schema_extra=any_given(("vertices", "faces"), ("stl_base64",)))
 
-    type: Literal["mesh"]
+    type: Literal["mesh"] = "mesh"
     vertices: Annotated[_Vertices, Field(min_length=3)] | None = Field(
         None, description="corners of the triangles [m]"
     )
@@ -131,7 +131,7 @@ class Mesh(Body):
 class PointCloud(Body):
     """A sphere of one radius around every point."""
 
-    type: Literal["point_cloud"]
+    type: Literal["point_cloud"] = "point_cloud"
     points: Annotated[list[Point], Field(min_length=1, max_length=MAX_POINTS)] = Field(
         examples=[[[0.5, 0.0, 0.2], [0.5, 0.01, 0.2]]], description="centres of the spheres [m]"
     )

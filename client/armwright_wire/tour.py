@@ -13,9 +13,11 @@ from armwright_wire.base import (
     Frame,
     InFrame,
     JointVector,
+    Keepable,
     Label,
     Name,
     NonNegative,
+    PlanId,
     Positive,
     Seed,
     Timeout,
@@ -28,7 +30,6 @@ from armwright_wire.clearance import Clearance
 from armwright_wire.constraint import Constraints
 from armwright_wire.goal import SingleGoal, Start, Tolerance
 from armwright_wire.goal_costs import ConfigurationAnswer, GoalCosts
-from armwright_wire.keep import Keepable, PlanId
 from armwright_wire.kinematics import JOINTS_EXAMPLE
 from armwright_wire.plan import LimitsBody, PathAnswer, Reproducibility
 from armwright_wire.pose import FramedPose

@@ -13,7 +13,7 @@ from fastapi import Request, Response
 from pydantic import BaseModel
 from starlette.concurrency import run_in_threadpool
 
-from armwright_wire.keep import Keepable
+from armwright_wire.base import Keepable
 from kinematics.errors import ArmwrightError
 from service.access.caller import caller_of
 from service.http.answer_digest import answer_digest

@@ -12,6 +12,7 @@ import numpy as np
 from pydantic import ValidationError
 from pydantic_core import to_json
 
+from armwright_wire.base import Keepable
 from armwright_wire.plan import Collisions, PlanRequest, ValidateRequest
 from kinematics.errors import InvalidRobotDescription
 from obstacles.robots.robot_geometry import RobotGeometry
@@ -234,7 +235,7 @@ def _answer(planned: Plan, body: PlanRequest, cell: RobotInScene) -> dict[str, A
             "deterministic": planned.deterministic,
             "robot_hash": cell.robot.content_hash,
             "scene_hash": cell.scene.content_hash,
-            "request_hash": hashlib.sha256(body.model_dump_json().encode()).hexdigest(),
+            "request_hash": request_hash(body),
             "versions": versions(),
         },
         "fraction": planned.fraction,
@@ -263,6 +264,11 @@ def _descent(planned: Plan) -> dict[str, Any] | None:
 
 
 @cache
+def request_hash(body: Keepable) -> str:
+    """The hash of a request; whether its answer is kept does not change it."""
+    return hashlib.sha256(body.model_dump_json(exclude={"keep"}).encode()).hexdigest()
+
+
 def versions() -> dict[str, str]:
     """Versions of everything that an answer depends on."""
     answer = {"armwright": VERSION, "python": platform.python_version()}

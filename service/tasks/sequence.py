@@ -1,6 +1,5 @@
 """Tasks of several stages as requests ask for them, in workers."""
 
-import hashlib
 import math
 from collections.abc import Mapping
 from dataclasses import replace
@@ -30,7 +29,7 @@ from service.storage import worker_cache
 from service.storage.cache_key import Reference
 from service.tasks.answer import in_frame, reports_cache_miss
 from service.tasks.attached_objects import attachment, requested_scene, scene_notes
-from service.tasks.plan import versions
+from service.tasks.plan import request_hash, versions
 from service.tasks.result import CacheMiss, TaskProblem, timed_out
 from service.tasks.stage_cells import moved, stage_cells, task_objects
 from service.translate import certificates, poses, problems, sequences, trajectories
@@ -170,7 +169,7 @@ def _answer(outcome: SequencePlan, asked: Task, body: TaskRequest) -> dict[str, 
             "deterministic": outcome.deterministic,
             "robot_hash": asked.world.robot.content_hash,
             "scene_hash": asked.world.scene.content_hash,
-            "request_hash": hashlib.sha256(body.model_dump_json().encode()).hexdigest(),
+            "request_hash": request_hash(body),
             "versions": versions(),
         },
     }

@@ -1,6 +1,5 @@
 """Tours as requests ask for them, in workers."""
 
-import hashlib
 from functools import partial
 from typing import Any
 
@@ -14,7 +13,7 @@ from service.storage import worker_cache
 from service.storage.cache_key import Reference
 from service.tasks.answer import in_frame, reports_cache_miss
 from service.tasks.attached_objects import RobotInScene, robot_in_scene
-from service.tasks.plan import versions
+from service.tasks.plan import request_hash, versions
 from service.tasks.result import CacheMiss, TaskProblem, timed_out
 from service.translate import problems
 from service.translate.poses import rounding_notes
@@ -76,7 +75,7 @@ def _surroundings(body: TourRequest, cell: RobotInScene, *, deterministic: bool)
             "deterministic": deterministic,
             "robot_hash": cell.robot.content_hash,
             "scene_hash": cell.scene.content_hash,
-            "request_hash": hashlib.sha256(body.model_dump_json().encode()).hexdigest(),
+            "request_hash": request_hash(body),
             "versions": versions(),
         },
     }
