@@ -66,7 +66,7 @@ REACH = Endpoint(
 )
 TASK = Endpoint(
     "/v1/tasks",
-    "armwright_wire.sequence:TaskRequest",
+    "armwright_wire.task:TaskRequest",
     "service.tasks.sequence:plan_sequence",
     long=True,
     keepable=True,

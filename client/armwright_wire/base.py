@@ -36,6 +36,9 @@ MAX_BATCH = 10_000
 #: More joints than any serial chain that can be built here.
 MAX_JOINTS = 64
 
+#: A configuration of the built-in Panda, for examples.
+JOINTS_EXAMPLE = [0.0, -0.785, 0.0, -2.356, 0.0, 1.571, 0.785]
+
 #: Fields by name, each with those of which one has to stand beside it.
 Beside = Mapping[str, tuple[str, ...]]
 

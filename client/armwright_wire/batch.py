@@ -7,11 +7,10 @@ from pydantic import ConfigDict, Field, create_model, model_validator
 from pydantic.config import JsonDict
 from pydantic.fields import FieldInfo
 
-from armwright_wire.base import Answer, Body, Name, Timeout, is_given
+from armwright_wire.base import JOINTS_EXAMPLE, Answer, Body, Name, Timeout, is_given
 from armwright_wire.goal import Goal, Start
-from armwright_wire.kinematics import JOINTS_EXAMPLE
+from armwright_wire.job import Problem
 from armwright_wire.plan import PlanAnswer, PlanRequest
-from armwright_wire.problem import Problem
 from armwright_wire.scene import SceneReference
 
 #: What every problem needs, from the batch or of its own.
@@ -40,8 +39,6 @@ def _optional(field: FieldInfo) -> tuple[Any, FieldInfo]:
 _ENDS = {"start", "goal"}
 #: Answers of batches are kept as jobs, not one by one as plans.
 _NOT_KEPT = "keep"
-# Types that are named before they are there are looked up now.
-PlanRequest.model_rebuild()
 _FIELDS: dict[str, Any] = {
     name: _optional(field)
     for name, field in PlanRequest.model_fields.items()

@@ -4,40 +4,13 @@ from typing import Annotated, Any
 
 from pydantic import Field
 
-from armwright_wire.attached import MAX_ATTACHED, AllowedAnswers
 from armwright_wire.base import Answer, Body, Label, NonNegative, PlanId
-from armwright_wire.cartesian import PathDeviationAnswer
+from armwright_wire.check import MAX_ATTACHED, AllowedAnswers
 from armwright_wire.constraint import ConstraintUse
 from armwright_wire.scene import MAX_OBSTACLES
-from armwright_wire.seam import ToolSpeedAnswer, ToolToleranceAnswer
+from armwright_wire.tool_motion import PathDeviationAnswer, ToolSpeedAnswer, ToolToleranceAnswer
 
 ContentHash = Annotated[str, Field(pattern=r"^[0-9a-f]{64}$")]
-
-
-class SegmentAnswer(Answer):
-    """A polynomial piece, see `Segment`."""
-
-    t0: float = Field(description="when the piece begins [s]")
-    t1: float = Field(description="when the piece ends [s]")
-    coefficients: list[list[float]] = Field(description="[joint][power of t − t0]")
-
-
-class SamplesAnswer(Answer):
-    """The motion at regular times."""
-
-    time: list[float] = Field(description="of each row, increasing [s]")
-    position: list[list[float]] = Field(description="of the joints [rad or m]")
-    velocity: list[list[float]] = Field(description="of the joints [rad/s or m/s]")
-    acceleration: list[list[float]] = Field(description="of the joints [rad/s² or m/s²]")
-
-
-class TrajectoryAnswer(Answer):
-    """A timed motion."""
-
-    joint_names: list[str] = Field(description="order of the joints")
-    duration: float = Field(description="of the motion [s]")
-    segments: list[SegmentAnswer] = Field(description="polynomial pieces, which are the motion")
-    samples: SamplesAnswer | None = None
 
 
 class LimitUse(Answer):

@@ -5,12 +5,11 @@ from typing import Annotated, Literal
 from pydantic import ConfigDict, Field
 from pydantic.config import JsonDict
 
-from armwright_wire.attached import AllowedCollisions, AttachedObjects, WithFingers
 from armwright_wire.base import Answer, Frame, Name, NonNegative, Number, Ratio, Timeout
 from armwright_wire.certificate import CertificateAnswer, Premises
-from armwright_wire.check import Margin
-from armwright_wire.plan import TrajectoryBody
+from armwright_wire.check import AllowedCollisions, AttachedObjects, Margin, WithFingers
 from armwright_wire.scene import SceneReference
+from armwright_wire.trajectory import TrajectoryBody
 
 Format = Literal[
     "joint_trajectory_json",

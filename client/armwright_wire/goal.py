@@ -1,20 +1,23 @@
-"""Starts and goals of motions on the wire."""
+"""Starts and goals of motions, costs of goals and preferred clearance, on the wire."""
 
 from typing import Annotated, ClassVar
 
 from pydantic import Field, model_validator
 
 from armwright_wire.base import (
+    JOINTS_EXAMPLE,
+    Answer,
     Beside,
     Body,
     Frame,
     JointVector,
     Label,
+    NonNegative,
     Positive,
     check_company,
     exactly_one,
 )
-from armwright_wire.kinematics import JOINTS_EXAMPLE
+from armwright_wire.check import Margin
 from armwright_wire.pose import FramedPose
 
 MAX_GOALS = 1_000
@@ -94,3 +97,96 @@ class Goal(SingleGoal):
         exactly_one(self, self.one_of)
         check_company(self)
         return self
+
+
+#: As planning has it; tests compare the two [m].
+DEFAULT_PREFERRED = 0.02
+MAX_PREFERRED = 1.0
+
+
+class Clearance(Body):
+    """Distances from obstacles: one to keep wherever there is room, one to keep always."""
+
+    preferred: Annotated[NonNegative, Field(le=MAX_PREFERRED)] = Field(
+        DEFAULT_PREFERRED,
+        description="kept wherever there is room [m]; a quarter of it, 5 mm at most, between the "
+        "robot's own links; 0 prefers no distance",
+    )
+    least: Margin | None = Field(None, description="another name of margin [m]")
+
+    def check_margin(self, margin: float) -> None:
+        """Refuse a margin that is given beside another least clearance.
+
+        Raises:
+            ValueError: They differ.
+        """
+        if self.least is not None and margin not in {0.0, self.least}:
+            raise ValueError("margin and clearance.least are one distance: give one of them")
+
+
+class CloseSpanAnswer(Answer):
+    """A span of the motion that is nearer to something than preferred."""
+
+    begins: float = Field(description="[s]")
+    ends: float = Field(description="[s]")
+    distance: float = Field(description="the least in it, margins of obstacles taken off [m]")
+    pair: tuple[str, str] = Field(description="the two bodies that come so near")
+
+
+class ClearanceAnswer(Answer):
+    """Preferred distances, and where the motion does not keep them."""
+
+    preferred: float = Field(description="from obstacles [m]")
+    own_links: float = Field(description="between the robot's own links [m]")
+    least: float = Field(description="the margin that the certificate proves [m]")
+    time_below: float = Field(description="time in which the motion is nearer than preferred [s]")
+    period: float = Field(description="between two instants that were looked at [s]")
+    spans: list[CloseSpanAnswer] = Field(
+        description="spans of time nearer than preferred, in their order"
+    )
+
+
+class GoalCosts(Body):
+    """Weights of what a goal configuration costs; those left out keep their default."""
+
+    # Defaults are those of planning; tests compare the two.
+
+    motion_time: NonNegative = Field(
+        1.0,
+        description="of the time of the straight joint motion from the start [1/s]",
+    )
+    joint_limits: NonNegative = Field(
+        0.5,
+        description="of the nearness to a joint limit: 1 at a limit, 0 from 15 % of the range",
+    )
+    manipulability: NonNegative = Field(
+        0.2,
+        description="of its lack: 1 at a singularity, 0 at the best configuration",
+    )
+    clearance: NonNegative = Field(
+        0.2, description="of the nearness of obstacles: 1 in contact, 0 from 5 cm"
+    )
+    turns: NonNegative = Field(0.2, description="of each joint that turns by more than half a turn")
+
+
+class ConfigurationAnswer(Answer):
+    """The configuration that was chosen for a pose, what it costs, and why it is not another."""
+
+    branch: str | None = Field(
+        None, description="name of its branch; null where the arm has no closed form"
+    )
+    limit_share: float = Field(
+        description="distance of the joint nearest to its limit, as a share of the joint's range"
+    )
+    costs: dict[str, float] = Field(
+        description="what it costs, weighted, by the names of `goal_costs`; `motion_time` is "
+        "that of the straight joint motion to it",
+        examples=[{"motion_time": 0.61, "joint_limits": 0.0, "turns": 0.0}],
+    )
+    found: int = Field(description="free configurations that were found")
+    cheaper: int = Field(description="those of them that cost less, clearance left out")
+    at_limit: int = Field(description="those of them within 2 % of a joint limit")
+    reason: str = Field(
+        description="why it was chosen",
+        examples=["It costs the least of 8 free configurations."],
+    )

@@ -6,7 +6,7 @@ from pydantic import ConfigDict, Field
 from pydantic.config import JsonDict
 
 from armwright_wire.base import Answer, Body, FreeForm, Label
-from armwright_wire.problem import Problem
+from armwright_wire.job import Problem
 
 #: Longest text of a request, robot or scene in a bundle [characters]; bodies are bounded too.
 _MAX_TEXT = 2**26

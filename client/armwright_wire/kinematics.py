@@ -5,8 +5,8 @@ from typing import Annotated, ClassVar, Literal, Self
 from pydantic import ConfigDict, Field, model_validator
 from pydantic.config import JsonDict
 
-from armwright_wire.attached import MAX_FINGERS, AllowedAnswers, AllowedCollisions, AttachedObjects
 from armwright_wire.base import (
+    JOINTS_EXAMPLE,
     MAX_BATCH,
     Answer,
     Beside,
@@ -30,6 +30,7 @@ from armwright_wire.base import (
     exactly_one,
     is_given,
 )
+from armwright_wire.check import MAX_FINGERS, AllowedAnswers, AllowedCollisions, AttachedObjects
 from armwright_wire.constraint import Constraints, ConstraintUse
 from armwright_wire.pose import FramedPose, Orientation, OrientedPoseAnswer
 from armwright_wire.scene import SceneReference
@@ -38,8 +39,6 @@ MAX_SOLUTIONS = 1_000
 MAX_POSES = 1_000
 MAX_PARAMETERS = 1_000
 MAX_TWISTS = 10_000
-
-JOINTS_EXAMPLE = [0.0, -0.785, 0.0, -2.356, 0.0, 1.571, 0.785]
 
 
 #: Positions of one joint of a gripper, one for each configuration.

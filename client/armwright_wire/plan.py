@@ -5,49 +5,44 @@ from typing import Annotated, Any, ClassVar, Literal, get_args
 from pydantic import ConfigDict, Field, model_validator
 from pydantic.config import JsonDict
 
-from armwright_wire.attached import AllowedCollisions, AttachedObjects, WithFingers
 from armwright_wire.base import (
-    MAX_JOINTS,
+    JOINTS_EXAMPLE,
     Answer,
     Body,
     Frame,
     FreeForm,
     InFrame,
-    JointVector,
     Keepable,
-    Label,
     Name,
     NonNegative,
-    Number,
     PlanId,
     Positive,
     Seed,
     Timeout,
-    any_given,
 )
-from armwright_wire.cartesian import (
+from armwright_wire.certificate import CertificateAnswer
+from armwright_wire.check import AllowedCollisions, AttachedObjects, Margin, WithFingers
+from armwright_wire.constraint import Constraints
+from armwright_wire.dynamics import Payload
+from armwright_wire.goal import (
+    Clearance,
+    ClearanceAnswer,
+    ConfigurationAnswer,
+    Goal,
+    GoalCosts,
+    Start,
+)
+from armwright_wire.scene import SceneReference
+from armwright_wire.timing import Timing, TimingAnswer
+from armwright_wire.tool_motion import (
     ReferencePoseAnswer,
     TimedToolMotions,
     ToolMotionAnswer,
     cartesian_options,
 )
-from armwright_wire.certificate import CertificateAnswer, TrajectoryAnswer
-from armwright_wire.check import Margin
-from armwright_wire.clearance import Clearance, ClearanceAnswer
-from armwright_wire.constraint import Constraints
-from armwright_wire.dynamics import Payload
-from armwright_wire.goal import Goal, Start
-from armwright_wire.goal_costs import ConfigurationAnswer, GoalCosts
-from armwright_wire.kinematics import JOINTS_EXAMPLE
-from armwright_wire.scene import SceneReference
-from armwright_wire.timing import Timing, TimingAnswer
-
-MAX_SAMPLES = 100_000
-#: Quintics are the highest that any timing here makes; other people's may be higher.
-MAX_COEFFICIENTS = 16
+from armwright_wire.trajectory import LimitsBody, TrajectoryAnswer, TrajectoryBody
 
 Tolerance = Annotated[Positive, Field(le=10.0)]
-Rows = Annotated[list[JointVector], Field(min_length=1, max_length=MAX_SAMPLES)]
 Collisions = Annotated[
     Literal["check", "ignore"],
     Field(
@@ -55,7 +50,6 @@ Collisions = Annotated[
         "certificate says so; needed for a robot without collision geometry among obstacles"
     ),
 ]
-JointRow = Annotated[list[Number], Field(max_length=MAX_JOINTS)]
 
 
 Objective = Literal["time", "jerk", "energy", "path_length"]
@@ -178,7 +172,7 @@ class PlanRequest(WithFingers, Keepable):
         "left out a start by 0.01 % of the limit, as measurements miss it, a goal by 1e-6",
     )
     timing: Timing = Field(default_factory=Timing)
-    limits: "LimitsBody | None" = None
+    limits: LimitsBody | None = None
     timeout: Timeout | None = Field(None, description="for all stages together [s]")
     seed: Seed = 0
 
@@ -205,86 +199,6 @@ class PlanRequest(WithFingers, Keepable):
         if self.clearance is not None:
             self.clearance.check_margin(self.margin)
         return self
-
-
-class Segment(Body):
-    """A polynomial piece: q_j(t) = Σ_k coefficients[j][k] (t − t0)^k for t0 ≤ t ≤ t1."""
-
-    t0: Number = Field(description="when the piece begins [s]")
-    t1: Number = Field(description="when the piece ends [s]")
-    coefficients: Annotated[
-        list[Annotated[list[Number], Field(min_length=1, max_length=MAX_COEFFICIENTS)]],
-        Field(min_length=1, max_length=MAX_JOINTS),
-    ] = Field(description="[joint][power of t − t0]")
-
-    @model_validator(mode="after")
-    def _check_times(self) -> "Segment":
-        if self.t1 <= self.t0:
-            raise ValueError(f"t1 ({self.t1:g}) must be after t0 ({self.t0:g})")
-        return self
-
-
-class Samples(Body):
-    """Points of a motion, one row of joint values for each time."""
-
-    time: Annotated[list[Number], Field(min_length=1, max_length=MAX_SAMPLES)] = Field(
-        description="of each row, increasing [s]"
-    )
-    position: Rows = Field(description="of the joints [rad or m]")
-    velocity: Rows | None = Field(None, description="of the joints [rad/s or m/s]")
-    acceleration: Rows | None = Field(None, description="of the joints [rad/s² or m/s²]")
-
-    @model_validator(mode="after")
-    def _check_lengths(self) -> "Samples":
-        for name in ("position", "velocity", "acceleration"):
-            rows = getattr(self, name)
-            if rows is not None and len(rows) != len(self.time):
-                raise ValueError(f"{name} has {len(rows)} rows for {len(self.time)} times")
-        return self
-
-
-class TrajectoryBody(Body):
-    """Anybody's motion: polynomial pieces, or samples and how to read between them."""
-
-    model_config = ConfigDict(
-        json_schema_extra=any_given(("segments",), ("samples", "interpolation"))
-    )
-
-    joint_names: Annotated[list[Label], Field(min_length=1, max_length=MAX_JOINTS)] | None = Field(
-        None, description="order of the joints; the robot's if left out"
-    )
-    duration: NonNegative | None = Field(
-        None, description="for people: the motion lasts as long as its segments or samples do [s]"
-    )
-    segments: Annotated[list[Segment], Field(min_length=1, max_length=MAX_SAMPLES)] | None = Field(
-        None, description="polynomial pieces, in the order of time"
-    )
-    samples: Samples | None = None
-    interpolation: Annotated[str, Field(pattern=r"^[a-z_]{1,32}$")] | None = Field(
-        None, description="how to read between samples: linear, cubic, quintic, natural_spline, …"
-    )
-
-    @model_validator(mode="after")
-    def _check_form(self) -> "TrajectoryBody":
-        # What a plan answered can be sent as it is: it has both, and the pieces are the motion.
-        if self.segments is None and self.samples is None:
-            raise ValueError("give segments, or samples with interpolation")
-        if self.segments is None and self.interpolation is None:
-            raise ValueError("samples need interpolation: how to read between them")
-        return self
-
-
-class LimitsBody(Body):
-    """Limits in the order of the joints, in place of the robot's."""
-
-    velocity: JointRow | None = Field(
-        None, description="largest speed of each joint [rad/s or m/s]"
-    )
-    acceleration: JointRow | None = Field(
-        None, description="largest acceleration of each joint [rad/s² or m/s²]"
-    )
-    jerk: JointRow | None = Field(None, description="largest jerk of each joint [rad/s³ or m/s³]")
-    effort: JointRow | None = Field(None, description="of torques, where these are limited")
 
 
 class ValidateRequest(WithFingers, Keepable):

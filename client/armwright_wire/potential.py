@@ -4,8 +4,8 @@ from typing import Annotated, Literal
 
 from pydantic import Field
 
-from armwright_wire.attached import AllowedAnswers
 from armwright_wire.base import (
+    JOINTS_EXAMPLE,
     MAX_BATCH,
     MAX_JOINTS,
     Answer,
@@ -18,7 +18,7 @@ from armwright_wire.base import (
     Positive,
     Timeout,
 )
-from armwright_wire.kinematics import JOINTS_EXAMPLE
+from armwright_wire.check import AllowedAnswers
 from armwright_wire.scene import Engine, SceneReference
 
 Weight = Annotated[float, Field(ge=0.0, le=1e9)]

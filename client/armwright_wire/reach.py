@@ -4,7 +4,6 @@ from typing import Annotated, ClassVar, Literal, Self
 
 from pydantic import Field, field_validator, model_validator
 
-from armwright_wire.attached import AllowedAnswers, AllowedCollisions, AttachedObjects
 from armwright_wire.base import (
     Answer,
     Body,
@@ -18,6 +17,7 @@ from armwright_wire.base import (
     Timeout,
     exactly_one,
 )
+from armwright_wire.check import AllowedAnswers, AllowedCollisions, AttachedObjects
 from armwright_wire.pose import Pose, PoseAnswer, Quaternion, check_quaternion_norm
 from armwright_wire.scene import SceneReference
 

@@ -16,9 +16,9 @@ from armwright_wire.base import (
     Number,
     Timeout,
 )
-from armwright_wire.certificate import CertificateAnswer, TrajectoryAnswer
-from armwright_wire.plan import LimitsBody, TrajectoryBody
+from armwright_wire.certificate import CertificateAnswer
 from armwright_wire.timing import Timing, TimingAnswer
+from armwright_wire.trajectory import LimitsBody, TrajectoryAnswer, TrajectoryBody
 
 #: A path of so many waypoints takes some seconds.
 MAX_WAYPOINTS = 5_000

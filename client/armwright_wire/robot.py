@@ -1,23 +1,181 @@
-"""Robots on the wire."""
+"""Robots on the wire: motors, Denavit-Hartenberg tables, uploads, models and geometry."""
 
-from typing import Annotated, ClassVar, Literal
+from typing import Annotated, ClassVar, Literal, TypeAlias
 
 from pydantic import ConfigDict, Discriminator, Field, Tag, field_validator, model_validator
 from pydantic.config import JsonDict
 
 from armwright_wire.base import (
+    MAX_JOINTS,
     Answer,
     Body,
+    Coordinate,
     Label,
+    Length,
+    Matrix3,
     Name,
+    NonNegative,
     Number,
+    Point,
     Positive,
+    Vector3,
     any_given,
     exactly_one,
 )
-from armwright_wire.dh import DhAnswer, DhTable
-from armwright_wire.motor import Motor
-from armwright_wire.shape import check_base64
+from armwright_wire.pose import Pose, PoseAnswer
+from armwright_wire.scene import Shape, check_base64
+
+GeometryKind: TypeAlias = Literal["collision", "visual"]
+
+
+class Motor(Body):
+    """A direct current motor behind a gear, seen from the joint as J q̈ + B q̇ = u − load."""
+
+    inertia: NonNegative = Field(description="J_m of the rotor [kg m²]")
+    friction: NonNegative = Field(0.0, description="B_m at the rotor [N m s/rad]")
+    torque_constant: Positive = Field(1.0, description="k_m [N m/A]")
+    back_emf: NonNegative = Field(0.0, description="k_b [V s/rad]")
+    resistance: Positive = Field(1.0, description="R [ohm]")
+    gear_ratio: Positive = Field(1.0, description="turns of the motor for one of the joint")
+    voltage_limit: Positive | None = Field(
+        None,
+        description="largest |V| at its terminals [V]: with `saturate` torques are cut off there",
+    )
+
+
+#: Solids of one link.
+_MAX_SOLIDS = 100
+
+
+class LinkSolid(Body):
+    """A shape that a link carries."""
+
+    shape: Shape = Field(description="of the solid")
+    pose: Pose | None = Field(
+        None, description="in the link's frame, which is frame i of row i; the frame itself if null"
+    )
+
+
+class LinkCapsules(Body):
+    """Capsules about the segments a and d of every row."""
+
+    capsules: Length = Field(description="their radius [m]", examples=[0.06])
+
+
+class DhRow(Body):
+    """One joint of a Denavit-Hartenberg table, with what is known of the link behind it.
+
+    For a revolute joint `theta` is the offset of the joint variable, for a prismatic one `d` is.
+    """
+
+    type: Literal["revolute", "prismatic"] = Field(description="kind of joint")
+    a: Coordinate = Field(description="[m]")
+    alpha: Number = Field(description="[rad]")
+    d: Coordinate = Field(description="[m]")
+    theta: Number = Field(description="[rad]")
+    lower: Number | None = Field(None, description="[rad] or [m]")
+    upper: Number | None = Field(None, description="[rad] or [m]")
+    velocity: Positive | None = Field(None, description="largest speed [rad/s or m/s]")
+    acceleration: Positive | None = Field(None, description="largest acceleration [rad/s² or m/s²]")
+    jerk: Positive | None = Field(None, description="largest jerk [rad/s³ or m/s³]")
+    effort: Positive | None = Field(None, description="largest torque or force [N m or N]")
+    mass: NonNegative | None = Field(None, description="[kg]")
+    center_of_mass: Point | None = Field(None, description="in the link frame [m]")
+    inertia: Matrix3 | None = Field(
+        None, description="about the centre of mass in the link frame [kg m²]"
+    )
+    motor_inertia: NonNegative | None = Field(
+        None, description="reflected at the joint [kg m² or kg]"
+    )
+    viscous_friction: NonNegative | None = Field(
+        None, description="at the joint [N m s/rad or N s/m]"
+    )
+    coulomb_friction: NonNegative | None = Field(None, description="dry friction [N m or N]")
+    motor: Motor | None = Field(
+        None,
+        description="what drives the joint, in place of motor_inertia and viscous_friction; every "
+        "row has one, or none has",
+    )
+    beta: Number = Field(
+        0.0, description="about y, behind alpha [rad]; 0 but for nearly parallel axes"
+    )
+    continuous: bool = Field(False, description="without end: lower and upper are left out or null")
+    geometry: Annotated[list[LinkSolid], Field(max_length=_MAX_SOLIDS)] | None = Field(
+        None, description="solids of the link behind the joint"
+    )
+
+    @model_validator(mode="after")
+    def _check_limits(self) -> "DhRow":
+        if self.continuous and not (self.lower is None and self.upper is None):
+            raise ValueError("a continuous joint has neither lower nor upper")
+        if self.lower is not None and self.upper is not None and self.lower >= self.upper:
+            raise ValueError(f"lower ({self.lower:g}) must be less than upper ({self.upper:g})")
+        drive = (self.motor_inertia, self.viscous_friction)
+        if self.motor is not None and drive != (None, None):
+            raise ValueError("motor has an inertia and a friction: leave out motor_inertia and "
+                             "viscous_friction, or motor")  # fmt: skip
+        return self
+
+
+class DhTable(Body):
+    """A robot by its Denavit-Hartenberg parameters."""
+
+    convention: Literal["standard", "modified"] = Field(
+        description="frame i at the end of link i (standard) or at its beginning (modified)"
+    )
+    rows: Annotated[list[DhRow], Field(min_length=1, max_length=MAX_JOINTS)] = Field(
+        description="one for each joint, from the base on"
+    )
+    base: Pose | None = Field(
+        None, description="frame 0 in the root frame; the root frame itself if left out"
+    )
+    tool: Pose | None = Field(None, description="the tip in frame n; frame n itself if left out")
+    gravity: Vector3 | None = Field(None, description="in the root frame [m/s²]")
+    geometry: LinkCapsules | None = Field(
+        None, description="solids of all links, beside those of the rows"
+    )
+
+
+class DhRowAnswer(Answer):
+    """One row of the table that was given, or that is derived from the joint axes."""
+
+    type: Literal["revolute", "prismatic"] = Field(description="kind of joint")
+    a: float = Field(description="link length [m]")
+    alpha: float = Field(description="link twist [rad]")
+    d: float = Field(description="link offset [m]")
+    theta: float = Field(description="joint angle [rad]")
+    lower: float | None = Field(None, description="[rad] or [m]; null where there is none")
+    upper: float | None = Field(None, description="[rad] or [m]; null where there is none")
+    velocity: float | None = Field(None, description="largest speed [rad/s or m/s]")
+    acceleration: float | None = Field(None, description="largest acceleration [rad/s² or m/s²]")
+    jerk: float | None = Field(None, description="largest jerk [rad/s³ or m/s³]")
+    effort: float | None = Field(None, description="largest torque or force [N m or N]")
+    mass: float | None = Field(None, description="of all that moves with the joint [kg]")
+    center_of_mass: list[float] | None = Field(None, description="in frame i [m]")
+    inertia: list[list[float]] | None = Field(
+        None, description="about the centre of mass in the axes of frame i [kg m²]"
+    )
+    motor_inertia: float | None = Field(None, description="null where there is a `motor`")
+    viscous_friction: float | None = Field(None, description="null where there is a `motor`")
+    coulomb_friction: float | None = Field(None, description="dry friction [N m or N]")
+    motor: Motor | None = Field(None, description="what drives the joint, as it was given")
+    beta: float = Field(0.0, description="about y, behind alpha; 0 but for nearly parallel axes")
+    continuous: bool = Field(False, description="without end: no lower and no upper limit")
+    geometry: list[LinkSolid] | None = Field(None, description="as it was given")
+
+
+class DhAnswer(Answer):
+    """The Denavit-Hartenberg table of a robot: the tool's pose is base H_1 … H_n tool."""
+
+    convention: Literal["standard", "modified"] = Field(
+        description="frame i at the end of link i (standard) or at its beginning (modified)"
+    )
+    rows: list[DhRowAnswer] = Field(description="one for each joint")
+    base: PoseAnswer = Field(description="frame 0 in the root frame")
+    tool: PoseAnswer = Field(description="the tip in frame n")
+    gravity: list[float] | None = Field(None, description="in the root frame [m/s²]")
+    geometry: LinkCapsules | None = Field(None, description="as it was given")
+
 
 _MAX_XML = 16 * 1024 * 1024
 #: Mesh files of one robot.
@@ -283,3 +441,41 @@ class RobotAnswer(Answer):
         "often at random, and are checked unless the upload says allow_suspected",
     )
     lint: list[str] = Field(description="what is odd in the description")
+
+
+class BodySurface(Answer):
+    """The surface of one link, or its part of one colour, as triangles in the frame of a link."""
+
+    link: str = Field(description="the link that the surface belongs to")
+    frame: str = Field(
+        description="link whose frame the vertices are in; forward kinematics has it"
+    )
+    vertices: str = Field(
+        description="corners x, y, z [m]: float32, little-endian, in base64", examples=["AAAAAA=="]
+    )
+    faces: str = Field(
+        description="three numbers of corners for each triangle, counter-clockwise from outside: "
+        "uint32, little-endian, in base64",
+        examples=["AAAAAA=="],
+    )
+    simplified: bool = Field(
+        description="hulls stand for the triangles of its meshes, or visual ones are thinned out"
+    )
+    color: list[float] | None = Field(
+        None,
+        description="red, green, blue, opacity from 0 to 1 of visual geometry, from the URDF's "
+        "material or the file's; null where neither gives one",
+        examples=[[0.9, 0.9, 0.9, 1.0]],
+    )
+
+
+class GeometryAnswer(Answer):
+    """The collision or visual geometry of a robot."""
+
+    robot: str = Field(description="name of the robot")
+    hash: str = Field(description="of the model, as answers to plans give it")
+    kind: GeometryKind = Field(description="what the bodies are, as asked for")
+    bodies: list[BodySurface] = Field(
+        description="links that have geometry; links without visual geometry have their collision "
+        "geometry among visual bodies, and a robot that has none at all has no visual bodies"
+    )

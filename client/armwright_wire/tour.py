@@ -5,8 +5,8 @@ from typing import Annotated, Any, ClassVar, Literal
 from pydantic import ConfigDict, Field, model_validator
 from pydantic.config import JsonDict
 
-from armwright_wire.attached import AllowedAnswers, AllowedCollisions, AttachedObjects
 from armwright_wire.base import (
+    JOINTS_EXAMPLE,
     Answer,
     Beside,
     Body,
@@ -24,18 +24,23 @@ from armwright_wire.base import (
     check_company,
     exactly_one,
 )
-from armwright_wire.certificate import CertificateAnswer, TrajectoryAnswer
-from armwright_wire.check import Margin
-from armwright_wire.clearance import Clearance
+from armwright_wire.certificate import CertificateAnswer
+from armwright_wire.check import AllowedAnswers, AllowedCollisions, AttachedObjects, Margin
 from armwright_wire.constraint import Constraints
-from armwright_wire.goal import SingleGoal, Start, Tolerance
-from armwright_wire.goal_costs import ConfigurationAnswer, GoalCosts
-from armwright_wire.kinematics import JOINTS_EXAMPLE
-from armwright_wire.plan import LimitsBody, PathAnswer, Reproducibility
+from armwright_wire.goal import (
+    Clearance,
+    ConfigurationAnswer,
+    GoalCosts,
+    SingleGoal,
+    Start,
+    Tolerance,
+)
+from armwright_wire.plan import PathAnswer, Reproducibility
 from armwright_wire.pose import FramedPose
 from armwright_wire.reach import ReachTolerance
 from armwright_wire.scene import SceneReference
 from armwright_wire.timing import Timing
+from armwright_wire.trajectory import LimitsBody, TrajectoryAnswer
 
 MAX_GOALS = 500
 MAX_ROUNDS = 1_000

@@ -5,9 +5,9 @@ from typing import Any
 from fastapi import FastAPI
 from fastapi.openapi.utils import get_openapi
 
-from armwright_wire.cartesian import CartesianOptions
-from armwright_wire.problem import Problem
+from armwright_wire.job import Problem
 from armwright_wire.robot import RobotBody
+from armwright_wire.tool_motion import CartesianOptions
 from service.http import openapi_examples, openapi_fields, openapi_problems
 from service.http.errors import KINDS, PROBLEM_MEDIA_TYPE
 

@@ -8,6 +8,7 @@ from armwright_wire.base import Timeout
 from armwright_wire.dynamics import (
     DynamicsAnswer,
     DynamicsRequest,
+    EquationsAnswer,
     ForwardDynamicsAnswer,
     ForwardDynamicsRequest,
     RegressorAnswer,
@@ -15,7 +16,6 @@ from armwright_wire.dynamics import (
     WrenchAnswer,
     WrenchRequest,
 )
-from armwright_wire.equations import EquationsAnswer
 from service.http import answers
 from service.http.json_route import JsonRoute
 from service.http.openapi import RESPONSES

@@ -2,7 +2,7 @@
 
 from fastapi import APIRouter, Request, Response
 
-from armwright_wire.pose_conversion import ConvertPoseAnswer, ConvertPoseRequest
+from armwright_wire.pose import ConvertPoseAnswer, ConvertPoseRequest
 from service.http.compute import compute
 from service.http.json_route import JsonRoute
 from service.http.openapi import RESPONSES

@@ -7,9 +7,10 @@ from pydantic import ValidationError
 from starlette.concurrency import run_in_threadpool
 from starlette.datastructures import FormData, UploadFile
 
-from armwright_wire.geometry import GeometryAnswer, GeometryKind
 from armwright_wire.robot import (
     ArchiveFields,
+    GeometryAnswer,
+    GeometryKind,
     RobotAnswer,
     RobotBody,
     RobotChanges,

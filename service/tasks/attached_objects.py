@@ -8,7 +8,7 @@ import numpy as np
 from pydantic import BaseModel
 
 from armwright_wire import scene as schema
-from armwright_wire.attached import Attached, WithFingers
+from armwright_wire.check import Attached, WithFingers
 from armwright_wire.scene import AllowedItem
 from dynamics.payload import with_payload
 from kinematics.arrays import Array

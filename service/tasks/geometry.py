@@ -4,7 +4,7 @@ import base64
 
 import numpy as np
 
-from armwright_wire.geometry import BodySurface, GeometryAnswer, GeometryKind
+from armwright_wire.robot import BodySurface, GeometryAnswer, GeometryKind
 from kinematics.arrays import Array, Indices
 from kinematics.model.chain import Chain, Link
 from kinematics.pose import inverse

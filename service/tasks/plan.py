@@ -263,12 +263,12 @@ def _descent(planned: Plan) -> dict[str, Any] | None:
     }
 
 
-@cache
 def request_hash(body: Keepable) -> str:
     """The hash of a request; whether its answer is kept does not change it."""
     return hashlib.sha256(body.model_dump_json(exclude={"keep"}).encode()).hexdigest()
 
 
+@cache
 def versions() -> dict[str, str]:
     """Versions of everything that an answer depends on."""
     answer = {"armwright": VERSION, "python": platform.python_version()}

@@ -5,7 +5,7 @@ from typing import Any
 
 from pydantic_core import to_json
 
-from armwright_wire.pose_conversion import ConvertPoseRequest
+from armwright_wire.pose import ConvertPoseRequest
 from kinematics import pose as rotation
 from kinematics.arrays import Array
 from kinematics.pose_forms import (

@@ -9,8 +9,8 @@ from typing import Any
 import numpy as np
 from pydantic_core import to_json
 
-from armwright_wire.attached import Attached
-from armwright_wire.sequence import TaskRequest
+from armwright_wire.check import Attached
+from armwright_wire.task import TaskRequest
 from kinematics.arrays import Array
 from kinematics.errors import InvalidOption, InvalidRobotDescription
 from kinematics.tree.named_states import state

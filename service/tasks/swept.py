@@ -4,7 +4,8 @@ import json
 from collections.abc import Iterator
 from typing import Any
 
-from armwright_wire.plan import PlanRequest, TrajectoryBody, ValidateRequest
+from armwright_wire.plan import PlanRequest, ValidateRequest
+from armwright_wire.trajectory import TrajectoryBody
 from kinematics.errors import InvalidOption
 from kinematics.trajectory.trajectory import Trajectory
 from obstacles.convex.triangles import join

@@ -10,9 +10,10 @@ import numpy as np
 
 from armwright_wire.check import CheckRequest
 from armwright_wire.kinematics import IkRequest
-from armwright_wire.plan import PlanRequest, TrajectoryBody, ValidateRequest
-from armwright_wire.sequence import TaskRequest
+from armwright_wire.plan import PlanRequest, ValidateRequest
+from armwright_wire.task import TaskRequest
 from armwright_wire.tour import TourRequest
+from armwright_wire.trajectory import TrajectoryBody
 from kinematics.errors import InvalidOption
 from kinematics.trajectory.trajectory import Trajectory
 from obstacles.scenes.scene import Obstacle

@@ -7,7 +7,7 @@ from typing import Any, NamedTuple, cast
 
 from armwright_wire.goal import SingleGoal
 from armwright_wire.plan import PlanRequest
-from armwright_wire.sequence import TaskRequest
+from armwright_wire.task import TaskRequest
 from armwright_wire.tour import TourRequest
 from kinematics.errors import ArmwrightError
 from service.storage.cache_key import Reference

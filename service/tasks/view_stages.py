@@ -5,9 +5,9 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from armwright_wire.plan import TrajectoryBody
-from armwright_wire.sequence import TaskRequest
+from armwright_wire.task import TaskRequest
 from armwright_wire.tour import TourRequest
+from armwright_wire.trajectory import TrajectoryBody
 from kinematics.trajectory.trajectory import Trajectory
 from kinematics.tree.named_states import state
 from obstacles.robots.finger_geometry import with_fingers

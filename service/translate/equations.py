@@ -2,7 +2,7 @@
 
 from dataclasses import asdict
 
-from armwright_wire import equations as schema
+from armwright_wire import dynamics as schema
 from dynamics.equations.page import write_page
 from dynamics.equations.sheet import Motion, Sheet
 from dynamics.equations.writing import Notation

@@ -5,7 +5,7 @@ from typing import Any
 
 from pydantic import BaseModel, ConfigDict
 
-from armwright_wire import motor as schema
+from armwright_wire import robot as schema
 from armwright_wire.base import MAX_NUMBER
 from armwright_wire.robot import RobotBody
 from dynamics.motor import Motor, attach_motors

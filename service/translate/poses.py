@@ -11,7 +11,6 @@ from pydantic import BaseModel
 
 from armwright_wire import pose as pose_schema
 from armwright_wire import scene as scene_schema
-from armwright_wire import shape as shape_schema
 from kinematics import pose as rotation
 from kinematics.arrays import Array
 from kinematics.errors import InvalidScene
@@ -106,7 +105,7 @@ def pose_answer(T_base_link: Array) -> pose_schema.PoseAnswer:
     )
 
 
-def shape(body: shape_schema.Shape) -> shapes.Shape:
+def shape(body: scene_schema.Shape) -> shapes.Shape:
     """The domain's shape. Reads mesh files, so it belongs in a worker.
 
     Raises:
@@ -114,28 +113,28 @@ def shape(body: shape_schema.Shape) -> shapes.Shape:
     """
     made: shapes.Shape
     match body:
-        case shape_schema.Box():
+        case scene_schema.Box():
             made = shapes.Box(np.array(body.size))
-        case shape_schema.Sphere():
+        case scene_schema.Sphere():
             made = shapes.Sphere(body.radius)
-        case shape_schema.Cylinder():
+        case scene_schema.Cylinder():
             made = shapes.Cylinder(body.radius, body.height)
-        case shape_schema.Capsule():
+        case scene_schema.Capsule():
             made = shapes.Capsule(body.radius, body.height)
-        case shape_schema.Cone():
+        case scene_schema.Cone():
             made = shapes.Cone(body.radius, body.height)
-        case shape_schema.Halfspace():
+        case scene_schema.Halfspace():
             made = shapes.HalfSpace(np.array(body.normal), body.offset)
-        case shape_schema.Convex():
+        case scene_schema.Convex():
             made = shapes.Convex(np.array(body.vertices))
-        case shape_schema.PointCloud():
+        case scene_schema.PointCloud():
             made = shapes.PointCloud(np.array(body.points), body.radius)
-        case shape_schema.Mesh():
+        case scene_schema.Mesh():
             made = _mesh(body)
     return made
 
 
-def _mesh(body: shape_schema.Mesh) -> shapes.Mesh:
+def _mesh(body: scene_schema.Mesh) -> shapes.Mesh:
     if body.stl_base64 is not None:
         return shapes.Mesh(*mesh.load_mesh(base64.b64decode(body.stl_base64), "stl"))
     return shapes.Mesh(np.array(body.vertices), np.array(body.faces))

@@ -6,11 +6,11 @@ from typing import Any
 
 import numpy as np
 
-from armwright_wire import cartesian
 from armwright_wire import goal as goal_schema
 from armwright_wire import plan as schema
-from armwright_wire.cartesian import cartesian_options
-from armwright_wire.goal_costs import GoalCosts as GoalCostsBody
+from armwright_wire import tool_motion
+from armwright_wire.goal import GoalCosts as GoalCostsBody
+from armwright_wire.tool_motion import cartesian_options
 from kinematics.arrays import Array
 from kinematics.model.chain import Chain
 from obstacles.robots.robot_geometry import RobotGeometry
@@ -143,11 +143,11 @@ def options(
         InvalidOption: A value is out of its range.
     """
     name = planner_name(body.planner)
-    cartesian = name == "cartesian"
+    tool_motion = name == "cartesian"
     return Options(
         planner=name,
-        planner_options={} if cartesian else dict(body.planner_options or {}),
-        cartesian=_cartesian(body, chain) if cartesian else _NO_TOOL_MOTIONS,
+        planner_options={} if tool_motion else dict(body.planner_options or {}),
+        cartesian=_cartesian(body, chain) if tool_motion else _NO_TOOL_MOTIONS,
         timing=timings.timing_options(body.timing),
         limits=timings.given_limits(body.limits, chain.joint_names),
         timeout=timeout,
@@ -184,7 +184,7 @@ def _cartesian(body: schema.PlanRequest, chain: Chain) -> CartesianOptions:
     )
 
 
-def _motions(items: Sequence[cartesian.ToolMotion]) -> tuple[ToolMotionOptions, ...]:
+def _motions(items: Sequence[tool_motion.ToolMotion]) -> tuple[ToolMotionOptions, ...]:
     return tuple(
         ToolMotionOptions(
             item.type, poses.transform(item.pose), item.via, item.center, item.normal, item.blend

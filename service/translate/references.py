@@ -4,7 +4,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from armwright_wire import reference as schema
+from armwright_wire import simulation as schema
 from armwright_wire.simulation import SimulateRequest
 from kinematics.arrays import Array
 from kinematics.model.chain import Chain

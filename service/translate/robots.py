@@ -9,9 +9,8 @@ from typing import Any, Literal
 
 import numpy as np
 
-from armwright_wire import dh as dh_schema
 from armwright_wire import robot as schema
-from armwright_wire.motor import Motor
+from armwright_wire.robot import Motor
 from dynamics.body import joints_without_inertia, massless_joints
 from kinematics.arrays import Array
 from kinematics.errors import InvalidRobotDescription, InvalidScene
@@ -168,7 +167,7 @@ def joint_names(body: schema.RobotBody) -> tuple[str, ...]:
     return select(parse_urdf(body.urdf or ""), *ends, semantics=semantics).joints
 
 
-def _row_values(row: dh_schema.DhRow) -> dict[str, Any]:
+def _row_values(row: schema.DhRow) -> dict[str, Any]:
     """Arguments of a row of the domain's table."""
     values = row.model_dump(exclude={"geometry", "continuous", "motor"})
     if row.motor is not None:
@@ -197,7 +196,7 @@ def _from_dh(body: schema.RobotBody, table: DhTable) -> tuple[RobotGeometry, lis
     ]
 
 
-def _range_lint(dh: dh_schema.DhTable, chain: Chain) -> list[str]:
+def _range_lint(dh: schema.DhTable, chain: Chain) -> list[str]:
     """Joints of a table that lack a position limit and are not said to turn without end."""
     limits = chain.limits
     open_ended = np.isinf(limits.lower) | np.isinf(limits.upper)
@@ -209,7 +208,7 @@ def _range_lint(dh: dh_schema.DhTable, chain: Chain) -> list[str]:
     return [f"{joints} have no lower or no upper limit: give them where the range is not unlimited"]
 
 
-def _solids(dh: dh_schema.DhTable) -> list[list[LinkSolid]]:
+def _solids(dh: schema.DhTable) -> list[list[LinkSolid]]:
     """The solids that each row of a table names."""
     return [
         [_solid(solid, f"dh.rows[{i}].geometry[{k}]") for k, solid in enumerate(row.geometry or ())]
@@ -217,7 +216,7 @@ def _solids(dh: dh_schema.DhTable) -> list[list[LinkSolid]]:
     ]
 
 
-def _solid(body: dh_schema.LinkSolid, where: str) -> LinkSolid:
+def _solid(body: schema.LinkSolid, where: str) -> LinkSolid:
     try:
         shape = poses.shape(body.shape)
     except InvalidScene as error:
@@ -322,7 +321,7 @@ def _finger_joints(geometry: RobotGeometry) -> dict[str, schema.FingerJoint]:
 
 def _dh_answer(
     chain: Chain, body: schema.RobotBody | None, motors: Sequence[Motor]
-) -> tuple[dh_schema.DhAnswer | None, list[str]]:
+) -> tuple[schema.DhAnswer | None, list[str]]:
     """The table of a robot as answers give it, and why there is none.
 
     Args:
@@ -338,7 +337,7 @@ def _dh_answer(
     solids = [None] * len(table.rows) if given is None else [row.geometry for row in given.rows]
     drives: list[Motor | None] = [*motors] or [None] * len(table.rows)
     rows = [_row_answer(*parts) for parts in zip(table.rows, solids, drives, strict=True)]
-    answer = dh_schema.DhAnswer(
+    answer = schema.DhAnswer(
         convention=table.convention,
         rows=rows,
         base=poses.pose_answer(table.base),
@@ -350,8 +349,8 @@ def _dh_answer(
 
 
 def _row_answer(
-    row: DhRow, geometry: list[dh_schema.LinkSolid] | None, motor: Motor | None
-) -> dh_schema.DhRowAnswer:
+    row: DhRow, geometry: list[schema.LinkSolid] | None, motor: Motor | None
+) -> schema.DhRowAnswer:
     """A row as answers give it, which a request may send as it is.
 
     Args:
@@ -365,7 +364,7 @@ def _row_answer(
         None if rows is None else np.asarray(rows).tolist()
         for rows in (row.center_of_mass, row.inertia)
     )
-    return dh_schema.DhRowAnswer(
+    return schema.DhRowAnswer(
         type=row.type,
         a=row.a,
         alpha=row.alpha,

@@ -6,7 +6,7 @@ from typing import Literal
 
 import numpy as np
 
-from armwright_wire import sequence as schema
+from armwright_wire import task as schema
 from armwright_wire.goal import SingleGoal
 from armwright_wire.reach import ReachTolerance
 from kinematics.arrays import Array

@@ -8,6 +8,7 @@ import numpy as np
 from armwright_wire import plan as schema
 from armwright_wire import retime as retime_schema
 from armwright_wire.timing import Timing
+from armwright_wire.trajectory import LimitsBody
 from dynamics.payload import with_payload
 from kinematics.arrays import Array
 from kinematics.errors import InvalidOption, InvalidTrajectory
@@ -56,7 +57,7 @@ def timing_options(timing: Timing) -> TimingOptions:
     )
 
 
-def given_limits(body: schema.LimitsBody | None, joint_names: Sequence[str]) -> dict[str, Array]:
+def given_limits(body: LimitsBody | None, joint_names: Sequence[str]) -> dict[str, Array]:
     """The limits that a request gives, by quantity.
 
     Raises:
@@ -82,7 +83,7 @@ def given_limit(given: Sequence[float], quantity: str, joint_names: Sequence[str
     return np.array(given, dtype=np.float64)
 
 
-def limits(body: schema.LimitsBody | None, chain: Chain) -> dict[str, Array]:
+def limits(body: LimitsBody | None, chain: Chain) -> dict[str, Array]:
     """Limits to hold a trajectory to: those of the request, else those of the robot.
 
     Where the acceleration jumps, a jerk limit of the robot's is told as one that is not proved, and

@@ -5,34 +5,35 @@ from pydantic import BaseModel
 import armwright_client as ours
 from armwright_client.base import Readable
 from armwright_client.robot import ArchiveFields, RobotFields
-from armwright_wire import attached as their_attached
-from armwright_wire import cartesian as their_cartesian
 from armwright_wire import certificate as their_certificate
+from armwright_wire import check as their_attached
 from armwright_wire import check as their_check
 from armwright_wire import constraint as their_constraint
-from armwright_wire import dh as their_dh
 from armwright_wire import dynamics as their_dynamics
 from armwright_wire import export as their_export
 from armwright_wire import goal as their_goal
-from armwright_wire import goal_costs as their_goal_costs
+from armwright_wire import goal as their_goal_costs
 from armwright_wire import kept_plan as their_kept_plan
 from armwright_wire import kinematics as their_kinematics
 from armwright_wire import lyapunov as their_lyapunov
-from armwright_wire import motor as their_motor
 from armwright_wire import plan as their_plan
+from armwright_wire import pose as their_conversion
 from armwright_wire import pose as their_pose
-from armwright_wire import pose_conversion as their_conversion
 from armwright_wire import potential as their_potential
 from armwright_wire import reach as their_reach
 from armwright_wire import retime as their_retime
+from armwright_wire import robot as their_dh
+from armwright_wire import robot as their_motor
 from armwright_wire import robot as their_robot
 from armwright_wire import scene as their_scene
-from armwright_wire import seam as their_seam
-from armwright_wire import sequence as their_sequence
-from armwright_wire import sequence_answer as their_sequence_answer
-from armwright_wire import shape as their_shape
+from armwright_wire import scene as their_shape
+from armwright_wire import task as their_sequence
+from armwright_wire import task as their_sequence_answer
 from armwright_wire import timing as their_timing
+from armwright_wire import tool_motion as their_cartesian
+from armwright_wire import tool_motion as their_seam
 from armwright_wire import tour as their_tour
+from armwright_wire import trajectory as their_trajectory
 
 REACH = [
     "ReachTolerance",
@@ -154,11 +155,11 @@ PAIRS: list[tuple[type[Readable], type[BaseModel]]] = [
     (ours.Goal, their_goal.Goal),
     (ours.Timing, their_timing.Timing),
     (ours.PlanRequest, their_plan.PlanRequest),
-    (ours.Segment, their_plan.Segment),
-    (ours.Samples, their_plan.Samples),
-    (ours.Trajectory, their_plan.TrajectoryBody),
-    (ours.LimitValues, their_plan.LimitsBody),
-    (ours.TimedTrajectory, their_certificate.TrajectoryAnswer),
+    (ours.Segment, their_trajectory.Segment),
+    (ours.Samples, their_trajectory.Samples),
+    (ours.Trajectory, their_trajectory.TrajectoryBody),
+    (ours.LimitValues, their_trajectory.LimitsBody),
+    (ours.TimedTrajectory, their_trajectory.TrajectoryAnswer),
     (ours.ValidateRequest, their_plan.ValidateRequest),
     (ours.Stage, their_plan.Stage),
     (ours.JointPath, their_plan.PathAnswer),

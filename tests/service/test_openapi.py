@@ -8,8 +8,8 @@ import httpx
 import pytest
 from pydantic import ValidationError
 
-from armwright_wire.attached import Attached
 from armwright_wire.base import Body
+from armwright_wire.check import Attached
 from armwright_wire.kinematics import VelocityRequest
 from armwright_wire.scene import Scene
 

@@ -9,12 +9,12 @@ from armwright_wire.base import Joints
 from armwright_wire.check import CheckRequest
 from armwright_wire.goal import Goal
 from armwright_wire.kinematics import FkRequest, IkRequest
-from armwright_wire.plan import PlanRequest, TrajectoryBody
+from armwright_wire.plan import PlanRequest
 from armwright_wire.pose import FramedPose, Pose
 from armwright_wire.retime import RetimeRequest
 from armwright_wire.robot import RobotBody
-from armwright_wire.scene import NamedScene, Scene
-from armwright_wire.shape import Shape
+from armwright_wire.scene import NamedScene, Scene, Shape
+from armwright_wire.trajectory import TrajectoryBody
 from service.problem import ProblemError
 from service.translate import poses
 from service.validation import field_path, validate_as

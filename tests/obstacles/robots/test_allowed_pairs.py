@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import armwright as aw
-from armwright_wire import attached
+from armwright_wire import check
 from obstacles.collision.fcl.overlap_meter import OverlapMeter
 from obstacles.robots.allowed_pairs import TOUCH_DEPTH, allowed_pairs, deepest
 from planning.configuration_check import configuration_checker
@@ -15,7 +15,7 @@ HAND = aw.fk(PANDA, HOME, "panda_hand")
 
 
 def test_the_schemas_have_the_same_depth() -> None:
-    assert attached.TOUCH_DEPTH == TOUCH_DEPTH
+    assert check.TOUCH_DEPTH == TOUCH_DEPTH
 
 
 def test_requests_count_before_touch_links_and_these_before_scenes() -> None:

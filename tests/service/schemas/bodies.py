@@ -17,7 +17,7 @@ from armwright_wire.export import ExportRequest
 from armwright_wire.kinematics import FkRequest, IkRequest, JacobianRequest, VelocityRequest
 from armwright_wire.lyapunov import LyapunovRequest
 from armwright_wire.plan import PlanRequest, ValidateRequest
-from armwright_wire.pose_conversion import ConvertPoseRequest
+from armwright_wire.pose import ConvertPoseRequest
 from armwright_wire.potential import PotentialRequest
 from armwright_wire.reach import ReachRequest
 from armwright_wire.retime import ConvertRequest, RetimeRequest

@@ -9,7 +9,6 @@ from pydantic import BaseModel
 
 from armwright_wire.base import MAX_BATCH, MAX_COORDINATE, MAX_JOINTS, MAX_NUMBER
 from armwright_wire.batch import BatchRequest
-from armwright_wire.cartesian import MAX_TIMED_MOTIONS, TimedToolMotions
 from armwright_wire.check import CheckRequest
 from armwright_wire.constraint import MAX_CONSTRAINTS
 from armwright_wire.goal import MAX_GOALS
@@ -22,12 +21,14 @@ from armwright_wire.kinematics import (
     IkRequest,
     VelocityRequest,
 )
-from armwright_wire.plan import MAX_COEFFICIENTS, PlanRequest, ValidateRequest
+from armwright_wire.plan import PlanRequest, ValidateRequest
 from armwright_wire.potential import PotentialRequest
 from armwright_wire.retime import MAX_WAYPOINTS, ConvertRequest, RetimeRequest
 from armwright_wire.robot import RobotBody
 from armwright_wire.scene import NamedScene
 from armwright_wire.simulation import SimulateRequest
+from armwright_wire.tool_motion import MAX_TIMED_MOTIONS, TimedToolMotions
+from armwright_wire.trajectory import MAX_COEFFICIENTS
 from tests.service.schemas.bodies import (
     ATTACHED,
     BRIEF,

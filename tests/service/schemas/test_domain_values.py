@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from armwright_wire import clearance, goal_costs, plan, pose
+from armwright_wire import goal, plan, pose
 from kinematics.errors import InvalidPose
 from kinematics.rounding import check_axis_length, check_quaternion_norm, check_rotation
 from planning.pipeline.planners import PLANNERS
@@ -13,11 +13,11 @@ from planning.values.preferred_clearance import DEFAULT_PREFERRED, MAX_PREFERRED
 
 def test_defaults_and_names_are_those_of_planning() -> None:
     assert set(plan.PLANNERS) == set(PLANNERS)
-    assert goal_costs.GoalCosts().model_dump() == {
+    assert goal.GoalCosts().model_dump() == {
         name: getattr(GoalCosts(), name) for name in GoalCosts.__slots__
     }
-    assert clearance.DEFAULT_PREFERRED == DEFAULT_PREFERRED
-    assert clearance.MAX_PREFERRED == MAX_PREFERRED
+    assert goal.DEFAULT_PREFERRED == DEFAULT_PREFERRED
+    assert goal.MAX_PREFERRED == MAX_PREFERRED
 
 
 def refusal(check: object, value: object) -> str | None:

@@ -9,12 +9,12 @@ import jsonschema
 import pytest
 from pydantic import BaseModel, ValidationError
 
-from armwright_wire.attached import Attached
 from armwright_wire.batch import BatchRequest
-from armwright_wire.cartesian import TimedToolMotion, ToolMotion
+from armwright_wire.check import Attached
 from armwright_wire.goal import Goal
 from armwright_wire.kinematics import IkRequest, VelocityRequest
 from armwright_wire.retime import RetimeRequest
+from armwright_wire.tool_motion import TimedToolMotion, ToolMotion
 from armwright_wire.tour import TourGoal
 
 JOINTS = {"joints": [0.0]}

@@ -7,8 +7,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from armwright_wire.attached import Attached
-from armwright_wire.check import CheckRequest
+from armwright_wire.check import Attached, CheckRequest
 from armwright_wire.scene import Scene as SceneBody
 from dynamics.gravity import gravity_vector
 from kinematics.errors import InvalidLinkName, InvalidObjectName, InvalidScene

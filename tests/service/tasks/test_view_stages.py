@@ -7,8 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from armwright_wire.sequence import TaskRequest
-from armwright_wire.sequence_answer import TaskAnswer
+from armwright_wire.task import TaskAnswer, TaskRequest
 from armwright_wire.tour import TourAnswer
 from kinematics.errors import InvalidOption
 from kinematics.forward import forward, joint_frames

@@ -4,7 +4,7 @@ from typing import Any
 
 import pytest
 
-from armwright_wire import motor as schema
+from armwright_wire import robot as schema
 from armwright_wire.robot import RobotBody
 from dynamics.motor import Motor
 from kinematics.errors import InvalidRobotDescription

@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 from pydantic import TypeAdapter
 
-from armwright_wire.controllers import Controller
 from armwright_wire.simulation import (
     MAX_SAMPLES,
+    Controller,
     Disturbance,
     InitialState,
     SimulateAnswer,

@@ -6,9 +6,10 @@ from typing import Any
 import numpy as np
 import pytest
 
-from armwright_wire.plan import LimitsBody, ValidateRequest
+from armwright_wire.plan import ValidateRequest
 from armwright_wire.retime import RetimePath, RetimeTiming
 from armwright_wire.timing import Timing
+from armwright_wire.trajectory import LimitsBody
 from dynamics.gravity import gravity_vector
 from kinematics.errors import InvalidOption, InvalidTrajectory, MissingLimit
 from kinematics.forward import forward
