@@ -15,7 +15,7 @@ from typing import get_args
 import pytest
 
 from armwright_client import Client, NotReady, TransportError
-from armwright_wire.controllers import Controller
+from armwright_wire.simulation import Controller
 from armwright_wire.tour import MAX_GOALS
 from kinematics.robots import builtin_names
 from planning.exports.options import ExportFormat
