@@ -52,9 +52,9 @@ def ik(
         robot: The robot or its chain.
         T_base_link: Pose of the link, shape (4, 4).
         link: The link to bring there; the tip where none is named.
-        seed_joints: Where to look first and what "nearest" is counted from, shape (n,) [rad or m];
-            the middle of the limits where not given.
-        options: Those of ``kinematics.ik.inverse.IkOptions``: ``method``, ``most``, ``ranking``,
+        seed_joints: Configuration to search from and to measure "nearest" from, shape (n,) [rad or
+            m]; the middle of the limits where not given.
+        options: Fields of ``kinematics.ik.inverse.IkOptions``: ``method``, ``most``, ``ranking``,
             ...
 
     Raises:

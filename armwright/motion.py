@@ -53,7 +53,7 @@ def plan(
             or ``PoseGoal``; or several of these, any one of which is to be reached.
         options: Planner, timing, timeout and seed.
         margin: Distance to keep from obstacles beyond their own margins [m].
-        constraints: To be held at every instant.
+        constraints: Constraints that hold at every instant.
 
     Raises:
         InvalidGoal: The goal is neither a configuration nor a pose.
@@ -138,8 +138,8 @@ def retime(
         waypoints: Shape (k, n) [rad or m].
         robot: The robot, whose limits hold; without one ``limits`` are needed.
         timing_options: Method and scaling.
-        limits: By quantity ("velocity", "acceleration", "jerk"), each shape (n,), in place of the
-            robot's.
+        limits: Limits by quantity ("velocity", "acceleration", "jerk"), each shape (n,), in place
+            of the robot's.
 
     Raises:
         MissingLimit: A limit that is needed is not known.
@@ -171,8 +171,8 @@ def retime_states(
         start: State at the beginning, n joints.
         end: State at the end.
         robot: The robot, whose limits hold; without one ``limits`` are needed.
-        limits: By quantity ("velocity", "acceleration", "jerk"), each shape (n,), in place of the
-            robot's.
+        limits: Limits by quantity ("velocity", "acceleration", "jerk"), each shape (n,), in place
+            of the robot's.
         synchronization: "phase" for a straight line where the states allow one, or "time".
 
     Raises:

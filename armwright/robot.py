@@ -56,9 +56,9 @@ def load_robot(
         srdf: Path of the SRDF that belongs to a URDF.
         base_link: Link that the chain begins at; may be left out.
         tip_link: Last link of the chain; the likely tip if left out.
-        joint_limits: By joint ("*" for all of them), then by quantity (velocity, acceleration,
-            jerk, ...), in place of those of the URDF [rad, m, s]; or the path of a MoveIt
-            ``joint_limits.yaml``.
+        joint_limits: Limits by joint ("*" for all of them), then by quantity (velocity,
+            acceleration, jerk, ...), in place of those of the URDF [rad, m, s]; or the path of a
+            MoveIt ``joint_limits.yaml``.
         default_limits: Rules for limits that nothing else gives: {"acceleration": "10 x velocity"}.
         held: Positions of joints off the chain [rad or m].
         visual_solids: Links of a URDF without collision geometry collide as they look.

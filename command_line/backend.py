@@ -35,7 +35,7 @@ def connect(connection: Connection) -> Iterator[Backend]:
     """The backend of a command, closed behind it.
 
     Args:
-        connection: Where to compute.
+        connection: Address and key of a service, or none for this process.
 
     Raises:
         CommandProblem: The client of the service is not installed.

@@ -24,10 +24,10 @@ class Row(NamedTuple):
     """Times of one request.
 
     Args:
-        robot: Its name.
+        robot: Name of the robot.
         request: The endpoint.
-        median: Of all repetitions but the first [ms].
-        longest: Of them [ms].
+        median: Median time of all repetitions but the first [ms].
+        longest: Longest time of these repetitions [ms].
         first: The first one, which may load what the others find [ms].
     """
 

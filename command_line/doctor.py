@@ -22,10 +22,10 @@ class Finding(NamedTuple):
     """One thing that the doctor looked at.
 
     Args:
-        part: Of the installation.
+        part: Part of the installation.
         state: "fault" where commands can't work, "warning" where they are slow or lack a part.
-        detail: What was found.
-        cure: What to do about it; empty where there is nothing to do.
+        detail: Finding in words.
+        cure: Remedy; empty where none is needed.
     """
 
     part: str

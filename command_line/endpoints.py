@@ -7,7 +7,7 @@ class Endpoint(NamedTuple):
     """One endpoint: where a service has it, and what answers it in this process.
 
     Args:
-        path: Of the URL, with ``{robot}`` for the name of a robot.
+        path: Path of the URL, with ``{robot}`` for the name of a robot.
         model: Schema of the request, ``"module:class"``.
         task: The task that answers it, ``"module:function"``.
         takes_robot: Whether the task takes a robot.

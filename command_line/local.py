@@ -45,7 +45,7 @@ def cache_folder() -> Path:
 
 
 class LocalBackend:
-    """This process: robots by name or from files, answers by the tasks of `service.tasks`."""
+    """Backend in this process: robots by name or from files, answers by `service.tasks`."""
 
     def __init__(self) -> None:
         self._folder = cache_folder()
@@ -86,7 +86,7 @@ class LocalBackend:
         """A robot with its collision geometry.
 
         Args:
-            robot: Its name.
+            robot: Name of the robot.
         """
         self.robot_model(robot)
         return worker_cache.robot(self._reference(robot)).geometry
@@ -95,7 +95,7 @@ class LocalBackend:
         """The projections of points onto the obstacles of a scene.
 
         Args:
-            scene: As the API takes it.
+            scene: Scene as the API takes it.
             body: The request of ``POST /v1/scenes/{name}/project``.
 
         Raises:
@@ -116,8 +116,9 @@ class LocalBackend:
 
         Args:
             robot: The name of the robot.
-            plan: As ``GET /v1/plans/{id}`` answers it; without an answer it gets that of here.
-            scene: That the request names, with this name; None where it names none.
+            plan: Stored plan as ``GET /v1/plans/{id}`` answers it; without an answer it gets that
+                of here.
+            scene: Scene that the request names, with this name; None where it names none.
             tree: Whether to draw the tree or roadmap of the last planner.
 
         Raises:
@@ -201,7 +202,7 @@ class LocalBackend:
         """The answer to a request, computed here.
 
         Args:
-            endpoint: What is asked.
+            endpoint: Endpoint of the request.
             robot: Name of the robot, if there is one.
             body: The request.
 

@@ -14,7 +14,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     """Run a command and give the exit code.
 
     Args:
-        arguments: Those of the command line, without the program's name.
+        arguments: Arguments of the command line, without the program's name.
     """
     words = list(sys.argv[1:] if arguments is None else arguments)
     if words and words[0] in SERVER_COMMANDS:

@@ -42,8 +42,8 @@ def _ask(
     """The answer to a request, printed as JSON or written to a file where that is asked for.
 
     Args:
-        connection: Where to compute.
-        endpoint: What to ask.
+        connection: Address and key of a service, or none for this process.
+        endpoint: Endpoint of the request.
         robot: The robot, if there is one.
         request: Deadline, further fields and the file to write.
         body: Fields of the request; those that are None are left out.

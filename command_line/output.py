@@ -35,9 +35,9 @@ def print_table(title: str, columns: Sequence[str], rows: Iterable[Sequence[Any]
     """Print a table.
 
     Args:
-        title: Above it.
-        columns: Their names.
-        rows: Their values; numbers are rounded.
+        title: Title above the table.
+        columns: Names of the columns.
+        rows: Values of each row; numbers are rounded.
     """
     table = Table(title=title, title_justify="left")
     for column in columns:
@@ -63,8 +63,8 @@ def print_premises(what: str, certificates: Iterable[Mapping[str, Any]]) -> None
     """Print what each of several motions is proved against, those together that share it.
 
     Args:
-        what: They are called: "stage", "leg".
-        certificates: Of the motions, in order.
+        what: Name of one motion: "stage", "leg".
+        certificates: Certificates of the motions, in order.
     """
     numbers: dict[str, list[int]] = {}
     for number, certificate in enumerate(certificates):
@@ -90,7 +90,7 @@ def save(path: Path, answer: bytes) -> None:
     """Write an answer to a file.
 
     Args:
-        path: Of the file.
+        path: Path of the file.
         answer: The answer of the API.
     """
     path.write_bytes(answer)

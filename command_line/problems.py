@@ -52,7 +52,7 @@ def unreachable(detail: str, hint: str) -> CommandProblem:
 
     Args:
         detail: The address and what happened.
-        hint: What to do about it.
+        hint: Remedy.
     """
     problem = document(ProblemError(UNREACHABLE, detail, hint=hint), _INSTANCE)
     return CommandProblem(problem | {"title": _UNREACHABLE_TITLE, "status": 503})
@@ -63,8 +63,8 @@ def invalid_value(name: str, detail: str, hint: str | None = None) -> ProblemErr
 
     Args:
         name: The option or the path.
-        detail: What is wrong with it.
-        hint: What to do about it.
+        detail: Description of the fault.
+        hint: Remedy.
     """
     return ProblemError("VALIDATION_ERROR", f"{name}: {detail}", hint=hint, stage=_INSTANCE)
 

@@ -26,7 +26,7 @@ def remote_backend(url: str, token: str | None) -> "RemoteBackend":
     """The backend of a service.
 
     Args:
-        url: Its address.
+        url: Address of the service.
         token: API key.
 
     Raises:
@@ -49,7 +49,7 @@ class RemoteBackend:
     """A service at a URL.
 
     Args:
-        url: Its address.
+        url: Address of the service.
         client: Connected to it.
     """
 
@@ -98,7 +98,7 @@ class RemoteBackend:
         """The answer to a request; on a terminal long ones run as jobs, and their stages are shown.
 
         Args:
-            endpoint: What is asked.
+            endpoint: Endpoint of the request.
             robot: Name of the robot, if there is one.
             body: The request.
 
@@ -120,7 +120,7 @@ class RemoteBackend:
         """The projections of points onto the obstacles of a scene; that of a file is stored for it.
 
         Args:
-            scene: As the API takes it, or the name of a stored one.
+            scene: Scene as the API takes it, or the name of a stored one.
             body: The request of ``POST /v1/scenes/{name}/project``.
 
         Raises:
@@ -140,7 +140,7 @@ class RemoteBackend:
         """The HTML page of a kept plan.
 
         Args:
-            plan_id: Its id.
+            plan_id: Id of the plan.
             tree: Whether to draw the tree or roadmap of the last planner.
 
         Raises:

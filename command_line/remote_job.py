@@ -14,9 +14,9 @@ def answer_of_job(sender: Sender, call: Call[bytes], console: Console) -> bytes:
     """The answer to a request that runs as a job; whoever interrupts it here ends it there.
 
     Args:
-        sender: Of the client.
+        sender: Sender of the client.
         call: The request.
-        console: Where its stages are shown.
+        console: Console that shows the stages.
 
     Raises:
         ArmwrightError: The service answers a problem, or not at all.

@@ -18,7 +18,7 @@ class FileRequest:
     """A request whose body is a file's, overridden by further fields and by options.
 
     Args:
-        endpoint: What is asked.
+        endpoint: Endpoint of the request.
         file: A JSON object.
         options: Fields that the options of the command give; None leaves a field as it is.
     """

@@ -22,7 +22,7 @@ def read_value(name: str, text: str) -> Any:
 
     Args:
         name: The option.
-        text: Its text.
+        text: Text of the option.
 
     Raises:
         ProblemError: It looks like JSON, and is not.

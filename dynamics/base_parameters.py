@@ -109,7 +109,7 @@ def base_parameters(
 
     Args:
         chain: The robot. The gravity it stands under matters: without it fewer can be told apart.
-        motors: With motor inertias and viscous frictions.
+        motors: Whether motor inertias and viscous frictions are parameters.
         known_zeros: Leave out the parameters that are exactly 0 in this robot, as known from its
             construction: the textbooks' planar arm has centres of mass on its links, so 4
             parameters instead of 6.
@@ -178,7 +178,7 @@ def combination_text(row: Array, names: Sequence[str], leader: int, times: str =
         row: Coefficient of each parameter, shape (p,).
         names: Name of each parameter, p of them.
         leader: Index of the parameter that stands for the combination; it comes first.
-        times: Between a coefficient and its parameter.
+        times: Sign between a coefficient and its parameter.
     """
     others = [int(i) for i in np.flatnonzero(row) if i != leader]
     text = names[leader]

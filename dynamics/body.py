@@ -14,7 +14,7 @@ from kinematics.model.chain import Chain, Inertia, Link
 
 
 class Bodies(NamedTuple):
-    """Everything the dynamics read of a chain (n joints, body i moves with joint i).
+    """Quantities that the dynamics read of a chain (n joints, body i moves with joint i).
 
     Args:
         types: Joint types, shape (n,).
@@ -24,8 +24,8 @@ class Bodies(NamedTuple):
         tensors: Inertia about the centres of mass in the axes of the joint frames,
             shape (n, 3, 3) [kg m^2].
         motor_inertia: Reflected at each joint, shape (n,) [kg m^2 or kg].
-        viscous_friction: At each joint, shape (n,) [N m s/rad or N s/m].
-        gravity: In the base frame, shape (3,) [m/s^2].
+        viscous_friction: Viscous friction at each joint, shape (n,) [N m s/rad or N s/m].
+        gravity: Gravity in the base frame, shape (3,) [m/s^2].
         rows: All of that once more in one array, shape (n + 1, ``ROW``), as the kernels read it.
             One array is cheaper to hand to compiled code than eight. Row i is joint i, its columns
             as in ``body_row``. Row n begins with gravity.

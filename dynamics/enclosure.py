@@ -285,11 +285,11 @@ def bounds_kernel(
     Args:
         bodies: The robot.
         tip: The tip's place in the last joint's frame, shape (3,).
-        breaks: Of the trajectory, shape (m + 1,).
-        coefficients: Of the trajectory, shape (m, n, k).
+        breaks: Breaks of the trajectory, shape (m + 1,).
+        coefficients: Coefficients of the trajectory, shape (m, n, k).
         cells: (piece, middle, half length) of each, shape (c, 3).
         torques: The enclosures found, shape (c, n, 3).
-        speeds: Those of the tip's squared speed, shape (c, 3).
+        speeds: Enclosures of the tip's squared speed, shape (c, 3).
     """
     n, size = coefficients.shape[1:]
     motions, shifted = np.empty((n, 3, 3)), np.empty(size)
@@ -312,7 +312,7 @@ class Use(NamedTuple):
         ratio: Never exceeded at any instant.
         reached: Exceeded at some instant, a thousandth less as a rule.
         joint: Index of the joint.
-        time: About when [s].
+        time: Approximate time of the largest use [s].
     """
 
     ratio: float
@@ -326,7 +326,7 @@ def torque_use(chain: Chain, trajectory: Trajectory, effort: ArrayLike) -> Use:
 
     Args:
         chain: The robot, what it carries included.
-        trajectory: Of its joints.
+        trajectory: Trajectory of the joints.
         effort: Limits, shape (n,), inf where there is none [N m or N].
 
     Raises:

@@ -62,7 +62,7 @@ def kinetic_rate(chain: Chain, q: Array, qd: Array, r: Array, r_dot: Array) -> f
         q: Positions, shape (n,) [rad or m].
         qd: Velocities, shape (n,) [rad/s or m/s].
         r: Any velocity of the joints, shape (n,) [rad/s or m/s].
-        r_dot: Its time derivative, shape (n,) [rad/s^2 or m/s^2].
+        r_dot: Time derivative of r, shape (n,) [rad/s^2 or m/s^2].
 
     Raises:
         InvalidRobotState: A vector has the wrong length or is not finite.

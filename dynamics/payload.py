@@ -25,10 +25,10 @@ def with_payload(
     Args:
         chain: The robot.
         mass: [kg].
-        center_of_mass: In the link's frame, shape (3,) [m].
-        tensor: About the centre of mass, in the link's axes, shape (3, 3) [kg m^2]; a point mass
-            where none is given.
-        link: What carries it; the tip where none is named.
+        center_of_mass: Centre of mass in the link's frame, shape (3,) [m].
+        tensor: Inertia about the centre of mass, in the link's axes, shape (3, 3) [kg m^2]; a point
+            mass where none is given.
+        link: Link that carries the load; the tip where none is named.
 
     Raises:
         InvalidLinkName: No such link.

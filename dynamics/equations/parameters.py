@@ -29,10 +29,10 @@ class Parameter:
     """A number of a table that formulas call by a symbol.
 
     Args:
-        symbol: Its name, as ``l_c2``.
+        symbol: Name of the parameter, as ``l_c2``.
         value: [unit].
-        unit: As ``kg m^2``.
-        meaning: In words.
+        unit: Unit of the parameter, as ``kg m^2``.
+        meaning: Meaning of the parameter in words.
     """
 
     symbol: str
@@ -116,7 +116,7 @@ def inertia_symbols(table: DhTable, row: DhRow, i: int) -> dict[str, tuple[int, 
     Args:
         table: The robot; a planar one has one entry that counts.
         row: The link's row.
-        i: Its number, from 1.
+        i: Number of the body, from 1.
     """
     if row.inertia is None:
         return {}

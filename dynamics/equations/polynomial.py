@@ -105,7 +105,7 @@ class Variables:
     """The variables of polynomials: symbols and angles, by name.
 
     Args:
-        names: Their names, all different; the position of each is its number.
+        names: Names of the variables, all different; the position of each is its number.
         angles: Names of those that are angles and enter as exp(i angle).
     """
 

@@ -48,7 +48,7 @@ class Regressor:
     Args:
         regressor: Y, n x p.
         parameters: Theta, p.
-        values: Of the parameters, p.
+        values: Values of the parameters, p.
     """
 
     regressor: Matrix
@@ -93,7 +93,7 @@ class Sheet:
         frame: Pose of the tool in the base frame, 3 x 4.
         jacobian: 6 x n, linear rows first.
         motion: The equations of motion; None where they are left out.
-        notes: What is left out, and why.
+        notes: Notes on what is left out, with the reasons.
     """
 
     notation: Notation

@@ -49,13 +49,13 @@ class SymbolicTable:
         variables: All symbols and angles.
         parameters: Symbols of the table's numbers, with their values.
         joints: Symbols q_1 ... q_n.
-        groups: For each joint the number of its group: the axes of a group are parallel whatever
+        groups: Number of each joint's group: the axes of a group are parallel whatever
             the joints do, so that their angles add.
         steps: H_i of frame i in frame i-1, each 4 x 4.
         base: Frame 0 in the base frame, 4 x 4.
         tool: The tool in frame n, 4 x 4.
-        bodies: What each joint carries; None where the table has no mass for it.
-        gravity: In frame 0, shape (3,) [m/s^2].
+        bodies: Body of each joint; None where the table has no mass for it.
+        gravity: Gravity in frame 0, shape (3,) [m/s^2].
     """
 
     table: DhTable

@@ -33,15 +33,15 @@ class Law(NamedTuple):
         rows: The model that it believes in, ``dynamics.body.Bodies.rows``.
         Kp: Stiffness, shape (n, n).
         Kd: Damping, or K of the filtered error, shape (n, n).
-        Lambda: Of the filtered error, shape (n,).
+        Lambda: Gain of the filtered error, shape (n,).
         inertia: Fed forward with the acceleration, shape (n,).
         friction: Fed forward with the velocity, shape (n,).
-        columns: Those of the regressor that are estimated, shape (b,).
+        columns: Columns of the regressor that are estimated, shape (b,).
         Gamma: Adaptation gain, shape (b, b).
         Gamma_inverse: Shape (b, b).
         truth: The parameters that are estimated, of the true robot, shape (b,).
-        known_columns: Those of the regressor whose parameters are taken as known, shape (k,).
-        known: These parameters, shape (k,).
+        known_columns: Columns of the regressor whose parameters are taken as known, shape (k,).
+        known: Values of the known parameters, shape (k,).
         robot: The true robot's rows.
     """
 
@@ -69,7 +69,7 @@ class Estimated(NamedTuple):
         Gamma: Adaptation gain, shape (b, b).
         truth: The parameters that are estimated, of the true robot, shape (b,).
         known_columns: Columns of the regressor whose parameters are known, shape (k,).
-        known: These parameters, shape (k,).
+        known: Values of the known parameters, shape (k,).
     """
 
     columns: NDArray[np.int64]
@@ -98,8 +98,8 @@ def law(
     """A law of a model, to drive a robot.
 
     Args:
-        kind: Which controller.
-        model: What it believes in. Of independent joint control nothing is read but the motors, so
+        kind: Kind of the controller.
+        model: Model that the controller has. Independent joint control reads the motors alone, so
             a model without inertias will do.
         robot: The true robot.
         Kp: Shape (n, n).

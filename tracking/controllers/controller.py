@@ -66,7 +66,7 @@ class Controller(ABC):
             t: Time since the motion began [s].
             q: Positions, shape (n,) [rad or m].
             qd: Velocities, shape (n,) [rad/s or m/s].
-            reference: Where the robot should be.
+            reference: Reference of position, velocity and acceleration.
         """
 
     @abstractmethod
@@ -81,7 +81,7 @@ class Controller(ABC):
         Args:
             q: Positions, shape (n,) [rad or m].
             qd: Velocities, shape (n,) [rad/s or m/s].
-            reference: Where the robot should be.
+            reference: Reference of position, velocity and acceleration.
             robot: The true robot, whose mass matrix and parameters the proofs mean; the model
                 where none is given.
         """
@@ -96,7 +96,7 @@ class Controller(ABC):
 
         Args:
             flow: The state and its rate of change.
-            reference: Where the robot should be.
+            reference: Reference of position, velocity and acceleration.
             robot: The true robot; the model where none is given.
         """
         return math.nan

@@ -68,7 +68,7 @@ class SymmetricForm:
         minors: Leading principal minors, shape (n,): all are positive exactly where S is positive
             definite (Sylvester). They do not tell semidefinite from indefinite.
         eigenvalues: Ascending, shape (n,).
-        definiteness: By the eigenvalues.
+        definiteness: Definiteness by the eigenvalues.
     """
 
     matrix: Array

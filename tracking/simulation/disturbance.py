@@ -17,11 +17,11 @@ class Disturbance:
 
     Args:
         torque: Constant part, shape (n,) [N m or N].
-        amplitude: Of the periodic part, shape (n,) [N m or N].
-        frequency: Of the periodic part [Hz].
+        amplitude: Amplitude of the periodic part, shape (n,) [N m or N].
+        frequency: Frequency of the periodic part [Hz].
         wrench: F = [f; n] that acts on the tip, in the base frame, shape (6,) [N, N m].
-        start: When it begins [s].
-        end: When it ends [s].
+        start: Begin of the disturbance [s].
+        end: End of the disturbance [s].
 
     Raises:
         InvalidOption: A value is not finite, the frequency is negative, or it ends before it
@@ -70,8 +70,8 @@ class EncoderNoise:
     Args:
         position: Standard deviation [rad or m].
         velocity: Standard deviation [rad/s or m/s].
-        seed: Of the random generator: the same seed makes the same errors.
-        period: For a continuous controller [s].
+        seed: Seed of the random generator: the same seed makes the same errors.
+        period: Period of the errors for a continuous controller [s].
 
     Raises:
         InvalidOption: A deviation is negative, a value not finite, or the period not positive.

@@ -47,17 +47,18 @@ class Loop(NamedTuple):
         space: Scratch of it.
         limit: Effort limits, shape (n,), inf where there is none.
         constant: Constant disturbance, shape (n,).
-        amplitude: Of the periodic disturbance, shape (n,).
-        turn: Its angular frequency [rad/s].
+        amplitude: Amplitude of the periodic disturbance, shape (n,).
+        turn: Angular frequency of the disturbance [rad/s].
         wrench: F at the tip, shape (6,).
         tip: The tip in the frame of the joint that carries it, shape (3,).
-        carrier: That joint, -1 for none.
-        breaks: Of the reference, shape (m + 1,).
-        coefficients: Of the reference, shape (m + 1, n, k); the last piece is the rest at its end.
-        noise: What is added to q and q_dot that the controller sees, shape (2, n).
+        carrier: Joint that carries the tip, -1 for none.
+        breaks: Breaks of the reference, shape (m + 1,).
+        coefficients: Coefficients of the reference, shape (m + 1, n, k); the last piece is the rest
+            at its end.
+        noise: Noise added to q and q_dot that the controller gets, shape (2, n).
         command: Held torque and rate of change of the estimate, shape (n + b,).
         asked: Torque before saturation, shape (n,).
-        state: What the controller sees of q and q_dot, shape (2, n).
+        state: Values of q and q_dot that the controller gets, shape (2, n).
         reference: The reference and its two derivatives, shape (3, n).
         stops: The joints' stops.
         flags: See ``EVALUATIONS`` and the following, shape (FLAG_COUNT,).

@@ -15,8 +15,8 @@ class SimulationOptions:
         duration: [s]; the trajectory's own where none is given, longer to watch it settle.
         sample_period: Time between two samples of the result [s].
         control_period: Time for which the torque is held [s]; None for a continuous controller.
-        relative_tolerance: Of each step of the integrator.
-        absolute_tolerance: Of each step [rad, m, rad/s, m/s].
+        relative_tolerance: Relative tolerance of each step of the integrator.
+        absolute_tolerance: Absolute tolerance of each step [rad, m, rad/s, m/s].
         saturate: Cut the torque off at the robot's effort limits; all must then be known.
         settling_tolerance: Largest tracking error of a settled robot [rad or m].
         stops: Stops of the joints at their position limits; none where none are given, so that

@@ -18,7 +18,7 @@ class ReferenceSignal:
     the last.
 
     Args:
-        trajectory: What to follow.
+        trajectory: Trajectory to follow.
     """
 
     trajectory: Trajectory

@@ -35,9 +35,9 @@ def step(chain: Chain, start: ArrayLike, end: ArrayLike, at: float, duration: fl
 
     Args:
         chain: The robot.
-        start: Where it stands before, shape (n,) [rad or m].
-        end: Where it stands after, shape (n,) [rad or m].
-        at: When it jumps [s]; at 0 the reference stands at ``end`` all the time.
+        start: Position before the step, shape (n,) [rad or m].
+        end: Position after the step, shape (n,) [rad or m].
+        at: Instant of the step [s]; at 0 the reference stands at ``end`` all the time.
         duration: How long the whole lasts [s].
 
     Raises:

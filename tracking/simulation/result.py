@@ -29,14 +29,14 @@ class SimulationResult:
     """A closed-loop motion at m instants, up to where it broke off if it did.
 
     Args:
-        outcome: How it ended.
+        outcome: Outcome of the simulation.
         times: Shape (m,) [s].
         position: q, shape (m, n) [rad or m].
         velocity: Shape (m, n) [rad/s or m/s].
         reference_position: q^r, shape (m, n).
         reference_velocity: Shape (m, n).
         torque: Applied by the motors, after saturation, shape (m, n) [N m or N].
-        saturated: Where more torque was asked than applied, shape (m, n).
+        saturated: Whether more torque was asked than applied, shape (m, n).
         lyapunov: V of the controller's stability proof, with the true robot's M and parameters,
             shape (m,).
         lyapunov_rate: Rate V_dot of V along this motion, shape (m,); NaN for a controller without.

@@ -25,7 +25,7 @@ class Events(NamedTuple):
 
     Args:
         times: Shape (s + 1,) [s].
-        pieces: Of the reference, shape (s,).
+        pieces: Piece of the reference on each segment, shape (s,).
         called: Whether a held controller is called at the start, shape (s,).
         noises: Row of the encoders' errors, shape (s,).
         disturbed: Whether the disturbance acts, shape (s,).

@@ -22,14 +22,14 @@ class Setup:
     """Setup of one simulation run.
 
     Args:
-        controller: With the model that it believes in.
+        controller: Controller with the model that it has.
         robot: The true robot.
         options: How to integrate.
         signal: The reference.
-        times: Of the samples, shape (m,) [s]; the last is the duration.
-        events: Where the loop is not smooth.
+        times: Instants of the samples, shape (m,) [s]; the last is the duration.
+        events: Instants at which the loop is not smooth.
         limit: Effort limits, shape (n,), inf where there is none.
-        disturbance: What the controller does not know of.
+        disturbance: Disturbance that the controller does not know of.
         start: The state x = [q; q_dot; estimate], shape (N,).
     """
 

@@ -17,7 +17,7 @@ class Points(NamedTuple):
 
     Args:
         joint: The joint that carries them, -1 for the base.
-        centers: In the joint's frame, shape (v, 3) [m].
+        centers: Centres of the balls in the joint's frame, shape (v, 3) [m].
         radii: Shape (v,) [m].
         starts: First ball of each piece, shape (p,).
         links: Name of the link (or attached object) of each piece, p names.
@@ -60,7 +60,7 @@ def relative_frames(frames: Array, base: int, joint: int) -> Array:
     """Frames of a joint, seen from that of joint ``base`` (-1 for the base), shape (m, 4, 4).
 
     Args:
-        frames: Of all joints, in the base frame, shape (m, n, 4, 4).
+        frames: Frames of all joints in the base frame, shape (m, n, 4, 4).
         base: The joint that sees.
         joint: The joint that is seen.
     """
@@ -84,7 +84,7 @@ def displacements(points: Points, before: Array, after: Array) -> Array:
     Args:
         points: The balls.
         before: Frames of their joint, shape (m, 4, 4).
-        after: Its other frames, shape (m, 4, 4).
+        after: Frames of the joint after the displacement, shape (m, 4, 4).
     """
     change = after - before
     moved = np.einsum("mij,vj->mvi", change[:, :3, :3], points.centers) + change[:, None, :3, 3]
@@ -122,7 +122,7 @@ def second_order(reach: Array, error: Array, change: Array) -> Array:
     axis of the later joint; 1 where that one slides.
 
     Args:
-        reach: As of ``reaches``, shape (n,).
+        reach: Reach of each joint by ``reaches``, shape (n,).
         error: |e|, shape (m, n) [rad or m].
         change: |dq|, shape (m, n) [rad or m].
 

@@ -64,8 +64,9 @@ class MotionBounds(NamedTuple):
 
     Args:
         cell: Length of a cell [s].
-        lower: By cell, ``Quantity`` and joint, shape (m, 3, n); inf in cells never reached.
-        upper: Likewise; -inf in cells never reached.
+        lower: Least values by cell, ``Quantity`` and joint, shape (m, 3, n); inf in cells never
+            reached.
+        upper: Largest values, likewise; -inf in cells never reached.
         global_error: Largest error of the integrator in positions and velocities, its local error
             estimates carried along the loop, shape (2, n) [rad or m, rad/s or m/s].
         peak_torque: Largest |torque| at any instant, shape (n,) [N m or N].
@@ -178,11 +179,11 @@ def bound_step(
     Args:
         bounds: The bounds.
         reference: Coefficients of the reference's piece, shape (n, k), in powers of time [s].
-        start: When this piece begins [s].
+        start: Begin of this piece [s].
         motion: Coefficients of positions and velocities over the step, shape (2 n, 8), in powers
             of the part of the step that has passed.
-        t: When the step begins [s].
-        h: Its length [s].
+        t: Begin of the step [s].
+        h: Length of the step [s].
     """
     n, m = bounds.lower.shape[2], bounds.lower.shape[0]
     size = max(reference.shape[1], motion.shape[1])
@@ -251,8 +252,8 @@ def raise_peaks(torques: Array, limit: Array, peaks: Array) -> None:
     counted twice, for the terms that come after them.
 
     Args:
-        torques: At ``SHARES`` of the step, shape (NODES, n) [N m or N].
-        limit: What they are cut off at, shape (n,).
+        torques: Torques at ``SHARES`` of the step, shape (NODES, n) [N m or N].
+        limit: Torques that they are cut off at, shape (n,).
         peaks: Largest so far, shape (n,).
     """
     for i in range(limit.shape[0]):

@@ -220,7 +220,7 @@ def _advance(carrier: ErrorCarrier, h: float, parts: int, X: Array, is_driven: b
     X' = J X, or J X + F where the controller's call drives it.
 
     Returns:
-        Whether it could be solved.
+        Whether the system could be solved.
     """
     N, part = X.shape[0], h / parts
     J, square, below = carrier.J, carrier.work[0], carrier.work[1]
@@ -264,8 +264,8 @@ def carry_errors(
     Args:
         loop: The loop.
         carrier: Errors at the start of the step.
-        t: When the step begins [s].
-        h: Its length [s].
+        t: Begin of the step [s].
+        h: Length of the step [s].
         middle: State in the middle of the step, shape (N,).
         allowed: Half axes of the ellipsoid of the step's own errors, shape (N,).
         weights: Squares of the reciprocal units of the states, shape (N,).

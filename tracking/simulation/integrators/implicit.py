@@ -56,7 +56,7 @@ class Stages(NamedTuple):
         complex: Complex matrix, overwritten by its factors, shape (N, N).
         pivots: Rows exchanged in each, shape (2, N).
         Z: Stages less the state, shape (3, N).
-        W: The same, split, shape (3, N).
+        W: W in split form, shape (3, N).
         F: Derivatives at the stages, shape (3, N).
         vectors: Shape (3, N).
         right: Complex right-hand side, shape (N,).
@@ -251,7 +251,7 @@ def implicit_polynomials(stages: Stages, x: Array, out: Array) -> None:
     """Write the collocation polynomial as powers of the part of the step that has passed.
 
     Args:
-        stages: Those of the step.
+        stages: Stages of the step.
         x: State at the start of the step, shape (N,).
         out: Coefficients of the first 2 n states, shape (2 n, 8).
     """

@@ -146,7 +146,7 @@ def run_kernel(  # noqa: C901, PLR0912, PLR0915  one loop over segments and step
     turns out to be stiff.
 
     Returns:
-        How it ended.
+        Outcome of the integration.
     """
     N, segments, tolerances = x.shape[0], events.times.shape[0] - 1, scratch.tolerances
     end, stiff_steps, calm_steps, is_stiff, h = scratch.end, 0, 0, False, 0.0

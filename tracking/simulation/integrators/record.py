@@ -49,13 +49,13 @@ class Record(NamedTuple):
     """Samples, one a row.
 
     Args:
-        times: When, shape (m,) [s]; the last is the end.
+        times: Instants of the samples, shape (m,) [s]; the last is the end.
         states: x, shape (m, N).
-        torques: After saturation, shape (m, n).
+        torques: Torques after saturation, shape (m, n).
         saturated: Shape (m, n).
         lyapunov: V and its rate, shape (m, 2).
         references: Position and velocity, shape (m, 2, n).
-        bounds: Of errors, positions and velocities over all steps.
+        bounds: Bounds of errors, positions and velocities over all steps.
         counters: See ``SAMPLES`` and the following, shape (COUNTER_COUNT,).
     """
 
