@@ -13,7 +13,7 @@ def attempt(state: StudioState, action: Callable[[], Outcome]) -> Outcome:
     """The result of a question, or why there is none.
 
     Args:
-        state: That is asked about.
+        state: State that is asked about.
         action: Asks.
     """
     try:

@@ -31,7 +31,7 @@ class Branch(NamedTuple):
         joints: [rad or m].
         verdict: Verdict on it.
         reason: Why it was rejected, in words; empty where it is valid.
-        name: Of the closed form's branch; empty where the solver is numeric.
+        name: Name of the closed form's branch; empty where the solver is numeric.
     """
 
     number: int
@@ -50,7 +50,7 @@ def branches(solutions: Sequence[Mapping[str, Any]]) -> tuple[Branch, ...]:
     """The branches of an answer, valid or not.
 
     Args:
-        solutions: As the API answers them, or as a problem lists the rejected ones.
+        solutions: Solutions as the API answers them, or as a problem lists the rejected ones.
     """
     return tuple(
         Branch(

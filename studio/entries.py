@@ -11,8 +11,8 @@ def moved(entries: Entries, number: int, steps: int) -> Entries:
     """The entries with one of them moved, as far as there is room.
 
     Args:
-        entries: In order.
-        number: Of the entry, from 0.
+        entries: Entries in order.
+        number: Number of the entry, from 0.
         steps: Towards the end, negative towards the beginning.
     """
     rest = [*entries[:number], *entries[number + 1 :]]
@@ -24,8 +24,8 @@ def without(entries: Entries, number: int) -> Entries:
     """The entries without one of them.
 
     Args:
-        entries: In order.
-        number: Of the entry, from 0.
+        entries: Entries in order.
+        number: Number of the entry, from 0.
     """
     return (*entries[:number], *entries[number + 1 :])
 
@@ -34,10 +34,10 @@ def with_field(entries: Entries, number: int, name: str, value: Any) -> Entries:
     """The entries with a field of one of them changed.
 
     Args:
-        entries: In order.
-        number: Of the entry, from 0.
-        name: Of the field.
-        value: Its value; None leaves it to the service.
+        entries: Entries in order.
+        number: Number of the entry, from 0.
+        name: Name of the field.
+        value: New value; None leaves the field to the service.
     """
     entry = {key: item for key, item in entries[number].items() if key != name}
     if value is not None:

@@ -10,8 +10,8 @@ def colliding_pairs(workbench: Workbench, failed: Failure) -> list[tuple[str, st
     """The pairs that collide or are nearer than the margin, the deepest first.
 
     Args:
-        workbench: That asks.
-        failed: With the configuration that it is about.
+        workbench: Workbench that asks.
+        failed: Failure with the configuration that it is about.
     """
     pairs = [] if failed.pair is None else [failed.pair]
     if failed.shown is None:
@@ -28,8 +28,8 @@ def check(workbench: Workbench, failed: Failure) -> CheckAnswer:
     """The verdict on the configuration that a failure is about.
 
     Args:
-        workbench: That asks.
-        failed: With that configuration.
+        workbench: Workbench that asks.
+        failed: Failure with the configuration that it is about.
     """
     fields = set_fields(plan_request(failed.state, keep=False))
     names = ("scene", "attached", "margin", "fingers")
@@ -44,7 +44,7 @@ def obstacle_named(failed: Failure, name: str) -> Obstacle | None:
     """The obstacle of a name, if it is one.
 
     Args:
-        failed: With its scene.
-        name: Of an obstacle or a link.
+        failed: Failure with its scene.
+        name: Name of an obstacle or a link.
     """
     return next((item for item in failed.state.obstacles if item.id == name), None)

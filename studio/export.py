@@ -22,8 +22,8 @@ class ExportFile:
     """A file to be saved.
 
     Args:
-        name: Of the file.
-        content: Its bytes.
+        name: Name of the file.
+        content: Bytes of the file.
     """
 
     name: str
@@ -36,9 +36,9 @@ def export_file(
     """A plan as a file for a controller, proved as the controller moves.
 
     Args:
-        client: That asks the service.
+        client: Client that asks the service.
         outcome: A motion, or the motions of a task or tour.
-        file_format: Of the file, or of those in the archive.
+        file_format: Format of the file, or of those in the archive.
 
     Raises:
         ApiError: The service refuses it.
@@ -127,7 +127,7 @@ def _allowed_in_all(stages: Sequence[TaskStageReport]) -> list[tuple[str, str]]:
 
 
 def _fingers_before(outcome: TaskPlanned, stage: TaskStageReport) -> dict[str, float]:
-    """Where the gripper's joints stand when a stage begins [rad or m]."""
+    """Positions of the gripper's joints when a stage begins [rad or m]."""
     if stage.index == 0:
         return dict(outcome.state.fingers)
     return outcome.plan.stages[stage.index - 1].after.fingers

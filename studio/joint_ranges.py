@@ -10,7 +10,7 @@ def joint_ranges(model: Robot) -> list[tuple[float, float]]:
     """Range of each joint's slider [rad or m].
 
     Args:
-        model: Of the robot.
+        model: Model of the robot.
     """
     limits = zip(model.limits.lower, model.limits.upper, strict=True)
     return [
@@ -23,7 +23,7 @@ def home(model: Robot) -> tuple[float, ...]:
     """The first named state of a robot, or the configuration in the middle of its limits.
 
     Args:
-        model: Of the robot.
+        model: Model of the robot.
     """
     if model.states:
         return tuple(next(iter(model.states.values())))

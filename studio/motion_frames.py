@@ -34,7 +34,7 @@ class MotionFrames(NamedTuple):
     """A motion as frames.
 
     Args:
-        times: Of the frames, from 0 to the duration, shape (m,) [s].
+        times: Times of the frames, from 0 to the duration, shape (m,) [s].
         joints: Shape (m, n) [rad or m].
         links: Poses of each link.
         carried: Poses of each attached obstacle.
@@ -54,7 +54,7 @@ def motion_frames(workbench: Workbench, planned: Planned) -> MotionFrames:
     """The frames of a planned motion.
 
     Args:
-        workbench: That asks for the poses.
+        workbench: Workbench that asks for the poses.
         planned: The motion.
     """
     trajectory = planned.plan.trajectory
@@ -75,7 +75,7 @@ def task_frames(workbench: Workbench, planned: TaskPlanned) -> MotionFrames:
     """The frames of all stages of a task, with every object that it moves.
 
     Args:
-        workbench: That asks for the poses.
+        workbench: Workbench that asks for the poses.
         planned: The task.
     """
     stages, duration = planned.plan.stages, planned.plan.duration
@@ -109,7 +109,7 @@ def tour_frames(workbench: Workbench, planned: TourPlanned) -> MotionFrames:
     """The frames of all legs of a tour, with the stays at its goals between them.
 
     Args:
-        workbench: That asks for the poses.
+        workbench: Workbench that asks for the poses.
         planned: The tour.
     """
     legs, duration = planned.plan.legs, planned.plan.time
@@ -180,7 +180,7 @@ def link_poses(poses: Sequence[Pose]) -> LinkPoses:
     """Poses as arrays.
 
     Args:
-        poses: As the service answers them.
+        poses: Poses as the service answers them.
     """
     positions = np.array([pose.position for pose in poses], dtype=float)
     return LinkPoses(positions, np.array([wxyz(pose) for pose in poses]))

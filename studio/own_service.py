@@ -26,7 +26,7 @@ def own_service(data_dir: Path | None) -> Iterator[str]:
         data_dir: Folder of its database; the user's data if None.
 
     Yields:
-        Its address, once it is ready.
+        Address of the service, once it is ready.
 
     Raises:
         RuntimeError: It ends before it is ready, or does not become ready.

@@ -16,8 +16,8 @@ def plan_motion(client: Client, state: StudioState) -> Planned:
     """A motion from start to goal.
 
     Args:
-        client: That asks the service.
-        state: Of the studio.
+        client: Client that asks the service.
+        state: State of the studio.
 
     Raises:
         ApiError: There is none.
@@ -29,8 +29,8 @@ def plan_tool_path(client: Client, state: StudioState) -> Planned:
     """A motion of the tool along the waypoints.
 
     Args:
-        client: That asks the service.
-        state: Of the studio.
+        client: Client that asks the service.
+        state: State of the studio.
 
     Raises:
         ApiError: There is none.
@@ -43,8 +43,8 @@ def plan_task(client: Client, state: StudioState) -> TaskPlanned:
     """The stages of the task as one, from the start on.
 
     Args:
-        client: That asks the service.
-        state: Of the studio.
+        client: Client that asks the service.
+        state: State of the studio.
 
     Raises:
         ApiError: There is no way through them.
@@ -60,8 +60,8 @@ def plan_tour(client: Client, state: StudioState) -> TourPlanned:
     """The goals of the tour in the order that takes the least time, from the start on.
 
     Args:
-        client: That asks the service.
-        state: Of the studio.
+        client: Client that asks the service.
+        state: State of the studio.
 
     Raises:
         ApiError: There is no such tour.

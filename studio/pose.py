@@ -39,7 +39,7 @@ def pose_of(position: NDArray[np.float64], quaternion_wxyz: NDArray[np.float64])
 
     Args:
         position: Shape (3,) [m].
-        quaternion_wxyz: Of norm 1, w first, shape (4,).
+        quaternion_wxyz: Unit quaternion, w first, shape (4,).
     """
     w, x, y, z = (float(value) for value in quaternion_wxyz)
     return Pose(position=[float(value) for value in position], quaternion_xyzw=[x, y, z, w])
@@ -55,8 +55,8 @@ def stays_in(poses: Sequence[Pose], others: Sequence[Pose]) -> bool:
     """Whether a body keeps its pose in the frame of another one.
 
     Args:
-        poses: Of the body, in the root frame.
-        others: Of the other one at the same configurations.
+        poses: Poses of the body, in the root frame.
+        others: Poses of the other body at the same configurations.
     """
     seen = [_seen_from(other, pose) for pose, other in zip(poses, others, strict=True)]
     return all(np.allclose(item, seen[0], rtol=0.0, atol=_SAME) for item in seen)

@@ -49,7 +49,7 @@ def plan_request(state: StudioState, *, keep: bool = True) -> PlanRequest:
     """The request that plans from start to goal.
 
     Args:
-        state: Of the studio.
+        state: State of the studio.
         keep: Whether the service keeps request and answer, for the page that shows them.
 
     Raises:
@@ -72,7 +72,7 @@ def task_request(state: StudioState, *, keep: bool = True) -> TaskRequest:
     """The request that plans the stages of the task as one, from the start on.
 
     Args:
-        state: Of the studio.
+        state: State of the studio.
         keep: Whether the service keeps request and answer, for the page that shows them.
 
     Raises:
@@ -102,7 +102,7 @@ def tour_request(state: StudioState, *, keep: bool = True) -> TourRequest:
     """The request for the goals of the tour in the best order, from the start on.
 
     Args:
-        state: Of the studio.
+        state: State of the studio.
         keep: Whether the service keeps request and answer, for the page that shows them.
 
     Raises:
@@ -131,7 +131,7 @@ def path_request(state: StudioState, *, keep: bool = True) -> PlanRequest:
     """The request for a motion of the tool along the waypoints, from the start on.
 
     Args:
-        state: Of the studio.
+        state: State of the studio.
         keep: Whether the service keeps request and answer, for the page that shows them.
 
     Raises:
@@ -169,8 +169,8 @@ def ik_request(state: StudioState, pose: Pose) -> IkRequest:
     """The request for all configurations that reach a pose, valid or not.
 
     Args:
-        state: Of the studio.
-        pose: Of the tip, in the root frame.
+        state: State of the studio.
+        pose: Pose of the tip, in the root frame.
     """
     return IkRequest(
         pose=pose,

@@ -19,7 +19,7 @@ class Planned:
     """A certified motion.
 
     Args:
-        state: That it was planned for.
+        state: State that it was planned for.
         plan: The answer of the service.
     """
 
@@ -48,7 +48,7 @@ class TaskPlanned:
     """Certified motions of all stages of a task.
 
     Args:
-        state: That they were planned for.
+        state: State that they were planned for.
         plan: The answer of the service.
     """
 
@@ -85,7 +85,7 @@ class TourPlanned:
     """Certified motions from goal to goal of a tour.
 
     Args:
-        state: That they were planned for.
+        state: State that they were planned for.
         plan: The answer of the service.
     """
 
@@ -120,10 +120,10 @@ class Failure:
     """A plan that there is not, and why.
 
     Args:
-        state: That was planned for.
+        state: State that was planned for.
         title: Kind of the problem in words.
-        detail: What is wrong and where.
-        hint: What to do about it; empty where nothing is known.
+        detail: Description of the fault and its place.
+        hint: Remedy; empty where none is known.
         sentences: The whole problem in words.
         pair: The two bodies that collide, if the problem names them.
         candidates: Configurations that reach the goal and why they were rejected.
@@ -151,8 +151,8 @@ def failure(state: StudioState, problem: Problem) -> Failure:
     """The failure that a problem document tells.
 
     Args:
-        state: That was planned for.
-        problem: Of the service.
+        state: State that was planned for.
+        problem: Problem of the service.
     """
     details = problem.details
     nearest = details.get("nearest_joints")

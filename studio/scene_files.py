@@ -39,8 +39,8 @@ def read_obstacles(file_name: str, content: bytes, frame_pose: _FramePose) -> li
     """The obstacles of a file.
 
     Args:
-        file_name: Its ending says what it is, its stem names the obstacle of a mesh.
-        content: Of the file.
+        file_name: Name whose ending gives the format, and whose stem names the obstacle of a mesh.
+        content: Content of the file.
         frame_pose: Answers the pose of a frame that obstacles are in, in the root frame.
 
     Raises:

@@ -46,13 +46,13 @@ class FormField(NamedTuple):
     """One setting of a plan request.
 
     Args:
-        path: In the request, "timing.method".
+        path: Path in the request, "timing.method".
         kind: "choice", "number", "integer", "flag", "text", or "json" for lists and objects.
-        description: Of the API.
+        description: Description of the API.
         default: Used where the field is left out; None where the service decides.
-        choices: Of a choice.
-        minimum: Of a number, if there is one.
-        maximum: Of a number, if there is one.
+        choices: Allowed values of a choice.
+        minimum: Minimum of a number, if there is one.
+        maximum: Maximum of a number, if there is one.
         above_minimum: Whether the minimum itself is refused.
     """
 
@@ -72,7 +72,7 @@ class EntryForms(NamedTuple):
 
     Args:
         tag: Field that names the kind.
-        fields: Of each kind, without that field.
+        fields: Fields of each kind, without the field of the kind.
     """
 
     tag: str
@@ -133,8 +133,8 @@ def entry_forms(document: Mapping[str, Any], model: str, name: str) -> EntryForm
 
     Args:
         document: The OpenAPI document of the service.
-        model: Of the request, "TaskRequest".
-        name: Of the list in it, "stages".
+        model: Model of the request, "TaskRequest".
+        name: Name of the list in the request, "stages".
 
     Raises:
         KeyError: The document has no such request, or no such list in it.

@@ -18,9 +18,9 @@ def new_obstacle(
     """A new obstacle of the usual size.
 
     Args:
-        kind: Of its shape.
-        obstacle_id: Its id.
-        position: Of its centre in the root frame [m].
+        kind: Kind of the shape.
+        obstacle_id: Id of the obstacle.
+        position: Position of the centre in the root frame [m].
     """
     shapes: dict[ShapeKind, Shape] = {
         "box": Box(size=[_SIZE, _SIZE, _SIZE]),
@@ -62,7 +62,7 @@ def with_dimension(obstacle: Obstacle, name: str, value: float) -> Obstacle:
 
 
 def corner(shape: Shape) -> tuple[float, float, float] | None:
-    """Where the handle that scales a shape is, in its own frame [m]; None if it has none."""
+    """Place of the handle that scales a shape, in its own frame [m]; None if it has none."""
     match shape:
         case Box():
             x, y, z = shape.size
@@ -80,7 +80,7 @@ def with_corner(obstacle: Obstacle, position: Sequence[float], least: float) -> 
 
     Args:
         obstacle: The obstacle.
-        position: Of the handle in the obstacle's frame, shape (3,) [m].
+        position: Position of the handle in the obstacle's frame, shape (3,) [m].
         least: Size below which nothing is scaled [m].
     """
     x, y, z = (max(abs(float(value)), 0.5 * least) for value in position)

@@ -1,4 +1,4 @@
-"""Everything that the studio would ask, as Python and as curl."""
+"""Requests of the studio as Python and as curl."""
 
 from armwright_client import Pose
 from studio.code import curl, ik_python, plan_python, task_python, tour_python
@@ -11,7 +11,7 @@ def plan_code(url: str, state: StudioState) -> tuple[str, str]:
 
     Args:
         url: Address of the service.
-        state: Of the studio.
+        state: State of the studio.
     """
     request = plan_request(state, keep=False)
     return plan_python(url, request), curl(url, "/v1/plan", request)
@@ -22,7 +22,7 @@ def task_code(url: str, state: StudioState) -> tuple[str, str]:
 
     Args:
         url: Address of the service.
-        state: Of the studio.
+        state: State of the studio.
     """
     request = task_request(state, keep=False)
     return task_python(url, request), curl(url, "/v1/tasks", request)
@@ -33,7 +33,7 @@ def tour_code(url: str, state: StudioState) -> tuple[str, str]:
 
     Args:
         url: Address of the service.
-        state: Of the studio.
+        state: State of the studio.
 
     Raises:
         ValueError: There are no two goals.
@@ -47,7 +47,7 @@ def path_code(url: str, state: StudioState) -> tuple[str, str]:
 
     Args:
         url: Address of the service.
-        state: Of the studio.
+        state: State of the studio.
 
     Raises:
         ValueError: There are no two waypoints.
@@ -61,7 +61,7 @@ def ik_code(url: str, state: StudioState, tip: Pose) -> str:
 
     Args:
         url: Address of the service.
-        state: Of the studio.
+        state: State of the studio.
         tip: Pose of the tip at the goal, in the root frame.
     """
     return ik_python(url, state.robot, ik_request(state, tip))
@@ -72,7 +72,7 @@ def all_code(url: str, state: StudioState, tip: Pose) -> str:
 
     Args:
         url: Address of the service.
-        state: Of the studio.
+        state: State of the studio.
         tip: Pose of the tip at the goal, in the root frame.
     """
     parts = []

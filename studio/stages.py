@@ -26,8 +26,8 @@ def new_stage(kind: str, state: StudioState) -> dict[str, Any]:
     """A stage of a kind with the fields that it needs.
 
     Args:
-        kind: Of the stage.
-        state: Of the studio; its last obstacle is the object of a grasp.
+        kind: Kind of the stage.
+        state: State of the studio; its last obstacle is the object of a grasp.
     """
     stage = {"kind": kind, **_NEW.get(kind, {})}
     if kind in ("grasp", "attach") and state.obstacles:
@@ -82,7 +82,7 @@ def goal_entry(state: StudioState, tip: Pose) -> dict[str, Any]:
     """The goal of the studio as a goal of a tour.
 
     Args:
-        state: Of the studio.
+        state: State of the studio.
         tip: The goal, in the root frame.
     """
     return {"joints": [*state.goal_joints]} if state.goal_pose is None else pose_entry(tip)
@@ -102,7 +102,7 @@ def aimed(stage: dict[str, Any], state: StudioState, tip: Pose) -> dict[str, Any
 
     Args:
         stage: The stage.
-        state: Of the studio.
+        state: State of the studio.
         tip: The goal, in the root frame.
 
     Raises:

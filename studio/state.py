@@ -22,16 +22,16 @@ class StudioState:
         goal_joints: Goal configuration; drawn also while the goal is a pose [rad or m].
         goal_pose: Pose of the tip as the goal, in the root frame; None where `goal_joints` is the
             goal.
-        obstacles: Of the scene.
+        obstacles: Obstacles of the scene.
         attached: Link that carries an obstacle, by the obstacle's id.
-        fingers: Where joints of the gripper stand at the start, and during a plan [rad or m].
+        fingers: Positions of the gripper's joints at the start, and during a plan [rad or m].
         settings: Values of further fields of a plan request, by their path: "timing.method".
-        constraints: Of a plan, each by its fields as the API has them.
-        stages: Of a task, each by its fields as the API has them.
-        goals: Of a tour, likewise.
-        waypoints: Of a tool path, likewise.
-        tour_options: Of the tour, by name.
-        path_options: Of the tool path, by name.
+        constraints: Constraints of a plan, each by its fields as the API has them.
+        stages: Stages of a task, each by its fields as the API has them.
+        goals: Goals of a tour, likewise.
+        waypoints: Waypoints of a tool path, likewise.
+        tour_options: Options of the tour, by name.
+        path_options: Options of the tool path, by name.
     """
 
     robot: str
@@ -93,9 +93,9 @@ def with_option(options: Mapping[str, Any], name: str, value: Any) -> Mapping[st
     """Options with one of them changed.
 
     Args:
-        options: By name.
-        name: Of the option.
-        value: Its value; None leaves it to the service.
+        options: Options by name.
+        name: Name of the option.
+        value: New value; None leaves the option to the service.
     """
     rest = {key: item for key, item in options.items() if key != name}
     return MappingProxyType(rest if value is None else rest | {name: value})
@@ -109,8 +109,8 @@ class History:
         present: The state shown.
         past: Earlier states, the latest last.
         future: States taken back, the next one to come again last.
-        last_key: What the latest change was about; a change of the same replaces it, so that one
-            drag is one change.
+        last_key: Subject of the latest change; a change of the same subject replaces it, so that
+            one drag is one change.
     """
 
     present: StudioState
@@ -123,7 +123,7 @@ class History:
 
         Args:
             state: The new state.
-            key: What the change is about, None for a change that stands alone.
+            key: Subject of the change, None for a change that stands alone.
         """
         if state == self.present:
             return self

@@ -12,9 +12,9 @@ def robot_upload(
     """The upload of a URDF or a .zip.
 
     Args:
-        file_name: Its stem becomes the robot's name.
-        content: Of the file.
-        tip_link: Where the chain ends, for a tree with several arms.
+        file_name: Name whose stem becomes the robot's name.
+        content: Content of the file.
+        tip_link: Link that the chain ends at, for a tree with several arms.
 
     Raises:
         ValueError: The file is neither a URDF nor a .zip.

@@ -50,7 +50,7 @@ class Workbench:
 
     Args:
         client: Connected to the service.
-        url: Its address, for the code that is shown.
+        url: Address of the service, for the code that is shown.
         robot: Name of the first robot.
 
     Raises:
@@ -90,7 +90,7 @@ class Workbench:
         """Begin with another robot; the scene stays, and nothing is held.
 
         Args:
-            name: Of a built-in or stored robot.
+            name: Name of a built-in or stored robot.
         """
         self.model = self.client.robots.get(name)
         joints = home(self.model)
@@ -102,9 +102,10 @@ class Workbench:
         """Store a robot of a URDF or a .zip, and begin with it; its lint is in `model.lint`.
 
         Args:
-            file_name: Its stem becomes the robot's name.
-            content: Of the file.
-            tip_link: Where the chain ends, for a tree with several arms: a refusal names them.
+            file_name: Name whose stem becomes the robot's name.
+            content: Content of the file.
+            tip_link: Link that the chain ends at, for a tree with several arms: a refusal names
+                them.
 
         Raises:
             ApiError: The description is refused.
@@ -117,7 +118,7 @@ class Workbench:
         """The robot's collision geometry, or what it looks like.
 
         Args:
-            kind: Which of them.
+            kind: Kind of geometry.
         """
         return self.client.robots.geometry(self.state.robot, kind)
 
@@ -163,7 +164,7 @@ class Workbench:
         """Change where a joint of the gripper stands at the start, and during a plan.
 
         Args:
-            joint: Of the gripper.
+            joint: Joint of the gripper.
             position: [rad or m].
         """
         self._change(self.state.with_finger(joint, position), f"finger {joint}")
@@ -178,7 +179,7 @@ class Workbench:
         """Make a pose of the tip the goal, and answer all configurations that reach it.
 
         Args:
-            pose: In the root frame.
+            pose: Pose in the root frame.
             key: See `History.change`.
         """
         self.branches = self._solve(pose)
@@ -198,7 +199,7 @@ class Workbench:
         """Make one of the configurations that reach the goal's pose the goal.
 
         Args:
-            number: Of the branch, counted from 0.
+            number: Number of the branch, counted from 0.
         """
         self.set_goal_joints(self.branches[number].joints)
 
@@ -217,7 +218,7 @@ class Workbench:
         """Add an obstacle of the usual size before the robot.
 
         Args:
-            kind: Of its shape.
+            kind: Kind of the shape.
         """
         obstacle = new_obstacle(kind, self.state.free_id(kind), _NEW_PLACE)
         self._change(self.state.with_obstacle(obstacle))
@@ -235,8 +236,8 @@ class Workbench:
         """Let a link carry an obstacle from the start on, or nothing carry it.
 
         Args:
-            obstacle_id: Of the obstacle.
-            link: Of the robot; None to put the obstacle back into the scene.
+            obstacle_id: Id of the obstacle.
+            link: Link of the robot; None to put the obstacle back into the scene.
         """
         self._change(self.state.with_attached(obstacle_id, link))
 
@@ -244,8 +245,8 @@ class Workbench:
         """Take the obstacles of a scene (JSON, MoveIt's YAML) in place of all, or add a mesh.
 
         Args:
-            file_name: With its ending.
-            content: Of the file.
+            file_name: Name with its ending.
+            content: Content of the file.
 
         Raises:
             ValueError: It is none of these, or can't be read.
@@ -264,7 +265,7 @@ class Workbench:
         """Take the obstacles of a stored scene.
 
         Args:
-            name: Of the scene.
+            name: Name of the scene.
         """
         self._take_obstacles(listed(self.client.scenes.get(name), self._frame_pose))
 
@@ -272,7 +273,7 @@ class Workbench:
         """Store the scene under a name, whether there is one or not.
 
         Args:
-            name: Of the scene.
+            name: Name of the scene.
         """
         self.client.scenes.replace(name, Scene(obstacles=list(self.state.obstacles)))
 
@@ -282,8 +283,8 @@ class Workbench:
         """Change a setting; None leaves the field to the service.
 
         Args:
-            path: Of the setting, "timing.method".
-            value: Its value.
+            path: Path of the setting, "timing.method".
+            value: New value.
         """
         self._change(self.state.with_setting(path, value), f"setting {path}")
 
@@ -293,7 +294,7 @@ class Workbench:
         Args:
             name: "constraints" of the plan, "stages" of the task, "goals" of the tour, or
                 "waypoints" of the tool path.
-            entries: In order.
+            entries: Entries in order.
             key: See `History.change`.
         """
         changes: dict[str, Any] = {name: entries}
@@ -356,7 +357,7 @@ class Workbench:
         """The present motion, or those of the task, as a file for a controller.
 
         Args:
-            file_format: Of the file.
+            file_format: Format of the file.
 
         Raises:
             ApiError: The service refuses it.

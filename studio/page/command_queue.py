@@ -26,8 +26,8 @@ class CommandQueue:
         """Carry out a command after those that wait, in place of one about the same.
 
         Args:
-            key: What it is about.
-            command: To be called.
+            key: Subject of the command.
+            command: Function to be called.
         """
         with self._changed:
             self._waiting.pop(key, None)

@@ -26,7 +26,7 @@ class EntriesPanel:
     """Adds, orders and removes entries, and edits the one that is chosen.
 
     Args:
-        page: Of the studio.
+        page: Page of the studio.
         word: An entry in a word: "stage".
         forms: Fields by the kind of an entry.
         read: Answers the present entries.
@@ -70,7 +70,7 @@ class EntriesPanel:
         """Edit an entry, or none.
 
         Args:
-            number: Of the entry, from 0.
+            number: Number of the entry, from 0.
         """
         self._chosen = number
 
@@ -149,8 +149,8 @@ def field_widget(gui: viser.GuiApi, field: FormField) -> Any:
     """The widget of a field: a choice, or a text.
 
     Args:
-        gui: To add it to.
-        field: Of the form.
+        gui: Interface that the widget is added to.
+        field: Field of the form.
     """
     label = f"{field.path} *" if field.required else field.path
     hint = field.description or None
@@ -164,8 +164,8 @@ def labels_of(entries: Entries, forms: EntryForms) -> list[str]:
     """Choices of the entry to be edited: none, and each by its number and kind.
 
     Args:
-        entries: In order.
-        forms: By their kind.
+        entries: Entries in order.
+        forms: Forms by the kind of entry.
     """
     return [_NONE, *(f"{i} {forms.kind(entry)}" for i, entry in enumerate(entries))]
 
@@ -174,7 +174,7 @@ def number_in(label: str) -> int | None:
     """The number of the entry of a choice, from 0; None where none is chosen.
 
     Args:
-        label: Of the choice.
+        label: Label of the choice.
     """
     number = label.partition(" ")[0]
     return int(number) if number.isdigit() else None
@@ -184,8 +184,8 @@ def describe(entries: Entries, forms: EntryForms) -> str:
     """The entries as a list in Markdown: each by its kind and its fields, shortened.
 
     Args:
-        entries: In order.
-        forms: By their kind.
+        entries: Entries in order.
+        forms: Forms by the kind of entry.
     """
     lines = []
     for number, entry in enumerate(entries):
@@ -199,8 +199,8 @@ def text_of(field: FormField, entry: Mapping[str, Any]) -> str:
     """The text of a field's widget.
 
     Args:
-        field: Of the form.
-        entry: That may have the field.
+        field: Field of the form.
+        entry: Entry that may have the field.
     """
     value = entry.get(field.path)
     if field.kind == "flag":
@@ -214,8 +214,8 @@ def value_of(field: FormField, text: str) -> Any:
     """The value of a field for its widget's text; None where the service decides.
 
     Args:
-        field: Of the form.
-        text: Of the widget.
+        field: Field of the form.
+        text: Text of the widget.
 
     Raises:
         ValueError: The text is no such value; the message says what is.

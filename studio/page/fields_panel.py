@@ -13,9 +13,9 @@ class FieldsPanel:
     """A widget for each field.
 
     Args:
-        page: Of the studio.
-        word: What the options are of: "tour".
-        fields: Of the form.
+        page: Page of the studio.
+        word: Subject of the options: "tour".
+        fields: Fields of the form.
         read: Answers the present values by name.
         write: Changes one; None leaves it to the service.
     """

@@ -17,7 +17,7 @@ class GoalPanel:
     """The goal's frame in the scene and the list of branches beside it.
 
     Args:
-        page: Of the studio.
+        page: Page of the studio.
     """
 
     def __init__(self, page: Page) -> None:

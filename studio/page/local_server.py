@@ -32,7 +32,7 @@ def serve_page(port: int) -> viser.ViserServer:
     WebSocket, must be the studio's own.
 
     Args:
-        port: To listen on; the next free one if it is taken.
+        port: Port to listen on; the next free one if it is taken.
     """
     with _starting, patch.object(websockets.asyncio.server, "serve", _guarded_serve):
         return viser.ViserServer(host=HOST, port=port, label="Armwright studio", verbose=False)

@@ -16,7 +16,7 @@ def run(client: Client, url: str, robot: str, port: int, announce: Callable[[str
         client: Connected to the service.
         url: Address of the service, for the code that is shown.
         robot: Name of the first robot.
-        port: Of the page; the next free one if it is taken.
+        port: Port of the page; the next free one if it is taken.
         announce: Called with the page's address once it can be opened.
     """
     workbench = Workbench(client, url, robot)

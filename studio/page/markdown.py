@@ -20,7 +20,7 @@ def escaped(text: str) -> str:
     """Text with emphasis, lists, tables and blocks of code, but nothing that runs or loads.
 
     Args:
-        text: With names and texts from anywhere.
+        text: Text with names and texts from anywhere.
     """
     parts, end = [], 0
     for block in _CODE.finditer(text):
@@ -37,8 +37,8 @@ class Text:
     """A text of the page.
 
     Args:
-        gui: Of viser.
-        text: What it shows first.
+        gui: Interface of viser.
+        text: Text that is shown first.
     """
 
     def __init__(self, gui: viser.GuiApi, text: str = "") -> None:
@@ -48,7 +48,7 @@ class Text:
         """Show a text.
 
         Args:
-            text: With names and texts from anywhere.
+            text: Text with names and texts from anywhere.
             link: Words of ours and the address of a page, shown below it.
         """
         below = "" if link is None else f"\n\n[{link[0]}]({quote(link[1], safe=':/?=&%')})"

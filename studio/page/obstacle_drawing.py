@@ -43,7 +43,7 @@ class ObstacleDrawing:
     """One obstacle.
 
     Args:
-        scene: To draw in.
+        scene: Scene of viser to draw in.
         obstacle: The obstacle.
         held: Whether a link carries it.
         on_move: Called with the obstacle at its new pose or of its new size, and whether the drag
@@ -119,7 +119,7 @@ class ObstacleDrawing:
         """Show or hide the handle that scales it.
 
         Args:
-            sizing: Whether it is shown.
+            sizing: Whether the handle is shown.
         """
         if self._corner is not None:
             self._corner.visible = sizing
@@ -128,7 +128,7 @@ class ObstacleDrawing:
         """Draw it in the colour of collisions, or in its own.
 
         Args:
-            marked: Whether it collides.
+            marked: Whether the obstacle collides.
         """
         if marked != self._marked:
             self._marked = marked
@@ -142,8 +142,8 @@ class ObstacleDrawing:
         """Move the body, not the handles, to a frame of a motion that carries it.
 
         Args:
-            poses: Of the obstacle over the frames.
-            number: Of the frame.
+            poses: Poses of the obstacle over the frames.
+            number: Number of the frame.
         """
         self._body.position = poses.positions[number]
         self._body.wxyz = poses.wxyz[number]
@@ -152,7 +152,7 @@ class ObstacleDrawing:
         """Move body and handles.
 
         Args:
-            pose: In the root frame.
+            pose: Pose in the root frame.
         """
         self._place(np.array(pose.position, dtype=float), wxyz(pose))
 

@@ -14,7 +14,7 @@ class PairDrawing:
     """Marks on the bodies of a failure.
 
     Args:
-        scene: To draw in.
+        scene: Scene of viser to draw in.
     """
 
     def __init__(self, scene: viser.SceneApi) -> None:
@@ -32,7 +32,7 @@ class PairDrawing:
 
         Args:
             pairs: Names of links and obstacles.
-            robot: Its drawing.
+            robot: Drawing of the robot.
             links: Poses of the links at the configuration that is drawn.
             obstacles: Drawings of the obstacles, by id.
         """

@@ -39,8 +39,8 @@ def put_value(widget: Any, value: Any) -> None:
     """Show a value in a widget; mypy takes viser's property for one that can only be read.
 
     Args:
-        widget: Of viser.
-        value: Its new value.
+        widget: Widget of viser.
+        value: New value.
     """
     widget.value = value
 
@@ -49,7 +49,7 @@ def on_user_update(widget: Any, action: Callable[[Any], None]) -> None:
     """Call an action with the value of a widget when a person changes it.
 
     Args:
-        widget: With `on_update`.
+        widget: Widget with `on_update`.
         action: Called with its value; not called for changes that the program makes.
     """
 

@@ -17,7 +17,7 @@ class PathsPanel:
     """The editors of goals and waypoints, and the buttons that plan them.
 
     Args:
-        page: Of the studio.
+        page: Page of the studio.
     """
 
     def __init__(self, page: Page) -> None:

@@ -17,7 +17,7 @@ class PlanPanel:
     """Settings, the button that plans, and the result in words.
 
     Args:
-        page: Of the studio.
+        page: Page of the studio.
     """
 
     def __init__(self, page: Page) -> None:
@@ -127,8 +127,8 @@ def setting(field: FormField, value: Any) -> Any:
     """The value of a setting for a widget's value; None where the service decides.
 
     Args:
-        field: Of the form.
-        value: Of the widget.
+        field: Field of the form.
+        value: Value of the widget.
     """
     if field.kind == "flag":
         return {"yes": True, "no": False}.get(value)

@@ -20,7 +20,7 @@ class PlayPanel:
     """The time slider and its clock.
 
     Args:
-        page: Of the studio.
+        page: Page of the studio.
         show: Draws a frame of the motion.
     """
 
@@ -47,7 +47,7 @@ class PlayPanel:
         """Show a motion from its beginning, or none.
 
         Args:
-            frames: Of the motion.
+            frames: Frames of the motion.
         """
         self._playing.clear()
         self._frames = frames

@@ -30,7 +30,7 @@ class Surface(NamedTuple):
     """The surface of one body in the frame of a link.
 
     Args:
-        link: That it belongs to.
+        link: Link that it belongs to.
         frame: The link in whose frame it is.
         vertices: Shape (k, 3) [m].
         faces: Shape (f, 3).
@@ -48,7 +48,7 @@ def surfaces(geometry: GeometryAnswer) -> list[Surface]:
     """The surfaces of a robot as arrays.
 
     Args:
-        geometry: As the service answers it.
+        geometry: Geometry as the service answers it.
     """
     return [
         Surface(
@@ -71,10 +71,10 @@ class RobotDrawing:
     """The robot at one configuration, by its collision geometry or by what it looks like.
 
     Args:
-        scene: To draw in.
-        name: Of the node that holds it.
+        scene: Scene of viser to draw in.
+        name: Name of the node that holds it.
         bodies: Surfaces of the links.
-        color: Of surfaces that have none of their own: red, green, blue, 0 to 255.
+        color: Color of surfaces that have none of their own: red, green, blue, 0 to 255.
         opacity: 1 for an opaque robot.
         looks: Surfaces of what the links look like; none where that is not known.
     """
@@ -123,7 +123,7 @@ class RobotDrawing:
         """Move the links.
 
         Args:
-            poses: Of each link in the root frame.
+            poses: Poses of each link in the root frame.
         """
         for name, frame in self._frames.items():
             frame.position = np.array(poses[name].position)
@@ -133,8 +133,8 @@ class RobotDrawing:
         """Move the links to a frame of a motion.
 
         Args:
-            poses: Of each link over the frames.
-            number: Of the frame.
+            poses: Poses of each link over the frames.
+            number: Number of the frame.
         """
         for name, frame in self._frames.items():
             frame.position = poses[name].positions[number]
@@ -162,7 +162,7 @@ class GhostDrawing:
     """Configurations that reach a goal as ghosts, coloured and labelled by their verdict.
 
     Args:
-        scene: To draw in.
+        scene: Scene of viser to draw in.
         bodies: Surfaces of the links.
         tip: Link that carries the labels.
     """
@@ -178,7 +178,7 @@ class GhostDrawing:
 
         Args:
             branches: The configurations.
-            poses: Of each link at each of them, in the root frame.
+            poses: Poses of each link at each of them, in the root frame.
         """
         self.clear()
         if not branches:

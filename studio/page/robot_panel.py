@@ -19,7 +19,7 @@ class RobotPanel:
     """Choice and upload of a robot, and its lint.
 
     Args:
-        page: Of the studio.
+        page: Page of the studio.
     """
 
     def __init__(self, page: Page) -> None:
@@ -53,7 +53,7 @@ class RobotPanel:
         """Whether the robot is to be drawn by its visual meshes.
 
         Args:
-            known: Whether it has some; the switch is off limits where it has none.
+            known: Whether the robot has visual meshes; the switch is off limits where it has none.
         """
         self._looks.disabled = not known
         return known and self._looks.value
@@ -74,7 +74,7 @@ class JointSliders:
     """Sliders of a configuration.
 
     Args:
-        page: Of the studio.
+        page: Page of the studio.
         which: "start" or "goal".
     """
 
@@ -137,7 +137,7 @@ class FingerSliders:
     """Sliders of the gripper's joints, which stand still during a plan.
 
     Args:
-        page: Of the studio.
+        page: Page of the studio.
     """
 
     def __init__(self, page: Page) -> None:
@@ -181,7 +181,7 @@ def facts(model: Robot) -> str:
     """Joints, missing limits, suspected pairs and lint of a robot, in Markdown.
 
     Args:
-        model: Of the robot.
+        model: Model of the robot.
     """
     lines = [f"{len(model.joint_names)} joints, tip {model.tip_link}, wrist: {model.wrist}."]
     for quantity in ("velocity", "acceleration", "jerk"):

@@ -18,7 +18,7 @@ class ScenePanel:
     """The list of obstacles and their drawings.
 
     Args:
-        page: Of the studio.
+        page: Page of the studio.
     """
 
     def __init__(self, page: Page) -> None:

@@ -33,7 +33,7 @@ class StudioPage:
     """The page of one workbench; all browsers that open it show the same.
 
     Args:
-        server: That serves it.
+        server: Server that serves it.
         workbench: State and commands.
     """
 

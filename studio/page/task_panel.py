@@ -19,7 +19,7 @@ class TaskPanel:
     """The editor of stages, and the button that plans them.
 
     Args:
-        page: Of the studio.
+        page: Page of the studio.
     """
 
     def __init__(self, page: Page) -> None:
