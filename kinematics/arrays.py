@@ -50,8 +50,8 @@ def numbers(values: ArrayLike, name: str, shape: tuple[int, ...] | None = None) 
     """An array of finite numbers.
 
     Args:
-        values: As a caller gives them.
-        name: Of the argument.
+        values: Values as a caller gives them.
+        name: Name of the argument.
         shape: Lengths that it has to have, -1 for any; None for any shape.
 
     Raises:

@@ -9,8 +9,8 @@ class ArmwrightError(Exception):
     """A fault of the caller, told so that the caller can mend it.
 
     Args:
-        message: What is wrong and where.
-        hint: What to do about it, with the valid choices where there are any.
+        message: Description of the fault and its place.
+        hint: Remedy, with the valid choices where there are any.
         details: Values a program can use (joint, value, limit, pair, depth, ...).
     """
 
@@ -107,7 +107,7 @@ class InvalidOption(ArmwrightError):
 
 
 class InvalidNumbers(InvalidOption, ValueError):
-    """What should be an array of numbers is none; numpy would raise ValueError."""
+    """Input that is no array of numbers; numpy would raise ValueError."""
 
 
 class NotAvailable(ArmwrightError):

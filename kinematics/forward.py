@@ -269,9 +269,10 @@ def link_poses(
     Args:
         chain: The robot.
         q: One configuration (n,) or a batch (..., n) [rad or m].
-        links: Their names.
-        out: Where to write the poses of all links and what to answer then: a contiguous float64
-            array of the answer's shape. Fresh memory is a good part of what large batches cost.
+        links: Names of the links.
+        out: Array that the poses of all links are written to and that is answered: contiguous
+            float64 array of the answer's shape. Fresh memory is a good part of what large batches
+            cost.
 
     Raises:
         InvalidRobotState: Wrong length or not finite.

@@ -21,7 +21,8 @@ def frame_pose(chain: Chain, frame: str, joints: Array | None, where: str) -> Ar
     Args:
         chain: The robot.
         frame: A link that stands still, a name of the root frame, or "tool".
-        joints: Where "tool" is meant, shape (n,) [rad or m]; None where nothing says so.
+        joints: Configuration at which "tool" is meant, shape (n,) [rad or m]; None where nothing
+            says so.
         where: The field that names the frame.
 
     Raises:

@@ -75,7 +75,7 @@ def link_twist(
     Args:
         chain: The robot.
         q: One configuration (n,) or a batch (..., n) [rad or m].
-        joint_velocities: Of the same shape [rad/s or m/s].
+        joint_velocities: Velocities of the joints, of the same shape [rad/s or m/s].
         link: The link that carries the point; the tip where none is named.
         point: The point in that link's frame, shape (3,) [m]; its origin where none is given.
 

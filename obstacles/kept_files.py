@@ -58,7 +58,7 @@ def write_file(name: str, write: Callable[[IO[bytes]], None]) -> None:
     """Have a file written where something is prepared to be kept or one can't be read.
 
     Args:
-        name: Of the file.
+        name: Name of the file.
         write: Writes its content.
     """
     if _directory is None or (_written is None and not (_directory / name).exists()):
@@ -74,7 +74,7 @@ def keep_file(name: str, write: Callable[[IO[bytes]], None]) -> None:
     """Have a file of what is in memory, where something is prepared to be kept.
 
     Args:
-        name: Of the file.
+        name: Name of the file.
         write: Writes its content where the file is not there.
     """
     if read_file(name) is not None:
@@ -93,8 +93,9 @@ def kept_array(digest: str, shape: tuple[int, ...], make: Callable[[], Array]) -
     """The array of a digest from its file, or made.
 
     Args:
-        digest: Of all that it is made from, and of how.
-        shape: Its lengths, -1 for one that may be any; a file with another one is not read.
+        digest: Digest of all that it is made from, and of how.
+        shape: Lengths of the array, -1 for one that may be any; a file with another one is not
+            read.
         make: Makes it.
     """
     name = f"{digest}.npy"

@@ -76,7 +76,7 @@ def bounded_cache(
 
     Args:
         maxsize: How many values are kept.
-        limit: What they may take together [byte]; the last one is kept whatever it takes.
+        limit: Memory that all values may take [byte]; the last one is kept whatever it takes.
         weigh: Memory of a value [byte], where it is known without measuring, which takes 40 us.
     """
 

@@ -26,7 +26,7 @@ def limit_preparation(at: float) -> None:
     """Let preparation be given up at an instant, whatever was said before.
 
     Args:
-        at: On the clock of ``time.monotonic``; infinite for never [s].
+        at: Instant on the clock of ``time.monotonic``; infinite for never [s].
     """
     _until.set(at)
 
@@ -36,7 +36,7 @@ def preparation_limit(at: float) -> Iterator[None]:
     """Within, preparation is given up at an instant, or sooner if that was said before.
 
     Args:
-        at: On the clock of ``time.monotonic`` [s].
+        at: Instant on the clock of ``time.monotonic`` [s].
     """
     before = _until.set(min(at, _until.get()))
     try:

@@ -164,7 +164,7 @@ class Trace:
     """Course of a gradient method, k + 1 points from the start on.
 
     Args:
-        times: Of the flow [s]; of steps their number, shape (k + 1,).
+        times: Times of the flow [s]; of steps their number, shape (k + 1,).
         joints: Configurations, shape (k + 1, n) [rad or m].
         errors: e of the r axes that count, shape (k + 1, r) [m or rad].
         position_error: Norm of its positions, shape (k + 1,) [m].

@@ -44,14 +44,15 @@ class IkOptions:
         method: "auto", "analytic" or "numeric". "auto" takes the closed form where the arm has one
             and all axes count, and the numeric method where it has none or nothing of it is inside
             the limits.
-        seed: Of the numeric method's restarts.
+        seed: Seed of the numeric method's restarts.
         most: How many solutions to answer at most.
-        ranking: What makes one solution better than another, see ``ranking.order``.
-        outside_limits: Also answer branches with no copy inside the limits, after the others.
-        all_turns: Also answer each solution's copies by whole turns inside the limits.
-        parameters: Of a redundant arm's closed form, see ``analytic.branches``; where not given,
-            that of the seed is taken, then values all around it until one has a solution. Where
-            several solutions are wanted, all those values.
+        ranking: Measure that makes one solution better than another, see ``ranking.order``.
+        outside_limits: Whether branches with no copy inside the limits are answered, after the
+            others.
+        all_turns: Whether each solution's copies by whole turns inside the limits are answered.
+        parameters: Parameters of a redundant arm's closed form, see ``analytic.branches``; where
+            not given, that of the seed is taken, then values all around it until one has a
+            solution. Where several solutions are wanted, all those values.
         axes: The axes of the target's frame that count; see ``numeric.SearchOptions``.
 
     Raises:
@@ -113,8 +114,8 @@ def inverse_kinematics(
         target: T_base_link, shape (4, 4).
         options: How to solve, and how many solutions to answer.
         link: The link to bring there; the tip where none is named.
-        seed_joints: Where to look first and what "nearest" is counted from, shape (n,); the middle
-            of the limits where not given.
+        seed_joints: Configuration to search from and to measure "nearest" from, shape (n,); the
+            middle of the limits where not given.
 
     Raises:
         NotAvailable: "analytic" is asked for, but the arm has no closed form.

@@ -41,7 +41,7 @@ def inverse_kinematics_batch(
         targets: T_base_link, shape (m, 4, 4).
         options: How to solve; one solution a pose, inside the limits.
         link: The link to bring there; the tip where none is named.
-        seed_joints: Where the search begins and what "nearest" is counted from, shape (n,); the
+        seed_joints: Configuration to search from and to measure "nearest" from, shape (n,); the
             middle of the limits where not given.
         threads: How many to share the poses among; all the processors that this process may use
             where not given.

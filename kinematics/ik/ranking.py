@@ -1,4 +1,4 @@
-"""Which of several configurations is best, and their copies by whole turns."""
+"""Order of configurations of a pose, and their copies by whole turns."""
 
 from typing import Literal, get_args
 

@@ -13,7 +13,7 @@ class IkSolution(NamedTuple):
         position_error: Distance of the link's origin from its target [m].
         orientation_error: Angle of the rotation that is left [rad].
         iterations: Steps spent on it over all restarts.
-        branch: Which of a closed form's branches it is; None from iteration.
+        branch: Branch of the closed form; None from iteration.
         within_limits: Whether every joint is inside its limits.
     """
 
@@ -32,7 +32,7 @@ class IkResult(NamedTuple):
         solutions: Inside the tolerances; empty where none was found.
         nearest: The attempt with the least error, whether it solves the problem or not.
         starts: Start configurations tried.
-        advice: Where nothing was found, what that means and what to do about it.
+        advice: Meaning and remedy where nothing was found.
         out_of_reach: Distance by which the wrist centre is too far away or too near [m]; None where
             that is not known.
     """

@@ -17,7 +17,7 @@ class BodyTree:
     Args:
         parents: The body before each, -1 for the base, shape (b,).
         slides: Whether its joint slides, shape (b,).
-        lengths: From the joint before to its joint at 0, shape (b,) [m].
+        lengths: Lengths from the joint before to its joint at 0, shape (b,) [m].
         shares: Rates of its joint from those of the chain's, by absolute value, shape (b, n).
         shifts: Absolute offsets of the joints that follow others, shape (b,) [rad or m].
     """

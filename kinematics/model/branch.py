@@ -20,7 +20,7 @@ class Branch:
     """A serial chain of k joints to a body of a robot of n.
 
     Args:
-        chain: Its last joint carries the links of the body; it has no limits.
+        chain: Chain whose last joint carries the links of the body; it has no limits.
         matrix: L, shape (k, n).
         shift: c, shape (k,) [rad or m].
     """

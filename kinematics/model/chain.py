@@ -97,8 +97,8 @@ class Inertia:
 
     Args:
         mass: [kg].
-        center_of_mass: In the body's frame, shape (3,) [m].
-        tensor: About the centre of mass, in the body's axes, shape (3, 3) [kg m^2].
+        center_of_mass: Centre of mass in the body's frame, shape (3,) [m].
+        tensor: Tensor about the centre of mass, in the body's axes, shape (3, 3) [kg m^2].
     """
 
     mass: float
@@ -146,9 +146,9 @@ class Chain:
         tip_link: Name of the link that goals are for.
         limits: Joint limits.
         continuous: True where a revolute joint turns without end, shape (n,).
-        gravity: In the root frame, shape (3,) [m/s^2].
+        gravity: Gravity in the root frame, shape (3,) [m/s^2].
         motor_inertia: Reflected at each joint, shape (n,) [kg m^2 or kg].
-        viscous_friction: At each joint, shape (n,) [N m s/rad or N s/m].
+        viscous_friction: Viscous friction at each joint, shape (n,) [N m s/rad or N s/m].
         coulomb_friction: Dry friction at each joint, shape (n,) [N m or N].
         dh_convention: "standard" or "modified" where links link_1 ... link_n are the frames of a
             Denavit-Hartenberg table that the chain was built from; None for other chains.

@@ -33,14 +33,15 @@ class DhRow:
         acceleration: Largest acceleration [rad/s^2 or m/s^2].
         jerk: Largest jerk [rad/s^3 or m/s^3].
         effort: Largest torque or force [N m or N].
-        mass: Of the link [kg]; None where nothing is known of it.
-        center_of_mass: In frame i, shape (3,) [m]; the origin where only the mass is given.
-        inertia: About the centre of mass in the axes of frame i, shape (3, 3) [kg m^2]; that of
-            a point where only the mass is given.
+        mass: Mass of the link [kg]; None where nothing is known of it.
+        center_of_mass: Centre of mass in frame i, shape (3,) [m]; the origin where only the mass is
+            given.
+        inertia: Inertia about the centre of mass in the axes of frame i, shape (3, 3) [kg m^2];
+            that of a point where only the mass is given.
         motor_inertia: Reflected at the joint [kg m^2 or kg].
-        viscous_friction: At the joint [N m s/rad or N s/m].
+        viscous_friction: Viscous friction at the joint [N m s/rad or N s/m].
         coulomb_friction: Dry friction at the joint [N m or N].
-        beta: About y, 0 but for nearly parallel axes [rad].
+        beta: Angle about y, 0 but for nearly parallel axes [rad].
     """
 
     type: JointKind
@@ -72,7 +73,7 @@ class DhTable:
         rows: One a joint, base to tip.
         base: T_base_0, frame 0 in the robot's base frame, shape (4, 4).
         tool: T_n_tool, the tool in the last frame, shape (4, 4).
-        gravity: In the base frame, shape (3,) [m/s^2].
+        gravity: Gravity in the base frame, shape (3,) [m/s^2].
     """
 
     convention: Convention

@@ -25,8 +25,8 @@ class Follower:
         joint_type: 0 turns about the z axis of its frame, 1 slides along it.
         parent: The body it hangs on, before its own in number.
         leader: Index of the joint of the chain that it follows.
-        T_parent_joint: Its frame at position 0 in the frame of that body, shape (4, 4).
-        multiplier: Of the leader's position, not 0.
+        T_parent_joint: Frame at position 0 in the frame of that body, shape (4, 4).
+        multiplier: Multiplier of the leader's position, not 0.
         offset: Added to it [rad or m].
     """
 

@@ -112,7 +112,7 @@ def unread_notes(robot: Element, read: Mapping[str, str], foreign: Iterable[str]
 
 
 def meant(name: str, known: Sequence[str]) -> str:
-    """What is told behind a name that is not known: a known one that it may stand for, if any."""
+    """Hint behind a name that is not known: a known one that it may stand for, if any."""
     near = get_close_matches(name, known, 1, 0.75)
     return f"; is {near[0]!r} meant?" if near else ""
 

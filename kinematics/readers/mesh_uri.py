@@ -22,7 +22,7 @@ def resolve_mesh(uri: str, uploaded: Mapping[str, bytes]) -> bytes:
     on another machine, the longest end of two folders at least that an uploaded key ends with.
 
     Args:
-        uri: As written in the description, ``package://...``, ``file://...`` or relative.
+        uri: Name as written in the description, ``package://...``, ``file://...`` or relative.
         uploaded: Bytes by the name they were uploaded under.
 
     Raises:

@@ -48,7 +48,7 @@ def read_quickly(text: str | bytes, max_depth: int) -> Node:
 
     Args:
         text: The document.
-        max_depth: Of its lists and objects.
+        max_depth: Largest depth of lists and objects.
 
     Raises:
         UnsureYaml: It may be read in another way, nests deeper, or is no YAML.

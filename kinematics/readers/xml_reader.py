@@ -74,8 +74,8 @@ def read_robot(text: str | bytes, what: str, foreign: list[str] | None = None) -
 
     Args:
         text: The XML text; white space before its declaration is no fault.
-        what: What it should be ("URDF", "SRDF"), for the messages.
-        foreign: Where to put the tags of elements that are taken out, if anywhere.
+        what: Kind of document ("URDF", "SRDF"), for the messages.
+        foreign: List that gets the tags of elements that are taken out, if any.
 
     Raises:
         InvalidRobotDescription: Too large, not well-formed, with a DTD, or with another root.

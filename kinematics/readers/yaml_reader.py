@@ -66,7 +66,7 @@ class _Anchor(NamedTuple):
     """A value that aliases repeat.
 
     Attributes:
-        value: It.
+        value: Value that is repeated.
         nodes: How many it consists of.
         depth: How deep it nests.
     """
@@ -80,8 +80,8 @@ class _Open(NamedTuple):
     """A list or mapping that has begun.
 
     Attributes:
-        value: What is in it so far.
-        anchor: Its name for aliases.
+        value: Content so far.
+        anchor: Name for aliases.
         first: How many nodes there were before it.
     """
 
@@ -97,7 +97,7 @@ class _Values:
     that: tags, merge keys, keys that are no text or occur twice, values that can't be made.
 
     Args:
-        loader: Which knows the scalars.
+        loader: Loader that knows the scalars.
 
     Attributes:
         complete: whether `documents` are the values of the text.

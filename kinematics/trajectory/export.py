@@ -25,8 +25,8 @@ def joint_trajectory(trajectory: Trajectory, period: float, frame_id: str = "") 
 
     Args:
         trajectory: The motion.
-        period: Of the points [s].
-        frame_id: Of the header.
+        period: Period of the points [s].
+        frame_id: Frame id of the header.
 
     Raises:
         InvalidOption: The period is not positive, or gives too many points.
@@ -56,7 +56,7 @@ def csv_text(trajectory: Trajectory, period: float) -> str:
 
     Args:
         trajectory: The motion.
-        period: Of the rows [s]; the last one is at the very end.
+        period: Period of the rows [s]; the last one is at the very end.
 
     Raises:
         InvalidOption: The period is not positive, or gives too many rows.
@@ -76,7 +76,7 @@ def rows_at(trajectory: Trajectory, times: Array, count: int) -> tuple[Array, ..
 
     Args:
         trajectory: The motion.
-        times: Of the rows, from its start to its end, shape (p,) [s].
+        times: Times of the rows, from its start to its end, shape (p,) [s].
         count: How many of position, velocity and acceleration.
     """
     rows = tuple(trajectory.sample(times, order) for order in range(count))

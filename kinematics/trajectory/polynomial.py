@@ -230,7 +230,7 @@ def extrema_kernel(
     Args:
         breaks: Shape (m + 1,).
         coefficients: Shape (m, n, k).
-        order: Of the derivative.
+        order: Order of the derivative.
         largest_only: Only the one of the two that is larger in absolute value need be right.
         work: Room, shape (k + 3, k).
         best: The answer, shape (n, 4).

@@ -63,8 +63,10 @@ class Trajectory:
 
     Args:
         joint_names: n names.
-        breaks: Where the m pieces begin and the last one ends, from 0 on, shape (m + 1,) [s].
-        coefficients: In ascending powers of the time since the piece began, shape (m, n, k).
+        breaks: Instants at which the m pieces begin and the last one ends, from 0 on, shape (m +
+            1,) [s].
+        coefficients: Coefficients in ascending powers of the time since the piece began, shape (m,
+            n, k).
 
     Raises:
         InvalidTrajectory: Shapes do not fit, values are not finite, or breaks do not ascend from 0.

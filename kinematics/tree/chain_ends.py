@@ -20,9 +20,9 @@ class Ends:
     """First and last link of a chain.
 
     Args:
-        base_link: Where it starts.
-        tip_link: Where it ends.
-        lint: What was chosen without being asked for, one sentence each.
+        base_link: Link that the chain starts at.
+        tip_link: Link that the chain ends at.
+        lint: Remarks on what was chosen without being asked for, one sentence each.
     """
 
     base_link: str

@@ -68,7 +68,7 @@ class CollisionElement:
 
     Args:
         T_link_element: The solid's frame in the link's frame, shape (4, 4).
-        geometry: What it is.
+        geometry: Shape of the solid.
     """
 
     T_link_element: Array
@@ -84,8 +84,8 @@ class LinkDescription:
 
     Args:
         name: The link's name.
-        inertia: In the link's frame; None where the file gives none.
-        collisions: Its solids.
+        inertia: Inertia in the link's frame; None where the file gives none.
+        collisions: Solids of the link.
         drawn: Whether the file says how it looks.
     """
 
@@ -126,7 +126,7 @@ class JointDescription:
         damping: Viscous friction [N m s/rad or N s/m].
         friction: Dry (Coulomb) friction [N m or N].
         mimic: The joint it follows, if it follows one.
-        soft_range: Where its safety controller lets it be [rad or m], if it says so.
+        soft_range: Range in which a safety controller holds the joint [rad or m], if there is one.
     """
 
     name: str
@@ -168,9 +168,9 @@ class RobotDescription:
     Args:
         name: The robot's name.
         root: Name of the one link that no joint carries.
-        links: By name.
-        joints: By name; each link but the root is the child of exactly one.
-        lint: What is odd about the file but no fault, one sentence each.
+        links: Links by name.
+        joints: Joints by name; each link but the root is the child of exactly one.
+        lint: Remarks on what is odd about the file but no fault, one sentence each.
     """
 
     name: str

@@ -26,10 +26,10 @@ class Finger:
     """One joint of a branch: position = multiplier * (position of ``leader``) + offset.
 
     Args:
-        joint: As the file describes it; a fixed one in the middle of a branch among them.
+        joint: Joint as the file describes it; a fixed one in the middle of a branch among them.
         leader: The joint that it follows, its own name where it follows none; empty where it does
             not move.
-        multiplier: Of the leader's position.
+        multiplier: Multiplier of the leader's position.
         offset: Added to it [rad or m].
     """
 
@@ -39,7 +39,7 @@ class Finger:
     offset: float = 0.0
 
     def position(self, positions: Positions) -> float:
-        """Where it stands [rad or m], from the positions of those that lead."""
+        """Position of the joint [rad or m], from the positions of those that lead."""
         return self.multiplier * positions.get(self.leader, 0.0) + self.offset
 
     def motion(self, positions: Positions) -> Array:
@@ -57,8 +57,8 @@ class Fingers:
     """The joints of all branches that a chain carries, and where they stand.
 
     Args:
-        joints: Of the branches, those nearer to the chain first.
-        positions: Of the joints that lead [rad or m], where the chain holds them.
+        joints: Joints of the branches, those nearer to the chain first.
+        positions: Positions of the joints that lead [rad or m], where the chain holds them.
         states: Named states of those joints, of an SRDF, which name none of the chain's.
     """
 
@@ -109,7 +109,7 @@ class Fingers:
 
         Args:
             chain: The robot.
-            positions: Of all that lead [rad or m].
+            positions: Positions of all that lead [rad or m].
         """
         poses: dict[str, Array] = {}
         for finger in self.joints:

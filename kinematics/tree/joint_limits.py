@@ -94,8 +94,8 @@ def soft_limit_notes(
 
     Args:
         joints: All of the tree.
-        limits: Of the chain.
-        names: Of the chain's joints.
+        limits: Limits of the chain.
+        names: Names of the chain's joints.
     """
     soft = {joint.name: joint.soft_range for joint in joints if joint.soft_range is not None}
     told = [
@@ -246,7 +246,7 @@ def limits_of_chain(
     """The part of a robot's limits that concerns a chain, and a note on the rest.
 
     Args:
-        values: By joint and quantity, of the whole robot.
+        values: Values by joint and quantity, of the whole robot.
         joints: Names of the joints of the chain.
         known: Names of all joints of the tree.
     """
@@ -270,8 +270,8 @@ def apply_rules(
     """Limits with those that are missing made by rules, and a note on each rule.
 
     Args:
-        limits: Of n joints.
-        rules: By quantity (acceleration, jerk), as a multiple of another: "10 x velocity".
+        limits: Limits of n joints.
+        rules: Rules by quantity (acceleration, jerk), as a multiple of another: "10 x velocity".
         joint_names: n names.
 
     Raises:
@@ -296,7 +296,7 @@ def parse_rule(quantity: str, rule: str) -> tuple[float, str]:
     """Factor and source of a rule such as "10 x velocity".
 
     Args:
-        quantity: What it is a rule for.
+        quantity: Quantity that the rule makes.
         rule: The text.
 
     Raises:

@@ -54,7 +54,7 @@ def likely_tip(description: RobotDescription, start: str) -> TipChoice:
 
     Args:
         description: The tree.
-        start: Where the chain starts.
+        start: Link that the chain starts at.
     """
     depths = _depths(description)
     likely, clear = _follow(description, start, depths)

@@ -36,7 +36,7 @@ class JointRoom(NamedTuple):
     jerk: float
 
     def within(self, joint: JointDescription, multiplier: float, offset: float) -> "JointRoom":
-        """What is left where a follower keeps its limits too.
+        """Rest of a range in which a mimic joint stays inside its limits too.
 
         With q = m q_j + b in [l, u] the leader keeps to [(l - b) / m, (u - b) / m], the other way
         round where m < 0, and to 1 / |m| of its rates. A range that leaves no room is no law, and
@@ -61,8 +61,8 @@ def room_of(joint: JointDescription, followers: Iterable[Led] = ()) -> JointRoom
     A range that contradicts itself is none, and a rate of 0 is not given.
 
     Args:
-        joint: That leads.
-        followers: Of it.
+        joint: Joint that leads.
+        followers: Mimic joints of the joint.
     """
     low, high = joint.range
     rates = (joint.velocity, joint.acceleration, joint.jerk)
@@ -149,11 +149,11 @@ def narrowed_limits(
     """The limits of a chain (n joints) within those of the joints that follow it.
 
     Args:
-        limits: Of the chain's joints.
-        continuous: Which of them turn without end.
-        joints: Their names.
+        limits: Limits of the chain's joints.
+        continuous: Whether each joint turns without end.
+        joints: Names of the joints.
         description: The tree.
-        followers: From ``joint_followers``.
+        followers: Mimic joints by ``joint_followers``.
     """
     rows, endless = {name: np.array(getattr(limits, name)) for name in JointRoom._fields}, []
     for name, (leader, multiplier, offset) in followers.items():
@@ -170,7 +170,7 @@ def narrowed_limits(
 def _allowed(
     joint: JointDescription, multiplier: float, offset: float
 ) -> tuple[float, float] | None:
-    """Where the leader may stand for a follower to keep its limits; None for nowhere."""
+    """Range of the leader in which a mimic joint stays inside its limits; None for nowhere."""
     if joint.type == "continuous":
         return -math.inf, math.inf
     low, high = _least(joint.lower, -math.inf), _least(joint.upper, math.inf)

@@ -21,7 +21,7 @@ def named_states(chain: Chain, semantics: Semantics) -> tuple[dict[str, Array], 
 
     Args:
         chain: The robot.
-        semantics: Its SRDF.
+        semantics: SRDF of the robot.
     """
     states: dict[str, Array] = {}
     lint = []
@@ -57,8 +57,8 @@ def state(states: Mapping[str, Array], name: str, where: str) -> Array:
     """The configuration of a state, shape (n,) [rad or m].
 
     Args:
-        states: By name.
-        name: Of the state.
+        states: States by name.
+        name: Name of the state.
         where: The field that names it.
 
     Raises:

@@ -34,12 +34,12 @@ class Selection:
     """Part of a tree that is the chain.
 
     Args:
-        base_link: Where it starts.
-        tip_link: Where it ends.
+        base_link: Link that the chain starts at.
+        tip_link: Link that the chain ends at.
         joints: Names of its moving joints, base to tip.
         held: Positions of all other joints that could move, without ``followers``, by name
             [rad or m].
-        lint: What was chosen without being asked for, one sentence each.
+        lint: Remarks on what was chosen without being asked for, one sentence each.
         followers: The joints off the chain that mimic one of it, by name, each with the joint that
             leads, multiplier and offset.
     """
@@ -72,15 +72,17 @@ def serial_chain(
 
     Args:
         description: The tree.
-        base_link: Where the chain starts; by default where the SRDF's chain does, else the root.
-        tip_link: Where it ends; by default where the SRDF's chain does, else the likely tip.
+        base_link: Link that the chain starts at; by default that of the SRDF's chain, else the
+            root.
+        tip_link: Link that the chain ends at; by default that of the SRDF's chain, else the likely
+            tip.
         held: Positions of joints off the chain [rad or m]; 0, or the limit nearest to 0, for
             those not named. A mimic joint follows the held value of the joint it mimics.
         joint_limits: Values that replace those of the tree: {joint: {quantity: value}}, where a
             quantity is lower, upper, velocity, acceleration, jerk or effort, and the joint "*"
             stands for all that are not named.
         semantics: The SRDF.
-        gravity: In the root frame, shape (3,) [m/s^2].
+        gravity: Gravity in the root frame, shape (3,) [m/s^2].
 
     Raises:
         InvalidRobotDescription: A name is unknown, the tip is open, a joint of the path can't be

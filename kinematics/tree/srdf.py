@@ -37,7 +37,7 @@ class Semantics:
         enabled_collisions: Pairs of links of <enable_collisions>, each in sorted order; a pair that
             is disabled as well is disabled.
         passive: Joints that the file calls passive.
-        notes: What of the file is not obeyed, one sentence each.
+        notes: Notes on parts of the file that are not obeyed, one sentence each.
     """
 
     name: str

@@ -68,7 +68,7 @@ def read_link(element: Element, lint: list[str]) -> LinkDescription:
 
     Args:
         element: The element.
-        lint: Where to put what is odd but no fault.
+        lint: List that gets remarks on what is odd but no fault.
 
     Raises:
         InvalidRobotDescription: It has no name, or a number or geometry is wrong.
@@ -144,7 +144,7 @@ def read_geometry(element: Element, where: str, lint: list[str]) -> Geometry | N
     Args:
         element: The element.
         where: The link, for messages.
-        lint: Where to put what is odd but no fault.
+        lint: List that gets remarks on what is odd but no fault.
 
     Raises:
         InvalidRobotDescription: It has none, several, or one with wrong numbers.

@@ -15,7 +15,7 @@ def with_visual_solids(description: RobotDescription, visuals: UrdfVisuals) -> R
 
     Args:
         description: The tree.
-        visuals: Of the same URDF.
+        visuals: Visual elements of the same URDF.
     """
     bare = [name for name, link in description.links.items() if not link.collisions]
     unread = [name for name in bare if name in visuals.faults]

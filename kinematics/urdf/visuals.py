@@ -23,8 +23,8 @@ class VisualElement:
 
     Args:
         T_link_element: The solid's frame in the link's frame, shape (4, 4).
-        geometry: Its shape.
-        color: Of its material; None where the URDF gives none.
+        geometry: Shape of the element.
+        color: Colour of the material; None where the URDF gives none.
     """
 
     T_link_element: Array

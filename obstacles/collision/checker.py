@@ -104,7 +104,7 @@ class Motion:
         free: Proved free for every instant.
         colliding: A configuration on it was found that collides; neither is set where a pair comes
             within a millionth of a metre of its margin.
-        at: Where along the motion it was stopped, from 0 to 1; 1 where it is free.
+        at: Place along the motion at which it was stopped, from 0 to 1; 1 where it is free.
         pair: The link and what it met; None where the motion is free.
         clearance: A lower bound of the clearance over the whole motion, margins taken off [m];
             -inf where none is told.
@@ -125,7 +125,7 @@ class Proximity(NamedTuple):
     Args:
         pairs: Numbers for ``CollisionModel.pair_name``, shape (m,).
         distances: Signed distances, margins taken off, negative by the depth of overlap, (m,) [m].
-        gradients: Of the distances with respect to the joints, shape (m, n) [m/rad or 1].
+        gradients: Gradients of the distances with respect to the joints, shape (m, n) [m/rad or 1].
     """
 
     pairs: Indices
@@ -240,7 +240,7 @@ class Checker:
         return not _any_blocked()(self.model.arrays, points, float(self.slack))
 
     def each_valid(self, states: Array) -> NDArray[np.bool_]:
-        """Which of the configurations (k, n) are ``valid``, shape (k,)."""
+        """Verdicts ``valid`` of configurations (k, n), shape (k,)."""
         points = np.ascontiguousarray(states, _FLOAT)
         blocked = np.empty(len(points))
         _mark_blocked()(self.model.arrays, points, float(self.slack), blocked)

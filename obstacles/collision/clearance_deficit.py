@@ -26,10 +26,10 @@ def line_shortfall(
     Args:
         model: The packed robot and scene, with the margins.
         work: A workspace of the model.
-        a: Where it begins, shape (n,) [rad or m].
-        b: Where it ends, shape (n,).
+        a: Start of the motion, shape (n,) [rad or m].
+        b: End of the motion, shape (n,).
         spacing: Length of a part at most, Euclidean in joint space.
-        most: Beyond this the answer is infinite: fewer states are looked at then [m].
+        most: Distance beyond which the answer is infinite: fewer states are checked then [m].
     """
     n, square = a.shape[0], 0.0
     for j in range(n):

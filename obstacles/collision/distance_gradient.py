@@ -22,7 +22,7 @@ def distance_gradient(
 
     Args:
         chain: ``Chain.model``.
-        frames: Of the joints, shape (n, 4, 4).
+        frames: Frames of the joints, shape (n, 4, 4).
         still: The joint that carries the first piece, -1 for the base.
         joint: The joint that carries the second piece, beyond ``still``, or its body.
         n: Unit direction from the second piece to the first.

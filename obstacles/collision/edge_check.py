@@ -76,7 +76,7 @@ class Cubic(NamedTuple):
     """A curve q(s) = b0 + b1 s + b2 s^2 + b3 s^3 for 0 <= s <= 1.
 
     Args:
-        b0: Where it begins, shape (n,) [rad or m].
+        b0: Start of the curve, shape (n,) [rad or m].
         b1: Coefficients of s, shape (n,).
         b2: Coefficients of s^2, shape (n,).
         b3: Coefficients of s^3, shape (n,).
@@ -254,7 +254,7 @@ def certify_spans(
         most: Intervals' work after which it is given up.
         entries: The pairs.
         open_spans: How many intervals there are.
-        outcome: As of ``certify_curve``.
+        outcome: Outcome as of ``certify_curve``.
 
     Returns:
         The verdict, or NO_ROOM where the workspace is too small for what is left open.
@@ -315,7 +315,7 @@ def certify_curve(
 
     Args:
         model: The packed robot and scene.
-        b0: Where the curve begins, shape (n,) [rad or m].
+        b0: Start of the curve, shape (n,) [rad or m].
         b1: Coefficients of s, shape (n,).
         b2: Coefficients of s^2, shape (n,).
         b3: Coefficients of s^3, shape (n,).

@@ -34,7 +34,7 @@ def compare_pair(
         work: The workspace, its second piece placed.
         pair: The pieces; the second is one of ``work.placed``.
         own: Whether the first is the robot's too, and not of the scene.
-        apart: Their margin [m].
+        apart: Margin of the pair [m].
         axes: Axes across which pairs part, shape (e, 3).
         at: The row of this pair's.
 
@@ -90,7 +90,7 @@ def own_bound(model: ModelArrays, work: Workspace, s: int, reach: float, apart: 
         work: The workspace, both pieces placed.
         s: The pair.
         reach: How far balls about them stray and their margin, inf where that is not known [m].
-        apart: Their margin [m].
+        apart: Margin of the pair [m].
     """
     a, b = model.self_pairs[s, 0], model.self_pairs[s, 1]
     proved = balls_apart(work.placed, a, b) - reach  # no piece strays as far as what it is part of

@@ -86,11 +86,11 @@ def check_straight(
 
     Args:
         model: The packed robot and scene.
-        start: Where the straight motion begins, shape (n,) [rad or m].
-        end: Where it ends, shape (n,).
+        start: Start of the motion, shape (n,) [rad or m].
+        end: End of the motion, shape (n,).
         margin: Asked for on top of the pairs' own margins [m].
         looks: Parts of the motion between which states are looked at, a power of 2.
-        outcome: As of ``certify_curve``, without a clearance.
+        outcome: Outcome as of ``certify_curve``, without a clearance.
 
     Returns:
         The verdict on the first state that a look finds not free, else on the motion.

@@ -62,7 +62,7 @@ def _closer(
         shapes: Corners, tables and trees of both.
         room: Workspace, shape (9, 3).
         stack: Workspace, shape STACK.
-        apart: Their margin [m].
+        apart: Margin of the pair [m].
         best: The least distance so far [m].
         exact: Whether triangles decide where covers touch.
     """
@@ -154,7 +154,8 @@ def closest_state(model: ModelArrays, states: Array, within: float) -> tuple[flo
     Args:
         model: The packed robot and scene.
         states: Shape (k, n).
-        within: Where nothing is closer than this, it is the answer, and state and pair are -1 [m].
+        within: Distance below which a closer pair is searched; else it is the answer, state and
+            pair -1 [m].
     """
     work, covers = workspace(model), model.surfaces.shape[0] == 0
     work.joints[:] = 0.0
@@ -249,7 +250,7 @@ class NearPairs(NamedTuple):
 
     Args:
         numbers: The pairs, shape (r,).
-        distances: Their signed distances, margins taken off, shape (r,) [m].
+        distances: Signed distances of the pairs, margins taken off, shape (r,) [m].
         gradients: dd/dq, shape (r, n).
     """
 
@@ -263,10 +264,10 @@ class _Asked(NamedTuple):
 
     Args:
         a: Rows of the first piece, shape (p, WIDTH).
-        i: Its row.
+        i: Row of the first piece.
         still: The joint that carries it, -1 for the base.
         j: Row of the second piece, one of the robot's.
-        apart: Their margin [m].
+        apart: Margin of the pair [m].
         number: Number of the pair.
     """
 

@@ -303,8 +303,8 @@ def blocked_at(
     Args:
         model: The packed robot and scene.
         work: A workspace of the model.
-        a: Where it begins, shape (n,) [rad or m].
-        b: Where it ends, shape (n,).
+        a: Start of the motion, shape (n,) [rad or m].
+        b: End of the motion, shape (n,).
         margin: Asked for on top of the pairs' own margins [m].
         parts: Into which the motion is divided at first, a power of 2; 1 where the end is open.
         looks: Parts at last.

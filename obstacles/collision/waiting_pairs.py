@@ -29,7 +29,7 @@ class Entries(NamedTuple):
     """Pairs that are not settled yet.
 
     Args:
-        pairs: As ``ModelArrays.roots`` has them, shape (e, 2).
+        pairs: Pairs as ``ModelArrays.roots`` has them, shape (e, 2).
         axes: Axes across which they part, 0 where none is known, shape (e, 3).
     """
 
@@ -70,7 +70,7 @@ def next_group(
         margin: Asked for on top of the pairs' own margins [m].
         group: The first group.
         after: The one behind the last.
-        left: Where groups wait.
+        left: Stack of groups that wait.
         kept: How many entries wait there.
 
     Returns:

@@ -29,7 +29,7 @@ class GrowingHull(NamedTuple):
     """A hull and the room that it grows in.
 
     Args:
-        corners: Of each face, counter-clockwise seen from outside, shape (f, 3).
+        corners: Corners of each face, counter-clockwise seen from outside, shape (f, 3).
         across: The face beyond the edge from each corner to the next one, shape (f, 3).
         planes: Unit normal and offset of each face, a huge offset where none is, shape (4, f).
         heights: Scratch: heights of a point above the faces, shape (f,).
@@ -197,8 +197,8 @@ def add_point(hull: GrowingHull, points: Array, i: int, sight: float) -> float:
     Args:
         hull: The hull.
         points: All, shape (m, 3).
-        i: Which one is added.
-        sight: It is left out unless it is this far above a face [m].
+        i: Number of the point that is added.
+        sight: Height above a face below which the point is left out [m].
     """
     p = _point(points, i)
     made = hull.counts[_MADE]

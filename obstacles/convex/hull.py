@@ -39,11 +39,12 @@ class Hull:
     """The convex hull of a point set.
 
     Args:
-        vertices: Its corners, shape (k, 3) [m].
-        triangles: Its surface, counter-clockwise seen from outside where it has an inside, shape
-            (f, 3) of indices into ``vertices``; corners repeat where it is a segment or a point.
+        vertices: Corners of the hull, shape (k, 3) [m].
+        triangles: Surface of the hull, counter-clockwise seen from outside where it has an inside,
+            shape (f, 3) of indices into ``vertices``; corners repeat where it is a segment or a
+            point.
         planes: Unit normal and offset of each triangle, n.x <= o inside, shape (f, 4).
-        solid: Whether it has an inside; a polygon, a segment and a point have none.
+        solid: Whether the hull has an inside; a polygon, a segment and a point have none.
     """
 
     vertices: Array

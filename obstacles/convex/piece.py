@@ -36,10 +36,10 @@ class Surface:
     """The triangles of a mesh that one convex piece covers, in the piece's frame.
 
     Args:
-        triangles: Their corners, shape (t, 3, 3) [m].
+        triangles: Corners of the triangles, shape (t, 3, 3) [m].
         anchors: A point on each of the bodies they belong to, shape (r, 3) [m].
         mesh: Triangles of the whole mesh, as they were given, shape (f, 3, 3) [m].
-        place: Which of the pieces it is whose triangles together bound a solid.
+        place: Number of the piece among those whose triangles together bound a solid.
         count: How many these are, one behind the other; 0 where nothing is enclosed.
     """
 
@@ -55,12 +55,12 @@ class Piece:
     """One convex solid in the frame of what owns it.
 
     Args:
-        kind: What its core is. Cylinder and cone are centred, along z (a cone's apex is at
+        kind: Kind of the core. Cylinder and cone are centred, along z (a cone's apex is at
             +half_height); a half-space is z <= 0 of its frame.
         T_owner_piece: Frame of the piece in its owner's frame, shape (4, 4).
-        vertices: Of a polytope, in the piece's frame, shape (k, 3) [m]; empty otherwise.
-        radius: Of a cylinder or a cone's base [m].
-        half_height: Of a cylinder or cone [m].
+        vertices: Vertices of a polytope, in the piece's frame, shape (k, 3) [m]; empty otherwise.
+        radius: Radius of a cylinder or a cone's base [m].
+        half_height: Half the height of a cylinder or cone [m].
         offset_radius: Radius of the ball added to the core [m].
         surface: The part of a mesh it stands for, None where it is the solid itself.
     """
@@ -117,8 +117,8 @@ class Core(NamedTuple):
     """Bounding ball and box of a core in its frame, with half the box's size.
 
     Args:
-        center: Of the ball, shape (3,) [m].
-        radius: Of the ball [m].
+        center: Centre of the ball, shape (3,) [m].
+        radius: Radius of the ball [m].
         box: Middle and half sizes, shape (6,) [m].
         half: Half the sizes of a core that is a box about its frame, shape (3,); else None [m].
     """
@@ -190,11 +190,11 @@ class PieceArrays:
     Args:
         kinds: Shape (p,).
         starts: Vertices of piece i are ``vertices[starts[i]:starts[i + 1]]``, shape (p + 1,).
-        vertices: In the piece's frame, shape (v, 3).
+        vertices: Vertices in the piece's frame, shape (v, 3).
         sizes: Radius, half height, rounding; shape (p, 3).
         poses: T_owner_piece, shape (p, 4, 4).
-        centers: Of the bounding balls in the owner's frame, shape (p, 3).
-        radii: Of the bounding balls, shape (p,).
+        centers: Centres of the bounding balls in the owner's frame, shape (p, 3).
+        radii: Radii of the bounding balls, shape (p,).
         boxes: ``local_box`` of each, shape (p, 6).
     """
 
@@ -231,7 +231,7 @@ class PieceArrays:
 
     @classmethod
     def joined(cls, blocks: Sequence["PieceArrays"]) -> "PieceArrays":
-        """Those of several one behind the other."""
+        """Rows of several sets one behind the other."""
         if len(blocks) == 1:
             return blocks[0]
         columns = {

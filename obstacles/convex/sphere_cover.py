@@ -40,7 +40,7 @@ _ROUNDING = 1e-9
 
 @kernel
 def _farthest(points: Array, x: float, y: float, z: float) -> tuple[int, float]:
-    """Which of ``points`` (v, 3) is farthest from a point, and how far."""
+    """Number of the farthest of ``points`` (v, 3) from a point, and its distance."""
     square, corner = -1.0, 0
     for k in range(points.shape[0]):
         a, b, c = x - points[k, 0], y - points[k, 1], z - points[k, 2]
@@ -55,8 +55,8 @@ def _best_ball(points: Array, planes: Array, share: float, ball: Array) -> None:
 
     Args:
         points: Corners of a part of the piece.
-        planes: Of the piece, each with its offset, shape (f, 4); none of a flat one.
-        share: What the depth counts for beside the radius.
+        planes: Planes of the piece, each with its offset, shape (f, 4); none of a flat one.
+        share: Weight of the depth beside the radius.
         ball: Filled, shape (5,).
     """
     x, y, z = 0.0, 0.0, 0.0
@@ -125,7 +125,7 @@ def _keep(numbers: Indices, values: Array, count: int, least: float) -> int:
 
 @kernel
 def _worst(balls: Array, count: int) -> int:
-    """Which of the first ``count`` balls has the greatest excess."""
+    """Number of the ball with the greatest excess, of the first ``count``."""
     worst = 0
     for k in range(1, count):
         if balls[k, 3] - balls[k, 4] > balls[worst, 3] - balls[worst, 4]:
@@ -210,9 +210,10 @@ def cover(corners: Array, edges: Indices, planes: Array, most: int, enough: floa
     """Balls that cover a convex polytope, from one about it all down to the finest.
 
     Args:
-        corners: Of the polytope, shape (v, 3).
+        corners: Corners of the polytope, shape (v, 3).
         edges: Pairs of its corners, among them all its edges, shape (e, 2).
-        planes: Of its faces, unit normals and offsets, shape (f, 4); none of a flat one.
+        planes: Planes of the polytope's faces, unit normals and offsets, shape (f, 4); none of a
+            flat one.
         most: Balls on the finest level, if it takes that many.
         enough: Excess at which fewer will do [m].
 

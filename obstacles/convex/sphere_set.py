@@ -36,7 +36,7 @@ class SphereSet:
     """Spheres from one about the whole piece down to the finest, each before those below it.
 
     Args:
-        centers: In the frame of what owns the piece, shape (s, 3) [m].
+        centers: Centres in the frame of what owns the piece, shape (s, 3) [m].
         outer: Radii; a ball holds what those below it hold, the finest ones cover the piece, (s,).
         inner: Radii of balls about the same centres inside the piece; 0 or below where a centre
             is not inside, which then tells how far out it is, shape (s,).

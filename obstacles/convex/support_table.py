@@ -1,4 +1,4 @@
-"""Which corners of a hull can be its farthest one: a short list for each cell of directions.
+"""Corners of a hull that can be its farthest one: a short list for each cell of directions.
 
 The directions are cut into cells of the faces of a cube. Over the cell of directions (1, u, v)
 with u and v in intervals, how much farther one corner reaches than another is affine in u and v, so
@@ -85,7 +85,7 @@ def _fill(corners: Array, starts: Lists, lists: Lists) -> int:
 
 
 def support_table(corners: Array) -> Lists:
-    """Where each cell's list of corners starts in the table itself, and behind that the lists."""
+    """Index of each cell's list of corners in the table itself, and behind that the lists."""
     starts = np.empty(CELLS + 1, dtype=np.int32)
     lists = np.empty(CELLS * len(corners), dtype=np.int32)
     size = _fill(np.ascontiguousarray(corners), starts, lists)

@@ -54,12 +54,12 @@ def bound_from(rows: Array, k: int, corners: Array, x: float, y: float, z: float
     """Signed distance of a point from piece k [m]; from the box around a polytope.
 
     Args:
-        rows: Of a ``PieceSet``.
+        rows: Rows of a ``PieceSet``.
         k: One of them.
         corners: Theirs.
-        x: Of the point, in the frame the rows' poses map into, as are the next two [m].
-        y: Likewise.
-        z: Likewise.
+        x: Coordinate x of the point, in the frame the rows' poses map into [m].
+        y: Coordinate y of the point [m].
+        z: Coordinate z of the point [m].
     """
     a, b, c = x - rows[k, POSE + 3], y - rows[k, POSE + 7], z - rows[k, POSE + 11]
     if rows[k, KIND] == _POINT:

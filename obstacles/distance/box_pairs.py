@@ -39,14 +39,14 @@ class Node(NamedTuple):
     """A box in the frame of its piece.
 
     Args:
-        x: Its middle [m].
+        x: Middle of the box [m].
         y: [m].
         z: [m].
-        a: Its half sizes [m].
+        a: Half sizes of the box [m].
         b: [m].
         c: [m].
         radius: Half of its diagonal [m].
-        whole: Whether it holds the whole piece.
+        whole: Whether the box holds the whole piece.
     """
 
     x: float
@@ -148,7 +148,7 @@ def write_plane(
 
 @kernel(allocates=False)
 def _along(view: Array, at: int, box: Node) -> tuple[float, float]:
-    """Where the middle of a box is along the normal at a column, and how far the box reaches."""
+    """Middle of a box along the normal at a column, and how far the box reaches."""
     x, y, z = view[at], view[at + 1], view[at + 2]
     return (
         x * box.x + y * box.y + z * box.z,

@@ -32,9 +32,9 @@ def proved_distance(
     Args:
         proposed: FCL's answer, None where its solids touch.
         a: One convex piece, not a half-space.
-        T_a: Its pose, shape (4, 4).
+        T_a: Pose of the first piece, shape (4, 4).
         b: The other.
-        T_b: Its pose, shape (4, 4).
+        T_b: Pose of the second piece, shape (4, 4).
 
     Returns:
         A lower bound of the distance, within ``ACCURACY`` [m].

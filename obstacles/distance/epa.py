@@ -52,11 +52,11 @@ def contact(
     Args:
         a: Rows of a ``PieceSet``, their poses in a common frame.
         i: One of them.
-        b: Such rows, the same or others.
+        b: Rows of the second piece, the same or others.
         j: One of them; neither or one of the two is a half-space.
-        corners: Of both.
-        tables: Of both.
-        axis: Where to look first, from j to i, shape (3,).
+        corners: Corners of both.
+        tables: Tables of both.
+        axis: Direction to search first, from j to i, shape (3,).
 
     Returns:
         The distance [m], negative by the depth where they overlap; the unit direction from j to i:

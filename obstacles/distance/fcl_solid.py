@@ -32,10 +32,10 @@ class FclSolid:
     """A piece for FCL; not to be shared between threads.
 
     Args:
-        object: In FCL's units.
+        object: Object in FCL's units.
         T_piece_fcl: FCL's frame of it in the piece's frame, shape (4, 4).
-        excess: What FCL's solid is too thick by, negative where it is the core of a rounded piece
-            [m]. It is to be added to FCL's distances.
+        excess: Thickness that FCL's solid has too much, negative where it is the core of a rounded
+            piece [m]. It is to be added to FCL's distances.
     """
 
     object: "fcl.CollisionObject"
@@ -52,9 +52,9 @@ class Separation(NamedTuple):
     """How far FCL finds two solids apart.
 
     Args:
-        distance: Of the pieces [m].
+        distance: Distance of the pieces [m].
         nearest: The nearest point of FCL's first solid, shape (3,) [units of FCL].
-        other: That of the second, shape (3,) [units of FCL].
+        other: Nearest point of the second solid, shape (3,) [units of FCL].
     """
 
     distance: float

@@ -277,7 +277,8 @@ def separation(
         pair: The pieces.
         corners: Corners of both, shape (v, 3).
         tables: Support tables of both.
-        near: At most this far apart counts as too close [m]; -inf asks for the distance itself.
+        near: Distance up to which the pieces count as too close [m]; -inf asks for the distance
+            itself.
         far: Farther apart than this, and than the drift's allowance along the same plane on top, is
             far enough [m]; +inf asks for the distance itself.
         drift: Motion of the second piece seen from the first, ``STILL`` for none.

@@ -18,11 +18,11 @@ class NearestPoints:
     """The closest pair of a robot in a scene.
 
     Args:
-        distance: Between the two, negative by the depth where they overlap [m]; infinite where
-            nothing can collide.
-        pair: Their names; None where nothing can collide.
-        points: On the first and on the second, in the root frame, shape (2, 3) [m]; None where they
-            touch or triangles decide.
+        distance: Distance between the two, negative by the depth where they overlap [m]; infinite
+            where nothing can collide.
+        pair: Names of the pair; None where nothing can collide.
+        points: Points on the first and on the second, in the root frame, shape (2, 3) [m]; None
+            where they touch or triangles decide.
     """
 
     distance: float
@@ -35,7 +35,7 @@ def on_plane(piece: Piece, T: Array, T_halfspace: Array) -> Array:
 
     Args:
         piece: Not a half-space.
-        T: Its pose, shape (4, 4).
+        T: Pose of the piece, shape (4, 4).
         T_halfspace: Pose of the half-space z <= 0, shape (4, 4).
     """
     normal = np.ascontiguousarray(T_halfspace[:3, 2])

@@ -89,8 +89,8 @@ class PieceSet(NamedTuple):
 
     Args:
         rows: One for each piece, columns as named above, shape (p, WIDTH).
-        corners: In the frame of the piece they belong to, shape (v, 3).
-        tables: Those of tabled pieces one behind the other.
+        corners: Corners in the frame of the piece they belong to, shape (v, 3).
+        tables: Tables of tabled pieces one behind the other.
         surfaces: Nodes of the trees over the triangles of covers, one triangle a leaf, columns as
             in ``Tree`` but that a leaf goes from one to before another corner; shape (t, 10).
     """

@@ -43,7 +43,7 @@ def scene_set(scene: Scene) -> PieceSet:
     """A scene's pieces in the order of its obstacles, clouds as balls; read-only.
 
     Args:
-        scene: What stands around. Its rows name no obstacle and no margin.
+        scene: Scene around the robot. Its rows name no obstacle and no margin.
     """
     if len(scene.primitives.kinds) == len(scene.obstacles):
         packed = _NOTHING._replace(rows=primitive_rows(scene.primitives))

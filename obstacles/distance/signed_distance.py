@@ -44,10 +44,10 @@ def core_support(kind: int, vertices: Array, size: Array, T: Array, n: Array) ->
 
     Args:
         kind: Any but a half-space.
-        vertices: Of a polytope, in the piece's frame, shape (k, 3).
+        vertices: Vertices of a polytope, in the piece's frame, shape (k, 3).
         size: Radius and half height, shape (2,) or longer.
         T: The piece's frame.
-        n: Of any length.
+        n: Direction of any length.
     """
     x = T[0, 0] * n[0] + T[1, 0] * n[1] + T[2, 0] * n[2]
     y = T[0, 1] * n[0] + T[1, 1] * n[1] + T[2, 1] * n[2]
@@ -93,13 +93,13 @@ def plane_bound(
 
     Args:
         kind_a: Kind of the first piece.
-        vertices_a: Its corners, shape (k, 3).
-        size_a: Its radius and half height, shape (2,) or longer.
-        T_a: Its frame, shape (4, 4).
+        vertices_a: Corners of the first core, shape (k, 3).
+        size_a: Radius and half height of the first core, shape (2,) or longer.
+        T_a: Frame of the first core, shape (4, 4).
         kind_b: Kind of the second piece.
-        vertices_b: Its corners, shape (m, 3).
-        size_b: Its radius and half height.
-        T_b: Its frame in the same frame.
+        vertices_b: Corners of the second core, shape (m, 3).
+        size_b: Radius and half height of the second core.
+        T_b: Frame of the second core in the same frame.
         towards: The direction from the first to the second, of any length, shape (3,).
     """
     length = np.sqrt(towards[0] ** 2 + towards[1] ** 2 + towards[2] ** 2)
@@ -131,9 +131,9 @@ def signed_distance(a: Piece, T_a: Array, b: Piece, T_b: Array) -> tuple[float, 
 
     Args:
         a: A piece, no half-space.
-        T_a: Its frame, shape (4, 4).
+        T_a: Frame of the first piece, shape (4, 4).
         b: Another, no half-space.
-        T_b: Its frame in the same frame, shape (4, 4).
+        T_b: Frame of the second piece in the same frame, shape (4, 4).
     """
     T_a, T_b = np.ascontiguousarray(T_a), np.ascontiguousarray(T_b)
     polytope = _Polytope(np.array([support(a, T_a, n) - support(b, T_b, -n) for n in _FIRST]))

@@ -39,7 +39,7 @@ class Body(NamedTuple):
     Args:
         faces: Corners in one place numbered alike; of a closed body turned outward, of a cavity
             inward; shape (f, 3).
-        closed: Whether it bounds a solid or a cavity.
+        closed: Whether the body bounds a solid or a cavity.
         cavity: Whether the solid is around it.
     """
 
@@ -147,7 +147,7 @@ def _edges(faces: Faces) -> _Edges:
 
 
 def _nearly_closed(vertices: Array, faces: Faces, label: Indices, count: int) -> NDArray[np.bool_]:
-    """Which bodies have small holes at most; arguments as those of ``_open_share``."""
+    """Whether bodies have small holes at most; arguments as those of ``_open_share``."""
     share = _open_share(vertices, faces, label, count)
     closed = share <= _HOLES
     for k in np.flatnonzero((share > _HOLES) & (share < 1.0)):
@@ -169,7 +169,7 @@ def _open_share(vertices: Array, faces: Faces, label: Indices, count: int) -> Ar
 
     Args:
         vertices: Shape (k, 3).
-        faces: Without repeated corners, shape (f, 3).
+        faces: Faces without repeated corners, shape (f, 3).
         label: The body of each, shape (f,).
         count: How many bodies there are.
     """
@@ -204,7 +204,7 @@ def _cone_areas(vertices: Array, faces: Faces, label: Indices, count: int) -> Ar
 
 
 def _core(vertices: Array, faces: Faces, label: Indices) -> NDArray[np.bool_]:
-    """Which triangles are left without fins and inner walls, shape (f,).
+    """Whether triangles are left without fins and inner walls, shape (f,).
 
     Patches, which end where more than two triangles meet, are taken off a body until it has no rim:
     those with a free edge, then the smallest ones at a rim.

@@ -123,7 +123,7 @@ def _check_size(root: Element) -> None:
 
 
 def _expanded(element: Element, named: Mapping[str, Element]) -> list[Element]:
-    """What stands below a node once its references are followed, and what a file has."""
+    """Elements below a node once its references are followed, and what a file has."""
     parts = list[Element]()
     if element is named[""]:
         return [e for e in element.iter() if _tag(e) in ("visual_scene", "geometry")]

@@ -53,9 +53,10 @@ class ConvexPart:
     """One convex piece of a mesh: the hull of ``vertices`` (k, 3) grown by ``offset_radius`` [m].
 
     Args:
-        vertices: Of the hull.
-        offset_radius: What it is grown by.
-        triangles: What it covers, corners of each, shape (t, 3, 3); none where it is the mesh.
+        vertices: Vertices of the hull.
+        offset_radius: Radius by which the hull is grown.
+        triangles: Triangles that the part covers, corners of each, shape (t, 3, 3); none where it
+            is the mesh.
         anchors: A point on each of the bodies they belong to, shape (r, 3).
         filled: Whether they bound a solid, together with those of the other filled parts.
     """
@@ -78,9 +79,9 @@ class _Bodies(NamedTuple):
 
     Args:
         vertices: Shape (k, 3).
-        faces: Of all, shape (f, 3).
+        faces: Faces of all, shape (f, 3).
         filled: Whether they bound solids.
-        diagonal: Of the whole mesh [m].
+        diagonal: Diagonal of the whole mesh [m].
     """
 
     vertices: Array
@@ -89,7 +90,7 @@ class _Bodies(NamedTuple):
     diagonal: float
 
     def inside(self, points: Array) -> Array:
-        """Those of ``points`` (m, 3) that the bodies enclose."""
+        """Points among ``points`` (m, 3) that the bodies enclose."""
         numbers = np.zeros(len(points))
         if self.filled and len(points):
             winding_numbers(points, self.vertices, self.faces, numbers)
@@ -100,13 +101,13 @@ class _Part(NamedTuple):
     """Part that planes cut out of bodies.
 
     Args:
-        surface: What is there of the surface.
-        box: Where the planes are, lowest and highest, infinite where none is, shape (2, 3).
+        surface: Triangles of the surface in the part.
+        box: Places of the planes, lowest and highest, infinite where none is, shape (2, 3).
         inner: Corners of the box that are inside the bodies, shape (c, 3).
-        corners: Of the hull of both, shape (h, 3).
-        volume: Of the hull [m^3].
+        corners: Corners of the hull of both, shape (h, 3).
+        volume: Volume of the hull [m^3].
         axis: Across which another cut is best.
-        at: Where.
+        at: Place of the best cut.
         saved: Volume that this would save [m^3].
         judged: Whether two cuts at once were looked for.
     """
@@ -132,11 +133,11 @@ def cut_bodies(
     """Cut bodies together, by planes, until no cut saves enough.
 
     Args:
-        vertices: Of the mesh, shape (k, 3) [m].
-        faces: Those of each body, shape (f, 3).
-        diagonal: Of the whole mesh [m].
+        vertices: Vertices of the mesh, shape (k, 3) [m].
+        faces: Faces of each body, shape (f, 3).
+        diagonal: Diagonal of the whole mesh [m].
         filled: Whether the bodies bound solids.
-        fineness: When to stop.
+        fineness: Fineness at which cutting stops.
     """
     if not faces:
         return []

@@ -170,7 +170,7 @@ def _is_hull(hull: Hull, vertices: Array, faces: Faces) -> bool:
 
 
 def _on_hull(triangles: Array, hull: Hull) -> NDArray[np.bool_]:
-    """Which triangles (t, 3, 3) lie on a face of a hull of their corners, shape (t,)."""
+    """Whether triangles (t, 3, 3) lie on a face of a hull of their corners, shape (t,)."""
     corners = np.vstack([triangles.reshape(-1, 3), hull.vertices])
     names = np.unique(corners, axis=0, return_inverse=True)[1].reshape(-1)
     count = len(names) - len(hull.vertices)
@@ -185,7 +185,7 @@ def _on_hull(triangles: Array, hull: Hull) -> NDArray[np.bool_]:
 
 
 def _on_planes(triangles: Array, planes: Array) -> NDArray[np.bool_]:
-    """Which triangles (t, 3, 3) lie on one of some planes (k, 4), shape (t,)."""
+    """Whether triangles (t, 3, 3) lie on one of some planes (k, 4), shape (t,)."""
     lies = np.zeros(len(triangles), dtype=np.bool_)
     for begin in range(0, len(triangles), _TRIANGLES_AT_ONCE):
         own = triangles[begin : begin + _TRIANGLES_AT_ONCE]

@@ -38,7 +38,7 @@ def load_mesh(data: bytes, file_type: str) -> tuple[Array, Faces]:
 
     Args:
         data: The file's content.
-        file_type: Its extension, one of ``FILE_TYPES``.
+        file_type: Extension of the file, one of ``FILE_TYPES``.
 
     Returns:
         Vertices (k, 3), in the file's units ("dae": in metres, as it says its unit); triangles
@@ -73,7 +73,7 @@ def is_bare_header(data: bytes, file_type: str) -> bool:
 
     Args:
         data: The file's content.
-        file_type: Its extension.
+        file_type: Extension of the file.
     """
     is_short = _STL_HEADER - 4 <= len(data) <= _STL_HEADER
     return file_type.lower() == "stl" and is_short and not any(data[_STL_HEADER - 4 :])
@@ -86,7 +86,7 @@ def load_painted(
 
     Args:
         data: The file's content.
-        file_type: Its extension, one of ``FILE_TYPES``.
+        file_type: Extension of the file, one of ``FILE_TYPES``.
 
     Returns:
         Colours (red, green, blue, opacity) with vertices and triangles as of `load_mesh`.

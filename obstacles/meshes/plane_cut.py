@@ -81,7 +81,7 @@ def _write_volumes(
     Args:
         vertices: Shape (v, 3).
         faces: Shape (t, 3).
-        places: Between the slabs, ascending, for each axis, shape (3, k).
+        places: Places between the slabs, ascending, for each axis, shape (3, k).
         directions: Shape (3, d).
         below: Shape (3, k + 1).
         above: Shape (3, k + 1).
@@ -163,7 +163,7 @@ def _edges_across(faces: Faces, slabs: Indices) -> Indices:
 
     Args:
         faces: Shape (t, 3).
-        slabs: Of each point, for each axis, shape (3, v).
+        slabs: Slabs of each point, for each axis, shape (3, v).
     """
     first = np.zeros(slabs.shape[1] + 1, dtype=np.int64)
     for f in range(faces.shape[0]):
@@ -230,7 +230,7 @@ def _grow_by_slabs(
     Args:
         points: Shape (m, 3).
         best: How far the slabs' farthest points are along each direction, shape (s, d).
-        farthest: Which points those are, -1 where there is none, shape (s, d).
+        farthest: Points that are farthest, -1 where there is none, shape (s, d).
         step: 1 for the slabs up to each one, -1 for those from each one on.
         sight: How far a point is above a face if it sees it.
         hull: Room for it.
@@ -267,7 +267,7 @@ def cut_surface(surface: Surface, axis: int, at: float) -> tuple[Surface, Surfac
     Args:
         surface: Triangles; points that belong to none are left out.
         axis: 0, 1 or 2.
-        at: Where the plane is [m].
+        at: Place of the plane [m].
     """
     vertices, faces, names = surface
     heights = vertices[:, axis] - at
@@ -317,11 +317,11 @@ def _cut_faces(
 
     Args:
         points: Corners, then room for crossings, shape (v + 2 c, 3).
-        heights: Of the corners above the plane, shape (v,).
+        heights: Heights of the corners above the plane, shape (v,).
         faces: Shape (t, 3).
         names: The body of each, shape (t,).
         axis: 0, 1 or 2.
-        at: Where the plane is.
+        at: Place of the plane.
         sides: Triangles of both sides, shape (2, t + 2 c, 3).
         bodies: The body of each, shape (2, t + 2 c).
     """

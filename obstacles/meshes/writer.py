@@ -41,7 +41,7 @@ def glb(surface: Triangles, name: str, colours: NDArray[np.uint8] | None = None)
 
     Args:
         surface: The triangles.
-        name: Of the mesh.
+        name: Name of the mesh.
         colours: Red, green, blue and opacity of each vertex, shape (k, 4); None for none.
     """
     # glTF's y is our z, its z is our -y.

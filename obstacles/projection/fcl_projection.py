@@ -49,8 +49,8 @@ class FclProjector:
 
         Args:
             points: Shape (m, 3) [m].
-            within: What is farther from a point than this may be left out: its distance is
-                infinite, its projection NaN; shape (m,) [m]. None for everything.
+            within: Distance from a point beyond which obstacles may be left out: their distance is
+                infinite, their projection NaN; shape (m,) [m]. None for everything.
 
         Returns:
             pi(p) for each point and obstacle, shape (m, o, 3) [m]; the signed distance, negative
@@ -93,7 +93,7 @@ class _Target:
     """One obstacle as solids of FCL, made when they are first asked about.
 
     Args:
-        obstacle: Of any shape.
+        obstacle: Obstacle of any shape.
     """
 
     def __init__(self, obstacle: Obstacle) -> None:

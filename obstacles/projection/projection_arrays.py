@@ -44,16 +44,16 @@ class ProjectionArrays(NamedTuple):
     """Pieces packed for ``project_kernel``: p of them, of o obstacles.
 
     Args:
-        kinds: Of each piece, shape (p,).
+        kinds: Kinds of each piece, shape (p,).
         poses: T_world_piece, shape (p, 4, 4).
         sizes: Radius, half height, rounding (of a box: half sizes, 0); shape (p, 4).
         balls: Centre and radius of a ball about the piece in the world, shape (p, 4).
         across: A direction across a core without inside, in the piece's frame, shape (p, 3).
         solid: Whether a hull has an inside, shape (p,).
-        corners: Of all hulls, shape (c, 3).
+        corners: Corners of all hulls, shape (c, 3).
         corner_starts: Shape (p + 1,).
-        triangles: Of all hulls, shape (f, 3).
-        planes: Of all hulls, shape (f, 4).
+        triangles: Triangles of all hulls, shape (f, 3).
+        planes: Planes of all hulls, shape (f, 4).
         triangle_starts: Shape (p + 1,).
         owners: Index of the obstacle of each piece, in ascending order, shape (p,).
         enclosing: First of the pieces whose triangles together enclose an obstacle's inside, and

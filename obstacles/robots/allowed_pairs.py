@@ -28,9 +28,9 @@ class AllowedPair(NamedTuple):
 
     Args:
         pair: Two names, sorted; one is of a link or of what it holds.
-        reason: Who allows it.
+        reason: Reason: who allows the pair.
         touch_depth: How deep the two may overlap [m]; infinite for any depth.
-        measured: Whether it is told how deep they are: not of links that a joint joins, nor of
+        measured: Whether the depth of the pair is reported: not of links that a joint joins, nor of
             those that touch as the robot is built, where its model overlaps itself.
     """
 
@@ -45,7 +45,7 @@ class AllowedPair(NamedTuple):
         return self.touch_depth < np.inf
 
     def deeper(self, depth: float) -> tuple[str, dict[str, Any]]:
-        """What is wrong where the two are deeper than they may be, and values a program can use.
+        """Fault of a pair that is deeper than it may be, in words and as values a program can use.
 
         Args:
             depth: How deep they are [m].
@@ -63,7 +63,7 @@ class Overlap(NamedTuple):
 
     Args:
         pair: Two names, sorted.
-        reason: Who allows it.
+        reason: Reason: who allows the pair.
         overlap: The deepest overlap of two convex pieces of theirs [m]; None where none is told.
     """
 
@@ -87,7 +87,7 @@ def contacts_of(pairs: Iterable[Pair], reason: str) -> dict[Pair, AllowedContact
 
     Args:
         pairs: Pairs of names, or such pairs with their contacts.
-        reason: Who allows those that do not say so.
+        reason: Reason of those that do not say so.
     """
     known = pairs if isinstance(pairs, Mapping) else {}
     made = ((sorted_pair(*pair), known.get(pair)) for pair in pairs)
@@ -105,8 +105,8 @@ def allowed_pairs(robot: RobotGeometry, scene: Scene) -> tuple[AllowedPair, ...]
     What a scene or a request says of a pair counts before what the robot's own SRDF says.
 
     Args:
-        robot: What it holds is among its pieces.
-        scene: What stands around.
+        robot: Robot with the pieces of what it holds.
+        scene: Scene around the robot.
     """
     contacts = frozenset(scene.contacts.items())
     return _table(robot, frozenset(scene.ids), scene.allowed_collisions, contacts)
@@ -158,7 +158,7 @@ def piece_pairs(robot: RobotGeometry, scene: Scene, pair: Pair) -> Indices:
 
     Args:
         robot: The robot.
-        scene: What stands around.
+        scene: Scene around the robot.
         pair: The names of the two.
     """
     rows = []

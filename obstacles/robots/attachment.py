@@ -47,7 +47,7 @@ class Holding:
 
     Args:
         robot: Attached objects are among its pieces.
-        scene: What was taken is not among its obstacles; pairs that may touch are.
+        scene: Scene without the objects that are held; pairs that may touch are in it.
     """
 
     robot: RobotGeometry
@@ -64,7 +64,7 @@ def grasp(
 
     Args:
         robot: The arm.
-        scene: Where the obstacle stands.
+        scene: Scene of the obstacle.
         name: The obstacle.
         link: The link that holds it.
         q: The configuration, shape (n,).
@@ -92,7 +92,7 @@ def release(
 
     Args:
         robot: The arm.
-        scene: Without the object.
+        scene: Scene without the object.
         attachment: The object and its link.
         q: The configuration, shape (n,).
 
@@ -119,7 +119,7 @@ def hold(
     Args:
         robot: The arm, perhaps holding something already.
         scene: All obstacles, those that are held by now perhaps among them.
-        attachments: What is held.
+        attachments: Objects to hold.
         allowed: More pairs of names that may touch, perhaps with their contacts.
 
     Raises:

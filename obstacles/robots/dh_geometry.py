@@ -33,7 +33,7 @@ class LinkSolid:
 
     Args:
         shape: The shape.
-        T_link_solid: Its pose in the link's frame, which is frame i of row i, shape (4, 4).
+        T_link_solid: Pose in the link's frame, which is frame i of row i, shape (4, 4).
     """
 
     shape: Shape
@@ -55,8 +55,8 @@ def dh_robot_geometry(
 
     Args:
         name: The robot's name.
-        table: Its table, with n rows.
-        solids: What each row's link carries, n of them; empty for nothing.
+        table: Table of the robot, with n rows.
+        solids: Solids of each row's link, n of them; empty for nothing.
         capsule_radius: Radius of capsules along the links [m]; None for none.
 
     Raises:

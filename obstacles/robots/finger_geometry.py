@@ -19,7 +19,8 @@ def with_fingers(robot: RobotGeometry, positions: Positions) -> RobotGeometry:
 
     Args:
         robot: The robot, perhaps holding something.
-        positions: Of the joints that lead and move [rad or m]; others stand where they are.
+        positions: Positions of the joints that lead and move [rad or m]; others stand where they
+            are.
 
     Raises:
         InvalidOption: A joint is no finger's, or its position is outside its limits.
@@ -43,8 +44,8 @@ def swept_cover(
     Args:
         robot: The robot, perhaps holding something.
         first: Positions of all that lead where the way begins [rad or m].
-        last: Where it ends.
-        share: Where the part begins and ends, from 0 to 1 of the way.
+        last: Positions of all that lead where the way ends [rad or m].
+        share: Part of the way, from 0 to 1 of it.
 
     Returns:
         The robot, and the farthest that a solid was grown [m].

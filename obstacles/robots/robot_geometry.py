@@ -51,13 +51,13 @@ class RobotGeometry:
 
     Args:
         chain: The robot they belong to.
-        pieces: In the frame of the joint that carries them, p in all.
+        pieces: Pieces in the frame of the joint that carries them, p in all.
         links: Name of the link (or attached object) of each piece.
         joints: Index of the joint that carries each piece, -1 for the base, shape (p,).
         solids: Number of the solid of the description that each piece is a part of, shape (p,).
         allowed: Pairs of names that may touch, sorted, each with the reason: "same body",
             "adjacent", "always", "srdf", "attached" or "suspected: ...".
-        lint: What is odd, one sentence each.
+        lint: Remarks on what is odd, one sentence each.
         states: Named configurations, each of shape (n,) [rad or m].
         suspected: Pairs that touch where the robot surely may stand, each with the reason.
         fingers: Joints off the chain that a gripper moves, and where they stand.
@@ -167,9 +167,10 @@ def robot_geometry(
 
     Args:
         chain: The robot.
-        description: What it was built from; None for a robot that was given by numbers alone.
+        description: Description that it was built from; None for a robot that was given by numbers
+            alone.
         meshes: Bytes of the mesh files by the name the description uses, or what finds them.
-        semantics: Its SRDF.
+        semantics: SRDF of the robot.
 
     Raises:
         InvalidRobotDescription: A mesh is missing or can't be read, or a solid is malformed.
@@ -241,8 +242,8 @@ def geometry_of_solids(
         chain: The robot.
         solids: Each with the link that carries it, as pieces in the frame of the link's joint.
         parents: The link that each link hangs on.
-        semantics: Its SRDF.
-        lint: What is odd so far.
+        semantics: SRDF of the robot.
+        lint: Remarks so far on what is odd.
     """
     counts = [len(pieces) for _, pieces in solids]
     bare = RobotGeometry(

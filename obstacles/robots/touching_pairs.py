@@ -35,7 +35,7 @@ class PlacedPieces:
 
     Args:
         robot: The robot.
-        pieces: In place of its own, as many.
+        pieces: Pieces in place of its own, as many.
     """
 
     def __init__(self, robot: "RobotGeometry", pieces: Sequence[Piece] | None = None) -> None:
@@ -56,7 +56,7 @@ class PlacedPieces:
         self._packed.rows[:, CENTER : CENTER + 3] = (carried @ self._centers)[:, :, 0]
 
     def may_touch(self, pieces: Indices) -> NDArray[np.bool_]:
-        """Which of these pairs of pieces (k, 2) have balls about them that touch, shape (k,)."""
+        """Whether pairs of pieces (k, 2) have balls about them that touch, shape (k,)."""
         centers, radii = self._packed.rows[:, CENTER : CENTER + 3], self._packed.rows[:, RADIUS]
         first, second = pieces.T
         apart = centers[first] - centers[second]

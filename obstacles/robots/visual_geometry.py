@@ -29,10 +29,10 @@ class VisualBody(NamedTuple):
     """A part of a link in one colour.
 
     Args:
-        link: Its name.
+        link: Name of the link.
         color: Red, green, blue, opacity, 0 to 1; None where the description gives none.
-        surface: In the frame of the link.
-        simplified: Whether it is thinned out.
+        surface: Surface in the frame of the link.
+        simplified: Whether the surface is thinned out.
     """
 
     link: str
@@ -49,7 +49,7 @@ class VisualGeometry(NamedTuple):
     """Visual geometry of a robot.
 
     Args:
-        bodies: Of links whose visual elements can all be drawn.
+        bodies: Bodies of links whose visual elements can all be drawn.
         missing: Links that have visual elements which can't be drawn, and why.
     """
 
@@ -66,7 +66,7 @@ def visual_geometry(
     """The visual geometry of some links; fine meshes are thinned out.
 
     Args:
-        visuals: Of the URDF.
+        visuals: Visual elements of the URDF.
         links: Names of the links.
         meshes: Finds the bytes of a mesh file by its URI; raises where there are none.
         most: Triangles of all together.

@@ -228,9 +228,9 @@ class _Object(NamedTuple):
     """A collision object.
 
     Attributes:
-        obstacle: It.
-        subframes: By name, their poses in its frame.
-        told: What is odd about it.
+        obstacle: Obstacle of the object.
+        subframes: Poses of subframes by name, in the object's frame.
+        told: Remarks on what is odd about the object.
     """
 
     obstacle: Obstacle
@@ -455,8 +455,8 @@ def _told_pose(node: Node, where: str, told: set[str], *, empty: bool = True) ->
 
     Args:
         node: The message; None where it is left out.
-        where: Its place.
-        told: Where to put what is odd.
+        where: Place in the text.
+        told: List that gets remarks on what is odd.
         empty: Whether a pose of zeros is odd.
     """
     if node is None:

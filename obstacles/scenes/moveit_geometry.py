@@ -42,7 +42,7 @@ def scene_from_geometry(text: str) -> Scene:
     left out.
 
     Args:
-        text: Of the file.
+        text: Text of the file.
 
     Raises:
         InvalidScene: It is no such file, or cut short; the message names the line.
@@ -161,7 +161,7 @@ class _Reader:
         self._at = 0
 
     def place(self, what: str = "") -> str:
-        """Where the reader is, for messages."""
+        """Place of the reader, for messages."""
         line = self._text.count("\n", 0, self._at) + 1
         return f"{_FILE}, line {line}{': ' if what else ''}{what}"
 

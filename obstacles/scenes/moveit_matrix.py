@@ -12,10 +12,10 @@ _FIELDS = ("entry_names", "entry_values", "default_entry_names", "default_entry_
 
 
 class Permissions(NamedTuple):
-    """What may touch.
+    """Pairs that may touch.
 
     Attributes:
-        pairs: Of names.
+        pairs: Pairs of names.
         free: Names that may touch everything, each with those that it may not.
         halves: Pairs that one half of the matrix allows, and the other does not.
     """

@@ -33,7 +33,7 @@ def place(scene: Scene, chain: Chain, joints: ArrayLike | None = None) -> Scene:
     Args:
         scene: Obstacles in frames of links that stand still, of its file, or of the tool.
         chain: The robot.
-        joints: Where the tool is meant, shape (n,) [rad or m].
+        joints: Configuration at which the tool is meant, shape (n,) [rad or m].
 
     Raises:
         InvalidLinkName: The robot has no such frame, it moves, or nothing says where the tool is.
@@ -69,7 +69,7 @@ def with_objects(scene: Scene, names: Iterable[str]) -> Scene:
 
     Args:
         scene: The scene.
-        names: That a request uses.
+        names: Names that a request uses.
     """
     firsts = [name.removesuffix("/0") for name in scene.ids if name.endswith("/0")]
     for name in set(firsts).intersection(names) - set(scene.ids):

@@ -32,7 +32,7 @@ class AllowedContact(NamedTuple):
     """A contact that is allowed: who allows it, and how deep it may be.
 
     Args:
-        reason: Who allows it: "scene", "request", "touch_links" or "support".
+        reason: Reason: who allows the contact ("scene", "request", "touch_links" or "support").
         touch_depth: How deep the two may overlap [m]; infinite for any depth.
     """
 
@@ -45,9 +45,9 @@ class Obstacle:
     """A shape with a name and a place.
 
     Args:
-        id: Its name, unique in its scene.
-        shape: What it is made of.
-        T_world_obstacle: Its pose in ``frame``, shape (4, 4).
+        id: Name of the obstacle, unique in its scene.
+        shape: Shape of the obstacle.
+        T_world_obstacle: Pose in ``frame``, shape (4, 4).
         margin: Distance to be kept from it beyond that asked for everywhere [m].
         frame: A link of the robot that stands still, or "tool"; None for the robot's root frame.
             ``obstacles.scenes.placement.place`` puts a scene into the root frame, where all checks
@@ -158,7 +158,7 @@ class Obstacle:
         return len(shape.points) if isinstance(shape, PointCloud) else len(self.pieces())
 
     def balls(self) -> PieceArrays:
-        """Those of a point cloud, packed without a piece for each of them."""
+        """Balls of a point cloud, packed without a piece for each of them."""
         assert isinstance(self.shape, PointCloud)
         return PieceArrays.balls(self.shape.points, self.shape.radius, self.T_world_obstacle)
 
@@ -174,15 +174,15 @@ class Scene:
     """All obstacles, and the pairs of names that may touch.
 
     Args:
-        obstacles: In any order, each id once.
+        obstacles: Obstacles in any order, each id once.
         allowed_collisions: Pairs of obstacle ids and robot links; kept with their names sorted.
         fixed_frames: Frames that a file gives by their pose in its planning frame, each with the
             name of that frame and the pose, shape (4, 4). What the robot has by that name is meant
             in its place.
         free: Names that may touch everything, each with the names that it may not touch all the
             same. ``obstacles.scenes.placement.place`` makes pairs of them, for a robot.
-        notes: What is odd about the file it was read of, one sentence each.
-        contacts: What is known of these pairs, where they are not the scene's or have a depth.
+        notes: Remarks on what is odd about the file it was read of, one sentence each.
+        contacts: Contacts of these pairs, where they are not the scene's or have a depth.
 
     Raises:
         InvalidScene: An id occurs twice, there are too many obstacles, or a ``touch_depth`` is
@@ -366,7 +366,7 @@ def way_of_packing(obstacle: Obstacle) -> int:
 
 
 def primitives_of(obstacles: Iterable[Obstacle]) -> Primitives:
-    """Those of some obstacles that are primitives, in their order."""
+    """Primitives among some obstacles, in their order."""
     chosen = [obstacle for obstacle in obstacles if obstacle.shape.primitive is not None]
     listed = [obstacle.shape.primitive for obstacle in chosen]
     kinds = np.array(listed, dtype=np.int64)

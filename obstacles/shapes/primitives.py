@@ -44,7 +44,7 @@ class Primitives(NamedTuple):
     """Some primitives (k of them).
 
     Args:
-        kinds: As ``Primitive``, shape (k,).
+        kinds: Kinds as ``Primitive``, shape (k,).
         measures: Shape (k, 3) [m].
         poses: T_world_primitive, shape (k, 4, 4); a half-space is z <= 0 of its frame.
     """
@@ -54,7 +54,7 @@ class Primitives(NamedTuple):
     poses: Array
 
     def part(self, first: int, last: int) -> "Primitives":
-        """Those from one number to before another."""
+        """Rows from one number to before another."""
         chosen = slice(first, last)
         return Primitives(self.kinds[chosen], self.measures[chosen], self.poses[chosen])
 
@@ -120,12 +120,12 @@ def write_core(kind: int, measures: Array, box: Array) -> tuple[float, float]:
     """Write half the sizes of the box (6,) that holds a primitive, in its frame.
 
     Args:
-        kind: As ``Primitive``.
+        kind: Kind as ``Primitive``.
         measures: Shape (3,) [m].
-        box: Its middle, which is left alone, and half its sizes [m].
+        box: Middle of the box, which is left alone, and half its sizes [m].
 
     Returns:
-        Of a ball that holds the primitive: how far up its axis the middle is, and the radius [m].
+        Height of the middle of a ball that holds the primitive, up its axis, and its radius [m].
     """
     if kind == _HALFSPACE:
         box[3], box[4], box[5] = np.inf, np.inf, np.inf

@@ -42,7 +42,7 @@ class Shape(ABC):
     primitive: ClassVar[int | None] = None
 
     def measures(self) -> tuple[float, float, float]:
-        """Those of a primitive, as ``Primitive`` lists them, 0 where it has fewer [m]."""
+        """Measures of a primitive, as ``Primitive`` lists them, 0 where it has fewer [m]."""
         raise NotImplementedError
 
     @abstractmethod
@@ -152,7 +152,7 @@ class Capsule(Shape):
 
     Args:
         radius: [m].
-        height: Of the cylinder alone; the capsule is height + 2 radius long [m].
+        height: Height of the cylinder alone; the capsule is height + 2 radius long [m].
 
     Raises:
         InvalidScene: A size is not finite, not positive or out of range.
@@ -176,7 +176,7 @@ class Cone(Shape):
     """A cone, centred, along z: the apex at z = +height/2, the base at z = -height/2.
 
     Args:
-        radius: Of the base [m].
+        radius: Radius of the base [m].
         height: Full height [m].
 
     Raises:
@@ -304,7 +304,7 @@ class Mesh(Shape):
         """As ``pieces``, cut as finely as is asked for.
 
         Args:
-            fineness: When to stop cutting.
+            fineness: Fineness at which cutting stops.
         """
         parts = convex_pieces(self.vertices, self.faces, fineness)
         filled = sum(part.filled for part in parts)
@@ -318,7 +318,7 @@ class PointCloud(Shape):
 
     Args:
         points: Shape (k, 3), k >= 1 [m].
-        radius: Of every ball [m].
+        radius: Radius of every ball [m].
 
     Raises:
         InvalidScene: Not finite, empty, too many, or the radius is not positive.
@@ -349,8 +349,8 @@ class Compound(Shape):
     """Several solids that are one object.
 
     Args:
-        solids: Of any shape but this and point clouds.
-        poses: Of each in the object's frame, rigid motions of shape (4, 4).
+        solids: Solids of any shape but this and point clouds.
+        poses: Poses of each in the object's frame, rigid motions of shape (4, 4).
 
     Raises:
         InvalidScene: There is none, one has no pose, or is a point cloud or compound itself.

@@ -74,7 +74,7 @@ class RobotDrawing:
         scene: Scene of viser to draw in.
         name: Name of the node that holds it.
         bodies: Surfaces of the links.
-        color: Color of surfaces that have none of their own: red, green, blue, 0 to 255.
+        color: Colour of surfaces that have none of their own: red, green, blue, 0 to 255.
         opacity: 1 for an opaque robot.
         looks: Surfaces of what the links look like; none where that is not known.
     """

@@ -164,10 +164,10 @@ def branches(
         chain: The robot.
         target: T_base_link, shape (4, 4) or (m, 4, 4).
         link: The link to bring there; the tip where none is named.
-        seed_joints: Where whole turns and free angles are to be near, shape (n,) or (m, n); the
-            middle of the limits where not given.
-        parameters: Of a redundant arm: the arm angles or values of the locked joint to take, in
-            this order, shape (v,) or (m, v); that of the seed where not given.
+        seed_joints: Configuration that whole turns and free angles are near to, shape (n,) or (m,
+            n); the middle of the limits where not given.
+        parameters: Parameters of a redundant arm: the arm angles or values of the locked joint to
+            take, in this order, shape (v,) or (m, v); that of the seed where not given.
         tolerance: Largest error of a branch [m], [rad].
         enough: Try no more parameters once so many branches are inside the limits.
         threads: How many to share a batch among, which changes nothing but the time; all the

@@ -27,7 +27,7 @@ class ArmSides(NamedTuple):
             "down"; of a planar arm "left" or "right" of that line, seen against axis 1; of seven
             joints "no flip" where the sine of the bend about axis 4 is positive, else "flip".
         wrist: "no flip" where the sine of its middle joint is positive, else "flip".
-        singular: Those of "shoulder", "elbow" and "wrist" that are singular.
+        singular: Parts that are singular, of "shoulder", "elbow" and "wrist".
     """
 
     shoulder: str | None

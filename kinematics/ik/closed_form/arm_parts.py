@@ -59,7 +59,7 @@ class Part(NamedTuple):
     """A part of an arm in m configurations.
 
     Args:
-        side: Its sign tells the side, shape (m,).
+        side: Number whose sign is the side, shape (m,).
         size: 0 where the part is singular, shape (m,) [m, or the sine of an angle].
         names: The sides for a positive and for a negative sign.
     """
@@ -142,8 +142,8 @@ def arm_parts(shape: ArmShape, axes: Lines) -> Mapping[str, Part]:
     """The parts of an arm, "shoulder", "elbow" and "wrist" as far as it has them.
 
     Args:
-        shape: Of the arm.
-        axes: In m configurations.
+        shape: Shape of the arm.
+        axes: Axes in m configurations.
     """
     z, o = axes.z, axes.origins
     if shape is ArmShape.PLANAR:
@@ -208,8 +208,8 @@ def _elbow(z1: Array, z2: Array, upper: Array, whole: Array) -> tuple[Array, Arr
     Args:
         z1: Axis 1, shape (m, 3).
         z2: Axis 2, shape (m, 3).
-        upper: From axis 2 to axis 3, shape (m, 3) [m].
-        whole: From axis 2 to the wrist, shape (m, 3) [m].
+        upper: Vector from axis 2 to axis 3, shape (m, 3) [m].
+        whole: Vector from axis 2 to the wrist, shape (m, 3) [m].
     """
     # Both in the plane across axis 2, in which the elbow bends.
     a, c = across(upper, z2), across(whole, z2)

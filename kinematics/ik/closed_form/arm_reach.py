@@ -89,7 +89,7 @@ def _home_inverse(chain: Chain, link: str | None) -> Array:
 
 
 def _moved(T: Array, point: Array) -> Array:
-    """Where a point of the last body at q = 0 is when the link is at the target, (3,) [m]."""
+    """Place of a point of the last body at q = 0 when the link is at the target, (3,) [m]."""
     return np.asarray(T[:3, :3] @ point + T[:3, 3])
 
 

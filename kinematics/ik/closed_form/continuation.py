@@ -80,7 +80,7 @@ class _Point(NamedTuple):
     Args:
         q: The configuration, shape (n,).
         rho: Error along the open direction [m or rad].
-        slope: Its derivative along the curve, drho/ds.
+        slope: Derivative of rho along the curve, drho/ds.
     """
 
     q: Array
@@ -224,7 +224,7 @@ def follow_kernel(  # noqa: C901, PLR0912
         start: A configuration on or near the curve, shape (n,).
         u0: Unit direction that is left open, shape (6,).
         t0: Unit tangent, the way to go, shape (6,).
-        visited: Where curves have been: configurations and tangents, shape (w, 12).
+        visited: Configurations and tangents where curves have been, shape (w, 12).
         seen: Rows of it that are filled.
         roots: The answer, shape (r, n).
 

@@ -111,7 +111,7 @@ def _add_behind_first(
         table: The candidates.
         flange: The frame of the last joint.
         first: Cosine and sine of q1.
-        fifth: Those of q5, _BOTH where both sides of joint 5 are right.
+        fifth: Cosine and sine of q5, _BOTH where both sides of joint 5 are right.
         code: Bits of the branch so far.
         family: Number of the family that q1 and q5 are of, or 0.
         count: Rows that are taken.
@@ -224,7 +224,7 @@ def _add_elbows(
         table: The candidates.
         p: Origin of joint 6 in the frame of joint 2 before its turn [m].
         arm: Cosines and sines of q1, and of q2 + q3 + q4 with the fixed angles.
-        wrist: Those of q5 and q6.
+        wrist: Cosines and sines of q5 and q6.
         code: Bits of the branch so far.
         family: Number of the family that these angles are of, or 0.
         count: Rows that are taken.

@@ -32,7 +32,7 @@ class _Forearm(NamedTuple):
 
     Args:
         x: x axis of the last joint's frame, seen from the frame fixed before joint 5.
-        z: Its z axis.
+        z: Axis z of the frame.
         turn: Cosine and sine of q4.
     """
 
@@ -194,7 +194,7 @@ def _add_shoulders(
         plan: The arm.
         table: The candidates.
         m0: x axis of joint 3's frame, seen from the frame fixed before joint 1.
-        m2: Its z axis.
+        m2: Axis z of the frame.
         forearm: The arm from the elbow on.
         code: Bits of the branch so far.
         count: Rows that are taken.

@@ -261,7 +261,7 @@ def add_refined_kernel(
 
     Args:
         problem: The pose and the arm.
-        candidate: Its row, shape (WIDTH,).
+        candidate: Row of the candidate, shape (WIDTH,).
         lane: The number of its lane.
         lanes: The answer of ``verify_kernel``.
         q: Workspace, shape (n,).

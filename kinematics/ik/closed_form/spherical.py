@@ -50,9 +50,9 @@ class Flange(NamedTuple):
     """The frame of a form's last joint, seen from the frame fixed before its first.
 
     Args:
-        x: Its x axis.
-        z: Its z axis.
-        origin: Its origin [m].
+        x: Axis x of the frame.
+        z: Axis z of the frame.
+        origin: Origin of the frame [m].
     """
 
     x: Vector
@@ -130,7 +130,7 @@ def _add_wrists(
         plan: The arm.
         table: The candidates.
         x: x axis of the last joint's frame, as in ``Flange``.
-        z: Its z axis.
+        z: Axis z of the frame.
         arm: Cosines and sines of the first three joints.
         code: Bits of the branch so far.
         family: Number of the family that the first three joints are of, or 0.

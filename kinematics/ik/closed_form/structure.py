@@ -1,4 +1,4 @@
-"""Which closed form fits a chain, and the chain as that form reads it.
+"""Choice of the closed form that fits a chain, and the chain as that form reads it.
 
 All is found on the axes as lines at q = 0, so neither the frames nor a description's conventions
 matter. Each form is tried forwards and, as T^-1 runs the joints the other way, backwards: a
@@ -71,8 +71,8 @@ class Structure:
     """A closed form and the chain packed for it.
 
     Args:
-        kind: Which form.
-        reverse: Whether it reads the joints from the tip.
+        kind: Name of the form.
+        reverse: Whether the form reads the joints from the tip.
         locked: Index of the joint that is held at the parameter; None where the parameter is the
             arm angle, or none is needed.
         joints: How many joints of the chain take part, from the first on.
@@ -300,7 +300,7 @@ def _parallel_axes(A: Array) -> bool:
 
 
 def _crossing(A: Array) -> float | None:
-    """Where on z the z axis of frame ``A`` (4, 4) meets it [m]; None where it doesn't."""
+    """Place on z where the z axis of frame ``A`` (4, 4) meets it [m]; None where it doesn't."""
     if _parallel_axes(A):
         return None
     direction, point = A[:3, 2], A[:3, 3]

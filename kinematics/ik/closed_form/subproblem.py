@@ -72,7 +72,7 @@ def orient_kernel(
 
     Args:
         B: Row of the fixed rotation before the second joint.
-        C: That before the third.
+        C: Rotation before the third angle.
         w: alpha, beta, cos and sin of the middle of b; see ``wrist_constants``.
         m0: Column 0 of M.
         m2: Column 2 of M.
@@ -169,7 +169,7 @@ def circle_roots_kernel(E: Array, noise: float, depth: float, work: Array, roots
     Args:
         E: The coefficients, shape (6,).
         noise: How exact they are.
-        depth: By how much they may differ from those of the arm that is meant.
+        depth: Difference that they may have from those of the arm that is meant.
         work: Room, at least (8, 6).
         roots: The answer.
 
@@ -236,8 +236,8 @@ def pair_kernel(
     Args:
         N: The matrix by rows.
         h: Coefficients of 1, cos(x), sin(x), shape (2, 3).
-        rho: Of 1, c, s, c^2, cs, s^2, shape (6,).
-        slack: As ``cosine_kernel`` has it.
+        rho: Coefficients of 1, c, s, c^2, cs, s^2, shape (6,).
+        slack: Slack as ``cosine_kernel`` has it.
         miss: How far the arm is from the one that is meant [m or rad].
         free: Angles to take where any is a solution.
         out: The answer: cos(x), sin(x), y_0, y_1 a row, shape (24, 4).

@@ -273,7 +273,7 @@ def search_kernel(  # noqa: C901, PLR0912, PLR0915
         settings: How to search.
         target: T_base_link, shape (4, 4).
         spent: Starts that were spent before; above 0 it begins with a draw instead of ``start``.
-        start: Where to begin, shape (n,).
+        start: Configuration to begin at, shape (n,).
         best: The nearest configuration, shape (n,).
 
     Returns:

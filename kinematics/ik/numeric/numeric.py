@@ -73,10 +73,10 @@ class IkBatch:
 
     Args:
         joints: The nearest configuration to each, shape (m, n) [rad or m].
-        position_error: Its distance [m], shape (m,).
-        orientation_error: Its angle [rad], shape (m,).
+        position_error: Distance from the target [m], shape (m,).
+        orientation_error: Angle to the target [rad], shape (m,).
         steps: Steps over all starts, shape (m,).
-        solved: Whether it is inside the tolerances, shape (m,).
+        solved: Whether the error is inside the tolerances, shape (m,).
     """
 
     joints: Array
@@ -91,7 +91,7 @@ class SearchOptions:
     """Options of the numeric method.
 
     Args:
-        seed: Of the random restarts; the same seed gives the same answer.
+        seed: Seed of the random restarts; the same seed gives the same answer.
         starts: Start configurations to spend in all, on each pose.
         position_tolerance: Largest distance of a solution from its target [m].
         orientation_tolerance: Largest angle of a solution from its target [rad].
@@ -140,8 +140,8 @@ def solve_many(
         targets: T_base_link, shape (m, 4, 4).
         options: How to search; the same for each pose.
         link: The link to bring there; the tip where none is named.
-        seed_joints: Where to start from, shape (n,) or (m, n); the middle of the limits where not
-            given.
+        seed_joints: Configuration to start from, shape (n,) or (m, n); the middle of the limits
+            where not given.
         threads: How many to share the poses among, which changes nothing but the time; all the
             processors that this process may use where not given.
 
@@ -188,7 +188,8 @@ def solve(
         target: T_base_link, shape (4, 4).
         options: How to search.
         link: The link to bring there; the tip where none is named.
-        seed_joints: Where to start from, shape (n,); the middle of the limits where not given.
+        seed_joints: Configuration to start from, shape (n,); the middle of the limits where not
+            given.
         solutions: How many distinct ones to look for.
 
     Returns:

@@ -53,7 +53,7 @@ class _LaneStarts(NamedTuple):
     Args:
         T: Targets, shape (FRAME_SIZE,).
         start: Configurations that new starts begin at, shape (8 n,).
-        state: As of ``LaneSearch``.
+        state: State as of ``LaneSearch``.
         draws: States of the random draws, shape (8, 1).
     """
 
@@ -74,7 +74,7 @@ def numeric_simd_kernel(
         space: The chain up to the link.
         settings: How to search.
         targets: T_base_link, shape (m, 4, 4).
-        begin: Where to begin, shape (m, n).
+        begin: Configurations to begin at, shape (m, n).
         best: The nearest configurations, their errors, and the steps and starts spent, shape
             (m, n + 4).
         solved: 1 where the tolerances are met, else 0, shape (m,).

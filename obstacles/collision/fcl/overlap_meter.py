@@ -20,8 +20,8 @@ class OverlapMeter:
     """Measures how deep allowed pairs are in single configurations, by FCL.
 
     Args:
-        robot: What it holds is among its pieces.
-        scene: What stands around.
+        robot: Robot with the pieces of what it holds.
+        scene: Scene around the robot.
     """
 
     def __init__(self, robot: RobotGeometry, scene: Scene) -> None:

@@ -13,13 +13,13 @@ from obstacles.distance.piece_set import CENTER
 
 @kernel(allocates=False, inline="code")
 def frame_at(work: Workspace, joint: int) -> int:
-    """Where the frames of a body begin in ``work.lanes``."""
+    """Place in ``work.lanes`` at which the frames of a body begin."""
     return int(3 * LANES * work.joints.shape[1] + FRAME_SIZE * joint)
 
 
 @kernel(allocates=False, inline="code")
 def _first_of(model: ModelArrays, work: Workspace, row: int) -> int:
-    """Where the middles of a body's ball begin in ``work.lanes``."""
+    """Place in ``work.lanes`` at which the middles of a body's ball begin."""
     first = frame_at(work, work.frames.shape[0])
     return int(first + BALL_SIZE * (row - model.skipped.shape[0]))
 

@@ -63,8 +63,8 @@ def blocked_between(
     Args:
         model: The packed robot and scene.
         work: A workspace of the model.
-        a: Where the motion begins, shape (n,) [rad or m].
-        b: Where it ends, shape (n,).
+        a: Start of the motion, shape (n,) [rad or m].
+        b: End of the motion, shape (n,).
         margin: Asked for on top of the pairs' own margins [m].
         parts: Into which the motion is divided at first, a power of 2; 1 where the end is open.
         looks: Parts at last.
@@ -90,9 +90,9 @@ def write_states(work: Workspace, a: Array, b: Array, shares: Array, first: int,
 
     Args:
         work: The workspace, whose lanes before the first stay; those behind repeat the last.
-        a: Where the way begins, shape (n,).
-        b: Where it ends, shape (n,).
-        shares: Of the way, by lanes, shape (8,).
+        a: Start of the motion, shape (n,).
+        b: End of the motion, shape (n,).
+        shares: Shares of the way, by lanes, shape (8,).
         first: The first lane that is written.
         end: The lane behind the last that is asked about, more than the first.
     """
@@ -111,15 +111,15 @@ def write_states(work: Workspace, a: Array, b: Array, shares: Array, first: int,
 def blocked_lanes(
     model: ModelArrays, work: Workspace, margin: float, asked: int, vital: int, together: int
 ) -> int:
-    """Which of the eight states that a workspace begins with are not free, as bits.
+    """Verdicts on the eight states that a workspace begins with: bits of those that are not free.
 
     Args:
         model: The packed robot and scene.
         work: A workspace of the model, its ``lanes`` beginning with the states.
         margin: Asked for on top of the pairs' own margins [m].
         asked: States that are asked about, as bits, as are the next two.
-        vital: Those of which one that is not free will do: the others may be left open then.
-        together: Those that all count as not free where one of them is not.
+        vital: States of which one that is not free will do: the others may be left open then.
+        together: States that all count as not free where one of them is not.
     """
     blocked = 0
     write_frames(model.chain, work.lanes)

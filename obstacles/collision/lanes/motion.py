@@ -41,8 +41,8 @@ def open_stretches(
         model: The packed robot and scene.
         work: A workspace of the model, filled as ``certify_spans`` reads it: a stretch with what
             may meet on it, and the whole motion with the robot's own pairs that may.
-        start: Where the motion begins, shape (n,) [rad or m].
-        end: Where it ends, shape (n,).
+        start: Start of the motion, shape (n,) [rad or m].
+        end: End of the motion, shape (n,).
         margin: Asked for on top of the pairs' own margins [m].
 
     Returns:
@@ -172,7 +172,7 @@ def _write_strays(model: ModelArrays, work: Workspace, row: int) -> None:
 
 @kernel(allocates=False, inline="code")
 def strays_of(work: Workspace, joint: int) -> int:
-    """Where the strays of a body begin in ``work.lanes``, seen from the base and from each body."""
+    """Place in ``work.lanes`` of a body's strays, seen from the base and from each body."""
     bodies = work.frames.shape[0]
     return int(work.lanes.shape[0] - LANES * (bodies + 1) * (bodies - joint))
 

@@ -57,7 +57,7 @@ def _blocked_among(
     model: ModelArrays, work: Workspace, states: Array, first: int, count: int, margin: float,
     vital: int,
 ) -> int:  # fmt: skip
-    """Which of up to eight states are not free, as bits; where one that is ``vital`` is not, some.
+    """Verdicts on up to eight states: bits of those that are not free, some if a vital one is not.
 
     Args:
         model: The packed robot and scene.
@@ -66,7 +66,7 @@ def _blocked_among(
         first: The first of those asked about.
         count: How many are.
         margin: Asked for on top of the pairs' own margins [m].
-        vital: As bits, those of which one that is not free will do.
+        vital: States, as bits, of which one that is not free will do.
     """
     if count >= _FEW:
         for j in range(states.shape[1]):

@@ -31,14 +31,14 @@ class Tightness(NamedTuple):
     """How closely the finest spheres of a link bracket it.
 
     Args:
-        link: Its name.
+        link: Name of the link.
         pieces: How many convex pieces it has.
         spheres: How many outer spheres cover them, and as many lie inside.
         excess: Proved: no outer sphere reaches farther beyond its piece than this, and no point of
             a piece is farther from its inner spheres [m].
-        outer_volume: Of all outer spheres together, the link's own volume being 1, counted on a
-            grid of points; infinite for a link without volume.
-        inner_volume: The same of the inner spheres.
+        outer_volume: Volume of all outer spheres together, the link's own volume being 1, counted
+            on a grid of points; infinite for a link without volume.
+        inner_volume: Volume of all inner spheres together, likewise.
     """
 
     link: str
@@ -55,8 +55,9 @@ class Brackets:
 
     Args:
         robot: The robot.
-        sets: Of its pieces, in their order, each in the frame of the joint that carries it.
-        spheres: All of them for the kernels, columns as named above, shape (s, 6).
+        sets: Sphere sets of the pieces, in their order, each in the frame of the joint that carries
+            it.
+        spheres: Spheres of all pieces for the kernels, columns as named above, shape (s, 6).
         starts: The spheres of piece i are ``spheres[starts[i]:starts[i + 1]]``, shape (p + 1,).
     """
 
@@ -119,7 +120,7 @@ def sphere_sets(robot: RobotGeometry) -> tuple[SphereSet, ...]:
 
 
 def _inside(piece: Piece, points: Array) -> NDArray[np.bool_]:
-    """Which of the points (m, 3), in the frame of what owns it, lie in a bounded piece, (m,)."""
+    """Whether points (m, 3), in the frame of what owns it, lie in a bounded piece, (m,)."""
     T = piece.T_owner_piece
     local = np.ascontiguousarray((points - T[:3, 3]) @ T[:3, :3])
     if piece.kind != PieceKind.POLYTOPE:

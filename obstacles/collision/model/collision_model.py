@@ -40,7 +40,7 @@ _HALFSPACE = int(CoreKind.HALFSPACE)
 
 @dataclass(frozen=True, slots=True, eq=False)
 class CollisionModel:
-    """Everything a collision verdict depends on but the configuration; packed when first asked.
+    """Model of a robot in a scene for collision verdicts, packed when first asked.
 
     Every link is compared with every obstacle, and the robot's own pairs. What stands still with
     the base can't be planned out of anything and is not compared with obstacles; pairs that the
@@ -48,10 +48,10 @@ class CollisionModel:
 
     Args:
         robot: Chain and solids.
-        scene: What stands around.
-        margin: To be kept from obstacles, beyond their own [m].
-        own_margin: To be kept between the robot's own links [m], which may be built close together.
-        _like: What is packed with other margins, if anything is.
+        scene: Scene around the robot.
+        margin: Margin from obstacles, beyond their own [m].
+        own_margin: Margin between the robot's own links [m], which may be built close together.
+        _like: Model that is packed with other margins, if there is one.
     """
 
     robot: RobotGeometry
@@ -171,7 +171,7 @@ def all_pieces(robot: RobotGeometry, scene: Scene) -> PieceSet:
 
 
 def skipped_pairs(robot: RobotGeometry, scene: Scene) -> NDArray[np.bool_]:
-    """Which pieces of a robot may touch which obstacles, shape (p, obstacles); read-only.
+    """Contacts allowed between pieces of a robot and obstacles, shape (p, obstacles); read-only.
 
     Those may that stand still with the base, and those whose link the scene allows to.
     """
@@ -210,7 +210,7 @@ class _RobotPart(NamedTuple):
 
 
 class _Searches(NamedTuple):
-    """Where searches start and what they compare, columns as in ``ModelArrays``.
+    """Starts of searches and what they compare, columns as in ``ModelArrays``.
 
     ``moving`` are the pieces that meet things, outermost first.
     """
@@ -332,8 +332,8 @@ def bound_rows_kernel(
 
     Args:
         counts: Pieces of each obstacle.
-        margins: Of each obstacle [m].
-        rows: Of the pieces.
+        margins: Margins of each obstacle [m].
+        rows: Rows of the pieces.
         low: Filled with the lowest corners of pieces, margins on, half-spaces left out, (m, 3) [m].
         high: Filled with the highest corners.
         order: Filled with the numbers of these pieces, and behind them those of half-spaces, (m,).

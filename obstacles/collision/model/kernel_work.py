@@ -42,21 +42,21 @@ class Workspace(NamedTuple):
         twists: How far each body turns (3) and its point at the origin goes (3) to first order, and
             how far all revolute joints up to it stray; row 0 is the base, shape (b + 1, 7).
         placed: Rows of the robot's pieces, in the base frame, shape (p, WIDTH).
-        strays: Of piece i, seen from body k - 1 on its way to the base: how far any of its points
-            gets; the same with levers as long as they can become, and the second order;
+        strays: Displacement of piece i, seen from body k - 1 on its way to the base: how far any of
+            its points gets; the same with levers as long as they can become, and the second order;
             shape (p, 3 (b + 1)).
         stamps: The visit at which each piece was placed, and that at which its ball was, by itself;
             the number of visits last; shape (2 p + 1,).
         room: Shape (9, 3).
         stack: Room for ``surface_distance``.
-        tally: What was found on an interval (4), and what met something last, shape (7,).
+        tally: Result on an interval (4), and the pairs that met something last, shape (7,).
         entries: Pairs left, on two levels by turns, shape (2, e, 2).
-        hints: Their separating axes, and none for the roots, shape (3, e, 3).
+        hints: Separating axes of the pairs, and none for the roots, shape (3, e, 3).
         spans: Intervals left, shape (2, s, 2).
         lists: First and number of the entries of each, shape (2, s, 2).
-        lanes: Of eight states, a vector each: their joints, the cosines and sines of these, the
-            frames of bodies, and the middles of the bodies' balls; of eight stretches also how far
-            bodies get on them, seen from the base and from each body; flat.
+        lanes: Values of eight states, a vector each: their joints, the cosines and sines of these,
+            the frames of bodies, and the middles of the bodies' balls; of eight stretches also how
+            far bodies get on them, seen from the base and from each body; flat.
     """
 
     joints: Array

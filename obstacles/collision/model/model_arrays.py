@@ -20,29 +20,29 @@ class ModelArrays(NamedTuple):
             for each body that holds all its pieces, and balls that hold some of them, shape (p +
             balls, WIDTH).
         scene: Rows of what stands around, in the base frame, shape (m, WIDTH).
-        corners: Of all pieces, shape (v, 3).
-        tables: Of all pieces.
+        corners: Corners of all pieces, shape (v, 3).
+        tables: Tables of all pieces.
         surfaces: Trees over the triangles of those that are covers, as in ``PieceSet``.
         self_pairs: Pieces (i, j) of the robot that must stay apart, ``joints[i] < joints[j]``, so
             that j is the one that moves seen from i; by groups, shape (k, 2).
         groups: Groups of them, columns as in ``pair_groups``, shape (g, 4).
-        grid_axes: Of ``PairGrid``, by pair of the robot, as are the next two.
-        grid_starts: Of the same.
-        grid_values: Of the same.
-        nodes: Of a tree over the scene's pieces with their own margins, half-spaces left out.
-        items: Of the tree.
+        grid_axes: Axes of ``PairGrid``, by pair of the robot, as are the next two.
+        grid_starts: Starts of ``PairGrid``.
+        grid_values: Values of ``PairGrid``.
+        nodes: Nodes of a tree over the scene's pieces with their own margins, half-spaces left out.
+        items: Items of the tree.
         skipped: Whether a piece may touch an obstacle, shape (p, obstacles).
-        spheres: Of ``Brackets``, as are the next.
-        sphere_starts: Of the same.
+        spheres: Spheres of ``Brackets``, as are the next.
+        sphere_starts: Starts of ``Brackets``.
         bodies: Moving bodies from the outermost in: the row of its ball, and from which to before
             which entry of ``carried`` its pieces go, shape (b, 3).
         carried: Pieces that may meet obstacles, by bodies.
         walls: Half-spaces of the scene.
-        roots: Where every search starts: (i, -1) is piece i against the tree's first node,
+        roots: Pairs that every search starts at: (i, -1) is piece i against the tree's first node,
             (i, k) against half-space k, (-1 - g, 0) is group g and all that it is parted into, and
             once looked at (p + s, 0) is pair s of the robot; shape (r, 2).
-        margin: To be kept from obstacles beyond their own [m].
-        own_margin: To be kept between the robot's own pieces [m].
+        margin: Margin from obstacles beyond their own [m].
+        own_margin: Margin between the robot's own pieces [m].
     """
 
     chain: Array

@@ -42,9 +42,9 @@ class PairGrid(NamedTuple):
     """Distances of k pairs on grids.
 
     Args:
-        axes: For each pair and each of two joints its lowest value, cells for one unit of it, and
-            the number of cells, 0 where there is no grid; shape (k, 2, 3).
-        starts: Where each pair's distances start, shape (k,).
+        axes: Grid of each pair and each of two joints: its lowest value, cells for one unit of it,
+            and the number of cells, 0 where there is no grid; shape (k, 2, 3).
+        starts: Index at which each pair's distances start, shape (k,).
         values: Proved distances [m], the second joint running fastest.
     """
 
@@ -60,8 +60,8 @@ def grid_bound(
     """Lower bound of the distance of pair ``s``, from the grid [m].
 
     Args:
-        axes: Of ``PairGrid``, as are the next two.
-        starts: Where each pair's distances start.
+        axes: Axes of ``PairGrid``, as are the next two.
+        starts: Index at which each pair's distances start.
         values: The distances.
         s: The pair.
         still: The joint that carries its first piece.
@@ -131,7 +131,7 @@ def pair_grid(chain: Chain, pieces: Sequence[Piece], joints: Indices, pairs: Ind
 
     Args:
         chain: The robot.
-        pieces: Its pieces, each in the frame of its joint.
+        pieces: Pieces of the robot, each in the frame of its joint.
         joints: The joint that carries each piece.
         pairs: Two pieces each, the second one carried farther out.
     """

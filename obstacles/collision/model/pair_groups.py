@@ -52,7 +52,7 @@ class PieceTrees(NamedTuple):
     """Trees over the pieces of each body (p pieces, b bodies, t nodes).
 
     Args:
-        places: Where each piece stands in the order of the leaves, shape (p,).
+        places: Place of each piece in the order of the leaves, shape (p,).
         nodes: Places from one to before the other, and the two nodes that part it, -1 where it is
             not parted; shape (t, 4). The first b are the tops, in the order of ``joints``.
         balls: Rows of balls that hold what is below each node, shape (t, WIDTH).
@@ -69,7 +69,7 @@ def piece_trees(rows: Array, joints: Indices) -> PieceTrees:
     """Trees over the pieces of a robot.
 
     Args:
-        rows: Of the pieces, shape (p, WIDTH).
+        rows: Rows of the pieces, shape (p, WIDTH).
         joints: The joint that carries each of them, shape (p,).
     """
     carried = np.unique(joints)
@@ -121,7 +121,8 @@ def pair_groups(rows: Array, joints: Indices, pairs: Indices) -> PairGroups:
     """Pairs by groups, parted where two bodies have many.
 
     Args:
-        rows: Of the robot's pieces, shape (p, WIDTH); those of the balls are to come behind them.
+        rows: Rows of the robot's pieces, shape (p, WIDTH); those of the balls are to come behind
+            them.
         joints: The joint that carries each piece, shape (p,).
         pairs: Two pieces each, in the order of their bodies, shape (k, 2).
     """
@@ -156,9 +157,9 @@ def part_pairs_kernel(
     """Part the pairs of two bodies; how many groups they are.
 
     Args:
-        nodes: Of ``PieceTrees``.
-        radii: Of the nodes' balls.
-        places: Of both pieces of all pairs, shape (k, 2).
+        nodes: Nodes of ``PieceTrees``.
+        radii: Radii of the nodes' balls.
+        places: Places of both pieces of all pairs, shape (k, 2).
         order: Numbers of all pairs, shape (k,); those of the two bodies are sorted by groups.
         top: The nodes of both bodies, the first of their pairs and the number after the last, (4,).
         groups: Filled, a row with its two nodes in place of their balls, shape (g, GROUP_WIDTH).

@@ -12,11 +12,11 @@ def reachable_pairs(
     """Write the pairs whose balls may be nearer to each other than ``reach`` and the margin.
 
     Args:
-        centers: Of the balls of all pieces, shape (m, 3) [m].
-        radii: Of the balls, shape (m,) [m].
-        margins: Of the pieces, shape (m,) [m].
+        centers: Centres of the balls of all pieces, shape (m, 3) [m].
+        radii: Radii of the balls, shape (m,) [m].
+        margins: Margins of the pieces, shape (m,) [m].
         first: Pieces that have partners, shape (n,).
-        starts: Where the partners of each begin, and where the last ones end, shape (n + 1,).
+        starts: Index at which the partners of each begin, and the last ones end, shape (n + 1,).
         second: The partners, shape (k,).
         reach: [m].
         pairs: Room for as many pairs as there are, shape (k, 2).

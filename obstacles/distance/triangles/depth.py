@@ -52,10 +52,10 @@ def mesh_depth(a: Array, b: Array, corners: Array, tables: Lists, nodes: Array) 
 
     Args:
         a: Rows of a body, the pieces of one solid, in a common frame; no half-space.
-        b: Those of the other.
-        corners: Of both.
-        tables: Of both.
-        nodes: Of the trees over their triangles.
+        b: Pieces of the second body.
+        corners: Corners of both.
+        tables: Tables of both.
+        nodes: Nodes of the trees over their triangles.
     """
     if b[0, KIND] == _HALFSPACE:
         return _depth_in_halfspace(a, b, corners, tables, nodes)

@@ -106,7 +106,7 @@ def _gap_of_boxes(desk: Array, view: Array, a: Node, b: Node, enough: float) -> 
 
     Args:
         desk: The rows of their pieces.
-        view: Of these.
+        view: View of these boxes.
         a: A box of the first piece.
         b: One of the second.
         enough: A bound beyond this will do: no sharper one is looked for [m].
@@ -131,7 +131,8 @@ def surface_distance(  # noqa: C901, PLR0912, PLR0915
     Args:
         pair: The covers; the second is no half-space.
         shapes: Corners, tables and trees of both.
-        near: At most this far apart is too close [m]; -inf asks for the distance itself.
+        near: Distance up to which the surfaces are too close [m]; -inf asks for the distance
+            itself.
         most: Farther apart than this is far enough [m].
         hint: A direction from j to i across which they may be apart, shape (3,).
         room: Workspace, shape (9, 3).
@@ -338,13 +339,13 @@ def mesh_distance(
 
     Args:
         a: Rows of the solid that the first one is a part of.
-        i: Which one.
-        b: Those of the second one's.
-        j: Which one; no half-space.
-        corners: Of both.
-        tables: Of both.
-        nodes: Of both.
-        axis: Where to look first, from j to i, shape (3,).
+        i: Number of the first piece.
+        b: Rows of the second set.
+        j: Number of the second piece; no half-space.
+        corners: Corners of both.
+        tables: Tables of both.
+        nodes: Nodes of both.
+        axis: Direction to search first, from j to i, shape (3,).
     """
     room, stack = np.zeros((9, 3)), np.empty(STACK)
     verdict, lower = surface_distance(

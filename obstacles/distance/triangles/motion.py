@@ -63,7 +63,7 @@ def surface_share(  # noqa: PLR0912, PLR0915
     Args:
         pair: The covers, placed in the middle of the interval; the second is no half-space.
         shapes: Corners, tables and trees of both.
-        near: At most this far apart is too close [m].
+        near: Distance up to which the surfaces are too close [m].
         enough: Farther apart than this is far enough [m].
         drift: Motion of the second piece seen from the first.
         hint: A direction from j to i across which they may be apart, shape (3,).
