@@ -12,7 +12,8 @@ class Endpoint(NamedTuple):
         task: The task that answers it, ``"module:function"``.
         takes_robot: Whether the task takes a robot.
         takes_scene: Whether the task takes a stored scene too.
-        long: Whether it may take long: a service works on it as a job while a terminal looks on.
+        long: Duration: long ones are worked on as jobs by a service while a terminal shows their
+            stages.
         keepable: Whether a service keeps what becomes of it as a job, unless told not to.
     """
 
@@ -94,7 +95,7 @@ def answering(path: str) -> Endpoint:
     """The endpoint that answers requests which a service keeps.
 
     Args:
-        path: Of the URL.
+        path: Path of the URL.
     """
     known = {one.path: one for one in (CHECK, PLAN, VALIDATE, TASK, TOUR)}
     return known.get(path, IK)

@@ -49,7 +49,7 @@ def build(
         report: called at the beginning and after each kernel.
 
     Returns:
-        What went wrong with kernels that Python calls and that can't be compiled.
+        Errors of kernels that Python calls and that can't be compiled.
 
     Raises:
         BuildFailed: a process died.

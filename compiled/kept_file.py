@@ -43,7 +43,7 @@ def write_kept(file: Path, content: bytes, *, public: bool = False) -> None:
     """Keep a content; another process sees all of it or nothing.
 
     Args:
-        file: Where; its folder is made if need be.
+        file: Path of the file; its folder is made if need be.
         content: All of it.
         public: Whether every user of the machine may read it.
 

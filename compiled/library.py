@@ -63,7 +63,7 @@ class _Unloaded:
         return getattr(self._codegen, name)
 
     def set_env(self, name: str, environment: Any) -> None:
-        """Nothing to set yet: kernels set the environments of what they contain."""
+        """No operation: kernels set the environments of what they contain."""
 
 
 class Whole(Part):
@@ -190,7 +190,7 @@ class Copied:
         self._reload_init: set[Any] = set()
 
     def _ensure_finalized(self) -> None:
-        """It always is."""
+        """No operation: code is always final."""
 
     def _get_module_for_linking(self) -> Any:
         if self._module is None:

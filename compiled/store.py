@@ -30,7 +30,7 @@ def read_from(folder: Path, name: str) -> bytes | None:
 
 
 def file_of(folder: Path, name: str) -> Path:
-    """Where the entry of a name is in a folder, or would be."""
+    """Path of the entry of a name in a folder, whether it is there or not."""
     return folder / f"{name}{_ENDING}"
 
 
@@ -65,13 +65,13 @@ def write(name: str, content: bytes) -> None:
 
 
 def user_folder() -> Path:
-    """Where this process keeps what it compiles: NUMBA_CACHE_DIR, or the user's cache folder."""
+    """Folder of what this process compiles: NUMBA_CACHE_DIR, or the user's cache folder."""
     chosen = os.environ.get("NUMBA_CACHE_DIR")
     return Path(chosen) if chosen else platformdirs.user_cache_path("armwright") / "kernels"
 
 
 def shipped_folder() -> Path:
-    """Where machine code made beforehand may lie: ARMWRIGHT_KERNELS, or beside this module."""
+    """Folder of machine code made beforehand: ARMWRIGHT_KERNELS, or beside this module."""
     chosen = os.environ.get("ARMWRIGHT_KERNELS")
     return Path(chosen) if chosen else Path(__file__).with_name("kernels")
 

@@ -1,4 +1,4 @@
-"""Which arguments a kernel may write to, so that reading kernels are compiled once for all arrays.
+"""Arguments that a kernel may write to: reading kernels are compiled once for all arrays.
 
 To numba an array that can't be written is of another type than one that can, and a kernel is
 compiled again for each mixture. One that provably leaves an argument alone needs no such type.
@@ -105,7 +105,7 @@ def use(func_ir: Any, typemap: Any, calltypes: Any) -> Use:
 
 
 class _Aliases:
-    """Which arguments each variable may lead to."""
+    """Arguments that each variable may lead to."""
 
     def __init__(self, func_ir: Any, typemap: Any, calltypes: Any) -> None:
         self._statements = [one for block in func_ir.blocks.values() for one in block.body]

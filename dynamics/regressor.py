@@ -139,7 +139,7 @@ def regressor(
         qd: Velocities, (n,) or (..., n) [rad/s or m/s].
         qdd: Accelerations, (n,) or (..., n) [rad/s^2 or m/s^2].
         gravity: (3,) [m/s^2] in the base frame; the robot's own where none is given.
-        motors: Whether it has columns of motor inertia and viscous friction.
+        motors: Add columns of motor inertia and viscous friction.
 
     Returns:
         Shape (..., n, 12 n), or (..., n, 10 n) without motors.
@@ -173,7 +173,7 @@ def reference_regressor(
         v: Reference velocities, (n,) or (..., n) [rad/s or m/s].
         a: Reference accelerations, (n,) or (..., n) [rad/s^2 or m/s^2].
         gravity: (3,) [m/s^2] in the base frame; the robot's own where none is given.
-        motors: Whether it has columns of motor inertia and viscous friction.
+        motors: Add columns of motor inertia and viscous friction.
 
     Returns:
         Shape (..., n, 12 n), or (..., n, 10 n) without motors.
