@@ -22,7 +22,6 @@ from compiled import machine_code
 from compiled.fingerprint import describe, settled_fingerprint
 from compiled.flags import Flags
 from compiled.machine_code import Code
-from compiled.shortcuts import take_shortcuts
 from compiled.symbol import name_by_content
 from compiled.target import target
 from compiled.writes import Use, writable
@@ -48,7 +47,6 @@ class Kernel(CPUDispatcher):
     def __init__(self, function: Any, options: dict[str, Any], *more: Any) -> None:
         target()
         name_by_content()
-        take_shortcuts()
         super().__init__(function, *more, targetoptions=options)
         self._doors: dict[Any, Any] = {}
         self._choices: dict[Any, Any] = {}

@@ -10,8 +10,6 @@ import llvmlite.binding as llvm
 from numba.core.codegen import JITCodeLibrary
 from numba.core.runtime import rtsys
 
-from compiled import shortcuts
-
 #: Globals through which compiled functions reach Python objects.
 _ENVIRONMENT = "_ZN08NumbaEnv"
 _RUNTIME = "NRT_"
@@ -28,11 +26,6 @@ class Part(JITCodeLibrary):
         self._optimize_final_module()
         self._finalize_dynamic_globals()
         self._finalized = True
-
-    def add_ir_module(self, ir_module: Any) -> None:
-        """Take over what was compiled, which nobody looks at afterwards."""
-        super().add_ir_module(ir_module)
-        shortcuts.forget(ir_module)
 
     def _optimize_functions(self, ll_module: Any) -> None:
         # As numba does, but for functions that have no body here: passes are set up for each one.

@@ -7,11 +7,10 @@ text.
 import math
 from collections import Counter
 from collections.abc import Hashable, Mapping
-from typing import Any, NamedTuple, TypeAlias
+from dataclasses import dataclass
+from typing import Any, TypeAlias
 
 import yaml
-
-from kinematics.readers.quick_yaml import UnsureYaml, read_quickly
 
 Node: TypeAlias = Any
 
@@ -24,10 +23,6 @@ _MAX_NODES = 2_000_000
 _LONGEST_NUMBER = 64
 #: Values that aliases repeat: of a small text a worker is to make no large one.
 _MAX_REPEATED = 200_000
-#: Of scalars without quotes whose values are built here.
-_SCALAR_TAGS = frozenset(
-    f"tag:yaml.org,2002:{name}" for name in ("null", "bool", "int", "float", "str")
-)
 
 
 class UnreadableYaml(ValueError):
@@ -62,151 +57,19 @@ for _kind in ("int", "float"):
     _Loader.add_constructor(f"tag:yaml.org,2002:{_kind}", _short_number)
 
 
-class _Anchor(NamedTuple):
-    """A value that aliases repeat.
+@dataclass(slots=True)
+class _Level:
+    """A list or mapping that has begun, or the document itself.
 
     Attributes:
-        value: Value that is repeated.
-        nodes: How many it consists of.
-        depth: How deep it nests.
+        anchor: Name by which aliases repeat it.
+        first: Number of nodes before it.
+        depth: Levels of lists and mappings within it so far.
     """
 
-    value: Node
-    nodes: int
-    depth: int
-
-
-class _Open(NamedTuple):
-    """A list or mapping that has begun.
-
-    Attributes:
-        value: Content so far.
-        anchor: Name for aliases.
-        first: How many nodes there were before it.
-    """
-
-    value: dict[str, Node] | list[Node]
     anchor: str | None
     first: int
-
-
-class _Values:
-    """The values of a text, built of its events, of which the parser is quick.
-
-    To have it make nodes and then values of them takes three times as long. What is rare is left to
-    that: tags, merge keys, keys that are no text or occur twice, values that can't be made.
-
-    Args:
-        loader: Loader that knows the scalars.
-
-    Attributes:
-        complete: whether `documents` are the values of the text.
-        documents: that the text has.
-    """
-
-    def __init__(self, loader: _Loader) -> None:
-        self.complete = True
-        self.documents: list[Node] = []
-        self._loader = loader
-        self._scalars: dict[str, Node] = {}
-        self._open: list[_Open] = []
-        self._keys: list[str | None] = []
-        self._anchors: dict[str, _Anchor] = {}
-        #: Of each open list or mapping how deep it nests.
-        self._depths: list[int] = [0]
-        self._nodes = self._repeated = 0
-
-    def scalar(self, event: yaml.ScalarEvent) -> None:
-        """Add a scalar."""
-        self._count(event, 1)
-        if event.tag is not None:
-            self.complete = False
-        text = event.value
-        value = self._scalar(text) if event.implicit[0] else text
-        if event.anchor is not None:
-            self._anchors[event.anchor] = _Anchor(value, 1, 0)
-        self._add(value)
-
-    def take(self, event: yaml.Event) -> None:
-        """Add what begins or ends, or what an alias repeats.
-
-        Raises:
-            YAMLError: It nests too deep, or aliases repeat too much.
-        """
-        if isinstance(event, yaml.AliasEvent):
-            self._repeat(event)
-        elif isinstance(event, yaml.CollectionStartEvent):
-            if event.tag is not None:
-                self.complete = False
-            value: dict[str, Node] | list[Node]
-            value = {} if isinstance(event, yaml.MappingStartEvent) else []
-            self._open.append(_Open(value, event.anchor, self._nodes))
-            self._keys.append(None)
-            self._depths.append(0)
-            self._count(event, 1)
-            self._deepen(event, 0)
-        elif isinstance(event, yaml.CollectionEndEvent):
-            self._keys.pop()
-            value, anchor, first = self._open.pop()
-            depth = self._depths.pop() + 1
-            self._deepen(event, depth)
-            if anchor is not None:
-                self._anchors[anchor] = _Anchor(value, self._nodes - first, depth)
-            self._add(value)
-        elif isinstance(event, yaml.DocumentStartEvent):
-            self._anchors.clear()
-
-    def _repeat(self, event: yaml.AliasEvent) -> None:
-        anchor = self._anchors.get(event.anchor or "")
-        if anchor is None:
-            raise _refusal(event, f"*{event.anchor} stands for nothing that is complete before it")
-        self._repeated += anchor.nodes
-        if self._repeated > _MAX_REPEATED:
-            raise _refusal(event, f"aliases repeat more than {_MAX_REPEATED} values")
-        self._count(event, anchor.nodes)
-        self._deepen(event, anchor.depth)
-        self._add(anchor.value)
-
-    def _count(self, event: yaml.Event, nodes: int) -> None:
-        self._nodes += nodes
-        if self._nodes > _MAX_NODES:
-            raise _refusal(event, f"more than {_MAX_NODES} values")
-
-    def _deepen(self, event: yaml.Event, depth: int) -> None:
-        """Note how deep what is added nests, and refuse more than anybody needs."""
-        self._depths[-1] = max(self._depths[-1], depth)
-        if len(self._open) + depth > _MAX_DEPTH:
-            raise _refusal(event, "nested too deep")
-
-    def _scalar(self, text: str) -> Node:
-        """The value of a scalar without quotes; the same ones come again and again."""
-        if text not in self._scalars:
-            tag = self._loader.resolve(yaml.ScalarNode, text, (True, False))
-            if tag not in _SCALAR_TAGS:
-                self.complete = False
-                return None
-            node = yaml.ScalarNode(tag, text)
-            try:
-                self._scalars[text] = self._loader.yaml_constructors[tag](self._loader, node)
-            except (yaml.YAMLError, ValueError):
-                self.complete = False
-                return None
-        return self._scalars[text]
-
-    def _add(self, value: Node) -> None:
-        if not self._open:
-            self.documents.append(value)
-            return
-        inside = self._open[-1].value
-        if isinstance(inside, list):
-            inside.append(value)
-        elif (key := self._keys[-1]) is not None:
-            inside[key], self._keys[-1] = value, None
-        elif isinstance(value, str) and value not in inside:
-            self._keys[-1] = value
-        else:
-            # What follows goes nowhere that matters.
-            self.complete, self._keys[-1] = False, ""
+    depth: int = 0
 
 
 def read_yaml(text: str | bytes) -> Node:
@@ -222,16 +85,8 @@ def read_yaml(text: str | bytes) -> Node:
     if len(text) > MAX_BYTES:
         raise UnreadableYaml(f"{len(text)} bytes, at most {MAX_BYTES} are taken")
     try:
-        return read_quickly(text, _MAX_DEPTH)
-    except UnsureYaml:
-        return _parsed(text)
-
-
-def _parsed(text: str | bytes) -> Node:
-    try:
-        documents = _read_events(text)
-        if documents is None:
-            documents = list(yaml.load_all(text, Loader=_Loader))  # nosec B506
+        _check_events(text)
+        documents = list(yaml.load_all(text, Loader=_Loader))  # nosec B506
     except yaml.MarkedYAMLError as error:
         mark = error.problem_mark
         line = "" if mark is None else f"line {mark.line + 1}: "
@@ -245,25 +100,44 @@ def _parsed(text: str | bytes) -> Node:
     return full[0] if full else None
 
 
-def _read_events(text: str | bytes) -> list[Node] | None:
-    """The documents, read from the flat stream of events; None where that is not all of it.
-
-    Nothing recurses, or grows beyond the text and what aliases may repeat.
+def _check_events(text: str | bytes) -> None:
+    """Check depth, length and aliases in the flat stream of events, in which nothing recurses.
 
     Raises:
-        YAMLError: Aliases repeat too much, it is nested too deep or no YAML.
+        YAMLError: The text nests too deep, aliases repeat too much, or it is no YAML.
     """
-    loader = _Loader(text)
-    values = _Values(loader)
-    try:
-        while (event := loader.get_event()) is not None:
-            if isinstance(event, yaml.ScalarEvent):
-                values.scalar(event)
-            else:
-                values.take(event)
-        return values.documents if values.complete else None
-    finally:
-        loader.dispose()
+    #: Number of nodes and depth of each anchor's value.
+    anchors: dict[str | None, tuple[int, int]] = {}
+    levels = [_Level(None, 0)]
+    nodes = repeated = 0
+    for event in yaml.parse(text, Loader=_Loader):
+        depth = 0
+        if isinstance(event, yaml.ScalarEvent):
+            nodes += 1
+            anchors[event.anchor] = 1, 0
+        elif isinstance(event, yaml.AliasEvent):
+            if event.anchor not in anchors:
+                name = f"*{event.anchor}"
+                raise _refusal(event, f"{name} stands for nothing that is complete before it")
+            count, depth = anchors[event.anchor]
+            repeated += count
+            nodes += count
+        elif isinstance(event, yaml.CollectionStartEvent):
+            levels.append(_Level(event.anchor, nodes))
+            nodes += 1
+        elif isinstance(event, yaml.CollectionEndEvent):
+            closed = levels.pop()
+            depth = closed.depth + 1
+            anchors[closed.anchor] = nodes - closed.first, depth
+        elif isinstance(event, yaml.DocumentStartEvent):
+            anchors.clear()
+        levels[-1].depth = max(levels[-1].depth, depth)
+        if repeated > _MAX_REPEATED:
+            raise _refusal(event, f"aliases repeat more than {_MAX_REPEATED} values")
+        if nodes > _MAX_NODES:
+            raise _refusal(event, f"more than {_MAX_NODES} values")
+        if len(levels) - 1 + depth > _MAX_DEPTH:
+            raise _refusal(event, "nested too deep")
 
 
 def _refusal(event: yaml.Event, problem: str) -> yaml.YAMLError:

@@ -51,7 +51,7 @@ def top(values):
 COMMON = """
 import sys
 from pathlib import Path
-from compiled import kernel_build, kernel_list, kernel_store
+from compiled import build, kernel_list, store
 path = Path("kernels.txt")
 """
 MAKE_LIST = (
@@ -59,7 +59,7 @@ MAKE_LIST = (
     + """
 import numpy as np, chain
 answer = chain.top(np.arange(3.0))
-kernel_list.write(path, kernel_list.stored(kernel_store.user_folder()))
+kernel_list.write(path, kernel_list.stored(store.user_folder()))
 print(answer)
 """
 )
@@ -68,11 +68,11 @@ BUILD = (
     + """
 entries, unknown = kernel_list.read(path)
 assert not unknown
-missing = kernel_build.missing_entries(entries)
+missing = build.missing_entries(entries)
 print(len(entries), len(missing), flush=True)
 def report(done, total, seconds_left):
     print(done, total, seconds_left, flush=True)
-for failure in kernel_build.build(missing, 2, report):
+for failure in build.build(missing, 2, report):
     print("failed", failure.split(":")[:2])
 """
 )
@@ -81,15 +81,9 @@ PRUNE = (
     + """
 entries, _ = kernel_list.read(path)
 wanted = {name for entry in entries for name in entry.files}
-print(kernel_store.prune(wanted), kernel_store.prune(wanted))
+print(store.prune(wanted), store.prune(wanted))
 """
 )
-#: Numba's compiler as it is.
-WITHOUT_SHORTCUTS = """
-from compiled import kernel_dispatcher, kernel_shortcuts
-kernel_dispatcher.take_shortcuts = lambda: None
-kernel_shortcuts.forget = lambda module: None
-"""
 CALL = """
 import numpy as np, chain
 print(chain.top(np.arange(3.0)))
@@ -150,10 +144,10 @@ def test_two_processes_compile_all_of_it_and_the_same_as_one(listed: tuple[Path,
     assert python(BUILD, folder, "parallel").splitlines()[0] == "7 0"
 
 
-def test_shortcuts_and_orders_of_sets_change_no_byte(listed: tuple[Path, str]) -> None:
+def test_orders_of_sets_change_no_byte(listed: tuple[Path, str]) -> None:
     folder, answer = listed
-    assert python(WITHOUT_SHORTCUTS + CALL, folder, "without", PYTHONHASHSEED="1") == answer
-    assert files(folder, "without") == files(folder, "cache")
+    assert python(CALL, folder, "reordered", PYTHONHASHSEED="1") == answer
+    assert files(folder, "reordered") == files(folder, "cache")
 
 
 def test_a_run_that_was_killed_goes_on_where_it_stopped(listed: tuple[Path, str]) -> None:
