@@ -54,7 +54,7 @@ def doctor(connection: Connection) -> None:
 
 
 def _machine() -> list[Finding]:
-    from compiled.target import usual  # noqa: PLC0415
+    from compiled.compiler.target import usual  # noqa: PLC0415
     from service.version import VERSION  # noqa: PLC0415
 
     chosen = os.environ.get("ARMWRIGHT_KERNEL_TARGET", usual())
@@ -115,7 +115,7 @@ def _version(name: str) -> str | None:
 
 
 def _kernels() -> Finding:
-    from compiled import build, kernel_list, store  # noqa: PLC0415
+    from compiled.compiler import build, kernel_list, store  # noqa: PLC0415
     from service.kernels import LIST  # noqa: PLC0415
 
     entries, outdated = kernel_list.read(LIST)

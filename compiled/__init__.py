@@ -1,1 +1,1 @@
-"""Compilation of kernels with numba, vectors of eight SIMD lanes, and arithmetic for kernels."""
+"""Kernels compiled with numba, vectors of eight SIMD lanes, and arithmetic for kernels."""

@@ -6,7 +6,7 @@ from typing import Any, Literal, TypeVar, cast, overload
 import numba
 from numba.core import config
 
-from compiled.dispatcher import Kernel
+from compiled.compiler.dispatcher import Kernel
 
 #: Freedoms of LLVM with floating-point arithmetic: a product and a sum may be rounded at once,
 #: signs of zero may be lost, and there are no NaN and infinities. Sums keep their order: LLVM

@@ -15,8 +15,8 @@ from typing import Any
 import numpy as np
 
 from armwright_wire.kinematics import FkRequest, JacobianRequest
-from compiled.dispatcher import Kernel
-from compiled.target import target
+from compiled.compiler.dispatcher import Kernel
+from compiled.compiler.target import target
 from kinematics.forward import forward
 from planning.values.deadline import Deadline
 from service.storage import worker_cache

@@ -17,8 +17,8 @@ from pathlib import Path
 ROOT = Path(__file__).parents[1]
 sys.path.insert(0, str(ROOT))
 
-from compiled import kernel_list, store  # noqa: E402
-from compiled.dispatcher import FROZEN  # noqa: E402
+from compiled.compiler import kernel_list, store  # noqa: E402
+from compiled.compiler.dispatcher import FROZEN  # noqa: E402
 from service import kernels  # noqa: E402
 
 #: What sends requests of every kind.

@@ -24,7 +24,7 @@ from pathlib import Path
 ROOT = Path(__file__).parents[1]
 sys.path.insert(0, str(ROOT))
 
-from compiled import target as kernel_target  # noqa: E402
+from compiled.compiler import target as kernel_target  # noqa: E402
 
 #: Where an installed package looks for machine code first.
 _KERNELS = "compiled/kernels"

@@ -6,9 +6,9 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import NamedTuple
 
-from compiled import build, kernel_list, store
-from compiled.build import BuildFailed, Report
-from compiled.kernel_list import Entry
+from compiled.compiler import build, kernel_list, store
+from compiled.compiler.build import BuildFailed, Report
+from compiled.compiler.kernel_list import Entry
 from service import warm_requests
 
 _log = logging.getLogger(__name__)

@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from compiled import store
+from compiled.compiler import store
 from kinematics import pose as rotation
 from kinematics.forward import forward
 from kinematics.robots import builtin_names

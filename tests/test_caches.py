@@ -25,11 +25,11 @@ BY_NUMBER = {
 
 #: Functions that keep all values: of kernels, of files of ours, of functions of the client.
 WITHOUT_A_BOUND = {
-    ("compiled/machine_code.py", "copied"),
-    ("compiled/machine_code.py", "_environments"),
-    ("compiled/machine_code.py", "_size"),
-    ("compiled/library.py", "_plain_machine"),
-    ("compiled/store.py", "_warn_once"),
+    ("compiled/compiler/machine_code.py", "copied"),
+    ("compiled/compiler/machine_code.py", "_environments"),
+    ("compiled/compiler/machine_code.py", "_size"),
+    ("compiled/compiler/library.py", "_plain_machine"),
+    ("compiled/compiler/store.py", "_warn_once"),
     ("obstacles/scenes/obstacle_content.py", "_field_names"),
     ("obstacles/convex/triangles.py", "_inner_radius"),
     ("service/viewer/page.py", "_asset"),

@@ -64,7 +64,6 @@ MANY_ARGUMENTS = {
 CROWDED = {
     "client/armwright_client",
     "command_line",
-    "compiled",
     "dynamics",
     "kinematics",
     "kinematics/ik/closed_form",

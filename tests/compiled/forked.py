@@ -107,7 +107,7 @@ def main(descriptor: int) -> None:
     from numba.core.registry import cpu_target
 
     import compiled.kernel  # noqa: F401
-    from compiled.target import target
+    from compiled.compiler.target import target
 
     # What the compiler does before it compiles anything, half a second's work: it reads the types
     # of all functions that it knows.

@@ -51,7 +51,7 @@ def top(values):
 COMMON = """
 import sys
 from pathlib import Path
-from compiled import build, kernel_list, store
+from compiled.compiler import build, kernel_list, store
 path = Path("kernels.txt")
 """
 MAKE_LIST = (

@@ -2,7 +2,7 @@
 
 from numba.core import compiler
 
-from compiled.flags import Flags
+from compiled.compiler.dispatcher import Flags
 
 
 def test_flags_are_equal_where_numbas_are() -> None:

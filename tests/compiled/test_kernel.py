@@ -7,8 +7,8 @@ from pathlib import Path
 
 import pytest
 
-from compiled import store
-from compiled.fingerprint import identity
+from compiled.compiler import store
+from compiled.compiler.fingerprint import identity
 from tests.compiled.programs import BIG_PROGRAM, python, write_big
 
 pytestmark = pytest.mark.usefixtures("_nothing_kept")
@@ -189,7 +189,7 @@ def outer(x):
 """
 
 
-COUNTED = "from compiled import kernel_symbol as s; s.rename = lambda *_: None\n"
+COUNTED = "from compiled.compiler import symbol as s; s.rename = lambda *_: None\n"
 
 
 LOAD_BOTH = """

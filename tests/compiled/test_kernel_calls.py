@@ -10,9 +10,9 @@ import numpy as np
 import pytest
 from numba.core.errors import TypingError
 
-from compiled import library
-from compiled import machine_code as kernel_code
-from compiled.fingerprint import fingerprint
+from compiled.compiler import library
+from compiled.compiler import machine_code as kernel_code
+from compiled.compiler.fingerprint import fingerprint
 from compiled.kernel import direct, kernel
 from tests.compiled.programs import BIG_PROGRAM, python, write_big
 

@@ -7,7 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from numba import types
 
-from compiled.signature import named_tuples, type_of_text, type_text
+from compiled.compiler.signature import named_tuples, type_of_text, type_text
 from compiled.simd import TYPES
 
 

@@ -8,7 +8,7 @@ import pytest
 from numpy.typing import NDArray
 
 from compiled import simd
-from compiled.fingerprint import fingerprint
+from compiled.compiler.fingerprint import fingerprint
 from compiled.kernel import kernel
 from compiled.simd import (
     LANES,

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from compiled import target as kernel_target
+from compiled.compiler import target as kernel_target
 
 ROOT = Path(__file__).parents[2]
 #: Kernels with vectors of eight, with sums that LLVM may contract, and with neither.
@@ -16,7 +16,7 @@ ANSWERS = """
 import hashlib, json
 import numpy as np
 from dynamics.inverse import inverse_dynamics
-from compiled.target import target
+from compiled.compiler.target import target
 from kinematics.forward import forward
 from kinematics.jacobian import geometric
 from kinematics.robots import builtin_chain

@@ -7,7 +7,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from functools import cache
 
-from compiled.dispatcher import FROZEN
+from compiled.compiler.dispatcher import FROZEN
 from service.kernels import count_missing
 
 

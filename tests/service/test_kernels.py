@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from compiled import build, kernel_list, machine_code, store
+from compiled.compiler import build, kernel_list, machine_code, store
 from service import kernels
 from service.cli import main
 from tests.service.loaded_fork_server import run_where_ready
@@ -29,9 +29,9 @@ UNREACHED = {
 FIND_UNREACHED = """
 import sys
 import service.app, service.tasks, service.warm_requests
-from compiled import kernel_list
-from compiled.dispatcher import Kernel
-from compiled.fingerprint import callees
+from compiled.compiler import kernel_list
+from compiled.compiler.dispatcher import Kernel
+from compiled.compiler.fingerprint import callees
 from service import kernels
 from service.workers.task import load_tasks
 load_tasks(service.tasks.__name__)

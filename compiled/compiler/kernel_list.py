@@ -10,11 +10,11 @@ from collections.abc import Collection, Iterable
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from compiled import machine_code, store
-from compiled.dispatcher import Kernel
-from compiled.fingerprint import callees
-from compiled.machine_code import Code
-from compiled.signature import named_tuples, type_of_text, type_text
+from compiled.compiler import machine_code, store
+from compiled.compiler.dispatcher import Kernel
+from compiled.compiler.fingerprint import callees
+from compiled.compiler.machine_code import Code
+from compiled.compiler.signature import named_tuples, type_of_text, type_text
 
 #: Begins a line of a kernel that Python calls.
 _DOOR = "python"

@@ -15,7 +15,7 @@ from numba.core.base import BaseContext
 from numba.core.bytecode import FunctionIdentity
 from numba.core.cpu_options import FastMathOptions
 
-from compiled.fingerprint import identity
+from compiled.compiler.fingerprint import identity
 
 #: How numba begins the names of functions that it writes for expressions of whole arrays, and of
 #: what those call; addresses follow.

@@ -10,9 +10,9 @@ from collections.abc import Callable, Iterator, Sequence
 from multiprocessing.connection import Connection, wait
 from typing import Any
 
-from compiled import store
-from compiled.fingerprint import callees
-from compiled.kernel_list import Entry
+from compiled.compiler import store
+from compiled.compiler.fingerprint import callees
+from compiled.compiler.kernel_list import Entry
 
 #: Has the system send a process a signal when the one that started it ends (`man prctl`).
 _SET_PARENT_DEATH_SIGNAL = 1

@@ -71,9 +71,9 @@ def user_folder() -> Path:
 
 
 def shipped_folder() -> Path:
-    """Folder of machine code made beforehand: ARMWRIGHT_KERNELS, or beside this module."""
+    """Folder of machine code made beforehand: ARMWRIGHT_KERNELS, or beside this package."""
     chosen = os.environ.get("ARMWRIGHT_KERNELS")
-    return Path(chosen) if chosen else Path(__file__).with_name("kernels")
+    return Path(chosen) if chosen else Path(__file__).parents[1] / "kernels"
 
 
 def layers() -> tuple[Path, ...]:

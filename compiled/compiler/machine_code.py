@@ -17,10 +17,11 @@ from numba.core.serialize import NumbaPickler
 from numba.core.targetconfig import ConfigStack
 from numba.core.untyped_passes import ExtractByteCode
 
-from compiled import library as kernel_library
-from compiled import store, writes
-from compiled import symbol as kernel_symbol
-from compiled.library import Copied, Door, Whole
+from compiled import writes
+from compiled.compiler import library as kernel_library
+from compiled.compiler import store
+from compiled.compiler import symbol as kernel_symbol
+from compiled.compiler.library import Copied, Door, Whole
 from compiled.writes import Use
 
 #: Instructions of machine code beyond which a kernel is called and not copied into its callers.

@@ -61,7 +61,7 @@ def type_of_text(text: str, names: Mapping[str, Any] | None = None) -> Any:
     try:
         return _type(ast.parse(text, mode="eval").body, names or {})
     except (SyntaxError, AttributeError, ImportError) as error:
-        raise ValueError(f"no type is {text!r}: {error}") from None
+        raise ValueError(f"unknown type {text!r}: {error}") from None
 
 
 def named_tuples(kinds: Sequence[Any]) -> list[Any]:
@@ -104,7 +104,7 @@ def _type(node: ast.expr, names: Mapping[str, Any]) -> Any:
         if len(of._fields) != len(inside):
             raise ValueError(f"{called} has {len(of._fields)} fields, not {len(inside)}")
         return types.BaseTuple.from_types(inside, of)
-    raise ValueError(f"no type is {ast.unparse(node)!r}")
+    raise ValueError(f"unknown type {ast.unparse(node)!r}")
 
 
 def _array(node: ast.Subscript, names: Mapping[str, Any]) -> Any:
