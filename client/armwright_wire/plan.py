@@ -131,7 +131,9 @@ _OPTIONS = (
     "* `cartesian`: motions [{type: lin | circ, pose, via, center, normal, blend}], max_deviation, "
     "max_orientation_deviation, orientation, allow_partial, blend; or waypoints [{pose | point, "
     "normal, direction; via, tolerance, free, blend, tool_speed}], tolerance {x, y, z, rx, ry, rz, "
-    "free, tilt, frame}, tool_speed, speed_band, approach, retreat {direction, distance, frame}"
+    "free, tilt, frame}, tool_speed, speed_band, approach, retreat {direction, distance, frame}\n"
+    "* `potential_field`: preset, the options of the potential and of the descent, engine, and "
+    "fallback: the planner of OMPL's that plans where the field is stuck, null for none"
 )
 
 

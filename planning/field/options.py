@@ -58,6 +58,8 @@ class FieldOptions:
         escapes: Random walks out of local minima before it gives up.
         escape_steps: Steps of each.
         engine: "exact" projects onto obstacles in closed form, "fcl" by FCL's distance query.
+        fallback: OMPL's planner that plans where the descent does not arrive or its motion is not
+            proved; None for none.
 
     Raises:
         InvalidOption: A value is out of its range.
@@ -84,6 +86,7 @@ class FieldOptions:
     escapes: int = 0
     escape_steps: int = 6
     engine: str = "exact"
+    fallback: str | None = "rrt_connect"
     weights: FieldWeights = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
@@ -111,6 +114,8 @@ class FieldOptions:
         for name in ("connect", "keep_path"):
             if not isinstance(getattr(self, name), bool):
                 raise InvalidOption(f"{name} must be true or false, not {getattr(self, name)!r}")
+        if not isinstance(self.fallback, str | None):
+            raise InvalidOption(f"fallback must be a name or null, not {self.fallback!r}")
         self._check_radii()
         if self.joint_weight != 0.0:
             positive("joint_weight", self.joint_weight)
@@ -164,6 +169,12 @@ class FieldOptions:
         if unknown:
             message = f"planner 'potential_field' has no option {unknown[0]!r}"
             raise InvalidOption(message, hint=hint, options=["preset", *known])
+        if given.get("keep_path") is True and given.setdefault("fallback", None) is not None:
+            raise InvalidOption(
+                "planner_options.keep_path asks for the descent's own path, and fallback for "
+                "another one where it fails",
+                hint="Leave one of them out.",
+            )
         try:
             return replace(base, **given)
         except InvalidOption as error:

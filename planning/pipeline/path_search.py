@@ -97,6 +97,7 @@ class PathSearch:
         stages: Reports of the stages.
         deadline: The end of all stages.
         limits: Of velocity, acceleration and jerk, as ``estimate_limits`` has them, shape (3, n).
+        diagnoses: Whether a search that finds nothing is followed by a diagnosis.
     """
 
     problem: Problem
@@ -105,6 +106,7 @@ class PathSearch:
     stages: Stages
     deadline: Deadline
     limits: Array
+    diagnoses: bool = True
 
     def find(self, ready: Ready) -> FoundPath | Failure:
         """Find a path and shorten it, proved in every place.
@@ -164,7 +166,7 @@ class PathSearch:
         if attempt.failure is not None:
             return attempt.failure
         failure = self._no_path(attempt, deadline)
-        if self.options.max_edges is not None:
+        if self.options.max_edges is not None or not self.diagnoses:
             return failure
         barrier = self._barrier(ready)
         if barrier is not None:

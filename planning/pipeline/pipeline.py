@@ -27,7 +27,7 @@ from planning.pipeline.optimize_stage import (
     refinement_options,
 )
 from planning.pipeline.path_search import FoundPath, PathSearch
-from planning.pipeline.planners import choose_planners
+from planning.pipeline.planners import choose_fallback, choose_planners
 from planning.planner import Planner
 from planning.preflight.goal_order import MAX_LONGER, ends_off_limits
 from planning.preflight.goals import pose_goals
@@ -56,6 +56,8 @@ from planning.values.optimize_options import OPTIMIZE
 _MAX_EDGES_OFF_LIMITS = 2000
 #: Share of the time that is left which optimising may take; the rest is for the proof of its offer.
 _REFINING_SHARE = 0.8
+#: Share of the time for planners that have a fallback.
+_SHARE_BEFORE_FALLBACK = 0.5
 
 
 def plan(
@@ -83,7 +85,9 @@ def plan(
     timeout = options.timeout
     deadline = Deadline.after(timeout) if within is None else within.at_most(timeout)
     options = refinement_options(options, problem)
-    chosen = choose_planners(problem, options) if planners is None else planners
+    fallback: tuple[Planner, ...] = ()
+    if planners is None:
+        planners, fallback = choose_planners(problem, options), choose_fallback(options)
     options = with_limits(options, problem.constraints)
     parametrization = _time_parametrization(problem, options)
     problem, moved = _measured_rates(problem, parametrization)
@@ -91,7 +95,9 @@ def plan(
     if wrong is not None:
         return wrong
     stages = Stages(options.observer)
-    pipeline = _Pipeline(problem, options, chosen, parametrization, stages, deadline, problem)
+    pipeline = _Pipeline(
+        problem, options, planners, fallback, parametrization, stages, deadline, problem
+    )
     try:
         with preparation_limit(deadline.at):
             answer = pipeline.run()
@@ -161,6 +167,7 @@ class _Pipeline:
         problem: What is to be planned.
         options: How; constraints on the motion's limits are among them already.
         planners: Tried in turn.
+        fallback: Planners that begin anew where those give no proved motion; may be none.
         parametrization: The limits and the method of timing.
         stages: Reports of the stages.
         deadline: The end of all of them.
@@ -170,6 +177,7 @@ class _Pipeline:
     problem: Problem
     options: Options
     planners: tuple[Planner, ...]
+    fallback: tuple[Planner, ...]
     parametrization: TimeParametrization
     stages: Stages
     deadline: Deadline
@@ -221,14 +229,31 @@ class _Pipeline:
         return replace(answer, stages=tuple(self.stages.reports), deterministic=certain)
 
     def _plan_from(self, ready: Ready, options: Options) -> Plan | Failure:
-        """Run the stages after preflight."""
+        """Run the stages after preflight, with the fallback where the planners come to nothing."""
+        if not self.fallback:
+            return self._plan_by(self.planners, ready, options)
+        until = self.deadline.within(_SHARE_BEFORE_FALLBACK * self.deadline.remaining)
+        answer = replace(self, deadline=until)._plan_by(self.planners, ready, options)
+        if isinstance(answer, Plan):
+            return answer
+        other = self._plan_by(self.fallback, ready, options)
+        if isinstance(other, Plan):
+            return other
+        # Of both failures: why the fallback found nothing, and where the first planner stopped.
+        return replace(other, details={**answer.details, **other.details})
+
+    def _plan_by(
+        self, planners: tuple[Planner, ...], ready: Ready, options: Options
+    ) -> Plan | Failure:
+        """Run the stages after preflight with some planners."""
         search = PathSearch(
             problem=self.problem,
             options=options,
-            planners=self.planners,
+            planners=planners,
             stages=self.stages,
             deadline=self.deadline,
             limits=self.parametrization.estimate_limits,
+            diagnoses=planners is not self.planners or not self.fallback,
         )
         found = search.find(ready)
         if isinstance(found, Failure):

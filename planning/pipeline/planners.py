@@ -4,6 +4,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import partial
 from types import MappingProxyType
+from typing import Any
 
 from kinematics.errors import InvalidOption
 from planning.constrained.checker import ConstrainedChecker
@@ -81,18 +82,42 @@ def _potential_field(problem: Problem, options: Options) -> tuple[Planner, ...]:
     return (PotentialField(FieldOptions.of(options.planner_options)),)
 
 
+def choose_fallback(options: Options) -> tuple[Planner, ...]:
+    """Return the planner of OMPL's that a potential field falls back on; none of other planners.
+
+    Args:
+        options: The planner's name and its options.
+
+    Raises:
+        InvalidOption: OMPL has no planner of that name, or an option is wrong.
+    """
+    if options.planner != "potential_field":
+        return ()
+    name = FieldOptions.of(options.planner_options).fallback
+    if name is None:
+        return ()
+    if name not in OMPL_PLANNERS:
+        raise InvalidOption(
+            f"planner_options.fallback: OMPL has no planner {name!r}",
+            hint=f"Choose one of: {', '.join(OMPL_PLANNERS)}; or null for none.",
+            planners=list(OMPL_PLANNERS),
+        )
+    return (_ompl_planner(name, {}),)
+
+
 def _cartesian(problem: Problem, options: Options) -> tuple[Planner, ...]:
     _reject_options(options)
     return (Cartesian.of(problem, options),)
 
 
 def _ompl(name: str, problem: Problem, options: Options) -> tuple[Planner, ...]:  # noqa: ARG001
-    return (OmplPlanner.of(name, options.planner_options),)
+    return (_ompl_planner(name, options.planner_options),)
 
 
-def _rrt_connect(problem: Problem, options: Options) -> tuple[Planner, ...]:
-    (planner,) = _ompl("rrt_connect", problem, options)
-    return (ByConstraints(planner, ProjectedRrt("rrt_connect")),)
+def _ompl_planner(name: str, options: Mapping[str, Any]) -> Planner:
+    """One of OMPL's planners; RRT-Connect has a projected one for paths under constraints."""
+    planner = OmplPlanner.of(name, options)
+    return ByConstraints(planner, ProjectedRrt(name)) if name == "rrt_connect" else planner
 
 
 Factory = Callable[[Problem, Options], tuple[Planner, ...]]
@@ -105,7 +130,6 @@ _FACTORIES: Mapping[str, Factory] = MappingProxyType(
         "cartesian": _cartesian,
         OPTIMIZE: _cascade,
         **{name: partial(_ompl, name) for name in OMPL_PLANNERS},
-        "rrt_connect": _rrt_connect,
     }
 )
 

@@ -144,9 +144,13 @@ def options(
     """
     name = planner_name(body.planner)
     tool_motion = name == "cartesian"
+    given = {} if tool_motion else dict(body.planner_options or {})
+    fallback = given.get("fallback")
+    if isinstance(fallback, str):
+        given["fallback"] = planner_name(fallback)
     return Options(
         planner=name,
-        planner_options={} if tool_motion else dict(body.planner_options or {}),
+        planner_options=given,
         cartesian=_cartesian(body, chain) if tool_motion else _NO_TOOL_MOTIONS,
         timing=timings.timing_options(body.timing),
         limits=timings.given_limits(body.limits, chain.joint_names),

@@ -106,7 +106,11 @@ def test_the_field_tells_where_it_went(client: httpx.Client) -> None:
     stuck = problem(
         client.post(
             "/v1/plan",
-            json=BODY | {"planner": "potential_field", "planner_options": {"max_iterations": 1}},
+            json=BODY
+            | {
+                "planner": "potential_field",
+                "planner_options": {"max_iterations": 1, "fallback": None},
+            },
         ),
         422,
         "PLANNING_FAILED",
@@ -143,7 +147,7 @@ def test_the_potential_of_a_preset_is_that_of_its_descent(
     client: httpx.Client, preset: str
 ) -> None:
     goal = [0.4, *HOME[1:]]
-    options = {"preset": preset, "connect": False, "max_iterations": 4}
+    options = {"preset": preset, "connect": False, "max_iterations": 4, "fallback": None}
     body = BODY | {
         "planner": "potential_field", "planner_options": options, "goal": {"joints": goal},
     }  # fmt: skip

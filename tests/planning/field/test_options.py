@@ -32,12 +32,15 @@ def test_a_named_option_changes_that_one_alone(preset: str) -> None:
         "joint_weight": 2.0, "step_sizes": 0.1, "longest_step": 0.07, "halvings": 0,
         "tolerance": 0.5, "connect": False, "max_iterations": 7, "patience": 3, "escapes": 4,
         "escape_steps": 2, "progress": 0.5, "force_tolerance": 0.1, "engine": "fcl",
-        "keep_path": True,
+        "fallback": "prm",
     }  # fmt: skip
-    assert {*changes, "point_radii"} == set(NAMES)
+    assert {*changes, "point_radii", "keep_path"} == set(NAMES)
     base = values(PRESETS[preset])
     for name, value in changes.items():
         assert values(FieldOptions.of({"preset": preset, name: value})) == {**base, name: value}
+    # The field's own path has no fallback.
+    kept = values(FieldOptions.of({"preset": preset, "keep_path": True}))
+    assert kept == {**base, "keep_path": True, "fallback": None}
 
 
 def test_radii_belong_to_origins() -> None:

@@ -21,7 +21,7 @@ from planning.pipeline.planners import CASCADE, PLANNERS, ByConstraints, choose_
 from planning.planner import Query
 from planning.preflight_result import Ready
 from planning.problem import JointGoal, PoseGoal, Problem
-from planning.result import Attempt, Failure
+from planning.result import Attempt, Failure, Plan
 from planning.sampling.planners import PLANNERS as OMPL_PLANNERS
 from planning.search.rrt_connect import RrtConnect
 from planning.timing.options import TimingOptions
@@ -187,3 +187,23 @@ def test_requests_that_the_cartesian_planner_refuses() -> None:
     assert cartesian((PoseGoal(away),), cartesian=motions).options is motions
     free = cartesian((PoseGoal(T),), cartesian=CartesianOptions(orientation="free"))
     assert free.tolerances.orientation is None
+
+
+def test_a_fallback_begins_where_the_field_is_stuck_and_both_tell_of_their_failures() -> None:
+    for scene, planner in ((WALL, "bfmt"), (SHUT, None)):
+        options = Options(
+            planner="potential_field", planner_options={"fallback": "bfmt"}, timeout=1.5
+        )
+        answer = plan(problem(scene), options)
+        names = [stage.name for stage in answer.stages]
+        assert names[1:3] == ["potential_field", "bfmt"]
+        assert answer.stages[1].outcome == "failed"
+        assert answer.stages[1].detail.startswith(("Blocked", "A kink", "A local minimum"))
+        if planner is None:
+            assert isinstance(answer, Failure)
+            assert answer.stage == "bfmt"
+            assert answer.details["ending"] in ("blocked", "kink", "local_minimum")
+            assert answer.details["motions"] > 0
+        else:
+            assert isinstance(answer, Plan)
+            assert answer.planner == planner
