@@ -7,8 +7,7 @@ import numpy as np
 from kinematics.arrays import Array
 from kinematics.caches.bounded_cache import bounded_cache
 from obstacles.collision.checker import Checker
-from obstacles.collision.fcl.fcl_distance import FclWorld
-from obstacles.collision.fcl.overlap_meter import OverlapMeter, overlap_meter
+from obstacles.collision.fcl_distance import FclWorld, OverlapMeter, overlap_meter
 from obstacles.robots.robot_geometry import RobotGeometry
 from obstacles.scenes.scene import Scene
 from planning.preflight_result import TOUCHING

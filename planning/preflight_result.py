@@ -5,7 +5,7 @@ from typing import NamedTuple
 
 from kinematics.arrays import Array
 from obstacles.collision.checker import Checker
-from obstacles.distance.convex_distance import ACCURACY
+from obstacles.distance.signed_distance import ACCURACY
 
 #: A start or goal this near to its margin [m] counts as touching, and is told with pair and depth:
 #: the proof knows distances to a tenth of a micrometre, below twice that nothing can be proved.

@@ -30,7 +30,7 @@ WITHOUT_A_BOUND = {
     ("compiled/compiler/machine_code.py", "_size"),
     ("compiled/compiler/library.py", "_plain_machine"),
     ("compiled/compiler/store.py", "_warn_once"),
-    ("obstacles/scenes/obstacle_content.py", "_field_names"),
+    ("obstacles/scenes/scene.py", "_field_names"),
     ("obstacles/convex/triangles.py", "_inner_radius"),
     ("service/viewer/page.py", "_asset"),
     ("client/armwright_client/call.py", "_method"),

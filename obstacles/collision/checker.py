@@ -11,10 +11,9 @@ from numpy.typing import NDArray
 from compiled.kernel import direct
 from kinematics.arrays import Array, Indices
 from kinematics.model.chain import Chain, Limits, Link
-from obstacles.collision.corner_check import round_corners
 from obstacles.collision.edge_check import COLLIDING, FREE, certify_curve
-from obstacles.collision.lanes.states import any_blocked, mark_blocked
-from obstacles.collision.line_check import certify_edge, certify_path, check_straight
+from obstacles.collision.lanes.check import any_blocked, mark_blocked
+from obstacles.collision.line_check import certify_edge, certify_path, check_straight, round_corners
 from obstacles.collision.model.collision_model import CollisionModel, ModelArrays
 from obstacles.collision.proximity import closest_pair, closest_state, near_pairs
 from obstacles.collision.state_check import bracket_on, verdict_on

@@ -16,11 +16,12 @@ theorem gives
 with k over revolute joints, because |d2p / dq_j dq_k| <= L_max(j, k). Where a plane proves a
 distance in the middle that exceeds the smaller of B and D and the margin, the pair is free all over
 the interval; what is left is halved, without the share around the middle that was proved for all
-pairs. Pairs settled on an interval are not looked at again inside it.
+pairs. Pairs settled on an interval are not checked again inside it.
 
-What stands around is met from the top of a tree of boxes; a pair waits there as (piece, node)
-until the intervals are so short that it pays to go down. Intervals are looked at from the longest
-to the shortest, so that a motion that collides is refused early.
+Obstacles are met from the top of a tree of boxes, many self-collision pairs from the top of their
+groups. A node or a group stands for all pairs below it: to part it pays once the motion over an
+interval is no longer than it is, and until then it waits among the entries. Intervals are checked
+from the longest to the shortest, so that a motion that collides is refused early.
 Source: "Adaptive dynamic collision checking for single and multiple articulated robots in complex
 environments", IEEE Transactions on Robotics, 2005, for B and the halving.
 """
@@ -31,10 +32,10 @@ from typing import NamedTuple
 import numpy as np
 
 from compiled.kernel import kernel
-from kinematics.arrays import Array
-from obstacles.collision.interval_pairs import compare_pair, own_bound
+from kinematics.arrays import Array, Indices
 from obstacles.collision.model.kernel_work import (
     Workspace,
+    pair_drift,
     pair_stray,
     place,
     visit,
@@ -42,34 +43,38 @@ from obstacles.collision.model.kernel_work import (
     workspace,
 )
 from obstacles.collision.model.model_arrays import ModelArrays
-from obstacles.collision.model.pair_groups import PARTED, SIZE
-from obstacles.collision.waiting_pairs import (
-    CLEARANCE,
-    COARSE,
-    LOOKS,
-    ROUNDING_ERROR,
-    SHARE,
-    STOPPED,
-    Entries,
-    next_group,
-    pair_of,
-)
-from obstacles.distance.bounds import balls_apart
+from obstacles.collision.model.pair_grid import grid_bound
+from obstacles.collision.model.pair_groups import BALL, FIRST_PAIR, GROUP_SIZE, OTHER_BALL, PARTED
+from obstacles.distance.bounds import balls_apart, quick_bound
 from obstacles.distance.bvh import EXTENT, FIRST, LAST, SKIP, gap
-from obstacles.distance.gjk import CLOSER, FARTHER
-from obstacles.distance.piece_set import CENTER, MARGIN, OWNER, RADIUS, Pair
+from obstacles.distance.gjk import BETWEEN, CLOSER, FARTHER, STILL, allowance, separation
+from obstacles.distance.piece_set import CENTER, MARGIN, NODE_STOP, OWNER, RADIUS, Pair, Shapes
+from obstacles.distance.triangles.distance import LOOKS as LOOKED_AT
+from obstacles.distance.triangles.motion import surface_share
 
 FREE = 0
 COLLIDING = 1
 UNDECIDED = 2
 #: The workspace is too small.
 NO_ROOM = -1
-
 _MAX_DEPTH = 40
 #: Intervals looked at before an edge is given up as undecided.
 MAX_INTERVALS = 20_000
 #: Pairs of parts of meshes that cost about what an interval does.
 _LOOKS_AN_INTERVAL = 32.0
+#: A bound this small [m] that still does not separate a pair is contact within its margin.
+_RESOLUTION = 1e-6
+#: Share of a pair's proved surroundings of the middle that is used: the rest is clearance left.
+_TRUSTED = 0.9
+#: A cover that is apart by less than this share of the motion hardly is.
+_GRAZING = 0.1
+#: What floating point may have cost a distance of a few metres [m], with room to spare.
+ROUNDING_ERROR = 1e-9
+#: A node is entered once the motion is less than this many times its size: above, halving the
+#: interval settles more than going down.
+COARSE = 1.0
+# Places in Workspace.tally: of an interval, but for the looks, which are those of an edge.
+CLEARANCE, SHARE, STOPPED, LOOKS = 0, 1, 2, 3
 
 
 class Cubic(NamedTuple):
@@ -86,6 +91,18 @@ class Cubic(NamedTuple):
     b1: Array
     b2: Array
     b3: Array
+
+
+class Entries(NamedTuple):
+    """Pairs that are not settled yet.
+
+    Args:
+        pairs: Pairs as ``ModelArrays.roots`` has them, shape (e, 2).
+        axes: Axes across which they part, 0 where none is known, shape (e, 3).
+    """
+
+    pairs: Indices
+    axes: Array
 
 
 # In two parts an edge check took half as long again (31 us for 20 us).
@@ -107,7 +124,7 @@ def _examine(  # noqa: C901, PLR0912, PLR0915
         if i < 0 or i >= p:
             group, after = -1 - i, -i
             if i < 0 and model.groups[group, PARTED] < 0:
-                after = group + model.groups[group, SIZE]
+                after = group + model.groups[group, GROUP_SIZE]
             while group < after:
                 if i < 0 and model.groups[group, PARTED] < 0:
                     group, kept = next_group(model, work, margin, group, after, left, kept)
@@ -330,3 +347,144 @@ def certify_curve(
     """
     curve = Cubic(b0, b1, b2, b3)
     return certify_in(model, workspace(model), curve, margin, MAX_INTERVALS, outcome)
+
+
+@kernel(allocates=False, inline="always")
+def compare_pair(
+    model: ModelArrays, work: Workspace, pair: Pair, own: bool, apart: float, axes: Array, at: int
+) -> int:
+    """Compare a pair of pieces on the interval visited.
+
+    Args:
+        model: The packed robot and scene.
+        work: The workspace, its second piece placed.
+        pair: The pieces; the second is one of ``work.placed``.
+        own: Whether the first is the robot's too, and not of the scene.
+        apart: Margin of the pair [m].
+        axes: Axes across which pairs part, shape (e, 3).
+        at: The row of this pair's.
+
+    Returns:
+        FARTHER (apart all over it), CLOSER (at most ``apart`` in the middle) or BETWEEN.
+    """
+    a, i, placed, j = pair
+    twists, strays, tally, seen = work.twists, work.strays, work.tally, i if own else -1
+    enough, most = apart + ROUNDING_ERROR, pair_stray(model.chain, model.joints, strays, seen, j)
+    lower, n = quick_bound(a, i, placed, j, enough + most)
+    lost, verdict = most, FARTHER
+    if not lower > enough + most:
+        moving = STILL
+        if most > 0.0:
+            moving = pair_drift(model.chain, model.joints, twists, placed, strays, seen, j)
+        if lower > enough:
+            lost = allowance(n, moving)
+        if not lower > enough + lost:
+            axis = axes[at]
+            if axis[0] == 0.0 and axis[1] == 0.0 and axis[2] == 0.0:
+                axis[0], axis[1], axis[2] = n
+            verdict, lower, _ = separation(
+                pair, model.corners, model.tables, apart, enough, moving, axis, work.room
+            )
+            lost = allowance((axis[0], axis[1], axis[2]), moving)
+            # A cover that touches proves nothing: its triangles decide, as where halving ends.
+            touching = verdict == CLOSER or lower - enough < _GRAZING * lost or lost < _RESOLUTION
+            covers = a[i, NODE_STOP] > 0.0 or placed[j, NODE_STOP] > 0.0
+            if verdict != FARTHER and touching and covers:
+                apart_in_middle, share = surface_share(
+                    pair, Shapes(model.corners, model.tables, model.surfaces), apart, enough,
+                    moving, axis, work.room, work.stack,
+                )  # fmt: skip
+                tally[LOOKS] += work.stack[0, LOOKED_AT]
+                verdict = CLOSER if not apart_in_middle else FARTHER if share >= 1.0 else BETWEEN
+                lower, lost = enough + share * most, most
+    if verdict == BETWEEN:
+        share = _TRUSTED * max(lower - enough, 0.0) / lost if lost > 0.0 else 0.0
+        tally[SHARE] = min(tally[SHARE], share)
+        tally[STOPPED] += lost < _RESOLUTION
+        lost *= share
+    if verdict == FARTHER or (verdict == BETWEEN and lost > 0.0):
+        tally[CLEARANCE] = min(tally[CLEARANCE], lower - lost - apart)
+    return verdict
+
+
+@kernel(allocates=False, inline="always")
+def own_bound(model: ModelArrays, work: Workspace, s: int, reach: float, apart: float) -> float:
+    """Lower bound of the distance of pair s of the robot over the interval, margins off [m].
+
+    Args:
+        model: The packed robot and scene.
+        work: The workspace, both pieces placed.
+        s: The pair.
+        reach: How far balls about them stray and their margin, inf where that is not known [m].
+        apart: Margin of the pair [m].
+    """
+    a, b = model.self_pairs[s, 0], model.self_pairs[s, 1]
+    proved = balls_apart(work.placed, a, b) - reach  # no piece strays as far as what it is part of
+    if not proved > ROUNDING_ERROR and model.grid_axes[s, 0, 2] > 0.0:
+        still = model.joints[a]
+        proved = grid_bound(
+            model.grid_axes, model.grid_starts, model.grid_values, s, still, work.joints
+        )
+        proved -= work.strays[b, 3 * still + 3] + apart
+    return proved
+
+
+@kernel(allocates=False)
+def pair_of(model: ModelArrays, entry: Indices) -> int:
+    """A pair that an entry stands for."""
+    p, m = model.skipped.shape[0], model.scene.shape[0]
+    i, k = entry[0], entry[1]
+    if i < 0:
+        group = -1 - i
+        while model.groups[group, PARTED] < 0:
+            group += 1
+        return int(p * m + model.groups[group, FIRST_PAIR])
+    if i >= p:
+        return int(p * m + i - p)
+    if k >= 0:
+        return int(i * m + k)
+    node = -1 - k
+    while model.nodes[node, FIRST] < 0.0:
+        node += 1
+    return int(i * m + model.items[int(model.nodes[node, FIRST])])
+
+
+@kernel(allocates=False)
+def next_group(
+    model: ModelArrays, work: Workspace, margin: float, group: int, after: int, left: Entries,
+    kept: int,
+) -> tuple[int, int]:  # fmt: skip
+    """The next of some groups that no other parts, without those that are apart or wait.
+
+    Args:
+        model: The packed robot and scene.
+        work: The workspace, at an interval.
+        margin: Asked for on top of the pairs' own margins [m].
+        group: The first group.
+        after: The one behind the last.
+        left: Stack of groups that wait.
+        kept: How many entries wait there.
+
+    Returns:
+        The group, ``after`` where there is none, and how many wait then, -1 where there is no room.
+    """
+    placed, tally, extra = work.placed, work.tally, model.own_margin + margin
+    while group < after and model.groups[group, PARTED] < 0:
+        a, b = model.groups[group, BALL], model.groups[group, OTHER_BALL]
+        place(model, work, a)
+        place(model, work, b)
+        most = pair_stray(model.chain, model.joints, work.strays, a, b)
+        proved = balls_apart(placed, a, b) - most - extra
+        if proved > ROUNDING_ERROR:
+            tally[CLEARANCE] = min(tally[CLEARANCE], proved)
+        elif most > COARSE * max(placed[a, RADIUS], placed[b, RADIUS]):
+            if kept == left.pairs.shape[0]:
+                return after, -1
+            left.pairs[kept, 0], left.pairs[kept, 1] = -1 - group, 0
+            kept += 1
+            tally[SHARE] = 0.0
+        else:
+            group += 1
+            continue
+        group += model.groups[group, GROUP_SIZE]
+    return group, kept

@@ -1,22 +1,34 @@
-"""Distances of the closest pair, and of all near pairs with their gradients."""
+"""Distances of the closest pair, and of all near pairs with their gradients.
 
+With n the unit direction from piece i to piece j along which their signed distance d is measured,
+p the point of j that is nearest (or deepest), and z_k, o_k axis and origin of joint k,
+
+    dd/dq_k = n . (z_k x (p - o_k))   (revolute),   n . z_k   (prismatic)
+
+for the joints between the two, 0 for all others.
+"""
+
+import math
 from typing import NamedTuple
 
 import numpy as np
 
 from compiled.kernel import kernel
-from compiled.simd import on_stack
+from compiled.simd import LANES, on_stack
+from compiled.vec3 import Vector
 from kinematics.arrays import Array, Indices
-from obstacles.collision.distance_gradient import distance_gradient
+from kinematics.model.chain import MAX_JOINTS
+from obstacles.collision.lanes.check import blocked_lanes, write_states
 from obstacles.collision.model.kernel_work import (
     Workspace,
+    meeting_body,
     place,
     place_ball_once,
     visit,
     workspace,
 )
 from obstacles.collision.model.model_arrays import ModelArrays
-from obstacles.collision.model.pair_groups import SIZE
+from obstacles.collision.model.pair_groups import GROUP_SIZE
 from obstacles.distance.bounds import balls_apart, quick_bound
 from obstacles.distance.bvh import FIRST, LAST, SKIP, gap
 from obstacles.distance.epa import contact
@@ -224,7 +236,7 @@ def _closest_parted(
 ) -> tuple[float, int]:
     """``best`` and ``closest``, or those of a group that is parted where it holds a closer pair."""
     shapes, placed = Shapes(model.corners, model.tables, model.surfaces), work.placed
-    own, group, after = model.own_margin, top, top + model.groups[top, SIZE]
+    own, group, after = model.own_margin, top, top + model.groups[top, GROUP_SIZE]
     first_pair = model.skipped.shape[0] * model.scene.shape[0]
     while group < after:
         first, last, a, b = model.groups[group]
@@ -367,7 +379,7 @@ def _add_near_parted(
 ) -> int:
     """``near_pairs`` of a group that is parted."""
     placed, own, p, m = work.placed, model.own_margin, model.skipped.shape[0], model.scene.shape[0]
-    group, after = top, top + model.groups[top, SIZE]
+    group, after = top, top + model.groups[top, GROUP_SIZE]
     while group < after:
         first, last, a, b = model.groups[group]
         place_ball_once(model, work, a)
@@ -405,3 +417,90 @@ def _add_near_obstacles(
                 count = _add_near_pair(model, work, asked, within, near, count)
         node += 1
     return count
+
+
+@kernel(allocates=False)
+def line_shortfall(
+    model: ModelArrays, work: Workspace, a: Array, b: Array, spacing: float, most: float
+) -> float:
+    """Mean shortfall of the straight motion from a to b, both (n,) [m].
+
+    The motion is divided into parts of equal length, the middles of which are looked at. A state
+    that keeps all margins lacks nothing; one that does not, the most that a pair of it lacks.
+
+    Args:
+        model: The packed robot and scene, with the margins.
+        work: A workspace of the model.
+        a: Start of the motion, shape (n,) [rad or m].
+        b: End of the motion, shape (n,).
+        spacing: Length of a part at most, Euclidean in joint space.
+        most: Distance beyond which the answer is infinite: fewer states are checked then [m].
+    """
+    n, square = a.shape[0], 0.0
+    for j in range(n):
+        square += (b[j] - a[j]) ** 2
+    parts = max(1, math.ceil(math.sqrt(square) / spacing))
+    q, shares, total = on_stack(MAX_JOINTS)[:n], on_stack(LANES), 0.0
+    for first in range(0, parts, LANES):
+        count = min(LANES, parts - first)
+        for number in range(count):
+            shares[number] = (first + number + 0.5) / parts
+        write_states(work, a, b, shares, 0, count)
+        near = blocked_lanes(model, work, 0.0, (1 << count) - 1, 0, 0)
+        for number in range(count):
+            if near >> number & 1 == 0:
+                continue
+            for j in range(n):
+                q[j] = a[j] + shares[number] * (b[j] - a[j])
+            work.joints[:] = 0.0
+            stand_in(model, work, q)
+            nearest, _ = closest_in(model, work, 0.0, True)
+            total -= nearest
+            if total > most * parts:
+                return np.inf
+    return total / parts
+
+
+@kernel(allocates=False)
+def distance_gradient(
+    chain: Array, frames: Array, still: int, joint: int, n: Vector, p: Vector, gradient: Array
+) -> None:
+    """Write dd/dq (n,) of a pair.
+
+    Args:
+        chain: ``Chain.model``.
+        frames: Frames of the joints, shape (n, 4, 4).
+        still: The joint that carries the first piece, -1 for the base.
+        joint: The joint that carries the second piece, beyond ``still``, or its body.
+        n: Unit direction from the second piece to the first.
+        p: The point of the second piece.
+        gradient: Filled, shape (n,).
+    """
+    gradient[:] = 0.0
+    if joint < gradient.shape[0]:
+        for k in range(still + 1, joint + 1):
+            gradient[k] = -_rate_along(chain, 1 + k, frames[k], n, p)
+        return
+    # From both bodies to the one that both hang on; what joints before that do moves neither.
+    meeting = meeting_body(chain, still, joint)
+    for side in range(2):
+        body, sign = (joint, -1.0) if side == 0 else (still, 1.0)
+        while body != meeting:
+            leader, parent, row = body, body - 1, 1 + body
+            share = sign
+            if body >= gradient.shape[0]:
+                row = int(chain[0, 3]) + 2 * (body - gradient.shape[0])
+                parent, leader = int(chain[row, 13]), int(chain[row + 1, 0])
+                share *= chain[row + 1, 1]
+            gradient[leader] += share * _rate_along(chain, row, frames[body], n, p)
+            body = parent
+
+
+@kernel(allocates=False)
+def _rate_along(chain: Array, row: int, F: Array, n: Vector, p: Vector) -> float:
+    """Rate along n of a point p that a joint with this row and frame carries."""
+    zx, zy, zz = F[0, 2], F[1, 2], F[2, 2]
+    if chain[row, 0] == 0.0:
+        x, y, z = p[0] - F[0, 3], p[1] - F[1, 3], p[2] - F[2, 3]
+        zx, zy, zz = zy * z - zz * y, zz * x - zx * z, zx * y - zy * x
+    return float(n[0] * zx + n[1] * zy + n[2] * zz)

@@ -1,10 +1,13 @@
 """The verdict on one configuration: free, colliding, exact where a sphere bracket can't tell.
 
-A body's ball walks the tree of what stands around; what it meets is met by each of its pieces,
-from one sphere about the piece down to the finest ones, at distances in closed form. A piece whose
-outer spheres are all clear of a solid is free of it; where an inner one meets it, it collides.
-Pairs that neither settles are asked of the distance iteration (`gjk`). A pair of the robot's own is
-looked up on its grid first. Poses of whole pieces are only worked out for the exact test.
+A body's ball walks the tree of what stands around; what it meets is met by each of its pieces, from
+one sphere about the piece down to the finest ones, at distances in closed form. A piece whose outer
+spheres are all clear of a solid is free of it; where an inner one meets it, it collides. Pairs that
+neither settles take the exact test: the distance iteration (`gjk`) on their covers, then their
+triangles. A self-collision pair is looked up on its grid first; where there are many, groups of
+them are parted by balls, and the group that collided twice in turn comes first: where a search is
+stuck, or a robot is built so, it is that again. Poses of whole pieces are only worked out for the
+exact test.
 """
 
 import math
@@ -16,24 +19,34 @@ from compiled.kernel import kernel
 from compiled.vec3 import Vector, dot, subtract
 from kinematics.arrays import Array, Indices
 from kinematics.forward import frames_kernel
-from obstacles.collision.edge_check import COLLIDING, FREE, UNDECIDED
-from obstacles.collision.exact_verdict import exact_verdict, place_whole
-from obstacles.collision.group_verdict import asked_again, group_verdict
+from obstacles.collision.edge_check import COLLIDING, FREE, ROUNDING_ERROR, UNDECIDED
 from obstacles.collision.model.brackets import AFTER, INNER, OUTER
 from obstacles.collision.model.kernel_work import (
     LAST_GROUP,
     LAST_MET,
+    MET_TWICE,
     Workspace,
     place_ball,
+    place_ball_once,
+    place_row,
     workspace,
 )
 from obstacles.collision.model.model_arrays import ModelArrays
 from obstacles.collision.model.pair_grid import grid_bound
-from obstacles.collision.waiting_pairs import ROUNDING_ERROR
+from obstacles.collision.model.pair_groups import (
+    BALL,
+    FIRST_PAIR,
+    GROUP_SIZE,
+    LAST_PAIR,
+    OTHER_BALL,
+    PARTED,
+)
 from obstacles.distance.ball_distance import bound_from, closed_form
-from obstacles.distance.bounds import balls_apart
+from obstacles.distance.bounds import balls_apart, quick_bound
 from obstacles.distance.bvh import FIRST, LAST, SKIP, gap
-from obstacles.distance.piece_set import CENTER, MARGIN, NODE_STOP, OWNER, RADIUS
+from obstacles.distance.gjk import CLOSER, FARTHER, STILL, separation
+from obstacles.distance.piece_set import CENTER, MARGIN, NODE_STOP, OWNER, RADIUS, Pair, Shapes
+from obstacles.distance.triangles.distance import surface_distance
 
 #: Pairs of two bodies from which on it pays to bring the balls of all pieces into the base frame.
 _FEW = 4
@@ -343,3 +356,105 @@ def verdicts_on(model: ModelArrays, states: Array, margin: float, verdicts: Arra
         verdicts[k] = verdict_in(model, work, states[k], margin, asked)
         total += asked[0]
     return total
+
+
+@kernel(allocates=False)
+def group_verdict(model: ModelArrays, work: Workspace, apart: float, asked: Indices) -> int:
+    """The verdict on all groups but the one that was ``asked_again``."""
+    groups, group, verdict, tally = model.groups, 0, FREE, work.tally
+    asked_before = int(tally[LAST_GROUP]) - 1 if tally[MET_TWICE] > 0.0 else -1
+    while group < groups.shape[0]:
+        here, parted = group, groups[group, PARTED] < 0
+        one, other = groups[here, BALL], groups[here, OTHER_BALL]
+        place_ball_once(model, work, one)
+        place_ball_once(model, work, other)
+        if balls_apart(work.placed, one, other) > apart + ROUNDING_ERROR:
+            group += groups[here, GROUP_SIZE] if parted else 1
+            continue
+        group += 1
+        if parted or here == asked_before:
+            continue
+        found = _whole_verdict(model, work, here, apart, asked)
+        if found == COLLIDING:
+            tally[MET_TWICE] = 1.0 if tally[LAST_GROUP] == here + 1 else 0.0
+            tally[LAST_GROUP] = here + 1
+            return found
+        verdict = max(verdict, found)
+    return verdict
+
+
+@kernel(allocates=False)
+def asked_again(model: ModelArrays, work: Workspace, apart: float, asked: Indices) -> int:
+    """The verdict on the group that met twice in turn, if one did."""
+    group = int(work.tally[LAST_GROUP]) - 1
+    # A workspace may be shared by parts of a model, whose groups have other numbers.
+    if group < 0 or group >= model.groups.shape[0] or model.groups[group, PARTED] < 0:
+        work.tally[LAST_GROUP], work.tally[MET_TWICE] = 0.0, 0.0
+        return FREE
+    if work.tally[MET_TWICE] == 0.0:
+        return FREE
+    return int(_whole_verdict(model, work, group, apart, asked))
+
+
+@kernel(allocates=False)
+def _whole_verdict(
+    model: ModelArrays, work: Workspace, group: int, apart: float, asked: Indices
+) -> int:
+    """The verdict on the pairs of a group that is not parted, by their balls, grids and solids."""
+    first_pair, verdict = model.skipped.shape[0] * model.scene.shape[0], FREE
+    for s in range(model.groups[group, FIRST_PAIR], model.groups[group, LAST_PAIR]):
+        i, j = model.self_pairs[s, 0], model.self_pairs[s, 1]
+        place_ball_once(model, work, i)
+        place_ball_once(model, work, j)
+        if balls_apart(work.placed, i, j) > apart + ROUNDING_ERROR:
+            continue
+        if model.grid_axes[s, 0, 2] > 0.0:
+            proved = grid_bound(
+                model.grid_axes, model.grid_starts, model.grid_values, s, model.joints[i],
+                work.joints,
+            )  # fmt: skip
+            if proved > apart + ROUNDING_ERROR:
+                continue
+        place_whole(model, work, i)
+        found = exact_verdict(model, work, work.placed, i, j, apart, asked, first_pair + s)
+        if found == COLLIDING:
+            return found
+        verdict = max(verdict, found)
+    return verdict
+
+
+@kernel(allocates=False)
+def exact_verdict(
+    model: ModelArrays, work: Workspace, rows: Array, k: int, i: int, apart: float, asked: Indices,
+    number: int,
+) -> int:  # fmt: skip
+    """The exact verdict on piece i of the robot and piece k of ``rows``, or a flag for it."""
+    asked[0] += 1
+    if asked.shape[0] > 1:
+        if asked[0] < asked.shape[0]:
+            asked[asked[0]] = number
+        return UNDECIDED
+    place_whole(model, work, i)
+    enough, axis = apart + ROUNDING_ERROR, work.room[8]
+    pair = Pair(rows, k, work.placed, i)
+    lower, n = quick_bound(rows, k, work.placed, i, enough)
+    if lower > enough:
+        return FREE
+    axis[0], axis[1], axis[2] = n
+    verdict, _, _ = separation(
+        pair, model.corners, model.tables, apart, enough, STILL, axis, work.room
+    )
+    if verdict != FARTHER and (rows[k, NODE_STOP] > 0.0 or work.placed[i, NODE_STOP] > 0.0):
+        shapes = Shapes(model.corners, model.tables, model.surfaces)
+        verdict, _ = surface_distance(pair, shapes, apart, enough, axis, work.room, work.stack)
+    if verdict == FARTHER:
+        return FREE
+    return COLLIDING if verdict == CLOSER else UNDECIDED
+
+
+@kernel(allocates=False)
+def place_whole(model: ModelArrays, work: Workspace, i: int) -> None:
+    """Bring piece i into the base frame if it is not there yet."""
+    if work.stamps[i] != work.stamps[-1]:
+        work.stamps[i] = work.stamps[-1]
+        place_row(work.placed, i, model.robot, work.frames, model.joints[i])

@@ -13,7 +13,6 @@ import numpy as np
 from compiled.kernel import kernel
 from compiled.vec3 import Vector
 from kinematics.arrays import Array
-from obstacles.convex.support_table import Lists
 from obstacles.distance.bvh import FIRST, LAST, SKIP, Tree, gap
 from obstacles.distance.epa import contact
 from obstacles.distance.piece_set import (
@@ -27,6 +26,7 @@ from obstacles.distance.piece_set import (
     START,
     STOP,
     CoreKind,
+    Lists,
     ball_rows,
 )
 

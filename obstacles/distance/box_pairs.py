@@ -15,10 +15,9 @@ import numpy as np
 from compiled.kernel import kernel
 from compiled.vec3 import Vector, cross, dot, subtract
 from kinematics.arrays import Array
-from obstacles.convex.support_table import Lists
 from obstacles.distance.bvh import EXTENT
 from obstacles.distance.gjk import Drift, support
-from obstacles.distance.piece_set import CENTER, HALF, KIND, MIDDLE, POSE, ROUNDING, CoreKind
+from obstacles.distance.piece_set import CENTER, HALF, KIND, MIDDLE, POSE, ROUNDING, CoreKind, Lists
 
 _HALFSPACE = int(CoreKind.HALFSPACE)
 

@@ -15,9 +15,8 @@ import numpy as np
 from compiled.kernel import kernel
 from compiled.vec3 import Vector, cross, dot, subtract
 from kinematics.arrays import Array, Indices
-from obstacles.convex.support_table import Lists
 from obstacles.distance.gjk import nearest_on_simplex, support, wall_distance
-from obstacles.distance.piece_set import KIND, ROUNDING, CoreKind
+from obstacles.distance.piece_set import KIND, ROUNDING, CoreKind, Lists
 
 _HALFSPACE = int(CoreKind.HALFSPACE)
 _MAX_ITERATIONS = 60

@@ -18,7 +18,6 @@ import numpy as np
 from compiled.kernel import kernel
 from compiled.vec3 import Vector, cross, dot, subtract
 from kinematics.arrays import Array
-from obstacles.convex.support_table import Lists, cell_of
 from obstacles.distance.piece_set import (
     KIND,
     POSE,
@@ -28,7 +27,9 @@ from obstacles.distance.piece_set import (
     STOP,
     TABLE,
     CoreKind,
+    Lists,
     Pair,
+    cell_of,
 )
 
 FARTHER = 0

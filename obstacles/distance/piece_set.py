@@ -2,6 +2,13 @@
 
 Kernels are handed few arrays with wide rows rather than many narrow ones: every array handed from
 one kernel to another costs about as much as a distance of two balls.
+
+A hull of many corners has a support table, a short list of corners for each cell of directions, cut
+from the faces of a cube. Over the cell of directions (1, u, v) with u and v in intervals, how much
+farther one corner reaches than another is affine in u and v, so a corner that another one beats at
+the four ends of the cell is never the farthest in it. The farthest corner in the list is the
+farthest of all: nothing is guessed, unlike walking from corner to corner, which may stop on a face
+that is not quite flat.
 """
 
 from collections.abc import Sequence
@@ -9,33 +16,17 @@ from enum import IntEnum
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
+from compiled.kernel import kernel
 from kinematics.arrays import Array
 from kinematics.caches.bounded_cache import array_bytes, bounded_cache
 from kinematics.caches.preparation_limit import check_preparation_time
 from obstacles.convex.piece import Piece, PieceKind, core_of
-from obstacles.convex.support_table import LEAST_CORNERS, Lists, support_table
 from obstacles.distance.bvh import FIRST, LAST, NODE_WIDTH, SKIP, tree
-
-
-class CoreKind(IntEnum):
-    """How the farthest point of a core is found."""
-
-    POLYTOPE = 0
-    CYLINDER = 1
-    CONE = 2
-    HALFSPACE = 3
-    BOX = 4
-    TABLED = 5
-    POINT = 6
-
 
 #: Of three numbers.
 _CORNER_BYTES = 24
-#: As numbers: to look a member of an enumeration up takes longer than the rest of a row.
-_TABLED = float(CoreKind.TABLED)
-_CORNERED = float(CoreKind.POLYTOPE), _TABLED
-
 #: What stands in which columns of a row: its kind, the obstacle it belongs to and that obstacle's
 #: margin; a ball that holds it, in the owner's frame; of a box half sizes, else radius and half
 #: height, then the rounding; a box that holds it by its middle and half sizes, in its own frame;
@@ -52,6 +43,32 @@ NODE, NODE_STOP = 32, 33
 GROUP, GROUP_STOP = 34, 35
 ANCHOR, ANCHOR_STOP = 36, 37
 WIDTH = 38
+#: A support table, or several.
+Lists = NDArray[np.int32]
+#: Cells along an edge of the cube: lists of three to six corners for hulls of a hundred.
+SIDE = 8
+CELLS = 6 * SIDE * SIDE
+#: Fewer corners than this are looked through as fast as a list is found.
+LEAST_CORNERS = 13
+#: Corners within this [m] of each other in reach are both kept: rounding must not choose.
+_TIE = 1e-12
+
+
+class CoreKind(IntEnum):
+    """How the farthest point of a core is found."""
+
+    POLYTOPE = 0
+    CYLINDER = 1
+    CONE = 2
+    HALFSPACE = 3
+    BOX = 4
+    TABLED = 5
+    POINT = 6
+
+
+#: As numbers: to look a member of an enumeration up takes longer than the rest of a row.
+_TABLED = float(CoreKind.TABLED)
+_CORNERED = float(CoreKind.POLYTOPE), _TABLED
 
 
 class Pair(NamedTuple):
@@ -235,3 +252,71 @@ def _shift(nodes: Array, by: int, corners: int) -> None:
 @bounded_cache(maxsize=1024)
 def _table(corners: bytes) -> Lists:
     return support_table(np.frombuffer(corners).reshape(-1, 3))
+
+
+@kernel(allocates=False)
+def cell_of(x: float, y: float, z: float) -> int:
+    """The cell that a direction lies in; 0 for a direction of no length."""
+    ax, ay, az = abs(x), abs(y), abs(z)
+    if ax >= ay and ax >= az:
+        major, u, v, face = ax, y, z, (0 if x >= 0.0 else 1)
+    elif ay >= az:
+        major, u, v, face = ay, z, x, (2 if y >= 0.0 else 3)
+    else:
+        major, u, v, face = az, x, y, (4 if z >= 0.0 else 5)
+    if not major > 0.0:
+        return 0
+    scale = 0.5 * SIDE / major
+    column = min(int(u * scale + 0.5 * SIDE), SIDE - 1)
+    row = min(int(v * scale + 0.5 * SIDE), SIDE - 1)
+    return (face * SIDE + row) * SIDE + column
+
+
+@kernel(allocates=False)
+def _direction(face: int, u: float, v: float) -> tuple[float, float, float]:
+    sign = 1.0 if face % 2 == 0 else -1.0
+    if face < 2:
+        return sign, u, v
+    if face < 4:
+        return v, sign, u
+    return u, v, sign
+
+
+@kernel
+def _fill(corners: Array, starts: Lists, lists: Lists) -> int:
+    """Write the lists of all cells one behind the other; how long they are together."""
+    count = corners.shape[0]
+    reach, best = np.empty((4, count)), np.empty(4, dtype=np.int64)
+    size = 0
+    for cell in range(CELLS):
+        face, row, column = cell // (SIDE * SIDE), cell // SIDE % SIDE, cell % SIDE
+        for end in range(4):
+            # A hair wider than the cell, for what lies on its rim.
+            u = 2.0 * (column + end % 2) / SIDE - 1.0 + (1e-9 if end % 2 else -1e-9)
+            v = 2.0 * (row + end // 2) / SIDE - 1.0 + (1e-9 if end // 2 else -1e-9)
+            x, y, z = _direction(face, u, v)
+            for k in range(count):
+                reach[end, k] = x * corners[k, 0] + y * corners[k, 1] + z * corners[k, 2]
+            best[end] = int(np.argmax(reach[end]))
+        starts[cell] = size
+        middle = int(np.argmax(reach[0] + reach[1] + reach[2] + reach[3]))
+        for k in range(count):
+            beaten = False
+            for rival in (best[0], best[1], best[2], best[3], middle):
+                lost = 0
+                for end in range(4):
+                    lost += reach[end, rival] > reach[end, k] + _TIE
+                beaten |= lost == 4
+            if not beaten:
+                lists[size] = k
+                size += 1
+    starts[CELLS] = size
+    return size
+
+
+def support_table(corners: Array) -> Lists:
+    """Index of each cell's list of corners in the table itself, and behind that the lists."""
+    starts = np.empty(CELLS + 1, dtype=np.int32)
+    lists = np.empty(CELLS * len(corners), dtype=np.int32)
+    size = _fill(np.ascontiguousarray(corners), starts, lists)
+    return np.concatenate([starts + np.int32(CELLS + 1), lists[:size]])

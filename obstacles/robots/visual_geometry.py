@@ -18,11 +18,14 @@ from kinematics.tree.description import (
 from kinematics.urdf.visuals import Color, UrdfVisuals, VisualElement
 from obstacles.convex.triangles import Triangles, join, piece_triangles
 from obstacles.meshes.mesh import load_painted, scaled
-from obstacles.meshes.thinning import thin_out
 from obstacles.shapes.shape import Box, Capsule, Cylinder, Shape, Sphere
 
 #: Triangles of a whole robot: with their corners about 3 MB.
 MAX_TRIANGLES = 120_000
+#: Triangles that are read before they are thinned out.
+_MOST_READ = 4_000_000
+#: Cells along the longest side of a surface: the first try, and the coarsest.
+_FINEST, _COARSEST = 512, 4
 
 
 class VisualBody(NamedTuple):
@@ -39,10 +42,6 @@ class VisualBody(NamedTuple):
     color: Color | None
     surface: Triangles
     simplified: bool
-
-
-#: Triangles that are read before they are thinned out.
-_MOST_READ = 4_000_000
 
 
 class VisualGeometry(NamedTuple):
@@ -150,3 +149,38 @@ def _within(bodies: list[VisualBody], most: int) -> tuple[VisualBody, ...]:
         body if surface is body.surface else body._replace(surface=surface, simplified=True)
         for body, surface in zip(bodies, coarse, strict=True)
     )
+
+
+def thin_out(surface: Triangles, most: int) -> Triangles:
+    """A surface with at most so many triangles, unless its coarsest form has more.
+
+    All corners in a cell of a grid become their mean, and triangles that collapse go (vertex
+    clustering of Rossignac and Borrel). Nothing is known of what it covers: for display only.
+
+    Args:
+        surface: The surface.
+        most: Triangles at most.
+    """
+    if len(surface.faces) <= most:
+        return surface
+    cells = _FINEST
+    coarse = _clustered(surface, cells)
+    while len(coarse.faces) > most and cells > _COARSEST:
+        cells = max(_COARSEST, int(0.8 * cells))
+        coarse = _clustered(surface, cells)
+    return coarse
+
+
+def _clustered(surface: Triangles, cells: int) -> Triangles:
+    low = surface.vertices.min(axis=0)
+    side = max(float((surface.vertices.max(axis=0) - low).max()), 1e-9) / cells
+    places = np.floor((surface.vertices - low) / side).astype(np.int64)
+    _, cell = np.unique(places @ [1 << 40, 1 << 20, 1], return_inverse=True)
+    cell = cell.reshape(-1)
+    counts = np.bincount(cell)
+    vertices = np.column_stack(
+        [np.bincount(cell, surface.vertices[:, i]) / counts for i in range(3)]
+    )
+    faces = cell[surface.faces]
+    kept = (faces != np.roll(faces, 1, axis=1)).all(axis=1)
+    return Triangles(vertices, np.unique(faces[kept], axis=0))

@@ -17,8 +17,7 @@ from kinematics.errors import InvalidScene
 from kinematics.pose import from_quaternion, transform
 from kinematics.readers.yaml_reader import Node, UnreadableYaml, finite_number, read_yaml
 from kinematics.root_frame import TOOL
-from obstacles.scenes.error_place import ErrorPlace
-from obstacles.scenes.moveit_geometry import is_geometry_text, scene_from_geometry
+from obstacles.scenes.moveit_geometry import ErrorPlace, is_geometry_text, scene_from_geometry
 from obstacles.scenes.moveit_matrix import Permissions, permissions
 from obstacles.scenes.scene import Obstacle, Scene, checked_name
 from obstacles.shapes.shape import Box, Compound, Cone, Cylinder, HalfSpace, Mesh, Shape, Sphere

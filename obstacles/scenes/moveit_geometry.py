@@ -13,9 +13,8 @@ from collections.abc import Callable, Mapping
 import numpy as np
 
 from kinematics.arrays import Array
-from kinematics.errors import InvalidScene
+from kinematics.errors import ArmwrightError, InvalidScene
 from kinematics.pose import from_quaternion, transform
-from obstacles.scenes.error_place import ErrorPlace
 from obstacles.scenes.scene import Obstacle, Scene, checked_name
 from obstacles.shapes.shape import Box, Compound, Cone, Cylinder, HalfSpace, Mesh, Shape, Sphere
 
@@ -27,6 +26,33 @@ _COUNT = re.compile(r"\d{1,9}")
 _FIELDS_OF_A_COLOUR = 4
 #: How places begin in messages.
 _FILE = "scene file"
+
+
+class ErrorPlace:
+    """Context in which errors are raised again as ``InvalidScene``, with the place in the file.
+
+    Args:
+        begin: How messages begin that tell their place already.
+        where: The place, asked for when there is an error; ``begin`` where None.
+    """
+
+    __slots__ = ("_begin", "_where")
+
+    def __init__(self, begin: str, where: Callable[[], str] | None = None) -> None:
+        self._begin = begin
+        self._where = where
+
+    def __enter__(self) -> None:
+        """Begin."""
+
+    def __exit__(self, kind: object, error: BaseException | None, trace: object) -> None:
+        """End."""
+        if not isinstance(error, ArmwrightError):
+            return
+        message = error.message
+        if not message.startswith(self._begin):
+            message = f"{self._begin if self._where is None else self._where()}: {message}"
+        raise InvalidScene(message, hint=error.hint) from None
 
 
 def is_geometry_text(text: str) -> bool:

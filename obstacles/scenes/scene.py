@@ -1,12 +1,14 @@
 """The scene: named obstacles in the robot's root frame, as one immutable value."""
 
 import hashlib
+import struct
 from collections import Counter
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields
+from functools import cache
 from itertools import groupby
 from types import MappingProxyType
-from typing import TYPE_CHECKING, NamedTuple, TypeAlias
+from typing import TYPE_CHECKING, NamedTuple, Protocol, TypeAlias
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -15,10 +17,10 @@ from kinematics.arrays import Array, frozen
 from kinematics.errors import InvalidObjectName, InvalidPose, InvalidScene
 from kinematics.pose import from_matrix, is_exact_rotation, transform
 from obstacles.convex.piece import Piece, PieceArrays
-from obstacles.scenes.obstacle_content import obstacle_content
 from obstacles.shapes.primitives import Primitive, Primitives, primitive_pieces
 from obstacles.shapes.shape import MAX_SIZE, Compound, Mesh, PointCloud, Shape
 
+_FLOAT = struct.Struct("=d")
 MAX_OBSTACLES = 10_000
 MAX_NAME = 256
 #: All pieces of a scene, whose each is, and its margin.
@@ -26,6 +28,61 @@ Packed: TypeAlias = tuple[PieceArrays, NDArray[np.int64], Array]
 Pair: TypeAlias = tuple[str, str]
 _HALFSPACE = int(Primitive.HALFSPACE)
 _LAST_ROW = [0.0, 0.0, 0.0, 1.0]
+AS_PRIMITIVES, AS_BALLS, AS_PIECES = range(3)
+
+
+class PlacedShape(Protocol):
+    """The fields of an obstacle."""
+
+    @property
+    def id(self) -> str:
+        """Its name."""
+
+    @property
+    def shape(self) -> Shape:
+        """Its solid."""
+
+    @property
+    def T_world_obstacle(self) -> Array:
+        """Its pose, shape (4, 4)."""
+
+    @property
+    def margin(self) -> float:
+        """Distance to be kept from it [m]."""
+
+    @property
+    def frame(self) -> str | None:
+        """Its frame; None for the root frame."""
+
+
+def obstacle_content(obstacle: PlacedShape) -> bytes:
+    """All that an obstacle consists of, field by field."""
+    parts = [f"{obstacle.id}\0".encode(), *_shape_content(obstacle.shape)]
+    parts += [obstacle.T_world_obstacle.tobytes(), _FLOAT.pack(obstacle.margin)]
+    if obstacle.frame is not None:
+        parts.append(f"frame\0{obstacle.frame}\0".encode())
+    return b"".join(parts)
+
+
+def _shape_content(shape: Shape) -> list[bytes]:
+    parts = [f"{type(shape).__name__}\0".encode()]
+    if isinstance(shape, Compound):
+        for solid, T in zip(shape.solids, shape.poses, strict=True):
+            parts += [*_shape_content(solid), T.tobytes()]
+        return parts
+    for name in _field_names(type(shape)):
+        values = getattr(shape, name)
+        if type(values) is float:  # as an array of no dimensions has it
+            parts.append(f"{name}()".encode() + _FLOAT.pack(values))
+        else:
+            values = np.asarray(values)
+            parts.append(f"{name}{values.shape}".encode() + values.tobytes())
+    return parts
+
+
+@cache
+def _field_names(shape: type[Shape]) -> tuple[str, ...]:
+    return tuple(item.name for item in fields(shape))  # type: ignore[arg-type]
 
 
 class AllowedContact(NamedTuple):
@@ -353,9 +410,6 @@ class Scene:
         owners = self.pieces()[1]
         owner = int(owners[k])
         return self.obstacles[owner].piece(k - int(np.searchsorted(owners, owner)))
-
-
-AS_PRIMITIVES, AS_BALLS, AS_PIECES = range(3)
 
 
 def way_of_packing(obstacle: Obstacle) -> int:

@@ -23,9 +23,9 @@ import numpy as np
 from compiled.kernel import direct, kernel
 from kinematics.arrays import Array, Indices
 from obstacles.collision.checker import Checker, any_model
-from obstacles.collision.clearance_deficit import line_shortfall
 from obstacles.collision.model.kernel_work import Workspace, workspace
 from obstacles.collision.model.model_arrays import ModelArrays, at_margins
+from obstacles.collision.proximity import line_shortfall
 from planning.search.sampled_check import Look, all_look_free, look_of
 from planning.search.shortcut import Held, are_proved, is_free
 from planning.timing.estimate import LEG_ROWS, TIME, estimated_time

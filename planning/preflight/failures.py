@@ -9,8 +9,7 @@ from kinematics.arrays import Array
 from kinematics.ik.solution import IkResult
 from kinematics.model.chain import Chain
 from obstacles.collision.checker import Checker
-from obstacles.collision.fcl.fcl_distance import FclWorld
-from obstacles.collision.fcl.overlap_meter import overlap_meter
+from obstacles.collision.fcl_distance import FclWorld, overlap_meter
 from planning.preflight.limits import LimitViolation
 from planning.preflight.nearest_free import nearest_free
 from planning.preflight_result import TOUCHING

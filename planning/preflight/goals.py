@@ -8,7 +8,7 @@ from kinematics.arrays import Array
 from kinematics.ik.numeric import numeric
 from kinematics.model.chain import Chain
 from obstacles.collision.checker import Checker
-from obstacles.collision.fcl.overlap_meter import overlap_meter
+from obstacles.collision.fcl_distance import overlap_meter
 from planning.constrained.pose_goals import goal_configurations
 from planning.preflight.failures import (
     Refusal,

@@ -6,7 +6,7 @@ import numpy as np
 
 from kinematics.arrays import Array
 from obstacles.collision.checker import Checker
-from obstacles.collision.fcl.overlap_meter import overlap_meter
+from obstacles.collision.fcl_distance import overlap_meter
 from obstacles.robots.robot_geometry import hulled
 from planning.preflight.failures import collision_failure, limit_failure, packing_failure
 from planning.preflight.goal_order import order_goals

@@ -14,7 +14,7 @@ from kinematics.ik.numeric import numeric
 from kinematics.model.chain import Chain
 from kinematics.pose import inverse
 from obstacles.collision.checker import Checker
-from obstacles.collision.fcl.overlap_meter import overlap_meter
+from obstacles.collision.fcl_distance import overlap_meter
 from planning.preflight.goal_order import is_at_limit
 from planning.preflight.pose_configurations import inner_turns, with_inner_limits
 from planning.preflight_result import TOUCHING

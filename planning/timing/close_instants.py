@@ -12,7 +12,7 @@ from compiled.kernel import direct, kernel
 from kinematics.arrays import Array, frozen
 from kinematics.trajectory.polynomial import sample_kernel
 from obstacles.collision.checker import Checker, any_model
-from obstacles.collision.lanes.states import mark_blocked
+from obstacles.collision.lanes.check import mark_blocked
 from obstacles.collision.model.model_arrays import ModelArrays
 
 #: Looks at a motion are so far apart, Euclidean in joint space, for each metre of the distance that

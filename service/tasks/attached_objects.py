@@ -16,7 +16,7 @@ from kinematics.errors import InvalidScene
 from kinematics.forward import link_number
 from kinematics.model.chain import Chain
 from kinematics.root_frame import check_default_frame
-from obstacles.collision.fcl.overlap_meter import OverlapMeter
+from obstacles.collision.fcl_distance import OverlapMeter
 from obstacles.robots.attachment import Attachment, check_allowed, grasp, hold
 from obstacles.robots.finger_geometry import with_fingers
 from obstacles.robots.robot_geometry import RobotGeometry

@@ -5,8 +5,7 @@ from typing import Any
 import numpy as np
 
 from obstacles.collision.checker import Checker
-from obstacles.collision.fcl.fcl_distance import FclWorld
-from obstacles.collision.fcl.overlap_meter import OverlapMeter
+from obstacles.collision.fcl_distance import FclWorld, OverlapMeter
 from service.tasks.attached_objects import RobotInScene
 from service.translate.contacts import allowed_answer
 

@@ -13,7 +13,7 @@ from kinematics.errors import MissingInertia
 from kinematics.model.chain import Chain
 from kinematics.trajectory.trajectory import Trajectory
 from kinematics.velocity import link_twist
-from obstacles.collision.fcl.fcl_distance import FclWorld
+from obstacles.collision.fcl_distance import FclWorld
 from obstacles.robots.robot_geometry import RobotGeometry
 from obstacles.scenes.scene import Scene
 

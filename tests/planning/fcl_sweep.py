@@ -12,7 +12,7 @@ from scipy.special import comb
 from kinematics.arrays import Array
 from kinematics.forward import joint_frames
 from kinematics.trajectory.trajectory import Trajectory
-from obstacles.collision.fcl.fcl_distance import FclWorld
+from obstacles.collision.fcl_distance import FclWorld
 from obstacles.robots.robot_geometry import RobotGeometry
 from obstacles.scenes.scene import Scene
 

@@ -7,7 +7,7 @@ import numpy as np
 from kinematics.pose import transform
 from kinematics.trajectory.trajectory import Trajectory
 from obstacles.collision.checker import Checker
-from obstacles.collision.fcl.fcl_distance import FclWorld
+from obstacles.collision.fcl_distance import FclWorld
 from obstacles.robots.robot_geometry import hulled
 from obstacles.scenes.scene import Obstacle, Scene
 from obstacles.shapes.shape import Sphere

@@ -9,7 +9,7 @@ import pytest
 
 from kinematics.arrays import Array
 from kinematics.robots import builtin_urdf
-from obstacles.collision.fcl.fcl_distance import Clearance, FclWorld
+from obstacles.collision.fcl_distance import Clearance, FclWorld
 from obstacles.scenes.scene import Obstacle, Scene
 from obstacles.shapes.shape import Sphere
 from planning.configuration_check import configuration_checker

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import armwright as aw
-from obstacles.collision.fcl.fcl_distance import FclWorld
+from obstacles.collision.fcl_distance import FclWorld
 from planning.contact_cores import with_cores
 from planning.problem import Problem
 from tests.obstacles.solids import random_transform

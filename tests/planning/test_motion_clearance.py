@@ -9,7 +9,7 @@ from kinematics.arrays import Array
 from kinematics.pose import transform
 from kinematics.trajectory.trajectory import Trajectory
 from obstacles.collision.checker import Checker
-from obstacles.collision.fcl.fcl_distance import FclWorld
+from obstacles.collision.fcl_distance import FclWorld
 from obstacles.robots.robot_geometry import RobotGeometry
 from obstacles.scenes.scene import Obstacle, Scene
 from obstacles.shapes.shape import Box

@@ -6,7 +6,7 @@ import httpx
 
 from armwright_wire.plan import PlanAnswer
 from armwright_wire.scene import Scene
-from obstacles.collision.fcl.fcl_distance import FclWorld
+from obstacles.collision.fcl_distance import FclWorld
 from service.storage import worker_cache
 from service.storage.cache_key import builtin_reference
 from service.translate import poses

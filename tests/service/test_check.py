@@ -12,7 +12,7 @@ from kinematics.forward import forward
 from kinematics.robots import builtin_chain
 from kinematics.tree.serial_chain import serial_chain
 from kinematics.urdf.urdf import parse_urdf
-from obstacles.collision.fcl.fcl_distance import FclWorld
+from obstacles.collision.fcl_distance import FclWorld
 from obstacles.robots.robot_geometry import robot_geometry
 from obstacles.scenes.scene import Scene as ObstacleScene
 from service.storage import worker_cache

@@ -10,7 +10,7 @@ from scipy.interpolate import BPoly
 
 from armwright_wire.export import ExportAnswer
 from armwright_wire.scene import Scene
-from obstacles.collision.fcl.fcl_distance import FclWorld
+from obstacles.collision.fcl_distance import FclWorld
 from service.storage import worker_cache
 from service.storage.cache_key import builtin_reference
 from service.translate import poses

@@ -14,7 +14,7 @@ from kinematics.pose import (
     to_quaternion,
 )
 from kinematics.robots import builtin_chain
-from obstacles.collision.fcl.fcl_distance import FclWorld
+from obstacles.collision.fcl_distance import FclWorld
 from service.storage import worker_cache
 from service.storage.cache_key import builtin_reference
 from service.translate import poses

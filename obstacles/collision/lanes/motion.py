@@ -12,13 +12,22 @@ from compiled.kernel import kernel
 from compiled.simd import LANES, Lanes, bits, fill, lane, load, on_stack, store
 from kinematics.arrays import Array, Indices
 from kinematics.simd_frames import load_frame_kernel
-from obstacles.collision.lanes.balls import ball_at, frame_at, moved, place_balls, sphere_at
+from obstacles.collision.edge_check import ROUNDING_ERROR
 from obstacles.collision.lanes.check import write_frames, write_states
-from obstacles.collision.lanes.distance import box_gap, cell_of, closer, lane_bound_from
+from obstacles.collision.lanes.distance import (
+    ball_at,
+    box_gap,
+    cell_of,
+    closer,
+    frame_at,
+    lane_bound_from,
+    moved,
+    place_balls,
+    sphere_at,
+)
 from obstacles.collision.model.brackets import AFTER, OUTER
 from obstacles.collision.model.kernel_work import LAST_GROUP, Workspace, meeting_body
 from obstacles.collision.model.model_arrays import ModelArrays
-from obstacles.collision.waiting_pairs import ROUNDING_ERROR
 from obstacles.distance.bvh import FIRST, LAST, SKIP
 from obstacles.distance.piece_set import MARGIN, OWNER, RADIUS
 

@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from compiled.kernel import kernel
 from kinematics.arrays import Array, Indices
-from obstacles.convex.support_table import Lists
+from obstacles.distance.piece_set import Lists
 
 
 class ModelArrays(NamedTuple):

@@ -27,7 +27,7 @@ _MANY = 256
 # balls about its two sides. Of one that is parted: -1 (PARTED), and how many groups it and those
 # that part it are, which come right behind it.
 FIRST_PAIR, LAST_PAIR, BALL, OTHER_BALL = 0, 1, 2, 3
-PARTED, SIZE = FIRST_PAIR, LAST_PAIR
+PARTED, GROUP_SIZE = FIRST_PAIR, LAST_PAIR
 GROUP_WIDTH = 4
 
 
@@ -211,7 +211,7 @@ def part_pairs_kernel(
         if group > 0:
             sizes[parents[group]] += sizes[group]
         if sizes[group] > 1:
-            groups[group, PARTED], groups[group, SIZE] = -1, sizes[group]
+            groups[group, PARTED], groups[group, GROUP_SIZE] = -1, sizes[group]
     return made
 
 
@@ -222,10 +222,10 @@ def chosen_groups(groups: Indices, chosen: NDArray[np.bool_]) -> Indices:
     kept[whole, : LAST_PAIR + 1] = before[groups[whole, : LAST_PAIR + 1]]
     alive = whole & (kept[:, FIRST_PAIR] < kept[:, LAST_PAIR])
     counts, parted = np.concatenate([[0], np.cumsum(alive)]), np.flatnonzero(~whole)
-    after = parted + groups[parted, SIZE]
+    after = parted + groups[parted, GROUP_SIZE]
     alive[parted] = counts[after] > counts[parted]
     counts = np.concatenate([[0], np.cumsum(alive)])
-    kept[parted, SIZE] = counts[after] - counts[parted]
+    kept[parted, GROUP_SIZE] = counts[after] - counts[parted]
     return kept[alive]
 
 
@@ -234,5 +234,5 @@ def whole_groups(groups: Indices) -> Indices:
     tops, group = list[int](), 0
     while group < len(groups):
         tops.append(group)
-        group += int(groups[group, SIZE]) if groups[group, PARTED] < 0 else 1
+        group += int(groups[group, GROUP_SIZE]) if groups[group, PARTED] < 0 else 1
     return np.array(tops, dtype=np.int64)

@@ -13,7 +13,6 @@ import numpy as np
 from compiled.kernel import kernel
 from compiled.vec3 import Vector
 from kinematics.arrays import Array
-from obstacles.convex.support_table import Lists
 from obstacles.distance.bounds import quick_bound
 from obstacles.distance.bvh import FIRST
 from obstacles.distance.epa import contact
@@ -28,6 +27,7 @@ from obstacles.distance.piece_set import (
     START,
     STOP,
     CoreKind,
+    Lists,
     Pair,
     Shapes,
 )

@@ -12,7 +12,6 @@ import numpy as np
 from compiled.kernel import kernel
 from compiled.vec3 import Vector
 from kinematics.arrays import Array
-from obstacles.convex.support_table import Lists
 from obstacles.distance.box_pairs import (
     NORMAL,
     Node,
@@ -46,6 +45,7 @@ from obstacles.distance.piece_set import (
     STOP,
     WIDTH,
     CoreKind,
+    Lists,
     Pair,
     PieceSet,
     Shapes,

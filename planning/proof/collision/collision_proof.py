@@ -9,7 +9,7 @@ import numpy as np
 
 from kinematics.arrays import Array, Indices
 from kinematics.trajectory.trajectory import Trajectory
-from obstacles.distance.convex_distance import ACCURACY, convex_distance
+from obstacles.distance.signed_distance import ACCURACY, convex_distance
 from obstacles.robots.robot_geometry import RobotGeometry
 from obstacles.scenes.scene import Scene
 from planning.proof.collision.containment import first_inside

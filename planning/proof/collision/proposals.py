@@ -18,7 +18,6 @@ from compiled.kernel import kernel
 from kinematics.arrays import Array, Indices
 from kinematics.caches.bounded_cache import array_bytes, bounded_cache
 from obstacles.convex.piece import Piece
-from obstacles.convex.support_table import Lists
 from obstacles.distance.epa import contact
 from obstacles.distance.gjk import STILL, separation
 from obstacles.distance.piece_set import (
@@ -34,6 +33,7 @@ from obstacles.distance.piece_set import (
     STOP,
     WIDTH,
     CoreKind,
+    Lists,
     Pair,
     PieceSet,
 )

@@ -8,10 +8,10 @@ import pytest
 from compiled.kernel import kernel
 from kinematics.arrays import Array
 from obstacles.collision.checker import Checker
-from obstacles.collision.clearance_deficit import line_shortfall
-from obstacles.collision.fcl.fcl_distance import FclWorld
+from obstacles.collision.fcl_distance import FclWorld
 from obstacles.collision.model.collision_model import ModelArrays
 from obstacles.collision.model.kernel_work import workspace
+from obstacles.collision.proximity import line_shortfall
 from obstacles.scenes.scene import Scene
 from tests.planning.scenes import box, builtin
 

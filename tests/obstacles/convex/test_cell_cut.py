@@ -8,7 +8,7 @@ from hypothesis.extra.numpy import arrays
 from scipy.spatial import ConvexHull, HalfspaceIntersection
 
 from kinematics.arrays import Array, Indices
-from obstacles.convex.cell_cut import ascending_order, cut_cell
+from obstacles.convex.sphere_cover import ascending_order, cut_cell
 from tests.obstacles.polytopes import Polytope, polytope, random_polytope, volume
 
 CUBE = polytope(np.array([[x, y, z] for x in (0, 1) for y in (0, 1) for z in (0, 1)], dtype=float))

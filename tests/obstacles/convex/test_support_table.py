@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from obstacles.convex.support_table import CELLS, cell_of, support_table
+from obstacles.distance.piece_set import CELLS, cell_of, support_table
 
 
 def test_the_farthest_corner_is_always_in_the_list() -> None:

@@ -7,9 +7,13 @@ import pytest
 
 from kinematics.pose import transform
 from obstacles.convex.piece import Piece
-from obstacles.distance.convex_distance import ACCURACY, convex_distance, proved_distance
 from obstacles.distance.fcl_solid import Separation, fcl_solid, separation
-from obstacles.distance.signed_distance import signed_distance
+from obstacles.distance.signed_distance import (
+    ACCURACY,
+    convex_distance,
+    proved_distance,
+    signed_distance,
+)
 from obstacles.shapes.shape import Box, Capsule, HalfSpace, Sphere
 from tests.obstacles.outline import convex_pieces
 from tests.obstacles.solids import KINDS, coal_distance, random_solid, random_transform

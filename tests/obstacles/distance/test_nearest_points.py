@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import armwright as aw
-from obstacles.collision.fcl.fcl_distance import FclWorld
+from obstacles.collision.fcl_distance import FclWorld
 from obstacles.scenes.scene import Obstacle, Scene
 from obstacles.shapes.shape import Box, Capsule, Cone, Convex, Cylinder, HalfSpace, Shape, Sphere
 

@@ -7,8 +7,7 @@ from hypothesis import strategies as st
 
 from kinematics.arrays import Array
 from obstacles.convex.piece import Piece, PieceKind
-from obstacles.distance.convex_distance import ACCURACY, convex_distance
-from obstacles.distance.signed_distance import signed_distance
+from obstacles.distance.signed_distance import ACCURACY, convex_distance, signed_distance
 from obstacles.shapes.shape import Box, Capsule, Cylinder, Sphere
 from tests.properties import numbers, transforms
 

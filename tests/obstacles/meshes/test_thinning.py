@@ -5,7 +5,7 @@ import pytest
 import trimesh
 
 from obstacles.convex.triangles import Triangles
-from obstacles.meshes.thinning import thin_out
+from obstacles.robots.visual_geometry import thin_out
 
 
 @pytest.mark.parametrize("most", [400, 2_000])

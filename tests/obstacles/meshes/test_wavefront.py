@@ -4,8 +4,7 @@ import numpy as np
 import pytest
 
 from kinematics.errors import InvalidScene
-from obstacles.meshes.mesh import load_mesh
-from obstacles.meshes.wavefront import plain_obj
+from obstacles.meshes.mesh import load_mesh, plain_obj
 
 SQUARE = b"v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\n"
 ABOVE = b"v 0 0 1\nv 1 0 1\nv 1 1 1\n"

@@ -5,7 +5,7 @@ import pytest
 
 import armwright as aw
 from armwright_wire import check
-from obstacles.collision.fcl.overlap_meter import OverlapMeter
+from obstacles.collision.fcl_distance import OverlapMeter
 from obstacles.robots.allowed_pairs import TOUCH_DEPTH, allowed_pairs, deepest
 from planning.configuration_check import configuration_checker
 from tests.planning.scenes import HOME, builtin

@@ -10,7 +10,7 @@ from kinematics.pose import from_rpy, inverse, transform
 from kinematics.tree.serial_chain import serial_chain
 from kinematics.urdf.urdf import parse_urdf
 from obstacles.collision.checker import Checker
-from obstacles.collision.fcl.fcl_distance import FclWorld
+from obstacles.collision.fcl_distance import FclWorld
 from obstacles.robots.attachment import Attachment, Holding, grasp, hold, release
 from obstacles.robots.robot_geometry import RobotGeometry, robot_geometry
 from obstacles.scenes.scene import Obstacle, Scene

@@ -10,7 +10,7 @@ from kinematics.errors import InvalidRobotDescription
 from kinematics.forward import joint_frames
 from kinematics.model.dh_table import Convention, DhRow, DhTable
 from obstacles.collision.checker import Checker
-from obstacles.collision.fcl.fcl_distance import FclWorld
+from obstacles.collision.fcl_distance import FclWorld
 from obstacles.robots.dh_geometry import LinkSolid, dh_robot_geometry
 from obstacles.robots.robot_geometry import RobotGeometry
 from obstacles.scenes.scene import Obstacle, Scene

@@ -9,8 +9,8 @@ from kinematics.tree.serial_chain import serial_chain
 from kinematics.urdf.urdf import parse_urdf
 from obstacles.collision.checker import Checker
 from obstacles.robots import robot_geometry as robot_geometry_module
-from obstacles.robots.overlapping_covers import crowded_solids
 from obstacles.robots.robot_geometry import RobotGeometry, robot_geometry
+from obstacles.robots.touching_pairs import overlapping_covers
 from obstacles.scenes.scene import Scene
 
 #: A ring about the z axis, and a rod that two joints turn and slide in it.
@@ -40,23 +40,23 @@ def arm(aside: float = 0.0) -> RobotGeometry:
 
 
 def coarse(aside: float = 0.0) -> RobotGeometry:
-    with mock.patch.object(robot_geometry_module, "crowded_solids", return_value=set()):
+    with mock.patch.object(robot_geometry_module, "overlapping_covers", return_value=set()):
         return arm(aside)
 
 
 def test_a_ring_about_a_rod_is_crowded_and_cut_more_finely() -> None:
-    assert crowded_solids(coarse()) == {0}
+    assert overlapping_covers(coarse()) == {0}
     assert arm().links.count("ring") > coarse().links.count("ring")
     assert arm().allowed == coarse().allowed
 
 
 def test_solids_of_very_many_triangles_stay_as_they_are() -> None:
-    with mock.patch("obstacles.robots.overlapping_covers._MOST_TRIANGLES", 100):
-        assert crowded_solids(coarse()) == set()
+    with mock.patch("obstacles.robots.touching_pairs._MAX_TRIANGLES", 100):
+        assert overlapping_covers(coarse()) == set()
 
 
 def test_a_rod_beside_a_ring_is_not() -> None:
-    assert crowded_solids(coarse(0.5)) == set()
+    assert overlapping_covers(coarse(0.5)) == set()
     assert arm(0.5) == coarse(0.5)
 
 

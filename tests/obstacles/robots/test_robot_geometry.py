@@ -17,7 +17,7 @@ from kinematics.tree.description import RobotDescription
 from kinematics.tree.serial_chain import serial_chain
 from kinematics.tree.srdf import Semantics, parse_srdf
 from kinematics.urdf.urdf import parse_urdf
-from obstacles.collision.fcl.fcl_distance import FclWorld
+from obstacles.collision.fcl_distance import FclWorld
 from obstacles.convex.piece import PieceKind
 from obstacles.distance.signed_distance import signed_distance
 from obstacles.robots.robot_geometry import RobotGeometry, robot_geometry

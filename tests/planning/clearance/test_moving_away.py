@@ -7,7 +7,7 @@ import numpy as np
 
 from kinematics.arrays import Array
 from obstacles.collision.checker import Checker
-from obstacles.collision.fcl.fcl_distance import FclWorld
+from obstacles.collision.fcl_distance import FclWorld
 from obstacles.scenes.scene import Scene
 from planning.clearance.levels import clearance_levels
 from planning.clearance.moving_away import keep_clear

@@ -13,7 +13,7 @@ from planning.constraints.kinds.limit import ClearanceConstraint
 from planning.constraints.kinds.position import PositionConstraint
 from planning.constraints.kinds.region import SphereRegion
 from planning.constraints.solvers.active_set_program import search_arrays, without_surfaces
-from tests.obstacles.collision.fcl.test_fcl_distance import slide
+from tests.obstacles.collision.test_fcl_distance import slide
 from tests.obstacles.distance.triangles.test_distance import apart, mesh
 from tests.obstacles.meshes.test_decomposition import ring
 from tests.planning.scenes import builtin

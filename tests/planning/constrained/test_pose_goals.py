@@ -5,7 +5,7 @@ import pinocchio as pin
 
 from kinematics.forward import forward
 from kinematics.robots import builtin_urdf
-from obstacles.collision.fcl.fcl_distance import FclWorld
+from obstacles.collision.fcl_distance import FclWorld
 from planning.constrained.pose_goals import goal_configurations, pose_constraint
 from planning.constraints.kinds.joint import JointConstraint
 from planning.problem import PoseGoal, Problem

@@ -15,7 +15,7 @@ from kinematics.arrays import Array
 from kinematics.errors import InvalidOption
 from kinematics.trajectory.interpolation import interpolate
 from kinematics.trajectory.trajectory import Trajectory
-from obstacles.collision.fcl.fcl_distance import FclWorld
+from obstacles.collision.fcl_distance import FclWorld
 from obstacles.scenes.scene import Scene
 from planning.exports.export import Export, export
 from planning.exports.options import PATH_FORMATS, ExportFormat, ExportOptions

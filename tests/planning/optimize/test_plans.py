@@ -17,7 +17,7 @@ from kinematics.pose import transform
 from kinematics.robots import builtin_urdf
 from kinematics.trajectory.trajectory import Trajectory
 from obstacles.collision.checker import Checker
-from obstacles.collision.fcl.fcl_distance import FclWorld
+from obstacles.collision.fcl_distance import FclWorld
 from obstacles.scenes.scene import Obstacle, Scene
 from obstacles.shapes.shape import Sphere
 from planning.optimize.initial_guess import fit_spline

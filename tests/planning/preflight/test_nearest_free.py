@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from obstacles.collision.checker import Checker
-from obstacles.collision.fcl.fcl_distance import FclWorld
+from obstacles.collision.fcl_distance import FclWorld
 from obstacles.scenes.scene import Scene
 from planning.options import Options
 from planning.pipeline.pipeline import plan

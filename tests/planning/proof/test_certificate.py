@@ -9,7 +9,7 @@ from kinematics.arrays import Array
 from kinematics.forward import forward
 from kinematics.trajectory.interpolation import interpolate
 from kinematics.trajectory.trajectory import Trajectory
-from obstacles.collision.fcl.fcl_distance import FclWorld
+from obstacles.collision.fcl_distance import FclWorld
 from obstacles.robots.robot_geometry import RobotGeometry
 from obstacles.scenes.scene import Obstacle, Scene
 from obstacles.shapes.shape import HalfSpace, PointCloud

@@ -7,7 +7,7 @@ from kinematics.arrays import Array
 from kinematics.model.chain import Chain, Limits, Link
 from kinematics.pose import from_axis_angle, transform
 from kinematics.trajectory.trajectory import Trajectory
-from obstacles.collision.fcl.fcl_distance import FclWorld
+from obstacles.collision.fcl_distance import FclWorld
 from obstacles.convex.piece import Piece
 from obstacles.robots.robot_geometry import RobotGeometry
 from obstacles.scenes.scene import Obstacle, Scene

@@ -23,7 +23,7 @@ ALLOWED = {
     "planning.tool_motions.tool_tolerance",
     "obstacles.robots.allowed_pairs",
     "obstacles.distance.bvh",
-    "obstacles.distance.convex_distance",
+    "obstacles.distance.signed_distance",
     "obstacles.robots.finger_geometry",
     "obstacles.convex.piece",
     "obstacles.shapes.primitives",
@@ -37,7 +37,6 @@ SEAM = {
     "obstacles.distance.gjk",
     "obstacles.distance.piece_set",
     "obstacles.distance.scene_set",
-    "obstacles.convex.support_table",
 }
 
 

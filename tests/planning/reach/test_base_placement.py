@@ -5,7 +5,7 @@ import pytest
 
 from kinematics.errors import InvalidOption, InvalidPose
 from kinematics.pose import inverse, rotation_x, rotation_z, transform
-from obstacles.collision.fcl.fcl_distance import FclWorld
+from obstacles.collision.fcl_distance import FclWorld
 from obstacles.scenes.scene import Obstacle, Scene
 from obstacles.shapes.shape import Box
 from planning.reach.base_placement import moved, place_base

@@ -10,7 +10,7 @@ from kinematics.ik.closed_form.refine import CODE
 from kinematics.ik.closed_form.structure import structure
 from kinematics.jacobian import geometric
 from kinematics.pose import rotation_error, rotation_x, rotation_y, transform
-from obstacles.collision.fcl.fcl_distance import FclWorld
+from obstacles.collision.fcl_distance import FclWorld
 from obstacles.robots.attachment import Attachment, hold
 from obstacles.robots.robot_geometry import RobotGeometry
 from obstacles.scenes.scene import Obstacle, Scene

@@ -7,7 +7,7 @@ import pytest
 
 from kinematics.arrays import Array
 from obstacles.collision.checker import Checker
-from obstacles.collision.fcl.fcl_distance import FclWorld
+from obstacles.collision.fcl_distance import FclWorld
 from obstacles.scenes.scene import Scene
 from planning.search import narrow_passage, rrt_connect
 from planning.search.narrow_passage import find_narrow_passage

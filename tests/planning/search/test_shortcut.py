@@ -7,7 +7,7 @@ import pytest
 
 from kinematics.arrays import Array
 from obstacles.collision.checker import Checker
-from obstacles.collision.fcl.fcl_distance import FclWorld
+from obstacles.collision.fcl_distance import FclWorld
 from obstacles.scenes.scene import Scene
 from planning.search.shortcut import path_is_free, shortcut, shortcut_unproved
 from planning.values.deadline import Deadline

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from obstacles.collision.fcl.fcl_distance import FclWorld
+from obstacles.collision.fcl_distance import FclWorld
 from planning.options import Options
 from planning.pipeline.pipeline import plan
 from planning.pipeline.planners import CASCADE

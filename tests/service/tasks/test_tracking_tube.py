@@ -13,7 +13,7 @@ from kinematics.robots import builtin_srdf, builtin_urdf
 from kinematics.tree.serial_chain import serial_chain
 from kinematics.tree.srdf import parse_srdf
 from kinematics.urdf.urdf import parse_urdf
-from obstacles.collision.fcl.fcl_distance import FclWorld
+from obstacles.collision.fcl_distance import FclWorld
 from obstacles.robots.robot_geometry import RobotGeometry, robot_geometry
 from obstacles.scenes.scene import Obstacle, Scene
 from obstacles.shapes.shape import Sphere

@@ -12,7 +12,7 @@ from kinematics.trajectory.trajectory import Trajectory
 from kinematics.tree.serial_chain import serial_chain
 from kinematics.tree.srdf import parse_srdf
 from kinematics.urdf.urdf import parse_urdf
-from obstacles.collision.fcl.fcl_distance import FclWorld
+from obstacles.collision.fcl_distance import FclWorld
 from obstacles.robots.robot_geometry import RobotGeometry, robot_geometry
 from obstacles.scenes.scene import Scene
 from tests.tracking.corners import corner_displacement

@@ -8,7 +8,7 @@ import pytest
 from kinematics.forward import joint_frames
 from kinematics.robots import builtin_names
 from obstacles.collision.checker import Checker
-from obstacles.collision.fcl.fcl_distance import FclWorld
+from obstacles.collision.fcl_distance import FclWorld
 from obstacles.collision.model.pair_grid import grid_bound
 from obstacles.scenes.scene import Scene
 from tests.obstacles.collision.test_edge_check import builtin

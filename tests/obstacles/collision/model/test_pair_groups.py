@@ -9,16 +9,16 @@ import trimesh
 
 from kinematics.forward import joint_frames
 from obstacles.collision.checker import Checker
-from obstacles.collision.fcl.fcl_distance import FclWorld
+from obstacles.collision.fcl_distance import FclWorld
 from obstacles.collision.model.collision_model import CollisionModel
 from obstacles.collision.model.model_arrays import ModelArrays
 from obstacles.collision.model.pair_groups import (
     BALL,
     FIRST_PAIR,
+    GROUP_SIZE,
     LAST_PAIR,
     OTHER_BALL,
     PARTED,
-    SIZE,
     chosen_groups,
     whole_groups,
 )
@@ -36,7 +36,7 @@ def arrays() -> ModelArrays:
 
 def size(groups: np.ndarray, group: int) -> int:
     """How many groups one and those that part it are."""
-    return int(groups[group, SIZE]) if groups[group, PARTED] < 0 else 1
+    return int(groups[group, GROUP_SIZE]) if groups[group, PARTED] < 0 else 1
 
 
 def pairs_of(groups: np.ndarray, group: int) -> tuple[int, int]:
@@ -113,7 +113,7 @@ def test_groups_of_chosen_pairs_hold_these() -> None:
         assert np.all(kept[:, BALL] != kept[:, OTHER_BALL])
         tops = whole_groups(kept)
         assert sum(size(kept, top) for top in tops.tolist()) == len(kept)
-        assert np.all(kept[kept[:, PARTED] < 0, SIZE] > 1)
+        assert np.all(kept[kept[:, PARTED] < 0, GROUP_SIZE] > 1)
 
 
 def test_no_verdict_differs_from_fcl_and_from_a_look_at_all_pairs() -> None:

@@ -8,10 +8,10 @@ import trimesh
 
 from kinematics.arrays import Array
 from kinematics.pose import inverse, transform
-from obstacles.collision.fcl.fcl_distance import FclWorld
+from obstacles.collision.fcl_distance import FclWorld
 from obstacles.scenes.scene import Obstacle, Scene
 from obstacles.shapes.shape import Box, HalfSpace, Shape, Sphere
-from tests.obstacles.collision.fcl.test_fcl_distance import slide
+from tests.obstacles.collision.test_fcl_distance import slide
 from tests.obstacles.distance.triangles.test_distance import (
     BODIES,
     apart,

@@ -14,7 +14,7 @@ import trimesh
 from kinematics.arrays import Array
 from kinematics.pose import from_axis_angle, transform
 from obstacles.collision.checker import Checker
-from obstacles.collision.fcl.fcl_distance import FclWorld
+from obstacles.collision.fcl_distance import FclWorld
 from obstacles.robots.robot_geometry import RobotGeometry
 from obstacles.scenes.scene import Obstacle, Scene
 from obstacles.shapes.shape import (
@@ -27,7 +27,7 @@ from obstacles.shapes.shape import (
     Shape,
     Sphere,
 )
-from tests.obstacles.collision.fcl.test_fcl_distance import slide
+from tests.obstacles.collision.test_fcl_distance import slide
 from tests.obstacles.meshes.test_decomposition import (
     ell,
     lower_half,

@@ -12,10 +12,10 @@ from kinematics.model.chain import Chain, Limits, Link
 from kinematics.pose import from_axis_angle, transform
 from obstacles.collision.checker import Checker, Motion
 from obstacles.convex.piece import Piece
-from obstacles.distance.convex_distance import convex_distance
+from obstacles.distance.signed_distance import convex_distance
 from obstacles.robots.robot_geometry import RobotGeometry
 from obstacles.scenes.scene import Obstacle, Scene
-from tests.obstacles.collision.fcl.test_fcl_distance import slide
+from tests.obstacles.collision.test_fcl_distance import slide
 from tests.obstacles.distance.triangles.test_distance import apart, bowl, mesh, random_pose, tube
 from tests.obstacles.meshes.test_decomposition import ell, ring, spiky
 

@@ -14,7 +14,7 @@ from planning.proof.certificate import certify
 from planning.proof.collision import collision_proof
 from planning.proof.collision.collision_proof import CollisionProof
 from planning.proof.collision.pair_table import PairTable
-from tests.obstacles.collision.fcl.test_fcl_distance import slide
+from tests.obstacles.collision.test_fcl_distance import slide
 from tests.obstacles.distance.triangles.test_distance import apart, mesh
 from tests.obstacles.meshes.test_decomposition import ring
 

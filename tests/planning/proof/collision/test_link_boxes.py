@@ -7,7 +7,7 @@ import pytest
 
 from kinematics.trajectory.trajectory import Trajectory
 from obstacles.collision.checker import Checker
-from obstacles.collision.fcl.fcl_distance import FclWorld
+from obstacles.collision.fcl_distance import FclWorld
 from obstacles.scenes.scene import Obstacle, Scene
 from obstacles.shapes.shape import Box
 from planning.proof.collision import link_boxes, pair_table

@@ -5,7 +5,7 @@ import pytest
 
 from kinematics.pose import transform
 from kinematics.trajectory.trajectory import stay
-from obstacles.collision.fcl.fcl_distance import FclWorld
+from obstacles.collision.fcl_distance import FclWorld
 from obstacles.collision.model import collision_model
 from obstacles.scenes.scene import Obstacle, Scene
 from obstacles.shapes.shape import Box, HalfSpace, PointCloud, Sphere

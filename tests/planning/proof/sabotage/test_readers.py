@@ -11,7 +11,7 @@ import pytest
 from kinematics import pose
 from kinematics.arrays import Array
 from kinematics.urdf import links
-from obstacles.meshes import collada, mesh, wavefront
+from obstacles.meshes import collada, mesh
 from obstacles.scenes import scene
 from tests.planning.proof.sabotage.readers import (
     TOLERANCE,
@@ -65,7 +65,7 @@ FAULTS: dict[str, tuple[Callable[..., Any], Callable[..., Any], str]] = {
     "scales not obeyed": (mesh.scaled, _unscaled, "both"),
     "units not obeyed": (collada._unit, lambda true, root: 1.0, "scene"),
     "origins turned the other way": (links.read_origin, _turned, "robot"),
-    "faces of other corners": (wavefront.plain_obj, _wrong_square, "both"),
+    "faces of other corners": (mesh.plain_obj, _wrong_square, "both"),
     "quaternions read as w, x, y, z": (pose.from_quaternion, _scalar_first, "scene"),
 }
 Q = np.array([0.7, -0.4, 1.1])

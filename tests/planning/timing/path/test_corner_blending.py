@@ -8,7 +8,7 @@ import pytest
 
 from kinematics.arrays import Array
 from obstacles.collision.checker import Checker
-from obstacles.collision.fcl.fcl_distance import FclWorld
+from obstacles.collision.fcl_distance import FclWorld
 from obstacles.scenes.scene import Scene
 from planning.timing.path.blend import blend, largest_reaches
 from planning.timing.path.corner_blending import certified_reaches

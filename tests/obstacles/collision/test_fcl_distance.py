@@ -13,10 +13,9 @@ from kinematics.robots import builtin_srdf, builtin_urdf
 from kinematics.tree.serial_chain import serial_chain
 from kinematics.tree.srdf import parse_srdf
 from kinematics.urdf.urdf import parse_urdf
-from obstacles.collision.fcl.fcl_distance import FclWorld
+from obstacles.collision.fcl_distance import FclWorld
 from obstacles.convex.piece import Piece
-from obstacles.distance.convex_distance import ACCURACY
-from obstacles.distance.signed_distance import halfspace_distance, signed_distance
+from obstacles.distance.signed_distance import ACCURACY, halfspace_distance, signed_distance
 from obstacles.robots.robot_geometry import RobotGeometry, robot_geometry
 from obstacles.scenes.scene import Obstacle, Scene
 from obstacles.shapes.shape import (

@@ -10,6 +10,7 @@ which proves a distance without FCL. Where that falls short of what FCL claims, 
 overlap, the distance is found anew.
 """
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Literal
@@ -17,27 +18,34 @@ from typing import Literal
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from kinematics.arrays import Array
+from kinematics.arrays import Array, Indices
+from kinematics.caches.bounded_cache import bounded_cache
 from kinematics.forward import joint_frames
 from obstacles.collision.model.collision_model import all_pieces
-from obstacles.collision.model.reachable_pairs import reachable_pairs
 from obstacles.convex.piece import Piece, PieceArrays, PieceKind
 from obstacles.distance.ball_distance import bound_from, closed_form
-from obstacles.distance.convex_distance import proved_distance
-from obstacles.distance.fcl_solid import FclSolid, fcl_solid, separation
-from obstacles.distance.nearest_points import NearestPoints, between, on_plane
+from obstacles.distance.fcl_solid import UNITS, FclSolid, fcl_solid, separation
 from obstacles.distance.piece_set import CENTER, GROUP, GROUP_STOP, KIND, POSE, CoreKind, PieceSet
-from obstacles.distance.signed_distance import halfspace_distance
+from obstacles.distance.signed_distance import halfspace_distance, proved_distance, support
 from obstacles.distance.triangles.depth import mesh_depth
 from obstacles.distance.triangles.distance import mesh_distance
+from obstacles.robots.allowed_pairs import (
+    DEPTH_TOLERANCE,
+    AllowedPair,
+    Overlap,
+    allowed_pairs,
+    piece_pairs,
+)
 from obstacles.robots.robot_geometry import RobotGeometry
-from obstacles.scenes.scene import Scene
+from obstacles.scenes.scene import Pair, Scene
 
 #: Pairs are sorted that may be nearer than a tenth of a metre, then a metre and so on up to this,
 #: and at last all [m].
 _NEAR, _FAR = 0.01, 100.0
 _BASE = np.eye(4)[None]
 _ENDS: tuple[Literal["left"], Literal["right"]] = "left", "right"
+#: Points nearer than this have no direction between them [m].
+_APART = 1e-12
 
 
 @dataclass(frozen=True, slots=True)
@@ -54,6 +62,23 @@ class Clearance:
 
     distance: float
     pair: tuple[str, str] | None
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class NearestPoints:
+    """The closest pair of a robot in a scene.
+
+    Args:
+        distance: Distance between the two, negative by the depth where they overlap [m]; infinite
+            where nothing can collide.
+        pair: Names of the pair; None where nothing can collide.
+        points: Points on the first and on the second, in the root frame, shape (2, 3) [m]; None
+            where they touch or triangles decide.
+    """
+
+    distance: float
+    pair: tuple[str, str] | None
+    points: Array | None = None
 
 
 class FclWorld:
@@ -75,7 +100,6 @@ class FclWorld:
         self._poses = self._arrays.poses.copy()
         self._centers = self._arrays.centers.copy()
         self._has_halfspaces = bool((self._arrays.kinds == PieceKind.HALFSPACE).any())
-        self._every_margin = np.append(np.zeros(len(robot.pieces)), self._own_margins)
         self._ids = scene.ids
         self._pieces: dict[int, Piece] = dict(enumerate(robot.pieces))
         self._solids: dict[int, FclSolid] = {}
@@ -84,9 +108,19 @@ class FclWorld:
 
     @cached_property
     def pairs(self) -> NDArray[np.int64]:
-        """All pairs that must stay apart: pieces of the robot first, shape (k, 2)."""
-        first, starts, second = self._partners
-        return np.column_stack([np.repeat(first, np.diff(starts)), second])
+        """All pairs that must stay apart, those with obstacles first, shape (k, 2).
+
+        The first of each is a piece of the robot.
+        """
+        robot, scene, p = self.robot, self.scene, len(self.robot.pieces)
+        found = [np.zeros((0, 2), dtype=np.int64)]
+        for i in np.flatnonzero(robot.joints >= 0):
+            forbidden = [not scene.allows(robot.links[i], name) for name in self._ids]
+            others = p + np.flatnonzero(np.array(forbidden)[self._owners])
+            found.append(np.column_stack([np.full(len(others), i), others]))
+        names = [(robot.links[i], robot.links[j]) for i, j in robot.self_pairs]
+        apart = np.array([not scene.allows(*pair) for pair in names], dtype=np.bool_)
+        return np.concatenate([*found, robot.self_pairs[apart]])
 
     @cached_property
     def margins(self) -> Array:
@@ -95,29 +129,6 @@ class FclWorld:
         margins = np.zeros(len(k))
         margins[k >= 0] = self._own_margins[k[k >= 0]]
         return margins
-
-    @cached_property
-    def _partners(self) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.int64]]:
-        """The pieces that pieces of the robot must avoid, obstacles before its own links.
-
-        Returns:
-            Pieces of the robot, shape (m,); where the partners of each begin, and where the last
-            ones end, shape (m + 1,); partners, shape (k,).
-        """
-        robot, scene, p = self.robot, self.scene, len(self.robot.pieces)
-        partners = []
-        for i in np.flatnonzero(robot.joints >= 0):
-            forbidden = [not scene.allows(robot.links[i], name) for name in self._ids]
-            partners.append((int(i), p + np.flatnonzero(np.array(forbidden)[self._owners])))
-        links: dict[int, list[int]] = {}
-        for i, j in robot.self_pairs:
-            if not scene.allows(robot.links[i], robot.links[j]):
-                links.setdefault(int(i), []).append(int(j))
-        partners += [(i, np.array(others)) for i, others in links.items()]
-        first = np.array([i for i, _ in partners], dtype=np.int64)
-        starts = np.cumsum([0, *(len(others) for _, others in partners)])
-        none = np.zeros(0, dtype=np.int64)
-        return first, starts, np.concatenate([none, *(others for _, others in partners)])
 
     def _name(self, k: int) -> str:
         p = len(self.robot.pieces)
@@ -177,17 +188,10 @@ class FclWorld:
 
     def _near(self, reach: float) -> list[tuple[float, int, int, float]]:
         """Pairs that may be nearer than ``reach``: bound, both, margin; the nearest first."""
-        first, starts, second = self._partners
-        pairs = np.empty((len(second), 2), dtype=np.int64)
-        count = reachable_pairs(
-            self._centers, self._arrays.radii, self._every_margin, first, starts, second, reach,
-            pairs,
-        )  # fmt: skip
-        i, j = pairs[:count].T
-        margins = self._every_margin[j]
-        bounds = self.ball_bounds(i, j) - margins
+        i, j = self.pairs.T
+        bounds = self.ball_bounds(i, j) - self.margins
         near = bounds <= reach
-        columns = bounds[near], i[near], j[near], margins[near]
+        columns = bounds[near], i[near], j[near], self.margins[near]
         return sorted(zip(*(column.tolist() for column in columns), strict=True))
 
     def distance(self, pair: int) -> float:
@@ -229,7 +233,7 @@ class FclWorld:
         first, second = self._piece(i), self._piece(j)
         if second.kind == PieceKind.HALFSPACE:
             return NearestPoints(distance, names, on_plane(first, self._poses[i], self._poses[j]))
-        return NearestPoints(distance, names, between(self._current(i), self._current(j)))
+        return NearestPoints(distance, names, points_between(self._current(i), self._current(j)))
 
     def _closest(self) -> tuple[float, tuple[int, int]]:
         """The smallest distance where the robot is now [m], and its pair, (-1, -1) without one.
@@ -395,3 +399,82 @@ class FclWorld:
             solid.move(self._poses[k])
             self._stale[k] = False
         return solid
+
+
+def on_plane(piece: Piece, T: Array, T_halfspace: Array) -> Array:
+    """The lowest point of a piece above a half-space, and the point below it, shape (2, 3) [m].
+
+    Args:
+        piece: Not a half-space.
+        T: Pose of the piece, shape (4, 4).
+        T_halfspace: Pose of the half-space z <= 0, shape (4, 4).
+    """
+    normal = np.ascontiguousarray(T_halfspace[:3, 2])
+    lowest = support(piece, T, -normal) - piece.offset_radius * normal
+    height = float(normal @ (lowest - T_halfspace[:3, 3]))
+    return np.array([lowest, lowest - height * normal])
+
+
+def points_between(a: FclSolid, b: FclSolid) -> Array | None:
+    """The nearest points of two solids by FCL, shape (2, 3) [m]; None where they touch."""
+    found = separation(a, b)
+    if found is None:
+        return None
+    first, second = found.nearest / UNITS, found.other / UNITS
+    towards = (second - first) / max(float(np.linalg.norm(second - first)), _APART)
+    # FCL's solid of a rounded piece may be its core: the points move out to the surface.
+    return np.array([first - towards * a.excess, second + towards * b.excess])
+
+
+class OverlapMeter:
+    """Measures how deep allowed pairs are in single configurations, by FCL.
+
+    Args:
+        robot: Robot with the pieces of what it holds.
+        scene: Scene around the robot.
+    """
+
+    def __init__(self, robot: RobotGeometry, scene: Scene) -> None:
+        self.pairs = allowed_pairs(robot, scene)
+        self._measured = [pair for pair in self.pairs if pair.measured]
+        self.limited = any(item.limited for item in self._measured)
+        self._world = FclWorld(robot, scene) if self._measured else None
+        self._pieces = [piece_pairs(robot, scene, item.pair) for item in self._measured]
+
+    def depths(self, q: Array) -> dict[Pair, float]:
+        """How deep each measured pair is in a configuration (n,), 0 where it is apart [m]."""
+        if self._world is None:
+            return {}
+        self._world.set_configuration(q)
+        return {
+            item.pair: self._deepest(self._world, pieces)
+            for item, pieces in zip(self._measured, self._pieces, strict=True)
+        }
+
+    def too_deep(self, q: Array) -> list[tuple[AllowedPair, float]]:
+        """Pairs deeper than they may be in a configuration (n,), each with its depth [m]."""
+        if not self.limited:
+            return []
+        depths = self.depths(q)
+        beyond = [(item, depths[item.pair]) for item in self._measured]
+        return [(i, depth) for i, depth in beyond if depth > i.touch_depth + DEPTH_TOLERANCE]
+
+    def told(self, configurations: Iterable[Array]) -> list[Overlap]:
+        """All pairs, measured ones with how deep they are in the deepest of configurations (n,)."""
+        deepest: dict[Pair, float] = {}
+        for q in configurations:
+            for pair, depth in self.depths(q).items():
+                deepest[pair] = max(depth, deepest.get(pair, 0.0))
+        return [Overlap(item.pair, item.reason, deepest.get(item.pair)) for item in self.pairs]
+
+    @staticmethod
+    def _deepest(world: FclWorld, pieces: Indices) -> float:
+        i, j = pieces.T
+        near = pieces[world.ball_bounds(i, j) < 0.0].tolist()
+        return max((0.0, *(-world.between(a, b) for a, b in near)))
+
+
+@bounded_cache(maxsize=4)
+def overlap_meter(robot: RobotGeometry, scene: Scene) -> OverlapMeter:
+    """Meter of a robot in a scene; the last few are kept."""
+    return OverlapMeter(robot, scene)

@@ -1,1 +1,0 @@
-"""Exact distances and overlaps of a robot in a scene, by FCL."""
