@@ -1,1 +1,1 @@
-"""The choice among configurations of a goal."""
+"""The choice among configurations of a pose: costs, order, and the report of the choice."""

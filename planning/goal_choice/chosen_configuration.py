@@ -1,4 +1,6 @@
-"""The configuration that was chosen for a pose, what it costs, and why it is not another one."""
+"""Report of the configuration that was chosen for a pose: its costs, and why no other one."""
+
+from collections.abc import Sequence
 
 import numpy as np
 
@@ -6,28 +8,29 @@ from kinematics.arrays import Array
 from kinematics.forward import forward
 from kinematics.ik.closed_form.analytic import branches, parameter
 from kinematics.ik.closed_form.structure import structure
+from kinematics.ik.numeric.numeric import ORIENTATION_TOLERANCE, POSITION_TOLERANCE
 from kinematics.model.chain import Chain
-from planning.preflight.goal_order import (
+from kinematics.pose import rotation_error
+from planning.goal_choice.goal_order import (
     NEAR_LIMIT,
     clearance_lacks,
     limit_nearness,
     limit_shares,
     manipulability_lacks,
+    motion_times,
     own_branch,
     turn_counts,
 )
+from planning.preflight_result import Ready
+from planning.problem import PoseGoal, Problem
 from planning.result import ChosenConfiguration
 from planning.values.goal_costs import GoalCosts
 
-#: A configuration is of a branch that differs by no more than this in a joint [rad or m].
-_SAME = 1e-4
 #: The reason of a small move.
 _OWN_BRANCH = (
     "The move is small: the configuration next to its start, which takes at most 1.2 times as long "
     "as the quickest."
 )
-#: Costs that differ by less are equal.
-_EQUAL = 1e-9
 
 
 def chosen_configuration(
@@ -65,7 +68,7 @@ def chosen_configuration(
     stays = own_branch(chain, start, found, times) == k
     own = {name: float(values[k]) for name, values in parts.items()}
     own["clearance"] = float(weights.clearance * clearance_lacks(np.array([clearance]))[0])
-    cheaper = int(np.count_nonzero(total < total[k] - _EQUAL))
+    cheaper = int(np.count_nonzero(total < total[k] - 1e-9))
     return ChosenConfiguration(
         branch=branch_name(chain, q),
         limit_share=float(shares[k]),
@@ -111,4 +114,69 @@ def branch_name(chain: Chain, q: Array) -> str | None:
         return None
     off = np.abs(table.joints - q).max(axis=1)
     k = int(off.argmin())
-    return table.label(k) if off[k] < _SAME else None
+    return table.label(k) if off[k] < 1e-4 else None
+
+
+def plan_configuration(
+    problem: Problem,
+    ready: Ready,
+    posed: Sequence[Array],
+    last: Array,
+    weights: GoalCosts,
+    replaced: tuple[float, float] | None = None,
+) -> ChosenConfiguration | None:
+    """Costs of the configuration that a plan ends in, as the order of goals counts them.
+
+    Args:
+        problem: What was planned.
+        ready: Its start, and the configurations that were found.
+        posed: Those of them that are of poses, each (n,) [rad or m].
+        last: Where the plan ends, shape (n,) [rad or m].
+        weights: Of the costs.
+        replaced: Times of a plan to a configuration at a limit, and of this one, which took its
+            place [s]; None where it took none.
+
+    Returns:
+        None where it ends in none of a pose's configurations: goals that are joints leave no
+        choice, and path constraints choose others.
+    """
+    if not posed:
+        return None
+    found = np.array(posed)
+    k = int(np.abs(found - last).max(axis=1).argmin())
+    # Joint values of goals come back to the last bits.
+    if np.abs(found[k] - last).max() > 1e-9:
+        return None
+    clearance = next(own for own, q in ready.found if np.array_equal(q, found[k]))
+    chain = problem.robot.chain
+    return chosen_configuration(
+        chain, found, found[k], ready.start, motion_times(chain, ready.start, found), clearance,
+        weights, replaced,
+    )  # fmt: skip
+
+
+def deviation_note(problem: Problem, last: Array) -> str | None:
+    """A note where a plan ends off its pose, within the goal's tolerances; None where it does not.
+
+    Args:
+        problem: What was planned. Path constraints take the tolerances as they are, and no note.
+        last: Configuration of a pose that the plan ends in, shape (n,) [rad or m].
+    """
+    if problem.constraints is not None:
+        return None
+    tip, ends = forward(problem.robot.chain, last), list[tuple[float, float, float]]()
+    for goal in problem.goals:
+        if isinstance(goal, PoseGoal):
+            away = float(np.linalg.norm(tip[:3, 3] - goal.T_base_tip[:3, 3]))
+            turn = rotation_error(tip[:3, :3], goal.T_base_tip[:3, :3])
+            angle = float(np.linalg.norm(turn))
+            share = max(away / goal.position_tolerance, angle / goal.orientation_tolerance)
+            ends.append((share, away, angle))
+    _, away, angle = min(ends)
+    # Right at the pose is a configuration of inverse kinematics, its last joint values rounded.
+    if away <= 2.0 * POSITION_TOLERANCE and angle <= 2.0 * ORIENTATION_TOLERANCE:
+        return None
+    return (
+        f"No configuration is right at the pose: the tip ends {away:.3g} m and {angle:.3g} rad "
+        "off, within the goal's tolerances."
+    )

@@ -17,7 +17,8 @@ from planning.clearance_report import clearance_report
 from planning.constrained.checker import ConstrainedChecker
 from planning.constrained.path_constraints import apply_path_constraints
 from planning.contact_cores import with_cores
-from planning.goal_choice.plan_configuration import deviation_note, plan_configuration
+from planning.goal_choice.chosen_configuration import deviation_note, plan_configuration
+from planning.goal_choice.goal_order import MAX_LONGER, ends_off_limits
 from planning.motion_limits import with_limits
 from planning.options import Options
 from planning.pipeline.optimize_stage import (
@@ -29,7 +30,6 @@ from planning.pipeline.optimize_stage import (
 from planning.pipeline.path_search import FoundPath, PathSearch
 from planning.pipeline.planners import choose_fallback, choose_planners
 from planning.planner import Planner
-from planning.preflight.goal_order import MAX_LONGER, ends_off_limits
 from planning.preflight.goals import pose_goals
 from planning.preflight.limits import moved_note, rates_onto_limits
 from planning.preflight.preflight import preflight, start_only
@@ -197,15 +197,17 @@ class _Pipeline:
         if isinstance(answer, Failure):
             return answer
         ended = self._end_off_limits(ready, answer)
-        note = None
-        if ready.goals:  # what leads the tool ends where its tolerance lets it
-            note = deviation_note(self.problem, ended.path.waypoints[-1])
-        if note is not None:
-            ended = replace(ended, notes=(*ended.notes, note))
+        last = ended.path.waypoints[-1]
+        # A plan that leads the tool ends where its tolerance lets it.
+        if ready.goals and pose_goals(self.problem, [last]):
+            note = deviation_note(self.problem, last)
+            if note is not None:
+                ended = replace(ended, notes=(*ended.notes, note))
         times = answer.trajectory.duration, ended.trajectory.duration
         replaced = None if ended.trajectory is answer.trajectory else times
+        posed = pose_goals(self.problem, [candidate.joints for candidate in ready.found])
         chosen = plan_configuration(
-            self.problem, ready, ended.path.waypoints[-1], self.options.goal_costs, replaced
+            self.problem, ready, posed, last, self.options.goal_costs, replaced
         )
         return ended if chosen is None else replace(ended, configuration=chosen)
 

@@ -10,6 +10,7 @@ from kinematics.model.chain import Chain
 from obstacles.collision.checker import Checker
 from obstacles.collision.fcl_distance import overlap_meter
 from planning.constrained.pose_goals import goal_configurations
+from planning.goal_choice.goal_order import is_at_limit, motion_costs
 from planning.preflight.failures import (
     Refusal,
     collision_failure,
@@ -18,7 +19,6 @@ from planning.preflight.failures import (
     time_up_failure,
     unreachable_failure,
 )
-from planning.preflight.goal_order import is_at_limit, motion_costs
 from planning.preflight.limits import goal_onto_limits
 from planning.preflight.pose_configurations import pose_configurations, turned_copies
 from planning.preflight_result import ENOUGH, TOUCHING, Candidate

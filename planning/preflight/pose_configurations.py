@@ -22,7 +22,7 @@ from kinematics.ik.numeric import numeric
 from kinematics.ik.solution import IkResult
 from kinematics.model.chain import Chain, JointType
 from kinematics.pose import from_axis_angle, rotation_error, transform
-from planning.preflight.goal_order import NEAR_LIMIT, motion_costs
+from planning.goal_choice.goal_order import NEAR_LIMIT, motion_costs
 from planning.values.goal_costs import GoalCosts
 
 #: Configurations that inverse kinematics looks for where an arm has no closed form.

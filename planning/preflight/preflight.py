@@ -8,8 +8,8 @@ from kinematics.arrays import Array
 from obstacles.collision.checker import Checker
 from obstacles.collision.fcl_distance import overlap_meter
 from obstacles.robots.robot_geometry import hulled
+from planning.goal_choice.goal_order import order_goals
 from planning.preflight.failures import collision_failure, limit_failure, packing_failure
-from planning.preflight.goal_order import order_goals
 from planning.preflight.goals import find_goals
 from planning.preflight.limits import goal_onto_limits, moved_note, snap_to_limits
 from planning.preflight_result import ENOUGH, SLACK, TOUCHING, Candidate, Ready, ValidStart

@@ -10,7 +10,7 @@ import numpy as np
 from kinematics.arrays import Array
 from kinematics.model.chain import Chain
 from obstacles.collision.checker import Checker
-from planning.preflight.goal_order import (
+from planning.goal_choice.goal_order import (
     FAR_FROM_OBSTACLES,
     clearance_lacks,
     is_at_limit,

@@ -15,7 +15,7 @@ from kinematics.model.chain import Chain
 from kinematics.pose import inverse
 from obstacles.collision.checker import Checker
 from obstacles.collision.fcl_distance import overlap_meter
-from planning.preflight.goal_order import is_at_limit
+from planning.goal_choice.goal_order import is_at_limit
 from planning.preflight.pose_configurations import inner_turns, with_inner_limits
 from planning.preflight_result import TOUCHING
 from planning.problem import JointGoal

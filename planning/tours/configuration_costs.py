@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from kinematics.arrays import Array
 from kinematics.model.chain import Chain
-from planning.preflight.goal_order import (
+from planning.goal_choice.goal_order import (
     MAX_LONGER,
     clearance_lacks,
     is_at_limit,

@@ -12,7 +12,7 @@ from kinematics.ik.numeric import numeric
 from kinematics.model.chain import Chain
 from obstacles.collision.checker import Checker
 from planning.constrained.path_constraints import end_violation
-from planning.preflight.goal_order import is_at_limit
+from planning.goal_choice.goal_order import is_at_limit
 from planning.preflight.goals import find_goals
 from planning.preflight.limits import goal_onto_limits
 from planning.preflight.pose_configurations import inner_turns, with_inner_limits

@@ -12,7 +12,7 @@ import numpy as np
 
 from kinematics.arrays import Array
 from kinematics.forward import forward
-from planning.preflight.goal_order import MAX_LONGER, is_at_limit
+from planning.goal_choice.goal_order import MAX_LONGER, is_at_limit
 from planning.preflight.goals import configurations_off_limits
 from planning.result import Failure
 

@@ -11,8 +11,8 @@ from kinematics.arrays import Array
 from kinematics.forward import forward
 from kinematics.ik.inverse import inverse_kinematics
 from obstacles.scenes.scene import Scene
+from planning.goal_choice.goal_order import limit_shares
 from planning.options import Options
-from planning.preflight.goal_order import limit_shares
 from planning.problem import JointGoal, PoseGoal
 from planning.sequence.options import TaskOptions
 from planning.sequence.result import SequencePlan

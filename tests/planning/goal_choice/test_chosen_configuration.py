@@ -13,10 +13,11 @@ from kinematics.model.chain import Chain
 from kinematics.pose import from_rpy, transform
 from obstacles.collision.checker import Checker
 from obstacles.scenes.scene import Obstacle, Scene
-from planning.goal_choice.plan_configuration import plan_configuration
+from planning.goal_choice.chosen_configuration import plan_configuration
 from planning.options import Options
 from planning.pipeline import pipeline
 from planning.pipeline.pipeline import plan
+from planning.preflight.goals import pose_goals
 from planning.preflight.preflight import preflight
 from planning.preflight_result import Ready
 from planning.problem import JointGoal, PoseGoal, Problem
@@ -115,11 +116,12 @@ def test_a_configuration_that_took_the_place_of_one_at_a_limit_says_so() -> None
     ready = preflight(problem, 0)
     assert isinstance(ready, Ready)
     weights, last = GoalCosts(), ready.goals[0]
-    chosen = plan_configuration(problem, ready, last, weights, (1.25, 1.5))
+    posed = pose_goals(problem, [candidate.joints for candidate in ready.found])
+    chosen = plan_configuration(problem, ready, posed, last, weights, (1.25, 1.5))
     assert chosen is not None
     assert chosen.reason.startswith("In place of one within 2 % of a joint limit")
     assert "1.500 s, and 1.250 s with that one" in chosen.reason
-    assert plan_configuration(problem, ready, last + 1e-6, weights) is None
+    assert plan_configuration(problem, ready, posed, last + 1e-6, weights) is None
 
 
 def test_a_plan_that_took_the_place_of_another_tells_the_times_of_both(
