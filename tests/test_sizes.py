@@ -20,7 +20,6 @@ PRODUCT = (
     "kinematics",
     "dynamics",
     "obstacles",
-    "planning",
     "tracking",
     "service",
 )
@@ -67,7 +66,6 @@ CROWDED = {
     "dynamics",
     "kinematics",
     "kinematics/ik/closed_form",
-    "planning",
     "planning/optimize",
     "planning/proof/collision",
     "planning/sequence",

@@ -32,7 +32,7 @@ class Descents:
 
     Args:
         goal: Constraints and objective, for the kernels.
-        deadline: When to stop; None for never.
+        deadline: Instant at which descents stop; None for never.
         longest: The longest that a linearisation took on the average of some steps [s of a
             processor]: how busy the machine is would make the count, and so the result, another.
     """
@@ -48,7 +48,7 @@ class Descents:
         Args:
             model: Solids to keep apart; None where there are none.
             start: Inside the joint limits.
-            gain: Of the objective that is none, times 1 and the objective.
+            gain: Weight of the objective.
         """
         q, course = np.array(start), np.zeros(COURSE)
         work = self._work(model)

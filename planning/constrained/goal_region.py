@@ -50,7 +50,7 @@ class GoalRegion:
         """Find a free configuration of a pose by Newton's method from q; None where it fails.
 
         Args:
-            q: Where to begin, shape (n,) [rad or m].
+            q: Configuration to begin at, shape (n,) [rad or m].
             number: Number of the pose, modulo how many there are.
         """
         projected = np.array(q)

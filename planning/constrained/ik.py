@@ -68,14 +68,15 @@ class IkOptions:
     """Options of constrained inverse kinematics.
 
     Args:
-        objective: What makes a configuration better: "nearest" to the posture, in the middle of
+        objective: Measure of a configuration: "nearest" to the posture, in the middle of
             the "limits", or "manipulability".
         posture: Shape (n,); the seed where None.
-        seed_joints: Where to look first, shape (n,); the posture, or the middle of the limits.
+        seed_joints: Configuration to search from, shape (n,); the posture, or the middle of the
+            limits.
         most: How many to answer at most.
         starts: Starts to spend at most.
-        seed: Of the random starts.
-        deadline: When to give up.
+        seed: Seed of the random starts.
+        deadline: Instant at which the search is given up.
         solver: "auto", or one of "descent" and "ipopt" alone.
 
     Raises:
@@ -158,8 +159,8 @@ def constrained_ik(
 
     Args:
         robot: The arm with its geometry.
-        constraints: On its chain; hard ones hold within 1e-6, soft ones cost their weight times
-            half the square of what is violated.
+        constraints: Constraints on the robot's chain; hard ones hold within 1e-6, soft ones cost
+            their weight times half the square of what is violated.
         scene: The obstacles; without one only the robot's own links are kept apart.
         options: How to search.
 

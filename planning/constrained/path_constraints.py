@@ -51,10 +51,10 @@ def apply_path_constraints(
     """Bring the path's constraints into a problem that is ready: into its goals and checkers.
 
     Args:
-        problem: What is to be planned, with its constraints.
-        ready: What preflight answered; a failure is handed on.
-        seed: Of inverse kinematics.
-        deadline: When to give up looking for goals, or for what excludes each other.
+        problem: Problem with its constraints.
+        ready: Result of preflight; a failure is handed on.
+        seed: Seed of inverse kinematics.
+        deadline: Instant at which the search for goals, or for a conflict, is given up.
 
     Returns:
         The problem with the goals that hold the constraints and checkers that know them, or why

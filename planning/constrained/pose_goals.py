@@ -41,10 +41,10 @@ def goal_configurations(
     Args:
         problem: The problem; its robot, scene and margin count.
         goal: The pose.
-        start: Where the search begins, shape (n,) [rad or m].
-        seed: Of the random starts.
+        start: Configuration to search from, shape (n,) [rad or m].
+        seed: Seed of the random starts.
         constraints: Constraints that hold along the path.
-        deadline: When to be content with what was found.
+        deadline: Instant from which what was found will do.
     """
     clear = ClearanceConstraint(problem.margin)
     wanted = ConstraintSet(problem.robot.chain, (*constraints, pose_constraint(goal), clear))

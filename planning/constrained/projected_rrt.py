@@ -190,11 +190,11 @@ def projected_rrt(
         manifold: The set that the trees grow along.
         start: Valid configuration, shape (n,) [rad or m].
         goals: Valid configurations (n,).
-        seed: The same seed gives the same path.
-        deadline: When to stop.
+        seed: Seed of the draws: the same one gives the same path.
+        deadline: Instant at which the search stops.
         more_goals: Finds goals near configurations that were reached; None where goals are points.
         explored: Keeps the edges of the last pair of trees.
-        max_extensions: When to stop, too; None for never.
+        max_extensions: Largest number of extensions; None for no bound.
 
     Returns:
         Waypoints (k, n) whose legs hold and are free, None where it found none in time; and how

@@ -24,8 +24,8 @@ class Relaxation:
     """Constraints of which each, left out alone, leaves a path that was found.
 
     Args:
-        constraints: Their numbers.
-        names: Their names, for a person.
+        constraints: Numbers of the constraints.
+        names: Names of the constraints, for a person.
         wider: How much each has to be widened for the path that was found; less may do.
         units: Unit of each of these, "m" or "rad".
         without_obstacles: Whether a way was found that holds all constraints where no obstacle
@@ -75,8 +75,8 @@ def find_relaxation(
         checker: The robot in its scene with its hard constraints.
         start: Shape (n,).
         goals: Configurations (n,).
-        seed: Of the searches.
-        deadline: When to stop; each search gets its share.
+        seed: Seed of the searches.
+        deadline: Instant at which the search stops; each constraint gets its share.
     """
     every = checker.constraints
     numbers = sorted({int(i) for i in every.owners})

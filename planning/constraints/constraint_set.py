@@ -27,7 +27,7 @@ class ConstraintSet:
 
     Args:
         chain: The robot.
-        constraints: In the order they were given.
+        constraints: Constraints in the order they were given.
 
     Also known: ``rows``, m of them; ``owners``, the constraint each row belongs to, (m,);
     ``packed``, the rows as kernels read them, (m, WIDTH); ``weights``, inf for a hard row, (m,);
@@ -156,11 +156,11 @@ class RowWork(NamedTuple):
     """Values of m rows at a configuration, with scratch.
 
     Args:
-        frames: Of the joints, shape (n, 4, 4).
+        frames: Frames of the joints, shape (n, 4, 4).
         E: Scratch, shape (3, 3).
         values: Shape (m,).
         residuals: Shape (m,).
-        jacobian: Of the residuals, shape (m, n).
+        jacobian: Jacobian of the residuals, shape (m, n).
     """
 
     frames: Array

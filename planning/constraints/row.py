@@ -71,12 +71,12 @@ class Row:
         lower: Least value [unit].
         upper: Largest value [unit].
         unit: "rad" or "m".
-        point: In the carrier's frame, shape (3,) [m].
+        point: Point in the carrier's frame, shape (3,) [m].
         axis: Unit vector in the carrier's frame, of ROTATION the component that counts, (3,).
-        center: In the reference, shape (3,) [m].
+        center: Centre in the reference, shape (3,) [m].
         direction: Unit vector in the reference, or 0, shape (3,).
         turn: K of ROTATION, shape (3, 3).
-        label: What the row bounds, in words.
+        label: Description of the bound in words.
     """
 
     kind: RowKind

@@ -35,7 +35,7 @@ def symbolic_values(constraints: ConstraintSet, q: Expression) -> list[Expressio
     """Values of the rows, m scalars, in their units.
 
     Args:
-        constraints: On the robot whose joints q are.
+        constraints: Constraints on the robot whose joints q are.
         q: SX or MX, n x 1.
 
     Raises:

@@ -21,7 +21,7 @@ def controller_motion(joint_names: Sequence[str], points: ExportPoints) -> Traje
 
     Args:
         joint_names: n names.
-        points: As the file has them.
+        points: Points as the file has them.
     """
     rows = points.derivatives
     if points.rule == Rule.STRAIGHT_LEGS:
@@ -35,8 +35,8 @@ def joint_deviation(motion: Trajectory, other: Trajectory) -> Array:
     The differences are polynomials between the breaks of both; their extrema are exact to rounding.
 
     Args:
-        motion: Of n joints.
-        other: Of the same joints.
+        motion: Motion of n joints.
+        other: Other motion of the same joints.
     """
     end = min(motion.duration, other.duration)
     breaks = np.unique(np.concatenate([motion.breaks, other.breaks]))

@@ -47,9 +47,9 @@ class Export:
         text: The file.
         file_name: The program's name with the ending of the format.
         rule: The interpolation between its points.
-        motion: What the controller makes of the points by that rule; of a path the legs, from
-            rest to rest.
-        certificate: Of that motion; of a path its positions and collisions.
+        motion: Motion that the controller makes of the points by that rule; of a path the legs,
+            from rest to rest.
+        certificate: Certificate of that motion; of a path its positions and collisions.
         proved: Nothing collides wherever the controller keeps to the rule, and the rule covers all
             of the file.
         unproved: Parts that the proof does not cover, a sentence each.
@@ -89,14 +89,15 @@ def export(
     interpolation between them: it does not rely on any proof of the given motion.
 
     Args:
-        trajectory: Of all joints of the robot, in its order.
+        trajectory: Trajectory of all joints of the robot, in its order.
         robot: The arm with its geometry.
         scene: The obstacles.
         options: Format, points and program.
         margin: Distance to keep from obstacles beyond their own margins [m].
-        premises: Those of the motion's certificate, where it has one.
+        premises: Premises of the motion's certificate, where it has one.
         different_scene: Whether robot, scene and what is held may be others than these.
-        deadline: When to give up the proof; ``certificate.violation`` then is of kind "time".
+        deadline: Instant at which the proof is given up; ``certificate.violation`` then is of kind
+            "time".
 
     Raises:
         InvalidOption: The robot or the number of points does not fit the format; or the motion was

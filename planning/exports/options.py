@@ -59,8 +59,8 @@ class ExportOptions:
         blend: How far from a point of a path the controller may cut the corner: [m] for URScript,
             [mm] for RAPID, [%] for KRL. 0 stops at each point.
         speed: Share of the joints' velocity limits, for paths.
-        name: Of the program.
-        frame_id: Of the header of a message.
+        name: Name of the program.
+        frame_id: Frame id of the header of a message.
 
     Raises:
         InvalidOption: A value is out of its range, or does not belong to the format.

@@ -102,7 +102,7 @@ def corners(positions: Array, tolerance: float) -> Indices:
     """Indices of the points that a polyline needs to stay near all others (Douglas and Peucker).
 
     Args:
-        positions: In their order, shape (p, n).
+        positions: Positions in their order, shape (p, n).
         tolerance: Largest distance of any point from its leg, Euclidean in joint space.
     """
     chosen = {0, len(positions) - 1}

@@ -62,7 +62,7 @@ def servoj(points: ExportPoints, name: str, tolerance: float | None) -> list[str
 
     Args:
         points: Setpoints of six joints.
-        name: Of the program.
+        name: Name of the program.
         tolerance: How far off each joint may be by the proof [rad]; None where none is proved.
     """
     rows, times = points.positions, points.times
@@ -82,7 +82,7 @@ def movej(
     """Lines of a URScript program of joint motions, the corners blended where asked for.
 
     Args:
-        chain: Of six joints.
+        chain: Chain of six joints.
         points: Corners of the path.
         options: Speed, blend radius [m] and name.
         tolerance: How far off its start each joint may be [rad]; None where none is proved.

@@ -37,8 +37,8 @@ def unproved_parts(options: ExportOptions, certificate: Certificate) -> tuple[st
     """Sentences on what the proof of an export does not cover.
 
     Args:
-        options: Of the export.
-        certificate: Of the controller's motion.
+        options: Options of the export.
+        certificate: Certificate of the controller's motion.
     """
     parts = (*_PARTS.get(options.format, (_ROS,)), _TRACKING)
     if options.blend:
@@ -59,9 +59,9 @@ def comments(
     """Comment lines for the head of a file, in ASCII.
 
     Args:
-        options: Of the export.
+        options: Options of the export.
         rule: The interpolation between the points.
-        certificate: Of the controller's motion.
+        certificate: Certificate of the controller's motion.
         proved: The rule covers the whole file, and nothing collides.
         unproved: Sentences on what the proof does not cover.
         tolerance: Tracking error that the clearance covers [rad or m].

@@ -59,7 +59,7 @@ def swept_volume(
         motion: The motion.
         robot: The robot with what it holds; round pieces count as polyhedra around them, meshes as
             the hulls that cover them.
-        tolerance: What the hulls may be grown by [m].
+        tolerance: Distance by which the hulls may be grown [m].
 
     Raises:
         InvalidOption: The tolerance is not positive, or asks for too many hulls.
@@ -109,7 +109,8 @@ def _acceleration_bound(levers: Array, rates: Array, accelerations: Array) -> fl
     """The largest acceleration of any point [m/s^2].
 
     Args:
-        levers: Of each joint, those that follow others last, shape (b,) [m]; 1 or more for a slide.
+        levers: Levers of each joint, those that follow others last, shape (b,) [m]; 1 or more for a
+            slide.
         rates: Largest of each joint, shape (b,) [rad/s or m/s].
         accelerations: Largest of each joint, shape (b,) [rad/s^2 or m/s^2].
     """

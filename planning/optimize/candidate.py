@@ -17,7 +17,7 @@ class Candidate:
     Args:
         iterate: The spline.
         trajectory: The motion in time.
-        value: Of the objective.
+        value: Value of the objective.
     """
 
     iterate: Iterate

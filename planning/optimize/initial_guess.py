@@ -23,10 +23,10 @@ def fit_spline(task: Task, space: SplineSpace, motion: Trajectory) -> Iterate:
     """The spline nearest to a motion (least squares), as fast as the limits allow.
 
     Args:
-        task: Its ends and limits are kept; limits not, where no duration was found that does with
-            the velocities at the ends.
+        task: Requirements on the motion. Ends and limits are kept; limits not, where no duration
+            was found that does with the velocities at the ends.
         space: The splines to choose from.
-        motion: From the task's start to its end.
+        motion: Motion from the task's start to its end.
     """
     duration = max(motion.duration, _LEAST)
     points = _nearest(task, space, motion, duration)

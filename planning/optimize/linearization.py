@@ -42,8 +42,8 @@ class Obstruction(NamedTuple):
     """Obstruction that keeps a motion from being found.
 
     Args:
-        message: What is violated, by how much.
-        hint: What would help.
+        message: Description of what is violated, and by how much.
+        hint: Remedy.
     """
 
     message: str
@@ -83,9 +83,9 @@ class Linearization:
     """Linear model of distances, efforts and constraints at an iterate.
 
     Args:
-        rows: With the slack as what they may be violated by.
+        rows: Rows with the slack by which they may be violated.
         violation: The largest violation, 1 is much; 0 where there is none.
-        obstruction: What is violated the most.
+        obstruction: Obstruction that is violated the most.
     """
 
     rows: tuple[Rows, ...]
@@ -104,11 +104,11 @@ def linearize(
     """Linearize distances, efforts and constraints along a motion.
 
     Args:
-        task: What is to be kept.
+        task: Requirements on the motion.
         iterate: The motion.
-        places: Where.
+        places: Places along the motion.
         reach: How far control points will be moved at most [rad or m].
-        deadline: When time is up, nothing good is known of the motion.
+        deadline: Instant at which linearizing stops: nothing good is known of the motion then.
     """
     near = _distances(task, iterate, places, reach, deadline)
     if deadline.passed:

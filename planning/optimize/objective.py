@@ -61,7 +61,7 @@ def value(
 
     Args:
         trajectory: The motion.
-        weights: By objective.
+        weights: Weights by objective.
         loaded_chain: The robot with what it carries.
         soft: Soft constraints.
     """

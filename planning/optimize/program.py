@@ -40,8 +40,8 @@ class Limits:
     """Limits of the derivatives of a spline.
 
     Args:
-        values: By order, each (n,).
-        hair: What share of them is left unused.
+        values: Values by order, each (n,).
+        hair: Share of the limits that is left unused.
     """
 
     values: dict[int, Array]
@@ -54,8 +54,8 @@ def solve(
     """The unknowns (N n + 2,) where IPOPT ends; None where they do not keep the rows.
 
     Args:
-        space: Of the splines.
-        limits: Of its derivatives.
+        space: Space of the splines.
+        limits: Limits of the spline's derivatives.
         rows: All others.
         quadratic: Objective and bounds of the unknowns; its rows do not count.
         start: The unknowns to begin with.

@@ -30,8 +30,8 @@ class Quadratic:
         A: Rows, R x N.
         lower: Shape (R,), -inf where there is none.
         upper: Shape (R,), inf where there is none.
-        least: Bounds of the unknowns, shape (N,).
-        most: Likewise.
+        least: Lower bounds of the unknowns, shape (N,).
+        most: Upper bounds of the unknowns, shape (N,).
     """
 
     H: Any

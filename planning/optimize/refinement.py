@@ -38,9 +38,9 @@ class Offer(NamedTuple):
     """A motion that is better than the one that was known.
 
     Args:
-        trajectory: In time.
-        waypoints: On its path, shape (k, n).
-        value: Of the objective.
+        trajectory: Trajectory in time.
+        waypoints: Waypoints on the motion's path, shape (k, n).
+        value: Value of the objective.
     """
 
     trajectory: Trajectory
@@ -53,12 +53,12 @@ class Refinement:
     """One motion being optimised.
 
     Args:
-        task: What is to be kept.
-        options: What is to become small.
+        task: Requirements on the motion.
+        options: Objective and solver.
         parametrization: How paths are timed.
         known: The motion to start from.
-        deadline: When to stop optimising.
-        binding: Whether it may be kept; else anything within the limits is better.
+        deadline: Instant at which optimising stops.
+        binding: Whether the motion may be kept; else anything within the limits is better.
     """
 
     task: Task

@@ -27,8 +27,8 @@ class Response:
 
     Args:
         values: Shape (K, m).
-        gradients: With respect to q, dq/du, d2q/du2, shape (K, m, n) each.
-        in_time: With respect to the duration, shape (K, m).
+        gradients: Gradients with respect to q, dq/du, d2q/du2, shape (K, m, n) each.
+        in_time: Derivatives with respect to the duration, shape (K, m).
     """
 
     values: Array

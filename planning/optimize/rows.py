@@ -105,9 +105,10 @@ def local_matrix(
     """Derivatives  sum_r g_r . (B_r P) + c T + k s  of what is looked at along the motion.
 
     Args:
-        iterate: Where it is linearised.
+        iterate: Iterate at which it is linearised.
         places: u of each row, shape (R,).
-        gradients: With respect to q, dq/du, d2q/du2 as far as they count, shape (R, n) each.
+        gradients: Gradients with respect to q, dq/du, d2q/du2 as far as they count, shape (R, n)
+            each.
         in_time: c, shape (R,).
         in_slack: k.
 

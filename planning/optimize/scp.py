@@ -87,11 +87,11 @@ class Descent:
     """The rounds of one optimisation.
 
     Args:
-        task: What is to be kept.
-        options: What is to become small.
-        iterate: Where it stands.
+        task: Requirements on the motion.
+        options: Objective and solver.
+        iterate: Current iterate.
         longest: The longest the motion may take [s].
-        deadline: When to stop; it may be put off by ``run``.
+        deadline: Instant at which it stops; it may be put off by ``run``.
     """
 
     task: Task

@@ -26,7 +26,7 @@ class SplineSpace:
 
     Args:
         degree: p >= 1.
-        breaks: Where the polynomial pieces meet, 0 = b_0 < ... < b_m = 1.
+        breaks: Places at which the polynomial pieces meet, 0 = b_0 < ... < b_m = 1.
 
     Raises:
         InvalidOption: The degree is below 1, or the breaks do not ascend from 0 to 1.

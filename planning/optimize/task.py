@@ -64,10 +64,10 @@ class Task:
     Args:
         checker: The robot in its scene.
         start: How the motion begins.
-        end: How it ends.
+        end: State at the end.
         bounds: Limits of velocity, acceleration and perhaps jerk, shape (n,) each, by quantity.
         loads: Limits of torque and tool speed.
-        constraints: What every configuration on the way has to hold.
+        constraints: Constraints that every configuration on the way has to hold.
         soft: Soft constraints: what they are violated by costs something.
         loaded_chain: The robot with all that it carries, for the energy objective.
     """

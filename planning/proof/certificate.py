@@ -58,7 +58,7 @@ class Proved:
 
 @dataclass(frozen=True, slots=True)
 class Certificate:
-    """Everything that was proved about a trajectory.
+    """Certificate of a trajectory: what was proved about it.
 
     Args:
         verified: All that was asked for is proved: limits always, but for a jerk that was not
@@ -66,20 +66,20 @@ class Certificate:
         min_clearance: Holds for every t, margins not taken off [m]; infinite where nothing can
             collide, the distance found where something does.
         clearance_pair: The pair with the least clearance.
-        min_obstacle_clearance: The same from obstacles alone [m]. Where a collision was found both
-            of these hold up to its time.
-        min_self_clearance: The same among the robot's own links and what it holds [m]; no margin
-            concerns these.
-        method: How it was proved.
-        limits: By quantity.
+        min_obstacle_clearance: Least clearance from obstacles alone [m]. Where a collision was
+            found both of these hold up to its time.
+        min_self_clearance: Least clearance among the robot's own links and what it holds [m]; no
+            margin concerns these.
+        method: Method of the proof.
+        limits: Limits by quantity.
         continuity: Largest jumps of position and velocity.
         cells: Intervals of time that were looked at.
         violation: The first thing that is wrong; None where it is verified.
         path_deviation: How far the tool is off the motions asked for, where some were.
         path_constraints: How well each constraint of the path is held.
-        proved: Which parts were proved, and why others were not.
+        proved: Parts that were proved, and why others were not.
         obstacle_pair: The pair with the least clearance of those with an obstacle.
-        self_pair: The same of the robot's own links and what it holds.
+        self_pair: Closest pair of the robot's own links and what it holds.
         tool_box: How much the tool uses of the tolerances of its motions, where they have some.
         tool_speed: How well it keeps to its band of speed, where it has one.
         premises: The robot, the scene and the margin that all this holds for.
@@ -146,15 +146,15 @@ def certify(
     """Prove that a trajectory is free for every instant and inside every limit, or say why not.
 
     Args:
-        trajectory: Of all joints of the robot, in its order.
+        trajectory: Trajectory of all joints of the robot, in its order.
         robot: The arm with its geometry.
         scene: The obstacles.
         margin: Distance to keep from obstacles beyond their own margins [m].
         limits: Limits to hold it to in place of the robot's.
-        constraints: What the motion has to hold for every instant, limits of tool speed, torque
-            and clearance among them included.
+        constraints: Constraints that the motion has to hold at every instant, limits of tool speed,
+            torque and clearance among them included.
         tool_motions: Lines and arcs that the tool has to keep to.
-        deadline: When to give up (which proves nothing).
+        deadline: Instant at which the proof is given up (which proves nothing).
 
     Raises:
         InvalidTrajectory: It is not of the joints of the robot, in its order.

@@ -220,10 +220,10 @@ def _settles(
     """Raise the largest value, its time and its bound (3,) to those of a polynomial's ends.
 
     Args:
-        b: Its Bernstein coefficients, taken times ``sign``.
+        b: Bernstein coefficients of the polynomial, taken times ``sign``.
         count: How many they are.
         sign: 1 or -1.
-        begin: When it begins [s].
+        begin: Begin of the polynomial [s].
         length: How long it is [s].
         hull: The largest of its coefficients.
         whole: The largest absolute one.

@@ -41,13 +41,13 @@ def certify_gripper(
     """Prove that nothing collides while the fingers move and the arm stands still.
 
     Args:
-        motion: Of the fingers.
+        motion: Motion of the fingers.
         robot: The arm with its geometry and what it holds, its fingers anywhere.
         scene: The obstacles.
-        q: Where the arm stands, shape (n,) [rad or m].
+        q: Configuration of the arm, shape (n,) [rad or m].
         margin: Distance to keep from obstacles beyond their own margins [m].
-        constraints: What the arm has to hold.
-        deadline: When to give up (which proves nothing).
+        constraints: Constraints that the arm has to hold.
+        deadline: Instant at which the proof is given up (which proves nothing).
     """
     still = stay(robot.chain.joint_names, q, motion.duration)
     parts, proved = [(0.0, 1.0)], list[Certificate]()

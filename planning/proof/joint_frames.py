@@ -42,10 +42,10 @@ def follower_frames(bodies: Indices, offsets: Array, first: int, q: Array, frame
 
     Args:
         bodies: Rows TYPE and PARENT, shape (2, b).
-        offsets: Of their joints at 0 in the frames of the bodies before, shape (b, 4, 4).
+        offsets: Offsets of the joints at 0 in the frames of the bodies before, shape (b, 4, 4).
         first: The first of them.
         q: Positions of all joints, shape (b,) [rad or m].
-        frames: Of all bodies, those from ``first`` on are written, shape (b, 4, 4).
+        frames: Frames of all bodies, those from ``first`` on are written, shape (b, 4, 4).
     """
     for i in range(first, q.shape[0]):
         A, parent = offsets[i], bodies[PARENT, i]

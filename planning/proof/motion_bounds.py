@@ -75,7 +75,7 @@ def enclose(coefficients: Array, at: float, half: float, scratch: Array, joints:
     """Enclose one piece of a trajectory on an interval.
 
     Args:
-        coefficients: Of the piece, in ascending powers of its own time, shape (n, k).
+        coefficients: Coefficients of the piece, in ascending powers of its own time, shape (n, k).
         at: The interval's middle in the piece's own time, 0 or more [s].
         half: Half the interval's length [s].
         scratch: Shape (2, k).
@@ -125,7 +125,7 @@ def enclose_followers(leaders: Indices, leads: Array, joints: Array) -> None:
     Args:
         leaders: The joint j that each of them follows, shape (f,).
         leads: Multiplier m and offset b of each, shape (f, 2).
-        joints: From ``enclose``, the last f rows filled, shape (n + f, JOINT_COLUMNS).
+        joints: Joints from ``enclose``, the last f rows filled, shape (n + f, JOINT_COLUMNS).
     """
     first = joints.shape[0] - leaders.shape[0]
     for k in range(leaders.shape[0]):

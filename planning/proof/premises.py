@@ -20,15 +20,15 @@ _DIGITS = 12
 
 @dataclass(frozen=True, slots=True)
 class Premises:
-    """What a certificate holds for.
+    """Premises of a certificate.
 
     Args:
         robot: Name of the robot; None where limits were given without one.
-        robot_hash: Of the robot with what it holds and its fingers where they stand; of its chain
-            alone where collisions were not looked at; None without a robot.
+        robot_hash: Hash of the robot with what it holds and its fingers where they stand; of its
+            chain alone where collisions were not looked at; None without a robot.
         scene: Name of the stored scene; None of any other.
-        scene_hash: Of the obstacles that are not held and of the pairs that may touch; None where
-            collisions were not looked at.
+        scene_hash: Hash of the obstacles that are not held and of the pairs that may touch;
+            None where collisions were not looked at.
         obstacles: How many these obstacles are.
         attached: Names of the objects that the robot holds.
         tool: The link whose frame poses of the tool are of; None without a robot.
@@ -104,7 +104,7 @@ class Premises:
         """In which respects other premises differ, a sentence each; margins and names do not count.
 
         Args:
-            given: Of the motion as it was proved before.
+            given: Premises of the motion as it was proved before.
         """
         if given.scene_hash is None:  # of limits alone
             other = given.robot is not None and given.robot != self.robot

@@ -33,11 +33,11 @@ class RelativeMotion(NamedTuple):
     """Bounds of a point's motion, and of its link's turning, seen from a reference link.
 
     Args:
-        velocity: Of the point in the middle of the interval, in the base's axes [m/s].
+        velocity: Velocity of the point in the middle of the interval, in the base's axes [m/s].
         turn_rate: Angular velocity there, in the base's axes [rad/s].
         moved: How far the point moves at most [m].
         bend: How far it is off ``velocity`` times the time at most [m].
-        acceleration: Its largest acceleration [m/s^2].
+        acceleration: Largest acceleration of the point [m/s^2].
         turned: How far the link turns at most [rad].
         turn_bend: How far that is off ``turn_rate`` times the time at most, to first order [rad].
         turn_speed: Largest angular speed [rad/s].
@@ -68,12 +68,12 @@ def relative_motion(
     """Bound the motion of a point of one link seen from another.
 
     Args:
-        types: Of the joints, shape (n,).
+        types: Types of the joints, shape (n,).
         frames: T_base_joint in the middle of the interval, shape (n, 4, 4).
-        point: There, in the base frame [m].
+        point: Place of the point, in the base frame [m].
         carrier: The joint that carries the point, -1 for the base.
         reference: The joint whose link it is seen from, -1 for the base.
-        joints: From ``enclose``, shape (n, JOINT_COLUMNS).
+        joints: Joints from ``enclose``, shape (n, JOINT_COLUMNS).
         half: Half the interval's length [s].
     """
     first, last = min(carrier, reference) + 1, max(carrier, reference)
@@ -140,12 +140,12 @@ def axis_motion(
     A joint along which the vector points does not move it.
 
     Args:
-        types: Of the joints, shape (n,).
+        types: Types of the joints, shape (n,).
         frames: T_base_joint in the middle of the interval, shape (n, 4, 4).
         axis: The vector there, in the base's axes.
         carrier: The joint that carries it, -1 for the base.
         reference: The joint whose link it is seen from, -1 for the base.
-        joints: From ``enclose``, shape (n, JOINT_COLUMNS).
+        joints: Joints from ``enclose``, shape (n, JOINT_COLUMNS).
         half: Half the interval's length [s].
 
     Returns:

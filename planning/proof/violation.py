@@ -21,7 +21,8 @@ class Violation:
         kind: "collision", "undecided", "position", "velocity", "acceleration", "jerk", "torque",
             "tool_speed", "path_constraint", "path_deviation", "continuity", "start", "goal",
             "unproved" or "time".
-        time: When it begins [s]; of "torque", "tool_speed" and "path_deviation", when it is worst.
+        time: Begin of the violation [s]; of "torque", "tool_speed" and "path_deviation", its worst
+            instant.
         message: One sentence.
         details: Values a program can use.
     """

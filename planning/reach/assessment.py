@@ -70,7 +70,7 @@ class ReachSettings(NamedTuple):
     Args:
         tolerance: Largest error of a solution [m], [rad].
         margin: Distance to be kept from everything beyond the pairs' own margins [m].
-        choice: What makes the best configuration.
+        choice: Measure of the best configuration.
         clearance: Whether the clearance of the best configuration is measured.
         redundant: Whether the closed form has a parameter, so that branches come in families.
     """
@@ -86,13 +86,13 @@ class ReachWork(NamedTuple):
     """Memory for the kernels.
 
     Args:
-        collision: Of the collision checks.
-        asked: Likewise, shape (1,).
+        collision: Memory of the collision checks.
+        asked: Verdicts asked for, shape (1,).
         J: Room for a Jacobian, shape (6, n).
         q: Room for a configuration, shape (n,).
-        tallies: Of each deviation that turns the last joint: how many branches are free, which as
-            bits, how many more may be, and which of both as bits; shape (s, 4).
-        looked: What is known of each branch at each of them, shape (r, s).
+        tallies: Counts for each deviation that turns the last joint: how many branches are free,
+            which as bits, how many more may be, and which of both as bits; shape (s, 4).
+        looked: Verdict that is known of each branch at each of them, shape (r, s).
         struck: Branches that were not free when last looked at, as bits, shape (1,).
     """
 
@@ -110,9 +110,9 @@ class Parts(NamedTuple):
 
     Args:
         whole: The packed robot and scene.
-        before: The same with all that does not move with the last joint alone.
-        behind: The same with what moves with the last joint alone.
-        turns: By how much each deviation turns the last joint from where the first one has it,
+        before: Model with all that does not move with the last joint alone.
+        behind: Model with all that moves with the last joint alone.
+        turns: Angle by which each deviation turns the last joint from where the first one has it,
             shape (s,) [rad]; (0,) where deviations do more than that.
     """
 
@@ -136,7 +136,7 @@ def assess(
         table: A row for each branch, shape (r, n + MORE).
         settings: How to judge.
         best: The best value of the deviations before.
-        result: Of the pose, brought up to date, shape (COLUMNS,).
+        result: Result of the pose, brought up to date, shape (COLUMNS,).
         joints: The best configuration, likewise, shape (n,).
     """
     n, looked = joints.shape[0], work.looked[:, 0]
@@ -179,7 +179,7 @@ def _count_free(
         work: Memory, with what is known of each branch.
         table: A row for each branch, shape (r, n + MORE).
         settings: How to judge.
-        result: Of the pose, brought up to date, shape (COLUMNS,).
+        result: Result of the pose, brought up to date, shape (COLUMNS,).
     """
     n, looked = table.shape[1] - MORE, work.looked[:, 0]
     free, left, seen, codes, struck = 0, 0, 0, 0, work.struck[0]
@@ -238,12 +238,12 @@ def judge(
     """The verdict on a configuration, its value and closest pair, or ``NO_BETTER``.
 
     Args:
-        model: What is to be looked at.
+        model: Model to be checked.
         whole: The packed robot and scene.
         work: Memory.
         q: Shape (n,).
         settings: How to judge.
-        value: Its value, handed on where that is not the clearance.
+        value: Value of the configuration, handed on where that is not the clearance.
         best: The best value so far.
     """
     if settings.choice == BY_CLEARANCE and best > settings.margin:

@@ -22,8 +22,8 @@ class BasePlacement:
 
     Args:
         index: Number of the candidate.
-        T_world_base: Its pose, shape (4, 4).
-        reach: Of the task poses.
+        T_world_base: Pose of the base, shape (4, 4).
+        reach: Reach of the task poses.
     """
 
     index: int
@@ -71,7 +71,7 @@ def place_base(
         bases: T_world_base of the candidates, shape (b, 4, 4).
         options: How to judge.
         link: The link to bring to the poses; the tip where none is named.
-        deadline: When to stop; candidates that were not finished are left out.
+        deadline: Instant at which the search stops; candidates that were not finished are left out.
         report: Called with the share of the candidates that is done.
 
     Raises:

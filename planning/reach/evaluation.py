@@ -66,13 +66,13 @@ class ReachOptions:
     """Options of a question about reach.
 
     Args:
-        tolerance: By how much the tool may deviate from each pose.
+        tolerance: Deviation of the tool that is allowed at each pose.
         margin: Distance to be kept from obstacles [m].
-        choice: What makes the best configuration of a pose: the largest product of the Jacobian's
+        choice: Measure of the best configuration of a pose: the largest product of the Jacobian's
             singular values, the largest clearance, or the largest distance from the joint limits.
             With ``first`` the first one that is found free will do, which is quickest.
         clearance: Whether the clearance of the best configurations is measured.
-        seed: Of the numeric search, for arms without a closed form.
+        seed: Seed of the numeric search, for arms without a closed form.
         threads: How many to share the poses among; all processors where not given.
 
     Raises:
@@ -165,7 +165,7 @@ def reach(
         poses: T_base_link, shape (m, 4, 4).
         options: How to judge.
         link: The link to bring there; the tip where none is named.
-        deadline: When to stop; the poses that are left are not answered.
+        deadline: Instant at which the evaluation stops; the poses that are left are not answered.
         report: Called with the share of the poses that is done.
 
     Raises:
@@ -198,9 +198,9 @@ def _leave_out_deep(meter: OverlapMeter, results: Array, joints: Array) -> None:
     """Take poses as in collision whose best configuration has allowed contacts that are too deep.
 
     Args:
-        meter: Of the pairs that may touch.
-        results: Of the poses, shape (k, columns).
-        joints: Their best configurations, shape (k, n).
+        meter: Meter of the pairs that may touch.
+        results: Results of the poses, shape (k, columns).
+        joints: Best configurations of the poses, shape (k, n).
     """
     if not meter.limited:
         return

@@ -57,7 +57,7 @@ def assess_turns(  # noqa: C901, PLR0912, PLR0915
         table: A row for each branch of the first deviation, shape (r, n + MORE).
         seed: Configuration that whole turns are to be near, shape (n,).
         settings: How to judge.
-        result: Of the pose, brought up to date, shape (COLUMNS,).
+        result: Result of the pose, brought up to date, shape (COLUMNS,).
         joints: The best configuration, likewise, shape (n,).
     """
     last, best, q, tallies = seed.shape[0] - 1, -np.inf, work.q, work.tallies
@@ -140,8 +140,8 @@ def _value_and_rest(
         parts: The packed robot and scene.
         work: Memory.
         settings: How to judge.
-        value: Its value but for the manipulability.
-        pair: Its closest pair.
+        value: Value of the configuration but for the manipulability.
+        pair: Closest pair of the configuration.
     """
     if settings.choice == BY_LIMITS:
         return value, True

@@ -37,7 +37,7 @@ class PathToTime:
     Args:
         joint_names: n names.
         waypoints: Shape (k, n), k >= 1 [rad or m].
-        knots: Of a spline through them, shape (k,); by distance in joint space where none are
+        knots: Knots of a spline through them, shape (k,); by distance in joint space where none are
             given. Times, for the method "spline" [s].
     """
 
@@ -52,11 +52,11 @@ class Retimed:
 
     Args:
         trajectory: The motion.
-        certificate: What was proved of its limits; not verified where times given break them.
+        certificate: Certificate of the limits; not verified where times given break them.
         factor: How many times as long as asked the motion is: times given were stretched by it.
         needed_factor: How many times as long the motion would have to be to keep all limits; 1
             where it does, None where no slowing down cures it: outside a joint's range, or a jump.
-        notes: What is special about the path: waypoints left out, stops.
+        notes: Notes on the path: waypoints left out, stops.
         begins: Time at which the motion begins, the first of given times [s].
         timing: Method and limits that it was timed by.
     """
@@ -87,7 +87,7 @@ def retime(
     """Time a path within limits.
 
     Args:
-        path: What to follow.
+        path: Path to follow.
         timing: How.
         overrides: Limits (n,) by quantity, in place of the robot's.
         chain: The robot; without one the limits have to be given.
@@ -244,7 +244,7 @@ def _failure(
     Args:
         violation: The first of the motion.
         shape: The path, a piece from each waypoint to the next, at any times.
-        numbers: Of these waypoints.
+        numbers: Numbers of these waypoints.
         chain: The robot.
     """
     assert violation is not None

@@ -44,7 +44,7 @@ def time_states(
         timing: Options, method "jerk_limited": shares of the limits.
         overrides: Limits (n,) by quantity, in place of the robot's.
         chain: The robot; without one the limits have to be given.
-        synchronization: As in ``state_to_state``.
+        synchronization: Synchronization as in ``state_to_state``.
 
     Raises:
         MissingLimit: A limit that is needed is not known; the message names the joints.
@@ -84,9 +84,9 @@ def _measured(
     """A measured state moved onto the limits that it is hardly outside, with notes.
 
     Args:
-        state: As it was measured, n joints.
+        state: Measured state of n joints.
         chain: The robot; None where no positions are limited.
-        bounds: Of velocity, acceleration and jerk, shape (3, n).
+        bounds: Bounds of velocity, acceleration and jerk, shape (3, n).
     """
     given = state.rows
     if given.shape[1] != bounds.shape[1]:

@@ -22,12 +22,12 @@ class Planner:
     """Description of one of OMPL's planners.
 
     Args:
-        ompl: Its name in OMPL.
-        parameters: Its own options.
-        improves: Whether it goes on after its first path, for shorter ones.
-        roadmap: Whether it grows a roadmap, which is searched here.
+        ompl: Name of the planner in OMPL.
+        parameters: Options of the planner in OMPL.
+        improves: Whether the planner goes on after its first path, for shorter ones.
+        roadmap: Whether the planner grows a roadmap, which is searched here.
         batch: The option that says how many states it draws, of those that draw them all at once.
-        one_goal: Whether it can be given one goal alone; they then take turns.
+        one_goal: Whether the planner takes one goal alone; several then take turns.
     """
 
     ompl: str

@@ -93,9 +93,9 @@ def sample(
         checker: The robot in its scene.
         start: Shape (n,), valid.
         goals: Valid configurations (n,).
-        options: By name; ``planners`` lists them.
-        seed: The same seed gives the same path, unless time ends the search for shorter ones.
-        deadline: When to stop.
+        options: Options by name; ``planners`` lists them.
+        seed: Seed: the same one gives the same path, unless time ends the search for shorter ones.
+        deadline: Instant at which the search stops.
 
     Raises:
         InvalidOption: An unknown planner or option, or a value out of its range.
@@ -128,7 +128,7 @@ class OmplPlanner:
 
     Args:
         name: One of ``PLANNERS``.
-        options: By name; ``planners`` lists them.
+        options: Options by name; ``planners`` lists them.
     """
 
     name: str

@@ -34,7 +34,7 @@ class Watch:
     """Asked by a planner, again and again, whether to stop.
 
     Args:
-        deadline: When time is up.
+        deadline: Instant at which time is up.
         edges: Number of edges that were checked so far.
         max_iterations: Questions after which to stop.
         max_edges: Edges after which to stop.

@@ -14,8 +14,8 @@ def place_node(blocks: Array, node: int, q: Array) -> None:
     """Write node number ``node``, the next of its tree or one before it, at q (n,).
 
     Args:
-        blocks: For each eight nodes a vector for each joint, flat.
-        node: Its number.
+        blocks: Blocks of eight nodes, a vector for each joint, flat.
+        node: Number of the node.
         q: Shape (n,); infinite for a node that is nearest to nothing.
     """
     at = node // LANES * LANES * q.shape[0]

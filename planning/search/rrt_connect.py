@@ -85,8 +85,8 @@ def rrt_connect(
         checker: The robot in its scene.
         start: Valid configuration, shape (n,) [rad or m].
         goals: Valid configurations (n,).
-        seed: The same seed gives the same path.
-        deadline: When to stop.
+        seed: Seed of the draws: the same one gives the same path.
+        deadline: Instant at which the search stops.
         max_edges: Edges after which to stop; the last pair may take as many again.
         explored: Keeps the edges of the last pair of trees.
         proves: Whether the path is proved; otherwise states of it are looked at.

@@ -22,9 +22,9 @@ class Look(NamedTuple):
     """Distances that states which are looked at keep.
 
     Args:
-        margin: From obstacles, beyond their own margins [m].
-        own_margin: Between the robot's own pieces [m].
-        slack: From everything, beyond these [m].
+        margin: Margin from obstacles, beyond their own margins [m].
+        own_margin: Distance between the robot's own pieces [m].
+        slack: Distance from everything, beyond these [m].
     """
 
     margin: float

@@ -53,7 +53,8 @@ class Held(NamedTuple):
     Args:
         look: Kept by the states of it that are looked at.
         slack: Distance to keep beyond the model's margins, which is proved [m].
-        later: Whether it is proved later, when all that was cut off since is not proved any more.
+        later: Whether the motion is proved later, when all that was cut off since is not proved any
+            more.
     """
 
     look: Look
@@ -90,7 +91,7 @@ def shortcut(
     Args:
         checker: Finds the cuts.
         waypoints: The polyline, shape (k, n) [rad or m].
-        deadline: When to stop trying.
+        deadline: Instant at which trying stops.
         proof: Proves what comes back, with less clearance in the same scene than ``checker`` looks
             for; without it each cut is proved by ``checker``.
         cuts: Whether corners are cut; otherwise waypoints are left out and no more is done.
@@ -108,8 +109,8 @@ def shortcut_unproved(
     Args:
         checker: Finds the cuts, with clearance to spare.
         waypoints: The polyline, shape (k, n) [rad or m].
-        deadline: When to stop trying.
-        cuts: As in ``shortcut``.
+        deadline: Instant at which trying stops.
+        cuts: Cuts as in ``shortcut``.
     """
     held = Held(look_of(checker), float(checker.slack), True)
     return _shortened(checker, waypoints, held, deadline, cuts=cuts, proves=False)

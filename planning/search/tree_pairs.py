@@ -43,9 +43,9 @@ class Guide(NamedTuple):
     """A way that most draws lie beside.
 
     Args:
-        points: Along it, evenly spread, shape (k, n).
+        points: Points along the guide, evenly spread, shape (k, n).
         width: How far beside it draws are at most in each joint [rad or m].
-        share: Of the draws.
+        share: Share of the draws.
     """
 
     points: Array
@@ -59,7 +59,7 @@ class PairOptions(NamedTuple):
     Args:
         budget: Edges that it may look at.
         step: Longest step, Euclidean in joint space.
-        penetration: What is taken off the clearance [m].
+        penetration: Depth that is taken off the clearance [m].
         domain: How far a node that has met something is grown, as a share of the mean distance of
             two random configurations.
         guide: A way to draw beside; None for the straight line from the start to the first goal.
@@ -81,9 +81,9 @@ class TreePairs:
     Args:
         checker: The robot in its scene.
         roots: The start and the goals, shape (1 + g, n).
-        seed: With the number of a pair it decides all that the pair draws.
-        deadline: When to stop.
-        max_edges: Of all pairs together.
+        seed: Seed that, with the number of a pair, decides all that the pair draws.
+        deadline: Instant at which the search stops.
+        max_edges: Largest number of edges of all pairs together.
         explored: Keeps the edges of the last pair that is grown with the clearance asked for.
         proves: Whether the paths of such pairs are proved.
     """

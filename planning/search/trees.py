@@ -68,7 +68,7 @@ class Trees(NamedTuple):
 
     Args:
         points: Shape (2, c, n).
-        blocks: The same for ``nearest_node``, shape (2, c n) with c a multiple of 8.
+        blocks: Blocks for ``nearest_node``, shape (2, c n) with c a multiple of 8.
         parents: Node that each was reached from, -1 for roots, shape (2, c).
         met: Whether a step from a node failed, shape (2, c).
         proved: Whether the step to a node is proved, shape (2, c).

@@ -20,8 +20,8 @@ class Interruptions:
         """Details of a failure, with ``deterministic: False`` where any occurred.
 
         Args:
-            code: Of the failure. TIMED_OUT says as much by itself.
-            details: Of the failure.
+            code: Code of the failure. TIMED_OUT says as much by itself.
+            details: Details of the failure.
         """
         told = {} if code == "TIMED_OUT" or not self.occurred else {"deterministic": False}
         return {**details, **told}
@@ -49,7 +49,7 @@ class Deadline:
         return Deadline(time.monotonic() + seconds, self.interruptions)
 
     def at_most(self, seconds: float) -> "Deadline":
-        """This deadline, or the one that many seconds from now if that is sooner."""
+        """Deadline of this, or the one that many seconds from now if that is sooner."""
         return Deadline(min(self.at, time.monotonic() + seconds), self.interruptions)
 
     @property

@@ -21,7 +21,7 @@ class FingerMotion:
     Args:
         fingers: The joints.
         first: Positions of all that lead at the beginning [rad or m].
-        last: At the end.
+        last: Positions at the end.
         duration: T [s].
         names: Joints that move, those that follow others among them.
     """

@@ -14,12 +14,14 @@ class GoalCosts:
     """Weights of what a goal configuration costs.
 
     Args:
-        motion_time: Of the time of the straight joint motion from the start at the limits of
+        motion_time: Weight of the time of the straight joint motion from the start at the limits of
             velocity and acceleration [1/s].
-        joint_limits: Of the nearness to a joint limit, 1 at a limit and 0 from 15 % of the range.
-        manipulability: Of its lack, 1 at a singularity and 0 at the best of the configurations.
-        clearance: Of the nearness of obstacles, 1 in contact and 0 from 5 cm.
-        turns: Of each joint that turns by more than half a turn.
+        joint_limits: Weight of the nearness to a joint limit, 1 at a limit and 0 from 15 % of the
+            range.
+        manipulability: Weight of its lack, 1 at a singularity and 0 at the best of the
+            configurations.
+        clearance: Weight of the nearness of obstacles, 1 in contact and 0 from 5 cm.
+        turns: Weight of each joint that turns by more than half a turn.
 
     Raises:
         InvalidOption: A weight is negative or not finite.

@@ -31,10 +31,10 @@ class JointBarrier:
 
     Args:
         joint: Name of the joint.
-        value: Its value [rad or m].
-        start: Its value at the start.
-        goal: Its value at the goal.
-        pair: What collides there.
+        value: Value of the joint [rad or m].
+        start: Value of the joint at the start.
+        goal: Value of the joint at the goal.
+        pair: Pair that collides there.
         certain: Whether the pair collides there whatever the other joints do; else it is what all
             random configurations say.
         around: A whole turn less, or more, of the goal on the start's side, inside the limits; None
@@ -63,7 +63,7 @@ class JointBarrier:
 
     @property
     def hint(self) -> str:
-        """What to do."""
+        """Remedy."""
         if self.around is not None:
             return (
                 f"More time does not help. The same pose is reached with {self.joint!r} at "
@@ -84,8 +84,8 @@ def joint_barrier(
         checker: The robot in its scene.
         start: Free, shape (n,).
         goals: Free, each (n,).
-        seed: Of the random configurations.
-        deadline: When to stop looking.
+        seed: Seed of the random configurations.
+        deadline: Instant at which the search stops.
     """
     found: JointBarrier | None = None
     for goal in goals:

@@ -85,7 +85,7 @@ def position_excess(joint: str, value: float, limit: float) -> str:
 
     Args:
         joint: Name of the joint.
-        value: Its position [rad or m].
+        value: Position of the joint [rad or m].
         limit: The limit that it exceeds [rad or m].
     """
     which = "above its upper" if value > limit else "below its lower"

@@ -30,16 +30,16 @@ class RefineOptions:
     """Options of the optimisation.
 
     Args:
-        weights: What is to become small: "time" T [s], "jerk" the integral of the squared jerks of
-            all joints, "energy" that of the squared torques, "path_length" the Euclidean length in
-            joint space. The weighted sum of those named.
+        weights: Weights of what is to become small: "time" T [s], "jerk" the integral of the
+            squared jerks of all joints, "energy" that of the squared torques, "path_length" the
+            Euclidean length in joint space. The weighted sum of those named is minimised.
         duration: The longest the motion may take [s]; None for as long as the motion it starts
             from.
-        degree: Of the spline; None for 5 where the jerk is made small, else 3.
-        control_points: Of each joint; None for 16.
+        degree: Degree of the spline; None for 5 where the jerk is made small, else 3.
+        control_points: Control points of each joint; None for 16.
         rounds: Convex problems solved, at most.
-        solver: Of each round: "piqp", with the limits' powers of T linearised on their safe side,
-            or "ipopt", with the powers themselves.
+        solver: Solver of each round: "piqp", with the limits' powers of T linearised on their safe
+            side, or "ipopt", with the powers themselves.
 
     Raises:
         InvalidOption: A value is out of range.

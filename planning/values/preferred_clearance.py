@@ -19,7 +19,7 @@ class PreferredClearance:
     """Distances to be kept wherever there is room.
 
     Args:
-        obstacles: From obstacles, their own margins not counted [m]; 0 for none.
+        obstacles: Distance from obstacles, their own margins not counted [m]; 0 for none.
 
     Raises:
         InvalidOption: The distance is not in [0, 1].

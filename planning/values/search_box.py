@@ -59,9 +59,9 @@ def box_kernel(
     """Write the bounds of ``search_box``, or of ``nearby_box``, into ``low`` and ``high`` (n,).
 
     Args:
-        types: Of the joints, shape (n,).
-        lower: Their limits, shape (n,), as are the next.
-        upper: The same.
+        types: Types of the joints, shape (n,).
+        lower: Lower limits of the joints, shape (n,).
+        upper: Upper limits of the joints, shape (n,).
         known: Shape (k, n).
         nearby: Whether to stay within half a turn of what is known.
         low: Filled.

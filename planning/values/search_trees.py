@@ -35,7 +35,7 @@ class Explored:
         max_edges: How many are kept; the others are counted.
         planner: Name of the planner whose run it was; None before the first one.
         runs: Runs that there were, this one among them.
-        edges: In the order in which they were proved.
+        edges: Edges in the order in which they were proved.
         left_out: How many more there were.
     """
 
@@ -50,7 +50,7 @@ class Explored:
         """A run begins; what the one before it explored stays until it has an edge.
 
         Args:
-            planner: Its name.
+            planner: Name of the planner.
         """
         self.runs = self.runs + 1 if planner == self.planner else 1
         if planner != self.planner:
@@ -77,9 +77,9 @@ class Explored:
         """Keep the edges of a tree.
 
         Args:
-            points: Its nodes, shape (k, n) [rad or m].
+            points: Nodes of the tree, shape (k, n) [rad or m].
             parents: The node that each was reached from, -1 for roots, shape (k,).
-            part: Which tree it is.
+            part: Number of the tree.
         """
         for node in np.flatnonzero(np.asarray(parents) >= 0):
             self.add(points[parents[node]], points[node], part)

@@ -25,7 +25,7 @@ class Attachment:
         T_carrier_link: The link's frame in that joint's, shape (4, 4).
         reference: The joint that carries the link it is seen from, -1 for the base.
         T_reference_link: The frame of that link in that joint's, shape (4, 4).
-        name: Of the link.
+        name: Name of the link.
     """
 
     carrier: int

@@ -71,7 +71,7 @@ class TorqueConstraint:
     """Joint torques stay within limits.
 
     Args:
-        limits: In the order of the joints [N m or N]; the robot's own where None.
+        limits: Limits in the order of the joints [N m or N]; the robot's own where None.
 
     Raises:
         InvalidGoal: A limit is not positive.

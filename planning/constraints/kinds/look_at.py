@@ -17,8 +17,8 @@ class LookAtConstraint:
     """The ray from a point of a link along an axis passes a target: angle(R a, c - x) <= angle.
 
     Args:
-        axis: Of the link, in its frame, of any length, shape (3,).
-        target: In the reference, shape (3,) [m].
+        axis: Axis of the link, in its frame, of any length, shape (3,).
+        target: Target in the reference, shape (3,) [m].
         angle: [rad].
         link: The link; the tip where none is named.
         point: The ray's origin in the link's frame, shape (3,) [m].

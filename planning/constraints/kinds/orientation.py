@@ -21,9 +21,9 @@ class ConeConstraint:
     """An axis of a link stays within a cone: angle(R a, d) <= cone_angle.
 
     Args:
-        axis: Of the link, in its frame, of any length, shape (3,).
-        direction: It is kept near, in the reference, of any length, shape (3,).
-        cone_angle: Between the cone's axis and its surface [rad].
+        axis: Axis of the link, in its frame, of any length, shape (3,).
+        direction: Direction of the cone in the reference, of any length, shape (3,).
+        cone_angle: Angle between the cone's axis and its surface [rad].
         link: The link; the tip where none is named.
         reference_link: The link whose frame the direction is in; the base where none is named.
         weight: None where it must hold; else what a squared radian of it costs.
@@ -68,8 +68,8 @@ class OrientationConstraint:
 
     Args:
         rotation: The target, in the reference, shape (3, 3).
-        axis_tolerances: About x, y and z of the target; one of pi or more leaves the axis free,
-            shape (3,) or one number [rad].
+        axis_tolerances: Tolerances about x, y and z of the target; one of pi or more leaves the
+            axis free, shape (3,) or one number [rad].
         link: The link; the tip where none is named.
         reference_link: The link whose frame the target is in; the base where none is named.
         weight: None where it must hold; else what a squared radian of it costs.
@@ -120,11 +120,12 @@ def angle_row(
 
     Args:
         at: The link.
-        axis: Of the link, shape (3,).
+        axis: Axis of the link, shape (3,).
         most: The angle [rad].
-        label: What it bounds, in words.
-        direction: In the link that it is seen from, shape (3,).
-        sight: In its place, a point of the link and the target in the link it is seen from.
+        label: Description of the bound in words.
+        direction: Direction in the link that it is seen from, shape (3,).
+        sight: Line of sight in its place: a point of the link and the target in the link it is seen
+            from.
     """
     row = partial(
         Row,

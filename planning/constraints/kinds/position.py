@@ -16,9 +16,9 @@ class PositionConstraint:
     """A point of a link stays in a region.
 
     Args:
-        region: Where, in the frame of the reference.
-        link: What carries the point; the tip where none is named.
-        point: In the link's frame, shape (3,) [m].
+        region: Region in the frame of the reference.
+        link: Link that carries the point; the tip where none is named.
+        point: Point in the link's frame, shape (3,) [m].
         reference_link: The link whose frame the region is in; the base where none is named.
         weight: None where it must hold; else what a squared metre of it costs.
 

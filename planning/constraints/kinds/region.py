@@ -99,8 +99,8 @@ class PlaneRegion:
     """A slab about a plane: |n . (x - p)| <= tolerance.
 
     Args:
-        point: Of the plane, shape (3,) [m].
-        normal: Of any length, shape (3,).
+        point: Point of the plane, shape (3,) [m].
+        normal: Normal of any length, shape (3,).
         tolerance: [m].
 
     Raises:
@@ -139,10 +139,11 @@ class LineRegion:
     """A cylinder about a line: the distance of x from it is at most ``tolerance``.
 
     Args:
-        point: Of the line, shape (3,) [m].
-        direction: Of any length, shape (3,).
+        point: Point of the line, shape (3,) [m].
+        direction: Direction of any length, shape (3,).
         tolerance: [m].
-        length: Where given, x stays within half of it of the point, along the line [m].
+        length: Length that, where given, holds x within half of it of the point, along the line
+            [m].
 
     Raises:
         InvalidGoal: The tolerance or the length is negative, or the direction 0.

@@ -24,8 +24,10 @@ class RelativePoseConstraint:
         T_reference_link: The pose in the frame of the reference, shape (4, 4).
         link: The link; the tip where none is named.
         reference_link: The link the pose is seen from; the base where none is named.
-        position_tolerances: Along x, y and z of the pose, inf where free; one number for all [m].
-        orientation_tolerances: About x, y and z of it, pi or more where free; or one number [rad].
+        position_tolerances: Position tolerances along x, y and z of the pose, inf where free; one
+            number for all [m].
+        orientation_tolerances: Tolerances about x, y and z of it, pi or more where free; or one
+            number [rad].
         weight: None where it must hold; else what a squared metre or radian of it costs.
 
     Raises:

@@ -184,10 +184,10 @@ def go_on(
 
     Args:
         model: The robot in its scene; None where nothing can collide.
-        goal: As in ``Goal``.
-        q: Where the descent is, shape (n,).
-        steps: At least 1.
-        work: From ``make_work``, with linearisations left.
+        goal: Goal as in ``Goal``.
+        q: Configuration of the descent, shape (n,).
+        steps: Number of steps, at least 1.
+        work: Memory of ``make_work``, with linearisations left.
         course: Zeros at first, shape (COURSE,).
     """
     trial, dq = np.empty(q.shape[0]), np.empty(q.shape[0])

@@ -40,13 +40,13 @@ class Goal(NamedTuple):
     Args:
         hard: Packed rows that must hold, shape (m, WIDTH).
         soft: Packed rows that should, shape (s, WIDTH).
-        weights: Of these, shape (s,).
+        weights: Weights of the soft rows, shape (s,).
         lower: Joint limits, shape (n,).
         upper: Joint limits, shape (n,).
-        posture: What q is kept near, shape (n,).
+        posture: Configuration that q is kept near, shape (n,).
         metric: Weights of that, 0 where manipulability counts instead, shape (n,).
         chain: ``Chain.model``.
-        link: Whose manipulability, -1 for the tip's; -2 where it does not count.
+        link: Link whose manipulability counts, -1 for the tip; -2 where it does not count.
     """
 
     hard: Array
@@ -72,12 +72,12 @@ def make_goal(
     """A goal for the kernels, which are compiled for arrays that may be written to.
 
     Args:
-        constraints: Their rows must hold, whether they have weights or not.
+        constraints: Constraints whose rows must hold, whether they have weights or not.
         posture: Shape (n,).
         metric: Shape (n,).
         soft: Rows that should hold, with their weights.
-        link: As in ``Goal``.
-        rows: In place of those of the constraints, shape (m, WIDTH).
+        link: Link as in ``Goal``.
+        rows: Rows in place of those of the constraints, shape (m, WIDTH).
     """
     chain = constraints.chain
     wished = constraints.packed[:0] if soft is None else soft.packed

@@ -26,11 +26,11 @@ class Conflict:
     """Constraints of which any one has to give way.
 
     Args:
-        constraints: Their numbers.
-        relaxations: By how much each of them would have to be wider if the others stay [unit];
+        constraints: Numbers of the constraints.
+        relaxations: Widening that each of them would need if the others stay [unit];
             infinite where no width was found to do.
-        message: Which they are, in words.
-        hint: What would help.
+        message: Names of the constraints, in words.
+        hint: Remedy.
     """
 
     constraints: tuple[int, ...]
@@ -53,10 +53,11 @@ def conflict(
 
     Args:
         constraints: The hard ones count.
-        near: Where to look first, shape (n,).
-        seed: Of the starts.
-        deadline: When to stop. What is not known by then to be impossible counts as possible, and a
-            conflict that is known may be told with constraints that it does not need.
+        near: Configuration to search from, shape (n,).
+        seed: Seed of the starts.
+        deadline: Instant at which the search stops. A constraint set that is not known by then to
+            be impossible counts as possible, and a conflict that is known may have constraints that
+            it does not need.
     """
     hard = [(i, c) for i, c in enumerate(constraints.constraints) if c.weight is None]
     hard = [(i, c) for i, c in hard if c.rows(constraints.chain)]

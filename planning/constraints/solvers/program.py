@@ -91,9 +91,9 @@ class Program:
         """The configuration IPOPT ends at, converged or not, inside the joint limits, shape (n,).
 
         Args:
-            constraints: Of the program's shape.
+            constraints: Constraints of the program's shape.
             start: Shape (n,).
-            posture: What q is kept near, shape (n,).
+            posture: Configuration that q is kept near, shape (n,).
             metric: Weights of that, shape (n,).
             planes: Linear inequalities.
         """
@@ -137,7 +137,7 @@ def is_built(constraints: ConstraintSet, manipulability: bool = False) -> bool:
 
     Args:
         constraints: Hard and soft ones.
-        manipulability: As `program` has it.
+        manipulability: Weight of the manipulability, as `program` has it.
     """
     return hash(_key(constraints, manipulability)) in _built
 

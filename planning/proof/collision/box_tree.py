@@ -90,7 +90,7 @@ def check_nodes(nodes: Array, first: int, roots: Indices, boxes: Array) -> tuple
 
     Args:
         nodes: Shape (t, 10), columns as in ``obstacles.distance.bvh``.
-        first: What ``SKIP`` of these nodes counts the first of them as.
+        first: Number that ``SKIP`` of these nodes counts the first of them as.
         roots: Nodes that hang below no other, shape (k,).
         boxes: Lowest and highest corners of the boxes of each leaf's solids, shape (t, 6) [m];
             those of other nodes are not used. They are written over.

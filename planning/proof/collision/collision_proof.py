@@ -60,7 +60,7 @@ class CollisionProof:
         robot: The arm with its geometry.
         scene: The obstacles.
         margin: Distance to keep from obstacles beyond their own margins [m].
-        deadline: When to give up.
+        deadline: Instant at which the proof is given up.
     """
 
     def __init__(

@@ -29,9 +29,9 @@ class _Meshes(NamedTuple):
     Args:
         solids: The meshes, each in its own frame.
         poses: Frames of the meshes in those that carry them, shape (k, 4, 4).
-        owners: What each mesh belongs to, shape (k,).
+        owners: Owner of each mesh, shape (k,).
         points: Shape (p, 3) [m].
-        sources: What each point belongs to, shape (p,).
+        sources: Owner of each point, shape (p,).
         opened: Owners of meshes with a body that has no inside.
     """
 
@@ -50,7 +50,7 @@ def first_inside(robot: RobotGeometry, scene: Scene, q: Array) -> tuple[str, str
 
     Args:
         robot: The robot.
-        scene: What stands around.
+        scene: Scene around the robot.
         q: Shape (n,).
     """
     own = _of_robot(robot)
@@ -85,7 +85,7 @@ def open_meshes(robot: RobotGeometry, scene: Scene) -> tuple[str, ...]:
 
     Args:
         robot: The robot with what it holds.
-        scene: What stands around.
+        scene: Scene around the robot.
     """
     own = [robot.links[piece] for piece in _of_robot(robot).opened]
     meshes = any(obstacle.is_mesh for obstacle in scene.obstacles)
@@ -94,7 +94,7 @@ def open_meshes(robot: RobotGeometry, scene: Scene) -> tuple[str, ...]:
 
 
 def _held(solid: MeshSolids, T: Array, points: Array, chosen: Indices) -> Indices:
-    """Which of the chosen points are inside of a mesh that is placed by T (4, 4)."""
+    """Whether chosen points are inside of a mesh that is placed by T (4, 4)."""
     local = (points[chosen] - T[:3, 3]) @ T[:3, :3]
     return np.asarray(chosen[solid.hold(local)])
 
@@ -114,7 +114,7 @@ def _of_robot(robot: RobotGeometry) -> _Meshes:
 
 @bounded_cache(maxsize=8)
 def _of_scene(scene: Scene) -> _Meshes:
-    """Those of obstacles in the root frame; what they belong to are obstacles."""
+    """Meshes of obstacles in the root frame; their owners are obstacles."""
     found = _Found()
     primitives, kinds = scene.primitives, iter(scene.primitives.kinds.tolist())
     whole = [i for i, o in enumerate(scene.obstacles) if o.is_primitive and next(kinds) != _HALF]
@@ -144,8 +144,8 @@ class _Found:
         """Note a piece, and the mesh that it is a part of where that is not known.
 
         Args:
-            piece: In the frame of what carries it.
-            owner: What it belongs to.
+            piece: Piece in the frame of what carries it.
+            owner: Owner of the piece.
             solid: Number of the solid of which it is a part.
             may_be_mesh: Whether a flat piece is an open mesh.
         """

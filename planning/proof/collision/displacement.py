@@ -87,9 +87,9 @@ def displacement_bounds(
     Args:
         bodies: Rows TYPE and PARENT, shape (2, b).
         frames: T_base_body in the middle of the interval, shape (b, 4, 4).
-        ball: Its centre in the base frame, and its radius [m].
+        ball: Centre of the ball in the base frame, and its radius [m].
         carrier: The body it moves with.
-        joints: From ``enclose`` and ``enclose_followers``, shape (b, JOINT_COLUMNS).
+        joints: Joints from ``enclose`` and ``enclose_followers``, shape (b, JOINT_COLUMNS).
         half: Half the interval's length [s].
         asked: Rows of ``moves`` that are asked for, shape (b,).
         moves: Row k is filled for each body k - 1 before the carrier: seen from there, columns
@@ -192,9 +192,9 @@ def displacement_along(moves: Array, j: int, radius: float, half: float, u: Vect
     """Displacement bound of a ball's points along a unit direction, seen from body j - 1 [m].
 
     Args:
-        moves: From ``displacement_bounds``, shape (b, MOVE_COLUMNS).
+        moves: Bounds of ``displacement_bounds``, shape (b, MOVE_COLUMNS).
         j: The number after that of the body it is seen from.
-        radius: Of the ball [m].
+        radius: Radius of the ball [m].
         half: Half the interval's length [s].
         u: The direction.
     """
@@ -222,11 +222,11 @@ def lowest(
     hull of its ends and of c_0 - h/2 c_1 and c_0 + h/2 c_1 (Bezier's points of both halves).
 
     Args:
-        kind: Of the piece's core, no half-space.
-        size: Its radius, half height and rounding [m].
+        kind: Kind of the piece's core, no half-space.
+        size: Radius, half height and rounding of the piece [m].
         columns: Vertices in their pieces' frames, shape (3, v) [m].
-        span: Which of them are the piece's, from and to before.
-        poses: Of all pieces in the middle of the interval, shape (e, 4, 4).
+        span: Corners of the piece, from and to before.
+        poses: Poses of all pieces in the middle of the interval, shape (e, 4, 4).
         i: The piece.
         u: A unit direction.
         way: The centre of the piece's ball, ``moves`` of ``displacement_bounds`` and which of its

@@ -19,7 +19,7 @@ def solid_boxes_kernel(
     """Write boxes along the axes that hold the turned boxes of pieces, half-spaces left out.
 
     Args:
-        kinds: As ``PieceKind``, shape (p,).
+        kinds: Kinds as ``PieceKind``, shape (p,).
         poses: Shape (p, 4, 4).
         boxes: Middles and half sizes of boxes that hold them, in their own frames, shape (p, 6).
         numbers: Filled with those that are no half-spaces, shape (p,).
@@ -72,7 +72,7 @@ def hold_items(
         nodes: Shape (t, 10), columns as in ``obstacles.distance.bvh``.
         items: Items in the order of the leaves, shape (m,).
         children: Nodes below the inner nodes, two of each in turn.
-        margins: Of all items, by their numbers [m].
+        margins: Margins of all items, by their numbers [m].
         below: Filled with where those below each node start in ``kids``, shape (t + 1,).
         kids: Filled with items, and with nodes counted from -1 down, one node's behind the
             other's, shape (m + t - 1,).
@@ -100,7 +100,7 @@ def extents(boxes: Array, poses: Array, sizes: Array) -> Array:
 
     Args:
         boxes: Middles and half sizes of boxes that hold them, in their own frames, shape (e, 6).
-        poses: Of these frames, shape (e, 4, 4).
+        poses: Poses of the boxes' frames, shape (e, 4, 4).
         sizes: Radius, half height, rounding, shape (e, 3).
     """
     found = np.empty(len(boxes))

@@ -147,8 +147,8 @@ def solids(
 
     Args:
         arrays: The pieces, p of them.
-        packed: The same with others.
-        rows: Their rows in it.
+        packed: The same pieces packed for GJK, among others.
+        rows: Rows of the elements in ``packed``.
         nodes: Nodes of their trees in it.
         base: The number that the first one gets.
     """
@@ -209,10 +209,10 @@ class SolidBoxes(NamedTuple):
     """Pieces of a scene that a tree is grown over (m of them, of p).
 
     Args:
-        numbers: Which they are, shape (m,).
-        low: Their lowest corners, shape (m, 3) [m].
-        high: Their highest corners, shape (m, 3) [m].
-        margins: Of all of the scene's pieces, shape (p,) [m].
+        numbers: Numbers of the pieces, shape (m,).
+        low: Lowest corners of the pieces, shape (m, 3) [m].
+        high: Highest corners of the pieces, shape (m, 3) [m].
+        margins: Margins of all of the scene's pieces, shape (p,) [m].
     """
 
     numbers: Indices
@@ -238,7 +238,7 @@ def boxes_over(arrays: PieceArrays, margins: Array, first: int, base: int) -> El
 
     Args:
         arrays: The pieces.
-        margins: Of each of them [m].
+        margins: Margins of the pieces [m].
         first: The number of the first piece.
         base: The number that the tree's top gets.
 

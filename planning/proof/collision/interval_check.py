@@ -121,7 +121,7 @@ def _check_pair(model: PairArrays, w: Sweep, entry: int, last: int) -> bool:
         model: The pairs.
         w: The sweep.
         entry: Number of the pair among ``w.pairs``.
-        last: Where pairs that stay open are put.
+        last: Place in ``w.pairs`` of the next pair that stays open.
     """
     stack = w.waiting
     stack[0, 0], stack[0, 1], top = w.pairs[entry, 0], w.pairs[entry, 1], 1
@@ -228,7 +228,7 @@ def _bound_pair(model: PairArrays, w: Sweep, i: int, j: int, apart: float, u: Ve
         w: The sweep, both elements placed.
         i: One element.
         j: The other, which moves against the first.
-        apart: What they have to keep apart [m].
+        apart: Distance that the elements have to keep [m].
         u: The direction to try first, 0 for none.
     """
     against = OWN if i < model.moving else OBSTACLE
@@ -359,7 +359,7 @@ def check_overlaps(model: PairArrays, breaks: Array, rows: AllowedRows, w: Sweep
 
     Args:
         model: The pairs, all motions asked for.
-        breaks: Of the trajectory, shape (m + 1,) [s].
+        breaks: Breaks of the trajectory, shape (m + 1,) [s].
         rows: The allowed pairs; the sweep's pairs are numbers of these.
         w: The sweep.
 
@@ -399,7 +399,7 @@ def _bound_depth(
         model: The pairs.
         rows: The allowed pairs.
         w: The sweep.
-        row: Which pair.
+        row: Number of the pair.
         u: The direction to try first, 0 for none.
         time: The middle of the interval [s].
 
@@ -462,7 +462,7 @@ def _overlap_along(
         i: One element.
         j: The other.
         u: The direction.
-        known: As in ``_bound_along``.
+        known: Bound that is known, as in ``_bound_along``.
         still: Whether they do not move against each other.
     """
     if still:

@@ -44,7 +44,7 @@ class PieceColumns(NamedTuple):
 
     @classmethod
     def of(cls, arrays: PieceArrays) -> "PieceColumns":
-        """Those of some pieces."""
+        """Rows of some pieces."""
         return cls(*[getattr(arrays, name) for name in cls._fields])
 
 
@@ -57,8 +57,8 @@ def join_pieces(
         own: The robot's.
         arrays: The scene's pieces.
         owners: The obstacle that each belongs to, shape (p,).
-        margins: Of each of them, shape (p,) [m].
-        row: Their first row in what is packed for GJK.
+        margins: Margins of the scene's pieces, shape (p,) [m].
+        row: First row in what is packed for GJK.
 
     Returns:
         The elements, and how many of them are nodes of the tree.
@@ -80,8 +80,8 @@ def join_primitives(
     Args:
         own: The robot's.
         primitives: The obstacles.
-        margins: Of each of them [m].
-        row: As there.
+        margins: Margins of the scene's pieces [m].
+        row: Row as in ``join_pieces``.
     """
     joined, found, nodes = _join_primitives()(own, primitives, margins, row)
     refuse_broken(found)

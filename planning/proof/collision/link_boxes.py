@@ -58,7 +58,7 @@ def with_link_boxes(robot: RobotGeometry, own: Elements) -> tuple[Elements, Indi
 
     Args:
         robot: The robot.
-        own: Its elements, pieces first.
+        own: Elements of the robot, pieces first.
 
     Returns:
         The elements, and the one that holds all of each part, shape (l,).

@@ -42,13 +42,13 @@ _CORNERS = 256
 
 
 class MeshSolids(NamedTuple):
-    """What a mesh is made of (b bodies, c of them closed).
+    """Solid of a mesh (b bodies, c of them closed).
 
     Args:
         points: A corner of each body, shape (b, 3) [m].
-        triangles: Of the closed bodies, solids turned outward, cavities inward, each body's one
-            behind the other, shape (t, 3, 3) [m].
-        starts: Those of closed body k begin at ``starts[k]``, shape (c + 1,).
+        triangles: Triangles of the closed bodies, solids turned outward, cavities inward, each
+            body's one behind the other, shape (t, 3, 3) [m].
+        starts: First triangle of closed body k is ``starts[k]``, shape (c + 1,).
         low: Lowest corner of a box about each closed body, shape (c, 3) [m].
         high: Highest corner, shape (c, 3) [m].
         opened: How many bodies bound nothing.
@@ -62,7 +62,7 @@ class MeshSolids(NamedTuple):
     opened: int
 
     def hold(self, points: Array) -> NDArray[np.bool_]:
-        """Which of ``points`` (m, 3) lie inside, shape (m,)."""
+        """Whether ``points`` (m, 3) lie inside, shape (m,)."""
         numbers = np.zeros(len(points))
         at_once = _COMPARED // max(len(self.low), 1) + 1
         for begin in range(0, len(points), at_once):
@@ -96,7 +96,7 @@ class _Shell(NamedTuple):
     """Triangles that may close their bodies.
 
     Args:
-        rows: Which they are, shape (s,).
+        rows: Numbers of the triangles, shape (s,).
         signs: -1 for those that are turned round, shape (s,).
     """
 
@@ -158,7 +158,7 @@ def _corner_numbers(points: Array) -> Indices:
 
 
 def _component_numbers(links: Indices, size: int) -> Indices:
-    """Which connected part each of ``size`` nodes is of, by the links (k, 2) between them."""
+    """Number of the connected part of each of ``size`` nodes, by the links (k, 2) between them."""
     ones = np.ones(len(links), dtype=np.int8)
     graph = coo_array((ones, (links[:, 0], links[:, 1])), shape=(size, size))
     return np.asarray(connected_components(graph, directed=False)[1], dtype=np.int64)
@@ -200,7 +200,7 @@ def _turned_alike(mesh: _Mesh, rows: Indices) -> _Shell:
 
 
 def _without_fins(mesh: _Mesh, rows: Indices) -> _Shell:
-    """What is left of bodies once surfaces that end at an odd edge are taken off, small ones first.
+    """Bodies without surfaces that end at an odd edge, small ones taken off first.
 
     Surfaces end where three triangles or more meet. Those that have an edge to themselves go first.
     """
@@ -257,7 +257,7 @@ def _areas(triangles: Array) -> Array:
 def _is_closed(
     faces: Array, of_face: Indices, cones: Array, of_cone: Indices, count: int
 ) -> NDArray[np.bool_]:
-    """Which bodies have a volume and cones that are small beside their faces, shape (count,)."""
+    """Whether bodies have a volume and cones that are small beside their faces, shape (count,)."""
     area = np.bincount(of_face, _areas(faces), count)
     covers = np.bincount(of_cone, _areas(cones), count)
     about = np.zeros((count, 3))

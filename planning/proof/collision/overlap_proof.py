@@ -57,7 +57,8 @@ def prove_overlaps(
         trajectory: The motion.
         robot: The arm with its geometry.
         scene: The obstacles.
-        deadline: When to give up: then depths are not told, and no limit of them is proved.
+        deadline: Instant at which the proof is given up: depths are not known then, no limit of
+            them proved.
     """
     pairs = allowed_pairs(robot, scene)
     measured = [item for item in pairs if item.measured]
@@ -76,14 +77,14 @@ def prove_overlaps(
 
 
 def unlooked(robot: RobotGeometry, scene: Scene) -> tuple[str, ...]:
-    """What was not looked at beside allowed pairs, a sentence each.
+    """Contacts that were not checked beside allowed pairs, a sentence each.
 
     Links that are drawn and have no solids; and obstacles that touch, or are inside of, what stands
     still with the base: an arm touches the table that it is bolted to, and can't be moved off it.
 
     Args:
         robot: The robot.
-        scene: What stands around.
+        scene: Scene around the robot.
     """
     drawn = (
         f"{name!r} is drawn and has no collision geometry: nothing was compared with it"
@@ -228,8 +229,8 @@ def first_overlaps(
 
     Args:
         model: The pairs.
-        breaks: Of the trajectory, shape (m + 1,) [s].
-        coefficients: Of the trajectory, shape (m, n, k).
+        breaks: Breaks of the trajectory, shape (m + 1,) [s].
+        coefficients: Coefficients of the trajectory, shape (m, n, k).
         rows: The pairs that may touch.
         roots: Numbers of these, in the first column, shape (k, 2).
         most: Intervals to look at.
@@ -259,8 +260,8 @@ def run_overlaps(
 
     Args:
         model: The pairs.
-        breaks: Of the trajectory, shape (m + 1,) [s].
-        coefficients: Of the trajectory, shape (m, n, k).
+        breaks: Breaks of the trajectory, shape (m + 1,) [s].
+        coefficients: Coefficients of the trajectory, shape (m, n, k).
         rows: The pairs that may touch.
         w: The sweep.
         most: Intervals to look at.

@@ -47,7 +47,7 @@ class PairArrays(NamedTuple):
     Args:
         bodies: Type of the joint that moves each body, 0 revolute, 1 prismatic, and the body before
             it, shape (2, b).
-        offsets: Of every joint at 0 in the frame of the body before, shape (b, 4, 4).
+        offsets: Offsets of every joint at 0 in the frame of the body before, shape (b, 4, 4).
         leads: Multiplier and offset of the joints that follow others, shape (b - n, 2).
         leaders: The joints that these follow, shape (b - n,).
         roots: Pairs that everything hangs below; the second is the robot's and moves against the
@@ -56,18 +56,19 @@ class PairArrays(NamedTuple):
         asked: Whether a pair asks how each of these moves seen from body k - 1, shape (r, b).
         margins: Distance that each element of the scene is to be kept away, of a holder the most of
             those below it, shape (e,) [m].
-        margin: To be kept from obstacles beyond that [m].
+        margin: Margin from obstacles beyond that [m].
         joints: Body that each element is part of, -1 for what stands still, shape (e,).
-        kinds: Of the elements' cores, as ``PieceKind``, or HOLDER, shape (e,).
+        kinds: Kinds of the elements' cores, as ``PieceKind``, or HOLDER, shape (e,).
         starts: Vertices of element i are ``vertices[starts[i]:starts[i + 1]]``, shape (e + 1,).
         columns: The vertices in their elements' frames, shape (3, v): so loops compile to vectors.
         sizes: Radius, half height, rounding; shape (e, 3).
         poses: Frame of each element in that of its joint, shape (e, 4, 4).
-        centers: Of a ball that holds each element, in the frame of its joint, shape (e, 3).
-        radii: Of these balls, shape (e,).
+        centers: Centres of a ball that holds each element, in the frame of its joint, shape (e, 3).
+        radii: Radii of the elements' balls, shape (e,).
         boxes: Centre and half sizes of a box that holds each element, in its own frame, (e, 6).
         extents: Size of the largest numbers that an element's place is summed from, shape (e,) [m].
-        below: What is directly below element i is ``kids[below[i]:below[i + 1]]``, shape (e + 1,).
+        below: Index of the children: those of element i are ``kids[below[i]:below[i + 1]]``, shape
+            (e + 1,).
         kids: Elements.
         parts: The robot's piece or the obstacle that an element belongs to, -1 for several, (e,).
         skipped: Whether a piece of the robot may touch an obstacle, shape (p, obstacles).
@@ -124,8 +125,8 @@ class PairTable:
 
     Args:
         arrays: Packed.
-        robot: Whose elements come first.
-        scene: What stands around.
+        robot: Robot whose elements come first.
+        scene: Scene around the robot.
         opened: Covers whose triangles are elements too, None for all.
     """
 
@@ -145,8 +146,8 @@ class PairTable:
 
         Args:
             robot: The robot.
-            scene: What stands around.
-            margin: To be kept from obstacles beyond their own [m].
+            scene: Scene around the robot.
+            margin: Margin from obstacles beyond their own [m].
             opened: Pieces, the robot's and then the scene's, whose triangles are elements too, if
                 they are covers, None for all; other covers are solids, which hold what they cover.
         """
@@ -307,7 +308,7 @@ class _Own(NamedTuple):
 
     Args:
         elements: The elements.
-        tops: Those that hold all of each of ``link_parts``.
+        tops: Elements that hold all of each of ``link_parts``.
         corners: How many are packed with them.
     """
 
@@ -364,7 +365,7 @@ def _roots(
 
     Args:
         robot: The robot.
-        opened: Its covers whose triangles are elements too.
+        opened: Covers whose triangles are elements too.
         ids: Names of the obstacles.
         allowed: Pairs of names that may touch.
         tops: Elements of the scene that all others hang below.

@@ -60,7 +60,8 @@ class ProposalRows(NamedTuple):
         rows: Packed pieces of the robot, then of the scene, columns as in ``PieceSet``, (r, WIDTH).
         row: The row of each element, shape (e,).
         first: First of an element's three corners where it is a triangle, else -1, shape (e,).
-        corners: Of all polytopes and triangles, each in its piece's frame, shape (v, 3) [m].
+        corners: Corners of all polytopes and triangles, each in its piece's frame, shape (v, 3)
+            [m].
         tables: Support tables of polytopes with many corners.
     """
 
@@ -75,8 +76,8 @@ class Proposal(NamedTuple):
     """A direction, and what it is found in.
 
     Args:
-        axis: From one element towards another, shape (3,).
-        rows: Their rows, shape (2, WIDTH).
+        axis: Axis from one element towards another, shape (3,).
+        rows: Rows of the two pieces, shape (2, WIDTH).
         simplex: GJK's own, shape (8, 3).
     """
 
@@ -102,7 +103,7 @@ def packed_pieces(robot: RobotGeometry, scene: Scene, opened: Rows = None) -> Pi
 
     Args:
         robot: The robot.
-        scene: What stands around.
+        scene: Scene around the robot.
         opened: Rows of covers whose triangles are packed too, None for all; others are solids.
     """
     p = len(robot.pieces)
@@ -121,12 +122,12 @@ def _robot_rows(robot: RobotGeometry, opened: Rows) -> PieceSet:
 
 
 def rows_before(opened: Rows, row: int) -> Rows:
-    """Those of some rows that come before a row."""
+    """Rows that come before a row."""
     return None if opened is None else frozenset(k for k in opened if k < row)
 
 
 def rows_from(opened: Rows, row: int) -> Rows:
-    """Those of some rows from a row on, counted from it."""
+    """Rows from a row on, counted from it."""
     return None if opened is None else frozenset(k - row for k in opened if k >= row)
 
 
@@ -175,13 +176,13 @@ def propose(
         model: The elements.
         i: One element.
         j: The other.
-        poses: Of all elements in the base frame, shape (e, 4, 4).
-        centers: Of their balls, shape (e, 3) [m].
+        poses: Poses of all elements in the base frame, shape (e, 4, 4).
+        centers: Centres of the elements' balls, shape (e, 3) [m].
         most: Distances beyond this need not be told exactly [m].
-        proposal: Its axis is the direction to begin with.
+        proposal: Proposal whose axis is the direction to begin with.
 
     Returns:
-        About how far they are apart at most [m].
+        Approximate distance of the elements at most [m].
     """
     rows = proposal.rows
     _place_row(model, rows, 0, i, poses, centers)
@@ -209,12 +210,12 @@ def propose_deepest(
         model: The elements.
         i: One element.
         j: The other.
-        poses: Of all elements in the base frame, shape (e, 4, 4).
-        centers: Of their balls, shape (e, 3) [m].
-        proposal: Its axis is the direction to begin with.
+        poses: Poses of all elements in the base frame, shape (e, 4, 4).
+        centers: Centres of the elements' balls, shape (e, 3) [m].
+        proposal: Proposal whose axis is the direction to begin with.
 
     Returns:
-        About how far they are apart, negative by the depth where they overlap [m].
+        Approximate distance, negative by the depth where they overlap [m].
     """
     rows = proposal.rows
     _place_row(model, rows, 0, i, poses, centers)

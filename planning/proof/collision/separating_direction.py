@@ -105,14 +105,14 @@ def gap(
     And how far piece i goes along it.
 
     Args:
-        kinds: Of the pieces' cores, as ``PieceKind``, shape (p,).
+        kinds: Kinds of the pieces' cores, as ``PieceKind``, shape (p,).
         sizes: Radius, half height and rounding of each piece, shape (p, 3) [m].
         columns: The pieces' vertices in their own frames, shape (3, v) [m].
         starts: Vertices of piece i are ``columns[:, starts[i]:starts[i + 1]]``, shape (p + 1,).
-        poses: Of all pieces in one frame, shape (p, 4, 4).
+        poses: Poses of all pieces in one frame, shape (p, 4, 4).
         i: One piece.
         j: The other piece.
-        u: From piece i towards piece j, as ``direction`` answers it.
+        u: Direction from piece i towards piece j, as ``direction`` answers it.
     """
     size = (sizes[i, 0], sizes[i, 1], sizes[i, 2])
     if kinds[i] == _HALFSPACE:

@@ -45,10 +45,10 @@ class Proved(NamedTuple):
     """Fields of a sweep that tell what it has proved.
 
     Args:
-        counters: As in ``Sweep``.
-        clearance: Likewise.
-        closest: Likewise.
-        nearest: Likewise.
+        counters: Counters as in ``Sweep``.
+        clearance: Clearance as in ``Sweep``.
+        closest: Closest pair as in ``Sweep``.
+        nearest: Nearest pair as in ``Sweep``.
     """
 
     counters: Indices
@@ -66,7 +66,7 @@ def sweep_from_start(
         trajectory: The motion.
         model: The pairs.
         most: Intervals to look at.
-        sharp: As in ``run``.
+        sharp: Sharpness as in ``run``.
     """
     return _run_first()(model, trajectory.breaks, trajectory.coefficients, sharp, most)
 
@@ -81,7 +81,7 @@ def sweep_on(
         model: The pairs.
         sweep: The sweep.
         most: Intervals to look at.
-        sharp: As in ``run``.
+        sharp: Sharpness as in ``run``.
     """
     return _run()(model, trajectory.breaks, trajectory.coefficients, sweep, sharp, most)
 
@@ -129,8 +129,8 @@ def run(
 
     Args:
         model: The pairs.
-        breaks: Of the trajectory, shape (m + 1,) [s].
-        coefficients: Of the trajectory, shape (m, n, k).
+        breaks: Breaks of the trajectory, shape (m + 1,) [s].
+        coefficients: Coefficients of the trajectory, shape (m, n, k).
         w: The sweep.
         sharp: Whether intervals are halved until the clearance told is sharp, not only until all
             is free.

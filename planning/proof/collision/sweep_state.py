@@ -81,29 +81,30 @@ class Sweep(NamedTuple):
     """State of a sweep (c pairs, e elements, r of them the robot's, b bodies, d depths).
 
     Args:
-        counters: By TOP to PROBE, shape (COUNTERS,).
-        piece_bounds: Of the trajectory's pieces, from ``motion_bounds.piece_bounds``.
+        counters: Counters by TOP to PROBE, shape (COUNTERS,).
+        piece_bounds: Bounds of the trajectory's pieces, from ``motion_bounds.piece_bounds``.
         spans: First and last piece of the intervals that wait, depth, and 1 for a probe, (d, 4).
-        ends: Where they begin and end, if they lie in one piece, in its own time, shape (d, 2) [s].
+        ends: Begin and end of the intervals, if they lie in one piece, in its own time, shape (d,
+            2) [s].
         interval: The last one, by BEGIN to REACH, shape (INTERVAL_COLUMNS,).
         pairs: Elements open on the intervals that wait, those of each depth behind those of the
             one before, shape (c, 2).
         directions: The direction to try first for each of them, 0 for none, shape (c, 3).
-        starts: Where the pairs of each depth start, shape (d,).
+        starts: First pair of each depth, shape (d,).
         counts: How many these are, shape (d,).
         referred: Pairs for the referee, shape (c, 2).
         referred_moves: How far each of these moves in the last interval, shape (c,) [m].
-        joints: Of ``motion_bounds.enclose``, and of those that follow, in the last interval.
+        joints: Joints of ``motion_bounds.enclose``, and of those that follow, in the last interval.
         frames: T_base_body in its middle, shape (b, 4, 4).
-        poses: Of the elements there, shape (e, 4, 4).
-        centers: Of their balls, shape (e, 3) [m].
-        moves: Of ``displacement_bounds``, for each element that moves, (r, b, MOVE_COLUMNS).
+        poses: Poses of the elements in the middle of the interval, shape (e, 4, 4).
+        centers: Centres of the elements' balls, shape (e, 3) [m].
+        moves: Bounds of ``displacement_bounds``, for each element that moves, (r, b, MOVE_COLUMNS).
         stamps: The visit for which each element was placed, -1 for none, shape (e,).
         clearance: Proved so far, by OBSTACLE and OWN, shape (2,) [m].
         closest: The pairs these belong to, -1 for none, shape (2, 2).
         nearest: Least distances that were met, about, shape (2,) [m].
         shift: Scratch of ``enclose``, shape (2, k).
-        proposal: What ``propose`` works in.
+        proposal: Memory of ``propose``.
         waiting: Scratch: pairs below one that is opened.
     """
 
@@ -139,8 +140,8 @@ def start_kernel(
     """A sweep at the start of a trajectory, every pair open.
 
     Args:
-        breaks: Of the trajectory, shape (m + 1,) [s].
-        coefficients: Of the trajectory, shape (m, n, k).
+        breaks: Breaks of the trajectory, shape (m + 1,) [s].
+        coefficients: Coefficients of the trajectory, shape (m, n, k).
         roots: Pairs of elements to begin with, shape (r, 2).
         sizes: Bodies, elements, and elements that move.
     """

@@ -29,7 +29,7 @@ def constrained_efforts(
 
     Args:
         efforts: Limits of torque and tool speed, with what the robot carries.
-        constraints: What the motion has to hold.
+        constraints: Constraints that the motion has to hold.
         chain: The robot, where no effort limits are given.
 
     Raises:

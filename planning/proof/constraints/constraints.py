@@ -17,13 +17,13 @@ class ConstraintReport:
     """Residual of a constraint along a motion.
 
     Args:
-        constraint: Its number in the request.
-        name: What it is, in words.
+        constraint: Number of the constraint in the request.
+        name: Description of the constraint in words.
         residual: Upper bound over all t of its worst residual, negative by what is to spare; it is
             a hundredth or 1e-6 above it at most.
-        unit: Of the residual, "m" or "rad".
-        time: About when it is worst [s].
-        hard: Whether it has to hold.
+        unit: Unit of the residual, "m" or "rad".
+        time: Approximate time at which it is worst [s].
+        hard: Whether the constraint has to hold.
     """
 
     constraint: int
@@ -40,8 +40,8 @@ def check_motion(
     """Bound each constraint along a motion for every t, and find the first violation of a hard one.
 
     Args:
-        constraints: On the trajectory's robot.
-        trajectory: Of all its joints, in its order.
+        constraints: Constraints on the trajectory's robot.
+        trajectory: Trajectory of all its joints, in its order.
     """
     reports: list[ConstraintReport] = []
     first: Violation | None = None

@@ -51,10 +51,10 @@ def row_bounds(
     """Residual of a row in the middle of an interval, and an upper bound of it all over.
 
     Args:
-        types: Of the joints, shape (n,).
-        row: From ``pack``, shape (WIDTH,).
+        types: Types of the joints, shape (n,).
+        row: Row from ``pack``, shape (WIDTH,).
         frames: T_base_joint in the middle of the interval, shape (n, 4, 4).
-        joints: From ``enclose``, shape (n, JOINT_COLUMNS).
+        joints: Joints from ``enclose``, shape (n, JOINT_COLUMNS).
         half: Half the interval's length [s].
         lengths: Size of the numbers that the frames are summed from [m].
     """

@@ -61,11 +61,11 @@ class ResidualBounds(NamedTuple):
     Args:
         verdict: Whether all rows hold for all t.
         worst: Upper bound of all residuals for all t [m or rad].
-        worst_time: When the largest residual was found [s].
+        worst_time: Instant of the largest residual that was found [s].
         worst_row: The row it is of.
         time: The first instant of a violation, or where the rows are undecided [s].
         row: The row it is of.
-        residual: Its residual there [m or rad].
+        residual: Residual at the first violation [m or rad].
     """
 
     verdict: Verdict
@@ -82,8 +82,8 @@ def bound_residuals(chain: Chain, rows: Sequence[Row], trajectory: Trajectory) -
 
     Args:
         chain: The robot.
-        rows: On it, at least one.
-        trajectory: Of all its joints, in its order.
+        rows: Rows of the constraints, at least one.
+        trajectory: Trajectory of all its joints, in its order.
     """
     largest, first = np.zeros(4), np.array([np.inf, 0.0, 0.0])
     motion = (chain.joint_types, chain.offsets, pack(rows), trajectory.breaks)
@@ -110,11 +110,11 @@ def largest_residual_kernel(
     """Bound the largest residual of all rows along a motion, by branch and bound.
 
     Args:
-        types: Of the joints, shape (n,).
+        types: Types of the joints, shape (n,).
         offsets: T_(i-1)_i of every joint at 0, shape (n, 4, 4).
-        rows: From ``pack``, shape (m, WIDTH).
-        breaks: Of the motion, shape (p + 1,) [s].
-        coefficients: Of the motion, shape (p, n, k).
+        rows: Rows from ``pack``, shape (m, WIDTH).
+        breaks: Breaks of the motion, shape (p + 1,) [s].
+        coefficients: Coefficients of the motion, shape (p, n, k).
         largest: Filled: bound, largest residual found, its time [s] and its row, shape (4,).
     """
     n, size = offsets.shape[0], coefficients.shape[2]
@@ -189,11 +189,11 @@ def first_violation_kernel(
     """Find the first instant of a violation; earliest intervals first.
 
     Args:
-        types: Of the joints, shape (n,).
+        types: Types of the joints, shape (n,).
         offsets: T_(i-1)_i of every joint at 0, shape (n, 4, 4).
-        rows: From ``pack``, shape (m, WIDTH).
-        breaks: Of the motion, shape (p + 1,) [s].
-        coefficients: Of the motion, shape (p, n, k).
+        rows: Rows from ``pack``, shape (m, WIDTH).
+        breaks: Breaks of the motion, shape (p + 1,) [s].
+        coefficients: Coefficients of the motion, shape (p, n, k).
         first: Filled: time [s], row and residual, shape (3,).
 
     Returns:

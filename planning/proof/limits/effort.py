@@ -33,7 +33,7 @@ class EffortUse(NamedTuple):
         ratio: Never exceeded at any instant.
         reached: Reached at some instant, a thousandth less as a rule.
         joint: Index of the joint; of the tool's speed it means nothing.
-        time: About when [s].
+        time: Approximate time of the largest use [s].
     """
 
     ratio: float
@@ -50,8 +50,8 @@ def effort_uses(limits: EffortLimits, trajectory: Trajectory) -> dict[str, Effor
     """Largest use of each limit by a motion, by "torque" and "tool_speed".
 
     Args:
-        limits: Of the robot that moves.
-        trajectory: Of all its joints, in its order.
+        limits: Limits of the robot that moves.
+        trajectory: Trajectory of all its joints, in its order.
 
     Raises:
         MissingInertia: Torques are limited, and no link has an inertia.
@@ -69,7 +69,7 @@ def torque_use(chain: Chain, trajectory: Trajectory, effort: Array) -> EffortUse
 
     Args:
         chain: The robot with all that it carries.
-        trajectory: Of its joints.
+        trajectory: Trajectory of the joints.
         effort: Limits, shape (n,), inf where there is none [N m or N].
 
     Raises:
@@ -94,7 +94,7 @@ def tool_speed_use(chain: Chain, trajectory: Trajectory, speed: float) -> Effort
 
     Args:
         chain: The robot; its tip is the tool.
-        trajectory: Of its joints.
+        trajectory: Trajectory of the joints.
         speed: The limit [m/s].
     """
     n = chain.tip.joint + 1

@@ -27,11 +27,11 @@ class LimitUses(NamedTuple):
     """Use of limits by position and the first derivatives, joint by joint and the worst of each.
 
     Args:
-        uses: Of each order: the largest share of a range that is used, from its middle; whose and
-            when [s]; how far a bound is beyond its limit, as a share of it, for positions in their
-            own unit; whose; shape (orders, 5).
+        uses: Use of each order: the largest share of a range that is used, from its middle; whose
+            and when [s]; how far a bound is beyond its limit, as a share of it, for positions in
+            their own unit; whose; shape (orders, 5).
         highest: Largest value, its time and a bound of it, shape (orders, n, 3).
-        lowest: The same of the negative.
+        lowest: Least values, shaped as the largest ones.
     """
 
     uses: Array
@@ -66,11 +66,11 @@ class MotionUses(NamedTuple):
     """Use of a motion's limits of position, velocity, acceleration and jerk.
 
     Args:
-        found: Of the orders up to the last that is limited; of jerk beside the jumps, where the
-            acceleration jumps.
+        found: Uses of the orders up to the last that is limited; of jerk beside the jumps, where
+            the acceleration jumps.
         lower: Lower limits, shape (4, n); infinite where there is none.
         upper: Upper limits.
-        limited: Of each order, UNLIMITED, LIMITED or JUMPING, shape (4,).
+        limited: Kind of each order, UNLIMITED, LIMITED or JUMPING, shape (4,).
     """
 
     found: LimitUses

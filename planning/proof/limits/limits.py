@@ -39,8 +39,8 @@ class LimitReport:
     Args:
         worst_ratio: Largest |value| / limit of all joints; for positions, of the distance from
             the middle of the range to half the range; for torques and the tool's speed, a bound.
-        joint: Where.
-        time: When [s].
+        joint: Joint of the largest use.
+        time: Instant of the largest use [s].
     """
 
     worst_ratio: float

@@ -62,8 +62,8 @@ def pack_corner(first: Array, second: Array, slope: float) -> Array:
     """A corner as the kernels read it, shape (CORNER_WIDTH,).
 
     Args:
-        first: Its first leg, shape (WIDTH,).
-        second: Its second leg, likewise.
+        first: First leg of the corner, shape (WIDTH,).
+        second: Second leg of the corner, shape (WIDTH,).
         slope: Slope a.
     """
     m = np.concatenate([first, second, np.zeros(6)])
@@ -92,9 +92,9 @@ def corner_deviation(
     Args:
         m: The corner, shape (CORNER_WIDTH,).
         p: Place of the tool [m].
-        spread: Its motion over the interval.
+        spread: Motion of the tool over the interval.
         half: Half the interval's length.
-        found: Its ``T`` is the tool's pose.
+        found: Place whose ``T`` is the tool's pose.
     """
     now, upper, T = found
     u = _nearest_parameter(m, p)

@@ -77,7 +77,7 @@ class Box(NamedTuple):
     """Deviations on one interval, of x, y, z [m], rx, ry, rz [rad] and the tilt [rad].
 
     Args:
-        value: In its middle, shape (7,).
+        value: Deviation in the middle of the interval, shape (7,).
         spread: How far they can be from that all over it, shape (7,).
         T: The tool's pose in its middle, shape (3, 4).
         N: The rotation asked for there, shape (3, 3).
@@ -97,10 +97,10 @@ class Place(NamedTuple):
     Args:
         judged: Whether the interval is short enough to tell.
         s: Place on the motion in the middle, from 0 to 1; that of the end where the tool is beyond.
-        pace: Its rate [1/s].
+        pace: Rate of the place along the path [1/s].
         bend: Bound of the change of its rate [1/s^2].
         error: Deviation e from the place [m].
-        rate: Its rate [m/s].
+        rate: Rate of the deviation [m/s].
         second: Bound of its second derivative [m/s^2].
         onward: Direction of the path in the middle, of length 1.
         over: How much farther beyond the ends of the motion, or less far, the tool can be than in
@@ -125,9 +125,9 @@ class BoxUse:
     """Largest share of its tolerances that the tool uses, over all t.
 
     Args:
-        share: Of the range on either side of its middle, 1 at the end of it.
+        share: Share of the range on either side of its middle, 1 at the end of it.
         verified: Whether the tolerances are proved to be kept.
-        time: Where it is largest, or where a tolerance is not kept [s].
+        time: Instant of the largest share, or at which a tolerance is not kept [s].
     """
 
     share: float
@@ -142,7 +142,7 @@ def check_tool_boxes(
 
     Args:
         chain: The robot; its tip is the tool.
-        trajectory: Of all its joints, in its order.
+        trajectory: Trajectory of all its joints, in its order.
         asked: The motions; those without a tolerance of their own are left out.
     """
     arm = Arm(chain.joint_types, chain.offsets, chain.tip.T_joint_link, chain.tip.joint)
@@ -182,8 +182,8 @@ def box_kernel(
 
     Args:
         arm: The robot.
-        coefficients: Of the piece, shape (n, k).
-        ends: Of the part in the piece's own time, shape (2,) [s].
+        coefficients: Coefficients of the piece, shape (n, k).
+        ends: Ends of the part in the piece's own time, shape (2,) [s].
         m: The motion, shape (WIDTH,).
         box: The tolerance, shape (BOX_SIZE,).
         worst: The largest share of the box used, the time there in the piece [s], and the angle

@@ -39,7 +39,7 @@ class Deviations(NamedTuple):
     """Deviations on one interval, position [m] and orientation [rad].
 
     Args:
-        now: In its middle, shape (2,).
+        now: Deviation in the middle of the interval, shape (2,).
         upper: Bounds all over it, shape (2,).
         T: The tool's pose in its middle, shape (3, 4).
     """

@@ -67,12 +67,13 @@ class PathDeviation:
     """Largest deviation of the tool from its motions, over all t.
 
     Args:
-        position: From the line, arc or corner [m].
-        orientation: From the orientation at the same place of it [rad]; None where it is free.
+        position: Largest distance from the line, arc or corner [m].
+        orientation: Largest angle to the orientation at the same place of it [rad]; None where it
+            is free.
         verified: Whether these are proved and within what was asked for.
-        time: Where it is farthest off, or where it is too far [s].
-        max_position: What was asked for [m].
-        max_orientation: What was asked for [rad]; None where it is free.
+        time: Instant of the largest deviation, or at which it is too large [s].
+        max_position: Allowed distance [m].
+        max_orientation: Allowed angle [rad]; None where it is free.
     """
 
     position: float
@@ -87,10 +88,10 @@ class Arm(NamedTuple):
     """Arrays of a robot for the kernels (n joints).
 
     Args:
-        types: Of the joints, shape (n,).
+        types: Types of the joints, shape (n,).
         offsets: T_(i-1)_i of every joint at 0, shape (n, 4, 4).
         T_joint_tip: The tip in the frame of the joint that carries it, shape (4, 4).
-        joint: That joint, -1 for the base.
+        joint: Joint that carries the tool, -1 for the base.
     """
 
     types: Indices
@@ -118,7 +119,7 @@ def check_tool_motions(
 
     Args:
         chain: The robot; its tip is the tool.
-        trajectory: Of all its joints, in its order.
+        trajectory: Trajectory of all its joints, in its order.
         asked: The motions, in turn, with their times and what is allowed.
     """
     deviation = path_deviation(chain, trajectory, asked)
@@ -136,7 +137,7 @@ def path_deviation(chain: Chain, trajectory: Trajectory, asked: TimedToolMotions
 
     Args:
         chain: The robot; its tip is the tool.
-        trajectory: Of all its joints, in its order.
+        trajectory: Trajectory of all its joints, in its order.
         asked: The motions, in turn, with their times and what is allowed.
     """
     is_free = asked.max_orientation is None
@@ -220,8 +221,8 @@ def deviation_kernel(
 
     Args:
         arm: The robot.
-        coefficients: Of the piece, shape (n, k).
-        ends: Of the part in the piece's own time, shape (2,) [s].
+        coefficients: Coefficients of the piece, shape (n, k).
+        ends: Ends of the part in the piece's own time, shape (2,) [s].
         m: The motion, shape (WIDTH,) or (CORNER_WIDTH,).
         allowed: Deviations [m], [rad], infinite where it is free, shape (2,).
         worst: Raised; its angle is where the part before has left it.

@@ -55,14 +55,14 @@ class SpeedUse:
     """Speed of the tool along the parts of its path that have a band of speed.
 
     Args:
-        share: Of the path's length, on which the speed is proved to be within the band.
+        share: Share of the path's length, on which the speed is proved to be within the band.
         least: Least speed found in the middle of an interval, starts and stops left out [m/s].
         most: Largest speed, a bound for all t [m/s].
         low: Least speed asked for [m/s].
         high: Largest speed asked for [m/s].
         verified: Whether the speed is proved to be below the upper end of the band at all t.
-        length: Of the path, at most [m].
-        bands: The same of each band, where there are several; they differ in speed.
+        length: Length of the path, at most [m].
+        bands: Use of each band, where there are several; they differ in speed.
     """
 
     share: float
@@ -82,7 +82,7 @@ def check_speed_bands(
 
     Args:
         chain: The robot; its tip is the tool.
-        trajectory: Of all its joints, in its order.
+        trajectory: Trajectory of all its joints, in its order.
         bands: Speeds, and when each is asked for.
 
     Returns:
@@ -146,8 +146,8 @@ def speed_kernel(arm: Arm, coefficients: Array, ends: Array, speeds: Array, tota
 
     Args:
         arm: The robot.
-        coefficients: Of the piece, shape (n, k).
-        ends: Of the part in the piece's own time, shape (2,) [s].
+        coefficients: Coefficients of the piece, shape (n, k).
+        ends: Ends of the part in the piece's own time, shape (2,) [s].
         speeds: The band, shape (2,) [m/s].
         totals: Shape (5,).
     """
