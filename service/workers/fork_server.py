@@ -22,7 +22,6 @@ from typing import Any
 
 from service.workers import framing
 from service.workers import main as worker
-from service.workers.file_pages import release_file_pages
 from service.workers.launch import Recipe
 from service.workers.task import load_tasks
 
@@ -133,7 +132,6 @@ class _ForkServer:
         self._enrich(resolve_name(recipe.enrich)())
         gc.freeze()
         self._send(Notice.ENRICHED)
-        release_file_pages()  # half of its memory is code that only loading needs
         while True:
             self._serve(None)
 
