@@ -4,20 +4,18 @@ import asyncio
 import logging
 from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager
-from types import SimpleNamespace
-from typing import TYPE_CHECKING, cast
+from typing import TYPE_CHECKING
 
 from fastapi import FastAPI
 from starlette.concurrency import run_in_threadpool
-from starlette.datastructures import State
 
 from service.access.authentication import Authenticator
 from service.housekeeping import keep_house
-from service.http import handlers, middleware, openapi
+from service.http import handlers, openapi
 from service.http.admission import Admission
 from service.http.json_route import JsonRoute
 from service.http.metrics import Metrics
-from service.http.plain_requests import PlainRequests
+from service.http.middleware import ServiceMiddleware
 from service.jobs.agent_jobs import AgentJobs
 from service.jobs.deferral import defer
 from service.jobs.runner import Jobs
@@ -168,23 +166,22 @@ def create_app(
         telemetry={"tracing": False, "metrics": False, "logs": False, "auto_configure": False},
         generate_unique_id_function=lambda route: route.name,
     )
-    # The framework's looks each value up by a function in Python, twenty times a request.
-    app.state = cast(State, SimpleNamespace())
     app.state.settings = chosen
     app.state.stopping = False
     app.state.defer = defer
     app.state.metrics = Metrics(app)
-    app.state.plain_requests = None
     app.state.openapi = None
     app.router.route_class = JsonRoute
     app.state.swagger = pages.swagger_folder()
-    middleware.install(app, chosen, app.state.metrics)
+    app.add_middleware(
+        ServiceMiddleware,
+        application=app,
+        settings=chosen,
+        metrics=app.state.metrics,
+        health_only=is_agent,
+    )
     if tracing is not None:
         install_tracing(app, tracing)
-    else:  # else each request is to have a span
-        app.state.plain_requests = PlainRequests(
-            app, chosen, app.state.metrics, middleware.COMPRESSED_SIZE
-        )
     handlers.install(app)
     openapi.install(app)
     for router in _ROUTERS:

@@ -14,14 +14,12 @@ from pydantic import ValidationError
 
 from service import logs
 from service.app import create_app
-from service.garbage import collect_when_idle, leave_out_what_is_loaded
 from service.housekeeping import take_one_arena
 from service.http.connection import (
     ConnectionLimits,
     connection_class,
     possible_connections,
 )
-from service.http.health_only import HealthOnly
 from service.jobs.engine import require_engine
 from service.keys_command import make_first_key
 from service.settings import Settings
@@ -43,21 +41,15 @@ class _Server(uvicorn.Server):
         super().__init__(config)
         self._application = app
         self._greeting = greeting
-        self._collecting: asyncio.Task[None] | None = None
 
     async def startup(self, sockets: list[socket.socket] | None = None) -> None:
         await super().startup(sockets)
         if self.started:
-            leave_out_what_is_loaded()
-            supervisor = self._application.state.supervisor
-            self._collecting = asyncio.create_task(collect_when_idle(lambda: supervisor.has_work))
             print(self._greeting, flush=True)  # noqa: T201
 
     async def shutdown(self, sockets: list[socket.socket] | None = None) -> None:
         supervisor = self._application.state.supervisor
         self._application.state.stopping = True
-        if self._collecting is not None:
-            self._collecting.cancel()
         # Open event streams end now, and what runs as a job goes on when the service is back.
         await self._application.state.jobs.stop()
         asyncio.get_running_loop().call_later(_DRAIN, supervisor.abandon)
@@ -97,7 +89,7 @@ def serve(
     take_one_arena()
     app = create_app(settings, launched, is_agent=is_agent)
     config = uvicorn.Config(
-        HealthOnly(app) if is_agent else app,
+        app,
         log_level=settings.log_level,
         log_config=None,
         access_log=settings.log_level == "debug",

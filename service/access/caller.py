@@ -42,3 +42,12 @@ def caller_of(scope: Mapping[str, Any]) -> Caller:
     """The caller of a request, by the scope of the request."""
     caller: Caller = scope.get(CALLER, ANYONE)
     return caller
+
+
+def client_of(scope: Mapping[str, Any]) -> str:
+    """The client of a request, as far as clients take turns: its key, or else its address."""
+    key = caller_of(scope).api_key
+    if key is not None:
+        return key
+    address: tuple[str, int] | None = scope.get("client")
+    return "" if address is None else address[0]

@@ -1,131 +1,114 @@
-"""Refusals of requests that would be too late, before anything of them is parsed.
+"""Admission: requests that would be too late are refused before anything of them is parsed.
 
-Under overload most requests are refused, so a refusal must cost next to nothing: the path tells
-which task a request is for, the mean duration of that task how long it takes.
+Under overload most requests are refused, so a refusal must cost little: the path tells which task a
+request is for, the mean duration of that task how long it takes.
 """
 
-import json
+import asyncio
 import re
-from typing import NamedTuple
+from collections.abc import AsyncIterator
+from contextlib import asynccontextmanager
 
-from service.http.errors import PROBLEM_MEDIA_TYPE, document, headers_of
-from service.http.intake import Intake
-from service.http.refusals import Refusals
-from service.http.security_headers import SECURITY_HEADERS
+from starlette.types import Scope
+
+from service.access.caller import client_of
+from service.http.errors import with_headers
+from service.http.fields import field
 from service.settings import Settings
 from service.workers.faults import QueueFull
 from service.workers.supervisor import WorkerSupervisor
 
 #: A timeout, wherever in a body it stands. The pattern is tried where its name was found, from the
-#: end on: to look for it from the beginning takes twice as long, for the pattern thrice.
+#: end on: to search for it from the beginning takes twice as long, for the pattern thrice.
 _TIMEOUT_NAME = b'"timeout"'
 _TIMEOUT = re.compile(rb'"timeout"\s*:\s*(\d+(?:\.\d+)?(?:[eE][+-]?\d+)?)')
-#: The head of a request that is simple enough to be judged without a parser: POST, a body of a
-#: length, nothing to be negotiated. All others take the usual way.
-_REQUEST_LINE = re.compile(rb"POST (/v1/[A-Za-z0-9/_.\-]+) HTTP/1\.1\r\n")
-_LENGTH = re.compile(rb"\r\ncontent-length:[ \t]*(\d{1,9})[ \t]*(?=\r\n)", re.IGNORECASE)
-_NEGOTIATED = re.compile(
-    rb"\r\n(transfer-encoding|expect|upgrade|prefer|connection[ \t]*:[ \t]*close)", re.IGNORECASE
-)
-
-
-#: Refusals that are kept as they are sent: most of a crowd get the same.
-_KEPT_ANSWERS = 256
-#: Bodies up to this size are waited for, where they may be refused before they are parsed [byte].
-_AWAITED_BYTES = 64 * 1024
-
-
-class SimpleRequest(NamedTuple):
-    """A POST whose head has arrived.
-
-    Attributes:
-        path: its path.
-        body: what has arrived of its body.
-        missing: bytes of its body that are still to come.
-    """
-
-    path: str
-    body: bytes
-    missing: int = 0
-
-
-def read_simple(data: bytes) -> SimpleRequest | None:
-    """The request that some bytes are, if it is simple and nothing follows it."""
-    line = _REQUEST_LINE.match(data)
-    if line is None:
-        return None
-    head, mark, body = data.partition(b"\r\n\r\n")
-    lengths = _LENGTH.findall(head + b"\r\n")
-    if not mark or len(lengths) != 1 or _NEGOTIATED.search(head):
-        return None
-    missing = int(lengths[0]) - len(body)
-    return None if missing < 0 else SimpleRequest(line[1].decode("ascii"), body, missing)
+#: Bodies up to this are read before their request is judged: nearly all came with its head [byte].
+_SHORT_BYTES = 64 * 1024
+#: Pause before a request is refused [s]. Whoever asks again at once is slowed down: refusals must
+#: not use up what workers need.
+_PAUSE = 0.02
 
 
 class Admission:
-    """Admission of requests that compute: those that would be too late are refused.
+    """Admission of requests that compute.
 
     Args:
         supervisor: Of the workers.
         settings: With the timeout of a request that names none.
-
-    Attributes:
-        intake: where requests that were let in wait for their turn to be parsed.
-        refusals: answers to those that were not.
     """
 
     def __init__(self, supervisor: WorkerSupervisor, settings: Settings) -> None:
         self._supervisor = supervisor
         self._settings = settings
-        self.intake = Intake()
-        self.refusals = Refusals()
         self._tasks: dict[str, str] = {}
-        self._answers: dict[tuple[str, int | None, str], bytes] = {}
+        self._turn = asyncio.Lock()
 
     def note(self, method: str, path: str, task: str) -> None:
         """Note which task a request was for; of POST the last part of a path is never a name."""
         if method == "POST":
             self._tasks[path.rpartition("/")[2]] = task
 
-    def wants_rest(self, request: SimpleRequest) -> bool:
-        """Whether a request may be refused once the rest of its short body is there."""
-        is_short = 0 < request.missing <= _AWAITED_BYTES - len(request.body)
-        return is_short and self._supervisor.has_work and self._task(request) is not None
-
-    def refusal(self, request: SimpleRequest, client: str, carrier: object) -> bytes | None:
-        """The answer to a request that would be too late, in full; None for all others.
+    async def check_announced(self, scope: Scope) -> None:
+        """Check a request with a large body before that is read.
 
         Args:
-            request: All of it has arrived.
-            client: Whom it is from.
-            carrier: What carries it, and says by `forget` when it was answered.
+            scope: Of the request.
+
+        Raises:
+            HttpProblemError: OVERLOADED, it would be too late whatever timeout it names.
         """
-        task = self._task(request)
-        if task is None:
+        announced = field(scope, b"content-length") or ""
+        size = int(announced) if announced.isdecimal() and len(announced) < 20 else 0
+        if size <= _SHORT_BYTES:
+            return
+        try:
+            await self._check(scope, self._settings.max_timeout, size)
+        except QueueFull as problem:
+            raise with_headers(problem, {"Connection": "close"}) from None
+
+    @asynccontextmanager
+    async def admitted(self, scope: Scope, content: bytes) -> AsyncIterator[None]:
+        """Context of a request whose body has arrived, in which it counts as one that waits.
+
+        Args:
+            scope: Of the request.
+            content: The body.
+
+        Raises:
+            QueueFull: It would be too late for the timeout that it names.
+        """
+        if self._task(scope) is None:
+            yield
+            return
+        is_first = self._supervisor.is_free
+        if not is_first:
+            await self._check(scope, named_timeout(content, self._settings), len(content))
+        client = client_of(scope)
+        self._supervisor.in_flight.enter(client)
+        try:
+            if not is_first:
+                # One in each turn of the event loop: to parse all of a crowd in one would hold up
+                # everything else meanwhile, health and refusals and the work of free workers.
+                async with self._turn:
+                    await asyncio.sleep(0)
+            yield
+        finally:
+            self._supervisor.in_flight.leave(client)
+
+    async def _check(self, scope: Scope, seconds: float, size: int) -> None:
+        task = self._task(scope)
+        if task is None or self._supervisor.is_free:
+            return
+        problem = self._supervisor.early_refusal(task, seconds, client_of(scope), size)
+        if problem is not None:
+            await asyncio.sleep(_PAUSE)
+            raise problem
+
+    def _task(self, scope: Scope) -> str | None:
+        """The task that a request is for, as far as known; None for one that becomes a job."""
+        if scope["method"] != "POST" or field(scope, b"prefer") is not None:
             return None
-        if not self._supervisor.is_free:
-            seconds = named_timeout(request.body, self._settings)
-            problem = self._supervisor.early_refusal(task, seconds, client, len(request.body))
-            if problem is not None:
-                return self._answer(problem, request.path)
-        self._supervisor.coming.note(carrier, task, client)
-        return None
-
-    def forget(self, carrier: object) -> None:
-        """Note that the request of a carrier, if there is one, was answered or given up."""
-        self._supervisor.coming.forget(carrier)
-
-    def _answer(self, problem: QueueFull, path: str) -> bytes:
-        key = problem.detail, problem.retry_after, path
-        answer = self._answers.get(key)
-        if answer is None:
-            if len(self._answers) >= _KEPT_ANSWERS:
-                self._answers.clear()
-            answer = self._answers[key] = _answer(problem, path)
-        return answer
-
-    def _task(self, request: SimpleRequest) -> str | None:
-        return self._tasks.get(request.path.rpartition("/")[2])
+        return self._tasks.get(scope["path"].rpartition("/")[2])
 
 
 def named_timeout(content: bytes, settings: Settings) -> float:
@@ -136,16 +119,3 @@ def named_timeout(content: bytes, settings: Settings) -> float:
         if match is not None:
             named.append(float(match[1]))
     return min(max(named, default=settings.default_timeout), settings.max_timeout)
-
-
-def _answer(problem: QueueFull, path: str) -> bytes:
-    content = json.dumps(document(problem, path)).encode()
-    headers = {
-        **SECURITY_HEADERS,
-        **headers_of(problem),
-        "Content-Type": PROBLEM_MEDIA_TYPE,
-        "Content-Length": str(len(content)),
-    }
-    lines = [b"HTTP/1.1 429 Too Many Requests"]
-    lines += [f"{name}: {value}".encode() for name, value in headers.items()]
-    return b"\r\n".join([*lines, b"", content])

@@ -3,16 +3,16 @@
 import asyncio
 import contextlib
 import time
+from collections.abc import AsyncIterator
 from typing import TypeVar
 
 from fastapi import Request
 
 from planning.values.deadline import Deadline
-from service.access.caller import caller_of
+from service.access.caller import client_of
 from service.http.admission import Admission
-from service.http.body_limit import ARRIVAL
-from service.http.departure import DEPARTURE, Departure
 from service.http.job_context import end_dry_run, job_context
+from service.http.request_body import ARRIVAL
 from service.http.state import settings_of, supervisor_of
 from service.problem import ProblemError
 from service.settings import Settings
@@ -76,8 +76,8 @@ async def compute(
     admission: Admission = request.app.state.admission
     admission.note(request.method, request.scope["path"], job.task)
     timed = job.with_deadline(deadline_of(request, seconds))
-    with _EndingWithClient(request):
-        return await supervisor.submit(timed, client=client_of(request))
+    async with _ending_with_client(request):
+        return await supervisor.submit(timed, client=client_of(request.scope))
 
 
 async def compute_at_once(request: Request, job: Job[_R]) -> _R:
@@ -88,7 +88,7 @@ async def compute_at_once(request: Request, job: Job[_R]) -> _R:
     """
     deadline = deadline_of(request, settings_of(request).default_timeout)
     return await supervisor_of(request).submit(
-        job.with_deadline(deadline), brief=True, client=client_of(request)
+        job.with_deadline(deadline), brief=True, client=client_of(request.scope)
     )
 
 
@@ -98,15 +98,8 @@ def deadline_of(request: Request, seconds: float) -> Deadline:
     return Deadline(arrival + seconds)
 
 
-def client_of(request: Request) -> str:
-    """The client of a request, as far as clients take turns: its key, or else its address."""
-    key = caller_of(request.scope).api_key
-    if key is not None:
-        return key
-    return "" if request.client is None else request.client.host
-
-
-class _EndingWithClient:
+@contextlib.asynccontextmanager
+async def _ending_with_client(request: Request) -> AsyncIterator[None]:
     """Context in which what is awaited is cancelled when the client leaves.
 
     Args:
@@ -115,43 +108,27 @@ class _EndingWithClient:
     Raises:
         ProblemError: PREEMPTED, it left.
     """
+    awaiting, has_left = asyncio.current_task(), False
+    assert awaiting is not None
 
-    # As `asyncio.timeout` does it: a task for the work and another one to wait for whichever ends
-    # first would cost more than the rest of a request's way to its worker.
+    async def watch() -> None:
+        nonlocal has_left
+        # The body has been read, so the only message there can still be is the last one; and
+        # whatever is wrong with the connection, nobody can be answered on it.
+        with contextlib.suppress(Exception):
+            while (await request.receive())["type"] != "http.disconnect":
+                pass
+        has_left = True
+        awaiting.cancel()
 
-    __slots__ = ("_awaiting", "_departure", "_leaving", "_request")
-
-    def __init__(self, request: Request) -> None:
-        self._request = request
-
-    def __enter__(self) -> None:
-        awaiting = asyncio.current_task()
-        assert awaiting is not None
-        departure: Departure | None = self._request.scope.get(DEPARTURE)
-        self._leaving = None
-        if departure is None:  # of another server
-            departure = Departure()
-            self._leaving = asyncio.create_task(_tell_disconnection(self._request, departure))
-        self._awaiting, self._departure = awaiting, departure
-        departure.tell(awaiting.cancel)
-
-    def __exit__(self, kind: object, error: BaseException | None, trace: object) -> None:
-        try:
-            is_cancelled = isinstance(error, asyncio.CancelledError)
-            if is_cancelled and self._departure.has_come and self._awaiting.uncancel() == 0:
-                raise ProblemError(
-                    "PREEMPTED", "the client left", stage="worker", status=_CLIENT_LEFT
-                ) from None
-        finally:
-            self._departure.forget(self._awaiting.cancel)
-            if self._leaving is not None:
-                self._leaving.cancel()
-
-
-async def _tell_disconnection(request: Request, departure: Departure) -> None:
-    # The body has been read, so the only message there can still be is the last one; and whatever
-    # is wrong with the connection, nobody can be answered on it.
-    with contextlib.suppress(Exception):
-        while (await request.receive())["type"] != "http.disconnect":
-            pass
-    departure.come()
+    watching = asyncio.create_task(watch())
+    try:
+        yield
+    except asyncio.CancelledError:
+        if not has_left or awaiting.uncancel() > 0:
+            raise
+        raise ProblemError(
+            "PREEMPTED", "the client left", stage="worker", status=_CLIENT_LEFT
+        ) from None
+    finally:
+        watching.cancel()

@@ -85,6 +85,23 @@ class HttpProblemError(ProblemError):
         self.headers = dict(headers)
 
 
+def with_headers(
+    problem: ProblemError, headers: Mapping[str, str], **details: Any
+) -> HttpProblemError:
+    """A problem with more headers and more details."""
+    more = HttpProblemError(
+        problem.code,
+        problem.detail,
+        headers_of(problem) | dict(headers),
+        hint=problem.hint,
+        stage=problem.stage,
+        status=problem.status,
+        retry_after=problem.retry_after,
+    )
+    more.details = problem.details | details
+    return more
+
+
 def status_of(problem: ProblemError) -> int:
     """The HTTP status of a problem."""
     return problem.status or KINDS.get(problem.code, _UNLISTED).status

@@ -10,7 +10,7 @@ from starlette.exceptions import HTTPException
 from starlette.requests import ClientDisconnect
 from starlette.responses import Response
 from starlette.routing import Match
-from starlette.types import ASGIApp, Message, Receive, Scope, Send
+from starlette.types import Scope
 
 from kinematics.errors import ArmwrightError
 from service.http.errors import (
@@ -90,32 +90,6 @@ def _possible_methods(request: Request) -> list[str]:
         for method in ("GET", "POST", "PUT", "PATCH", "DELETE")
         if any(r.matches({**request.scope, "method": method})[0] is Match.FULL for r in routes)
     ]
-
-
-class UnexpectedErrors:
-    """Middleware that answers a mistake of ours with a reference and logs what happened."""
-
-    def __init__(self, app: ASGIApp) -> None:
-        self._app = app
-
-    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
-        """Pass a request on."""
-        if scope["type"] != "http":
-            await self._app(scope, receive, send)
-            return
-        started = False
-
-        async def send_and_note(message: Message) -> None:
-            nonlocal started
-            started = True
-            await send(message)
-
-        try:
-            await self._app(scope, receive, send_and_note)
-        except (Exception, asyncio.CancelledError) as error:  # noqa: BLE001  (raised again or told)
-            response = response_to(error, scope, started=started)
-            if response is not None:
-                await response(scope, receive, send)
 
 
 def response_to(

@@ -1,20 +1,15 @@
 """Routes that take strict JSON, perhaps to be answered later as a job."""
 
-import inspect
 import re
 from collections.abc import Awaitable, Callable, Coroutine
-from functools import cached_property, partial
 from typing import Any, TypeGuard, TypeVar
 
 from fastapi import Request, Response
-from fastapi.exceptions import RequestValidationError
 from fastapi.params import Form
 from fastapi.routing import APIRoute
 from pydantic import BaseModel
 
-from service.http.body_limit import BODY
 from service.http.fields import field, values
-from service.http.glance import glance_at
 from service.http.idempotency import answer_once
 from service.http.job_context import job_context
 from service.http.keeping import answer_and_keep, takes_keep
@@ -44,14 +39,6 @@ class JsonRequest(Request):
     def __init__(self, request: Request, model: type[BaseModel] | None = None) -> None:
         super().__init__(request.scope, request.receive)
         self._model = model
-
-    async def body(self) -> bytes:
-        """The body; nothing is waited for where it has arrived whole."""
-        receive, content = self.scope.get(BODY, (None, b""))
-        if receive is not self.receive:
-            return await super().body()
-        whole: bytes = content
-        return whole
 
     async def json(self) -> Any:
         """The parsed body; of a large one an outline, which is valid already.
@@ -84,78 +71,17 @@ class JsonRoute(APIRoute):
     #: Whether requests become jobs without asking for that.
     always_deferred = False
 
-    @cached_property
-    def handle_directly(self) -> Handler | None:
-        """The handler without the framework, where all that the route takes is a body.
-
-        Raises:
-            RequestValidationError: As the framework does it.
-        """
-        handle = self._handle_body
-        return None if handle is None else self._behind_checks(handle)
-
-    @cached_property
-    def handle_plain(self) -> Handler | None:
-        """The handler of requests that are JSON by type, and ask for nothing by their headers.
-
-        Raises:
-            RequestValidationError: As the framework does it.
-        """
-        handle = self._handle_body
-        if handle is None or self.always_deferred:
-            return None
-        model, handle_json = self._behind_parser(handle)
-
-        async def handle_plain(request: Request) -> Response:
-            return await handle_json(JsonRequest(request, model))
-
-        return handle_plain
-
-    @cached_property
-    def _handle_body(self) -> Handler | None:
-        """The handler of a request that is parsed; None where the route takes more than a body."""
-        if not self._takes_body_alone():
-            return None
-        field, endpoint = self.body_field, self.endpoint
-        assert field is not None
-        glances = getattr(field.field_info.annotation, "is_validated_by_task", False)
-
-        def validate(value: Any) -> Any:
-            body, errors = field.validate(value, {}, loc=("body",))
-            if errors:
-                raise RequestValidationError(errors, body=value)
-            return body
-
-        async def handle(request: Request) -> Response:
-            value = await request.json()
-            body = glance_at(request, value, partial(validate, value)) if glances else None
-            response: Response = await endpoint(body=body or validate(value), request=request)
-            return response
-
-        return handle
-
     @property
     def _takes_json(self) -> bool:
         field = self.body_field
         return field is not None and not isinstance(field.field_info, Form)
 
-    def _takes_body_alone(self) -> bool:
-        if self.body_field is None or isinstance(self.body_field.field_info, Form):
-            return False
-        names = set(inspect.signature(self.endpoint).parameters)
-        is_async = inspect.iscoroutinefunction(self.endpoint)
-        return is_async and names == {"body", "request"} and not self.dependencies
-
     def get_route_handler(self) -> Handler:
-        """The handler of the framework behind the checks of the body."""
-        return self._behind_checks(super().get_route_handler())
-
-    def _behind_parser(self, handle: Handler) -> tuple[type[BaseModel] | None, Handler]:
-        """A handler behind the parser of JSON, with the model of the body."""
+        """The handler of the framework behind the checks of the head and the body."""
+        handle = super().get_route_handler()
         annotation = None if self.body_field is None else self.body_field.field_info.annotation
         model = annotation if _is_model(annotation) else None
-        takes_json = self._takes_json
-        is_kept = takes_keep(model)
+        takes_json, is_kept = self._takes_json, takes_keep(model)
 
         async def handle_json(request: Request) -> Response:
             # The framework would hide what is wrong with the JSON behind a message of its own.
@@ -164,13 +90,6 @@ class JsonRoute(APIRoute):
             if is_kept:
                 return await answer_and_keep(request, handle)
             return await handle(request)
-
-        return model, handle_json
-
-    def _behind_checks(self, handle: Handler) -> Handler:
-        """A handler behind the checks of the head and the body."""
-        model, handle_json = self._behind_parser(handle)
-        takes_json = self._takes_json
 
         async def handle_checked(request: Request) -> Response:
             strict = JsonRequest(request, model)

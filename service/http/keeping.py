@@ -17,13 +17,7 @@ from armwright_wire.base import Keepable
 from kinematics.errors import ArmwrightError
 from service.access.caller import caller_of
 from service.http.answer_digest import answer_digest
-from service.http.errors import (
-    HttpProblemError,
-    document,
-    from_domain,
-    headers_of,
-    status_of,
-)
+from service.http.errors import document, from_domain, status_of, with_headers
 from service.http.job_context import DRY_RUN, job_context
 from service.http.state import (
     REPLAY,
@@ -88,7 +82,10 @@ async def answer_and_keep(
         content = json.dumps(document(problem, request.url.path), ensure_ascii=False)
         failure = _Outcome(status_of(problem), problem.code, content.encode())
         plan_id = await _keep(request, failure)
-        raise problem if plan_id is None else _with_plan(problem, plan_id) from None
+        if plan_id is None:
+            raise problem from None
+        place = {"Location": f"/v1/plans/{plan_id}"}
+        raise with_headers(problem, place, plan_id=plan_id) from None
     outcome = _Outcome(response.status_code, None, bytes(response.body))
     plan_id = await _keep(request, outcome)
     if plan_id is None:
@@ -174,18 +171,3 @@ def _record(request: Request, content: PlanContent, outcome: _Outcome) -> PlanRe
         api_key=caller.api_key,
         proved_here=outcome.code is None and states_proof(request.url.path, outcome.content),
     )
-
-
-def _with_plan(problem: ProblemError, plan_id: str) -> HttpProblemError:
-    """A problem that names the plan that it was kept as."""
-    named = HttpProblemError(
-        problem.code,
-        problem.detail,
-        headers_of(problem) | {"Location": f"/v1/plans/{plan_id}"},
-        hint=problem.hint,
-        stage=problem.stage,
-        status=problem.status,
-        retry_after=problem.retry_after,
-    )
-    named.details = {**problem.details, "plan_id": plan_id}
-    return named

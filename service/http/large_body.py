@@ -7,8 +7,9 @@ thread as well, since it never lets go of the interpreter.
 from fastapi import Request
 from pydantic import BaseModel
 
+from service.access.caller import client_of
 from service.http.admission import named_timeout
-from service.http.compute import client_of, deadline_of
+from service.http.compute import deadline_of
 from service.http.job_context import job_context
 from service.http.state import settings_of, supervisor_of
 from service.problem import from_fields
@@ -36,7 +37,7 @@ async def validated_by_worker(
         seconds = _time_to_validate(model, content, settings)
     job = outline.job(f"{model.__module__}:{model.__qualname__}", content)
     result = await supervisor_of(request).submit(
-        job.with_deadline(deadline_of(request, seconds)), client=client_of(request)
+        job.with_deadline(deadline_of(request, seconds)), client=client_of(request.scope)
     )
     if isinstance(result, TaskProblem):
         raise from_fields(result.code, result.message, result.hint, result.details)

@@ -4,19 +4,15 @@ Labels take few values: paths are templates of routes, and methods, statuses, co
 names of stages are ours. Nothing that a caller chooses becomes a label.
 """
 
-import time
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from typing import Any
 
 from fastapi import FastAPI
-from prometheus_client import CollectorRegistry, generate_latest
+from prometheus_client import CollectorRegistry, Counter, Histogram, generate_latest
 from prometheus_client.core import CounterMetricFamily, GaugeMetricFamily, Metric
 from prometheus_client.registry import Collector
-from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 from service.http.errors import KINDS
-from service.http.job_context import JOB_CONTEXT
-from service.http.tallies import Tally, TimeTally
 from service.storage.job_store import STATUSES, Status
 from service.workers.supervisor import WorkerSupervisor
 
@@ -37,54 +33,54 @@ class Metrics:
 
     def __init__(self, app: FastAPI) -> None:
         self.registry = CollectorRegistry()
-        self._requests = Tally(
+        self._requests = Counter(
             "armwright_requests",
             "Requests that were answered",
             ("route", "method", "status"),
-            self.registry,
+            registry=self.registry,
         )
-        self._seconds = TimeTally(
+        self._seconds = Histogram(
             "armwright_request_seconds",
             "Time until an answer was complete",
             ("route", "method"),
-            _SECONDS,
-            self.registry,
+            registry=self.registry,
+            buckets=_SECONDS,
         )
-        self._plans = Tally(
+        self._plans = Counter(
             "armwright_plans",
             "Plans by outcome, SUCCESS or the code of the problem, and by the stage that won",
             ("code", "planner"),
-            self.registry,
+            registry=self.registry,
         )
-        self._stages = TimeTally(
+        self._stages = Histogram(
             "armwright_stage_seconds",
             "Time that stages of planning took",
             ("stage",),
-            _SECONDS,
-            self.registry,
+            registry=self.registry,
+            buckets=_SECONDS,
         )
         self.registry.register(_State(app))
 
     def count_request(self, route: str, method: str, status: int, seconds: float) -> None:
         """Count a request."""
         named = method if method in _METHODS else _OTHER
-        self._requests.count(route, named, str(status))
-        self._seconds.observe(seconds, route, named)
+        self._requests.labels(route, named, status).inc()
+        self._seconds.labels(route, named).observe(seconds)
 
     def count_plan(self, planner: str, stages: Iterable[tuple[str, float]]) -> None:
         """Count a plan, and its stages with their durations [s]."""
-        self._plans.count("SUCCESS", planner)
+        self._plans.labels("SUCCESS", planner).inc()
         self._observe(stages)
 
     def count_failure(self, code: str, stages: Any) -> None:
         """Count a problem in place of a plan, and its stages where they are known."""
-        self._plans.count(code if code in KINDS else _OTHER, "")
+        self._plans.labels(code if code in KINDS else _OTHER, "").inc()
         if isinstance(stages, Sequence):
             self._observe((stage["name"], 1e-3 * stage["milliseconds"]) for stage in stages)
 
     def _observe(self, stages: Iterable[tuple[str, float]]) -> None:
         for name, seconds in stages:
-            self._stages.observe(seconds, name)
+            self._stages.labels(name).observe(seconds)
 
     def text(self, jobs: Mapping[Status, int], waiting: int | None = None) -> bytes:
         """Everything in the text format.
@@ -162,38 +158,3 @@ class _Jobs(Collector):
                 "Jobs and chunks of batches that wait for an agent",
                 self._waiting,
             )
-
-
-class Measured:
-    """Middleware that counts requests and how long they took.
-
-    Args:
-        app: The application behind it.
-        metrics: The counters.
-    """
-
-    def __init__(self, app: ASGIApp, metrics: Metrics) -> None:
-        self._app = app
-        self._metrics = metrics
-
-    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
-        """Pass a request on."""
-        if scope["type"] != "http" or JOB_CONTEXT in scope:
-            await self._app(scope, receive, send)
-            return
-        status = 500
-        began = time.perf_counter()
-
-        async def send_and_count(message: Message) -> None:
-            nonlocal status
-            if message["type"] == "http.response.start":
-                status = message["status"]
-            await send(message)
-
-        try:
-            await self._app(scope, receive, send_and_count)
-        finally:
-            # A path that no route has is whatever somebody typed.
-            route = getattr(scope.get("route"), "path", None) or "unmatched"
-            seconds = time.perf_counter() - began
-            self._metrics.count_request(route, scope["method"], status, seconds)

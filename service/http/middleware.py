@@ -1,24 +1,55 @@
-"""The layers around every request, from the outermost to the application."""
+"""The layer around the application: what every request passes, from top to bottom.
 
+Checks stand in the order of what they cost, and of what they tell about the service: the head, host
+and origin, credentials, rate, load, and the body at last. Whatever is refused on the way becomes a
+problem document, with the same headers as all answers.
+"""
+
+import asyncio
 import logging
+import time
+from collections.abc import Sequence
 
 from fastapi import FastAPI
+from starlette.concurrency import run_in_threadpool
+from starlette.datastructures import Headers
 from starlette.middleware.cors import CORSMiddleware
+from starlette.middleware.gzip import GZipMiddleware, IdentityResponder
+from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
-from service.http.access_check import AccessCheck
-from service.http.body_limit import BodyLimit
-from service.http.compression import Compression
-from service.http.direct_routes import DirectRoutes
-from service.http.handlers import UnexpectedErrors
-from service.http.host_check import HostCheck
-from service.http.metrics import Measured, Metrics
-from service.http.request_log import RequestLog
-from service.http.security_headers import SecurityHeaders
+from service import logs
+from service.access.authentication import Authenticator
+from service.access.caller import CALLER, Caller, caller_of
+from service.access.rate_limit import Allowance, RateLimiter
+from service.access.rules import needed_scope
+from service.http.admission import Admission
+from service.http.errors import HttpProblemError, with_headers
+from service.http.fields import accepts_gzip, field
+from service.http.handlers import response_to
+from service.http.job_context import JOB_CONTEXT
+from service.http.metrics import Metrics
+from service.http.request_body import ARRIVAL, BodyLimits, read_body
+from service.http.request_checks import check_head, check_host, offers_upgrade
+from service.problem import ProblemError
 from service.settings import Settings
+from service.storage.key_store import ApiKey
+from service.storage.key_store import Scope as NeededScope
 
-#: Answers from this size on are compressed for clients that accept gzip [B].
+#: Headers of every answer that has not its own. Answers are data: nothing in them may be run, shown
+#: in a frame or taken for another type.
+SECURITY_HEADERS = {
+    "Content-Security-Policy": "default-src 'none'; frame-ancestors 'none'",
+    "Cross-Origin-Opener-Policy": "same-origin",
+    "Referrer-Policy": "no-referrer",
+    "X-Content-Type-Options": "nosniff",
+    "X-Frame-Options": "DENY",
+}
+_SECURITY_FIELDS = [(n.lower().encode(), v.encode()) for n, v in SECURITY_HEADERS.items()]
+#: Paths that an agent answers.
+HEALTH_PATHS = ("/healthz", "/readyz", "/metrics")
+#: Answers from this size on are compressed for clients that accept gzip [byte].
 COMPRESSED_SIZE = 4096
-#: Answers from this size on are compressed in a thread [B]: shorter ones take less than a
+#: Answers from this size on are compressed in a thread [byte]: shorter ones take less than a
 #: millisecond, in which nobody else is answered.
 _THREAD_SIZE = 32 * 1024
 #: Level of compression: higher ones take several times as long for a few per cent.
@@ -33,43 +64,263 @@ _SENT = [
     "Authorization", "Content-Type", "Idempotency-Key", "If-Match", "If-None-Match", "Prefer",
     "X-API-Key",
 ]  # fmt: skip
+#: Key in the scope of a request, with the `ApiKey` that it has shown.
+_KEY = "armwright.api_key"
+_CHALLENGE = 'Bearer realm="armwright"'
+#: For refusals that leave the body unread: the connection can't be used again.
+_CLOSE = {"Connection": "close"}
+
+_log = logging.getLogger("service.requests")
 
 
-def install(app: FastAPI, settings: Settings, metrics: Metrics) -> None:
-    """Put the layers around an application.
+class ServiceMiddleware:
+    """Identity, log, metrics, checks and headers of every request.
 
     Args:
-        app: The application.
-        settings: Limits, hosts and origins.
-        metrics: What counts the requests.
+        app: The application behind it.
+        application: The same one, whose state holds authenticator and admission once it runs.
+        settings: Limits, hosts, origins, and what anybody may ask.
+        metrics: Counters of requests.
+        health_only: Whether nothing but `HEALTH_PATHS` is answered, as by an agent.
     """
-    # The last one added is the outermost.
-    app.add_middleware(DirectRoutes, application=app)
-    app.add_middleware(
-        Compression,
-        minimum_size=COMPRESSED_SIZE,
-        compresslevel=_LEVEL,
-        thread_minimum_size=_THREAD_SIZE,
-    )
-    app.add_middleware(
-        BodyLimit,
-        max_size=settings.max_body_size,
-        silence=settings.body_timeout,
-        deadline=settings.body_deadline,
-    )
-    app.add_middleware(AccessCheck, application=app, settings=settings)
-    app.add_middleware(HostCheck, names=settings.host_names, origins=settings.origins)
-    app.add_middleware(UnexpectedErrors)
-    if settings.origins:
-        app.add_middleware(
-            CORSMiddleware,
-            allow_origins=list(settings.origins),
-            allow_methods=["GET", "POST", "PUT", "PATCH", "DELETE"],
-            allow_headers=_SENT,
-            expose_headers=_EXPOSED,
+
+    def __init__(
+        self,
+        app: ASGIApp,
+        application: FastAPI,
+        settings: Settings,
+        metrics: Metrics,
+        *,
+        health_only: bool = False,
+    ) -> None:
+        self._app = app
+        self._compressing = GZipMiddleware(app, COMPRESSED_SIZE, _LEVEL, _THREAD_SIZE)
+        self._state = application.state
+        self._settings = settings
+        self._metrics = metrics
+        self._health_only = health_only
+        self._limiter = RateLimiter()
+        self._body_limits = BodyLimits(
+            settings.max_body_size, settings.body_timeout, settings.body_deadline
         )
-    app.add_middleware(Measured, metrics=metrics)
-    app.add_middleware(SecurityHeaders)
-    level = logging.INFO if settings.log_requests else logging.WARNING
-    logging.getLogger("service.requests").setLevel(level)
-    app.add_middleware(RequestLog)
+        self._answer: ASGIApp = self._answer_checked
+        if settings.origins:
+            self._answer = CORSMiddleware(
+                self._answer_checked,
+                allow_origins=list(settings.origins),
+                allow_methods=["GET", "POST", "PUT", "PATCH", "DELETE"],
+                allow_headers=_SENT,
+                expose_headers=_EXPOSED,
+            )
+        _log.setLevel(logging.INFO if settings.log_requests else logging.WARNING)
+
+    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
+        """Answer a request under an id, count it and log it."""
+        if scope["type"] != "http":
+            await self._app(scope, receive, send)
+            return
+        began, status = time.perf_counter(), 0
+        scope[ARRIVAL] = time.monotonic()
+        job = scope.get(JOB_CONTEXT)
+        identity = logs.new_request_id(field(scope, b"x-request-id"))
+        request_token = logs.request_id.set(identity)
+        job_token = logs.job_id.set(None if job is None else job.id)
+        added = [*_SECURITY_FIELDS, (b"x-request-id", identity.encode("latin-1"))]
+        if offers_upgrade(scope):  # the parser drops what was sent behind the offer
+            added.append((b"connection", b"close"))
+
+        async def send_with_headers(message: Message) -> None:
+            nonlocal status
+            if message["type"] == "http.response.start":
+                status = message["status"]
+                _add_headers(message, added)
+            await send(message)
+
+        try:
+            await self._answer(scope, receive, send_with_headers)
+        finally:
+            seconds = time.perf_counter() - began
+            # A path that no route has is whatever somebody typed.
+            route = getattr(scope.get("route"), "path", None) or "unmatched"
+            if job is None:
+                self._metrics.count_request(route, scope["method"], status or 500, seconds)
+            _log_request(scope, route, status, seconds)
+            logs.job_id.reset(job_token)
+            logs.request_id.reset(request_token)
+
+    async def _answer_checked(self, scope: Scope, receive: Receive, send: Send) -> None:
+        """Answer a request that passes all checks, and others with a problem document."""
+        started = False
+        added = list[tuple[bytes, bytes]]()
+
+        async def send_and_note(message: Message) -> None:
+            nonlocal started
+            if message["type"] == "http.response.start":
+                started = True
+                _add_headers(message, added)
+            await send(message)
+
+        try:
+            if JOB_CONTEXT in scope:  # it passed them when it was accepted
+                await self._answer_compressed(scope, receive, send_and_note)
+            else:
+                self._check_head(scope)
+                await self._check_access(scope)
+                added += self._take_rate(scope)
+                await self._answer_admitted(scope, receive, send_and_note)
+        except (Exception, asyncio.CancelledError) as error:  # noqa: BLE001  (raised again or told)
+            response = response_to(error, scope, started=started)
+            if response is not None:
+                await response(scope, receive, send_and_note)
+
+    def _check_head(self, scope: Scope) -> None:
+        """Check what the head of a request tells.
+
+        Raises:
+            HttpProblemError: INVALID_REQUEST, HOST_NOT_ALLOWED, FORBIDDEN.
+            ProblemError: NOT_FOUND.
+        """
+        check_head(scope)
+        if self._health_only and scope["path"] not in HEALTH_PATHS:
+            raise ProblemError(
+                "NOT_FOUND",
+                "an agent answers for its health and metrics only",
+                stage="request",
+                hint=f"GET {', '.join(HEALTH_PATHS)}; ask a server for everything else.",
+            )
+        check_host(scope, self._settings.host_names, self._settings.origins)
+
+    async def _check_access(self, scope: Scope) -> None:
+        """Check that the caller may ask this, and note who it is.
+
+        Raises:
+            HttpProblemError: UNAUTHENTICATED, FORBIDDEN.
+            ProblemError: STORAGE_UNAVAILABLE.
+        """
+        needed = needed_scope(
+            scope["method"],
+            scope["path"],
+            public_health=self._settings.public_health,
+            public_metrics=self._settings.public_metrics,
+        )
+        authenticator: Authenticator | None = getattr(self._state, "authenticator", None)
+        # Before the start there is neither storage nor a worker to reach.
+        if needed is None or authenticator is None:
+            return
+        headers = Headers(scope=scope)
+        try:
+            if authenticator.is_remembered(headers):
+                caller, key = authenticator.authenticate(headers)
+            else:
+                caller, key = await run_in_threadpool(authenticator.authenticate, headers)
+        except ProblemError as problem:
+            if problem.code != "UNAUTHENTICATED":
+                raise
+            shown = "authorization" in headers or "x-api-key" in headers
+            challenge = f'{_CHALLENGE}, error="invalid_token"' if shown else _CHALLENGE
+            raise with_headers(problem, {"WWW-Authenticate": challenge} | _CLOSE) from None
+        if not caller.may(needed):
+            raise _forbidden(caller, needed)
+        scope[CALLER], scope[_KEY] = caller, key
+
+    def _take_rate(self, scope: Scope) -> list[tuple[bytes, bytes]]:
+        """Count a request against the rate of its API key.
+
+        Returns:
+            The headers of its answer that tell what is left.
+
+        Raises:
+            HttpProblemError: OVERLOADED.
+        """
+        key: ApiKey | None = scope.get(_KEY)
+        if key is None or key.rate is None:
+            return []
+        allowance = self._limiter.take(key.id, key.rate)
+        if not allowance.granted:
+            raise _too_many(allowance)
+        return [(n.lower().encode(), v.encode()) for n, v in _rate_headers(allowance).items()]
+
+    async def _answer_admitted(self, scope: Scope, receive: Receive, send: Send) -> None:
+        """Answer a request that the service has time for, once its body is there.
+
+        Raises:
+            HttpProblemError: PAYLOAD_TOO_LARGE, REQUEST_TIMEOUT, OVERLOADED.
+            ClientDisconnect: The client left before.
+        """
+        admission: Admission | None = getattr(self._state, "admission", None)
+        if admission is not None:
+            await admission.check_announced(scope)
+        unread = [await read_body(scope, receive, self._body_limits)]
+
+        async def receive_stored() -> Message:
+            if unread:
+                return {"type": "http.request", "body": unread.pop(), "more_body": False}
+            return await receive()  # what remains to come is the disconnection, whenever that is
+
+        if admission is None:
+            await self._answer_compressed(scope, receive_stored, send)
+            return
+        async with admission.admitted(scope, unread[0]):
+            await self._answer_compressed(scope, receive_stored, send)
+
+    async def _answer_compressed(self, scope: Scope, receive: Receive, send: Send) -> None:
+        """Answer a request by the application, compressed where the client accepts that."""
+        if accepts_gzip(scope):
+            await self._compressing(scope, receive, send)
+        else:  # says in the header Vary that it would be for others
+            await IdentityResponder(self._app, COMPRESSED_SIZE)(scope, receive, send)
+
+
+def _add_headers(message: Message, added: Sequence[tuple[bytes, bytes]]) -> None:
+    """Add headers to the head of an answer that has not its own."""
+    headers = message.get("headers", ())
+    own = {name for name, _ in headers}
+    message["headers"] = [*headers, *(item for item in added if item[0] not in own)]
+
+
+def _log_request(scope: Scope, route: str, status: int, seconds: float) -> None:
+    if not _log.isEnabledFor(logging.INFO):
+        return
+    key = logs.key_id.set(caller_of(scope).api_key)
+    fields = {
+        "method": scope["method"],
+        "route": route,
+        "status": status,
+        "milliseconds": round(1e3 * seconds, 2),
+    }
+    text = "%(method)s %(route)s %(status)s %(milliseconds)s ms"
+    # The message is the text itself: lines of requests are never too many of a kind.
+    _log.info(text % fields, extra={"fields": fields})
+    logs.key_id.reset(key)
+
+
+def _forbidden(caller: Caller, needed: NeededScope) -> HttpProblemError:
+    return HttpProblemError(
+        "FORBIDDEN",
+        f"this needs an API key of the scope {needed}; the one that was shown has {caller.scope}",
+        {"WWW-Authenticate": f'{_CHALLENGE}, error="insufficient_scope", scope="{needed}"'}
+        | _CLOSE,
+        stage="request",
+        hint="Use another key. Whoever runs the service makes one with `armwright keys create`.",
+        needed=needed,
+        scope=caller.scope,
+    )
+
+
+def _too_many(allowance: Allowance) -> HttpProblemError:
+    return HttpProblemError(
+        "OVERLOADED",
+        f"this API key allows {allowance.limit} requests a minute",
+        _rate_headers(allowance) | _CLOSE,
+        stage="request",
+        hint="Ask again after the time in Retry-After.",
+        retry_after=allowance.retry_after,
+    )
+
+
+def _rate_headers(allowance: Allowance) -> dict[str, str]:
+    return {
+        "RateLimit-Limit": str(allowance.limit),
+        "RateLimit-Remaining": str(allowance.remaining),
+        "RateLimit-Reset": str(allowance.reset),
+    }

@@ -1,13 +1,11 @@
 """Plans computed in workers, and counted."""
 
-import asyncio
 from typing import Protocol
 
 from fastapi import Request
 
 from armwright_wire.scene import Scene
 from service.http import answers
-from service.http.glance import Glance
 from service.http.metrics import Metrics
 from service.problem import ProblemError
 from service.task_references import plan
@@ -38,12 +36,11 @@ async def plan_answer(
 
     Args:
         request: On whose behalf.
-        body: The problem, or a glance at it.
+        body: The problem.
         content: The problem as JSON, for the worker.
 
     Raises:
         ProblemError: There is no plan; as `answers.answer`.
-        RequestValidationError: As `Glance.check`.
     """
     metrics: Metrics = request.app.state.metrics
     try:
@@ -55,10 +52,7 @@ async def plan_answer(
             timeout=body.timeout,
         )
     except ProblemError as problem:
-        if isinstance(body, Glance):
-            body.check()
         metrics.count_failure(problem.code, problem.details.get("stages"))
         raise
-    # Behind the answer: whoever waits for it need not wait for this.
-    asyncio.get_running_loop().call_soon(metrics.count_plan, outcome.planner, outcome.stages)
+    metrics.count_plan(outcome.planner, outcome.stages)
     return outcome.content

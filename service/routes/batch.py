@@ -19,8 +19,9 @@ _RESULT = {200: {"description": "The result of the job", "model": BatchAnswer}}
 class BatchRoute(JobRoute):
     """A route whose jobs are batches: what was checked when it came is not validated again."""
 
-    def _behind_checks(self, handle: Handler) -> Handler:
-        check = super()._behind_checks(handle)
+    def get_route_handler(self) -> Handler:
+        """The handler of the framework, which is not asked again for what runs as a job."""
+        check = super().get_route_handler()
 
         async def plan_or_check(request: Request) -> Response:
             context = job_context(request)

@@ -12,7 +12,7 @@ from fastapi import Path as InPath
 from fastapi.responses import FileResponse, HTMLResponse
 from starlette.concurrency import run_in_threadpool
 
-from service.http.compression import accepts_gzip
+from service.http.fields import accepts_gzip
 from service.http.precondition import names_tag
 from service.version import VERSION
 

@@ -5,7 +5,6 @@ from fastapi import APIRouter, Request, Response
 from armwright_wire.certificate import CertificateAnswer
 from armwright_wire.plan import PlanAnswer, PlanRequest, ValidateRequest
 from service.http import answers
-from service.http.json_answer import JsonAnswer
 from service.http.json_route import JsonRoute
 from service.http.openapi import RESPONSES
 from service.http.plan_answer import plan_answer
@@ -21,7 +20,7 @@ async def plan(body: PlanRequest, request: Request) -> Response:
     Where none is found in time, or none can be proved, the answer is a problem that says why.
     """
     content = await plan_answer(request, body, await request.body())
-    return JsonAnswer(content)
+    return Response(content, media_type="application/json")
 
 
 @router.post("/validate", summary="Prove a motion", response_model=CertificateAnswer)

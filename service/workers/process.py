@@ -9,7 +9,6 @@ from dataclasses import dataclass, field
 from typing import Any, cast
 
 from planning.values.deadline import Deadline
-from service.quick_writer import QuickWriter
 from service.workers import framing
 from service.workers.fork_client import WorkerProcess
 from service.workers.main import HEADER
@@ -155,13 +154,11 @@ class Worker(asyncio.Protocol):
         self._on_message = on_message
         self._decoder = framing.FrameDecoder()
         self._transport: asyncio.WriteTransport | None = None
-        self._writer: QuickWriter | None = None
         self._has_sent_all = False
 
     def connection_made(self, transport: asyncio.BaseTransport) -> None:
         """Keep the stream, to send on."""
         self._transport = cast(asyncio.WriteTransport, transport)
-        self._writer = QuickWriter(self._transport)
 
     def data_received(self, data: bytes) -> None:
         """Pass on the messages that are complete."""
@@ -185,8 +182,6 @@ class Worker(asyncio.Protocol):
         message about each job that has arrived would cost more than the server's part of it.
         """
         self.ending = True
-        if self._writer is not None:
-            self._writer.close()
         if exc is None and self._has_sent_all and self.ticket is not None:
             self.ticket.arrived = True
         self.lost_at = time.monotonic()
@@ -197,13 +192,12 @@ class Worker(asyncio.Protocol):
     def send(self, ticket: Ticket) -> None:
         """Send a job."""
         assert self._transport is not None
-        assert self._writer is not None
         header = HEADER.pack(
             ticket.deadline.at, ticket.wants_start, ticket.wants_progress, ticket.silence
         )
         head = framing.prefix(len(header) + len(ticket.payload)) + header
         if len(ticket.payload) <= _JOINED_BYTES:
-            self._writer.write(head + ticket.payload)
+            self._transport.write(head + ticket.payload)
             return
         # The payload may be tens of megabytes: it is not copied behind its header.
         self._transport.write(head)
@@ -215,5 +209,3 @@ class Worker(asyncio.Protocol):
         self.process.kill()
         if self._transport is not None:
             self._transport.abort()
-        if self._writer is not None:
-            self._writer.close()

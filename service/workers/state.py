@@ -7,9 +7,9 @@ from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from typing import Any
 
-from service.workers.coming import ComingRequests
 from service.workers.fair_queue import FairQueue
 from service.workers.faults import QueueFull
+from service.workers.in_flight import InFlight
 from service.workers.load import BackgroundShare, Durations
 from service.workers.pool import Progress, WorkerPool
 from service.workers.process import Ticket, Worker
@@ -54,7 +54,7 @@ class SupervisorState:
     def __init__(self, count: int, queue_limit: int) -> None:
         self.counters = Counters()
         self.durations = Durations()
-        self.coming = ComingRequests()
+        self.in_flight = InFlight()
         self.watcher: Watcher | None = None
         self._count = count
         self._queue_limit = queue_limit
@@ -102,17 +102,12 @@ class SupervisorState:
     @property
     def has_work(self) -> bool:
         """Whether somebody waits for a job that runs, waits or is on its way."""
-        return bool(self.coming or self._waiting or self.busy)
+        return bool(self.in_flight or self._waiting or self.busy)
 
     @property
     def is_free(self) -> bool:
         """Whether a job could be begun at once, and no other is on its way."""
         return not self.has_work and self._can_begin()
-
-    @property
-    def is_ready_for_work(self) -> bool:
-        """Whether a job could be begun at once."""
-        return self._can_begin()
 
     @property
     def count(self) -> int:
@@ -210,16 +205,16 @@ class SupervisorState:
 
     def _changes(self) -> tuple[int, int, int]:
         """A value that changes with whoever waits, is on the way, or has a worker."""
-        return self._waiting.changes, self.coming.changes, len(self._idle)
+        return self._waiting.changes, self.in_flight.changes, len(self._idle)
 
     def _early_refusal(self, task: str, seconds: float, client: str, size: int) -> QueueFull | None:
         running = sum(1 for _ in self._running())
         queued = len(self._waiting) + running
-        ahead = self.coming.ahead(client, queued)
+        ahead = self.in_flight.ahead(client, queued)
         if self._can_begin() and running + ahead < self._count:
             return None
         wait = self.expected_wait(client) + ahead * self.durations.mean(task, size) / self._count
-        waiting = self.waiting + max(len(self.coming) - queued, 0)
+        waiting = self.waiting + max(len(self.in_flight) - queued, 0)
         return self._refusal((task, size), seconds, wait, waiting)
 
     def _lateness(self, kind: tuple[str, int], seconds: float, wait: float) -> float:

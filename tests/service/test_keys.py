@@ -9,6 +9,7 @@ from pathlib import Path
 
 import httpx
 import pytest
+from fastapi import FastAPI
 
 from service.access.authentication import Authenticator
 from service.app import create_app
@@ -17,6 +18,8 @@ from service.keys_command import make_first_key
 from service.problem import ProblemError
 from service.settings import Settings
 from service.storage.store import open_store
+from service.workers.faults import QueueFull
+from service.workers.supervisor import WorkerSupervisor
 from tests.service.forked_commands import start_command
 from tests.service.processes import wait_until
 from tests.service.robots import DETOUR, HOME, answer, bench, problem
@@ -40,8 +43,14 @@ def first(data: Path) -> str:
 
 
 @pytest.fixture(scope="module")
-def service(data: Path, first: str) -> Iterator[httpx.Client]:
-    with serving(create_app(Settings(data_dir=data, workers=1))) as client:
+def app(data: Path, first: str) -> FastAPI:
+    assert first, "made before the application"
+    return create_app(Settings(data_dir=data, workers=1))
+
+
+@pytest.fixture(scope="module")
+def service(app: FastAPI) -> Iterator[httpx.Client]:
+    with serving(app) as client:
         yield client
 
 
@@ -148,6 +157,42 @@ def test_tenants_do_not_see_each_other(service: httpx.Client, make: Make) -> Non
     url = f"/v1/jobs/{job}"
     assert wait_until(lambda: bool(service.get(url, headers=one).json()["ended"]), 10.0)
     assert service.get(url, headers=one).json()["status"] == "succeeded"
+
+
+def test_a_wrong_secret_takes_nothing_from_the_rate_of_a_key(
+    service: httpx.Client, make: Make
+) -> None:
+    key = make("--rate", "2")
+    wrong = key[:-1] + ("0" if key[-1] != "0" else "1")
+    for _ in range(5):
+        problem(service.get("/v1/jobs", headers=bearer(wrong)), 401, "UNAUTHENTICATED")
+    for _ in range(2):
+        answer(service.get("/v1/jobs", headers=bearer(key)))
+    problem(service.get("/v1/jobs", headers=bearer(key)), 429, "OVERLOADED")
+
+
+def test_who_has_no_key_is_told_so_whatever_the_load(
+    app: FastAPI, service: httpx.Client, first: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """And is no work that others wait behind."""
+    body = {"robot": "panda", "joints": HOME}
+    answer(service.post("/v1/check", json=body, headers=bearer(first)))
+    asked = []
+
+    def refuse(*what: object) -> QueueFull:
+        asked.append(what)
+        return QueueFull(3, 7, 100.0)
+
+    supervisor: WorkerSupervisor = app.state.supervisor
+    monkeypatch.setattr(supervisor, "early_refusal", refuse)
+    monkeypatch.setattr(WorkerSupervisor, "is_free", False)
+    changes = supervisor.in_flight.changes
+    problem(service.post("/v1/check", json=body), 401, "UNAUTHENTICATED")
+    assert (asked, supervisor.in_flight.changes) == ([], changes)
+    refused = service.post("/v1/check", json=body, headers=bearer(first))
+    problem(refused, 429, "OVERLOADED")
+    assert refused.headers["retry-after"] == "7"
+    assert len(asked) == 1
 
 
 def test_a_key_has_a_rate(service: httpx.Client, make: Make) -> None:

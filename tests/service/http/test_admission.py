@@ -1,37 +1,40 @@
-"""Refusals before anything is parsed: which requests are simple, and who is refused with what."""
+"""Refusals before anything is parsed: which requests are judged, and who is refused with what."""
 
-import json
+import asyncio
+import time
 from typing import Any
 
 import pytest
 
-from service.http.admission import Admission, SimpleRequest, named_timeout, read_simple
+from service.http import admission as admission_module
+from service.http.admission import Admission, named_timeout
+from service.http.errors import headers_of
 from service.settings import Settings
-from service.workers.coming import ComingRequests
 from service.workers.faults import QueueFull
+from service.workers.in_flight import InFlight
 
 SETTINGS = Settings(default_timeout=10.0, max_timeout=60.0)
-
-
-def post(path: str, body: bytes, *more: str) -> bytes:
-    lines = [f"POST {path} HTTP/1.1", "Host: x", f"Content-Length: {len(body)}", *more]
-    return "\r\n".join(lines).encode() + b"\r\n\r\n" + body
+IK = "/v1/robots/ur5e/ik"
 
 
 class Supervisor:
     """Workers that have so much to do."""
 
-    has_work = True
     is_free = False
 
     def __init__(self, wait: float) -> None:
         self.wait = wait
-        self.coming = ComingRequests()
-        self.asked: list[tuple[str, float, str]] = []
+        self.in_flight = InFlight()
+        self.asked: list[tuple[str, float, str, int]] = []
 
-    def early_refusal(self, task: str, seconds: float, client: str, _size: int) -> QueueFull | None:
-        self.asked.append((task, seconds, client))
+    def early_refusal(self, task: str, seconds: float, client: str, size: int) -> QueueFull | None:
+        self.asked.append((task, seconds, client, size))
         return QueueFull(3, 7, self.wait) if self.wait > seconds else None
+
+
+@pytest.fixture(autouse=True)
+def _no_pause(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(admission_module, "_PAUSE", 0.0)
 
 
 def admission(wait: float) -> tuple[Admission, Supervisor]:
@@ -42,28 +45,15 @@ def admission(wait: float) -> tuple[Admission, Supervisor]:
     return made, supervisor
 
 
-def test_a_post_in_one_piece_is_simple() -> None:
-    request = read_simple(post("/v1/plan", b"{}", "Content-Type: application/json"))
-    assert request is not None
-    assert request == ("/v1/plan", b"{}", 0)
+def scope_of(path: str, method: str = "POST", **headers: str) -> dict[str, Any]:
+    fields = [(n.replace("_", "-").encode(), value.encode()) for n, value in headers.items()]
+    client = ("10.0.0.1", 7)
+    return {"type": "http", "method": method, "path": path, "headers": fields, "client": client}
 
 
-def test_what_is_missing_of_a_body_is_counted() -> None:
-    whole = post("/v1/plan", b'{"timeout": 2}')
-    assert read_simple(whole[:-3]) == ("/v1/plan", b'{"timeout":', 3)
-
-
-@pytest.mark.parametrize(
-    "data",
-    [b"", b"GET /v1/plan HTTP/1.1\r\nHost: x\r\n\r\n", post("/v1/plan", b"{}")[:30],
-     post("/v1/plan", b"{}") + b"x", post("/v1/plan", b"{}", "Content-Length: 2"),
-     post("/v1/plan", b"{}", "Transfer-Encoding: chunked"), post("/v1/plan", b"{}", "Expect: x"),
-     post("/v1/plan", b"{}", "Prefer: respond-async"), post("/v1/plan", b"{}", "Upgrade: x"),
-     post("/v1/plan", b"{}", "connection: Close"), post("/v1/plan?x=1", b"{}"),
-     post("/v1/plan", b"{}").replace(b"1.1", b"1.0"), post("/docs", b"{}")],
-)  # fmt: skip
-def test_all_others_take_the_usual_way(data: bytes) -> None:
-    assert read_simple(data) is None
+async def pass_gate(gate: Admission, scope: dict[str, Any], content: bytes) -> None:
+    async with gate.admitted(scope, content):
+        pass
 
 
 @pytest.mark.parametrize(
@@ -78,60 +68,91 @@ def test_the_timeout_is_read_without_parsing(content: bytes, seconds: float) -> 
     assert named_timeout(content, SETTINGS) == seconds
 
 
-def test_what_would_be_too_late_is_refused_with_a_problem() -> None:
+def test_what_would_be_too_late_is_refused() -> None:
     gate, supervisor = admission(5.0)
-    answer = gate.refusal(SimpleRequest("/v1/robots/ur5e/ik", b'{"timeout": 2}'), "10.0.0.1", 1)
-    assert answer is not None
-    assert supervisor.asked == [("service.tasks:ik", 2.0, "10.0.0.1")]
-    head, _, body = answer.partition(b"\r\n\r\n")
-    assert head.startswith(b"HTTP/1.1 429 ")
-    assert b"Retry-After: 7" in head
-    assert f"Content-Length: {len(body)}".encode() in head
-    document = json.loads(body)
-    assert (document["code"], document["instance"]) == ("OVERLOADED", "/v1/robots/ur5e/ik")
-    assert "5.0 s until this one begins" in document["detail"]
+    with pytest.raises(QueueFull, match=r"5\.0 s until this one begins") as refused:
+        asyncio.run(pass_gate(gate, scope_of(IK), b'{"timeout": 2}'))
+    assert supervisor.asked == [("service.tasks:ik", 2.0, "10.0.0.1", 14)]
+    assert (refused.value.code, refused.value.retry_after) == ("OVERLOADED", 7)
+    asyncio.run(pass_gate(gate, scope_of(IK), b'{"timeout": 9}'))
 
 
-def test_others_are_let_in_and_count_until_they_are_answered() -> None:
+def test_refusals_have_a_pause(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Whoever asks again at once is slowed down."""
+    monkeypatch.setattr(admission_module, "_PAUSE", 0.05)
+    gate, _ = admission(5.0)
+    began = time.monotonic()
+    with pytest.raises(QueueFull):
+        asyncio.run(pass_gate(gate, scope_of(IK), b'{"timeout": 2}'))
+    assert time.monotonic() - began >= 0.04
+
+
+@pytest.mark.parametrize(
+    "scope",
+    [scope_of("/v1/plan"), scope_of("/healthz", "GET"), scope_of(IK, "GET"),
+     scope_of(IK, prefer="respond-async")],
+)  # fmt: skip
+def test_all_others_are_let_in(scope: dict[str, Any]) -> None:
     gate, supervisor = admission(5.0)
-    assert gate.refusal(SimpleRequest("/v1/robots/ur5e/ik", b'{"timeout": 9}'), "c", 1) is None
-    assert len(supervisor.coming) == 1
-    assert gate.refusal(SimpleRequest("/v1/plan", b'{"timeout": 1}'), "c", 2) is None, (
-        "not known yet"
-    )
-    assert (len(supervisor.asked), len(supervisor.coming)) == (1, 1)
-    gate.forget(2)
-    gate.forget(1)
-    assert not supervisor.coming
+    asyncio.run(pass_gate(gate, scope, b'{"timeout": 2}'))
+    large = [*scope["headers"], (b"content-length", b"99999999")]
+    asyncio.run(gate.check_announced(scope | {"headers": large}))
+    assert (supervisor.asked, supervisor.in_flight.changes) == ([], 0)
 
 
-def test_the_rest_of_a_short_body_is_waited_for_while_there_is_work() -> None:
+def test_a_large_body_is_not_read_where_no_timeout_would_be_long_enough() -> None:
+    gate, supervisor = admission(5.0)
+    large = scope_of(IK, content_length="1000000")
+    asyncio.run(gate.check_announced(large))
+    assert supervisor.asked == [("service.tasks:ik", 60.0, "10.0.0.1", 1_000_000)]
+    supervisor.wait = 100.0
+    with pytest.raises(Exception, match="too late for its deadline") as refused:
+        asyncio.run(gate.check_announced(large))
+    headers = headers_of(refused.value)  # type: ignore[arg-type]
+    assert headers == {"Connection": "close", "Retry-After": "7"}
+    asyncio.run(gate.check_announced(scope_of(IK, content_length="1000")))
+    asyncio.run(gate.check_announced(scope_of(IK, content_length="9" * 50)))
+    asyncio.run(gate.check_announced(scope_of(IK)))
+    assert len(supervisor.asked) == 2, "a short body is read first, a larger one than any refused"
+
+
+def test_those_let_in_count_until_they_are_answered() -> None:
     gate, supervisor = admission(5.0)
 
-    def is_awaited(data: bytes) -> bool:
-        request = read_simple(data)
-        return request is not None and gate.wants_rest(request)
+    async def run() -> None:
+        async with gate.admitted(scope_of(IK), b""), gate.admitted(scope_of("/v1/plan"), b""):
+            assert len(supervisor.in_flight) == 1
+            assert supervisor.in_flight.ahead("10.0.0.1", 0) == 1
 
-    whole = post("/v1/robots/ur5e/ik", b'{"timeout": 2}')
-    assert is_awaited(whole[:-3])
-    assert is_awaited(whole.partition(b"{")[0])
-    assert not is_awaited(whole), "nothing is missing"
-    assert not is_awaited(whole[:30]), "the head is not complete"
-    assert not is_awaited(post("/v1/plan", b"{}")[:-1]), "not known yet"
-    large = post("/v1/robots/ur5e/ik", b" " * 70_000)
-    assert not is_awaited(large[:-1])
-    supervisor.has_work = False
-    assert not is_awaited(whole[:-3])
+    asyncio.run(run())
+    assert len(supervisor.in_flight) == 0
+
+
+def test_a_crowd_is_let_in_one_in_each_turn_of_the_event_loop() -> None:
+    """Health and refusals come between, and each counts from its arrival on."""
+    gate, supervisor = admission(5.0)
+    seen: list[str] = []
+
+    async def ask() -> None:
+        async with gate.admitted(scope_of(IK), b""):
+            assert len(supervisor.in_flight) >= 3 - seen.count("asked")
+            seen.append("asked")
+
+    async def run() -> None:
+        crowd = [asyncio.create_task(ask()) for _ in range(3)]
+        await asyncio.sleep(0)
+        assert len(supervisor.in_flight) == 3
+        while seen.count("asked") < 3:
+            seen.append("health")
+            await asyncio.sleep(0)
+        await asyncio.gather(*crowd)
+
+    asyncio.run(run())
+    assert "asked asked" not in " ".join(seen)
 
 
 def test_nothing_is_asked_where_a_worker_is_free() -> None:
-    workers = Supervisor(wait=100.0)
-    admission = Admission(workers, Settings())  # type: ignore[arg-type]
-    admission.note("POST", "/v1/plan", "plan")
-    request = SimpleRequest("/v1/plan", b'{"timeout": 1}')
+    gate, workers = admission(100.0)
     workers.is_free = True
-    assert admission.refusal(request, "c", 1) is None
+    asyncio.run(pass_gate(gate, scope_of(IK), b'{"timeout": 1}'))
     assert not workers.asked
-    assert len(workers.coming) == 1
-    workers.is_free = False
-    assert admission.refusal(request, "c", 2) is not None

@@ -5,7 +5,6 @@ import gzip
 import json
 import threading
 import zlib
-from itertools import product
 from pathlib import Path
 from typing import Any
 
@@ -13,12 +12,11 @@ import httpx
 import pytest
 from fastapi import FastAPI, Response
 from starlette.middleware import gzip as middleware_module
-from starlette.middleware.gzip import GZipMiddleware
 
 from armwright_client import Client
-from service.http import middleware
-from service.http.compression import Compression, accepts_gzip
+from service.http.fields import accepts_gzip
 from service.http.metrics import Metrics
+from service.http.middleware import ServiceMiddleware
 from service.settings import Settings
 from tests.service.planning import BODY
 from tests.service.robots import ASIDE
@@ -78,10 +76,11 @@ def test_large_answers_are_compressed_beside_the_event_loop(
         loops.append(threading.get_ident())
         return Response(b"0123456789" * (size // 10), media_type="application/json")
 
-    middleware.install(app, Settings(data_dir=tmp_path), Metrics(app))
+    settings = Settings(data_dir=tmp_path)
+    layer = ServiceMiddleware(app, app, settings, Metrics(app))
 
     async def ask() -> httpx.Response:
-        transport = httpx.ASGITransport(app)
+        transport = httpx.ASGITransport(layer)
         async with httpx.AsyncClient(transport=transport, base_url="http://127.0.0.1") as client:
             return await client.get("/x", headers={"Accept-Encoding": "gzip"})
 
@@ -119,44 +118,3 @@ def test_the_client_asks_for_it_only_if_told(compress: bool, header: str) -> Non
     with Client("http://test", compress=compress, transport=httpx.MockTransport(handle)) as service:
         service.healthz()
     assert seen == [header]
-
-
-KINDS: list[list[tuple[bytes, bytes]]] = [
-    [],
-    [(b"content-type", b"application/json; charset=utf-8")],
-    [(b"content-type", b"image/PNG")],
-    [(b"content-type", b"video/mp4")],
-    [(b"content-type", b"text/event-stream")],
-    [(b"content-encoding", b"br")],
-    [(b"vary", b"Origin")],
-    [(b"vary", b"accept-encoding")],
-]
-
-
-def test_who_accepts_none_is_answered_as_by_the_framework() -> None:
-    async def sent(layer: Any, accepted: bytes | None, head: dict[str, Any]) -> list[Any]:
-        messages: list[Any] = []
-
-        async def app(scope: Any, receive: Any, send: Any) -> None:
-            del scope, receive
-            await send(head | {"headers": [*head["headers"]]})
-            size = int(dict(head["headers"])[b"content-length"])
-            await send({"type": "http.response.body", "body": size * b"x"})
-
-        async def send(message: Any) -> None:
-            messages.append(dict(message))
-
-        headers = [] if accepted is None else [(b"accept-encoding", accepted)]
-        await layer(app, minimum_size=1000)({"type": "http", "headers": headers}, None, send)
-        return messages
-
-    async def compare() -> None:
-        for status, size, fields, accepted in product(
-            (200, 206, 404), (0, 999, 1000, 5000), KINDS, (None, b"identity", b"br")
-        ):
-            headers = [*fields, (b"content-length", b"%d" % size)]
-            head = {"type": "http.response.start", "status": status, "headers": headers}
-            found = await sent(Compression, accepted, head)
-            assert found == await sent(GZipMiddleware, accepted, head)
-
-    asyncio.run(compare())

@@ -8,9 +8,9 @@ from typing import Any
 import pytest
 from fastapi import Request
 
-from service.http.body_limit import ARRIVAL
 from service.http.compute import allowed_time, compute
 from service.http.job_context import DRY_RUN, JOB_CONTEXT, DeferToJob, JobContext
+from service.http.request_body import ARRIVAL
 from service.problem import ProblemError
 from service.settings import Settings
 from service.workers.process import Background

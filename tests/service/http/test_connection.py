@@ -15,7 +15,7 @@ from typing import Any, NamedTuple
 import httpx
 import pytest
 
-from service.http.security_headers import SECURITY_HEADERS
+from service.http.middleware import SECURITY_HEADERS
 from tests.service.commands import serve
 from tests.service.http.exchange import FIELDS
 from tests.service.processes import children, descendants, wait_until
@@ -59,6 +59,16 @@ def read(connection: socket.socket) -> bytes:
     return b"".join(iter(lambda: connection.recv(65536), b""))
 
 
+def read_one(connection: socket.socket) -> bytes:
+    """One answer of a connection that stays open."""
+    received = b""
+    while not (length := re.search(rb"content-length: (\d+)\r\n.*?\r\n\r\n", received, re.DOTALL)):
+        received += connection.recv(65536)
+    while len(received) < length.end() + int(length[1]):
+        received += connection.recv(65536)
+    return received
+
+
 @pytest.fixture(scope="module")
 def running(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Running]:
     data = tmp_path_factory.mktemp("connections")
@@ -96,7 +106,8 @@ def test_two_lengths_of_a_body_are_refused(running: Running) -> None:
     head = b"POST /v1/scenes HTTP/1.1\r\nHost: x\r\nContent-Type: application/json\r\n"
     both = b"Content-Length: 2\r\nTransfer-Encoding: chunked\r\n\r\n2\r\n{}\r\n0\r\n\r\n"
     document = refusal(running.exchange(head + both), 400, "INVALID_REQUEST")
-    assert "both Content-Length and Transfer-Encoding" in document["detail"]
+    assert "Content-Length" in document["detail"]
+    assert "Transfer-Encoding" in document["detail"]
 
 
 @pytest.mark.parametrize("sent", [b"", b"GET / HT", b"GET / HTTP/1.1\r\nHost: x\r\n"])
@@ -113,7 +124,7 @@ def test_a_second_head_that_does_not_end_is_given_up(running: Running) -> None:
     def attempt() -> float:
         with running.connect() as connection:
             connection.sendall(b"GET /healthz HTTP/1.1\r\nHost: x\r\n\r\n")
-            assert connection.recv(65536).startswith(b"HTTP/1.1 200")
+            assert read_one(connection).startswith(b"HTTP/1.1 200")
             connection.sendall(b"GET /healthz HT")
             began = time.monotonic()
             refusal(read(connection), 408, "REQUEST_TIMEOUT")
@@ -224,14 +235,14 @@ def test_a_server_with_too_much_work_refuses_before_it_parses(running: Running) 
                 time.sleep(0.01)
             began = time.monotonic()
             for connection in connections[2:]:
-                answered = connection.recv(65536)
+                answered = read_one(connection)
                 assert answered.startswith(b"HTTP/1.1 429"), answered
                 assert b"\r\nretry-after: " in answered.lower()
             took = time.monotonic() - began
             # The connection goes on as any other.
             connections[-1].sendall(b"GET /healthz HTTP/1.1\r\nHost: x\r\n\r\n")
-            assert connections[-1].recv(65536).startswith(b"HTTP/1.1 200")
-            first, second = (connection.recv(65536)[9:12] for connection in connections[:2])
+            assert read_one(connections[-1]).startswith(b"HTTP/1.1 200")
+            first, second = (read_one(connection)[9:12] for connection in connections[:2])
             assert first in (b"422", b"504")
             assert second in (b"422", b"504", b"429"), "it may have come too late to wait"
             return took

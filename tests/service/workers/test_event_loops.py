@@ -1,17 +1,11 @@
-"""Connections and workers on transports that look like asyncio's and don't descend from them."""
+"""Workers on transports that look like asyncio's and don't descend from them."""
 
 import asyncio
 from typing import Any, cast
 
-import uvicorn
-from uvicorn.server import ServerState
-
-from service.http.connection import Connection, ConnectionLimits
 from service.workers.fork_client import WorkerProcess
 from service.workers.process import Ticket, Worker
 from service.workers.task import Job, pack_job
-
-REQUEST = b"GET /x HTTP/1.1\r\nHost: a\r\n\r\n"
 
 
 class Foreign:
@@ -42,29 +36,6 @@ class Foreign:
 def foreign() -> tuple[Foreign, asyncio.Transport]:
     transport = Foreign()
     return transport, cast(asyncio.Transport, transport)
-
-
-def test_a_request_is_answered_on_it() -> None:
-    async def app(scope: Any, receive: Any, send: Any) -> None:
-        del receive
-        assert scope["path"] == "/x"
-        await send({"type": "http.response.start", "status": 204, "headers": []})
-        await send({"type": "http.response.body"})
-
-    async def scenario() -> bytes:
-        config = uvicorn.Config(app, log_config=None)
-        config.load()
-        limits = ConnectionLimits(10, 5.0)
-        connection = Connection(limits, config=config, server_state=ServerState(), app_state={})
-        transport, typed = foreign()
-        connection.connection_made(typed)
-        connection.data_received(REQUEST)
-        for _ in range(10):
-            await asyncio.sleep(0)
-        connection.connection_lost(None)
-        return transport.sent
-
-    assert asyncio.run(scenario()).startswith(b"HTTP/1.1 204")
 
 
 def test_a_job_is_sent_on_it() -> None:

@@ -1,0 +1,156 @@
+"""Checks of a request's head: its form, its host, and the page that sends it.
+
+The parser (llhttp, as uvicorn uses it) refuses most of what is malformed. What it lets pass, and
+has no single meaning (RFC 9112), is refused here: where servers and proxies differ, requests are
+smuggled.
+
+A page of a foreign site may have its own name resolve to this machine and then ask the service as
+if it were that site (DNS rebinding). The header Host tells: it holds the foreign name. It may also
+send a form here, which browsers do without asking first (multipart, plain text). The headers Origin
+and Sec-Fetch-Site tell, which no page can change; programs that are no browsers send neither.
+"""
+
+import ipaddress
+import re
+
+from starlette.types import Scope
+
+from service.http.errors import HttpProblemError
+from service.http.fields import field
+
+_VERSIONS = ("1.0", "1.1")
+#: Allows every name, or every origin.
+ANY_HOST = "*"
+#: Methods that change nothing.
+_READING = frozenset({"GET", "HEAD", "OPTIONS"})
+_HOST = re.compile(r"(?P<name>\[[0-9A-Fa-f:.]+\]|[A-Za-z0-9._\-]+)(:[0-9]{1,5})?")
+
+
+def check_head(scope: Scope) -> None:
+    """Refuse a head that the parser lets pass and that has no single meaning.
+
+    Args:
+        scope: Of the request.
+
+    Raises:
+        HttpProblemError: INVALID_REQUEST: another version of HTTP, no header Host or several, a
+            transfer encoding that is not served, or a body behind the offer of another protocol,
+            which the parser leaves unread.
+    """
+    version, hosts, has_body = scope["http_version"], 0, False
+    if version not in _VERSIONS:
+        raise _malformed(f"HTTP/{version} is not served")
+    for name, value in scope["headers"]:
+        if name == b"host":
+            hosts += 1
+        elif name == b"transfer-encoding":
+            has_body = True
+            if value.lower() != b"chunked":
+                raise _malformed("of transfer encodings only chunked is served")
+        elif name == b"content-length":
+            has_body = has_body or value.strip(b"0") != b""
+    if hosts > 1 or (hosts == 0 and version != "1.0"):
+        raise _malformed("the request must have one header Host")
+    if has_body and offers_upgrade(scope):
+        raise _malformed("a request that offers another protocol can't have a body")
+
+
+def offers_upgrade(scope: Scope) -> bool:
+    """Whether a request offers to go on in another protocol, of which none is served."""
+    return any(
+        name == b"connection" and b"upgrade" in value.lower() for name, value in scope["headers"]
+    ) and any(name == b"upgrade" for name, _ in scope["headers"])
+
+
+def _malformed(detail: str) -> HttpProblemError:
+    return HttpProblemError(
+        "INVALID_REQUEST",
+        detail,
+        {"Connection": "close"},
+        stage="request",
+        hint="The request must follow HTTP/1.1 (RFC 9112).",
+        status=400,
+    )
+
+
+def allowed_host(header: str, names: frozenset[str]) -> bool:
+    """Whether a request with this header Host may be answered.
+
+    Addresses and names without a dot are always: nobody can register them, so nobody can have
+    them resolve to this machine. Of other names those on the list are.
+
+    Args:
+        header: The value of the header, perhaps with a port.
+        names: Further names that are allowed, in lower case; one that begins with a dot stands for
+            all names below it.
+    """
+    match = _HOST.fullmatch(header)
+    if match is None:
+        return False
+    name = match["name"].lower().rstrip(".")
+    if ANY_HOST in names or name in names or "." not in name.strip("[]").replace(":", ""):
+        return True
+    if any(name.endswith(parent) for parent in names if parent.startswith(".")):
+        return True
+    return _is_address(name.strip("[]"))
+
+
+def _is_address(name: str) -> bool:
+    try:
+        ipaddress.ip_address(name)
+    except ValueError:
+        return False
+    return True
+
+
+def is_foreign(
+    origin: str | None, site: str | None, host: str | None, origins: tuple[str, ...]
+) -> bool:
+    """Whether a request comes from a page that is neither of this service nor one of a list.
+
+    Args:
+        origin: The header Origin; None where there is none.
+        site: The header Sec-Fetch-Site; None where there is none.
+        host: The header Host.
+        origins: Whose pages may ask, "*" for all.
+    """
+    if ANY_HOST in origins or origin in origins or site == "same-origin":
+        return False
+    if origin is None:
+        return site == "cross-site"
+    # A proxy with TLS in front changes the scheme, and not the name.
+    return origin not in (f"http://{host}", f"https://{host}")
+
+
+def check_host(scope: Scope, names: frozenset[str], origins: tuple[str, ...]) -> None:
+    """Refuse requests for foreign hosts, and changes by foreign pages.
+
+    Args:
+        scope: Of the request.
+        names: As `allowed_host` has them.
+        origins: Whose pages may change things, "*" for all.
+
+    Raises:
+        HttpProblemError: HOST_NOT_ALLOWED, FORBIDDEN.
+    """
+    host = field(scope, b"host")
+    # HTTP/1.1 without the header is refused by `check_head`; older requests come from probes.
+    if host is not None and not allowed_host(host, names):
+        raise HttpProblemError(
+            "HOST_NOT_ALLOWED",
+            f"this service does not answer for the host {host[:100]!r}",
+            {"Connection": "close"},
+            stage="request",
+            hint="List the name in ARMWRIGHT_ALLOWED_HOSTS where the service is run.",
+        )
+    if scope["method"] in _READING:
+        return
+    origin, site = field(scope, b"origin"), field(scope, b"sec-fetch-site")
+    if is_foreign(origin, site, host, origins):
+        raise HttpProblemError(
+            "FORBIDDEN",
+            f"a page of {(origin or 'another site')[:100]!r} may not change anything here",
+            {"Connection": "close"},
+            stage="request",
+            hint="List its origin in ARMWRIGHT_CORS_ORIGINS where the service is run.",
+        )
