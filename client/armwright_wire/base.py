@@ -73,8 +73,6 @@ class Body(Wire):
     only_beside: ClassVar[Beside] = {}
     #: Other rules of several fields, as the published schema has them.
     published_rules: ClassVar[tuple[JsonDict, ...]] = ()
-    #: Whether the task of a request validates it, and says so where it is malformed.
-    is_validated_by_task: ClassVar[bool] = False
 
     #: The field that tells this form from others, if there are any.
     tag: ClassVar[str | None] = None

@@ -1,6 +1,6 @@
 """Planning problems, timed motions and their certificates on the wire."""
 
-from typing import Annotated, Any, ClassVar, Literal, get_args
+from typing import Annotated, Any, Literal, get_args
 
 from pydantic import ConfigDict, Field, model_validator
 from pydantic.config import JsonDict
@@ -139,8 +139,6 @@ _OPTIONS = (
 
 class PlanRequest(WithFingers, Keepable):
     """A motion to be planned."""
-
-    is_validated_by_task: ClassVar[bool] = True
 
     model_config = ConfigDict(json_schema_extra={"examples": [_EXAMPLE, _CARTESIAN]})
 
