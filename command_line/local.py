@@ -135,8 +135,11 @@ class LocalBackend:
 
     def _proved(self, robot: str, scene: Reference | None, plan: dict[str, Any]) -> dict[str, Any]:
         """A kept plan that is proved here where the answer of here is its own."""
-        from service.http.answer_digest import answer_digest  # noqa: PLC0415
-        from service.http.keeping import named_robot, states_proof  # noqa: PLC0415
+        from service.http.keeping import (  # noqa: PLC0415
+            answer_digest,
+            named_robot,
+            states_proof,
+        )
 
         path = plan["operation"].removeprefix("POST ")
         asked = {name: value for name, value in plan["request"].items() if name != "keep"}

@@ -22,7 +22,7 @@ ROOT = Path(__file__).parents[1]
 sys.path.insert(0, str(ROOT))
 
 from service.app import create_app  # noqa: E402
-from service.http.openapi_examples import BUNDLE, Example, examples  # noqa: E402
+from service.http.openapi import BUNDLE, Example, examples  # noqa: E402
 from service.settings import Settings  # noqa: E402
 from tests.service.processes import wait_until  # noqa: E402
 from tests.service.server import serving  # noqa: E402

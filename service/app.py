@@ -11,11 +11,11 @@ from starlette.concurrency import run_in_threadpool
 
 from service.access.authentication import Authenticator
 from service.housekeeping import keep_house
-from service.http import handlers, openapi
-from service.http.admission import Admission
+from service.http import errors, openapi
 from service.http.json_route import JsonRoute
+from service.http.layer.admission import Admission
+from service.http.layer.middleware import ServiceMiddleware
 from service.http.metrics import Metrics
-from service.http.middleware import ServiceMiddleware
 from service.jobs.agent_jobs import AgentJobs
 from service.jobs.deferral import defer
 from service.jobs.runner import Jobs
@@ -182,7 +182,7 @@ def create_app(
     )
     if tracing is not None:
         install_tracing(app, tracing)
-    handlers.install(app)
+    errors.install(app)
     openapi.install(app)
     for router in _ROUTERS:
         app.include_router(router)

@@ -15,7 +15,7 @@ from pydantic import ValidationError
 from service import logs
 from service.app import create_app
 from service.housekeeping import take_one_arena
-from service.http.connection import (
+from service.http.layer.connection import (
     ConnectionLimits,
     connection_class,
     possible_connections,

@@ -5,8 +5,7 @@ from pathlib import Path
 import pytest
 
 from scripts.reference import FOLDER, pages, stale
-from service.http.cures import CURES
-from service.http.errors import KINDS
+from service.http.errors import KINDS, PROBLEM_HINTS
 from service.settings import Settings
 
 
@@ -42,6 +41,6 @@ def test_everything_has_its_line(made: dict[str, str]) -> None:
     assert all(page.endswith("\n") for page in made.values())
 
 
-def test_every_problem_has_a_cure() -> None:
-    assert CURES.keys() == KINDS.keys()
-    assert all(cure.endswith(".") for cure in CURES.values())
+def test_every_problem_has_a_hint() -> None:
+    assert PROBLEM_HINTS.keys() == KINDS.keys()
+    assert all(hint.endswith(".") for hint in PROBLEM_HINTS.values())

@@ -72,7 +72,6 @@ CROWDED = {
     "planning/timing",
     "planning/tours",
     "service",
-    "service/http",
     "service/jobs",
     "service/routes",
     "service/storage",

@@ -1,14 +1,18 @@
-"""Answers that workers compute for robots and scenes, which are prepared first where needed."""
+"""Answers that workers compute for robots and scenes, which are prepared first where needed.
+
+Answers to requests for plans are counted, too.
+"""
 
 from collections.abc import Awaitable, Callable
 from functools import partial
-from typing import TypeVar
+from typing import Protocol, TypeVar
 
 from fastapi import Request
 from starlette.concurrency import run_in_threadpool
 
 from armwright_wire.scene import Scene
 from service.http.compute import compute, compute_at_once
+from service.http.metrics import Metrics
 from service.http.state import (
     models_of,
     note_reference,
@@ -19,7 +23,7 @@ from service.http.state import (
 from service.problem import ProblemError, from_fields
 from service.storage.cache_key import Reference, builtin_reference
 from service.storage.robot_repository import RobotRepository, is_built_in
-from service.task_references import prepare_robot, prepare_scene, robot_model
+from service.task_references import plan, prepare_robot, prepare_scene, robot_model
 from service.tasks.result import CacheMiss, RobotModel, TaskProblem
 from service.workers.process import OnProgress
 from service.workers.task import Job
@@ -274,3 +278,50 @@ def _replaced_meanwhile() -> ProblemError:
         stage="storage",
         hint="Ask again when nobody changes it.",
     )
+
+
+class PlanProblem(Protocol):
+    """The fields of a request for a plan that the server itself reads."""
+
+    @property
+    def robot(self) -> str:
+        """The name of the robot."""
+
+    @property
+    def scene(self) -> str | Scene | None:
+        """The name of a stored scene, an inline scene, or none."""
+
+    @property
+    def timeout(self) -> float | None:
+        """For all stages together, if one is named [s]."""
+
+
+async def plan_answer(
+    request: Request,
+    body: PlanProblem,
+    content: bytes,
+) -> bytes:
+    """The answer to a request for a plan, JSON.
+
+    Args:
+        request: On whose behalf.
+        body: The problem.
+        content: The problem as JSON, for the worker.
+
+    Raises:
+        ProblemError: There is no plan; as `answers.answer`.
+    """
+    metrics: Metrics = request.app.state.metrics
+    try:
+        outcome = await answer(
+            request,
+            lambda robot, scene: plan.job(robot, scene, content),
+            body.robot,
+            body.scene,
+            timeout=body.timeout,
+        )
+    except ProblemError as problem:
+        metrics.count_failure(problem.code, problem.details.get("stages"))
+        raise
+    metrics.count_plan(outcome.planner, outcome.stages)
+    return outcome.content

@@ -10,10 +10,9 @@ from fastapi import Request
 
 from planning.values.deadline import Deadline
 from service.access.caller import client_of
-from service.http.admission import Admission
-from service.http.job_context import end_dry_run, job_context
-from service.http.request_body import ARRIVAL
-from service.http.state import settings_of, supervisor_of
+from service.http.layer.admission import Admission
+from service.http.layer.request_checks import ARRIVAL
+from service.http.state import end_dry_run, job_context, settings_of, supervisor_of
 from service.problem import ProblemError
 from service.settings import Settings
 from service.workers.process import Background, OnProgress

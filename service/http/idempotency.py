@@ -8,7 +8,7 @@ from fastapi import Request, Response
 from starlette.concurrency import run_in_threadpool
 
 from service.access.caller import caller_of
-from service.http.fields import field
+from service.http.request_headers import field
 from service.http.state import store_of
 from service.problem import ProblemError
 from service.storage.idempotency_store import IdempotencyKey, KeptAnswer, Recorded

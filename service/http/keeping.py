@@ -1,12 +1,17 @@
-"""Kept answers: a request that says so is stored with its answer or problem."""
+"""Kept answers: a request that says so is stored with its answer or problem.
 
+Digests of answers, without the times that were measured, tell whether a replay answers the same.
+"""
+
+import hashlib
 import json
 import logging
 import re
 import secrets
 import time
-from collections.abc import Awaitable, Callable, Mapping
+from collections.abc import Awaitable, Callable, Iterator, Mapping
 from dataclasses import dataclass
+from itertools import islice
 from typing import Any
 
 from fastapi import Request, Response
@@ -16,13 +21,13 @@ from starlette.concurrency import run_in_threadpool
 from armwright_wire.base import Keepable
 from kinematics.errors import ArmwrightError
 from service.access.caller import caller_of
-from service.http.answer_digest import answer_digest
 from service.http.errors import document, from_domain, status_of, with_headers
-from service.http.job_context import DRY_RUN, job_context
 from service.http.state import (
+    DRY_RUN,
     REPLAY,
     USED_REFERENCES,
     Replay,
+    job_context,
     retention,
     settings_of,
     store_of,
@@ -33,7 +38,6 @@ from service.storage.database import StorageUnavailable
 from service.storage.plan_store import PlanContent, PlanRecord
 from service.version import VERSION
 
-_log = logging.getLogger(__name__)
 #: Key in the scope of a request, with the id of the plan that it was kept as.
 KEPT_PLAN = "armwright.kept_plan"
 #: Statuses of problems that answer the request: no motion, or the deadline passed.
@@ -171,3 +175,56 @@ def _record(request: Request, content: PlanContent, outcome: _Outcome) -> PlanRe
         api_key=caller.api_key,
         proved_here=outcome.code is None and states_proof(request.url.path, outcome.content),
     )
+
+
+#: Fields that hold measured times or names of this one answer: they differ from run to run.
+_MEASURED = frozenset({"milliseconds", "plan_id", "instance"})
+
+
+def answer_digest(content: bytes) -> str:
+    """SHA-256 of an answer or problem without measured times, in hexadecimal digits.
+
+    Args:
+        content: JSON.
+    """
+    # Keys keep their order and floats their shortest form: equal digests are equal bytes.
+    text = json.dumps(_reproducible(json.loads(content)), separators=(",", ":"), allow_nan=False)
+    return hashlib.sha256(text.encode()).hexdigest()
+
+
+def differences(first: bytes, second: bytes, limit: int) -> list[str]:
+    """JSON pointers (RFC 6901) to the first values that two answers do not have in common.
+
+    Args:
+        first: JSON.
+        second: JSON.
+        limit: How many at most.
+    """
+    values = _reproducible(json.loads(first)), _reproducible(json.loads(second))
+    return list(islice(_pointers(*values, ""), limit))
+
+
+def _reproducible(value: Any) -> Any:
+    if isinstance(value, dict):
+        return {name: _reproducible(item) for name, item in value.items() if name not in _MEASURED}
+    if isinstance(value, list):
+        return [_reproducible(item) for item in value]
+    return value
+
+
+def _pointers(first: Any, second: Any, at: str) -> Iterator[str]:
+    if isinstance(first, dict) and isinstance(second, dict):
+        for name in [*first, *(name for name in second if name not in first)]:
+            pointer = f"{at}/{name.replace('~', '~0').replace('/', '~1')}"
+            if name in first and name in second:
+                yield from _pointers(first[name], second[name], pointer)
+            else:
+                yield pointer
+    elif isinstance(first, list) and isinstance(second, list) and len(first) == len(second):
+        for index, pair in enumerate(zip(first, second, strict=True)):
+            yield from _pointers(*pair, f"{at}/{index}")
+    elif first != second:
+        yield at
+
+
+_log = logging.getLogger(__name__)

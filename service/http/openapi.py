@@ -1,6 +1,12 @@
-"""The OpenAPI document, beyond what the framework derives from the routes."""
+"""The OpenAPI document, beyond what the framework derives from the routes.
 
-from typing import Any
+Its examples are requests and answers of a running service; `scripts/openapi_examples.py` writes the
+answers.
+"""
+
+import json
+from importlib.resources import files
+from typing import Any, NamedTuple
 
 from fastapi import FastAPI
 from fastapi.openapi.utils import get_openapi
@@ -8,8 +14,179 @@ from fastapi.openapi.utils import get_openapi
 from armwright_wire.job import Problem
 from armwright_wire.robot import RobotBody
 from armwright_wire.tool_motion import CartesianOptions
-from service.http import openapi_examples, openapi_fields, openapi_problems
+from planning.sampling.planners import PLANNERS, describe_options
+from service.http import openapi_problems
 from service.http.errors import KINDS, PROBLEM_MEDIA_TYPE
+
+#: Kinds of content that an example's answer may have, the likely one first.
+_JSON = "application/json"
+#: A request that sends the bundle of the example before it.
+BUNDLE = "the bundle"
+
+
+class Example(NamedTuple):
+    """A request with its answer.
+
+    Attributes:
+        operation: Identifier of the operation.
+        title: What the example shows.
+        path: Where the request is sent, with its query.
+        request: Body, None for none.
+        status: HTTP status of the answer.
+        answer: Body of the answer: JSON, or a text.
+    """
+
+    operation: str
+    title: str
+    path: str
+    request: Any
+    status: int
+    answer: Any
+
+
+def examples() -> list[Example]:
+    """All examples, in an order in which they can be sent to an empty service."""
+    text = files("service.http").joinpath("openapi_examples.json").read_text("utf-8")
+    return [Example(**fields) for fields in json.loads(text)]
+
+
+def add_examples(paths: dict[str, Any]) -> None:
+    """Add the examples to their operations.
+
+    Args:
+        paths: Operations by path and method, as the document has them; they are changed.
+    """
+    operations = {
+        operation["operationId"]: operation
+        for methods in paths.values()
+        for operation in methods.values()
+    }
+    bundle = None
+    for example in examples():
+        if example.operation == "get_bundle":
+            bundle = example.answer
+        request = bundle if example.request == BUNDLE else example.request
+        operation = operations.get(example.operation)
+        if operation is None:
+            continue
+        if request is not None:
+            body = operation["requestBody"]["content"][_JSON]
+            _add(body, example.title, request)
+        content = operation["responses"].get(str(example.status), {}).get("content", {})
+        for answer in content.values():
+            _add(answer, example.title, example.answer)
+
+
+def _add(media: dict[str, Any], title: str, value: Any) -> None:
+    """Add an example under the next free name of a kind of content."""
+    listed = media.setdefault("examples", {})
+    number = 1 + sum(name.startswith("example_") for name in listed)
+    listed[f"example_{number}"] = {"summary": title, "value": value}
+    media.pop("example", None)
+
+
+Schema = dict[str, Any]
+
+
+def describe_fields(schemas: dict[str, Schema]) -> None:
+    """Give fields that say nothing of themselves the description of their type.
+
+    Args:
+        schemas: By name, as the document has them; their fields are changed.
+    """
+    for schema in schemas.values():
+        for field in schema.get("properties", {}).values():
+            texts = _type_descriptions(field, schemas)
+            if "description" not in field and len(texts) == 1:
+                field["description"] = texts[0]
+
+
+def describe_planner_options(schemas: dict[str, Schema]) -> None:
+    """List the options of OMPL's planners, which planning has and the models have not.
+
+    Args:
+        schemas: By name, as the document has them; their fields are changed.
+    """
+    text = "".join(f"\n* `{name}`: {describe_options(name)}" for name in PLANNERS)
+    for schema in schemas.values():
+        options = schema.get("properties", {}).get("planner_options")
+        if options is not None:
+            options["description"] += text
+
+
+def _type_descriptions(field: Schema, schemas: dict[str, Schema]) -> list[str]:
+    """First lines of the descriptions of the types that a field may have."""
+    if "const" in field:
+        return [f"always `{field['const']}`, which tells this form from others"]
+    forms = [field, *field.get("anyOf", ())]
+    named = [schemas[form["$ref"].rpartition("/")[2]] for form in forms if "$ref" in form]
+    texts = [str(form["description"]) for form in (*forms, *named) if "description" in form]
+    return [text.partition("\n")[0] for text in texts]
+
+
+def bound_timeouts(schemas: dict[str, Schema], longest: float) -> None:
+    """Publish the longest timeout that the service allows.
+
+    Args:
+        schemas: By name, as the document has them; their fields are changed.
+        longest: The longest timeout [s].
+    """
+    for schema in schemas.values():
+        timeout = schema.get("properties", {}).get("timeout", {})
+        for form in (timeout, *timeout.get("anyOf", ())):
+            if "maximum" in form:
+                form["maximum"] = min(form["maximum"], longest)
+
+
+def close_maps(schema: Any) -> None:
+    """Say of maps whose names follow a pattern that they have no other names.
+
+    Args:
+        schema: The document or a part of it, changed in place.
+    """
+    if isinstance(schema, dict):
+        if "patternProperties" in schema:
+            schema.setdefault("additionalProperties", False)
+        for inner in schema.values():
+            close_maps(inner)
+    elif isinstance(schema, list):
+        for inner in schema:
+            close_maps(inner)
+
+
+def bound_timeout_parameters(paths: dict[str, Schema], longest: float) -> None:
+    """Publish the longest timeout that the service allows in parameters.
+
+    Args:
+        paths: Operations by path and method, as the document has them; parameters are changed.
+        longest: The longest timeout [s].
+    """
+    for operations in paths.values():
+        for operation in operations.values():
+            for parameter in operation.get("parameters", ()):
+                if parameter["name"] == "timeout":
+                    form = parameter["schema"]
+                    bound_timeouts({"": {"properties": {"timeout": form}}}, longest)
+
+
+def describe_parameters(paths: dict[str, Schema]) -> None:
+    """Say of parameters that say nothing of themselves what they name.
+
+    Args:
+        paths: Operations by path and method, as the document has them; parameters are changed.
+    """
+    for path, operations in paths.items():
+        thing = path.removeprefix("/v1/").partition("/")[0].removesuffix("s")
+        usual = {
+            "name": f"name of the {thing}",
+            "id": f"name of the {thing}, as the service gave it",
+            "code": f"code of the {thing}",
+            "limit": f"largest number of {thing}s to answer",
+        }
+        for operation in operations.values():
+            for parameter in operation.get("parameters", ()):
+                parameter.setdefault("description", usual.get(parameter["name"], ""))
+
 
 DESCRIPTION = """\
 Robot, scene, start and goal in; a certified, timed trajectory out.
@@ -97,19 +274,19 @@ def install(app: FastAPI) -> None:
                 ref_template="#/components/schemas/{model}"
             )
             schemas |= {**options.pop("$defs"), "CartesianOptions": options} | schemas
-            openapi_fields.describe_planner_options(schemas)
-            openapi_fields.describe_fields(schemas)
+            describe_planner_options(schemas)
+            describe_fields(schemas)
             longest = app.state.settings.max_timeout
-            openapi_fields.bound_timeouts(schemas, longest)
-            openapi_fields.bound_timeout_parameters(schema["paths"], longest)
-            openapi_fields.describe_parameters(schema["paths"])
+            bound_timeouts(schemas, longest)
+            bound_timeout_parameters(schema["paths"], longest)
+            describe_parameters(schema["paths"])
             for path in schema["paths"].values():
                 for method in _COMPUTING & path.keys():
                     _tell_of_jobs(path[method], method)
             openapi_problems.add_problems(schema)
-            openapi_examples.add_examples(schema["paths"])
+            add_examples(schema["paths"])
             schema["components"]["securitySchemes"] = _SECURITY_SCHEMES
-            openapi_fields.close_maps(schema)
+            close_maps(schema)
             # Needed only where the service has keys.
             schema["security"] = [{}, *({name: []} for name in _SECURITY_SCHEMES)]
             app.openapi_schema = schema

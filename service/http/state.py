@@ -1,12 +1,13 @@
-"""The parts of the running application that requests use, typed."""
+"""State of the running application, and of requests that belong to jobs or replays, typed."""
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
 
 from fastapi import Request
 
-from service.access.caller import caller_of
+from service.access.caller import ANYONE, Caller, caller_of
 from service.settings import Settings, prepared_folder_of
 from service.storage.audit_store import Actor
 from service.storage.cache_key import Reference
@@ -98,3 +99,50 @@ def prepared_folder(request: Request) -> str:
 @lru_cache(16)
 def _folder_name(data_dir: Path) -> str:
     return str(prepared_folder_of(data_dir))
+
+
+#: Key in the scope of a request that is only checked: would it be accepted as a job?
+DRY_RUN = "armwright.dry_run"
+#: Key in the scope of a job's request, with its `JobContext`.
+JOB_CONTEXT = "armwright.job"
+
+
+class DeferToJob(Exception):
+    """A request that is only checked came as far as its work, so it may become a job."""
+
+
+@dataclass(frozen=True, slots=True)
+class JobContext:
+    """The job on whose behalf a request is answered, in place of a client that waits.
+
+    Args:
+        id: The job.
+        deadline: When it must be done, on the clock of `time.monotonic` [s].
+        on_start: Called when a worker begins with it.
+        on_progress: Called with the progress, from 0 to 1, and the stage that a worker reports.
+        caller: Whose job it is.
+        first: Index of its first problem in the batch that it is a chunk of.
+    """
+
+    id: str
+    deadline: float
+    on_start: Callable[[], None]
+    on_progress: Callable[[float, str], None]
+    caller: Caller = ANYONE
+    first: int = 0
+
+
+def job_context(request: Request) -> JobContext | None:
+    """The job that a request belongs to; None where a client waits."""
+    context: JobContext | None = request.scope.get(JOB_CONTEXT)
+    return context
+
+
+def end_dry_run(request: Request) -> None:
+    """End here if the request is only checked.
+
+    Raises:
+        DeferToJob: It is.
+    """
+    if request.scope.get(DRY_RUN):
+        raise DeferToJob

@@ -12,9 +12,8 @@ from kinematics.errors import ArmwrightError
 from service.http import answers
 from service.http.compute import allowed_time
 from service.http.errors import document, from_domain
-from service.http.job_context import JobContext
 from service.http.metrics import Metrics
-from service.http.state import settings_of, supervisor_of
+from service.http.state import JobContext, settings_of, supervisor_of
 from service.jobs.batch_parts import Part, Parts
 from service.jobs.storage_retry import STORAGE_RETRY
 from service.problem import ProblemError, from_fields, unexpected_fault

@@ -4,8 +4,8 @@ from fastapi import Request, Response
 
 from service.access.caller import caller_of
 from service.http.idempotency import kept_answer, note_kept
-from service.http.job_context import DRY_RUN, DeferToJob
 from service.http.json_route import Handler, prefers_async
+from service.http.state import DRY_RUN, DeferToJob
 from service.jobs.answer import job_summary
 from service.jobs.runner import Jobs
 from service.storage.job_store import JobAnswer, JobRecord, StoredRequest

@@ -18,7 +18,7 @@ from starlette.types import ASGIApp
 
 from service.access.caller import Caller
 from service.http.errors import status_of
-from service.http.job_context import JobContext
+from service.http.state import JobContext
 from service.jobs import records, storage_retry
 from service.jobs.live_job import LiveJob
 from service.jobs.purge import purge

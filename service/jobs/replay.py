@@ -11,7 +11,7 @@ from starlette.datastructures import Headers
 from starlette.types import ASGIApp, Message
 
 from service.access.caller import CALLER
-from service.http.job_context import JOB_CONTEXT, JobContext
+from service.http.state import JOB_CONTEXT, JobContext
 from service.storage.job_store import JobAnswer, StoredRequest
 
 

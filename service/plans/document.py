@@ -11,7 +11,7 @@ from starlette.concurrency import run_in_threadpool
 from armwright_wire.kept_plan import Bundle, DocumentName, KeptPlanSummary
 from armwright_wire.robot import RobotBody
 from armwright_wire.scene import NamedScene
-from service.http.answer_digest import answer_digest
+from service.http.keeping import answer_digest
 from service.problem import ProblemError
 from service.storage.plan_store import PlanContent, PlanRecord, PlanStore
 from service.validation import parse_json, validate_as

@@ -6,10 +6,9 @@ from armwright_wire.batch import BatchAnswer, BatchRequest
 from armwright_wire.job import JobSummary
 from service.http import answers
 from service.http.compute import allowed_time
-from service.http.job_context import DeferToJob, job_context
 from service.http.json_route import Handler, JobRoute
 from service.http.openapi import RESPONSES
-from service.http.state import settings_of
+from service.http.state import DeferToJob, job_context, settings_of
 from service.jobs.batch import Batch
 from service.problem import ProblemError
 

@@ -12,8 +12,7 @@ from fastapi import Path as InPath
 from fastapi.responses import FileResponse, HTMLResponse
 from starlette.concurrency import run_in_threadpool
 
-from service.http.fields import accepts_gzip
-from service.http.precondition import names_tag
+from service.http.request_headers import accepts_gzip, names_tag
 from service.version import VERSION
 
 router = APIRouter(include_in_schema=False)

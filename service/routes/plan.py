@@ -5,9 +5,9 @@ from fastapi import APIRouter, Request, Response
 from armwright_wire.certificate import CertificateAnswer
 from armwright_wire.plan import PlanAnswer, PlanRequest, ValidateRequest
 from service.http import answers
+from service.http.answers import plan_answer
 from service.http.json_route import JsonRoute
 from service.http.openapi import RESPONSES
-from service.http.plan_answer import plan_answer
 from service.task_references import validate as validate_task
 
 router = APIRouter(prefix="/v1", tags=["planning"], route_class=JsonRoute, responses=RESPONSES)

@@ -23,9 +23,8 @@ from armwright_wire.kept_plan import (
 from kinematics.errors import ArmwrightError
 from service.access.caller import caller_of
 from service.http import answers
-from service.http.answer_digest import answer_digest, differences
 from service.http.json_route import JsonRoute
-from service.http.keeping import named_robot, new_plan_id, states_proof
+from service.http.keeping import answer_digest, differences, named_robot, new_plan_id, states_proof
 from service.http.openapi import RESPONSES
 from service.http.state import REPLAY, Replay, retention, settings_of, store_of
 from service.plans.document import (

@@ -4,8 +4,7 @@ from fastapi import APIRouter
 from pydantic import Field
 
 from armwright_wire.base import Answer
-from service.http.cures import CURES
-from service.http.errors import KINDS
+from service.http.errors import KINDS, PROBLEM_HINTS
 from service.http.json_route import JsonRoute
 from service.http.openapi import RESPONSES
 from service.problem import ProblemError
@@ -53,4 +52,4 @@ async def get_problem(code: str) -> ProblemKind:
 
 def _kind(code: str) -> ProblemKind:
     kind = KINDS[code]
-    return ProblemKind(code=code, status=kind.status, title=kind.title, cure=CURES[code])
+    return ProblemKind(code=code, status=kind.status, title=kind.title, cure=PROBLEM_HINTS[code])

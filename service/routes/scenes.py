@@ -19,7 +19,7 @@ from service.http import answers
 from service.http.idempotency import kept_answer, note_kept
 from service.http.json_route import JsonRoute
 from service.http.openapi import RESPONSES
-from service.http.precondition import check_precondition
+from service.http.request_headers import check_precondition
 from service.http.state import documents_of, prepared_folder
 from service.problem import ProblemError
 from service.routes.paging import page

@@ -11,7 +11,7 @@ from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 from service import logs
 from service.access.caller import caller_of
-from service.http.job_context import JOB_CONTEXT, JobContext
+from service.http.state import JOB_CONTEXT, JobContext
 from service.tracing.tracer import NO_CONTEXT, Tracing
 
 _PROPAGATOR = TraceContextTextMapPropagator()

@@ -8,7 +8,7 @@ import pytest
 
 from command_line.endpoints import PLAN
 from command_line.local import LocalBackend
-from service.http.answer_digest import answer_digest
+from service.http.keeping import answer_digest
 from tests.command_line.commands import Run
 from tests.service.robots import ASIDE, HOME
 

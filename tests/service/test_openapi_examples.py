@@ -12,7 +12,7 @@ from armwright_wire.job import Problem
 from scripts.openapi_examples import cut, send_all
 from service.app import _ROUTERS
 from service.http.errors import KINDS, PROBLEM_MEDIA_TYPE
-from service.http.openapi_examples import Example, examples
+from service.http.openapi import Example, examples
 from tests.service.conftest import Served
 
 #: Operations whose whole answer tells what happens to run or to be stored.

@@ -4,7 +4,7 @@ import re
 
 import httpx
 
-from service.http.middleware import SECURITY_HEADERS
+from service.http.layer.middleware import SECURITY_HEADERS
 
 
 def test_the_start_page_leads_everywhere(client: httpx.Client) -> None:

@@ -11,7 +11,7 @@ import pytest
 from armwright_client import Client
 from armwright_wire.kept_plan import Bundle, KeptPlan, PlanList, ReplayAnswer
 from service.app import create_app
-from service.http.answer_digest import answer_digest
+from service.http.keeping import answer_digest
 from service.settings import Settings
 from tests.service.processes import wait_until
 from tests.service.robots import FLOOR, HOME, answer, bench, problem, scene

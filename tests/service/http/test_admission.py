@@ -6,9 +6,9 @@ from typing import Any
 
 import pytest
 
-from service.http import admission as admission_module
-from service.http.admission import Admission, named_timeout
 from service.http.errors import headers_of
+from service.http.layer import admission as admission_module
+from service.http.layer.admission import Admission, named_timeout
 from service.settings import Settings
 from service.workers.faults import QueueFull
 from service.workers.in_flight import InFlight

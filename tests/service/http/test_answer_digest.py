@@ -5,7 +5,7 @@ from typing import Any
 
 import pytest
 
-from service.http.answer_digest import answer_digest, differences
+from service.http.keeping import answer_digest, differences
 
 ANSWER: dict[str, Any] = {
     "planner": "rrt",

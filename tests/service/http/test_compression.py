@@ -14,9 +14,9 @@ from fastapi import FastAPI, Response
 from starlette.middleware import gzip as middleware_module
 
 from armwright_client import Client
-from service.http.fields import accepts_gzip
+from service.http.layer.middleware import ServiceMiddleware
 from service.http.metrics import Metrics
-from service.http.middleware import ServiceMiddleware
+from service.http.request_headers import accepts_gzip
 from service.settings import Settings
 from tests.service.planning import BODY
 from tests.service.robots import ASIDE

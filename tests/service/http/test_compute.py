@@ -9,8 +9,8 @@ import pytest
 from fastapi import Request
 
 from service.http.compute import allowed_time, compute
-from service.http.job_context import DRY_RUN, JOB_CONTEXT, DeferToJob, JobContext
-from service.http.request_body import ARRIVAL
+from service.http.layer.request_checks import ARRIVAL
+from service.http.state import DRY_RUN, JOB_CONTEXT, DeferToJob, JobContext
 from service.problem import ProblemError
 from service.settings import Settings
 from service.workers.process import Background

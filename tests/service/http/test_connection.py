@@ -15,7 +15,7 @@ from typing import Any, NamedTuple
 import httpx
 import pytest
 
-from service.http.middleware import SECURITY_HEADERS
+from service.http.layer.middleware import SECURITY_HEADERS
 from tests.service.commands import serve
 from tests.service.http.exchange import FIELDS
 from tests.service.processes import children, descendants, wait_until

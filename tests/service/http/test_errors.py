@@ -17,9 +17,9 @@ from service.http.errors import (
     from_domain,
     headers_of,
     plain,
+    problem_response,
     status_of,
 )
-from service.http.handlers import problem_response
 from service.problem import ProblemError, from_fields, unexpected_fault
 
 #: Of the contract, by code.

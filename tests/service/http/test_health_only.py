@@ -7,8 +7,8 @@ import httpx
 import pytest
 from fastapi import FastAPI
 
+from service.http.layer.middleware import HEALTH_PATHS, ServiceMiddleware
 from service.http.metrics import Metrics
-from service.http.middleware import HEALTH_PATHS, ServiceMiddleware
 from service.settings import Settings
 
 

@@ -3,7 +3,7 @@
 import httpx
 import pytest
 
-from service.http.request_checks import allowed_host, is_foreign
+from service.http.layer.request_checks import allowed_host, is_foreign
 
 NONE: frozenset[str] = frozenset()
 

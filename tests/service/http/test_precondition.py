@@ -6,7 +6,7 @@ import httpx
 import pytest
 from fastapi import Request
 
-from service.http.precondition import check_precondition
+from service.http.request_headers import check_precondition
 from service.problem import ProblemError
 from tests.service.robots import answer, problem
 

@@ -9,9 +9,9 @@ from unittest import mock
 
 import pytest
 
-from service.http import request_body
 from service.http.errors import HttpProblemError, status_of
-from service.http.request_body import ARRIVAL, BodyLimits, read_body
+from service.http.layer import request_checks
+from service.http.layer.request_checks import ARRIVAL, BodyLimits, read_body
 
 SIZE = 10
 
@@ -53,7 +53,7 @@ def run(parts: Sequence[bytes | float], length: str | None = None) -> bytes:
     with asyncio.Runner(loop_factory=Clockless) as runner:
         clock = SimpleNamespace(monotonic=runner.get_loop().time)
         scope = {"type": "http", "headers": headers, ARRIVAL: 0.0}
-        with mock.patch.object(request_body, "time", clock):
+        with mock.patch.object(request_checks, "time", clock):
             return runner.run(read_body(scope, receive, BodyLimits(SIZE, 0.05, 0.15)))
 
 

@@ -14,10 +14,10 @@ import uvicorn
 from fastapi import FastAPI
 from uvicorn.server import ServerState
 
-from service.http.connection import Connection, ConnectionLimits
+from service.http.layer.connection import Connection, ConnectionLimits
+from service.http.layer.middleware import ServiceMiddleware
+from service.http.layer.request_checks import offers_upgrade
 from service.http.metrics import Metrics
-from service.http.middleware import ServiceMiddleware
-from service.http.request_checks import offers_upgrade
 from service.settings import Settings
 
 HEAD = b"POST /a HTTP/1.1\r\nHost: x\r\n"

@@ -6,7 +6,7 @@ from collections.abc import Awaitable, Callable
 from pathlib import Path
 from typing import Any
 
-from service.http.job_context import JOB_CONTEXT
+from service.http.state import JOB_CONTEXT
 from service.jobs.agent_jobs import AgentJobs
 from service.jobs.execution import BATCH_PATH
 from service.settings import Settings

@@ -5,7 +5,7 @@ from collections.abc import Awaitable, Callable
 from pathlib import Path
 from typing import Any
 
-from service.http.job_context import JOB_CONTEXT, JobContext
+from service.http.state import JOB_CONTEXT, JobContext
 from service.jobs.runner import Jobs
 from service.settings import Settings
 from service.storage.job_store import JobAnswer, JobRecord

@@ -10,7 +10,7 @@ import psycopg
 import pytest
 
 from service.access.caller import Caller
-from service.http.job_context import JobContext
+from service.http.state import JobContext
 from service.jobs.agent_jobs import AgentJobs
 from service.jobs.execution import BATCH_PATH
 from service.storage.job_store import JobAnswer, JobRecord, StoredRequest

@@ -3,7 +3,7 @@
 import asyncio
 from typing import Any
 
-from service.http.job_context import JOB_CONTEXT, JobContext
+from service.http.state import JOB_CONTEXT, JobContext
 from service.jobs.replay import Replayed, replay
 from service.storage.job_store import StoredRequest
 

@@ -22,14 +22,19 @@ from service.access.authentication import Authenticator
 from service.access.caller import CALLER, Caller, caller_of
 from service.access.rate_limit import Allowance, RateLimiter
 from service.access.rules import needed_scope
-from service.http.admission import Admission
-from service.http.errors import HttpProblemError, with_headers
-from service.http.fields import accepts_gzip, field
-from service.http.handlers import response_to
-from service.http.job_context import JOB_CONTEXT
+from service.http.errors import HttpProblemError, response_to, with_headers
+from service.http.layer.admission import Admission
+from service.http.layer.request_checks import (
+    ARRIVAL,
+    BodyLimits,
+    check_head,
+    check_host,
+    offers_upgrade,
+    read_body,
+)
 from service.http.metrics import Metrics
-from service.http.request_body import ARRIVAL, BodyLimits, read_body
-from service.http.request_checks import check_head, check_host, offers_upgrade
+from service.http.request_headers import accepts_gzip, field
+from service.http.state import JOB_CONTEXT
 from service.problem import ProblemError
 from service.settings import Settings
 from service.storage.key_store import ApiKey

@@ -13,7 +13,7 @@ from starlette.types import Scope
 
 from service.access.caller import client_of
 from service.http.errors import with_headers
-from service.http.fields import field
+from service.http.request_headers import field
 from service.settings import Settings
 from service.workers.faults import QueueFull
 from service.workers.supervisor import WorkerSupervisor

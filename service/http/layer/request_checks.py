@@ -1,4 +1,4 @@
-"""Checks of a request's head: its form, its host, and the page that sends it.
+"""Checks of a request: the form of its head, its host, the page that sends it, and its body.
 
 The parser (llhttp, as uvicorn uses it) refuses most of what is malformed. What it lets pass, and
 has no single meaning (RFC 9112), is refused here: where servers and proxies differ, requests are
@@ -8,16 +8,31 @@ A page of a foreign site may have its own name resolve to this machine and then 
 if it were that site (DNS rebinding). The header Host tells: it holds the foreign name. It may also
 send a form here, which browsers do without asking first (multipart, plain text). The headers Origin
 and Sec-Fetch-Site tell, which no page can change; programs that are no browsers send neither.
+
+A body is taken in whole before anything else is done with its request. A large one is written to a
+file meanwhile, so that clients that send slowly take up no memory.
 """
 
+import asyncio
 import ipaddress
 import re
+import tempfile
+import time
+from dataclasses import dataclass
 
-from starlette.types import Scope
+from starlette.requests import ClientDisconnect
+from starlette.types import Message, Receive, Scope
 
 from service.http.errors import HttpProblemError
-from service.http.fields import field
+from service.http.request_headers import field
 
+#: Key in the scope of a request with the instant at which it began to arrive, on the clock of
+#: `time.monotonic` [s].
+ARRIVAL = "armwright.arrival"
+#: Bodies up to this wait in memory, larger ones in a file [byte].
+_IN_MEMORY = 256 * 1024
+#: Nothing more of the body is read, so the connection can't be used again.
+_CLOSE = {"Connection": "close"}
 _VERSIONS = ("1.0", "1.1")
 #: Allows every name, or every origin.
 ANY_HOST = "*"
@@ -66,7 +81,7 @@ def _malformed(detail: str) -> HttpProblemError:
     return HttpProblemError(
         "INVALID_REQUEST",
         detail,
-        {"Connection": "close"},
+        _CLOSE,
         stage="request",
         hint="The request must follow HTTP/1.1 (RFC 9112).",
         status=400,
@@ -139,7 +154,7 @@ def check_host(scope: Scope, names: frozenset[str], origins: tuple[str, ...]) ->
         raise HttpProblemError(
             "HOST_NOT_ALLOWED",
             f"this service does not answer for the host {host[:100]!r}",
-            {"Connection": "close"},
+            _CLOSE,
             stage="request",
             hint="List the name in ARMWRIGHT_ALLOWED_HOSTS where the service is run.",
         )
@@ -150,7 +165,100 @@ def check_host(scope: Scope, names: frozenset[str], origins: tuple[str, ...]) ->
         raise HttpProblemError(
             "FORBIDDEN",
             f"a page of {(origin or 'another site')[:100]!r} may not change anything here",
-            {"Connection": "close"},
+            _CLOSE,
             stage="request",
             hint="List its origin in ARMWRIGHT_CORS_ORIGINS where the service is run.",
         )
+
+
+@dataclass(frozen=True, slots=True)
+class BodyLimits:
+    """Limits of request bodies.
+
+    Args:
+        max_size: Largest body [byte], with a Content-Length or without.
+        silence: Longest silence within a body [s].
+        deadline: Longest time in which a body arrives [s].
+    """
+
+    max_size: int
+    silence: float
+    deadline: float
+
+
+async def read_body(scope: Scope, receive: Receive, limits: BodyLimits) -> bytes:
+    """The whole body of a request.
+
+    Args:
+        scope: Of the request, with the instant `ARRIVAL`.
+        receive: Of the request.
+        limits: Of the body.
+
+    Raises:
+        HttpProblemError: PAYLOAD_TOO_LARGE, REQUEST_TIMEOUT.
+        ClientDisconnect: The client left before.
+    """
+    announced = field(scope, b"content-length") or ""
+    if announced.isdecimal() and (
+        len(announced) > len(str(limits.max_size)) or int(announced) > limits.max_size
+    ):
+        raise _too_large(limits)
+    part, is_whole = _part(await _in_time(scope, receive, limits))
+    if is_whole:
+        _check_size(len(part), limits)
+        return part
+    with tempfile.SpooledTemporaryFile(_IN_MEMORY) as stored:
+        size = 0
+        while True:
+            size += len(part)
+            _check_size(size, limits)
+            stored.write(part)
+            if is_whole:
+                break
+            part, is_whole = _part(await _in_time(scope, receive, limits))
+        stored.seek(0)
+        return stored.read()
+
+
+async def _in_time(scope: Scope, receive: Receive, limits: BodyLimits) -> Message:
+    left = scope[ARRIVAL] + limits.deadline - time.monotonic()
+    try:
+        # Not wait_for: until Python 3.12 it may swallow a cancellation.
+        async with asyncio.timeout(max(min(limits.silence, left), 0.0)):
+            return await receive()
+    except TimeoutError:
+        late = f"the body did not arrive within {limits.deadline:g} s"
+        silent = f"nothing of the body arrived for {limits.silence:g} s"
+        raise HttpProblemError(
+            "REQUEST_TIMEOUT",
+            silent if limits.silence < left else late,
+            _CLOSE,
+            stage="request",
+        ) from None
+
+
+def _check_size(size: int, limits: BodyLimits) -> None:
+    if size > limits.max_size:
+        raise _too_large(limits)
+
+
+def _too_large(limits: BodyLimits) -> HttpProblemError:
+    return HttpProblemError(
+        "PAYLOAD_TOO_LARGE",
+        f"the body is larger than {limits.max_size} bytes",
+        _CLOSE,
+        stage="request",
+        hint="Split the request, or raise ARMWRIGHT_MAX_BODY_SIZE where the service is run.",
+        max_body_size=limits.max_size,
+    )
+
+
+def _part(message: Message) -> tuple[bytes, bool]:
+    """The part of a body that a message brings, and whether it is the last one.
+
+    Raises:
+        ClientDisconnect: It says that the client left.
+    """
+    if message["type"] == "http.disconnect":
+        raise ClientDisconnect
+    return message.get("body", b""), not message.get("more_body", False)

@@ -1,0 +1,1 @@
+"""The layer around the application: connections, checks, admission, and one middleware."""
