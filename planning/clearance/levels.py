@@ -1,11 +1,17 @@
-"""Preferred clearance: distances that paths keep wherever there is room for them.
+"""Preferred clearance: distances that paths keep wherever there is space for them.
 
 The margin of a problem is a condition, which the certificate proves. The preferred clearance is a
 wish: paths, shortcuts and blends keep it where they can, and then a half of it, before they
 come as near as the margin allows.
+
+A search for a path that keeps it all along is lost time where there is none. So it is short where
+checks of states show beforehand that it mostly leads nowhere: where self-collision pairs are in the
+way, and where the straight motion comes near something that it does not meet, which trees rarely
+find a way around.
 """
 
 from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field
 from typing import NamedTuple
 
 import numpy as np
@@ -15,19 +21,19 @@ from kinematics.caches.bounded_cache import bounded_cache
 from obstacles.collision.checker import Checker
 from obstacles.robots.robot_geometry import RobotGeometry
 from obstacles.scenes.scene import Scene
+from planning.preflight_result import Ready
 from planning.values.preferred_clearance import PreferredClearance
 
-#: Parts of the preferred clearance that are tried in turn.
-_SHARES = (1.0, 0.5)
-#: What paths keep beyond the preferred clearance where they can, for rounded corners and splines:
-#: a share of it, and at most so much [m].
+#: Edges that a search may check after which others follow: most paths are found within many, and
+#: those that few do not find are rarely there.
+MANY_EDGES, FEW_EDGES = 2000, 500
+#: Distance that paths keep beyond the preferred clearance where they can, for rounded corners and
+#: splines: a share of it, and at most so much [m].
 _RESERVE = 0.16, 5e-3
-#: What motions keep beyond it, so that bounds of the certificate show it, likewise.
+#: Distance that motions keep beyond it, so that bounds of the certificate show it, likewise.
 _SPARE = 0.06, 1.5e-3
-#: Random configurations in which own links are looked at that are nearer than preferred in all.
-_LOOKS = 8
-#: Share that is preferred of the most that such links are apart: the rest is rounding.
-_KEPT = 0.98
+#: Shares of a straight leg at which its states are checked, shape (24, 1).
+_SHARES = np.linspace(0.0, 1.0, 24)[:, None]
 
 
 def clearance_levels(checker: Checker, preferred: PreferredClearance) -> tuple[Checker, ...]:
@@ -35,7 +41,7 @@ def clearance_levels(checker: Checker, preferred: PreferredClearance) -> tuple[C
 
     Args:
         checker: The robot in its scene, with the margins and the slack that have to be kept.
-        preferred: Distances to be kept where there is room.
+        preferred: Distances to be kept where there is space.
 
     Returns:
         The checkers, the last of them ``checker`` itself.
@@ -44,8 +50,8 @@ def clearance_levels(checker: Checker, preferred: PreferredClearance) -> tuple[C
     levels: list[Checker] = []
     among_links = preferred.own_links
     if preferred.obstacles > model.margin + checker.slack and among_links > 0.0:
-        among_links = min(among_links, _own_room(model.robot, among_links))
-    for share in _SHARES:
+        among_links = min(among_links, _own_clearance(model.robot, among_links))
+    for share in (1.0, 0.5):
         distance = share * preferred.obstacles
         if distance > model.margin + checker.slack:
             own = max(share * among_links, model.own_margin + checker.slack)
@@ -54,61 +60,62 @@ def clearance_levels(checker: Checker, preferred: PreferredClearance) -> tuple[C
 
 
 @bounded_cache(maxsize=256)
-def _own_room(robot: RobotGeometry, wanted: float) -> float:
-    """Distance between own links that can be preferred where ``wanted`` [m] is not to be had.
+def _own_clearance(robot: RobotGeometry, wanted: float) -> float:
+    """Distance of self-collision pairs that can be preferred where not all keep ``wanted`` [m].
 
     Some links are built nearer to each other than that, and stay so wherever the arm is, as those
-    of a wrist about one axis do: to retreat from them would be in vain. What they are apart at most
-    bounds what is preferred, the reserve counted.
+    of a wrist about one axis do: to retreat from them would be in vain. The most that they are
+    apart in some random configurations bounds what is preferred, the reserve counted.
     """
-    room = wanted + min(_RESERVE[0] * wanted, _RESERVE[1])
+    within = wanted + min(_RESERVE[0] * wanted, _RESERVE[1])
     checker, random = Checker.of(robot, Scene()), np.random.default_rng(0)
     low, high = robot.chain.sampling_bounds()
 
-    def look() -> dict[int, float]:
-        pairs, distances, _ = checker.gradient(random.uniform(low, high), room)
+    def draw() -> dict[int, float]:
+        pairs, distances, _ = checker.gradient(random.uniform(low, high), within)
         return dict(zip(pairs.tolist(), distances.tolist(), strict=True))
 
-    apart = look()
-    for _ in range(_LOOKS - 1):
+    apart = draw()
+    for _ in range(7):
         if not apart:
             break
-        near = look()
+        near = draw()
         apart = {pair: max(d, near[pair]) for pair, d in apart.items() if pair in near}
     if not apart:
         return wanted
-    return max(_KEPT * min(apart.values()) / (1.0 + _RESERVE[0]), 0.0)
+    # Two hundredths are for rounding.
+    return max(0.98 * min(apart.values()) / (1.0 + _RESERVE[0]), 0.0)
 
 
-class Room(NamedTuple):
-    """A preferred clearance that a whole path is to keep.
+class ClearanceLevel(NamedTuple):
+    """Preferred clearance that a whole path is to keep.
 
     Args:
-        look: With a reserve for rounded corners and splines: paths are looked for with it.
-        kept: What paths are proved to keep, and motions where they can.
-        preferred: The preferred clearance.
+        planned: Checks paths, with a reserve for rounded corners and splines.
+        kept: Checks that paths are proved to keep, and motions where they can.
+        preferred: Checks the preferred clearance itself.
     """
 
-    look: Checker
+    planned: Checker
     kept: Checker
     preferred: Checker
 
 
-def rooms(levels: Sequence[Checker]) -> Iterator[Room]:
-    """The preferred clearance with that between own links, and then with what is needed there.
+def path_levels(levels: Sequence[Checker]) -> Iterator[ClearanceLevel]:
+    """The preferred clearance of all pairs, then with what self-collision pairs need alone.
 
     Args:
         levels: As ``clearance_levels`` gives them, two at least.
     """
     kept, least = levels[0], levels[-1]
-    yield _room(kept)
+    yield _path_level(kept)
     own = least.model.own_margin + least.slack
     if len(kept.model.robot.self_pairs) and own < kept.model.own_margin:
-        yield _room(Checker(kept.model.with_margins(kept.model.margin, own), kept.slack))
+        yield _path_level(Checker(kept.model.with_margins(kept.model.margin, own), kept.slack))
 
 
-def _room(level: Checker) -> Room:
-    return Room(_with_more(level, *_RESERVE), _with_more(level, *_SPARE), level)
+def _path_level(level: Checker) -> ClearanceLevel:
+    return ClearanceLevel(_with_more(level, *_RESERVE), _with_more(level, *_SPARE), level)
 
 
 def _with_more(level: Checker, share: float, most: float) -> Checker:
@@ -136,3 +143,86 @@ def highest_level(
             if kept:
                 return level, kept
     return None
+
+
+class ClearanceTrial(NamedTuple):
+    """Search for a path that keeps a clearance all along.
+
+    Args:
+        level: The clearance.
+        max_edges: Edges that trees may check.
+        keeps_start: Whether the start is known to keep the clearance.
+        keeps_goal: Whether the first goal is.
+    """
+
+    level: ClearanceLevel
+    max_edges: int
+    keeps_start: bool = False
+    keeps_goal: bool = False
+
+
+@dataclass(slots=True)
+class ClearanceSearch:
+    """Searches for a path that keeps the preferred clearance all along, in turn until one finds it.
+
+    Args:
+        ready: Start and goals.
+        levels: As ``clearance_levels`` gives them, two at least.
+    """
+
+    ready: Ready
+    levels: tuple[Checker, ...]
+    _tried: list[ClearanceLevel] = field(default_factory=list, init=False)
+    _choices: Iterator[ClearanceLevel] = field(init=False)
+    _pairs_are_near: bool = field(default=False, init=False)
+
+    def __post_init__(self) -> None:
+        self._choices = path_levels(self.levels)
+
+    def first(self) -> Iterator[ClearanceTrial]:
+        """Searches before one for a path that comes nearer.
+
+        Where self-collision pairs are too near on the straight way between ends at which they are
+        not, they are mostly so on every way: such pairs move by a joint or two.
+        """
+        ready, level = self.ready, next(self._choices)
+        self._tried.append(level)
+        states = leg_states(np.array([ready.start, ready.goals[0]]))
+        kept = level.planned.each_valid(states)
+        ends = bool(kept[0]), bool(kept[-1])
+        if kept.all():
+            yield ClearanceTrial(level, MANY_EDGES, *ends)
+            return
+        close = states[~kept]
+        max_edges = FEW_EDGES if self.levels[-1].all_valid(close) else MANY_EDGES
+        lower = self._lower()
+        self._pairs_are_near = lower is not None and bool(lower.planned.each_valid(close).any())
+        if lower is None or not self._pairs_are_near:
+            yield ClearanceTrial(level, max_edges, *ends)
+            return
+        yield ClearanceTrial(level, FEW_EDGES, *ends)
+        yield ClearanceTrial(lower, max_edges)
+
+    def later(self, path: Array) -> Iterator[ClearanceTrial]:
+        """Searches after those, when a path was found that comes nearer, shape (k, n)."""
+        lower = self._lower()
+        if lower is not None and not self._pairs_are_near and self._has_pairs_near(path):
+            yield ClearanceTrial(lower, FEW_EDGES)
+
+    def _lower(self) -> ClearanceLevel | None:
+        """The level with what self-collision pairs need alone, where it is another one."""
+        if len(self._tried) < 2:
+            self._tried.extend(self._choices)
+        return self._tried[1] if len(self._tried) > 1 else None
+
+    def _has_pairs_near(self, path: Array) -> bool:
+        """Whether self-collision pairs are nearer than preferred somewhere on a path."""
+        least, own = self.levels[-1], self._tried[0].planned.model.own_margin
+        apart = Checker(least.model.with_margins(least.model.margin, own), least.slack)
+        return not apart.all_valid(leg_states(path))
+
+
+def leg_states(path: Array) -> Array:
+    """States of each leg of a path (k, n), its ends among them, shape (24 (k - 1), n)."""
+    legs: Array = path[:-1, None] + _SHARES * (path[1:] - path[:-1])[:, None]
+    return legs.reshape(-1, path.shape[1])

@@ -1,10 +1,14 @@
-"""Moving a path away from what it passes, as far as there is room.
+"""Moving a path, or its ends, away from what is nearer than preferred, as far as there is space.
 
 Legs that come nearer than the preferred clearance are cut into short ones. Their ends step away
 from everything that is nearer than preferred, along the gradients of the distances. Each leg then
 counts as one of the highest clearance that its states keep, and of stretches of legs of one
-clearance waypoints are left out at that clearance. All of it is one kernel: what it looks at are
-states, and what it proves are the legs that it makes.
+clearance waypoints are left out at that clearance. All of it is one kernel, which checks states and
+proves the legs that it makes.
+
+A path that has to begin or end nearer than preferred is planned between retreats: short straight
+ways from there to where the clearance is kept. Its true ends are then joined to it by legs that
+come too near only next to the start and to the goal.
 """
 
 import math
@@ -47,6 +51,81 @@ _DAMPING = 1e-2
 _NEAR_PAIRS = 64
 #: A path longer than so many times the one before is not taken.
 _MAX_DETOUR = 1.07
+#: Places on the legs next to an end that are tried as corners, farthest first: the leg, and how far
+#: along it.
+_PLACES = ((2, 0.0), (1, 0.5), (1, 0.0), (0, 0.5), (0, 0.25))
+
+
+def retreat(clear: Checker, least: Checker, q: Array) -> Array | None:
+    """A configuration near another one that keeps more clearance, and is reached straight.
+
+    Args:
+        clear: Has the clearance that is to be kept.
+        least: Has that which the straight motion there is proved to keep.
+        q: Shape (n,) [rad or m].
+
+    Returns:
+        Shape (n,), ``q`` itself where it keeps the clearance; None where none is found.
+    """
+    if clear.valid(q):
+        return q
+    reach, away = clear.model.chain.limits, np.array(q, np.float64)
+    limits = np.array([reach.lower, reach.upper])
+    kept = _retreat_directly()(clear.model.arrays, look_of(clear), limits, away)
+    return away if kept and least.free(q, away) else None
+
+
+@cache
+def _retreat_directly() -> Callable[[ModelArrays, Look, Array, Array], bool]:
+    """``retreat_kernel`` without the look at its arguments' types, which would cost too much."""
+    look = Look(0.0, 0.0, 0.0)
+    return direct(retreat_kernel, any_model(), look, np.zeros((1, 1)), np.zeros(1))
+
+
+def join_ends(clear: Checker, least: Checker, start: Array, path: Array, goal: Array) -> Array:
+    """A path between retreats with its true ends, each joined as far along it as it can be.
+
+    Args:
+        clear: Has the clearance of the path, which legs to the ends only lack next to these.
+        least: Proves those legs.
+        start: Whose retreat the path begins at, or where it begins, shape (n,) [rad or m].
+        path: Shape (k, n).
+        goal: Likewise, shape (n,).
+    """
+    # A leg to an end may be too near over 1.3 times the length of the retreat from there.
+    near_start = 1.3 * float(np.linalg.norm(path[0] - start))
+    near_goal = 1.3 * float(np.linalg.norm(path[-1] - goal))
+    if _is_near_at_ends(clear, start, goal, near_start, near_goal) and least.free(start, goal):
+        return np.array([start, goal])
+    if near_start > 0.0:
+        path = _join(clear, least, start, path, near_start)
+    if near_goal > 0.0:
+        path = _join(clear, least, goal, path[::-1], near_goal)[::-1]
+    return np.ascontiguousarray(path)
+
+
+def _join(clear: Checker, least: Checker, end: Array, path: Array, near: float) -> Array:
+    """The path (k, n) from an end (n,) on, too near as far as ``near`` from there at most."""
+    for leg, share in _PLACES:
+        if leg > len(path) - 2:
+            continue
+        corner = path[leg] + share * (path[leg + 1] - path[leg])
+        if _is_near_at_ends(clear, end, corner, near, 0.0) and least.free(end, corner):
+            return np.array([end, corner, *path[leg + 1 :]])
+    return np.array([end, *path])
+
+
+def _is_near_at_ends(clear: Checker, a: Array, b: Array, begin: float, end: float) -> bool:
+    """Whether a leg from a to b, both (n,), is only too near so far from its two ends at most."""
+    length = float(np.linalg.norm(b - a))
+    if length <= begin + end:
+        return False
+    first, last = begin / length, 1.0 - end / length
+    # States are 0.03 apart, Euclidean in joint space, as those of ``sampled_check``.
+    count = max(2, int(np.ceil((last - first) * length / 0.03)))
+    # As np.linspace, in a third of its time.
+    shares: Array = first + np.arange(count + 1.0) * ((last - first) / count)
+    return clear.all_valid(a + shares[:, None] * (b - a))
 
 
 class _Levels(NamedTuple):

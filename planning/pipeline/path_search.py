@@ -1,6 +1,6 @@
 """The search for a path: planners in turn, shortcuts, and the distance from what is passed."""
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator
 from dataclasses import asdict, dataclass, replace
 from functools import partial
 from typing import NamedTuple
@@ -9,10 +9,16 @@ import numpy as np
 
 from kinematics.arrays import Array
 from obstacles.collision.checker import Checker
-from planning.clearance.clearance_search import RoomTrials, Trial, leg_states
-from planning.clearance.levels import clearance_levels, highest_level
-from planning.clearance.moving_away import keep_clear
-from planning.clearance.retreat import join_ends, retreat
+from planning.clearance.levels import (
+    FEW_EDGES,
+    MANY_EDGES,
+    ClearanceSearch,
+    ClearanceTrial,
+    clearance_levels,
+    highest_level,
+    leg_states,
+)
+from planning.clearance.moving_away import join_ends, keep_clear, retreat
 from planning.clearance.time_shortcut import MAX_WAYPOINTS, quicken
 from planning.constrained.checker import ConstrainedChecker
 from planning.constrained.projected_rrt import Manifold, shortcut_along
@@ -24,28 +30,21 @@ from planning.planner import Planner, Query
 from planning.preflight_result import Ready
 from planning.problem import Problem
 from planning.result import Attempt, Failure
-from planning.search.shortcut import path_is_free, shortcut, shortcut_unproved
+from planning.search.shortcut import path_is_free, shortcut
 from planning.search.straight_line import StraightLine
 from planning.stages import Stages
 from planning.values.deadline import Deadline
 from planning.values.joint_barrier import JointBarrier, joint_barrier
 
-#: Share of the time that is kept back for shortening, timing and the proof.
+#: Share of the time that is left for shortening, timing and the proof.
 _RESERVED_SHARE = 0.2
-#: Share of it that is kept back from a last search, where nothing was found by then.
-_LAST_SHARE = 0.05
-#: Time that is kept back for them at most [s].
+#: Time that these, or the diagnosis of a failure, may take of a long timeout [s].
 _MAX_RESERVED = 1.0
-#: Time that is spent on finding out why there is no path, at most [s].
-_MAX_DIAGNOSIS = 1.0
-#: Share of the time for a path of the robot in its solids' hulls, before the exact one is tried.
-_HULLS_SHARE = 0.4
-#: Share of the time for a path that keeps the preferred clearance all along.
-_PREFERRED_SHARE = 0.4
-#: Edges that the cascade's trees may look at for a path to the best goals, before all are tried.
-_MAX_EDGES_TO_BEST = 2000
-#: Edges that they may look at for one that keeps half of the preferred clearance.
-_MAX_HALF_EDGES = 500
+#: Share of the time that is left where nothing was found by then, and one more search is made.
+_LAST_SHARE = 0.05
+#: Share of the time for searches that ask for more than is needed: the preferred clearance, or a
+#: path of the robot in its solids' hulls.
+_DEMANDING_SHARE = 0.4
 
 
 class FoundPath(NamedTuple):
@@ -134,38 +133,52 @@ class PathSearch:
         )
 
     def _find(self, ready: Ready, *, proves: bool) -> FoundPath | Failure:
-        """Let the planners try in turn; with the robot in its solids' hulls first, if it can be."""
+        """Search under ever weaker conditions: the first path is the answer.
+
+        Where no planner is named, the conditions are: the preferred clearance all along, or between
+        retreats from ends that are too near; a half of it; what is needed, to the best goals. Then
+        every planner searches for a path to any goal. All of this is done with the robot in its
+        solids' hulls first, if it can be. A path that comes nearer than preferred is left for one
+        that is only near between the robot's own links, where there is one.
+        """
         reserved = min(_RESERVED_SHARE * self.options.timeout, _MAX_RESERVED)
         deadline = Deadline(self.deadline.at - reserved, self.deadline.interruptions)
         proves = proves or self.options.explored is not None
-        best, chooses = ready, False
-        if self.planners is CASCADE and ready.best is not None and ready.best < len(ready.goals):
-            best, chooses = replace(ready, goals=ready.goals[: ready.best], best=None), True
+        best = self._best_goals(ready)
         for checker in ready.checkers:
             levels = clearance_levels(checker, self.options.clearance)
-            until = deadline.within(_PREFERRED_SHARE * deadline.remaining)
-            trials, found = self._room_trials(best, levels), None
-            if trials is not None:
-                found = self._find_in_rooms(trials, trials.first(), until, proves=proves)
+            until = deadline.within(_DEMANDING_SHARE * deadline.remaining)
+            clear, found = self._clearance_search(best, levels), None
+            if clear is not None:
+                found = self._find_clear(clear, clear.first(), until, proves=proves)
                 if found is not None:
                     return found
                 found = self._find_at_half(best, levels, until, proves=proves)
-            if found is None and chooses:
-                query = self._query(best, checker, until, _MAX_EDGES_TO_BEST)
-                found, attempt = self._ask_planners(self.planners, query, levels)
+            if found is None and best is not ready:
+                found, attempt = self._ask_planners(
+                    self._query(best, checker, until, MANY_EDGES), levels
+                )
             if found is None:
-                share = 1.0 if checker is ready.checkers[-1] else _HULLS_SHARE
-                query = self._query(ready, checker, deadline.within(share * deadline.remaining))
-                found, attempt = self._ask_planners(self.planners, query, levels)
+                share = 1.0 if checker is ready.checkers[-1] else _DEMANDING_SHARE
+                last = deadline.within(share * deadline.remaining)
+                found, attempt = self._ask_planners(self._query(ready, checker, last), levels)
             if found is not None:
-                if trials is None:
+                if clear is None:
                     return found
-                later = trials.later(found.waypoints)
-                roomier = self._find_in_rooms(trials, later, until, proves=proves)
-                return found if roomier is None else roomier
+                later = clear.later(found.waypoints)
+                return self._find_clear(clear, later, until, proves=proves) or found
         if attempt.failure is not None:
             return attempt.failure
-        failure = self._no_path(attempt, deadline)
+        return self._explain(ready, self._no_path(attempt, deadline))
+
+    def _best_goals(self, ready: Ready) -> Ready:
+        """The goals that are about as good as the first, for the cascade; else all."""
+        if self.planners is not CASCADE or ready.best is None or ready.best == len(ready.goals):
+            return ready
+        return replace(ready, goals=ready.goals[: ready.best], best=None)
+
+    def _explain(self, ready: Ready, failure: Failure) -> FoundPath | Failure:
+        """The failure with its cause, or a path that is found in the time left after that."""
         if self.options.max_edges is not None or not self.diagnoses:
             return failure
         barrier = self._barrier(ready)
@@ -189,16 +202,18 @@ class PathSearch:
         checker = ready.checkers[-1]
         query = replace(self._query(ready, checker, until), seed=self.options.seed + 1)
         levels = clearance_levels(checker, self.options.clearance)
-        return self._ask_planners(self.planners, query, levels)[0]
+        return self._ask_planners(query, levels)[0]
 
-    def _room_trials(self, ready: Ready, levels: tuple[Checker, ...]) -> RoomTrials | None:
+    def _clearance_search(
+        self, ready: Ready, levels: tuple[Checker, ...]
+    ) -> ClearanceSearch | None:
         """The cascade's searches for a path that keeps the preferred clearance, if any."""
         checker = levels[-1]
         is_later = checker is not ready.checkers[0]
         is_plain = not isinstance(checker, ConstrainedChecker) and len(levels) > 1
         if self.planners is not CASCADE or is_later or not is_plain:
             return None
-        return RoomTrials(ready, levels)
+        return ClearanceSearch(ready, levels)
 
     def _find_at_half(
         self, ready: Ready, levels: tuple[Checker, ...], until: Deadline, *, proves: bool
@@ -209,33 +224,35 @@ class PathSearch:
             return None
         level, goals = highest
         kept = replace(ready, goals=goals)
-        query = self._query(kept, level, until, _MAX_HALF_EDGES, proves=proves)
-        return self._ask_planners(self.planners, query, levels)[0]
+        query = self._query(kept, level, until, FEW_EDGES, proves=proves)
+        return self._ask_planners(query, levels)[0]
 
-    def _find_in_rooms(
-        self, trials: RoomTrials, choices: Iterator[Trial], until: Deadline, *, proves: bool
+    def _find_clear(
+        self,
+        search: ClearanceSearch,
+        trials: Iterator[ClearanceTrial],
+        until: Deadline,
+        *,
+        proves: bool,
     ) -> FoundPath | None:
-        """The path that the first of some trials finds which finds one."""
-        for trial in choices:
-            found = self._find_in_room(trials, trial, until, proves=proves)
-            if found is not None:
-                return found
-        return None
+        """The path of the first trial that finds one."""
+        paths = (self._try_clearance(search, trial, until, proves=proves) for trial in trials)
+        return next((path for path in paths if path is not None), None)
 
-    def _find_in_room(
-        self, trials: RoomTrials, trial: Trial, until: Deadline, *, proves: bool
+    def _try_clearance(
+        self, search: ClearanceSearch, trial: ClearanceTrial, until: Deadline, *, proves: bool
     ) -> FoundPath | None:
         """A path that keeps the preferred clearance all along, or between retreats from its ends.
 
         Where both ends keep it, all of the path and of its motion is held to it.
         """
-        ready, room, least = trials.ready, trial.room, trials.levels[-1]
-        start = ready.start if trial.keeps_start else retreat(room.look, least, ready.start)
+        ready, level, least = search.ready, trial.level, search.levels[-1]
+        start = ready.start if trial.keeps_start else retreat(level.planned, least, ready.start)
         if start is None:
             return None
         known = [trial.keeps_goal and k == 0 for k in range(len(ready.goals))]
         goals = [
-            (goal, goal if keeps else retreat(room.look, least, goal))
+            (goal, goal if keeps else retreat(level.planned, least, goal))
             for goal, keeps in zip(ready.goals, known, strict=True)
         ]
         kept = [goal for goal, end in goals if end is not None]
@@ -243,13 +260,13 @@ class PathSearch:
         if not kept:
             return None
         among = Ready(start, ends, ready.checkers, ready.notes, ready.best)
-        query = self._query(among, room.look, until, trial.max_edges, proves=proves)
-        found, _ = self._ask_planners(self.planners, query, (room.look, room.kept))
+        query = self._query(among, level.planned, until, trial.max_edges, proves=proves)
+        found, _ = self._ask_planners(query, (level.planned, level.kept))
         if found is None:
             return None
         if start is ready.start and all(a is b for a, b in zip(kept, ends, strict=True)):
-            return found._replace(motion_levels=(room.kept, room.preferred, room.preferred))
-        lower = (room.kept, *trials.levels[1:])
+            return found._replace(motion_levels=(level.kept, level.preferred, level.preferred))
+        lower = (level.kept, *search.levels[1:])
         return found._replace(motion_levels=lower, ends=Ends(ready.start, kept, ends, least))
 
     def _query(
@@ -268,10 +285,10 @@ class PathSearch:
         )  # fmt: skip
 
     def _ask_planners(
-        self, planners: Sequence[Planner], query: Query, levels: tuple[Checker, ...]
+        self, query: Query, levels: tuple[Checker, ...]
     ) -> tuple[FoundPath | None, Attempt]:
         """The first path that a planner finds, if one does, and the last attempt."""
-        for planner in planners:
+        for planner in self.planners:
             attempt = self.stages.run(planner.name, partial(planner.plan, query), _describe_attempt)
             if attempt.waypoints is not None:
                 path = attempt.waypoints
@@ -304,13 +321,13 @@ class PathSearch:
         exact = ready.checkers[-1]
         if isinstance(exact, ConstrainedChecker):
             return None
-        until = self.deadline.at_most(_MAX_DIAGNOSIS)
+        until = self.deadline.at_most(_MAX_RESERVED)
         return joint_barrier(exact, ready.start, ready.goals, self.options.seed, until)
 
     def _diagnose(self, ready: Ready) -> Diagnosis | Relaxation:
         """Diagnosis of a failed search, within the time reserved for it."""
         problem, seed = self.problem, self.options.seed
-        until = self.deadline.at_most(_MAX_DIAGNOSIS)
+        until = self.deadline.at_most(_MAX_RESERVED)
         exact = ready.checkers[-1]
         if isinstance(exact, ConstrainedChecker):
             return find_relaxation(exact, ready.start, ready.goals, seed, until)
@@ -367,17 +384,14 @@ class PathSearch:
         checker, waypoints = found.checker, found.waypoints
         if isinstance(checker, ConstrainedChecker):
             return shortcut_along(Manifold(checker), waypoints, self.options.seed, self.deadline)
-        # Corners are cut where that saves time when the path is made quicker, which comes next.
-        cuts = not self._may_keep_clear(found) or self.options.refine is not None
-        short = self._left_out(found, cuts=cuts)
-        return short if len(short) <= MAX_WAYPOINTS else self._left_out(found, cuts=True)
+        proved, proof = found.attempt.proved, found.levels[-1] if found.attempt.proved else None
 
-    def _left_out(self, found: FoundPath, *, cuts: bool) -> Array:
-        """The path with waypoints left out, and its corners cut or not."""
-        if not found.attempt.proved:
-            return shortcut_unproved(found.checker, found.waypoints, self.deadline, cuts=cuts)
-        least = found.levels[-1]
-        return shortcut(found.checker, found.waypoints, self.deadline, least, cuts=cuts)
+        def shortened(*, cuts: bool) -> Array:
+            return shortcut(checker, waypoints, self.deadline, proof, cuts=cuts, proves=proved)
+
+        # Corners are cut where that saves time when the path is made quicker, which comes next.
+        short = shortened(cuts=not self._may_keep_clear(found) or self.options.refine is not None)
+        return short if len(short) <= MAX_WAYPOINTS else shortened(cuts=True)
 
     def _keep_clear(self, found: FoundPath) -> Array:
         reached, proves = found.levels.index(found.checker), found.attempt.proved
@@ -401,11 +415,11 @@ def _beyond(barrier: JointBarrier, failure: Failure) -> Failure:
     return replace(failure, code=code, message=barrier.message, hint=barrier.hint, details=details)
 
 
-def _join(ends: Ends, roomy: Checker, path: Array) -> Array:
+def _join(ends: Ends, clear: Checker, path: Array) -> Array:
     """The path with the ends that it is to have."""
     apart = [float(np.abs(end - path[-1]).max()) for end in ends.retreats]
     last = apart.index(min(apart))
-    return join_ends(roomy, ends.least, ends.start, path, ends.goals[last])
+    return join_ends(clear, ends.least, ends.start, path, ends.goals[last])
 
 
 def _describe_proof(waypoints: Array, *, free: bool) -> tuple[bool, str]:

@@ -83,51 +83,26 @@ def shortcut(
     proof: Checker | None = None,
     *,
     cuts: bool = True,
+    proves: bool = True,
 ) -> Array:
-    """Shorten a polyline whose legs are proved free; what comes back is too.
+    """Shorten a polyline whose legs are proved free, or checked at states; what comes back is too.
 
     The budget is counted in edge checks, so that the same path is shortened in the same way.
 
     Args:
         checker: Finds the cuts.
         waypoints: The polyline, shape (k, n) [rad or m].
-        deadline: Instant at which trying stops.
-        proof: Proves what comes back, with less clearance in the same scene than ``checker`` looks
+        deadline: When to stop trying.
+        proof: Proves what comes back, with less clearance in the same scene than ``checker`` asks
             for; without it each cut is proved by ``checker``.
         cuts: Whether corners are cut; otherwise waypoints are left out and no more is done.
+        proves: Whether what comes back is proved; otherwise states of it are checked alone.
     """
     proof = checker if proof is None else proof
-    held = Held(look_of(checker), float(proof.slack), proof is not checker)
-    return _shortened(proof, waypoints, held, deadline, cuts=cuts, proves=True)
-
-
-def shortcut_unproved(
-    checker: Checker, waypoints: Array, deadline: Deadline, *, cuts: bool = True
-) -> Array:
-    """Shorten a polyline of which states were looked at; what comes back is only looked at, too.
-
-    Args:
-        checker: Finds the cuts, with clearance to spare.
-        waypoints: The polyline, shape (k, n) [rad or m].
-        deadline: Instant at which trying stops.
-        cuts: Cuts as in ``shortcut``.
-    """
-    held = Held(look_of(checker), float(checker.slack), True)
-    return _shortened(checker, waypoints, held, deadline, cuts=cuts, proves=False)
-
-
-def _shortened(
-    checker: Checker,
-    waypoints: Array,
-    held: Held,
-    deadline: Deadline,
-    *,
-    cuts: bool,
-    proves: bool,
-) -> Array:
+    held = Held(look_of(checker), float(proof.slack), proof is not checker or not proves)
     points = np.ascontiguousarray(waypoints, np.float64)
     rounds = _ROUNDS if cuts and not deadline.passed else 0
-    return _shorten_directly()(checker.model.arrays, held, points, proves, rounds)
+    return _shorten_directly()(proof.model.arrays, held, points, proves, rounds)
 
 
 def path_is_free(checker: Checker, waypoints: Array) -> bool:
@@ -160,7 +135,7 @@ def _shorten_directly() -> Callable[[ModelArrays, Held, Array, bool, int], Array
 def shorten_kernel(
     model: ModelArrays, held: Held, waypoints: Array, proves: bool, rounds: int
 ) -> Array:
-    """``shortcut`` of waypoints (k, n) in so many rounds, or ``shortcut_unproved``.
+    """``shortcut`` of waypoints (k, n) in so many rounds.
 
     Cuts that are proved later have clearance to spare by the looks, and most are cut off again.
     Where the proof fails in the end, all is done once more with a proof of every cut.

@@ -13,7 +13,7 @@ from obstacles.collision.fcl_distance import FclWorld
 from obstacles.robots.robot_geometry import RobotGeometry
 from obstacles.scenes.scene import Obstacle, Scene
 from obstacles.shapes.shape import Box
-from planning.clearance.retreat import join_ends, retreat
+from planning.clearance.moving_away import join_ends, retreat
 from planning.options import Options
 from planning.pipeline.pipeline import plan
 from planning.problem import JointGoal, Problem

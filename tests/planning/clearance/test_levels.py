@@ -9,7 +9,7 @@ from obstacles.collision.checker import Checker
 from obstacles.collision.fcl_distance import FclWorld
 from obstacles.robots.robot_geometry import RobotGeometry, robot_geometry
 from obstacles.scenes.scene import Scene
-from planning.clearance.levels import clearance_levels, highest_level, rooms
+from planning.clearance.levels import clearance_levels, highest_level, path_levels
 from planning.values.preferred_clearance import PreferredClearance
 from tests.planning.scenes import HOME, box, builtin, pillar
 
@@ -67,8 +67,8 @@ def test_links_that_are_always_near_bound_what_is_preferred_between_own_links(ga
     levels = clearance_levels(checker, PreferredClearance())
     own = levels[0].model.own_margin
     assert own == (0.005 if gap > 0.0058 else pytest.approx(0.98 * gap / 1.16))
-    room = next(rooms(levels))
-    assert all(room.look.valid(q) for q in RNG.uniform(-0.5, 0.5, (20, 3)))
+    level = next(path_levels(levels))
+    assert all(level.planned.valid(q) for q in RNG.uniform(-0.5, 0.5, (20, 3)))
 
 
 def test_the_last_level_is_the_checker_itself() -> None:

@@ -14,6 +14,7 @@ from planning.pipeline import path_search
 from planning.pipeline.pipeline import plan
 from planning.problem import JointGoal, Problem
 from planning.result import Plan
+from planning.search.shortcut import shortcut
 from planning.values.preferred_clearance import PreferredClearance
 from tests.planning.scenes import box
 from tests.planning.slider import slider
@@ -71,14 +72,13 @@ def test_corners_are_cut_only_where_the_path_is_not_made_quicker_next(
     told = list[bool]()
 
     def note(cut: Callable[..., Array]) -> Callable[..., Array]:
-        def cut_and_note(*args: object, cuts: bool) -> Array:
+        def cut_and_note(*args: object, cuts: bool, proves: bool) -> Array:
             told.append(cuts)
-            return cut(*args, cuts=cuts)
+            return cut(*args, cuts=cuts, proves=proves)
 
         return cut_and_note
 
-    for name in ("shortcut", "shortcut_unproved"):
-        monkeypatch.setattr(path_search, name, note(getattr(path_search, name)))
+    monkeypatch.setattr(path_search, "shortcut", note(shortcut))
     problem = Problem(slider(), Scene((LONG,)), START, (JointGoal(GOAL),))
     for preferred, planner in ((0.04, "auto"), (0.04, "rrt_connect"), (0.0, "auto")):
         options = Options(planner=planner, clearance=PreferredClearance(preferred))

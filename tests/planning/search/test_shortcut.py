@@ -9,7 +9,7 @@ from kinematics.arrays import Array
 from obstacles.collision.checker import Checker
 from obstacles.collision.fcl_distance import FclWorld
 from obstacles.scenes.scene import Scene
-from planning.search.shortcut import path_is_free, shortcut, shortcut_unproved
+from planning.search.shortcut import path_is_free, shortcut
 from planning.values.deadline import Deadline
 from tests.planning.scenes import HOME, box, builtin
 from tests.planning.slider import slider
@@ -119,7 +119,7 @@ def test_a_path_that_was_only_looked_at_keeps_the_clearance_by_looks(cuts: bool)
     proof = Checker.of(builtin("planar_rr"), BAR)
     wished = Checker.of(builtin("planar_rr"), BAR, 0.03)
     path = detour(wished, np.random.default_rng(2))
-    short = shortcut_unproved(wished, path, Deadline.after(60.0), cuts=cuts)
+    short = shortcut(wished, path, Deadline.after(60.0), cuts=cuts, proves=False)
     assert np.array_equal(short[[0, -1]], path[[0, -1]])
     assert len(short) < len(path)
     assert least_distance(short, BAR) >= 0.9 * 0.03
@@ -141,7 +141,8 @@ def test_a_leg_that_cannot_be_proved_is_found_in_any_place() -> None:
     """A foil between the looks at a motion of many metres."""
     checker = Checker.of(slider(), Scene((box("foil", (1e-5, 1.0, 0.4), (0.07, 0.0, 0.0)),)))
     far, above = np.array([18.0, 0.0]), np.array([0.0, 3.0])
-    looked = shortcut_unproved(checker, np.array([-far, 0.5 * -far, far]), Deadline.after(60.0))
+    path = np.array([-far, 0.5 * -far, far])
+    looked = shortcut(checker, path, Deadline.after(60.0), proves=False)
     assert len(looked) == 2
     assert not path_is_free(checker, np.array([-far, far]))
     assert not path_is_free(checker, np.array([above, -far, far, above]))
