@@ -22,7 +22,7 @@ from dynamics.forward import forward_dynamics
 from dynamics.gravity import gravity_vector
 from dynamics.inverse import inverse_dynamics
 from dynamics.mass_matrix import mass_matrix
-from dynamics.regressor import regressor
+from dynamics.parameters.regressor import regressor
 from kinematics.arrays import Array
 from kinematics.model.chain import Chain
 from kinematics.robots import builtin_chain, builtin_urdf

@@ -5,8 +5,8 @@ from numpy.typing import ArrayLike
 
 from compiled.kernel import kernel
 from dynamics.batch import stack_vectors
-from dynamics.body import bodies
-from dynamics.composite import COMPOSITE_WORK, coriolis_kernel, frames_kernel
+from dynamics.kernels.composite import COMPOSITE_WORK, coriolis_kernel, frames_kernel
+from dynamics.model.body import bodies
 from kinematics.arrays import Array
 from kinematics.model.chain import Chain
 

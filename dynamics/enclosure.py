@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from compiled.kernel import kernel
-from dynamics.body import Bodies, bodies
+from dynamics.model.body import Bodies, bodies
 from kinematics.arrays import Array
 from kinematics.model.chain import Chain
 from kinematics.trajectory.polynomial import shift_kernel

@@ -6,11 +6,16 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from compiled.kernel import kernel
-from dynamics.body import bodies
-from dynamics.composite import COMPOSITE_WORK, coriolis_kernel, frames_kernel, mass_matrix_kernel
 from dynamics.forward import acceleration_kernel, massless
-from dynamics.recursion import WORK, gravity_kernel, inverse_kernel
-from dynamics.regressor import motor_columns, regressor_kernel
+from dynamics.kernels.composite import (
+    COMPOSITE_WORK,
+    coriolis_kernel,
+    frames_kernel,
+    mass_matrix_kernel,
+)
+from dynamics.kernels.recursion import WORK, gravity_kernel, inverse_kernel
+from dynamics.model.body import bodies
+from dynamics.parameters.regressor import motor_columns, regressor_kernel
 from kinematics.arrays import Array
 from kinematics.model.chain import Chain
 
@@ -126,7 +131,7 @@ class DynamicsEvaluator:
         raise self._wrong(q, qd, qdd)
 
     def regressor(self, q: Array, qd: Array, qdd: Array) -> Array:
-        """Y(q, q_dot, q_ddot) with the motors' columns, (n, 12 n); see ``dynamics.regressor``."""
+        """Regressor Y(q, q_dot, q_ddot) with the motors' columns, shape (n, 12 n)."""
         if regressor_at(self._rows, q, qd, qdd, self._work, self._Y):
             return self._Y
         raise self._wrong(q, qd, qdd)

@@ -6,11 +6,11 @@ from numpy.typing import ArrayLike
 from compiled.kernel import kernel
 from compiled.linear_solve import cholesky_solve_kernel
 from dynamics.batch import stack_vectors
-from dynamics.body import bodies, joints_without_inertia
-from dynamics.body_row import MOTOR
-from dynamics.composite import COMPOSITE_WORK, frames_kernel, mass_matrix_kernel
 from dynamics.inverse import wrench_torque
-from dynamics.recursion import inverse_kernel
+from dynamics.kernels.body_row import MOTOR
+from dynamics.kernels.composite import COMPOSITE_WORK, frames_kernel, mass_matrix_kernel
+from dynamics.kernels.recursion import inverse_kernel
+from dynamics.model.body import bodies, joints_without_inertia
 from kinematics.arrays import Array
 from kinematics.errors import MissingInertia
 from kinematics.model.chain import Chain

@@ -4,8 +4,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from compiled.kernel import kernel
-from dynamics.body import bodies
-from dynamics.recursion import WORK, gravity_kernel
+from dynamics.kernels.recursion import WORK, gravity_kernel
+from dynamics.model.body import bodies
 from kinematics.arrays import Array
 from kinematics.forward import joint_frames
 from kinematics.model.chain import Chain

@@ -5,8 +5,8 @@ from numpy.typing import ArrayLike
 
 from compiled.kernel import kernel
 from dynamics.batch import stack_vectors
-from dynamics.body import bodies
-from dynamics.recursion import WORK, inverse_kernel, reference_inverse_kernel
+from dynamics.kernels.recursion import WORK, inverse_kernel, reference_inverse_kernel
+from dynamics.model.body import bodies
 from kinematics.arrays import Array
 from kinematics.errors import InvalidOption
 from kinematics.jacobian import geometric

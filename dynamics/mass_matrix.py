@@ -4,9 +4,9 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from compiled.kernel import kernel
-from dynamics.body import bodies
-from dynamics.composite import COMPOSITE_WORK, frames_kernel, mass_matrix_kernel
 from dynamics.inverse import reference_dynamics
+from dynamics.kernels.composite import COMPOSITE_WORK, frames_kernel, mass_matrix_kernel
+from dynamics.model.body import bodies
 from kinematics.arrays import Array
 from kinematics.model.chain import Chain
 

@@ -5,7 +5,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from dynamics.body import bodies
+from dynamics.model.body import bodies
 from kinematics.arrays import Array
 from kinematics.jacobian import geometric
 from kinematics.model.chain import Chain

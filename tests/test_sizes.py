@@ -20,6 +20,7 @@ PRODUCT = (
     "kinematics",
     "dynamics",
     "obstacles",
+    "planning",
     "tracking",
     "service",
 )
@@ -63,7 +64,6 @@ MANY_ARGUMENTS = {
 CROWDED = {
     "client/armwright_client",
     "command_line",
-    "dynamics",
     "kinematics",
     "kinematics/ik/closed_form",
     "planning/optimize",

@@ -19,7 +19,7 @@ import pinocchio
 
 from benchmarks.judges.recheck import Recheck
 from benchmarks.mbm_problems import ACCELERATION, JERK, Case, cases, panda
-from dynamics.payload import with_payload
+from dynamics.model.payload import with_payload
 from kinematics.trajectory.trajectory import Trajectory
 from obstacles.robots.robot_geometry import RobotGeometry
 from planning.optimize.objective import value

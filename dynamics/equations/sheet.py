@@ -6,7 +6,6 @@ from itertools import product
 
 import numpy as np
 
-from dynamics.body_row import SMOOTH_SPEED
 from dynamics.equations.formula import Collect, formula, numeric_value
 from dynamics.equations.motion import (
     MAX_ENTRY_TERMS,
@@ -21,6 +20,7 @@ from dynamics.equations.polynomial import Polynomials, TooManyTerms
 from dynamics.equations.regressor import symbolic_regressor
 from dynamics.equations.table import SymbolicTable, symbolic_table
 from dynamics.equations.writing import Notation, Writer
+from dynamics.kernels.body_row import SMOOTH_SPEED
 from kinematics.errors import InvalidOption
 from kinematics.model.dh_table import DhTable
 

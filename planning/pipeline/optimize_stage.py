@@ -5,7 +5,7 @@ from types import MappingProxyType
 
 import numpy as np
 
-from dynamics.payload import with_payload
+from dynamics.model.payload import with_payload
 from kinematics.arrays import Array
 from kinematics.errors import InvalidOption
 from kinematics.model.chain import Chain

@@ -6,7 +6,7 @@ from functools import lru_cache
 
 import numpy as np
 
-from dynamics.payload import with_payload
+from dynamics.model.payload import with_payload
 from kinematics.arrays import Array, frozen
 from kinematics.errors import InvalidOption, MissingLimit
 from kinematics.model.chain import Chain, Limits

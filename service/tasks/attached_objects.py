@@ -10,7 +10,7 @@ from pydantic import BaseModel
 from armwright_wire import scene as schema
 from armwright_wire.check import Attached, WithFingers
 from armwright_wire.scene import AllowedItem
-from dynamics.payload import with_payload
+from dynamics.model.payload import with_payload
 from kinematics.arrays import Array
 from kinematics.errors import InvalidScene
 from kinematics.forward import link_number

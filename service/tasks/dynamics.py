@@ -15,16 +15,16 @@ from armwright_wire.dynamics import (
     RegressorRequest,
     WrenchRequest,
 )
-from dynamics.base_parameters import base_parameters
 from dynamics.coriolis import christoffel_symbols, coriolis_matrix
 from dynamics.energy import kinetic_energy
 from dynamics.forward import forward_dynamics as forward
 from dynamics.gravity import gravity_vector, potential_energy
 from dynamics.inverse import inverse_dynamics
 from dynamics.mass_matrix import mass_matrix
+from dynamics.model.payload import with_gravity, with_motors
+from dynamics.parameters.base_parameters import base_parameters
+from dynamics.parameters.regressor import parameter_names, reference_regressor, standard_parameters
 from dynamics.partial_jacobians import partial_jacobians
-from dynamics.payload import with_gravity, with_motors
-from dynamics.regressor import parameter_names, reference_regressor, standard_parameters
 from kinematics.arrays import Array
 from kinematics.errors import InvalidOption, InvalidRobotState
 from kinematics.model.chain import Chain

@@ -3,7 +3,7 @@
 import numpy as np
 
 from armwright_wire.dynamics import Payload
-from dynamics.payload import with_payload
+from dynamics.model.payload import with_payload
 from kinematics.model.chain import Chain
 
 

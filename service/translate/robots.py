@@ -11,7 +11,7 @@ import numpy as np
 
 from armwright_wire import robot as schema
 from armwright_wire.robot import Motor
-from dynamics.body import joints_without_inertia, massless_joints
+from dynamics.model.body import joints_without_inertia, massless_joints
 from kinematics.arrays import Array
 from kinematics.errors import InvalidRobotDescription, InvalidScene
 from kinematics.ik.closed_form.structure import classify_wrist

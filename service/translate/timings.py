@@ -9,7 +9,7 @@ from armwright_wire import plan as schema
 from armwright_wire import retime as retime_schema
 from armwright_wire.timing import Timing
 from armwright_wire.trajectory import LimitsBody
-from dynamics.payload import with_payload
+from dynamics.model.payload import with_payload
 from kinematics.arrays import Array
 from kinematics.errors import InvalidOption, InvalidTrajectory
 from kinematics.model.chain import Chain

@@ -8,7 +8,7 @@ from armwright_client import Client
 from dynamics.coriolis import coriolis_matrix
 from dynamics.inverse import inverse_dynamics
 from dynamics.mass_matrix import mass_matrix
-from dynamics.payload import with_payload
+from dynamics.model.payload import with_payload
 from kinematics.robots import builtin_chain
 from kinematics.statics import holding_torques
 

@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 from scipy.linalg import null_space
 
-from dynamics.base_parameters import BaseParameters, base_parameters
-from dynamics.body import scale_masses
-from dynamics.payload import with_gravity, with_motors
-from dynamics.regressor import parameter_names, regressor, standard_parameters
+from dynamics.model.body import scale_masses
+from dynamics.model.payload import with_gravity, with_motors
+from dynamics.parameters.base_parameters import BaseParameters, base_parameters
+from dynamics.parameters.regressor import parameter_names, regressor, standard_parameters
 from kinematics.arrays import Array
 from kinematics.errors import InvalidOption, MissingInertia
 from kinematics.model.chain import Chain

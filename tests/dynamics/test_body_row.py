@@ -3,8 +3,7 @@
 import numpy as np
 import pytest
 
-from dynamics.body import bodies
-from dynamics.body_row import (
+from dynamics.kernels.body_row import (
     FRAME,
     FRICTION,
     MASS,
@@ -17,6 +16,7 @@ from dynamics.body_row import (
     to_child,
     to_parent,
 )
+from dynamics.model.body import bodies
 from tests.dynamics.samples import random_chain
 
 

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from dynamics.body import bodies
-from dynamics.composite import COMPOSITE_WORK, frames_kernel
+from dynamics.kernels.composite import COMPOSITE_WORK, frames_kernel
+from dynamics.model.body import bodies
 from kinematics.forward import joint_frames
 from tests.dynamics.samples import random_chain
 

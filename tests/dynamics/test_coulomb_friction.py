@@ -8,11 +8,16 @@ import pinocchio as pin
 import pytest
 from scipy.integrate import solve_ivp
 
-from dynamics.base_parameters import base_parameters
-from dynamics.body_row import SMOOTH_SPEED
 from dynamics.forward import forward_dynamics
 from dynamics.inverse import inverse_dynamics, reference_dynamics
-from dynamics.regressor import parameter_names, reference_regressor, regressor, standard_parameters
+from dynamics.kernels.body_row import SMOOTH_SPEED
+from dynamics.parameters.base_parameters import base_parameters
+from dynamics.parameters.regressor import (
+    parameter_names,
+    reference_regressor,
+    regressor,
+    standard_parameters,
+)
 from dynamics.symbolic import symbolic_inverse_dynamics
 from kinematics.errors import InvalidOption
 from kinematics.model.chain import Chain

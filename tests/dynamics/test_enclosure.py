@@ -4,10 +4,10 @@ import numpy as np
 import pinocchio
 import pytest
 
-from dynamics.body import bodies
 from dynamics.enclosure import bounds_kernel, tool_speed_use, torque_use
 from dynamics.inverse import inverse_dynamics
-from dynamics.payload import with_payload
+from dynamics.model.body import bodies
+from dynamics.model.payload import with_payload
 from kinematics.jacobian import geometric
 from kinematics.model.chain import Chain
 from kinematics.robots import builtin_names, builtin_urdf

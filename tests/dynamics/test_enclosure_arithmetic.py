@@ -7,7 +7,6 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from dynamics.body import bodies
 from dynamics.enclosure import (
     Enclosure,
     Vector,
@@ -25,6 +24,7 @@ from dynamics.enclosure import (
     torque_use,
 )
 from dynamics.inverse import inverse_dynamics
+from dynamics.model.body import bodies
 from kinematics.arrays import Array
 from kinematics.errors import MissingInertia
 from kinematics.forward import forward

@@ -5,8 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from dynamics.base_parameters import base_parameters
-from dynamics.parameter_units import (
+from dynamics.parameters.base_parameters import base_parameters
+from dynamics.parameters.parameter_units import (
     base_parameter_labels,
     base_parameter_units,
     parameter_unit,

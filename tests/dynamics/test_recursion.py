@@ -6,13 +6,13 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
-from dynamics.body import bodies
-from dynamics.recursion import (
+from dynamics.kernels.recursion import (
     WORK,
     gravity_kernel,
     inverse_kernel,
     reference_inverse_kernel,
 )
+from dynamics.model.body import bodies
 from kinematics.arrays import Array
 from kinematics.model.chain import Chain
 from tests.dynamics.oracle import christoffel_function, relative_error

@@ -4,14 +4,14 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
-from dynamics.base_parameters import base_parameters
-from dynamics.body import bodies, scale_masses
 from dynamics.coriolis import coriolis_matrix
 from dynamics.gravity import gravity_vector
 from dynamics.inverse import inverse_dynamics, reference_dynamics
 from dynamics.mass_matrix import augmented_mass_matrix
-from dynamics.payload import with_gravity
-from dynamics.regressor import (
+from dynamics.model.body import bodies, scale_masses
+from dynamics.model.payload import with_gravity
+from dynamics.parameters.base_parameters import base_parameters
+from dynamics.parameters.regressor import (
     parameter_names,
     reference_regressor,
     regressor,

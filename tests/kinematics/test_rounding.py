@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from dynamics.payload import inertia
+from dynamics.model.payload import inertia
 from kinematics.errors import InvalidOption, InvalidPose, InvalidRobotDescription
 from kinematics.model.dh import DhRow, DhTable, chain_from_dh
 from kinematics.pose import from_axis_angle, from_matrix, from_quaternion

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from dynamics.gravity import gravity_vector
-from dynamics.payload import with_payload
+from dynamics.model.payload import with_payload
 from kinematics.forward import forward
 from kinematics.robots import builtin_chain
 from tests.service.robots import HOME, answer, problem, scene

@@ -7,10 +7,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from compiled.kernel import kernel
-from dynamics.body import bodies
-from dynamics.composite import COMPOSITE_WORK, frames_kernel, mass_matrix_kernel
-from dynamics.recursion import gravity_kernel, inverse_kernel, reference_inverse_kernel
-from dynamics.regressor import motor_columns, regressor_kernel
+from dynamics.kernels.composite import COMPOSITE_WORK, frames_kernel, mass_matrix_kernel
+from dynamics.kernels.recursion import gravity_kernel, inverse_kernel, reference_inverse_kernel
+from dynamics.model.body import bodies
+from dynamics.parameters.regressor import motor_columns, regressor_kernel
 from kinematics.arrays import Array
 from kinematics.model.chain import Chain
 
@@ -30,7 +30,7 @@ class Law(NamedTuple):
 
     Args:
         kind: One of ``Kind``.
-        rows: The model that it believes in, ``dynamics.body.Bodies.rows``.
+        rows: The model that it believes in, ``dynamics.model.body.Bodies.rows``.
         Kp: Stiffness, shape (n, n).
         Kd: Damping, or K of the filtered error, shape (n, n).
         Lambda: Gain of the filtered error, shape (n,).

@@ -10,7 +10,7 @@ assumptions of a proof hold, the rate is the proof's.
 """
 
 from compiled.kernel import kernel
-from dynamics.recursion import reference_inverse_kernel
+from dynamics.kernels.recursion import reference_inverse_kernel
 from kinematics.arrays import Array
 from tracking.controllers.control_law import Kind, Law, Space, quadratic, set_errors
 

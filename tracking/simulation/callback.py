@@ -8,9 +8,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.integrate import DOP853
 
-from dynamics.body import bodies
 from dynamics.forward import forward_dynamics_kernel, massless
 from dynamics.inverse import wrench_torque
+from dynamics.model.body import bodies
 from kinematics.arrays import Array
 from tracking.controllers.controller import AdaptiveController, Controller, Flow
 from tracking.simulation.integrators.explicit import explicit_polynomials

@@ -2,8 +2,8 @@
 
 import numpy as np
 
-from dynamics.body import bodies
 from dynamics.forward import massless
+from dynamics.model.body import bodies
 from kinematics.arrays import Array
 from tracking.controllers.control_law import Law, space
 from tracking.simulation.disturbance import Disturbance

@@ -40,8 +40,8 @@ def simulate(
         controller: Controller with the model that it has.
         trajectory: The reference.
         options: How to integrate.
-        robot: The true robot, for example the model with ``dynamics.body.scale_masses`` or
-            ``dynamics.payload.with_inertias``; the controller's model where none is given.
+        robot: The true robot, for example the model with ``dynamics.model.body.scale_masses`` or
+            ``dynamics.model.payload.with_inertias``; the controller's model where none is given.
         initial_position: Shape (n,) [rad or m]; the start of the trajectory by default.
         initial_velocity: Shape (n,) [rad/s or m/s]; that of the trajectory by default.
         disturbance: Disturbance of the robot that the controller does not know of; an array (n,) is

@@ -9,7 +9,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from dynamics.body import Bodies, bodies
+from dynamics.model.body import Bodies, bodies
 from kinematics.arrays import Array
 from kinematics.model.chain import Chain
 from kinematics.trajectory.trajectory import Trajectory

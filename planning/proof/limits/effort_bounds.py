@@ -8,7 +8,7 @@ middle of the interval, and bounds of second derivatives all over it. Written ap
 import numpy as np
 
 from compiled.kernel import kernel
-from dynamics.body import Bodies
+from dynamics.model.body import Bodies
 from kinematics.arrays import Array
 from planning.proof.limits.jet import (
     Jet,

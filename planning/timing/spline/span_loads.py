@@ -15,8 +15,8 @@ from typing import NamedTuple
 import numpy as np
 
 from compiled.kernel import kernel
-from dynamics.body import bodies
-from dynamics.recursion import WORK, gravity_kernel, inverse_kernel
+from dynamics.kernels.recursion import WORK, gravity_kernel, inverse_kernel
+from dynamics.model.body import bodies
 from kinematics.arrays import Array, frozen
 from kinematics.jacobian import frame_and_jacobian_kernel
 from planning.values.effort_limits import EffortLimits

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 import sympy
 
-from dynamics.base_parameters import base_parameters
 from dynamics.inverse import inverse_dynamics
+from dynamics.parameters.base_parameters import base_parameters
 from kinematics.model.dh import chain_from_dh
 from tests.dynamics.equations.tables import (
     QD,

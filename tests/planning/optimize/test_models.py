@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from dynamics.payload import with_payload
+from dynamics.model.payload import with_payload
 from planning.optimize import objective
 from planning.optimize.iterate import Iterate
 from planning.optimize.linearization import Checkpoints, least_factor, linearize

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from dynamics.payload import with_payload
+from dynamics.model.payload import with_payload
 from kinematics.trajectory.trajectory import Trajectory
 from planning.constraints.constraint_set import ConstraintSet
 from planning.constraints.kinds.joint import JointConstraint

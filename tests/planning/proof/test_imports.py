@@ -29,7 +29,7 @@ ALLOWED = {
     "obstacles.shapes.primitives",
     "obstacles.robots.robot_geometry",
     "obstacles.scenes.scene",
-    "dynamics.body",
+    "dynamics.model.body",
 }
 #: The seam to GJK, whose proposals are checked.
 SEAM = {

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from benchmarks.judges.ratios import worst_ratio
 from benchmarks.timing import run
 from dynamics.inverse import inverse_dynamics
-from dynamics.payload import with_motors, with_payload
+from dynamics.model.payload import with_motors, with_payload
 from kinematics.errors import InvalidOption
 from kinematics.jacobian import geometric
 from kinematics.model.chain import Chain

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from dynamics.body import scale_masses
+from dynamics.model.body import scale_masses
 from kinematics.errors import InvalidOption
 from tests.dynamics.samples import cart_pendulum, planar_rr
 from tracking.controllers.adaptive import Adaptive

@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from dynamics.body import scale_masses
+from dynamics.model.body import scale_masses
 from kinematics.arrays import Array
 from kinematics.model.chain import Chain
 from tests.dynamics.samples import random_chain

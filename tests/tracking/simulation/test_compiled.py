@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from dynamics.body import scale_masses
-from dynamics.motor import Motor, attach_motors
-from dynamics.payload import with_motors, with_payload
+from dynamics.model.body import scale_masses
+from dynamics.model.motor import Motor, attach_motors
+from dynamics.model.payload import with_motors, with_payload
 from kinematics.arrays import Array
 from kinematics.errors import InvalidOption, InvalidRobotState, MissingInertia
 from kinematics.model.chain import Chain, Inertia

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from scipy.linalg import expm
 
-from dynamics.body import scale_masses
+from dynamics.model.body import scale_masses
 from kinematics.arrays import Array
 from kinematics.errors import InvalidOption, InvalidRobotState, MissingInertia, MissingLimit
 from kinematics.model.chain import Chain

@@ -7,7 +7,7 @@ import pytest
 from scipy.integrate import solve_ivp
 from scipy.interpolate import BPoly, CubicHermiteSpline
 
-from dynamics.body import scale_masses
+from dynamics.model.body import scale_masses
 from tests.dynamics.samples import planar_rr
 from tests.tracking.samples import constant, slider
 from tracking.controllers.computed_torque import ComputedTorque

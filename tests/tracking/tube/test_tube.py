@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from dynamics.body import scale_masses
+from dynamics.model.body import scale_masses
 from kinematics.arrays import Array
 from kinematics.robots import builtin_srdf, builtin_urdf
 from kinematics.trajectory.trajectory import Trajectory

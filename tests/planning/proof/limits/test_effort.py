@@ -4,7 +4,7 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
-from dynamics.payload import with_payload
+from dynamics.model.payload import with_payload
 from kinematics.arrays import Array
 from kinematics.model.chain import Chain
 from kinematics.robots import builtin_chain, builtin_urdf

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from dynamics.body import Bodies, bodies
+from dynamics.model.body import Bodies, bodies
 from kinematics.arrays import Array
 from kinematics.forward import joint_frames
 from kinematics.model.chain import Chain

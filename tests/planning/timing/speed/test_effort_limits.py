@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from dynamics.payload import with_motors
+from dynamics.model.payload import with_motors
 from kinematics.arrays import Array
 from kinematics.robots import builtin_chain
 from kinematics.trajectory.trajectory import Trajectory

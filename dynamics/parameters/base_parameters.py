@@ -7,7 +7,7 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
-from dynamics.regressor import parameter_names, regressor, standard_parameters
+from dynamics.parameters.regressor import parameter_names, regressor, standard_parameters
 from kinematics.arrays import Array, frozen
 from kinematics.errors import InvalidOption
 from kinematics.model.chain import Chain, JointType

@@ -2,8 +2,8 @@
 
 import numpy as np
 
-from dynamics.base_parameters import BaseParameters, combination_text
-from dynamics.regressor import standard_parameters
+from dynamics.parameters.base_parameters import BaseParameters, combination_text
+from dynamics.parameters.regressor import standard_parameters
 from kinematics.arrays import Array
 from kinematics.model.chain import Chain, JointType
 
@@ -17,7 +17,7 @@ def parameter_unit(name: str, chain: Chain) -> str:
     """The unit of a standard parameter, for example "kg m" of "mx2".
 
     Args:
-        name: Name as in ``dynamics.regressor.parameter_names``: a kind and the number of a joint.
+        name: Name as in ``regressor.parameter_names``: a kind and the number of a joint.
         chain: The robot: a prismatic joint's motor has other units.
     """
     kind = name.rstrip("0123456789")

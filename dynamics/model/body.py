@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from dynamics.body_row import COULOMB, FRAME, FRICTION, MASS, MOTOR, ROW, TYPE
+from dynamics.kernels.body_row import COULOMB, FRAME, FRICTION, MASS, MOTOR, ROW, TYPE
 from kinematics.arrays import Array, frozen
 from kinematics.errors import InvalidOption, MissingInertia
 from kinematics.model.chain import Chain, Inertia, Link

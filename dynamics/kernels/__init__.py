@@ -1,0 +1,1 @@
+"""Kernels of the dynamics: recursions and composite bodies."""

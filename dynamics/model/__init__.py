@@ -1,0 +1,1 @@
+"""Bodies of a chain for the dynamics, and changes of them: motors, loads."""
