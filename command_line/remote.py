@@ -198,9 +198,9 @@ def _open_request(body: dict[str, Any]) -> Any:
     """A request of any fields: the service, not the client, says what is wrong with it."""
     from pydantic import ConfigDict  # noqa: PLC0415
 
-    from armwright_client.base import Request  # noqa: PLC0415
+    from armwright_wire.base import Body  # noqa: PLC0415
 
-    class OpenRequest(Request):
+    class OpenRequest(Body):
         model_config = ConfigDict(extra="allow")
 
     return OpenRequest.model_validate(body)

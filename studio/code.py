@@ -8,7 +8,7 @@ from typing import Any
 from pydantic import BaseModel
 
 from armwright_client import IkRequest, PlanRequest, TaskRequest, TourRequest
-from armwright_client.base import Request
+from armwright_wire.base import Body as Request
 
 
 def plan_python(url: str, request: PlanRequest) -> str:

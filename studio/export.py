@@ -6,8 +6,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from armwright_client import Client, Obstacle, Scene, Segment, TaskStageReport, TimedTrajectory
-from armwright_client.export import ExportFormat
+from armwright_client import Client, Obstacle, Scene, TaskStageReport, TimedTrajectory
+from armwright_wire.export import Format as ExportFormat
+from armwright_wire.trajectory import SegmentAnswer
 from studio.requests import plan_request, set_fields, tour_request
 from studio.result import Planned, TaskPlanned, TourPlanned
 
@@ -102,7 +103,7 @@ def _motions(stages: Sequence[TaskStageReport]) -> list[list[TaskStageReport]]:
 
 def _joined(parts: Sequence[TimedTrajectory]) -> TimedTrajectory:
     """Motions in turn as one."""
-    segments: list[Segment] = []
+    segments: list[SegmentAnswer] = []
     begin = 0.0
     for part in parts:
         segments += [

@@ -5,7 +5,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import Any, TypeAlias
 
-from armwright_client import Certificate, Plan, Problem, TaskPlan, Tour
+from armwright_client import Certificate, Plan, TaskPlan, Tour
+from armwright_wire.job import Problem
 from service.viewer.words import against, certificate_sentences, problem_sentences
 from studio.branch import Branch, branches
 from studio.state import StudioState

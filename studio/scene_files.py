@@ -22,7 +22,7 @@ from armwright_client import (
     Scene,
     Sphere,
 )
-from armwright_client.shape import Capsule, Cone, Shape
+from armwright_wire.scene import Capsule, Cone, Shape
 from obstacles.meshes.mesh import FILE_TYPES, load_mesh
 from obstacles.scenes.moveit import scene_from_moveit
 from studio.pose import rotation

@@ -3,7 +3,7 @@
 from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple, get_args
 
-from armwright_client.planner import KnownPlanner
+from armwright_wire.plan import PlannerName as KnownPlanner
 
 #: Settings of the form, by their path in a plan request.
 PATHS = (

@@ -4,7 +4,7 @@ from collections.abc import Sequence
 from typing import Literal
 
 from armwright_client import Box, Capsule, Cone, Cylinder, Obstacle, Pose, Sphere
-from armwright_client.shape import Shape
+from armwright_wire.scene import Shape
 
 ShapeKind = Literal["box", "sphere", "cylinder"]
 

@@ -15,8 +15,8 @@ from armwright_client import (
     Scene,
 )
 from armwright_client.call import Call
-from armwright_client.export import ExportFormat
-from armwright_client.geometry import GeometryAnswer
+from armwright_wire.export import Format as ExportFormat
+from armwright_wire.robot import GeometryAnswer
 from studio.attempt import attempt
 from studio.branch import Branch, Verdict, branches
 from studio.entries import Entries

@@ -3,33 +3,35 @@
 `Client` and `AsyncClient` are where to begin; `armwright_client.errors` shows the tree of errors.
 """
 
-from armwright_client.base import ArrayLike as ArrayLike
-from armwright_client.base import RowsLike as RowsLike
-from armwright_client.base import VectorLike as VectorLike
-from armwright_client.batch import BatchAnswer as BatchAnswer
-from armwright_client.batch import BatchProblem as BatchProblem
-from armwright_client.batch import BatchRequest as BatchRequest
-from armwright_client.certificate import Certificate as Certificate
-from armwright_client.certificate import LimitUse as LimitUse
-from armwright_client.certificate import LimitUses as LimitUses
-from armwright_client.certificate import LimitValues as LimitValues
-from armwright_client.certificate import PathDeviation as PathDeviation
-from armwright_client.certificate import Premises as Premises
-from armwright_client.certificate import Proved as Proved
-from armwright_client.certificate import ValidateOptions as ValidateOptions
-from armwright_client.certificate import ValidateRequest as ValidateRequest
-from armwright_client.check import Attached as Attached
-from armwright_client.check import CheckAnswer as CheckAnswer
-from armwright_client.check import CheckBatch as CheckBatch
-from armwright_client.check import CheckOptions as CheckOptions
-from armwright_client.check import CheckRequest as CheckRequest
-from armwright_client.check import Collision as Collision
-from armwright_client.check import LimitViolation as LimitViolation
-from armwright_client.clearance import Clearance as Clearance
-from armwright_client.clearance import ClearanceReport as ClearanceReport
-from armwright_client.clearance import CloseSpan as CloseSpan
-from armwright_client.clearance import ConfigurationReport as ConfigurationReport
-from armwright_client.clearance import GoalCosts as GoalCosts
+from armwright_client.answers import CheckAnswer as CheckAnswer
+from armwright_client.answers import CheckBatch as CheckBatch
+from armwright_client.answers import DynamicsAnswer as DynamicsAnswer
+from armwright_client.answers import DynamicsBatch as DynamicsBatch
+from armwright_client.answers import FkAnswer as FkAnswer
+from armwright_client.answers import FkBatch as FkBatch
+from armwright_client.answers import ForwardDynamicsAnswer as ForwardDynamicsAnswer
+from armwright_client.answers import ForwardDynamicsBatch as ForwardDynamicsBatch
+from armwright_client.answers import IkAnswer as IkAnswer
+from armwright_client.answers import IkBatch as IkBatch
+from armwright_client.answers import JacobianAnswer as JacobianAnswer
+from armwright_client.answers import JacobianBatch as JacobianBatch
+from armwright_client.answers import PotentialAnswer as PotentialAnswer
+from armwright_client.answers import PotentialBatch as PotentialBatch
+from armwright_client.answers import RegressorAnswer as RegressorAnswer
+from armwright_client.answers import VelocityAnswer as VelocityAnswer
+from armwright_client.answers import WrenchAnswer as WrenchAnswer
+from armwright_client.answers import WrenchBatch as WrenchBatch
+from armwright_client.arm_options import DynamicsOptions as DynamicsOptions
+from armwright_client.arm_options import FkOptions as FkOptions
+from armwright_client.arm_options import ForwardDynamicsOptions as ForwardDynamicsOptions
+from armwright_client.arm_options import IkOptions as IkOptions
+from armwright_client.arm_options import JacobianOptions as JacobianOptions
+from armwright_client.arm_options import ModelOptions as ModelOptions
+from armwright_client.arm_options import PotentialSettings as PotentialSettings
+from armwright_client.arm_options import ReachOptions as ReachOptions
+from armwright_client.arm_options import RegressorOptions as RegressorOptions
+from armwright_client.arm_options import VelocityOptions as VelocityOptions
+from armwright_client.arm_options import WrenchOptions as WrenchOptions
 from armwright_client.client import DEFAULT_URL as DEFAULT_URL
 from armwright_client.client import AsyncClient as AsyncClient
 from armwright_client.client import AsyncJobs as AsyncJobs
@@ -43,59 +45,8 @@ from armwright_client.client import Later as Later
 from armwright_client.client import Plans as Plans
 from armwright_client.client import Robots as Robots
 from armwright_client.client import Scenes as Scenes
-from armwright_client.constraint import BoxRegion as BoxRegion
-from armwright_client.constraint import ClearanceConstraint as ClearanceConstraint
-from armwright_client.constraint import ConstraintUse as ConstraintUse
-from armwright_client.constraint import JointConstraint as JointConstraint
-from armwright_client.constraint import LineRegion as LineRegion
-from armwright_client.constraint import LookAtConstraint as LookAtConstraint
-from armwright_client.constraint import OrientationConstraint as OrientationConstraint
-from armwright_client.constraint import PlaneRegion as PlaneRegion
-from armwright_client.constraint import PositionConstraint as PositionConstraint
-from armwright_client.constraint import RelativePoseConstraint as RelativePoseConstraint
-from armwright_client.constraint import SphereRegion as SphereRegion
-from armwright_client.constraint import ToolSpeedConstraint as ToolSpeedConstraint
-from armwright_client.constraint import TorqueConstraint as TorqueConstraint
-from armwright_client.dh_table import DerivedDh as DerivedDh
-from armwright_client.dh_table import DhParameters as DhParameters
-from armwright_client.dh_table import DhRow as DhRow
-from armwright_client.dh_table import DhTable as DhTable
-from armwright_client.dh_table import LinkCapsules as LinkCapsules
-from armwright_client.dh_table import LinkSolid as LinkSolid
-from armwright_client.dynamics import BaseParameter as BaseParameter
-from armwright_client.dynamics import DampedDirection as DampedDirection
-from armwright_client.dynamics import DynamicsAnswer as DynamicsAnswer
-from armwright_client.dynamics import DynamicsBatch as DynamicsBatch
-from armwright_client.dynamics import DynamicsOptions as DynamicsOptions
-from armwright_client.dynamics import DynamicsRequest as DynamicsRequest
-from armwright_client.dynamics import ForwardDynamicsAnswer as ForwardDynamicsAnswer
-from armwright_client.dynamics import ForwardDynamicsBatch as ForwardDynamicsBatch
-from armwright_client.dynamics import ForwardDynamicsOptions as ForwardDynamicsOptions
-from armwright_client.dynamics import ForwardDynamicsRequest as ForwardDynamicsRequest
-from armwright_client.dynamics import ModelOptions as ModelOptions
-from armwright_client.dynamics import PartialJacobian as PartialJacobian
-from armwright_client.dynamics import Payload as Payload
-from armwright_client.dynamics import RegressorAnswer as RegressorAnswer
-from armwright_client.dynamics import RegressorOptions as RegressorOptions
-from armwright_client.dynamics import RegressorRequest as RegressorRequest
-from armwright_client.dynamics import VelocityAnswer as VelocityAnswer
-from armwright_client.dynamics import VelocityOptions as VelocityOptions
-from armwright_client.dynamics import VelocityRequest as VelocityRequest
-from armwright_client.dynamics import WrenchAnswer as WrenchAnswer
-from armwright_client.dynamics import WrenchBatch as WrenchBatch
-from armwright_client.dynamics import WrenchOptions as WrenchOptions
-from armwright_client.dynamics import WrenchRequest as WrenchRequest
-from armwright_client.equations import Abbreviation as Abbreviation
-from armwright_client.equations import ChristoffelFormula as ChristoffelFormula
-from armwright_client.equations import EquationsAnswer as EquationsAnswer
-from armwright_client.equations import JointSymbol as JointSymbol
-from armwright_client.equations import MotionFormulas as MotionFormulas
-from armwright_client.equations import ParameterSymbol as ParameterSymbol
-from armwright_client.equations import PoseFormulas as PoseFormulas
-from armwright_client.equations import RegressorFormulas as RegressorFormulas
 from armwright_client.error_codes import BY_CODE as BY_CODE
 from armwright_client.errors import ApiError as ApiError
-from armwright_client.errors import ArmwrightError as ArmwrightError
 from armwright_client.errors import Conflict as Conflict
 from armwright_client.errors import Forbidden as Forbidden
 from armwright_client.errors import GoalInCollision as GoalInCollision
@@ -104,7 +55,6 @@ from armwright_client.errors import GoalViolatesPathConstraints as GoalViolatesP
 from armwright_client.errors import HostNotAllowed as HostNotAllowed
 from armwright_client.errors import IdempotencyKeyReused as IdempotencyKeyReused
 from armwright_client.errors import InCollision as InCollision
-from armwright_client.errors import InvalidArgument as InvalidArgument
 from armwright_client.errors import InvalidGoalConstraints as InvalidGoalConstraints
 from armwright_client.errors import InvalidGroupName as InvalidGroupName
 from armwright_client.errors import InvalidLinkName as InvalidLinkName
@@ -146,192 +96,292 @@ from armwright_client.errors import UnrecognizedGoalType as UnrecognizedGoalType
 from armwright_client.errors import UnsupportedMediaType as UnsupportedMediaType
 from armwright_client.errors import ValidationFailed as ValidationFailed
 from armwright_client.errors import WorkerCrashed as WorkerCrashed
-from armwright_client.export import Export as Export
-from armwright_client.export import ExportOptions as ExportOptions
-from armwright_client.export import ExportRequest as ExportRequest
-from armwright_client.geometry import BodySurface as BodySurface
-from armwright_client.geometry import GeometryAnswer as GeometryAnswer
-from armwright_client.goal import Goal as Goal
-from armwright_client.goal import GoalLike as GoalLike
-from armwright_client.goal import SingleGoal as SingleGoal
-from armwright_client.goal import Start as Start
 from armwright_client.health import Health as Health
 from armwright_client.health import Readiness as Readiness
 from armwright_client.job import Job as Job
 from armwright_client.job import JobEvent as JobEvent
 from armwright_client.job import JobList as JobList
-from armwright_client.kept_plan import Bundle as Bundle
-from armwright_client.kept_plan import DocumentName as DocumentName
-from armwright_client.kept_plan import KeptPlan as KeptPlan
-from armwright_client.kept_plan import KeptPlanSummary as KeptPlanSummary
-from armwright_client.kept_plan import PlanList as PlanList
-from armwright_client.kept_plan import ReplayAnswer as ReplayAnswer
-from armwright_client.kept_plan import ReplayRequest as ReplayRequest
-from armwright_client.kinematics import ArmSides as ArmSides
-from armwright_client.kinematics import FkAnswer as FkAnswer
-from armwright_client.kinematics import FkBatch as FkBatch
-from armwright_client.kinematics import FkOptions as FkOptions
-from armwright_client.kinematics import FkRequest as FkRequest
-from armwright_client.kinematics import Gradient as Gradient
-from armwright_client.kinematics import GradientTrace as GradientTrace
-from armwright_client.kinematics import IkAnswer as IkAnswer
-from armwright_client.kinematics import IkBatch as IkBatch
-from armwright_client.kinematics import IkOptions as IkOptions
-from armwright_client.kinematics import IkRequest as IkRequest
-from armwright_client.kinematics import IkSolution as IkSolution
-from armwright_client.kinematics import JacobianAnswer as JacobianAnswer
-from armwright_client.kinematics import JacobianBatch as JacobianBatch
-from armwright_client.kinematics import JacobianOptions as JacobianOptions
-from armwright_client.kinematics import JacobianRequest as JacobianRequest
-from armwright_client.kinematics import Unsolved as Unsolved
-from armwright_client.lyapunov import Lyapunov as Lyapunov
-from armwright_client.lyapunov import LyapunovRequest as LyapunovRequest
-from armwright_client.lyapunov import Pole as Pole
-from armwright_client.lyapunov import QuadraticForm as QuadraticForm
-from armwright_client.motor import Motor as Motor
 from armwright_client.pending import AsyncPending as AsyncPending
 from armwright_client.pending import Pending as Pending
-from armwright_client.plan import CartesianOptions as CartesianOptions
-from armwright_client.plan import Descent as Descent
-from armwright_client.plan import JointPath as JointPath
-from armwright_client.plan import Plan as Plan
-from armwright_client.plan import PlanOptions as PlanOptions
-from armwright_client.plan import PlanRequest as PlanRequest
-from armwright_client.plan import Progress as Progress
-from armwright_client.plan import Refine as Refine
-from armwright_client.plan import Reproducibility as Reproducibility
-from armwright_client.plan import Stage as Stage
-from armwright_client.plan import Timing as Timing
-from armwright_client.planner import PlannerName as PlannerName
-from armwright_client.pose import ConvertedPose as ConvertedPose
-from armwright_client.pose import ConvertPoseRequest as ConvertPoseRequest
-from armwright_client.pose import FramedPose as FramedPose
-from armwright_client.pose import Pose as Pose
-from armwright_client.pose import PoseForm as PoseForm
-from armwright_client.pose import PoseForms as PoseForms
-from armwright_client.pose import PoseMotion as PoseMotion
-from armwright_client.pose import SingularForm as SingularForm
-from armwright_client.potential import ControlPoint as ControlPoint
-from armwright_client.potential import PotentialAnswer as PotentialAnswer
-from armwright_client.potential import PotentialBatch as PotentialBatch
-from armwright_client.potential import PotentialOptions as PotentialOptions
-from armwright_client.potential import PotentialRequest as PotentialRequest
-from armwright_client.potential import PotentialSettings as PotentialSettings
+from armwright_client.plan_options import CheckOptions as CheckOptions
+from armwright_client.plan_options import ExportOptions as ExportOptions
+from armwright_client.plan_options import PlanOptions as PlanOptions
+from armwright_client.plan_options import SimulateOptions as SimulateOptions
+from armwright_client.plan_options import TaskOptions as TaskOptions
+from armwright_client.plan_options import TourOptions as TourOptions
+from armwright_client.plan_options import ValidateOptions as ValidateOptions
 from armwright_client.problem import Problem as Problem
-from armwright_client.reach import BaseAnswer as BaseAnswer
-from armwright_client.reach import BaseRegion as BaseRegion
-from armwright_client.reach import ReachAnswer as ReachAnswer
-from armwright_client.reach import ReachBox as ReachBox
-from armwright_client.reach import ReachGrid as ReachGrid
-from armwright_client.reach import ReachOptions as ReachOptions
-from armwright_client.reach import ReachRequest as ReachRequest
-from armwright_client.reach import ReachTolerance as ReachTolerance
-from armwright_client.retime import JointState as JointState
-from armwright_client.retime import Retimed as Retimed
-from armwright_client.retime import RetimePath as RetimePath
-from armwright_client.retime import RetimeRequest as RetimeRequest
-from armwright_client.retime import RetimeTiming as RetimeTiming
 from armwright_client.retry import Retry as Retry
 from armwright_client.robot import ArchiveOptions as ArchiveOptions
-from armwright_client.robot import DefaultLimits as DefaultLimits
-from armwright_client.robot import FingerJoint as FingerJoint
-from armwright_client.robot import JointLimits as JointLimits
-from armwright_client.robot import Limits as Limits
-from armwright_client.robot import Robot as Robot
 from armwright_client.robot import RobotArchive as RobotArchive
-from armwright_client.robot import RobotChanges as RobotChanges
-from armwright_client.robot import RobotList as RobotList
 from armwright_client.robot import RobotOptions as RobotOptions
-from armwright_client.robot import RobotSummary as RobotSummary
 from armwright_client.robot import RobotUpload as RobotUpload
-from armwright_client.robot import SuspectedPair as SuspectedPair
-from armwright_client.scene import AllowedPair as AllowedPair
-from armwright_client.scene import LimitedPair as LimitedPair
-from armwright_client.scene import Obstacle as Obstacle
-from armwright_client.scene import ProjectAnswer as ProjectAnswer
-from armwright_client.scene import Projection as Projection
-from armwright_client.scene import ProjectRequest as ProjectRequest
-from armwright_client.scene import Scene as Scene
-from armwright_client.scene import SceneList as SceneList
-from armwright_client.scene import SceneReference as SceneReference
-from armwright_client.scene import SceneSummary as SceneSummary
-from armwright_client.scene import TouchDepth as TouchDepth
-from armwright_client.seam import StraightOffset as StraightOffset
-from armwright_client.seam import ToolSpeed as ToolSpeed
-from armwright_client.seam import ToolSpeedBand as ToolSpeedBand
-from armwright_client.seam import ToolTolerance as ToolTolerance
-from armwright_client.seam import ToolToleranceUse as ToolToleranceUse
-from armwright_client.seam import Waypoint as Waypoint
 from armwright_client.session import ClientOptions as ClientOptions
-from armwright_client.shape import Box as Box
-from armwright_client.shape import Capsule as Capsule
-from armwright_client.shape import Cone as Cone
-from armwright_client.shape import Convex as Convex
-from armwright_client.shape import Cylinder as Cylinder
-from armwright_client.shape import Halfspace as Halfspace
-from armwright_client.shape import Mesh as Mesh
-from armwright_client.shape import PointCloud as PointCloud
-from armwright_client.shape import Shape as Shape
-from armwright_client.shape import Sphere as Sphere
-from armwright_client.simulation import RemainingClearance as RemainingClearance
-from armwright_client.simulation import SimulatedController as SimulatedController
-from armwright_client.simulation import SimulateOptions as SimulateOptions
-from armwright_client.simulation import SimulateRequest as SimulateRequest
-from armwright_client.simulation import Simulation as Simulation
-from armwright_client.simulation import SimulationReference as SimulationReference
-from armwright_client.simulation import TrackedLimitUse as TrackedLimitUse
-from armwright_client.simulation import Tube as Tube
-from armwright_client.task import HeldObject as HeldObject
-from armwright_client.task import Improvement as Improvement
-from armwright_client.task import MovedObject as MovedObject
-from armwright_client.task import PlacedObject as PlacedObject
-from armwright_client.task import TaskOptions as TaskOptions
-from armwright_client.task import TaskPlan as TaskPlan
-from armwright_client.task import TaskRequest as TaskRequest
-from armwright_client.task import TaskStageReport as TaskStageReport
-from armwright_client.task import TaskWorld as TaskWorld
-from armwright_client.task import Trial as Trial
-from armwright_client.task_stage import ApproachStage as ApproachStage
-from armwright_client.task_stage import AttachStage as AttachStage
-from armwright_client.task_stage import CloseStage as CloseStage
-from armwright_client.task_stage import DetachStage as DetachStage
-from armwright_client.task_stage import GraspRegion as GraspRegion
-from armwright_client.task_stage import GraspStage as GraspStage
-from armwright_client.task_stage import LiftStage as LiftStage
-from armwright_client.task_stage import MoveStage as MoveStage
-from armwright_client.task_stage import OpenStage as OpenStage
-from armwright_client.task_stage import PlaceRegion as PlaceRegion
-from armwright_client.task_stage import PlaceStage as PlaceStage
-from armwright_client.task_stage import RetreatStage as RetreatStage
-from armwright_client.task_stage import StraightStage as StraightStage
-from armwright_client.task_stage import TaskStage as TaskStage
-from armwright_client.task_stage import TaskStageRequest as TaskStageRequest
-from armwright_client.task_stage import WaitStage as WaitStage
-from armwright_client.timing import RuledLimits as RuledLimits
-from armwright_client.timing import TimingReport as TimingReport
-from armwright_client.tool_motion import CornerArc as CornerArc
-from armwright_client.tool_motion import RoundedCorner as RoundedCorner
-from armwright_client.tool_motion import TimedToolMotion as TimedToolMotion
-from armwright_client.tool_motion import TimedToolMotions as TimedToolMotions
-from armwright_client.tool_motion import ToolMotion as ToolMotion
-from armwright_client.tool_motion_report import CornerArcReport as CornerArcReport
-from armwright_client.tool_motion_report import ReferencePose as ReferencePose
-from armwright_client.tool_motion_report import RoundedCornerReport as RoundedCornerReport
-from armwright_client.tool_motion_report import SpeedLimit as SpeedLimit
-from armwright_client.tool_motion_report import ToolMotionReport as ToolMotionReport
-from armwright_client.tour import Leg as Leg
-from armwright_client.tour import Tour as Tour
-from armwright_client.tour import TourGoal as TourGoal
-from armwright_client.tour import TourImprovement as TourImprovement
-from armwright_client.tour import TourOptions as TourOptions
-from armwright_client.tour import TourRequest as TourRequest
-from armwright_client.tour import TourSearch as TourSearch
-from armwright_client.tour import Unvisited as Unvisited
-from armwright_client.tour import Visit as Visit
-from armwright_client.trajectory import Samples as Samples
-from armwright_client.trajectory import Segment as Segment
-from armwright_client.trajectory import TimedTrajectory as TimedTrajectory
-from armwright_client.trajectory import Trajectory as Trajectory
 from armwright_client.version import VERSION
+from armwright_wire.base import ArrayLike as ArrayLike
+from armwright_wire.base import RowsLike as RowsLike
+from armwright_wire.base import VectorLike as VectorLike
+from armwright_wire.batch import BatchAnswer as BatchAnswer
+from armwright_wire.batch import BatchRequest as BatchRequest
+from armwright_wire.batch import PartialPlan
+from armwright_wire.certificate import CertificateAnswer, ProvedAnswer
+from armwright_wire.certificate import LimitUse as LimitUse
+from armwright_wire.certificate import LimitUses as LimitUses
+from armwright_wire.certificate import Premises as Premises
+from armwright_wire.check import AllowedAnswer
+from armwright_wire.check import Attached as Attached
+from armwright_wire.check import CheckRequest as CheckRequest
+from armwright_wire.check import Collision as Collision
+from armwright_wire.check import LimitViolation as LimitViolation
+from armwright_wire.check import TouchDepth as TouchDepth
+from armwright_wire.constraint import BoxRegion as BoxRegion
+from armwright_wire.constraint import ClearanceConstraint as ClearanceConstraint
+from armwright_wire.constraint import ConstraintUse as ConstraintUse
+from armwright_wire.constraint import JointConstraint as JointConstraint
+from armwright_wire.constraint import LineRegion as LineRegion
+from armwright_wire.constraint import LookAtConstraint as LookAtConstraint
+from armwright_wire.constraint import OrientationConstraint as OrientationConstraint
+from armwright_wire.constraint import PlaneRegion as PlaneRegion
+from armwright_wire.constraint import PositionConstraint as PositionConstraint
+from armwright_wire.constraint import RelativePoseConstraint as RelativePoseConstraint
+from armwright_wire.constraint import SphereRegion as SphereRegion
+from armwright_wire.constraint import ToolSpeedConstraint as ToolSpeedConstraint
+from armwright_wire.constraint import TorqueConstraint as TorqueConstraint
+from armwright_wire.dynamics import Abbreviation as Abbreviation
+from armwright_wire.dynamics import BaseParameter as BaseParameter
+from armwright_wire.dynamics import ChristoffelFormula as ChristoffelFormula
+from armwright_wire.dynamics import DynamicsRequest as DynamicsRequest
+from armwright_wire.dynamics import EquationsAnswer as EquationsAnswer
+from armwright_wire.dynamics import ForwardDynamicsRequest as ForwardDynamicsRequest
+from armwright_wire.dynamics import JointSymbol as JointSymbol
+from armwright_wire.dynamics import MotionFormulas as MotionFormulas
+from armwright_wire.dynamics import ParameterSymbol as ParameterSymbol
+from armwright_wire.dynamics import PartialJacobian as PartialJacobian
+from armwright_wire.dynamics import Payload as Payload
+from armwright_wire.dynamics import PoseFormulas as PoseFormulas
+from armwright_wire.dynamics import RegressorFormulas as RegressorFormulas
+from armwright_wire.dynamics import RegressorRequest as RegressorRequest
+from armwright_wire.dynamics import WrenchRequest as WrenchRequest
+from armwright_wire.errors import ArmwrightError as ArmwrightError
+from armwright_wire.errors import InvalidArgument as InvalidArgument
+from armwright_wire.export import ExportAnswer
+from armwright_wire.export import ExportRequest as ExportRequest
+from armwright_wire.goal import Clearance as Clearance
+from armwright_wire.goal import ClearanceAnswer, CloseSpanAnswer, ConfigurationAnswer
+from armwright_wire.goal import Goal as Goal
+from armwright_wire.goal import GoalCosts as GoalCosts
+from armwright_wire.goal import GoalLike as GoalLike
+from armwright_wire.goal import SingleGoal as SingleGoal
+from armwright_wire.goal import Start as Start
+from armwright_wire.kept_plan import Bundle as Bundle
+from armwright_wire.kept_plan import DocumentName as DocumentName
+from armwright_wire.kept_plan import KeptPlan as KeptPlan
+from armwright_wire.kept_plan import KeptPlanSummary as KeptPlanSummary
+from armwright_wire.kept_plan import PlanList as PlanList
+from armwright_wire.kept_plan import ReplayAnswer as ReplayAnswer
+from armwright_wire.kept_plan import ReplayRequest as ReplayRequest
+from armwright_wire.kinematics import ArmSides as ArmSides
+from armwright_wire.kinematics import DampedDirection as DampedDirection
+from armwright_wire.kinematics import FkRequest as FkRequest
+from armwright_wire.kinematics import GradientOptions
+from armwright_wire.kinematics import GradientTrace as GradientTrace
+from armwright_wire.kinematics import IkRequest as IkRequest
+from armwright_wire.kinematics import IkSolution as IkSolution
+from armwright_wire.kinematics import JacobianRequest as JacobianRequest
+from armwright_wire.kinematics import Unsolved as Unsolved
+from armwright_wire.kinematics import VelocityRequest as VelocityRequest
+from armwright_wire.lyapunov import FormAnswer, LyapunovAnswer
+from armwright_wire.lyapunov import LyapunovRequest as LyapunovRequest
+from armwright_wire.lyapunov import Pole as Pole
+from armwright_wire.plan import DescentAnswer, PathAnswer, PlanAnswer, ProgressAnswer
+from armwright_wire.plan import PlannerName as PlannerName
+from armwright_wire.plan import PlanRequest as PlanRequest
+from armwright_wire.plan import Refine as Refine
+from armwright_wire.plan import Reproducibility as Reproducibility
+from armwright_wire.plan import Stage as Stage
+from armwright_wire.plan import ValidateRequest as ValidateRequest
+from armwright_wire.pose import ConvertPoseAnswer, Motion, SingularFormAnswer
+from armwright_wire.pose import ConvertPoseRequest as ConvertPoseRequest
+from armwright_wire.pose import FramedPose as FramedPose
+from armwright_wire.pose import Pose as Pose
+from armwright_wire.pose import PoseForm as PoseForm
+from armwright_wire.pose import PoseForms as PoseForms
+from armwright_wire.potential import ControlPoint as ControlPoint
+from armwright_wire.potential import PotentialOptions as PotentialOptions
+from armwright_wire.potential import PotentialRequest as PotentialRequest
+from armwright_wire.reach import BaseAnswer as BaseAnswer
+from armwright_wire.reach import BaseRegion as BaseRegion
+from armwright_wire.reach import ReachAnswer as ReachAnswer
+from armwright_wire.reach import ReachBox as ReachBox
+from armwright_wire.reach import ReachGrid as ReachGrid
+from armwright_wire.reach import ReachRequest as ReachRequest
+from armwright_wire.reach import ReachTolerance as ReachTolerance
+from armwright_wire.retime import JointStateBody, RetimeAnswer
+from armwright_wire.retime import RetimePath as RetimePath
+from armwright_wire.retime import RetimeRequest as RetimeRequest
+from armwright_wire.retime import RetimeTiming as RetimeTiming
+from armwright_wire.robot import BodySurface as BodySurface
+from armwright_wire.robot import DefaultLimits as DefaultLimits
+from armwright_wire.robot import DhAnswer, DhRowAnswer, RobotAnswer
+from armwright_wire.robot import DhRow as DhRow
+from armwright_wire.robot import DhTable as DhTable
+from armwright_wire.robot import FingerJoint as FingerJoint
+from armwright_wire.robot import GeometryAnswer as GeometryAnswer
+from armwright_wire.robot import JointLimits as JointLimits
+from armwright_wire.robot import Limits as Limits
+from armwright_wire.robot import LinkCapsules as LinkCapsules
+from armwright_wire.robot import LinkSolid as LinkSolid
+from armwright_wire.robot import Motor as Motor
+from armwright_wire.robot import RobotChanges as RobotChanges
+from armwright_wire.robot import RobotList as RobotList
+from armwright_wire.robot import RobotSummary as RobotSummary
+from armwright_wire.robot import SuspectedPair as SuspectedPair
+from armwright_wire.scene import Box as Box
+from armwright_wire.scene import Capsule as Capsule
+from armwright_wire.scene import Cone as Cone
+from armwright_wire.scene import Convex as Convex
+from armwright_wire.scene import Cylinder as Cylinder
+from armwright_wire.scene import Halfspace as Halfspace
+from armwright_wire.scene import LimitedPair as LimitedPair
+from armwright_wire.scene import Mesh as Mesh
+from armwright_wire.scene import Obstacle as Obstacle
+from armwright_wire.scene import PointCloud as PointCloud
+from armwright_wire.scene import ProjectAnswer as ProjectAnswer
+from armwright_wire.scene import Projection as Projection
+from armwright_wire.scene import ProjectRequest as ProjectRequest
+from armwright_wire.scene import Scene as Scene
+from armwright_wire.scene import SceneList as SceneList
+from armwright_wire.scene import SceneReference as SceneReference
+from armwright_wire.scene import SceneSummary as SceneSummary
+from armwright_wire.scene import Shape as Shape
+from armwright_wire.scene import Sphere as Sphere
+from armwright_wire.simulation import (
+    ControllerAnswer,
+    LimitUseAnswer,
+    ReferenceAnswer,
+    SimulateAnswer,
+    TubeAnswer,
+)
+from armwright_wire.simulation import RemainingClearance as RemainingClearance
+from armwright_wire.simulation import SimulateRequest as SimulateRequest
+from armwright_wire.task import ApproachStage as ApproachStage
+from armwright_wire.task import AttachStage as AttachStage
+from armwright_wire.task import CloseStage as CloseStage
+from armwright_wire.task import DetachStage as DetachStage
+from armwright_wire.task import GraspRegion as GraspRegion
+from armwright_wire.task import GraspStage as GraspStage
+from armwright_wire.task import HeldObject as HeldObject
+from armwright_wire.task import (
+    ImprovementAnswer,
+    StageBody,
+    StageUnion,
+    TaskAnswer,
+    TaskStageAnswer,
+    TrialAnswer,
+    WorldAnswer,
+)
+from armwright_wire.task import LiftStage as LiftStage
+from armwright_wire.task import MovedObject as MovedObject
+from armwright_wire.task import MoveStage as MoveStage
+from armwright_wire.task import OpenStage as OpenStage
+from armwright_wire.task import PlacedObject as PlacedObject
+from armwright_wire.task import PlaceRegion as PlaceRegion
+from armwright_wire.task import PlaceStage as PlaceStage
+from armwright_wire.task import RetreatStage as RetreatStage
+from armwright_wire.task import StraightStage as StraightStage
+from armwright_wire.task import TaskRequest as TaskRequest
+from armwright_wire.task import WaitStage as WaitStage
+from armwright_wire.timing import RuledLimits as RuledLimits
+from armwright_wire.timing import Timing as Timing
+from armwright_wire.timing import TimingAnswer
+from armwright_wire.tool_motion import CartesianOptions as CartesianOptions
+from armwright_wire.tool_motion import CornerArc as CornerArc
+from armwright_wire.tool_motion import (
+    CornerArcAnswer,
+    PathDeviationAnswer,
+    ReferencePoseAnswer,
+    RoundedCornerAnswer,
+    SpeedLimitAnswer,
+    ToolMotionAnswer,
+    ToolSpeedAnswer,
+    ToolSpeedBandAnswer,
+    ToolToleranceAnswer,
+)
+from armwright_wire.tool_motion import RoundedCorner as RoundedCorner
+from armwright_wire.tool_motion import StraightOffset as StraightOffset
+from armwright_wire.tool_motion import TimedToolMotion as TimedToolMotion
+from armwright_wire.tool_motion import TimedToolMotions as TimedToolMotions
+from armwright_wire.tool_motion import ToolMotion as ToolMotion
+from armwright_wire.tool_motion import ToolTolerance as ToolTolerance
+from armwright_wire.tool_motion import Waypoint as Waypoint
+from armwright_wire.tour import (
+    LegAnswer,
+    TourAnswer,
+    TourImprovementAnswer,
+    TourSearchAnswer,
+    UnvisitedAnswer,
+    VisitAnswer,
+)
+from armwright_wire.tour import TourGoal as TourGoal
+from armwright_wire.tour import TourRequest as TourRequest
+from armwright_wire.trajectory import LimitsBody, TrajectoryAnswer, TrajectoryBody
+from armwright_wire.trajectory import Samples as Samples
+from armwright_wire.trajectory import Segment as Segment
 
 __version__ = VERSION
+
+# Shorter names of answers, and of parts of requests.
+AllowedPair = AllowedAnswer
+BatchProblem = PartialPlan
+Certificate = CertificateAnswer
+ClearanceReport = ClearanceAnswer
+CloseSpan = CloseSpanAnswer
+ConfigurationReport = ConfigurationAnswer
+ConvertedPose = ConvertPoseAnswer
+CornerArcReport = CornerArcAnswer
+DerivedDh = DhAnswer
+Descent = DescentAnswer
+DhParameters = DhRowAnswer
+Export = ExportAnswer
+Gradient = GradientOptions
+Improvement = ImprovementAnswer
+JointPath = PathAnswer
+JointState = JointStateBody
+Leg = LegAnswer
+LimitValues = LimitsBody
+Lyapunov = LyapunovAnswer
+PathDeviation = PathDeviationAnswer
+Plan = PlanAnswer
+PoseMotion = Motion
+Progress = ProgressAnswer
+Proved = ProvedAnswer
+QuadraticForm = FormAnswer
+ReferencePose = ReferencePoseAnswer
+Retimed = RetimeAnswer
+Robot = RobotAnswer
+RoundedCornerReport = RoundedCornerAnswer
+SimulatedController = ControllerAnswer
+Simulation = SimulateAnswer
+SimulationReference = ReferenceAnswer
+SingularForm = SingularFormAnswer
+SpeedLimit = SpeedLimitAnswer
+TaskPlan = TaskAnswer
+TaskStage = StageUnion
+TaskStageReport = TaskStageAnswer
+TaskStageRequest = StageBody
+TaskWorld = WorldAnswer
+TimedTrajectory = TrajectoryAnswer
+TimingReport = TimingAnswer
+ToolMotionReport = ToolMotionAnswer
+ToolSpeed = ToolSpeedAnswer
+ToolSpeedBand = ToolSpeedBandAnswer
+ToolToleranceUse = ToolToleranceAnswer
+Tour = TourAnswer
+TourImprovement = TourImprovementAnswer
+TourSearch = TourSearchAnswer
+TrackedLimitUse = LimitUseAnswer
+Trajectory = TrajectoryBody
+Trial = TrialAnswer
+Tube = TubeAnswer
+Unvisited = UnvisitedAnswer
+Visit = VisitAnswer

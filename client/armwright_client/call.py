@@ -24,10 +24,10 @@ from urllib.parse import quote
 
 from pydantic import ValidationError
 
-from armwright_client.base import Request
-from armwright_client.errors import InvalidArgument
 from armwright_client.job import JobEvent
 from armwright_client.robot import RobotArchive
+from armwright_wire.base import Body
+from armwright_wire.errors import InvalidArgument
 
 if TYPE_CHECKING:
     from armwright_client.pending import AsyncPending, Pending
@@ -60,7 +60,7 @@ class Call(Generic[A]):
     method: str
     path: str
     read: Callable[[bytes], A]
-    body: Request | RobotArchive | None = None
+    body: Body | RobotArchive | None = None
     query: Mapping[str, str | int | float] = field(default_factory=dict)
     key: str | None = None
     headers: Mapping[str, str] = field(default_factory=dict)

@@ -14,12 +14,12 @@ from armwright_client.endpoints import (
     ServiceEndpoints,
 )
 from armwright_client.job import Job
-from armwright_client.kept_plan import KeptPlanSummary
 from armwright_client.pages import items, items_async
 from armwright_client.pending import ended_async, wait_until_ended
-from armwright_client.robot import RobotSummary
-from armwright_client.scene import SceneSummary
 from armwright_client.session import AsyncSession, ClientOptions, Session, Wire
+from armwright_wire.kept_plan import KeptPlanSummary
+from armwright_wire.robot import RobotSummary
+from armwright_wire.scene import SceneSummary
 
 #: Where the service listens unless it is told otherwise.
 DEFAULT_URL = "http://127.0.0.1:8000"

@@ -3,8 +3,7 @@
 from collections.abc import Sequence
 from typing import Literal, Unpack
 
-from armwright_client.base import Options, RowsLike, VectorLike
-from armwright_client.batch import BatchAnswer, BatchProblem, BatchRequest
+from armwright_client.answers import CheckAnswer, CheckBatch
 from armwright_client.call import (
     Call,
     Endpoint,
@@ -14,18 +13,30 @@ from armwright_client.call import (
     path,
     read_nothing,
 )
-from armwright_client.certificate import (
-    Certificate,
-    LimitValues,
-    ValidateOptions,
-    ValidateRequest,
-)
-from armwright_client.check import CheckAnswer, CheckBatch, CheckOptions, CheckRequest
-from armwright_client.export import Export, ExportFormat, ExportOptions, ExportRequest
-from armwright_client.goal import GoalLike, Start, as_goal
 from armwright_client.health import Health, Readiness
 from armwright_client.job import Job, JobList
-from armwright_client.kept_plan import (
+from armwright_client.pending import cancel_call, events_call, job_call
+from armwright_client.plan_options import (
+    CheckOptions,
+    ExportOptions,
+    Options,
+    PlanOptions,
+    SimulateOptions,
+    TaskOptions,
+    TourOptions,
+    ValidateOptions,
+)
+from armwright_client.robot_endpoints import RobotEndpoints, page
+from armwright_wire.base import RowsLike, VectorLike
+from armwright_wire.batch import BatchAnswer, BatchRequest, as_part
+from armwright_wire.batch import PartialPlan as BatchProblem
+from armwright_wire.certificate import CertificateAnswer as Certificate
+from armwright_wire.check import CheckRequest
+from armwright_wire.export import ExportAnswer as Export
+from armwright_wire.export import ExportRequest
+from armwright_wire.export import Format as ExportFormat
+from armwright_wire.goal import GoalLike, Start, as_goal
+from armwright_wire.kept_plan import (
     Bundle,
     KeptPlan,
     KeptPlanSummary,
@@ -33,13 +44,17 @@ from armwright_client.kept_plan import (
     ReplayAnswer,
     ReplayRequest,
 )
-from armwright_client.lyapunov import Lyapunov, LyapunovRequest
-from armwright_client.pending import cancel_call, events_call, job_call
-from armwright_client.plan import Plan, PlanOptions, PlanRequest
-from armwright_client.pose import ConvertedPose, ConvertPoseRequest, PoseForm, PoseMotion
-from armwright_client.retime import JointState, Retimed, RetimePath, RetimeRequest, RetimeTiming
-from armwright_client.robot_endpoints import RobotEndpoints, page
-from armwright_client.scene import (
+from armwright_wire.lyapunov import LyapunovAnswer as Lyapunov
+from armwright_wire.lyapunov import LyapunovRequest
+from armwright_wire.plan import PlanAnswer as Plan
+from armwright_wire.plan import PlanRequest, ValidateRequest
+from armwright_wire.pose import ConvertPoseAnswer as ConvertedPose
+from armwright_wire.pose import ConvertPoseRequest, PoseForm
+from armwright_wire.pose import Motion as PoseMotion
+from armwright_wire.retime import JointStateBody as JointState
+from armwright_wire.retime import RetimeAnswer as Retimed
+from armwright_wire.retime import RetimePath, RetimeRequest, RetimeTiming
+from armwright_wire.scene import (
     Engine,
     ProjectAnswer,
     ProjectRequest,
@@ -47,11 +62,16 @@ from armwright_client.scene import (
     SceneList,
     SceneSummary,
 )
-from armwright_client.simulation import SimulateOptions, SimulateRequest, Simulation
-from armwright_client.task import TaskOptions, TaskPlan, TaskRequest
-from armwright_client.task_stage import TaskStage
-from armwright_client.tour import Tour, TourGoal, TourOptions, TourRequest, as_tour_goal
-from armwright_client.trajectory import Trajectory
+from armwright_wire.simulation import SimulateAnswer as Simulation
+from armwright_wire.simulation import SimulateRequest
+from armwright_wire.task import StageUnion as TaskStage
+from armwright_wire.task import TaskAnswer as TaskPlan
+from armwright_wire.task import TaskRequest
+from armwright_wire.tour import TourAnswer as Tour
+from armwright_wire.tour import TourGoal, TourRequest, as_tour_goal
+from armwright_wire.trajectory import LimitsBody as LimitValues
+from armwright_wire.trajectory import TrajectoryAnswer as TimedTrajectory
+from armwright_wire.trajectory import TrajectoryBody as Trajectory
 
 __all__ = ["JobEndpoints", "PlanEndpoints", "RobotEndpoints", "SceneEndpoints", "ServiceEndpoints"]
 
@@ -80,6 +100,7 @@ class SceneEndpoints:
     def replace(self, name: str, scene: Scene) -> Call[SceneSummary]:
         """Store a scene under a name, whether there is one or not."""
         body = scene.model_copy(update={"name": None})
+        body.model_fields_set.discard("name")
         return Call("PUT", path("scenes", name), SceneSummary.read, body)
 
     @Endpoint
@@ -248,7 +269,9 @@ class ServiceEndpoints:
     ) -> Call[BatchAnswer]:
         """Have many problems planned, as a job; what is given here holds for all that lack it."""
         begin = None if start is None else Start.of(joints=start)
-        body = BatchRequest.of(problems=[*problems], robot=robot, start=begin, **options)
+        body = BatchRequest.of(
+            problems=[as_part(one) for one in problems], robot=robot, start=begin, **options
+        )
         return Call(
             "POST",
             path("plan", "batch"),
@@ -282,7 +305,10 @@ class ServiceEndpoints:
 
     @Endpoint
     def validate(
-        self, robot: str, trajectory: Trajectory, **options: Unpack[ValidateOptions]
+        self,
+        robot: str,
+        trajectory: Trajectory | TimedTrajectory,
+        **options: Unpack[ValidateOptions],
     ) -> Call[Certificate]:
         """The proof that a motion is valid, or its first violation; see `ValidateOptions`."""
         body = ValidateRequest.of(robot=robot, trajectory=trajectory, **options)
@@ -292,7 +318,7 @@ class ServiceEndpoints:
     def export(
         self,
         robot: str,
-        trajectory: Trajectory,
+        trajectory: Trajectory | TimedTrajectory,
         file_format: ExportFormat,
         **options: Unpack[ExportOptions],
     ) -> Call[Export]:
@@ -364,7 +390,7 @@ class ServiceEndpoints:
     def simulate(
         self,
         robot: str,
-        trajectory: Trajectory | Options,
+        trajectory: Trajectory | TimedTrajectory | Options,
         controller: Options,
         **options: Unpack[SimulateOptions],
     ) -> Call[Simulation]:

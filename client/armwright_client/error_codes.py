@@ -4,7 +4,7 @@ from collections.abc import Iterator, Mapping
 from types import MappingProxyType
 
 from armwright_client.errors import ApiError
-from armwright_client.problem import Problem
+from armwright_wire.job import Problem
 
 
 def _kinds(base: type[ApiError]) -> Iterator[type[ApiError]]:

@@ -29,24 +29,11 @@ from collections.abc import Mapping
 from typing import Any, ClassVar
 
 from armwright_client import details
-from armwright_client.problem import Problem
+from armwright_wire import errors as common
+from armwright_wire.job import Problem
 
-
-class ArmwrightError(Exception):
-    """Anything that goes wrong in this library."""
-
-
-class InvalidArgument(ArmwrightError, ValueError):
-    """An argument was refused before anything was sent.
-
-    Args:
-        message: What is wrong and where.
-        hint: What to do about it.
-    """
-
-    def __init__(self, message: str, *, hint: str | None = None) -> None:
-        super().__init__(message if hint is None else f"{message}. {hint}")
-        self.hint = hint
+ArmwrightError = common.ArmwrightError
+InvalidArgument = common.InvalidArgument
 
 
 class TransportError(ArmwrightError):

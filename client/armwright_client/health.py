@@ -1,6 +1,6 @@
 """The state of the service."""
 
-from armwright_client.base import Answer
+from armwright_wire.base import Answer
 
 
 class Health(Answer):

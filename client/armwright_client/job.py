@@ -2,42 +2,20 @@
 
 from collections.abc import Iterator
 from dataclasses import dataclass
-from datetime import datetime
-from typing import Any
 
-from armwright_client.base import Answer
 from armwright_client.problem import Problem
+from armwright_wire.base import Instant
+from armwright_wire.job import JobAnswer
+from armwright_wire.job import JobList as JobListOfSummaries
 
 
-class Job(Answer):
-    """Status of a job.
+class Job(JobAnswer):
+    """Status of a job, with its result or error once it has ended; newer services may have more."""
 
-    Args:
-        id: To ask for it by.
-        status: "queued", "running", "succeeded", "failed" or "cancelled".
-        operation: The request that it answers, as "POST /v1/plan".
-        progress: From 0 to 1.
-        stage: What is being done.
-        created: When it was accepted.
-        started: When a worker began with it.
-        ended: When it ended.
-        expires: When the service forgets it.
-        location: What it created, as "/v1/robots/arm".
-        result: The answer, once succeeded, as JSON has it.
-        error: What went wrong, once failed.
-    """
-
-    id: str
-    status: str
+    status: str  # type: ignore[assignment]
     operation: str = ""
     progress: float = 0.0
-    stage: str | None = None
-    created: datetime | None = None
-    started: datetime | None = None
-    ended: datetime | None = None
-    expires: datetime | None = None
-    location: str | None = None
-    result: Any = None
+    created: Instant | None = None  # type: ignore[assignment]
     error: Problem | None = None
 
     @property
@@ -46,16 +24,10 @@ class Job(Answer):
         return self.status in ("succeeded", "failed", "cancelled")
 
 
-class JobList(Answer):
-    """Jobs without their results, newest first.
+class JobList(JobListOfSummaries):
+    """Jobs without their results, newest first."""
 
-    Args:
-        jobs: A page of them.
-        next: To be given as `after` for the next page, if there is one.
-    """
-
-    jobs: list[Job]
-    next: str | None = None
+    jobs: list[Job]  # type: ignore[assignment]  # a summary is a status without result
 
 
 @dataclass(frozen=True, slots=True)

@@ -9,9 +9,10 @@ from pydantic_core import to_json
 
 from armwright_client.call import Call, EventCall, path, read_nothing
 from armwright_client.error_codes import from_problem
-from armwright_client.errors import ArmwrightError, TransportTimeout
+from armwright_client.errors import TransportTimeout
 from armwright_client.job import Job, JobEvent
 from armwright_client.problem import Problem
+from armwright_wire.errors import ArmwrightError
 
 A = TypeVar("A")
 

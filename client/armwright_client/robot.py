@@ -1,4 +1,4 @@
-"""Robots: descriptions to upload, and the models that the service makes of them."""
+"""Robots to upload: descriptions in files, archives and tables."""
 
 import json
 from collections.abc import Iterable
@@ -6,30 +6,15 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Self, TypedDict, Unpack
 
-from pydantic import Field, model_validator
-
-from armwright_client.base import Answer, Positive, Request
-from armwright_client.dh_table import DerivedDh, DhTable
-from armwright_client.motor import Motor
 from armwright_client.urdf import MAX_VISUAL_BYTES, read_urdf
-
-
-class JointLimits(Request):
-    """Limits that a description leaves out or that are to be tightened."""
-
-    lower: float | None = None
-    upper: float | None = None
-    velocity: Positive | None = None
-    acceleration: Positive | None = None
-    jerk: Positive | None = None
-    effort: Positive | None = None
-
-
-class DefaultLimits(Request):
-    """Rules for limits that are known nowhere else, such as "10 x velocity"."""
-
-    acceleration: str | None = None
-    jerk: str | None = None
+from armwright_wire.robot import (
+    ArchiveFields,
+    DefaultLimits,
+    DhTable,
+    JointLimits,
+    Motor,
+    RobotBody,
+)
 
 
 class RobotOptions(TypedDict, total=False):
@@ -70,66 +55,8 @@ class ArchiveOptions(RobotOptions, total=False):
     srdf_path: str
 
 
-class RobotFields(Request):
-    """Fields of an upload beside the description; see `RobotOptions`."""
-
-    name: str
-    base_link: str | None = None
-    tip_link: str | None = None
-    joint_limits: dict[str, JointLimits] | str | None = None
-    default_limits: DefaultLimits | None = None
-    allow_suspected: bool | None = None
-    visual_solids: bool | None = None
-    held: dict[str, float] | None = None
-    motors: dict[str, Motor] | None = None
-
-
-class ArchiveFields(RobotFields):
-    """Fields of an archive; see `ArchiveOptions`."""
-
-    urdf_path: str | None = None
-    srdf_path: str | None = None
-
-
-class RobotChanges(Request):
-    """Limits of a stored robot that change; those of other joints and quantities stay.
-
-    Args:
-        joint_limits: By the joint's name, "*" for all; or the text of a `joint_limits.yaml`.
-        default_limits: Rules in place of those of before.
-    """
-
-    joint_limits: dict[str, JointLimits] | str | None = None
-    default_limits: DefaultLimits | None = None
-
-
-class RobotUpload(RobotFields):
-    """A robot as URDF or as a Denavit-Hartenberg table.
-
-    Args:
-        name: To be stored under.
-        urdf: Its text.
-        srdf: Its text: the chain and the pairs of links that may touch.
-        dh: A table instead of a URDF.
-        meshes: Files in base64 by the URI that the URDF names them by.
-        base_link: Where the chain begins.
-        tip_link: Where it ends; the likely tip if left out.
-        joint_limits: By the joint's name, "*" for all; or the text of a `joint_limits.yaml`.
-        default_limits: Rules for limits that nothing else gives.
-        held: Positions of joints off the chain [rad or m].
-        motors: Of a URDF, by joint; "*" for every joint that is not named.
-    """
-
-    urdf: str | None = None
-    srdf: str | None = None
-    dh: DhTable | None = None
-    meshes: dict[str, str] | None = None
-
-    @model_validator(mode="after")
-    def _check_form(self) -> Self:
-        if (self.urdf is None) == (self.dh is None):
-            raise ValueError("give urdf or dh, not both")
-        return self
+class RobotUpload(RobotBody):
+    """A robot as URDF or as a Denavit-Hartenberg table; files are read here."""
 
     @classmethod
     def from_urdf(
@@ -161,7 +88,7 @@ class RobotUpload(RobotFields):
         """
         folders = [Path(folder) for folder in package_dirs]
         description = read_urdf(Path(path), folders, MAX_VISUAL_BYTES if visuals else 0)
-        return cls(
+        return cls.of(
             name=name or description.name,
             urdf=description.text,
             srdf=None if srdf is None else Path(srdf).read_text(encoding="utf-8"),
@@ -203,106 +130,8 @@ class RobotArchive:
     def fields(self) -> dict[str, str]:
         """Form fields beside the file."""
         given = ArchiveFields.of(name=self.name, **self.options)
-        values = given.model_dump(exclude_none=True)
+        values = given.model_dump(exclude_unset=True)
         return {
             name: value if isinstance(value, str) else json.dumps(value)
             for name, value in values.items()
         }
-
-
-class Limits(Answer):
-    """Limits in the order of the joints; None where there is none."""
-
-    lower: list[float | None]
-    upper: list[float | None]
-    velocity: list[float | None]
-    acceleration: list[float | None]
-    jerk: list[float | None]
-    effort: list[float | None]
-
-
-class RobotSummary(Answer):
-    """A robot in the list."""
-
-    name: str
-    built_in: bool = False
-    joints: int | None = None
-
-
-class RobotList(Answer):
-    """A page of the robots; `next` is the `after` of the next page, if there is one."""
-
-    robots: list[RobotSummary]
-    next: str | None = None
-
-
-class SuspectedPair(Answer):
-    """Two links that touch where the robot surely may stand, and where that is."""
-
-    pair: tuple[str, str]
-    reason: str
-
-
-class FingerJoint(Answer):
-    """A joint of a gripper that others may follow.
-
-    Args:
-        position: Where the robot holds it [rad or m].
-        lower: Least position; None without a limit.
-        upper: Largest position; None without a limit.
-    """
-
-    position: float
-    lower: float | None = None
-    upper: float | None = None
-
-
-class Robot(Answer):
-    """The model of a robot.
-
-    Args:
-        name: Of the robot.
-        built_in: Whether it is always there.
-        hash: Of the model, as answers to plans give it.
-        joint_names: The order of every joint vector.
-        joint_types: In the same order.
-        limits: In the same order.
-        links: All of them.
-        frame: The root link, in whose frame all poses are.
-        base_link: First link of the chain.
-        tip_link: Last link of the chain, whose pose goals are for.
-        states: Named configurations of the SRDF.
-        default_limits: Rules of the upload.
-        held: Positions of joints off the chain, of the upload [rad or m].
-        fingers: Joints of the gripper that `fingers` of requests may move.
-        motors: By joint, of a table's rows or of the upload; None where it has none.
-        dh: Derived from the joint axes.
-        wrist: "spherical", "three_parallel" or "none".
-        allowed_collisions: Pairs of links that may touch.
-        allowed_collision_reasons: For each of these pairs.
-        suspected_collisions: Without an SRDF: pairs that touch in the zero pose, in a named state
-            or often at random; they are checked unless the upload says `allow_suspected`.
-        lint: What is odd in the description.
-    """
-
-    name: str
-    built_in: bool = False
-    hash: str | None = None
-    joint_names: list[str]
-    joint_types: list[str]
-    limits: Limits
-    links: list[str]
-    frame: str | None = None
-    base_link: str
-    tip_link: str
-    states: dict[str, list[float]] = Field(default_factory=dict)
-    default_limits: DefaultLimits | None = None
-    held: dict[str, float] | None = None
-    fingers: dict[str, FingerJoint] = Field(default_factory=dict)
-    motors: dict[str, Motor] | None = None
-    dh: DerivedDh | None = None
-    wrist: str
-    allowed_collisions: list[list[str]]
-    allowed_collision_reasons: list[str] | None = None
-    suspected_collisions: list[SuspectedPair] = Field(default_factory=list)
-    lint: list[str]

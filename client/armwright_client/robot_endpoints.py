@@ -3,7 +3,36 @@
 from collections.abc import Callable, Mapping, Sequence
 from typing import Literal, TypeVar, Unpack
 
-from armwright_client.base import Request, RowsLike, VectorLike
+from armwright_client.answers import (
+    DynamicsAnswer,
+    DynamicsBatch,
+    FkAnswer,
+    FkBatch,
+    ForwardDynamicsAnswer,
+    ForwardDynamicsBatch,
+    IkAnswer,
+    IkBatch,
+    JacobianAnswer,
+    JacobianBatch,
+    PotentialAnswer,
+    PotentialBatch,
+    RegressorAnswer,
+    VelocityAnswer,
+    WrenchAnswer,
+    WrenchBatch,
+)
+from armwright_client.arm_options import (
+    DynamicsOptions,
+    FkOptions,
+    ForwardDynamicsOptions,
+    IkOptions,
+    JacobianOptions,
+    PotentialSettings,
+    ReachOptions,
+    RegressorOptions,
+    VelocityOptions,
+    WrenchOptions,
+)
 from armwright_client.call import (
     Call,
     Endpoint,
@@ -11,60 +40,22 @@ from armwright_client.call import (
     read_nothing,
     read_text,
 )
-from armwright_client.dynamics import (
-    DynamicsAnswer,
-    DynamicsBatch,
-    DynamicsOptions,
+from armwright_client.robot import RobotArchive, RobotUpload
+from armwright_wire.base import Body, RowsLike, VectorLike
+from armwright_wire.dynamics import (
     DynamicsRequest,
-    ForwardDynamicsAnswer,
-    ForwardDynamicsBatch,
-    ForwardDynamicsOptions,
+    EquationsAnswer,
     ForwardDynamicsRequest,
-    RegressorAnswer,
-    RegressorOptions,
     RegressorRequest,
-    VelocityAnswer,
-    VelocityOptions,
-    VelocityRequest,
-    WrenchAnswer,
-    WrenchBatch,
-    WrenchOptions,
     WrenchRequest,
 )
-from armwright_client.equations import EquationsAnswer
-from armwright_client.geometry import GeometryAnswer
-from armwright_client.kinematics import (
-    FkAnswer,
-    FkBatch,
-    FkOptions,
-    FkRequest,
-    IkAnswer,
-    IkBatch,
-    IkOptions,
-    IkRequest,
-    JacobianAnswer,
-    JacobianBatch,
-    JacobianOptions,
-    JacobianRequest,
-)
-from armwright_client.pose import Pose
-from armwright_client.potential import (
-    PotentialAnswer,
-    PotentialBatch,
-    PotentialRequest,
-    PotentialSettings,
-)
-from armwright_client.reach import ReachAnswer, ReachBox, ReachOptions, ReachRequest
-from armwright_client.robot import (
-    DefaultLimits,
-    JointLimits,
-    Robot,
-    RobotArchive,
-    RobotChanges,
-    RobotList,
-    RobotUpload,
-)
-from armwright_client.scene import SceneReference
+from armwright_wire.kinematics import FkRequest, IkRequest, JacobianRequest, VelocityRequest
+from armwright_wire.pose import Pose
+from armwright_wire.potential import PotentialRequest
+from armwright_wire.reach import ReachAnswer, ReachBox, ReachRequest
+from armwright_wire.robot import DefaultLimits, GeometryAnswer, JointLimits, RobotChanges, RobotList
+from armwright_wire.robot import RobotAnswer as Robot
+from armwright_wire.scene import SceneReference
 
 A = TypeVar("A")
 
@@ -81,7 +72,7 @@ def page(after: str | None, limit: int | None) -> Mapping[str, str | int]:
 def compute(
     robot: str,
     action: str,
-    body: Request,
+    body: Body,
     read: Callable[[bytes], A],
     timeout: float | None = None,
 ) -> Call[A]:

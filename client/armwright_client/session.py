@@ -10,22 +10,17 @@ from typing import Any, TypedDict, TypeVar, Unpack
 import httpx
 from pydantic import ValidationError
 
-from armwright_client.base import Request
 from armwright_client.call import Call, EventCall
 from armwright_client.error_codes import from_problem
-from armwright_client.errors import (
-    ArmwrightError,
-    InvalidArgument,
-    TransportError,
-    TransportTimeout,
-    UnexpectedAnswer,
-)
+from armwright_client.errors import TransportError, TransportTimeout, UnexpectedAnswer
 from armwright_client.job import EventReader, Job, JobEvent
 from armwright_client.pending import AsyncPending, Pending
 from armwright_client.problem import Problem
 from armwright_client.retry import Retry, retry_after
 from armwright_client.robot import RobotArchive
 from armwright_client.version import VERSION
+from armwright_wire.base import Body
+from armwright_wire.errors import ArmwrightError, InvalidArgument
 
 A = TypeVar("A")
 
@@ -103,9 +98,9 @@ class Wire:
             "timeout": self._limits_of(call),
         }
         match call.body:
-            case Request():
+            case Body():
                 headers["Content-Type"] = "application/json"
-                arguments["content"] = call.body.model_dump_json(exclude_none=True).encode("utf-8")
+                arguments["content"] = call.body.to_json().encode("utf-8")
             case RobotArchive():
                 file = (f"{call.body.name}.zip", call.body.content, "application/zip")
                 arguments |= {"files": {"file": file}, "data": call.body.fields()}

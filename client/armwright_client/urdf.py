@@ -19,7 +19,7 @@ from urllib.parse import unquote
 from xml.etree import ElementTree as ET
 from xml.sax.saxutils import escape
 
-from armwright_client.errors import InvalidArgument
+from armwright_wire.errors import InvalidArgument
 
 _PACKAGE = "package://"
 #: Visual mesh files that are sent by default, together [byte].

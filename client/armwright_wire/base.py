@@ -2,11 +2,13 @@
 
 import math
 from collections.abc import Mapping, Sequence
+from datetime import datetime
 from typing import (
     TYPE_CHECKING,
     Annotated,
     Any,
     ClassVar,
+    Protocol,
     Self,
     TypeAlias,
     TypeVar,
@@ -21,7 +23,9 @@ from pydantic import (
     Field,
     GetJsonSchemaHandler,
     JsonValue,
+    PlainSerializer,
     Tag,
+    WithJsonSchema,
 )
 from pydantic.config import JsonDict
 from pydantic.json_schema import JsonSchemaValue
@@ -45,8 +49,24 @@ Beside = Mapping[str, tuple[str, ...]]
 _T = TypeVar("_T")
 
 
+class ArrayLike(Protocol):
+    """An array of NumPy, by the method used here."""
+
+    def tolist(self) -> Any:
+        """The values as lists."""
+
+
+#: What may be given where joint values, points or other vectors are taken.
+VectorLike: TypeAlias = Sequence[float] | ArrayLike
+#: What may be given where rows of numbers are taken.
+RowsLike: TypeAlias = Sequence[Sequence[float]] | Sequence[ArrayLike] | ArrayLike
+
+
 class Wire(BaseModel):
     """A part of a request or answer."""
+
+    #: Whether a request takes the fields of an object, not the object as it is.
+    goes_by_fields: ClassVar[bool] = False
 
     @classmethod
     def read(cls, content: bytes) -> Self:
@@ -135,6 +155,8 @@ class Answer(Wire):
 
     model_config = ConfigDict(extra="forbid", allow_inf_nan=False, frozen=True)
 
+    goes_by_fields: ClassVar[bool] = True
+
 
 class InFrame(Answer):
     """An answer whose poses and directions are in a frame."""
@@ -185,6 +207,16 @@ NAME_PATTERN = r"^[A-Za-z0-9][A-Za-z0-9_.\-]{0,127}$"
 Name = Annotated[str, Field(pattern=NAME_PATTERN)]
 #: A name from somebody else's file: anything printable.
 Label = Annotated[str, Field(pattern=r"^[^\x00-\x1f\x7f]{1,256}$")]
+#: Names of two bodies, in an answer.
+NamePair = Annotated[
+    tuple[str, str], WithJsonSchema({"type": "array", "items": {"type": "string"}})
+]
+#: A moment in an answer: ISO 8601.
+Instant = Annotated[
+    datetime,
+    PlainSerializer(datetime.isoformat, return_type=str),
+    WithJsonSchema({"type": "string"}),
+]
 
 #: What poses are in, beside the robot's root frame.
 Frame = Annotated[
@@ -196,30 +228,33 @@ Frame = Annotated[
     ),
 ]
 
-JointVector = Annotated[
-    list[Number],
-    Field(
-        min_length=1,
-        max_length=MAX_JOINTS,
-        description="one number for each joint, in the order of `joint_names`",
-    ),
-]
-
 
 def _one_or_many(value: Any) -> str:
     return "many" if isinstance(value, list) and value and isinstance(value[0], list) else "one"
 
 
-#: A joint vector, or a list of them.
-Joints = Annotated[
-    Annotated[JointVector, Tag("one")]
-    | Annotated[list[JointVector], Field(min_length=1, max_length=MAX_BATCH), Tag("many")],
-    Discriminator(_one_or_many),
-    Field(
-        description="one configuration, or a list of them: a number for each joint, in the order "
-        "of `joint_names` [rad or m]"
-    ),
-]
+if TYPE_CHECKING:
+    JointVector: TypeAlias = Sequence[float]
+    #: A joint vector, or a list of them.
+    Joints: TypeAlias = Sequence[float] | Sequence[Sequence[float]]
+else:
+    JointVector = Annotated[
+        list[Number],
+        Field(
+            min_length=1,
+            max_length=MAX_JOINTS,
+            description="one number for each joint, in the order of `joint_names`",
+        ),
+    ]
+    Joints = Annotated[
+        Annotated[JointVector, Tag("one")]
+        | Annotated[list[JointVector], Field(min_length=1, max_length=MAX_BATCH), Tag("many")],
+        Discriminator(_one_or_many),
+        Field(
+            description="one configuration, or a list of them: a number for each joint, in the "
+            "order of `joint_names` [rad or m]"
+        ),
+    ]
 
 
 #: Types of values that stay as they are.
@@ -231,11 +266,18 @@ def as_json(value: Any) -> Any:
     if isinstance(value, list | tuple):
         # Nearly all are numbers: a call for each of them would be most of what it takes.
         return [item if type(item) in _SIMPLE_TYPES else as_json(item) for item in value]
-    if isinstance(value, Answer):
-        return {name: as_json(item) for name, item in value if item is not None}
+    if isinstance(value, Wire):
+        return _fields(value) if value.goes_by_fields else value
     if isinstance(value, Mapping):
         return {name: as_json(item) for name, item in value.items()}
     return value.tolist() if hasattr(value, "tolist") else value
+
+
+def _fields(part: Wire) -> dict[str, Any]:
+    """Fields of an answer that has them, or of a part of a request that were given."""
+    names = part.model_fields_set if isinstance(part, Body) else type(part).model_fields
+    values = vars(part)
+    return {name: as_json(values[name]) for name in names if values[name] is not None}
 
 
 def _require(schema: JsonSchemaValue, tag: str) -> None:
@@ -262,7 +304,10 @@ def _finite(value: _T) -> _T:
 
 
 #: An object whose fields only the domain knows.
-FreeForm = Annotated[dict[str, JsonValue], Field(max_length=64), AfterValidator(_finite)]
+if TYPE_CHECKING:
+    FreeForm: TypeAlias = Mapping[str, Any]
+else:
+    FreeForm = Annotated[dict[str, JsonValue], Field(max_length=64), AfterValidator(_finite)]
 
 
 def is_given(*names: str) -> JsonDict:

@@ -1,14 +1,14 @@
 """Many planning problems in one request."""
 
 from copy import copy
-from typing import Any, cast
+from typing import Any, Self, cast
 
 from pydantic import ConfigDict, Field, create_model, model_validator
 from pydantic.config import JsonDict
 from pydantic.fields import FieldInfo
 
 from armwright_wire.base import JOINTS_EXAMPLE, Answer, Body, Name, Timeout, is_given
-from armwright_wire.goal import Goal, Start
+from armwright_wire.goal import Goal, GoalLike, Start, as_goal
 from armwright_wire.job import Problem
 from armwright_wire.plan import PlanAnswer, PlanRequest
 from armwright_wire.scene import SceneReference
@@ -25,6 +25,11 @@ class _Needs(Body):
     start: Start | None = None
     goal: Goal | None = None
     timeout: Timeout | None = Field(None, description="for all stages of one problem [s]")
+
+    @classmethod
+    def towards(cls, goal: GoalLike, **given: Any) -> Self:
+        """The way to a goal; `given` are other fields."""
+        return cls.of(goal=as_goal(goal), **given)
 
 
 def _optional(field: FieldInfo) -> tuple[Any, FieldInfo]:
@@ -53,6 +58,13 @@ PartialPlan: type[_Needs] = create_model(
     __doc__="A motion to be planned; what is left out is taken from the batch.",
     **_FIELDS,
 )
+
+
+def as_part(problem: PlanRequest | PartialPlan) -> PartialPlan:
+    """A problem as a batch takes it, of a request for one plan perhaps."""
+    if isinstance(problem, PartialPlan):
+        return problem
+    return PartialPlan(**_fields(problem))
 
 
 def _given_somewhere(name: str) -> JsonDict:

@@ -4,7 +4,7 @@ from typing import Annotated, Any
 
 from pydantic import Field
 
-from armwright_wire.base import Answer, Body, Label, NonNegative, PlanId
+from armwright_wire.base import Answer, Body, Label, NamePair, NonNegative, PlanId
 from armwright_wire.check import MAX_ATTACHED, AllowedAnswers
 from armwright_wire.constraint import ConstraintUse
 from armwright_wire.scene import MAX_OBSTACLES
@@ -87,7 +87,7 @@ class CertificateAnswer(Answer):
     min_clearance: float | None = Field(
         description="a lower bound for every t [m]; null with nothing to hit"
     )
-    clearance_pair: list[str] | None = Field(None, description="the two bodies that come nearest")
+    clearance_pair: NamePair | None = Field(None, description="the two bodies that come nearest")
     min_obstacle_clearance: float | None = Field(
         None, description="the same from obstacles alone; null without any"
     )

@@ -1,6 +1,7 @@
 """Objects that the robot holds, pairs that may touch, and collision checks, on the wire."""
 
-from typing import Annotated, ClassVar
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Annotated, ClassVar, TypeAlias
 
 from pydantic import Field, model_validator
 
@@ -17,6 +18,7 @@ from armwright_wire.base import (
     Label,
     Matrix3,
     Name,
+    NamePair,
     NonNegative,
     Number,
     PlanId,
@@ -45,7 +47,7 @@ TouchDepth = Annotated[
 class AllowedAnswer(Answer):
     """A pair that was not kept apart."""
 
-    pair: list[str] = Field(
+    pair: NamePair = Field(
         examples=[["panda_hand", "table_top"]], description="names of the two bodies"
     )
     reason: str = Field(
@@ -121,19 +123,27 @@ class WithFingers(Body):
     )
 
 
-AttachedObjects = Annotated[
-    list[Attached],
-    Field(max_length=MAX_ATTACHED, description="objects that the robot holds"),
-]
-AllowedCollisions = Annotated[
-    list[AllowedItem],
-    Field(
-        max_length=MAX_ALLOWED,
-        description="more pairs of links, obstacles and attached objects that may touch, to any "
-        "depth unless they give a `touch_depth`",
-        examples=[[["panda_hand", "table_top"]]],
-    ),
-]
+if TYPE_CHECKING:
+    # Tuples may be given.
+    AttachedObjects: TypeAlias = Sequence[Attached]
+else:
+    AttachedObjects = Annotated[
+        list[Attached],
+        Field(max_length=MAX_ATTACHED, description="objects that the robot holds"),
+    ]
+if TYPE_CHECKING:
+    # Tuples may be given.
+    AllowedCollisions: TypeAlias = Sequence[AllowedItem]
+else:
+    AllowedCollisions = Annotated[
+        list[AllowedItem],
+        Field(
+            max_length=MAX_ALLOWED,
+            description="more pairs of links, obstacles and attached objects that may touch, to "
+            "any depth unless they give a `touch_depth`",
+            examples=[[["panda_hand", "table_top"]]],
+        ),
+    ]
 
 
 Margin = Annotated[
@@ -162,7 +172,7 @@ class CheckRequest(WithFingers, Keepable):
 class Collision(Answer):
     """Two bodies that penetrate each other."""
 
-    pair: list[str] = Field(
+    pair: NamePair = Field(
         examples=[["panda_hand", "table_top"]], description="names of the two bodies"
     )
     depth: float | None = Field(
@@ -188,7 +198,7 @@ class CheckAnswer(InFrame):
         description="smallest distance [m], margins not taken off; negative by the depth in "
         "collision, null with nothing to hit"
     )
-    clearance_pair: list[str] | list[list[str] | None] | None = Field(
+    clearance_pair: NamePair | list[NamePair | None] | None = Field(
         examples=[["panda_hand", "table_top"]], description="between whom that is"
     )
     collisions: list[Collision] | list[list[Collision]] = Field(

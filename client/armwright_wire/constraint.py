@@ -1,6 +1,7 @@
 """Constraints of configurations and motions on the wire."""
 
-from typing import Annotated, Literal
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Annotated, Any, Literal, TypeAlias
 
 from pydantic import ConfigDict, Field, model_validator
 
@@ -200,24 +201,28 @@ Constraint = Annotated[
     | TorqueConstraint,
     Field(discriminator="type"),
 ]
-Constraints = Annotated[
-    list[Constraint],
-    Field(
-        max_length=MAX_CONSTRAINTS,
-        description="what holds during the whole motion, or of a configuration",
-        examples=[
-            [
-                {
-                    "type": "orientation",
-                    "axis": [0, 0, 1],
-                    "direction": [0, 0, -1],
-                    "cone_angle": 0.1745,
-                },
-                {"type": "clearance", "margin": 0.02},
-            ]
-        ],
-    ),
-]
+if TYPE_CHECKING:
+    # Constraints, or what JSON has of them.
+    Constraints: TypeAlias = Sequence[Any]
+else:
+    Constraints = Annotated[
+        list[Constraint],
+        Field(
+            max_length=MAX_CONSTRAINTS,
+            description="what holds during the whole motion, or of a configuration",
+            examples=[
+                [
+                    {
+                        "type": "orientation",
+                        "axis": [0, 0, 1],
+                        "direction": [0, 0, -1],
+                        "cone_angle": 0.1745,
+                    },
+                    {"type": "clearance", "margin": 0.02},
+                ]
+            ],
+        ),
+    ]
 
 
 class ConstraintUse(Answer):

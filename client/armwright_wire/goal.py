@@ -1,6 +1,7 @@
 """Starts and goals of motions, costs of goals and preferred clearance, on the wire."""
 
-from typing import Annotated, ClassVar
+from collections.abc import Sequence
+from typing import Annotated, Any, ClassVar, Self, TypeAlias
 
 from pydantic import Field, model_validator
 
@@ -14,11 +15,12 @@ from armwright_wire.base import (
     Label,
     NonNegative,
     Positive,
+    VectorLike,
     check_company,
     exactly_one,
 )
 from armwright_wire.check import Margin
-from armwright_wire.pose import FramedPose
+from armwright_wire.pose import AnyPose, PoseInFrame
 
 MAX_GOALS = 1_000
 
@@ -59,7 +61,7 @@ class SingleGoal(Body):
 
     joints: JointVector | None = Field(None, examples=[[0.6, -0.3, 0.0, -2.0, 0.0, 1.8, 0.785]])
     state: Label | None = Field(None, description="a named state of the robot", examples=["home"])
-    pose: FramedPose | None = None
+    pose: PoseInFrame | None = None
     frame: Frame | None = None
     velocities: JointVector | None = Field(
         None, description="at the joints, for a motion that is optimised; at rest if left out"
@@ -97,6 +99,62 @@ class Goal(SingleGoal):
         exactly_one(self, self.one_of)
         check_company(self)
         return self
+
+    @classmethod
+    def at_state(cls, state: str) -> Self:
+        """A named state of the robot as the goal."""
+        return cls(state=state)
+
+    @classmethod
+    def at_joints(
+        cls,
+        joints: VectorLike,
+        *,
+        velocities: VectorLike | None = None,
+        accelerations: VectorLike | None = None,
+    ) -> Self:
+        """A configuration as the goal [rad or m], for an optimised motion passed at a velocity."""
+        return cls.of(joints=joints, velocities=velocities, accelerations=accelerations)
+
+    @classmethod
+    def at_pose(
+        cls,
+        pose: AnyPose,
+        *,
+        position_tolerance: float | None = None,
+        orientation_tolerance: float | None = None,
+    ) -> Self:
+        """A pose of the tip as the goal, within tolerances [m, rad]."""
+        return cls.of(
+            pose=pose,
+            position_tolerance=position_tolerance,
+            orientation_tolerance=orientation_tolerance,
+        )
+
+    @classmethod
+    def among(cls, goals: Sequence["GoalLike"]) -> Self:
+        """Goal that is any of several."""
+        return cls(any_of=[SingleGoal(**given_fields(as_goal(goal))) for goal in goals])
+
+
+#: A goal, or a pose or configuration that is one.
+GoalLike: TypeAlias = SingleGoal | AnyPose | VectorLike
+
+
+def as_goal(goal: GoalLike) -> Goal:
+    """The goal that is meant by a pose or a configuration."""
+    if isinstance(goal, Goal):
+        return goal
+    if isinstance(goal, SingleGoal):
+        return Goal(**given_fields(goal))
+    if isinstance(goal, AnyPose):
+        return Goal.at_pose(goal)
+    return Goal.at_joints(goal)
+
+
+def given_fields(part: Body) -> dict[str, Any]:
+    """The fields of a part of a request that are not None."""
+    return {name: value for name, value in part if value is not None}
 
 
 #: As planning has it; tests compare the two [m].

@@ -2,12 +2,12 @@
 
 from typing import Any, Literal
 
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import ConfigDict, Field
 
-from armwright_wire.base import Answer
+from armwright_wire.base import Answer, Instant, Wire
 
 
-class Problem(BaseModel):
+class Problem(Wire):
     """Problem document: `code` and `details` for programs, `detail` and `hint` for people."""
 
     model_config = ConfigDict(
@@ -72,10 +72,10 @@ class JobSummary(Answer):
     )
     progress: float = Field(ge=0.0, le=1.0, description="share that is done, 0 … 1")
     stage: str | None = Field(None, examples=["rrt_connect"], description="what is being done")
-    created: str = Field(description="when it was accepted")
-    started: str | None = Field(None, description="when a worker began with it")
-    ended: str | None = Field(None, description="when it succeeded, failed or was cancelled")
-    expires: str | None = Field(None, description="when it is forgotten at the latest")
+    created: Instant = Field(description="when it was accepted")
+    started: Instant | None = Field(None, description="when a worker began with it")
+    ended: Instant | None = Field(None, description="when it succeeded, failed or was cancelled")
+    expires: Instant | None = Field(None, description="when it is forgotten at the latest")
     location: str | None = Field(None, description="what it created", examples=["/v1/robots/arm"])
 
 

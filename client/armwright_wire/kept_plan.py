@@ -5,7 +5,7 @@ from typing import Annotated, Any, Literal
 from pydantic import ConfigDict, Field
 from pydantic.config import JsonDict
 
-from armwright_wire.base import Answer, Body, FreeForm, Label
+from armwright_wire.base import Answer, Body, FreeForm, Instant, Label
 from armwright_wire.job import Problem
 
 #: Longest text of a request, robot or scene in a bundle [characters]; bodies are bounded too.
@@ -54,8 +54,8 @@ class KeptPlanSummary(Answer):
         description="SHA-256 of the answer or problem without measured times: equal for equal "
         "answers"
     )
-    created: str = Field(description="when it was answered")
-    expires: str = Field(description="when it is forgotten at the latest")
+    created: Instant = Field(description="when it was answered")
+    expires: Instant = Field(description="when it is forgotten at the latest")
     job: str | None = Field(None, description="the job that it answered")
     replay_of: str | None = Field(None, description="the kept plan that it repeats or changes")
     proved_here: bool = Field(

@@ -32,7 +32,7 @@ from armwright_wire.base import (
 )
 from armwright_wire.check import MAX_FINGERS, AllowedAnswers, AllowedCollisions, AttachedObjects
 from armwright_wire.constraint import Constraints, ConstraintUse
-from armwright_wire.pose import FramedPose, Orientation, OrientedPoseAnswer
+from armwright_wire.pose import Orientation, OrientedPoseAnswer, PoseInFrame
 from armwright_wire.scene import SceneReference
 
 MAX_SOLUTIONS = 1_000
@@ -156,9 +156,9 @@ class IkRequest(Keepable):
 
     model_config = ConfigDict(json_schema_extra={"allOf": [_POSES]})
 
-    pose: FramedPose | None = None
+    pose: PoseInFrame | None = None
     frame: Frame | None = None
-    poses: Annotated[list[FramedPose], Field(min_length=1, max_length=MAX_POSES)] | None = Field(
+    poses: Annotated[list[PoseInFrame], Field(min_length=1, max_length=MAX_POSES)] | None = Field(
         None, description="many poses instead of one: solutions then holds a list for each"
     )
     link: Label | None = Field(None, description="the tip if left out")

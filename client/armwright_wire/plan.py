@@ -1,6 +1,6 @@
 """Planning problems, timed motions and their certificates on the wire."""
 
-from typing import Annotated, Any, Literal, get_args
+from typing import Annotated, Any, Literal, TypeAlias, get_args
 
 from pydantic import ConfigDict, Field, model_validator
 from pydantic.config import JsonDict
@@ -125,6 +125,25 @@ Planner = Literal[
     "cartesian",
 ]
 PLANNERS: tuple[str, ...] = get_args(Planner)
+#: Planners as OMPL writes its own.
+OmplPlanner = Literal[
+    "RRTConnect",
+    "AORRTC",
+    "BFMT",
+    "BITstar",
+    "BKPIECE1",
+    "FMT",
+    "InformedRRTstar",
+    "KPIECE1",
+    "LBKPIECE1",
+    "PRM",
+    "PRMstar",
+    "RRT",
+    "RRTstar",
+    "SORRTstar",
+]
+#: Names for type checkers and editors; a service lists its own.
+PlannerName: TypeAlias = Planner | OmplPlanner
 # The service adds the options of OMPL's planners to its document.
 _OPTIONS = (
     "Of the planner that is named.\n"

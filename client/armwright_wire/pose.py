@@ -3,7 +3,7 @@
 import math
 from collections.abc import Sequence
 from decimal import Decimal
-from typing import Annotated, ClassVar, Literal, Self
+from typing import TYPE_CHECKING, Annotated, ClassVar, Literal, Self, TypeAlias
 
 from pydantic import ConfigDict, Field, field_validator, model_validator
 from pydantic.config import JsonDict
@@ -16,19 +16,25 @@ from armwright_wire.base import (
     Matrix3,
     Number,
     Point,
+    RowsLike,
     Vector3,
+    VectorLike,
     any_given,
+    as_json,
     exactly_one,
 )
 
-Quaternion = Annotated[list[Number], Field(min_length=4, max_length=4)]
-AxisAngle = Annotated[list[Number], Field(min_length=4, max_length=4)]
+if TYPE_CHECKING:
+    Quaternion: TypeAlias = Sequence[float]
+    AxisAngle: TypeAlias = Sequence[float]
+    Matrix4: TypeAlias = Sequence[Sequence[float]]
+else:
+    Quaternion = Annotated[list[Number], Field(min_length=4, max_length=4)]
+    AxisAngle = Annotated[list[Number], Field(min_length=4, max_length=4)]
+    _Row4 = Annotated[list[Number], Field(min_length=4, max_length=4)]
+    Matrix4 = Annotated[list[_Row4], Field(min_length=4, max_length=4)]
 #: Forms of an orientation on the wire.
 ORIENTATIONS = ("quaternion_xyzw", "rotation_matrix", "euler_zyz", "rpy", "axis_angle")
-
-
-_Row4 = Annotated[list[Number], Field(min_length=4, max_length=4)]
-Matrix4 = Annotated[list[_Row4], Field(min_length=4, max_length=4)]
 
 
 # The rules of rounding below are those of `kinematics.rounding`, which no client has; tests compare
@@ -103,6 +109,7 @@ class Pose(Body):
     """A position [m] and at most one orientation, the identity if left out; or a transform."""
 
     published_rules: ClassVar[tuple[JsonDict, ...]] = (any_given(("position",), ("transform",)),)
+    goes_by_fields: ClassVar[bool] = True
     #: Whether a pose without a position is at the origin.
     may_lack_position: ClassVar[bool] = False
 
@@ -174,6 +181,7 @@ class Pose(Body):
             values["rotation_matrix"] = [row[:3] for row in self.transform[:3]]
             values["transform"] = None
             self.model_fields_set.update(("position", "rotation_matrix"))
+            self.model_fields_set.discard("transform")
         elif not self._has_position:
             raise ValueError("a pose needs a position or a transform")
         if len(given) > 1:
@@ -184,6 +192,36 @@ class Pose(Body):
     def _has_position(self) -> bool:
         return self.may_lack_position or "position" in self.model_fields_set
 
+    @classmethod
+    def at(cls, x: float, y: float, z: float) -> Self:
+        """The pose at a position [m] with the axes of the root frame."""
+        return cls(position=[x, y, z])
+
+    @classmethod
+    def from_quaternion(cls, position: VectorLike, xyzw: VectorLike) -> Self:
+        """A pose from a position [m] and a quaternion (x, y, z, w)."""
+        return cls.of(position=position, quaternion_xyzw=xyzw)
+
+    @classmethod
+    def from_rpy(cls, position: VectorLike, roll: float, pitch: float, yaw: float) -> Self:
+        """A pose from a position [m] and the fixed-axis angles of URDF [rad]."""
+        return cls.of(position=position, rpy=[roll, pitch, yaw])
+
+    @classmethod
+    def from_zyz(cls, position: VectorLike, phi: float, theta: float, psi: float) -> Self:
+        """A pose from a position [m] and Euler angles about z, y, z [rad]."""
+        return cls.of(position=position, euler_zyz=[phi, theta, psi])
+
+    @classmethod
+    def from_axis_angle(cls, position: VectorLike, axis: VectorLike, angle: float) -> Self:
+        """A pose from a position [m], an axis (3,) of any length but 0 and an angle [rad]."""
+        return cls.of(position=position, axis_angle=[*as_json(axis), angle])
+
+    @classmethod
+    def from_matrix(cls, T_base_pose: RowsLike) -> Self:
+        """A pose from a 4x4 transform [[R, p], [0, 1]]."""
+        return cls.of(transform=T_base_pose)
+
 
 class FramedPose(Pose):
     """A pose in the robot's root frame, or in one that it names."""
@@ -192,36 +230,6 @@ class FramedPose(Pose):
 
 
 Orientation = Literal["quaternion_xyzw", "rotation_matrix", "euler_zyz", "rpy", "axis_angle"]
-
-
-class PoseAnswer(Answer):
-    """A pose in the robot's root frame."""
-
-    position: list[Coordinate] = Field(examples=[[0.4, 0.0, 0.3]], description="x, y, z [m]")
-    quaternion_xyzw: list[float] = Field(
-        examples=[[0.0, 0.0, 0.0, 1.0]], description="orientation as x, y, z, w"
-    )
-
-
-class OrientedPoseAnswer(Answer):
-    """A pose with its orientation in the form that was asked for."""
-
-    position: list[float] = Field(examples=[[0.4, 0.0, 0.3]], description="x, y, z [m]")
-    quaternion_xyzw: list[float] | None = Field(
-        None, examples=[[0.0, 0.0, 0.0, 1.0]], description="orientation as x, y, z, w"
-    )
-    rotation_matrix: list[list[float]] | None = Field(None, description="rows")
-    euler_zyz: list[float] | None = Field(
-        None, description="[phi, theta, psi] [rad], theta in [0, pi]; psi = 0 where sin(theta) = 0"
-    )
-    rpy: list[float] | None = Field(
-        None,
-        description="[roll, pitch, yaw] [rad], pitch in [-pi/2, pi/2]; roll = 0 at its ends",
-    )
-    axis_angle: list[float] | None = Field(
-        None,
-        description="[x, y, z, angle]: a unit axis, the angle [rad] in [0, pi]; z where it is 0",
-    )
 
 
 #: Motions that one request composes.
@@ -235,6 +243,48 @@ _EXAMPLE: JsonDict = {
     ],
     "angular_velocity": [0.0, 0.0, 1.0],
 }
+
+
+if TYPE_CHECKING:
+    # Where a pose is taken, so is one of an answer, and any where poses may name their frame.
+    PoseAnswer: TypeAlias = Pose
+    OrientedPoseAnswer: TypeAlias = Pose
+    PoseInFrame: TypeAlias = Pose
+    AnyPose: TypeAlias = Pose
+else:
+    PoseInFrame = FramedPose
+
+    class PoseAnswer(Answer):
+        """A pose in the robot's root frame."""
+
+        position: list[Coordinate] = Field(examples=[[0.4, 0.0, 0.3]], description="x, y, z [m]")
+        quaternion_xyzw: list[float] = Field(
+            examples=[[0.0, 0.0, 0.0, 1.0]], description="orientation as x, y, z, w"
+        )
+
+    class OrientedPoseAnswer(Answer):
+        """A pose with its orientation in the form that was asked for."""
+
+        position: list[float] = Field(examples=[[0.4, 0.0, 0.3]], description="x, y, z [m]")
+        quaternion_xyzw: list[float] | None = Field(
+            None, examples=[[0.0, 0.0, 0.0, 1.0]], description="orientation as x, y, z, w"
+        )
+        rotation_matrix: list[list[float]] | None = Field(None, description="rows")
+        euler_zyz: list[float] | None = Field(
+            None,
+            description="[phi, theta, psi] [rad], theta in [0, pi]; psi = 0 where sin(theta) = 0",
+        )
+        rpy: list[float] | None = Field(
+            None,
+            description="[roll, pitch, yaw] [rad], pitch in [-pi/2, pi/2]; roll = 0 at its ends",
+        )
+        axis_angle: list[float] | None = Field(
+            None,
+            description="[x, y, z, angle]: a unit axis, the angle [rad] in [0, pi]; z where it is "
+            "0",
+        )
+
+    AnyPose = Pose | PoseAnswer | OrientedPoseAnswer
 
 
 class PoseForm(Pose):

@@ -1,6 +1,7 @@
 """The artificial potential on the wire."""
 
-from typing import Annotated, Literal
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Annotated, Literal, TypeAlias
 
 from pydantic import Field
 
@@ -22,8 +23,12 @@ from armwright_wire.check import AllowedAnswers
 from armwright_wire.scene import Engine, SceneReference
 
 Weight = Annotated[float, Field(ge=0.0, le=1e9)]
-Weights = Weight | Annotated[list[Weight], Field(min_length=1, max_length=MAX_JOINTS)]
-Radii = NonNegative | Annotated[list[NonNegative], Field(min_length=1, max_length=MAX_JOINTS)]
+if TYPE_CHECKING:
+    Weights: TypeAlias = float | Sequence[float]
+    Radii: TypeAlias = float | Sequence[float]
+else:
+    Weights = Weight | Annotated[list[Weight], Field(min_length=1, max_length=MAX_JOINTS)]
+    Radii = NonNegative | Annotated[list[NonNegative], Field(min_length=1, max_length=MAX_JOINTS)]
 #: Fields answered at once: with all their control points about a megabyte a thousand.
 MAX_FIELDS = MAX_BATCH
 

@@ -1,6 +1,7 @@
 """Reach of an arm on the wire."""
 
-from typing import Annotated, ClassVar, Literal, Self
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Annotated, ClassVar, Literal, Self, TypeAlias
 
 from pydantic import Field, field_validator, model_validator
 
@@ -29,6 +30,10 @@ MAX_BASES = 10_000
 #: Poses whose configurations are answered where nothing is said about that.
 JOINTS_UP_TO = 10_000
 
+if TYPE_CHECKING:
+    Quaternions: TypeAlias = Sequence[Quaternion]
+else:
+    Quaternions = Annotated[list[Quaternion], Field(min_length=1, max_length=MAX_ORIENTATIONS)]
 Edge = Annotated[float, Field(ge=0.0, le=1e3)]
 Range = Annotated[list[Number], Field(min_length=2, max_length=2)]
 Rotation = Literal["rx", "ry", "rz"]
@@ -70,12 +75,10 @@ class ReachBox(Body):
     )
     pose: Pose = Field(description="of its centre")
     spacing: Positive = Field(description="largest distance of neighbouring points [m]")
-    orientations: Annotated[list[Quaternion], Field(min_length=1, max_length=MAX_ORIENTATIONS)] = (
-        Field(
-            default_factory=lambda: [[0.0, 0.0, 0.0, 1.0]],
-            description="of the link at every point, x, y, z, w",
-            examples=[[[1.0, 0.0, 0.0, 0.0]]],
-        )
+    orientations: Quaternions = Field(
+        default_factory=lambda: [[0.0, 0.0, 0.0, 1.0]],
+        description="of the link at every point, x, y, z, w",
+        examples=[[[1.0, 0.0, 0.0, 0.0]]],
     )
 
     @field_validator("orientations")

@@ -1,5 +1,7 @@
 """Robots on the wire: motors, Denavit-Hartenberg tables, uploads, models and geometry."""
 
+import base64
+import struct
 from typing import Annotated, ClassVar, Literal, TypeAlias
 
 from pydantic import ConfigDict, Discriminator, Field, Tag, field_validator, model_validator
@@ -14,6 +16,7 @@ from armwright_wire.base import (
     Length,
     Matrix3,
     Name,
+    NamePair,
     NonNegative,
     Number,
     Point,
@@ -175,6 +178,10 @@ class DhAnswer(Answer):
     tool: PoseAnswer = Field(description="the tip in frame n")
     gravity: list[float] | None = Field(None, description="in the root frame [m/s²]")
     geometry: LinkCapsules | None = Field(None, description="as it was given")
+
+    def table(self) -> DhTable:
+        """The table to be sent, say to store the robot under another name."""
+        return DhTable.model_validate(self.model_dump(exclude_none=True))
 
 
 _MAX_XML = 16 * 1024 * 1024
@@ -385,7 +392,7 @@ class RobotList(Answer):
 class SuspectedPair(Answer):
     """Two links that touch where the robot surely may stand."""
 
-    pair: list[str] = Field(description="names of the two links")
+    pair: NamePair = Field(description="names of the two links")
     reason: str = Field(examples=["zero pose"], description="where they touch")
 
 
@@ -467,6 +474,14 @@ class BodySurface(Answer):
         "material or the file's; null where neither gives one",
         examples=[[0.9, 0.9, 0.9, 1.0]],
     )
+
+    def corners(self) -> list[tuple[float, float, float]]:
+        """The vertices [m]."""
+        return list(struct.iter_unpack("<3f", base64.b64decode(self.vertices)))
+
+    def triangles(self) -> list[tuple[int, int, int]]:
+        """Numbers of the corners of each triangle, counter-clockwise from outside."""
+        return list(struct.iter_unpack("<3I", base64.b64decode(self.faces)))
 
 
 class GeometryAnswer(Answer):

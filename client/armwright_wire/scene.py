@@ -2,7 +2,9 @@
 
 import base64
 import binascii
-from typing import Annotated, ClassVar, Literal
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, ClassVar, Literal, Self, TypeAlias
 
 from pydantic import ConfigDict, Discriminator, Field, Tag, field_validator, model_validator
 from pydantic.config import JsonDict
@@ -22,7 +24,7 @@ from armwright_wire.base import (
     distinct,
     exactly_one,
 )
-from armwright_wire.pose import FramedPose
+from armwright_wire.pose import PoseInFrame
 
 #: Caps on what one shape may consist of.
 MAX_VERTICES = 200_000
@@ -37,13 +39,17 @@ _Face = Annotated[
 _LEAST_NORMAL = 1e-6
 
 
+if TYPE_CHECKING:
+    Edges: TypeAlias = Sequence[float]
+else:
+    Edges = Annotated[list[Length], Field(min_length=3, max_length=3)]
+
+
 class Box(Body):
     """A box centred in its frame, with its full edge lengths along x, y, z."""
 
     type: Literal["box"] = "box"
-    size: Annotated[list[Length], Field(min_length=3, max_length=3)] = Field(
-        examples=[[0.2, 0.3, 0.5]], description="edge lengths along x, y, z [m]"
-    )
+    size: Edges = Field(examples=[[0.2, 0.3, 0.5]], description="edge lengths along x, y, z [m]")
 
 
 class Sphere(Body):
@@ -129,6 +135,15 @@ class Mesh(Body):
             check_base64(value)
         return value
 
+    @classmethod
+    def from_stl(cls, path: Path | str) -> Self:
+        """The mesh of an STL file.
+
+        Raises:
+            OSError: The file can't be read.
+        """
+        return cls(stl_base64=base64.b64encode(Path(path).read_bytes()).decode("ascii"))
+
     @model_validator(mode="after")
     def _check_form(self) -> "Mesh":
         if self.stl_base64 is not None:
@@ -176,7 +191,10 @@ MAX_OBSTACLES = 10_000
 _MAX_PAIRS = 100_000
 _MAX_YAML = 16 * 1024 * 1024
 
-Pair = Annotated[list[Label], Field(min_length=2, max_length=2)]
+if TYPE_CHECKING:
+    Pair: TypeAlias = Sequence[str]
+else:
+    Pair = Annotated[list[Label], Field(min_length=2, max_length=2)]
 
 
 class LimitedPair(Body):
@@ -192,10 +210,13 @@ def _form_of_pair(value: object) -> str:
     return "limited" if isinstance(value, dict | LimitedPair) else "pair"
 
 
-AllowedItem = Annotated[
-    Annotated[Pair, Tag("pair")] | Annotated[LimitedPair, Tag("limited")],
-    Discriminator(_form_of_pair),
-]
+if TYPE_CHECKING:
+    AllowedItem: TypeAlias = Sequence[str] | LimitedPair
+else:
+    AllowedItem = Annotated[
+        Annotated[Pair, Tag("pair")] | Annotated[LimitedPair, Tag("limited")],
+        Discriminator(_form_of_pair),
+    ]
 
 _EXAMPLE: JsonDict = {
     "name": "table",
@@ -223,7 +244,7 @@ class Obstacle(Body):
         examples=["table_top"], description="name of the obstacle, unique in its scene"
     )
     shape: Shape = Field(description="in the obstacle's own frame")
-    pose: FramedPose
+    pose: PoseInFrame
     margin: Annotated[NonNegative, Field(le=10.0)] | None = Field(
         None, description="distance to be kept from it [m]; 0 if left out"
     )
@@ -247,6 +268,15 @@ class Scene(Body):
     allowed_collisions: Annotated[list[AllowedItem], Field(max_length=_MAX_PAIRS)] | None = Field(
         None, description="pairs of links or obstacles that may touch"
     )
+
+    @classmethod
+    def from_moveit(cls, path: Path | str, *, name: str | None = None) -> Self:
+        """The scene of a MoveIt planning-scene file (YAML).
+
+        Raises:
+            OSError: The file can't be read.
+        """
+        return cls.of(name=name, moveit=Path(path).read_text(encoding="utf-8"))
 
     @field_validator("obstacles")
     @classmethod

@@ -31,6 +31,7 @@ from armwright_wire.certificate import CertificateAnswer
 from armwright_wire.check import (
     TOUCH_DEPTH,
     AllowedCollisions,
+    Attached,
     AttachedObjects,
     FingerPositions,
     Margin,
@@ -39,7 +40,7 @@ from armwright_wire.check import (
 from armwright_wire.constraint import Constraints
 from armwright_wire.goal import ConfigurationAnswer, Goal, GoalCosts, Start
 from armwright_wire.plan import PathAnswer, Reproducibility, Stage
-from armwright_wire.pose import FramedPose, Pose, PoseAnswer
+from armwright_wire.pose import Pose, PoseAnswer, PoseInFrame
 from armwright_wire.reach import ReachTolerance
 from armwright_wire.scene import SceneReference
 from armwright_wire.timing import Timing
@@ -188,7 +189,7 @@ class GraspStage(StageBody):
 class PlaceRegion(Body):
     """Poses of the object on a rectangle across z of a pose, turned about that z."""
 
-    pose: FramedPose = Field(description="of the object in the middle of the rectangle")
+    pose: PoseInFrame = Field(description="of the object in the middle of the rectangle")
     size: Annotated[list[NonNegative], Field(min_length=2, max_length=2)] = Field(
         [0.0, 0.0], description="along x and y of the pose [m]"
     )
@@ -206,7 +207,7 @@ class PlaceStage(StageBody):
 
     kind: Literal["place"] = "place"
     object: Label | None = Field(None, description="what is held, if that is one thing")
-    poses: Annotated[list[FramedPose], Field(min_length=1, max_length=MAX_TARGETS)] | None = Field(
+    poses: Annotated[list[PoseInFrame], Field(min_length=1, max_length=MAX_TARGETS)] | None = Field(
         None, description="of the object"
     )
     region: PlaceRegion | None = Field(None, description="of poses, in place of a list")
@@ -446,6 +447,20 @@ class WorldAnswer(Answer):
         default_factory=dict,
         description="where joints of the gripper stand that can be moved [rad or m]",
     )
+
+    def as_options(self) -> dict[str, Any]:
+        """The options `objects`, `attached` and `fingers` of a task that goes on from here."""
+        return {
+            "objects": [MovedObject(id=item.id, pose=item.pose) for item in self.objects],
+            "attached": [
+                Attached(
+                    **{name: value for name, value in item if value is not None}
+                    | {"touch_depth": item.touch_depth}
+                )
+                for item in self.attached
+            ],
+            "fingers": self.fingers,
+        }
 
 
 class TaskStageAnswer(Answer):

@@ -1,6 +1,7 @@
 """Motions of the tool on the wire: lines, arcs and seams of the planner "cartesian"."""
 
-from typing import Annotated, Any, ClassVar, Literal, Self
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, Self, TypeAlias
 
 from pydantic import Field, ValidationError, model_validator
 from pydantic.config import JsonDict
@@ -13,11 +14,13 @@ from armwright_wire.base import (
     NonNegative,
     Point,
     Vector3,
+    VectorLike,
     check_company,
     exactly_one,
     is_given,
 )
-from armwright_wire.pose import FramedPose, PoseAnswer
+from armwright_wire.goal import given_fields
+from armwright_wire.pose import AnyPose, PoseAnswer, PoseInFrame
 
 MAX_WAYPOINTS = 2_000
 
@@ -69,7 +72,7 @@ class ToolTolerance(Body):
 class Waypoint(Body):
     """A pose of the tool, or a point with the surface's normal that the tool's z is against."""
 
-    pose: FramedPose | None = Field(None, description="of the tip, without deviation")
+    pose: PoseInFrame | None = Field(None, description="of the tip, without deviation")
     point: Point | None = Field(None, description="place of the tip [m]")
     normal: Vector3 | None = Field(
         None, description="with point: out of the surface; the tool's z axis points against it"
@@ -115,6 +118,18 @@ class Waypoint(Body):
             if self.tolerance is not None and getattr(self.tolerance, name) is not None:
                 raise ValueError(f"{name} has a range and is free")
         return self
+
+    @classmethod
+    def at(cls, pose: AnyPose, *, tolerance: ToolTolerance | None = None) -> Self:
+        """A waypoint at a pose."""
+        return cls.of(pose=pose, tolerance=tolerance)
+
+    @classmethod
+    def on(
+        cls, point: VectorLike, normal: VectorLike, *, direction: VectorLike | None = None
+    ) -> Self:
+        """A waypoint on a surface, with the normal out of it."""
+        return cls.of(point=point, normal=normal, direction=direction)
 
 
 class StraightOffset(Body):
@@ -165,18 +180,22 @@ MAX_MOTIONS = 200
 MAX_TIMED_MOTIONS = 3 * MAX_WAYPOINTS + 2
 
 Deviation = Annotated[float, Field(ge=1e-7, le=1.0)]
-Ends = Annotated[list[NonNegative], Field(min_length=1, max_length=MAX_TIMED_MOTIONS)]
+if TYPE_CHECKING:
+    Ends: TypeAlias = Sequence[float]
+else:
+    Ends = Annotated[list[NonNegative], Field(min_length=1, max_length=MAX_TIMED_MOTIONS)]
 
 
 class ToolCurve(Body):
     """A motion of the tool from where it is: what all kinds of them have."""
 
+    goes_by_fields: ClassVar[bool] = True
     only_beside: ClassVar[Beside] = {"normal": ("center",)}
 
     type: Literal["lin", "circ", "corner"] = Field(
         examples=["lin"], description="line, arc or rounded corner"
     )
-    pose: FramedPose = Field(description="of the tip where the motion ends")
+    pose: PoseInFrame = Field(description="of the tip where the motion ends")
     via: Point | None = Field(None, description="point on the arc")
     center: Point | None = Field(None, description="of the arc")
     normal: Vector3 | None = Field(
@@ -200,6 +219,24 @@ class ToolCurve(Body):
         if self.normal is not None and self.center is None:
             raise ValueError("normal needs center")
         return self
+
+    @classmethod
+    def lin(cls, pose: AnyPose, *, blend: float | None = None) -> Self:
+        """A line to a pose."""
+        return cls.of(type="lin", pose=pose, blend=blend)
+
+    @classmethod
+    def circ(
+        cls,
+        pose: AnyPose,
+        *,
+        via: VectorLike | None = None,
+        center: VectorLike | None = None,
+        normal: VectorLike | None = None,
+        blend: float | None = None,
+    ) -> Self:
+        """An arc to a pose, through a point or about a centre."""
+        return cls.of(type="circ", pose=pose, via=via, center=center, normal=normal, blend=blend)
 
 
 def _line_or_arc(kind: JsonDict) -> JsonDict:
@@ -240,7 +277,7 @@ class CornerArc(Body):
 class RoundedCorner(Body):
     """The corner that a motion rounds: the end of one motion and the beginning of the next."""
 
-    pose: FramedPose = Field(description="of the tip at the corner, which the tool passes by")
+    pose: PoseInFrame = Field(description="of the tip at the corner, which the tool passes by")
     slope: Annotated[float, Field(gt=0.0, le=2.5)] = Field(
         description="rate at which the tool leaves the motion before, and joins the one after"
     )
@@ -309,6 +346,60 @@ class CartesianOptions(Body):
         check_company(self)
         return self
 
+    def as_options(self) -> dict[str, Any]:
+        """The mapping that a plan's `planner_options` take."""
+        return self.model_dump(mode="json", exclude_none=True)
+
+    def seam_in_time(self, reports: Sequence["ToolMotionAnswer"]) -> "TimedToolMotions":
+        """A seam as a trajectory is held to it, see `Client.validate`.
+
+        Args:
+            reports: `tool_motions` of the plan along this seam; of a motion that was recorded
+                later, with the times of that one.
+        """
+        return TimedToolMotions.of(
+            motions=[
+                TimedToolMotion.of(
+                    **given_fields(report.as_motion),
+                    start=report.start,
+                    begins=report.begins,
+                    part=report.part,
+                    tolerance=self._tolerance(report),
+                    tool_speed=self._tool_speed(report),
+                )
+                for report in reports
+            ],
+            ends=[report.ends for report in reports],
+            max_deviation=self.max_deviation,
+            max_orientation_deviation=self.max_orientation_deviation,
+            tolerance=self.tolerance,
+            tool_speed=self.tool_speed,
+            speed_band=self.speed_band,
+        )
+
+    def _tolerance(self, report: "ToolMotionAnswer") -> ToolTolerance | None:
+        """That of the waypoint that a part of a seam leads to, where it has one of its own."""
+        if self.waypoints is None or report.part != "seam":
+            return None
+        waypoint = self.waypoints[report.motion + 1]
+        free = set(waypoint.free)
+        if waypoint.point is not None and waypoint.direction is None:
+            # Without a direction any angle about the normal will do.
+            free.add("rz")
+        if not free:
+            return waypoint.tolerance
+        given = waypoint.tolerance or self.tolerance or ToolTolerance()
+        changes: dict[str, Any] = dict.fromkeys(free & {"x", "y", "z"}, (-1.0, 1.0))
+        turns = free - set(changes)
+        changes |= dict.fromkeys(turns) | {"free": sorted({*given.free, *turns})}
+        return given.model_copy(update=changes)
+
+    def _tool_speed(self, report: "ToolMotionAnswer") -> float | None:
+        """The speed to the waypoint that a part of a seam leads to, where it has its own."""
+        if self.waypoints is None or report.part != "seam":
+            return None
+        return self.waypoints[report.motion + 1].tool_speed
+
 
 class TimedToolMotion(ToolCurve):
     """A line, an arc or a corner that a trajectory is held to, a part of a seam perhaps."""
@@ -327,7 +418,7 @@ class TimedToolMotion(ToolCurve):
     )
 
     rounds: RoundedCorner | None = Field(None, description='the corner that a "corner" rounds')
-    start: FramedPose | None = Field(
+    start: PoseInFrame | None = Field(
         None,
         description="of the tip where it begins; where the motion before ends if left out, of the "
         "first one where the tool is at the start of the trajectory",
@@ -416,7 +507,7 @@ class TimedToolMotions(Body):
         return self
 
 
-def cartesian_options(given: dict[str, Any] | None) -> CartesianOptions:
+def cartesian_options(given: Mapping[str, Any] | None) -> CartesianOptions:
     """The options, checked.
 
     Raises:
@@ -492,6 +583,16 @@ class ToolMotionAnswer(Answer):
         description="what keeps the tool below timing.tool_speed in it; null where nothing does, "
         "or none is asked for. Before and after, the tool slows down and speeds up",
     )
+
+    @property
+    def as_motion(self) -> ToolMotion | TimedToolMotion:
+        """The motion as a request has it, to have a trajectory held to it."""
+        if self.rounds is not None:
+            corner = RoundedCorner.model_validate(self.rounds.model_dump(exclude_none=True))
+            return TimedToolMotion(type="corner", pose=self.pose, rounds=corner)
+        if self.center is None:
+            return ToolMotion.lin(self.pose)
+        return ToolMotion.circ(self.pose, center=self.center, normal=self.normal)
 
 
 class ReferencePoseAnswer(Answer):

@@ -31,12 +31,15 @@ from armwright_wire.goal import (
     Clearance,
     ConfigurationAnswer,
     GoalCosts,
+    GoalLike,
     SingleGoal,
     Start,
     Tolerance,
+    as_goal,
+    given_fields,
 )
 from armwright_wire.plan import PathAnswer, Reproducibility
-from armwright_wire.pose import FramedPose
+from armwright_wire.pose import PoseInFrame
 from armwright_wire.reach import ReachTolerance
 from armwright_wire.scene import SceneReference
 from armwright_wire.timing import Timing
@@ -64,7 +67,7 @@ class TourGoal(Body):
         None, description="the configuration [rad or m]", examples=[JOINTS_EXAMPLE]
     )
     state: Label | None = Field(None, description="a named state of the robot", examples=["home"])
-    pose: FramedPose | None = Field(None, description="pose of the tip")
+    pose: PoseInFrame | None = Field(None, description="pose of the tip")
     any_of: Annotated[list[SingleGoal], Field(min_length=1, max_length=MAX_ALTERNATIVES)] | None = (
         Field(None, description="configurations and poses, of which one is visited")
     )
@@ -95,6 +98,11 @@ class TourGoal(Body):
             raise ValueError("a tour rests at its goals: they have no velocities")
         check_company(self)
         return self
+
+
+def as_tour_goal(goal: GoalLike) -> TourGoal:
+    """The goal of a tour that is meant by a goal, a pose or a configuration."""
+    return TourGoal(**given_fields(as_goal(goal)))
 
 
 _EXAMPLE: JsonDict = {

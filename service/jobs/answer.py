@@ -20,10 +20,10 @@ def job_summary(record: JobRecord, lifetime: float | None = None) -> JobSummary:
         status=record.status,
         progress=record.progress,
         stage=record.stage,
-        created=_iso_time(record.created) or "",
-        started=_iso_time(record.started),
-        ended=_iso_time(record.ended),
-        expires=_iso_time(expires),
+        created=_moment(record.created) or "",
+        started=_moment(record.started),
+        ended=_moment(record.ended),
+        expires=_moment(expires),
         location=record.location,
     )
 
@@ -49,5 +49,5 @@ def _embed(answer: JobAnswer) -> bytes:
     return to_json(b64encode(answer.content).decode())
 
 
-def _iso_time(seconds: float | None) -> str | None:
-    return None if seconds is None else datetime.fromtimestamp(seconds, UTC).isoformat()
+def _moment(seconds: float | None) -> datetime | None:
+    return None if seconds is None else datetime.fromtimestamp(seconds, UTC)

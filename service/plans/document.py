@@ -32,8 +32,8 @@ def plan_summary(record: PlanRecord, lifetime: float) -> KeptPlanSummary:
         seed=record.seed,
         version=record.version,
         digest=record.digest,
-        created=_iso_time(record.created),
-        expires=_iso_time(record.created + lifetime),
+        created=_moment(record.created),
+        expires=_moment(record.created + lifetime),
         job=record.job,
         replay_of=record.replay_of,
         proved_here=record.proved_here,
@@ -131,5 +131,5 @@ def _name(name: str | None, digest: str | None) -> DocumentName | None:
     return None if name is None else DocumentName(name=name, hash=digest)
 
 
-def _iso_time(seconds: float) -> str:
-    return datetime.fromtimestamp(seconds, UTC).isoformat()
+def _moment(seconds: float) -> datetime:
+    return datetime.fromtimestamp(seconds, UTC)

@@ -1,6 +1,7 @@
 """Replays of kept plans: the request once more, perhaps changed, through the same endpoint."""
 
 import json
+from collections.abc import Mapping
 from contextlib import AsyncExitStack
 from dataclasses import dataclass
 from typing import Any
@@ -50,7 +51,9 @@ def merge(value: Any, patch: Any) -> Any:
     return merged
 
 
-def replayed_body(content: PlanContent, changes: dict[str, Any] | None, keep: bool | None) -> bytes:
+def replayed_body(
+    content: PlanContent, changes: Mapping[str, Any] | None, keep: bool | None
+) -> bytes:
     """The body of a kept request for its replay; without changes, its own bytes as far as can be.
 
     Args:

@@ -1,12 +1,14 @@
 """Requests about configurations of a robot: few are answered at once, many wait their turn."""
 
+from collections.abc import Sequence
+
 from fastapi import Request, Response
 
 from service.http import answers
 from service.tasks.result import ChainTask
 
 
-def count(joints: list[float] | list[list[float]]) -> int:
+def count(joints: Sequence[float] | Sequence[Sequence[float]]) -> int:
     """The number of configurations in a field ``joints``."""
     return len(joints) if isinstance(joints[0], list) else 1
 

@@ -1,5 +1,7 @@
 """Forward and inverse kinematics and Jacobians of a robot."""
 
+from collections.abc import Sequence
+
 from fastapi import APIRouter, Request, Response
 
 from armwright_wire.kinematics import (
@@ -81,7 +83,10 @@ async def ik(name: str, body: IkRequest, request: Request) -> Response:
 
 
 async def _frames(
-    request: Request, robot: str, task: ChainTask, joints: list[float] | list[list[float]]
+    request: Request,
+    robot: str,
+    task: ChainTask,
+    joints: Sequence[float] | Sequence[Sequence[float]],
 ) -> Response:
     """The answer of a task whose time goes by the frames that it computes."""
     if count(joints) == 1:

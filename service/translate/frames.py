@@ -195,10 +195,10 @@ def tool_motions_in_root_frame(
 
 def _tool_motion(motion: TimedToolMotion, frames: Frames, where: str) -> TimedToolMotion:
     if motion.start is not None:
-        T = frames.transform(motion.start.frame, f"{where}.start.frame")
+        T = frames.transform(poses.frame_of(motion.start), f"{where}.start.frame")
         if T is not None:
             motion = motion.model_copy(update={"start": _moved_pose(T, motion.start)})
-    T = frames.transform(motion.pose.frame, f"{where}.pose.frame")
+    T = frames.transform(poses.frame_of(motion.pose), f"{where}.pose.frame")
     if motion.rounds is not None:
         corner = _rounded_corner(motion.rounds, T, frames, f"{where}.rounds")
         motion = motion.model_copy(update={"rounds": corner})
@@ -215,7 +215,7 @@ def _rounded_corner(
 ) -> RoundedCorner:
     """A corner with its arcs moved by a transform, and its pose from its own frame."""
     changes: dict[str, Any] = {}
-    T_pose = frames.transform(corner.pose.frame, f"{where}.pose.frame")
+    T_pose = frames.transform(poses.frame_of(corner.pose), f"{where}.pose.frame")
     if T_pose is not None:
         changes["pose"] = _moved_pose(T_pose, corner.pose)
     for name in ("before", "after"):
@@ -303,7 +303,7 @@ _MOVES: Mapping[type, Callable[[Any, Array], Any]] = {
 
 def _moved_pose(T: Array, pose: Pose) -> Pose:
     answer = poses.pose_answer(T @ poses.transform(pose))
-    return Pose(position=list(answer.position), quaternion_xyzw=list(answer.quaternion_xyzw))
+    return Pose(position=answer.position, quaternion_xyzw=answer.quaternion_xyzw)
 
 
 def _moved_point(T: Array, point: Sequence[float]) -> list[float]:

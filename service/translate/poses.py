@@ -159,6 +159,11 @@ def scene(body: scene_schema.Scene) -> Scene:
     return made if body.frame is None else in_frame(made, body.frame)
 
 
+def frame_of(pose: pose_schema.Pose) -> str | None:
+    """The frame that a pose names, if it is one that may."""
+    return pose.frame if isinstance(pose, pose_schema.FramedPose) else None
+
+
 def _obstacle(item: scene_schema.Obstacle) -> Obstacle:
     try:
         return Obstacle(
@@ -166,7 +171,7 @@ def _obstacle(item: scene_schema.Obstacle) -> Obstacle:
             shape(item.shape),
             transform(item.pose),
             item.margin or 0.0,
-            item.pose.frame,
+            frame_of(item.pose),
         )
     except InvalidScene as error:
         if repr(item.id) in error.message:

@@ -195,7 +195,7 @@ class _Translator:
         region = body.region
         given = body.poses if region is None else [region.pose]
         assert given is not None
-        named = [pose.frame for pose in given if pose.frame is not None]
+        named = [frame for pose in given if (frame := poses.frame_of(pose)) is not None]
         if body.relative_to is not None:
             if named:
                 raise InvalidOption(

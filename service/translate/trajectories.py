@@ -81,7 +81,7 @@ def _order(joint_names: Sequence[str] | None, chain: Chain) -> list[int]:
     return [names.index(name) for name in chain.joint_names]
 
 
-def _columns(rows: list[list[float]], name: str, chain: Chain, order: list[int]) -> Array:
+def _columns(rows: Sequence[Sequence[float]], name: str, chain: Chain, order: list[int]) -> Array:
     wrong = next((i for i, row in enumerate(rows) if len(row) != chain.n), None)
     if wrong is not None:
         raise InvalidTrajectory(

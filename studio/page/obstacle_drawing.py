@@ -18,7 +18,7 @@ from armwright_client import (
     Pose,
     Sphere,
 )
-from armwright_client.shape import Capsule, Cone
+from armwright_wire.scene import Capsule, Cone
 from studio.motion_frames import LinkPoses
 from studio.page.colors import HIT_COLOR
 from studio.pose import pose_of, wxyz

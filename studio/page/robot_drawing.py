@@ -9,7 +9,7 @@ import viser
 from numpy.typing import NDArray
 
 from armwright_client import Pose
-from armwright_client.geometry import GeometryAnswer
+from armwright_wire.robot import GeometryAnswer
 from studio.branch import Branch, Verdict
 from studio.motion_frames import LinkPoses, link_poses
 from studio.page.colors import HIT_COLOR

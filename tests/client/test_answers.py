@@ -10,6 +10,7 @@ import armwright_client as ours
 
 PLAN: dict[str, Any] = {
     "status": "success",
+    "frame": "base",
     "planner": "straight_line",
     "stages": [{"name": "straight_line", "outcome": "succeeded", "milliseconds": 1.5}],
     "path": {"joints": [[0.0], [1.0]], "length": 1.0},
@@ -17,7 +18,12 @@ PLAN: dict[str, Any] = {
         "joint_names": ["j"],
         "duration": 1.0,
         "segments": [{"t0": 0, "t1": 1, "coefficients": [[0, 1]]}],
-        "samples": {"time": [0.0], "position": [[0.0]], "velocity": None},
+        "samples": {
+            "time": [0.0],
+            "position": [[0.0]],
+            "velocity": [[1.0]],
+            "acceleration": [[0.0]],
+        },
     },
     "certificate": {
         "verified": True,

@@ -49,7 +49,7 @@ CALLS: list[tuple[str, Callable[[Any], Any], str, str, dict[str, Any] | None]] =
         "r", [POSE, [1.0], ours.TourGoal(id="z", state="home", dwell=1.0)], end="start",
         precedence=[("0", "z")], rounds=2, timeout=3.0), "POST", "/v1/tours",
      {"robot": "r", "end": "start", "precedence": [["0", "z"]], "rounds": 2, "goals": [
-         {"pose": AT, "dwell": 0.0}, {"joints": [1.0], "dwell": 0.0},
+         {"pose": AT}, {"joints": [1.0]},
          {"id": "z", "state": "home", "dwell": 1.0}]}),
     ("export", lambda c: c.export("r", MOTION, "krl", blend=10.0, name="pick"), "POST",
      "/v1/export", {"robot": "r", "trajectory": SENT_MOTION, "format": "krl", "blend": 10.0,
@@ -59,8 +59,8 @@ CALLS: list[tuple[str, Callable[[Any], Any], str, str, dict[str, Any] | None]] =
                     "timeout": 3.0}),
     ("convert_pose", lambda c: c.convert_pose(
         motions=[ours.PoseMotion(rpy=[0.1, 0.2, 0.3], about="fixed")], inverse=True), "POST",
-     "/v1/poses/convert", {"motions": [{"position": [0.0, 0.0, 0.0], "rpy": [0.1, 0.2, 0.3],
-                                        "about": "fixed"}], "inverse": True}),
+     "/v1/poses/convert", {"motions": [{"rpy": [0.1, 0.2, 0.3], "about": "fixed"}],
+                            "inverse": True}),
     ("retime_states", lambda c: c.retime_states(
         ours.JointState(position=[0.0], velocity=[0.5]), ours.JointState(position=[1.0]),
         robot="r", synchronization="time"), "POST",
@@ -102,7 +102,7 @@ CALLS: list[tuple[str, Callable[[Any], Any], str, str, dict[str, Any] | None]] =
     ("robots.fk_batch", lambda c: c.robots.fk_batch("a", [[0.0]], link=None), "POST",
      "/v1/robots/a/fk", {"joints": [[0.0]]}),
     ("robots.jacobian", lambda c: c.robots.jacobian("a", [0.0], point=[0, 0, 1]), "POST",
-     "/v1/robots/a/jacobian", {"joints": [0.0], "point": [0.0, 0.0, 1.0], "kind": "geometric"}),
+     "/v1/robots/a/jacobian", {"joints": [0.0], "point": [0.0, 0.0, 1.0]}),
     ("robots.jacobian_batch", lambda c: c.robots.jacobian_batch("a", [[0.0]], kind="analytic_zyz"),
      "POST", "/v1/robots/a/jacobian", {"joints": [[0.0]], "kind": "analytic_zyz"}),
     ("robots.ik", lambda c: c.robots.ik("a", POSE, axes=("x", "rz"), timeout=2.0), "POST",
@@ -127,13 +127,11 @@ CALLS: list[tuple[str, Callable[[Any], Any], str, str, dict[str, Any] | None]] =
      "/v1/robots/a/reach", {"poses": [AT], "margin": 0.1}),
     ("robots.reach_picture", lambda c: c.robots.reach_picture(
         "a", ours.ReachBox(size=[1.0, 1.0, 0.0], pose=POSE, spacing=0.1)), "POST",
-     "/v1/robots/a/reach", {"box": {"size": [1.0, 1.0, 0.0], "pose": AT, "spacing": 0.1,
-                                    "orientations": [[0.0, 0.0, 0.0, 1.0]]},
+     "/v1/robots/a/reach", {"box": {"size": [1.0, 1.0, 0.0], "pose": AT, "spacing": 0.1},
                             "format": "svg"}),
     ("robots.reach_mesh", lambda c: c.robots.reach_mesh(
         "a", ours.ReachBox(size=[1.0, 1.0, 0.0], pose=POSE, spacing=0.1)), "POST",
-     "/v1/robots/a/reach", {"box": {"size": [1.0, 1.0, 0.0], "pose": AT, "spacing": 0.1,
-                                    "orientations": [[0.0, 0.0, 0.0, 1.0]]},
+     "/v1/robots/a/reach", {"box": {"size": [1.0, 1.0, 0.0], "pose": AT, "spacing": 0.1},
                             "format": "glb"}),
     ("robots.potential", lambda c: c.robots.potential("a", [0.0], [1.0], "s", engine="fcl",
                                                       timeout=2.0),
@@ -141,15 +139,15 @@ CALLS: list[tuple[str, Callable[[Any], Any], str, str, dict[str, Any] | None]] =
     ("robots.potential_batch", lambda c: c.robots.potential_batch(
         "a", [[0.0]], [1.0], options=ours.PotentialOptions(attractive_cap=0.2)),
      "POST", "/v1/robots/a/potential",
-     {"joints": [[0.0]], "goal_joints": [1.0], "engine": "exact",
+     {"joints": [[0.0]], "goal_joints": [1.0],
       "options": {"attractive_cap": 0.2}}),
     ("robots.regressor", lambda c: c.robots.regressor("a", [0.0], [0.1], [0.2], motors=True),
      "POST", "/v1/robots/a/regressor",
      {"joints": [0.0], "velocities": [0.1], "accelerations": [0.2], "motors": True}),
     ("plan_task", lambda c: c.plan_task("a", [0.0], TASK_STAGES, improve=0.5, timeout=2.0), "POST",
      "/v1/tasks", {"robot": "a", "start": {"joints": [0.0]}, "improve": 0.5, "timeout": 2.0,
-                   "margin": 0.0, "allow_partial": False, "seed": 0, "stages": [
-                       {"kind": "move", "planner": "auto"},
+                   "stages": [
+                       {"kind": "move"},
                        {"kind": "wait", "duration": 1.0, "name": "rest"}]}),
     ("scenes.create", lambda c: c.scenes.create(SCENE), "POST", "/v1/scenes",
      {"name": "s", "obstacles": []}),

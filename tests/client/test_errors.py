@@ -11,8 +11,9 @@ import pytest
 import armwright_client
 from armwright_client import errors
 from armwright_client.error_codes import BY_CODE, from_problem
-from armwright_client.errors import ApiError, ArmwrightError
+from armwright_client.errors import ApiError
 from armwright_client.problem import Problem
+from armwright_wire.errors import ArmwrightError
 from service.http.errors import KINDS
 
 #: The codes that the interface promises.

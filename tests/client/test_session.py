@@ -16,6 +16,7 @@ from tests.client.pauses import noted_pauses
 from tests.client.scripted import Answer, Scripted, health, problem
 
 SCENE = ours.Scene(name="s", obstacles=[])
+SUMMARY = {"name": "s", "hash": "0", "version": 1, "created": "now", "updated": "now"}
 
 
 def asked(transport: Scripted, ask: Callable[[Client], Any], **options: Any) -> httpx.Request:
@@ -32,7 +33,7 @@ def test_both_clients_send_the_same() -> None:
     def ask(client: Any) -> Any:
         return client.scenes.create(SCENE, idempotency_key="k-1")
 
-    summary = {"name": "s", "version": 1}
+    summary = SUMMARY
     waited = asked(Scripted([httpx.Response(201, json=summary)]), ask)
     awaited = asyncio.run(asked_async(Scripted([httpx.Response(201, json=summary)]), ask))
     assert waited.content == awaited.content == b'{"name":"s","obstacles":[]}'
@@ -206,7 +207,7 @@ def test_other_failures_are_not_asked_for_again(pauses: list[float], status: int
 
 
 def test_what_creates_is_repeated_only_with_a_key(pauses: list[float]) -> None:
-    stored = httpx.Response(201, json={"name": "s"})
+    stored = httpx.Response(201, json=SUMMARY)
     with pytest.raises(ours.Overloaded):
         once([busy()], lambda client: client.scenes.create(SCENE))
     assert pauses == []

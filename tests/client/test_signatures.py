@@ -9,8 +9,9 @@ import pytest
 
 import armwright_client
 from armwright_client import AsyncClient, AsyncPending, BatchAnswer, Client, JobEvent, Pending, Plan
-from armwright_client.planner import KnownPlanner
-from armwright_wire.plan import PLANNERS
+from armwright_wire.plan import PLANNERS as ALL
+from armwright_wire.plan import OmplPlanner
+from planning.pipeline.planners import PLANNERS
 from tests.client.scripted import Scripted, problem
 
 #: Modules whose names people import one by one.
@@ -51,8 +52,8 @@ def test_names_shadow_nothing_usual() -> None:
 
 
 def test_type_checkers_know_all_planners() -> None:
-    assert set(PLANNERS) <= set(get_args(KnownPlanner))
-    ompl = set(get_args(KnownPlanner)) - set(PLANNERS)
+    assert set(ALL) == set(PLANNERS)
+    ompl = set(get_args(OmplPlanner))
     assert {"RRTConnect", "PRM"} <= ompl
     assert all(name[0].isupper() for name in ompl)
 
