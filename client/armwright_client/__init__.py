@@ -110,7 +110,6 @@ from armwright_client.plan_options import SimulateOptions as SimulateOptions
 from armwright_client.plan_options import TaskOptions as TaskOptions
 from armwright_client.plan_options import TourOptions as TourOptions
 from armwright_client.plan_options import ValidateOptions as ValidateOptions
-from armwright_client.problem import Problem as Problem
 from armwright_client.retry import Retry as Retry
 from armwright_client.robot import ArchiveOptions as ArchiveOptions
 from armwright_client.robot import RobotArchive as RobotArchive
@@ -173,6 +172,7 @@ from armwright_wire.goal import GoalCosts as GoalCosts
 from armwright_wire.goal import GoalLike as GoalLike
 from armwright_wire.goal import SingleGoal as SingleGoal
 from armwright_wire.goal import Start as Start
+from armwright_wire.job import Problem as Problem
 from armwright_wire.kept_plan import Bundle as Bundle
 from armwright_wire.kept_plan import DocumentName as DocumentName
 from armwright_wire.kept_plan import KeptPlan as KeptPlan

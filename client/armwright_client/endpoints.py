@@ -399,7 +399,7 @@ class ServiceEndpoints:
         In place of a trajectory a reference by name will do, for example
         {"type": "sine", "center": [...], "amplitude": 0.3, "frequency": 0.5, "duration": 4}.
         """
-        is_named = not isinstance(trajectory, Trajectory)
+        is_named = not isinstance(trajectory, Trajectory | TimedTrajectory)
         motion = {"reference" if is_named else "trajectory": trajectory}
         body = SimulateRequest.of(robot=robot, controller=controller, **motion, **options)
         return Call("POST", path("simulate"), Simulation.read, body, deadline=body.timeout)

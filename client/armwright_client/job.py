@@ -3,7 +3,6 @@
 from collections.abc import Iterator
 from dataclasses import dataclass
 
-from armwright_client.problem import Problem
 from armwright_wire.base import Instant
 from armwright_wire.job import JobAnswer
 from armwright_wire.job import JobList as JobListOfSummaries
@@ -16,7 +15,6 @@ class Job(JobAnswer):
     operation: str = ""
     progress: float = 0.0
     created: Instant | None = None  # type: ignore[assignment]
-    error: Problem | None = None
 
     @property
     def done(self) -> bool:

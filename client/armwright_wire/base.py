@@ -138,7 +138,7 @@ class Body(Wire):
         """
         schema = handler(core_schema)
         if cls.tag is not None:
-            _require(handler.resolve_ref_schema(schema), cls.tag)
+            publish_as_required(handler.resolve_ref_schema(schema), cls.tag)
         rules: list[JsonDict] = []
         if cls.one_of:
             rules.append({"oneOf": [is_given(name) for name in cls.one_of]})
@@ -280,8 +280,8 @@ def _fields(part: Wire) -> dict[str, Any]:
     return {name: as_json(values[name]) for name in names if values[name] is not None}
 
 
-def _require(schema: JsonSchemaValue, tag: str) -> None:
-    """Publish a field with a default as one that is required: unions are told apart by it."""
+def publish_as_required(schema: JsonSchemaValue, tag: str) -> None:
+    """Publish a field with a default as one that is required: the service always gives it."""
     fields = schema["properties"]
     if "default" not in fields[tag]:
         return

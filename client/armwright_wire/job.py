@@ -2,9 +2,11 @@
 
 from typing import Any, Literal
 
-from pydantic import ConfigDict, Field
+from pydantic import ConfigDict, Field, GetJsonSchemaHandler
+from pydantic.json_schema import JsonSchemaValue
+from pydantic_core import CoreSchema
 
-from armwright_wire.base import Answer, Instant, Wire
+from armwright_wire.base import Answer, Instant, Wire, publish_as_required
 
 
 class Problem(Wire):
@@ -29,15 +31,28 @@ class Problem(Wire):
         },
     )
 
-    type: str = Field(description="where the kind of problem is explained")
-    title: str = Field(description="the kind of problem in words, the same for every occurrence")
-    status: int = Field(description="the HTTP status")
-    detail: str = Field(description="what is wrong this time, and where")
-    instance: str = Field(description="the path that was asked")
-    code: str = Field(description="the kind of problem for a program")
+    # The service gives all of these; documents of what stands before it may lack any.
+    type: str = Field("about:blank", description="where the kind of problem is explained")
+    title: str = Field(
+        "", description="the kind of problem in words, the same for every occurrence"
+    )
+    status: int = Field(0, description="the HTTP status")
+    detail: str = Field("", description="what is wrong this time, and where")
+    instance: str = Field("", description="the path that was asked")
+    code: str = Field("", description="the kind of problem for a program")
     stage: str | None = Field(None, description="the step that failed, where there are several")
     hint: str | None = Field(None, description="what to do about it, with the valid choices")
     details: dict[str, Any] = Field(default_factory=dict, description="values of this occurrence")
+
+    @classmethod
+    def __get_pydantic_json_schema__(
+        cls, core_schema: CoreSchema, handler: GetJsonSchemaHandler
+    ) -> JsonSchemaValue:
+        """The JSON schema of problems of the service."""
+        schema = handler(core_schema)
+        for name in ("type", "title", "status", "detail", "instance", "code"):
+            publish_as_required(handler.resolve_ref_schema(schema), name)
+        return schema
 
 
 _ID = "0199f3b1c2d40123456789abcdef0123"

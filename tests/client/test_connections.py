@@ -130,7 +130,7 @@ def test_an_answer_before_the_body_was_sent_is_read() -> None:
         Client(f"http://127.0.0.1:{listener.getsockname()[1]}") as client,
         pytest.raises(ours.PayloadTooLarge, match="too much"),
     ):
-        client.scenes.create(ours.Scene(name="s" * 3_000_000, obstacles=[]))
+        client.scenes.create(ours.Scene(name="s", moveit="s" * 3_000_000))
 
 
 def test_compressed_answers_are_unpacked() -> None:
@@ -152,10 +152,10 @@ def test_certificates_are_checked() -> None:
 
 @pytest.mark.parametrize("size", [1, 65_000, 3_000_000])
 def test_bodies_of_any_size_arrive_whole(size: int) -> None:
-    scene = ours.Scene(name="s" * size, obstacles=[])
+    scene = ours.Scene(name="s", moveit="s" * size)
     with server() as seen, Client(seen.url) as client:
         for _ in range(2):
             with pytest.raises(ours.UnexpectedAnswer):
                 client.scenes.create(scene)
-    sent = scene.model_dump_json(exclude_none=True).encode()
+    sent = scene.to_json().encode()
     assert [asked[3] for asked in seen.asked] == [sent, sent]

@@ -12,8 +12,8 @@ import armwright_client
 from armwright_client import errors
 from armwright_client.error_codes import BY_CODE, from_problem
 from armwright_client.errors import ApiError
-from armwright_client.problem import Problem
 from armwright_wire.errors import ArmwrightError
+from armwright_wire.job import Problem
 from service.http.errors import KINDS
 
 #: The codes that the interface promises.

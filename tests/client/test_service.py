@@ -9,6 +9,7 @@ import httpx
 import numpy as np
 import pytest
 import trimesh
+from pydantic import ValidationError
 
 import armwright_client as ours
 from armwright_client import AsyncClient, Client, Pose
@@ -39,11 +40,11 @@ def test_an_application_can_stand_in_for_the_network(tmp_path: Path) -> None:
         transport = httpx.ASGITransport(app)
         async with AsyncClient("http://app", transport=transport) as client:
             with pytest.raises(ours.ValidationFailed) as caught:
-                await client.plan("no name", READY, AWAY)
+                await client.jobs.list(status="nonsense")
             return await client.healthz(), caught.value.problem.instance
 
     health, instance = asyncio.run(ask())
-    assert (health.status, instance) == ("ok", "/v1/plan")
+    assert (health.status, instance) == ("ok", "/v1/jobs")
 
 
 def test_velocities_and_every_kind_of_inverse_kinematics(client: Client) -> None:
@@ -146,10 +147,15 @@ def test_a_key_makes_creation_repeatable(client: Client) -> None:
 
 
 def test_what_the_service_refuses_names_the_field(client: Client) -> None:
+    with pytest.raises(ValidationError, match=r"obstacle 'table_top' is given twice"):
+        ours.Scene(name="twins", obstacles=[TABLE, TABLE])
+    unchecked = ours.Scene(name="twins", obstacles=[]).model_copy(
+        update={"obstacles": [TABLE, TABLE]}
+    )
     with pytest.raises(
         ours.ValidationFailed, match=r"obstacle 'table_top' is given twice"
     ) as caught:
-        client.scenes.create(ours.Scene(name="twins", obstacles=[TABLE, TABLE]))
+        client.scenes.create(unchecked)
     assert caught.value.details["errors"][0]["path"] == "obstacles"
 
 

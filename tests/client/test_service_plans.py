@@ -137,7 +137,8 @@ def test_many_can_be_asked_at_once(url: str) -> None:
 def test_anything_can_be_asked_for_later(client: Client) -> None:
     pending = client.later.plan("panda", READY, AWAY, timeout=60, seed=3)
     told = [event.job() for event in pending.events()]
-    assert (told[0].status, told[-1].status, told[-1].id) == ("queued", "succeeded", pending.id)
+    # The first one tells how the job stands when its events are asked for.
+    assert (told[-1].status, told[-1].id) == ("succeeded", pending.id)
     plan = pending.wait(60)
     assert plan.trajectory == client.plan("panda", READY, AWAY, timeout=60, seed=3).trajectory
     job = pending.job()
