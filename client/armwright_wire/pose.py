@@ -181,7 +181,6 @@ class Pose(Body):
             values["rotation_matrix"] = [row[:3] for row in self.transform[:3]]
             values["transform"] = None
             self.model_fields_set.update(("position", "rotation_matrix"))
-            self.model_fields_set.discard("transform")
         elif not self._has_position:
             raise ValueError("a pose needs a position or a transform")
         if len(given) > 1:
