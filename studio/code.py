@@ -133,7 +133,7 @@ def curl(url: str, path: str, request: Request) -> str:
         path: Path of the endpoint, such as "/v1/plan".
         request: The body.
     """
-    body = json.dumps(json.loads(request.model_dump_json(exclude_none=True)))
+    body = json.dumps(json.loads(request.to_json()))
     return (
         f"curl -sS {shlex.quote(url.rstrip('/') + path)} \\\n"
         "  -H 'Content-Type: application/json' \\\n"

@@ -1,9 +1,9 @@
 """Fields of a form, read from the API's OpenAPI document."""
 
 from collections.abc import Mapping, Sequence
-from typing import Any, NamedTuple, get_args
+from typing import Any, NamedTuple
 
-from armwright_wire.plan import PlannerName as KnownPlanner
+from armwright_wire.plan import PLANNERS
 
 #: Settings of the form, by their path in a plan request.
 PATHS = (
@@ -183,7 +183,7 @@ def _form_field(schemas: Mapping[str, Any], path: str, schema: Mapping[str, Any]
     choices = tuple(plain.get("enum", ()))
     if path == "planner":
         # The service takes OMPL's spellings as well, so its schema lists no names.
-        choices = tuple(name for name in get_args(KnownPlanner) if name.islower())
+        choices = PLANNERS
     above = "exclusiveMinimum" in plain
     return FormField(
         path,
