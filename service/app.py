@@ -10,14 +10,14 @@ from fastapi import FastAPI
 from starlette.concurrency import run_in_threadpool
 
 from service.access.authentication import Authenticator
-from service.housekeeping import keep_house
+from service.housekeeping import keep_house, watch_storage
 from service.http import errors, openapi
 from service.http.json_route import JsonRoute
 from service.http.layer.admission import Admission
 from service.http.layer.middleware import ServiceMiddleware
 from service.http.metrics import Metrics
 from service.jobs.agent_jobs import AgentJobs
-from service.jobs.deferral import defer
+from service.jobs.answer import defer
 from service.jobs.runner import Jobs
 from service.recipe import RECIPE
 from service.routes import (
@@ -46,7 +46,6 @@ from service.routes import (
 from service.settings import Settings
 from service.storage.recent import Recent
 from service.storage.store import Store, open_store
-from service.storage_watch import watch
 from service.tasks.result import RobotModel
 from service.tracing.extra import install_tracing, open_tracing
 from service.version import VERSION
@@ -136,7 +135,7 @@ def create_app(
         app.state.jobs = _jobs(app, chosen, is_agent)
         await supervisor.start()
         chores = [
-            asyncio.create_task(watch(app.state.store.database)),
+            asyncio.create_task(watch_storage(app.state.store.database)),
             asyncio.create_task(keep_house(chosen, app.state.store.plans)),
         ]
         try:

@@ -1,8 +1,9 @@
-"""Chores of the server: prepared files and kept plans stay bounded, and freed memory goes back."""
+"""Chores of the server: files and plans stay bounded, freed memory goes back, storage is probed."""
 
 import asyncio
 import contextlib
 import ctypes
+import logging
 import time
 from collections.abc import Callable
 
@@ -11,8 +12,28 @@ from starlette.concurrency import run_in_threadpool
 from service.http.state import retention
 from service.settings import Settings
 from service.storage import prepared_files
-from service.storage.database import StorageUnavailable
+from service.storage.database import Database, StorageUnavailable
 from service.storage.plan_store import PlanStore
+
+_log = logging.getLogger(__name__)
+#: How often it is looked for a fault, and storage with one is tried [s].
+_PROBE_PERIOD = 1.0
+
+
+async def watch_storage(database: Database) -> None:
+    """Try a database that could not be used until it can be; runs until it is cancelled."""
+    while True:
+        await asyncio.sleep(_PROBE_PERIOD)
+        fault = database.fault
+        if fault is None:
+            continue
+        _log.warning("the storage can't be used: %s", fault)
+        try:
+            await run_in_threadpool(database.probe)
+        except StorageUnavailable:
+            continue
+        _log.warning("the storage can be used again")
+
 
 #: How often the chores are done [s].
 _PERIOD = 30.0

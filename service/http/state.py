@@ -12,10 +12,9 @@ from service.settings import Settings, prepared_folder_of
 from service.storage.audit_store import Actor
 from service.storage.cache_key import Reference
 from service.storage.document_store import DocumentStore
-from service.storage.kept_documents import KeptDocuments
 from service.storage.plan_store import Retention
 from service.storage.recent import Recent
-from service.storage.robot_repository import RobotRepository
+from service.storage.robot_repository import KeptDocuments, RobotRepository
 from service.storage.store import Store
 from service.workers.supervisor import WorkerSupervisor
 

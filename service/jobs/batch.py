@@ -1,8 +1,13 @@
 """Many problems as one job: each gets its answer or its problem, whatever becomes of the others."""
 
 import asyncio
+import json
 import math
+import re
 import time
+from collections import deque
+from collections.abc import Sequence
+from dataclasses import dataclass
 
 from fastapi import Request
 from pydantic_core import to_json
@@ -14,15 +19,109 @@ from service.http.compute import allowed_time
 from service.http.errors import document, from_domain
 from service.http.metrics import Metrics
 from service.http.state import JobContext, settings_of, supervisor_of
-from service.jobs.batch_parts import Part, Parts
+from service.jobs.execution import BATCH_PATH
 from service.jobs.storage_retry import STORAGE_RETRY
 from service.problem import ProblemError, from_fields, unexpected_fault
 from service.storage import prepared_files
 from service.storage.cache_key import Reference
 from service.storage.database import StorageUnavailable
+from service.storage.job_store import JobAnswer
+from service.storage.queue_store import ChunkAnswer
 from service.task_references import plan, plan_part, split
-from service.tasks.result import PlannedPart, PlanOutcome, SplitBatch, TaskProblem
+from service.tasks.chunk_sizes import TURN
+from service.tasks.result import BatchItem, PlannedPart, PlanOutcome, SplitBatch, TaskProblem
 from service.workers.faults import ShuttingDown
+
+#: Problems of a part at most: quicker ones than half a millisecond there are not.
+_LARGEST = 64
+#: Size of the problems of a part at most, unless it is one alone [byte].
+_BYTES = 256 * 1024
+#: Parts that each worker gets of what is left: the last ones are small, so that all workers end at
+#: about the same time.
+_TURNS = 2
+#: Problems of a part, by those that a worker plans in its turn: what it does not come to was sent
+#: and validated in vain, and a part that is too short ends its turn early.
+_SPARE = 1.5
+
+
+@dataclass(frozen=True, slots=True)
+class Part:
+    """Problems of a batch for one worker.
+
+    Args:
+        indices: Which of the batch, at least one.
+        contents: What the batch says of each alone, JSON.
+    """
+
+    indices: Sequence[int]
+    contents: Sequence[bytes]
+
+    def request(self, head: bytes) -> bytes:
+        """The part as a batch of its own, JSON.
+
+        Args:
+            head: The fields of the batch that stand beside its problems, each with a comma.
+        """
+        return b'{%s"problems":[%s]}' % (head, b",".join(self.contents))
+
+
+class Parts:
+    """The problems of a batch that wait.
+
+    Args:
+        items: All problems.
+    """
+
+    def __init__(self, items: Sequence[BatchItem]) -> None:
+        self._items = items
+        self._waiting = deque(range(len(items)))
+        self._alone: set[int] = set()
+
+    def take(self, workers: int, mean: float = 0.0) -> Part | None:
+        """The next problems for one of some workers; None if none wait.
+
+        They have the same robot, scene and timeout.
+
+        Args:
+            workers: That share what is left.
+            mean: Time of a problem, if it is known [s].
+        """
+        if not self._waiting:
+            return None
+        largest = min(_LARGEST, math.ceil(len(self._waiting) / (_TURNS * workers)))
+        if mean > 0.0:
+            largest = min(largest, math.ceil(_SPARE * TURN / mean))
+        first = self._waiting.popleft()
+        indices, size = [first], len(self._items[first].content)
+        if first not in self._alone:
+            while self._waiting and len(indices) < largest:
+                index = self._waiting[0]
+                size += len(self._items[index].content)
+                if size > _BYTES or index in self._alone or not self._begin_alike(first, index):
+                    break
+                indices.append(self._waiting.popleft())
+        return Part(indices, [self._items[index].content for index in indices])
+
+    def put_back(self, indices: Sequence[int], *, alone: bool = False) -> None:
+        """Have problems wait again, before all others.
+
+        Args:
+            indices: In order.
+            alone: Whether each is to be a part of its own from then on.
+        """
+        self._waiting.extendleft(reversed(indices))
+        if alone:
+            self._alone.update(indices)
+
+    def _begin_alike(self, one: int, other: int) -> bool:
+        first, second = self._items[one], self._items[other]
+        return (first.robot, first.scene, first.shared, first.timeout) == (
+            second.robot,
+            second.scene,
+            second.shared,
+            second.timeout,
+        )
+
 
 #: The progress of a batch is told at most this often [s].
 _REPORT_PERIOD = 0.05
@@ -224,4 +323,42 @@ def _timeout_problem(seconds: float) -> ProblemError:
         f"the batch did not come so far within the {seconds:g} s that a job may take",
         stage="job",
         hint="Send fewer problems at once, or raise ARMWRIGHT_JOB_DEADLINE where the service runs.",
+    )
+
+
+_JSON = "application/json"
+_HEAD = b'{"results":['
+_TAIL = re.compile(rb'\],"succeeded":(\d+),"failed":(\d+)\}\Z')
+
+
+def joined_answer(chunks: Sequence[ChunkAnswer]) -> JobAnswer:
+    """The answer to a batch, as if it had been answered as a whole.
+
+    The results of a chunk go in as they are, without being parsed. Where a chunk as a whole has
+    failed, each of its problems has.
+
+    Args:
+        chunks: The answers to its chunks, in order.
+    """
+    results, succeeded, failed = [], 0, 0
+    for chunk in chunks:
+        if chunk.has_succeeded:
+            tail = _TAIL.search(chunk.content, max(len(chunk.content) - 80, 0))
+            assert tail is not None
+            results.append(chunk.content[len(_HEAD) : tail.start()])
+            succeeded += int(tail[1])
+            failed += int(tail[2])
+        else:
+            results.append(_failures(chunk))
+            failed += chunk.size
+    content = b'%s%s],"succeeded":%d,"failed":%d}'
+    return JobAnswer(_JSON, content % (_HEAD, b",".join(results), succeeded, failed))
+
+
+def _failures(chunk: ChunkAnswer) -> bytes:
+    """The problem of a chunk, once for each of its problems."""
+    problem = json.loads(chunk.content)
+    indices = range(chunk.first, chunk.first + chunk.size)
+    return b",".join(
+        to_json(problem | {"instance": f"{BATCH_PATH}#/problems/{index}"}) for index in indices
     )

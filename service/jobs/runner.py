@@ -10,10 +10,9 @@ from starlette.types import ASGIApp
 
 from service.access.caller import ANYONE, Caller
 from service.jobs import records
-from service.jobs.event_stream import follow_live, follow_stored
+from service.jobs.batch import joined_answer
 from service.jobs.execution import JobExecution
-from service.jobs.joining import joined_answer
-from service.jobs.live_job import LiveJob
+from service.jobs.live_job import LiveJob, follow_live, follow_stored
 from service.jobs.purge import purge_periodically
 from service.problem import ProblemError
 from service.settings import Settings

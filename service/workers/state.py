@@ -9,8 +9,7 @@ from typing import Any
 
 from service.workers.fair_queue import FairQueue
 from service.workers.faults import QueueFull
-from service.workers.in_flight import InFlight
-from service.workers.load import BackgroundShare, Durations
+from service.workers.load import BackgroundShare, Durations, InFlight
 from service.workers.pool import Progress, WorkerPool
 from service.workers.process import Ticket, Worker
 from service.workers.task import Job

@@ -4,7 +4,7 @@ import io
 
 import pytest
 
-from service.progress import Terminal, progress_text
+from service.cli import Terminal, progress_text
 
 
 class FakeTerminal(io.StringIO):
@@ -26,10 +26,10 @@ def test_progress_says_how_many_of_how_many_and_how_long(
 
 
 def show(stream: io.StringIO, times: list[float], monkeypatch: pytest.MonkeyPatch) -> str:
-    monkeypatch.setattr("service.progress.time.monotonic", lambda: 0.0)
+    monkeypatch.setattr("service.cli.time.monotonic", lambda: 0.0)
     terminal = Terminal(stream)
     for done, now in enumerate(times):
-        monkeypatch.setattr("service.progress.time.monotonic", lambda now=now: now)
+        monkeypatch.setattr("service.cli.time.monotonic", lambda now=now: now)
         terminal.show(done, len(times) - 1, 1.0)
     return stream.getvalue()
 

@@ -19,9 +19,8 @@ from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 from service import logs
 from service.access.authentication import Authenticator
-from service.access.caller import CALLER, Caller, caller_of
+from service.access.caller import CALLER, Caller, caller_of, needed_scope
 from service.access.rate_limit import Allowance, RateLimiter
-from service.access.rules import needed_scope
 from service.http.errors import HttpProblemError, response_to, with_headers
 from service.http.layer.admission import Admission
 from service.http.layer.request_checks import (

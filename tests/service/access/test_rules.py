@@ -2,7 +2,7 @@
 
 import pytest
 
-from service.access.rules import needed_scope
+from service.access.caller import needed_scope
 from service.app import create_app
 from service.settings import Settings
 

@@ -11,7 +11,7 @@ from service.http.layer import admission as admission_module
 from service.http.layer.admission import Admission, named_timeout
 from service.settings import Settings
 from service.workers.faults import QueueFull
-from service.workers.in_flight import InFlight
+from service.workers.load import InFlight
 
 SETTINGS = Settings(default_timeout=10.0, max_timeout=60.0)
 IK = "/v1/robots/ur5e/ik"

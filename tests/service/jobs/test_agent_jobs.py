@@ -33,7 +33,7 @@ def _short_periods(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("service.jobs.engine._RETRY", 0.1)
     monkeypatch.setattr("service.jobs.engine._RECONNECTION", 0.1)
     monkeypatch.setattr("service.jobs.execution._SHARING_PERIOD", 0.05)
-    monkeypatch.setattr("service.jobs.event_stream._POLL_PERIOD", 0.05)
+    monkeypatch.setattr("service.jobs.live_job._POLL_PERIOD", 0.05)
 
 
 async def ends(jobs: AgentJobs, ids: Sequence[str]) -> list[tuple[JobRecord, JobAnswer | None]]:

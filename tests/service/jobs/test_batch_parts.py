@@ -3,7 +3,7 @@
 from hypothesis import given
 from hypothesis import strategies as st
 
-from service.jobs.batch_parts import Parts
+from service.jobs.batch import Parts
 from service.tasks.result import BatchItem
 
 

@@ -3,7 +3,7 @@
 import json
 from typing import Any
 
-from service.jobs.joining import joined_answer
+from service.jobs.batch import joined_answer
 from service.storage.queue_store import ChunkAnswer
 
 

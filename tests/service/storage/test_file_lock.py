@@ -6,9 +6,9 @@ from pathlib import Path
 
 import pytest
 
-from service.storage.file_lock import FileLock, FileLocked
+from service.storage.database import FileLock, FileLocked
 
-_HOLD = "import sys; from service.storage.file_lock import FileLock; from pathlib import Path; \
+_HOLD = "import sys; from service.storage.database import FileLock; from pathlib import Path; \
 lock = FileLock(Path(sys.argv[1])); print('locked', flush=True); sys.stdin.read()"
 
 

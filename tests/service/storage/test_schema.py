@@ -11,8 +11,8 @@ from alembic.migration import MigrationContext
 from alembic.script import ScriptDirectory
 from sqlalchemy import create_engine, inspect, text
 
+import service.storage.database as schema_module
 import service.storage.idempotency_store as idempotency_store_module
-import service.storage.schema as schema_module
 from service.problem import ProblemError
 from service.storage.database import Database, StoreError
 from service.storage.idempotency_store import IdempotencyKey

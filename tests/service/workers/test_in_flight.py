@@ -5,7 +5,7 @@ import asyncio
 from hypothesis import given
 from hypothesis import strategies as st
 
-from service.workers.in_flight import InFlight
+from service.workers.load import InFlight
 from tests.service.workers.pools import chore, ready, supervisor, working
 
 
