@@ -49,7 +49,7 @@ from service.storage.store import Store, open_store
 from service.tasks.result import RobotModel
 from service.tracing.extra import install_tracing, open_tracing
 from service.version import VERSION
-from service.workers.launch import Launched
+from service.workers.fork.launch import Launched
 from service.workers.recycling import WorkerLimits
 from service.workers.supervisor import WorkerSupervisor
 

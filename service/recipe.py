@@ -1,6 +1,6 @@
 """Recipe of the service's fork server, by names, so that the server imports nothing of it."""
 
-from service.workers.launch import Recipe
+from service.workers.fork.launch import Recipe
 
 #: Ready once every kernel is loaded; what first requests would still compute comes after that.
 RECIPE = Recipe(

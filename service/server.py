@@ -26,7 +26,7 @@ from service.settings import Settings
 from service.storage.database import StoreError
 from service.storage.store import open_store
 from service.tracing.extra import TelemetryMissing, require_telemetry
-from service.workers.launch import Launched
+from service.workers.fork.launch import Launched
 
 #: After SIGTERM requests may go on for this long, then they are told that the service ends [s].
 _DRAIN = 2.0

@@ -72,12 +72,10 @@ CROWDED = {
     "planning/timing",
     "planning/tours",
     "service",
-    "service/jobs",
     "service/routes",
     "service/storage",
     "service/tasks",
     "service/translate",
-    "service/workers",
     "studio",
     "studio/page",
 }

@@ -54,12 +54,6 @@ class Authenticator:
             raise _unauthenticated("the API key has expired or was revoked")
         return Caller(key.tenant, key.id, key.scope, key.job_limit, key.storage_limit), key
 
-    @property
-    def is_open(self) -> bool:
-        """Whether it is known without asking the database that no keys are needed."""
-        looked_up, needed = self._needed
-        return not needed and time.monotonic() - looked_up < _BELIEVED
-
     def is_remembered(self, headers: Mapping[str, str]) -> bool:
         """Whether `authenticate` answers without asking the database."""
         now = time.monotonic()

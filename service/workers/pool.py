@@ -9,14 +9,12 @@ import time
 from collections.abc import Sequence
 from typing import Any, NamedTuple, Protocol
 
-from service.workers.fork_client import ForkServer, ForkServerLost
-from service.workers.fork_server import Notice
-from service.workers.launch import Launched, Recipe, launch
+from service.workers.fork.client import ForkServer, ForkServerLost, in_thread
+from service.workers.fork.launch import Launched, Recipe, launch
+from service.workers.fork.server import Notice
 from service.workers.main import Reply
-from service.workers.memory import MemoryMeter
-from service.workers.process import EXIT_TIMEOUT, Worker
+from service.workers.process import EXIT_TIMEOUT, MemoryMeter, Worker
 from service.workers.recycling import DEFAULT_LIMITS, WorkerLimits, limit_memory
-from service.workers.threads import in_thread
 
 _log = logging.getLogger(__name__)
 

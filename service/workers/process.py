@@ -2,19 +2,87 @@
 
 import asyncio
 import logging
+import os
 import pickle
 import time
 from collections.abc import Callable
 from dataclasses import dataclass, field
-from typing import Any, cast
+from typing import Any, Protocol, cast
 
 from planning.values.deadline import Deadline
 from service.workers import framing
-from service.workers.fork_client import WorkerProcess
+from service.workers.fork.client import WorkerProcess
 from service.workers.main import HEADER
-from service.workers.memory import MemoryMeter
 from service.workers.task import Job
-from service.workers.watch import Watch
+
+_PAGE = os.sysconf("SC_PAGE_SIZE")
+#: A line of statm is shorter [byte].
+_LINE_BYTES = 128
+
+
+class MemoryMeter:
+    """The memory of a process, looked at again and again.
+
+    After every job of a worker: to open the file each time takes five times as long as to read it.
+
+    Args:
+        pid: Of the process.
+    """
+
+    def __init__(self, pid: int) -> None:
+        try:
+            self._file: int | None = os.open(f"/proc/{pid}/statm", os.O_RDONLY)
+        except OSError:
+            self._file = None
+
+    @property
+    def size(self) -> int:
+        """Its address space [byte]; 0 if it has ended."""
+        return self._pages(0) * _PAGE
+
+    @property
+    def resident(self) -> int:
+        """The memory that it has in use [byte]; 0 if it has ended."""
+        return self._pages(1) * _PAGE
+
+    def close(self) -> None:
+        """Look no more."""
+        file, self._file = self._file, None
+        if file is not None:
+            os.close(file)
+
+    def _pages(self, field: int) -> int:
+        if self._file is None:
+            return 0
+        try:
+            return int(os.pread(self._file, _LINE_BYTES, 0).split(None, field + 1)[field])
+        except (OSError, ValueError, IndexError):
+            return 0
+
+
+class Watch(Protocol):
+    """A follower of one job. It is called on the event loop, and must be quick."""
+
+    def waits(self) -> None:
+        """The job waits for a worker again: the one that had it died or was taken away."""
+
+    def begins(self) -> None:
+        """A worker has received the job."""
+
+    def reaches(self, stage: str) -> None:
+        """The task has reported progress in a stage."""
+
+    def ends(self, outcome: str) -> None:
+        """The job has ended.
+
+        Args:
+            outcome: "finished", "cancelled", or the code of the problem.
+        """
+
+
+#: Makes the watch of a job that begins to wait, of the name of its task; None if nobody looks.
+Watcher = Callable[[str], Watch | None]
+
 
 _log = logging.getLogger(__name__)
 

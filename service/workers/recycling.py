@@ -5,8 +5,7 @@ import resource
 import time
 from typing import NamedTuple
 
-from service.workers.memory import MemoryMeter
-from service.workers.process import Worker
+from service.workers.process import MemoryMeter, Worker
 
 _MEBIBYTE = 2**20
 

@@ -11,9 +11,8 @@ from service.workers.fair_queue import FairQueue
 from service.workers.faults import QueueFull
 from service.workers.load import BackgroundShare, Durations, InFlight
 from service.workers.pool import Progress, WorkerPool
-from service.workers.process import Ticket, Worker
+from service.workers.process import Ticket, Watcher, Worker
 from service.workers.task import Job
-from service.workers.watch import Watcher
 
 #: Waits are taken for so many times what durations tell: a job that is begun in vain costs more
 #: than one that is refused.

@@ -25,7 +25,7 @@ from service.workers.faults import (
     cause_of_death,
     was_ended_from_outside,
 )
-from service.workers.launch import Launched, Recipe
+from service.workers.fork.launch import Launched, Recipe
 from service.workers.main import Reply, is_refusal
 from service.workers.pool import WorkerPool
 from service.workers.process import EXIT_TIMEOUT, Background, OnProgress, Ticket, Worker

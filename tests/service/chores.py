@@ -11,7 +11,7 @@ from typing import Any
 
 from kinematics.errors import InvalidLinkName
 from service.workers import current, main
-from service.workers.fork_server import Report
+from service.workers.fork.server import Report
 from service.workers.task import task
 
 

@@ -108,7 +108,7 @@ def main(descriptor: int, loaded: int) -> None:
         command = _next_command(channel)
     launch = launch_by(socket.socket(fileno=loaded))
     signal.signal(signal.SIGINT, signal.default_int_handler)
-    with patch("service.workers.launch.launch", launch):
+    with patch("service.workers.fork.launch.launch", launch):
         sys.exit(command())
 
 

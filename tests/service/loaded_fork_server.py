@@ -1,7 +1,7 @@
 """Fork servers for tests, forked from one process that has loaded all that workers need.
 
 Loading takes four seconds of a processor, and a run of the tests starts dozens of services. What is
-forked here does all that `service.workers.fork_server.main` does, and finds it loaded. Tests of the
+forked here does all that `service.workers.fork.server.main` does, and finds it loaded. Tests of the
 start of services, and of what is below their processes, use fork servers that load by themselves.
 """
 
@@ -21,9 +21,9 @@ from pathlib import Path
 from typing import Any, cast
 from unittest.mock import patch
 
-from service.workers import fork_server
-from service.workers.launch import _THREADS, Launched, Recipe
-from service.workers.launch import launch as launch_and_load
+from service.workers.fork import server
+from service.workers.fork.launch import _THREADS, Launched, Recipe
+from service.workers.fork.launch import launch as launch_and_load
 from service.workers.task import load_tasks
 from tests.compiled.forked import Ran, fork_programs, run
 
@@ -58,7 +58,7 @@ def launch_by(loaded: socket.socket) -> Callable[[Recipe], Launched]:
 
 
 def _launch(recipe: Recipe, loaded: socket.socket | None = None) -> Launched:
-    """A fork server for a service in this process, as `service.workers.launch.launch` gives it.
+    """A fork server for a service in this process, as `launch` gives it.
 
     Args:
         recipe: What it loads.
@@ -224,6 +224,6 @@ def _be_fork_server(
         os.environ.clear()
         os.environ.update(environment)
         os.chdir(folder)
-        fork_server.main(control, sentinel, recipe)
+        server.main(control, sentinel, recipe)
     finally:
         os._exit(1)

@@ -5,7 +5,7 @@ from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager
 from typing import Any
 
-from service.workers.launch import Recipe
+from service.workers.fork.launch import Recipe
 from service.workers.recycling import DEFAULT_LIMITS, WorkerLimits
 from service.workers.supervisor import WorkerSupervisor
 from service.workers.task import Job

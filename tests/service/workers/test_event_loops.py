@@ -3,7 +3,7 @@
 import asyncio
 from typing import Any, cast
 
-from service.workers.fork_client import WorkerProcess
+from service.workers.fork.client import WorkerProcess
 from service.workers.process import Ticket, Worker
 from service.workers.task import Job, pack_job
 

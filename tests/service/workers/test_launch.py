@@ -11,8 +11,8 @@ from contextlib import contextmanager
 from typing import Any
 
 from service.workers import framing
-from service.workers.fork_server import Notice, Order
-from service.workers.launch import Launched, Recipe, launch
+from service.workers.fork.launch import Launched, Recipe, launch
+from service.workers.fork.server import Notice, Order
 from service.workers.main import HEADER, Reply
 from service.workers.task import Job, pack_job
 from tests.service import chores

@@ -5,7 +5,7 @@ import asyncio
 import pytest
 
 from service.problem import ProblemError
-from service.workers.memory import MemoryMeter
+from service.workers.process import MemoryMeter
 from service.workers.recycling import WorkerLimits
 from tests.service.workers.pools import chore, ready, supervisor
 

@@ -361,7 +361,7 @@ def test_stopping_tells_everybody_and_leaves_nothing_behind() -> None:
 
 _DOOMED_SERVER = """
 import asyncio, time
-from service.workers.launch import Recipe
+from service.workers.fork.launch import Recipe
 from service.workers.task import Job
 from service.workers.supervisor import WorkerSupervisor
 from tests.service import chores

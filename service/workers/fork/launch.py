@@ -14,7 +14,7 @@ from typing import NamedTuple
 _MAIN = """\
 import sys
 sys.path[:] = {path!r}
-from service.workers.fork_server import main
+from service.workers.fork.server import main
 main({control}, {sentinel}, {recipe!r})
 """
 #: One job a process, one process a core: threads inside would only get in each other's way.

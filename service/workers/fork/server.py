@@ -22,7 +22,7 @@ from typing import Any
 
 from service.workers import framing
 from service.workers import main as worker
-from service.workers.launch import Recipe
+from service.workers.fork.launch import Recipe
 from service.workers.task import load_tasks
 
 #: Told how many of how many things are done, and how long the rest may take [s], if that is known.

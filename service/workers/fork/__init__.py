@@ -1,0 +1,1 @@
+"""The fork server, which loads what workers need once, and how the server talks to it."""
