@@ -1,10 +1,9 @@
 """Dynamics against pinocchio, in the same run: microseconds a state, one by one and in batch.
 
 Run it with `python -m benchmarks.dynamics`. Both are called from Python with float64 arrays that
-are there already. Pinocchio answers references to arrays of its own; so does
-`DynamicsEvaluator`. "checked" is the functions of the package, which check the state and answer a
-new array. In batch one call computes many states; pinocchio, which has no such call, is called in a
-loop. Rounds alternate between the two, and the best round of each counts.
+are there already. Pinocchio answers references to arrays of its own; the functions of the package
+check the state and answer a new array. In batch one call computes many states; pinocchio, which has
+no such call, is called in a loop. Rounds alternate between the two, and the best of each counts.
 """
 
 import argparse
@@ -17,7 +16,6 @@ import numpy as np
 import pinocchio as pin
 
 from dynamics.coriolis import coriolis_matrix
-from dynamics.evaluator import DynamicsEvaluator
 from dynamics.forward import forward_dynamics
 from dynamics.gravity import gravity_vector
 from dynamics.inverse import inverse_dynamics
@@ -33,10 +31,9 @@ Call = Callable[[], Any]
 
 
 class Row(NamedTuple):
-    """Ways to compute one quantity: pinocchio, ours unchecked, ours checked, ours in batch."""
+    """Ways to compute one quantity: pinocchio, ours for one state, ours in batch."""
 
     pinocchio: Call
-    evaluator: Call
     checked: Call
     batch: Call
 
@@ -57,44 +54,38 @@ def best(calls: Mapping[str, tuple[Call, int]]) -> dict[str, float]:
 
 def rows(chain: Chain, model: Any, states: Array) -> dict[str, Row]:
     """All quantities, at the first of the states (3, m, n) and at all of them."""
-    data, ours = model.createData(), DynamicsEvaluator(chain)
+    data = model.createData()
     Q, Qd, Qdd = states
     q, qd, qdd = (part[0].copy() for part in states)
     bodies_only = partial(regressor, chain, motors=False)
     return {
         "mass matrix": Row(
             partial(pin.crba, model, data, q),
-            partial(ours.mass_matrix, q),
             partial(mass_matrix, chain, q),
             partial(mass_matrix, chain, Q),
         ),
         "inverse (RNEA)": Row(
             partial(pin.rnea, model, data, q, qd, qdd),
-            partial(ours.inverse, q, qd, qdd),
             partial(inverse_dynamics, chain, q, qd, qdd),
             partial(inverse_dynamics, chain, Q, Qd, Qdd),
         ),
         "Coriolis matrix": Row(
             partial(pin.computeCoriolisMatrix, model, data, q, qd),
-            partial(ours.coriolis_matrix, q, qd),
             partial(coriolis_matrix, chain, q, qd),
             partial(coriolis_matrix, chain, Q, Qd),
         ),
         "gravity": Row(
             partial(pin.computeGeneralizedGravity, model, data, q),
-            partial(ours.gravity, q),
             partial(gravity_vector, chain, q),
             partial(gravity_vector, chain, Q),
         ),
         "regressor": Row(
             partial(pin.computeJointTorqueRegressor, model, data, q, qd, qdd),
-            partial(ours.regressor, q, qd, qdd),
             partial(bodies_only, q, qd, qdd),
             partial(bodies_only, Q, Qd, Qdd),
         ),
         "forward": Row(
             partial(pin.aba, model, data, q, qd, qdd),
-            partial(ours.forward, q, qd, qdd),
             partial(forward_dynamics, chain, q, qd, qdd),
             partial(forward_dynamics, chain, Q, Qd, Qdd),
         ),
@@ -107,18 +98,17 @@ def compare(name: str) -> None:
     model = pin.buildModelFromXML(builtin_urdf(name))
     states = np.random.default_rng(0).uniform(-2.0, 2.0, (3, STATES, chain.n))
     print(f"{name}: us a state           one call                       batch of {STATES}")
-    print("                  pinocchio  evaluator  checked     ours   pinocchio / ours")
+    print("                  pinocchio  checked     ours   pinocchio / ours")
     for quantity, row in rows(chain, model, states).items():
         calls = {
             "pinocchio": (row.pinocchio, CALLS),
-            "evaluator": (row.evaluator, CALLS),
             "checked": (row.checked, CALLS // 4),
             "batch": (row.batch, 2),
         }
         us = best(calls)
         each = us["batch"] / STATES
         print(
-            f"  {quantity:16s}{us['pinocchio']:9.2f}{us['evaluator']:11.2f}{us['checked']:9.2f}"
+            f"  {quantity:16s}{us['pinocchio']:9.2f}{us['checked']:9.2f}"
             f"{each:12.3f}{us['pinocchio'] / each:12.1f}"
         )
 

@@ -15,7 +15,6 @@ import pinocchio as pin
 from numpy.typing import NDArray
 
 from benchmarks.problems.poses import random_configurations
-from kinematics.evaluator import KinematicsEvaluator
 from kinematics.forward import forward, link_poses
 from kinematics.jacobian import geometric, pose_and_jacobian
 from kinematics.model.chain import Chain
@@ -58,8 +57,6 @@ def singles(name: str, chain: Chain) -> None:
     frame = model.getFrameId(chain.tip_link)
     q = random_configurations(chain, 1, 1)[0]
 
-    evaluator = KinematicsEvaluator(chain)
-
     def theirs() -> object:
         pin.framesForwardKinematics(model, data, q)
         return pin.computeFrameJacobian(
@@ -73,10 +70,6 @@ def singles(name: str, chain: Chain) -> None:
             "Jacobian": lambda: geometric(chain, q),
             "FK + Jacobian": lambda: pose_and_jacobian(chain, q),
             "FK of all links": lambda: link_poses(chain, q),
-            "evaluator: FK": lambda: evaluator.pose(q),
-            "evaluator: Jacobian": lambda: evaluator.jacobian(q),
-            "evaluator: FK + Jacobian": lambda: evaluator.pose_and_jacobian(q),
-            "evaluator: all links": lambda: evaluator.link_poses(q),
         }
     )
     reference = told["pinocchio FK + Jacobian"]

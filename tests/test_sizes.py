@@ -20,7 +20,6 @@ PRODUCT = (
     "kinematics",
     "dynamics",
     "obstacles",
-    "planning",
     "tracking",
     "service",
 )
@@ -64,6 +63,7 @@ MANY_ARGUMENTS = {
 CROWDED = {
     "client/armwright_client",
     "command_line",
+    "dynamics",
     "kinematics",
     "kinematics/ik/closed_form",
     "planning/optimize",

@@ -17,7 +17,7 @@ def parameter_unit(name: str, chain: Chain) -> str:
     """The unit of a standard parameter, for example "kg m" of "mx2".
 
     Args:
-        name: Name as in ``regressor.parameter_names``: a kind and the number of a joint.
+        name: Name as in ``dynamics.parameters.regressor.parameter_names``: a kind and the number of a joint.
         chain: The robot: a prismatic joint's motor has other units.
     """
     kind = name.rstrip("0123456789")
