@@ -6,8 +6,7 @@ from collections.abc import Iterator
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from kinematics.argument_types import typed
-from kinematics.arrays import Array
+from kinematics.arrays import Array, typed
 from kinematics.errors import InvalidOption, InvalidRobotState
 from obstacles.collision import checker
 from obstacles.collision.checker import Bracket, Motion, Proximity

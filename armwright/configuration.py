@@ -6,7 +6,7 @@ from typing import Any
 from numpy.typing import ArrayLike
 
 from armwright.model import Robot, chain_of
-from kinematics.argument_types import typed
+from kinematics.arrays import typed
 from kinematics.errors import InvalidOption
 from kinematics.ik.inverse import IkOptions, inverse_kinematics
 from kinematics.ik.solution import IkResult

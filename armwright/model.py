@@ -12,8 +12,7 @@ from dynamics.equations.sheet import Sheet, write_sheet
 from dynamics.equations.writing import Notation
 from dynamics.gravity import gravity_vector
 from dynamics.mass_matrix import mass_matrix
-from kinematics.argument_types import typed
-from kinematics.arrays import Array, numbers
+from kinematics.arrays import Array, numbers, typed
 from kinematics.forward import forward
 from kinematics.jacobian import geometric
 from kinematics.model.chain import Chain

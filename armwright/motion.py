@@ -8,8 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from armwright.model import chain_of
-from kinematics.argument_types import typed
-from kinematics.arrays import frozen, numbers
+from kinematics.arrays import frozen, numbers, typed
 from kinematics.errors import InvalidGoal, InvalidOption
 from kinematics.model.chain import Chain
 from obstacles.robots.robot_geometry import RobotGeometry

@@ -19,12 +19,10 @@ from kinematics.tree.joint_limits import (
     moveit_joint_limits,
     moveit_notes,
 )
-from kinematics.tree.named_states import named_states
 from kinematics.tree.serial_chain import select, serial_chain
-from kinematics.tree.srdf import Semantics, check_semantics, parse_srdf
+from kinematics.tree.srdf import Semantics, check_semantics, named_states, parse_srdf
 from kinematics.urdf.urdf import parse_urdf
-from kinematics.urdf.visual_solids import with_visual_solids
-from kinematics.urdf.visuals import read_visuals
+from kinematics.urdf.visuals import read_visuals, with_visual_solids
 from obstacles.robots.robot_geometry import RobotGeometry, robot_geometry
 from obstacles.robots.touching_pairs import suspected_pairs
 

@@ -137,8 +137,7 @@ def _from_urdf(path: Path, visual_solids: bool) -> dict[str, Any]:
     from armwright.robot import read_mesh  # noqa: PLC0415
     from kinematics.tree.description import MeshGeometry  # noqa: PLC0415
     from kinematics.urdf.urdf import parse_urdf  # noqa: PLC0415
-    from kinematics.urdf.visual_solids import with_visual_solids  # noqa: PLC0415
-    from kinematics.urdf.visuals import read_visuals  # noqa: PLC0415
+    from kinematics.urdf.visuals import read_visuals, with_visual_solids  # noqa: PLC0415
 
     text = path.read_text("utf-8")
     description = parse_urdf(text)

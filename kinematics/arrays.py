@@ -1,10 +1,101 @@
-"""Arrays of numbers: read-only copies, and checks of what callers give."""
+"""Arrays of numbers, and checks of the arguments of public functions.
+
+An argument of another type is refused by name, with what to give.
+"""
+
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from functools import cache, wraps
+from inspect import signature
+from types import NoneType, UnionType
+from typing import Any, Literal, TypeVar, Union, cast, get_args, get_origin, get_type_hints
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from compiled.arrays import Array, Indices
 from kinematics.errors import InvalidNumbers, InvalidOption
+
+_F = TypeVar("_F", bound=Callable[..., Any])
+#: What counts as a number where one is annotated; a bool is a mistake.
+_NUMBERS = (int, float, np.integer, np.floating)
+#: What makes a value that is often given by its name, by the type's name.
+_CURES = {
+    "RobotGeometry": "Load it by its name or from its file: aw.load_robot({!r}).",
+    "Chain": "Give what aw.load_robot makes, or the chain of it.",
+    "Scene": "Give aw.Scene([...]), or aw.Scene() where there are no obstacles.",
+    "Trajectory": "Give that of a plan, or what aw.retime makes of waypoints.",
+}
+
+
+def typed(function: _F) -> _F:
+    """Refuse arguments that are not of the class that their annotation names.
+
+    What is annotated as ``ArrayLike`` has to be numbers, a literal one of its values, and no
+    sequence is a text. Shapes and callables are left to the function.
+
+    Args:
+        function: A public function.
+
+    Returns:
+        The function; it raises InvalidOption where an argument is of another type, no array of
+        numbers or no known choice.
+    """
+    parameters = tuple(signature(function).parameters)
+
+    @cache
+    def hints() -> dict[str, Any]:
+        return get_type_hints(function)
+
+    @wraps(function)
+    def checked(*args: Any, **kwargs: Any) -> Any:
+        known = hints()
+        for name, value in (*zip(parameters, args, strict=False), *kwargs.items()):
+            if name in known:
+                _check(function.__name__, name, value, known[name])
+        return function(*args, **kwargs)
+
+    return cast(_F, checked)
+
+
+def _check(function: str, name: str, value: object, hint: Any) -> None:
+    parts = get_args(hint) if get_origin(hint) in (Union, UnionType) else (hint,)
+    if hint == ArrayLike or (value is not None and hint == ArrayLike | None):
+        as_numbers(cast(Any, value), name)
+    elif get_origin(hint) is Literal:
+        if value not in parts and value not in get_args(hint):
+            choices = ", ".join(map(str, get_args(hint)))
+            message = f"{function}: there is no {name} {value!r}"
+            raise InvalidOption(message, hint=f"One of: {choices}.")
+    elif get_origin(hint) in (Iterable, Sequence) and isinstance(value, str):
+        raise InvalidOption(f"{function}: {name} is the text {value!r}", hint="Give a list.")
+    elif (kinds := _classes(parts)) and not _fits(value, kinds):
+        raise _refusal(function, name, value, kinds)
+
+
+def _classes(parts: tuple[Any, ...]) -> tuple[type, ...]:
+    """The classes that a value may be of; none where a hint names others than classes."""
+    known = [get_origin(part) if get_origin(part) is Mapping else part for part in parts]
+    if not all(isinstance(part, type) and get_origin(part) is None for part in known):
+        return ()
+    return tuple(kind for part in known for kind in (_NUMBERS if part is float else (part,)))
+
+
+def _fits(value: object, kinds: tuple[type, ...]) -> bool:
+    """Whether a value is of one of some classes; a truth value is no number."""
+    return isinstance(value, kinds) and (not isinstance(value, bool) or bool in kinds)
+
+
+def _refusal(function: str, name: str, value: object, kinds: tuple[type, ...]) -> InvalidOption:
+    names = dict.fromkeys("number" if kind in _NUMBERS else kind.__name__ for kind in kinds)
+    known = [one.replace(NoneType.__name__, "None") for one in names]
+    cure = next((_CURES[one] for one in known if one in _CURES), f"Give {' or '.join(known)}.")
+    named = value if isinstance(value, str) else "panda"
+    return InvalidOption(
+        f"{function}: {name} has to be a {' or '.join(known)}, and {value!r:.60} is a "
+        f"{type(value).__name__}",
+        hint=cure.format(named),
+    )
+
 
 __all__ = ["Array", "Indices", "as_numbers", "frozen", "numbers"]
 

@@ -1,14 +1,17 @@
-"""Visual geometry of the links of a URDF, with its colours. Faults are told, not refused."""
+"""Visual geometry of the links of a URDF, with its colours. Faults are reported, not refused.
+
+Many vendors send no collision geometry: their links collide as they look.
+"""
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TypeAlias
 
 from kinematics.arrays import Array, frozen
 from kinematics.errors import InvalidRobotDescription
 from kinematics.readers.xml_reader import Element, children, numbers, read_robot, single
-from kinematics.tree.description import Geometry
-from kinematics.urdf.links import read_geometry, read_origin
+from kinematics.tree.description import CollisionElement, Geometry, RobotDescription
+from kinematics.urdf.links import no_solids, read_geometry, read_origin
 
 #: Red, green, blue and opacity from 0 to 1.
 Color: TypeAlias = tuple[float, float, float, float]
@@ -113,3 +116,30 @@ def _color(material: Element) -> Color | None:
         red, green, blue, alpha = (min(max(float(v), 0.0), 1.0) for v in (*values, 1.0)[:_RGBA])
         return red, green, blue, alpha
     return None
+
+
+def with_visual_solids(description: RobotDescription, visuals: UrdfVisuals) -> RobotDescription:
+    """The description with what links look like where they have no collision geometry.
+
+    A link of which something can't be read as it looks stays without: half of it would be no
+    bound. ``lint`` tells which links were given solids and which were not.
+
+    Args:
+        description: The tree.
+        visuals: Visual elements of the same URDF.
+    """
+    bare = [name for name, link in description.links.items() if not link.collisions]
+    unread = [name for name in bare if name in visuals.faults]
+    given = [name for name in bare if name in visuals.links and name not in unread]
+    links = dict(description.links)
+    for name in given:
+        solids = (CollisionElement(v.T_link_element, v.geometry) for v in visuals.links[name])
+        links[name] = replace(links[name], collisions=tuple(solids))
+    settled = {no_solids(name) for name in given}
+    lint = [line for line in description.lint if line not in settled]
+    if given:
+        lint.append(
+            f"links collide as they look, as visual_solids asks: {', '.join(map(repr, given))}"
+        )
+    lint += [f"{visuals.faults[name]}: it gives link {name!r} no solids" for name in unread]
+    return replace(description, links=links, lint=tuple(lint))

@@ -1,4 +1,4 @@
-"""URDF of a chain: joints with limits and damping, links with inertias and solids.
+"""URDF and SRDF of a chain: joints with limits, links with inertias and solids, named states.
 
 Numbers are written with all their digits: a chain that is read back has the same poses to rounding.
 The tree is one path from the base to the tip, so that the reader finds both ends by itself.
@@ -13,6 +13,7 @@ from kinematics.arrays import Array
 from kinematics.errors import InvalidRobotDescription
 from kinematics.model.chain import Chain, Inertia, JointType, Link
 from kinematics.pose import inverse, to_rpy
+from kinematics.readers.xml_reader import Element, children, read_robot, single, tostring
 from kinematics.tree.description import (
     CapsuleGeometry,
     CollisionElement,
@@ -20,6 +21,16 @@ from kinematics.tree.description import (
     Geometry,
     SphereGeometry,
 )
+
+#: Reasons as MoveIt's files have them; another reason is written as it is.
+_REASONS = {
+    "adjacent": "Adjacent",
+    "always": "Default",
+    "same body": "Adjacent",
+    "srdf": "User",
+}
+#: The group of the chain.
+GROUP = "arm"
 
 # Limits of a joint in URDF; the last two are written where they are known, as drivers do.
 _QUANTITIES = ("effort", "velocity", "acceleration", "jerk")
@@ -161,3 +172,77 @@ def _origin(T: Array) -> str:
 
 def _comment(text: str) -> str:
     return text.replace("--", "- -")
+
+
+def srdf_text(
+    chain: Chain, states: Mapping[str, Array], allowed: Mapping[tuple[str, str], str]
+) -> str:
+    """The SRDF of a chain as one group.
+
+    Args:
+        chain: The robot.
+        states: Configurations by name, each of shape (n,) [rad or m].
+        allowed: Pairs of links that may touch, each with the reason.
+    """
+    lines = [
+        '<?xml version="1.0"?>',
+        f"<robot name={_quoted(chain.name or 'robot')}>",
+        f'  <group name="{GROUP}">',
+        f"    <chain base_link={_quoted(chain.base_link)} tip_link={_quoted(chain.tip_link)}/>",
+        "  </group>",
+    ]
+    for name, q in states.items():
+        lines.append(f'  <group_state name={_quoted(name)} group="{GROUP}">')
+        lines += [
+            f"    <joint name={_quoted(joint)} value={_quoted(repr(value))}/>"
+            for joint, value in zip(chain.joint_names, q.tolist(), strict=True)
+        ]
+        lines.append("  </group_state>")
+    lines += [
+        f"  <disable_collisions link1={_quoted(a)} link2={_quoted(b)} "
+        f"reason={_quoted(_REASONS.get(reason, reason))}/>"
+        for (a, b), reason in allowed.items()
+    ]
+    return "\n".join([*lines, "</robot>", ""])
+
+
+def _quoted(text: str) -> str:
+    return f'"{escape(text, quote=True)}"'
+
+
+_POSITIONS = ("lower", "upper")
+
+
+def with_limits(text: str, chain: Chain) -> str:
+    """The URDF with the limits of the chain's joints in place of its own.
+
+    Limits that the chain does not know stay as the text has them; joints off the chain are not
+    touched. Comments and elements of other XML namespaces are dropped.
+
+    Args:
+        text: A URDF that the chain is made of.
+        chain: The robot.
+
+    Raises:
+        InvalidRobotDescription: The text is no URDF.
+    """
+    robot = read_robot(text, "URDF")
+    joints = {joint.get("name", "").strip(): joint for joint in children(robot, "joint")}
+    for k, name in enumerate(chain.joint_names):
+        if name not in joints:
+            continue
+        joint = joints[name]
+        quantities = _QUANTITIES if chain.continuous[k] else (*_POSITIONS, *_QUANTITIES)
+        values = {quantity: float(getattr(chain.limits, quantity)[k]) for quantity in quantities}
+        known = {key: value for key, value in values.items() if np.isfinite(value)}
+        if known:
+            _limit(joint, name).attrib.update({key: repr(value) for key, value in known.items()})
+    return f'<?xml version="1.0"?>\n{tostring(robot, encoding="unicode")}\n'
+
+
+def _limit(joint: Element, name: str) -> Element:
+    limit = single(joint, "limit", f"joint {name!r}")
+    if limit is None:
+        limit = Element("limit")
+        joint.append(limit)
+    return limit

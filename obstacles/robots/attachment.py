@@ -11,8 +11,7 @@ from dataclasses import dataclass, replace
 
 from numpy.typing import ArrayLike
 
-from kinematics.argument_types import typed
-from kinematics.arrays import Array
+from kinematics.arrays import Array, typed
 from kinematics.errors import ArmwrightError, InvalidLinkName, InvalidObjectName, InvalidScene
 from kinematics.forward import forward
 from kinematics.pose import inverse

@@ -11,8 +11,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from kinematics.argument_types import typed
-from kinematics.arrays import Array, frozen
+from kinematics.arrays import Array, frozen, typed
 from kinematics.errors import InvalidScene
 from kinematics.pose import from_quaternion, transform
 from kinematics.readers.yaml_reader import Node, UnreadableYaml, finite_number, read_yaml

@@ -6,8 +6,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import ArrayLike
 
-from kinematics.argument_types import typed
-from kinematics.arrays import Array
+from kinematics.arrays import Array, typed
 from kinematics.errors import InvalidLinkName, InvalidScene
 from kinematics.model.chain import Chain
 from kinematics.pose import inverse

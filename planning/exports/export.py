@@ -5,8 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from kinematics.argument_types import typed
-from kinematics.arrays import Array
+from kinematics.arrays import Array, typed
 from kinematics.errors import InvalidOption
 from kinematics.model.chain import Limits
 from kinematics.trajectory.trajectory import Trajectory

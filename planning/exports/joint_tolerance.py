@@ -5,7 +5,7 @@ import math
 import numpy as np
 
 from kinematics.arrays import Array
-from kinematics.model.body_tree import BodyTree
+from kinematics.model.branch import BodyTree
 from obstacles.robots.robot_geometry import RobotGeometry
 
 

@@ -14,11 +14,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from kinematics.argument_types import typed
-from kinematics.arrays import Array
+from kinematics.arrays import Array, typed
 from kinematics.errors import InvalidOption
 from kinematics.forward import joint_frames
-from kinematics.model.body_tree import BodyTree
+from kinematics.model.branch import BodyTree
 from kinematics.trajectory.trajectory import Trajectory
 from obstacles.convex.hull import Hull, convex_hull
 from obstacles.convex.triangles import Triangles, corners, join

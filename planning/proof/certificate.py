@@ -14,7 +14,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from kinematics.argument_types import typed
+from kinematics.arrays import typed
 from kinematics.caches.bounded_cache import bounded_cache
 from kinematics.errors import InvalidOption, InvalidTrajectory
 from kinematics.model.chain import Chain, Limits

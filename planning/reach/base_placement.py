@@ -6,8 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from kinematics.argument_types import typed
-from kinematics.arrays import Array, as_numbers
+from kinematics.arrays import Array, as_numbers, typed
 from kinematics.errors import InvalidOption, InvalidPose
 from kinematics.pose import inverse
 from obstacles.robots.robot_geometry import RobotGeometry

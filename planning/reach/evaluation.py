@@ -10,8 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from compiled.kernel import direct
-from kinematics.argument_types import typed
-from kinematics.arrays import Array, frozen
+from kinematics.arrays import Array, frozen, typed
 from kinematics.errors import InvalidOption, InvalidPose
 from kinematics.forward import link_number
 from kinematics.ik.batch import shared

@@ -6,8 +6,7 @@ from itertools import product
 import numpy as np
 from numpy.typing import ArrayLike
 
-from kinematics.argument_types import typed
-from kinematics.arrays import Array, numbers
+from kinematics.arrays import Array, numbers, typed
 from kinematics.errors import InvalidOption
 from kinematics.pose import from_axis_angle, transform
 

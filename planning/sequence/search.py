@@ -14,8 +14,7 @@ from heapq import heapify, heappop, heappush
 from itertools import count
 from typing import NamedTuple
 
-from kinematics.argument_types import typed
-from kinematics.arrays import Array
+from kinematics.arrays import Array, typed
 from planning.result import Failure
 from planning.sequence.configuration_costs import ConfigurationCosts, rests_at_limit
 from planning.sequence.configuration_report import with_configurations

@@ -5,8 +5,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from kinematics.argument_types import typed
-from kinematics.arrays import Array
+from kinematics.arrays import Array, typed
 from obstacles.collision.checker import Checker
 from planning.constrained.path_constraints import check_widths, end_violation
 from planning.motion_limits import with_limits

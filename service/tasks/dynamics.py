@@ -28,7 +28,7 @@ from dynamics.partial_jacobians import partial_jacobians
 from kinematics.arrays import Array
 from kinematics.errors import InvalidOption, InvalidRobotState
 from kinematics.model.chain import Chain
-from kinematics.statics import holding_torques
+from kinematics.velocity import holding_torques
 from service.storage import worker_cache
 from service.storage.cache_key import builtin_reference
 from service.tasks.answer import chain_task, frame_transform, in_frame

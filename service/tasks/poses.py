@@ -8,7 +8,7 @@ from pydantic_core import to_json
 from armwright_wire.pose import ConvertPoseRequest
 from kinematics import pose as rotation
 from kinematics.arrays import Array
-from kinematics.pose_forms import (
+from kinematics.pose import (
     compose,
     rpy_branches,
     singular_forms,

@@ -10,11 +10,9 @@ from armwright_wire.scene import Scene as SceneBody
 from kinematics.errors import InvalidRobotDescription
 from kinematics.robots import builtin_urdf
 from kinematics.tree.description import MeshGeometry
-from kinematics.urdf.limits import with_limits
-from kinematics.urdf.srdf_writer import srdf_text
 from kinematics.urdf.urdf import parse_urdf
-from kinematics.urdf.visual_solids import with_visual_solids
-from kinematics.urdf.visuals import read_visuals
+from kinematics.urdf.visuals import read_visuals, with_visual_solids
+from kinematics.urdf.writer import srdf_text, with_limits
 from obstacles.collision.model.collision_model import pack
 from obstacles.kept_files import keep_files_in, written_files
 from obstacles.robots.robot_geometry import hulled

@@ -13,7 +13,7 @@ from armwright_wire.check import Attached
 from armwright_wire.task import TaskRequest
 from kinematics.arrays import Array
 from kinematics.errors import InvalidOption, InvalidRobotDescription
-from kinematics.tree.named_states import state
+from kinematics.tree.srdf import state
 from obstacles.robots.finger_geometry import with_fingers
 from obstacles.robots.robot_geometry import RobotGeometry
 from obstacles.scenes.scene import Scene

@@ -9,7 +9,7 @@ from armwright_wire.task import TaskRequest
 from armwright_wire.tour import TourRequest
 from armwright_wire.trajectory import TrajectoryBody
 from kinematics.trajectory.trajectory import Trajectory
-from kinematics.tree.named_states import state
+from kinematics.tree.srdf import state
 from obstacles.robots.finger_geometry import with_fingers
 from obstacles.robots.robot_geometry import RobotGeometry
 from obstacles.scenes.scene import Obstacle, Scene

@@ -25,12 +25,10 @@ from kinematics.root_frame import root_notes, tool_notes
 from kinematics.tree.description import RobotDescription
 from kinematics.tree.fingers import fingers
 from kinematics.tree.joint_limits import ALL_JOINTS, soft_limit_notes
-from kinematics.tree.named_states import named_states
 from kinematics.tree.serial_chain import GRAVITY, select, serial_chain
-from kinematics.tree.srdf import check_semantics, parse_srdf
+from kinematics.tree.srdf import check_semantics, named_states, parse_srdf
 from kinematics.urdf.urdf import parse_urdf
-from kinematics.urdf.visual_solids import with_visual_solids
-from kinematics.urdf.visuals import read_visuals
+from kinematics.urdf.visuals import read_visuals, with_visual_solids
 from obstacles.robots.dh_geometry import LinkSolid, dh_robot_geometry
 from obstacles.robots.robot_geometry import RobotGeometry, robot_geometry
 from obstacles.robots.touching_pairs import suspected_pairs

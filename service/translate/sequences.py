@@ -11,7 +11,7 @@ from armwright_wire.goal import SingleGoal
 from armwright_wire.reach import ReachTolerance
 from kinematics.arrays import Array
 from kinematics.errors import ArmwrightError, InvalidOption
-from kinematics.tree.named_states import state
+from kinematics.tree.srdf import state
 from obstacles.robots.robot_geometry import RobotGeometry
 from planning.options import CartesianOptions, Options
 from planning.problem import Goal, JointGoal, PoseGoal

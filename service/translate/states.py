@@ -6,7 +6,7 @@ from typing import Any, TypeVar
 from armwright_wire.goal import SingleGoal, Start
 from armwright_wire.plan import PlanRequest
 from kinematics.arrays import Array
-from kinematics.tree.named_states import state
+from kinematics.tree.srdf import state
 
 _Part = TypeVar("_Part", Start, SingleGoal)
 

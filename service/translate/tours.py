@@ -10,7 +10,7 @@ from armwright_wire.goal import SingleGoal, Start
 from armwright_wire.scene import Scene as SceneBody
 from kinematics.arrays import Array
 from kinematics.model.chain import Chain
-from kinematics.tree.named_states import state
+from kinematics.tree.srdf import state
 from obstacles.robots.allowed_pairs import deepest
 from obstacles.robots.robot_geometry import RobotGeometry
 from obstacles.scenes.scene import Scene

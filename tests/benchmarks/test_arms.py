@@ -6,7 +6,7 @@ import pytest
 
 from benchmarks import arms
 from benchmarks.problems.example_arms import package
-from kinematics.tree.likely_tip import likely_tip
+from kinematics.tree.chain_ends import likely_tip
 from kinematics.urdf.urdf import parse_urdf
 
 ROW = arms.Row("UR3", 6, "tool0", 38937, 2.64, 0.7, (6, 6), (0.01, 0.4), (30, 30), (0, 198))

@@ -10,7 +10,7 @@ from dynamics.inverse import inverse_dynamics
 from dynamics.mass_matrix import mass_matrix
 from dynamics.model.payload import with_payload
 from kinematics.robots import builtin_chain
-from kinematics.statics import holding_torques
+from kinematics.velocity import holding_torques
 
 pytestmark = pytest.mark.timeout(300)
 

@@ -5,11 +5,16 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from kinematics.errors import InvalidPose
-from kinematics.pose import from_axis_angle, from_rpy, from_zyz, rotation_x, rotation_z, transform
-from kinematics.pose_forms import (
+from kinematics.pose import (
     compose,
+    from_axis_angle,
+    from_rpy,
+    from_zyz,
+    rotation_x,
+    rotation_z,
     rpy_branches,
     singular_forms,
+    transform,
     zyz_branches,
 )
 

@@ -8,9 +8,8 @@ from kinematics.forward import forward
 from kinematics.model.chain import Chain
 from kinematics.pose import from_rpy, transform
 from kinematics.root_frame import frame_names, frame_pose, root_notes, tool_notes
-from kinematics.tree.named_states import named_states, state
 from kinematics.tree.serial_chain import serial_chain
-from kinematics.tree.srdf import Semantics
+from kinematics.tree.srdf import Semantics, named_states, state
 from kinematics.urdf.urdf import parse_urdf
 
 #: A mount of 0.9144 m and 1.57 rad before the chain, as a UR5 on its stand has it.

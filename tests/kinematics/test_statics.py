@@ -7,7 +7,7 @@ import pytest
 from kinematics.errors import InvalidOption
 from kinematics.forward import forward
 from kinematics.robots import builtin_chain, builtin_urdf
-from kinematics.statics import holding_torques
+from kinematics.velocity import holding_torques
 from tests.kinematics.samples import configurations, random_chain
 
 STEP = 1e-6

@@ -2,7 +2,7 @@
 
 from numpy.typing import ArrayLike
 
-from kinematics.argument_types import typed
+from kinematics.arrays import typed
 from kinematics.model.chain import Chain
 from kinematics.trajectory.trajectory import Trajectory
 from tracking.controllers.controller import Controller

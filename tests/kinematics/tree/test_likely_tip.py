@@ -5,8 +5,8 @@ from itertools import pairwise
 
 import pytest
 
+from kinematics.tree.chain_ends import likely_tip
 from kinematics.tree.description import Mimic, RobotDescription
-from kinematics.tree.likely_tip import likely_tip
 from kinematics.urdf.urdf import parse_urdf
 
 

@@ -11,8 +11,8 @@ from kinematics.forward import forward
 from kinematics.model.chain import Chain, Limits
 from kinematics.robots import builtin_chain, builtin_urdf
 from kinematics.tree.serial_chain import serial_chain
-from kinematics.urdf.limits import with_limits
 from kinematics.urdf.urdf import parse_urdf
+from kinematics.urdf.writer import with_limits
 
 
 def limited(chain: Chain, seed: int) -> Chain:

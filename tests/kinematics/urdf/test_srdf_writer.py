@@ -5,9 +5,8 @@ import pinocchio as pin
 import pytest
 
 from kinematics.robots import builtin_chain, builtin_urdf
-from kinematics.tree.named_states import named_states
-from kinematics.tree.srdf import parse_srdf
-from kinematics.urdf.srdf_writer import srdf_text
+from kinematics.tree.srdf import named_states, parse_srdf
+from kinematics.urdf.writer import srdf_text
 
 ALLOWED = {("hand", "link<1>"): "adjacent", ("a&b", "hand"): 'suspected: "5 mm"'}
 

@@ -4,8 +4,7 @@ import numpy as np
 
 from kinematics.tree.description import BoxGeometry, MeshGeometry, RobotDescription, SphereGeometry
 from kinematics.urdf.urdf import parse_urdf
-from kinematics.urdf.visual_solids import with_visual_solids
-from kinematics.urdf.visuals import read_visuals
+from kinematics.urdf.visuals import read_visuals, with_visual_solids
 
 BOX = '<geometry><box size="1 2 3"/></geometry>'
 URDF = f"""<robot name="arm">
