@@ -6,12 +6,10 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from dynamics import inverse
-from dynamics.coriolis import coriolis_matrix
 from dynamics.equations.parameters import textbook_table
 from dynamics.equations.sheet import Sheet, write_sheet
 from dynamics.equations.writing import Notation
-from dynamics.gravity import gravity_vector
-from dynamics.mass_matrix import mass_matrix
+from dynamics.terms import coriolis_matrix, gravity_vector, mass_matrix
 from kinematics.arrays import Array, numbers, typed
 from kinematics.forward import forward
 from kinematics.jacobian import geometric

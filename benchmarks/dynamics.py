@@ -15,12 +15,10 @@ from typing import Any, NamedTuple
 import numpy as np
 import pinocchio as pin
 
-from dynamics.coriolis import coriolis_matrix
 from dynamics.forward import forward_dynamics
-from dynamics.gravity import gravity_vector
 from dynamics.inverse import inverse_dynamics
-from dynamics.mass_matrix import mass_matrix
 from dynamics.parameters.regressor import regressor
+from dynamics.terms import coriolis_matrix, gravity_vector, mass_matrix
 from kinematics.arrays import Array
 from kinematics.model.chain import Chain
 from kinematics.robots import builtin_chain, builtin_urdf

@@ -7,10 +7,9 @@ from compiled.kernel import kernel
 from compiled.linear_solve import cholesky_solve_kernel
 from dynamics.batch import stack_vectors
 from dynamics.inverse import wrench_torque
-from dynamics.kernels.body_row import MOTOR
 from dynamics.kernels.composite import COMPOSITE_WORK, frames_kernel, mass_matrix_kernel
 from dynamics.kernels.recursion import inverse_kernel
-from dynamics.model.body import bodies, joints_without_inertia
+from dynamics.model.body import MOTOR, bodies, joints_without_inertia
 from kinematics.arrays import Array
 from kinematics.errors import MissingInertia
 from kinematics.model.chain import Chain

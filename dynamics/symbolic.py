@@ -10,8 +10,7 @@ from typing import NamedTuple
 import casadi
 from numpy.typing import ArrayLike
 
-from dynamics.kernels.body_row import COULOMB, SMOOTH_SPEED
-from dynamics.model.body import Bodies, bodies
+from dynamics.model.body import COULOMB, SMOOTH_SPEED, Bodies, bodies
 from kinematics.caches.bounded_cache import bounded_cache
 from kinematics.model.chain import Chain
 from kinematics.symbolic import Expression, symbolic_frames

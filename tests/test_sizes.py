@@ -63,9 +63,6 @@ MANY_ARGUMENTS = {
 CROWDED = {
     "client/armwright_client",
     "command_line",
-    "dynamics",
-    "kinematics",
-    "kinematics/ik/closed_form",
     "planning/optimize",
     "planning/proof/collision",
     "planning/sequence",

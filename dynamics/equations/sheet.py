@@ -20,7 +20,7 @@ from dynamics.equations.polynomial import Polynomials, TooManyTerms
 from dynamics.equations.regressor import symbolic_regressor
 from dynamics.equations.table import SymbolicTable, symbolic_table
 from dynamics.equations.writing import Notation, Writer
-from dynamics.kernels.body_row import SMOOTH_SPEED
+from dynamics.model.body import SMOOTH_SPEED
 from kinematics.errors import InvalidOption
 from kinematics.model.dh_table import DhTable
 

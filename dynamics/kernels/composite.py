@@ -21,7 +21,7 @@ from compiled.kernel import kernel
 from compiled.simd import on_stack
 from compiled.sincos import TURNS, few_turns_kernel, turn_at_kernel
 from compiled.vec3 import Vector, add, cross, dot, load, scale, store, subtract
-from dynamics.kernels.body_row import FIRST_MOMENT, INERTIA, MASS, REVOLUTE, TYPE
+from dynamics.model.body import FIRST_MOMENT, INERTIA, MASS, REVOLUTE, TYPE
 from kinematics.arrays import Array
 from kinematics.frame import IDENTITY, move_kernel
 

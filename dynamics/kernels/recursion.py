@@ -15,7 +15,7 @@ import numpy as np
 
 from compiled.kernel import kernel
 from compiled.vec3 import Vector, add, cross, scale
-from dynamics.kernels.body_row import (
+from dynamics.model.body import (
     COULOMB,
     FIRST_MOMENT,
     FRICTION,

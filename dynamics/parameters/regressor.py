@@ -6,10 +6,9 @@ from numpy.typing import ArrayLike
 from compiled.kernel import kernel
 from compiled.vec3 import Vector, cross, dot, load, scale, subtract
 from dynamics.batch import stack_vectors
-from dynamics.kernels.body_row import COULOMB, FRICTION, MASS, MOTOR, REVOLUTE, SMOOTH_SPEED, TYPE
 from dynamics.kernels.composite import FRAME, axis_of, frames_kernel, origin_of
 from dynamics.kernels.recursion import WORK, advance
-from dynamics.model.body import bodies
+from dynamics.model.body import COULOMB, FRICTION, MASS, MOTOR, REVOLUTE, SMOOTH_SPEED, TYPE, bodies
 from kinematics.arrays import Array, frozen
 from kinematics.model.chain import Chain
 

@@ -16,8 +16,8 @@ import numpy as np
 from compiled.kernel import kernel
 from compiled.simd import on_stack
 from kinematics.arrays import Array, Indices
-from kinematics.ik.closed_form.plan import Arm
 from kinematics.ik.closed_form.refine import CODE, INSIDE, MORE
+from kinematics.ik.closed_form.structure import Arm
 from kinematics.jacobian import frame_and_jacobian_kernel
 from obstacles.collision.edge_check import FREE
 from obstacles.collision.model.kernel_work import Workspace

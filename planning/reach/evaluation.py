@@ -15,10 +15,9 @@ from kinematics.errors import InvalidOption, InvalidPose
 from kinematics.forward import link_number
 from kinematics.ik.batch import shared
 from kinematics.ik.closed_form.analytic import TOLERANCE, middle
-from kinematics.ik.closed_form.plan import COLUMNS as PLAN_COLUMNS
-from kinematics.ik.closed_form.plan import Arm
 from kinematics.ik.closed_form.refine import INSIDE, MORE
-from kinematics.ik.closed_form.structure import Structure, structure
+from kinematics.ik.closed_form.structure import COLUMNS as PLAN_COLUMNS
+from kinematics.ik.closed_form.structure import Arm, Structure, structure
 from kinematics.ik.numeric import numeric
 from kinematics.model.chain import Chain
 from kinematics.pose import inverse

@@ -5,8 +5,8 @@ import numpy as np
 from compiled.kernel import kernel
 from kinematics.arrays import Array
 from kinematics.ik.closed_form.branches import branches_kernel
-from kinematics.ik.closed_form.plan import Arm
 from kinematics.ik.closed_form.refine import GROUP, INSIDE, MORE
+from kinematics.ik.closed_form.structure import Arm
 from obstacles.collision.model.kernel_work import workspace
 from obstacles.collision.model.model_arrays import ModelArrays
 from obstacles.collision.proximity import closest_of

@@ -4,9 +4,8 @@ import numpy as np
 
 from compiled.kernel import kernel
 from kinematics.arrays import Array, Indices
-from kinematics.ik.closed_form.plan import Arm
-from kinematics.ik.closed_form.refine import CODE
-from kinematics.ik.closed_form.verification import near_kernel
+from kinematics.ik.closed_form.refine import CODE, near_kernel
+from kinematics.ik.closed_form.structure import Arm
 from obstacles.collision.edge_check import FREE
 from obstacles.collision.model.model_arrays import ModelArrays
 from obstacles.collision.state_check import verdict_in

@@ -3,7 +3,7 @@
 import hashlib
 
 from armwright_wire import scene as scene_schema
-from dynamics.model.motor import Motor
+from dynamics.model.payload import Motor
 from kinematics.arrays import Array
 from kinematics.model.chain import Chain
 from kinematics.root_frame import TOOL

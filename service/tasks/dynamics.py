@@ -15,16 +15,20 @@ from armwright_wire.dynamics import (
     RegressorRequest,
     WrenchRequest,
 )
-from dynamics.coriolis import christoffel_symbols, coriolis_matrix
-from dynamics.energy import kinetic_energy
 from dynamics.forward import forward_dynamics as forward
-from dynamics.gravity import gravity_vector, potential_energy
 from dynamics.inverse import inverse_dynamics
-from dynamics.mass_matrix import mass_matrix
 from dynamics.model.payload import with_gravity, with_motors
 from dynamics.parameters.base_parameters import base_parameters
 from dynamics.parameters.regressor import parameter_names, reference_regressor, standard_parameters
-from dynamics.partial_jacobians import partial_jacobians
+from dynamics.terms import (
+    christoffel_symbols,
+    coriolis_matrix,
+    gravity_vector,
+    kinetic_energy,
+    mass_matrix,
+    partial_jacobians,
+    potential_energy,
+)
 from kinematics.arrays import Array
 from kinematics.errors import InvalidOption, InvalidRobotState
 from kinematics.model.chain import Chain

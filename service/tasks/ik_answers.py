@@ -5,7 +5,7 @@ from typing import Any
 import numpy as np
 
 from armwright_wire.kinematics import IkRequest
-from kinematics.ik.closed_form.arm_geometry import arm_sides
+from kinematics.ik.closed_form.arm_parts import arm_sides
 from kinematics.ik.gradient import Trace
 from kinematics.ik.numeric.numeric import AXES
 from kinematics.ik.ranking import outside

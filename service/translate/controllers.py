@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from armwright_wire import simulation as schema
-from dynamics.parameters.parameter_units import base_parameter_labels, base_parameter_units
+from dynamics.parameters.base_parameters import base_parameter_labels, base_parameter_units
 from kinematics.arrays import Array
 from kinematics.errors import InvalidOption
 from kinematics.model.chain import Chain

@@ -8,7 +8,7 @@ from pydantic import BaseModel, ConfigDict
 from armwright_wire import robot as schema
 from armwright_wire.base import MAX_NUMBER
 from armwright_wire.robot import RobotBody
-from dynamics.model.motor import Motor, attach_motors
+from dynamics.model.payload import Motor, attach_motors
 from kinematics.errors import InvalidRobotDescription
 from kinematics.model.chain import Chain
 from kinematics.tree.joint_limits import ALL_JOINTS

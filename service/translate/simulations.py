@@ -10,8 +10,14 @@ from numpy.typing import ArrayLike
 
 from armwright_wire import simulation as schema
 from dynamics.model.body import scale_masses
-from dynamics.model.motor import Motor, attach_motors
-from dynamics.model.payload import inertia, with_gravity, with_inertias, with_motors
+from dynamics.model.payload import (
+    Motor,
+    attach_motors,
+    inertia,
+    with_gravity,
+    with_inertias,
+    with_motors,
+)
 from kinematics.arrays import Array
 from kinematics.errors import InvalidOption
 from kinematics.model.chain import Chain

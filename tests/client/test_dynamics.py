@@ -5,10 +5,9 @@ import pytest
 
 import armwright_client as ours
 from armwright_client import Client
-from dynamics.coriolis import coriolis_matrix
 from dynamics.inverse import inverse_dynamics
-from dynamics.mass_matrix import mass_matrix
 from dynamics.model.payload import with_payload
+from dynamics.terms import coriolis_matrix, mass_matrix
 from kinematics.robots import builtin_chain
 from kinematics.velocity import holding_torques
 

@@ -10,8 +10,8 @@ from numpy.typing import ArrayLike
 
 from dynamics.forward import forward_dynamics
 from dynamics.inverse import inverse_dynamics
-from dynamics.mass_matrix import mass_matrix
 from dynamics.model.body import bodies, joints_without_inertia, massless_joints, scale_masses
+from dynamics.terms import mass_matrix
 from kinematics.errors import InvalidOption, MissingInertia
 from kinematics.model.chain import Chain, Inertia, Link
 from tests.dynamics.samples import pinocchio_model, random_chain

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from dynamics.kernels.body_row import (
+from dynamics.model.body import (
     FRAME,
     FRICTION,
     MASS,
@@ -11,12 +11,12 @@ from dynamics.kernels.body_row import (
     ROW,
     TYPE,
     axis,
+    bodies,
     origin,
     times_inertia,
     to_child,
     to_parent,
 )
-from dynamics.model.body import bodies
 from tests.dynamics.samples import random_chain
 
 

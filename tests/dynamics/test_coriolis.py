@@ -6,7 +6,7 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
-from dynamics.coriolis import christoffel_symbols, coriolis_matrix
+from dynamics.terms import christoffel_symbols, coriolis_matrix
 from kinematics.pose import transform
 from tests.dynamics.oracle import christoffel_function, relative_error
 from tests.dynamics.samples import (

@@ -10,7 +10,7 @@ from scipy.integrate import solve_ivp
 
 from dynamics.forward import forward_dynamics
 from dynamics.inverse import inverse_dynamics, reference_dynamics
-from dynamics.kernels.body_row import SMOOTH_SPEED
+from dynamics.model.body import SMOOTH_SPEED
 from dynamics.parameters.base_parameters import base_parameters
 from dynamics.parameters.regressor import (
     parameter_names,

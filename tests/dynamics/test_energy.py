@@ -7,8 +7,8 @@ import pinocchio as pin
 import pytest
 from scipy.integrate import solve_ivp
 
-from dynamics.energy import kinetic_energy, total_energy
 from dynamics.forward import forward_dynamics
+from dynamics.terms import kinetic_energy, total_energy
 from kinematics.arrays import Array
 from kinematics.model.chain import Chain
 from kinematics.robots import builtin_chain

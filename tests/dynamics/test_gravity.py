@@ -4,7 +4,7 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
-from dynamics.gravity import gravity_vector, potential_energy
+from dynamics.terms import gravity_vector, potential_energy
 from tests.dynamics.oracle import christoffel_function, relative_error
 from tests.dynamics.samples import (
     cart_pendulum,

@@ -6,10 +6,8 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
-from dynamics.coriolis import coriolis_matrix
-from dynamics.gravity import gravity_vector
 from dynamics.inverse import inverse_dynamics
-from dynamics.mass_matrix import augmented_mass_matrix
+from dynamics.terms import augmented_mass_matrix, coriolis_matrix, gravity_vector
 from kinematics.errors import InvalidOption, InvalidRobotState
 from kinematics.forward import forward
 from kinematics.jacobian import geometric

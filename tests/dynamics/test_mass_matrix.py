@@ -4,7 +4,7 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
-from dynamics.mass_matrix import augmented_mass_matrix, mass_matrix
+from dynamics.terms import augmented_mass_matrix, mass_matrix
 from tests.dynamics.oracle import christoffel_function, relative_error
 from tests.dynamics.samples import (
     cart_pendulum,

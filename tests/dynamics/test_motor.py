@@ -7,7 +7,7 @@ import pinocchio as pin
 import pytest
 
 from dynamics.forward import forward_dynamics
-from dynamics.model.motor import Motor, attach_motors
+from dynamics.model.payload import Motor, attach_motors
 from kinematics.arrays import Array
 from kinematics.errors import InvalidOption
 from tests.dynamics.samples import pinocchio_model, planar_rr, random_chain, random_state

@@ -5,10 +5,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from dynamics.parameters.base_parameters import base_parameters
-from dynamics.parameters.parameter_units import (
+from dynamics.parameters.base_parameters import (
     base_parameter_labels,
     base_parameter_units,
+    base_parameters,
     parameter_unit,
 )
 from kinematics.errors import InvalidOption

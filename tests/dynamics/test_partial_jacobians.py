@@ -4,7 +4,7 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
-from dynamics.partial_jacobians import partial_jacobians
+from dynamics.terms import partial_jacobians
 from tests.dynamics.samples import pinocchio_model, planar_rr, random_chain, random_state
 
 

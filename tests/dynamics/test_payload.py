@@ -4,13 +4,18 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
-from dynamics.energy import kinetic_energy
-from dynamics.gravity import gravity_vector
 from dynamics.inverse import inverse_dynamics
-from dynamics.mass_matrix import augmented_mass_matrix, mass_matrix
 from dynamics.model.body import bodies
-from dynamics.model.motor import Motor, attach_motors
-from dynamics.model.payload import inertia, with_gravity, with_inertias, with_motors, with_payload
+from dynamics.model.payload import (
+    Motor,
+    attach_motors,
+    inertia,
+    with_gravity,
+    with_inertias,
+    with_motors,
+    with_payload,
+)
+from dynamics.terms import augmented_mass_matrix, gravity_vector, kinetic_energy, mass_matrix
 from kinematics.errors import InvalidLinkName, InvalidOption
 from kinematics.forward import forward
 from kinematics.jacobian import geometric

@@ -4,10 +4,7 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
-from dynamics.coriolis import coriolis_matrix
-from dynamics.gravity import gravity_vector
 from dynamics.inverse import inverse_dynamics, reference_dynamics
-from dynamics.mass_matrix import augmented_mass_matrix
 from dynamics.model.body import bodies, scale_masses
 from dynamics.model.payload import with_gravity
 from dynamics.parameters.base_parameters import base_parameters
@@ -17,6 +14,7 @@ from dynamics.parameters.regressor import (
     regressor,
     standard_parameters,
 )
+from dynamics.terms import augmented_mass_matrix, coriolis_matrix, gravity_vector
 from kinematics.errors import InvalidOption
 from kinematics.robots import builtin_chain, builtin_names
 from tests.dynamics.oracle import relative_error

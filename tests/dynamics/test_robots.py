@@ -11,13 +11,11 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
-from dynamics.coriolis import coriolis_matrix
 from dynamics.forward import forward_dynamics
-from dynamics.gravity import gravity_vector
 from dynamics.inverse import inverse_dynamics
-from dynamics.mass_matrix import augmented_mass_matrix, mass_matrix
 from dynamics.parameters.base_parameters import base_parameters
 from dynamics.parameters.regressor import regressor, standard_parameters
+from dynamics.terms import augmented_mass_matrix, coriolis_matrix, gravity_vector, mass_matrix
 from kinematics.arrays import Array
 from kinematics.model.chain import Chain
 from kinematics.robots import builtin_chain, builtin_names, builtin_urdf

@@ -4,16 +4,19 @@ import casadi
 import numpy as np
 import pytest
 
-from dynamics.coriolis import coriolis_matrix
-from dynamics.energy import kinetic_energy
-from dynamics.gravity import gravity_vector, potential_energy
 from dynamics.inverse import inverse_dynamics
-from dynamics.mass_matrix import mass_matrix
 from dynamics.symbolic import (
     equations_function,
     inverse_function,
     symbolic_equations,
     symbolic_inverse_dynamics,
+)
+from dynamics.terms import (
+    coriolis_matrix,
+    gravity_vector,
+    kinetic_energy,
+    mass_matrix,
+    potential_energy,
 )
 from kinematics.errors import InvalidRobotState
 from kinematics.model.chain import Chain

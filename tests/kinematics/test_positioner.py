@@ -4,7 +4,7 @@ import numpy as np
 import pinocchio
 import pytest
 
-from dynamics.gravity import gravity_vector
+from dynamics.terms import gravity_vector
 from kinematics.errors import InvalidLinkName, InvalidRobotDescription, MissingInertia
 from kinematics.forward import link_poses
 from kinematics.robots import builtin_urdf

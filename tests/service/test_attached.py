@@ -6,8 +6,8 @@ import httpx
 import numpy as np
 import pytest
 
-from dynamics.gravity import gravity_vector
 from dynamics.model.payload import with_payload
+from dynamics.terms import gravity_vector
 from kinematics.forward import forward
 from kinematics.robots import builtin_chain
 from tests.service.robots import HOME, answer, problem, scene

@@ -9,7 +9,7 @@ import pytest
 from armwright_wire.dynamics import DynamicsAnswer, RegressorAnswer, WrenchAnswer
 from armwright_wire.simulation import SimulateAnswer
 from dynamics.inverse import inverse_dynamics
-from dynamics.mass_matrix import mass_matrix
+from dynamics.terms import mass_matrix
 from kinematics.robots import builtin_chain
 from tests.service.robots import HOME, answer, bench, problem
 

@@ -5,8 +5,8 @@ from collections.abc import Mapping
 import numpy as np
 import pytest
 
-from dynamics.gravity import gravity_vector
 from dynamics.model.body import scale_masses
+from dynamics.terms import gravity_vector
 from kinematics.arrays import Array
 from kinematics.model.chain import Chain
 from kinematics.robots import builtin_chain

@@ -5,9 +5,9 @@ from typing import Self
 
 import numpy as np
 
-from dynamics.mass_matrix import augmented_mass_matrix, kinetic_rate
 from dynamics.parameters.base_parameters import BaseParameters, base_parameters
 from dynamics.parameters.regressor import reference_regressor
+from dynamics.terms import augmented_mass_matrix, kinetic_rate
 from kinematics.arrays import Array, frozen
 from kinematics.errors import InvalidOption
 from kinematics.model.chain import Chain

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from dynamics.mass_matrix import augmented_mass_matrix
+from dynamics.terms import augmented_mass_matrix
 from kinematics.arrays import Array, frozen
 from kinematics.errors import InvalidOption
 from kinematics.model.chain import Chain

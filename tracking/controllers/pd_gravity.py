@@ -4,8 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from dynamics.gravity import gravity_vector
-from dynamics.mass_matrix import augmented_mass_matrix, kinetic_rate
+from dynamics.terms import augmented_mass_matrix, gravity_vector, kinetic_rate
 from kinematics.arrays import Array
 from kinematics.model.chain import Chain
 from tracking.controllers.control_law import Kind, Law, law

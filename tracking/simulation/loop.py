@@ -13,8 +13,8 @@ from numpy.typing import NDArray
 from compiled.kernel import kernel
 from compiled.vec3 import cross, dot, subtract
 from dynamics.forward import acceleration_kernel
-from dynamics.kernels.body_row import REVOLUTE, TYPE
 from dynamics.kernels.composite import axis_of, frames_kernel, origin_of
+from dynamics.model.body import REVOLUTE, TYPE
 from kinematics.arrays import Array
 from tracking.controllers.control_law import Law, Space, control_kernel, lyapunov_kernel
 from tracking.controllers.lyapunov_rate import lyapunov_rate_kernel

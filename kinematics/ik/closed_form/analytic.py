@@ -17,7 +17,6 @@ from kinematics.errors import InvalidOption, InvalidPose, NotAvailable
 from kinematics.forward import link_number
 from kinematics.ik.batch import shared
 from kinematics.ik.closed_form.branches import branches_batch_kernel, branches_kernel
-from kinematics.ik.closed_form.plan import COLUMNS, Arm
 from kinematics.ik.closed_form.refine import (
     CODE,
     INSIDE,
@@ -27,7 +26,7 @@ from kinematics.ik.closed_form.refine import (
     VALUE,
     parameter_kernel,
 )
-from kinematics.ik.closed_form.structure import Structure, structure
+from kinematics.ik.closed_form.structure import COLUMNS, Arm, Structure, structure
 from kinematics.model.chain import Chain
 
 #: Largest error of a solution [m], [rad].

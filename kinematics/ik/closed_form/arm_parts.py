@@ -18,6 +18,10 @@ With unit axes z_i through O_i, and W the wrist centre:
 W of a spherical wrist is where its axes meet; of a UR the point where axes 5 and 6 do for the
 shoulder and O_4 for the elbow; of a planar arm or SCARA its last axis; of arms with no wrist the
 link's origin.
+
+A part is singular where its number vanishes. Names of the sides of six joints are those of "A
+geometric approach in solving the inverse kinematics of PUMA robots", IEEE Transactions on Aerospace
+and Electronic Systems, 1984.
 """
 
 from collections.abc import Mapping
@@ -27,11 +31,62 @@ from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from kinematics.arrays import Array
 from kinematics.forward import joint_frames
 from kinematics.ik.closed_form.structure import Structure, structure
 from kinematics.model.chain import Chain, JointType
+
+_PARTS = ("shoulder", "elbow", "wrist")
+
+
+class ArmSides(NamedTuple):
+    """Sides of an arm in one configuration; None where the part is singular, or it has none.
+
+    Args:
+        shoulder: "right" where joint 2 raises the wrist centre along axis 1, else "left"; of a
+            spherical shoulder "no flip" where the sine of joint 2 is positive, else "flip".
+        elbow: "up" where the elbow is above the line from shoulder to wrist, along axis 1, else
+            "down"; of a planar arm "left" or "right" of that line, seen against axis 1; of seven
+            joints "no flip" where the sine of the bend about axis 4 is positive, else "flip".
+        wrist: "no flip" where the sine of its middle joint is positive, else "flip".
+        singular: Parts that are singular, of "shoulder", "elbow" and "wrist".
+    """
+
+    shoulder: str | None
+    elbow: str | None
+    wrist: str | None
+    singular: tuple[str, ...]
+
+
+def arm_sides(chain: Chain, q: ArrayLike, link: str | None = None) -> list[ArmSides] | None:
+    """Sides of an arm in several configurations; None for arms of another shape.
+
+    Args:
+        chain: The robot.
+        q: Configurations, shape (m, n) [rad or m].
+        link: The link that inverse kinematics is for; the tip where none is named.
+
+    Raises:
+        InvalidRobotState: Wrong length or not finite.
+        InvalidLinkName: No such link.
+    """
+    shape = arm_shape(chain, link)
+    if shape is None:
+        return None
+    axes = lines(chain, chain.configuration(q).reshape(-1, chain.n), link)
+    parts = arm_parts(shape, axes)
+    sides = []
+    for i in range(len(axes.z)):
+        names: dict[str, str | None] = dict.fromkeys(_PARTS)
+        singular = tuple(name for name, part in parts.items() if part.size[i] <= SINGULAR)
+        for name, part in parts.items():
+            if name not in singular:
+                names[name] = part.names[0] if part.side[i] > 0.0 else part.names[1]
+        sides.append(ArmSides(names["shoulder"], names["elbow"], names["wrist"], singular))
+    return sides
+
 
 #: Sines of angles and lengths [m] below this are singular, or axes parallel or meeting.
 SINGULAR = 1e-6

@@ -3,15 +3,32 @@
 import math
 
 from compiled.kernel import kernel
-from compiled.simd import LANES, on_stack
+from compiled.simd import (
+    LANES,
+    on_stack,
+)
 from kinematics.arrays import Array, Indices
 from kinematics.forward import finite_kernel
-from kinematics.ik.closed_form.calibrated import add_curve_branches_kernel, is_balanced_kernel
-from kinematics.ik.closed_form.nearby_branches import (
+from kinematics.ik.closed_form.calibrated import (
+    add_curve_branches_kernel,
     add_nearby_branches_kernel,
     add_perturbed_branches_kernel,
+    is_balanced_kernel,
 )
-from kinematics.ik.closed_form.plan import (
+from kinematics.ik.closed_form.refine import (
+    CLOSE,
+    CODE,
+    GROUP,
+    INSIDE,
+    VERIFIED,
+    add_refined_kernel,
+    candidates_kernel,
+    enter_kernel,
+    free_kernel,
+    parameter_kernel,
+    verify_kernel,
+)
+from kinematics.ik.closed_form.structure import (
     BRANCH,
     COLUMNS,
     FAMILY,
@@ -25,19 +42,7 @@ from kinematics.ik.closed_form.plan import (
     CandidateTable,
     Problem,
 )
-from kinematics.ik.closed_form.refine import (
-    CLOSE,
-    CODE,
-    GROUP,
-    INSIDE,
-    add_refined_kernel,
-    candidates_kernel,
-    enter_kernel,
-    free_kernel,
-    parameter_kernel,
-)
 from kinematics.ik.closed_form.subproblem import EXACT
-from kinematics.ik.closed_form.verification import VERIFIED, verify_kernel
 from kinematics.ik.numeric.dls_step import frame_kernel
 from kinematics.model.chain import MAX_JOINTS
 

@@ -17,15 +17,6 @@ from compiled.kernel import kernel
 from compiled.simd import on_stack
 from compiled.vec3 import Vector
 from kinematics.arrays import Array
-from kinematics.ik.closed_form.plan import (
-    GENERAL,
-    HEADER,
-    MISS,
-    TURN_COSINE,
-    TURN_SINE,
-    WRIST,
-    CandidateTable,
-)
 from kinematics.ik.closed_form.spherical import (
     Flange,
     Turn,
@@ -34,6 +25,15 @@ from kinematics.ik.closed_form.spherical import (
     back_kernel,
     family_kernel,
     flange_kernel,
+)
+from kinematics.ik.closed_form.structure import (
+    GENERAL,
+    HEADER,
+    MISS,
+    TURN_COSINE,
+    TURN_SINE,
+    WRIST,
+    CandidateTable,
 )
 from kinematics.ik.closed_form.subproblem import (
     ANY_ANGLE,

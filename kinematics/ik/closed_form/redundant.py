@@ -14,8 +14,8 @@ from typing import NamedTuple
 from compiled.kernel import kernel
 from compiled.vec3 import Vector, cross, dot
 from kinematics.arrays import Array
-from kinematics.ik.closed_form.plan import BRANCH, FAMILY, SHOULDER, WRIST, CandidateTable
 from kinematics.ik.closed_form.spherical import ThreeTurns, Turn, back_kernel, flange_kernel
+from kinematics.ik.closed_form.structure import BRANCH, FAMILY, SHOULDER, WRIST, CandidateTable
 from kinematics.ik.closed_form.subproblem import (
     ANY_ANGLE,
     BOTH_SIDES,

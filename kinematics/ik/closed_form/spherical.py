@@ -18,7 +18,7 @@ from compiled.kernel import kernel
 from compiled.simd import on_stack
 from compiled.vec3 import Vector
 from kinematics.arrays import Array
-from kinematics.ik.closed_form.plan import (
+from kinematics.ik.closed_form.structure import (
     BRANCH,
     FAMILY,
     GENERAL,

@@ -8,13 +8,17 @@ import pinocchio as pin
 import pytest
 import sympy
 
-from dynamics.coriolis import christoffel_symbols, coriolis_matrix
 from dynamics.equations.motion import equations_of_motion
 from dynamics.equations.polynomial import TooManyTerms
 from dynamics.equations.table import symbolic_table
-from dynamics.gravity import gravity_vector, potential_energy
 from dynamics.inverse import inverse_dynamics
-from dynamics.mass_matrix import mass_matrix
+from dynamics.terms import (
+    christoffel_symbols,
+    coriolis_matrix,
+    gravity_vector,
+    mass_matrix,
+    potential_energy,
+)
 from kinematics.forward import forward
 from kinematics.jacobian import geometric
 from kinematics.model.dh import chain_from_dh

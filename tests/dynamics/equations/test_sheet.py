@@ -8,12 +8,11 @@ import numpy as np
 import pytest
 from matplotlib.mathtext import MathTextParser
 
-from dynamics.coriolis import coriolis_matrix
 from dynamics.equations.page import write_page
 from dynamics.equations.parameters import textbook_table
 from dynamics.equations.sheet import Sheet, write_sheet
 from dynamics.equations.writing import Notation
-from dynamics.mass_matrix import mass_matrix
+from dynamics.terms import coriolis_matrix, mass_matrix
 from kinematics.errors import InvalidOption
 from kinematics.forward import forward
 from kinematics.model.dh_table import DhRow, DhTable

@@ -9,7 +9,7 @@ from scipy.spatial.transform import Rotation
 
 from armwright_wire.check import Attached, CheckRequest
 from armwright_wire.scene import Scene as SceneBody
-from dynamics.gravity import gravity_vector
+from dynamics.terms import gravity_vector
 from kinematics.errors import InvalidLinkName, InvalidObjectName, InvalidScene
 from kinematics.forward import forward
 from obstacles.scenes.scene import Obstacle, Scene

@@ -6,7 +6,7 @@ import pytest
 
 from armwright_wire import robot as schema
 from armwright_wire.robot import RobotBody
-from dynamics.model.motor import Motor
+from dynamics.model.payload import Motor
 from kinematics.errors import InvalidRobotDescription
 from kinematics.robots import builtin_urdf
 from service.translate import motors, robots

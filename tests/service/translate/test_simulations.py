@@ -15,7 +15,7 @@ from armwright_wire.simulation import (
     SimulateAnswer,
     SimulateRequest,
 )
-from dynamics.mass_matrix import mass_matrix
+from dynamics.terms import mass_matrix
 from kinematics.errors import ArmwrightError, InvalidOption, InvalidRobotState
 from kinematics.robots import builtin_chain
 from kinematics.trajectory.trajectory import Trajectory

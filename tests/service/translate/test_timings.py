@@ -10,7 +10,7 @@ from armwright_wire.plan import ValidateRequest
 from armwright_wire.retime import RetimePath, RetimeTiming
 from armwright_wire.timing import Timing
 from armwright_wire.trajectory import LimitsBody
-from dynamics.gravity import gravity_vector
+from dynamics.terms import gravity_vector
 from kinematics.errors import InvalidOption, InvalidTrajectory, MissingLimit
 from kinematics.forward import forward
 from kinematics.robots import builtin_chain

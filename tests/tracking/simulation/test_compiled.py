@@ -8,8 +8,7 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from dynamics.model.body import scale_masses
-from dynamics.model.motor import Motor, attach_motors
-from dynamics.model.payload import with_motors, with_payload
+from dynamics.model.payload import Motor, attach_motors, with_motors, with_payload
 from kinematics.arrays import Array
 from kinematics.errors import InvalidOption, InvalidRobotState, MissingInertia
 from kinematics.model.chain import Chain, Inertia

@@ -8,7 +8,7 @@ from kinematics.arrays import Array
 from kinematics.forward import forward
 from kinematics.ik.closed_form.analytic import branches, closed_form
 from kinematics.ik.closed_form.calibrated import is_balanced_kernel
-from kinematics.ik.closed_form.plan import Arm
+from kinematics.ik.closed_form.structure import Arm
 from kinematics.jacobian import geometric
 from kinematics.model.chain import Chain
 from kinematics.robots import builtin_chain

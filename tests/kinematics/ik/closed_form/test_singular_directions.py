@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from kinematics.arrays import Array, Indices
-from kinematics.ik.closed_form.singular_directions import joint_direction_kernel, weakest_kernel
+from kinematics.ik.closed_form.continuation import joint_direction_kernel, weakest_kernel
 
 ALL: Indices = np.arange(6)
 

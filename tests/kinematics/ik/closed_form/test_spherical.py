@@ -8,13 +8,13 @@ import pytest
 from kinematics.arrays import Array
 from kinematics.forward import forward, joint_frames
 from kinematics.ik.closed_form.analytic import branches, closed_form
-from kinematics.ik.closed_form.plan import TIP
 from kinematics.ik.closed_form.spherical import (
     back_kernel,
     family_kernel,
     flange_kernel,
     rotation_column,
 )
+from kinematics.ik.closed_form.structure import TIP
 from kinematics.pose import inverse
 from tests.kinematics.ik import symmetries
 from tests.kinematics.ik.arms import GENERAL, general_arm, reversed_arm

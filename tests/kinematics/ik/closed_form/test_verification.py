@@ -7,7 +7,7 @@ from compiled.kernel import kernel
 from compiled.simd import choose, load, store
 from kinematics.arrays import Array
 from kinematics.frame import IDENTITY
-from kinematics.ik.closed_form.verification import angle_kernel, miss_kernel, near_kernel
+from kinematics.ik.closed_form.refine import angle_kernel, miss_kernel, near_kernel
 from kinematics.ik.numeric.dls_step import frame_kernel
 from kinematics.pose import from_axis_angle, transform
 
