@@ -1,7 +1,8 @@
-"""References by name: holds, steps, sines and splines, as trajectories."""
+"""References of a controller: a trajectory, extended by rest; holds, steps, sines and splines."""
 
 import math
 from collections.abc import Sequence
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -11,6 +12,7 @@ from kinematics.errors import InvalidOption, InvalidRobotState
 from kinematics.model.chain import Chain
 from kinematics.trajectory.interpolation import interpolate
 from kinematics.trajectory.trajectory import Trajectory
+from tracking.controllers.controller import Reference
 
 #: Pieces in a period of the fastest sine, each a Taylor polynomial of the degree below: positions
 #: are those of the sine to 3e-17 of its amplitude, accelerations to 3e-14 of theirs.
@@ -137,3 +139,48 @@ def _vector(chain: Chain, name: str, value: ArrayLike) -> Array:
     if checked.shape != (chain.n,):
         raise InvalidRobotState(f"reference.{name} is a batch; give one value for each joint")
     return checked
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class ReferenceSignal:
+    """Position, velocity and acceleration of a trajectory, piece by piece.
+
+    An integrator must see one smooth piece at a time: at a break where the acceleration jumps,
+    the piece decides which of the two is meant. The robot rests at the end in the piece after
+    the last.
+
+    Args:
+        trajectory: Trajectory to follow.
+    """
+
+    trajectory: Trajectory
+    rates: tuple[Array, Array, Array] = field(init=False, repr=False)
+
+    def __post_init__(self) -> None:
+        orders = (self.trajectory.derivative(order).coefficients for order in range(3))
+        object.__setattr__(self, "rates", tuple(orders))
+
+    def piece(self, t: float) -> int:
+        """Index of the piece that begins at, or contains, time ``t`` [s]."""
+        return int(np.searchsorted(self.trajectory.breaks, t, side="right")) - 1
+
+    def arrays(self) -> tuple[Array, Array]:
+        """Breaks (m + 1,) and coefficients (m + 1, n, k); the last piece is the rest at the end."""
+        m, n, k = self.trajectory.coefficients.shape
+        coefficients = np.zeros((m + 1, n, k))
+        coefficients[:m] = self.trajectory.coefficients
+        coefficients[m, :, 0] = self.trajectory.end
+        return np.array(self.trajectory.breaks), coefficients
+
+    def breaks(self, duration: float) -> list[float]:
+        """Times within (0, duration) at which a piece ends [s]."""
+        return [float(t) for t in self.trajectory.breaks[1:] if t < duration]
+
+    def at(self, t: float, piece: int | None = None) -> Reference:
+        """The reference at time ``t`` [s], in a given piece where its neighbour's may differ."""
+        i = self.piece(t) if piece is None else piece
+        if i >= self.trajectory.pieces:
+            rest = np.zeros(self.trajectory.n)
+            return Reference(self.trajectory.end, rest, rest)
+        powers = (t - self.trajectory.breaks[i]) ** np.arange(self.trajectory.degree + 1.0)
+        return Reference(*(c[i] @ powers[: c.shape[2]] for c in self.rates))

@@ -12,7 +12,7 @@ from kinematics.errors import InvalidOption
 from kinematics.trajectory.trajectory import MAX_SAMPLES
 from tracking.simulation.disturbance import Disturbance, EncoderNoise
 from tracking.simulation.options import SimulationOptions
-from tracking.simulation.reference import ReferenceSignal
+from tracking.simulation.references import ReferenceSignal
 
 # A period that would begin this part of one before the end is the end itself, to rounding.
 _SAME_PERIOD = 1e-6

@@ -13,7 +13,7 @@ from tracking.controllers.controller import AdaptiveController, Controller
 from tracking.simulation.disturbance import Disturbance, EncoderNoise
 from tracking.simulation.loop import RUNAWAY
 from tracking.simulation.options import SimulationOptions
-from tracking.simulation.reference import ReferenceSignal
+from tracking.simulation.references import ReferenceSignal
 from tracking.simulation.schedule import Events, periods, schedule
 
 

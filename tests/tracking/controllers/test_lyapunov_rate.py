@@ -16,9 +16,9 @@ from tracking.controllers.computed_torque import ComputedTorque
 from tracking.controllers.control_law import Kind, law, space
 from tracking.controllers.controller import Controller, Flow, Reference
 from tracking.controllers.independent_joint import IndependentJoint
-from tracking.controllers.lyapunov_rate import lyapunov_rate_kernel
 from tracking.controllers.passivity import Passivity
 from tracking.controllers.pd_gravity import PdGravity
+from tracking.simulation.loop import lyapunov_rate_kernel
 from tracking.simulation.result import SimulationResult
 from tracking.simulation.simulation import Disturbance, SimulationOptions, simulate
 

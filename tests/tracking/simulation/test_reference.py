@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from kinematics.trajectory.trajectory import Trajectory
-from tracking.simulation.reference import ReferenceSignal
+from tracking.simulation.references import ReferenceSignal
 
 
 def random_trajectory(seed: int) -> Trajectory:

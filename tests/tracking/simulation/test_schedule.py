@@ -7,7 +7,7 @@ from kinematics.errors import InvalidOption
 from kinematics.trajectory.trajectory import Trajectory
 from tracking.simulation.disturbance import Disturbance, EncoderNoise
 from tracking.simulation.options import SimulationOptions
-from tracking.simulation.reference import ReferenceSignal
+from tracking.simulation.references import ReferenceSignal
 from tracking.simulation.schedule import periods, schedule
 
 
