@@ -67,7 +67,7 @@ def pose_kernel(model: Array, q: Array, link: int, T: Array) -> bool:
 def poses_kernel(model: Array, q: Array, poses: Array) -> bool:
     """Write the poses (len(links), 4, 4) of all links; False where q does not fit.
 
-    Those of links on followers, the last in order, stay as they are.
+    Those of links on mimic joints, the last in order, stay as they are.
     """
     if not fits_kernel(model, q):
         return False
@@ -120,7 +120,7 @@ def frames_kernel(model: Array, q: Array, frames: Array) -> None:
     """Write T_base_i of every body into ``frames`` (bodies, 4, 4), of which the last rows stay.
 
     ``model`` is ``Chain.model``. Cosines and sines are the library's, to the last bit. Bodies that
-    there is no row for, as followers come last, are left out.
+    there is no row for, as mimic joints come last, are left out.
     """
     B = IDENTITY
     for i in range(q.shape[0]):
@@ -137,12 +137,12 @@ def frames_kernel(model: Array, q: Array, frames: Array) -> None:
             B[11],
         )
     if model[0, 2] > 0.0:
-        follower_frames_kernel(model, q, frames)
+        mimic_frames_kernel(model, q, frames)
 
 
 @kernel(allocates=False)
-def follower_frames_kernel(model: Array, q: Array, frames: Array) -> None:
-    """Write T_base_k of the bodies on followers behind those of the chain in ``frames``."""
+def mimic_frames_kernel(model: Array, q: Array, frames: Array) -> None:
+    """Write T_base_k of the bodies on mimic joints behind those of the chain in ``frames``."""
     n, first = q.shape[0], int(model[0, 3])
     for k in range(min(int(model[0, 2]), frames.shape[0] - n)):
         row = first + 2 * k
@@ -199,13 +199,13 @@ def link_number(chain: Chain, name: str) -> int:
     number = chain.index.get(name)
     if number is None:
         number = chain.index[chain.link(name).name]
-    if chain.followers:
+    if chain.mimic_joints:
         require_on_chain(chain, name)
     return number
 
 
 def joint_frames(chain: Chain, q: ArrayLike) -> Array:
-    """Frames of all bodies in the base frame: of the joints after their motion, then of followers.
+    """Frames of all bodies in the base frame: of the joints after their motion, then mimic joints.
 
     Args:
         chain: The robot.
@@ -241,7 +241,7 @@ def forward(chain: Chain, q: ArrayLike, link: str | None = None) -> Array:
         InvalidRobotState: Wrong length or not finite.
         InvalidLinkName: No such link.
     """
-    if chain.followers and is_on_branch(chain, link):
+    if chain.mimic_joints and is_on_branch(chain, link):
         branch = branch_to(chain, link or chain.tip_link)
         return forward(branch.chain, branch.positions(chain.configuration(q)), link)
     number = -1 if link is None else link_number(chain, link)
@@ -294,7 +294,7 @@ def link_poses(
         if one.dtype == _FLOAT and one.ndim == 1:
             poses = _empty(shape)
             if with_one(model, one, poses):
-                if chain.followers:
+                if chain.mimic_joints:
                     write_branches(chain, one, poses)
                 return poses
     except (AttributeError, TypeError):
@@ -303,13 +303,13 @@ def link_poses(
     flat = q.reshape(-1, chain.n)
     poses = np.empty((flat.shape[0], *shape))
     poses_batch_kernel(chain.model, flat, poses)
-    if chain.followers:
+    if chain.mimic_joints:
         write_branches(chain, flat, poses)
     return poses.reshape(*q.shape[:-1], *shape)
 
 
 def write_branches(chain: Chain, q: Array, poses: Array) -> None:
-    """Write the poses (..., links, 4, 4) of the links that hang on followers, at q (..., n)."""
+    """Write the poses (..., links, 4, 4) of the links that hang on mimic joints, at q (..., n)."""
     frames = joint_frames(chain, q)
     for k, link in enumerate(chain.links):
         if link.joint >= chain.n:
@@ -324,6 +324,6 @@ def _poses_into(chain: Chain, q: Array, links: Sequence[str] | None, out: Array)
             f"out must be a writable contiguous float64 array of shape {shape}, and no links named"
         )
     poses_batch_kernel(chain.model, q.reshape(-1, chain.n), out.reshape(-1, *shape[-3:]))
-    if chain.followers:
+    if chain.mimic_joints:
         write_branches(chain, q, out)
     return out

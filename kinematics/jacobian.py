@@ -240,7 +240,7 @@ def pose_and_jacobian(chain: Chain, q: ArrayLike, link: str | None = None) -> tu
         InvalidRobotState: Wrong length or not finite.
         InvalidLinkName: No such link.
     """
-    if chain.followers and is_on_branch(chain, link):
+    if chain.mimic_joints and is_on_branch(chain, link):
         branch = branch_to(chain, link or chain.tip_link)
         T, J = pose_and_jacobian(branch.chain, branch.positions(chain.configuration(q)), link)
         return T, J @ branch.matrix
@@ -281,7 +281,7 @@ def geometric(
         InvalidRobotState: Wrong length or not finite.
         InvalidLinkName: No such link.
     """
-    if chain.followers and is_on_branch(chain, link):
+    if chain.mimic_joints and is_on_branch(chain, link):
         branch = branch_to(chain, link or chain.tip_link)
         at = branch.positions(chain.configuration(q))
         return np.asarray(geometric(branch.chain, at, link, point) @ branch.matrix)

@@ -190,7 +190,7 @@ def store_frame_kernel(frames: Array, at: int, B: Frame) -> None:
 
 @kernel(allocates=False, inline="code")
 def poses_lanes_kernel(model: Array, q: Array, poses: Array, room: Array) -> None:
-    """Poses (LANES, links, 4, 4) of all links but those on followers at q (LANES, n).
+    """Poses (LANES, links, 4, 4) of all links but those on mimic joints at q (LANES, n).
 
     The poses wait in ``room``, (3 n + POSE links) * LANES, until they are written from the first to
     the last byte: memory likes that better than eight places in turn.

@@ -175,15 +175,15 @@ def _check_inertias(chain: Chain) -> None:
     """Refuse a chain none of whose moving links has an inertia, or with joints that follow others.
 
     Raises:
-        MissingInertia: None has, or what followers carry is not in the equations of motion.
+        MissingInertia: None has, or what mimic joints carry is not in the equations of motion.
     """
-    if chain.followers:
-        carrying = ", ".join(repr(follower.name) for follower in chain.followers)
+    if chain.mimic_joints:
+        carrying = ", ".join(repr(mimic.name) for mimic in chain.mimic_joints)
         raise MissingInertia(
             f"the equations of motion of robot {chain.name!r} are not known: they leave out what "
             f"joint(s) {carrying} carry, which mimic joints of the chain",
             hint="Make these joints fixed in the description, or leave out what needs forces.",
-            joints=[follower.name for follower in chain.followers],
+            joints=[mimic.name for mimic in chain.mimic_joints],
             links=[],
         )
     if len(massless_joints(chain)) < chain.n:

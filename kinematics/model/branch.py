@@ -1,7 +1,7 @@
-"""The serial chain from the root to a body that hangs on followers, and what moves it.
+"""The serial chain from the root to a body that hangs on mimic joints, and what moves it.
 
-A follower's position is that of a joint of the robot's chain, scaled and shifted, so all joints on
-the way to such a body are q' = L q + c: with the Jacobian J'(q') of the serial chain on the way
+A mimic joint's position is that of a joint of the chain, scaled and shifted, so all joints on the
+way to such a body are q' = L q + c: with the Jacobian J'(q') of the serial chain on the way
 
     T(q) = T'(L q + c),      J(q) = J'(L q + c) L,      d/dt J = (d/dt J') L.
 """
@@ -41,20 +41,20 @@ class Branch:
 
 
 def is_on_branch(chain: Chain, link: str | None) -> bool:
-    """Whether a link (None for the tip) hangs on a follower.
+    """Whether a link (None for the tip) hangs on a mimic joint.
 
     Raises:
         InvalidLinkName: There is no such link.
     """
-    return bool(chain.followers) and link is not None and chain.link(link).joint >= chain.n
+    return bool(chain.mimic_joints) and link is not None and chain.link(link).joint >= chain.n
 
 
 def require_on_chain(chain: Chain, link: str) -> None:
-    """Refuse a link that hangs on a follower, where such links are not known.
+    """Refuse a link that hangs on a mimic joint, where such links are not known.
 
     Raises:
         InvalidLinkName: There is no such link.
-        InvalidOption: It hangs on a follower.
+        InvalidOption: It hangs on a mimic joint.
     """
     if is_on_branch(chain, link):
         raise InvalidOption(
@@ -83,7 +83,7 @@ def _branch(chain: Chain, body: int) -> Branch:
     at = body
     while at >= 0:
         way.append(at)
-        at = chain.followers[at - n].parent if at >= n else at - 1
+        at = chain.mimic_joints[at - n].parent if at >= n else at - 1
     way.reverse()
     matrix, shift = np.zeros((len(way), n)), np.zeros(len(way))
     names, types, offsets = [], [], []
@@ -92,9 +92,9 @@ def _branch(chain: Chain, body: int) -> Branch:
             matrix[row, at] = 1.0
             one = (chain.joint_names[at], int(chain.joint_types[at]), chain.offsets[at])
         else:
-            follower = chain.followers[at - n]
-            matrix[row, follower.leader], shift[row] = follower.multiplier, follower.offset
-            one = (follower.name, follower.joint_type, follower.T_parent_joint)
+            mimic = chain.mimic_joints[at - n]
+            matrix[row, mimic.leader], shift[row] = mimic.multiplier, mimic.offset
+            one = (mimic.name, mimic.joint_type, mimic.T_parent_joint)
         names.append(one[0])
         types.append(one[1])
         offsets.append(one[2])
@@ -117,7 +117,7 @@ def _branch(chain: Chain, body: int) -> Branch:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class BodyTree:
-    """Bodies of a chain of n joints, b in all; without followers b = n.
+    """Bodies of a chain of n joints, b in all; without mimic joints b = n.
 
     Args:
         parents: The body before each, -1 for the base, shape (b,).
@@ -136,16 +136,16 @@ class BodyTree:
     @classmethod
     def of(cls, chain: Chain) -> "BodyTree":
         """The tree of a chain."""
-        n, followers = chain.n, chain.followers
-        offsets = [*chain.offsets, *(follower.T_parent_joint for follower in followers)]
-        types = [*chain.joint_types, *(follower.joint_type for follower in followers)]
+        n, mimic_joints = chain.n, chain.mimic_joints
+        offsets = [*chain.offsets, *(mimic.T_parent_joint for mimic in mimic_joints)]
+        types = [*chain.joint_types, *(mimic.joint_type for mimic in mimic_joints)]
         shares, shifts = np.eye(chain.body_count, n), np.zeros(chain.body_count)
-        for k, follower in enumerate(followers, start=n):
-            shares[k, follower.leader] = abs(follower.multiplier)
-            shifts[k] = abs(follower.offset)
+        for k, mimic in enumerate(mimic_joints, start=n):
+            shares[k, mimic.leader] = abs(mimic.multiplier)
+            shifts[k] = abs(mimic.offset)
         lengths = np.linalg.norm(np.array(offsets)[:, :3, 3], axis=1)
         slides = np.array(types) == JointType.PRISMATIC
-        return cls(parents(n, followers), slides, lengths, shares, shifts)
+        return cls(parents(n, mimic_joints), slides, lengths, shares, shifts)
 
     def rates(self, rates: Array) -> Array:
         """Largest rates of all joints from those of the chain's (..., n), shape (..., b)."""

@@ -20,7 +20,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from kinematics.arrays import Array, Indices, frozen
 from kinematics.errors import InvalidLinkName, InvalidRobotState, MissingLimit
-from kinematics.model.mimic_joint import Follower
+from kinematics.model.mimic_joint import MimicJoint
 
 #: Chains longer than this are refused: no arm has so many joints, a bomb may.
 MAX_JOINTS = 64
@@ -117,7 +117,7 @@ class Link:
     Args:
         name: The link's name.
         joint: The body it is part of: the index of the joint that carries it, -1 for what stands
-            still, n + k for what follower k of the chain carries.
+            still, n + k for what mimic joint k of the chain carries.
         T_joint_link: The link's frame in that joint's frame, shape (4, 4).
         inertia: Mass properties in the link's frame; None where the description has none.
     """
@@ -154,15 +154,15 @@ class Chain:
             Denavit-Hartenberg table that the chain was built from; None for other chains.
         root_link: Name of the link whose frame all poses are in; the base link where empty.
         root_aliases: Other names of that frame, as fixed virtual joints of an SRDF give them.
-        followers: Joints off the chain that mimic one of it (``kinematics.model.mimic_joint``).
+        mimic_joints: Joints off the chain that mimic one of it (``kinematics.model.mimic_joint``).
 
     Also known: ``index``, where each link stands in ``links``; ``model``, all that forward
-    kinematics reads in one array (1 + n + len(links) + 2 len(followers), 14): n and the tip's
+    kinematics reads in one array (1 + n + len(links) + 2 len(mimic_joints), 14): n and the tip's
     number, then a joint's type and offset or a link's joint and frame in a row, frames by their
     upper three rows, and last the links' numbers in the order of their joints; where there are
-    followers, their number and first row behind n and the tip, and two rows for each: type, frame
-    and parent, then leader, multiplier and offset; ``content_hash``; ``memo``, where what was made
-    of a chain last can wait for the next call: finding it by hash costs more than a frame.
+    mimic joints, their number and first row behind n and the tip, and two rows for each: type,
+    frame and parent, then leader, multiplier and offset; ``content_hash``; ``memo``, where what was
+    made of a chain last can wait for the next call: finding it by hash costs more than a frame.
     """
 
     name: str
@@ -181,7 +181,7 @@ class Chain:
     dh_convention: str | None = None
     root_link: str = ""
     root_aliases: tuple[str, ...] = ()
-    followers: tuple[Follower, ...] = ()
+    mimic_joints: tuple[MimicJoint, ...] = ()
     index: Mapping[str, int] = field(init=False, repr=False)
     model: Array = field(init=False, repr=False)
     content_hash: str = field(init=False, repr=False)
@@ -226,14 +226,14 @@ class Chain:
 
     @property
     def body_count(self) -> int:
-        """Bodies that move: one for each joint and each follower."""
-        return len(self.joint_names) + len(self.followers)
+        """Bodies that move: one for each joint and each mimic joint."""
+        return len(self.joint_names) + len(self.mimic_joints)
 
     def joint_of(self, body: int) -> str:
-        """Name of the joint that moves a body, one of the chain's or a follower."""
+        """Name of the joint that moves a body, one of the chain's or a mimic joint."""
         if body < len(self.joint_names):
             return self.joint_names[body]
-        return self.followers[body - len(self.joint_names)].name
+        return self.mimic_joints[body - len(self.joint_names)].name
 
     @property
     def tip(self) -> Link:
@@ -321,9 +321,9 @@ def _model(chain: Chain) -> Array:
         (link.joint, *link.T_joint_link[:3].flat, k)
         for link, k in zip(chain.links, order, strict=True)
     ]
-    if chain.followers:
-        rows[0] = (*rows[0][:2], len(chain.followers), len(rows), *[0.0] * 10)
-    for each in chain.followers:
+    if chain.mimic_joints:
+        rows[0] = (*rows[0][:2], len(chain.mimic_joints), len(rows), *[0.0] * 10)
+    for each in chain.mimic_joints:
         rows.append((each.joint_type, *each.T_parent_joint[:3].flat, each.parent))
         rows.append((each.leader, each.multiplier, each.offset, *[0.0] * 11))
     return frozen(rows)
@@ -343,7 +343,7 @@ def _content_hash(chain: Chain) -> str:
     arrays += [getattr(chain.limits, item.name) for item in fields(chain.limits)]
     for array in arrays:
         digest.update(np.ascontiguousarray(array).tobytes())
-    for each in chain.followers:
+    for each in chain.mimic_joints:
         digest.update(each.text().encode() + each.T_parent_joint.tobytes())
     for link in chain.links:
         digest.update(f"{link.name}\0{link.joint}\0".encode() + link.T_joint_link.tobytes())

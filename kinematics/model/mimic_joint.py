@@ -1,11 +1,11 @@
-"""Followers: joints off a chain that mimic a joint of it, and so move with the arm.
+"""Mimic joints: joints off a chain whose position is that of a joint of it, scaled and shifted.
 
 The rods of a parallelogram, a cover that turns back as its arm turns: with j the joint that leads,
 
     q = m q_j + b,      T_root_k = T_root_parent A_k M_k(q).
 
 They add no degree of freedom, but a body each. Bodies are numbered: -1 stands still, body i < n is
-what joint i of the chain carries, and body n + k what follower k does.
+what joint i of the chain carries, and body n + k what mimic joint k does.
 """
 
 from collections.abc import Sequence
@@ -17,7 +17,7 @@ from kinematics.arrays import Array, Indices, frozen
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Follower:
+class MimicJoint:
     """A joint whose position is ``multiplier`` times that of a joint of the chain, plus ``offset``.
 
     Args:
@@ -42,12 +42,13 @@ class Follower:
         object.__setattr__(self, "T_parent_joint", frozen(self.T_parent_joint))
 
     def text(self) -> str:
-        """All that tells it from others but its frame, for hashes."""
+        """Text of all but the frame, for hashes."""
         numbers = f"{self.joint_type}\0{self.parent}\0{self.leader}"
+        # The word of the first release: hashes of robots depend on it.
         return f"follower\0{self.name}\0{numbers}\0{self.multiplier!r}\0{self.offset!r}\0"
 
 
-def parents(n: int, followers: Sequence[Follower]) -> Indices:
-    """The body before each body, shape (n + len(followers),)."""
+def parents(n: int, mimic_joints: Sequence[MimicJoint]) -> Indices:
+    """The body before each body, shape (n + len(mimic_joints),)."""
     chain = np.arange(-1, n - 1, dtype=np.int64)
-    return np.concatenate([chain, np.array([f.parent for f in followers], dtype=np.int64)])
+    return np.concatenate([chain, np.array([f.parent for f in mimic_joints], dtype=np.int64)])

@@ -148,7 +148,7 @@ def fingers(
     while waiting:
         link = waiting.pop(0)
         for joint in description.children(link):
-            if joint.name in chosen.followers:
+            if joint.name in chosen.mimic_joints:
                 continue  # What it carries moves with the arm.
             waiting.append(joint.child)
             if joint.moves or link in behind:

@@ -55,25 +55,25 @@ class JointRoom(NamedTuple):
         return JointRoom(low, high, *rates)
 
 
-def room_of(joint: JointDescription, followers: Iterable[Led] = ()) -> JointRoom:
+def room_of(joint: JointDescription, mimic_joints: Iterable[Led] = ()) -> JointRoom:
     """Limits of a joint, within those of the joints that follow it.
 
     A range that contradicts itself is none, and a rate of 0 is not given.
 
     Args:
         joint: Joint that leads.
-        followers: Mimic joints of the joint.
+        mimic_joints: Mimic joints of the joint.
     """
     low, high = joint.range
     rates = (joint.velocity, joint.acceleration, joint.jerk)
     given = (rate if rate > 0.0 else math.nan for rate in rates)
     room = JointRoom(_least(low, -math.inf), _least(high, math.inf), *given)
-    for follower in followers:
-        room = room.within(*follower)
+    for mimic in mimic_joints:
+        room = room.within(*mimic)
     return room
 
 
-def joint_followers(description: RobotDescription, moving: Collection[str], base: str) -> Relations:
+def mimic_relations(description: RobotDescription, moving: Collection[str], base: str) -> Relations:
     """The joints off a chain that mimic one of it, by way of others or not.
 
     Args:
@@ -102,16 +102,16 @@ def joint_followers(description: RobotDescription, moving: Collection[str], base
     return MappingProxyType(found)
 
 
-def follower_notes(description: RobotDescription, followers: Relations) -> list[str]:
+def mimic_notes(description: RobotDescription, mimic_joints: Relations) -> list[str]:
     """Notes on joints that follow, one sentence each."""
     notes = []
-    for name, (leader, multiplier, offset) in followers.items():
+    for name, (leader, multiplier, offset) in mimic_joints.items():
         shift = f" {'+' if offset > 0.0 else '-'} {abs(offset):g}" if offset else ""
         note = f"joint {name!r} moves with {leader!r}, which it mimics: {multiplier:g} x{shift}"
         led = description.joints[name], multiplier, offset
         notes.append(note + narrowing_note(description.joints[leader], led))
-    if followers:
-        names = ", ".join(repr(name) for name in followers)
+    if mimic_joints:
+        names = ", ".join(repr(name) for name in mimic_joints)
         notes.append(
             f"forces and torques are not known: the weight of what {names} carry is felt by other "
             "joints than those that carry it, which the equations of motion here do not tell"
@@ -119,15 +119,15 @@ def follower_notes(description: RobotDescription, followers: Relations) -> list[
     return notes
 
 
-def narrowing_note(leader: JointDescription, follower: Led) -> str:
-    """How the limits of a follower narrow those of its leader, in words; empty where not at all.
+def narrowing_note(leader: JointDescription, mimic: Led) -> str:
+    """How the limits of a mimic joint narrow those of its leader, in words; empty where not at all.
 
     Args:
         leader: The joint that leads.
-        follower: One that follows it.
+        mimic: One that follows it.
     """
-    known, own = room_of(leader), _allowed(*follower)
-    left, note = known.within(*follower), ""
+    known, own = room_of(leader), _allowed(*mimic)
+    left, note = known.within(*mimic), ""
     if left[:2] != known[:2]:
         note += f"; its limits narrow those of {leader.name!r} to [{left.lower:.6g}, "
         note += f"{left.upper:.6g}]"
@@ -144,7 +144,7 @@ def narrowed_limits(
     continuous: Sequence[bool],
     joints: Sequence[str],
     description: RobotDescription,
-    followers: Relations,
+    mimic_joints: Relations,
 ) -> tuple[Limits, list[bool]]:
     """The limits of a chain (n joints) within those of the joints that follow it.
 
@@ -153,10 +153,10 @@ def narrowed_limits(
         continuous: Whether each joint turns without end.
         joints: Names of the joints.
         description: The tree.
-        followers: Mimic joints by ``joint_followers``.
+        mimic_joints: Mimic joints by ``mimic_relations``.
     """
     rows, endless = {name: np.array(getattr(limits, name)) for name in JointRoom._fields}, []
-    for name, (leader, multiplier, offset) in followers.items():
+    for name, (leader, multiplier, offset) in mimic_joints.items():
         j = joints.index(leader)
         room = JointRoom(*(float(row[j]) for row in rows.values()))
         room = room.within(description.joints[name], multiplier, offset)

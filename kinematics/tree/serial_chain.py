@@ -11,15 +11,15 @@ from numpy.typing import ArrayLike
 from kinematics.arrays import Array
 from kinematics.errors import InvalidRobotDescription
 from kinematics.model.chain import MAX_JOINTS, Chain, JointType, Link
-from kinematics.model.mimic_joint import Follower
+from kinematics.model.mimic_joint import MimicJoint
 from kinematics.pose import align_z, from_axis_angle, inverse, transform
 from kinematics.tree.chain_ends import choose_ends, joints_above, joints_between, leaves
 from kinematics.tree.description import JointDescription, RobotDescription
 from kinematics.tree.joint_limits import joint_limit_values
 from kinematics.tree.mimic_limits import (
     Led,
-    follower_notes,
-    joint_followers,
+    mimic_notes,
+    mimic_relations,
     narrowed_limits,
     narrowing_note,
     room_of,
@@ -43,11 +43,11 @@ class Selection:
         base_link: Link that the chain starts at.
         tip_link: Link that the chain ends at.
         joints: Names of its moving joints, base to tip.
-        held: Positions of all other joints that could move, without ``followers``, by name
+        held: Positions of all other joints that could move, without ``mimic_joints``, by name
             [rad or m].
         lint: Remarks on what was chosen without being asked for, one sentence each.
-        followers: The joints off the chain that mimic one of it, by name, each with the joint that
-            leads, multiplier and offset.
+        mimic_joints: Joints off the chain that mimic one of it, by name, each with its leader,
+            multiplier and offset.
     """
 
     base_link: str
@@ -55,7 +55,7 @@ class Selection:
     joints: tuple[str, ...]
     held: Mapping[str, float]
     lint: tuple[str, ...]
-    followers: Mapping[str, tuple[str, float, float]] = field(default_factory=dict)
+    mimic_joints: Mapping[str, tuple[str, float, float]] = field(default_factory=dict)
 
 
 def serial_chain(
@@ -97,12 +97,12 @@ def serial_chain(
     chosen = select(description, base_link, tip_link, held, semantics)
     above = joints_above(description, chosen.base_link, chosen.tip_link)
     joints = [description.joints[name] for name in chosen.joints]
-    offsets, links, followers = _unfold(description, chosen)
+    offsets, links, mimic_joints = _unfold(description, chosen)
     limits, continuous = joint_limit_values(joints, joint_limits or {}, description.joints)
     limits, continuous = narrowed_limits(
-        limits, continuous, chosen.joints, description, chosen.followers
+        limits, continuous, chosen.joints, description, chosen.mimic_joints
     )
-    if chosen.followers or any(joint.moves for joint in above):
+    if chosen.mimic_joints or any(joint.moves for joint in above):
         limits = replace(limits, effort=np.full(len(joints), np.nan))
     prismatic = [joint.type == "prismatic" for joint in joints]
     aliases = () if semantics is None else semantics.root_aliases(description.root)
@@ -123,7 +123,7 @@ def serial_chain(
         coulomb_friction=np.array([joint.friction for joint in joints]),
         root_link=chosen.base_link if above else description.root,
         root_aliases=aliases,
-        followers=tuple(followers),
+        mimic_joints=tuple(mimic_joints),
     )
 
 
@@ -163,13 +163,13 @@ def select(
             f"{len(names)} joints move between {base!r} and {tip!r}, at most {MAX_JOINTS} may"
         )
     positions, lint = held_positions(description, names, held or {})
-    followers = joint_followers(description, names, base)
-    lint += follower_notes(description, followers)
+    mimic_joints = mimic_relations(description, names, base)
+    lint += mimic_notes(description, mimic_joints)
     turned = [joint.name for joint in joints_above(description, base, tip) if joint.moves]
     if turned:
         lint.append(_SEEN_FROM_WORK.format(base=base, joints=", ".join(turned)))
     lint = [*ends.lint, *lint]
-    return Selection(base, tip, names, MappingProxyType(positions), tuple(lint), followers)
+    return Selection(base, tip, names, MappingProxyType(positions), tuple(lint), mimic_joints)
 
 
 # ------------------------------------------------------------------------ frames and limits
@@ -177,19 +177,19 @@ def select(
 
 def _unfold(
     description: RobotDescription, chosen: Selection
-) -> tuple[list[Array], list[Link], list[Follower]]:
-    """Offsets of the chain's joints, every link with the joint that carries it, and followers.
+) -> tuple[list[Array], list[Link], list[MimicJoint]]:
+    """Offsets of the chain's joints, every link with the joint that carries it, and mimic joints.
 
     The first offset and the links that stand still are in the root frame.
     """
     index = {name: i for i, name in enumerate(chosen.joints)}
     offsets = [np.eye(4)] * len(index)
     links: list[Link] = []
-    followers: list[Follower] = []
+    mimic_joints: list[MimicJoint] = []
     reverse = {j.name for j in joints_above(description, chosen.base_link, chosen.tip_link)}
     is_still = not any(description.joints[name].moves for name in reverse)
-    # The weight of what followers carry is felt by other joints than those that carry them.
-    is_still = is_still and not chosen.followers
+    # The weight of what mimic joints carry is felt by other joints than those that carry them.
+    is_still = is_still and not chosen.mimic_joints
     standing = _poses_to_base(description, chosen) if not reverse else {chosen.base_link: np.eye(4)}
     waiting = [(chosen.base_link, -1, standing[chosen.base_link])]
     seen = {chosen.base_link}
@@ -206,9 +206,9 @@ def _unfold(
                 align = transform(align_z(joint.axis))
                 offsets[index[joint.name]] = T @ joint.T_parent_joint @ align
                 waiting.append((joint.child, index[joint.name], inverse(align)))
-            elif joint.name in chosen.followers:
-                followers.append(_follower(joint, carrier, T, chosen))
-                body = len(index) + len(followers) - 1
+            elif joint.name in chosen.mimic_joints:
+                mimic_joints.append(_mimic_joint(joint, carrier, T, chosen))
+                body = len(index) + len(mimic_joints) - 1
                 waiting.append((joint.child, body, inverse(transform(align_z(joint.axis)))))
             else:
                 waiting.append((joint.child, carrier, T @ _held_motion(joint, chosen.held)))
@@ -225,13 +225,13 @@ def _unfold(
                 waiting.append((above.parent, carrier, back))
             else:
                 waiting.append((above.parent, carrier, standing[above.parent]))
-    return offsets, links, followers
+    return offsets, links, mimic_joints
 
 
-def _follower(joint: JointDescription, carrier: int, T: Array, chosen: Selection) -> Follower:
+def _mimic_joint(joint: JointDescription, carrier: int, T: Array, chosen: Selection) -> MimicJoint:
     """A joint that hangs on body ``carrier`` at the link whose frame there is T."""
-    leader, multiplier, offset = chosen.followers[joint.name]
-    return Follower(
+    leader, multiplier, offset = chosen.mimic_joints[joint.name]
+    return MimicJoint(
         name=joint.name,
         joint_type=int(JointType.PRISMATIC if joint.type == "prismatic" else JointType.REVOLUTE),
         parent=carrier,
@@ -297,7 +297,7 @@ def held_positions(
         if joint.type in ("floating", "planar")
     ]
     led: dict[str, list[Led]] = {joint.name: [] for joint in free}
-    for name, (leader, m, b) in joint_followers(description, led, description.root).items():
+    for name, (leader, m, b) in mimic_relations(description, led, description.root).items():
         led[leader].append((joints[name], m, b))
     held = {joint.name: _position(joint, led[joint.name], asked, lint) for joint in free}
     for joint in off_chain:
@@ -320,14 +320,14 @@ def _reason_not_lockable(description: RobotDescription, moving: Sequence[str], n
 
 def _position(
     joint: JointDescription,
-    followers: Sequence[Led],
+    mimic_joints: Sequence[Led],
     asked: Mapping[str, float],
     lint: list[str],
 ) -> float:
     value = asked.get(joint.name)
-    notes = ((follower[0].name, narrowing_note(joint, follower)) for follower in followers)
+    notes = ((mimic[0].name, narrowing_note(joint, mimic)) for mimic in mimic_joints)
     lint += [f"joint {name!r} mimics {joint.name!r}{note}" for name, note in notes if note]
-    lower, upper, *_ = room_of(joint, followers)
+    lower, upper, *_ = room_of(joint, mimic_joints)
     if value is None:
         nearest = min(max(0.0, lower), upper)
         if nearest != 0.0:

@@ -293,18 +293,18 @@ def _check_cycles(
 def _check_mimics(joints: Mapping[str, JointDescription]) -> None:
     for joint in joints.values():
         seen = [joint.name]
-        follower = joint
-        while follower.mimic is not None:
-            followed = follower.mimic.joint
-            if followed not in joints:
+        one = joint
+        while one.mimic is not None:
+            leader = one.mimic.joint
+            if leader not in joints:
                 raise InvalidRobotDescription(
-                    f"joint {follower.name!r} mimics the unknown joint {followed!r}",
+                    f"joint {one.name!r} mimics the unknown joint {leader!r}",
                     hint=f"The joints are: {_join_names(list(joints))}.",
                 )
-            if followed in seen:
-                raise InvalidRobotDescription(f"joint {followed!r} mimics itself")
-            seen.append(followed)
-            follower = joints[followed]
+            if leader in seen:
+                raise InvalidRobotDescription(f"joint {leader!r} mimics itself")
+            seen.append(leader)
+            one = joints[leader]
 
 
 def _join_names(names: Sequence[str], separator: str = ", ", most: int = 20) -> str:

@@ -138,9 +138,9 @@ def _table(
 
 def _joined(robot: RobotGeometry) -> frozenset[Pair]:
     """Pairs of links on two bodies that a joint joins."""
-    n, followers = robot.chain.n, robot.chain.followers
+    n, mimic_joints = robot.chain.n, robot.chain.mimic_joints
     before = {j: j - 1 for j in range(n)}
-    before |= {k: follower.parent for k, follower in enumerate(followers, start=n)}
+    before |= {k: mimic.parent for k, mimic in enumerate(mimic_joints, start=n)}
     bodies = {name: int(j) for name, j in zip(robot.links, robot.joints, strict=True)}
     bodies = {name: body for name, body in bodies.items() if name in robot.chain.index}
     return frozenset(

@@ -110,8 +110,8 @@ def _axis_points(piece: Piece) -> list[tuple[Array, float]]:
 
 
 @kernel(allocates=False)
-def _follower_kernel(chain: Array, frames: Array, point: Array, body: int, J: Array) -> None:
-    """Write the linear rows of the Jacobian of a point that a follower's body carries into J."""
+def _mimic_joint_kernel(chain: Array, frames: Array, point: Array, body: int, J: Array) -> None:
+    """Write the linear rows of the Jacobian of a point that a mimic joint's body carries into J."""
     n = J.shape[1]
     J[:] = 0.0
     while body >= 0:
@@ -151,7 +151,7 @@ def control_points_kernel(
         # The Jacobian of the whole arm at this point, cut off after the joint that carries it.
         jacobian_kernel(chain, frames, points[i], min(joints[i], n - 1), J)
         if joints[i] >= n:
-            _follower_kernel(chain, frames, points[i], joints[i], J)
+            _mimic_joint_kernel(chain, frames, points[i], joints[i], J)
         for row in range(3):
             for j in range(n):
                 jacobians[i, row, j] = J[row, j]

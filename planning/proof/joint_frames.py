@@ -37,7 +37,7 @@ def forward_kernel(types: Indices, offsets: Array, q: Array, frames: Array) -> N
 
 
 @kernel(allocates=False)
-def follower_frames(bodies: Indices, offsets: Array, first: int, q: Array, frames: Array) -> None:
+def mimic_frames(bodies: Indices, offsets: Array, first: int, q: Array, frames: Array) -> None:
     """``forward_kernel`` of the bodies from ``first`` on, which follow others and hang on any.
 
     Args:

@@ -119,7 +119,7 @@ def enclose(coefficients: Array, at: float, half: float, scratch: Array, joints:
 
 
 @kernel(allocates=False)
-def enclose_followers(leaders: Indices, leads: Array, joints: Array) -> None:
+def enclose_mimic_joints(leaders: Indices, leads: Array, joints: Array) -> None:
     """Enclose the joints that follow others: q = m q_j + b, so everything is |m| times as large.
 
     Args:

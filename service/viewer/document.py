@@ -8,7 +8,7 @@ import numpy as np
 
 from kinematics.arrays import Array
 from kinematics.model.chain import Chain, JointType
-from kinematics.model.mimic_joint import Follower
+from kinematics.model.mimic_joint import MimicJoint
 from kinematics.trajectory.trajectory import Trajectory
 from obstacles.robots.robot_geometry import RobotGeometry
 from obstacles.robots.visual_geometry import VisualGeometry
@@ -128,7 +128,7 @@ def robot_document(
         "robot": chain.name,
         "joints": _joints(chain),
         "offsets": [_flat(A) for A in chain.offsets],
-        "followers": [_follower(follower) for follower in chain.followers],
+        "followers": [_mimic_joint(mimic) for mimic in chain.mimic_joints],
         "tip": {"name": tip.name, "joint": tip.joint, "frame": _flat(tip.T_joint_link)},
         "bodies": [body_document(body) for body in drawn],
         "simplified": [body.name for body in solid if body.simplified],
@@ -164,15 +164,15 @@ def motion_document(
     }
 
 
-def _follower(follower: Follower) -> dict[str, Any]:
+def _mimic_joint(mimic: MimicJoint) -> dict[str, Any]:
     """A joint off the chain that mimics one of it, and the body before it."""
     return {
-        "parent": follower.parent,
-        "leader": follower.leader,
-        "multiplier": follower.multiplier,
-        "offset": follower.offset,
-        "slides": follower.joint_type == JointType.PRISMATIC,
-        "frame": _flat(follower.T_parent_joint),
+        "parent": mimic.parent,
+        "leader": mimic.leader,
+        "multiplier": mimic.multiplier,
+        "offset": mimic.offset,
+        "slides": mimic.joint_type == JointType.PRISMATIC,
+        "frame": _flat(mimic.T_parent_joint),
     }
 
 

@@ -252,7 +252,7 @@ def test_poses_with_fingers_elsewhere(client: httpx.Client) -> None:
     openings = [0.0, 0.02, 0.05]
     body = {"joints": rows, "fingers": {"claw_left": openings}}
     links = answer(client.post(where, json=body))["links"]
-    # The URDF by pinocchio, the follower at its own joint as the mimic says.
+    # The URDF by pinocchio, the mimic joint at its own joint as the mimic says.
     with TemporaryDirectory() as folder:
         file = Path(folder, "claws.urdf")
         file.write_text(fingers.urdf())

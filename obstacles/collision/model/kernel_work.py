@@ -168,12 +168,12 @@ def visit(model: ModelArrays, work: Workspace) -> None:
             twists[j + 1, 4] += zy
             twists[j + 1, 5] += zz
     if model.chain[0, 2] > 0.0:
-        _twist_followers(model.chain, work)
+        _twist_mimic_joints(model.chain, work)
 
 
 @kernel(allocates=False)
-def _twist_followers(chain: Array, work: Workspace) -> None:
-    """``visit``'s twists of the bodies on followers: each is its parent's and its own joint's."""
+def _twist_mimic_joints(chain: Array, work: Workspace) -> None:
+    """``visit``'s twists of bodies on mimic joints: each is its parent's and its own joint's."""
     n, first = int(chain[0, 0]), int(chain[0, 3])
     for k in range(int(chain[0, 2])):
         row = first + 2 * k

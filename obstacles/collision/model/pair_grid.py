@@ -220,7 +220,7 @@ def _poses(chain: Chain, first: int, last: int) -> list[tuple[Array, Array]]:
 def _axes(chain: Chain, first: int, last: int) -> Array | None:
     """``PairGrid.axes`` of a pair that joints ``first`` to ``last`` move; None for no grid."""
     if last >= chain.n:
-        return None  # What hangs on a follower moves with other joints than those between.
+        return None  # What hangs on a mimic joint moves with other joints than those between.
     span = slice(first, last + 1)
     lower, upper = chain.limits.lower[span], chain.limits.upper[span]
     if len(lower) > 2 or not np.isfinite(upper - lower).all() or not (upper > lower).all():

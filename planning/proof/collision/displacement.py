@@ -89,7 +89,7 @@ def displacement_bounds(
         frames: T_base_body in the middle of the interval, shape (b, 4, 4).
         ball: Centre of the ball in the base frame, and its radius [m].
         carrier: The body it moves with.
-        joints: Joints from ``enclose`` and ``enclose_followers``, shape (b, JOINT_COLUMNS).
+        joints: Joints from ``enclose`` and ``enclose_mimic_joints``, shape (b, JOINT_COLUMNS).
         half: Half the interval's length [s].
         asked: Rows of ``moves`` that are asked for, shape (b,).
         moves: Row k is filled for each body k - 1 before the carrier: seen from there, columns

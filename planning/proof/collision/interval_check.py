@@ -42,8 +42,15 @@ from planning.proof.collision.sweep_state import (
     Sweep,
     note_clearance,
 )
-from planning.proof.joint_frames import follower_frames, forward_kernel
-from planning.proof.motion_bounds import TYPE, VALUE, enclose_followers, outside_box, place, reach
+from planning.proof.joint_frames import forward_kernel, mimic_frames
+from planning.proof.motion_bounds import (
+    TYPE,
+    VALUE,
+    enclose_mimic_joints,
+    outside_box,
+    place,
+    reach,
+)
 
 #: A pair that moves less than this in an interval [m] is decided by its distance alone.
 RESOLUTION = 1e-7
@@ -98,10 +105,10 @@ def check_interval(model: PairArrays, w: Sweep) -> bool:
 @kernel(allocates=False, inline="code")
 def _place_bodies(model: PairArrays, w: Sweep) -> None:
     """Place all bodies in the middle of the interval, and enclose those that follow others."""
-    enclose_followers(model.leaders, model.leads, w.joints)
+    enclose_mimic_joints(model.leaders, model.leads, w.joints)
     types, n = model.bodies[TYPE], model.bodies.shape[1] - model.leaders.shape[0]
     forward_kernel(types, model.offsets, w.joints[:n, VALUE], w.frames)
-    follower_frames(model.bodies, model.offsets, n, w.joints[:, VALUE], w.frames)
+    mimic_frames(model.bodies, model.offsets, n, w.joints[:, VALUE], w.frames)
     w.interval[REACH] = reach(types, model.offsets, w.joints)
 
 

@@ -253,14 +253,14 @@ def _around(
 @bounded_cache(maxsize=8, weigh=array_bytes)
 def _joints(chain: Chain) -> tuple[Indices, Array, Array, Indices]:
     """The first columns of ``PairArrays``, which tell how bodies hang on each other."""
-    n, followers = chain.n, chain.followers
-    bodies = np.empty((2, n + len(followers)), dtype=np.int64)
+    n, mimic_joints = chain.n, chain.mimic_joints
+    bodies = np.empty((2, n + len(mimic_joints)), dtype=np.int64)
     bodies[TYPE, :n], bodies[PARENT, :n] = chain.joint_types, np.arange(-1, n - 1)
-    for k, follower in enumerate(followers, start=n):
-        bodies[:, k] = follower.joint_type, follower.parent
-    own = np.array([f.T_parent_joint for f in followers]).reshape(-1, 4, 4)
-    leads = np.array([[f.multiplier, f.offset] for f in followers]).reshape(-1, 2)
-    leaders = np.array([f.leader for f in followers], dtype=np.int64)
+    for k, mimic in enumerate(mimic_joints, start=n):
+        bodies[:, k] = mimic.joint_type, mimic.parent
+    own = np.array([f.T_parent_joint for f in mimic_joints]).reshape(-1, 4, 4)
+    leads = np.array([[f.multiplier, f.offset] for f in mimic_joints]).reshape(-1, 2)
+    leaders = np.array([f.leader for f in mimic_joints], dtype=np.int64)
     offsets = frozen(np.concatenate([chain.offsets, own]))
     return bodies, offsets, leads, leaders
 

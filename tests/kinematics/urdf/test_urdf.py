@@ -155,8 +155,8 @@ def test_tree() -> None:
     np.testing.assert_array_equal(elbow.axis, [1, 0, 0])
     shoulder = tree.joints["shoulder"]
     assert (shoulder.lower, shoulder.upper) == (-math.inf, math.inf)
-    follower = tree.joints["right_finger_joint"]
-    assert follower.mimic == Mimic("left_finger_joint", 0.5, 0.01)
+    mimic = tree.joints["right_finger_joint"]
+    assert mimic.mimic == Mimic("left_finger_joint", 0.5, 0.01)
     assert tree.joints["stand"].mimic is None
 
 

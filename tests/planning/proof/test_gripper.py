@@ -158,7 +158,7 @@ def test_a_finger_that_follows_keeps_its_limits(tmp_path: Path) -> None:
     assert any("narrow those of 'left' to [0, 0.02]" in line for line in robot.lint)
 
 
-def test_followers_narrow_their_leader_as_exact_arithmetic_says(tmp_path: Path) -> None:
+def test_mimic_joints_narrow_their_leader_as_exact_arithmetic_says(tmp_path: Path) -> None:
     """Lines of mimics with offsets and signs, each joint held to the numbers of its own line."""
     chance, verdicts = random.Random(4), set()
     for _ in range(30):

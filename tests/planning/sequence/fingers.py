@@ -8,7 +8,7 @@ import armwright as aw
 from kinematics.robots import builtin_srdf, builtin_urdf
 from obstacles.robots.robot_geometry import RobotGeometry
 
-LEADER, FOLLOWER = "claw_left", "claw_right"
+LEADER, MIMIC_JOINT = "claw_left", "claw_right"
 _PLATE = """<link name="{0}_plate"><collision><origin xyz="0 0 0.02"/>
 <geometry><box size="0.02 0.01 0.04"/></geometry></collision></link>
 <joint name="{0}" type="prismatic"><parent link="panda_hand"/><child link="{0}_plate"/>
@@ -22,7 +22,7 @@ _STATES = """<group name="claws"><joint name="claw_left"/></group>
 def urdf() -> str:
     """The built-in Panda with two plates that slide sidewards."""
     plates = _PLATE.format(LEADER, 1, "") + _PLATE.format(
-        FOLLOWER, -1, f'<mimic joint="{LEADER}"/>'
+        MIMIC_JOINT, -1, f'<mimic joint="{LEADER}"/>'
     )
     return builtin_urdf("panda").replace("</robot>", f"{plates}</robot>")
 

@@ -62,7 +62,7 @@ def test_fingers_stand_where_the_stages_say_and_their_motion_is_told() -> None:
     assert set(moved) == {0, 4, 10}
     for index, (first, last) in {0: (0.0, 0.055), 4: (0.055, 0.025), 10: (0.025, 0.055)}.items():
         motion = moved[index].trajectory
-        assert motion.joint_names == (fingers.LEADER, fingers.FOLLOWER)
+        assert motion.joint_names == (fingers.LEADER, fingers.MIMIC_JOINT)
         np.testing.assert_allclose(motion.start, first)
         np.testing.assert_allclose(motion.end, last, atol=1e-15)
         assert motion.duration == _plan().stages[index].trajectory.duration

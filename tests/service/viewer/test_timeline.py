@@ -21,7 +21,7 @@ def parts() -> list[Part]:
     robot = with_fingers(fingers.robot(), {fingers.LEADER: 0.0})
     opened = with_fingers(robot, {fingers.LEADER: 0.04})
     moves = np.array([[[0.0, 0.04], [0.0, 0.04]]])
-    opens = Trajectory((fingers.LEADER, fingers.FOLLOWER), np.array([0.0, 1.0]), moves)
+    opens = Trajectory((fingers.LEADER, fingers.MIMIC_JOINT), np.array([0.0, 1.0]), moves)
     return [
         Part("open", 0.0, stay(1.0, HOME), robot, Scene(()), opens, opened),
         Part("wait", 2.0, stay(0.5, HOME), opened, Scene(()), None, opened),

@@ -16,7 +16,7 @@ from obstacles.collision.lanes.check import blocked_between, blocked_lanes, writ
 from obstacles.collision.model.collision_model import ModelArrays
 from obstacles.collision.model.kernel_work import workspace
 from obstacles.robots.robot_geometry import RobotGeometry, robot_geometry
-from tests.followers import urdf
+from tests.mimic_joints import urdf
 
 #: All eight states.
 EVERY = 255
@@ -37,7 +37,7 @@ def between(model: ModelArrays, a: Array, b: Array, parts: int, looks: int) -> b
     return blocked_between(model, workspace(model), a, b, 0.0, parts, looks)
 
 
-def follower() -> RobotGeometry:
+def mimic() -> RobotGeometry:
     """An arm with links on joints that mimic others."""
     description = parse_urdf(urdf())
     return robot_geometry(serial_chain(description, tip_link="flange"), description)
@@ -48,9 +48,9 @@ def bits(lanes: list[bool]) -> int:
     return sum(1 << k for k, value in enumerate(lanes) if value)
 
 
-@pytest.mark.parametrize("name", [*builtin_names(), "follower"])
+@pytest.mark.parametrize("name", [*builtin_names(), "mimic joint"])
 def test_no_lane_differs_from_fcl(name: str) -> None:
-    robot = follower() if name == "follower" else builtin(name)
+    robot = mimic() if name == "mimic joint" else builtin(name)
     random = np.random.default_rng(61)
     reach = float(np.linalg.norm(robot.chain.offsets[:, :3, 3], axis=1).sum()) + 0.1
     scene = clutter(random, reach)

@@ -23,7 +23,7 @@ from obstacles.distance.piece_set import CENTER, RADIUS
 from obstacles.robots.robot_geometry import RobotGeometry, robot_geometry
 from obstacles.scenes.scene import Obstacle, Scene
 from obstacles.shapes.shape import HalfSpace, PointCloud, Sphere
-from tests.followers import urdf
+from tests.mimic_joints import urdf
 from tests.obstacles.arms import builtin, cup, cut_arm, gantry, mesh_shape
 from tests.obstacles.solids import random_transform
 
@@ -66,7 +66,7 @@ def intervals_of(model: ModelArrays, a: Array, b: Array) -> int:
     return open_stretches(model, workspace(model), a, b, 0.0)
 
 
-def follower() -> RobotGeometry:
+def mimic() -> RobotGeometry:
     """An arm with links on joints that mimic others."""
     description = parse_urdf(urdf())
     return robot_geometry(serial_chain(description, tip_link="flange"), description)
@@ -75,7 +75,7 @@ def follower() -> RobotGeometry:
 def robot_of(name: str) -> RobotGeometry:
     if name == "cut":
         return cut_arm()
-    return follower() if name == "follower" else builtin(name)
+    return mimic() if name == "mimic joint" else builtin(name)
 
 
 def around(robot: RobotGeometry, random: np.random.Generator) -> Scene:
@@ -94,13 +94,13 @@ def lines(
     return [(a, a + length * (b - a)) for (a, b), length in zip(ends, lengths, strict=True)]
 
 
-@pytest.mark.parametrize("name", ["stanford", "panda", "follower"])
+@pytest.mark.parametrize("name", ["stanford", "panda", "mimic joint"])
 def test_no_point_of_a_body_gets_farther_than_its_stray(name: str) -> None:
     """Seen from the base and from every body that it hangs on."""
     robot = robot_of(name)
     chain, model = robot.chain, Checker.of(robot, Scene()).model.arrays
-    random, bodies = np.random.default_rng(71), chain.n + len(chain.followers)
-    before = [*range(-1, chain.n - 1), *(follower.parent for follower in chain.followers)]
+    random, bodies = np.random.default_rng(71), chain.n + len(chain.mimic_joints)
+    before = [*range(-1, chain.n - 1), *(mimic.parent for mimic in chain.mimic_joints)]
     tightest, half = 0.0, 0.04
     for a, b in lines(robot, random, 25):
         shares = np.sort(random.uniform(half, 1.0 - half, LANES))
@@ -129,7 +129,7 @@ def test_no_point_of_a_body_gets_farther_than_its_stray(name: str) -> None:
     assert tightest > 0.7
 
 
-@pytest.mark.parametrize("name", [*builtin_names(), "follower", "cut"])
+@pytest.mark.parametrize("name", [*builtin_names(), "mimic joint", "cut"])
 def test_fcl_finds_no_collision_on_a_motion_that_is_proved(name: str) -> None:
     robot, random, found = robot_of(name), np.random.default_rng(72), np.empty(4)
     seen = dict.fromkeys((FREE, COLLIDING, UNDECIDED), 0)

@@ -9,18 +9,18 @@ from kinematics.tree.serial_chain import serial_chain
 from kinematics.urdf.urdf import parse_urdf
 from obstacles.collision.checker import Checker
 from obstacles.robots.robot_geometry import RobotGeometry, robot_geometry
-from tests.followers import urdf
+from tests.mimic_joints import urdf
 
 
 def robot_named(name: str) -> RobotGeometry:
     """A built-in robot, or an arm with links on joints that mimic others."""
-    if name != "follower":
+    if name != "mimic joint":
         return builtin(name)
     description = parse_urdf(urdf())
     return robot_geometry(serial_chain(description, tip_link="flange"), description)
 
 
-@pytest.mark.parametrize("name", ["panda", "ur5e", "follower"])
+@pytest.mark.parametrize("name", ["panda", "ur5e", "mimic joint"])
 def test_no_state_of_any_number_differs_from_fcl(name: str) -> None:
     robot, random = robot_named(name), np.random.default_rng(71)
     reach = float(np.linalg.norm(robot.chain.offsets[:, :3, 3], axis=1).sum()) + 0.1

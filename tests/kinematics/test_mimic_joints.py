@@ -15,13 +15,13 @@ from kinematics.model.chain import Chain
 from kinematics.model.mimic_joint import parents
 from kinematics.tree.serial_chain import select, serial_chain
 from kinematics.urdf.urdf import parse_urdf
-from tests.followers import ARM, FOLLOWERS, configurations, follower_positions, urdf
+from tests.mimic_joints import ARM, MIMIC_JOINTS, configurations, mimic_positions, urdf
 
 CARRIED = ("crank", "rod", "cover", "flap", "piston", "drum")
 
 
 class Oracle:
-    """pinocchio's model of the tree, in which the followers are joints like the others."""
+    """pinocchio's model of the tree, in which the mimic joints are joints like the others."""
 
     def __init__(self) -> None:
         self.model = pin.buildModelFromXML(urdf())
@@ -33,7 +33,7 @@ class Oracle:
 
     def configuration(self, q: Array) -> Array:
         full = np.array(pin.neutral(self.model))
-        values = dict(zip([joint[0] for joint in ARM], q, strict=True)) | follower_positions(q)
+        values = dict(zip([joint[0] for joint in ARM], q, strict=True)) | mimic_positions(q)
         for name, value in values.items():
             at, _ = self._places(name)
             joint = self.model.joints[self.model.getJointId(name)]
@@ -46,12 +46,12 @@ class Oracle:
     def matrix(self) -> Array:
         """L with full velocities = L q_dot."""
         L = np.zeros((self.model.nv, 6))
-        zero = follower_positions(np.zeros(6))
+        zero = mimic_positions(np.zeros(6))
         for j, (name, *_) in enumerate(ARM):
             L[self._places(name)[1], j] = 1.0
-            unit = follower_positions(np.eye(6)[j])
-            for follower, value in unit.items():
-                L[self._places(follower)[1], j] = value - zero[follower]
+            unit = mimic_positions(np.eye(6)[j])
+            for mimic, value in unit.items():
+                L[self._places(mimic)[1], j] = value - zero[mimic]
         return L
 
     def pose(self, q: Array, link: str) -> Array:
@@ -85,14 +85,14 @@ def oracle() -> Oracle:
     return Oracle()
 
 
-def test_followers_of_the_chain(chain: Chain) -> None:
+def test_mimic_joints_of_the_chain(chain: Chain) -> None:
     assert chain.n == 6
-    assert {f.name: f.leader for f in chain.followers} == {
+    assert {f.name: f.leader for f in chain.mimic_joints} == {
         "crank_joint": 1, "rod_joint": 1, "cover_joint": 3, "flap_joint": 3, "piston_joint": 2,
         "drum_joint": 0}  # fmt: skip
-    flap = next(f for f in chain.followers if f.name == "flap_joint")
+    flap = next(f for f in chain.mimic_joints if f.name == "flap_joint")
     assert (flap.multiplier, flap.offset) == pytest.approx((-0.15, -0.04))
-    before = parents(chain.n, chain.followers)
+    before = parents(chain.n, chain.mimic_joints)
     assert (before < np.arange(chain.body_count)).all()
     assert before[chain.link("rod").joint] == chain.link("crank").joint
     assert before[chain.link("drum").joint] == -1
@@ -146,7 +146,7 @@ def test_frames_of_bodies_are_those_of_their_links(chain: Chain) -> None:
             np.testing.assert_allclose(T, forward(chain, q, link.name), atol=1e-14)
 
 
-def test_a_pickled_chain_keeps_its_followers(chain: Chain) -> None:
+def test_a_pickled_chain_keeps_its_mimic_joints(chain: Chain) -> None:
     again = pickle.loads(pickle.dumps(chain))
     assert again == chain
     np.testing.assert_array_equal(again.model, chain.model)
@@ -154,9 +154,9 @@ def test_a_pickled_chain_keeps_its_followers(chain: Chain) -> None:
     assert other.content_hash != chain.content_hash
 
 
-def test_without_followers_nothing_is_added() -> None:
+def test_without_mimic_joints_nothing_is_added() -> None:
     chain = serial_chain(parse_urdf(urdf(())))
-    assert chain.followers == ()
+    assert chain.mimic_joints == ()
     assert chain.model.shape == (1 + 6 + 7, 14)
     assert chain.body_count == 6
 
@@ -165,10 +165,10 @@ def test_a_multiplier_of_zero_holds_the_joint() -> None:
     fixed = (("stay", "revolute", "fore", "cover", "0 0 0.3", "0 0 1", "j2", 0.0, 0.5),)
     description = parse_urdf(urdf(fixed))
     assert select(description, tip_link="flange").held["stay"] == 0.5
-    assert serial_chain(description, tip_link="flange").followers == ()
+    assert serial_chain(description, tip_link="flange").mimic_joints == ()
 
 
-def test_goals_and_tips_on_followers_are_refused(chain: Chain) -> None:
+def test_goals_and_tips_on_mimic_joints_are_refused(chain: Chain) -> None:
     with pytest.raises(InvalidOption, match=r"'flap'.*mimics"):
         inverse_kinematics(chain, np.eye(4), link="flap")
     with pytest.raises(InvalidRobotDescription, match="mimics"):
@@ -177,7 +177,7 @@ def test_goals_and_tips_on_followers_are_refused(chain: Chain) -> None:
         forward(chain, np.zeros(6), "nowhere")
 
 
-def test_a_chain_on_its_own_follower_is_refused() -> None:
+def test_a_chain_on_its_own_mimic_joint_is_refused() -> None:
     carrier = (
         '<link name="floor"/><joint name="lift" type="prismatic"><parent link="floor"/>'
         '<child link="base"/><axis xyz="0 0 1"/><limit lower="0" upper="1"/>'
@@ -189,8 +189,8 @@ def test_a_chain_on_its_own_follower_is_refused() -> None:
 
 
 def _one(limits: str, multiplier: float, offset: float, kind: str = "revolute") -> str:
-    follower = ("cover_joint", kind, "fore", "cover", "0.2 0 0.1", "1 0 0", "j4")
-    return urdf(((*follower, multiplier, offset),), limits)
+    mimic = ("cover_joint", kind, "fore", "cover", "0.2 0 0.1", "1 0 0", "j4")
+    return urdf(((*mimic, multiplier, offset),), limits)
 
 
 @pytest.mark.parametrize(
@@ -204,7 +204,7 @@ def _one(limits: str, multiplier: float, offset: float, kind: str = "revolute") 
         ('lower="0" upper="0"', 1.0, 0.0, (-3.0, 3.0)),
     ],
 )
-def test_limits_of_a_follower_narrow_its_leaders(
+def test_limits_of_a_mimic_joint_narrow_its_leaders(
     limits: str, multiplier: float, offset: float, expected: tuple[float, float]
 ) -> None:
     description = parse_urdf(_one(limits, multiplier, offset))
@@ -218,7 +218,7 @@ def test_limits_of_a_follower_narrow_its_leaders(
         assert any("not used" in line for line in notes), notes
 
 
-def test_rates_of_a_follower_narrow_its_leaders() -> None:
+def test_rates_of_a_mimic_joint_narrow_its_leaders() -> None:
     text = _one('lower="-9" upper="9"', -4.0, 0.0).replace('velocity="0"', 'velocity="1"')
     chain = serial_chain(parse_urdf(text), tip_link="flange")
     np.testing.assert_allclose(chain.limits.velocity, [2.0, 2.0, 2.0, 0.25, 2.0, 2.0])
@@ -231,5 +231,5 @@ def test_rates_of_a_follower_narrow_its_leaders() -> None:
     assert not any("limit leaves" in line for line in select(still, tip_link="flange").lint)
 
 
-def test_followers_are_all_that_is_named(chain: Chain) -> None:
-    assert {f.name for f in chain.followers} == {str(joint[0]) for joint in FOLLOWERS}
+def test_mimic_joints_are_all_that_is_named(chain: Chain) -> None:
+    assert {f.name for f in chain.mimic_joints} == {str(joint[0]) for joint in MIMIC_JOINTS}

@@ -10,7 +10,7 @@ from kinematics.urdf.urdf import parse_urdf
 from obstacles.robots.robot_geometry import RobotGeometry, robot_geometry
 from planning.exports.joint_tolerance import lever_arms
 from planning.exports.swept_volume import swept_volume
-from tests.followers import configurations, urdf
+from tests.mimic_joints import configurations, urdf
 
 
 @pytest.fixture(scope="module")

@@ -18,7 +18,7 @@ from planning.field.planner import potential_field
 from planning.field.potential import Field
 from planning.field.weights import FieldWeights
 from planning.values.deadline import Deadline
-from tests.followers import configurations, urdf
+from tests.mimic_joints import configurations, urdf
 from tests.planning.field.test_potential import near_a_kink, slope
 
 REACH = 0.3
@@ -30,10 +30,10 @@ def robot() -> RobotGeometry:
     return robot_geometry(serial_chain(description, tip_link="flange"), description)
 
 
-def test_force_is_minus_the_slope_where_only_a_follower_is_near(robot: RobotGeometry) -> None:
+def test_force_is_minus_the_slope_where_only_a_mimic_joint_is_near(robot: RobotGeometry) -> None:
     chain, where = robot.chain, along_links(robot)
     carried = np.flatnonzero(where.joints >= chain.n)
-    assert set(where.joints[carried]) == set(range(chain.n, chain.n + len(chain.followers)))
+    assert set(where.joints[carried]) == set(range(chain.n, chain.n + len(chain.mimic_joints)))
     random = np.random.default_rng(3)
     felt = set()
     states, goals = configurations(200, 1), configurations(200, 2)
@@ -53,11 +53,11 @@ def test_force_is_minus_the_slope_where_only_a_follower_is_near(robot: RobotGeom
         force = np.empty(chain.n)
         assert value_kernel(field.model, q.copy(), force) == pytest.approx(value.potential)
         assert force == pytest.approx(value.joint_force, abs=1e-10)
-    # Every follower was pushed at.
-    assert felt == set(range(chain.n, chain.n + len(chain.followers)))
+    # Every mimic joint was pushed at.
+    assert felt == set(range(chain.n, chain.n + len(chain.mimic_joints)))
 
 
-def test_the_descent_stops_before_what_a_follower_would_hit(robot: RobotGeometry) -> None:
+def test_the_descent_stops_before_what_a_mimic_joint_would_hit(robot: RobotGeometry) -> None:
     # j1 turns the drum behind the base by twice its angle; at -pi / 2 it points at the ball.
     start, goal = np.zeros(6), np.zeros(6)
     start[0], goal[0] = -1.2, -1.95

@@ -7,8 +7,8 @@ import httpx
 import numpy as np
 import pytest
 
-from tests.followers import configurations, urdf
-from tests.kinematics.test_followers import Oracle
+from tests.kinematics.test_mimic_joints import Oracle
+from tests.mimic_joints import configurations, urdf
 from tests.service.robots import answer, problem
 
 START, GOAL = [-0.9, 0.2, -0.5, 0.4, 0.5, 0.0], [0.9, 0.2, -0.5, -1.2, 0.5, 0.0]

@@ -14,7 +14,7 @@ from obstacles.collision.model.kernel_work import meeting_body, pair_stray, plac
 from obstacles.robots.robot_geometry import RobotGeometry, robot_geometry
 from obstacles.scenes.scene import Obstacle, Scene
 from obstacles.shapes.shape import Box, Sphere
-from tests.followers import configurations, urdf
+from tests.mimic_joints import configurations, urdf
 from tests.obstacles.collision.test_edge_check_oracle import at, edges
 from tests.obstacles.solids import random_transform
 

@@ -18,8 +18,8 @@ ARM = (
     ("j5", "wrist", "palm", "0.35 0 0", "0 1 0", -2.0, 2.0),
     ("j6", "palm", "flange", "0.1 0 0", "1 0 0", -6.0, 6.0),
 )
-#: Followers: name, type, parent, child, origin, axis, leader, multiplier, offset.
-FOLLOWERS = (
+#: Mimic joints: name, type, parent, child, origin, axis, leader, multiplier, offset.
+MIMIC_JOINTS = (
     ("crank_joint", "revolute", "turret", "crank", "-0.1 0.22 0.25", "0 1 0", "j2", 1.0, 0.0),
     ("rod_joint", "revolute", "crank", "rod", "0 0 0.6", "0 1 0", "j2", -1.0, 0.0),
     ("cover_joint", "continuous", "fore", "cover", "0.2 0 0.1", "1 0 0.2", "j4", -0.5, 0.2),
@@ -44,14 +44,14 @@ _SOLIDS = {
 }
 
 
-def urdf(followers: tuple[tuple[object, ...], ...] = FOLLOWERS, limits: str = "") -> str:
+def urdf(mimic_joints: tuple[tuple[object, ...], ...] = MIMIC_JOINTS, limits: str = "") -> str:
     """The arm as a URDF.
 
     Args:
-        followers: Those that it has.
-        limits: Attributes of the followers' limits.
+        mimic_joints: Those that it has.
+        limits: Attributes of the mimic joints' limits.
     """
-    used = {"base", *(joint[2] for joint in ARM), *(joint[3] for joint in followers)}
+    used = {"base", *(joint[2] for joint in ARM), *(joint[3] for joint in mimic_joints)}
     links = "".join(
         f'<link name="{name}"><inertial><mass value="2"/><origin xyz="{origin}"/><inertia ixx="0.1"'
         ' iyy="0.2" izz="0.15" ixy="0" ixz="0" iyz="0"/></inertial><collision>'
@@ -70,7 +70,7 @@ def urdf(followers: tuple[tuple[object, ...], ...] = FOLLOWERS, limits: str = ""
         f'<origin xyz="{origin}" rpy="0.1 0 0"/><axis xyz="{axis}"/>'
         f'<limit {limits or _wide(str(kind))} velocity="0" effort="0"/>'
         f'<mimic joint="{leader}" multiplier="{multiplier}" offset="{offset}"/></joint>'
-        for name, kind, parent, child, origin, axis, leader, multiplier, offset in followers
+        for name, kind, parent, child, origin, axis, leader, multiplier, offset in mimic_joints
     )
     return f'<robot name="palletiser">{links}{joints}</robot>'
 
@@ -79,8 +79,8 @@ def _wide(kind: str) -> str:
     return "" if kind == "continuous" else 'lower="-9" upper="9"'
 
 
-def follower_positions(q: Array) -> dict[str, Array]:
-    """Positions of the followers at q (..., 6), by name, written out once more [rad or m]."""
+def mimic_positions(q: Array) -> dict[str, Array]:
+    """Positions of the mimic joints at q (..., 6), by name, written out once more [rad or m]."""
     cover = -0.5 * q[..., 3] + 0.2
     return {
         "crank_joint": q[..., 1],

@@ -24,7 +24,7 @@ from planning.proof.collision.displacement import (
     meeting_body,
 )
 from planning.proof.collision.pair_table import PairArrays, PairTable
-from planning.proof.joint_frames import follower_frames, forward_kernel
+from planning.proof.joint_frames import forward_kernel, mimic_frames
 from planning.proof.motion_bounds import (
     JOINT_COLUMNS,
     PARENT,
@@ -32,10 +32,10 @@ from planning.proof.motion_bounds import (
     TYPE,
     VALUE,
     enclose,
-    enclose_followers,
+    enclose_mimic_joints,
 )
-from tests.followers import configurations, follower_positions, urdf
-from tests.obstacles.test_followers import scene
+from tests.mimic_joints import configurations, mimic_positions, urdf
+from tests.obstacles.test_mimic_joints import scene
 
 #: Instants at which a motion is looked at.
 _SAMPLES = 120
@@ -67,7 +67,7 @@ def enclosed(arrays: PairArrays, trajectory: Trajectory, at: float, half: float)
     joints = np.empty((arrays.bodies.shape[1], JOINT_COLUMNS))
     coefficients = trajectory.coefficients[0]
     enclose(coefficients, at, half, np.empty((2, coefficients.shape[1])), joints)
-    enclose_followers(arrays.leaders, arrays.leads, joints)
+    enclose_mimic_joints(arrays.leaders, arrays.leads, joints)
     return joints
 
 
@@ -76,14 +76,14 @@ def test_frames_of_the_proof_are_those_of_the_chain(robot: RobotGeometry) -> Non
     for q in configurations(20, 6):
         joints = np.zeros((arrays.bodies.shape[1], JOINT_COLUMNS))
         joints[:6, VALUE] = q
-        enclose_followers(arrays.leaders, arrays.leads, joints)
-        names = [follower.name for follower in robot.chain.followers]
-        positions = follower_positions(q)
+        enclose_mimic_joints(arrays.leaders, arrays.leads, joints)
+        names = [mimic.name for mimic in robot.chain.mimic_joints]
+        positions = mimic_positions(q)
         np.testing.assert_allclose(joints[6:, VALUE], [positions[name] for name in names])
         frames = np.zeros((arrays.bodies.shape[1], 4, 4))
         frames[:, 3, 3] = 1.0
         forward_kernel(arrays.bodies[TYPE], arrays.offsets, joints[:6, VALUE], frames)
-        follower_frames(arrays.bodies, arrays.offsets, 6, joints[:, VALUE], frames)
+        mimic_frames(arrays.bodies, arrays.offsets, 6, joints[:, VALUE], frames)
         np.testing.assert_allclose(frames, joint_frames(robot.chain, q), atol=1e-14)
 
 
@@ -92,7 +92,7 @@ def farthest(robot: RobotGeometry, still_mimics: bool) -> float:
 
     Args:
         robot: The robot.
-        still_mimics: Whether the bounds know that followers move.
+        still_mimics: Whether the bounds know that mimic joints move.
     """
     arrays, chain = PairTable.of(robot, Scene(), 0.0).arrays, robot.chain
     random, worst, count = np.random.default_rng(8), 0.0, arrays.bodies.shape[1]
@@ -134,7 +134,7 @@ def farthest(robot: RobotGeometry, still_mimics: bool) -> float:
     return worst
 
 
-def test_no_point_of_a_follower_moves_farther_than_its_bounds(robot: RobotGeometry) -> None:
+def test_no_point_of_a_mimic_joint_moves_farther_than_its_bounds(robot: RobotGeometry) -> None:
     assert 0.9 < farthest(robot, True) <= 1.0
 
 
@@ -213,7 +213,7 @@ def test_a_proof_that_forgets_the_mimic_is_found_out(
     assert wrong_proofs(robot, 0, 25)[0] > 0
 
 
-def test_without_followers_the_table_has_none(robot: RobotGeometry) -> None:
+def test_without_mimic_joints_the_table_has_none(robot: RobotGeometry) -> None:
     description = parse_urdf(urdf(()))
     plain = robot_geometry(serial_chain(description), description)
     arrays = PairTable.of(plain, Scene(), 0.0).arrays
