@@ -1,4 +1,4 @@
-"""Files that are kept for later processes: written whole, and read only as they were written.
+"""Files stored for later processes: written whole, and read only as they were written.
 
 All that is kept on disk to save work (machine code, prepared robots and scenes, convex pieces,
 spheres, distances) goes through here. A file begins with a digest of its name and its content.
@@ -19,7 +19,7 @@ _START = len(_MAGIC) + hashlib.sha256().digest_size
 
 
 def read_kept(file: Path) -> bytes | None:
-    """The content of a kept file; None where there is none that can be trusted."""
+    """Content of a stored file; None where there is none that can be trusted."""
     try:
         # Without a wait for whoever writes into a pipe that lies there.
         descriptor = os.open(file, os.O_RDONLY | os.O_NONBLOCK | os.O_CLOEXEC)
@@ -32,7 +32,7 @@ def read_kept(file: Path) -> bytes | None:
 
 
 def is_kept(file: Path) -> bool:
-    """Whether a file is there and nobody else can have written it; its content is not looked at."""
+    """Whether a file is there that only its owner can have written; its content is not read."""
     try:
         return _is_trusted(file.stat())
     except OSError:
@@ -72,7 +72,7 @@ def write_kept(file: Path, content: bytes, *, public: bool = False) -> None:
 
 
 def make_private(folder: Path) -> None:
-    """Make a folder, and those above it that are missing, for nobody but their owner.
+    """Make a folder, and those above it that are missing, for their owner alone.
 
     Raises:
         OSError: It can't be made.

@@ -34,7 +34,7 @@ def kernel(
     allocates: bool = True,
     unlocks: bool = True,
 ) -> _F | Callable[[_F], _F]:
-    """Compile a function with numba on its first call and keep the machine code on disk.
+    """Compile a function with numba on its first call and store the machine code on disk.
 
     Division follows IEEE 754 (x / 0 is inf or nan, never an exception) and the interpreter lock is
     released inside, unless asked otherwise. A type checker sees the signature of the function

@@ -104,7 +104,7 @@ def frozen(values: ArrayLike) -> Array:
     """A read-only, contiguous copy of ``values`` as float64; what is one already, itself.
 
     Raises:
-        InvalidNumbers: They are none, or rows of different lengths.
+        InvalidNumbers: The values are no numbers, or rows of different lengths.
     """
     if _is_frozen(values):
         return values  # type: ignore[return-value]
@@ -126,7 +126,7 @@ def as_numbers(values: ArrayLike, name: str) -> Array:
     """An array of numbers, of any shape, NaN and infinities among them.
 
     Raises:
-        InvalidNumbers: They are none, or rows of different lengths.
+        InvalidNumbers: The values are no numbers, or rows of different lengths.
     """
     try:
         return np.asarray(values, dtype=np.float64)
@@ -146,7 +146,7 @@ def numbers(values: ArrayLike, name: str, shape: tuple[int, ...] | None = None) 
         shape: Lengths that it has to have, -1 for any; None for any shape.
 
     Raises:
-        InvalidOption: They are no finite numbers, or of another shape.
+        InvalidOption: The values are not finite numbers, or of another shape.
     """
     array = as_numbers(values, name)
     if shape is not None and not _has_shape(array, shape):

@@ -6,7 +6,7 @@ from typing import Any, ClassVar
 
 
 class ArmwrightError(Exception):
-    """A fault of the caller, told so that the caller can mend it.
+    """A fault of the caller, reported so that the caller can mend it.
 
     Args:
         message: Description of the fault and its place.

@@ -194,7 +194,7 @@ def link_number(chain: Chain, name: str) -> int:
 
     Raises:
         InvalidLinkName: There is no such link.
-        InvalidOption: It hangs on a joint that mimics one of the chain.
+        InvalidOption: The link hangs on a joint that mimics one of the chain.
     """
     number = chain.index.get(name)
     if number is None:

@@ -147,7 +147,7 @@ def from_matrix(rotation: ArrayLike) -> Matrix:
     of one that is written with few decimals the nearest rotation is answered.
 
     Raises:
-        InvalidPose: It differs from a rotation by more than rounding, or det R is not +1.
+        InvalidPose: R differs from a rotation by more than rounding, or det R is not +1.
     """
     R = _finite(rotation, (3, 3), "rotation_matrix")
     if check_rotation(R.tolist()) <= _ROUNDING:

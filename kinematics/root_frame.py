@@ -57,7 +57,7 @@ def frame_pose(chain: Chain, frame: str, joints: Array | None, where: str) -> Ar
 
 
 def check_default_frame(chain: Chain, frame: str | None) -> None:
-    """See that the frame of a request is one, though nothing in the request may be meant in it.
+    """Check that the frame of a request is one, though the request may have no value in it.
 
     Args:
         chain: The robot.

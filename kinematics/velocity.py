@@ -37,7 +37,7 @@ class SingularDirections:
         twists: Column i is u_i, the twist that singular value i gives, shape (..., 6, k).
         motions: Row i is v_i, the joint velocities that give it, shape (..., n, n); the rows from
             ``rank`` on leave the link at rest.
-        rank: How many directions the link can move in, shape (...).
+        rank: Number of directions the link can move in, shape (...).
     """
 
     values: Array

@@ -20,6 +20,7 @@ PRODUCT = (
     "kinematics",
     "dynamics",
     "obstacles",
+    "planning",
     "tracking",
     "service",
 )

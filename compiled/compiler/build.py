@@ -39,7 +39,7 @@ def build(
     processes: int,
     report: Report = lambda *_: None,
 ) -> list[str]:
-    """Compile kernels and keep their machine code; what a process has kept stays when it is killed.
+    """Compile kernels and store their machine code; stored code stays when a process is killed.
 
     Each process compiles one kernel at a time, and none before all kernels that it calls are there.
 
@@ -145,7 +145,7 @@ class _Plan:
 
 
 class _Worker:
-    """A process that compiles what it is told to.
+    """A process that compiles the kernels that it is sent.
 
     Args:
         context: of multiprocessing.

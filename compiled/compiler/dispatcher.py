@@ -121,7 +121,7 @@ class Kernel(CPUDispatcher):
         self._insert([kind._code for kind in kinds], door, False)
 
     def build(self, kinds: Any, door: bool) -> None:
-        """Compile for types of arguments, and keep the machine code, without loading it.
+        """Compile for types of arguments, and store the machine code, without loading it.
 
         Args:
             kinds: the types of the arguments, as they are; nothing is asked about constness.
@@ -133,7 +133,7 @@ class Kernel(CPUDispatcher):
                 self._door(result)
 
     def names(self, kinds: Any, door: bool) -> list[str]:
-        """Names that its machine code is kept under, for types of its arguments."""
+        """Names of its stored machine code, for types of its arguments."""
         name = self._name(kinds)
         return [name, self._door_name(name)] if door else [name]
 

@@ -63,7 +63,7 @@ class _Untold(Exception):
 
 
 def _captured(function: FunctionType) -> Iterator[object]:
-    """All that a function reads from around it, unless a module of numba's version holds it."""
+    """Values that a function reads from around it, without those of modules of numba's version."""
     for cell in function.__closure__ or ():
         yield cell.cell_contents
     yield from function.__defaults__ or ()

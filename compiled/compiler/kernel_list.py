@@ -1,4 +1,4 @@
-"""A list of kernels, each for types of its arguments, in a file that is kept with the sources.
+"""A list of kernels, each for types of its arguments, in a file beside the sources.
 
 Kernels that Python calls need a door besides; those that only kernels call are listed so that
 they can be compiled at once in several processes, and are compiled on the way if they are not.
@@ -48,7 +48,7 @@ class Entry(NamedTuple):
 
     @property
     def files(self) -> list[str]:
-        """Names that its machine code is kept under."""
+        """Names of its stored machine code."""
         return self.kernel.names(self.kinds, self.door)
 
 

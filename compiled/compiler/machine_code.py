@@ -183,7 +183,7 @@ def load(*names: str) -> None:
 
 @cache
 def _environments(name: str) -> Any:
-    """The environments that code reads, kept alive."""
+    """The environments that code reads, which live as long as the process."""
     return pickle.loads(_codes[name].environments)
 
 

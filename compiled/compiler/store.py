@@ -40,7 +40,7 @@ def names(folder: Path) -> Iterator[str]:
 
 
 def has(name: str) -> bool:
-    """Whether there is an entry of a name that nobody else can have written, whole or damaged."""
+    """Whether a name has an entry that only this user can have written, whole or damaged."""
     return any(is_kept(file_of(folder, name)) for folder in layers())
 
 
@@ -77,7 +77,7 @@ def shipped_folder() -> Path:
 
 
 def layers() -> tuple[Path, ...]:
-    """The folders that are looked in, the first one first."""
+    """The folders that are searched, in order."""
     return shipped_folder(), user_folder()
 
 

@@ -34,7 +34,7 @@ class Target(NamedTuple):
 
 @cache
 def target() -> Target:
-    """The processor that this process compiles for; numba is told the first time.
+    """The processor that this process compiles for; the first call sets it in numba.
 
     A stated kind such as x86-64-v3 rather than the very processor: its machine code runs, and
     answers with the same bits, on every processor of that kind. One that is not of the kind gets

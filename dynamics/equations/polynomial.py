@@ -29,7 +29,7 @@ Polynomials = NDArray[np.object_]
 
 
 class TooManyTerms(Exception):
-    """A formula has more terms than anybody reads."""
+    """A formula has more terms than a reader can use."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -113,10 +113,10 @@ def write_sheet(table: DhTable, notation: Notation) -> Sheet:
 
     Args:
         table: The robot.
-        notation: How formulas are written.
+        notation: Notation of the formulas.
 
     Raises:
-        InvalidOption: Its poses have more terms than anybody reads.
+        InvalidOption: The poses have more terms than a reader can use.
     """
     try:
         return _write(symbolic_table(table), notation)

@@ -48,7 +48,7 @@ WORK = 11
 
 @kernel(fastmath=True, allocates=False)
 def move_joint(row: Array, q: float, work: Array) -> tuple[float, float, Vector]:
-    """Cosine, sine and origin in the parent's frame of a joint at q, kept in ``work`` (11,)."""
+    """Cosine, sine and origin in the parent's frame of a joint at q, stored in ``work`` (11,)."""
     if row[TYPE] == REVOLUTE:
         c, s, p = np.cos(q), np.sin(q), origin(row)
     else:

@@ -90,7 +90,7 @@ def with_gravity(chain: Chain, gravity: ArrayLike) -> Chain:
     """Robot mounted otherwise: gravity (3,) [m/s^2] in its base frame.
 
     Raises:
-        InvalidOption: It is not three finite numbers.
+        InvalidOption: The vector is not three finite numbers.
     """
     g = np.array(gravity, dtype=np.float64)
     if g.shape != (3,) or not np.isfinite(g).all():

@@ -92,7 +92,7 @@ class BaseParameters:
         """The values beta of another robot of the same kinematics, shape (b,).
 
         Raises:
-            InvalidOption: It has another number of parameters.
+            InvalidOption: The vector has another number of parameters.
             MissingInertia: No link that a joint carries has an inertia.
         """
         Theta = standard_parameters(chain, motors="J1" in self.parameter_names)
@@ -201,7 +201,7 @@ def parameter_unit(name: str, chain: Chain) -> str:
     """The unit of a standard parameter, for example "kg m" of "mx2".
 
     Args:
-        name: Name as in ``dynamics.parameters.regressor.parameter_names``: a kind and the number of a joint.
+        name: Name as in ``regressor.parameter_names``: a kind and the number of a joint.
         chain: The robot: a prismatic joint's motor has other units.
     """
     kind = name.rstrip("0123456789")

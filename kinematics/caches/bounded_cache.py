@@ -69,13 +69,13 @@ def array_bytes(value: object) -> int:
 def bounded_cache(
     maxsize: int, limit: int = DEFAULT_LIMIT, weigh: Callable[[Any], int] | None = None
 ) -> Callable[[Callable[..., T]], "_lru_cache_wrapper[T]"]:
-    """Keep the last values of a function, as `functools.lru_cache` does, within some memory.
+    """Store the last values of a function, as `functools.lru_cache` does, within some memory.
 
     When a new value would take the cache beyond its limit, all older ones are dropped: a hit costs
     no more than it does there.
 
     Args:
-        maxsize: How many values are kept.
+        maxsize: Number of values that are stored.
         limit: Memory that all values may take [byte]; the last one is kept whatever it takes.
         weigh: Memory of a value [byte], where it is known without measuring, which takes 40 us.
     """

@@ -49,7 +49,7 @@ def check_preparation_time() -> None:
     """Go on, unless time is up.
 
     Raises:
-        PreparationTimedOut: It is.
+        PreparationTimedOut: Time is up.
     """
     if time.monotonic() >= _until.get():
         raise PreparationTimedOut(

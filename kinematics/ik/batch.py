@@ -13,9 +13,9 @@ def shared(part: Callable[[slice], None], count: int, threads: int | None = None
 
     Args:
         part: Works on its slice alone.
-        count: How many poses there are.
-        threads: How many to share them among; all the processors that this process may use where
-            not given. Few poses get fewer.
+        count: Number of poses.
+        threads: Number of threads; all the processors that this process may use where not given.
+            Few poses get fewer.
     """
     workers = min(threads or processors(), count // _SHARE + 1)
     if workers == 1:
@@ -31,7 +31,7 @@ def shared(part: Callable[[slice], None], count: int, threads: int | None = None
 
 
 def processors() -> int:
-    """How many processors this process may use."""
+    """Number of processors that this process may use."""
     if hasattr(os, "sched_getaffinity"):
         return len(os.sched_getaffinity(0))
     return os.cpu_count() or 1

@@ -132,7 +132,7 @@ def _check_gain(gain: object, rule: Rule, r: int) -> None:
     """Refuse a gain along which the error would not decay.
 
     Raises:
-        InvalidOption: It is no positive number and no matrix (r, r) as the rule needs it.
+        InvalidOption: The gain is no positive number and no matrix (r, r) as the rule needs it.
     """
     try:
         K = np.array(gain, dtype=np.float64)

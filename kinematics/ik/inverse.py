@@ -45,7 +45,7 @@ class IkOptions:
             and all axes count, and the numeric method where it has none or nothing of it is inside
             the limits.
         seed: Seed of the numeric method's restarts.
-        most: How many solutions to answer at most.
+        most: Largest number of solutions in the answer.
         ranking: Measure that makes one solution better than another, see ``ranking.order``.
         outside_limits: Whether branches with no copy inside the limits are answered, after the
             others.
@@ -90,7 +90,7 @@ class IkOptions:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Query:
-    """One pose, where it is looked for first, and how."""
+    """One pose, with its seed and the method."""
 
     chain: Chain
     target: ArrayLike
@@ -112,7 +112,7 @@ def inverse_kinematics(
     Args:
         chain: The robot.
         target: T_base_link, shape (4, 4).
-        options: How to solve, and how many solutions to answer.
+        options: Method, and number of solutions in the answer.
         link: The link to bring there; the tip where none is named.
         seed_joints: Configuration to search from and to measure "nearest" from, shape (n,); the
             middle of the limits where not given.

@@ -39,12 +39,11 @@ def inverse_kinematics_batch(
     Args:
         chain: The robot.
         targets: T_base_link, shape (m, 4, 4).
-        options: How to solve; one solution a pose, inside the limits.
+        options: Method; one solution a pose, inside the limits.
         link: The link to bring there; the tip where none is named.
         seed_joints: Configuration to search from and to measure "nearest" from, shape (n,); the
             middle of the limits where not given.
-        threads: How many to share the poses among; all the processors that this process may use
-            where not given.
+        threads: Number of threads; all the processors that this process may use where not given.
 
     Returns:
         A solution for each pose, None where the batch kernels found none: `inverse_kinematics` of

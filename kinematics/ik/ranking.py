@@ -75,7 +75,7 @@ def whole_turns(chain: Chain, q: Array, most: int, seed: Array | None = None) ->
     Args:
         chain: The robot.
         q: Shape (n,).
-        most: How many to answer at most.
+        most: Largest number of solutions in the answer.
         seed: The copies are sorted by their distance from it; from ``q`` where none is given.
 
     Returns:

@@ -54,7 +54,7 @@ def require_on_chain(chain: Chain, link: str) -> None:
 
     Raises:
         InvalidLinkName: There is no such link.
-        InvalidOption: It hangs on a mimic joint.
+        InvalidOption: The link hangs on a mimic joint.
     """
     if is_on_branch(chain, link):
         raise InvalidOption(

@@ -82,7 +82,7 @@ class Limits:
 
 
 def _limit_hint(quantity: str, joint: str) -> str:
-    """How a limit that is missing is given; no rule makes a velocity."""
+    """Hint for a limit that is missing; no rule makes a velocity."""
     rule = {"acceleration": "10 x velocity", "jerk": "10 x acceleration"}.get(quantity)
     hint = (
         "Give it when the robot is created, or change the robot: "
@@ -287,7 +287,7 @@ class Chain:
         """Check one joint vector (n,) and answer it as ``configuration`` does.
 
         Raises:
-            InvalidRobotState: As there, or there are several.
+            InvalidRobotState: Wrong length, not finite, or several configurations.
         """
         array = self.configuration(q, name)
         if array.ndim != 1:

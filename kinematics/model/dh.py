@@ -171,7 +171,7 @@ def dh_from_chain(chain: Chain, convention: Convention = "standard") -> DhTable:
 
     Args:
         chain: The robot.
-        convention: How the rows are to be read.
+        convention: Convention by which the rows are to be read.
 
     Returns:
         The table; masses of all links that move with a joint are put together in its row.
@@ -257,7 +257,7 @@ def _tidy(value: float) -> float:
 
 
 def _before_first(A: Array) -> tuple[Array, _Between]:
-    """The base frame, kept as frame 0 where the first axis is its z axis (the usual case)."""
+    """The base frame, used as frame 0 where the first axis is its z axis (the usual case)."""
     if max(np.hypot(A[0, 2], A[1, 2]), np.hypot(A[0, 3], A[1, 3])) < ROUNDING and A[2, 2] > 0.0:
         theta = math.atan2(A[1, 0] - A[0, 1], A[0, 0] + A[1, 1])
         return np.eye(4), _Between(theta_after=theta, d_after=float(A[2, 3]))

@@ -22,7 +22,7 @@ class DhRow:
     """One joint and the link behind it; None says "not given".
 
     Args:
-        type: How the joint moves.
+        type: Kind of motion of the joint.
         a: Link length, along x [m].
         alpha: Link twist, about x [rad].
         d: Link offset, along z [m]; of a prismatic joint what is added to its position.
@@ -69,7 +69,7 @@ class DhTable:
     """A robot as a table of rows.
 
     Args:
-        convention: How the rows are read.
+        convention: Convention by which the rows are read.
         rows: One a joint, base to tip.
         base: T_base_0, frame 0 in the robot's base frame, shape (4, 4).
         tool: T_n_tool, the tool in the last frame, shape (4, 4).
@@ -95,7 +95,7 @@ def position_range(row: DhRow) -> tuple[float, float]:
 
 
 def check_table(table: DhTable) -> None:
-    """See that a table can be built.
+    """Check that a table can be built.
 
     Raises:
         InvalidRobotDescription: A number is missing, not finite or out of its range; the

@@ -1,4 +1,4 @@
-"""Notes on the description of a robot: what of it is not read, and in which order they are told."""
+"""Notes on parts of a robot's description that are not read, and their order."""
 
 import re
 from collections import Counter

@@ -1,4 +1,4 @@
-"""Mesh URIs, looked up among what was uploaded and nowhere else."""
+"""Mesh URIs, resolved among the uploaded files and nowhere else."""
 
 from collections.abc import Mapping
 from urllib.parse import unquote

@@ -161,7 +161,7 @@ def _check_uses(root: Element, what: str, uses: tuple[str, ...]) -> None:
 
 
 def _readable(text: str | bytes) -> str:
-    """The text, whatever its encoding, to look for names in."""
+    """The text, whatever its encoding, to search for names."""
     return text if isinstance(text, str) else text.decode("utf-8", "replace")
 
 

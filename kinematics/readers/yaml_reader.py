@@ -26,7 +26,7 @@ _MAX_REPEATED = 200_000
 
 
 class UnreadableYaml(ValueError):
-    """A text that is no YAML, or more than anybody needs."""
+    """A text that is no YAML, or beyond the limits of this reader."""
 
 
 class _Loader(getattr(yaml, "CSafeLoader", yaml.SafeLoader)):  # type: ignore[misc]
@@ -79,8 +79,8 @@ def read_yaml(text: str | bytes) -> Node:
         text: The document.
 
     Raises:
-        UnreadableYaml: It is too long, nested too deep, holds several documents, its aliases repeat
-            too much, or it is no YAML.
+        UnreadableYaml: The text is too long, nested too deep or no YAML, holds several documents,
+            or its aliases repeat too much.
     """
     if len(text) > MAX_BYTES:
         raise UnreadableYaml(f"{len(text)} bytes, at most {MAX_BYTES} are taken")

@@ -77,7 +77,7 @@ def rows_at(trajectory: Trajectory, times: Array, count: int) -> tuple[Array, ..
     Args:
         trajectory: The motion.
         times: Times of the rows, from its start to its end, shape (p,) [s].
-        count: How many of position, velocity and acceleration.
+        count: Number of quantities, in the order position, velocity and acceleration.
     """
     rows = tuple(trajectory.sample(times, order) for order in range(count))
     if count > 1:

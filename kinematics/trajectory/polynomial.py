@@ -136,7 +136,7 @@ def unit_roots_kernel(c: Array, count: int, table: Array, roots: Array, spare: A
 
     Args:
         c: Coefficients in powers of u.
-        count: How many of them count.
+        count: Number of coefficients that count.
         table: Room for the derivatives, at least (count, count).
         roots: The answer, room for ``count`` values.
         spare: Room for ``count`` values.

@@ -117,7 +117,7 @@ class Trajectory:
 
     @property
     def degree(self) -> int:
-        """Highest power that the coefficients have room for."""
+        """Highest power that the coefficients can hold."""
         return int(self.coefficients.shape[2]) - 1
 
     @property
@@ -304,7 +304,7 @@ def concatenate(trajectories: Sequence[Trajectory]) -> Trajectory:
 
 
 def stay(joint_names: Sequence[str], position: ArrayLike, duration: float = REST) -> Trajectory:
-    """The trajectory that keeps still: one constant piece.
+    """The trajectory of a robot at rest: one constant piece.
 
     A trajectory has a piece, and a piece has a length in time; a motion from a point to itself
     lasts one millisecond unless told otherwise.
@@ -323,7 +323,7 @@ def stay(joint_names: Sequence[str], position: ArrayLike, duration: float = REST
 
 @cache
 def _are_pieces() -> Callable[[Array, Array], bool]:
-    """``are_pieces_kernel`` for a trajectory's arrays, without numba's look at their types."""
+    """``are_pieces_kernel`` for a trajectory's arrays, without numba's check of their types."""
     return direct(are_pieces_kernel, frozen(np.zeros(1)), frozen(np.zeros((1, 1, 1))))
 
 
@@ -337,7 +337,7 @@ def _array(values: ArrayLike, name: str) -> Array:
 
 
 def _is_sound(names: tuple[str, ...], breaks: Array, c: Array) -> bool:
-    """Whether ``_refuse`` has nothing to refuse, told at the least cost."""
+    """Whether ``_refuse`` has nothing to refuse, at the least cost."""
     if breaks.ndim != 1 or c.ndim != 3:
         return False
     fits = 1 < len(breaks) == len(c) + 1 and c.shape[1] == len(names) > 0

@@ -88,7 +88,7 @@ def joint_limit_values(
 def soft_limit_notes(
     joints: Sequence[JointDescription], limits: Limits, names: Sequence[str]
 ) -> list[str]:
-    """A note where safety controllers keep joints to less than the limits of a chain.
+    """A note where safety controllers hold joints to less than the limits of a chain.
 
     MoveIt plans within such soft limits, and a controller that has them stops an arm there.
 
@@ -159,7 +159,7 @@ def moveit_joint_limits(text: str) -> dict[str, dict[str, float]]:
         text: The YAML text.
 
     Raises:
-        InvalidRobotDescription: It is no such text; the message says at which joint.
+        InvalidRobotDescription: The text is no such file; the message names the joint.
     """
     joints = fields_of(_document(text).get("joint_limits"))
     if joints is None:
@@ -300,7 +300,7 @@ def parse_rule(quantity: str, rule: str) -> tuple[float, str]:
         rule: The text.
 
     Raises:
-        InvalidRobotDescription: It is no rule, or its factor is not positive.
+        InvalidRobotDescription: The rule is unknown, or its factor is not positive.
     """
     sources = RULED.get(quantity, ())
     match = _RULE.fullmatch(rule)

@@ -19,7 +19,7 @@ Led = tuple[JointDescription, float, float]
 
 
 class JointRoom(NamedTuple):
-    """Limits of a joint that leads, as far as the joints that follow it keep theirs.
+    """Limits of a leading joint within which its mimic joints stay within theirs.
 
     Args:
         lower: Lowest position [rad or m], -inf for none.
@@ -103,7 +103,7 @@ def mimic_relations(description: RobotDescription, moving: Collection[str], base
 
 
 def mimic_notes(description: RobotDescription, mimic_joints: Relations) -> list[str]:
-    """Notes on joints that follow, one sentence each."""
+    """Notes on mimic joints, one sentence each."""
     notes = []
     for name, (leader, multiplier, offset) in mimic_joints.items():
         shift = f" {'+' if offset > 0.0 else '-'} {abs(offset):g}" if offset else ""
@@ -120,11 +120,11 @@ def mimic_notes(description: RobotDescription, mimic_joints: Relations) -> list[
 
 
 def narrowing_note(leader: JointDescription, mimic: Led) -> str:
-    """How the limits of a mimic joint narrow those of its leader, in words; empty where not at all.
+    """Note on how a mimic joint's limits narrow its leader's; empty where they do not.
 
     Args:
         leader: The joint that leads.
-        mimic: One that follows it.
+        mimic: Mimic joint of the leader.
     """
     known, own = room_of(leader), _allowed(*mimic)
     left, note = known.within(*mimic), ""

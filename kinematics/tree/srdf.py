@@ -101,7 +101,7 @@ def parse_srdf(text: str | bytes) -> Semantics:
     """Read an SRDF text.
 
     Raises:
-        InvalidRobotDescription: It is no SRDF, or an element lacks what it needs.
+        InvalidRobotDescription: The text is no SRDF, or an element lacks what it needs.
     """
     foreign: list[str] = []
     robot = read_robot(text, "SRDF", foreign)

@@ -172,7 +172,7 @@ def _sizes(element: Element, names: tuple[str, ...], where: str) -> list[float]:
 
 
 def _has_extent(element: Element, sizes: list[float], where: str, lint: list[str]) -> bool:
-    """Whether a shape has no size of 0; one that has is told."""
+    """Whether a shape has no size of 0; a shape that has one is reported."""
     if min(sizes) > 0.0:
         return True
     lint.append(f"a collision <{element.tag}> of {where} has size 0: it is left out")

@@ -54,8 +54,8 @@ def parse_urdf(text: str | bytes) -> RobotDescription:
         The tree of links and joints, with warnings in ``lint``.
 
     Raises:
-        InvalidRobotDescription: It is no URDF or contradicts itself; the message says what, at
-            which link or joint, and what to do.
+        InvalidRobotDescription: The text is no URDF or contradicts itself; the message says what,
+            at which link or joint, and what to do.
     """
     foreign: list[str] = []
     robot = read_robot(text, "URDF", foreign)

@@ -58,7 +58,7 @@ def read_visuals(text: str | bytes) -> UrdfVisuals:
         text: The XML text, which ``parse_urdf`` took.
 
     Raises:
-        InvalidRobotDescription: It is no URDF.
+        InvalidRobotDescription: The text is no URDF.
     """
     robot = read_robot(text, "URDF")
     colors = _colors(robot)
@@ -119,7 +119,7 @@ def _color(material: Element) -> Color | None:
 
 
 def with_visual_solids(description: RobotDescription, visuals: UrdfVisuals) -> RobotDescription:
-    """The description with what links look like where they have no collision geometry.
+    """The description with visual geometry where links have no collision geometry.
 
     A link of which something can't be read as it looks stays without: half of it would be no
     bound. ``lint`` tells which links were given solids and which were not.

@@ -63,7 +63,7 @@ class Disturbance:
 
 @dataclass(frozen=True, slots=True)
 class EncoderNoise:
-    """Independent normal errors of what the controller is told of the state.
+    """Independent normal errors of the state that the controller measures.
 
     They are drawn anew each control period, and for a continuous controller each ``period``.
 

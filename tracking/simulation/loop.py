@@ -69,7 +69,7 @@ class Loop(NamedTuple):
         state: Values of q and q_dot that the controller gets, shape (2, n).
         reference: The reference and its two derivatives, shape (3, n).
         stops: The joints' stops.
-        flags: See ``EVALUATIONS`` and the following, shape (FLAG_COUNT,).
+        flags: Flags from ``EVALUATIONS`` on, shape (FLAG_COUNT,).
     """
 
     law: Law

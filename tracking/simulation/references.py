@@ -40,11 +40,11 @@ def step(chain: Chain, start: ArrayLike, end: ArrayLike, at: float, duration: fl
         start: Position before the step, shape (n,) [rad or m].
         end: Position after the step, shape (n,) [rad or m].
         at: Instant of the step [s]; at 0 the reference stands at ``end`` all the time.
-        duration: How long the whole lasts [s].
+        duration: Duration of the whole [s].
 
     Raises:
         InvalidRobotState: A position has the wrong length or is not finite.
-        InvalidOption: It does not jump within its duration.
+        InvalidOption: The step is not within the duration.
     """
     before, after = _vector(chain, "from", start), _vector(chain, "to", end)
     if not 0.0 <= at < duration:
@@ -74,7 +74,7 @@ def sine(
         amplitude: Shape (n,) or () for all joints [rad or m].
         frequency: Not negative, shape (n,) or () [Hz].
         phase: Shape (n,) or () [rad].
-        duration: How long it lasts [s].
+        duration: Duration of the trajectory [s].
 
     Raises:
         InvalidRobotState: A vector has the wrong length or is not finite.

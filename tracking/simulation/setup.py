@@ -24,7 +24,7 @@ class Setup:
     Args:
         controller: Controller with the model that it has.
         robot: The true robot.
-        options: How to integrate.
+        options: Settings of the integration.
         signal: The reference.
         times: Instants of the samples, shape (m,) [s]; the last is the duration.
         events: Instants at which the loop is not smooth.

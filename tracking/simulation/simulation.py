@@ -39,7 +39,7 @@ def simulate(
     Args:
         controller: Controller with the model that it has.
         trajectory: The reference.
-        options: How to integrate.
+        options: Settings of the integration.
         robot: The true robot, for example the model with ``dynamics.model.body.scale_masses`` or
             ``dynamics.model.payload.with_inertias``; the controller's model where none is given.
         initial_position: Shape (n,) [rad or m]; the start of the trajectory by default.

@@ -43,7 +43,7 @@ class Tube:
 
     Args:
         joint_error: Largest |q^r - q| of each joint at any instant, shape (n,) [rad or m].
-        reach: How far any point of the robot moves for a unit of each joint, at most, shape (n,)
+        reach: Largest motion of any point of the robot for a unit of each joint, shape (n,)
             [m/rad, or 1].
         links: Displacement of each moving link in space, by name: an obstacle comes no nearer to
             it than that.

@@ -116,7 +116,7 @@ def closed_form(chain: Chain, link: str | None = None) -> Structure:
     """The closed form of a chain up to a link (the tip where none is named).
 
     Raises:
-        NotAvailable: It has none; the message says which arms do.
+        NotAvailable: The arm has no closed form; the message says which arms do.
         InvalidLinkName: No such link.
     """
     form = structure(chain, link)
@@ -169,7 +169,7 @@ def branches(
             take, in this order, shape (v,) or (m, v); that of the seed where not given.
         tolerance: Largest error of a branch [m], [rad].
         enough: Try no more parameters once so many branches are inside the limits.
-        threads: How many to share a batch among, which changes nothing but the time; all the
+        threads: Number of threads for a batch, which changes nothing but the time; all the
             processors that this process may use where not given.
 
     Raises:

@@ -162,7 +162,7 @@ def _add_verified(
     Args:
         problem: The pose and the arm.
         candidates: Rows of candidates, shape (r, WIDTH).
-        number: How many there are.
+        number: Number of candidates.
         lanes: Workspace, shape (VERIFIED,).
         q: Workspace, shape (n,).
         out: Table of branches, shape (r, n + MORE).

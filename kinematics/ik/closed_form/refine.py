@@ -123,7 +123,7 @@ def verify_kernel(problem: Problem, candidates: Array, first: int, count: int, l
         problem: The pose and the arm.
         candidates: Rows of candidates, shape (r, WIDTH).
         first: The row to begin with.
-        count: How many there are, 8 at most.
+        count: Number of candidates, 8 at most.
         lanes: The answer, by rows of eight numbers: angles, then the nearest turns of the n joints,
             errors [m], [rad], and 1 where all joints are inside their limits; (VERIFIED,).
 

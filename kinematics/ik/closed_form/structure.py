@@ -164,8 +164,8 @@ class Structure:
         reverse: Whether the form reads the joints from the tip.
         locked: Index of the joint that is held at the parameter; None where the parameter is the
             arm angle, or none is needed.
-        joints: How many joints of the chain take part, from the first on.
-        miss: How far the axes are from the form [m or rad].
+        joints: Number of joints of the chain that take part, from the first on.
+        miss: Distance of the axes from the form [m or rad].
         plan: The arm for the kernels, columns as ``plan`` names them, shape (ROWS, COLUMNS).
     """
 

@@ -77,7 +77,7 @@ def orient_kernel(
         m0: Column 0 of M.
         m2: Column 2 of M.
         side: +1 or -1, which of the two solutions.
-        slack: How far outside its range a squared sine may lie and be cut.
+        slack: Distance by which outside its range a squared sine may lie and be cut.
 
     Returns:
         The status, where ANY_ANGLE means that a is free and taken as 0; then the cosines and sines
@@ -168,7 +168,7 @@ def circle_roots_kernel(E: Array, noise: float, depth: float, work: Array, roots
 
     Args:
         E: The coefficients, shape (6,).
-        noise: How exact they are.
+        noise: Error of the coefficients.
         depth: Difference that they may have from those of the arm that is meant.
         work: Room, at least (8, 6).
         roots: The answer.
@@ -238,7 +238,7 @@ def pair_kernel(
         h: Coefficients of 1, cos(x), sin(x), shape (2, 3).
         rho: Coefficients of 1, c, s, c^2, cs, s^2, shape (6,).
         slack: Slack as ``cosine_kernel`` has it.
-        miss: How far the arm is from the one that is meant [m or rad].
+        miss: Distance of the arm from the one that is meant [m or rad].
         free: Angles to take where any is a solution.
         out: The answer: cos(x), sin(x), y_0, y_1 a row, shape (24, 4).
 

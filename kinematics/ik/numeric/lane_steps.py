@@ -191,7 +191,7 @@ def judge_kernel(
 
     Args:
         space: The chain.
-        settings: How to search.
+        settings: Settings of the search.
         last: The last joint that moves the link.
         B: Frames of the link at the trials.
         targets: Frames that it is to reach, shape (FRAME_SIZE,).

@@ -270,7 +270,7 @@ def search_kernel(  # noqa: C901, PLR0912, PLR0915
 
     Args:
         space: The chain up to the link.
-        settings: How to search.
+        settings: Settings of the search.
         target: T_base_link, shape (4, 4).
         spent: Starts that were spent before; above 0 it begins with a draw instead of ``start``.
         start: Configuration to begin at, shape (n,).

@@ -138,12 +138,12 @@ def solve_many(
     Args:
         chain: The robot.
         targets: T_base_link, shape (m, 4, 4).
-        options: How to search; the same for each pose.
+        options: Settings of the search, the same for each pose.
         link: The link to bring there; the tip where none is named.
         seed_joints: Configuration to start from, shape (n,) or (m, n); the middle of the limits
             where not given.
-        threads: How many to share the poses among, which changes nothing but the time; all the
-            processors that this process may use where not given.
+        threads: Number of threads, which changes nothing but the time; all the processors
+            that this process may use where not given.
 
     Raises:
         InvalidRobotState: ``seed_joints`` has the wrong length or is not finite.
@@ -186,11 +186,11 @@ def solve(
     Args:
         chain: The robot.
         target: T_base_link, shape (4, 4).
-        options: How to search.
+        options: Settings of the search.
         link: The link to bring there; the tip where none is named.
         seed_joints: Configuration to start from, shape (n,); the middle of the limits where not
             given.
-        solutions: How many distinct ones to look for.
+        solutions: Number of distinct solutions to search for.
 
     Returns:
         The solutions, nearest to ``seed_joints`` first, or the nearest attempt and advice.
@@ -243,7 +243,7 @@ def raise_start(chain: Chain, begin: Array) -> None:
     """Say what is wrong with a start, if anything is.
 
     Raises:
-        InvalidRobotState: It is not one finite number a joint.
+        InvalidRobotState: The seed is not one finite number a joint.
     """
     if chain.configuration(begin, "seed_joints").ndim != 1:
         raise InvalidOption("seed_joints must be one configuration here, not several")

@@ -72,7 +72,7 @@ def numeric_simd_kernel(
 
     Args:
         space: The chain up to the link.
-        settings: How to search.
+        settings: Settings of the search.
         targets: T_base_link, shape (m, 4, 4).
         begin: Configurations to begin at, shape (m, n).
         best: The nearest configurations, their errors, and the steps and starts spent, shape

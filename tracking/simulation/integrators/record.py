@@ -56,7 +56,7 @@ class Record(NamedTuple):
         lyapunov: V and its rate, shape (m, 2).
         references: Position and velocity, shape (m, 2, n).
         bounds: Bounds of errors, positions and velocities over all steps.
-        counters: See ``SAMPLES`` and the following, shape (COUNTER_COUNT,).
+        counters: Counters from ``SAMPLES`` on, shape (COUNTER_COUNT,).
     """
 
     times: Array
