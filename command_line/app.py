@@ -8,16 +8,13 @@ import typer
 from command_line.bench import bench
 from command_line.doctor import doctor
 from command_line.exit_codes import ExitCode
-from command_line.files import export, sweep
-from command_line.kinematics import fk, ik
+from command_line.files import export, project, sweep
+from command_line.kinematics import fk, ik, reach
 from command_line.motions import check, convert, plan, retime, simulate, validate
 from command_line.output import print_line
-from command_line.project import project
-from command_line.reach import reach
 from command_line.robots import robots, scenes
 from command_line.studio import studio
-from command_line.task import task
-from command_line.tour import tour
+from command_line.task import task, tour
 from command_line.view import view
 
 #: Help of the commands that `service.cli` parses, before typer is imported.

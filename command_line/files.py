@@ -1,4 +1,4 @@
-"""The commands that write motions to files: for robot controllers, and as swept volumes."""
+"""The commands that write motions to files and project points onto obstacles."""
 
 import json
 from pathlib import Path
@@ -14,13 +14,68 @@ from command_line.backend import connect
 from command_line.endpoints import EXPORT
 from command_line.local import LocalBackend
 from command_line.motions import Motion
-from command_line.output import print_json, print_line, save
+from command_line.output import print_json, print_line, print_table, save
 from command_line.parameters import Connection, Margin, Request, RobotSource, Scene, command
 from command_line.problems import invalid_value, negative
+from command_line.remote import remote_backend
 from command_line.robot_files import read_json
 from planning.exports.swept_volume import swept_volume
 from service.validation import validate_as
 from service.viewer.words import against
+
+#: Coordinates of a point.
+_DIMENSIONS = 3
+
+
+@command
+def project(
+    connection: Connection,
+    scene: Annotated[
+        str, typer.Argument(help="JSON or MoveIt YAML file; with --url also a stored scene.")
+    ],
+    points: Annotated[
+        str, typer.Option(help="x,y,z of one point, or a JSON list of points, or its file [m].")
+    ],
+    engine: Annotated[str, typer.Option(help="exact or fcl.")] = "exact",
+) -> None:
+    """Project points onto the obstacles of a scene, with their distances, negative inside."""
+    surroundings, given = values.scene(scene), values.read_value("--points", points)
+    if not isinstance(given, list) or not given:
+        raise invalid_value("--points", f"{points!r} are no points")
+    if not isinstance(given[0], list):
+        if len(given) != _DIMENSIONS:
+            raise invalid_value("--points", f"a point has {_DIMENSIONS} coordinates")
+        given = [given]
+    body: dict[str, Any] = {"points": given, "engine": engine}
+    answer = _answer(connection, surroundings or "", body)
+    if connection.as_json:
+        print_json(answer)
+        return
+    rows = [
+        (i, item["obstacle"], item["distance"], item["projection"])
+        for i, row in enumerate(json.loads(answer)["projections"])
+        for item in row
+    ]
+    print_table("Projections", ("point", "obstacle", "distance [m]", "nearest point [m]"), rows)
+
+
+def _answer(connection: Connection, scene: dict[str, Any] | str, body: dict[str, Any]) -> bytes:
+    if connection.url is not None:
+        remote = remote_backend(connection.url, connection.token)
+        try:
+            return remote.projections(scene, body)
+        finally:
+            remote.close()
+    if isinstance(scene, str):
+        raise invalid_value(
+            "SCENE", f"there is no scene file {scene!r}", "Names are those of a service (--url)."
+        )
+    backend = LocalBackend()
+    try:
+        return backend.projections(scene, body)
+    finally:
+        backend.close()
+
 
 #: Files of meshes that `sweep` writes, by their suffix.
 _MESH_FILES = (".glb", ".stl")

@@ -3,12 +3,15 @@
 import hashlib
 import json
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from typing import TYPE_CHECKING, Any
 from urllib.parse import quote
 
 from rich.console import Console
+from rich.status import Status
 
+from armwright_client import ArmwrightError, Pending
+from armwright_client.call import Call, Sender
 from command_line.endpoints import Endpoint
 from command_line.parameters import RobotSource
 from command_line.problems import CommandProblem, invalid_value, unreachable
@@ -17,6 +20,37 @@ from command_line.robot_files import is_file, robot_document
 if TYPE_CHECKING:
     from armwright_client import Client
     from armwright_client.call import Call
+
+
+def answer_of_job(sender: Sender, call: Call[bytes], console: Console) -> bytes:
+    """The answer to a request that runs as a job; whoever interrupts it here ends it there.
+
+    Args:
+        sender: Sender of the client.
+        call: The request.
+        console: Console that shows the stages.
+
+    Raises:
+        ArmwrightError: The service answers a problem, or not at all.
+    """
+    with console.status("queued") as status:
+        pending = sender.postpone(call)
+        try:
+            _follow(pending, status)
+            return pending.wait()
+        except KeyboardInterrupt:
+            with suppress(ArmwrightError):  # it has ended, or nobody is there to be told
+                pending.cancel()
+            raise
+
+
+def _follow(pending: Pending[Any], status: Status) -> None:
+    """Show the stages of a job until it ends or its events do; the answer is asked for anyway."""
+    with suppress(ArmwrightError):
+        for event in pending.events():
+            job = event.job()
+            status.update(job.stage or job.status)
+
 
 #: Digits of a digest in the name of an uploaded robot.
 _DIGITS = 16
@@ -109,7 +143,6 @@ class RemoteBackend:
         console = Console(stderr=True)
         if not (endpoint.long and console.is_terminal):
             return self._send("POST", path, body)
-        from command_line.remote_job import answer_of_job  # noqa: PLC0415
 
         # A command keeps no plan that it would not keep without a terminal.
         call = _call("POST", path, {"keep": False} | body if endpoint.keepable else body)
