@@ -5,17 +5,17 @@ from typing import Annotated
 
 import typer
 
-from command_line.bench import bench
-from command_line.doctor import doctor
+from command_line.commands.bench import bench
+from command_line.commands.doctor import doctor
+from command_line.commands.files import export, project, sweep
+from command_line.commands.kinematics import fk, ik, reach
+from command_line.commands.motions import check, convert, plan, retime, simulate, validate
+from command_line.commands.robots import robots, scenes
+from command_line.commands.studio import studio
+from command_line.commands.task import task, tour
+from command_line.commands.view import view
 from command_line.exit_codes import ExitCode
-from command_line.files import export, project, sweep
-from command_line.kinematics import fk, ik, reach
-from command_line.motions import check, convert, plan, retime, simulate, validate
 from command_line.output import print_line
-from command_line.robots import robots, scenes
-from command_line.studio import studio
-from command_line.task import task, tour
-from command_line.view import view
 
 #: Help of the commands that `service.cli` parses, before typer is imported.
 _SERVER = {

@@ -115,7 +115,7 @@ def test_the_command_of_the_readme_plans(
     capsys: pytest.CaptureFixture[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setenv("ARMWRIGHT_DATA_DIR", str(tmp_path / "data"))
-    monkeypatch.setattr("command_line.local.cache_folder", lambda: tmp_path / "cache")
+    monkeypatch.setattr("command_line.backends.local.cache_folder", lambda: tmp_path / "cache")
     monkeypatch.delenv("ARMWRIGHT_URL", raising=False)
     found = re.search(r"`armwright (plan[^`]*)`", README)
     assert found is not None

@@ -18,6 +18,6 @@ def _no_command_compiles() -> Iterator[None]:
 def run(capsys: pytest.CaptureFixture[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Run:
     """Runs a command with a data folder and a cache of its own."""
     monkeypatch.setenv("ARMWRIGHT_DATA_DIR", str(tmp_path / "data"))
-    monkeypatch.setattr("command_line.local.cache_folder", lambda: tmp_path / "cache")
+    monkeypatch.setattr("command_line.backends.local.cache_folder", lambda: tmp_path / "cache")
     monkeypatch.delenv("ARMWRIGHT_URL", raising=False)
     return runner(capsys)

@@ -4,7 +4,7 @@ from typing import Any
 
 import pytest
 
-from command_line import doctor
+from command_line.commands import doctor
 from tests.command_line.commands import Printed, Run
 
 

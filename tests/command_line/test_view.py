@@ -6,8 +6,8 @@ from typing import Any
 
 import pytest
 
-from command_line.endpoints import PLAN
-from command_line.local import LocalBackend
+from command_line.backends.endpoints import PLAN
+from command_line.backends.local import LocalBackend
 from service.http.keeping import answer_digest
 from tests.command_line.commands import Run
 from tests.service.robots import ASIDE, HOME
@@ -58,7 +58,7 @@ BALL = {
 @pytest.fixture
 def bundle(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> dict[str, Any]:
     """A bundle of a plan near a stored scene, as a service makes it."""
-    monkeypatch.setattr("command_line.local.cache_folder", lambda: tmp_path / "cache")
+    monkeypatch.setattr("command_line.backends.local.cache_folder", lambda: tmp_path / "cache")
     scene, request = {"name": "room", "obstacles": [BALL]}, ASKED | {"scene": "room"}
     backend = LocalBackend()
     with backend._stored(scene, "room") as reference:

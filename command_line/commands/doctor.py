@@ -143,7 +143,7 @@ def _data_folder() -> Finding:
 
 
 def _service(url: str, token: str | None) -> Finding:
-    from command_line.remote import remote_backend  # noqa: PLC0415
+    from command_line.backends.remote import remote_backend  # noqa: PLC0415
 
     try:
         backend = remote_backend(url, token)

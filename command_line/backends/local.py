@@ -12,7 +12,7 @@ from rich.console import Console
 
 from armwright_wire.robot import RobotBody
 from armwright_wire.scene import ProjectRequest, Scene
-from command_line.endpoints import Endpoint, answering
+from command_line.backends.endpoints import Endpoint, answering
 from command_line.parameters import RobotSource
 from command_line.robot_files import is_file, robot_document
 from compiled.kept_file import make_private

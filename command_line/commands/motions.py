@@ -7,8 +7,8 @@ from typing import Annotated, Any
 import typer
 
 from command_line import values
-from command_line.backend import connect
-from command_line.endpoints import (
+from command_line.backends.backend import connect
+from command_line.backends.endpoints import (
     CHECK,
     CONVERT,
     PLAN,
@@ -17,7 +17,7 @@ from command_line.endpoints import (
     VALIDATE,
     Endpoint,
 )
-from command_line.kinematics import Joints
+from command_line.commands.kinematics import Joints
 from command_line.output import print_json, print_line, print_table, save, word
 from command_line.parameters import Connection, Margin, Request, RobotSource, Scene, command
 from command_line.problems import negative

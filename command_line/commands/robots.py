@@ -5,7 +5,7 @@ from typing import Annotated
 import typer
 
 from command_line import values
-from command_line.backend import connect
+from command_line.backends.backend import connect
 from command_line.output import print_json, print_line, print_table
 from command_line.parameters import Connection, RobotSource, command
 

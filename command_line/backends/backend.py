@@ -4,7 +4,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import Any, Protocol
 
-from command_line.endpoints import Endpoint
+from command_line.backends.endpoints import Endpoint
 from command_line.parameters import Connection, RobotSource
 
 
@@ -42,11 +42,11 @@ def connect(connection: Connection) -> Iterator[Backend]:
     """
     backend: Backend
     if connection.url is None:
-        from command_line.local import LocalBackend  # noqa: PLC0415
+        from command_line.backends.local import LocalBackend  # noqa: PLC0415
 
         backend = LocalBackend()
     else:
-        from command_line.remote import remote_backend  # noqa: PLC0415
+        from command_line.backends.remote import remote_backend  # noqa: PLC0415
 
         backend = remote_backend(connection.url, connection.token)
     try:

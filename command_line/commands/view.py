@@ -8,7 +8,7 @@ from typing import Annotated, Any
 import typer
 
 from command_line import values
-from command_line.local import LocalBackend
+from command_line.backends.local import LocalBackend
 from command_line.output import print_line, save
 from command_line.parameters import Connection, RobotSource, Scene, command
 from command_line.problems import invalid_value
@@ -62,7 +62,7 @@ def view(
 
 
 def _of_service(connection: Connection, plan_id: str, *, tree: bool) -> bytes:
-    from command_line.remote import remote_backend  # noqa: PLC0415
+    from command_line.backends.remote import remote_backend  # noqa: PLC0415
 
     backend = remote_backend(connection.url or _DEFAULT_URL, connection.token)
     try:

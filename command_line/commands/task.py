@@ -6,10 +6,10 @@ from typing import Annotated, Any
 import typer
 
 from command_line import values
-from command_line.endpoints import TASK, TOUR
+from command_line.backends.endpoints import TASK, TOUR
+from command_line.commands.request_file import FileRequest
 from command_line.output import print_line, print_premises, print_table
 from command_line.parameters import Connection, Margin, Request, RobotSource, Scene, command
-from command_line.request_file import FileRequest
 from service.viewer.words import allowed_sentences
 
 

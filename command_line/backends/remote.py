@@ -12,7 +12,7 @@ from rich.status import Status
 
 from armwright_client import ArmwrightError, Pending
 from armwright_client.call import Call, Sender
-from command_line.endpoints import Endpoint
+from command_line.backends.endpoints import Endpoint
 from command_line.parameters import RobotSource
 from command_line.problems import CommandProblem, invalid_value, unreachable
 from command_line.robot_files import is_file, robot_document

@@ -6,8 +6,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from command_line.backend import connect
-from command_line.endpoints import Endpoint
+from command_line.backends.backend import connect
+from command_line.backends.endpoints import Endpoint
 from command_line.output import print_json, save
 from command_line.parameters import Connection, Request, RobotSource
 from command_line.robot_files import read_json

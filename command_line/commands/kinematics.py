@@ -7,8 +7,8 @@ from typing import Annotated, Any
 import typer
 
 from command_line import values
-from command_line.backend import connect
-from command_line.endpoints import FK, IK, REACH
+from command_line.backends.backend import connect
+from command_line.backends.endpoints import FK, IK, REACH
 from command_line.output import print_json, print_line, print_table
 from command_line.parameters import Connection, Margin, RobotSource, Scene, command
 from command_line.robot_files import read_json

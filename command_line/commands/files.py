@@ -10,14 +10,14 @@ from rich.text import Text
 
 from armwright_wire.trajectory import TrajectoryBody
 from command_line import values
-from command_line.backend import connect
-from command_line.endpoints import EXPORT
-from command_line.local import LocalBackend
-from command_line.motions import Motion
+from command_line.backends.backend import connect
+from command_line.backends.endpoints import EXPORT
+from command_line.backends.local import LocalBackend
+from command_line.backends.remote import remote_backend
+from command_line.commands.motions import Motion
 from command_line.output import print_json, print_line, print_table, save
 from command_line.parameters import Connection, Margin, Request, RobotSource, Scene, command
 from command_line.problems import invalid_value, negative
-from command_line.remote import remote_backend
 from command_line.robot_files import read_json
 from planning.exports.swept_volume import swept_volume
 from service.validation import validate_as

@@ -7,8 +7,8 @@ from typing import Annotated, Any, NamedTuple
 
 import typer
 
-from command_line.backend import Backend, connect
-from command_line.endpoints import CHECK, FK, IK, PLAN, Endpoint
+from command_line.backends.backend import Backend, connect
+from command_line.backends.endpoints import CHECK, FK, IK, PLAN, Endpoint
 from command_line.output import print_json, print_table
 from command_line.parameters import Connection, RobotSource, command
 

@@ -1,0 +1,1 @@
+"""Backends of commands: this process, or a service at a URL."""

@@ -1,0 +1,1 @@
+"""Commands of ``armwright``, by what they are about."""
