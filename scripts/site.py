@@ -35,7 +35,12 @@ DOCSTRINGS = {
     "reference_library.md": ("The library in full", ("armwright",)),
     "reference_client.md": (
         "The client in full",
-        ("armwright_client.client", "armwright_client.plan", "armwright_client.errors"),
+        (
+            "armwright_client.client",
+            "armwright_client.plan_options",
+            "armwright_wire.plan",
+            "armwright_client.errors",
+        ),
     ),
 }
 #: The section of the navigation that pages join which no section names.
