@@ -35,7 +35,7 @@ from planning.options import Options
 from planning.pipeline.pipeline import plan
 from planning.problem import JointGoal, Problem
 from planning.result import Plan
-from service.translate.robots import robot as uploaded
+from service.translate.robots.robots import robot as uploaded
 
 Array = NDArray[np.float64]
 

@@ -152,7 +152,7 @@ def _from_urdf(path: Path, visual_solids: bool) -> dict[str, Any]:
 
 
 def _from_archive(path: Path) -> dict[str, Any]:
-    from service.translate.archive import read_archive  # noqa: PLC0415
+    from service.translate.robots.archive import read_archive  # noqa: PLC0415
 
     archive = read_archive(path.read_bytes())
     meshes = {name: base64.b64encode(data).decode() for name, data in archive.meshes.items()}

@@ -19,9 +19,13 @@ from compiled.compiler.dispatcher import Kernel
 from compiled.compiler.target import target
 from kinematics.forward import forward
 from planning.values.deadline import Deadline
+from service.endpoints.check import task as check
+from service.endpoints.dynamics import task as dynamics
+from service.endpoints.ik import task as inverse_kinematics
+from service.endpoints.kinematics import task as kinematics
+from service.endpoints.plan import task as plan
 from service.storage import worker_cache
 from service.storage.cache_key import builtin_reference
-from service.tasks import check, dynamics, inverse_kinematics, kinematics, plan
 from service.workers import current
 
 #: Emulated processors are a hundred times as slow [s].

@@ -10,6 +10,27 @@ from fastapi import FastAPI
 from starlette.concurrency import run_in_threadpool
 
 from service.access.authentication import Authenticator
+from service.endpoints.batch import route as batch
+from service.endpoints.check import route as check
+from service.endpoints.dynamics import route as dynamics
+from service.endpoints.export import route as export
+from service.endpoints.health import route as health
+from service.endpoints.jobs import route as jobs
+from service.endpoints.kinematics import poses_route
+from service.endpoints.kinematics import route as kinematics
+from service.endpoints.lyapunov import route as lyapunov
+from service.endpoints.pages import problems
+from service.endpoints.pages import route as pages
+from service.endpoints.plan import route as plan
+from service.endpoints.plans import route as plans
+from service.endpoints.potential import route as potential
+from service.endpoints.reach import route as reach
+from service.endpoints.retime import route as retime
+from service.endpoints.robots import route as robots
+from service.endpoints.scenes import route as scenes
+from service.endpoints.simulate import route as simulate
+from service.endpoints.tasks import route as sequence
+from service.endpoints.tours import route as tours
 from service.housekeeping import keep_house, watch_storage
 from service.http import errors, openapi
 from service.http.json_route import JsonRoute
@@ -20,37 +41,14 @@ from service.jobs.agent_jobs import AgentJobs
 from service.jobs.answer import defer
 from service.jobs.runner import Jobs
 from service.recipe import RECIPE
-from service.routes import (
-    batch,
-    check,
-    dynamics,
-    export,
-    health,
-    jobs,
-    kinematics,
-    lyapunov,
-    pages,
-    plan,
-    plans,
-    poses,
-    potential,
-    problems,
-    reach,
-    retime,
-    robots,
-    scenes,
-    sequence,
-    simulate,
-    tours,
-)
 from service.settings import Settings
 from service.storage.recent import Recent
 from service.storage.store import Store, open_store
-from service.tasks.result import RobotModel
 from service.tracing.extra import install_tracing, open_tracing
 from service.version import VERSION
 from service.workers.fork.launch import Launched
 from service.workers.recycling import WorkerLimits
+from service.workers.result import RobotModel
 from service.workers.supervisor import WorkerSupervisor
 
 if TYPE_CHECKING:
@@ -69,7 +67,7 @@ _ROUTERS = (
     problems.router,
     robots.router,
     kinematics.router,
-    poses.router,
+    poses_route.router,
     scenes.router,
     check.router,
     plan.router,

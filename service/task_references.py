@@ -1,116 +1,123 @@
 """The tasks that the server asks workers to call, without the modules that they are in.
 
 Those import all that computes: half a gigabyte of libraries that the server has no use for. A type
-checker sees the tasks themselves; the server has their names. `service.tasks` has a test for each.
+checker sees the tasks themselves; the server has their names, each held by a test.
 """
 
 from typing import TYPE_CHECKING
 
-from service.tasks.chunk_sizes import TURN
+from service.workers.chunk_sizes import TURN
 from service.workers.task import GRACE, TaskReference
 
 if TYPE_CHECKING:
-    import service.tasks.batch
-    import service.tasks.check
-    import service.tasks.dynamics
-    import service.tasks.equations
-    import service.tasks.export
-    import service.tasks.finger_poses
-    import service.tasks.geometry
-    import service.tasks.inverse_kinematics
-    import service.tasks.kinematics
-    import service.tasks.large_body
-    import service.tasks.lyapunov
-    import service.tasks.plan
-    import service.tasks.poses
-    import service.tasks.potential
-    import service.tasks.reach
-    import service.tasks.retime
-    import service.tasks.robots
-    import service.tasks.sequence
-    import service.tasks.simulate
-    import service.tasks.swept
-    import service.tasks.tours
-    import service.tasks.view
+    import service.endpoints.batch.task
+    import service.endpoints.check.task
+    import service.endpoints.dynamics.equations
+    import service.endpoints.dynamics.task
+    import service.endpoints.export.task
+    import service.endpoints.ik.task
+    import service.endpoints.kinematics.poses_task
+    import service.endpoints.kinematics.task
+    import service.endpoints.large_body
+    import service.endpoints.lyapunov.task
+    import service.endpoints.plan.task
+    import service.endpoints.plans.swept
+    import service.endpoints.plans.view
+    import service.endpoints.potential.task
+    import service.endpoints.reach.task
+    import service.endpoints.retime.task
+    import service.endpoints.robots.finger_poses
+    import service.endpoints.robots.geometry
+    import service.endpoints.robots.task
+    import service.endpoints.simulate.task
+    import service.endpoints.tasks.task
+    import service.endpoints.tours.task
 
-    cut = service.tasks.batch.cut
-    plan_part = service.tasks.batch.plan_part
-    split = service.tasks.batch.split
-    check = service.tasks.check.check
-    project = service.tasks.check.project
-    dynamics = service.tasks.dynamics.dynamics_task
-    forward_dynamics = service.tasks.dynamics.forward_dynamics_task
-    regressor = service.tasks.dynamics.regressor_task
-    wrench = service.tasks.dynamics.wrench_task
-    equations = service.tasks.equations.equations
-    export = service.tasks.export.export
-    finger_poses = service.tasks.finger_poses.finger_poses
-    robot_geometry = service.tasks.geometry.robot_geometry
-    ik = service.tasks.inverse_kinematics.ik
-    fk = service.tasks.kinematics.fk_task
-    jacobian = service.tasks.kinematics.jacobian_task
-    velocity = service.tasks.kinematics.velocity_task
-    outline = service.tasks.large_body.outline
-    lyapunov = service.tasks.lyapunov.lyapunov
-    plan = service.tasks.plan.plan
-    validate = service.tasks.plan.validate
-    convert_pose = service.tasks.poses.convert_pose
-    potential = service.tasks.potential.potential
-    reach = service.tasks.reach.reach
-    convert = service.tasks.retime.convert
-    retime = service.tasks.retime.retime
-    change_robot = service.tasks.robots.change_robot
-    make_robot = service.tasks.robots.make_robot
-    make_scene = service.tasks.robots.make_scene
-    prepare_robot = service.tasks.robots.prepare_robot
-    prepare_scene = service.tasks.robots.prepare_scene
-    robot_model = service.tasks.robots.robot_model
-    robot_srdf = service.tasks.robots.robot_srdf
-    robot_urdf = service.tasks.robots.robot_urdf
-    unpack_robot = service.tasks.robots.unpack_robot
-    plan_sequence = service.tasks.sequence.plan_sequence
-    simulate = service.tasks.simulate.simulate
-    swept = service.tasks.swept.swept
-    view = service.tasks.view.view
-    tour = service.tasks.tours.tour
+    cut = service.endpoints.batch.task.cut
+    plan_part = service.endpoints.batch.task.plan_part
+    split = service.endpoints.batch.task.split
+    check = service.endpoints.check.task.check
+    project = service.endpoints.check.task.project
+    dynamics = service.endpoints.dynamics.task.dynamics_task
+    forward_dynamics = service.endpoints.dynamics.task.forward_dynamics_task
+    regressor = service.endpoints.dynamics.task.regressor_task
+    wrench = service.endpoints.dynamics.task.wrench_task
+    equations = service.endpoints.dynamics.equations.equations
+    export = service.endpoints.export.task.export
+    finger_poses = service.endpoints.robots.finger_poses.finger_poses
+    robot_geometry = service.endpoints.robots.geometry.robot_geometry
+    ik = service.endpoints.ik.task.ik
+    fk = service.endpoints.kinematics.task.fk_task
+    jacobian = service.endpoints.kinematics.task.jacobian_task
+    velocity = service.endpoints.kinematics.task.velocity_task
+    outline = service.endpoints.large_body.outline
+    lyapunov = service.endpoints.lyapunov.task.lyapunov
+    plan = service.endpoints.plan.task.plan
+    validate = service.endpoints.plan.task.validate
+    convert_pose = service.endpoints.kinematics.poses_task.convert_pose
+    potential = service.endpoints.potential.task.potential
+    reach = service.endpoints.reach.task.reach
+    convert = service.endpoints.retime.task.convert
+    retime = service.endpoints.retime.task.retime
+    change_robot = service.endpoints.robots.task.change_robot
+    make_robot = service.endpoints.robots.task.make_robot
+    make_scene = service.endpoints.robots.task.make_scene
+    prepare_robot = service.endpoints.robots.task.prepare_robot
+    prepare_scene = service.endpoints.robots.task.prepare_scene
+    robot_model = service.endpoints.robots.task.robot_model
+    robot_srdf = service.endpoints.robots.task.robot_srdf
+    robot_urdf = service.endpoints.robots.task.robot_urdf
+    unpack_robot = service.endpoints.robots.task.unpack_robot
+    plan_sequence = service.endpoints.tasks.task.plan_sequence
+    simulate = service.endpoints.simulate.task.simulate
+    swept = service.endpoints.plans.swept.swept
+    view = service.endpoints.plans.view.view
+    tour = service.endpoints.tours.task.tour
 else:
-    cut = TaskReference("service.tasks.batch:cut")
-    plan_part = TaskReference("service.tasks.batch:plan_part", GRACE + TURN)
-    split = TaskReference("service.tasks.batch:split")
-    check = TaskReference("service.tasks.check:check", GRACE)
-    project = TaskReference("service.tasks.check:project")
-    dynamics = TaskReference("service.tasks.dynamics:dynamics")
-    forward_dynamics = TaskReference("service.tasks.dynamics:forward_dynamics")
-    regressor = TaskReference("service.tasks.dynamics:regressor")
-    wrench = TaskReference("service.tasks.dynamics:wrench")
-    equations = TaskReference("service.tasks.equations:equations")
-    export = TaskReference("service.tasks.export:export", GRACE)
-    finger_poses = TaskReference("service.tasks.finger_poses:finger_poses")
-    robot_geometry = TaskReference("service.tasks.geometry:robot_geometry")
-    ik = TaskReference("service.tasks.inverse_kinematics:ik", GRACE)
-    fk = TaskReference("service.tasks.kinematics:fk")
-    jacobian = TaskReference("service.tasks.kinematics:jacobian")
-    velocity = TaskReference("service.tasks.kinematics:velocity")
-    outline = TaskReference("service.tasks.large_body:outline")
-    lyapunov = TaskReference("service.tasks.lyapunov:lyapunov")
-    plan = TaskReference("service.tasks.plan:plan", GRACE)
-    validate = TaskReference("service.tasks.plan:validate", GRACE)
-    convert_pose = TaskReference("service.tasks.poses:convert_pose")
-    potential = TaskReference("service.tasks.potential:potential")
-    reach = TaskReference("service.tasks.reach:reach", GRACE)
-    convert = TaskReference("service.tasks.retime:convert")
-    retime = TaskReference("service.tasks.retime:retime")
-    change_robot = TaskReference("service.tasks.robots:change_robot")
-    make_robot = TaskReference("service.tasks.robots:make_robot")
-    make_scene = TaskReference("service.tasks.robots:make_scene")
-    prepare_robot = TaskReference("service.tasks.robots:prepare_robot")
-    prepare_scene = TaskReference("service.tasks.robots:prepare_scene")
-    robot_model = TaskReference("service.tasks.robots:robot_model")
-    robot_srdf = TaskReference("service.tasks.robots:robot_srdf")
-    robot_urdf = TaskReference("service.tasks.robots:robot_urdf")
-    unpack_robot = TaskReference("service.tasks.robots:unpack_robot")
-    plan_sequence = TaskReference("service.tasks.sequence:plan_sequence", GRACE)
-    simulate = TaskReference("service.tasks.simulate:simulate", GRACE)
-    swept = TaskReference("service.tasks.swept:swept")
-    view = TaskReference("service.tasks.view:view")
-    tour = TaskReference("service.tasks.tours:tour", GRACE)
+    cut = TaskReference("service.endpoints.batch.task:cut")
+    plan_part = TaskReference("service.endpoints.batch.task:plan_part", GRACE + TURN)
+    split = TaskReference("service.endpoints.batch.task:split")
+    check = TaskReference("service.endpoints.check.task:check", GRACE)
+    project = TaskReference("service.endpoints.check.task:project")
+    dynamics = TaskReference("service.endpoints.dynamics.task:dynamics")
+    forward_dynamics = TaskReference("service.endpoints.dynamics.task:forward_dynamics")
+    regressor = TaskReference("service.endpoints.dynamics.task:regressor")
+    wrench = TaskReference("service.endpoints.dynamics.task:wrench")
+    equations = TaskReference("service.endpoints.dynamics.equations:equations")
+    export = TaskReference("service.endpoints.export.task:export", GRACE)
+    finger_poses = TaskReference("service.endpoints.robots.finger_poses:finger_poses")
+    robot_geometry = TaskReference("service.endpoints.robots.geometry:robot_geometry")
+    ik = TaskReference("service.endpoints.ik.task:ik", GRACE)
+    fk = TaskReference("service.endpoints.kinematics.task:fk")
+    jacobian = TaskReference("service.endpoints.kinematics.task:jacobian")
+    velocity = TaskReference("service.endpoints.kinematics.task:velocity")
+    outline = TaskReference("service.endpoints.large_body:outline")
+    lyapunov = TaskReference("service.endpoints.lyapunov.task:lyapunov")
+    plan = TaskReference("service.endpoints.plan.task:plan", GRACE)
+    validate = TaskReference("service.endpoints.plan.task:validate", GRACE)
+    convert_pose = TaskReference("service.endpoints.kinematics.poses_task:convert_pose")
+    potential = TaskReference("service.endpoints.potential.task:potential")
+    reach = TaskReference("service.endpoints.reach.task:reach", GRACE)
+    convert = TaskReference("service.endpoints.retime.task:convert")
+    retime = TaskReference("service.endpoints.retime.task:retime")
+    change_robot = TaskReference("service.endpoints.robots.task:change_robot")
+    make_robot = TaskReference("service.endpoints.robots.task:make_robot")
+    make_scene = TaskReference("service.endpoints.robots.task:make_scene")
+    prepare_robot = TaskReference("service.endpoints.robots.task:prepare_robot")
+    prepare_scene = TaskReference("service.endpoints.robots.task:prepare_scene")
+    robot_model = TaskReference("service.endpoints.robots.task:robot_model")
+    robot_srdf = TaskReference("service.endpoints.robots.task:robot_srdf")
+    robot_urdf = TaskReference("service.endpoints.robots.task:robot_urdf")
+    unpack_robot = TaskReference("service.endpoints.robots.task:unpack_robot")
+    plan_sequence = TaskReference("service.endpoints.tasks.task:plan_sequence", GRACE)
+    simulate = TaskReference("service.endpoints.simulate.task:simulate", GRACE)
+    swept = TaskReference("service.endpoints.plans.swept:swept")
+    view = TaskReference("service.endpoints.plans.view:view")
+    tour = TaskReference("service.endpoints.tours.task:tour", GRACE)
+
+#: Modules that workers load: those that define the tasks.
+MODULES = tuple(
+    sorted(
+        {one.name.partition(":")[0] for one in vars().values() if isinstance(one, TaskReference)}
+    )
+)

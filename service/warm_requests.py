@@ -19,18 +19,19 @@ from obstacles.kept_files import keep_files_in, written_files
 from obstacles.scenes.scene import Scene
 from planning.search.rrt_connect import rrt_connect
 from planning.values.deadline import Deadline
+from service.endpoints.check import task as check_tasks
+from service.endpoints.dynamics import task as dynamics_tasks
+from service.endpoints.ik import task as inverse_kinematics
+from service.endpoints.kinematics import task as kinematics_tasks
+from service.endpoints.plan import task as plan_tasks
+from service.endpoints.potential import task as potential_tasks
+from service.endpoints.retime import task as retime_tasks
+from service.endpoints.robots import task as robots
+from service.endpoints.simulate import task as simulate_tasks
 from service.storage import prepared_files, worker_cache
 from service.storage.cache_key import Reference, builtin_reference
-from service.tasks import check as check_tasks
-from service.tasks import dynamics as dynamics_tasks
-from service.tasks import inverse_kinematics, robots
-from service.tasks import kinematics as kinematics_tasks
-from service.tasks import plan as plan_tasks
-from service.tasks import potential as potential_tasks
-from service.tasks import retime as retime_tasks
-from service.tasks import simulate as simulate_tasks
-from service.tasks.result import PlanOutcome
 from service.workers import current
+from service.workers.result import PlanOutcome
 
 _START = [0.0, -0.785, 0.0, -2.356, 0.0, 1.571, 0.785]
 _GOAL = [1.2, -0.3, 0.0, -2.0, 0.0, 1.8, 0.785]

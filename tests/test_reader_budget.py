@@ -21,7 +21,7 @@ from obstacles.meshes.mesh import load_mesh
 from obstacles.robots.robot_geometry import RobotGeometry, robot_geometry
 from obstacles.robots.visual_geometry import visual_geometry
 from obstacles.scenes.moveit import scene_from_moveit
-from service.translate.archive import read_archive
+from service.translate.robots.archive import read_archive
 from tests.obstacles.meshes.test_collada import POLYGONS, TRIANGLES, written
 
 #: Of one small file, with all the load of other tests [s of the processor], [MiB].

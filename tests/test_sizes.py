@@ -69,10 +69,7 @@ CROWDED = {
     "planning/timing",
     "planning/tours",
     "service",
-    "service/routes",
     "service/storage",
-    "service/tasks",
-    "service/translate",
     "studio",
     "studio/page",
 }

@@ -29,65 +29,67 @@ class Endpoint(NamedTuple):
 FK = Endpoint(
     "/v1/robots/{robot}/fk",
     "armwright_wire.kinematics:FkRequest",
-    "service.tasks.kinematics:fk_task",
+    "service.endpoints.kinematics.task:fk_task",
     takes_scene=False,
 )
 IK = Endpoint(
     "/v1/robots/{robot}/ik",
     "armwright_wire.kinematics:IkRequest",
-    "service.tasks.inverse_kinematics:ik",
+    "service.endpoints.ik.task:ik",
 )
-CHECK = Endpoint("/v1/check", "armwright_wire.check:CheckRequest", "service.tasks.check:check")
+CHECK = Endpoint(
+    "/v1/check", "armwright_wire.check:CheckRequest", "service.endpoints.check.task:check"
+)
 PLAN = Endpoint(
     "/v1/plan",
     "armwright_wire.plan:PlanRequest",
-    "service.tasks.plan:plan",
+    "service.endpoints.plan.task:plan",
     long=True,
     keepable=True,
 )
 VALIDATE = Endpoint(
-    "/v1/validate", "armwright_wire.plan:ValidateRequest", "service.tasks.plan:validate"
+    "/v1/validate", "armwright_wire.plan:ValidateRequest", "service.endpoints.plan.task:validate"
 )
 RETIME = Endpoint(
     "/v1/retime",
     "armwright_wire.retime:RetimeRequest",
-    "service.tasks.retime:retime",
+    "service.endpoints.retime.task:retime",
     takes_scene=False,
 )
 SIMULATE = Endpoint(
     "/v1/simulate",
     "armwright_wire.simulation:SimulateRequest",
-    "service.tasks.simulate:simulate",
+    "service.endpoints.simulate.task:simulate",
 )
 REACH = Endpoint(
     "/v1/robots/{robot}/reach",
     "armwright_wire.reach:ReachRequest",
-    "service.tasks.reach:reach",
+    "service.endpoints.reach.task:reach",
     long=True,
 )
 TASK = Endpoint(
     "/v1/tasks",
     "armwright_wire.task:TaskRequest",
-    "service.tasks.sequence:plan_sequence",
+    "service.endpoints.tasks.task:plan_sequence",
     long=True,
     keepable=True,
 )
 TOUR = Endpoint(
     "/v1/tours",
     "armwright_wire.tour:TourRequest",
-    "service.tasks.tours:tour",
+    "service.endpoints.tours.task:tour",
     long=True,
     keepable=True,
 )
 CONVERT = Endpoint(
     "/v1/convert",
     "armwright_wire.retime:ConvertRequest",
-    "service.tasks.retime:convert",
+    "service.endpoints.retime.task:convert",
     takes_robot=False,
     takes_scene=False,
 )
 EXPORT = Endpoint(
-    "/v1/export", "armwright_wire.export:ExportRequest", "service.tasks.export:export"
+    "/v1/export", "armwright_wire.export:ExportRequest", "service.endpoints.export.task:export"
 )
 
 

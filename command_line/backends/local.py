@@ -25,9 +25,9 @@ from service.settings import Settings
 from service.storage import prepared_files, worker_cache
 from service.storage.cache_key import Reference, builtin_reference
 from service.storage.store import open_store
-from service.tasks.result import CacheMiss, PlanOutcome, TaskProblem
 from service.validation import validate_as
 from service.workers import current
+from service.workers.result import CacheMiss, PlanOutcome, TaskProblem
 
 #: Prepared robots of files take up to this many bytes of the user's cache.
 _CACHE_BYTES = 512 * 2**20
@@ -45,7 +45,7 @@ def cache_folder() -> Path:
 
 
 class LocalBackend:
-    """Backend in this process: robots by name or from files, answers by `service.tasks`."""
+    """Backend in this process: robots by name or from files, answers by `service.endpoints`."""
 
     def __init__(self) -> None:
         self._folder = cache_folder()
@@ -102,7 +102,7 @@ class LocalBackend:
             ProblemError: The scene or the request does not have the right form.
             InvalidScene: The scene can't be built.
         """
-        from service.tasks.check import project  # noqa: PLC0415
+        from service.endpoints.check.task import project  # noqa: PLC0415
 
         validate_as(Scene, scene)
         validate_as(ProjectRequest, body)
@@ -124,7 +124,7 @@ class LocalBackend:
         Raises:
             ArmwrightError: The request is at fault, so that nothing of it can be drawn.
         """
-        from service.tasks.view import view  # noqa: PLC0415
+        from service.endpoints.plans.view import view  # noqa: PLC0415
 
         stored: AbstractContextManager[Reference | None] = nullcontext()
         if scene is not None:
@@ -159,7 +159,7 @@ class LocalBackend:
     @contextmanager
     def _stored(self, scene: dict[str, Any], name: str) -> Iterator[Reference]:
         """A scene as a service stores it, for as long as the block lasts."""
-        from service.tasks.robots import make_scene  # noqa: PLC0415
+        from service.endpoints.robots.task import make_scene  # noqa: PLC0415
 
         make_private(self._folder)
         folder = str(self._folder)
@@ -173,7 +173,7 @@ class LocalBackend:
 
     def robot_model(self, name: str) -> dict[str, Any]:
         """The model of a robot, as ``GET /v1/robots/{name}`` answers it."""
-        from service.tasks.robots import robot_model  # noqa: PLC0415
+        from service.endpoints.robots.task import robot_model  # noqa: PLC0415
 
         model = self._run(robot_model, [self._reference(name)])
         return dict(json.loads(model.answer))
@@ -256,7 +256,7 @@ class LocalBackend:
 
     def _run(self, task: Any, arguments: list[Any]) -> Any:
         """The result of a task, once the robot that it names is prepared."""
-        from service.tasks.robots import prepare_robot  # noqa: PLC0415
+        from service.endpoints.robots.task import prepare_robot  # noqa: PLC0415
 
         for _ in range(_ATTEMPTS):
             result = task(*arguments)

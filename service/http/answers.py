@@ -24,8 +24,8 @@ from service.problem import ProblemError, from_fields
 from service.storage.cache_key import Reference, builtin_reference
 from service.storage.robot_repository import RobotRepository, is_built_in
 from service.task_references import plan, prepare_robot, prepare_scene, robot_model
-from service.tasks.result import CacheMiss, RobotModel, TaskProblem
 from service.workers.process import OnProgress
+from service.workers.result import CacheMiss, RobotModel, TaskProblem
 from service.workers.task import Job
 
 _R = TypeVar("_R")

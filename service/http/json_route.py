@@ -24,8 +24,8 @@ from service.http.state import job_context, settings_of, supervisor_of
 from service.problem import ProblemError, from_fields
 from service.settings import Settings
 from service.task_references import outline
-from service.tasks.result import TaskProblem
 from service.validation import check_field_count, parse_json, validate_as
+from service.workers.result import TaskProblem
 
 #: Bodies up to this are parsed and validated within milliseconds [byte].
 INLINE_BYTES = 32 * 1024

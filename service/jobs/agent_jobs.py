@@ -24,7 +24,7 @@ from service.storage.job_store import JobRecord, StoredRequest
 from service.storage.queue_store import AGENTS, Chunk, batch_of
 from service.storage.store import Store
 from service.task_references import cut, plan
-from service.tasks.chunk_sizes import Pace
+from service.workers.chunk_sizes import Pace
 from service.workers.faults import ShuttingDown
 from service.workers.process import Background
 from service.workers.supervisor import WorkerSupervisor

@@ -28,9 +28,9 @@ from service.storage.database import StorageUnavailable
 from service.storage.job_store import JobAnswer
 from service.storage.queue_store import ChunkAnswer
 from service.task_references import plan, plan_part, split
-from service.tasks.chunk_sizes import TURN
-from service.tasks.result import BatchItem, PlannedPart, PlanOutcome, SplitBatch, TaskProblem
+from service.workers.chunk_sizes import TURN
 from service.workers.faults import ShuttingDown
+from service.workers.result import BatchItem, PlannedPart, PlanOutcome, SplitBatch, TaskProblem
 
 #: Problems of a part at most: quicker ones than half a millisecond there are not.
 _LARGEST = 64

@@ -15,8 +15,9 @@ from service.storage import disk_cache, prepared_files
 from service.storage.cache_key import Reference
 from service.storage.disk_cache import PreparedRobot
 from service.storage.recent import Recent
-from service.translate import poses, robots
-from service.translate.motors import answered_motors
+from service.translate import poses
+from service.translate.robots import robots
+from service.translate.robots.motors import answered_motors
 
 _MEBIBYTE = 2**20
 #: Values take up to this many times the bytes of their pickles: kernels want copies in their order.

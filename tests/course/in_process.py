@@ -13,6 +13,7 @@ from kinematics.errors import ArmwrightError
 from service.app import create_app
 from service.problem import from_fields
 from service.settings import Settings
+from service.task_references import MODULES
 from service.workers import current
 from service.workers.task import Job, load_tasks, registered_task
 from tests.service.server import serving
@@ -29,7 +30,8 @@ class LocalWorkers:
     count = alive = started_workers = 1
 
     def __init__(self, *_arguments: Any, **_options: Any) -> None:
-        load_tasks("service.tasks")
+        for module in MODULES:
+            load_tasks(module)
 
     async def start(self) -> None:
         """Nothing has to start."""

@@ -12,9 +12,9 @@ from armwright_wire.kinematics import IkAnswer
 from armwright_wire.plan import PlanAnswer
 from kinematics.forward import forward
 from kinematics.robots import builtin_chain
-from service.tasks import inverse_kinematics
+from service.endpoints.ik import task
+from tests.service.endpoints.ask import PANDA, problem_of
 from tests.service.robots import HOME, POST, answer, problem, scene
-from tests.service.tasks.ask import PANDA, problem_of
 
 CHAIN = builtin_chain("panda")
 UPRIGHT = {
@@ -181,9 +181,9 @@ def test_own_links_are_looked_at_without_a_scene(client: httpx.Client) -> None:
 def test_an_impossible_set_costs_no_more_than_its_timeout(timeout: float) -> None:
     """Twelve planes of which no two go together: who excludes whom takes a second to find out."""
     body = {"method": "constrained", "timeout": timeout, "constraints": planes(*np.arange(12) / 12)}
-    assert problem_of(inverse_kinematics.ik, PANDA, body | {"timeout": 60.0}).details["conflict"]
+    assert problem_of(task.ik, PANDA, body | {"timeout": 60.0}).details["conflict"]
     began = time.process_time()
-    late = problem_of(inverse_kinematics.ik, PANDA, body)
+    late = problem_of(task.ik, PANDA, body)
     assert time.process_time() - began < timeout + 0.1
     assert late.code in ("NO_IK_SOLUTION", "INVALID_GOAL_CONSTRAINTS")
     assert late.details["deterministic"] is False
@@ -193,7 +193,7 @@ def test_an_impossible_set_costs_no_more_than_its_timeout(timeout: float) -> Non
 def test_a_search_that_time_ended_says_so(client: httpx.Client) -> None:
     assert ik_answer(client, constraints=[UPRIGHT, PLACE], timeout=60.0)["deterministic"]
     body = {"method": "constrained", "constraints": [UPRIGHT, PLACE], "timeout": 1e-6}
-    late = problem_of(inverse_kinematics.ik, PANDA, body)
+    late = problem_of(task.ik, PANDA, body)
     assert late.details["deterministic"] is False
 
 

@@ -28,13 +28,14 @@ UNREACHED = {
 #: Prints the kernels of modules that the service imports, and that nothing on the list calls.
 FIND_UNREACHED = """
 import sys
-import service.app, service.tasks, service.warm_requests
+import service.app, service.warm_requests
 from compiled.compiler import kernel_list
 from compiled.compiler.dispatcher import Kernel
 from compiled.compiler.fingerprint import callees
 from service import kernels
+from service.task_references import MODULES
 from service.workers.task import load_tasks
-load_tasks(service.tasks.__name__)
+for module in MODULES: load_tasks(module)
 entries, _ = kernel_list.read(kernels.LIST)
 reached, pending = set(), [entry.kernel.py_func for entry in entries]
 while pending:

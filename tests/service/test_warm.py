@@ -27,7 +27,14 @@ from obstacles.scenes.scene import Scene
 from planning.values.deadline import Deadline
 from planning.search.rrt_connect import rrt_connect
 from service.storage import worker_cache
-from service.tasks import check, dynamics, inverse_kinematics, kinematics, plan, potential, robots, simulate
+from service.endpoints.check import task as check
+from service.endpoints.dynamics import task as dynamics
+from service.endpoints.ik import task as inverse_kinematics
+from service.endpoints.kinematics import task as kinematics
+from service.endpoints.plan import task as plan
+from service.endpoints.potential import task as potential
+from service.endpoints.robots import task as robots
+from service.endpoints.simulate import task as simulate
 from service.workers import current
 from service.storage.cache_key import builtin_reference
 from armwright_wire.kinematics import FkRequest, JacobianRequest

@@ -18,7 +18,7 @@ from planning.tours.result import Tour
 from planning.tours.search import TourSearch
 from planning.values import deadline
 from planning.values.deadline import Deadline
-from service.translate.tours import tour_answer
+from service.endpoints.tours.translation import tour_answer
 from tests.planning.tours.test_planner import problem as problem  # noqa: PLC0414
 from tests.planning.tours.test_search_kernels import instance
 

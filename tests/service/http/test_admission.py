@@ -40,8 +40,8 @@ def _no_pause(monkeypatch: pytest.MonkeyPatch) -> None:
 def admission(wait: float) -> tuple[Admission, Supervisor]:
     supervisor: Any = Supervisor(wait)
     made = Admission(supervisor, SETTINGS)
-    made.note("POST", "/v1/robots/panda/ik", "service.tasks:ik")
-    made.note("GET", "/v1/robots/plan", "service.tasks:urdf")
+    made.note("POST", "/v1/robots/panda/ik", "service.endpoints:ik")
+    made.note("GET", "/v1/robots/plan", "service.endpoints:urdf")
     return made, supervisor
 
 
@@ -72,7 +72,7 @@ def test_what_would_be_too_late_is_refused() -> None:
     gate, supervisor = admission(5.0)
     with pytest.raises(QueueFull, match=r"5\.0 s until this one begins") as refused:
         asyncio.run(pass_gate(gate, scope_of(IK), b'{"timeout": 2}'))
-    assert supervisor.asked == [("service.tasks:ik", 2.0, "10.0.0.1", 14)]
+    assert supervisor.asked == [("service.endpoints:ik", 2.0, "10.0.0.1", 14)]
     assert (refused.value.code, refused.value.retry_after) == ("OVERLOADED", 7)
     asyncio.run(pass_gate(gate, scope_of(IK), b'{"timeout": 9}'))
 
@@ -104,7 +104,7 @@ def test_a_large_body_is_not_read_where_no_timeout_would_be_long_enough() -> Non
     gate, supervisor = admission(5.0)
     large = scope_of(IK, content_length="1000000")
     asyncio.run(gate.check_announced(large))
-    assert supervisor.asked == [("service.tasks:ik", 60.0, "10.0.0.1", 1_000_000)]
+    assert supervisor.asked == [("service.endpoints:ik", 60.0, "10.0.0.1", 1_000_000)]
     supervisor.wait = 100.0
     with pytest.raises(Exception, match="too late for its deadline") as refused:
         asyncio.run(gate.check_announced(large))

@@ -9,9 +9,9 @@ import pytest
 
 from armwright_wire.plan import PlanRequest
 from armwright_wire.scene import Scene
+from service.endpoints.large_body import outline
 from service.http.json_route import INLINE_BYTES
-from service.tasks.large_body import outline
-from service.tasks.result import TaskProblem
+from service.workers.result import TaskProblem
 from tests.service.robots import (
     ASIDE,
     FLOOR,

@@ -6,12 +6,12 @@ from collections.abc import Awaitable, Callable
 from pathlib import Path
 from typing import Any
 
+from service.endpoints.batch import task
 from service.http.state import JOB_CONTEXT
 from service.jobs.agent_jobs import AgentJobs
 from service.jobs.execution import BATCH_PATH
 from service.settings import Settings
 from service.storage.store import Store, open_store
-from service.tasks import batch
 from service.workers.load import Durations
 from service.workers.process import Background
 from service.workers.task import Job
@@ -50,12 +50,12 @@ class Workers:
 
     def __init__(self, mean: float) -> None:
         self.durations, self.count = Durations(), 1
-        self.durations.note("service.tasks.plan:plan", mean)
+        self.durations.note("service.endpoints.plan.task:plan", mean)
 
     async def submit(self, job: Job[Any], _progress: Any, background: Background) -> Any:
         background.on_start()
-        assert job.task == batch.cut.name
-        return batch.cut.function(*job.args)
+        assert job.task == task.cut.name
+        return task.cut.function(*job.args)
 
 
 class Machine:

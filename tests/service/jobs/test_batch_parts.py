@@ -4,7 +4,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from service.jobs.batch import Parts
-from service.tasks.result import BatchItem
+from service.workers.result import BatchItem
 
 
 def items(kinds: list[int]) -> list[BatchItem]:

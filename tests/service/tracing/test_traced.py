@@ -82,7 +82,7 @@ def test_a_plan_is_a_trace_of_queue_worker_and_stages(
     parts = below(request, trace.spans)
     assert {part.name for part in parts} == {"queue", "worker"}
     worker = parts[-1]
-    assert attributes(worker)["armwright.task"] == "service.tasks.plan:plan"
+    assert attributes(worker)["armwright.task"] == "service.endpoints.plan.task:plan"
     assert attributes(worker)["armwright.outcome"] == "finished"
     stages = below(worker, trace.spans)
     assert [stage.name for stage in stages] == [stage["name"] for stage in planned["stages"]]

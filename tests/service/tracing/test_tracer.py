@@ -48,7 +48,7 @@ def test_a_collector_receives_spans_by_otlp(name: str, monkeypatch: pytest.Monke
         monkeypatch.setenv("OTEL_SERVICE_NAME", name)
     with collector() as (address, received):
         tracing = Tracing(http_exporter(traces_url(address)))
-        trace = tracing.watch("service.tasks.plan:plan")
+        trace = tracing.watch("service.endpoints.plan.task:plan")
         assert trace is not None
         trace.begins()
         for stage in ("preflight", "preflight", "timing", "pick up: the bolt"):

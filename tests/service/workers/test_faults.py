@@ -21,10 +21,10 @@ from service.workers.faults import (
      (None, "it ended"), (-999, "it ended")],
 )  # fmt: skip
 def test_a_crash_names_the_signal(exit_code: int | None, cause: str) -> None:
-    problem = WorkerCrashed("service.tasks.plan:plan", exit_code)
+    problem = WorkerCrashed("service.endpoints.plan.task:plan", exit_code)
     assert problem.detail.endswith(cause) or cause in problem.detail
     assert status_of(problem) == 500
-    assert problem.details == {"task": "service.tasks.plan:plan"}
+    assert problem.details == {"task": "service.endpoints.plan.task:plan"}
 
 
 @pytest.mark.parametrize(

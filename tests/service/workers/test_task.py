@@ -7,10 +7,10 @@ from dataclasses import dataclass, replace
 import pytest
 
 from planning.values.deadline import Deadline
-from service import tasks
+from service.endpoints.plan.task import plan, validate
 from service.storage.cache_key import Reference, builtin_reference
-from service.tasks.plan import plan, validate
-from service.tasks.result import PlanOutcome
+from service.task_references import MODULES
+from service.workers.result import PlanOutcome
 from service.workers.task import (
     GRACE,
     NEVER,
@@ -75,9 +75,10 @@ def test_two_tasks_of_one_name_are_refused() -> None:
     assert registered_task("tests.service.chores:add") is chores.add
 
 
-def test_all_modules_of_a_package_are_loaded() -> None:
-    load_tasks(tasks.__name__)
-    names = task_names(tasks.__name__)
+def test_all_modules_of_tasks_are_loaded() -> None:
+    for module in MODULES:
+        load_tasks(module)
+    names = task_names("service.endpoints")
     assert {name.partition(":")[2] for name in names} >= {
         "check", "convert", "dynamics", "fk", "ik", "jacobian", "make_robot", "make_scene",
         "outline", "plan", "potential", "prepare_robot", "prepare_scene", "project", "regressor",
@@ -86,7 +87,7 @@ def test_all_modules_of_a_package_are_loaded() -> None:
     assert not any(name.startswith("tests.") for name in names)
 
 
-@pytest.mark.parametrize("name", ["os:system", "service.tasks.plan:_late", "", "plan"])
+@pytest.mark.parametrize("name", ["os:system", "service.endpoints.plan.task:_late", "", "plan"])
 def test_a_name_alone_runs_nothing(name: str) -> None:
     with pytest.raises(LookupError, match="not a registered task"):
         registered_task(name)

@@ -1,0 +1,1 @@
+"""Batches of planning problems, always as a job."""

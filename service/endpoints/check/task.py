@@ -1,0 +1,118 @@
+"""Collision checks and projections as requests ask for them, in workers."""
+
+from dataclasses import asdict
+from typing import Any
+
+import numpy as np
+from pydantic_core import to_json
+
+from armwright_wire.check import CheckRequest
+from armwright_wire.scene import ProjectRequest
+from obstacles.projection.fcl_projection import FclProjector
+from obstacles.projection.projection import Projector
+from obstacles.scenes.placement import only_frame
+from planning.configuration_check import ConfigurationReport, configuration_checker
+from service.endpoints.attached_objects import robot_in_scene
+from service.storage import worker_cache
+from service.storage.cache_key import Reference
+from service.translate.frames import first_configuration
+from service.translate.poses import notes_of
+from service.workers import current
+from service.workers.answer import in_frame, reports_cache_miss
+from service.workers.result import CacheMiss, TaskProblem
+from service.workers.task import GRACE, task
+
+#: Projections of one answer: at 100 bytes each, a hundred megabytes.
+_MAX_PROJECTIONS = 1_000_000
+#: Of one answer by FCL: at 30 microseconds each, some seconds.
+_MAX_FCL_PROJECTIONS = 100_000
+
+
+@task(grace=GRACE)
+@reports_cache_miss
+def check(
+    robot: Reference, scene: Reference | None, content: bytes
+) -> bytes | TaskProblem | CacheMiss:
+    """Answer a request for collision checks.
+
+    Raises:
+        InvalidRobotState: Wrong length.
+        InvalidScene: The inline scene or an attached object is not valid.
+    """
+    body = CheckRequest.model_validate_json(content)
+    chain = worker_cache.chain(robot)
+    joints = chain.configuration(body.joints)
+    cell = robot_in_scene(robot, scene, body, first_configuration(chain, body.joints))
+    checker = configuration_checker(cell.robot, cell.scene, body.margin)
+    look = checker.check if body.depth else checker.verdict
+    verdicts: list[dict[str, Any]] = []
+    rows, deadline = joints.reshape(-1, chain.n), current.deadline()
+    for q in rows:
+        if deadline.passed:
+            return _late(len(verdicts), len(rows), depth=body.depth)
+        verdicts.append(_verdict(look(q)))
+    told = cell.overlaps(rows) if body.depth else cell.pairs
+    same = {"allowed_collisions": told, **in_frame(chain), **notes_of(body, cell.notes)}
+    if joints.ndim == 1:
+        return to_json(verdicts[0] | same)
+    return to_json({name: [one[name] for one in verdicts] for name in verdicts[0]} | same)
+
+
+def _late(done: int, count: int, *, depth: bool) -> TaskProblem:
+    """The problem that time was up before all configurations were looked at."""
+    instead = ', or leave depths out with "depth": false' if depth else ""
+    return TaskProblem(
+        "TIMED_OUT",
+        f"the deadline passed when {done} of {count} configurations were checked",
+        f"Allow more time with the field timeout, send fewer at once{instead}.",
+        {"stage": "check", "checked": done},
+    )
+
+
+def _verdict(report: ConfigurationReport) -> dict[str, Any]:
+    pair = report.clearance_pair
+    return {
+        "valid": report.valid,
+        "clearance": _finite(report.clearance),
+        "clearance_pair": None if pair is None else list(pair),
+        "collisions": [
+            {"pair": list(c.pair), "depth": _finite(c.depth)} for c in report.collisions
+        ],
+        "limit_violations": [asdict(violation) for violation in report.limit_violations],
+    }
+
+
+def _finite(value: float) -> float | None:
+    return value if np.isfinite(value) else None
+
+
+@task
+@reports_cache_miss
+def project(scene: Reference, content: bytes) -> bytes | TaskProblem | CacheMiss:
+    """Answer a request for the orthogonal projections of points onto every obstacle."""
+    body = ProjectRequest.model_validate_json(content)
+    surroundings = worker_cache.scene(scene)
+    obstacles, frame = surroundings.obstacles, only_frame(surroundings)
+    count = len(body.points) * len(obstacles)
+    most = _MAX_FCL_PROJECTIONS if body.engine == "fcl" else _MAX_PROJECTIONS
+    if count > most:
+        return TaskProblem(
+            "PAYLOAD_TOO_LARGE",
+            f"{len(body.points)} points and {len(obstacles)} obstacles make {count} projections, "
+            f"at most {most} are answered at once",
+            "Send the points in several requests.",
+            {"stage": "request"},
+        )
+    if not obstacles:
+        return to_json({"projections": [[] for _ in body.points], "frame": frame})
+    projector = FclProjector(obstacles) if body.engine == "fcl" else Projector(obstacles)
+    projections, distances = projector(np.array(body.points))
+    rows = zip(projections.tolist(), distances.tolist(), strict=True)
+    answers = [
+        [
+            {"obstacle": obstacle.id, "projection": point, "distance": distance}
+            for obstacle, point, distance in zip(obstacles, *row, strict=True)
+        ]
+        for row in rows
+    ]
+    return to_json({"projections": answers, "frame": frame})

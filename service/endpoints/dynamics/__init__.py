@@ -1,0 +1,1 @@
+"""Equations of motion, regressors and statics of a robot."""

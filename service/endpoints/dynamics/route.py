@@ -1,0 +1,104 @@
+"""Equations of motion, regressors and statics of a robot."""
+
+from typing import Annotated, Literal
+
+from fastapi import APIRouter, Query, Request, Response
+
+from armwright_wire.base import Timeout
+from armwright_wire.dynamics import (
+    DynamicsAnswer,
+    DynamicsRequest,
+    EquationsAnswer,
+    ForwardDynamicsAnswer,
+    ForwardDynamicsRequest,
+    RegressorAnswer,
+    RegressorRequest,
+    WrenchAnswer,
+    WrenchRequest,
+)
+from service.endpoints.configurations import at_once, count, in_worker, json_answer
+from service.http import answers
+from service.http.json_route import JsonRoute
+from service.http.openapi import RESPONSES
+from service.task_references import dynamics as dynamics_task
+from service.task_references import equations as equations_task
+from service.task_references import forward_dynamics as forward_dynamics_task
+from service.task_references import regressor as regressor_task
+from service.task_references import wrench as wrench_task
+
+router = APIRouter(
+    prefix="/v1/robots/{name}", tags=["dynamics"], route_class=JsonRoute, responses=RESPONSES
+)
+
+#: States that are computed within a millisecond; a request for more of them waits for its turn.
+_BRIEF_STATES = 10
+
+
+@router.post("/wrench", summary="Torques that hold a wrench", response_model=WrenchAnswer)
+async def wrench(name: str, body: WrenchRequest, request: Request) -> Response:
+    """τ = Jᵀ F for a wrench F = [f; n] that a link exerts, in the root frame."""
+    if count(body.joints) <= _BRIEF_STATES:
+        return await at_once(request, name, wrench_task)
+    return await in_worker(request, name, wrench_task)
+
+
+@router.post("/dynamics", summary="Equations of motion", response_model=DynamicsAnswer)
+async def dynamics(name: str, body: DynamicsRequest, request: Request) -> Response:
+    """Mass matrix, Coriolis matrix, gravity and the torques of a motion.
+
+    A robot without inertias is refused with MISSING_INERTIA, which names the links.
+    """
+    brief = not (body.christoffel_symbols or body.partial_jacobians)
+    if brief and count(body.joints) <= _BRIEF_STATES:
+        return await at_once(request, name, dynamics_task)
+    return await in_worker(request, name, dynamics_task)
+
+
+@router.post(
+    "/forward-dynamics", summary="Accelerations of torques", response_model=ForwardDynamicsAnswer
+)
+async def forward_dynamics(name: str, body: ForwardDynamicsRequest, request: Request) -> Response:
+    """The joint accelerations that torques and a wrench at the tip cause in a state of motion.
+
+    A robot without inertias is refused with MISSING_INERTIA, which names the links.
+    """
+    if count(body.joints) <= _BRIEF_STATES:
+        return await at_once(request, name, forward_dynamics_task)
+    return await in_worker(request, name, forward_dynamics_task)
+
+
+@router.post("/regressor", summary="Linear parametrisation", response_model=RegressorAnswer)
+async def regressor(name: str, _body: RegressorRequest, request: Request) -> Response:
+    """The regressor of the equations of motion, the standard and the base parameters.
+
+    Finding the base parameters takes longer than a request should hold up others: a worker does.
+    """
+    return await in_worker(request, name, regressor_task)
+
+
+@router.get("/equations", summary="Formulas", response_model=EquationsAnswer)
+async def equations(
+    name: str,
+    request: Request,
+    notation: Annotated[
+        Literal["latex", "text"],
+        Query(alias="format", description="LaTeX, or plain text that Python evaluates"),
+    ] = "latex",
+    timeout: Annotated[
+        Timeout | None, Query(description="[s]; the service's `default_timeout` if left out")
+    ] = None,
+) -> Response:
+    """Forward kinematics, Jacobian, D, C, G and the regressor of a robot as readable formulas.
+
+    Symbols are named as in textbooks: q_1, c_12, m_2, l_1, l_c2, I_2. Their values are answered
+    too. The dynamics of long arms are left out where nobody could read them; `notes` says so.
+    Slow arms take some seconds. A GET never becomes a job: `Prefer: respond-async` has no effect.
+    """
+    document = await answers.robot_document(request, name)
+    content = await answers.answer(
+        request,
+        lambda robot, _: equations_task.job(robot, document, notation),
+        name,
+        timeout=timeout,
+    )
+    return json_answer(content)

@@ -1,0 +1,78 @@
+"""Exports of motions as requests ask for them, in workers."""
+
+from pydantic_core import to_json
+
+from armwright_wire.export import ExportRequest
+from planning.exports.export import export as write_motion
+from planning.exports.options import ExportFormat, ExportOptions
+from planning.proof.premises import Premises
+from service.endpoints.attached_objects import robot_in_scene
+from service.storage import worker_cache
+from service.storage.cache_key import Reference
+from service.translate import certificates, trajectories
+from service.workers import current
+from service.workers.answer import reports_cache_miss
+from service.workers.result import CacheMiss, TaskProblem
+from service.workers.task import GRACE, task
+
+
+@task(grace=GRACE)
+@reports_cache_miss
+def export(
+    robot: Reference, scene: Reference | None, content: bytes
+) -> bytes | TaskProblem | CacheMiss:
+    """Answer a request to write a motion for a controller.
+
+    Raises:
+        ArmwrightError: The request is at fault.
+    """
+    body = ExportRequest.model_validate_json(content)
+    chain = worker_cache.chain(robot)
+    motion, begins = trajectories.trajectory(body.trajectory, chain)
+    cell = robot_in_scene(robot, scene, body, motion.start)
+    written = write_motion(
+        motion,
+        cell.robot,
+        cell.scene,
+        _options(body),
+        margin=body.margin,
+        premises=None if body.premises is None else Premises.of_fields(dict(body.premises)),
+        different_scene=body.different_scene,
+        deadline=current.deadline(),
+    )
+    violation = written.certificate.violation
+    if violation is not None and violation.kind == "time":
+        return TaskProblem(
+            "TIMED_OUT",
+            "the deadline passed before the export was proved",
+            "Allow more time with the field timeout.",
+            {"stage": "certificate"},
+        )
+    certificate = certificates.certificate_answer(written.certificate, begins, body.scene)
+    deviation = written.joint_deviation
+    answer = {
+        "format": body.format,
+        "file_name": written.file_name,
+        "content": written.text,
+        "point_count": written.point_count,
+        "interpolation": written.rule.value,
+        "proved": written.proved,
+        "unproved": list(written.unproved),
+        "joint_deviation": None if deviation is None else deviation.tolist(),
+        "joint_tolerance": written.tolerance,
+        "certificate": certificate,
+    }
+    return to_json(answer, inf_nan_mode="null")
+
+
+def _options(body: ExportRequest) -> ExportOptions:
+    return ExportOptions(
+        ExportFormat(body.format),
+        sample_period=body.sample_period,
+        interpolation=body.interpolation,
+        path_tolerance=body.path_tolerance,
+        blend=body.blend,
+        speed=body.speed,
+        name=body.name,
+        frame_id=body.frame_id,
+    )

@@ -1,0 +1,240 @@
+"""Inverse kinematics as requests ask for it, in workers."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any, cast
+
+from pydantic_core import to_json
+
+from armwright_wire.kinematics import MAX_SOLUTIONS, IkRequest
+from armwright_wire.kinematics import GradientOptions as RequestedGradient
+from armwright_wire.pose import Pose
+from kinematics.errors import InvalidOption
+from kinematics.ik.closed_form.structure import structure
+from kinematics.ik.gradient import GradientOptions, Trace, follow
+from kinematics.ik.inverse import IkOptions, Method, inverse_kinematics
+from kinematics.ik.numeric.numeric import AXES
+from kinematics.ik.solution import IkResult
+from kinematics.model.chain import Chain
+from service.endpoints.attached_objects import robot_in_scene
+from service.endpoints.ik import constrained
+from service.endpoints.ik.answers import (
+    add_sides,
+    all_in_collision,
+    combined_answer,
+    convergence_problem,
+    solution_answer,
+    trace_answer,
+    unreachable,
+)
+from service.endpoints.ik.collisions import CollisionCheck
+from service.endpoints.ik.many_poses import fits_batch, solve_batch
+from service.storage import worker_cache
+from service.storage.cache_key import Reference
+from service.translate import poses
+from service.translate.frames import (
+    Frames,
+    first_configuration,
+    ik_in_root_frame,
+    names_frame,
+)
+from service.workers.answer import in_frame, reports_cache_miss
+from service.workers.result import CacheMiss, TaskProblem
+from service.workers.task import GRACE, task
+
+#: Solutions of a closed form where all are wanted but no number is given.
+_ALL_CLOSED = MAX_SOLUTIONS
+#: Solutions looked for by search where all are wanted but no number is given.
+_ALL_SEARCHED = 16
+#: Branches of a closed form among which one is looked for that collides with nothing.
+_CANDIDATES_CLOSED = 200
+#: Solutions by search among which one is looked for that collides with nothing.
+_CANDIDATES_SEARCHED = 12
+
+
+@dataclass(frozen=True, slots=True)
+class _Query:
+    """A request without its pose.
+
+    Args:
+        body: The request.
+        reference: The robot.
+        chain: The robot's chain.
+        link: The link to bring to the pose.
+        check: Present where solutions must be compared with a scene or with attached objects.
+    """
+
+    body: IkRequest
+    reference: Reference
+    chain: Chain
+    link: str
+    check: CollisionCheck | None
+
+
+@task(grace=GRACE)
+@reports_cache_miss
+def ik(
+    robot: Reference, scene: Reference | None, content: bytes
+) -> bytes | TaskProblem | CacheMiss:
+    """Answer a request for inverse kinematics.
+
+    Args:
+        robot: The robot.
+        scene: The scene, where the request names a stored one.
+        content: The request.
+
+    Raises:
+        InvalidRobotState: The seed has the wrong length.
+        InvalidLinkName: No such link.
+        InvalidScene: The inline scene is not valid.
+        InvalidOption: Options that the method does not have.
+        NotAvailable: The arm has no closed form.
+    """
+    body = IkRequest.model_validate_json(content)
+    _check_options(body)
+    chain = worker_cache.chain(robot)
+    seed = first_configuration(chain, body.seed_joints)
+    check = None
+    if body.scene is not None or body.attached:
+        check = CollisionCheck(robot_in_scene(robot, scene, body, seed))
+    notes = poses.notes_of(body, () if check is None else check.cell.notes)
+    if names_frame(content):
+        body = ik_in_root_frame(body, Frames(chain, seed, body.frame))
+    query = _Query(body, robot, chain, chain.link(body.link or chain.tip_link).name, check)
+    if body.poses is not None:
+        return to_json(combined_answer(_many(query, body.poses)) | in_frame(chain) | notes)
+    answer = _one(query, body.pose)
+    return answer if isinstance(answer, TaskProblem) else to_json(answer | in_frame(chain) | notes)
+
+
+def _many(query: _Query, targets: Sequence[Pose]) -> list[dict[str, Any] | TaskProblem]:
+    """The answer to each of many poses: by the batch kernels where these do, else one by one."""
+    solved: list[dict[str, Any] | None] = [None] * len(targets)
+    if query.check is None and fits_batch(query.body):
+        _check_parameters(query.chain, query.body)
+        solved = solve_batch(query.chain, query.body, targets)
+    return [
+        _one(query, target) if answer is None else answer
+        for answer, target in zip(solved, targets, strict=True)
+    ]
+
+
+def _one(query: _Query, pose: Pose | None) -> dict[str, Any] | TaskProblem:
+    """The answer for one pose, or for none where constraints define the goal alone."""
+    body, chain, check = query.body, query.chain, query.check
+    if _uses_constraints(body):
+        geometry = worker_cache.robot(query.reference).geometry
+        return constrained.answer(geometry, check.cell if check else None, body, pose)
+    assert pose is not None
+    trace = None
+    if body.method == "gradient":
+        trace = _follow_gradient(chain, body, pose)
+        if not trace.converged:
+            return convergence_problem(query.link, trace, body)
+        result = IkResult((trace.solution,), trace.solution, 1)
+    else:
+        result = _solve(query, pose)
+    if not result.solutions:
+        return unreachable(chain, query.link, result)
+    answers = [solution_answer(chain, solution) for solution in result.solutions]
+    add_sides(chain, body.link, answers)
+    if check is not None:
+        answers = check.apply(answers, everything=body.all_solutions)
+        if not body.all_solutions and not answers[0]["collision_free"]:
+            return all_in_collision(query.link, answers)
+    count = body.max_solutions or (len(answers) if body.all_solutions or body.all_turns else 1)
+    if not body.all_solutions:
+        answers = [item for item in answers if item["rejected_because"] is None] or answers[:1]
+    answer: dict[str, Any] = {"solutions": answers[:count]}
+    if check is not None:
+        answer["allowed_collisions"] = check.told(answer["solutions"])
+    if body.gradient is not None and body.gradient.trace and trace is not None:
+        answer["trace"] = trace_answer(trace, body)
+    return answer
+
+
+def _uses_constraints(body: IkRequest) -> bool:
+    """Whether constraints decide: they are given, or the method is named."""
+    return body.method == "constrained" or bool(body.constraints)
+
+
+def _check_options(body: IkRequest) -> None:
+    """Refuse options that the method does not have."""
+    if body.constraints and body.method not in {"auto", "constrained"}:
+        raise InvalidOption(
+            f"constraints do not apply to the method {body.method!r}",
+            hint='Ask for the method "constrained", or leave constraints out.',
+        )
+    if body.posture is not None and not _uses_constraints(body):
+        raise InvalidOption("posture needs the method 'constrained'")
+    if _uses_constraints(body) and (body.parameters or body.all_turns):
+        raise InvalidOption("parameters and all_turns do not apply to the method 'constrained'")
+    if body.poses is not None and body.gradient is not None and body.gradient.trace:
+        raise InvalidOption("a trace is given for one pose, not for many")
+    if body.gradient is not None and body.method != "gradient":
+        raise InvalidOption("gradient needs the method 'gradient'")
+    if body.method == "gradient" and (body.parameters or body.all_turns):
+        raise InvalidOption("parameters and all_turns do not apply to the method 'gradient'")
+    if body.gradient is not None and body.gradient.trace_points and not body.gradient.trace:
+        raise InvalidOption("trace_points needs trace", hint='Ask for it: "trace": true.')
+
+
+def _check_parameters(chain: Chain, body: IkRequest) -> None:
+    """Refuse parameters of a closed form where none is used or it has none."""
+    if body.parameters is None:
+        return
+    if body.method == "numeric" or body.axes is not None:
+        raise InvalidOption("parameters need a closed form; the numeric method and axes take none")
+    form = structure(chain, body.link)
+    if form is None or not form.redundant:
+        raise InvalidOption(
+            f"robot {chain.name!r} has no closed form with a parameter",
+            hint="Arms of seven joints have one; leave parameters out.",
+        )
+
+
+def _solve(query: _Query, pose: Pose) -> IkResult:
+    """The solutions of the closed form or of the search."""
+    body, chain = query.body, query.chain
+    _check_parameters(chain, body)
+    closed = (
+        body.method != "numeric" and body.axes is None and structure(chain, body.link) is not None
+    )
+    count = body.max_solutions or 1
+    if body.max_solutions is None and (body.all_solutions or body.all_turns):
+        count = _ALL_CLOSED if closed else _ALL_SEARCHED
+    # The first that a search finds is the best for none but the seed.
+    if query.check is not None or (body.choice != "nearest" and not closed):
+        count = max(count, _CANDIDATES_CLOSED if closed else _CANDIDATES_SEARCHED)
+    options = IkOptions(
+        method=cast(Method, body.method),
+        seed=body.seed,
+        most=count,
+        ranking=body.choice,
+        outside_limits=body.all_solutions,
+        all_turns=body.all_turns,
+        parameters=body.parameters,
+        axes=AXES if body.axes is None else body.axes,
+    )
+    target = poses.transform(pose)
+    return inverse_kinematics(chain, target, options, link=body.link, seed_joints=body.seed_joints)
+
+
+def _follow_gradient(chain: Chain, body: IkRequest, pose: Pose) -> Trace:
+    """The way of the gradient method from the seed towards the pose."""
+    given = body.gradient or RequestedGradient()
+    options = GradientOptions(
+        rule=given.rule,
+        coordinates=given.coordinates,
+        gain=given.gain,
+        steps=given.steps,
+        form=given.form,
+        axes=AXES if body.axes is None else body.axes,
+    )
+    return follow(
+        chain,
+        poses.transform(pose),
+        link=body.link,
+        seed_joints=body.seed_joints,
+        options=options,
+    )

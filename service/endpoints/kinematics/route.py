@@ -1,0 +1,97 @@
+"""Forward and inverse kinematics and Jacobians of a robot."""
+
+from collections.abc import Sequence
+
+from fastapi import APIRouter, Request, Response
+
+from armwright_wire.kinematics import (
+    FkAnswer,
+    FkRequest,
+    IkAnswer,
+    IkRequest,
+    JacobianAnswer,
+    JacobianRequest,
+    VelocityAnswer,
+    VelocityRequest,
+)
+from service.endpoints.configurations import at_once, count, in_worker, json_answer
+from service.http import answers
+from service.http.json_route import JsonRoute
+from service.http.openapi import RESPONSES
+from service.task_references import finger_poses
+from service.task_references import fk as fk_task
+from service.task_references import ik as ik_task
+from service.task_references import jacobian as jacobian_task
+from service.task_references import velocity as velocity_task
+from service.workers.result import ChainTask
+
+router = APIRouter(
+    prefix="/v1/robots/{name}", tags=["kinematics"], route_class=JsonRoute, responses=RESPONSES
+)
+
+#: Frames that are computed in a millisecond; a request for more of them waits for its turn.
+_BRIEF_FRAMES = 200
+#: Configurations whose Jacobians are decomposed in a millisecond.
+_BRIEF_TWISTS = 10
+
+
+@router.post("/fk", summary="Poses of the links", response_model=FkAnswer)
+async def fk(name: str, body: FkRequest, request: Request) -> Response:
+    """The pose of one link, the tip if none is named, and of all links."""
+    if body.fingers is not None:
+        content = await request.body()
+        result = await answers.answer(
+            request, lambda robot, _: finger_poses.job(robot, content), name
+        )
+        return json_answer(result)
+    return await _frames(request, name, fk_task, body.joints)
+
+
+@router.post("/jacobian", summary="Jacobians", response_model=JacobianAnswer)
+async def jacobian(name: str, body: JacobianRequest, request: Request) -> Response:
+    """The Jacobian of a link or of a point on it, linear rows first, in the frame asked for."""
+    return await _frames(request, name, jacobian_task, body.joints)
+
+
+@router.post("/velocity", summary="Velocity kinematics", response_model=VelocityAnswer)
+async def velocity(name: str, body: VelocityRequest, request: Request) -> Response:
+    """The twist that joint velocities cause, or the joint velocities that cause a twist.
+
+    The least-norm solution, or that of least residual, plus the null-space term; damped near
+    singularities; the answer lists what was damped.
+    """
+    if count(body.joints) <= _BRIEF_TWISTS:
+        return await at_once(request, name, velocity_task)
+    return await in_worker(request, name, velocity_task)
+
+
+@router.post("/ik", summary="Configurations that reach a pose", response_model=IkAnswer)
+async def ik(name: str, body: IkRequest, request: Request) -> Response:
+    """Configurations that bring a link to a pose, best first.
+
+    With a scene each is judged; those in collision are answered only where all are asked for.
+    """
+    content = await request.body()
+    result = await answers.answer(
+        request,
+        lambda robot, scene: ik_task.job(robot, scene, content),
+        name,
+        body.scene,
+        timeout=body.timeout,
+    )
+    return json_answer(result)
+
+
+async def _frames(
+    request: Request,
+    robot: str,
+    task: ChainTask,
+    joints: Sequence[float] | Sequence[Sequence[float]],
+) -> Response:
+    """The answer of a task whose time goes by the frames that it computes."""
+    if count(joints) == 1:
+        return await at_once(request, robot, task)
+    links = (await answers.model(request, robot)).links
+    if count(joints) * links <= _BRIEF_FRAMES:
+        return await at_once(request, robot, task)
+    return await in_worker(request, robot, task)

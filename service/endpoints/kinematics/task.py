@@ -1,0 +1,280 @@
+"""Forward and inverse kinematics and Jacobians as requests ask for them.
+
+What is cheap is called by the server itself, on chains it keeps; all else runs in workers.
+"""
+
+from collections.abc import Callable, Mapping
+from typing import Any
+
+import numpy as np
+from pydantic_core import to_json
+
+from armwright_wire.kinematics import (
+    FkRequest,
+    JacobianRequest,
+    VelocityRequest,
+)
+from armwright_wire.pose import Orientation
+from kinematics.arrays import Array
+from kinematics.errors import InvalidOption
+from kinematics.forward import forward, link_poses
+from kinematics.jacobian import analytic_zyz, geometric
+from kinematics.model.chain import Chain
+from kinematics.pose import to_axis_angle, to_quaternions, to_rpy, to_zyz
+from kinematics.velocity import (
+    DAMPED_BELOW,
+    JointVelocities,
+    SingularDirections,
+    joint_velocities,
+    link_twist,
+    singular_directions,
+)
+from service.storage import worker_cache
+from service.storage.cache_key import builtin_reference
+from service.workers.answer import chain_task, frame_transform, in_frame
+
+
+def fk(chain: Chain, body: FkRequest) -> bytes:
+    """Answer a request for forward kinematics.
+
+    Raises:
+        InvalidRobotState: Wrong length.
+        InvalidLinkName: No such link.
+    """
+    return to_json(fk_document(chain, body, link_poses(chain, body.joints)))
+
+
+def fk_document(chain: Chain, body: FkRequest, poses: Array) -> dict[str, Any]:
+    """The answer to a request for forward kinematics.
+
+    Args:
+        chain: The robot.
+        body: The request.
+        poses: Of all links in the root frame, shape (..., links, 4, 4).
+
+    Raises:
+        InvalidLinkName: No such link.
+    """
+    wanted = chain.link(body.link or chain.tip_link).name
+    T = frame_transform(chain, body.joints, body.frame)
+    if T is not None:
+        poses = _inverse(T)[..., None, :, :] @ poses
+    answers = _poses(poses, body.orientation)
+    links = {
+        link.name: answers[i] if poses.ndim == 3 else [row[i] for row in answers]
+        for i, link in enumerate(chain.links)
+    }
+    return {"pose": links[wanted], "links": links, **in_frame(chain, body.frame)}
+
+
+def _inverse(T: Array) -> Array:
+    """Inverse rigid motions, shape (..., 4, 4)."""
+    result = np.zeros_like(T)
+    R = np.swapaxes(T[..., :3, :3], -1, -2)
+    result[..., :3, :3], result[..., 3, 3] = R, 1.0
+    result[..., :3, 3] = -(R @ T[..., :3, 3, None])[..., 0]
+    return result
+
+
+def _turn(T: Array, twists: Array) -> Array:
+    """Columns of twists (..., 6, m) of the root frame, seen in the frame T_root_frame."""
+    R = np.swapaxes(T[..., :3, :3], -1, -2)
+    return np.concatenate([R @ twists[..., :3, :], R @ twists[..., 3:, :]], axis=-2)
+
+
+def _poses(poses: Array, form: Orientation) -> Any:
+    positions = poses[..., :3, 3].tolist()
+    turns = _orientations(poses[..., :3, :3], form).tolist()
+    if poses.ndim == 3:
+        return _pose_documents(positions, turns, form)
+    return [_pose_documents(*row, form) for row in zip(positions, turns, strict=True)]
+
+
+def _axis_and_angle(rotation: Array) -> Array:
+    axis, angle = to_axis_angle(rotation)
+    return np.append(axis, angle)
+
+
+#: Of one rotation matrix, for forms that there is no batch of.
+_CONVERSIONS: Mapping[str, Callable[[Array], Array]] = {
+    "euler_zyz": to_zyz,
+    "rpy": to_rpy,
+    "axis_angle": _axis_and_angle,
+}
+
+
+def _orientations(rotations: Array, form: Orientation) -> Array:
+    if form == "quaternion_xyzw":
+        return to_quaternions(rotations)
+    if form == "rotation_matrix":
+        return rotations
+    convert = _CONVERSIONS[form]
+    turns = np.array([convert(R) for R in rotations.reshape(-1, 3, 3)])
+    return turns.reshape(*rotations.shape[:-2], -1)
+
+
+def _pose_documents(positions: Any, turns: Any, form: Orientation) -> list[dict[str, Any]]:
+    return [{"position": p, form: turn} for p, turn in zip(positions, turns, strict=True)]
+
+
+def jacobian(chain: Chain, body: JacobianRequest) -> bytes:
+    """Answer a request for Jacobians.
+
+    Raises:
+        InvalidRobotState: Wrong length.
+        InvalidLinkName: No such link.
+        InvalidOption: The zyz rates do not exist at a configuration.
+    """
+    J = geometric(chain, body.joints, body.link, body.point)
+    T = frame_transform(chain, body.joints, body.frame)
+    if T is not None:
+        J = _turn(T, J)
+    if body.kind == "analytic_zyz":
+        flat = J.reshape(-1, 6, chain.n)
+        turns = forward(chain, body.joints, body.link)[..., :3, :3]
+        if T is not None:
+            turns = np.swapaxes(T[..., :3, :3], -1, -2) @ turns
+        turns = turns.reshape(-1, 3, 3)
+        J = np.array([analytic_zyz(*pair) for pair in zip(flat, turns, strict=True)]).reshape(
+            J.shape
+        )
+    found = singular_directions(J)
+    answer = {
+        "jacobian": J.tolist(),
+        "rank": found.rank.tolist(),
+        "singular_values": found.values.tolist(),
+        "manipulability": found.values.prod(axis=-1).tolist(),
+    }
+    return to_json(answer | in_frame(chain, body.frame))
+
+
+def velocity(chain: Chain, body: VelocityRequest) -> bytes:
+    """Answer a request for velocity kinematics, forward or inverse.
+
+    Raises:
+        InvalidRobotState: Wrong length.
+        InvalidLinkName: No such link.
+        InvalidOption: Lists of different lengths.
+    """
+    joints = chain.configuration(body.joints)
+    T = frame_transform(chain, body.joints, body.frame)
+    if body.twist is None:
+        assert body.joint_velocities is not None
+        rates = chain.configuration(body.joint_velocities, "joint_velocities")
+        _check_rows(joints, rates, "joint_velocities")
+        twist = link_twist(chain, joints, rates, body.link, body.point)
+        found = singular_directions(geometric(chain, joints, body.link, body.point))
+        rates = np.broadcast_to(rates, (*twist.shape[:-1], chain.n))
+        gains = np.ones_like(found.values)
+        solved = JointVelocities(rates, np.zeros_like(twist), gains, found)
+    else:
+        _check_rows(joints, np.array(body.twist), "twist")
+        nullspace = None
+        if body.nullspace is not None:
+            nullspace = chain.configuration(body.nullspace, "nullspace")
+            _check_rows(joints, nullspace, "nullspace")
+        below = DAMPED_BELOW if body.damped_below is None else body.damped_below
+        asked = np.array(body.twist, dtype=np.float64)
+        if T is not None:
+            asked = _turn(_inverse(T), asked[..., None])[..., 0]
+        solved = joint_velocities(
+            chain,
+            joints,
+            asked,
+            nullspace=nullspace,
+            link=body.link,
+            point=body.point,
+            damped_below=below,
+        )
+        twist = asked - solved.residual
+    if T is not None:
+        twist, solved = _turned_velocities(T, twist, solved)
+    return to_json(
+        {
+            "twist": twist.tolist(),
+            "joint_velocities": solved.joint_velocities.tolist(),
+            "residual": solved.residual.tolist(),
+            "rank": solved.directions.rank.tolist(),
+            "singular_values": solved.directions.values.tolist(),
+            "damped": _damped_directions(solved),
+            **in_frame(chain, body.frame),
+        }
+    )
+
+
+def _turned_velocities(
+    T: Array, twist: Array, solved: JointVelocities
+) -> tuple[Array, JointVelocities]:
+    """Twists of the root frame, seen in the frame T_root_frame."""
+    directions = solved.directions
+    seen = JointVelocities(
+        solved.joint_velocities,
+        _turn(T, solved.residual[..., None])[..., 0],
+        solved.gains,
+        SingularDirections(
+            directions.values, _turn(T, directions.twists), directions.motions, directions.rank
+        ),
+    )
+    return _turn(T, twist[..., None])[..., 0], seen
+
+
+def _check_rows(joints: Array, others: Array, name: str) -> None:
+    """Check that rows go with as many configurations; one row goes with any number.
+
+    Raises:
+        InvalidOption: They do not.
+    """
+    count = 1 if joints.ndim == 1 else len(joints)
+    if others.ndim == 2 and (joints.ndim == 1 or len(others) != count):
+        raise InvalidOption(
+            f"{name} holds {len(others)} rows for {count} configuration(s) in joints",
+            hint=f"Give as many rows of {name} as of joints, or one row for all.",
+        )
+
+
+def _damped_directions(solved: JointVelocities) -> Any:
+    found = solved.directions
+    if solved.gains.ndim == 1:
+        return [
+            {
+                "singular_value": found.values[i],
+                "gain": solved.gains[i],
+                "twist": found.twists[:, i].tolist(),
+                "joint_velocities": found.motions[i].tolist(),
+            }
+            for i in np.flatnonzero(solved.gains < 1.0)
+        ]
+    return [
+        _damped_directions(
+            JointVelocities(
+                rates, residual, gains, SingularDirections(values, twists, motions, rank)
+            )
+        )
+        for rates, residual, gains, values, twists, motions, rank in zip(
+            solved.joint_velocities,
+            solved.residual,
+            solved.gains,
+            found.values,
+            found.twists,
+            found.motions,
+            found.rank,
+            strict=True,
+        )
+    ]
+
+
+fk_task = chain_task(fk, FkRequest)
+jacobian_task = chain_task(jacobian, JacobianRequest)
+velocity_task = chain_task(velocity, VelocityRequest)
+
+
+def warm() -> None:
+    """Make the kernels ready that the server calls itself."""
+    chain = worker_cache.chain(builtin_reference("planar_rr"))
+    for joints in ([0.1, 0.2], [[0.1, 0.2], [0.3, 0.4]]):
+        fk(chain, FkRequest.model_validate({"joints": joints}))
+        jacobian(chain, JacobianRequest.model_validate({"joints": joints}))
+        velocity(
+            chain,
+            VelocityRequest.model_validate({"joints": joints, "joint_velocities": joints}),
+        )

@@ -1,0 +1,1 @@
+"""Quadratic Lyapunov functions of linear systems."""

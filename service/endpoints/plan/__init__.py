@@ -1,0 +1,1 @@
+"""Planning of motions, and proofs of given motions."""

@@ -1,0 +1,280 @@
+"""Planning and validation as requests ask for them, in workers."""
+
+import dataclasses
+import hashlib
+import platform
+from dataclasses import asdict
+from functools import cache
+from importlib.metadata import PackageNotFoundError, version
+from typing import Any
+
+import numpy as np
+from pydantic import ValidationError
+from pydantic_core import to_json
+
+from armwright_wire.base import Keepable
+from armwright_wire.plan import Collisions, PlanRequest, ValidateRequest
+from kinematics.errors import InvalidRobotDescription
+from obstacles.robots.robot_geometry import RobotGeometry
+from obstacles.scenes.scene import Scene
+from planning.pipeline import pipeline
+from planning.problem import Problem
+from planning.proof.certificate import certify, has_solids
+from planning.result import Failure, Plan
+from planning.values.limits import MotionLimits
+from service.endpoints.attached_objects import RobotInScene, robot_in_scene, with_surroundings
+from service.storage import worker_cache
+from service.storage.cache_key import Reference
+from service.translate import certificates, problems, timings, trajectories
+from service.translate.constraints import constraint_set
+from service.translate.frames import (
+    Frames,
+    constraints_in_root_frame,
+    first_configuration,
+    names_frame,
+    plan_in_root_frame,
+    tool_motions_in_root_frame,
+)
+from service.translate.poses import notes_of, rounding_notes
+from service.translate.states import with_states
+from service.translate.tool_motions import (
+    reference_answer,
+    timed_tool_motions,
+    tool_motions_answer,
+)
+from service.version import VERSION
+from service.workers import current
+from service.workers.answer import in_frame, reports_cache_miss
+from service.workers.result import CacheMiss, PlanOutcome, TaskProblem, timed_out, validation_fault
+from service.workers.task import GRACE, task
+
+#: What a plan depends on beside the request.
+_PACKAGES = ("numpy", "scipy", "numba", "ompl", "python-fcl")
+#: How far a plan is when a stage begins, by how long the stages before it usually take.
+_PROGRESS = {
+    "preflight": 0.0,
+    "straight_line": 0.1,
+    "shortcut": 0.6,
+    "clearance": 0.65,
+    "path_proof": 0.68,
+    "timing": 0.7,
+    "certificate": 0.85,
+}
+#: The same for every planner that searches.
+_SEARCHING = 0.2
+
+
+@task(grace=GRACE)
+@reports_cache_miss
+def plan(
+    robot: Reference, scene: Reference | None, content: bytes
+) -> PlanOutcome | TaskProblem | CacheMiss:
+    """Answer a request for a plan.
+
+    Args:
+        robot: The robot.
+        scene: The scene, where the request names a stored one.
+        content: The request, which may be malformed.
+
+    Raises:
+        ArmwrightError: The request is at fault.
+    """
+    try:
+        body = PlanRequest.model_validate_json(content)
+    except ValidationError as error:
+        return validation_fault(error)
+    return plan_outcome(robot, scene, body, framed=names_frame(content))
+
+
+def plan_outcome(
+    robot: Reference, scene: Reference | None, body: PlanRequest, *, framed: bool
+) -> PlanOutcome | TaskProblem:
+    """The plan that a request asks for, within the deadline of the current job.
+
+    Args:
+        robot: The robot.
+        scene: The stored scene, where there is one.
+        body: The request.
+        framed: Whether it may name a frame.
+
+    Raises:
+        NotPrepared: The robot or the scene has to be prepared first.
+        ArmwrightError: The request is at fault.
+    """
+    read = rounding_notes(body)
+    body, cell, problem = _posed(robot, scene, body, framed=framed)
+    deadline = current.deadline()
+    if deadline.passed:
+        return timed_out("the work was done", "certificate")
+    options = problems.options(body, cell.robot.chain, deadline.remaining, _report_stage)
+    outcome = pipeline.plan(problem, options)
+    if isinstance(outcome, Failure):
+        return _refusal(outcome)
+    outcome = dataclasses.replace(outcome, notes=(*read, *cell.notes, *outcome.notes))
+    content = to_json(_answer(outcome, body, cell), inf_nan_mode="null")
+    stages = tuple((stage.name, 1e-3 * stage.milliseconds) for stage in outcome.stages)
+    return PlanOutcome(content, outcome.planner, stages)
+
+
+def question(
+    robot: Reference, scene: Reference | None, content: bytes
+) -> tuple[PlanRequest, RobotInScene, Problem]:
+    """A request for a plan as a question: its body in the root frame, the cell, and the problem.
+
+    Args:
+        robot: The robot.
+        scene: The scene, where the request names a stored one.
+        content: The request.
+
+    Raises:
+        ArmwrightError: The request is at fault.
+    """
+    body = PlanRequest.model_validate_json(content)
+    return _posed(robot, scene, body, framed=names_frame(content))
+
+
+def _posed(
+    robot: Reference, scene: Reference | None, body: PlanRequest, *, framed: bool
+) -> tuple[PlanRequest, RobotInScene, Problem]:
+    geometry = worker_cache.robot(robot).geometry
+    body = with_states(body, geometry.states)
+    start = first_configuration(geometry.chain, body.start.joints)
+    around = with_surroundings(geometry, scene, body, start)
+    if framed:
+        body = plan_in_root_frame(body, geometry.chain)
+    cell = _collision_cell(around, body.collisions)
+    return body, cell, problems.problem(body, cell.robot, cell.scene)
+
+
+def _report_stage(stage: str) -> None:
+    current.report(_PROGRESS.get(stage, _SEARCHING), stage)
+
+
+@task(grace=GRACE)
+@reports_cache_miss
+def validate(
+    robot: Reference, scene: Reference | None, content: bytes
+) -> bytes | TaskProblem | CacheMiss:
+    """Answer a request for the proof of a motion, with the certificate or the first violation.
+
+    Raises:
+        ArmwrightError: The request is at fault.
+    """
+    body = ValidateRequest.model_validate_json(content)
+    chain = worker_cache.chain(robot)
+    motion, begins = trajectories.trajectory(body.trajectory, chain)
+    around = robot_in_scene(robot, scene, body, motion.start)
+    cell = _collision_cell(around, body.collisions)
+    arm = cell.robot
+    frames = Frames(chain, motion.start, body.frame)
+    limits = MotionLimits(
+        timings.limits(body.limits, arm.chain), timings.effort_loads(body, arm.chain)
+    )
+    wanted = constraint_set(constraints_in_root_frame(body.constraints, frames), arm.chain)
+    tool_motions = tool_motions_in_root_frame(body.tool_motions, frames)
+    certificate = certify(
+        motion,
+        arm,
+        cell.scene,
+        margin=body.margin,
+        limits=limits,
+        constraints=wanted,
+        tool_motions=timed_tool_motions(tool_motions, arm.chain, motion, begins),
+        deadline=current.deadline(),
+    )
+    violation = certificate.violation
+    if violation is not None and violation.kind == "time":
+        return timed_out("the work was done", "certificate")
+    answer = certificates.certificate_answer(certificate, begins, body.scene)
+    return to_json(answer | in_frame(chain) | notes_of(body, cell.notes), inf_nan_mode="null")
+
+
+def _collision_cell(cell: RobotInScene, collisions: Collisions) -> RobotInScene:
+    """The robot and the scene as far as collisions are looked at.
+
+    Raises:
+        InvalidRobotDescription: There are obstacles, and the robot has no collision geometry.
+    """
+    robot = cell.robot
+    if collisions == "ignore":
+        none = np.zeros(0, dtype=np.int64)
+        bare = RobotGeometry(robot.chain, (), (), none, none, {})
+        return dataclasses.replace(cell, robot=bare, scene=Scene())
+    if cell.scene.obstacles and not has_solids(robot):
+        raise InvalidRobotDescription(
+            f"robot {robot.chain.name!r} has no collision geometry, so nothing could be proved of "
+            f"the {len(cell.scene.obstacles)} obstacle(s)",
+            hint='Give the robot solids ("visual_solids": true of a URDF, "geometry": {"capsules": '
+            'radius} of a DH table), leave the obstacles out, or say "collisions": "ignore".',
+            reason="no_collision_geometry",
+        )
+    return cell
+
+
+def _refusal(failure: Failure) -> TaskProblem:
+    details: dict[str, Any] = problems.plain(failure.details)
+    details["stages"] = problems.stages_answer(failure.stages)
+    return TaskProblem(
+        failure.code, failure.message, failure.hint, details | {"stage": failure.stage}
+    )
+
+
+def _answer(planned: Plan, body: PlanRequest, cell: RobotInScene) -> dict[str, Any]:
+    certificate = certificates.certificate_answer(planned.certificate, scene=body.scene)
+    cartesian = planned.fraction is not None
+    return {
+        "status": "success",
+        **in_frame(cell.robot.chain),
+        "planner": planned.planner,
+        "stages": problems.stages_answer(planned.stages),
+        "path": {"joints": planned.path.waypoints.tolist(), "length": planned.path.length},
+        "trajectory": trajectories.trajectory_answer(planned.trajectory, body.timing.sample_period),
+        "certificate": certificate,
+        "reproducibility": {
+            "seed": body.seed,
+            "deterministic": planned.deterministic,
+            "robot_hash": cell.robot.content_hash,
+            "scene_hash": cell.scene.content_hash,
+            "request_hash": request_hash(body),
+            "versions": versions(),
+        },
+        "fraction": planned.fraction,
+        "tool_motions": (tool_motions_answer(planned.tool_motions) if cartesian else None),
+        "reference": reference_answer(cell.robot.chain, planned, body.seed),
+        "stopped": None if planned.stopped is None else problems.plain(planned.stopped),
+        "notes": list(planned.notes),
+        "potential_field": _descent(planned),
+        "clearance": None
+        if planned.clearance is None
+        else problems.clearance_answer(planned.clearance),
+        "configuration": problems.configuration_answer(planned.configuration),
+        "timing": timings.timing_answer(planned.timing),
+        "progress": [asdict(step) for step in planned.progress],
+    }
+
+
+def _descent(planned: Plan) -> dict[str, Any] | None:
+    if planned.descent is None:
+        return None
+    return {
+        "joints": planned.descent.waypoints.tolist(),
+        "potentials": planned.descent.potentials.tolist(),
+        "iterations": planned.descent.iterations,
+    }
+
+
+def request_hash(body: Keepable) -> str:
+    """The hash of a request; whether its answer is kept does not change it."""
+    return hashlib.sha256(body.model_dump_json(exclude={"keep"}).encode()).hexdigest()
+
+
+@cache
+def versions() -> dict[str, str]:
+    """Versions of everything that an answer depends on."""
+    answer = {"armwright": VERSION, "python": platform.python_version()}
+    for package in _PACKAGES:
+        try:
+            answer[package] = version(package)
+        except PackageNotFoundError:
+            answer[package] = "unknown"
+    return answer

@@ -1,0 +1,1 @@
+"""Kept plans: documents, bundles, replays and pages."""

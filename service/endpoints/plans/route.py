@@ -1,0 +1,268 @@
+"""Kept plans: requests with their answers, to be looked at, replayed and taken elsewhere."""
+
+import asyncio
+import time
+from dataclasses import replace
+from typing import Annotated, Literal
+
+from fastapi import APIRouter, Query, Request, Response
+from fastapi.exceptions import RequestValidationError
+from fastapi.responses import HTMLResponse
+from pydantic_core import to_json
+from starlette.concurrency import run_in_threadpool
+
+from armwright_wire.kept_plan import (
+    MAX_DIFFERENCES,
+    Bundle,
+    KeptPlan,
+    KeptPlanSummary,
+    PlanList,
+    ReplayAnswer,
+    ReplayRequest,
+)
+from kinematics.errors import ArmwrightError
+from service.access.caller import caller_of
+from service.endpoints.paging import page
+from service.endpoints.plans.document import (
+    bundle,
+    checked_bundle,
+    plan_document,
+    plan_summary,
+    problem_code,
+)
+from service.endpoints.plans.replay import pinned_references, replay_plan, replayed_body
+from service.http import answers
+from service.http.json_route import JsonRoute
+from service.http.keeping import answer_digest, differences, named_robot, new_plan_id, states_proof
+from service.http.openapi import RESPONSES
+from service.http.state import REPLAY, Replay, retention, settings_of, store_of
+from service.problem import ProblemError
+from service.storage.plan_store import PlanContent, PlanRecord, document_hash
+from service.task_references import swept as swept_task
+from service.task_references import view as view_task
+from service.validation import parse_json
+from service.viewer.page import content_security_policy
+
+router = APIRouter(
+    prefix="/v1/plans", tags=["kept plans"], route_class=JsonRoute, responses=RESPONSES
+)
+
+#: Time for a page: clearances are measured at up to 151 instants [s].
+_VIEW_TIMEOUT = 60.0
+#: Time for answering the request of an imported plan; longer ones are not proved here [s].
+_PROOF_TIMEOUT = 120.0
+#: Of meshes: generators of clients know none of theirs.
+_MESH = "application/octet-stream"
+#: Status of a kept problem whose own is not known: an imported one.
+_FAILED = 422
+_SUCCEEDED = 200
+
+
+@router.get("", summary="List kept plans")
+async def list_plans(
+    request: Request,
+    robot: Annotated[
+        str | None, Query(max_length=128, description="only those of this robot")
+    ] = None,
+    after: Annotated[str, Query(max_length=64, description="plans older than this one")] = "",
+    limit: Annotated[int, Query(ge=1, le=1000)] = 100,
+) -> PlanList:
+    """Kept plans without their content, newest first, page by page."""
+    tenant = caller_of(request.scope).tenant
+    plans = store_of(request).plans
+    stored = await run_in_threadpool(plans.list, after, limit + 1, tenant, robot=robot)
+    records, following = page(stored, limit, lambda record: record.id)
+    lifetime = settings_of(request).plan_lifetime
+    return PlanList(plans=[plan_summary(item, lifetime) for item in records], next=following)
+
+
+@router.post("", status_code=201, summary="Import a kept plan", response_model=KeptPlanSummary)
+async def import_plan(body: Bundle, request: Request) -> Response:
+    """Keeps the plan of a bundle, with its robot and scene, so that it can be replayed here.
+
+    A bundle proves nothing by itself: its request is answered once more, with its robot and its
+    scene. Where that gives the same answer, the plan is `proved_here`.
+    """
+    # The outline of a large body has its texts cut.
+    whole = await run_in_threadpool(checked_bundle, parse_json(await request.body()))
+    path = body.operation.removeprefix("POST ")
+    documents = [whole.robot_document, whole.scene_document]
+    contents = [None if text is None else text.encode() for text in documents]
+    robot_hash, scene_hash = (None if c is None else document_hash(c) for c in contents)
+    caller = caller_of(request.scope)
+    record = PlanRecord(
+        id=new_plan_id(),
+        method="POST",
+        path=path,
+        status=_SUCCEEDED if whole.status == "succeeded" else _FAILED,
+        code=None if whole.status == "succeeded" else problem_code(whole.answer),
+        robot=whole.robot,
+        robot_hash=robot_hash,
+        scene=whole.scene,
+        scene_hash=scene_hash,
+        seed=whole.seed,
+        version=whole.version,
+        digest=whole.digest,
+        created=time.time(),
+        tenant=caller.tenant,
+        api_key=caller.api_key,
+    )
+    content = PlanContent(whole.request.encode(), whole.answer.encode())
+    given = {document_hash(c): c for c in contents if c is not None}
+    plans, settings = store_of(request).plans, settings_of(request)
+    await run_in_threadpool(plans.import_plan, record, content, given)
+    own = await _same_answer(request, record, content)
+    if own is not None:
+        await run_in_threadpool(plans.note_proof, record.id, record.tenant, own)
+        record = replace(record, proved_here=True)
+    await run_in_threadpool(plans.purge, time.time(), retention(settings))
+    summary = plan_summary(record, settings.plan_lifetime)
+    headers = {"Location": f"/v1/plans/{record.id}"}
+    return Response(summary.model_dump_json(), 201, headers, "application/json")
+
+
+@router.get("/{id}", summary="Get a kept plan", response_model=KeptPlan)
+async def get_plan(id: str, request: Request) -> Response:  # noqa: A002  (its name in the path)
+    """The request, robot and scene by content hash, version, seed, and the answer or problem."""
+    record, content = await _plan(id, request)
+    document = plan_document(record, content, settings_of(request).plan_lifetime)
+    return Response(document, media_type="application/json")
+
+
+@router.delete("/{id}", status_code=204, summary="Forget a kept plan")
+async def delete_plan(id: str, request: Request) -> Response:  # noqa: A002
+    """Forgets the plan, and the robot and scene that were kept for it alone."""
+    tenant = caller_of(request.scope).tenant
+    await run_in_threadpool(store_of(request).plans.delete, id, tenant)
+    return Response(status_code=204)
+
+
+@router.get("/{id}/bundle", summary="Get a kept plan as a file", response_model=Bundle)
+async def get_bundle(id: str, request: Request) -> Response:  # noqa: A002
+    """One file with request, robot, scene and answer: POST it to /v1/plans of another service."""
+    record, content = await _plan(id, request)
+    whole = await bundle(store_of(request).plans, record, content)
+    headers = {"Content-Disposition": f'attachment; filename="armwright-plan-{record.id}.json"'}
+    return Response(whole.model_dump_json(), headers=headers, media_type="application/json")
+
+
+@router.get(
+    "/{id}/view",
+    summary="See a kept plan",
+    response_class=HTMLResponse,
+    responses={
+        200: {"description": "A page that needs nothing else", "content": {"text/html": {}}}
+    },
+)
+async def view_plan(
+    id: str,  # noqa: A002
+    request: Request,
+    tree: Annotated[
+        bool,
+        Query(description="plan once more, and draw the tree or roadmap of the last planner"),
+    ] = False,
+) -> Response:
+    """One HTML file that shows robot, scene, motion, curves and proof, or why there is no motion.
+
+    It opens from disk too, and asks no host for anything.
+    """
+    record, content = await _plan(id, request)
+    document = plan_document(record, content, settings_of(request).plan_lifetime)
+    request.scope[REPLAY] = Replay(record.id, pinned_references(request, record))
+    result = await answers.answer(
+        request,
+        lambda robot, scene: view_task.job(robot, scene, document, tree),
+        record.robot or "",
+        record.scene,
+        timeout=min(_VIEW_TIMEOUT, settings_of(request).max_timeout),
+    )
+    return HTMLResponse(result, headers={"Content-Security-Policy": content_security_policy()})
+
+
+@router.get(
+    "/{id}/swept",
+    summary="Get the space that a kept motion takes up",
+    response_class=Response,
+    responses={
+        200: {
+            "description": "A mesh that holds all of it",
+            "content": {_MESH: {"schema": {"type": "string", "format": "binary"}}},
+        }
+    },
+)
+async def swept_plan(
+    id: str,  # noqa: A002
+    request: Request,
+    format: Annotated[  # noqa: A002
+        Literal["glb", "stl"], Query(description="of the file")
+    ] = "glb",
+    tolerance: Annotated[
+        float, Query(ge=1e-4, le=1.0, description="what the hulls may be grown by [m]")
+    ] = 0.005,
+) -> Response:
+    """A mesh that holds every point of the moving arm, and of what it holds, at every instant.
+
+    For kept plans, proofs, tasks and tours. It is made of convex hulls that overlap.
+    """
+    record, content = await _plan(id, request)
+    document = plan_document(record, content, settings_of(request).plan_lifetime)
+    request.scope[REPLAY] = Replay(record.id, pinned_references(request, record))
+    result = await answers.answer(
+        request,
+        lambda robot, scene: swept_task.job(robot, scene, document, format, tolerance),
+        record.robot or "",
+        record.scene,
+        timeout=min(_VIEW_TIMEOUT, settings_of(request).max_timeout),
+    )
+    name = f'attachment; filename="armwright-swept-{record.id}.{format}"'
+    return Response(result, media_type=_MESH, headers={"Content-Disposition": name})
+
+
+@router.post("/{id}/replay", summary="Replay a kept plan", response_model=ReplayAnswer)
+async def replay(id: str, body: ReplayRequest, request: Request) -> Response:  # noqa: A002
+    """The kept request answered once more, perhaps with changes, and compared with what was kept.
+
+    Robot and scene are those that were kept unless the request says otherwise or changes name
+    others. A problem is an answer too: the status is 200 where something was computed.
+    """
+    record, content = await _plan(id, request)
+    pinned = pinned_references(request, record) if body.documents == "kept" else ()
+    again = replayed_body(content, body.changes, body.keep_replay)
+    result = await replay_plan(request, record, again, pinned)
+    digest = await run_in_threadpool(answer_digest, result.content)
+    same = digest == record.digest
+    found = (
+        []
+        if same
+        else await run_in_threadpool(differences, content.answer, result.content, MAX_DIFFERENCES)
+    )
+    head = to_json(
+        {"same": same, "differences": found, "digest": digest, "plan_id": result.plan_id}
+    )
+    field = b"answer" if result.succeeded else b"problem"
+    answer = head[:-1] + b',"%s":' % field + result.content + b"}"
+    return Response(answer, media_type="application/json")
+
+
+async def _same_answer(request: Request, record: PlanRecord, content: PlanContent) -> bytes | None:
+    """The answer of this service to a kept request, if it is the kept one and says proved."""
+    asked = parse_json(content.request)
+    scene = asked.get("scene") if isinstance(asked.get("scene"), str) else None
+    # The page draws the robot and the scene of the record.
+    if record.code or (named_robot(record.path, asked), scene) != (record.robot, record.scene):
+        return None
+    body, pinned = replayed_body(content, None, keep=False), pinned_references(request, record)
+    try:
+        async with asyncio.timeout(_PROOF_TIMEOUT):
+            result = await replay_plan(request, record, body, pinned)
+    except (TimeoutError, ProblemError, ArmwrightError, RequestValidationError):
+        return None
+    if not result.succeeded or not states_proof(record.path, result.content):
+        return None
+    digest = await run_in_threadpool(answer_digest, result.content)
+    return result.content if digest == record.digest else None
+
+
+async def _plan(plan_id: str, request: Request) -> tuple[PlanRecord, PlanContent]:
+    tenant = caller_of(request.scope).tenant
+    return await run_in_threadpool(store_of(request).plans.get, plan_id, tenant)

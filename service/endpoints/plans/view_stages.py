@@ -1,0 +1,315 @@
+"""Stages of kept tasks and legs of kept tours on one timeline, for their pages."""
+
+from collections.abc import Iterator, Mapping, Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from armwright_wire.task import TaskRequest
+from armwright_wire.tour import TourRequest
+from armwright_wire.trajectory import TrajectoryBody
+from kinematics.trajectory.trajectory import Trajectory
+from kinematics.tree.srdf import state
+from obstacles.robots.finger_geometry import with_fingers
+from obstacles.robots.robot_geometry import RobotGeometry
+from obstacles.scenes.scene import Obstacle, Scene
+from service.endpoints.attached_objects import (
+    RobotInScene,
+    attach,
+    requested_scene,
+    robot_in_scene,
+)
+from service.endpoints.tasks.stage_cells import (
+    StageCell,
+    moved,
+    stage_cells,
+    task_objects,
+    told_transform,
+)
+from service.endpoints.tours.translation import configuration
+from service.storage import worker_cache
+from service.storage.cache_key import Reference
+from service.translate import trajectories
+from service.viewer.document import Carrier, carrier_document
+from service.viewer.timeline import Part, finger_tracks, joined, joined_curves
+from service.viewer.words import against
+
+
+class Timeline(NamedTuple):
+    """A task or tour as its page shows it.
+
+    Args:
+        cell: The robot, and the obstacles that stand still throughout.
+        motion: Of all parts in turn.
+        curves: Over the whole time, as of a single motion.
+        moved: Objects that are carried.
+        extra: More fields of the document: ``stages`` with labels and times, ``carriers`` of the
+            moved objects, ``fingers``.
+        sentences: About the whole and each part.
+    """
+
+    cell: RobotInScene
+    motion: Trajectory
+    curves: dict[str, Any]
+    moved: tuple[Obstacle, ...]
+    extra: dict[str, Any]
+    sentences: list[str]
+
+
+def task_shown(
+    robot: Reference, scene: Reference | None, request: Mapping[str, Any], answer: Mapping[str, Any]
+) -> Timeline:
+    """The stages of an answered task.
+
+    Args:
+        robot: The robot.
+        scene: The stored scene, where the request names one.
+        request: The body.
+        answer: With the stages.
+    """
+    body, geometry, around = _task_world(robot, scene, request)
+    stages = answer["stages"]
+    names = {item["id"] for s in stages for item in _things(s["after"])}
+    moved = tuple(item for item in around.obstacles if item.id in names)
+    still = tuple(item for item in around.obstacles if item.id not in names)
+    alone = with_fingers(geometry, body.fingers or {})
+    parts = _parts(answer, geometry, around, body)
+    extra = {
+        "stages": _marks(parts),
+        "carriers": {item.id: [*_carriers(item, geometry, stages)] for item in moved},
+        "fingers": finger_tracks(alone, parts),
+    }
+    return Timeline(
+        RobotInScene(alone, Scene(still)),
+        joined(parts, answer["duration"]),
+        joined_curves(parts, body.timing.tool_speed),
+        moved,
+        extra,
+        [*_task_sentences(answer)],
+    )
+
+
+def task_parts(
+    robot: Reference, scene: Reference | None, request: Mapping[str, Any], answer: Mapping[str, Any]
+) -> list[Part]:
+    """The stages of an answered task, each with what is held in it.
+
+    Args:
+        robot: The robot.
+        scene: The stored scene, where the request names one.
+        request: The body.
+        answer: With the stages.
+    """
+    body, geometry, around = _task_world(robot, scene, request)
+    return _parts(answer, geometry, around, body)
+
+
+def _task_world(
+    robot: Reference, scene: Reference | None, request: Mapping[str, Any]
+) -> tuple[TaskRequest, RobotGeometry, Scene]:
+    """The request of a task, its robot, and its scene with what stands elsewhere by now."""
+    body = TaskRequest.model_validate(request)
+    geometry = worker_cache.robot(robot).geometry
+    start = np.array(task_start(robot, body))
+    around = requested_scene(scene, body, geometry.chain, start)
+    return body, geometry, task_objects(geometry, around, body)
+
+
+def _parts(
+    answer: Mapping[str, Any], geometry: RobotGeometry, around: Scene, body: TaskRequest
+) -> list[Part]:
+    """The stages, each with the fingers where the one before left them."""
+    stages = answer["stages"]
+    cells = stage_cells(stages, geometry, around, body.fingers or {})
+    return [_stage_part(stage, cell) for stage, cell in zip(stages, cells, strict=True)]
+
+
+def tour_shown(
+    robot: Reference, scene: Reference | None, request: Mapping[str, Any], answer: Mapping[str, Any]
+) -> Timeline:
+    """The legs of an answered tour, with the stays at its goals between them.
+
+    Args:
+        robot: The robot.
+        scene: The stored scene, where the request names one.
+        request: The body.
+        answer: With the legs.
+    """
+    body = TourRequest.model_validate(request)
+    cell = tour_cell(robot, scene, body)
+    parts = _legs(cell, answer)
+    return Timeline(
+        cell,
+        joined(parts, answer["time"]),
+        joined_curves(parts, body.timing.tool_speed),
+        (),
+        {"stages": _marks(parts)},
+        [*_tour_sentences(answer, parts)],
+    )
+
+
+def tour_parts(
+    robot: Reference, scene: Reference | None, request: Mapping[str, Any], answer: Mapping[str, Any]
+) -> list[Part]:
+    """The legs of an answered tour.
+
+    Args:
+        robot: The robot.
+        scene: The stored scene, where the request names one.
+        request: The body.
+        answer: With the legs.
+    """
+    return _legs(tour_cell(robot, scene, TourRequest.model_validate(request)), answer)
+
+
+def _legs(cell: RobotInScene, answer: Mapping[str, Any]) -> list[Part]:
+    return [
+        Part(
+            f"{number}: {leg['origin'] or 'start'} to {leg['target'] or 'end'}",
+            float(leg["begins"]),
+            _motion(leg["trajectory"], cell.robot),
+            cell.robot,
+            cell.scene,
+            None,
+            cell.robot,
+        )
+        for number, leg in enumerate(answer["legs"])
+    ]
+
+
+def tour_cell(robot: Reference, scene: Reference | None, body: TourRequest) -> RobotInScene:
+    """The robot of a tour in its scene.
+
+    Args:
+        robot: The robot.
+        scene: The stored scene, where the request names one.
+        body: The request.
+    """
+    geometry = worker_cache.robot(robot).geometry
+    start = configuration(body.start, geometry.chain, geometry.states, "start")
+    return robot_in_scene(robot, scene, body, start)
+
+
+def task_start(robot: Reference, body: TaskRequest) -> list[float]:
+    """The configuration that a task begins at, n values [rad or m].
+
+    Args:
+        robot: The robot.
+        body: The request.
+    """
+    states = worker_cache.robot(robot).geometry.states
+    if body.start.state is not None:
+        return list(state(states, body.start.state, "start.state"))
+    return list(body.start.joints or [])
+
+
+def task_cell(robot: Reference, scene: Reference | None, body: TaskRequest) -> RobotInScene:
+    """The robot of a task in its scene, as they are at the start.
+
+    Args:
+        robot: The robot.
+        scene: The stored scene, where the request names one.
+        body: The request.
+    """
+    geometry = worker_cache.robot(robot).geometry
+    start = np.array(task_start(robot, body))
+    around = requested_scene(scene, body, geometry.chain, start)
+    arm = with_fingers(geometry, body.fingers or {})
+    return attach(arm, moved(around, body), body.attached, body.allowed_collisions)
+
+
+# --------------------------------------------------------------------------------- the objects
+
+
+def _stage_part(stage: Mapping[str, Any], cell: StageCell) -> Part:
+    """A stage with what is held in it, which is what is held after it."""
+    moved = stage.get("fingers")
+    return Part(
+        _label(stage),
+        float(stage["begins"]),
+        _motion(stage["trajectory"], cell.last.robot),
+        cell.first.robot,
+        cell.first.scene,
+        None if moved is None else trajectories.named_trajectory(_body(moved)),
+        cell.last.robot,
+    )
+
+
+def _things(world: Mapping[str, Any]) -> Iterator[Mapping[str, Any]]:
+    yield from world["objects"]
+    yield from world["attached"]
+
+
+def _carriers(
+    item: Obstacle, robot: RobotGeometry, stages: Sequence[Mapping[str, Any]]
+) -> Iterator[dict[str, Any]]:
+    """Carriers of an object from the beginning of each stage on: a link, or the ground."""
+    chain = robot.chain
+    for stage in stages:
+        joint, T = -1, item.T_world_obstacle
+        for placed in stage["after"]["objects"]:
+            if placed["id"] == item.id:
+                T = told_transform(placed["pose"])
+        for held in stage["after"]["attached"]:
+            if held["id"] == item.id:
+                link = chain.link(held["link"])
+                joint, T = link.joint, link.T_joint_link @ told_transform(held["pose"])
+        yield carrier_document(Carrier(float(stage["begins"]), joint, T))
+
+
+def _motion(trajectory: Mapping[str, Any], robot: RobotGeometry) -> Trajectory:
+    return trajectories.trajectory(_body(trajectory), robot.chain)[0]
+
+
+def _body(trajectory: Mapping[str, Any]) -> TrajectoryBody:
+    fields = {name: trajectory[name] for name in ("joint_names", "segments")}
+    return TrajectoryBody.model_validate(fields)
+
+
+# --------------------------------------------------------------------------------- the words
+
+
+def _marks(parts: Sequence[Part]) -> list[dict[str, Any]]:
+    return [{"label": part.label, "begins": part.begins} for part in parts]
+
+
+def _label(stage: Mapping[str, Any]) -> str:
+    name = stage["kind"] if stage.get("name") is None else f"{stage['name']} ({stage['kind']})"
+    return f"{stage['index']}: {name}"
+
+
+def _task_sentences(answer: Mapping[str, Any]) -> Iterator[str]:
+    stages = answer["stages"]
+    proved = sum(stage["certificate"]["verified"] for stage in stages)
+    yield f"{answer['duration']:.3f} s; stages proved: {proved} of {len(stages)}."
+    if answer["status"] == "partial":
+        yield "The later stages could not be done: this is the beginning only."
+    for stage in stages:
+        words = [f"Stage {_label(stage)}", *_proof(stage["certificate"])]
+        if stage.get("choice") is not None:
+            words.append(f"choice {stage['choice']}")
+        held = ", ".join(item["id"] for item in stage["after"]["attached"])
+        if held:
+            words.append(f"the robot holds {held}")
+        yield "; ".join(words) + "."
+
+
+def _tour_sentences(answer: Mapping[str, Any], parts: Sequence[Part]) -> Iterator[str]:
+    legs = answer["legs"]
+    proved = sum(leg["certificate"]["verified"] for leg in legs)
+    yield f"{answer['time']:.3f} s; legs proved: {proved} of {len(legs)}."
+    yield f"Stays take {answer['dwell_time']:.3f} s of that."
+    if answer["gap"] is not None:
+        yield f"No order found could take more than {100.0 * answer['gap']:.1f} % less."
+    for one in answer["unvisited"]:
+        yield f"Goal {one['id']} is left out: {one['message']}."
+    for leg, part in zip(legs, parts, strict=True):
+        yield "; ".join([f"Leg {part.label}", *_proof(leg["certificate"])]) + "."
+
+
+def _proof(certificate: Mapping[str, Any]) -> Iterator[str]:
+    yield f"{'proved' if certificate['verified'] else 'not proved'} {against(certificate)}"
+    clearance, pair = certificate.get("min_clearance"), certificate.get("clearance_pair")
+    if clearance is not None:
+        between = f" between {pair[0]} and {pair[1]}" if pair else ""
+        yield f"clearance at least {1000.0 * clearance:.1f} mm{between}"

@@ -1,0 +1,1 @@
+"""The artificial potential of a robot on its way to a goal."""

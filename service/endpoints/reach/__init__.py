@@ -1,0 +1,1 @@
+"""Reach of an arm, and placement of its base."""

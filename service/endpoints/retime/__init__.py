@@ -1,0 +1,1 @@
+"""Timing of given paths, and motions in other shapes."""

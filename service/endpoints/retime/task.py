@@ -1,0 +1,81 @@
+"""Timing of given paths, and motions in other shapes, as requests ask for them, in workers."""
+
+from dataclasses import replace
+
+from pydantic_core import to_json
+
+from armwright_wire.retime import ConvertRequest, RetimeRequest
+from kinematics.errors import InvalidOption
+from kinematics.model.chain import Chain
+from kinematics.trajectory.export import csv_text, joint_trajectory
+from planning.retiming.retime import Retimed
+from planning.retiming.retime import retime as time_again
+from planning.retiming.state_motion import time_states
+from service.storage import worker_cache
+from service.storage.cache_key import Reference
+from service.translate import certificates, timings, trajectories
+from service.workers.answer import reports_cache_miss
+from service.workers.result import CacheMiss
+from service.workers.task import task
+
+#: Rows of one answer: at half a kilobyte each, fifty megabytes.
+_MAX_ROWS = 100_000
+
+
+@task
+@reports_cache_miss
+def retime(robot: Reference | None, content: bytes) -> bytes | CacheMiss:
+    """Answer a request to time a path, or the motion between two states.
+
+    Args:
+        robot: The robot, if one is named.
+        content: The request.
+
+    Raises:
+        ArmwrightError: The request is at fault, or the path can't be timed within its limits.
+    """
+    body = RetimeRequest.model_validate_json(content)
+    chain = None if robot is None else worker_cache.robot(robot).chain
+    timed = _time_path(body, chain) if body.path is not None else _time_states(body, chain)
+    answer = timings.retimed_answer(
+        timed,
+        trajectories.trajectory_answer(timed.trajectory, body.timing.sample_period, timed.begins),
+        certificates.certificate_answer(timed.certificate, timed.begins),
+    )
+    return to_json(answer, inf_nan_mode="null")
+
+
+def _time_path(body: RetimeRequest, chain: Chain | None) -> Retimed:
+    assert body.path is not None
+    path = timings.path_to_time(body.path, chain)
+    limits = timings.given_limits(body.limits, path.joint_names)
+    return time_again(path, timings.timing_options(body.timing), limits, chain)
+
+
+def _time_states(body: RetimeRequest, chain: Chain | None) -> Retimed:
+    names = timings.state_joint_names(body, chain)
+    states = timings.joint_state(body.start, "from"), timings.joint_state(body.end, "to")
+    limits = timings.given_limits(body.limits, names)
+    options = replace(timings.timing_options(body.timing), method="jerk_limited")
+    synchronization = body.synchronization or "phase"
+    return time_states(names, states, options, limits, chain, synchronization)
+
+
+@task
+def convert(content: bytes) -> bytes:
+    """Answer a request to tell a motion in another shape.
+
+    Raises:
+        ArmwrightError: The request is at fault.
+    """
+    body = ConvertRequest.model_validate_json(content)
+    motion = trajectories.named_trajectory(body.trajectory)
+    if motion.duration / body.sample_period > _MAX_ROWS:
+        raise InvalidOption(
+            f"sample_period: {body.sample_period:g} s over {motion.duration:g} s gives more than "
+            f"{_MAX_ROWS} rows",
+            hint=f"Give at least {motion.duration / _MAX_ROWS:.3g} s.",
+        )
+    if body.format == "csv":
+        return csv_text(motion, body.sample_period).encode()
+    return to_json(joint_trajectory(motion, body.sample_period, body.frame_id))

@@ -1,0 +1,1 @@
+"""Robots by name, built-in ones among them."""

@@ -1,0 +1,354 @@
+"""Robots by name, built-in ones among them."""
+
+from typing import Annotated, Any, Literal
+
+from fastapi import APIRouter, Query, Request, Response
+from pydantic import ValidationError
+from starlette.concurrency import run_in_threadpool
+from starlette.datastructures import FormData, UploadFile
+
+from armwright_wire.robot import (
+    ArchiveFields,
+    GeometryAnswer,
+    GeometryKind,
+    RobotAnswer,
+    RobotBody,
+    RobotChanges,
+    RobotList,
+    RobotSummary,
+)
+from kinematics.robot_names import builtin_names
+from service.endpoints.paging import page
+from service.http import answers
+from service.http.idempotency import kept_answer, note_kept
+from service.http.json_route import JsonRequest, JsonRoute, require_json, require_plain
+from service.http.openapi import RESPONSES
+from service.http.state import documents_of, prepared_folder
+from service.problem import ProblemError
+from service.storage import prepared_files
+from service.storage.document_store import Record
+from service.storage.idempotency_store import KeptAnswer
+from service.storage.robot_repository import is_built_in
+from service.task_references import change_robot as change_task
+from service.task_references import make_robot, robot_geometry, robot_srdf, robot_urdf, unpack_robot
+from service.validation import fault_list, parse_json, validation_problem
+
+router = APIRouter(prefix="/v1/robots", tags=["robots"], route_class=JsonRoute, responses=RESPONSES)
+
+_KIND = "robot"
+_MAX_PARTS = 16
+#: Fields of a form that are JSON, each with an example.
+_OBJECTS = {
+    "joint_limits": '{"joint": {"velocity": 2.0, "acceleration": 5.0}}',
+    "default_limits": '{"acceleration": "10 x velocity"}',
+    "held": '{"joint": 0.1}',
+    "motors": '{"*": {"inertia": 1e-4, "gear_ratio": 100}}',
+    "allow_suspected": "true",
+    "visual_solids": "true",
+}
+_BODY = {
+    "requestBody": {
+        "required": True,
+        "content": {
+            "application/json": {"schema": {"$ref": "#/components/schemas/RobotBody"}},
+            "multipart/form-data": {
+                "schema": {
+                    "type": "object",
+                    "additionalProperties": False,
+                    "required": ["file"],
+                    "properties": {
+                        "file": {
+                            "type": "string",
+                            "format": "binary",
+                            "description": "a .zip with a URDF, its meshes and perhaps an SRDF",
+                        },
+                        "name": {
+                            "type": "string",
+                            "description": "the name of the file without .zip if left out",
+                        },
+                        "base_link": {"type": "string"},
+                        "tip_link": {"type": "string"},
+                        "urdf_path": {
+                            "type": "string",
+                            "description": "which .urdf file is meant where there are several",
+                        },
+                        "srdf_path": {"type": "string", "description": "the same of .srdf files"},
+                        "joint_limits": {
+                            "type": "string",
+                            "description": "JSON, or the text of a joint_limits.yaml",
+                        },
+                        "default_limits": {"type": "string", "description": "JSON"},
+                        "held": {"type": "string", "description": "JSON"},
+                        "motors": {"type": "string", "description": "JSON"},
+                        "allow_suspected": {"type": "string", "description": "true or false"},
+                        "visual_solids": {"type": "string", "description": "true or false"},
+                    },
+                }
+            },
+        },
+    }
+}
+
+
+@router.post(
+    "",
+    status_code=201,
+    summary="Store a new robot",
+    response_model=RobotAnswer,
+    openapi_extra=_BODY,
+)
+async def create_robot(request: Request) -> Response:
+    """Builds a robot from URDF, from a Denavit-Hartenberg table or from a .zip, and stores it.
+
+    Meshes that are not convex are cut into convex pieces, which may take seconds.
+    """
+    content_type = request.headers.get("content-type", "")
+    if content_type.split(";")[0].strip().lower() == "multipart/form-data":
+        document, answer, name = await _from_form(request)
+    else:
+        document, answer, name = await _from_json(request, content_type)
+    created = Response(answer, 201, {"Location": f"/v1/robots/{name}"}, "application/json")
+    told: KeptAnswer[Record] | None = kept_answer(request, lambda _: created)
+    await run_in_threadpool(documents_of(request).create, _KIND, name, document, told)
+    note_kept(request)
+    return created
+
+
+@router.get("", summary="List robots")
+async def list_robots(
+    request: Request,
+    after: Annotated[str, Query(max_length=256, description="names that sort after this")] = "",
+    limit: Annotated[int, Query(ge=1, le=1000)] = 100,
+) -> RobotList:
+    """Built-in and stored robots by name, page by page."""
+    records = await run_in_threadpool(documents_of(request).list, _KIND, after, limit + 1)
+    stored = [record.name for record in records]
+    every = sorted([*stored, *(name for name in builtin_names() if name > after)])
+    names, following = page(every, limit, str)
+    robots = [await _summary(request, name) for name in names]
+    return RobotList(robots=[robot for robot in robots if robot is not None], next=following)
+
+
+@router.get("/{name}", summary="Get the model of a robot", response_model=RobotAnswer)
+async def get_robot(name: str, request: Request) -> Response:
+    """Joints, limits, links and axes; null where a limit is not known or there is none."""
+    model = await answers.model(request, name)
+    return Response(model.answer, media_type="application/json")
+
+
+@router.get(
+    "/{name}/urdf",
+    summary="The URDF of a robot",
+    response_class=Response,
+    responses={200: {"content": {"application/xml": {}}, "description": "The URDF."}},
+)
+async def get_urdf(
+    name: str,
+    request: Request,
+    joint_limits: Annotated[
+        Literal["original", "merged"],
+        Query(description="merged writes the robot's limits, given beside the URDF, into it"),
+    ] = "original",
+) -> Response:
+    """The URDF that a robot came as, or one written of its Denavit-Hartenberg table.
+
+    Of a table gravity, motor inertias and solids other than spheres, capsules and cylinders are
+    named in comments at the head of the file.
+    """
+    document = await answers.robot_document(request, name)
+    merge = joint_limits == "merged"
+    content = await answers.answer(
+        request, lambda robot, _: robot_urdf.job(robot, document, merge), name
+    )
+    return Response(content, media_type="application/xml")
+
+
+@router.get(
+    "/{name}/srdf",
+    summary="The SRDF of a robot",
+    response_class=Response,
+    responses={200: {"content": {"application/xml": {}}, "description": "The SRDF."}},
+)
+async def get_srdf(name: str, request: Request) -> Response:
+    """An SRDF written of a robot: its chain, its named states and the pairs that may touch.
+
+    Where the robot came without an SRDF, the pairs are those that were found when it was stored.
+    """
+    content = await answers.answer(request, lambda robot, _: robot_srdf.job(robot), name)
+    return Response(content, media_type="application/xml")
+
+
+@router.get(
+    "/{name}/geometry",
+    summary="Collision or visual geometry of a robot",
+    response_model=GeometryAnswer,
+)
+async def get_geometry(
+    name: str,
+    request: Request,
+    kind: Annotated[
+        GeometryKind,
+        Query(description="visual: what the robot looks like, which no proof is about"),
+    ] = "collision",
+) -> Response:
+    """The surfaces of all links as triangles, in the frames that forward kinematics answers.
+
+    Fine meshes are drawn by their hulls where the answer would grow beyond some megabytes; fine
+    visual ones are thinned out.
+    """
+    content = await answers.answer(
+        request, lambda robot, _: robot_geometry.job(robot, name, kind), name
+    )
+    return Response(content, media_type="application/json")
+
+
+@router.patch("/{name}", summary="Change limits of a robot", response_model=RobotAnswer)
+async def change_robot(name: str, request: Request, _body: RobotChanges) -> Response:
+    """Stores a robot with other limits; requests and jobs that begin afterwards see them.
+
+    Limits of joints and quantities that are not named stay as they are. Meshes are not cut again.
+    """
+    _refuse_built_in(name)
+    content = await request.body()
+    documents = documents_of(request)
+    before = await run_in_threadpool(documents.get, _KIND, name)
+    job = change_task.job(before.content, content, prepared_folder(request))
+    document, answer = await answers.build(request, job)
+    reference = await answers.robot(request, name)
+    if reference.hash != before.record.hash:
+        raise ProblemError(
+            "CONFLICT",
+            f"robot {name!r} was replaced while its limits were changed",
+            stage="storage",
+            hint="Send the change again.",
+            name=name,
+        )
+    record = await run_in_threadpool(documents.replace, _KIND, name, document)
+    if record.hash != reference.hash:
+        await run_in_threadpool(prepared_files.forget, reference)
+    return Response(answer, media_type="application/json")
+
+
+@router.delete("/{name}", status_code=204, summary="Delete a robot")
+async def delete_robot(name: str, request: Request) -> None:
+    """Forgets a stored robot."""
+    _refuse_built_in(name)
+    reference = await answers.robot(request, name)
+    await run_in_threadpool(documents_of(request).delete, _KIND, name)
+    await run_in_threadpool(prepared_files.forget, reference)
+
+
+# ------------------------------------------------------------------------------ from JSON
+
+
+async def _from_json(request: Request, content_type: str) -> tuple[bytes, bytes, str]:
+    if await request.body():
+        require_json(content_type)
+        require_plain(request.headers.get("content-encoding"))
+    assert isinstance(request, JsonRequest)
+    body = await request.read(RobotBody)
+    await _check_name(request, body.name)
+    job = make_robot.job(await request.body(), prepared_folder(request))
+    document, answer = await answers.build(request, job)
+    return document, answer, body.name
+
+
+def _invalid(error: ValidationError, parsed: Any) -> ProblemError:
+    # As the framework would give them: the place begins with where the value was.
+    errors = [{**item, "loc": ("body", *item["loc"])} for item in fault_list(error)]
+    return validation_problem(errors, parsed)
+
+
+# ------------------------------------------------------------------------- from an archive
+
+
+async def _from_form(request: Request) -> tuple[bytes, bytes, str]:
+    async with request.form(
+        max_files=1, max_fields=_MAX_PARTS, max_part_size=request.app.state.settings.max_body_size
+    ) as form:
+        archive, texts = _parts(form)
+        fields = _form_fields(texts, archive.filename)
+        await _check_name(request, fields.name)
+        content = await archive.read()
+    given = fields.model_dump(exclude_none=True)
+    job = unpack_robot.job(content, given, prepared_folder(request))
+    document, answer = await answers.build(request, job)
+    return document, answer, fields.name
+
+
+def _parts(form: FormData) -> tuple[UploadFile, dict[str, Any]]:
+    files = [value for value in form.values() if isinstance(value, UploadFile)]
+    if len(files) != 1:
+        raise ProblemError(
+            "VALIDATION_ERROR",
+            "the form holds no file: one .zip is needed",
+            stage="request",
+            hint="Send the archive as a file, say in the field file, and name as a text field.",
+        )
+    # Forms of pages send fields that nobody filled in, too.
+    return files[0], {key: value for key, value in form.items() if isinstance(value, str) and value}
+
+
+def _form_fields(texts: dict[str, Any], file_name: str | None) -> ArchiveFields:
+    given = {"name": (file_name or "").removesuffix(".zip")} | texts
+    for name in _OBJECTS:
+        text = str(given.get(name, "")).lstrip()
+        # Limits that are no JSON object are the text of a joint_limits.yaml.
+        if name in given and (text.startswith("{") or name != "joint_limits"):
+            given[name] = _json_field(name, given[name])
+    try:
+        return ArchiveFields.model_validate(given)
+    except ValidationError as error:
+        raise _invalid(error, given) from None
+
+
+def _json_field(name: str, text: str) -> Any:
+    try:
+        return parse_json(text.encode())
+    except ProblemError as error:
+        raise ProblemError(
+            "VALIDATION_ERROR",
+            f"{name}: {error.detail}",
+            stage="request",
+            hint=f"Give it as {_OBJECTS[name]}.",
+        ) from None
+
+
+# ---------------------------------------------------------------------------------- names
+
+
+async def _check_name(request: Request, name: str) -> None:
+    """Refuse a name that is taken before seconds are spent on building."""
+    _refuse_built_in(name)
+    try:
+        await run_in_threadpool(documents_of(request).record, _KIND, name)
+    except ProblemError:
+        return
+    raise ProblemError(
+        "CONFLICT",
+        f"there already is a robot named {name!r}",
+        stage="storage",
+        hint="Choose another name, or delete that robot.",
+        name=name,
+    )
+
+
+def _refuse_built_in(name: str) -> None:
+    if is_built_in(name):
+        raise ProblemError(
+            "CONFLICT",
+            f"{name!r} is a built-in robot, which can't be replaced or deleted",
+            stage="storage",
+            hint="Choose another name.",
+            name=name,
+        )
+
+
+async def _summary(request: Request, name: str) -> RobotSummary | None:
+    try:
+        model = await answers.model(request, name)
+    except ProblemError as error:
+        if error.code != "NOT_FOUND":  # it was deleted a moment ago
+            raise
+        return None
+    return RobotSummary(name=name, built_in=is_built_in(name), joints=model.joints)

@@ -1,0 +1,1 @@
+"""Closed-loop simulation of a motion under a controller."""

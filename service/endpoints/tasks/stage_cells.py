@@ -1,0 +1,113 @@
+"""Cells of the stages of a task, made of the numbers that its request and its answer tell.
+
+A request that repeats these numbers has the same robot and the same scene to the last bit, and so
+the same hashes: a stage can be proved or exported alone.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from typing import Any, NamedTuple
+
+from armwright_wire.check import Attached
+from armwright_wire.pose import Pose
+from armwright_wire.task import TaskRequest
+from kinematics.arrays import Array
+from obstacles.robots.finger_geometry import with_fingers
+from obstacles.robots.robot_geometry import RobotGeometry
+from obstacles.scenes.scene import Scene
+from planning.proof.premises import Premises
+from service.endpoints.attached_objects import RobotInScene, attach, attachment
+from service.translate import poses
+
+
+class StageCell(NamedTuple):
+    """The robot and its surroundings in one stage.
+
+    Args:
+        first: With the fingers where they stand when it begins.
+        last: With the fingers where they stand when it ends.
+    """
+
+    first: RobotInScene
+    last: RobotInScene
+
+    def premises(self, margin: float) -> Premises:
+        """Premises of the proof of the stage, with its margin [m]."""
+        return Premises.of_cell(self.first.robot, self.first.scene, margin)
+
+
+def stage_cells(
+    stages: Sequence[Mapping[str, Any]],
+    robot: RobotGeometry,
+    around: Scene,
+    fingers: Mapping[str, float],
+) -> list[StageCell]:
+    """The cells of answered stages; what is held in a stage is what is held after it.
+
+    Args:
+        stages: As the answer tells them.
+        robot: The robot alone, its fingers anywhere.
+        around: The scene with all objects, see ``task_objects``.
+        fingers: Where the fingers stand when the task begins [rad or m].
+    """
+    cells = []
+    for stage in stages:
+        after = stage["after"]
+        places = {item["id"]: told_transform(item["pose"]) for item in after["objects"]}
+        held = [
+            Attached.model_validate({name: x for name, x in item.items() if x is not None})
+            for item in after["attached"]
+        ]
+        scene = _with_places(around, places)
+        allowed = [item["pair"] for item in stage["certificate"]["allowed_collisions"]]
+        first = last = attach(with_fingers(robot, fingers), scene, held, allowed)
+        if after["fingers"] != fingers:
+            fingers = after["fingers"]
+            last = attach(with_fingers(robot, fingers), scene, held, allowed)
+        cells.append(StageCell(first, last))
+    return cells
+
+
+def moved(around: Scene, body: TaskRequest) -> Scene:
+    """The scene with the objects that a request says stand elsewhere.
+
+    Raises:
+        InvalidObjectName: The scene has no such obstacle.
+    """
+    places = {item.id: poses.transform(item.pose) for item in body.objects or ()}
+    for name in places:
+        around.obstacle(name)
+    return _with_places(around, places)
+
+
+def task_objects(robot: RobotGeometry, around: Scene, body: TaskRequest) -> Scene:
+    """The scene with all objects of a task, those with a shape of their own among them.
+
+    Args:
+        robot: The robot alone.
+        around: The scene of the request.
+        body: The request.
+    """
+    scene = moved(around, body)
+    own = {
+        item.id: attachment(robot, scene, item).held
+        for item in body.attached or ()
+        if item.shape is not None
+    }
+    left = tuple(item for item in scene.obstacles if item.id not in own)
+    return replace(scene, obstacles=(*left, *own.values()))
+
+
+def told_transform(pose: Mapping[str, Any]) -> Array:
+    """The transform of a pose of an answer, shape (4, 4)."""
+    return poses.transform(Pose.model_validate(pose))
+
+
+def _with_places(around: Scene, places: Mapping[str, Array]) -> Scene:
+    if not places:
+        return around
+    obstacles = tuple(
+        replace(item, T_world_obstacle=places[item.id]) if item.id in places else item
+        for item in around.obstacles
+    )
+    return replace(around, obstacles=obstacles)

@@ -1,0 +1,259 @@
+"""Tasks of several stages as requests ask for them, in workers."""
+
+import math
+from collections.abc import Mapping
+from dataclasses import replace
+from functools import partial
+from typing import Any
+
+import numpy as np
+from pydantic_core import to_json
+
+from armwright_wire.check import Attached
+from armwright_wire.task import TaskRequest
+from kinematics.arrays import Array
+from kinematics.errors import InvalidOption, InvalidRobotDescription
+from kinematics.tree.srdf import state
+from obstacles.robots.finger_geometry import with_fingers
+from obstacles.robots.robot_geometry import RobotGeometry
+from obstacles.scenes.scene import Scene
+from planning.options import MAX_TIMEOUT
+from planning.proof.certificate import has_solids
+from planning.sequence.options import TaskOptions
+from planning.sequence.result import SequenceFailure, SequencePlan, StagePlan, Trial
+from planning.sequence.search import plan_task
+from planning.sequence.stage import Load, describe_stage
+from planning.sequence.task import Task
+from planning.sequence.world import Held, World
+from service.endpoints.attached_objects import attachment, requested_scene, scene_notes
+from service.endpoints.plan.task import request_hash, versions
+from service.endpoints.tasks import translation
+from service.endpoints.tasks.stage_cells import moved, stage_cells, task_objects
+from service.storage import worker_cache
+from service.storage.cache_key import Reference
+from service.translate import certificates, poses, problems, trajectories
+from service.translate.tool_motions import reference_answer
+from service.workers import current
+from service.workers.answer import in_frame, reports_cache_miss
+from service.workers.result import CacheMiss, TaskProblem, timed_out
+from service.workers.task import GRACE, task
+
+#: Trials that are answered: at 100 bytes each, two hundred kilobytes.
+_MAX_TRIALS = 2_000
+
+
+@task(grace=GRACE)
+@reports_cache_miss
+def plan_sequence(
+    robot: Reference, scene: Reference | None, content: bytes
+) -> bytes | TaskProblem | CacheMiss:
+    """Answer a request for the motions of all stages of a task.
+
+    Args:
+        robot: The robot.
+        scene: The scene, where the request names a stored one.
+        content: The request.
+
+    Raises:
+        ArmwrightError: The request is at fault.
+    """
+    body = TaskRequest.model_validate_json(content)
+    alone = worker_cache.robot(robot).geometry
+    start = _start(body, alone)
+    around = requested_scene(scene, body, alone.chain, start)
+    geometry = with_fingers(alone, body.fingers or {})
+    world = _world(body, geometry, moved(around, body))
+    remaining = min(current.deadline().remaining, MAX_TIMEOUT)
+    if not remaining > 0.0:
+        return timed_out("the search began", "task")
+    stages = translation.stages(body, geometry, start, remaining)
+    asked = Task(world, start, stages, body.seed)
+    told = scene_notes(alone, around, [item.id for item in body.attached or ()])
+
+    def written(found: SequencePlan) -> bytes:
+        answer = _answer(found, asked, body) | poses.notes_of(body, told)
+        stages = answer["stages"]
+        cells = stage_cells(stages, alone, task_objects(alone, around, body), body.fingers or {})
+        for plan, stage, cell in zip(found.stages, stages, cells, strict=True):
+            premises = cell.premises(plan.certificate.premises.margin)
+            stage["certificate"]["premises"] = certificates.premises_answer(premises, body.scene)
+        return to_json(answer, inf_nan_mode="null")
+
+    options = TaskOptions(
+        remaining, body.improve, body.allow_partial, current.report,
+        lambda found: current.offer(partial(written, found)),
+        problems.goal_costs(body.goal_costs),
+    )  # fmt: skip
+    outcome = plan_task(asked, options)
+    if isinstance(outcome, SequenceFailure):
+        return TaskProblem(
+            outcome.code, outcome.message, outcome.hint, _failure_details(asked, outcome)
+        )
+    return written(outcome)
+
+
+def _start(body: TaskRequest, robot: RobotGeometry) -> Array:
+    chain = robot.chain
+    if body.start.velocities is not None or body.start.accelerations is not None:
+        raise InvalidOption("a task begins at rest: start has no velocities or accelerations")
+    if body.start.state is not None:
+        return np.array(state(robot.states, body.start.state, "start.state"))
+    return np.asarray(chain.state(body.start.joints or [], "start.joints"))
+
+
+def _world(body: TaskRequest, robot: RobotGeometry, scene: Scene) -> World:
+    """The world at the start.
+
+    Raises:
+        InvalidRobotDescription: There are obstacles, and the robot has no collision geometry.
+    """
+    if scene.obstacles and not has_solids(robot):
+        raise InvalidRobotDescription(
+            f"robot {robot.chain.name!r} has no collision geometry, so nothing could be proved of "
+            f"the {len(scene.obstacles)} obstacle(s)",
+            hint='Give the robot solids: "visual_solids": true of a URDF, or "geometry": '
+            '{"capsules": radius} of a DH table.',
+            reason="no_collision_geometry",
+        )
+    held = tuple(Held(attachment(robot, scene, item), _load(item)) for item in body.attached or ())
+    names = {item.name for item in held}
+    if len(names) < len(held):
+        raise InvalidOption("attached: an object is given twice", hint="Name each object once.")
+    left = tuple(o for o in scene.obstacles if o.id not in names)
+    return World(robot, replace(scene, obstacles=left), held)
+
+
+def _load(item: Attached) -> Load | None:
+    if item.mass is None:
+        return None
+    x, y, z = item.center_of_mass or (0.0, 0.0, 0.0)
+    tensor = None if item.inertia is None else np.array(item.inertia)
+    return Load(item.mass, (x, y, z), tensor)
+
+
+# --------------------------------------------------------------------------------- the answer
+
+
+def _answer(outcome: SequencePlan, asked: Task, body: TaskRequest) -> dict[str, Any]:
+    # Objects that the request moved are told even where no stage moves them again.
+    elsewhere = {item.id for item in body.objects or ()}
+    obstacles = asked.world.scene.obstacles
+    before = {o.id: o.T_world_obstacle for o in obstacles if o.id not in elsewhere}
+    begins, stages = 0.0, []
+    for stage in outcome.stages:
+        period = (body.stages[stage.index].timing or body.timing).sample_period
+        reference = reference_answer(asked.world.robot.chain, stage.plan, body.seed)
+        stages.append(_stage_answer(stage, begins, before, period) | {"reference": reference})
+        begins += stage.trajectory.duration
+    failure = outcome.failure
+    return {
+        "status": "success" if outcome.complete else "partial",
+        **in_frame(asked.world.robot.chain),
+        "duration": outcome.duration,
+        "stages": stages,
+        **_trials_answer(outcome.trials),
+        "improvements": [
+            {"milliseconds": step.milliseconds, "duration": step.duration}
+            for step in outcome.improvements
+        ],
+        "exhausted": outcome.exhausted,
+        "failure": None
+        if failure is None
+        else {
+            "code": failure.code,
+            "message": failure.message,
+            "hint": failure.hint,
+            "index": failure.stage,
+        },
+        "reproducibility": {
+            "seed": body.seed,
+            "deterministic": outcome.deterministic,
+            "robot_hash": asked.world.robot.content_hash,
+            "scene_hash": asked.world.scene.content_hash,
+            "request_hash": request_hash(body),
+            "versions": versions(),
+        },
+    }
+
+
+def _stage_answer(
+    stage: StagePlan, begins: float, before: Mapping[str, Array], period: float | None
+) -> dict[str, Any]:
+    plan = stage.plan
+    certificate = certificates.certificate_answer(stage.certificate)
+    return {
+        "index": stage.index,
+        "kind": stage.kind,
+        "name": stage.name or None,
+        "begins": begins,
+        "choice": stage.target,
+        "configuration": problems.configuration_answer(stage.configuration),
+        "planner": None if plan is None else plan.planner,
+        "stages": [] if plan is None else problems.stages_answer(plan.stages),
+        "path": None
+        if plan is None
+        else {"joints": plan.path.waypoints.tolist(), "length": plan.path.length},
+        "trajectory": trajectories.trajectory_answer(stage.trajectory, period),
+        "fingers": None
+        if stage.fingers is None
+        else trajectories.trajectory_answer(stage.fingers.trajectory, period),
+        "certificate": certificate,
+        "passes": stage.passes,
+        "after": _world_answer(stage.after, before),
+        "notes": [] if plan is None else list(plan.notes),
+    }
+
+
+def _world_answer(world: World, before: Mapping[str, Array]) -> dict[str, Any]:
+    moved = [
+        {"id": o.id, "pose": poses.pose_answer(o.T_world_obstacle).model_dump()}
+        for o in world.scene.obstacles
+        if o.id not in before or not np.array_equal(o.T_world_obstacle, before[o.id])
+    ]
+    return {
+        "objects": moved,
+        "attached": [_held_answer(item) for item in world.held],
+        "fingers": dict(world.robot.fingers.positions),
+    }
+
+
+def _held_answer(item: Held) -> dict[str, Any]:
+    held, load = item.attachment, item.load
+    answer: dict[str, Any] = {
+        "id": item.name,
+        "link": held.link,
+        "pose": poses.pose_answer(held.held.T_world_obstacle).model_dump(),
+        "touch_links": list(held.touches),
+        "touch_depth": held.touch_depth if math.isfinite(held.touch_depth) else None,
+    }
+    if load is not None:
+        answer["mass"] = load.mass
+        answer["center_of_mass"] = list(load.center_of_mass)
+        answer["inertia"] = None if load.tensor is None else load.tensor.tolist()
+    return answer
+
+
+def _failure_details(asked: Task, failure: SequenceFailure) -> dict[str, Any]:
+    stage = asked.stages[failure.stage]
+    return {
+        **failure.details,
+        "stage": describe_stage(asked.stages, failure.stage),
+        "name": stage.settings.name or None,
+        **_trials_answer(failure.trials),
+    }
+
+
+def _trials_answer(trials: tuple[Trial, ...]) -> dict[str, Any]:
+    return {
+        "trials": [
+            {
+                "choices": list(trial.choices),
+                "stage": trial.stage,
+                "outcome": trial.outcome,
+                "reasons": dict(trial.reasons),
+                "joints": None if trial.joints is None else trial.joints.tolist(),
+            }
+            for trial in trials[:_MAX_TRIALS]
+        ],
+        "trials_omitted": max(len(trials) - _MAX_TRIALS, 0),
+    }

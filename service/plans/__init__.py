@@ -1,1 +1,0 @@
-"""Kept plans: their documents, bundles and replays."""

@@ -1,1 +1,0 @@
-"""The functions that workers run, one module an endpoint."""

@@ -1,0 +1,1 @@
+"""Robots from wire to domain and back: descriptions, archives, limits, motors, visuals."""

@@ -1,0 +1,221 @@
+"""Plans and validations in process: what is answered, what is refused, and what is reported."""
+
+import dataclasses
+import hashlib
+from collections.abc import Iterator
+from typing import Any
+
+import numpy as np
+import pytest
+
+from armwright_wire.certificate import CertificateAnswer
+from armwright_wire.plan import PlanAnswer, PlanRequest
+from kinematics.errors import InvalidRobotDescription
+from obstacles.robots.robot_geometry import RobotGeometry
+from obstacles.scenes.scene import Obstacle, Scene
+from obstacles.shapes.shape import Sphere
+from planning.values.deadline import Deadline
+from service.endpoints.attached_objects import RobotInScene
+from service.endpoints.plan.task import _collision_cell, plan, validate
+from service.workers import current
+from tests.planning.scenes import builtin
+from tests.service.endpoints.ask import PLANAR, answer_of, problem_of
+
+START, GOAL = [0.1, 0.2], [0.6, 0.5]
+BALL = {"id": "ball", "shape": {"type": "sphere", "radius": 0.1},
+        "pose": {"position": [5.0, 0.0, 0.0]}}  # fmt: skip
+EASY: dict[str, Any] = {"robot": "planar_rr", "start": {"joints": START}, "goal": {"joints": GOAL}}
+STONE = Obstacle("stone", Sphere(0.1))
+#: One second at half a radian a second.
+SEGMENT = {"t0": 10.0, "t1": 11.0, "coefficients": [[0.1, 0.0, 0.03, -0.02], [0.2]]}
+MOTION: dict[str, Any] = {"robot": "planar_rr", "trajectory": {"segments": [SEGMENT]}}
+SLOW = {"velocity": [1.0, 1.0], "acceleration": [1.0, 1.0]}
+
+
+@pytest.fixture(autouse=True)
+def reports() -> Iterator[list[tuple[float, str]]]:
+    """What a task reports while it works, as the current job of this process."""
+    made: list[tuple[float, str]] = []
+    current.begin(Deadline.after(30.0), lambda progress, stage: made.append((progress, stage)))
+    yield made
+    current.end()
+
+
+def test_a_plan_is_answered_as_its_schema_says(reports: list[tuple[float, str]]) -> None:
+    body = EASY | {"seed": 3, "timing": {"sample_period": 0.1}}
+    answer = answer_of(plan, PLANAR, body, PlanAnswer)
+    assert answer["status"] == "success"
+    assert answer["certificate"]["verified"]
+    segments = answer["trajectory"]["segments"]
+    for row, value in zip(segments[0]["coefficients"], START, strict=True):
+        assert row[0] == pytest.approx(value)
+    np.testing.assert_allclose(answer["trajectory"]["samples"]["position"][-1], GOAL, atol=1e-9)
+    np.testing.assert_allclose(answer["path"]["joints"], [START, GOAL], atol=1e-12)
+    assert answer["path"]["length"] == pytest.approx(np.hypot(0.5, 0.3))
+    assert answer["reproducibility"]["seed"] == 3
+    request = PlanRequest.model_validate(body).model_dump_json(exclude={"keep"})
+    assert answer["reproducibility"]["request_hash"] == hashlib.sha256(request.encode()).hexdigest()
+    assert (answer["fraction"], answer["tool_motions"], answer["stopped"]) == (None, None, None)
+
+
+def test_the_same_request_has_the_same_answer_and_another_seed_another_hash() -> None:
+    first, again, other = (
+        answer_of(plan, PLANAR, EASY | {"seed": seed}, PlanAnswer) for seed in (1, 1, 2)
+    )
+    assert first["trajectory"] == again["trajectory"]
+    assert first["reproducibility"] == again["reproducibility"]
+    assert first["reproducibility"]["request_hash"] != other["reproducibility"]["request_hash"]
+    assert first["reproducibility"]["robot_hash"] == other["reproducibility"]["robot_hash"]
+
+
+def test_progress_goes_on_from_stage_to_stage(reports: list[tuple[float, str]]) -> None:
+    answer = answer_of(plan, PLANAR, EASY, PlanAnswer)
+    stages = [stage for _, stage in reports]
+    assert stages[0] == "preflight"
+    assert stages[-1] == "certificate"
+    assert set(stages) <= {stage["name"] for stage in answer["stages"]} | {"timing", "certificate"}
+    progress = [share for share, _ in reports]
+    assert progress == sorted(progress)
+    assert 0.0 <= progress[0] <= progress[-1] < 1.0
+
+
+def test_a_deadline_that_has_passed_is_told_before_any_work() -> None:
+    current.begin(Deadline.after(-1.0), None)
+    try:
+        problem = problem_of(plan, PLANAR, EASY)
+        assert (problem.code, problem.details["stage"]) == ("TIMED_OUT", "certificate")
+        late = problem_of(
+            validate, PLANAR, MOTION | {"limits": SLOW, "scene": {"obstacles": [BALL]}}
+        )
+        assert late.code == "TIMED_OUT"
+    finally:
+        current.end()
+
+
+def test_a_start_in_collision_is_refused_with_its_stages() -> None:
+    touching = BALL | {"pose": {"position": [1.0, 0.1, 0.0]}}
+    for sphere in (0.3, 0.6):
+        shape = {"type": "sphere", "radius": sphere}
+        body = EASY | {"scene": {"obstacles": [touching | {"shape": shape}]}}
+        problem = problem_of(plan, PLANAR, body)
+        assert problem.code == "START_STATE_IN_COLLISION"
+        assert problem.details["stage"] == "start"
+        stages: Any = problem.details["stages"]
+        assert stages[0]["name"] == "preflight"
+        assert "ball" in str(problem.details["pair"])
+
+
+def test_collisions_that_are_ignored_are_not_proved() -> None:
+    shape = {"type": "sphere", "radius": 3.0}
+    body = EASY | {"scene": {"obstacles": [BALL | {"shape": shape}]}, "collisions": "ignore"}
+    answer = answer_of(plan, PLANAR, body, PlanAnswer)
+    proved = answer["certificate"]["proved"]
+    assert (proved["limits"], proved["collisions"]) == (True, False)
+    assert proved["reasons"]
+
+
+def test_limits_of_the_request_hold() -> None:
+    fast, slow = (
+        answer_of(plan, PLANAR, EASY | {"limits": limits}, PlanAnswer)["trajectory"]["duration"]
+        for limits in ({"velocity": [2.0, 2.0]}, {"velocity": [0.1, 0.1]})
+    )
+    assert slow > fast
+    assert slow >= 0.5 / 0.1
+
+
+def test_a_method_that_does_not_limit_jerk_says_that_it_is_not_proved() -> None:
+    def proved(timing: dict[str, Any]) -> Any:
+        answer = answer_of(plan, PLANAR, EASY | {"timing": timing}, PlanAnswer)["certificate"]
+        assert answer["verified"]
+        return answer["proved"]
+
+    assert proved({"method": "jerk_limited"})["limits"]
+    fastest = proved({"method": "toppra"})
+    assert not fastest["limits"]
+    assert "limits are proved but for jerk" in fastest["reasons"][0]
+
+
+# ------------------------------------------------------------------------------- validation
+
+
+def certificate(**changes: Any) -> Any:
+    return answer_of(validate, PLANAR, MOTION | {"limits": SLOW} | changes, CertificateAnswer)
+
+
+def test_a_jump_of_the_acceleration_makes_no_answer_better() -> None:
+    def segments(jerk: float) -> list[dict[str, Any]]:
+        # From rest; at 0.01 s the acceleration falls from jerk / 100 to 0.
+        t = 0.01
+        first = [[0.1, 0.0, 0.0, jerk / 6.0], [0.2]]
+        second = [[0.1 + jerk * t**3 / 6.0, jerk * t**2 / 2.0], [0.2]]
+        return [{"t0": 0.0, "t1": t, "coefficients": first},
+                {"t0": t, "t1": 2.0 * t, "coefficients": second}]  # fmt: skip
+
+    def ask(parts: list[dict[str, Any]], **limits: Any) -> Any:
+        allowed = SLOW | {"acceleration": [9.0] * 2} | limits
+        return certificate(trajectory={"segments": parts}, limits=allowed)
+
+    # The robot's jerk limit is 251.
+    for parts in (segments(300.0)[:1], segments(300.0)):
+        refused = ask(parts)
+        assert not refused["verified"]
+        assert refused["violation"]["kind"] == "jerk"
+    told = ask(segments(200.0))
+    assert told["verified"]
+    assert not told["proved"]["limits"]
+    assert "limits are proved but for jerk" in told["proved"]["reasons"][0]
+    assert "jerk" not in told["limits"]
+    named = ask(segments(200.0), jerk=[1e6, 1e6])
+    assert not named["verified"]
+    assert named["violation"]["jump"] == pytest.approx(2.0)
+
+
+def test_a_motion_inside_its_limits_is_verified_in_the_clock_of_the_request() -> None:
+    answer = certificate()
+    assert answer["proved"]["limits"]
+    use = answer["limits"]["velocity"]
+    # q' = 0.06 u - 0.06 u^2 is largest at u = 1/2, where it is 0.015.
+    assert use["worst_ratio"] == pytest.approx(0.015, rel=1e-9)
+    assert use["time"] == pytest.approx(10.5, abs=1e-6)
+
+
+def test_a_motion_beyond_a_limit_is_not_verified() -> None:
+    answer = certificate(limits=SLOW | {"velocity": [0.01, 1.0]})
+    assert not answer["verified"]
+    assert answer["violation"]["kind"] == "velocity"
+    assert 10.0 < answer["violation"]["time"] < 11.0
+    assert answer["limits"]["velocity"]["worst_ratio"] == pytest.approx(1.5, rel=1e-9)
+
+
+def test_a_motion_through_an_obstacle_is_not_verified() -> None:
+    near = BALL | {"pose": {"position": [1.0, 0.1, 0.0]},
+                   "shape": {"type": "sphere", "radius": 0.3}}  # fmt: skip
+    answer = certificate(scene={"obstacles": [near]})
+    assert not answer["verified"]
+    assert answer["violation"]["kind"] in ("collision", "start")
+    assert answer["violation"]["time"] == pytest.approx(10.0)
+
+
+def test_a_tool_speed_is_held_to() -> None:
+    assert certificate(tool_speed=1.0)["verified"]
+    answer = certificate(tool_speed=0.001)
+    assert not answer["verified"]
+    assert answer["violation"]["kind"] == "tool_speed"
+
+
+def test_obstacles_need_a_robot_that_can_hit_them() -> None:
+    chain = builtin("planar_rr").chain
+    none = np.zeros(0, dtype=np.int64)
+    bare = RobotInScene(RobotGeometry(chain, (), (), none, none, {}), Scene((STONE,)))
+    with pytest.raises(InvalidRobotDescription, match="no collision geometry") as refused:
+        _collision_cell(bare, "check")
+    assert refused.value.details["reason"] == "no_collision_geometry"
+    alone = dataclasses.replace(bare, scene=Scene())
+    assert _collision_cell(alone, "check") is alone
+    ignoring = _collision_cell(bare, "ignore")
+    assert ignoring.scene.obstacles == ()
+    solid = RobotInScene(builtin("planar_rr"), Scene((STONE,)))
+    assert _collision_cell(solid, "check") is solid
+    stripped = _collision_cell(solid, "ignore")
+    assert (stripped.robot.pieces, stripped.scene.obstacles) == ((), ())
+    assert stripped.robot.chain is solid.robot.chain

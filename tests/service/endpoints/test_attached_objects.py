@@ -1,0 +1,253 @@
+"""Robots with attached objects: where these are, what they weigh, and what they may touch."""
+
+import json
+from typing import Any
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from armwright_wire.check import Attached, CheckRequest
+from armwright_wire.scene import Scene as SceneBody
+from dynamics.terms import gravity_vector
+from kinematics.errors import InvalidLinkName, InvalidObjectName, InvalidScene
+from kinematics.forward import forward
+from obstacles.scenes.scene import Obstacle, Scene
+from obstacles.shapes.shape import Box, Sphere
+from service.endpoints.attached_objects import RobotInScene, attach, requested_scene
+from service.endpoints.check.task import check
+from service.storage.cache_key import NotPrepared, Reference, builtin_reference
+from tests.planning.scenes import HOME, builtin
+
+ROBOT = builtin("panda")
+AT = np.array([[1, 0, 0, 0.5], [0, 1, 0, 0.1], [0, 0, 1, 0.4], [0, 0, 0, 1]], dtype=float)
+CUP = Obstacle("cup", Sphere(0.03), AT)
+SCENE = Scene((CUP, Obstacle("table", Box(np.array([1.0, 1.0, 0.1])))), frozenset({("a", "b")}))
+PART: dict[str, Any] = {
+    "id": "part", "link": "panda_hand", "shape": {"type": "box", "size": [0.02, 0.03, 0.04]},
+    "pose": {"position": [0.0, 0.0, 0.12]},
+}  # fmt: skip
+
+
+def held(*parts: dict[str, Any], scene: Scene = SCENE, allowed: Any = None) -> RobotInScene:
+    return attach(ROBOT, scene, [Attached.model_validate(part) for part in parts], allowed)
+
+
+def taken(**changes: Any) -> dict[str, Any]:
+    """The cup of the scene in the hand; a change to None leaves a field out."""
+    body = {"id": "cup", "link": "panda_hand", "grasp_joints": HOME.tolist()} | changes
+    return {key: value for key, value in body.items() if value is not None}
+
+
+def test_without_anything_to_hold_robot_and_scene_are_as_they_were() -> None:
+    for attached, allowed in ((None, None), ([], []), ([], None)):
+        cell = attach(ROBOT, SCENE, attached, allowed)
+        assert cell.robot is ROBOT
+        assert cell.scene is SCENE
+
+
+BOX: dict[str, Any] = {"type": "box", "size": [0.05, 0.05, 0.08]}
+SOLIDS: list[dict[str, Any]] = [
+    {"id": "mug/0", "shape": BOX, "pose": {"position": [0.45, -0.2, 0.14]}},
+    {"id": "mug/1", "shape": BOX, "pose": {"position": [0.49, -0.2, 0.14]}},
+    {"id": "table", "shape": BOX, "pose": {"position": [0.45, -0.2, 0.06]}},
+]
+MOVEIT = """
+world:
+  collision_objects:
+    - {id: table, header: {frame_id: panda_link0}, primitives: [BOX],
+       primitive_poses: [{position: [0.45, -0.2, 0.06]}]}
+    - id: mug
+      header: {frame_id: panda_link0}
+      pose: {position: [0.45, -0.2, 0.14], orientation: [0, 0, 0, 1]}
+      primitives: [BOX, BOX]
+      primitive_poses: [{}, {position: [0.04, 0, 0]}]
+""".replace("BOX", "{type: box, dimensions: [0.05, 0.05, 0.08]}")
+
+
+@pytest.mark.parametrize("scene", [{"obstacles": SOLIDS}, {"moveit": MOVEIT}])
+def test_an_object_of_several_solids_is_taken_and_allowed_by_its_name(
+    scene: dict[str, Any],
+) -> None:
+    request: dict[str, Any] = {
+        "robot": "panda", "joints": HOME.tolist(), "scene": scene,
+        "attached": [taken(id="mug", touch_links=["table"])],
+        "allowed_collisions": [["mug", "panda_link7"]],
+    }  # fmt: skip
+    body = CheckRequest.model_validate(request)
+    around = requested_scene(None, body, ROBOT.chain, HOME)
+    assert sorted(around.ids) == ["mug", "table"]
+    cell = attach(ROBOT, around, body.attached, body.allowed_collisions)
+    assert cell.scene.ids == ("table",)
+    assert cell.scene.allows("mug", "table")
+    assert cell.scene.allows("mug", "panda_link7")
+    own = [i for i, link in enumerate(cell.robot.links) if link == "mug"]
+    hand = ROBOT.chain.link("panda_hand")
+    T_root_joint = forward(ROBOT.chain, HOME, "panda_hand") @ np.linalg.inv(hand.T_joint_link)
+    centers = [T_root_joint @ [*cell.robot.pieces[i].bounding_sphere()[0], 1.0] for i in own]
+    expected = [[0.45, -0.2, 0.14], [0.49, -0.2, 0.14]]
+    np.testing.assert_allclose(np.array(centers)[:, :3], expected, atol=1e-9)
+
+
+def test_a_pair_of_a_scene_may_name_an_object_of_several_solids() -> None:
+    scene = {"obstacles": SOLIDS, "allowed_collisions": [["mug", "panda_hand"]]}
+    body = CheckRequest.model_validate({"robot": "panda", "joints": HOME.tolist(), "scene": scene})
+    around = requested_scene(None, body, ROBOT.chain, HOME)
+    assert sorted(around.ids) == ["mug", "table"]
+    assert around.allows("mug", "panda_hand")
+    plain = body.model_copy(update={"scene": scene_of(SOLIDS)})
+    assert len(requested_scene(None, plain, ROBOT.chain, HOME).ids) == 3, "nothing names it"
+
+
+def test_what_is_odd_about_a_scene_is_told_where_it_is_used() -> None:
+    text = MOVEIT + (
+        "allowed_collision_matrix:\n  entry_names: [mug, panda_hand, gripper]\n"
+        "  entry_values: [[false, true, true], [true, false, true], [true, true, false]]\n"
+        "is_diff: true\n"
+    )
+    request: dict[str, Any] = {
+        "robot": "panda", "joints": HOME.tolist(), "scene": {"moveit": text},
+    }  # fmt: skip
+    content = check(builtin_reference("panda"), None, json.dumps(request).encode())
+    assert isinstance(content, bytes)
+    answer = json.loads(content)
+    assert answer["notes"] == [
+        "fields of the planning scene that are not obeyed: is_diff",
+        "the scene lets 'gripper' touch others: no link or obstacle has such a name",
+    ]
+    plain = {"obstacles": SOLIDS, "allowed_collisions": [["mgu", "panda_hand"]]}
+    body = CheckRequest.model_validate({**request, "scene": plain, "attached": [PART]})
+    around = requested_scene(None, body, ROBOT.chain, HOME)
+    (note,) = attach(ROBOT, around, body.attached, None).notes
+    assert "'mgu'" in note
+
+
+def scene_of(obstacles: list[dict[str, Any]]) -> SceneBody:
+    """A scene on the wire."""
+    return SceneBody.model_validate({"obstacles": obstacles})
+
+
+def test_an_object_is_a_part_of_the_robot_at_its_pose() -> None:
+    cell = held(PART)
+    assert "part" in cell.robot.names
+    assert "part" not in ROBOT.names
+    assert [obstacle.id for obstacle in cell.scene.obstacles] == ["cup", "table"]
+    T_joint_hand = ROBOT.chain.link("panda_hand").T_joint_link
+    expected = T_joint_hand @ [0.0, 0.0, 0.12, 1.0]
+    np.testing.assert_allclose(sphere_of(cell, "part")[0], expected[:3], atol=1e-9)
+
+
+def sphere_of(cell: RobotInScene, name: str) -> tuple[Any, float]:
+    """The bounding sphere of the only piece of an attached object, in its joint's frame."""
+    (index,) = [i for i, link in enumerate(cell.robot.links) if link == name]
+    return cell.robot.pieces[index].bounding_sphere()
+
+
+def test_an_obstacle_that_is_grasped_leaves_the_scene_and_stays_where_it_is() -> None:
+    cell = held(taken())
+    assert [obstacle.id for obstacle in cell.scene.obstacles] == ["table"]
+    hand = ROBOT.chain.link("panda_hand")
+    T_base_joint = forward(ROBOT.chain, HOME, "panda_hand") @ np.linalg.inv(hand.T_joint_link)
+    center = T_base_joint @ [*sphere_of(cell, "cup")[0], 1.0]
+    np.testing.assert_allclose(center[:3], AT[:3, 3], atol=1e-9)
+
+
+def test_an_obstacle_may_be_taken_at_a_pose_or_with_another_shape() -> None:
+    pose = {"position": [0.0, 0.0, 0.1]}
+    at_pose = held(taken(grasp_joints=None, pose=pose))
+    assert "cup" in at_pose.robot.names
+    assert "cup" not in at_pose.scene.ids
+    smaller = held(taken(shape={"type": "sphere", "radius": 0.01}))
+    radii = [sphere_of(cell, "cup")[1] for cell in (at_pose, smaller)]
+    assert radii == pytest.approx([0.03, 0.01])
+
+
+def test_an_object_with_a_mass_weighs_on_the_joints() -> None:
+    center, mass = np.array([0.01, 0.02, 0.03]), 2.0
+    pose = {"position": [0.0, 0.0, 0.12], "rpy": [0.3, 0.2, 0.1]}
+    part = PART | {"pose": pose, "mass": mass, "center_of_mass": center.tolist()}
+    loaded = held(part).robot.chain
+    more = gravity_vector(loaded, HOME) - gravity_vector(ROBOT.chain, HOME)
+    # The weight of a point mass, by the derivative of its potential energy.
+    in_hand = Rotation.from_euler("xyz", [0.3, 0.2, 0.1]).apply(center)
+    in_hand[2] += 0.12
+
+    def height(q: Any) -> float:
+        point = forward(ROBOT.chain, q, "panda_hand") @ [*in_hand, 1.0]
+        return float(-mass * ROBOT.chain.gravity @ point[:3])
+
+    step = 1e-6 * np.eye(7)
+    slopes = [(height(HOME + h) - height(HOME - h)) / 2e-6 for h in step]
+    assert np.abs(slopes).max() > 1.0
+    np.testing.assert_allclose(more, slopes, atol=1e-6)
+    assert held(PART).robot.chain is ROBOT.chain
+
+
+def test_masses_of_several_objects_add_up() -> None:
+    first, second = PART | {"mass": 1.0}, PART | {"id": "other", "mass": 2.0}
+    single = gravity_vector(held(first).robot.chain, HOME) - gravity_vector(ROBOT.chain, HOME)
+    both = gravity_vector(held(first, second).robot.chain, HOME)
+    np.testing.assert_allclose(both - gravity_vector(ROBOT.chain, HOME), 3.0 * single, atol=1e-9)
+
+
+def test_pairs_that_may_touch_are_echoed_in_order_and_obeyed() -> None:
+    cell = attach(ROBOT, SCENE, None, [["table", "cup"], ["panda_hand", "table"]])
+    assert {("a", "b"), ("cup", "table"), ("panda_hand", "table")} == cell.scene.allowed_collisions
+    part = held(PART | {"touch_links": ["table", "panda_link7"]})
+    assert {("part", "table"), ("panda_link7", "part")} <= part.scene.allowed_collisions | {
+        tuple(sorted(pair)) for pair in part.robot.allowed
+    }
+
+
+@pytest.mark.parametrize(
+    ("part", "error", "words"),
+    [
+        (PART | {"link": "nobody"}, InvalidLinkName, "nobody"),
+        (PART | {"touch_links": ["nobody"]}, InvalidLinkName, "nobody"),
+        (taken(link="nobody"), InvalidLinkName, "nobody"),
+        (taken(id="plate"), InvalidScene, "'plate' has no shape"),
+        (taken(id="plate", shape=PART["shape"]), InvalidObjectName, "plate"),
+        (PART | {"id": "panda_hand"}, InvalidScene, "panda_hand"),
+    ],
+)
+def test_an_object_at_fault_is_told_by_its_name(
+    part: dict[str, Any], error: type[Exception], words: str
+) -> None:
+    with pytest.raises(error, match=words):
+        held(part)
+
+
+def test_two_objects_have_two_names() -> None:
+    with pytest.raises(InvalidScene, match="part"):
+        held(PART, PART)
+
+
+def test_a_pair_names_what_there_is() -> None:
+    with pytest.raises(InvalidObjectName, match="nobody"):
+        attach(ROBOT, SCENE, None, [["table", "nobody"]])
+    with pytest.raises(InvalidObjectName, match="saucer"):
+        held(taken(), allowed=[["cup", "panda_hand"], ["saucer", "cup"]])
+
+
+def test_the_scene_of_a_request_is_stored_inline_or_empty() -> None:
+    def requested(reference: Reference | None, source: Any, frame: str | None = None) -> Scene:
+        body = CheckRequest.model_validate(
+            {"robot": "panda", "scene": source, "frame": frame, "joints": [0.0] * 7}
+        )
+        return requested_scene(reference, body, ROBOT.chain, np.zeros(7))
+
+    assert requested(None, None).obstacles == ()
+    assert requested(None, "looked-up").obstacles == ()
+    inline = {"obstacles": [{"id": "a", "shape": PART["shape"], "pose": PART["pose"]}]}
+    assert requested(None, inline).ids == ("a",)
+    lost = Reference("scene", "lost", "0" * 64, "/nowhere")
+    with pytest.raises(NotPrepared):
+        requested(lost, "lost")
+    tool = forward(ROBOT.chain, np.zeros(7))
+    (there,) = requested(None, inline, "tool").obstacles
+    (here,) = requested(None, inline).obstacles
+    np.testing.assert_allclose(there.T_world_obstacle, tool @ here.T_world_obstacle, atol=1e-12)
+    named = {"frame": "panda_link0", **inline}
+    np.testing.assert_allclose(
+        requested(None, named, "tool").obstacles[0].T_world_obstacle, here.T_world_obstacle
+    )
