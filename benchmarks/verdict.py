@@ -31,7 +31,7 @@ from obstacles.collision.checker import Checker
 from obstacles.collision.edge_check import COLLIDING, FREE, MAX_INTERVALS, Cubic, certify_in
 from obstacles.collision.model.kernel_work import workspace
 from obstacles.collision.model.model_arrays import ModelArrays
-from obstacles.collision.state_check import verdicts_on
+from obstacles.collision.state_check import verdict_in
 from obstacles.robots.robot_geometry import RobotGeometry, robot_geometry
 from obstacles.scenes.scene import Obstacle, Scene
 from obstacles.shapes.shape import (
@@ -72,6 +72,16 @@ def certify_all(model: ModelArrays, starts: Array, steps: Array, verdicts: Array
     for k in range(starts.shape[0]):
         line = Cubic(starts[k], steps[k], zero, zero)
         verdicts[k] = certify_in(model, work, line, 0.0, MAX_INTERVALS, found)
+
+
+@kernel
+def verdicts_on(model: ModelArrays, states: Array, margin: float, verdicts: Array) -> int:
+    """Write the verdicts on states (k, n); number of pairs that took the exact test."""
+    work, asked, total = workspace(model), np.empty(1, dtype=np.int64), 0
+    for k in range(states.shape[0]):
+        verdicts[k] = verdict_in(model, work, states[k], margin, asked)
+        total += asked[0]
+    return total
 
 
 def cheapest(task: Callable[[], object]) -> float:

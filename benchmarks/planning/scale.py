@@ -15,12 +15,11 @@ from itertools import pairwise
 
 import numpy as np
 
-from benchmarks.verdict import builtin, certify_all, cheapest
+from benchmarks.verdict import builtin, certify_all, cheapest, verdicts_on
 from kinematics.arrays import Array
 from kinematics.pose import transform
 from obstacles.collision.checker import Checker
 from obstacles.collision.edge_check import FREE
-from obstacles.collision.state_check import verdicts_on
 from obstacles.robots.robot_geometry import RobotGeometry
 from obstacles.scenes.scene import Obstacle, Scene
 from obstacles.shapes.shape import Box, Cylinder, PointCloud, Sphere

@@ -15,23 +15,24 @@ from obstacles.collision.edge_check import COLLIDING, FREE, certify_curve
 from obstacles.collision.lanes.check import any_blocked, mark_blocked
 from obstacles.collision.line_check import certify_edge, certify_path, check_straight, round_corners
 from obstacles.collision.model.collision_model import CollisionModel, ModelArrays
+from obstacles.collision.model.kernel_work import workspace
 from obstacles.collision.proximity import closest_pair, closest_state, near_pairs
-from obstacles.collision.state_check import bracket_on, verdict_on
+from obstacles.collision.state_check import verdict_in, verdict_on
 from obstacles.robots.robot_geometry import RobotGeometry
 from obstacles.scenes.scene import Scene
 
 _FLOAT = np.dtype(np.float64)
-#: Parts of a motion at whose ends ``straight`` looks.
-_LOOKS = 16
-#: States of which the depth of a collision is looked at, at most.
+#: Parts of a motion at whose ends ``straight`` checks states.
+_CHECKED = 16
+#: States of which the depth of a collision is measured, at most.
 _MOST_OVERLAPS = 60
-#: Near pairs there is room for at first.
+#: Near pairs that buffers hold at first.
 _NEAR_PAIRS = 64
 
 
 @cache
 def _edge_verdict() -> Callable[[ModelArrays, Array, Array, float], int]:
-    """``certify_edge`` without the look at its arguments' types, which would cost more than it."""
+    """``certify_edge`` without the check of its arguments' types, which would cost more than it."""
     return direct(certify_edge, any_model(), np.zeros(1), np.zeros(1), 0.0)
 
 
@@ -106,8 +107,8 @@ class Motion:
         at: Place along the motion at which it was stopped, from 0 to 1; 1 where it is free.
         pair: The link and what it met; None where the motion is free.
         clearance: A lower bound of the clearance over the whole motion, margins taken off [m];
-            -inf where none is told.
-        intervals: Intervals that were looked at; parts of meshes count as intervals too.
+            -inf where none is computed.
+        intervals: Intervals that were checked; parts of meshes count as intervals too.
     """
 
     free: bool
@@ -138,7 +139,7 @@ class Bracket(NamedTuple):
     Args:
         free: All outer spheres are clear.
         colliding: An inner sphere met something.
-        flagged: Pairs that neither tells about, for the exact test; where it collides, those found
+        flagged: Pairs that neither decides, for the exact test; where it collides, those found
             before.
     """
 
@@ -158,7 +159,7 @@ class Checker:
 
     Args:
         model: The packed robot and scene, with the margin of every pair.
-        slack: Distance to keep beyond that from everything, the robot's own links too [m].
+        slack: Distance to keep beyond that from everything, in self-collision pairs too [m].
     """
 
     model: CollisionModel
@@ -203,11 +204,11 @@ class Checker:
             within: Pairs farther apart than this, margins taken off, are left out [m].
         """
         point = np.ascontiguousarray(q, dtype=np.float64)
-        m, room = _NEAR_PAIRS, 0
-        while m > room:
-            room = m
-            pairs, distances = np.empty(room, np.int64), np.empty(room)
-            gradients = np.empty((room, len(point)))
+        m, buffer = _NEAR_PAIRS, 0
+        while m > buffer:
+            buffer = m
+            pairs, distances = np.empty(buffer, np.int64), np.empty(buffer)
+            gradients = np.empty((buffer, len(point)))
             m = near_pairs(
                 self.model.arrays, point, within + self.slack, pairs, distances, gradients
             )
@@ -216,7 +217,7 @@ class Checker:
     def least_overlap(self, states: Array) -> tuple[float, tuple[str, str]] | None:
         """The depth [m] and the pair of the least deep of some collisions, of states (k, n).
 
-        Of more than sixty states some are looked at, spread over all. None where none collides.
+        Of more than sixty states some are measured, spread over all. None where none collides.
         """
         best: tuple[float, tuple[str, str]] | None = None
         for q in states[:: max(1, len(states) // _MOST_OVERLAPS)]:
@@ -249,10 +250,11 @@ class Checker:
         """Verdict of the spheres alone, with the pairs that they leave to the exact test."""
         point = np.ascontiguousarray(q, dtype=np.float64)
         asked = np.zeros(1 + _NEAR_PAIRS, dtype=np.int64)
-        verdict = bracket_on(self.model.arrays, point, self.slack, asked)
+        arrays, slack = self.model.arrays, float(self.slack)
+        verdict = verdict_in(arrays, workspace(arrays), point, slack, asked)
         if asked[0] >= len(asked):
             asked = np.zeros(1 + asked[0], dtype=np.int64)
-            verdict = bracket_on(self.model.arrays, point, self.slack, asked)
+            verdict = verdict_in(arrays, workspace(arrays), point, slack, asked)
         pairs = tuple(self.model.pair_name(int(pair)) for pair in asked[1 : 1 + asked[0]])
         return Bracket(verdict == FREE, verdict == COLLIDING, pairs)
 
@@ -273,15 +275,15 @@ class Checker:
         return _edge_verdict()(self.model.arrays, a, b, float(self.slack)) == FREE
 
     def straight(self, start: Array, end: Array) -> Motion:
-        """``segment`` at less cost: it tells no clearance (-inf).
+        """``segment`` at less cost: it answers no clearance (-inf).
 
-        It looks at fifteen states between ``start`` and ``end``, both (n,), before it proves
+        It checks fifteen states between ``start`` and ``end``, both (n,), before it proves
         anything: they cost less than a proof that fails.
         """
         a, b = np.ascontiguousarray(start, _FLOAT), np.ascontiguousarray(end, _FLOAT)
         found = np.empty(4)
         arrays, slack = self.model.arrays, float(self.slack)
-        return self._motion(_check_straight()(arrays, a, b, slack, _LOOKS, found), found)
+        return self._motion(_check_straight()(arrays, a, b, slack, _CHECKED, found), found)
 
     def round_corners(
         self, waypoints: Array, reaches: Array, halvings: int, *, keep: bool, smooth: bool

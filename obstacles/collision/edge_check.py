@@ -1,6 +1,6 @@
 """Certified motion: a stretch of joint motion is proved free for every instant, not at samples.
 
-Over an interval, joint j strays at most delta_j from its value in the middle. A point at distance
+Over an interval, joint j deviates at most delta_j from its value in the middle. A point at distance
 rho_j from axis j then moves by at most rho_j delta_j (a slide: delta_j); moved joint by joint,
 from the one that carries the point down to the base, with what it moved so far added to rho,
 
@@ -36,7 +36,7 @@ from kinematics.arrays import Array, Indices
 from obstacles.collision.model.kernel_work import (
     Workspace,
     pair_drift,
-    pair_stray,
+    pair_shift,
     place,
     visit,
     widened,
@@ -49,19 +49,19 @@ from obstacles.distance.bounds import balls_apart, quick_bound
 from obstacles.distance.bvh import EXTENT, FIRST, LAST, SKIP, gap
 from obstacles.distance.gjk import BETWEEN, CLOSER, FARTHER, STILL, allowance, separation
 from obstacles.distance.piece_set import CENTER, MARGIN, NODE_STOP, OWNER, RADIUS, Pair, Shapes
-from obstacles.distance.triangles.distance import LOOKS as LOOKED_AT
+from obstacles.distance.triangles.distance import CHECKS as COMPARED
 from obstacles.distance.triangles.motion import surface_share
 
 FREE = 0
 COLLIDING = 1
 UNDECIDED = 2
-#: The workspace is too small.
-NO_ROOM = -1
+#: Verdict where the workspace is too small.
+TOO_SMALL = -1
 _MAX_DEPTH = 40
-#: Intervals looked at before an edge is given up as undecided.
+#: Intervals checked before an edge is given up as undecided.
 MAX_INTERVALS = 20_000
 #: Pairs of parts of meshes that cost about what an interval does.
-_LOOKS_AN_INTERVAL = 32.0
+_CHECKS_AN_INTERVAL = 32.0
 #: A bound this small [m] that still does not separate a pair is contact within its margin.
 _RESOLUTION = 1e-6
 #: Share of a pair's proved surroundings of the middle that is used: the rest is clearance left.
@@ -73,8 +73,8 @@ ROUNDING_ERROR = 1e-9
 #: A node is entered once the motion is less than this many times its size: above, halving the
 #: interval settles more than going down.
 COARSE = 1.0
-# Places in Workspace.tally: of an interval, but for the looks, which are those of an edge.
-CLEARANCE, SHARE, STOPPED, LOOKS = 0, 1, 2, 3
+# Places in Workspace.tally: of an interval, but for the last, checks of parts of meshes on an edge.
+CLEARANCE, SHARE, STOPPED, CHECKS = 0, 1, 2, 3
 
 
 class Cubic(NamedTuple):
@@ -111,10 +111,15 @@ def _examine(  # noqa: C901, PLR0912, PLR0915
     model: ModelArrays, work: Workspace, margin: float, given: Entries, first: int, count: int,
     left: Entries, kept: int,
 ) -> tuple[int, int]:  # fmt: skip
-    """Give how many of the entries are ``left`` (-1: no room), and the pair that touches, or -1."""
+    """Count of the entries ``left`` (-1: the buffer is full), and the pair that touches, or -1."""
     entries, axes, hints = left.pairs, left.axes, given.axes
     joints, scene, nodes, items = model.joints, model.scene, model.nodes, model.items
-    skipped, placed, strays, tally = model.skipped, work.placed, work.strays, work.tally
+    skipped, placed, shifts, tally = (
+        model.skipped,
+        work.placed,
+        work.shifts,
+        work.tally,
+    )
     p, m = skipped.shape[0], scene.shape[0]
     extra, apart = model.margin + margin, model.own_margin + margin
     for entry in range(first, first + count):
@@ -136,7 +141,7 @@ def _examine(  # noqa: C901, PLR0912, PLR0915
                     start, stop, a, b = model.groups[group]
                     place(model, work, a)
                     place(model, work, b)
-                    reach = pair_stray(model.chain, joints, strays, a, b) + apart
+                    reach = pair_shift(model.chain, joints, shifts, a, b) + apart
                     proved = balls_apart(placed, a, b) - reach
                     if proved > ROUNDING_ERROR:
                         tally[CLEARANCE] = min(tally[CLEARANCE], proved)
@@ -145,7 +150,7 @@ def _examine(  # noqa: C901, PLR0912, PLR0915
                     a, b = model.self_pairs[s, 0], model.self_pairs[s, 1]
                     place(model, work, a)
                     place(model, work, b)
-                    proved = own_bound(model, work, s, reach, apart)
+                    proved = self_bound(model, work, s, reach, apart)
                     if proved > ROUNDING_ERROR:
                         tally[CLEARANCE] = min(tally[CLEARANCE], proved)
                         continue
@@ -164,7 +169,7 @@ def _examine(  # noqa: C901, PLR0912, PLR0915
             continue
         place(model, work, i)
         x, y, z = placed[i, CENTER], placed[i, CENTER + 1], placed[i, CENTER + 2]
-        most, node, after = strays[i, 0], 0, 1
+        most, node, after = shifts[i, 0], 0, 1
         reach = placed[i, RADIUS] + extra + most + ROUNDING_ERROR
         if k < 0:
             node = -1 - k
@@ -209,9 +214,9 @@ def _examine(  # noqa: C901, PLR0912, PLR0915
     return kept, -1
 
 
-@kernel(allocates=False)
-def _look_at(work: Workspace, curve: Cubic, middle: float, half: float) -> None:
-    """Write the curve's configuration in the middle of an interval and how far it strays there."""
+@kernel(allocates=False, inline="always")
+def _write_interval(work: Workspace, curve: Cubic, middle: float, half: float) -> None:
+    """Write the configuration in the middle of an interval, and how far joints deviate there."""
     b0, b1, b2, b3 = curve
     for j in range(b0.shape[0]):
         slope = b1[j] + (2.0 * b2[j] + 3.0 * b3[j] * middle) * middle
@@ -228,28 +233,28 @@ def certify_in(
 ) -> int:
     """``certify_curve`` in a workspace of the caller's, given up after so many intervals' work."""
     verdict = _certify(model, work, curve, margin, most, outcome)
-    if verdict == NO_ROOM:
-        verdict = _certify_in_more_room(model, work, curve, margin, most, outcome)
+    if verdict == TOO_SMALL:
+        verdict = _certify_in_larger(model, work, curve, margin, most, outcome)
     return verdict
 
 
 @kernel
-def _certify_in_more_room(
+def _certify_in_larger(
     model: ModelArrays, work: Workspace, curve: Cubic, margin: float, most: int, outcome: Array
 ) -> int:
-    """``certify_in`` once more, in a workspace with as much room as it takes."""
-    wider, verdict = work, NO_ROOM
-    while verdict == NO_ROOM:
+    """``certify_in`` once more, in a workspace as large as it takes."""
+    wider, verdict = work, TOO_SMALL
+    while verdict == TOO_SMALL:
         wider = widened(model, wider)
         verdict = _certify(model, wider, curve, margin, most, outcome)
     return verdict
 
 
-@kernel(allocates=False)
+@kernel(allocates=False, inline="always")
 def _certify(
     model: ModelArrays, work: Workspace, curve: Cubic, margin: float, most: int, outcome: Array
 ) -> int:
-    """``certify_in``, or NO_ROOM where the workspace is too small for what is left open."""
+    """``certify_in``, or TOO_SMALL where the workspace is too small for what is left open."""
     spans, lists, count = work.spans[0], work.lists[0], model.roots.shape[0]
     spans[0, 0], spans[0, 1], lists[0, 0], lists[0, 1] = 0.0, 1.0, 0, count
     entries = Entries(model.roots, work.hints[2])
@@ -274,10 +279,10 @@ def certify_spans(
         outcome: Outcome as of ``certify_curve``.
 
     Returns:
-        The verdict, or NO_ROOM where the workspace is too small for what is left open.
+        The verdict, or TOO_SMALL where the workspace is too small for what is left open.
     """
     spans, lists, visits, tally = work.spans[0], work.lists[0], 0, work.tally
-    tally[CLEARANCE], tally[LOOKS] = np.inf, 0.0
+    tally[CLEARANCE], tally[CHECKS] = np.inf, 0.0
     outcome[0], outcome[1] = 0.0, -1.0
     for level in range(_MAX_DEPTH):
         # What a level leaves is written beside what it reads.
@@ -285,12 +290,12 @@ def certify_spans(
         left = Entries(work.entries[side], work.hints[side])
         halves, lists_left = work.spans[side], work.lists[side]
         if 2 * open_spans > halves.shape[0]:
-            return NO_ROOM
+            return TOO_SMALL
         new_spans, kept = 0, 0
         for span in range(open_spans):
             low, high = spans[span, 0], spans[span, 1]
             middle, half = 0.5 * (low + high), 0.5 * (high - low)
-            _look_at(work, curve, middle, half)
+            _write_interval(work, curve, middle, half)
             visit(model, work)
             visits += 1
             begin = kept
@@ -298,8 +303,8 @@ def certify_spans(
             first, count = lists[span, 0], lists[span, 1]
             kept, hit = _examine(model, work, margin, entries, first, count, left, begin)
             if kept < 0:
-                return NO_ROOM
-            spent = visits + int(tally[LOOKS] / _LOOKS_AN_INTERVAL)
+                return TOO_SMALL
+            spent = visits + int(tally[CHECKS] / _CHECKS_AN_INTERVAL)
             outcome[2] = spent
             if hit >= 0:
                 outcome[0], outcome[1], outcome[3] = middle, hit, -np.inf
@@ -338,7 +343,7 @@ def certify_curve(
         b3: Coefficients of s^3, shape (n,).
         margin: Asked for on top of the pairs' own margins [m].
         outcome: Filled, shape (4,): where on the curve it stopped (s), the pair that stopped it or
-            -1, intervals looked at, parts of meshes counted in by their time, and the clearance
+            -1, intervals checked, parts of meshes counted in by their time, and the clearance
             proved so far, the pairs' own margins taken off [m].
 
     Returns:
@@ -368,14 +373,22 @@ def compare_pair(
         FARTHER (apart all over it), CLOSER (at most ``apart`` in the middle) or BETWEEN.
     """
     a, i, placed, j = pair
-    twists, strays, tally, seen = work.twists, work.strays, work.tally, i if own else -1
-    enough, most = apart + ROUNDING_ERROR, pair_stray(model.chain, model.joints, strays, seen, j)
+    twists, shifts, tally, seen = (
+        work.twists,
+        work.shifts,
+        work.tally,
+        i if own else -1,
+    )
+    enough, most = (
+        apart + ROUNDING_ERROR,
+        pair_shift(model.chain, model.joints, shifts, seen, j),
+    )
     lower, n = quick_bound(a, i, placed, j, enough + most)
     lost, verdict = most, FARTHER
     if not lower > enough + most:
         moving = STILL
         if most > 0.0:
-            moving = pair_drift(model.chain, model.joints, twists, placed, strays, seen, j)
+            moving = pair_drift(model.chain, model.joints, twists, placed, shifts, seen, j)
         if lower > enough:
             lost = allowance(n, moving)
         if not lower > enough + lost:
@@ -383,7 +396,7 @@ def compare_pair(
             if axis[0] == 0.0 and axis[1] == 0.0 and axis[2] == 0.0:
                 axis[0], axis[1], axis[2] = n
             verdict, lower, _ = separation(
-                pair, model.corners, model.tables, apart, enough, moving, axis, work.room
+                pair, model.corners, model.tables, apart, enough, moving, axis, work.buffer
             )
             lost = allowance((axis[0], axis[1], axis[2]), moving)
             # A cover that touches proves nothing: its triangles decide, as where halving ends.
@@ -392,9 +405,9 @@ def compare_pair(
             if verdict != FARTHER and touching and covers:
                 apart_in_middle, share = surface_share(
                     pair, Shapes(model.corners, model.tables, model.surfaces), apart, enough,
-                    moving, axis, work.room, work.stack,
+                    moving, axis, work.buffer, work.stack,
                 )  # fmt: skip
-                tally[LOOKS] += work.stack[0, LOOKED_AT]
+                tally[CHECKS] += work.stack[0, COMPARED]
                 verdict = CLOSER if not apart_in_middle else FARTHER if share >= 1.0 else BETWEEN
                 lower, lost = enough + share * most, most
     if verdict == BETWEEN:
@@ -408,24 +421,24 @@ def compare_pair(
 
 
 @kernel(allocates=False, inline="always")
-def own_bound(model: ModelArrays, work: Workspace, s: int, reach: float, apart: float) -> float:
+def self_bound(model: ModelArrays, work: Workspace, s: int, reach: float, apart: float) -> float:
     """Lower bound of the distance of pair s of the robot over the interval, margins off [m].
 
     Args:
         model: The packed robot and scene.
         work: The workspace, both pieces placed.
         s: The pair.
-        reach: How far balls about them stray and their margin, inf where that is not known [m].
+        reach: How far balls about them shift, and their margin, inf where that is not known [m].
         apart: Margin of the pair [m].
     """
     a, b = model.self_pairs[s, 0], model.self_pairs[s, 1]
-    proved = balls_apart(work.placed, a, b) - reach  # no piece strays as far as what it is part of
+    proved = balls_apart(work.placed, a, b) - reach  # no piece shifts as far as what it is part of
     if not proved > ROUNDING_ERROR and model.grid_axes[s, 0, 2] > 0.0:
         still = model.joints[a]
         proved = grid_bound(
             model.grid_axes, model.grid_starts, model.grid_values, s, still, work.joints
         )
-        proved -= work.strays[b, 3 * still + 3] + apart
+        proved -= work.shifts[b, 3 * still + 3] + apart
     return proved
 
 
@@ -449,7 +462,7 @@ def pair_of(model: ModelArrays, entry: Indices) -> int:
     return int(i * m + model.items[int(model.nodes[node, FIRST])])
 
 
-@kernel(allocates=False)
+@kernel(allocates=False, inline="always")
 def next_group(
     model: ModelArrays, work: Workspace, margin: float, group: int, after: int, left: Entries,
     kept: int,
@@ -466,14 +479,14 @@ def next_group(
         kept: How many entries wait there.
 
     Returns:
-        The group, ``after`` where there is none, and how many wait then, -1 where there is no room.
+        The group, ``after`` where there is none, and how many wait then, -1 for a full buffer.
     """
     placed, tally, extra = work.placed, work.tally, model.own_margin + margin
     while group < after and model.groups[group, PARTED] < 0:
         a, b = model.groups[group, BALL], model.groups[group, OTHER_BALL]
         place(model, work, a)
         place(model, work, b)
-        most = pair_stray(model.chain, model.joints, work.strays, a, b)
+        most = pair_shift(model.chain, model.joints, work.shifts, a, b)
         proved = balls_apart(placed, a, b) - most - extra
         if proved > ROUNDING_ERROR:
             tally[CLEARANCE] = min(tally[CLEARANCE], proved)

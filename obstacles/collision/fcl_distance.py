@@ -249,7 +249,7 @@ class FclWorld:
                 distance = self.between(i, j) - margin
                 if distance < best:
                     best, closest = distance, (i, j)
-                    if best <= 0.0:  # the deepest is looked for where bodies touch
+                    if best <= 0.0:  # the deepest is sought where bodies touch
                         return best, closest
             if best > reach:
                 closest, best = (-1, -1), np.inf
@@ -459,7 +459,7 @@ class OverlapMeter:
         beyond = [(item, depths[item.pair]) for item in self._measured]
         return [(i, depth) for i, depth in beyond if depth > i.touch_depth + DEPTH_TOLERANCE]
 
-    def told(self, configurations: Iterable[Array]) -> list[Overlap]:
+    def report(self, configurations: Iterable[Array]) -> list[Overlap]:
         """All pairs, measured ones with how deep they are in the deepest of configurations (n,)."""
         deepest: dict[Pair, float] = {}
         for q in configurations:

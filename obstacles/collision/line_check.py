@@ -11,7 +11,7 @@ from kinematics.model.chain import MAX_JOINTS
 from obstacles.collision.edge_check import (
     FREE,
     MAX_INTERVALS,
-    NO_ROOM,
+    TOO_SMALL,
     Cubic,
     Entries,
     certify_in,
@@ -22,11 +22,11 @@ from obstacles.collision.model.kernel_work import Workspace, workspace
 from obstacles.collision.model.model_arrays import ModelArrays
 from obstacles.collision.state_check import blocked_at, verdict_in
 
-#: Intervals looked at before the caller is asked whether to go on: a few milliseconds.
+#: Intervals checked before the caller is asked whether to go on: a few milliseconds.
 _PAUSE = 1000
 
 
-@kernel(allocates=False)
+@kernel(allocates=False, inline="always")
 def certify_line(
     model: ModelArrays, work: Workspace, start: Array, end: Array, margin: float, most: int,
     outcome: Array,
@@ -44,9 +44,9 @@ def prove_line(
     model: ModelArrays, work: Workspace, start: Array, end: Array, margin: float, most: int,
     outcome: Array,
 ) -> int:  # fmt: skip
-    """``certify_line`` with stretches in lanes first; it tells no clearance (-inf).
+    """``certify_line`` with stretches in lanes first; it answers no clearance (-inf).
 
-    Where most of a motion has some centimetres of room it costs a third.
+    Where most of a motion has some centimetres of clearance it costs a third.
     """
     n = start.shape[0]
     step, zero = on_stack(MAX_JOINTS)[:n], on_stack(MAX_JOINTS)[:n]
@@ -59,7 +59,7 @@ def prove_line(
     if count > 0:
         open_pairs = Entries(work.entries[0], work.hints[0])
         verdict = certify_spans(model, work, curve, margin, most, open_pairs, count, outcome)
-        if verdict != NO_ROOM:
+        if verdict != TOO_SMALL:
             outcome[3] = -np.inf
             return verdict
     return certify_in(model, work, curve, margin, most, outcome)
@@ -69,13 +69,13 @@ def prove_line(
 def certify_edge(model: ModelArrays, start: Array, end: Array, margin: float) -> int:
     """``certify_curve`` on the straight motion from ``start`` to ``end``, the verdict alone.
 
-    Its end is looked at first: a state costs a tenth of a proof, and a thousandth of one that finds
+    Its end is checked first: a state costs a tenth of a proof, and a thousandth of one that finds
     a contact at the end of a motion which comes near others before.
     """
     return _edge_in(model, workspace(model), start, end, margin)
 
 
-@kernel(allocates=False)
+@kernel(allocates=False, inline="always")
 def _edge_in(model: ModelArrays, work: Workspace, start: Array, end: Array, margin: float) -> int:
     verdict = verdict_in(model, work, end, margin, on_stack(1).view(np.int64))
     if verdict != FREE:
@@ -85,30 +85,30 @@ def _edge_in(model: ModelArrays, work: Workspace, start: Array, end: Array, marg
 
 @kernel
 def check_straight(
-    model: ModelArrays, start: Array, end: Array, margin: float, looks: int, outcome: Array
+    model: ModelArrays, start: Array, end: Array, margin: float, checks: int, outcome: Array
 ) -> int:
-    """``prove_line`` behind a look at states on the way, which finds most contacts.
+    """``prove_line`` behind a check of states on the way, which finds most contacts.
 
     Args:
         model: The packed robot and scene.
         start: Start of the motion, shape (n,) [rad or m].
         end: End of the motion, shape (n,).
         margin: Asked for on top of the pairs' own margins [m].
-        looks: Parts of the motion between which states are looked at, a power of 2.
+        checks: Parts of the motion between which states are checked, a power of 2.
         outcome: Outcome as of ``certify_curve``, without a clearance.
 
     Returns:
-        The verdict on the first state that a look finds not free, else on the motion.
+        The verdict on the first state that a check finds not free, else on the motion.
     """
     work, n = workspace(model), start.shape[0]
-    share = blocked_at(model, work, start, end, margin, 2, looks, on_stack(1).view(np.int64))
+    share = blocked_at(model, work, start, end, margin, 2, checks, on_stack(1).view(np.int64))
     if share >= 0.0:
         there, zero = on_stack(MAX_JOINTS)[:n], on_stack(MAX_JOINTS)[:n]
         for j in range(n):
             there[j], zero[j] = start[j] + share * (end[j] - start[j]), 0.0
         curve = Cubic(there, zero, zero, zero)
         verdict = certify_in(model, work, curve, margin, MAX_INTERVALS, outcome)
-        # A look may leave open what is free by a hair: a state proves nothing of the motion.
+        # A check may leave open what is free by a hair: a state proves nothing of the motion.
         if verdict != FREE:
             outcome[0], outcome[3] = share, -np.inf
             return verdict
@@ -145,7 +145,7 @@ def round_corners(
         keep: Whether corners that are not free themselves are passed over.
         smooth: Whether corners are rounded by cubics, or by parabolas.
         first: The corner to begin at.
-        reaches: Largest reaches of corners that are to be looked at, 0 for others, shape
+        reaches: Largest reaches of corners that are to be rounded, 0 for others, shape
             (k - 2,); filled with the reaches found, negative where none is free.
 
     Returns:
@@ -184,7 +184,7 @@ def round_corners(
     return int(corners)
 
 
-@kernel(allocates=False)
+@kernel(allocates=False, inline="always")
 def _write_direction(start: Array, end: Array, unit: Array) -> None:
     """Write the unit vector (n,) along a leg."""
     square = 0.0
@@ -195,7 +195,7 @@ def _write_direction(start: Array, end: Array, unit: Array) -> None:
         unit[j] /= math.sqrt(square)
 
 
-@kernel(allocates=False)
+@kernel(allocates=False, inline="always")
 def _write_cubic(
     corner: Array, before: Array, after: Array, reach: float, side: int, curve: Cubic
 ) -> None:
@@ -206,7 +206,7 @@ def _write_cubic(
         curve.b3[j] = reach * (after[j] - before[j]) / 6.0
 
 
-@kernel(allocates=False)
+@kernel(allocates=False, inline="always")
 def _write_parabola(corner: Array, before: Array, after: Array, reach: float, curve: Cubic) -> None:
     """Write the parabola about a corner."""
     for j in range(corner.shape[0]):

@@ -42,7 +42,7 @@ _DEEPEST = 128
 _DEPTH = 0.01
 
 
-@kernel
+@kernel(inline="always")
 def _stand(model: ModelArrays, q: Array) -> Workspace:
     """A workspace with the robot standing still in ``q``."""
     work = workspace(model)
@@ -53,11 +53,11 @@ def _stand(model: ModelArrays, q: Array) -> Workspace:
 
 @kernel(allocates=False)
 def stand_in(model: ModelArrays, work: Workspace, q: Array) -> None:
-    """Let the robot stand still in ``q`` in a workspace whose joints do not stray."""
+    """Let the robot stand still in ``q`` in a workspace whose joints do not deviate."""
     for joint in range(q.shape[0]):
         work.joints[0, joint] = q[joint]
     visit(model, work)
-    # Pieces, and balls about bodies: those about parts of them are placed where one is looked at.
+    # Pieces, and balls about bodies: those about parts of them are placed where one is checked.
     placed = model.skipped.shape[0] + work.frames.shape[0] + 1
     for i in range(min(placed, model.joints.shape[0])):
         place(model, work, i)
@@ -65,14 +65,14 @@ def stand_in(model: ModelArrays, work: Workspace, q: Array) -> None:
 
 @kernel(allocates=False)
 def _closer(
-    pair: Pair, shapes: Shapes, room: Array, stack: Array, apart: float, best: float, exact: bool
+    pair: Pair, shapes: Shapes, buffer: Array, stack: Array, apart: float, best: float, exact: bool
 ) -> float:
     """The lesser of ``best`` and the distance of two pieces beyond ``apart`` [m].
 
     Args:
         pair: The pieces.
         shapes: Corners, tables and trees of both.
-        room: Workspace, shape (9, 3).
+        buffer: Workspace, shape (9, 3).
         stack: Workspace, shape STACK.
         apart: Margin of the pair [m].
         best: The least distance so far [m].
@@ -82,18 +82,18 @@ def _closer(
     lower, n = quick_bound(a, i, b, j, best + apart)
     if lower - apart >= best:
         return best
-    axis = room[8]
+    axis = buffer[8]
     axis[0], axis[1], axis[2] = n
     verdict, lower, _ = separation(
-        pair, shapes.corners, shapes.tables, -np.inf, best + apart, STILL, axis, room
+        pair, shapes.corners, shapes.tables, -np.inf, best + apart, STILL, axis, buffer
     )
     if exact and verdict != FARTHER and (a[i, NODE_STOP] > 0.0 or b[j, NODE_STOP] > 0.0):
-        verdict, lower = surface_distance(pair, shapes, -np.inf, best + apart, axis, room, stack)
+        verdict, lower = surface_distance(pair, shapes, -np.inf, best + apart, axis, buffer, stack)
         lower = min(lower, 0.0) if verdict == CLOSER else lower
     return best if verdict == FARTHER else min(best, lower - apart)
 
 
-@kernel(allocates=False)
+@kernel(allocates=False, inline="always")
 def _closest_obstacle(
     model: ModelArrays, work: Workspace, i: int, best: float, exact: bool
 ) -> tuple[float, int]:
@@ -109,7 +109,7 @@ def _closest_obstacle(
         if np.sqrt(gaps[top]) - placed[i, RADIUS] - model.margin >= best:
             continue
         if nodes[node, FIRST] < 0.0:
-            # The nearer one of the two is looked at first.
+            # The nearer one of the two comes first.
             left, right = node + 1, int(nodes[node + 1, SKIP])
             near, far = gap(nodes, left, x, y, z), gap(nodes, right, x, y, z)
             if far < near:
@@ -122,7 +122,7 @@ def _closest_obstacle(
             if model.skipped[i, int(scene[k, OWNER])]:
                 continue
             distance = _closer(
-                Pair(scene, k, placed, i), shapes, work.room, work.stack,
+                Pair(scene, k, placed, i), shapes, work.buffer, work.stack,
                 scene[k, MARGIN] + model.margin, best, exact,
             )  # fmt: skip
             if distance < best:
@@ -134,7 +134,7 @@ def _closest_obstacle(
 def closest_pair(model: ModelArrays, q: Array) -> tuple[float, int]:
     """Least distance [m] over all pairs, margins taken off, and the pair it belongs to.
 
-    Overlap is told as 0 or below, but not how deep it is.
+    Overlap is answered as 0 or below, without its depth.
     """
     work = workspace(model)
     work.joints[:] = 0.0
@@ -143,12 +143,12 @@ def closest_pair(model: ModelArrays, q: Array) -> tuple[float, int]:
 
 @kernel(allocates=False)
 def closest_of(model: ModelArrays, work: Workspace, q: Array) -> tuple[float, int]:
-    """``closest_pair`` in a workspace whose joints do not stray."""
+    """``closest_pair`` in a workspace whose joints do not deviate."""
     stand_in(model, work, q)
     best, closest = closest_in(model, work, np.inf, model.surfaces.shape[0] == 0)
     if model.surfaces.shape[0] == 0 or closest < 0:
         return best, closest
-    # Triangles are looked at where their covers are near, and that is known now.
+    # Triangles are checked where their covers are near, and that is known now.
     reach, closest = max(best, 0.0) + _DEPTH, -1
     while closest < 0:
         best, closest = closest_in(model, work, reach, True)
@@ -161,7 +161,7 @@ def closest_state(model: ModelArrays, states: Array, within: float) -> tuple[flo
     """Least distance [m] of ``closest_pair`` over states (k, n), the state and the pair.
 
     By their covers the closest state is found first: what is closer by triangles in another one is
-    hardly anything then, and a look at it is short.
+    hardly anything then, and a check of it is short.
 
     Args:
         model: The packed robot and scene.
@@ -195,7 +195,7 @@ def closest_in(model: ModelArrays, work: Workspace, best: float, exact: bool) ->
     """The closest pair if it is closer than ``best`` [m], by triangles or else by covers."""
     p, m = model.skipped.shape[0], model.scene.shape[0]
     shapes, placed = Shapes(model.corners, model.tables, model.surfaces), work.placed
-    room, stack = work.room, work.stack
+    buffer, stack = work.buffer, work.stack
     closest = -1
     for root in range(model.roots.shape[0]):
         i, k = model.roots[root, 0], model.roots[root, 1]
@@ -212,7 +212,7 @@ def closest_in(model: ModelArrays, work: Workspace, best: float, exact: bool) ->
                 if balls_apart(placed, a, b) - model.own_margin >= best:
                     continue
                 distance = _closer(
-                    Pair(placed, a, placed, b), shapes, room, stack, model.own_margin, best, exact
+                    Pair(placed, a, placed, b), shapes, buffer, stack, model.own_margin, best, exact
                 )  # fmt: skip
                 if distance < best:
                     best, closest = distance, p * m + s
@@ -220,7 +220,7 @@ def closest_in(model: ModelArrays, work: Workspace, best: float, exact: bool) ->
         if k >= 0:
             apart = model.scene[k, MARGIN] + model.margin
             facing = Pair(model.scene, k, placed, i)
-            distance = _closer(facing, shapes, room, stack, apart, best, exact)
+            distance = _closer(facing, shapes, buffer, stack, apart, best, exact)
             pair = i * m + k
         else:
             distance, k = _closest_obstacle(model, work, i, best, exact)
@@ -230,7 +230,7 @@ def closest_in(model: ModelArrays, work: Workspace, best: float, exact: bool) ->
     return best, closest
 
 
-@kernel(allocates=False)
+@kernel(allocates=False, inline="always")
 def _closest_parted(
     model: ModelArrays, work: Workspace, top: int, best: float, closest: int, exact: bool
 ) -> tuple[float, int]:
@@ -251,14 +251,14 @@ def _closest_parted(
             if balls_apart(placed, a, b) - own >= best:
                 continue
             pair = Pair(placed, a, placed, b)
-            distance = _closer(pair, shapes, work.room, work.stack, own, best, exact)
+            distance = _closer(pair, shapes, work.buffer, work.stack, own, best, exact)
             if distance < best:
                 best, closest = distance, first_pair + s
     return best, closest
 
 
 class NearPairs(NamedTuple):
-    """Answer of ``near_pairs``, with room for r of them.
+    """Answer of ``near_pairs``, for r of them at most.
 
     Args:
         numbers: The pairs, shape (r,).
@@ -301,13 +301,13 @@ def _add_near_pair(
     lower, n = quick_bound(a, i, b, j, far)
     if lower > far:
         return count
-    axis = work.room[8]
+    axis = work.buffer[8]
     axis[0], axis[1], axis[2] = n
     distance, normal, point = contact(a, i, b, j, model.corners, model.tables, axis)
     if distance <= far and (a[i, NODE_STOP] > 0.0 or b[j, NODE_STOP] > 0.0):
         verdict, _ = surface_distance(
             Pair(a, i, b, j), Shapes(model.corners, model.tables, model.surfaces), -np.inf,
-            max(far, 0.0), axis, work.room, work.stack,
+            max(far, 0.0), axis, work.buffer, work.stack,
         )  # fmt: skip
         # Where they touch, the depth is that of the covers: the way out is no longer.
         if verdict == FARTHER:
@@ -373,7 +373,7 @@ def near_pairs_in(model: ModelArrays, work: Workspace, within: float, near: Near
     return count
 
 
-@kernel(allocates=False)
+@kernel(allocates=False, inline="always")
 def _add_near_parted(
     model: ModelArrays, work: Workspace, top: int, within: float, near: NearPairs, count: int
 ) -> int:
@@ -395,7 +395,7 @@ def _add_near_parted(
     return count
 
 
-@kernel(allocates=False)
+@kernel(allocates=False, inline="always")
 def _add_near_obstacles(
     model: ModelArrays, work: Workspace, i: int, within: float, near: NearPairs, count: int
 ) -> int:
@@ -420,12 +420,12 @@ def _add_near_obstacles(
 
 
 @kernel(allocates=False)
-def line_shortfall(
+def line_deficit(
     model: ModelArrays, work: Workspace, a: Array, b: Array, spacing: float, most: float
 ) -> float:
-    """Mean shortfall of the straight motion from a to b, both (n,) [m].
+    """Mean clearance deficit of the straight motion from a to b, both (n,) [m].
 
-    The motion is divided into parts of equal length, the middles of which are looked at. A state
+    The motion is divided into parts of equal length, the middles of which are checked. A state
     that keeps all margins lacks nothing; one that does not, the most that a pair of it lacks.
 
     Args:
@@ -461,7 +461,7 @@ def line_shortfall(
     return total / parts
 
 
-@kernel(allocates=False)
+@kernel(allocates=False, inline="always")
 def distance_gradient(
     chain: Array, frames: Array, still: int, joint: int, n: Vector, p: Vector, gradient: Array
 ) -> None:
@@ -477,30 +477,19 @@ def distance_gradient(
         gradient: Filled, shape (n,).
     """
     gradient[:] = 0.0
-    if joint < gradient.shape[0]:
-        for k in range(still + 1, joint + 1):
-            gradient[k] = -_rate_along(chain, 1 + k, frames[k], n, p)
-        return
     # From both bodies to the one that both hang on; what joints before that do moves neither.
     meeting = meeting_body(chain, still, joint)
     for side in range(2):
         body, sign = (joint, -1.0) if side == 0 else (still, 1.0)
         while body != meeting:
-            leader, parent, row = body, body - 1, 1 + body
-            share = sign
+            leader, parent, row, share, F = body, body - 1, 1 + body, sign, frames[body]
             if body >= gradient.shape[0]:
                 row = int(chain[0, 3]) + 2 * (body - gradient.shape[0])
                 parent, leader = int(chain[row, 13]), int(chain[row + 1, 0])
                 share *= chain[row + 1, 1]
-            gradient[leader] += share * _rate_along(chain, row, frames[body], n, p)
+            zx, zy, zz = F[0, 2], F[1, 2], F[2, 2]
+            if chain[row, 0] == 0.0:
+                x, y, z = p[0] - F[0, 3], p[1] - F[1, 3], p[2] - F[2, 3]
+                zx, zy, zz = zy * z - zz * y, zz * x - zx * z, zx * y - zy * x
+            gradient[leader] += share * (n[0] * zx + n[1] * zy + n[2] * zz)
             body = parent
-
-
-@kernel(allocates=False)
-def _rate_along(chain: Array, row: int, F: Array, n: Vector, p: Vector) -> float:
-    """Rate along n of a point p that a joint with this row and frame carries."""
-    zx, zy, zz = F[0, 2], F[1, 2], F[2, 2]
-    if chain[row, 0] == 0.0:
-        x, y, z = p[0] - F[0, 3], p[1] - F[1, 3], p[2] - F[2, 3]
-        zx, zy, zz = zy * z - zz * y, zz * x - zx * z, zx * y - zy * x
-    return float(n[0] * zx + n[1] * zy + n[2] * zz)

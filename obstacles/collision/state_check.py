@@ -1,4 +1,4 @@
-"""The verdict on one configuration: free, colliding, exact where a sphere bracket can't tell.
+"""The verdict on one configuration: free, colliding, exact where a sphere bracket can't decide.
 
 A body's ball walks the tree of what stands around; what it meets is met by each of its pieces, from
 one sphere about the piece down to the finest ones, at distances in closed form. A piece whose outer
@@ -75,8 +75,8 @@ def verdict_in(model: ModelArrays, work: Workspace, q: Array, margin: float, ask
         work: A workspace of the model.
         q: Shape (n,).
         margin: Asked for on top of the pairs' own margins [m].
-        asked: Filled with how many pairs the brackets left open, and those of them there is room
-            for, shape (1 + r,). With room for any (r > 0) they are flagged and not asked.
+        asked: Filled with how many pairs the brackets left open, and as many of them as fit,
+            shape (1 + r,). Where any fits (r > 0) they are flagged and not asked.
 
     Returns:
         FREE, COLLIDING, or UNDECIDED: a pair comes within a millionth of a metre of its margin, or
@@ -109,7 +109,7 @@ def verdict_in(model: ModelArrays, work: Workspace, q: Array, margin: float, ask
     if many:
         found = group_verdict(model, work, apart, asked)
     else:
-        found = _own_pairs(model, work, apart, asked)
+        found = _self_pairs(model, work, apart, asked)
     return found if found == COLLIDING else max(verdict, found)
 
 
@@ -118,10 +118,10 @@ def _around_body(
     model: ModelArrays, work: Workspace, body: int, extra: float, asked: Indices
 ) -> int:
     """The verdict on all pieces of a body against what stands around."""
-    row, walls = model.bodies[body, 0], model.walls
+    row, halfspaces = model.bodies[body, 0], model.halfspaces
     nodes, items, rows = model.nodes, model.items, model.robot
     place_ball(rows, row, work.frames, model.joints[row], work.placed)
-    placed, verdict, wall = work.placed, FREE, 0
+    placed, verdict, halfspace = work.placed, FREE, 0
     x, y, z = placed[row, CENTER], placed[row, CENTER + 1], placed[row, CENTER + 2]
     reach = max(rows[row, RADIUS] + extra + ROUNDING_ERROR, 0.0)
     square, node, end, entry, stop = reach * reach, 0, nodes.shape[0], 0, 0
@@ -137,9 +137,9 @@ def _around_body(
                 entry, stop = int(nodes[node, FIRST]), int(nodes[node, LAST])
                 node += 1
             continue
-        elif wall < walls.shape[0]:
-            k = walls[wall]
-            wall += 1
+        elif halfspace < halfspaces.shape[0]:
+            k = halfspaces[halfspace]
+            halfspace += 1
         else:
             return verdict
         found = _body_against(model, work, body, k, extra, asked)
@@ -176,8 +176,8 @@ def _body_against(
 
 
 @kernel(allocates=False, inline="always")
-def _own_pairs(model: ModelArrays, work: Workspace, apart: float, asked: Indices) -> int:
-    """The verdict on the robot's own pairs where no group of them is parted."""
+def _self_pairs(model: ModelArrays, work: Workspace, apart: float, asked: Indices) -> int:
+    """The verdict on the robot's self-collision pairs where no group of them is parted."""
     placed, pairs, joints = work.placed, model.self_pairs, model.joints
     pieces = model.skipped.shape[0]
     first_pair, verdict, ready = pieces * model.scene.shape[0], FREE, False
@@ -249,7 +249,7 @@ def _bracket(model: ModelArrays, work: Workspace, i: int, k: int, apart: float) 
     return FREE
 
 
-@kernel(allocates=False)
+@kernel(allocates=False, inline="always")
 def _bracket_pair(
     spheres: Array, one: _Spheres, other: _Spheres, frames: Array, apart: float, deep: bool
 ) -> int:
@@ -306,7 +306,7 @@ def _moved(spheres: Array, k: int, frames: Array, joint: int) -> Vector:
 @kernel(allocates=False)
 def blocked_at(
     model: ModelArrays, work: Workspace, a: Array, b: Array, margin: float,
-    parts: int, looks: int, asked: Indices,
+    parts: int, checks: int, asked: Indices,
 ) -> float:  # fmt: skip
     """Share of the straight motion from a to b (n,) at which a state is not free, else -1.
 
@@ -320,12 +320,12 @@ def blocked_at(
         b: End of the motion, shape (n,).
         margin: Asked for on top of the pairs' own margins [m].
         parts: Into which the motion is divided at first, a power of 2; 1 where the end is open.
-        looks: Parts at last.
+        checks: Parts at last.
         asked: Room, shape (1,).
     """
     q = work.joints[1]
-    while parts <= looks:
-        # Of all n / parts those that were not looked at before: odd n, and the end itself.
+    while parts <= checks:
+        # Of all n / parts those that were not checked before: odd n, and the end itself.
         for part in range(1, parts + 1, 2):
             share = part / parts
             for joint in range(q.shape[0]):
@@ -342,23 +342,7 @@ def verdict_on(model: ModelArrays, q: Array, margin: float) -> int:
     return verdict_in(model, workspace(model), q, margin, np.empty(1, dtype=np.int64))
 
 
-@kernel
-def bracket_on(model: ModelArrays, q: Array, margin: float, asked: Indices) -> int:
-    """``verdict_in`` by brackets alone, which flags pairs in ``asked`` (1 + r,), r > 0."""
-    return verdict_in(model, workspace(model), q, margin, asked)
-
-
-@kernel
-def verdicts_on(model: ModelArrays, states: Array, margin: float, verdicts: Array) -> int:
-    """``verdict_in`` of states (k, n) one after the other; how many pairs took the exact test."""
-    work, asked, total = workspace(model), np.empty(1, dtype=np.int64), 0
-    for k in range(states.shape[0]):
-        verdicts[k] = verdict_in(model, work, states[k], margin, asked)
-        total += asked[0]
-    return total
-
-
-@kernel(allocates=False)
+@kernel(allocates=False, inline="always")
 def group_verdict(model: ModelArrays, work: Workspace, apart: float, asked: Indices) -> int:
     """The verdict on all groups but the one that was ``asked_again``."""
     groups, group, verdict, tally = model.groups, 0, FREE, work.tally
@@ -383,7 +367,7 @@ def group_verdict(model: ModelArrays, work: Workspace, apart: float, asked: Indi
     return verdict
 
 
-@kernel(allocates=False)
+@kernel(allocates=False, inline="always")
 def asked_again(model: ModelArrays, work: Workspace, apart: float, asked: Indices) -> int:
     """The verdict on the group that met twice in turn, if one did."""
     group = int(work.tally[LAST_GROUP]) - 1
@@ -435,24 +419,24 @@ def exact_verdict(
             asked[asked[0]] = number
         return UNDECIDED
     place_whole(model, work, i)
-    enough, axis = apart + ROUNDING_ERROR, work.room[8]
+    enough, axis = apart + ROUNDING_ERROR, work.buffer[8]
     pair = Pair(rows, k, work.placed, i)
     lower, n = quick_bound(rows, k, work.placed, i, enough)
     if lower > enough:
         return FREE
     axis[0], axis[1], axis[2] = n
     verdict, _, _ = separation(
-        pair, model.corners, model.tables, apart, enough, STILL, axis, work.room
+        pair, model.corners, model.tables, apart, enough, STILL, axis, work.buffer
     )
     if verdict != FARTHER and (rows[k, NODE_STOP] > 0.0 or work.placed[i, NODE_STOP] > 0.0):
         shapes = Shapes(model.corners, model.tables, model.surfaces)
-        verdict, _ = surface_distance(pair, shapes, apart, enough, axis, work.room, work.stack)
+        verdict, _ = surface_distance(pair, shapes, apart, enough, axis, work.buffer, work.stack)
     if verdict == FARTHER:
         return FREE
     return COLLIDING if verdict == CLOSER else UNDECIDED
 
 
-@kernel(allocates=False)
+@kernel(allocates=False, inline="always")
 def place_whole(model: ModelArrays, work: Workspace, i: int) -> None:
     """Bring piece i into the base frame if it is not there yet."""
     if work.stamps[i] != work.stamps[-1]:

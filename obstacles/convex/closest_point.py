@@ -163,7 +163,7 @@ def hull_distances(
         distances[m] = nearest[3]
 
 
-@kernel
+@kernel(inline="always")
 def nearest_on_box(p: Vector, half: Vector) -> Nearest:
     """Nearest point of the boundary of the box |x| <= half."""
     dx, dy, dz = abs(p[0]) - half[0], abs(p[1]) - half[1], abs(p[2]) - half[2]

@@ -53,7 +53,7 @@ class GrowingHull(NamedTuple):
     counts: Indices
 
 
-@kernel
+@kernel(inline="always")
 def empty_hull(points: int, most: int) -> GrowingHull:
     """Room for a hull of at most ``most`` of so many points."""
     slots = 4 * most + 16
@@ -89,7 +89,7 @@ def _write_face(hull: GrowingHull, points: Array, f: int, i: int, j: int, k: int
     hull.planes[3, f] = dot(n, a) * scale if length > 0.0 else _GONE
 
 
-@kernel(allocates=False)
+@kernel(allocates=False, inline="always")
 def _volume_over(hull: GrowingHull, points: Array, f: int, p: Vector) -> float:
     """Volume of the tetrahedron between a face and a point above it."""
     a = subtract(_point(points, hull.corners[f, 0]), p)
@@ -98,7 +98,7 @@ def _volume_over(hull: GrowingHull, points: Array, f: int, p: Vector) -> float:
     return max(0.0, -dot(a, cross(b, c)) / 6.0)
 
 
-@kernel(allocates=False)
+@kernel(allocates=False, inline="always")
 def begin_hull(hull: GrowingHull, points: Array, chosen: Indices, count: int) -> float:
     """Make a tetrahedron of four of the first ``count`` points ``chosen``; its volume, or 0.
 
@@ -149,7 +149,7 @@ def _write_heights(planes: Array, made: int, x: float, y: float, z: float, heigh
         heights[f] = planes[0, f] * x + planes[1, f] * y + planes[2, f] * z - planes[3, f]
 
 
-@kernel(allocates=False)
+@kernel(allocates=False, inline="always")
 def _write_rim(hull: GrowingHull, made: int, rounding: float) -> tuple[int, int]:
     """Write the faces that a point is above by more than rounding, and the edges around them.
 
@@ -173,7 +173,7 @@ def _write_rim(hull: GrowingHull, made: int, rounding: float) -> tuple[int, int]
     return count, edges
 
 
-@kernel(allocates=False)
+@kernel(allocates=False, inline="always")
 def _is_cycle(rim: Indices, edges: int, begins: Indices) -> bool:
     """Whether edges go round once, through no corner twice; ``begins`` is scratch."""
     for edge in range(edges):
@@ -187,7 +187,7 @@ def _is_cycle(rim: Indices, edges: int, begins: Indices) -> bool:
     return edges > 2 and edge == 0 and steps == edges
 
 
-@kernel(allocates=False)
+@kernel(allocates=False, inline="always")
 def add_point(hull: GrowingHull, points: Array, i: int, sight: float) -> float:
     """Let a hull grow to a point; the volume that this adds.
 

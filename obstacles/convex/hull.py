@@ -124,7 +124,7 @@ def write_values(directions: Array, points: Array, i: int, values: Array) -> Non
         values[k] = x * directions[0, k] + y * directions[1, k] + z * directions[2, k]
 
 
-@kernel(allocates=False)
+@kernel(allocates=False, inline="always")
 def keep_farthest(values: Array, i: int, best: Array, farthest: Indices) -> None:
     """Note point ``i`` where it is farther than all before, ``best`` and ``farthest`` (d,)."""
     for k in range(values.shape[0]):

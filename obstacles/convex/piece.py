@@ -6,6 +6,7 @@ are kept as they are. All are exact: nothing is tessellated. A piece of a mesh t
 covers a part of it, and carries the triangles that decide where the cover does not do.
 """
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass, fields
 from enum import IntEnum
@@ -137,39 +138,18 @@ def core_of(kind: int, vertices: bytes, radius: float, half_height: float) -> Co
     if kind == PieceKind.HALFSPACE:
         return Core(zero, np.inf, np.array([0.0, 0.0, 0.0, np.inf, np.inf, np.inf]), None)
     if kind == PieceKind.POLYTOPE:
-        corners, box = np.frombuffer(vertices).reshape(-1, 3), np.empty(6)
-        reach, is_box = polytope_core(corners, box)
+        corners = np.frombuffer(vertices).reshape(-1, 3)
+        low, high = corners.min(axis=0), corners.max(axis=0)
+        box = np.concatenate([(low + high) / 2.0, (high - low) / 2.0])
+        reach = math.sqrt(((corners - box[:3]) ** 2).sum(axis=1).max())
+        octants = set(map(tuple, (corners > 0.0).tolist()))
+        is_box = len(corners) == len(octants) == 8 and bool((abs(corners) == abs(corners[0])).all())
         return Core(box[:3], reach, box, box[3:] if is_box else None)
     box = np.array([0.0, 0.0, 0.0, radius, radius, half_height])
     if kind == PieceKind.CYLINDER:
         return Core(zero, float(np.hypot(radius, half_height)), box, None)
     height, reach = cone_ball(radius, half_height)
     return Core(np.array([0.0, 0.0, height]), reach, box, None)
-
-
-@kernel(allocates=False, unlocks=False)
-def polytope_core(corners: Array, box: Array) -> tuple[float, bool]:
-    """Write the box (6,) about corners (k, 3), k >= 1, by its middle and its half sizes.
-
-    Returns:
-        Radius of the ball about the box's middle that holds them, and whether they are those of a
-        box about their frame.
-    """
-    farthest, octants, is_box = 0.0, 0, corners.shape[0] == 8
-    for axis in range(3):
-        low, high = np.inf, -np.inf
-        for v in range(corners.shape[0]):
-            low, high = min(low, corners[v, axis]), max(high, corners[v, axis])
-        box[axis], box[3 + axis] = (low + high) / 2.0, (high - low) / 2.0
-    for v in range(corners.shape[0]):
-        away, octant = 0.0, 0
-        for axis in range(3):
-            away += (corners[v, axis] - box[axis]) ** 2
-            is_box = is_box and abs(corners[v, axis]) == abs(corners[0, axis])
-            octant += (corners[v, axis] > 0.0) << axis
-        farthest = max(farthest, away)
-        octants |= 1 << octant
-    return np.sqrt(farthest), is_box and octants == 255
 
 
 @kernel(allocates=False, unlocks=False)

@@ -38,7 +38,7 @@ _PARTING = 0.1
 _ROUNDING = 1e-9
 
 
-@kernel
+@kernel(inline="always")
 def _farthest(points: Array, x: float, y: float, z: float) -> tuple[int, float]:
     """Number of the farthest of ``points`` (v, 3) from a point, and its distance."""
     square, corner = -1.0, 0
@@ -112,7 +112,7 @@ def _best_ball(points: Array, planes: Array, share: float, ball: Array) -> None:
         step *= _SHORTER
 
 
-@kernel
+@kernel(inline="always")
 def _keep(numbers: Indices, values: Array, count: int, least: float) -> int:
     """Keep those of the first ``count`` numbers whose values are so large; how many they are."""
     kept = 0
@@ -123,7 +123,7 @@ def _keep(numbers: Indices, values: Array, count: int, least: float) -> int:
     return kept
 
 
-@kernel
+@kernel(inline="always")
 def _worst(balls: Array, count: int) -> int:
     """Number of the ball with the greatest excess, of the first ``count``."""
     worst = 0
@@ -143,7 +143,7 @@ def _heights(points: Array, n: Array) -> tuple[float, float]:
     return lowest, highest
 
 
-@kernel
+@kernel(inline="always")
 def _split(
     points: Array, edges: Indices, planes: Array, ball: Array, pair: Array
 ) -> tuple[Array, Indices, Array, Indices]:
@@ -197,7 +197,7 @@ def _halve(
     return one, one_edges, other, other_edges
 
 
-@kernel
+@kernel(inline="always")
 def _towards_farthest(points: Array, ball: Array, n: Array) -> None:
     """Write the unit direction from a ball's centre to the farthest of ``points`` into ``n``."""
     corner, distance = _farthest(points, ball[0], ball[1], ball[2])
@@ -278,7 +278,7 @@ def _fit(
     return cells, lines
 
 
-@kernel
+@kernel(inline="always")
 def _power_cell(corners: Array, edges: Indices, balls: Array, one: int) -> tuple[Array, Indices]:
     """Corners and edges of the part of a polytope where ball ``one`` has the least power."""
     points, ends, k = corners, edges, balls.shape[0]
@@ -306,7 +306,7 @@ def _power_cell(corners: Array, edges: Indices, balls: Array, one: int) -> tuple
     return points, ends
 
 
-@kernel
+@kernel(inline="always")
 def _sort(balls: Array, order: Indices) -> None:
     """Put the balls with the numbers in ``order`` in order along their longest side."""
     count = order.shape[0]
@@ -412,7 +412,7 @@ def cut_cell(points: Array, edges: Indices, n: Array, offset: float) -> tuple[Ar
     return corners[:c], lines[:m]
 
 
-@kernel
+@kernel(inline="always")
 def ascending_order(values: Array) -> Indices:
     """The order of a few values; compiled in a tenth of the time that numba's own takes."""
     order = np.arange(values.shape[0])
@@ -425,7 +425,7 @@ def ascending_order(values: Array) -> Indices:
     return order
 
 
-@kernel
+@kernel(inline="always")
 def _around_cut(points: Array, n: Array) -> Indices:
     """The order of coplanar points around their middle, seen along their normal ``n`` (3,)."""
     u = (0.0, n[2], -n[1]) if abs(n[0]) < 0.6 else (-n[2], 0.0, n[0])

@@ -1,9 +1,7 @@
 """How far a point is from a piece: with a ball's radius taken off, the ball's own signed distance.
 
 Closed forms for balls, boxes, cylinders, cones, half-spaces and capsules, exact inside and outside.
-A polytope's box bounds its distance from below; the distance itself takes an iteration, or inside
-the depth below its nearest face. Of many pieces, a cloud's points say, the nearest is found in
-their tree.
+A polytope's box bounds its distance from below; the distance itself takes an iteration.
 """
 
 import math
@@ -11,12 +9,8 @@ import math
 import numpy as np
 
 from compiled.kernel import kernel
-from compiled.vec3 import Vector
 from kinematics.arrays import Array
-from obstacles.distance.bvh import FIRST, LAST, SKIP, Tree, gap
-from obstacles.distance.epa import contact
 from obstacles.distance.piece_set import (
-    CENTER,
     HALF,
     KIND,
     MIDDLE,
@@ -26,8 +20,6 @@ from obstacles.distance.piece_set import (
     START,
     STOP,
     CoreKind,
-    Lists,
-    ball_rows,
 )
 
 _POLYTOPE = int(CoreKind.POLYTOPE)
@@ -37,9 +29,6 @@ _HALFSPACE = int(CoreKind.HALFSPACE)
 _BOX = int(CoreKind.BOX)
 _TABLED = int(CoreKind.TABLED)
 _POINT = int(CoreKind.POINT)
-#: Entries of a walk through a tree: its depth is the binary logarithm of its leaves.
-_DEEPEST = 128
-_BALL = ball_rows(np.zeros((1, 3)), 0.0)
 
 
 @kernel(allocates=False)
@@ -100,7 +89,7 @@ def from_core(rows: Array, k: int, corners: Array, x: float, y: float, z: float)
     )
 
 
-@kernel(allocates=False)
+@kernel(allocates=False, inline="always")
 def _outside(a: float, b: float, c: float) -> float:
     """How far out is what is a, b and c beyond three planes at right angles; -inf for no plane."""
     deepest = max(a, b, c)
@@ -110,7 +99,7 @@ def _outside(a: float, b: float, c: float) -> float:
     return math.sqrt(a * a + b * b + c * c)
 
 
-@kernel(allocates=False)
+@kernel(allocates=False, inline="always")
 def _from_cone(r: float, z: float, radius: float, half: float) -> float:
     """From a cone with apex z = half and base z = -half, r from its axis.
 
@@ -131,7 +120,7 @@ def _from_cone(r: float, z: float, radius: float, half: float) -> float:
     return math.sqrt(a * a + b * b)
 
 
-@kernel(allocates=False)
+@kernel(allocates=False, inline="always")
 def _from_segment(corners: Array, first: int, x: float, y: float, z: float) -> float:
     """From the segment between two corners."""
     ax, ay, az = x - corners[first, 0], y - corners[first, 1], z - corners[first, 2]
@@ -143,63 +132,3 @@ def _from_segment(corners: Array, first: int, x: float, y: float, z: float) -> f
         share = min(max((ax * dx + ay * dy + az * dz) / square, 0.0), 1.0)
         ax, ay, az = ax - share * dx, ay - share * dy, az - share * dz
     return math.sqrt(ax * ax + ay * ay + az * az)
-
-
-@kernel
-def distance_from(
-    rows: Array, k: int, corners: Array, tables: Lists, x: float, y: float, z: float
-) -> float:
-    """Signed distance of a point from piece k of any kind [m]; arguments as of ``bound_from``."""
-    if closed_form(rows, k):
-        return bound_from(rows, k, corners, x, y, z)
-    ball = _BALL.copy()
-    for column in range(3):
-        value = (x, y, z)[column]
-        ball[0, CENTER + column], ball[0, POSE + 3 + 4 * column] = value, value
-    axis = np.zeros(3)
-    return contact(ball, 0, rows, k, corners, tables, axis)[0]
-
-
-@kernel
-def nearest_from(
-    rows: Array, tree: Tree, corners: Array, tables: Lists, p: Vector, within: float
-) -> tuple[float, int]:
-    """Signed distance of a point from the nearest of the pieces in a tree, and which one it is.
-
-    Args:
-        rows: Rows of a ``PieceSet``.
-        tree: A tree over them, whose boxes hold them.
-        corners: Corners of the pieces, shape (v, 3).
-        tables: Support tables of the pieces.
-        p: The point [m].
-        within: Pieces farther away than this don't count [m].
-
-    Returns:
-        ``within`` and -1 where there is none.
-    """
-    x, y, z = p
-    nodes, items = tree
-    best, nearest = within, -1
-    stack = np.empty(_DEEPEST, dtype=np.int64)
-    stack[0], top = 0, int(nodes.shape[0] > 0)
-    while top > 0:
-        top -= 1
-        node = stack[top]
-        square = gap(nodes, node, x, y, z)
-        # Inside a box the pieces' depths can't be told from it.
-        if square > 0.0 and (best <= 0.0 or square > best * best):
-            continue
-        if nodes[node, FIRST] < 0.0:
-            near, far = node + 1, int(nodes[node + 1, SKIP])
-            if gap(nodes, far, x, y, z) < gap(nodes, near, x, y, z):
-                near, far = far, near
-            stack[top], stack[top + 1] = far, near
-            top += 2
-            continue
-        for entry in range(int(nodes[node, FIRST]), int(nodes[node, LAST])):
-            k = items[entry]
-            if bound_from(rows, k, corners, x, y, z) < best:
-                distance = distance_from(rows, k, corners, tables, x, y, z)
-                if distance < best:
-                    best, nearest = distance, k
-    return best, nearest

@@ -86,7 +86,7 @@ def _in_frame(row: Array, x: float, y: float, z: float) -> Vector:
     )
 
 
-@kernel(allocates=False)
+@kernel(allocates=False, inline="always")
 def write_view(desk: Array, view: Array) -> None:
     """Write the pose of the second row of the desk in the frame of the first."""
     a, b = desk[0], desk[1]
@@ -99,7 +99,7 @@ def write_view(desk: Array, view: Array) -> None:
     )
 
 
-@kernel(allocates=False)
+@kernel(allocates=False, inline="always")
 def write_drift(desk: Array, drift: Drift, view: Array) -> None:
     """Write the motion of the second piece, given at the middle of its ball."""
     b, p = desk[1], POSE + 3
@@ -145,7 +145,7 @@ def write_plane(
         view[HIGH] = n[0] * q[0] + n[1] * q[1] + n[2] * q[2] + b[ROUNDING]
 
 
-@kernel(allocates=False)
+@kernel(allocates=False, inline="always")
 def _along(view: Array, at: int, box: Node) -> tuple[float, float]:
     """Middle of a box along the normal at a column, and how far the box reaches."""
     x, y, z = view[at], view[at + 1], view[at + 2]
@@ -155,7 +155,7 @@ def _along(view: Array, at: int, box: Node) -> tuple[float, float]:
     )
 
 
-@kernel(allocates=False)
+@kernel(allocates=False, inline="always")
 def gap_along(view: Array, a: Node, b: Node) -> float:
     """How far two boxes are apart across the plane of a view [m], below 0 where they are not."""
     low, high = view[LOW], view[HIGH]
@@ -168,7 +168,7 @@ def gap_along(view: Array, a: Node, b: Node) -> float:
     return float(low - high)
 
 
-@kernel(allocates=False)
+@kernel(allocates=False, inline="always")
 def gap_in_first(view: Array, a: Node, b: Node) -> tuple[float, Vector]:
     """How far two boxes are apart seen from the first piece [m], and the direction, in its frame.
 
@@ -214,8 +214,8 @@ def _across(u: float, v: float, w: float, x: float, y: float, z: float) -> tuple
     )
 
 
-@kernel(allocates=False)
-def is_wall(desk: Array) -> bool:
+@kernel(allocates=False, inline="always")
+def is_halfspace(desk: Array) -> bool:
     """Whether the first row of the desk is a half-space, which no box holds."""
     return bool(desk[0, KIND] == _HALFSPACE)
 
@@ -238,7 +238,7 @@ def triangle_gap(view: Array, corners: Array, a: int, b: int) -> tuple[float, Ve
     return (gap, n) if gap >= other else (other, m)
 
 
-@kernel(allocates=False)
+@kernel(allocates=False, inline="always")
 def _moved_corner(view: Array, corners: Array, k: int, x: float, y: float, z: float) -> Vector:
     """A corner of the second piece in the frame of the first, seen from a point there."""
     r, a, b, c = view, corners[k, 0], corners[k, 1], corners[k, 2]
@@ -267,7 +267,7 @@ def _gap_across(
     return scale * below, (scale * n[0], scale * n[1], scale * n[2])
 
 
-@kernel(allocates=False)
+@kernel(allocates=False, inline="always")
 def from_first(desk: Array, n: Vector, axis: Array) -> None:
     """Write a direction in the frame of the first row of the desk as one in the base frame."""
     for k in range(3):

@@ -1,4 +1,4 @@
-"""A tree of boxes over what stands still, so that most of it is never looked at.
+"""A tree of boxes over what stands still, so that most of it is never visited.
 
 Nodes lie in the order in which a walk meets them; a node that is far away is skipped together with
 all below it by going on at its ``skips``. Halved at the median along the longest side:
@@ -13,7 +13,7 @@ import numpy as np
 from compiled.kernel import kernel
 from kinematics.arrays import Array, Indices
 
-#: Pieces in a leaf: a walk step costs about as much as a look at two of them.
+#: Pieces in a leaf: a walk step costs about as much as a check of two of them.
 LEAF = 2
 #: Spans that wait while others are halved: one a level of a tree, which halves what it holds.
 DEEPEST = 128
@@ -40,7 +40,7 @@ class Tree(NamedTuple):
     items: Indices
 
 
-@kernel(allocates=False)
+@kernel(allocates=False, inline="always")
 def _sort_few(middles: Array, items: Indices, first: int, last: int, axes: int) -> None:
     """Sort records first to last - 1 of middles and items in the order of ``axes``."""
     for entry in range(first + 1, last):
@@ -82,7 +82,7 @@ def _move(middles: Array, items: Indices, source: int, target: int) -> None:
     items[target] = items[source]
 
 
-@kernel(allocates=False)
+@kernel(allocates=False, inline="always")
 def _part(
     middles: Array, items: Indices, span: tuple[int, int], half: int, axes: int, draw: int
 ) -> int:
@@ -121,7 +121,7 @@ def _part(
     return draw
 
 
-@kernel(allocates=False)
+@kernel(allocates=False, inline="always")
 def _longest_axis(middles: Array, first: int, last: int) -> int:
     """Axis along which the middles of a span are spread most."""
     longest, length = 0, -1.0
@@ -147,7 +147,7 @@ def _in_front(axes: int, axis: int) -> int:
     return code
 
 
-@kernel(allocates=False)
+@kernel(allocates=False, inline="always")
 def _close(low: Array, high: Array, items: Indices, most: int, nodes: Array) -> None:
     """Write the boxes of nodes whose spans are known, their sizes and where each goes on."""
     made = nodes.shape[0]

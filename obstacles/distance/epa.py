@@ -15,7 +15,7 @@ import numpy as np
 from compiled.kernel import kernel
 from compiled.vec3 import Vector, cross, dot, subtract
 from kinematics.arrays import Array, Indices
-from obstacles.distance.gjk import nearest_on_simplex, support, wall_distance
+from obstacles.distance.gjk import halfspace_distance_kernel, nearest_on_simplex, support
 from obstacles.distance.piece_set import KIND, ROUNDING, CoreKind, Lists
 
 _HALFSPACE = int(CoreKind.HALFSPACE)
@@ -105,14 +105,14 @@ def _rounded(p: Vector, n: Vector, rounding: float) -> Vector:
     return p[0] + rounding * n[0], p[1] + rounding * n[1], p[2] + rounding * n[2]
 
 
-@kernel
+@kernel(inline="always")
 def _with_halfspace(
     a: Array, i: int, b: Array, j: int, corners: Array, tables: Lists
 ) -> tuple[float, Vector, Vector]:
     if b[j, KIND] == _HALFSPACE:
-        distance, n, p = wall_distance(a, i, b, j, corners, tables)
+        distance, n, p = halfspace_distance_kernel(a, i, b, j, corners, tables)
         return distance, n, _rounded(p, n, -distance)
-    distance, n, p = wall_distance(b, j, a, i, corners, tables)
+    distance, n, p = halfspace_distance_kernel(b, j, a, i, corners, tables)
     return distance, (-n[0], -n[1], -n[2]), p
 
 
@@ -138,7 +138,7 @@ def _weights(S: Array, count: int, v: Vector) -> Vector:
     return 1.0 - s - t, s, t
 
 
-@kernel
+@kernel(inline="always")
 def _weighted(S: Array, count: int, weights: Vector, seen: Array, used: int) -> Vector:
     """The point of piece j that belongs to the weighted corners in S."""
     x, y, z = 0.0, 0.0, 0.0
@@ -153,7 +153,7 @@ def _weighted(S: Array, count: int, weights: Vector, seen: Array, used: int) -> 
     return x, y, z
 
 
-@kernel
+@kernel(inline="always")
 def _overlap(
     a: Array,
     i: int,
@@ -201,7 +201,7 @@ def _overlap(
     return -depth - rounding, out, _rounded(point, out, b[j, ROUNDING])
 
 
-@kernel
+@kernel(inline="always")
 def _first_corners(
     a: Array, i: int, b: Array, j: int, corners: Array, tables: Lists, grown: Array
 ) -> int:
@@ -251,7 +251,7 @@ def _next_direction(corners: Array, found: int) -> Vector:
     return (n[0] / length, n[1] / length, n[2] / length) if length > 0.0 else (1.0, 0.0, 0.0)
 
 
-@kernel
+@kernel(inline="always")
 def _plane(corners: Array, p: int, q: int, r: int) -> tuple[float, float, float, float]:
     """Unit normal and offset of the plane through three corners; offset inf where there is none."""
     a = (corners[p, 0], corners[p, 1], corners[p, 2])
@@ -264,7 +264,7 @@ def _plane(corners: Array, p: int, q: int, r: int) -> tuple[float, float, float,
     return n[0] / length, n[1] / length, n[2] / length, dot(n, a) / length
 
 
-@kernel
+@kernel(inline="always")
 def _put_face(corners: Array, faces: Indices, planes: Array, at: int, skipped: int) -> None:
     """Write the face of the first tetrahedron that lacks corner ``skipped``, seen from outside."""
     p, q, r = (skipped + 1) % 4, (skipped + 2) % 4, (skipped + 3) % 4
@@ -277,7 +277,7 @@ def _put_face(corners: Array, faces: Indices, planes: Array, at: int, skipped: i
     planes[at, 0], planes[at, 1], planes[at, 2], planes[at, 3] = plane
 
 
-@kernel
+@kernel(inline="always")
 def _grow(corners: Array, new: int, faces: Indices, planes: Array, made: int) -> int:
     """Replace the faces that corner ``new`` sees by those that join it to their rim."""
     w = (corners[new, 0], corners[new, 1], corners[new, 2])
@@ -312,7 +312,7 @@ def _grow(corners: Array, new: int, faces: Indices, planes: Array, made: int) ->
     return kept
 
 
-@kernel
+@kernel(inline="always")
 def _on_face(corners: Array, face: Indices, plane: Array) -> Vector:
     """The point of piece j where the origin falls onto a face."""
     S = np.empty((3, 3))

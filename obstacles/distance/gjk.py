@@ -47,7 +47,7 @@ _MAX_ITERATIONS = 60
 _GAP = 1e-10
 #: A distance between the thresholds is known well enough with this share of it proved.
 _KNOWN = 0.8
-#: A core distance below this [m] is contact: what is left of the digits can't tell more.
+#: A core distance below this [m] is contact: the digits left hold no more.
 _CONTACT = 1e-12
 
 #: The motion of one body seen from another around a configuration: by how much its ball's centre is
@@ -57,7 +57,7 @@ Drift = tuple[float, float, float, float, float, float, float, float, float]
 STILL = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
 
 
-@kernel(allocates=False)
+@kernel(allocates=False, inline="always")
 def _farthest(rows: Array, i: int, corners: Array, tables: Lists, d: Vector) -> Vector:
     """The corner of a polytope that is farthest along ``d``."""
     start = int(rows[i, START])
@@ -78,7 +78,7 @@ def _farthest(rows: Array, i: int, corners: Array, tables: Lists, d: Vector) -> 
     return corners[corner, 0], corners[corner, 1], corners[corner, 2]
 
 
-@kernel(allocates=False)
+@kernel(allocates=False, inline="always")
 def _round_support(kind: float, radius: float, half: float, d: Vector) -> Vector:
     radial = math.sqrt(d[0] * d[0] + d[1] * d[1])
     x, y = 0.0, 0.0
@@ -191,7 +191,7 @@ def nearest_on_triangle(a: Vector, b: Vector, c: Vector, S: Array) -> tuple[Vect
     ), 3
 
 
-@kernel(allocates=False)
+@kernel(allocates=False, inline="always")
 def _outside(a: Vector, b: Vector, c: Vector, opposite: Vector) -> bool:
     """Whether the origin is not strictly on the side of face abc where ``opposite`` is."""
     normal = cross(subtract(b, a), subtract(c, a))
@@ -204,8 +204,8 @@ def _outside(a: Vector, b: Vector, c: Vector, opposite: Vector) -> bool:
 def nearest_on_tetrahedron(S: Array, scratch: Array, apart: bool) -> tuple[Vector, int]:
     """Point of the tetrahedron in S nearest to the origin; 4 corners: the origin is inside.
 
-    Of a nearly flat one the sides can't be told; where a plane has shown that the origin is
-    outside (``apart``), all faces are looked at.
+    Of a nearly flat one the sides are unknown; where a plane has shown that the origin is
+    outside (``apart``), all faces are checked.
     """
     a, b, c, d = row(S, 0), row(S, 1), row(S, 2), row(S, 3)
     best, count = np.inf, 4
@@ -246,7 +246,7 @@ def nearest_on_simplex(S: Array, count: int, scratch: Array, apart: bool) -> tup
 
 
 @kernel(allocates=False)
-def wall_distance(
+def halfspace_distance_kernel(
     a: Array, i: int, b: Array, wall: int, corners: Array, tables: Lists
 ) -> tuple[float, Vector, Vector]:
     """Distance of piece i to a half-space, negative inside, its normal, and the lowest point."""
@@ -270,7 +270,7 @@ def allowance(n: Vector, drift: Drift) -> float:
 @kernel(allocates=False)
 def separation(
     pair: Pair, corners: Array, tables: Lists, near: float, far: float, drift: Drift, axis: Array,
-    room: Array,
+    buffer: Array,
 ) -> tuple[int, float, float]:  # fmt: skip
     """Compare the distance of two pieces with two thresholds.
 
@@ -283,8 +283,8 @@ def separation(
         far: Farther apart than this, and than the drift's allowance along the same plane on top, is
             far enough [m]; +inf asks for the distance itself.
         drift: Motion of the second piece seen from the first, ``STILL`` for none.
-        axis: Direction to look along first, from j to i, shape (3,); replaced by the best one.
-        room: Workspace, shape (8, 3).
+        axis: Direction to try first, from j to i, shape (3,); replaced by the best one.
+        buffer: Workspace, shape (8, 3).
 
     Returns:
         FARTHER, CLOSER (distance <= near) or BETWEEN, and a lower and an upper bound of the
@@ -294,9 +294,9 @@ def separation(
     a, i, b, j = pair
     if a[i, KIND] == _HALFSPACE or b[j, KIND] == _HALFSPACE:
         if b[j, KIND] == _HALFSPACE:
-            d, n, _ = wall_distance(a, i, b, j, corners, tables)
+            d, n, _ = halfspace_distance_kernel(a, i, b, j, corners, tables)
         else:
-            d, n, _ = wall_distance(b, j, a, i, corners, tables)
+            d, n, _ = halfspace_distance_kernel(b, j, a, i, corners, tables)
         axis[0], axis[1], axis[2] = n
         return (
             (FARTHER if d > far + allowance(n, drift) else CLOSER if d <= near else BETWEEN),
@@ -304,7 +304,7 @@ def separation(
             d,
         )
     rounding = a[i, ROUNDING] + b[j, ROUNDING]
-    S, scratch = room[:4], room[4:]
+    S, scratch = buffer[:4], buffer[4:]
     v = (axis[0], axis[1], axis[2])
     square = dot(v, v)
     if not square > 0.0:

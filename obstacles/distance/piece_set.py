@@ -254,7 +254,7 @@ def _table(corners: bytes) -> Lists:
     return support_table(np.frombuffer(corners).reshape(-1, 3))
 
 
-@kernel(allocates=False)
+@kernel(allocates=False, inline="always")
 def cell_of(x: float, y: float, z: float) -> int:
     """The cell that a direction lies in; 0 for a direction of no length."""
     ax, ay, az = abs(x), abs(y), abs(z)
@@ -272,51 +272,31 @@ def cell_of(x: float, y: float, z: float) -> int:
     return (face * SIDE + row) * SIDE + column
 
 
-@kernel(allocates=False)
-def _direction(face: int, u: float, v: float) -> tuple[float, float, float]:
-    sign = 1.0 if face % 2 == 0 else -1.0
-    if face < 2:
-        return sign, u, v
-    if face < 4:
-        return v, sign, u
-    return u, v, sign
+def _cell_corners() -> Array:
+    """Directions to the four corners of each cell, a hair beyond its rim, shape (CELLS, 4, 3)."""
+    cell, end = np.arange(CELLS)[:, None], np.arange(4)
+    face, row, column = cell // (SIDE * SIDE), cell // SIDE % SIDE, cell % SIDE
+    u = 2.0 * (column + end % 2) / SIDE - 1.0 + np.where(end % 2, 1e-9, -1e-9)
+    v = 2.0 * (row + end // 2) / SIDE - 1.0 + np.where(end // 2, 1e-9, -1e-9)
+    sign = np.broadcast_to(np.where(face % 2, -1.0, 1.0), u.shape)
+    turned = np.select(
+        [(face < 2)[..., None], (face < 4)[..., None]],
+        [np.stack([sign, u, v], axis=-1), np.stack([v, sign, u], axis=-1)],
+        np.stack([u, v, sign], axis=-1),
+    )
+    return np.ascontiguousarray(turned)
 
 
-@kernel
-def _fill(corners: Array, starts: Lists, lists: Lists) -> int:
-    """Write the lists of all cells one behind the other; how long they are together."""
-    count = corners.shape[0]
-    reach, best = np.empty((4, count)), np.empty(4, dtype=np.int64)
-    size = 0
-    for cell in range(CELLS):
-        face, row, column = cell // (SIDE * SIDE), cell // SIDE % SIDE, cell % SIDE
-        for end in range(4):
-            # A hair wider than the cell, for what lies on its rim.
-            u = 2.0 * (column + end % 2) / SIDE - 1.0 + (1e-9 if end % 2 else -1e-9)
-            v = 2.0 * (row + end // 2) / SIDE - 1.0 + (1e-9 if end // 2 else -1e-9)
-            x, y, z = _direction(face, u, v)
-            for k in range(count):
-                reach[end, k] = x * corners[k, 0] + y * corners[k, 1] + z * corners[k, 2]
-            best[end] = int(np.argmax(reach[end]))
-        starts[cell] = size
-        middle = int(np.argmax(reach[0] + reach[1] + reach[2] + reach[3]))
-        for k in range(count):
-            beaten = False
-            for rival in (best[0], best[1], best[2], best[3], middle):
-                lost = 0
-                for end in range(4):
-                    lost += reach[end, rival] > reach[end, k] + _TIE
-                beaten |= lost == 4
-            if not beaten:
-                lists[size] = k
-                size += 1
-    starts[CELLS] = size
-    return size
+_CELL_CORNERS = _cell_corners()
 
 
 def support_table(corners: Array) -> Lists:
-    """Index of each cell's list of corners in the table itself, and behind that the lists."""
-    starts = np.empty(CELLS + 1, dtype=np.int32)
-    lists = np.empty(CELLS * len(corners), dtype=np.int32)
-    size = _fill(np.ascontiguousarray(corners), starts, lists)
-    return np.concatenate([starts + np.int32(CELLS + 1), lists[:size]])
+    """Table of a hull's corners (k, 3): where the list of each cell starts, then the lists."""
+    reach = _CELL_CORNERS @ corners.T
+    rivals = np.column_stack([reach.argmax(axis=2), reach.sum(axis=1).argmax(axis=1)])
+    kept = np.ones((CELLS, len(corners)), dtype=np.bool_)
+    for rival in rivals.T:
+        best = np.take_along_axis(reach, rival[:, None, None], axis=2)
+        kept &= ~(best > reach + _TIE).all(axis=1)
+    starts = CELLS + 1 + np.concatenate([[0], np.cumsum(kept.sum(axis=1))])
+    return np.concatenate([starts, np.nonzero(kept)[1]]).astype(np.int32)

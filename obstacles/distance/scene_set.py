@@ -89,7 +89,7 @@ def primitive_rows(primitives: Primitives) -> Array:
 
 @cache
 def _primitive_rows() -> Callable[[Primitives, Indices, Array], None]:
-    """``primitive_rows_kernel`` without the look at its arguments' types."""
+    """``primitive_rows_kernel`` without the check of its arguments' types."""
     numbers = np.zeros(1, dtype=np.int64)
     some = Primitives(numbers, np.zeros((1, 3)), np.zeros((1, 4, 4)))
     return direct(primitive_rows_kernel, some, numbers, np.zeros((1, WIDTH)))

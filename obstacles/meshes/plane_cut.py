@@ -87,16 +87,16 @@ def _write_volumes(
         above: Shape (3, k + 1).
     """
     points, best, farthest = _farthest_of_slabs(vertices, faces, places, directions)
-    room = empty_hull(points.shape[0], best.shape[1] * best.shape[2])
+    buffer = empty_hull(points.shape[0], best.shape[1] * best.shape[2])
     sight = 0.0
     for axis in range(3):
         sight = max(sight, _SIGHT * (places[axis, -1] - places[axis, 0]))
     for axis in range(3):
-        _grow_by_slabs(points, best[axis], farthest[axis], 1, sight, room, below[axis])
-        _grow_by_slabs(points, best[axis], farthest[axis], -1, sight, room, above[axis])
+        _grow_by_slabs(points, best[axis], farthest[axis], 1, sight, buffer, below[axis])
+        _grow_by_slabs(points, best[axis], farthest[axis], -1, sight, buffer, above[axis])
 
 
-@kernel
+@kernel(inline="always")
 def _farthest_of_slabs(
     vertices: Array, faces: Faces, places: Array, directions: Array
 ) -> tuple[Array, Array, Indices]:
@@ -146,7 +146,7 @@ def _farthest_of_slabs(
     return points, best, farthest
 
 
-@kernel(allocates=False)
+@kernel(allocates=False, inline="always")
 def _joggle(points: Array, places: Array) -> None:
     """Move points a little, each time alike: no four of them are in a plane then."""
     state = 1
@@ -157,7 +157,7 @@ def _joggle(points: Array, places: Array) -> None:
             points[i, axis] += size * (state / 1073741824.0 - 1.0)
 
 
-@kernel
+@kernel(inline="always")
 def _edges_across(faces: Faces, slabs: Indices) -> Indices:
     """Edges between slabs of some axis, hardly any twice, (e, 2).
 
@@ -192,14 +192,14 @@ def _edges_across(faces: Faces, slabs: Indices) -> Indices:
     return edges[:count]
 
 
-@kernel(allocates=False)
+@kernel(allocates=False, inline="always")
 def _apart(slabs: Indices, i: int, j: int) -> bool:
     return bool(
         slabs[0, i] != slabs[0, j] or slabs[1, i] != slabs[1, j] or slabs[2, i] != slabs[2, j]
     )
 
 
-@kernel(allocates=False)
+@kernel(allocates=False, inline="always")
 def _write_crossing(
     vertices: Array, i: int, j: int, axis: int, at: float, points: Array, row: int
 ) -> None:
@@ -271,7 +271,8 @@ def cut_surface(surface: Surface, axis: int, at: float) -> tuple[Surface, Surfac
     """
     vertices, faces, names = surface
     heights = vertices[:, axis] - at
-    most = 2 * _count_across(heights, faces)
+    spans = heights[faces]
+    most = 2 * int(((spans.min(axis=1) < 0.0) & (spans.max(axis=1) > 0.0)).sum())
     points = np.vstack([vertices, np.empty((most, 3))])
     size = len(faces) + most
     sides = np.empty((2, size, 3), dtype=np.int64)
@@ -286,20 +287,11 @@ def cut_surface(surface: Surface, axis: int, at: float) -> tuple[Surface, Surfac
 
 def used_surface(surface: Surface) -> Surface:
     """A surface without the points that are no corners, numbered in the order of their use."""
-    faces = surface.faces.copy()
-    number = np.full(len(surface.vertices), -1)
-    used = np.empty(len(surface.vertices), dtype=np.int64)
-    count = _renumber(faces, number, used)
-    return Surface(surface.vertices[used[:count]], faces, surface.names)
-
-
-@kernel
-def _count_across(heights: Array, faces: Faces) -> int:
-    count = 0
-    for f in range(faces.shape[0]):
-        a, b, c = heights[faces[f, 0]], heights[faces[f, 1]], heights[faces[f, 2]]
-        count += min(a, b, c) < 0.0 < max(a, b, c)
-    return count
+    used, first, number = np.unique(surface.faces, return_index=True, return_inverse=True)
+    order = np.argsort(first)
+    rank = np.empty(len(order), dtype=np.int64)
+    rank[order] = np.arange(len(order))
+    return Surface(surface.vertices[used[order]], rank[number].reshape(-1, 3), surface.names)
 
 
 @kernel
@@ -358,7 +350,7 @@ def _cut_faces(
     return counts[0], counts[1]
 
 
-@kernel(allocates=False)
+@kernel(allocates=False, inline="always")
 def _write_triangle(
     i: int, j: int, k: int, name: int, side: int, counts: Indices, sides: Indices, bodies: Indices
 ) -> None:
@@ -368,7 +360,7 @@ def _write_triangle(
     counts[side] += 1
 
 
-@kernel(allocates=False)
+@kernel(allocates=False, inline="always")
 def _has_area(points: Array, i: int, j: int, k: int) -> bool:
     a = (points[i, 0], points[i, 1], points[i, 2])
     n = cross(
@@ -376,23 +368,3 @@ def _has_area(points: Array, i: int, j: int, k: int) -> bool:
         (points[k, 0] - a[0], points[k, 1] - a[1], points[k, 2] - a[2]),
     )
     return dot(n, n) > 0.0
-
-
-@kernel
-def _renumber(faces: Faces, number: Indices, used: Indices) -> int:
-    """Number the corners of triangles in the order of their first use; how many there are.
-
-    Args:
-        faces: Old numbers, then new ones, shape (t, 3).
-        number: New numbers of the old ones; -1 before, shape (v,).
-        used: Old numbers of the new ones, shape (v,).
-    """
-    count = 0
-    for f in range(faces.shape[0]):
-        for corner in range(3):
-            old = faces[f, corner]
-            if number[old] < 0:
-                number[old], used[count] = count, old
-                count += 1
-            faces[f, corner] = number[old]
-    return count

@@ -122,13 +122,13 @@ def project_kernel(
                 distance[m, owner] = -distance[m, owner]
 
 
-@kernel
+@kernel(inline="always")
 def _holds(ball: Array, p: Vector) -> bool:
     x, y, z = p[0] - ball[0], p[1] - ball[1], p[2] - ball[2]
     return bool(x * x + y * y + z * z <= ball[3] * ball[3])
 
 
-@kernel
+@kernel(inline="always")
 def _winding(arrays: ProjectionArrays, owner: int, p: Vector) -> float:
     """How often the triangles that enclose an obstacle wind around p."""
     total, number, point = 0.0, np.empty(1), np.empty((1, 3))
@@ -141,7 +141,7 @@ def _winding(arrays: ProjectionArrays, owner: int, p: Vector) -> float:
     return total
 
 
-@kernel
+@kernel(inline="always")
 def _to_local(T: Array, p: Vector) -> Vector:
     x, y, z = p[0] - T[0, 3], p[1] - T[1, 3], p[2] - T[2, 3]
     return (
@@ -151,7 +151,7 @@ def _to_local(T: Array, p: Vector) -> Vector:
     )
 
 
-@kernel
+@kernel(inline="always")
 def _on_piece(arrays: ProjectionArrays, i: int, p: Vector) -> Nearest:
     """Nearest point of the boundary of piece i, in the world."""
     T = arrays.poses[i]
@@ -184,7 +184,7 @@ def _on_piece(arrays: ProjectionArrays, i: int, p: Vector) -> Nearest:
     )
 
 
-@kernel
+@kernel(inline="always")
 def _rounded(arrays: ProjectionArrays, i: int, p: Vector, q: Nearest) -> Nearest:
     """Nearest point of the boundary of a rounded core, from that of the core itself."""
     rounding, distance = arrays.sizes[i, 2], q[3]

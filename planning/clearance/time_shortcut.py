@@ -25,7 +25,7 @@ from kinematics.arrays import Array, Indices
 from obstacles.collision.checker import Checker, any_model
 from obstacles.collision.model.kernel_work import Workspace, workspace
 from obstacles.collision.model.model_arrays import ModelArrays, at_margins
-from obstacles.collision.proximity import line_shortfall
+from obstacles.collision.proximity import line_deficit
 from planning.search.sampled_check import Look, all_look_free, look_of
 from planning.search.shortcut import Held, are_proved, is_free
 from planning.timing.estimate import LEG_ROWS, TIME, estimated_time
@@ -178,7 +178,7 @@ def _write_shortfalls(
     points, look = way.points, bounds.preferred
     looked = at_margins(model, look.margin, look.own_margin)
     for k in range(count - 1):
-        way.shortfall[k] = line_shortfall(looked, work, points[k], points[k + 1], _SPACING, np.inf)
+        way.shortfall[k] = line_deficit(looked, work, points[k], points[k + 1], _SPACING, np.inf)
 
 
 @kernel(allocates=False)
@@ -347,7 +347,7 @@ def _try(
     for i in range(k - 1, k + brought):
         worth = bounds.weight * legs[TIME, i]
         most = (enough - cost) / worth if worth > 0.0 else np.inf
-        expected[i] = line_shortfall(looked, work, trial[i], trial[i + 1], _SPACING, most)
+        expected[i] = line_deficit(looked, work, trial[i], trial[i + 1], _SPACING, most)
         cost += worth * expected[i]
         if not cost < enough:
             return np.inf

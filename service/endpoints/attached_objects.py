@@ -59,7 +59,7 @@ class RobotInScene:
 
     def overlaps(self, configurations: Iterable[Array]) -> list[dict[str, Any]]:
         """The same pairs with how deep they are in the deepest of some configurations (n,)."""
-        return allowed_answer(OverlapMeter(self.robot, self.scene).told(configurations))
+        return allowed_answer(OverlapMeter(self.robot, self.scene).report(configurations))
 
 
 class SceneRequest(Protocol):

@@ -10,7 +10,13 @@ from kinematics.forward import link_poses
 from kinematics.tree.serial_chain import serial_chain
 from kinematics.urdf.urdf import parse_urdf
 from obstacles.collision.checker import Checker
-from obstacles.collision.model.kernel_work import meeting_body, pair_stray, place, visit, workspace
+from obstacles.collision.model.kernel_work import (
+    meeting_body,
+    pair_shift,
+    place,
+    visit,
+    workspace,
+)
 from obstacles.robots.robot_geometry import RobotGeometry, robot_geometry
 from obstacles.scenes.scene import Obstacle, Scene
 from obstacles.shapes.shape import Box, Sphere
@@ -106,7 +112,7 @@ def test_strays_of_two_links_bound_how_they_get_nearer(robot: RobotGeometry) -> 
         centers = np.einsum("skij,kj->ski", frames[..., :3, :3], carried) + frames[..., :3, 3]
         for i, j in model.self_pairs:
             gaps = np.linalg.norm(centers[:, i] - centers[:, j], axis=1)
-            stray = pair_stray(model.chain, model.joints, work.strays, i, j)
+            stray = pair_shift(model.chain, model.joints, work.shifts, i, j)
             nearer = float(gaps[0] - gaps.min())
             assert nearer <= stray + 1e-12
             meeting = meeting_body(model.chain, model.joints[i], model.joints[j])

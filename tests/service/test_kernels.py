@@ -19,11 +19,6 @@ UNREACHED = {
     "kinematics.jacobian._cross",
     "kinematics.jacobian._rate_batch_kernel",
     "kinematics.jacobian.rate_kernel",
-    # Of tests and benchmarks, which ask for parts of an answer.
-    "obstacles.distance.ball_distance.distance_from",
-    "obstacles.distance.ball_distance.nearest_from",
-    "obstacles.collision.state_check.bracket_on",
-    "obstacles.collision.state_check.verdicts_on",
 }
 #: Prints the kernels of modules that the service imports, and that nothing on the list calls.
 FIND_UNREACHED = """

@@ -54,7 +54,7 @@ from obstacles.distance.piece_set import (
 
 #: Numbers on the stack for three vectors.
 _THREE = 3 * LANES
-#: States from which on a look at eight costs less than one at each.
+#: States from which on a check of eight costs less than one of each.
 _FEW = 4
 #: All lanes, as bits.
 _EVERY = (1 << LANES) - 1
@@ -62,9 +62,9 @@ _EVERY = (1 << LANES) - 1
 
 @kernel(allocates=False)
 def blocked_between(
-    model: ModelArrays, work: Workspace, a: Array, b: Array, margin: float, parts: int, looks: int
+    model: ModelArrays, work: Workspace, a: Array, b: Array, margin: float, parts: int, checks: int
 ) -> bool:
-    """Whether a state between a and b (n,) is not free that ``blocked_at`` would look at.
+    """Whether a state between a and b (n,) is not free that ``blocked_at`` would check.
 
     Args:
         model: The packed robot and scene.
@@ -73,15 +73,15 @@ def blocked_between(
         b: End of the motion, shape (n,).
         margin: Asked for on top of the pairs' own margins [m].
         parts: Into which the motion is divided at first, a power of 2; 1 where the end is open.
-        looks: Parts at last.
+        checks: Parts at last.
     """
     shares, count, part = on_stack(LANES), 0, 1
-    while parts <= looks:
+    while parts <= checks:
         shares[count] = part / parts
         count, part = count + 1, part + 2
         if part > parts:
             parts, part = 2 * parts, 1
-        if count == LANES or parts > looks:
+        if count == LANES or parts > checks:
             write_states(work, a, b, shares, 0, count)
             every = (1 << count) - 1
             if blocked_lanes(model, work, margin, every, every, 0) != 0:
@@ -140,7 +140,7 @@ def blocked_lanes(
         if blocked == asked or blocked & vital != 0:
             return blocked
     apart = model.own_margin + margin
-    blocked |= _own_pairs(model, work, apart, asked & ~blocked, vital)
+    blocked |= _self_pairs(model, work, apart, asked & ~blocked, vital)
     return blocked | together if blocked & together != 0 else blocked
 
 
@@ -176,14 +176,14 @@ def _around_body(
     vital: int,
 ) -> int:  # fmt: skip
     """Lanes of those open where a piece of a body meets what stands around."""
-    row, walls = model.bodies[body, 0], model.walls
+    row, halfspaces = model.bodies[body, 0], model.halfspaces
     nodes, items, scene = model.nodes, model.items, model.scene
     p = ball_at(model, work, row)
     radius = model.robot[row, RADIUS]
     reach = max(radius + extra + ROUNDING_ERROR, 0.0)
     several = model.bodies[body, 2] - model.bodies[body, 1] > 1
     square, node, end, entry, stop = reach * reach, 0, nodes.shape[0], 0, 0
-    wall, blocked, near = 0, 0, 0
+    halfspace, blocked, near = 0, 0, 0
     # One loop over half-spaces, nodes and what is in them: what it does is pasted in once.
     while True:
         if entry < stop:
@@ -197,9 +197,9 @@ def _around_body(
                 entry, stop = int(nodes[node, FIRST]), int(nodes[node, LAST])
                 node += 1
             continue
-        elif wall < walls.shape[0]:
-            k, near = walls[wall], open_lanes
-            wall += 1
+        elif halfspace < halfspaces.shape[0]:
+            k, near = halfspaces[halfspace], open_lanes
+            halfspace += 1
         else:
             return blocked
         apart, meets = scene[k, MARGIN] + extra, near & ~blocked
@@ -254,10 +254,10 @@ def _body_against(
 
 
 @kernel(allocates=False, inline="always")
-def _own_pairs(
+def _self_pairs(
     model: ModelArrays, work: Workspace, apart: float, open_lanes: int, vital: int
 ) -> int:
-    """Lanes of those open where a pair of the robot's own meets."""
+    """Lanes of those open where a self-collision pair meets."""
     rows, groups, lanes, blocked, group = model.robot, model.groups, work.lanes, 0, 0
     while group < groups.shape[0]:
         start, stop, a, b = groups[group]
@@ -281,7 +281,7 @@ def _own_pairs(
             if meets != 0 and model.grid_axes[s, 0, 2] > 0.0:
                 meets = beyond_grid(model, lanes, s, apart + ROUNDING_ERROR, meets)
             if meets != 0:
-                blocked |= _ask_own_each(model, work, s, apart, meets, vital)
+                blocked |= _ask_self_each(model, work, s, apart, meets, vital)
                 if blocked & vital != 0:
                     return blocked
     return blocked
@@ -306,10 +306,10 @@ def _ask_each(
 
 
 @kernel(allocates=False)
-def _ask_own_each(
+def _ask_self_each(
     model: ModelArrays, work: Workspace, s: int, apart: float, open_lanes: int, vital: int
 ) -> int:
-    """Lanes of those open where pair s of the robot's own meets, by exact tests."""
+    """Lanes of those open where self-collision pair s meets, by exact tests."""
     asked, blocked = on_stack(1).view(np.int64), 0
     i, j = model.self_pairs[s, 0], model.self_pairs[s, 1]
     for number in range(LANES):
@@ -327,7 +327,7 @@ def _ask_own_each(
 
 @kernel(allocates=False)
 def _write_frame(work: Workspace, joint: int, number: int) -> None:
-    """Write the frame of a body in one lane as that of the state that is looked at."""
+    """Write the frame of a body in one lane as that of the state that is checked."""
     if joint < 0:
         return
     at, T = frame_at(work, joint) + number, work.frames[joint]
@@ -356,7 +356,7 @@ def mark_blocked(model: ModelArrays, states: Array, margin: float, blocked: Arra
 
 @kernel
 def any_blocked(model: ModelArrays, states: Array, margin: float) -> bool:
-    """Whether any of states (k, n) is not free; those behind the first few that are not looked at.
+    """Whether any of states (k, n) is not free; those behind the first such are not checked.
 
     Args:
         model: The packed robot and scene.

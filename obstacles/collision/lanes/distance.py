@@ -100,14 +100,14 @@ def lane_bound_from(rows: Array, k: int, corners: Array, p: Point) -> Lanes:
 @kernel(allocates=False)
 def _from_core_each(rows: Array, k: int, corners: Array, u: Lanes, v: Lanes, w: Lanes) -> Lanes:
     """``ball_distance.from_core`` of points, one by one."""
-    room = on_stack(_FOUR)
-    store(room, 0, u)
-    store(room, LANES, v)
-    store(room, 2 * LANES, w)
+    buffer = on_stack(_FOUR)
+    store(buffer, 0, u)
+    store(buffer, LANES, v)
+    store(buffer, 2 * LANES, w)
     for at in range(LANES):
-        x, y, z = room[at], room[LANES + at], room[2 * LANES + at]
-        room[3 * LANES + at] = from_core(rows, k, corners, x, y, z)
-    return load(room, 3 * LANES)
+        x, y, z = buffer[at], buffer[LANES + at], buffer[2 * LANES + at]
+        buffer[3 * LANES + at] = from_core(rows, k, corners, x, y, z)
+    return load(buffer, 3 * LANES)
 
 
 @kernel(allocates=False, inline="code")
@@ -197,7 +197,7 @@ def sphere_at(model: ModelArrays, work: Workspace, sphere: int, joint: int) -> P
     return moved(work.lanes, frame_at(work, joint), x, y, z)
 
 
-@kernel(allocates=False)
+@kernel(allocates=False, inline="always")
 def enter_group(model: ModelArrays, work: Workspace, group: int, near: int) -> int:
     """How many groups to go on by at one that is parted, its parts placed where lanes are near."""
     groups, size = model.groups, model.groups[group, GROUP_SIZE]

@@ -1,6 +1,6 @@
 """A straight motion, eight stretches abreast: which pairs of pieces may meet on each.
 
-``lane_check`` looks at states. Here a lane is a stretch of the motion: the state in its middle, and
+``check`` is about states. Here a lane is a stretch of the motion: the state in its middle, and
 how far a body gets from there at most, the B of ``edge_check``. The ball of a body, grown by that,
 walks the tree of what stands around; then the spheres of its pieces, each grown by as much. What
 none of them clears is left to ``edge_check``, with the stretch that it may meet on.
@@ -34,13 +34,13 @@ from obstacles.distance.piece_set import MARGIN, OWNER, RADIUS
 #: Length of a stretch, Euclidean in joint space; a motion is divided into eight at least, and so
 #: many times eight at most.
 _STRETCH, _MAX_BATCHES = 0.1, 8
-#: Own pairs that may be left open; where there are more, all are looked at by their groups.
-_MAX_OWN_PAIRS = 64
+#: Self-collision pairs that may be left open; where there are more, their groups are checked.
+_MAX_SELF_PAIRS = 64
 #: Factor by which what waits names a piece of the scene: below it are the lanes, as bits.
 _LANE_BITS = 1 << LANES
 
 
-@kernel(allocates=False)
+@kernel(allocates=False, inline="always")
 def open_stretches(
     model: ModelArrays, work: Workspace, start: Array, end: Array, margin: float
 ) -> int:
@@ -49,7 +49,7 @@ def open_stretches(
     Args:
         model: The packed robot and scene.
         work: A workspace of the model, filled as ``certify_spans`` reads it: a stretch with what
-            may meet on it, and the whole motion with the robot's own pairs that may.
+            may meet on it, and the whole motion with the robot's self-collision pairs that may.
         start: Start of the motion, shape (n,) [rad or m].
         end: End of the motion, shape (n,).
         margin: Asked for on top of the pairs' own margins [m].
@@ -58,17 +58,17 @@ def open_stretches(
         How many intervals there are; -1 where there is no room, or the motion is not finite.
     """
     entries, axes, waiting = work.entries[0], work.hints[0], work.entries[1]
-    own, kept, count, batches, square = 0, _MAX_OWN_PAIRS, 0, 1, 0.0
+    own, kept, count, batches, square = 0, _MAX_SELF_PAIRS, 0, 1, 0.0
     for j in range(start.shape[0]):
         square += (end[j] - start[j]) ** 2
     while batches < _MAX_BATCHES and (batches * LANES * _STRETCH) ** 2 < square:
         batches += 1
-    small = entries.shape[0] < 2 * _MAX_OWN_PAIRS or work.spans.shape[1] <= _MAX_BATCHES * LANES
+    small = entries.shape[0] < 2 * _MAX_SELF_PAIRS or work.spans.shape[1] <= _MAX_BATCHES * LANES
     if small or not square < math.inf:  # what is no number is beyond no distance
         return -1
     many = work.tally[LAST_GROUP] >= 0.0
     if many:
-        own = _copy_own_roots(model, entries)
+        own = _copy_self_roots(model, entries)
         kept = max(own, kept)
     parts, shares = batches * LANES, on_stack(LANES)
     for j in range(start.shape[0]):
@@ -79,10 +79,10 @@ def open_stretches(
         write_states(work, start, end, shares, 0, LANES)
         place_stretches(model, work)
         if not many:
-            own = _open_own_pairs(model, work, margin, entries, own)
+            own = _open_self_pairs(model, work, margin, entries, own)
             many = own < 0
             if many:
-                own = _copy_own_roots(model, entries[:_MAX_OWN_PAIRS])
+                own = _copy_self_roots(model, entries[:_MAX_SELF_PAIRS])
         found = _open_pairs(model, work, margin, waiting)
         if own < 0 or found < 0:
             return -1
@@ -97,8 +97,8 @@ def open_stretches(
 
 
 @kernel(allocates=False)
-def _copy_own_roots(model: ModelArrays, entries: Indices) -> int:
-    """Write the groups of own pairs; how many there are, -1 where there is no room."""
+def _copy_self_roots(model: ModelArrays, entries: Indices) -> int:
+    """Write the groups of self-collision pairs; how many there are, -1 where there is no room."""
     kept = 0
     for root in range(model.roots.shape[0]):
         if model.roots[root, 0] < 0:
@@ -137,28 +137,28 @@ def _add_interval(
     return count + 1
 
 
-@kernel(allocates=False)
+@kernel(allocates=False, inline="always")
 def place_stretches(model: ModelArrays, work: Workspace) -> None:
-    """Bring frames, balls and strays of all moving bodies to the stretches.
+    """Bring frames, balls and shifts of all moving bodies to the stretches.
 
     Args:
         model: The packed robot and scene.
         work: A workspace of the model, its ``lanes`` beginning with the states in the middles, and
-            row 1 of ``joints`` how far each joint strays from them.
+            row 1 of ``joints`` how far each joint shifts from them.
     """
     write_frames(model.chain, work.lanes)
     for body in range(model.bodies.shape[0]):
         row = model.bodies[body, 0]
         place_balls(model, work, row)
-        _write_strays(model, work, row)
+        _write_shifts(model, work, row)
 
 
 @kernel(allocates=False)
-def _write_strays(model: ModelArrays, work: Workspace, row: int) -> None:
+def _write_shifts(model: ModelArrays, work: Workspace, row: int) -> None:
     """Write how far a body with this ball gets while the joints from each one on move."""
     chain, lanes, joint = model.chain, work.lanes, model.joints[row]
     n, radius, c = int(chain[0, 0]), model.robot[row, RADIUS], ball_at(model, work, row)
-    stray, at = fill(0.0), strays_of(work, joint)
+    shift, at = fill(0.0), shifts_of(work, joint)
     while joint >= 0:
         parent, place, leader, share = joint - 1, 1 + joint, joint, 1.0
         if joint >= n:
@@ -172,21 +172,21 @@ def _write_strays(model: ModelArrays, work: Workspace, row: int) -> None:
                 x, y, z = c[0] - F[3], c[1] - F[7], c[2] - F[11]
                 along = x * F[2] + y * F[6] + z * F[10]
                 square = x * x + y * y + z * z - along * along
-                stray += (math.sqrt(max(square, 0.0)) + radius + stray) * delta
+                shift += (math.sqrt(max(square, 0.0)) + radius + shift) * delta
             else:
-                stray += delta
-        store(lanes, at + LANES * (parent + 1), stray)
+                shift += delta
+        store(lanes, at + LANES * (parent + 1), shift)
         joint = parent
 
 
 @kernel(allocates=False, inline="code")
-def strays_of(work: Workspace, joint: int) -> int:
-    """Place in ``work.lanes`` of a body's strays, seen from the base and from each body."""
+def shifts_of(work: Workspace, joint: int) -> int:
+    """Place in ``work.lanes`` of a body's shifts, seen from the base and from each body."""
     bodies = work.frames.shape[0]
     return int(work.lanes.shape[0] - LANES * (bodies + 1) * (bodies - joint))
 
 
-@kernel(allocates=False)
+@kernel(allocates=False, inline="always")
 def _open_pairs(model: ModelArrays, work: Workspace, margin: float, waiting: Indices) -> int:
     """Write the pairs of a piece and something around that are not proved apart on stretches.
 
@@ -212,13 +212,16 @@ def _around_body(
     model: ModelArrays, work: Workspace, body: int, extra: float, waiting: Indices, count: int
 ) -> int:
     """Write what a body may meet behind the first ``count`` pairs; how many there are then."""
-    row, walls = model.bodies[body, 0], model.walls
+    row, halfspaces = model.bodies[body, 0], model.halfspaces
     nodes, items, scene, corners = model.nodes, model.items, model.scene, model.corners
-    stray = load(work.lanes, strays_of(work, model.joints[row]))
-    p, reach = ball_at(model, work, row), max(stray + (model.robot[row, RADIUS] + extra), 0.0)
+    shift = load(work.lanes, shifts_of(work, model.joints[row]))
+    p, reach = (
+        ball_at(model, work, row),
+        max(shift + (model.robot[row, RADIUS] + extra), 0.0),
+    )
     several = model.bodies[body, 2] - model.bodies[body, 1] > 1
     square, node, end, entry, stop = reach * reach, 0, nodes.shape[0], 0, 0
-    wall, near = 0, 0
+    halfspace, near = 0, 0
     # One loop over half-spaces, nodes and what is in them: what it does is pasted in once.
     while True:
         if entry < stop:
@@ -232,9 +235,9 @@ def _around_body(
                 entry, stop = int(nodes[node, FIRST]), int(nodes[node, LAST])
                 node += 1
             continue
-        elif wall < walls.shape[0]:
-            k, near = walls[wall], _LANE_BITS - 1
-            wall += 1
+        elif halfspace < halfspaces.shape[0]:
+            k, near = halfspaces[halfspace], _LANE_BITS - 1
+            halfspace += 1
         else:
             return count
         meets, apart = near, scene[k, MARGIN]
@@ -242,7 +245,7 @@ def _around_body(
             meets &= bits(lane_bound_from(scene, k, corners, p) <= reach + apart)
         if meets == 0:
             continue
-        around = stray + (extra + apart)
+        around = shift + (extra + apart)
         for carried in range(model.bodies[body, 1], model.bodies[body, 2]):
             i = model.carried[carried]
             if model.skipped[i, int(scene[k, OWNER])]:
@@ -277,11 +280,11 @@ def _near_spheres(
     return near
 
 
-@kernel(allocates=False)
-def _open_own_pairs(
+@kernel(allocates=False, inline="always")
+def _open_self_pairs(
     model: ModelArrays, work: Workspace, margin: float, waiting: Indices, count: int
 ) -> int:
-    """Write the robot's own pairs that are not proved apart on all of the stretches.
+    """Write the robot's self-collision pairs that are not proved apart on all of the stretches.
 
     Args:
         model: The packed robot and scene, none of whose groups is parted.
@@ -298,17 +301,17 @@ def _open_own_pairs(
     apart = model.own_margin + margin + ROUNDING_ERROR
     for group in range(groups.shape[0]):
         start, stop, a, b = groups[group]
-        stray = _stray_between(model, work, model.joints[a], model.joints[b])
-        reach = stray + (rows[a, RADIUS] + rows[b, RADIUS] + apart)
+        shift = _shift_between(model, work, model.joints[a], model.joints[b])
+        reach = shift + (rows[a, RADIUS] + rows[b, RADIUS] + apart)
         if closer(ball_at(model, work, a), ball_at(model, work, b), reach) == 0:
             continue
         for s in range(start, stop):
             known = 0
             while known < count and waiting[known, 0] != p + s:
                 known += 1
-            if known < count or not _may_meet(model, work, s, stray + apart):
+            if known < count or not _may_meet(model, work, s, shift + apart):
                 continue
-            if count == _MAX_OWN_PAIRS:
+            if count == _MAX_SELF_PAIRS:
                 return -1
             waiting[count, 0], waiting[count, 1] = p + s, 0
             count += 1
@@ -316,15 +319,15 @@ def _open_own_pairs(
 
 
 @kernel(allocates=False)
-def _stray_between(model: ModelArrays, work: Workspace, one: int, other: int) -> Lanes:
-    """``pair_stray`` of two bodies, the second of which moves seen from the first."""
+def _shift_between(model: ModelArrays, work: Workspace, one: int, other: int) -> Lanes:
+    """``pair_shift`` of two bodies, the second of which moves seen from the first."""
     lanes, meeting = work.lanes, one
     if other >= int(model.chain[0, 0]):
         meeting = meeting_body(model.chain, one, other)
-    stray = load(lanes, strays_of(work, other) + LANES * (meeting + 1))
+    shift = load(lanes, shifts_of(work, other) + LANES * (meeting + 1))
     if meeting != one:
-        stray += load(lanes, strays_of(work, one) + LANES * (meeting + 1))
-    return stray
+        shift += load(lanes, shifts_of(work, one) + LANES * (meeting + 1))
+    return shift
 
 
 @kernel(allocates=False, inline="always")

@@ -42,15 +42,15 @@ _HALFSPACE = int(CoreKind.HALFSPACE)
 class CollisionModel:
     """Model of a robot in a scene for collision verdicts, packed when first asked.
 
-    Every link is compared with every obstacle, and the robot's own pairs. What stands still with
-    the base can't be planned out of anything and is not compared with obstacles; pairs that the
-    scene or the robot allows are left out.
+    Every link is compared with every obstacle, and with those links that it may collide with. What
+    stands still with the base can't be planned out of anything and is not compared with obstacles;
+    pairs that the scene or the robot allows are left out.
 
     Args:
         robot: Chain and solids.
         scene: Scene around the robot.
         margin: Margin from obstacles, beyond their own [m].
-        own_margin: Margin between the robot's own links [m], which may be built close together.
+        own_margin: Margin of self-collision pairs [m], which may be built close together.
         _like: Model that is packed with other margins, if there is one.
     """
 
@@ -91,8 +91,8 @@ class CollisionModel:
         packed = self._arrays or self._like  # the margins are two numbers of it
         return CollisionModel(self.robot, self.scene, margin, own_margin, packed)
 
-    def is_own_pair(self, pair: int) -> bool:
-        """Whether a pair is of two of the robot's own links."""
+    def is_self_pair(self, pair: int) -> bool:
+        """Whether a pair is a self-collision pair."""
         return pair >= len(self.links) * len(self.arrays.scene)
 
     @classmethod
@@ -125,8 +125,8 @@ def _packed(robot: RobotGeometry, scene: Scene) -> ModelArrays:
     met_things, allowed = len(around.tree.items) > 0, scene.allowed_collisions
     searches = _searches(robot, allowed, skipped.tobytes(), len(scene.ids), met_things)
     roots = searches.roots
-    if len(around.walls):
-        roots = _with_walls(roots, searches.moving, met_things, skipped, around)
+    if len(around.halfspaces):
+        roots = _with_halfspaces(roots, searches.moving, met_things, skipped, around)
     return ModelArrays(
         chain=robot.chain.model,
         joints=own.carriers,
@@ -147,7 +147,7 @@ def _packed(robot: RobotGeometry, scene: Scene) -> ModelArrays:
         sphere_starts=own.brackets.starts,
         bodies=searches.bodies,
         carried=searches.carried,
-        walls=around.walls,
+        halfspaces=around.halfspaces,
         roots=roots,
         margin=0.0,
         own_margin=0.0,  # those of a model are put in their place
@@ -227,7 +227,7 @@ class _Searches(NamedTuple):
 class _ScenePart(NamedTuple):
     pieces: PieceSet
     tree: Tree
-    walls: Indices
+    halfspaces: Indices
 
 
 @bounded_cache(maxsize=64, limit=4 * DEFAULT_LIMIT)  # a plan's fine solids, and their hulls
@@ -247,7 +247,7 @@ def _robot_part(robot: RobotGeometry) -> _RobotPart:
     return _RobotPart(own, carriers, bodies, pairs, groups, grid, brackets(robot))
 
 
-def _own_pairs(
+def _self_pairs(
     robot: RobotGeometry, allowed: frozenset[tuple[str, str]]
 ) -> tuple[Indices, PairGrid, Indices]:
     """The robot's pairs but for those that are allowed, their grids and ``ModelArrays.groups``."""
@@ -282,7 +282,7 @@ def _searches(
         obstacles: How many there are.
         met_things: Whether there is anything that is no half-space.
     """
-    self_pairs, grid, groups = _own_pairs(robot, allowed)
+    self_pairs, grid, groups = _self_pairs(robot, allowed)
     mask = np.frombuffer(skipped, dtype=np.bool_).reshape(len(robot.pieces), obstacles)
     bodies, carried, moving = _bodies(robot, np.asarray(~mask.all(axis=1)))
     # What is carried farthest out meets things first.
@@ -358,23 +358,23 @@ def bound_rows_kernel(
                 order[solids] = k
                 solids += 1
             k += 1
-    walls = solids
+    halfspaces = solids
     for k in range(m):
         if rows[k, KIND] == _HALFSPACE:
-            order[walls] = k
-            walls += 1
+            order[halfspaces] = k
+            halfspaces += 1
     return solids
 
 
-def _with_walls(
+def _with_halfspaces(
     roots: Indices, moving: Indices, met_things: bool, skipped: NDArray[np.bool_],
     around: _ScenePart,
 ) -> Indices:  # fmt: skip
-    """Roots with those of searches against half-spaces, which come before own pairs."""
+    """Roots with those of searches against half-spaces, which come before self-collision pairs."""
     owners = around.pieces.rows[:, OWNER].astype(np.int64)
-    walls = [(i, k) for i in moving for k in around.walls if not skipped[i, owners[k]]]
+    halfspaces = [(i, k) for i in moving for k in around.halfspaces if not skipped[i, owners[k]]]
     first = len(moving) if met_things else 0
-    against = np.array(walls, dtype=np.int64).reshape(-1, 2)
+    against = np.array(halfspaces, dtype=np.int64).reshape(-1, 2)
     return _readonly(np.concatenate([roots[:first], against, roots[first:]]))
 
 

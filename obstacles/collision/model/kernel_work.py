@@ -1,4 +1,4 @@
-"""Room for the kernels to work in, and what they know of the robot at one configuration."""
+"""Workspace of the kernels: buffers, and the robot at one configuration or on one interval."""
 
 import math
 from typing import NamedTuple
@@ -17,38 +17,38 @@ from obstacles.distance.gjk import Drift
 from obstacles.distance.piece_set import CENTER, POSE, RADIUS
 from obstacles.distance.triangles.distance import STACK
 
-#: Entries and intervals there is room for at first.
+#: Entries and intervals that buffers hold at first.
 _ENTRIES, _INTERVALS = 1024, 256
 #: Place in ``Workspace.tally`` of the body that met something in the last state that collides.
 LAST_MET = 4
-#: Place of one more than the number of the group of own pairs that did, 0 where something else did;
-#: -1 where no group is parted.
+#: Place of one more than the number of the group of self-collision pairs that did, 0 where
+#: something else did; -1 where no group is parted.
 LAST_GROUP = 5
 #: Place of whether it was that group twice in turn: then it is asked first.
 MET_TWICE = 6
-#: Factor by which room grows.
+#: Factor by which buffers grow.
 _WIDER = 4
 #: Numbers of a ball's middle in lanes.
 BALL_SIZE = 3 * LANES
 
 
 class Workspace(NamedTuple):
-    """Room for n joints, b bodies and p pieces of the robot; one for each thread.
+    """Buffers for n joints, b bodies and p pieces of the robot; one for each thread.
 
     Args:
-        joints: A configuration, how far each joint strays from it at most, how far it goes to first
-            order, and the rest that the first order leaves out; shape (4, n).
+        joints: A configuration, how far each joint deviates from it at most, how far it goes to
+            first order, and the rest that the first order leaves out; shape (4, n).
         frames: T_base_body, shape (b, 4, 4).
         twists: How far each body turns (3) and its point at the origin goes (3) to first order, and
-            how far all revolute joints up to it stray; row 0 is the base, shape (b + 1, 7).
+            how far all revolute joints up to it deviate; row 0 is the base, shape (b + 1, 7).
         placed: Rows of the robot's pieces, in the base frame, shape (p, WIDTH).
-        strays: Displacement of piece i, seen from body k - 1 on its way to the base: how far any of
-            its points gets; the same with levers as long as they can become, and the second order;
-            shape (p, 3 (b + 1)).
+        shifts: Displacement bounds of piece i, seen from body k - 1 on its way to the base: how far
+            any of its points gets; the same with levers as long as they can become, and the second
+            order; shape (p, 3 (b + 1)).
         stamps: The visit at which each piece was placed, and that at which its ball was, by itself;
             the number of visits last; shape (2 p + 1,).
-        room: Shape (9, 3).
-        stack: Room for ``surface_distance``.
+        buffer: Vectors of the distance iteration, shape (9, 3).
+        stack: Buffer of ``surface_distance``.
         tally: Result on an interval (4), and the pairs that met something last, shape (7,).
         entries: Pairs left, on two levels by turns, shape (2, e, 2).
         hints: Separating axes of the pairs, and none for the roots, shape (3, e, 3).
@@ -63,9 +63,9 @@ class Workspace(NamedTuple):
     frames: Array
     twists: Array
     placed: Array
-    strays: Array
+    shifts: Array
     stamps: Indices
-    room: Array
+    buffer: Array
     stack: Array
     tally: Array
     entries: Indices
@@ -77,7 +77,7 @@ class Workspace(NamedTuple):
 
 @kernel
 def workspace(model: ModelArrays) -> Workspace:
-    """Room for the kernels that look at ``model``."""
+    """Workspace for kernels on a model."""
     n, p = int(model.chain[0, 0]), model.joints.shape[0]
     bodies = n + int(model.chain[0, 2])
     stamps = np.full(2 * p + 1, -1, dtype=np.int64)
@@ -111,25 +111,25 @@ def workspace(model: ModelArrays) -> Workspace:
     )
 
 
-@kernel
+@kernel(inline="always")
 def _hints(roots: int, entries: int) -> Array:
     hints = np.empty((3, max(entries, roots), 3))
     hints[2, :roots] = 0.0
     return hints
 
 
-@kernel
+@kernel(inline="always")
 def widened(model: ModelArrays, work: Workspace) -> Workspace:
-    """A workspace like another, with more room for pairs and intervals that are left."""
+    """A workspace like another, with larger buffers for pairs and intervals that are left."""
     entries, intervals = _WIDER * work.entries.shape[1], _WIDER * work.spans.shape[1]
     return Workspace(
         work.joints,
         work.frames,
         work.twists,
         work.placed,
-        work.strays,
+        work.shifts,
         work.stamps,
-        work.room,
+        work.buffer,
         work.stack,
         work.tally,
         np.empty((2, entries, 2), dtype=np.int64),
@@ -171,7 +171,7 @@ def visit(model: ModelArrays, work: Workspace) -> None:
         _twist_mimic_joints(model.chain, work)
 
 
-@kernel(allocates=False)
+@kernel(allocates=False, inline="always")
 def _twist_mimic_joints(chain: Array, work: Workspace) -> None:
     """``visit``'s twists of bodies on mimic joints: each is its parent's and its own joint's."""
     n, first = int(chain[0, 0]), int(chain[0, 3])
@@ -198,15 +198,22 @@ def _twist_mimic_joints(chain: Array, work: Workspace) -> None:
 
 @kernel(allocates=False)
 def place(model: ModelArrays, work: Workspace, i: int) -> None:
-    """Bring pose, ball and strays of piece i up to date with the visit."""
+    """Bring pose, ball and shifts of piece i up to date with the visit."""
     now = work.stamps[-1]
     joint = model.joints[i]
     if work.stamps[i] == now or joint < 0:
         return
     work.stamps[i] = now
     place_row(work.placed, i, model.robot, work.frames, joint)
-    _write_strays(
-        model.chain, work.frames, work.twists, work.joints, work.placed, joint, work.strays, i
+    _write_shifts(
+        model.chain,
+        work.frames,
+        work.twists,
+        work.joints,
+        work.placed,
+        joint,
+        work.shifts,
+        i,
     )
 
 
@@ -226,10 +233,10 @@ def place_row(placed: Array, i: int, rows: Array, frames: Array, joint: int) -> 
         placed[i, POSE + 3 + 4 * row] += f3
 
 
-@kernel(allocates=False)
-def _write_strays(
+@kernel(allocates=False, inline="always")
+def _write_shifts(
     chain: Array, frames: Array, twists: Array, joints: Array, placed: Array, last: int,
-    strays: Array, i: int,
+    shifts: Array, i: int,
 ) -> None:  # fmt: skip
     """Write how far piece i gets while the joints from each one on move; see ``motion``."""
     radius, n = placed[i, RADIUS], int(chain[0, 0])
@@ -257,7 +264,11 @@ def _write_strays(
                 first += delta
                 second += share * joints[3, leader] + delta * before
         at = 3 * (parent + 1)
-        strays[i, at], strays[i, at + 1], strays[i, at + 2] = moved, first, second
+        shifts[i, at], shifts[i, at + 1], shifts[i, at + 2] = (
+            moved,
+            first,
+            second,
+        )
         j = parent
 
 
@@ -276,7 +287,7 @@ def meeting_body(chain: Array, a: int, b: int) -> int:
 
 
 @kernel(allocates=False)
-def drift(twists: Array, placed: Array, strays: Array, j: int, last: int, still: int) -> Drift:
+def drift(twists: Array, placed: Array, shifts: Array, j: int, last: int, still: int) -> Drift:
     """The motion of piece j, carried by joint ``last``, seen from joint ``still``'s body."""
     base, last = still + 1, last + 1
     x, y, z = placed[j, CENTER], placed[j, CENTER + 1], placed[j, CENTER + 2]
@@ -290,13 +301,13 @@ def drift(twists: Array, placed: Array, strays: Array, j: int, last: int, still:
         wy,
         wz,
         placed[j, RADIUS],
-        strays[j, 3 * base + 2] - twists[base, 6] * strays[j, 3 * base + 1],
-        strays[j, 3 * base],
+        shifts[j, 3 * base + 2] - twists[base, 6] * shifts[j, 3 * base + 1],
+        shifts[j, 3 * base],
     )
 
 
-@kernel(allocates=False)
-def pair_stray(chain: Array, joints: Indices, strays: Array, i: int, j: int) -> float:
+@kernel(allocates=False, inline="always")
+def pair_shift(chain: Array, joints: Indices, shifts: Array, i: int, j: int) -> float:
     """How far points of pieces i and j of the robot get towards each other at most [m].
 
     With -1 for i that is how far piece j gets. Where one hangs on the other, it is how far that one
@@ -304,15 +315,21 @@ def pair_stray(chain: Array, joints: Indices, strays: Array, i: int, j: int) -> 
     """
     still, last = joints[i] if i >= 0 else -1, joints[j]
     if last < int(chain[0, 0]):
-        return float(strays[j, 3 * still + 3])
+        return float(shifts[j, 3 * still + 3])
     meeting = meeting_body(chain, still, last)
-    both = strays[j, 3 * meeting + 3]
-    return float(both if meeting == still else both + strays[i, 3 * meeting + 3])
+    both = shifts[j, 3 * meeting + 3]
+    return float(both if meeting == still else both + shifts[i, 3 * meeting + 3])
 
 
-@kernel(allocates=False)
+@kernel(allocates=False, inline="always")
 def pair_drift(
-    chain: Array, joints: Indices, twists: Array, placed: Array, strays: Array, i: int, j: int
+    chain: Array,
+    joints: Indices,
+    twists: Array,
+    placed: Array,
+    shifts: Array,
+    i: int,
+    j: int,
 ) -> Drift:
     """The motion of piece j of the robot seen from the body of its piece i, or from the base (-1).
 
@@ -323,12 +340,12 @@ def pair_drift(
     """
     still, last = joints[i] if i >= 0 else -1, joints[j]
     if last < int(chain[0, 0]):
-        return drift(twists, placed, strays, j, last, still)
+        return drift(twists, placed, shifts, j, last, still)
     meeting = meeting_body(chain, still, last)
-    v = drift(twists, placed, strays, j, last, meeting)
+    v = drift(twists, placed, shifts, j, last, meeting)
     if meeting == still:
         return v
-    u = drift(twists, placed, strays, i, still, meeting)
+    u = drift(twists, placed, shifts, i, still, meeting)
     turned = u[6] * math.sqrt(u[3] * u[3] + u[4] * u[4] + u[5] * u[5])
     return (
         v[0] - u[0], v[1] - u[1], v[2] - u[2], v[3], v[4], v[5], v[6],
@@ -336,7 +353,7 @@ def pair_drift(
     )  # fmt: skip
 
 
-@kernel(allocates=False)
+@kernel(allocates=False, inline="always")
 def place_ball(rows: Array, i: int, frames: Array, joint: int, placed: Array) -> None:
     """Bring the middle of row i into the base frame."""
     x, y, z = rows[i, CENTER], rows[i, CENTER + 1], rows[i, CENTER + 2]

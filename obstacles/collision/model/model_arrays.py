@@ -37,12 +37,12 @@ class ModelArrays(NamedTuple):
         bodies: Moving bodies from the outermost in: the row of its ball, and from which to before
             which entry of ``carried`` its pieces go, shape (b, 3).
         carried: Pieces that may meet obstacles, by bodies.
-        walls: Half-spaces of the scene.
+        halfspaces: Half-spaces of the scene.
         roots: Pairs that every search starts at: (i, -1) is piece i against the tree's first node,
             (i, k) against half-space k, (-1 - g, 0) is group g and all that it is parted into, and
-            once looked at (p + s, 0) is pair s of the robot; shape (r, 2).
+            once it is parted (p + s, 0) is pair s of the robot; shape (r, 2).
         margin: Margin from obstacles beyond their own [m].
-        own_margin: Margin between the robot's own pieces [m].
+        own_margin: Margin of self-collision pairs [m].
     """
 
     chain: Array
@@ -64,7 +64,7 @@ class ModelArrays(NamedTuple):
     sphere_starts: Indices
     bodies: Indices
     carried: Indices
-    walls: Indices
+    halfspaces: Indices
     roots: Indices
     margin: float
     own_margin: float
@@ -81,11 +81,11 @@ def with_margins(arrays: ModelArrays, margin: float, own_margin: float) -> Model
 
 @kernel(allocates=False, inline="always")
 def at_margins(model: ModelArrays, margin: float, own_margin: float) -> ModelArrays:
-    """The model with other margins from obstacles and between the robot's own pieces [m]."""
+    """The model with other margins from obstacles and of self-collision pairs [m]."""
     return ModelArrays(
         model.chain, model.joints, model.robot, model.scene, model.corners, model.tables,
         model.surfaces, model.self_pairs, model.groups, model.grid_axes, model.grid_starts,
         model.grid_values, model.nodes, model.items, model.skipped, model.spheres,
-        model.sphere_starts, model.bodies, model.carried, model.walls, model.roots, margin,
+        model.sphere_starts, model.bodies, model.carried, model.halfspaces, model.roots, margin,
         own_margin,
     )  # fmt: skip

@@ -1,4 +1,4 @@
-"""Distances of a robot's own pairs that depend on one or two joints, proved on a grid of them.
+"""Distances of self-collision pairs that depend on one or two joints, proved on a grid of them.
 
 A wrist's links are built close together and are near each other wherever the arm is, so no ball or
 box ever parts them; but how far they are apart is a function of the joints between them alone. On a
@@ -28,12 +28,12 @@ from obstacles.kept_files import kept_array
 
 #: Cells for a joint: where two matter, and where one does. Filling takes a microsecond a cell.
 _SIDE, _LINE = 32, 512
-#: A cell that loses more than this share of its distance is looked at in so many parts a side.
+#: A cell that loses more than this share of its distance is divided into so many parts a side.
 _LOST, _PARTS = 0.5, 4
 #: What rounding may have cost a distance [m].
 _ROUNDING = 1e-9
-#: Where between its limits a joint is looked at, to find the pairs that need a grid.
-_LOOKS = (0.05, 0.35, 0.65, 0.95)
+#: Places between its limits at which a joint is sampled, to find the pairs that need a grid.
+_SAMPLED = (0.05, 0.35, 0.65, 0.95)
 #: Pairs that get a grid: a robot of many pieces has more of them than are worth the wait.
 _MOST = 64
 
@@ -121,9 +121,9 @@ def _proved(
     place(model, work, 1)
     _, lower, _ = separation(
         Pair(work.placed, 0, work.placed, 1), model.corners, model.tables, -np.inf, np.inf, STILL,
-        axis, work.room,
+        axis, work.buffer,
     )  # fmt: skip
-    return lower, work.strays[1, 3 * first]
+    return lower, work.shifts[1, 3 * first]
 
 
 def pair_grid(chain: Chain, pieces: Sequence[Piece], joints: Indices, pairs: Indices) -> PairGrid:
@@ -208,7 +208,7 @@ def _poses(chain: Chain, first: int, last: int) -> list[tuple[Array, Array]]:
         return []
     lower, upper = chain.limits.lower, chain.limits.upper
     poses = []
-    for shares in itertools.product(_LOOKS, repeat=last - first + 1):
+    for shares in itertools.product(_SAMPLED, repeat=last - first + 1):
         q = np.zeros(chain.n)
         for k, share in enumerate(shares, start=first):
             q[k] = lower[k] + share * (upper[k] - lower[k])
@@ -228,9 +228,9 @@ def _axes(chain: Chain, first: int, last: int) -> Array | None:
     side = _LINE if len(lower) == 1 else _SIDE
     axes = np.array([[0.0, 0.0, 1.0]] * 2)
     # A hair wider than the limits, which belong to them.
-    room = 1e-9 * (upper - lower)
+    buffer = 1e-9 * (upper - lower)
     axes[: len(lower)] = np.column_stack(
-        [lower - room, side / (upper - lower + 2.0 * room), np.full(len(lower), side)]
+        [lower - buffer, side / (upper - lower + 2.0 * buffer), np.full(len(lower), side)]
     )
     return axes
 
@@ -239,7 +239,7 @@ def _axes(chain: Chain, first: int, last: int) -> Array | None:
 def _values(chain: Chain, a: Piece, b: Piece, first: int, last: int) -> Array:
     axes = _axes(chain, first, last)
     assert axes is not None
-    # By their covers alone: on a grid, what is inside of what can't be told.
+    # By their covers alone: a grid can't hold what is inside of what.
     pieces = PieceSet.of([replace(piece, surface=None) for piece in (a, b)])
     none, nothing = np.zeros((0, 2), dtype=np.int64), np.zeros((0, 0))
     model = ModelArrays(
@@ -262,7 +262,7 @@ def _values(chain: Chain, a: Piece, b: Piece, first: int, last: int) -> Array:
         sphere_starts=none[:, 0],
         bodies=none,
         carried=none[:, 0],
-        walls=none[:, 0],
+        halfspaces=none[:, 0],
         roots=none,
         margin=0.0,
         own_margin=0.0,

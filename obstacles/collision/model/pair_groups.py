@@ -1,8 +1,8 @@
-"""Groups of a robot's own pairs of pieces, each apart where the balls about its two sides are.
+"""Groups of self-collision pairs of pieces, each apart where the balls about its two sides are.
 
 The pieces of a body hang in a tree, and a pair of nodes of two trees stands for all pairs of their
 pieces. Links of fine meshes are cut into many pieces: a humanoid with hands has tens of thousands
-of pairs, and a few dozen balls tell of nearly all of them that they are apart.
+of pairs, and a few dozen balls prove nearly all of them apart.
 Source: "OBBTree: A hierarchical structure for rapid interference detection", SIGGRAPH 1996, for the
 descent of two trees at once; what is descended is known beforehand here, and written down.
 """
@@ -19,8 +19,8 @@ from obstacles.distance.piece_set import CENTER, RADIUS, ball_rows
 
 #: Pieces below a node that is not parted, and pairs of a group that is not.
 _PIECES, _PAIRS = 2, 16
-#: Pairs of two bodies up to which they are one group: most arms have no more, and to look at all of
-#: them takes less time than to look at the groups that they would be.
+#: Pairs of two bodies up to which they are one group: most arms have no more, and to check all of
+#: them takes less time than to check the groups that they would be.
 _MANY = 256
 
 # Columns of a group: the first of its pairs and the number after the last, and the rows of the
@@ -32,7 +32,7 @@ GROUP_WIDTH = 4
 
 
 class PairGroups(NamedTuple):
-    """Own pairs by groups (k pairs, g groups, t balls).
+    """Self-collision pairs by groups (k pairs, g groups, t balls).
 
     Args:
         pairs: Two pieces each, in the order of their groups, shape (k, 2).
@@ -137,16 +137,16 @@ def pair_groups(rows: Array, joints: Indices, pairs: Indices) -> PairGroups:
         return PairGroups(pairs, whole, np.vstack([rows[:0], *balls]), carried)
     trees = piece_trees(rows, joints)
     order, groups = np.arange(len(pairs)), list[Indices]()
-    room = np.empty((2 * int((ends - starts).max()), GROUP_WIDTH), dtype=np.int64)
+    buffer = np.empty((2 * int((ends - starts).max()), GROUP_WIDTH), dtype=np.int64)
     places, radii = trees.places[pairs], trees.balls[:, RADIUS].copy()
     for group, parted in zip(whole, many, strict=True):
         if not parted:
             groups.append(group[None])
             continue
         top = np.append(group[BALL:] - len(rows), group[:BALL])
-        count = part_pairs_kernel(trees.nodes, radii, places, order, top, room)
-        room[:count, BALL:] += len(rows)
-        groups.append(room[:count].copy())
+        count = part_pairs_kernel(trees.nodes, radii, places, order, top, buffer)
+        buffer[:count, BALL:] += len(rows)
+        groups.append(buffer[:count].copy())
     return PairGroups(pairs[order], np.concatenate(groups), trees.balls, trees.joints)
 
 

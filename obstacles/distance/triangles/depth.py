@@ -3,7 +3,7 @@
 The least such translation of two bodies that are not convex takes a search over all directions.
 Here some are tried: those across which their covers and their hulls part, those in which the
 triangles that touch part from each other, and again those that touch just before a way out is
-found. Along each of them a bisection leads to where nothing touches any more. So the depth told is
+found. Along each of them a bisection leads to where nothing touches any more. So the depth is
 that of a way out that was tried on the triangles: it is never too small, and no larger than that of
 the hulls across the same directions.
 """
@@ -37,7 +37,7 @@ _HALFSPACE = int(CoreKind.HALFSPACE)
 #: Directions that are tried at most.
 _DIRECTIONS = 64
 #: Comparisons of the moved bodies that a search may take.
-_LOOKS = 160
+_CHECKS = 160
 #: A way out is known well enough to this share of its length.
 _SHARE = 0.01
 #: A way out is known well enough to this [m].
@@ -59,26 +59,26 @@ def mesh_depth(a: Array, b: Array, corners: Array, tables: Lists, nodes: Array) 
     """
     if b[0, KIND] == _HALFSPACE:
         return _depth_in_halfspace(a, b, corners, tables, nodes)
-    ways, room, stack = np.empty((_DIRECTIONS, 3)), np.zeros((9, 3)), np.empty(STACK)
+    ways, buffer, stack = np.empty((_DIRECTIONS, 3)), np.zeros((9, 3)), np.empty(STACK)
     moved, shapes = a.copy(), Shapes(corners, tables, nodes)
     known = _first_ways(a, b, corners, tables, ways)
-    best, looks, way = np.inf, 0, 0
-    while way < known and looks < _LOOKS:
+    best, checks, way = np.inf, 0, 0
+    while way < known and checks < _CHECKS:
         n = (ways[way, 0], ways[way, 1], ways[way, 2])
         way += 1
         high = _hull_depth(a, b, corners, tables, n)
         if high > _SHORTER * best:
             high = _SHORTER * best
-            looks += 1
-            if not _is_apart(a, moved, b, shapes, n, high, room, stack):
+            checks += 1
+            if not _is_apart(a, moved, b, shapes, n, high, buffer, stack):
                 known = _add_directions(corners, tables, stack, ways, known)
                 continue
         # Coarse steps down, since what is shallow is so by orders of magnitude, then halves.
         low, step = 0.0, 0.25
-        while high - low > max(_SHARE * high, _LEAST) and looks < _LOOKS:
+        while high - low > max(_SHARE * high, _LEAST) and checks < _CHECKS:
             middle = low + step * (high - low)
-            looks += 1
-            if _is_apart(a, moved, b, shapes, n, middle, room, stack):
+            checks += 1
+            if _is_apart(a, moved, b, shapes, n, middle, buffer, stack):
                 high = middle
             else:
                 low, step = middle, 0.5
@@ -87,7 +87,7 @@ def mesh_depth(a: Array, b: Array, corners: Array, tables: Lists, nodes: Array) 
     return best
 
 
-@kernel
+@kernel(inline="always")
 def _depth_in_halfspace(a: Array, b: Array, corners: Array, tables: Lists, nodes: Array) -> float:
     n = (b[0, POSE + 2], b[0, POSE + 6], b[0, POSE + 10])
     offset = n[0] * b[0, POSE + 3] + n[1] * b[0, POSE + 7] + n[2] * b[0, POSE + 11]
@@ -108,7 +108,7 @@ def _depth_in_halfspace(a: Array, b: Array, corners: Array, tables: Lists, nodes
     return float(max(offset - deepest, 0.0))
 
 
-@kernel
+@kernel(inline="always")
 def _first_ways(a: Array, b: Array, corners: Array, tables: Lists, ways: Array) -> int:
     """Directions to try: out of covers, from middle to middle, and along the axes of the frame."""
     known, axis = 0, np.zeros(3)
@@ -150,7 +150,7 @@ def _add(ways: Array, known: int, n: Vector) -> int:
     return known + 1
 
 
-@kernel
+@kernel(inline="always")
 def _hull_depth(a: Array, b: Array, corners: Array, tables: Lists, n: Vector) -> float:
     """How far ``a`` has to be moved along n until a plane across n parts all of it from ``b``."""
     low, high = np.inf, -np.inf
@@ -165,7 +165,7 @@ def _hull_depth(a: Array, b: Array, corners: Array, tables: Lists, n: Vector) ->
 
 @kernel
 def _is_apart(
-    a: Array, moved: Array, b: Array, shapes: Shapes, n: Vector, by: float, room: Array,
+    a: Array, moved: Array, b: Array, shapes: Shapes, n: Vector, by: float, buffer: Array,
     stack: Array,
 ) -> bool:  # fmt: skip
     """Whether ``a`` is apart from ``b`` once it is moved by some way along n.
@@ -177,11 +177,11 @@ def _is_apart(
         shapes: Corners, tables and trees of both.
         n: The direction.
         by: How far along it [m].
-        room: Workspace, shape (9, 3).
+        buffer: Workspace, shape (9, 3).
         stack: Workspace, shape STACK; its rows from DESK are left as the parts that touch, where
             some do.
     """
-    axis = room[8]
+    axis = buffer[8]
     for i in range(a.shape[0]):
         for k in range(3):
             moved[i, CENTER + k] = a[i, CENTER + k] + by * n[k]
@@ -194,14 +194,14 @@ def _is_apart(
             axis[0], axis[1], axis[2] = u
             pair = Pair(moved, i, b, j)
             verdict, _, _ = separation(
-                pair, shapes.corners, shapes.tables, 0.0, 0.0, STILL, axis, room
+                pair, shapes.corners, shapes.tables, 0.0, 0.0, STILL, axis, buffer
             )
             if verdict == FARTHER:
                 continue
             stack[DESK], stack[DESK + 1] = moved[i], b[j]
             if not max(moved[i, NODE_STOP], b[j, NODE_STOP]) > 0.0:
                 return False
-            verdict, _ = surface_distance(pair, shapes, 0.0, 0.0, axis, room, stack)
+            verdict, _ = surface_distance(pair, shapes, 0.0, 0.0, axis, buffer, stack)
             if verdict != FARTHER:
                 return False
     return True
@@ -225,7 +225,7 @@ def _add_directions(corners: Array, tables: Lists, stack: Array, ways: Array, kn
     return known
 
 
-@kernel
+@kernel(inline="always")
 def _normal(desk: Array, k: int, corners: Array) -> Vector:
     """Across a triangle on the desk, of any length."""
     first, T = int(desk[k, START]), POSE

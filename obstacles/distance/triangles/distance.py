@@ -20,7 +20,7 @@ from obstacles.distance.box_pairs import (
     gap_along,
     gap_in_first,
     gap_in_second,
-    is_wall,
+    is_halfspace,
     triangle_gap,
     write_plane,
     write_view,
@@ -55,12 +55,12 @@ _POLYTOPE = int(CoreKind.POLYTOPE)
 _HALFSPACE = int(CoreKind.HALFSPACE)
 #: Pairs of nodes that can wait: two trees, halved each time, and one sibling at each step.
 _WAITING = 256
-#: The first of the two rows of ``stack`` that hold what is looked at, behind those that wait, and
+#: The first of the two rows of ``stack`` that hold the parts compared, behind those that wait, and
 #: the row of numbers by which boxes of one are seen from the other.
 DESK, VIEW = _WAITING, _WAITING + 2
 STACK = (_WAITING + 3, WIDTH)
-#: Column of the first row of ``stack`` with the number of pairs of nodes that were looked at.
-LOOKS = 3
+#: Column of the first row of ``stack`` with the number of pairs of nodes that were compared.
+CHECKS = 3
 
 
 @kernel(allocates=False)
@@ -109,10 +109,10 @@ def _gap_of_boxes(desk: Array, view: Array, a: Node, b: Node, enough: float) -> 
         view: View of these boxes.
         a: A box of the first piece.
         b: One of the second.
-        enough: A bound beyond this will do: no sharper one is looked for [m].
+        enough: A bound beyond this will do: no sharper one is sought [m].
     """
     gap = gap_along(view, a, b)
-    if gap > enough or is_wall(desk):
+    if gap > enough or is_halfspace(desk):
         return gap
     other, _ = gap_in_second(view, a, b)
     gap = max(gap, other)
@@ -124,7 +124,7 @@ def _gap_of_boxes(desk: Array, view: Array, a: Node, b: Node, enough: float) -> 
 
 @kernel(allocates=False)
 def surface_distance(  # noqa: C901, PLR0912, PLR0915
-    pair: Pair, shapes: Shapes, near: float, most: float, hint: Array, room: Array, stack: Array
+    pair: Pair, shapes: Shapes, near: float, most: float, hint: Array, buffer: Array, stack: Array
 ) -> tuple[int, float]:
     """Compare the distance of the triangles under two covers with two thresholds.
 
@@ -135,9 +135,9 @@ def surface_distance(  # noqa: C901, PLR0912, PLR0915
             itself.
         most: Farther apart than this is far enough [m].
         hint: A direction from j to i across which they may be apart, shape (3,).
-        room: Workspace, shape (9, 3).
+        buffer: Workspace, shape (9, 3).
         stack: Workspace, shape STACK. The rows from DESK are left as the parts that are nearest to
-            each other, where the answer is BETWEEN, and at LOOKS the pairs of nodes looked at.
+            each other, where the answer is BETWEEN, and at CHECKS the pairs of nodes compared.
 
     Returns:
         FARTHER, CLOSER (at most ``near`` apart, touching, or one inside the other) or BETWEEN, and
@@ -145,19 +145,19 @@ def surface_distance(  # noqa: C901, PLR0912, PLR0915
     """
     a, i, b, j = pair
     corners, tables, nodes = shapes
-    desk, view, axis = stack[DESK : DESK + 2], stack[VIEW], room[8]
+    desk, view, axis = stack[DESK : DESK + 2], stack[VIEW], buffer[8]
     na, nb = begin_row(desk, 0, a, i), begin_row(desk, 1, b, j)
     write_view(desk, view)
     write_plane(desk, na, nb, corners, tables, (hint[0], hint[1], hint[2]), view)
     limit, top = most, 1
-    stack[0, 0], stack[0, 1], stack[0, 2], stack[0, LOOKS] = na, nb, -np.inf, 0.0
+    stack[0, 0], stack[0, 1], stack[0, 2], stack[0, CHECKS] = na, nb, -np.inf, 0.0
     best_a, best_b = -1, -1
     while top > 0:
         top -= 1
         if stack[top, 2] > limit:
             continue
         na, nb = int(stack[top, 0]), int(stack[top, 1])
-        stack[0, LOOKS] += 1.0
+        stack[0, CHECKS] += 1.0
         whole_a, whole_b = na < 0 or nodes[na, FIRST] >= 0.0, nb < 0 or nodes[nb, FIRST] >= 0.0
         if whole_a and whole_b:
             open_leaf(desk, 0, nodes, na)
@@ -170,7 +170,7 @@ def surface_distance(  # noqa: C901, PLR0912, PLR0915
                 if gap > 0.0:
                     from_first(desk, n, axis)
             verdict, lower, upper = separation(
-                Pair(desk, 0, desk, 1), corners, tables, near, limit, STILL, axis, room
+                Pair(desk, 0, desk, 1), corners, tables, near, limit, STILL, axis, buffer
             )
             if upper <= max(near, 0.0):
                 return CLOSER, min(lower, 0.0) if near < 0.0 else lower
@@ -190,7 +190,7 @@ def surface_distance(  # noqa: C901, PLR0912, PLR0915
         else:
             first = _gap_of_boxes(desk, view, one, box_of(desk, 1, nodes, left), limit)
             second = _gap_of_boxes(desk, view, one, box_of(desk, 1, nodes, right), limit)
-        # The nearer one is looked at first.
+        # The nearer one comes first.
         if first <= second:
             left, right, first, second = right, left, second, first
         for child, bound in ((left, first), (right, second)):
@@ -209,7 +209,7 @@ def surface_distance(  # noqa: C901, PLR0912, PLR0915
     return BETWEEN, limit
 
 
-@kernel(allocates=False)
+@kernel(allocates=False, inline="always")
 def is_contained(pair: Pair, shapes: Shapes) -> bool:
     """Whether a body of one piece lies inside the solid of the other, when no triangle touches."""
     a, i, b, j = pair
@@ -277,7 +277,7 @@ def _inside(rows: Array, j: int, corners: Array, nodes: Array, point: Vector) ->
     return votes >= 2
 
 
-@kernel(allocates=False)
+@kernel(allocates=False, inline="always")
 def _crossed(corners: Array, first: int, p: Vector, u: int, v: int, w: int) -> int:
     """Whether the ray from p along axis w goes through a triangle: out 1, in -1, past it 0.
 
@@ -318,16 +318,16 @@ def _crossed(corners: Array, first: int, p: Vector, u: int, v: int, w: int) -> i
 def touching(placed: PieceSet, i: int, j: int) -> bool:
     """Whether two pieces, placed in a common frame, touch."""
     rows, corners, tables = placed.rows, placed.corners, placed.tables
-    room = np.zeros((9, 3))
+    buffer = np.zeros((9, 3))
     for row in range(3):
         at = POSE + 4 * row + 3
-        room[8, row] = rows[i, at] - rows[j, at]
+        buffer[8, row] = rows[i, at] - rows[j, at]
     pair = Pair(rows, i, rows, j)
-    _, _, upper = separation(pair, corners, tables, 0.0, np.inf, STILL, room[8], room)
+    _, _, upper = separation(pair, corners, tables, 0.0, np.inf, STILL, buffer[8], buffer)
     if upper > 0.0 or not max(rows[i, NODE_STOP], rows[j, NODE_STOP]) > 0.0:
         return bool(upper <= 0.0)
     shapes = Shapes(corners, tables, placed.surfaces)
-    verdict, _ = surface_distance(pair, shapes, 0.0, 0.0, room[8], room, np.empty(STACK))
+    verdict, _ = surface_distance(pair, shapes, 0.0, 0.0, buffer[8], buffer, np.empty(STACK))
     return bool(verdict == CLOSER)
 
 
@@ -347,8 +347,8 @@ def mesh_distance(
         nodes: Nodes of both.
         axis: Direction to search first, from j to i, shape (3,).
     """
-    room, stack = np.zeros((9, 3)), np.empty(STACK)
+    buffer, stack = np.zeros((9, 3)), np.empty(STACK)
     verdict, lower = surface_distance(
-        Pair(a, i, b, j), Shapes(corners, tables, nodes), -np.inf, np.inf, axis, room, stack
+        Pair(a, i, b, j), Shapes(corners, tables, nodes), -np.inf, np.inf, axis, buffer, stack
     )
     return 0.0 if verdict == CLOSER else lower

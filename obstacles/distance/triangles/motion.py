@@ -3,7 +3,7 @@
 What counts is motion along the normal of a plane that parts two triangles, or two boxes that hold
 triangles. Where a plane proves them d apart and they can move by at most m along its normal in the
 whole interval, they stay apart on a share d / m of it. The least share of all pairs is sought from
-the top of both trees; what a larger one is proved of is not looked into.
+the top of both trees; what a larger one is proved of is not searched.
 """
 
 import math
@@ -24,7 +24,7 @@ from obstacles.distance.box_pairs import (
     gap_along,
     gap_in_first,
     gap_in_second,
-    is_wall,
+    is_halfspace,
     triangle_gap,
     write_drift,
     write_plane,
@@ -34,8 +34,8 @@ from obstacles.distance.bvh import FIRST, SKIP
 from obstacles.distance.gjk import FARTHER, Drift, allowance, separation
 from obstacles.distance.piece_set import POSE, Pair, Shapes
 from obstacles.distance.triangles.distance import (
+    CHECKS,
     DESK,
-    LOOKS,
     VIEW,
     begin_row,
     is_contained,
@@ -44,19 +44,19 @@ from obstacles.distance.triangles.distance import (
 
 #: Motion of a whole interval up to which it is worth to part triangles all over it [m]. Where they
 #: move farther the share that is asked for gets smaller with the square of the motion: to search
-#: for the nearest ones within a metre looks at most of both meshes.
+#: for the nearest ones within a metre visits most of both meshes.
 _WHOLE = 0.01
 #: Least motion that is divided by [m].
 _LEAST_MOTION = 1e-15
-#: What stays apart on this share of the least share found is not looked into: to find the very
-#: least one takes half as many looks again, and makes intervals hardly longer.
+#: What stays apart on this share of the least share found is not searched: to find the very
+#: least one takes half as many checks again, and makes intervals hardly longer.
 _ENOUGH = 0.8
 
 
 @kernel(allocates=False)
 def surface_share(  # noqa: PLR0912, PLR0915
-    pair: Pair, shapes: Shapes, near: float, enough: float, drift: Drift, hint: Array, room: Array,
-    stack: Array,
+    pair: Pair, shapes: Shapes, near: float, enough: float, drift: Drift, hint: Array,
+    buffer: Array, stack: Array,
 ) -> tuple[bool, float]:  # fmt: skip
     """Share of an interval of motion on which the triangles under two covers are proved apart.
 
@@ -67,8 +67,8 @@ def surface_share(  # noqa: PLR0912, PLR0915
         enough: Farther apart than this is far enough [m].
         drift: Motion of the second piece seen from the first.
         hint: A direction from j to i across which they may be apart, shape (3,).
-        room: Workspace, shape (9, 3).
-        stack: Workspace of ``surface_distance``; at LOOKS the pairs of nodes looked at are left.
+        buffer: Workspace, shape (9, 3).
+        stack: Workspace of ``surface_distance``; at CHECKS the pairs of nodes compared are left.
 
     Returns:
         Whether they are not too close in the middle (touching, or one inside the other), and the
@@ -77,23 +77,23 @@ def surface_share(  # noqa: PLR0912, PLR0915
     """
     a, i, b, j = pair
     corners, tables, nodes = shapes
-    desk, view, axis = stack[DESK : DESK + 2], stack[VIEW], room[8]
+    desk, view, axis = stack[DESK : DESK + 2], stack[VIEW], buffer[8]
     na, nb = begin_row(desk, 0, a, i), begin_row(desk, 1, b, j)
     write_view(desk, view)
     write_drift(desk, drift, view)
     write_plane(desk, na, nb, corners, tables, (hint[0], hint[1], hint[2]), view)
     most, top = drift[8], 1
     share = 1.0 if most <= _WHOLE else (_WHOLE / most) ** 2
-    # What is proved for as long as this is not looked into; the least such share is the answer.
+    # What is proved for as long as this is not searched; the least such share is the answer.
     wanted, least = share, share
-    stack[0, 0], stack[0, 1], stack[0, 2], stack[0, LOOKS] = na, nb, -1.0, 0.0
+    stack[0, 0], stack[0, 1], stack[0, 2], stack[0, CHECKS] = na, nb, -1.0, 0.0
     while top > 0:
         top -= 1
         if stack[top, 2] >= wanted:
             least = min(least, stack[top, 2])
             continue
         na, nb = int(stack[top, 0]), int(stack[top, 1])
-        stack[0, LOOKS] += 1.0
+        stack[0, CHECKS] += 1.0
         whole_a, whole_b = na < 0 or nodes[na, FIRST] >= 0.0, nb < 0 or nodes[nb, FIRST] >= 0.0
         if whole_a and whole_b:
             open_leaf(desk, 0, nodes, na)
@@ -111,7 +111,7 @@ def surface_share(  # noqa: PLR0912, PLR0915
                         continue
             verdict, lower, upper = separation(
                 Pair(desk, 0, desk, 1), corners, tables, near, enough, _part(moving, share), axis,
-                room,
+                buffer,
             )  # fmt: skip
             if upper <= max(near, 0.0):
                 return False, 0.0
@@ -133,7 +133,7 @@ def surface_share(  # noqa: PLR0912, PLR0915
         else:
             first = _share(desk, view, one, box_of(desk, 1, nodes, left), enough, wanted, drift)
             second = _share(desk, view, one, box_of(desk, 1, nodes, right), enough, wanted, drift)
-        # The one that stays apart for less is looked at first.
+        # The one that stays apart for less comes first.
         if first <= second:
             left, right, first, second = right, left, second, first
         for child, bound in ((left, first), (right, second)):
@@ -148,7 +148,7 @@ def surface_share(  # noqa: PLR0912, PLR0915
     return True, least
 
 
-@kernel(allocates=False)
+@kernel(allocates=False, inline="always")
 def _part(drift: Drift, share: float) -> Drift:
     """The drift of a share of the interval about its middle, to first order in its length."""
     vx, vy, vz, wx, wy, wz, radius, rest, most = drift
@@ -158,7 +158,7 @@ def _part(drift: Drift, share: float) -> Drift:
     )  # fmt: skip
 
 
-@kernel(allocates=False)
+@kernel(allocates=False, inline="always")
 def _going(view: Array, b: Node) -> Vector:
     """Motion of the middle of a box of the second piece, in its frame."""
     g, w = GOES, TURNS_B
@@ -169,7 +169,7 @@ def _going(view: Array, b: Node) -> Vector:
     )
 
 
-@kernel(allocates=False)
+@kernel(allocates=False, inline="always")
 def _drift_at(desk: Array, view: Array, drift: Drift, b: Node) -> Drift:
     """The drift of what a box of the second piece holds, in the base frame."""
     u, p = _going(view, b), POSE
@@ -181,7 +181,7 @@ def _drift_at(desk: Array, view: Array, drift: Drift, b: Node) -> Drift:
     )  # fmt: skip
 
 
-@kernel(allocates=False)
+@kernel(allocates=False, inline="always")
 def _moved(n: Vector, u: Vector, w: Vector, radius: float, rest: float, most: float) -> float:
     """``allowance`` with all in one frame, and something to divide by."""
     x, y, z = n[1] * w[2] - n[2] * w[1], n[2] * w[0] - n[0] * w[2], n[0] * w[1] - n[1] * w[0]
@@ -200,7 +200,7 @@ def _share(
     gap = gap_along(view, a, b) - enough
     n = (view[NORMAL_B], view[NORMAL_B + 1], view[NORMAL_B + 2])
     proved = gap / (_moved(n, u, w, b.radius, rest, most) if gap > 0.0 else most)
-    if proved >= wanted or is_wall(desk):
+    if proved >= wanted or is_halfspace(desk):
         return proved
     gap, n = gap_in_second(view, a, b)
     if gap > enough:

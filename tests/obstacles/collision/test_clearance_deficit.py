@@ -11,7 +11,7 @@ from obstacles.collision.checker import Checker
 from obstacles.collision.fcl_distance import FclWorld
 from obstacles.collision.model.collision_model import ModelArrays
 from obstacles.collision.model.kernel_work import workspace
-from obstacles.collision.proximity import line_shortfall
+from obstacles.collision.proximity import line_deficit
 from obstacles.scenes.scene import Scene
 from tests.planning.scenes import box, builtin
 
@@ -23,7 +23,7 @@ SCENE = Scene(
 
 @kernel
 def shortfall_on(model: ModelArrays, a: Array, b: Array, spacing: float, most: float) -> float:
-    return line_shortfall(model, workspace(model), a, b, spacing, most)
+    return line_deficit(model, workspace(model), a, b, spacing, most)
 
 
 def lines(count: int) -> Array:

@@ -135,7 +135,7 @@ def test_no_point_of_a_piece_moves_farther_than_its_bound() -> None:
             points = _surface(random, center, radius)
             steps = _apply(after[joint], points) - _apply(before[joint], points)
             distance = np.linalg.norm(steps, axis=1)
-            bound = work.strays[i, 0]
+            bound = work.shifts[i, 0]
             assert distance.max() <= bound + 1e-12
             if bound > 0.0:
                 tightest = max(tightest, float(distance.max() / bound))
@@ -164,7 +164,7 @@ def test_no_point_gets_nearer_along_a_normal_than_is_allowed(name: str) -> None:
         last = int(model.joints[i])
         still = int(random.integers(-1, last))
         place(model, work, i)
-        moving = drift(work.twists, work.placed, work.strays, i, last, still)
+        moving = drift(work.twists, work.placed, work.shifts, i, last, still)
         n = random.normal(size=3)
         n /= np.linalg.norm(n)
         allowed = allowance((n[0], n[1], n[2]), moving)
@@ -179,7 +179,7 @@ def test_no_point_gets_nearer_along_a_normal_than_is_allowed(name: str) -> None:
             along = float(np.abs(steps @ n).max())
             assert along <= allowed + 1e-12
             tightest = max(tightest, along / allowed)
-        gained.append(allowed / work.strays[i, 3 * (still + 1)])
+        gained.append(allowed / work.shifts[i, 3 * (still + 1)])
     assert tightest > 0.8
     assert np.median(gained) < 0.9
 

@@ -15,7 +15,7 @@ from kinematics.urdf.urdf import parse_urdf
 from obstacles.collision.checker import Checker
 from obstacles.collision.edge_check import COLLIDING, FREE, MAX_INTERVALS, UNDECIDED
 from obstacles.collision.lanes.check import write_states
-from obstacles.collision.lanes.motion import open_stretches, place_stretches, strays_of
+from obstacles.collision.lanes.motion import open_stretches, place_stretches, shifts_of
 from obstacles.collision.line_check import certify_line, prove_line
 from obstacles.collision.model.kernel_work import Workspace, workspace
 from obstacles.collision.model.model_arrays import ModelArrays
@@ -45,7 +45,7 @@ def at_stretches(model: ModelArrays, a: Array, b: Array, shares: Array, half: fl
 @kernel
 def stray(work: Workspace, joint: int, still: int, number: int) -> float:
     """How far a body gets on a stretch, seen from another one."""
-    return float(work.lanes[strays_of(work, joint) + LANES * (still + 1) + number])
+    return float(work.lanes[shifts_of(work, joint) + LANES * (still + 1) + number])
 
 
 @kernel

@@ -7,13 +7,12 @@ import pytest
 
 from benchmarks.judges.fcl import FclJudge
 from benchmarks.planning.scale import room
-from benchmarks.verdict import builtin, certify_all, clutter
+from benchmarks.verdict import builtin, certify_all, clutter, verdicts_on
 from kinematics.arrays import Array
 from kinematics.robots import builtin_names
 from obstacles.collision.checker import Checker
 from obstacles.collision.edge_check import COLLIDING, FREE
 from obstacles.collision.model.brackets import Brackets, brackets
-from obstacles.collision.state_check import verdicts_on
 from obstacles.convex.piece import Piece, PieceKind
 from obstacles.convex.sphere_set import _spheres
 from obstacles.robots.robot_geometry import RobotGeometry
@@ -132,20 +131,6 @@ def test_they_are_made_within_a_second_and_kept() -> None:
         assert Brackets.of(builtin(name)) is made
 
 
-def test_tightness_is_told_link_by_link() -> None:
-    for name in ("ur5e", "scara", "elbow_wrist"):
-        robot = builtin(name)
-        told = Brackets.of(robot).tightness()
-        assert tuple(t.link for t in told) == robot.names
-        assert sum(t.pieces for t in told) == len(robot.pieces)
-        for t in told:
-            assert t.spheres >= t.pieces
-            # The grid that volumes are counted on is no finer than a 24th.
-            assert t.inner_volume < 1.1
-            assert t.outer_volume > 0.9
-            assert t.excess < 0.05
-
-
 def test_a_link_without_volume() -> None:
     sheet = np.array([[0.0, 0.0, 0.0], [0.1, 0.0, 0.0], [0.0, 0.1, 0.0]])
     arm = builtin("planar_rr")
@@ -153,8 +138,6 @@ def test_a_link_without_volume() -> None:
         arm.chain, (Piece(PieceKind.POLYTOPE, np.eye(4), sheet),), (arm.links[-1],),
         np.array([1]), np.array([0]), {},
     )  # fmt: skip
-    (told,) = Brackets.of(flat).tightness()
-    assert told.outer_volume == np.inf
     random = np.random.default_rng(66)
     ball = Obstacle("ball", Sphere(0.3), random_transform(random, 0.5))
     ours, edges, _ = verdicts(Checker.of(flat, Scene((ball,))), states_of(flat, random, 200))

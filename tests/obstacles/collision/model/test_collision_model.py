@@ -189,7 +189,7 @@ def test_the_tree_has_every_solid_once_within_boxes_that_hold_it_and_its_margin(
     arrays = CollisionModel(gantry(BALL), scene).arrays
     packed, _, margins = scene.pieces()
     walls = np.flatnonzero(packed.kinds == PieceKind.HALFSPACE)
-    assert arrays.walls.tolist() == walls.tolist()
+    assert arrays.halfspaces.tolist() == walls.tolist()
     assert sorted([*arrays.items.tolist(), *walls.tolist()]) == list(range(len(packed)))
     for row in arrays.nodes[arrays.nodes[:, FIRST] >= 0.0]:
         for k in arrays.items[int(row[FIRST]) : int(row[LAST])]:
@@ -298,7 +298,7 @@ def test_leaves_hold_the_corners_of_their_solids_with_margins(seed: int) -> None
     np.testing.assert_array_equal(owners, scene.pieces()[1])
     np.testing.assert_array_equal(model.scene[:, MARGIN], scene.pieces()[2])
     walls = [k for k, i in enumerate(owners) if isinstance(scene.obstacles[i].shape, HalfSpace)]
-    assert model.walls.tolist() == walls
+    assert model.halfspaces.tolist() == walls
     assert sorted([*model.items.tolist(), *walls]) == list(range(len(owners)))
     signs = np.array(list(itertools.product((-1.0, 1.0), repeat=3)))
     for node in model.nodes[model.nodes[:, FIRST] >= 0.0]:
@@ -323,10 +323,10 @@ def test_half_spaces_come_between_the_tree_and_own_pairs() -> None:
     expected = [(i, -1) for i in met] + [(i, k) for i in met for k in packed.walls]
     expected += [(-1 - g, 0) for g in range(len(packed.groups))]
     assert [tuple(root) for root in packed.roots.tolist()] == expected
-    alone = CollisionModel(robot, Scene(o for o in scene.obstacles if is_wall(o))).arrays
+    alone = CollisionModel(robot, Scene(o for o in scene.obstacles if is_halfspace(o))).arrays
     assert {k for i, k in alone.roots.tolist() if i >= 0} == set(range(len(walls)))
     assert not (alone.roots[:, 1] == -1).any()
 
 
-def is_wall(obstacle: Obstacle) -> bool:
+def is_halfspace(obstacle: Obstacle) -> bool:
     return isinstance(obstacle.shape, HalfSpace)
