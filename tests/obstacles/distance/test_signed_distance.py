@@ -81,14 +81,6 @@ def test_overlapping_boxes_by_their_separating_axes() -> None:
             assert upper == pytest.approx(-expected, abs=1e-7)
 
 
-def test_balls_are_as_far_apart_as_their_centres_less_their_radii() -> None:
-    for gap in (-0.5, -0.4999999, -1e-9, 0.0, 1e-9, 1e-3, 2.0):
-        T = transform(None, [0.0, 0.3 + 0.2 + gap, 0.0])
-        lower, upper = signed_distance(ball(0.3), np.eye(4), ball(0.2), T)
-        assert lower == pytest.approx(gap, abs=1e-12)
-        assert upper == pytest.approx(gap, abs=1e-12)
-
-
 def test_a_ball_in_a_cylinder_or_cone() -> None:
     random = np.random.default_rng(13)
     for _ in range(25):

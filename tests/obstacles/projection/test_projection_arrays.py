@@ -8,11 +8,6 @@ import trimesh
 
 from kinematics.arrays import Array, Indices
 from obstacles.projection.projection_arrays import (
-    BOX,
-    CONE,
-    CYLINDER,
-    HALFSPACE,
-    HULL,
     ProjectionArrays,
     convex_parts,
     pack_obstacles,
@@ -20,32 +15,12 @@ from obstacles.projection.projection_arrays import (
 from obstacles.scenes.scene import Obstacle, Scene
 from obstacles.shapes.shape import (
     Box,
-    Capsule,
-    Cone,
-    Convex,
-    Cylinder,
-    HalfSpace,
     Mesh,
-    PointCloud,
     Shape,
     Sphere,
 )
 from tests.obstacles.arms import cup, mesh_shape
-from tests.obstacles.outline import offset, owned, rim
 from tests.obstacles.solids import random_transform
-
-FLAT = np.array([[0.0, 0, 0], [1, 0, 0], [0, 1, 0], [1, 1, 0]])
-KINDS = [
-    (Box(np.array([0.2, 0.4, 0.6])), BOX),
-    (Sphere(0.1), HULL),
-    (Capsule(0.1, 0.2), HULL),
-    (Cylinder(0.1, 0.2), CYLINDER),
-    (Cone(0.1, 0.2), CONE),
-    (HalfSpace(np.array([0.0, 0.0, 1.0]), 0.1), HALFSPACE),
-    (Convex(np.random.default_rng(0).normal(size=(20, 3))), HULL),
-    (Convex(FLAT), HULL),
-    (PointCloud(np.eye(3), 0.1), HULL),
-]
 
 
 def packed(*shapes: Shape, seed: int = 1) -> tuple[ProjectionArrays, Scene]:
@@ -60,59 +35,6 @@ def hull_of(arrays: ProjectionArrays, i: int) -> tuple[Array, Indices]:
     corners = arrays.corners[arrays.corner_starts[i] : arrays.corner_starts[i + 1]]
     triangles = arrays.triangles[arrays.triangle_starts[i] : arrays.triangle_starts[i + 1]]
     return corners, triangles
-
-
-@pytest.mark.parametrize(("shape", "kind"), KINDS, ids=lambda x: type(x).__name__)
-def test_every_shape_has_its_kind_and_pose(shape: Shape, kind: int) -> None:
-    arrays, scene = packed(shape)
-    pieces = scene.obstacles[0].pieces()
-    assert arrays.kinds.tolist() == [kind] * len(pieces)
-    for i, piece in enumerate(pieces):
-        np.testing.assert_allclose(arrays.poses[i], piece.T_owner_piece)
-        if kind == BOX:
-            np.testing.assert_array_equal(arrays.sizes[i, [0, 1, 3]], [0.1, 0.2, 0.3])
-        else:
-            expected = [piece.radius, piece.half_height, offset(piece)]
-            np.testing.assert_allclose(arrays.sizes[i, :3], expected)
-
-
-@pytest.mark.parametrize("order", [0, 1, 2])
-def test_pieces_belong_to_their_obstacles_in_order_clouds_among_them(order: int) -> None:
-    shapes = [shape for shape, _ in KINDS] + [mesh_shape(cup()), PointCloud(np.eye(3), 0.2)]
-    shuffled = [shapes[k] for k in np.random.default_rng(order).permutation(len(shapes))]
-    arrays, scene = packed(*shuffled)
-    counts = np.bincount(arrays.owners, minlength=len(shuffled))
-    assert (np.diff(arrays.owners) >= 0).all()
-    for k, obstacle in enumerate(scene.obstacles):
-        assert counts[k] == obstacle.count
-        own, _ = packed_alone(obstacle)
-        first = int(np.flatnonzero(arrays.owners == k)[0])
-        for i in range(len(own.kinds)):
-            assert arrays.kinds[first + i] == own.kinds[i]
-            np.testing.assert_allclose(arrays.balls[first + i], own.balls[i])
-            for ours, alone in zip(hull_of(arrays, first + i), hull_of(own, i), strict=True):
-                np.testing.assert_array_equal(ours, alone)
-
-
-def packed_alone(obstacle: Obstacle) -> tuple[ProjectionArrays, Obstacle]:
-    return pack_obstacles([obstacle]), obstacle
-
-
-def test_balls_hold_their_pieces_where_they_are() -> None:
-    arrays, scene = packed(*(shape for shape, _ in KINDS if not isinstance(shape, HalfSpace)))
-    pieces = [piece for obstacle in scene.obstacles for piece in obstacle.pieces()]
-    for piece, (x, y, z, radius) in zip(pieces, arrays.balls, strict=True):
-        away = np.linalg.norm(owned(piece, rim(piece)) - [x, y, z], axis=1) + offset(piece)
-        assert away.max() <= radius + 1e-9
-
-
-def test_a_solid_hull_has_an_inside_and_a_flat_one_a_direction_across() -> None:
-    arrays, _ = packed(KINDS[6][0], Convex(FLAT), Convex(FLAT[:2]), Sphere(0.1))
-    assert arrays.solid.tolist() == [True, False, False, False]
-    np.testing.assert_allclose(np.abs(arrays.across[1]), [0.0, 0.0, 1.0], atol=1e-12)
-    # Across a segment along x: any direction at right angles.
-    assert abs(arrays.across[2, 0]) < 1e-12
-    np.testing.assert_allclose(np.linalg.norm(arrays.across, axis=1), 1.0)
 
 
 def test_what_encloses_a_mesh_are_its_covers_together() -> None:

@@ -27,7 +27,7 @@ from obstacles.robots.robot_geometry import RobotGeometry
 from obstacles.scenes.scene import Obstacle, Scene
 from obstacles.shapes.shape import Box, HalfSpace, PointCloud, Sphere
 from tests.obstacles.arms import builtin, cup, gantry, mesh_shape, obstacle
-from tests.obstacles.outline import convex_shapes, offset, owned, rim
+from tests.obstacles.outline import convex_shapes
 from tests.obstacles.solids import random_transform
 
 BALL = '<sphere radius="0.1"/>'
@@ -183,22 +183,6 @@ def test_a_margin_is_not_kept_between_links() -> None:
     assert Checker(Checker.of(robot, Scene()).model, 0.2).clearance(q)[0] < clearances[0]
 
 
-@pytest.mark.parametrize("seed", [5, 6])
-def test_the_tree_has_every_solid_once_within_boxes_that_hold_it_and_its_margin(seed: int) -> None:
-    scene = mixed(seed)
-    arrays = CollisionModel(gantry(BALL), scene).arrays
-    packed, _, margins = scene.pieces()
-    walls = np.flatnonzero(packed.kinds == PieceKind.HALFSPACE)
-    assert arrays.halfspaces.tolist() == walls.tolist()
-    assert sorted([*arrays.items.tolist(), *walls.tolist()]) == list(range(len(packed)))
-    for row in arrays.nodes[arrays.nodes[:, FIRST] >= 0.0]:
-        for k in arrays.items[int(row[FIRST]) : int(row[LAST])]:
-            piece = scene.piece(int(k))
-            outline, around = owned(piece, rim(piece)), offset(piece) + margins[k]
-            assert (outline.min(axis=0) - around >= row[:3] - 1e-12).all()
-            assert (outline.max(axis=0) + around <= row[3:6] + 1e-12).all()
-
-
 def test_the_order_of_obstacles_changes_no_verdict() -> None:
     robot, scene = builtin("ur5e"), mixed(7)
     random = np.random.default_rng(7)
@@ -318,9 +302,9 @@ def test_leaves_hold_the_corners_of_their_solids_with_margins(seed: int) -> None
 def test_half_spaces_come_between_the_tree_and_own_pairs() -> None:
     robot, scene = builtin("panda"), mixed(5)
     packed = CollisionModel(robot, scene).arrays
-    walls = set(packed.walls.tolist())
+    walls = set(packed.halfspaces.tolist())
     met = [i for i in np.argsort(-robot.joints, kind="stable") if robot.joints[i] >= 0]
-    expected = [(i, -1) for i in met] + [(i, k) for i in met for k in packed.walls]
+    expected = [(i, -1) for i in met] + [(i, k) for i in met for k in packed.halfspaces]
     expected += [(-1 - g, 0) for g in range(len(packed.groups))]
     assert [tuple(root) for root in packed.roots.tolist()] == expected
     alone = CollisionModel(robot, Scene(o for o in scene.obstacles if is_halfspace(o))).arrays
