@@ -114,12 +114,7 @@ def _examine(  # noqa: C901, PLR0912, PLR0915
     """Count of the entries ``left`` (-1: the buffer is full), and the pair that touches, or -1."""
     entries, axes, hints = left.pairs, left.axes, given.axes
     joints, scene, nodes, items = model.joints, model.scene, model.nodes, model.items
-    skipped, placed, shifts, tally = (
-        model.skipped,
-        work.placed,
-        work.shifts,
-        work.tally,
-    )
+    skipped, placed, shifts, tally = model.skipped, work.placed, work.shifts, work.tally
     p, m = skipped.shape[0], scene.shape[0]
     extra, apart = model.margin + margin, model.own_margin + margin
     for entry in range(first, first + count):
@@ -373,16 +368,8 @@ def compare_pair(
         FARTHER (apart all over it), CLOSER (at most ``apart`` in the middle) or BETWEEN.
     """
     a, i, placed, j = pair
-    twists, shifts, tally, seen = (
-        work.twists,
-        work.shifts,
-        work.tally,
-        i if own else -1,
-    )
-    enough, most = (
-        apart + ROUNDING_ERROR,
-        pair_shift(model.chain, model.joints, shifts, seen, j),
-    )
+    twists, shifts, tally, seen = work.twists, work.shifts, work.tally, i if own else -1
+    enough, most = apart + ROUNDING_ERROR, pair_shift(model.chain, model.joints, shifts, seen, j)
     lower, n = quick_bound(a, i, placed, j, enough + most)
     lost, verdict = most, FARTHER
     if not lower > enough + most:

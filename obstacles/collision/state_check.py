@@ -249,7 +249,7 @@ def _bracket(model: ModelArrays, work: Workspace, i: int, k: int, apart: float) 
     return FREE
 
 
-@kernel(allocates=False, inline="always")
+@kernel(allocates=False)
 def _bracket_pair(
     spheres: Array, one: _Spheres, other: _Spheres, frames: Array, apart: float, deep: bool
 ) -> int:
@@ -342,7 +342,7 @@ def verdict_on(model: ModelArrays, q: Array, margin: float) -> int:
     return verdict_in(model, workspace(model), q, margin, np.empty(1, dtype=np.int64))
 
 
-@kernel(allocates=False, inline="always")
+@kernel(allocates=False)
 def group_verdict(model: ModelArrays, work: Workspace, apart: float, asked: Indices) -> int:
     """The verdict on all groups but the one that was ``asked_again``."""
     groups, group, verdict, tally = model.groups, 0, FREE, work.tally
@@ -367,7 +367,7 @@ def group_verdict(model: ModelArrays, work: Workspace, apart: float, asked: Indi
     return verdict
 
 
-@kernel(allocates=False, inline="always")
+@kernel(allocates=False)
 def asked_again(model: ModelArrays, work: Workspace, apart: float, asked: Indices) -> int:
     """The verdict on the group that met twice in turn, if one did."""
     group = int(work.tally[LAST_GROUP]) - 1
@@ -436,7 +436,7 @@ def exact_verdict(
     return COLLIDING if verdict == CLOSER else UNDECIDED
 
 
-@kernel(allocates=False, inline="always")
+@kernel(allocates=False)
 def place_whole(model: ModelArrays, work: Workspace, i: int) -> None:
     """Bring piece i into the base frame if it is not there yet."""
     if work.stamps[i] != work.stamps[-1]:

@@ -153,7 +153,7 @@ def _weighted(S: Array, count: int, weights: Vector, seen: Array, used: int) -> 
     return x, y, z
 
 
-@kernel(inline="always")
+@kernel
 def _overlap(
     a: Array,
     i: int,

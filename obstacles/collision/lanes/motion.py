@@ -215,10 +215,7 @@ def _around_body(
     row, halfspaces = model.bodies[body, 0], model.halfspaces
     nodes, items, scene, corners = model.nodes, model.items, model.scene, model.corners
     shift = load(work.lanes, shifts_of(work, model.joints[row]))
-    p, reach = (
-        ball_at(model, work, row),
-        max(shift + (model.robot[row, RADIUS] + extra), 0.0),
-    )
+    p, reach = ball_at(model, work, row), max(shift + (model.robot[row, RADIUS] + extra), 0.0)
     several = model.bodies[body, 2] - model.bodies[body, 1] > 1
     square, node, end, entry, stop = reach * reach, 0, nodes.shape[0], 0, 0
     halfspace, near = 0, 0

@@ -206,14 +206,7 @@ def place(model: ModelArrays, work: Workspace, i: int) -> None:
     work.stamps[i] = now
     place_row(work.placed, i, model.robot, work.frames, joint)
     _write_shifts(
-        model.chain,
-        work.frames,
-        work.twists,
-        work.joints,
-        work.placed,
-        joint,
-        work.shifts,
-        i,
+        model.chain, work.frames, work.twists, work.joints, work.placed, joint, work.shifts, i
     )
 
 
@@ -264,11 +257,7 @@ def _write_shifts(
                 first += delta
                 second += share * joints[3, leader] + delta * before
         at = 3 * (parent + 1)
-        shifts[i, at], shifts[i, at + 1], shifts[i, at + 2] = (
-            moved,
-            first,
-            second,
-        )
+        shifts[i, at], shifts[i, at + 1], shifts[i, at + 2] = moved, first, second
         j = parent
 
 
@@ -323,13 +312,7 @@ def pair_shift(chain: Array, joints: Indices, shifts: Array, i: int, j: int) -> 
 
 @kernel(allocates=False, inline="always")
 def pair_drift(
-    chain: Array,
-    joints: Indices,
-    twists: Array,
-    placed: Array,
-    shifts: Array,
-    i: int,
-    j: int,
+    chain: Array, joints: Indices, twists: Array, placed: Array, shifts: Array, i: int, j: int
 ) -> Drift:
     """The motion of piece j of the robot seen from the body of its piece i, or from the base (-1).
 
@@ -353,7 +336,7 @@ def pair_drift(
     )  # fmt: skip
 
 
-@kernel(allocates=False, inline="always")
+@kernel(allocates=False)
 def place_ball(rows: Array, i: int, frames: Array, joint: int, placed: Array) -> None:
     """Bring the middle of row i into the base frame."""
     x, y, z = rows[i, CENTER], rows[i, CENTER + 1], rows[i, CENTER + 2]

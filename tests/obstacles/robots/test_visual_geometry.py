@@ -17,7 +17,7 @@ from obstacles.robots.visual_geometry import visual_geometry
 def robots() -> Path:
     files = importlib.metadata.files("example-robot-data") or []
     found = next(f for f in files if f.as_posix().endswith("panda_description/urdf/panda.urdf"))
-    return Path(str(found.locate())).parents[3]
+    return Path(str(found.locate())).parents[2]
 
 
 def find(uri: str) -> bytes:
