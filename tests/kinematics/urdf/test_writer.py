@@ -1,4 +1,6 @@
-"""URDF written of chains, read back by our reader and by pinocchio."""
+"""URDF and SRDF of a chain, read back."""
+
+from dataclasses import replace
 
 import numpy as np
 import pinocchio as pin
@@ -6,11 +8,11 @@ import pytest
 
 from kinematics.errors import InvalidRobotDescription
 from kinematics.forward import forward
-from kinematics.model.chain import Chain
+from kinematics.model.chain import Chain, Limits
 from kinematics.model.dh import chain_from_dh, dh_from_chain
 from kinematics.model.dh_table import DhRow, DhTable
 from kinematics.pose import from_rpy, transform
-from kinematics.robots import builtin_chain
+from kinematics.robots import builtin_chain, builtin_urdf
 from kinematics.tree.description import (
     BoxGeometry,
     CapsuleGeometry,
@@ -18,8 +20,9 @@ from kinematics.tree.description import (
     SphereGeometry,
 )
 from kinematics.tree.serial_chain import serial_chain
+from kinematics.tree.srdf import named_states, parse_srdf
 from kinematics.urdf.urdf import parse_urdf
-from kinematics.urdf.writer import urdf_text
+from kinematics.urdf.writer import srdf_text, urdf_text, with_limits
 
 NAMES = ("panda", "ur5e", "iiwa14", "kr6_sixx", "puma560", "scara", "stanford", "planar_rr")
 
@@ -91,3 +94,76 @@ def test_solids_names_and_comments() -> None:
     box = {"link_1": [CollisionElement(np.eye(4), BoxGeometry((1.0, 1.0, 1.0)))]}
     with pytest.raises(InvalidRobotDescription, match="not written"):
         urdf_text(chain, box)
+
+
+def limited(chain: Chain, seed: int) -> Chain:
+    """The chain with other limits, some of them not known."""
+    random = np.random.default_rng(seed)
+    velocity, acceleration, jerk, effort = random.uniform(0.1, 90.0, (4, chain.n))
+    jerk[0] = np.nan
+    lower, upper = chain.limits.lower * 0.9, chain.limits.upper * 0.8
+    return replace(chain, limits=Limits(lower, upper, velocity, acceleration, jerk, effort))
+
+
+@pytest.mark.parametrize("name", ["panda", "ur5e", "scara", "stanford"])
+def test_limits_are_read_back_and_nothing_else_changes(name: str) -> None:
+    chain = limited(builtin_chain(name), 3)
+    before = serial_chain(parse_urdf(builtin_urdf(name)))
+    copy = serial_chain(parse_urdf(with_limits(builtin_urdf(name), chain)))
+    for quantity in ("lower", "upper", "velocity", "acceleration", "effort"):
+        np.testing.assert_array_equal(
+            getattr(copy.limits, quantity), getattr(chain.limits, quantity)
+        )
+    np.testing.assert_array_equal(copy.limits.jerk[1:], chain.limits.jerk[1:])
+    np.testing.assert_array_equal(copy.limits.jerk[0], before.limits.jerk[0])
+    for q in np.random.default_rng(4).uniform(-0.5, 0.5, (5, chain.n)):
+        np.testing.assert_array_equal(forward(copy, q), forward(before, q))
+
+
+def test_pinocchio_reads_the_merged_limits() -> None:
+    chain = limited(builtin_chain("panda"), 5)
+    model = pin.buildModelFromXML(with_limits(builtin_urdf("panda"), chain))
+    np.testing.assert_array_equal(model.upperPositionLimit[:7], chain.limits.upper)
+    np.testing.assert_array_equal(model.velocityLimit[:7], chain.limits.velocity)
+    np.testing.assert_array_equal(model.effortLimit[:7], chain.limits.effort)
+
+
+def test_a_joint_without_limits_gets_them() -> None:
+    text = """<robot name="one"><link name="a"/><link name="b"/>
+      <joint name="turn" type="continuous"><parent link="a"/><child link="b"/>
+      <axis xyz="0 0 1"/></joint></robot>"""
+    chain = serial_chain(parse_urdf(text))
+    one = np.array([2.5])
+    known = replace(chain.limits, velocity=one, effort=3.0 * one)
+    merged = with_limits(text, replace(chain, limits=known))
+    assert '<limit effort="7.5" velocity="2.5" />' in merged
+    assert "lower" not in merged
+
+
+def test_what_is_no_urdf_is_refused() -> None:
+    with pytest.raises(InvalidRobotDescription):
+        with_limits("<html/>", builtin_chain("panda"))
+
+
+ALLOWED = {("hand", "link<1>"): "adjacent", ("a&b", "hand"): 'suspected: "5 mm"'}
+
+
+@pytest.mark.parametrize("name", ["panda", "ur5e", "scara", "stanford"])
+def test_chain_states_and_pairs_are_read_back(name: str) -> None:
+    chain = builtin_chain(name)
+    states = {"home": np.full(chain.n, 0.1), 'odd "&" name': np.linspace(-1.0, 1e-17, chain.n)}
+    semantics = parse_srdf(srdf_text(chain, states, ALLOWED))
+    assert dict(semantics.chains) == {"arm": (chain.base_link, chain.tip_link)}
+    assert semantics.disabled_collisions == set(ALLOWED)
+    read, _ = named_states(chain, semantics)
+    assert set(read) == set(states)
+    for key, q in states.items():
+        np.testing.assert_array_equal(read[key], q)
+
+
+def test_pinocchio_reads_the_named_states() -> None:
+    chain = builtin_chain("panda")
+    q = np.linspace(0.0, -0.6, 7)
+    model = pin.buildModelFromXML(builtin_urdf("panda"))
+    pin.loadReferenceConfigurationsFromXML(model, srdf_text(chain, {"ready": q}, {}))
+    np.testing.assert_array_equal(model.referenceConfigurations["ready"][:7], q)

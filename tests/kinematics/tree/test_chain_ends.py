@@ -1,4 +1,4 @@
-"""The likely tip of a tree: tool frames before cameras, hands before fingers."""
+"""The link that is most likely meant as the tip."""
 
 from dataclasses import replace
 from itertools import pairwise
