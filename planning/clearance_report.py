@@ -13,11 +13,6 @@ from obstacles.collision.checker import Checker
 from planning.timing.close_instants import instants
 from planning.values.preferred_clearance import PreferredClearance
 
-#: Instants that are looked at, at least this many and no farther apart than the period [s].
-_LEAST_INSTANTS = 32
-_PERIOD = 0.025
-#: Instants that are looked at, at most: a long motion has them farther apart.
-_MAX_INSTANTS = 512
 #: Where states are looked at about the nearest instant of a span, as shares of the time to the next
 #: instants; then about the nearest of these.
 _BESIDE = (np.array([-2.0, -1.0, 1.0, 2.0]) / 3.0, np.array([-1.0, 1.0]) / 6.0)
@@ -85,8 +80,8 @@ def clearance_report(
             robot's own links [m]: where these are preferred, no instant needs a look.
     """
     distance, own = max(preferred.obstacles, margin), preferred.own_links
-    count = int(np.ceil(max(motion.duration / _PERIOD, _LEAST_INSTANTS)))
-    count = min(count, _MAX_INSTANTS)
+    # Instants are 25 ms apart at most, and 32 at least; of a long motion 512, farther apart.
+    count = min(int(np.ceil(max(motion.duration / 0.025, 32))), 512)
     scene = checkers[-1].model.scene
     most = max((obstacle.margin for obstacle in scene.obstacles), default=0.0)
     if known[0] - most > distance and known[1] > own:

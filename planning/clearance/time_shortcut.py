@@ -30,8 +30,6 @@ from planning.search.sampled_check import Look, all_look_free, look_of
 from planning.search.shortcut import Held, are_proved, is_free
 from planning.timing.estimate import LEG_ROWS, TIME, estimated_time
 
-#: Time that a motion in contact costs, as a multiple of that of one with the preferred clearance.
-_WEIGHT = 6.0
 #: States looked at for their clearance are this far apart at most, Euclidean in joint space.
 _SPACING = 0.25
 #: Steps of a waypoint: left out, drawn in, put together with the next half-way or where the legs
@@ -114,7 +112,9 @@ def quicken(
     preferred, least = levels[0], levels[-1]
     if len(levels) < 2 or not 2 < len(waypoints) <= MAX_WAYPOINTS:
         return waypoints
-    weight, reach = _WEIGHT / preferred.model.margin, preferred.model.chain.limits
+    # Time that a motion in contact costs, as a multiple of that of one with the preferred
+    # clearance.
+    weight, reach = 6.0 / preferred.model.margin, preferred.model.chain.limits
     limits = np.concatenate([limits, [reach.lower, reach.upper]])
     points = np.ascontiguousarray(waypoints, np.float64)
     slack = float(least.slack)

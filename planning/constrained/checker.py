@@ -12,13 +12,6 @@ from planning.constraints.constraint_set import ConstraintSet
 from planning.constraints.edge_bounds import edge_holds
 from planning.constraints.row import LOWER, UPPER
 
-#: Share of half a row's width by which it is narrowed, so that corners can be rounded inside it.
-_NARROWING = 0.05
-#: What a row is narrowed by at most [m or rad]: a way with more to spare is found.
-_MOST_NARROWING = 2e-3
-#: Samples of a motion that violates a row, to find where it does most.
-_SAMPLES = 9
-
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ConstrainedChecker(Checker):
@@ -36,8 +29,11 @@ class ConstrainedChecker(Checker):
     @property
     def rows(self) -> Array:
         """The packed rows, somewhat narrower than asked for, (m, WIDTH)."""
-        limit = np.minimum(0.5 * self.spare, _MOST_NARROWING)
-        return narrow_rows(self.constraints, _NARROWING, limit)
+        # What a row is narrowed by at most [m or rad]: a way with more to spare is found.
+        limit = np.minimum(0.5 * self.spare, 2e-3)
+        # Share of half a row's width by which it is narrowed, so that corners can be rounded inside
+        # it.
+        return narrow_rows(self.constraints, 0.05, limit)
 
     def holds(self, states: Array) -> bool:
         """Whether configurations (k, n) hold all constraints as they were asked for."""
@@ -48,7 +44,8 @@ class ConstrainedChecker(Checker):
         powers = [b0, b1, b2] if b3 is None else [b0, b1, b2, b3]
         coefficients = np.column_stack(powers)
         if not edge_holds(self.model.chain, self.rows, coefficients):
-            s = np.linspace(0.0, 1.0, _SAMPLES)
+            # Samples of a motion that violates a row, to find where it does most.
+            s = np.linspace(0.0, 1.0, 9)
             samples = coefficients @ s ** np.arange(len(powers))[:, None]
             residuals = self.constraints.residuals(samples.T)
             worst, row = np.unravel_index(int(np.argmax(residuals)), residuals.shape)

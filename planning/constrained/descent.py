@@ -18,13 +18,6 @@ from planning.constraints.solvers.active_set_program import (
 )
 from planning.values.deadline import Deadline
 
-#: Steps between two looks at the clock where solids are kept apart.
-_STEPS = 2
-#: Steps where nothing is: these take microseconds.
-_MANY_STEPS = 40
-#: The dearest linearisation that was seen may be exceeded by this factor.
-_DEARER = 2.0
-
 
 @dataclass(slots=True, eq=False)
 class Descents:
@@ -53,7 +46,8 @@ class Descents:
         q, course = np.array(start), np.zeros(COURSE)
         work = self._work(model)
         work.pace[GAIN] = gain
-        steps = _MANY_STEPS if model is None else _STEPS
+        # Steps between two checks of the clock: those without solids take microseconds.
+        steps = 40 if model is None else 2
         while course[STAGE] != OVER:
             allowed = self._allowed(model, q, work)
             if allowed <= 0.0:
@@ -91,4 +85,5 @@ class Descents:
             self.longest = time.thread_time() - began
         if self.deadline.passed:
             return 0.0
-        return max(float(np.ceil(self.deadline.remaining / (_DEARER * self.longest))), 2.0)
+        # The dearest linearisation that was seen may be exceeded by this factor.
+        return max(float(np.ceil(self.deadline.remaining / (2.0 * self.longest))), 2.0)

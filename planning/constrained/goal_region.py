@@ -19,9 +19,6 @@ from planning.constraints.solvers.active_set_program import Goal, make_goal
 from planning.preflight_result import TOUCHING
 from planning.problem import PoseGoal
 
-#: Iterations of Newton's method from a configuration to a pose.
-_PROJECTIONS = 40
-
 
 @dataclass(frozen=True, slots=True, eq=False)
 class GoalRegion:
@@ -55,6 +52,7 @@ class GoalRegion:
         """
         projected = np.array(q)
         goal = self.goals[number % len(self.goals)]
-        if project_kernel(goal, projected, _PROJECTIONS) > FEASIBLE:
+        # Iterations of Newton's method from a configuration to a pose.
+        if project_kernel(goal, projected, 40) > FEASIBLE:
             return None
         return projected if self.checker.clearance(projected)[0] > TOUCHING else None

@@ -43,22 +43,9 @@ OBJECTIVES: tuple[Objective, ...] = get_args(Objective)
 HELD = 1e-6
 #: Kept beyond the margins, so that a configuration driven to them does not touch them [m].
 _HEADROOM = 1e-6
-#: Starts spent on a better configuration once as many as were asked for are found.
-_EXTRA_STARTS = 2
 #: One start of so many keeps triangles apart; the others keep what covers them apart, which costs a
 #: tenth of the time and leaves out what lies in hollows.
 _EXACT_STARTS = 4
-#: Starts in a row without another solution after which no more are expected.
-_PATIENCE = 16
-#: Gain of the objective, times 1 and the objective, that ends the descents of which one is chosen
-#: in the end. Only that one is followed to its very end.
-_ROUGH_GAIN = 1e-5
-#: Attempts that IPOPT goes on from.
-_IPOPT_STARTS = 3
-#: Times that IPOPT linearises the distances.
-_IPOPT_ROUNDS = 6
-#: Pairs farther apart than this do not bind IPOPT's steps [m].
-_NEAR = 0.3
 #: Solutions nearer than this in every joint [rad or m] are one.
 _SAME = 1e-3
 
@@ -235,8 +222,11 @@ class _Search:
 
     def run(self) -> ConstrainedIk:
         """Search until enough is found, or starts or time are spent."""
-        starts, spare, since = 0, _EXTRA_STARTS, 0
-        gain = _ROUGH_GAIN if self.how.most == 1 else LEAST_GAIN
+        # Starts spent on a better configuration once as many as were asked for are found.
+        starts, spare, since = 0, 2, 0
+        # Gain of the objective, times 1 and the objective, that ends the descents of which one is
+        # chosen in the end. Only that one is followed to its very end.
+        gain = 1e-5 if self.how.most == 1 else LEAST_GAIN
         if self.how.solver != "ipopt":
             for q in self._starts():
                 model = self._solids_for(q, starts)
@@ -244,7 +234,8 @@ class _Search:
                 self._judge(self.descents.descend(model, q, gain), "descent")
                 since = since + 1 if self.found and len(self.found) == count else 0
                 spare -= len(self.found) >= self.how.most
-                if spare < 0 or since == _PATIENCE or self._time_up():
+                # Starts in a row without another solution after which no more are expected.
+                if spare < 0 or since == 16 or self._time_up():
                     break
         late = bool(self.attempts) and (self._time_up() or self._has_no_time_to_build())
         if not self.found and self.how.solver != "descent" and not late:
@@ -306,7 +297,8 @@ class _Search:
     def _run_ipopt(self) -> None:
         """Go on from the best attempts, or from fresh starts where there are none."""
         self.attempts.sort(key=self.violation)
-        starts = [attempt.joints for attempt in self.attempts[:_IPOPT_STARTS]]
+        # Attempts that IPOPT goes on from.
+        starts = [attempt.joints for attempt in self.attempts[:3]]
         for q in starts or self._starts():
             self._judge(self._solve(np.array(q)), "ipopt")
             if self.found or self._time_up():
@@ -314,7 +306,8 @@ class _Search:
 
     def _solve(self, q: Array) -> Array:
         nlp = program(self.constraints, self._by_manipulability)
-        for _ in range(_IPOPT_ROUNDS if self.checker is not None else 1):
+        # Times that IPOPT linearises the distances.
+        for _ in range(6 if self.checker is not None else 1):
             planes = self._planes(q)
             before, posture = q, np.array(self.goal.posture)
             q = nlp.solve(self.constraints, q, posture, self.goal.metric, planes)
@@ -326,7 +319,8 @@ class _Search:
         """Distances of the nearest pairs to first order, as A q <= b."""
         if self.checker is None:
             return Planes(np.zeros((0, self.chain.n)), np.zeros(0))
-        near = Checker(self.checker.model, _HEADROOM).gradient(q, _NEAR)
+        # Pairs farther apart than this do not bind IPOPT's steps [m].
+        near = Checker(self.checker.model, _HEADROOM).gradient(q, 0.3)
         nearest = np.argsort(near.distances, kind="stable")[:PLANES]
         A = -near.gradients[nearest]
         return Planes(A, near.distances[nearest] + A @ q)

@@ -10,9 +10,6 @@ from planning.planner import Query
 from planning.problem import PoseGoal
 from planning.result import Attempt
 
-#: Edges of trees without constraints that take as long as one extension along constraints.
-_EDGES_AN_EXTENSION = 20
-
 
 @dataclass(frozen=True, slots=True)
 class ProjectedRrt:
@@ -29,6 +26,7 @@ class ProjectedRrt:
         """Grow two trees along the allowed set; the query's checker has the constraints."""
         checker, ready = query.checker, query.ready
         assert isinstance(checker, ConstrainedChecker)
+        # Edges of trees without constraints that take as long as one extension along constraints.
         waypoints, extensions = projected_rrt(
             Manifold(checker),
             ready.start,
@@ -37,7 +35,7 @@ class ProjectedRrt:
             query.deadline,
             _more_goals(checker, query),
             query.explored,
-            None if query.bound is None else query.bound // _EDGES_AN_EXTENSION,
+            None if query.bound is None else query.bound // 20,
         )
         return Attempt(waypoints, f"{extensions} extensions along the constraints.")
 

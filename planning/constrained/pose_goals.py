@@ -13,10 +13,6 @@ from planning.values.deadline import Deadline
 
 #: Share of a goal's tolerance for each of three axes; a thousandth is kept for rounding.
 _SHARE = 0.999 / np.sqrt(3.0)
-#: Configurations at most.
-_MAX_GOALS = 8
-#: Starts of inverse kinematics.
-_STARTS = 60
 
 
 def pose_constraint(goal: PoseGoal) -> RelativePoseConstraint:
@@ -48,8 +44,9 @@ def goal_configurations(
     """
     clear = ClearanceConstraint(problem.margin)
     wanted = ConstraintSet(problem.robot.chain, (*constraints, pose_constraint(goal), clear))
+    # At most eight configurations, from sixty starts of inverse kinematics.
     options = IkOptions(
-        seed_joints=start, most=_MAX_GOALS, seed=seed, starts=_STARTS, solver="descent",
+        seed_joints=start, most=8, seed=seed, starts=60, solver="descent",
         deadline=deadline,
     )  # fmt: skip
     return constrained_ik(problem.robot, wanted, problem.scene, options).solutions

@@ -41,35 +41,13 @@ _STEP_GROWTH = 1.6
 _LEAST_PROGRESS = 0.1
 #: A projected step may be longer than the step asked for by this factor.
 _MAX_STRETCH = 2.0
-#: Steps of one extension at most.
-_MAX_STEPS = 400
-#: Share of half a row's width that projected configurations keep: edges between them bulge.
-_NARROWING = 0.25
-#: What they keep at most [m or rad]: where a row is wide, the way may lead along its bounds.
-_MOST_NARROWING = 1e-2
 #: Iterations of Newton's method on a step.
 _PROJECTIONS = 12
-#: Iterations of Newton's method on a random configuration, which may be far away.
-_SAMPLE_PROJECTIONS = 40
 #: Extensions after which a pair of trees is given up for a fresh one: most pairs that meet do so
 #: within these, and those that do not take many times as many.
 _FIRST_BUDGET = 60
-#: Factor by which the next pair may take more.
-_BUDGET_GROWTH = 1.6
-#: Between the seeds of one request's trees; neighbouring requests should not share them.
-_SEED_STRIDE = 7_919
 #: Name of the planner, for what it explored.
 _NAME = "rrt_connect"
-#: Cuts that are tried to shorten a path.
-_CUTS = 160
-#: Cuts in a row without any gain after which a path counts as short.
-_PATIENCE = 50
-#: A cut has to gain this share of the path's length.
-_LEAST_GAIN = 1e-3
-#: Extensions between two searches for another goal.
-_GOAL_STRIDE = 8
-#: Goals at most, those given among them.
-_MAX_GOALS = 400
 
 #: Finds a goal near a configuration (n,), given how many goals there are; None where there is none.
 MoreGoals = Callable[[Array, int], Array | None]
@@ -89,7 +67,9 @@ class Manifold:
 
     def __post_init__(self) -> None:
         chain, constraints = self.checker.model.chain, self.checker.constraints
-        zero, inner = np.zeros(chain.n), narrow_rows(constraints, _NARROWING, _MOST_NARROWING)
+        # Projected configurations keep a share of half a row's width: edges between them bulge.
+        # They keep 1 cm [or rad] at most: where a row is wide, the way may lead along its bounds.
+        zero, inner = np.zeros(chain.n), narrow_rows(constraints, 0.25, 1e-2)
         goal = make_goal(constraints, zero, zero, rows=inner)
         object.__setattr__(self, "goal", goal)
         object.__setattr__(self, "rows", self.checker.rows)
@@ -97,7 +77,8 @@ class Manifold:
     def project(self, q: Array) -> Array | None:
         """Project q (n,) onto the set by Newton's method; None where that fails."""
         projected = np.array(q)
-        if project_kernel(self.goal, projected, _SAMPLE_PROJECTIONS) > FEASIBLE:
+        # Iterations of Newton's method on a random configuration, which may be far away.
+        if project_kernel(self.goal, projected, 40) > FEASIBLE:
             return None
         return projected
 
@@ -108,7 +89,8 @@ class Manifold:
             The configurations after each step, without the start, shape (k, n), every step proved
             to hold the constraints and to be free; and whether it arrived.
         """
-        steps = np.empty((_MAX_STEPS, len(start)))
+        # Steps of one extension at most.
+        steps = np.empty((400, len(start)))
         count, arrived = extend_kernel(
             self.checker.model.arrays,
             self.checker.slack,
@@ -205,7 +187,9 @@ def projected_rrt(
     most = math.inf if max_extensions is None else max_extensions
     while spent < most and not deadline.passed:
         budget = int(min(budget, most - spent))
-        random = np.random.default_rng((seed, pair * _SEED_STRIDE))
+        # The pairs of one request are far apart in seeds: neighbouring requests should not share
+        # them.
+        random = np.random.default_rng((seed, pair * 7_919))
         trees = _Tree([start]), _Tree(goals)
         path, extensions = _grow_pair(manifold, trees, goals, random, budget, deadline, more_goals)
         if explored is not None:
@@ -215,7 +199,8 @@ def projected_rrt(
         spent += extensions
         if path is not None:
             return path, spent
-        pair, budget = pair + 1, int(_BUDGET_GROWTH * budget)
+        # Factor by which the next pair may take more.
+        pair, budget = pair + 1, int(1.6 * budget)
     return None, spent
 
 
@@ -241,7 +226,8 @@ def _grow_pair(
         steps, _ = manifold.extend(here.node(near), target)
         extensions += 1
         target = None
-        if more_goals is not None and forwards and extensions // 2 % _GOAL_STRIDE == 1:
+        # Extensions between two searches for another goal.
+        if more_goals is not None and forwards and extensions // 2 % 8 == 1:
             target = _new_goal(here, there, goals, more_goals, random)
         if len(steps):
             reached = here.add(near, steps)
@@ -264,7 +250,8 @@ def _new_goal(
     random: np.random.Generator,
 ) -> Array | None:
     """Add a goal near a node of the start's tree as a root of the goals' tree, if there is one."""
-    if len(goals) >= _MAX_GOALS:
+    # Goals at most, those given among them.
+    if len(goals) >= 400:
         return None
     goal = more_goals(reached.node(int(random.integers(reached.size))), len(goals))
     if goal is not None:
@@ -281,8 +268,10 @@ def shortcut_along(manifold: Manifold, waypoints: Array, seed: int, deadline: De
     points = list(waypoints)
     random = np.random.default_rng(seed)
     idle = 0
-    for _ in range(_CUTS):
-        if len(points) < 3 or idle >= _PATIENCE or deadline.passed:
+    # Cuts that are tried to shorten a path.
+    for _ in range(160):
+        # Cuts in a row without any gain after which a path counts as short.
+        if len(points) < 3 or idle >= 50 or deadline.passed:
             break
         cut = _cut(manifold, points, random)
         idle = idle + 1 if cut is None else 0
@@ -304,7 +293,8 @@ def _cut(
         points[leg] + (1.0 - (ends[leg] - at) / lengths[leg]) * (points[leg + 1] - points[leg])
         for leg, at in ((i, first), (j, last))
     )
-    max_length = last - first - _LEAST_GAIN * ends[-1]
+    # A cut has to gain this share of the path's length.
+    max_length = last - first - 1e-3 * ends[-1]
     if np.linalg.norm(b - a) > max_length:
         return None
     between: list[Array] = []

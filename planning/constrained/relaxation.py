@@ -13,11 +13,6 @@ from planning.constrained.projected_rrt import Manifold, projected_rrt, shortcut
 from planning.constraints.constraint_set import ConstraintSet
 from planning.values.deadline import Deadline
 
-#: Samples of each leg of a path at which residuals are evaluated.
-_SAMPLES = 33
-#: Widening that is not told as a number [m or rad].
-_LITTLE = 1e-6
-
 
 @dataclass(frozen=True, slots=True)
 class Relaxation:
@@ -58,9 +53,10 @@ class Relaxation:
         if not self.constraints:
             return f"Leaving out any one of the constraints did not help in time.{known}"
         named = zip(self.constraints, self.names, self.wider, self.units, strict=True)
+        # Widening that is not told as a number [m or rad].
         texts = [
             f"constraint {i} ({name}) is widened by "
-            + (f"{wider:.4g} {unit}" if wider > _LITTLE else "very little")
+            + (f"{wider:.4g} {unit}" if wider > 1e-6 else "very little")
             for i, name, wider, unit in named
         ]
         return f"There is a way if {', or '.join(texts)}; less may do.{known}"
@@ -110,7 +106,8 @@ def _without_obstacles(checker: ConstrainedChecker) -> ConstrainedChecker | None
 
 def _worst_residual(constraint: ConstraintSet, path: Array) -> tuple[float, str]:
     """The worst residual of a constraint along a polyline (k, n), and its unit."""
-    shares = np.linspace(0.0, 1.0, _SAMPLES)[:, None, None]
+    # Samples of each leg of a path at which residuals are evaluated.
+    shares = np.linspace(0.0, 1.0, 33)[:, None, None]
     residuals = constraint.residuals(path[:-1] + shares * np.diff(path, axis=0))
     row = int(np.argmax(residuals.reshape(-1, residuals.shape[-1]).max(axis=0)))
     return max(float(residuals[..., row].max()), 0.0), constraint.rows[row].unit

@@ -17,11 +17,6 @@ from kinematics.model.dh import frame_origins
 from obstacles.convex.piece import Piece, PieceKind
 from obstacles.robots.robot_geometry import RobotGeometry
 
-#: A piece longer than this many times its width gets several points, each for about as much.
-_SLENDER = 1.5
-#: Points along one piece at most.
-_MAX_ALONG_A_PIECE = 4
-
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ControlPoints:
@@ -97,8 +92,10 @@ def _axis_points(piece: Piece) -> list[tuple[Array, float]]:
     longest = int(np.argmax(half))
     width = float(np.delete(half, longest).max())
     count = 1
-    if half[longest] > _SLENDER * width:
-        count = min(int(np.ceil(half[longest] / width)), _MAX_ALONG_A_PIECE)
+    # A piece longer than this many times its width gets several points, each for about as much.
+    if half[longest] > 1.5 * width:
+        # Points along one piece at most.
+        count = min(int(np.ceil(half[longest] / width)), 4)
     reach = half[longest] - width if count > 1 else 0.0
     T = piece.T_owner_piece
     points = []

@@ -57,8 +57,6 @@ from planning.values.deadline import Deadline
 _STEPS_A_LOOK = 8
 #: Configurations that a track has room for at first.
 _CAPACITY = 64
-#: A direction across the force whose largest entry is below this is none.
-_NO_DIRECTION = 1e-9
 #: Names of the outcomes of a descent on the wire.
 _ENDINGS = {
     None: "timed_out",
@@ -367,6 +365,7 @@ class _Descent:
         along = force / max(float(np.linalg.norm(force)), 1e-300)
         across -= (across @ along) * along
         widest = float(np.abs(across).max())
-        if widest < _NO_DIRECTION:
+        # A direction across the force whose largest entry is below this is none.
+        if widest < 1e-9:
             return across, 0  # a single joint has nowhere to step aside
         return across / widest, self._options.escape_steps

@@ -13,8 +13,6 @@ from planning.field.options import FieldOptions
 from planning.field.potential import Field
 from planning.result import Explanation
 
-#: Force on a joint below this part of the largest does not move it towards a limit.
-_WEAK = 1e-3
 _OTHERWISE = 'ask for planner "auto"'
 
 
@@ -82,7 +80,8 @@ def _obstruction(
     limits, largest = chain.limits, max(float(np.abs(force).max()), np.finfo(float).tiny)
     step = options.longest_step * 0.5**options.halvings * force / largest
     ahead = np.clip(q + step, limits.lower, limits.upper)
-    strong = np.abs(force) > _WEAK * largest
+    # Force on a joint below this part of the largest does not move it towards a limit.
+    strong = np.abs(force) > 1e-3 * largest
     held = [chain.joint_names[int(i)] for i in np.flatnonzero(strong & (ahead == q))]
     motion = checker.segment(q, ahead)
     if motion.pair is not None and not motion.free:

@@ -9,14 +9,8 @@ from planning.optimize.spline import SplineSpace
 from planning.optimize.task import Task
 from planning.timing.time_scaling import fitting_factor
 
-#: Samples of the motion for each control point.
-_SAMPLES = 4
 #: A motion takes at least this long [s], were it ever so short.
 _LEAST = 1e-3
-#: Factor from one duration to the next that is tried where the ends are not at rest [-].
-_STEP = 1.5
-#: Durations that are tried, from the known one on: up to 300 times as long.
-_STEPS = 14
 
 
 def fit_spline(task: Task, space: SplineSpace, motion: Trajectory) -> Iterate:
@@ -33,7 +27,9 @@ def fit_spline(task: Task, space: SplineSpace, motion: Trajectory) -> Iterate:
     if task.still:
         return Iterate(space, points, least_duration(task, space, points))
     # The ends bend the spline the more the longer it takes: all there is to do is to try.
-    durations = duration * _STEP ** np.arange(_STEPS)
+    # Durations that are tried where the ends are not at rest, each 1.5 times as long as the one
+    # before: up to 300 times the known one.
+    durations = duration * 1.5 ** np.arange(14)
     over = []
     for T in durations:
         over.append(least_duration(task, space, _nearest(task, space, motion, T)) / T)
@@ -50,7 +46,8 @@ def least_duration(task: Task, space: SplineSpace, points: Array) -> float:
 
 
 def _nearest(task: Task, space: SplineSpace, motion: Trajectory, duration: float) -> Array:
-    u = np.linspace(0.0, 1.0, _SAMPLES * space.count + 1)
+    # Samples of the motion for each control point.
+    u = np.linspace(0.0, 1.0, 4 * space.count + 1)
     Q, B = motion.sample(u * motion.duration), space.matrix(u)
     head, tail = task.start.order + 1, task.end.order + 1
     points = np.zeros((space.count, motion.n))

@@ -28,12 +28,6 @@ DEPTH = 0.01
 RESIDUAL = 0.01
 #: Of a torque or the tool's speed, as a share of the limit [-].
 SHARE = 0.1
-#: Pairs are looked at that are nearer than this part of what the trust region lets the robot move,
-#: and get rows if they are among so many nearest of a place. What is overlooked is found when the
-#: motion is proved, and has its place added.
-_NEAR = 0.7
-_HALF = 0.5
-_MOST = 8
 #: Loads aimed at are lower by this share than what is allowed.
 _HEADROOM = 5e-3
 
@@ -129,7 +123,10 @@ def length(chain: Chain) -> float:
 def _distances(
     task: Task, iterate: Iterate, places: Checkpoints, reach: float, deadline: Deadline
 ) -> Linearization:
-    within = _NEAR * reach * max(length(task.chain), 1.0)
+    # Pairs are looked at that are nearer than this part of what the trust region lets the robot
+    # move, and get rows if they are among so many nearest of a place. What is overlooked is found
+    # when the motion is proved, and has its place added.
+    within = 0.7 * reach * max(length(task.chain), 1.0)
     own, gaps, slopes, worst, obstruction = [], [], [], 0.0, None
     samples = iterate.sample(places.at)
     for k, q in enumerate(samples):
@@ -145,8 +142,8 @@ def _distances(
             a, b = task.checker.model.pair_name(int(near.pairs[least]))
             message = f"{a!r} and {b!r} are closer than their margin by {worst:.4g} m"
             obstruction = Obstruction(message, "Lower the margin, or move the obstacle.")
-        room = distances - places.spare[k] - _HALF * reach * np.abs(gradients).sum(axis=1)
-        kept = np.argsort(room, kind="stable")[:_MOST]
+        room = distances - places.spare[k] - 0.5 * reach * np.abs(gradients).sum(axis=1)
+        kept = np.argsort(room, kind="stable")[:8]
         kept = kept[room[kept] < 0.0]
         own.append(np.full(len(kept), k))
         gaps.append(distances[kept] - places.spare[k])

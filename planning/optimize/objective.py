@@ -33,15 +33,8 @@ from planning.values.optimize_options import Objective
 #: Its stubs know no stacks of sparse and dense matrices.
 sparse: Any = scipy.sparse
 
-#: Weight of the squared shares of the acceleration limits, so that of many fastest motions a smooth
-#: one is chosen: it may cost as much of the time.
-_SMOOTHING = 3e-4
-#: Nearest to the last iterate of all that are equally good.
-_NEAREST = 1e-7
 #: Places in each piece at which integrals without a closed form are summed up.
 _NODES = 4
-#: A speed [rad] below which a motion counts as standing still in its path's length.
-_AT_REST = 1e-3
 
 
 class Model(NamedTuple):
@@ -86,8 +79,11 @@ def _smoothness_weights(task: Task, weights: Mapping[Objective, float], iterate:
     N, n = iterate.points.shape
     shares = sparse.diags(1.0 / task.bounds["acceleration"] ** 2)
     gram = sparse.csr_matrix(iterate.space.gram[2] * iterate.duration**-3)
-    weight = 2.0 * _SMOOTHING * weights.get("time", 0.0)
-    near = sparse.identity(N * n + 2) * _NEAREST
+    # Weight of the squared shares of the acceleration limits, so that of many fastest motions a
+    # smooth one is chosen: it may cost as much of the time.
+    weight = 2.0 * 3e-4 * weights.get("time", 0.0)
+    # Nearest to the last iterate of all that are equally good.
+    near = sparse.identity(N * n + 2) * 1e-7
     return near + sparse.block_diag([weight * sparse.kron(gram, shares), np.zeros((2, 2))])
 
 
@@ -166,7 +162,8 @@ def _length_value(trajectory: Trajectory, _loaded_chain: Chain) -> float:
 def _length_model(_task: Task, iterate: Iterate) -> Model:
     places, weights = _shares(iterate)
     B, n = iterate.space.matrix(places, 1), iterate.points.shape[1]
-    speeds = np.maximum(np.linalg.norm(B @ iterate.points, axis=1), _AT_REST)
+    # A speed [rad] below which a motion counts as standing still in its path's length.
+    speeds = np.maximum(np.linalg.norm(B @ iterate.points, axis=1), 1e-3)
     G = B.T @ ((weights / speeds)[:, None] * B)
     # The quadratic is of P itself: its gradient at 0 vanishes.
     H = sparse.kron(sparse.csr_matrix(G), sparse.identity(n))

@@ -22,17 +22,6 @@ from planning.values.deadline import Deadline
 from planning.values.limits import JERK_JUMP
 from planning.values.optimize_options import CONTROL_POINTS, RefineOptions
 
-#: Control points where nobody says how many: 16 are enough for a dozen corners.
-_POINTS = 16
-#: A motion for which little time counts not at all may take so many times what it took.
-_LEISURE = 1.25
-#: Rounds that follow when a motion could not be proved.
-_MORE_ROUNDS = 4
-#: What gains less than this part of the objective is left as it was.
-_WORTH_IT = 1e-6
-#: A place of a motion is found among so many of its spline.
-_LOOKED_AT = 1001
-
 
 class Offer(NamedTuple):
     """A motion that is better than the one that was known.
@@ -88,13 +77,15 @@ class Refinement:
 
     def _count(self) -> int:
         least = self.options.least_degree + 5
-        return int(np.clip(self.options.control_points or _POINTS, least, CONTROL_POINTS[1]))
+        # Control points where nobody says how many: 16 are enough for a dozen corners.
+        return int(np.clip(self.options.control_points or 16, least, CONTROL_POINTS[1]))
 
     def _longest(self) -> float:
         if self.options.duration is not None:
             return self.options.duration
         fast = "time" in self.options.weights
-        return np.inf if fast else _LEISURE * self.known.duration
+        # A motion for which little time counts not at all may take so many times what it took.
+        return np.inf if fast else 1.25 * self.known.duration
 
     @property
     def retimes(self) -> bool:
@@ -128,7 +119,8 @@ class Refinement:
         if best is None:
             return None
         motion, worth = self._faster(best)
-        if self.binding and not worth < self.value * (1.0 - _WORTH_IT):
+        # What gains less than this part of the objective is left as it was.
+        if self.binding and not worth < self.value * (1.0 - 1e-6):
             return None
         iterate = best.iterate
         return Offer(motion, iterate.sample(np.asarray(iterate.space.breaks)), worth)
@@ -138,7 +130,8 @@ class Refinement:
         best = self._descent.best
         if best is not None:
             self._descent.reject(_place(best, offer.trajectory.sample([time])[0]))
-        self._descent.add_rounds(_MORE_ROUNDS)
+        # Rounds that follow when a motion could not be proved.
+        self._descent.add_rounds(4)
 
     def _faster(self, best: Candidate) -> tuple[Trajectory, float]:
         """The spline as it is, or its path timed by the parametrization where that is faster."""
@@ -170,5 +163,6 @@ class Refinement:
 
 def _place(candidate: Candidate, q: Array) -> float:
     """The place u of a spline that is nearest to a configuration on its path."""
-    u = np.linspace(0.0, 1.0, _LOOKED_AT)
+    # A place of a motion is found among so many of its spline.
+    u = np.linspace(0.0, 1.0, 1001)
     return float(u[np.argmin(np.square(candidate.iterate.sample(u) - q).sum(axis=1))])

@@ -17,9 +17,6 @@ from kinematics.model.chain import Chain
 from kinematics.symbolic import symbolic_jacobian
 from planning.optimize.iterate import Iterate
 
-#: Keeps the tool's speed differentiable where it stands still [m^2/s^2].
-_STILL = 1e-9
-
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Response:
@@ -83,7 +80,8 @@ def _speed_function(chain: Chain) -> Any:
     z = casadi.SX.sym("z", 3 * chain.n)
     q, qd, _ = casadi.vertsplit(z, chain.n)
     v = casadi.mtimes(symbolic_jacobian(chain, q)[:3, :], qd)
-    return _function(z, casadi.sqrt(casadi.dot(v, v) + _STILL))
+    # Keeps the tool's speed differentiable where it stands still [m^2/s^2].
+    return _function(z, casadi.sqrt(casadi.dot(v, v) + 1e-9))
 
 
 def _function(z: Any, value: Any) -> Any:

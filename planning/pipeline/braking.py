@@ -7,10 +7,6 @@ import numpy as np
 from kinematics.arrays import Array
 from obstacles.collision.checker import Checker
 
-#: Instants of a braking motion that are looked at.
-_INSTANTS = 200
-#: Halvings that find the share of the velocity with which braking is in time.
-_HALVINGS = 8
 #: Shares are told in hundredths.
 _HUNDRED = 100
 
@@ -60,7 +56,8 @@ def first_touch(
     names = [checker.model.pair_name(int(k)) for k in near.pairs]
     apart = [d for d, name in zip(near.distances.tolist(), names, strict=True) if name == pair]
     low, high = 0.0, 1.0
-    for _ in range(_HALVINGS):
+    # Halvings that find the share of the velocity with which braking is in time.
+    for _ in range(8):
         middle = 0.5 * (low + high)
         slower = _braking(start, middle * velocity, *limits)[1]
         low, high = (middle, high) if checker.each_valid(slower).all() else (low, middle)
@@ -76,7 +73,8 @@ def _braking(start: Array, velocity: Array, a: Array, j: Array) -> tuple[Array, 
     speed = np.abs(velocity)
     ramp = np.minimum(a / j, np.sqrt(speed / j))
     stop = ramp + np.where(ramp > 0.0, np.maximum(speed / a, ramp), speed / a)
-    times = np.linspace(0.0, float(stop.max()), _INSTANTS)
+    # Instants of a braking motion that are looked at.
+    times = np.linspace(0.0, float(stop.max()), 200)
     since = [np.maximum(times[:, None] - t, 0.0) for t in (0.0, ramp, stop - ramp, stop)]
     begun, full, eased, ended = since
     with np.errstate(invalid="ignore"):

@@ -22,22 +22,8 @@ from planning.sampling.search import sample
 from planning.search.straight_line import straight_line
 from planning.values.deadline import Deadline
 
-#: Motions that are checked of each kind.
-_MOTIONS = 60
-#: Length of the motions about start and goals, Euclidean in joint space [rad or m].
-_SHORT = 0.35
-#: Standard deviation of motions beside the straight line, as part of its length.
-_SPREAD = 0.15
 #: Length of the motions along the straight line, as part of it.
 _STRETCH = 0.2
-#: Pairs that are reported, the most frequent first.
-_MAX_PAIRS = 8
-#: Obstacles that are taken away in turn.
-_MAX_OBSTACLES = 3
-#: Share of the time for checking motions.
-_CHECKING_SHARE = 0.4
-#: Share of the time that is then left for the search without each obstacle.
-_SEARCH_SHARE = 0.5
 #: Options of that search: edges as long as those of a plan [rad].
 _SEARCH_OPTIONS = {"range": 0.5}
 
@@ -133,10 +119,12 @@ def diagnose(
         seed: Of the motions that are drawn; the same seed gives the same answer, time permitting.
     """
     random = np.random.default_rng(seed)
-    checking = deadline.within(_CHECKING_SHARE * deadline.remaining)
+    # Share of the time for checking motions.
+    checking = deadline.within(0.4 * deadline.remaining)
     at_start, at_goals, between = _Tally(), _Tally(), _Tally()
     chain = checker.model.chain
-    for k in range(_MOTIONS):
+    # Motions that are checked of each kind.
+    for k in range(60):
         if checking.passed:
             break
         goal = goals[k % len(goals)]
@@ -147,11 +135,13 @@ def diagnose(
     total = sum(stopped.values())
     pairs = sorted(stopped.items(), key=lambda item: (-item[1], item[0]))
     suspects = list(dict.fromkeys(name for pair, _ in pairs for name in pair if name in scene.ids))
+    # Obstacles that are taken away in turn.
     tried, helping = _try_without(
-        robot, scene, start, goals, suspects[:_MAX_OBSTACLES], deadline, margin=margin, seed=seed
+        robot, scene, start, goals, suspects[:3], deadline, margin=margin, seed=seed
     )
+    # Pairs that are reported, the most frequent first.
     return Diagnosis(
-        blocked_by=tuple((pair, count / total) for pair, count in pairs[:_MAX_PAIRS]),
+        blocked_by=tuple((pair, count / total) for pair, count in pairs[:8]),
         start_freedom=at_start.share,
         goal_freedom=at_goals.share,
         would_unblock=helping,
@@ -163,7 +153,8 @@ def diagnose(
 def _short_motion(chain: Chain, q: Array, random: np.random.Generator) -> Array:
     """The end of a short motion from q (n,) in a random direction, inside the limits."""
     direction = random.normal(size=len(q))
-    direction *= _SHORT / float(np.linalg.norm(direction))
+    # Length of the motions about start and goals, Euclidean in joint space [rad or m].
+    direction *= 0.35 / float(np.linalg.norm(direction))
     return np.asarray(np.clip(q + direction, chain.limits.lower, chain.limits.upper))
 
 
@@ -172,7 +163,8 @@ def _random_motion(
 ) -> tuple[Array, Array]:
     """A fifth of the straight line from start to goal, somewhere along it and a little beside."""
     line = goal - start
-    aside = _SPREAD * float(np.linalg.norm(line)) * random.normal(size=len(line)) / len(line) ** 0.5
+    # Standard deviation of motions beside the straight line, as part of its length.
+    aside = 0.15 * float(np.linalg.norm(line)) * random.normal(size=len(line)) / len(line) ** 0.5
     at = random.uniform(0.0, 1.0 - _STRETCH)
     ends = np.array([start + at * line + aside, start + (at + _STRETCH) * line + aside])
     a, b = np.clip(ends, chain.limits.lower, chain.limits.upper)
@@ -196,7 +188,8 @@ def _try_without(
     for name in suspects:
         if deadline.passed:
             break
-        until = deadline.within(_SEARCH_SHARE * deadline.remaining)
+        # Share of the time that is then left for the search without each obstacle.
+        until = deadline.within(0.5 * deadline.remaining)
         others = tuple(obstacle for obstacle in scene.obstacles if obstacle.id != name)
         checker = Checker.of(robot, replace(scene, obstacles=others), margin)
         if _has_path(robot.chain, checker, start, list(goals), until, seed):

@@ -26,10 +26,6 @@ from planning.values.optimize_options import OPTIMIZE, RefineOptions
 
 #: Violations that are kept away from once it is known where they are.
 _PLACED = frozenset({"collision", "path_constraint"})
-#: Nothing is begun with less than this left [s].
-_LEAST_TIME = 0.05
-#: What braking may take beyond a joint's room for rounding [rad or m].
-_ROUNDING = 1e-9
 #: Motions offered for proof, at most.
 MOST_OFFERS = 3
 
@@ -104,7 +100,8 @@ class OptimizeStage:
         self._skip_reason = (
             "The robot stays where it is." if self._stays else "There is too little time."
         )
-        if self._stays or deadline.sooner_than(_LEAST_TIME):
+        # Nothing is begun with less than this left [s].
+        if self._stays or deadline.sooner_than(0.05):
             return None
         self._skip_reason = ""
         if self._work is None:
@@ -235,7 +232,8 @@ def _unstoppable(problem: Problem, parametrization: TimeParametrization) -> Fail
     above, below = chain.limits.upper - problem.start, problem.start - chain.limits.lower
     excess = braking - np.where(velocity > 0.0, above, below)
     j = int(np.argmax(np.where(velocity == 0.0, -np.inf, excess)))
-    if velocity[j] == 0.0 or excess[j] <= _ROUNDING:
+    # What braking may take beyond a joint's room for rounding [rad or m].
+    if velocity[j] == 0.0 or excess[j] <= 1e-9:
         return None
     name, v, room = chain.joint_names[j], float(velocity[j]), float(braking[j] - excess[j])
     return Failure(

@@ -54,10 +54,6 @@ from planning.values.optimize_options import OPTIMIZE
 
 #: Edges that the search for a way to another configuration may look at.
 _MAX_EDGES_OFF_LIMITS = 2000
-#: Share of the time that is left which optimising may take; the rest is for the proof of its offer.
-_REFINING_SHARE = 0.8
-#: Share of the time for planners that have a fallback.
-_SHARE_BEFORE_FALLBACK = 0.5
 
 
 def plan(
@@ -234,7 +230,8 @@ class _Pipeline:
         """Run the stages after preflight, with the fallback where the planners come to nothing."""
         if not self.fallback:
             return self._plan_by(self.planners, ready, options)
-        until = self.deadline.within(_SHARE_BEFORE_FALLBACK * self.deadline.remaining)
+        # The fallback has as much time as the planners before it at least.
+        until = self.deadline.within(0.5 * self.deadline.remaining)
         answer = replace(self, deadline=until)._plan_by(self.planners, ready, options)
         if isinstance(answer, Plan):
             return answer
@@ -374,7 +371,8 @@ class _Pipeline:
         """Optimise a motion and prove the result; None where the motion itself is to be taken."""
         work = OptimizeStage(self.problem, checker, self.options, self.parametrization, known)
         for _ in range(MOST_OFFERS):
-            until = self.deadline.within(_REFINING_SHARE * self.deadline.remaining)
+            # The rest of the time is for the proof of what optimising offers.
+            until = self.deadline.within(0.8 * self.deadline.remaining)
             offer = self.stages.run(OPTIMIZE, partial(work.offer, until), work.report)
             if offer is None:
                 break

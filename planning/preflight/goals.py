@@ -35,9 +35,6 @@ _MOST_INSIDE, _MOST_AT_LIMIT, _MOST_TURNED = 10, 2, 4
 _APART = 0.3
 #: Configurations of a pose that are looked at together, and how many at most.
 _TOGETHER, _MAX_LOOKS = 8, 192
-#: Poses, of those whose configurations all collide, for which others are looked for with the
-#: obstacles in sight: each search takes a tenth of a second.
-_MAX_SEARCHES = 8
 
 
 def find_goals(
@@ -60,7 +57,9 @@ def find_goals(
     """
     candidates: list[Candidate] = []
     refusals: list[Refusal] = []
-    searches = _MAX_SEARCHES
+    # Poses, of those whose configurations all collide, for which others are looked for with the
+    # obstacles in sight: each search takes a tenth of a second.
+    searches = 8
     for i, goal in enumerate(problem.goals):
         if deadline is not None and deadline.passed:
             return time_up_failure(i, len(problem.goals))

@@ -11,20 +11,8 @@ from obstacles.collision.checker import Checker
 
 #: Clearance that a configuration found to be free has at least, margins taken off [m].
 _CLEARANCE = 1e-3
-#: Steps of the descent away from contacts.
-_DESCENT_STEPS = 40
-#: Distance up to which pairs are taken into account in it [m].
-_INFLUENCE = 0.02
-#: Longest step of any joint in it [rad or m].
-_MAX_STEP = 0.2
 #: Random configurations about the one that is not free, if the descent fails.
 _DRAWS = 240
-#: Half-width of the first draw's box, as part of the joints' ranges; the last has all of them.
-_FIRST_DRAW = 0.02
-#: Bisections of the way back to the configuration that was asked for.
-_BISECTIONS = 12
-#: Singular values below this part of the largest count as zero in a step.
-_RANK_TOLERANCE = 1e-3
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -84,10 +72,12 @@ def nearest_free(checker: Checker, q: Array, seed: int = 0) -> NearestFree | Non
 def _descend(spacious: Checker, q: Array) -> Array | None:
     """Step away from contacts until there are none; None where that does not succeed."""
     limits = spacious.model.chain.limits
-    for _ in range(_DESCENT_STEPS):
+    # Steps of the descent away from contacts.
+    for _ in range(40):
         if spacious.valid(q):
             return q
-        near = spacious.gradient(q, _INFLUENCE)
+        # Distance up to which pairs are taken into account in it [m].
+        near = spacious.gradient(q, 0.02)
         touching = near.distances <= _CLEARANCE
         if not touching.any():
             return None
@@ -99,14 +89,16 @@ def _descend(spacious: Checker, q: Array) -> Array | None:
         longest = float(np.abs(step).max())
         if not longest > 0.0:
             return None
-        step *= min(1.0, _MAX_STEP / longest)
+        # Longest step of any joint in it [rad or m].
+        step *= min(1.0, 0.2 / longest)
         q = np.clip(q + step, limits.lower, limits.upper)
     return None
 
 
 def _least_step(gradients: Array, change: Array) -> Array:
     """The least step (n,) that changes the distances (k,) as asked, to first order."""
-    return np.asarray(np.linalg.lstsq(gradients, change, rcond=_RANK_TOLERANCE)[0])
+    # Singular values below this part of the largest count as zero in a step.
+    return np.asarray(np.linalg.lstsq(gradients, change, rcond=1e-3)[0])
 
 
 def _draw(spacious: Checker, q: Array, random: np.random.Generator) -> Array | None:
@@ -115,7 +107,9 @@ def _draw(spacious: Checker, q: Array, random: np.random.Generator) -> Array | N
     low, high = chain.sampling_bounds()
     best: Array | None = None
     for k in range(_DRAWS):
-        share = _FIRST_DRAW ** (1.0 - k / _DRAWS)
+        # Half-width of the first draw's box, as part of the joints' ranges; the last has all of
+        # them.
+        share = 0.02 ** (1.0 - k / _DRAWS)
         drawn = q + share * (high - low) * random.uniform(-1.0, 1.0, chain.n)
         drawn = np.clip(drawn, chain.limits.lower, chain.limits.upper)
         if best is not None and np.linalg.norm(drawn - q) >= np.linalg.norm(best - q):
@@ -128,7 +122,8 @@ def _draw(spacious: Checker, q: Array, random: np.random.Generator) -> Array | N
 def _go_back(spacious: Checker, free: Array, q: Array) -> Array:
     """The free configuration nearest to ``q`` that a bisection finds on the way there."""
     low, high = 0.0, 1.0
-    for _ in range(_BISECTIONS):
+    # Bisections of the way back to the configuration that was asked for.
+    for _ in range(12):
         middle = 0.5 * (low + high)
         if spacious.valid(free + middle * (q - free)):
             low = middle

@@ -25,18 +25,8 @@ from kinematics.pose import from_axis_angle, rotation_error, transform
 from planning.goal_choice.goal_order import NEAR_LIMIT, motion_costs
 from planning.values.goal_costs import GoalCosts
 
-#: Configurations that inverse kinematics looks for where an arm has no closed form.
-_SEARCHED = 12
-#: Steps in which the tool is led from the start to a pose.
-_STEPS = 4
 #: Turns below this are rounding: their axis has no direction [rad].
 _SAME = 1e-12
-#: Starts of inverse kinematics spent on them.
-_STARTS = 120
-#: Configurations that it looks for away from limits where the arm has joints to spare.
-_INSIDE = 36
-#: Numbers of a pose: an arm with more joints has some to spare.
-_POSE_NUMBERS = 6
 #: Configurations nearer than this in every joint [rad or m] are one.
 _SAME = 1e-3
 _TURN = 2.0 * np.pi
@@ -69,15 +59,19 @@ def pose_configurations(
     """
     joints, search = _branches(chain, T, start, options), None
     if not len(joints):
+        # Starts of inverse kinematics spent on them.
         how = numeric.SearchOptions(
-            options.seed, _STARTS, options.position_tolerance, options.orientation_tolerance
+            options.seed, 120, options.position_tolerance, options.orientation_tolerance
         )
-        search = numeric.solve(chain, T, how, seed_joints=start, solutions=_SEARCHED)
+        # Configurations that inverse kinematics looks for where an arm has no closed form.
+        search = numeric.solve(chain, T, how, seed_joints=start, solutions=12)
         found = search.solutions
-        if found and chain.n > _POSE_NUMBERS:
+        # A pose has six numbers: an arm with more joints has some to spare.
+        if found and chain.n > 6:
             # Solutions lie anywhere along the arm's own motions, often where these meet a limit.
             inner = with_inner_limits(chain)
-            found += numeric.solve(inner, T, how, seed_joints=start, solutions=_INSIDE).solutions
+            # Configurations that it looks for away from limits where the arm has joints to spare.
+            found += numeric.solve(inner, T, how, seed_joints=start, solutions=36).solutions
         joints = np.array([s.joints for s in found]).reshape(-1, chain.n)
     nearest = _nearest_turns(chain, joints, start)
     joints = _distinct(
@@ -98,7 +92,8 @@ def _near_start(chain: Chain, T: Array, start: Array, options: numeric.SearchOpt
     T_start, q = forward(chain, start), start
     turn = rotation_error(T_start[:3, :3], T[:3, :3])
     angle = float(np.linalg.norm(turn))
-    for share in np.linspace(0.0, 1.0, _STEPS + 1)[1:]:
+    # The tool is led from the start to the pose in four steps.
+    for share in np.linspace(0.0, 1.0, 5)[1:]:
         R = from_axis_angle(turn / angle, share * angle) if angle > _SAME else np.eye(3)
         way = T_start[:3, 3] + share * (T[:3, 3] - T_start[:3, 3])
         towards = T if share == 1.0 else transform(R @ T_start[:3, :3], way)

@@ -18,9 +18,6 @@ from planning.result import Failure
 from planning.values.deadline import Deadline
 from planning.values.goal_costs import GoalCosts
 
-#: What is kept more than the margin where the tool is led, and the path can't be chosen [m].
-_SLACK_ALONG_MOTIONS = 1e-4
-
 
 def check_start(problem: Problem, checker: Checker | None = None) -> ValidStart | Failure:
     """Check the start alone: inside its limits, or moved onto them, and free.
@@ -45,7 +42,8 @@ def start_only(problem: Problem) -> Ready | Failure:
     valid = check_start(problem)
     if isinstance(valid, Failure):
         return valid
-    slack = min(_SLACK_ALONG_MOTIONS, 0.5 * valid.clearance)
+    # What is kept more than the margin where the tool is led, and the path can't be chosen [m].
+    slack = min(1e-4, 0.5 * valid.clearance)
     return Ready(valid.joints, [], (Checker(valid.checker.model, slack),), valid.notes)
 
 

@@ -15,10 +15,6 @@ from kinematics.arrays import Array
 from planning.sampling.space import CertifiedEdges
 from planning.sampling.watch import Watch
 
-#: The roadmap is searched whenever it has grown by this factor, at first at so many edges.
-_GROWTH = 1.2
-_FIRST_SEARCH = 8
-
 
 class Roadmap:
     """Proved edges as a graph.
@@ -87,7 +83,8 @@ def grow_roadmap(
     for _ in goals:
         solver.solve(base.plannerAlwaysTerminatingCondition())
     best = None
-    search_at = _FIRST_SEARCH
+    # Edges at which the roadmap is searched first; then whenever it has grown by a fifth.
+    search_at = 8
 
     def pause() -> bool:
         return watch() or edges.count >= search_at
@@ -104,5 +101,5 @@ def grow_roadmap(
                 watch.reason = watch.reason or "solved"
         if watch.reason is not None:
             return best
-        search_at = int(_GROWTH * max(search_at, edges.count)) + 1
+        search_at = int(1.2 * max(search_at, edges.count)) + 1
         solver.growRoadmapPtc(base.PlannerTerminationCondition(pause))

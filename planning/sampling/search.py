@@ -25,18 +25,6 @@ from planning.values.search_trees import Explored
 #: arriving is given up for a fresh one, which may look at somewhat more. Counted in edges, not in
 #: time, the answer depends on the seed alone.
 _FIRST_BUDGET = 2000
-#: Factor by which the next tree may look at more.
-_BUDGET_GROWTH = 1.1
-#: Questions for each edge of its share after which a run that hardly looks at edges is ended too.
-_IDLE = 20
-#: A batch of states that left start and goal apart is followed by one so much larger.
-_BATCH_GROWTH = 2
-#: Largest batch that this leads to [states].
-_MAX_BATCH = 20_000
-#: Between the seeds of one request's trees; neighbouring requests should not share them.
-_SEED_STRIDE = 7_919
-#: Number of seeds that OMPL's generator takes.
-_SEEDS = 2**31 - 1
 
 _NOT_REPEATED = (
     "The planner looked for shorter paths until it had to stop: the same request may find another "
@@ -116,7 +104,9 @@ def _answer(search: _Search, seed: int) -> Attempt:
     spent = _Account()
     while True:
         # OMPL's generator is one for the process: what is drawn from here on depends on this alone.
-        util.RNG.setSeed((seed + spent.runs * _SEED_STRIDE) % _SEEDS + 1)
+        # The trees of one request are far apart in seeds: neighbouring requests should not share
+        # them. OMPL's generator takes 2^31 - 1.
+        util.RNG.setSeed((seed + spent.runs * 7_919) % (2**31 - 1) + 1)
         waypoints, watch = _run(search, spent)
         if waypoints is not None or watch.reason not in (None, "share") or search.deadline.passed:
             return _attempt(search, waypoints, watch, spent)
@@ -213,7 +203,9 @@ def _settings(search: _Search, runs: int) -> list[tuple[str, Value]]:
         first = own[batch]
         assert isinstance(first, int)
         rounds = runs // len(search.goals) if search.planner.one_goal else runs
-        own[batch] = min(first * _BATCH_GROWTH**rounds, max(_MAX_BATCH, first))
+        # A batch of states that left start and goal apart is followed by one of twice as many, up
+        # to a largest one.
+        own[batch] = min(first * 2**rounds, max(20_000, first))
     return [(name, value) for name, value in own.items() if value is not None]
 
 
@@ -228,12 +220,15 @@ def _watch(search: _Search, spent: _Account, edges: CertifiedEdges) -> Watch:
         max_iterations=_remaining_budget(options["max_iterations"], spent.iterations),
         max_edges=_remaining_budget(options["max_edges"], spent.edges),
     )
-    share = _FIRST_BUDGET * _BUDGET_GROWTH**spent.runs
+    # Factor by which the next tree may look at more.
+    share = _FIRST_BUDGET * 1.1**spent.runs
     if planner.one_goal and len(search.goals) > 1:
         # Every goal has its turn before the budgets are spent.
         turns = 2 * len(search.goals)
         watch.share = min(share, _budget(options["max_edges"]) / turns)
-        watch.turn = min(_IDLE * share, _budget(options["max_iterations"]) / turns)
+        # Questions for each edge of its share after which a run that hardly looks at edges is ended
+        # too.
+        watch.turn = min(20 * share, _budget(options["max_iterations"]) / turns)
     elif not (planner.improves or planner.roadmap or planner.batch):
         watch.share = share
     return watch

@@ -11,20 +11,15 @@ from planning.values.deadline import Deadline
 
 #: Memory that a planner may fill before it is stopped [bytes].
 MAX_MEMORY = 1 << 30
-#: Size of a page of memory [bytes].
-_PAGE = 4096
 #: Where Linux says how many pages a process has.
 _STATM = Path("/proc/self/statm")
-#: Questions between two looks at the memory: one costs as much as a few edges.
-_LOOK_EVERY = 512
-#: Share of its length by which a path has to be shorter to count as progress.
-_GAIN = 1e-6
 
 
 def resident() -> int:
     """Memory of this process [bytes]; 0 where that can't be told."""
     try:
-        return _PAGE * int(_STATM.read_text().split()[1])
+        # Size of a page of memory [bytes].
+        return 4096 * int(_STATM.read_text().split()[1])
     except (OSError, ValueError, IndexError):
         return 0
 
@@ -73,7 +68,8 @@ class Watch:
         """Keep the length of a path, if it is the shortest so far."""
         if not (math.isfinite(length) and length > 0.0):
             return
-        if self.progress and length >= (1.0 - _GAIN) * self.progress[-1].length:
+        # Share of its length by which a path has to be shorter to count as progress.
+        if self.progress and length >= (1.0 - 1e-6) * self.progress[-1].length:
             return
         spent = 1e3 * (time.monotonic() - self.began)
         self.progress.append(Progress(spent, self.edges(), length))
@@ -89,7 +85,8 @@ class Watch:
             return "edges"
         if not self.progress and (self.edges() >= self.share or self.iterations >= self.turn):
             return "share"
-        full = self.iterations % _LOOK_EVERY == 0 and resident() - self.memory > MAX_MEMORY
+        # Questions between two looks at the memory: one costs as much as a few edges.
+        full = self.iterations % 512 == 0 and resident() - self.memory > MAX_MEMORY
         if full:
             self.deadline.interruptions.occurred = True
             return "memory"

@@ -20,10 +20,6 @@ _PENETRATIONS = (0.02, 0.015, 0.01, 0.005, 0.0025, 0.0)
 _FIRST_STEP, _STEP = 1.0, 0.5
 #: How far beside the guide draws lie at most in each joint [rad or m], and the share that does.
 _WIDTH, _SHARE = 0.6, 0.9
-#: Edges that each pair may look at.
-_BUDGET = 10_000
-#: Distance between the points of a guide at most.
-_SPACING = 0.25
 
 
 def find_narrow_passage(pairs: TreePairs) -> Array | None:
@@ -46,13 +42,15 @@ def _grow(pairs: TreePairs, penetration: float, guide: Guide | None) -> Array | 
     if not pairs.may_go_on:
         return None
     step = _FIRST_STEP if guide is None else _STEP
-    return pairs.grow(PairOptions(_BUDGET, step, penetration, guide=guide))
+    # Edges that each pair may look at.
+    return pairs.grow(PairOptions(10_000, step, penetration, guide=guide))
 
 
 def _evenly_spread(path: Array) -> Array:
     """Points along a path (k, n), as far from each other along it, its ends among them."""
     lengths = np.linalg.norm(np.diff(path, axis=0), axis=1)
     along = np.concatenate([[0.0], np.cumsum(lengths)])
-    count = max(2, int(np.ceil(along[-1] / _SPACING)) + 1)
+    # Distance between the points of a guide at most.
+    count = max(2, int(np.ceil(along[-1] / 0.25)) + 1)
     at = np.linspace(0.0, along[-1], count)
     return np.ascontiguousarray(np.stack([np.interp(at, along, q) for q in path.T], axis=1))

@@ -31,8 +31,6 @@ from obstacles.collision.model.model_arrays import ModelArrays
 from planning.search.sampled_check import Look, distance, look_of, looks_free
 from planning.values.deadline import Deadline
 
-#: Rounds after which a path counts as short.
-_ROUNDS = 6
 #: Edge checks, in all rounds together, after which it does.
 _MAX_CHECKS = 250
 #: Intervals of a check beyond which it counts as another one.
@@ -101,7 +99,8 @@ def shortcut(
     proof = checker if proof is None else proof
     held = Held(look_of(checker), float(proof.slack), proof is not checker or not proves)
     points = np.ascontiguousarray(waypoints, np.float64)
-    rounds = _ROUNDS if cuts and not deadline.passed else 0
+    # Rounds after which a path counts as short.
+    rounds = 6 if cuts and not deadline.passed else 0
     return _shorten_directly()(proof.model.arrays, held, points, proves, rounds)
 
 

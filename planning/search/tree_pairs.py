@@ -30,13 +30,6 @@ from planning.values.search_trees import Explored
 #: Share of the mean distance of two random configurations beyond which a node that has met
 #: something is not grown any more.
 DOMAIN = 0.4
-#: Edges looked at between two looks at the clock.
-_EDGES_A_LOOK = 250
-#: Share of the draws that lie beside a guide. Most paths are there, and shorter; the other draws
-#: find those that are not.
-_DRAWS_BESIDE = 0.7
-#: How far they lie beside the straight line at most in each joint, as a share of its length.
-_BESIDE = 0.5
 
 
 class Guide(NamedTuple):
@@ -110,7 +103,8 @@ class TreePairs:
         trees = new_trees(len(roots), checker.model.chain.n, budget, self._random())
         grow, draws, outcome, until = _grow(), self._draws(options), GOING, 0
         while outcome == GOING and not self.deadline.passed:
-            until += _EDGES_A_LOOK
+            # Edges looked at between two looks at the clock.
+            until += 250
             outcome = grow(checker.model.arrays, trees, draws, roots, budget, until)
         before, nodes = int(trees.tally[EDGES_BEFORE]), int(trees.tally[PATH])
         runs = 2 if before else 1
@@ -131,7 +125,11 @@ class TreePairs:
         low, high = (search_box if options.whole else nearby_box)(self.checker.model.chain, roots)
         if guide is None:
             length = math.dist(roots[0].tolist(), roots[1].tolist())
-            guide = Guide(roots[:2], _BESIDE * length, _DRAWS_BESIDE)
+            # Share of the draws that lie beside a guide. Most paths are there, and shorter; the
+            # other draws find those that are not.
+            # How far they lie beside the straight line at most in each joint, as a share of its
+            # length.
+            guide = Guide(roots[:2], 0.5 * length, 0.7)
         domain = options.domain * math.dist(high.tolist(), low.tolist()) / math.sqrt(6.0)
         proves = self.proves and options.penetration == 0.0
         slack = float(self.checker.slack) - options.penetration

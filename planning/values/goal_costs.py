@@ -5,9 +5,6 @@ from math import isfinite
 
 from kinematics.errors import InvalidOption
 
-#: Where times are added up, time counts at least this share of the largest of the other weights.
-_LEAST_SHARE = 0.05
-
 
 @dataclass(frozen=True, slots=True)
 class GoalCosts:
@@ -48,4 +45,5 @@ def time_weight(costs: GoalCosts) -> float:
     It is at least a twentieth of the largest of the others: searches are led by least times.
     """
     largest = max(getattr(costs, item.name) for item in fields(costs))
-    return max(costs.motion_time, _LEAST_SHARE * largest) or 1.0
+    # Where times are added up, time counts at least this share of the largest of the other weights.
+    return max(costs.motion_time, 0.05 * largest) or 1.0

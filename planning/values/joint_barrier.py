@@ -19,10 +19,6 @@ from planning.values.deadline import Deadline
 #: Values between start and goal that are looked at, and configurations at each: at first, and where
 #: none of these is free.
 _VALUES, _FIRST, _MORE = 24, 32, 512
-#: Joints that move less are none that a value could stop [rad or m].
-_LEAST_MOTION = 0.05
-#: An overlap that is deeper is one for certain [m].
-_DEEP = 1e-4
 
 
 @dataclass(frozen=True, slots=True)
@@ -101,7 +97,8 @@ def _barrier_to(
 ) -> JointBarrier | None:
     random, chain = np.random.default_rng(seed), checker.model.chain
     endless = chain.continuous & (chain.joint_types == JointType.REVOLUTE)
-    for j in np.flatnonzero((np.abs(goal - start) > _LEAST_MOTION) & ~endless):
+    # Joints that move less are none that a value could stop [rad or m].
+    for j in np.flatnonzero((np.abs(goal - start) > 0.05) & ~endless):
         values = np.linspace(start[j], goal[j], _VALUES + 2)[1:-1]
         states = np.array(list(_draws(chain, int(j), values, _FIRST, random)))
         if deadline.passed:
@@ -145,7 +142,8 @@ def _described(
     near = checker.gradient(states[0], 0.0)
     for number, distance in zip(near.pairs, near.distances, strict=True):
         names = checker.model.pair_name(int(number))
-        if distance < -_DEEP and _moves_by(chain, names, j):
+        # An overlap that is deeper is one for certain [m].
+        if distance < -1e-4 and _moves_by(chain, names, j):
             pair, certain = names, True
     turn = 2.0 * np.pi * np.sign(start[j] - goal[j])
     around = float(goal[j] + turn)

@@ -6,10 +6,6 @@ from kinematics.errors import InvalidOption
 
 #: Preferred distance from obstacles where none is asked for [m].
 DEFAULT_PREFERRED = 0.02
-#: Preferred distance between the robot's own links, as a part of that from obstacles, and at most
-#: [m]: a wrist's links are built 10 to 25 mm apart.
-_OWN_SHARE = 0.25
-_MAX_OWN = 0.005
 #: Largest distance that can be preferred [m].
 MAX_PREFERRED = 1.0
 
@@ -37,4 +33,6 @@ class PreferredClearance:
     @property
     def own_links(self) -> float:
         """Between the robot's own links [m]."""
-        return min(_OWN_SHARE * self.obstacles, _MAX_OWN)
+        # Preferred distance between the robot's own links, as a part of that from obstacles, and at
+        # most [m]: a wrist's links are built 10 to 25 mm apart.
+        return min(0.25 * self.obstacles, 0.005)

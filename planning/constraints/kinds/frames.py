@@ -12,9 +12,6 @@ from kinematics.model.branch import require_on_chain
 from kinematics.model.chain import Chain
 from kinematics.pose import inverse
 
-#: Axes and directions shorter than this name none.
-_SHORTEST = 1e-9
-
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Attachment:
@@ -109,7 +106,8 @@ def unit(values: ArrayLike, name: str) -> Array:
     """
     array = vector(values, name)
     length = float(np.linalg.norm(array))
-    if length < _SHORTEST:
+    # Axes and directions shorter than this name none.
+    if length < 1e-9:
         raise InvalidGoal(
             f"{name} has length {length:.3g}, so it names no direction",
             hint="Any length but 0 will do: [0, 0, 1] is the z axis.",

@@ -13,12 +13,6 @@ from planning.values.deadline import Deadline
 
 #: A configuration that is this near to holding all [m or rad] shows that they can.
 _HELD = 1e-6
-#: Starts from which none was found before constraints count as impossible: sets that are possible
-#: at all are mostly found from one of the first three.
-_STARTS = 60
-_RELAXING_STARTS = 12
-#: Widening that is not told as a number [m or rad].
-_LITTLE = 1e-6
 
 
 @dataclass(frozen=True, slots=True)
@@ -65,7 +59,9 @@ def conflict(
 
     def possible(kept: list[tuple[int, Constraint]]) -> bool:
         own = ConstraintSet(chain, tuple(c for _, c in kept))
-        worst, _ = _least_violation(own, near, seed, _STARTS, deadline)
+        # Starts from which none was found before constraints count as impossible: sets that are
+        # possible at all are mostly found from one of the first three.
+        worst, _ = _least_violation(own, near, seed, 60, deadline)
         return worst <= _HELD or _is_late(deadline)
 
     if not hard or possible(hard):
@@ -91,9 +87,8 @@ def _describe(
     for i, name, wider in zip(numbers, names, relaxations, strict=True):
         row = int(np.flatnonzero(constraints.owners == i)[0])
         if np.isfinite(wider):
-            width = (
-                f"{wider:.4g} {constraints.rows[row].unit}" if wider > _LITTLE else "very little"
-            )
+            # Widening that is not told as a number [m or rad].
+            width = f"{wider:.4g} {constraints.rows[row].unit}" if wider > 1e-6 else "very little"
             ways.append(f"widen {name} by {width}")
         else:
             ways.append(f"leave out {name}")
@@ -114,7 +109,8 @@ def _relaxation(
     alone = ConstraintSet(chain, (constraints.constraints[give],))
     rest = ConstraintSet(chain, others)
     # Weighed so much, the posture hardly counts beside it.
-    worst, q = _least_violation(rest, near, seed, _RELAXING_STARTS, deadline, alone, 1e4)
+    # Fewer starts than before: constraints are relaxed one by one.
+    worst, q = _least_violation(rest, near, seed, 12, deadline, alone, 1e4)
     if worst > _HELD:
         return float("inf")
     return float(alone.residuals(q).max())

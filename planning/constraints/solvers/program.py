@@ -45,7 +45,6 @@ _SINGULAR = 1e-12
 BUILDING_TIME = 0.2
 #: Programs that were built, by hashes: so many are remembered.
 _built: set[int] = set()
-_MOST_BUILT = 1024
 
 #: Function, carrier, reference and whether there is a lower bound, for each row.
 Shape = tuple[tuple[RowKind, int, int, bool], ...]
@@ -126,7 +125,8 @@ def program(constraints: ConstraintSet, manipulability: bool = False) -> Program
     """
     key = _key(constraints, manipulability)
     made = _program(*key)
-    if len(_built) >= _MOST_BUILT:
+    # Programs are small, and a service sees few sets of constraints: so many are stored at most.
+    if len(_built) >= 1024:
         _built.clear()
     _built.add(hash(key))
     return made
