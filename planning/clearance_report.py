@@ -46,7 +46,7 @@ class ClearanceReport:
         own_links: Between the robot's own links [m].
         least: The margin that the certificate proves [m].
         spans: In order, looked at every ``period``.
-        period: Between two instants that were looked at [s].
+        period: Between two instants that were checked [s].
     """
 
     preferred: float

@@ -1,12 +1,15 @@
 """Options of planning: planner, timing, timeout, seed."""
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from types import MappingProxyType
 from typing import Any, Literal
 
+import numpy as np
+
 from kinematics.arrays import Array
 from kinematics.errors import InvalidOption
+from planning.constraints.constraint_set import ConstraintSet
 from planning.timing.options import TimingOptions
 from planning.tool_motions.seam_options import SeamOptions
 from planning.values.goal_costs import GoalCosts
@@ -120,10 +123,10 @@ class Options:
         seed: Of everything random; the same seed gives the same answer.
         observer: Called with the name of each stage as it begins.
         refine: How the motion that was found is optimised; None for not at all.
-        clearance: Distances that paths keep wherever there is room.
+        clearance: Distances that paths keep wherever there is space.
         goal_costs: Weights by which one of a pose's configurations is chosen.
         explored: Keeps the tree or roadmap of the last planner; None for not at all.
-        max_edges: Edges that each planner may look at, for one motion of many: the search then ends
+        max_edges: Edges that each planner may check, for one motion of many: the search then ends
             alike on every machine, and why it failed is not looked into; None for no such bound.
 
     Raises:
@@ -147,3 +150,19 @@ class Options:
     def __post_init__(self) -> None:
         if not 0.0 < self.timeout <= MAX_TIMEOUT:
             raise InvalidOption(f"timeout must be in (0, {MAX_TIMEOUT:g}] seconds")
+
+
+def with_limits(options: Options, constraints: ConstraintSet | None) -> Options:
+    """Options whose timing keeps the constraints on tool speed and torque."""
+    if constraints is None:
+        return options
+    timing, limits = options.timing, dict(options.limits)
+    if constraints.tool_speed is not None:
+        speed = min(constraints.tool_speed, timing.tool_speed or np.inf)
+        timing = replace(timing, tool_speed=speed)
+    if constraints.torque is not None:
+        timing = replace(timing, torque_limits=True)
+        if constraints.torque.limits is not None:
+            given = np.array(constraints.torque.limits)
+            limits["effort"] = np.minimum(given, limits.get("effort", np.inf))
+    return replace(options, timing=timing, limits=limits)

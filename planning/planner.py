@@ -25,7 +25,7 @@ class Query:
             bound.
         bound: Edges after which every planner stops; None for its own bounds.
         explored: Keeps the edges that trees and roadmaps prove; None for not at all.
-        proves: Whether the path has to be proved; otherwise trees may look at states of it only.
+        proves: Whether the path has to be proved; otherwise trees may check states of it only.
     """
 
     problem: Problem
@@ -58,5 +58,5 @@ class Planner(Protocol):
         ...
 
     def plan(self, query: Query) -> Attempt:
-        """Look for a path."""
+        """Search for a path."""
         ...

@@ -188,7 +188,7 @@ class Attempt:
         stopped: Why the tool path ends early, where it does.
         failure: Why there is no path, where the planner knows itself and no diagnosis is needed.
         keep_path: Whether the waypoints are timed and proved as they are, without shortcuts.
-        proved: Whether every leg is proved free; otherwise states of it were looked at.
+        proved: Whether every leg is proved free; otherwise states of it were checked.
         explain: Finds why there is no path and what to do, of a planner that knows; called only
             where no other planner found one.
     """

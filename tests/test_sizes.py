@@ -63,7 +63,6 @@ MANY_ARGUMENTS = {
 #: Folders with more loose modules than MAX_LOOSE that are still to be sorted.
 CROWDED = {
     "client/armwright_client",
-    "planning/optimize",
     "planning/proof/collision",
     "planning/sequence",
     "planning/timing",

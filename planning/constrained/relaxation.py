@@ -53,7 +53,7 @@ class Relaxation:
         if not self.constraints:
             return f"Leaving out any one of the constraints did not help in time.{known}"
         named = zip(self.constraints, self.names, self.wider, self.units, strict=True)
-        # Widening that is not told as a number [m or rad].
+        # Widening that is not reported as a number [m or rad].
         texts = [
             f"constraint {i} ({name}) is widened by "
             + (f"{wider:.4g} {unit}" if wider > 1e-6 else "very little")

@@ -10,8 +10,7 @@ import numpy as np
 from kinematics.arrays import Array
 from kinematics.errors import InvalidOption
 from planning.field.gradient_descent import Rules
-from planning.field.number import positive, share, whole
-from planning.field.weights import FieldWeights
+from planning.field.weights import FieldWeights, positive, share, whole
 
 #: Choices of control points.
 CONTROL_POINTS = ("origins", "links")

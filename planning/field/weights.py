@@ -1,5 +1,6 @@
-"""Weights and distances of a potential."""
+"""Weights and distances of a potential, and checks of numbers among its options."""
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
@@ -8,7 +9,39 @@ import numpy as np
 from kinematics.arrays import Array
 from kinematics.caches.bounded_cache import bounded_cache
 from kinematics.errors import InvalidOption
-from planning.field.number import positive
+
+
+def positive(name: str, value: object) -> None:
+    """Check that an option is a finite number above 0.
+
+    Raises:
+        InvalidOption: It is not.
+    """
+    if isinstance(value, bool) or not (
+        isinstance(value, int | float) and math.isfinite(value) and value > 0
+    ):
+        raise InvalidOption(f"{name} must be a positive number, not {value!r}")
+
+
+def whole(name: str, value: object, least: int, most: int) -> None:
+    """Check that an option is a whole number from ``least`` to ``most``.
+
+    Raises:
+        InvalidOption: It is not.
+    """
+    if isinstance(value, bool) or not isinstance(value, int) or not least <= value <= most:
+        raise InvalidOption(f"{name} must be a whole number from {least} to {most}, not {value!r}")
+
+
+def share(name: str, value: object) -> None:
+    """Check that an option is a number from 0 to less than 1.
+
+    Raises:
+        InvalidOption: It is not.
+    """
+    if isinstance(value, bool) or not (isinstance(value, int | float) and 0.0 <= value < 1.0):
+        raise InvalidOption(f"{name} must be a number from 0 to less than 1, not {value!r}")
+
 
 #: Beyond this a weight's force could leave what float64 holds to some digits.
 MAX_WEIGHT = 1e9

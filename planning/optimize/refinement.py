@@ -7,8 +7,7 @@ import numpy as np
 
 from kinematics.arrays import Array
 from kinematics.trajectory.trajectory import Trajectory
-from planning.optimize.candidate import Candidate
-from planning.optimize.initial_guess import fit_spline
+from planning.optimize.iterate import Candidate, fit_spline
 from planning.optimize.linearization import Obstruction
 from planning.optimize.objective import value
 from planning.optimize.scp import Descent

@@ -21,9 +21,7 @@ from kinematics.arrays import Array
 from kinematics.model.chain import Chain
 from kinematics.trajectory.trajectory import Trajectory
 from planning.optimize import objective, program
-from planning.optimize.candidate import Candidate, blocked_places
-from planning.optimize.initial_guess import least_duration
-from planning.optimize.iterate import Iterate
+from planning.optimize.iterate import Candidate, Iterate, blocked_places, least_duration
 from planning.optimize.linearization import (
     Checkpoints,
     Linearization,

@@ -9,7 +9,7 @@ from kinematics.arrays import Array, frozen
 from kinematics.model.chain import Chain
 from obstacles.collision.checker import Checker
 from planning.constraints.constraint_set import ConstraintSet
-from planning.values.effort_limits import EffortLimits
+from planning.values.limits import EffortLimits
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -19,8 +19,7 @@ from planning.constrained.path_constraints import apply_path_constraints
 from planning.contact_cores import with_cores
 from planning.goal_choice.chosen_configuration import deviation_note, plan_configuration
 from planning.goal_choice.goal_order import MAX_LONGER, ends_off_limits
-from planning.motion_limits import with_limits
-from planning.options import Options
+from planning.options import Options, with_limits
 from planning.pipeline.optimize_stage import (
     MOST_OFFERS,
     OptimizeStage,
@@ -52,7 +51,7 @@ from planning.tool_paths.timing.tool_timing import TimedToolPath, time_tool_path
 from planning.values.deadline import Deadline
 from planning.values.optimize_options import OPTIMIZE
 
-#: Edges that the search for a way to another configuration may look at.
+#: Edges that the search for a way to another configuration may check.
 _MAX_EDGES_OFF_LIMITS = 2000
 
 
@@ -104,7 +103,7 @@ def plan(
         deadline.interruptions.occurred = True
         answer = Failure(late.code, late.message, late.hint or "", late.details["stage"])
     if isinstance(answer, Failure):
-        details = deadline.interruptions.told_in(answer.code, answer.details)
+        details = deadline.interruptions.reported_in(answer.code, answer.details)
         return replace(answer, details=details, stages=tuple(stages.reports))
     return replace(answer, notes=(*moved, *answer.notes)) if moved else answer
 

@@ -46,7 +46,7 @@ class ByConstraints:
         return self.free.needs_goals or self.constrained.needs_goals
 
     def plan(self, query: Query) -> Attempt:
-        """Look for a path with the planner that suits the checker."""
+        """Search with the planner that suits the checker."""
         constrained = isinstance(query.checker, ConstrainedChecker)
         return (self.constrained if constrained else self.free).plan(query)
 

@@ -33,7 +33,7 @@ _MOST_INSIDE, _MOST_AT_LIMIT, _MOST_TURNED = 10, 2, 4
 #: Free configurations differ by this much in a joint at least [rad or m]: those of a redundant arm
 #: would else be neighbours of the cheapest.
 _APART = 0.3
-#: Configurations of a pose that are looked at together, and how many at most.
+#: Configurations of a pose that are checked together, and how many at most.
 _TOGETHER, _MAX_LOOKS = 8, 192
 
 

@@ -22,7 +22,7 @@ from planning.values.deadline import Deadline
 from planning.values.search_trees import Explored
 
 #: The time a random tree takes is spread widely: one that has looked at so many edges without
-#: arriving is given up for a fresh one, which may look at somewhat more. Counted in edges, not in
+#: arriving is given up for a fresh one, which may check somewhat more. Counted in edges, not in
 #: time, the answer depends on the seed alone.
 _FIRST_BUDGET = 2000
 
@@ -220,7 +220,7 @@ def _watch(search: _Search, spent: _Account, edges: CertifiedEdges) -> Watch:
         max_iterations=_remaining_budget(options["max_iterations"], spent.iterations),
         max_edges=_remaining_budget(options["max_edges"], spent.edges),
     )
-    # Factor by which the next tree may look at more.
+    # Factor by which the next tree may check more.
     share = _FIRST_BUDGET * 1.1**spent.runs
     if planner.one_goal and len(search.goals) > 1:
         # Every goal has its turn before the budgets are spent.

@@ -42,7 +42,7 @@ def _grow(pairs: TreePairs, penetration: float, guide: Guide | None) -> Array | 
     if not pairs.may_go_on:
         return None
     step = _FIRST_STEP if guide is None else _STEP
-    # Edges that each pair may look at.
+    # Edges that each pair may check.
     return pairs.grow(PairOptions(10_000, step, penetration, guide=guide))
 
 

@@ -35,10 +35,10 @@ _FIRST_DOMAIN = 0.65
 #: winds up further is not lost.
 _NEARBY = 7
 #: The edges that trees need are spread widely: a pair that has looked at so many without meeting is
-#: given up for a fresh one, which may look at more. Counted in edges, not in time, the
+#: given up for a fresh one, which may check more. Counted in edges, not in time, the
 #: answer depends on the seed alone.
 _FIRST_BUDGET = 2000
-#: Factor by which the next pair may look at more, up to the most: the nearest of many nodes takes
+#: Factor by which the next pair may check more, up to the most: the nearest of many nodes takes
 #: longer to find.
 _BUDGET_GROWTH, _MOST_BUDGET = 1.5, 10_000
 #: Edges after which the cascade's own trees give way to OMPL's, and those grown in the hulls of the
@@ -89,7 +89,7 @@ def rrt_connect(
         deadline: Instant at which the search stops.
         max_edges: Edges after which to stop; the last pair may take as many again.
         explored: Keeps the edges of the last pair of trees.
-        proves: Whether the path is proved; otherwise states of it are looked at.
+        proves: Whether the path is proved; otherwise states of it are checked.
     """
     roots = np.array([start, *goals])
     pairs = TreePairs(checker, roots, seed, deadline, max_edges, explored, proves)

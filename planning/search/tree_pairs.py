@@ -50,7 +50,7 @@ class PairOptions(NamedTuple):
     """Budget, steps, clearance and draws of a pair of trees.
 
     Args:
-        budget: Edges that it may look at.
+        budget: Edges that it may check.
         step: Longest step, Euclidean in joint space.
         penetration: Depth that is taken off the clearance [m].
         domain: How far a node that has met something is grown, as a share of the mean distance of
@@ -103,7 +103,7 @@ class TreePairs:
         trees = new_trees(len(roots), checker.model.chain.n, budget, self._random())
         grow, draws, outcome, until = _grow(), self._draws(options), GOING, 0
         while outcome == GOING and not self.deadline.passed:
-            # Edges looked at between two looks at the clock.
+            # Edges looked at between two checks of the clock.
             until += 250
             outcome = grow(checker.model.arrays, trees, draws, roots, budget, until)
         before, nodes = int(trees.tally[EDGES_BEFORE]), int(trees.tally[PATH])

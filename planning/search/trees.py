@@ -7,6 +7,7 @@ and most of what is not on it costs no proof. Source: "Single-query PRM planner 
 checking", International Symposium on Robotics Research, 2001.
 """
 
+import math
 from typing import NamedTuple
 
 import numpy as np
@@ -14,7 +15,7 @@ from numpy.typing import NDArray
 
 from compiled.kernel import kernel
 from compiled.random import State, uniform_kernel
-from compiled.simd import LANES, on_stack
+from compiled.simd import LANES, choose, fill, lane, load, on_stack, store
 from kinematics.arrays import Array, Indices
 from obstacles.collision.edge_check import COLLIDING, FREE
 from obstacles.collision.lanes.check import blocked_between, blocked_lanes, write_states
@@ -22,8 +23,6 @@ from obstacles.collision.line_check import prove_line
 from obstacles.collision.model.kernel_work import Workspace, workspace
 from obstacles.collision.model.model_arrays import ModelArrays
 from obstacles.collision.state_check import verdict_in
-from planning.search.nearest_node import nearest_node, place_node
-from planning.search.path_length import is_detour, path_length, square_distance, write_step
 
 # Outcomes of growing trees.
 #: The clock is to be looked at.
@@ -32,7 +31,6 @@ GOING = 0
 SPENT = 1
 #: There is a path, and another pair has looked for a shorter one.
 FOUND = 2
-
 #: A step whose proof needs more intervals grazes something all along: it is not taken.
 _MAX_INTERVALS = 800
 #: States of a step that are looked at, its end first, where that is all, and before a proof: half
@@ -49,7 +47,6 @@ _PATIENCE = 3
 _MAX_DRAWS = 100
 #: Parent of a node that was cut off; that of a root is -1.
 _CUT = -2
-
 # Entries of Trees.tally.
 #: Edges that were checked, by this pair.
 EDGES = 0
@@ -61,6 +58,9 @@ PATH = 2
 _HERE, _THERE = 3, 4
 #: Steps of this pair that were cut off.
 _CUTS = 5
+#: A path so many times as long as the straight line is worth another pair of trees: shortening does
+#: for the others what that would do.
+_LONG = 3.0
 
 
 class Trees(NamedTuple):
@@ -398,3 +398,82 @@ def _keep_path(trees: Trees) -> None:
         for j in range(path.shape[1]):
             path[row - begin, j] = path[row, j]
     tally[PATH] = end - begin
+
+
+@kernel(allocates=False, inline="always")
+def square_distance(points: Array, i: int, q: Array) -> float:
+    """Square of the distance between row i of configurations (k, n) and another one (n,)."""
+    square = 0.0
+    for j in range(q.shape[0]):
+        square += (points[i, j] - q[j]) ** 2
+    return square
+
+
+@kernel(allocates=False)
+def write_step(origin: Array, target: Array, step: float, end: Array) -> None:
+    """Write where a step from ``origin`` towards ``target`` ends, all (n,)."""
+    square = 0.0
+    for j in range(target.shape[0]):
+        square += (origin[j] - target[j]) ** 2
+    arrives = square <= step * step
+    share = 1.0 if arrives else step / math.sqrt(square)
+    for j in range(target.shape[0]):
+        end[j] = target[j] if arrives else origin[j] + share * (target[j] - origin[j])
+
+
+@kernel(allocates=False)
+def is_detour(path: Array, count: int) -> bool:
+    """Whether a path of so many waypoints (k, n) is a detour that is worth another search."""
+    return path_length(path, 0, count) > _LONG * math.sqrt(
+        square_distance(path, 0, path[count - 1])
+    )
+
+
+@kernel(allocates=False)
+def path_length(path: Array, begin: int, end: int) -> float:
+    """Length of the rows from ``begin`` to before ``end`` of a path (k, n)."""
+    length = 0.0
+    for row in range(begin + 1, end):
+        length += math.sqrt(square_distance(path, row - 1, path[row]))
+    return length
+
+
+@kernel(allocates=False)
+def place_node(blocks: Array, node: int, q: Array) -> None:
+    """Write node number ``node``, the next of its tree or one before it, at q (n,).
+
+    Args:
+        blocks: Blocks of eight nodes, a vector for each joint, flat.
+        node: Number of the node.
+        q: Shape (n,); infinite for a node that is nearest to nothing.
+    """
+    at = node // LANES * LANES * q.shape[0]
+    if node % LANES == 0 and q[0] < np.inf:
+        # Those to come are nearest to nothing yet.
+        for j in range(q.shape[0]):
+            store(blocks, at + LANES * j, fill(np.inf))
+    for j in range(q.shape[0]):
+        blocks[at + LANES * j + node % LANES] = q[j]
+
+
+@kernel(allocates=False)
+def nearest_node(blocks: Array, count: int, q: Array) -> tuple[int, float]:
+    """The first of ``count`` nodes that are nearest to q (n,), and how far away it is.
+
+    Node 0 and infinity where none is anywhere.
+    """
+    n = q.shape[0]
+    best, number = fill(np.inf), fill(0.0)
+    for first in range(0, count, LANES):
+        square, at = fill(0.0), first * n
+        for j in range(n):
+            away = load(blocks, at + LANES * j) - q[j]
+            square = square + away * away
+        closer = square < best
+        best, number = choose(closer, square, best), choose(closer, float(first), number)
+    least, node = np.inf, 0
+    for k in range(LANES):
+        square_k, node_k = lane(best, k), int(lane(number, k)) + k
+        if square_k < least or (square_k == least and square_k < np.inf and node_k < node):
+            least, node = square_k, node_k
+    return node, math.sqrt(least)

@@ -20,8 +20,7 @@ from obstacles.collision.checker import Checker
 from planning.clearance.levels import clearance_levels
 from planning.clearance_report import clearance_report
 from planning.constraints.constraint_set import ConstraintSet
-from planning.motion_limits import with_limits
-from planning.options import Options
+from planning.options import Options, with_limits
 from planning.proof.certificate import certify
 from planning.result import Path, Plan
 from planning.sequence.motion import constraint_set

@@ -13,8 +13,7 @@ from kinematics.model.chain import Chain, Limits
 from planning.timing.method import JerkUse, TimingMethod, timing_method
 from planning.timing.options import Method, Solver, TimingOptions
 from planning.timing.parametrization import TimeParametrization
-from planning.values.effort_limits import EffortLimits
-from planning.values.limits import MotionLimits
+from planning.values.limits import EffortLimits, MotionLimits
 
 # Limits that every method must know.
 _REQUIRED = ("velocity", "acceleration")

@@ -14,7 +14,7 @@ from planning.timing.path.path import JointPath
 from planning.timing.speed.effort_limits import effort_rows, slow_down
 from planning.timing.speed.minimum_time import time_path
 from planning.timing.time_scaling import ScaledTime
-from planning.values.effort_limits import EffortLimits
+from planning.values.limits import EffortLimits
 
 # A boundary velocity counts as kept where slowing down changes it by less than this part [-].
 _SAME_SPEED = 1e-9

@@ -26,8 +26,7 @@ from planning.timing.spline.quintic_fit import even_parts, fit_pieces
 from planning.timing.spline.span_loads import SpanLoads, span_loads
 from planning.timing.spline.spline import Ends, chord_knots, spline_trajectory
 from planning.timing.time_scaling import ScaledTime, dilate, fit, fitting_factor
-from planning.values.effort_limits import EffortLimits
-from planning.values.limits import MotionLimits
+from planning.values.limits import EffortLimits, MotionLimits
 
 # Boundary velocities may miss the path's direction by this part.
 _ALONG = 1e-6

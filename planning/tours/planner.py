@@ -8,7 +8,7 @@ import numpy as np
 from kinematics.arrays import Array, typed
 from obstacles.collision.checker import Checker
 from planning.constrained.path_constraints import check_widths, end_violation
-from planning.motion_limits import with_limits
+from planning.options import with_limits
 from planning.preflight.preflight import check_start
 from planning.problem import JointGoal, Problem
 from planning.result import Failure
@@ -66,7 +66,7 @@ def plan_tour(
     answer = planner.run()
     if isinstance(answer, Tour):
         return answer
-    details = planner.deadline.interruptions.told_in(answer.code, answer.details)
+    details = planner.deadline.interruptions.reported_in(answer.code, answer.details)
     return replace(answer, details=details)
 
 

@@ -16,7 +16,7 @@ class Interruptions:
 
     occurred: bool = False
 
-    def told_in(self, code: str, details: Mapping[str, Any]) -> dict[str, Any]:
+    def reported_in(self, code: str, details: Mapping[str, Any]) -> dict[str, Any]:
         """Details of a failure, with ``deterministic: False`` where any occurred.
 
         Args:

@@ -16,7 +16,7 @@ from kinematics.model.chain import Chain, JointType
 from obstacles.collision.checker import Checker
 from planning.values.deadline import Deadline
 
-#: Values between start and goal that are looked at, and configurations at each: at first, and where
+#: Values between start and goal that are checked, and configurations at each: at first, and where
 #: none of these is free.
 _VALUES, _FIRST, _MORE = 24, 32, 512
 

@@ -12,7 +12,7 @@ MAX_PREFERRED = 1.0
 
 @dataclass(frozen=True, slots=True)
 class PreferredClearance:
-    """Distances to be kept wherever there is room.
+    """Distances to be kept wherever there is space.
 
     Args:
         obstacles: Distance from obstacles, their own margins not counted [m]; 0 for none.

@@ -28,7 +28,7 @@ from kinematics.urdf.urdf import parse_urdf
 from planning.constraints.constraint_set import ConstraintSet
 from planning.constraints.kinds.limit import TorqueConstraint
 from planning.proof.constraints.constraint_limits import constrained_efforts
-from planning.values.effort_limits import EffortLimits
+from planning.values.limits import EffortLimits
 from tests.dynamics.samples import pinocchio_model, random_chain
 from tests.tracking.samples import constant, slider, smooth
 from tracking.controllers.adaptive import Adaptive

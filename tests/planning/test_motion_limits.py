@@ -5,8 +5,7 @@ import pytest
 
 from planning.constraints.constraint_set import ConstraintSet
 from planning.constraints.kinds.limit import ToolSpeedConstraint, TorqueConstraint
-from planning.motion_limits import with_limits
-from planning.options import Options
+from planning.options import Options, with_limits
 from planning.proof.constraints.constraint_limits import constrained_efforts
 from planning.timing.options import TimingOptions
 from tests.planning.scenes import builtin

@@ -13,7 +13,7 @@ from planning.constraints.kinds.limit import (
     ToolSpeedConstraint,
     TorqueConstraint,
 )
-from planning.values.effort_limits import EffortLimits
+from planning.values.limits import EffortLimits
 
 
 def constrained_margin(margin: float, constraints: ConstraintSet | None) -> float:

@@ -15,8 +15,7 @@ from kinematics.model.chain import Chain
 from kinematics.trajectory.trajectory import Trajectory
 from planning.proof.limits.effort_bounds import HALF, JET, MIDDLE, PIECE, effort_bounds_kernel
 from planning.proof.motion_bounds import OUTWARD
-from planning.values.effort_limits import EffortLimits
-from planning.values.limits import RATIO_TOLERANCE
+from planning.values.limits import RATIO_TOLERANCE, EffortLimits
 
 #: A bound is sharp that is at most this much above what is reached [relative].
 _SHARP = 1e-3

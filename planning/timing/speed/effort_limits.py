@@ -26,7 +26,7 @@ from planning.timing.jerk.grid import KnotLimits
 from planning.timing.path.path import JointPath
 from planning.timing.speed.constraints import Cells
 from planning.timing.time_scaling import ScaledTime
-from planning.values.effort_limits import EffortLimits
+from planning.values.limits import EffortLimits
 
 # The torques aimed at are this much below the limits, so that what is bounded with an error of a
 # thousandth is within them.

@@ -19,7 +19,7 @@ from planning.timing.speed.effort_limits import slow_down, with_effort_rows
 from planning.timing.speed.profile import timed_pieces
 from planning.timing.speed.reachability import squared_speeds
 from planning.timing.time_scaling import ScaledTime, checked_limits, dilate
-from planning.values.effort_limits import EffortLimits
+from planning.values.limits import EffortLimits
 
 #: Cells of a path that has no straight pieces. Against 8,000 cells, 256 cost 0.09 % of the duration
 #: on paths of parabolas only, 0.05 % with half as long parabolas, 0.17 % on cubic splines.

@@ -27,7 +27,7 @@ from planning.timing.failure import TimingFailed
 from planning.timing.path.path import JointPath, piece_values
 from planning.timing.speed.constraints import Cells
 from planning.timing.speed.effort_limits import knot_limits
-from planning.values.effort_limits import EffortLimits
+from planning.values.limits import EffortLimits
 
 # A bound that is not there, as a number: the package's own value for it.
 _NO_BOUND = 1e8

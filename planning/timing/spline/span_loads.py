@@ -19,7 +19,7 @@ from dynamics.kernels.recursion import WORK, gravity_kernel, inverse_kernel
 from dynamics.model.body import bodies
 from kinematics.arrays import Array, frozen
 from kinematics.jacobian import frame_and_jacobian_kernel
-from planning.values.effort_limits import EffortLimits
+from planning.values.limits import EffortLimits
 
 # The torques aimed at are this much below the limits: what is bounded with an error of a thousandth
 # is within them.

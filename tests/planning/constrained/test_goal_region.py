@@ -8,7 +8,7 @@ from kinematics.robots import builtin_urdf
 from obstacles.collision.checker import Checker
 from obstacles.scenes.scene import Scene
 from planning.constrained.checker import ConstrainedChecker
-from planning.constrained.goal_region import GoalRegion
+from planning.constrained.planner import GoalRegion
 from planning.constrained.pose_goals import goal_configurations
 from planning.constraints.constraint_set import ConstraintSet
 from planning.constraints.kinds.orientation import OrientationConstraint

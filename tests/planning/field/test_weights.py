@@ -5,9 +5,11 @@ from typing import Any
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from kinematics.errors import InvalidOption
-from planning.field.weights import MAX_WEIGHT, FieldWeights
+from planning.field.weights import MAX_WEIGHT, FieldWeights, positive, share, whole
 
 BOTH = ("attractive_weights", "repulsive_weights")
 
@@ -103,3 +105,58 @@ def test_the_least_distance_is_below_the_influence(least: float, taken: bool) ->
 def test_every_option_has_a_default_that_is_in_range() -> None:
     defaults = FieldWeights()
     assert FieldWeights(**{f.name: getattr(defaults, f.name) for f in fields(defaults)}).each(2)
+
+
+@given(st.one_of(st.floats(min_value=5e-324, max_value=1.7e308), st.integers(1, 10**30)))
+def test_finite_numbers_above_zero_are_taken(value: float) -> None:
+    positive("size", value)
+
+
+@pytest.mark.parametrize(
+    "value",
+    [
+        0,
+        0.0,
+        -0.0,
+        -1,
+        -1e-300,
+        float("nan"),
+        float("inf"),
+        -float("inf"),
+        True,
+        "1",
+        None,
+        [1.0],
+        1j,
+    ],
+)
+def test_all_else_is_refused_by_name(value: Any) -> None:
+    with pytest.raises(InvalidOption) as refused:
+        positive("size", value)
+    assert refused.value.message == f"size must be a positive number, not {value!r}"
+
+
+@given(st.integers(-20, 20))
+def test_whole_numbers_are_taken_from_least_to_most(value: int) -> None:
+    if -3 <= value <= 7:
+        whole("count", value, -3, 7)
+    else:
+        with pytest.raises(InvalidOption, match=f"from -3 to 7, not {value}"):
+            whole("count", value, -3, 7)
+
+
+@pytest.mark.parametrize("value", [True, False, 2.0, 2.5, "2", None, float("nan")])
+def test_what_is_not_whole_is_refused(value: Any) -> None:
+    with pytest.raises(InvalidOption, match="count must be a whole number"):
+        whole("count", value, 0, 7)
+
+
+@pytest.mark.parametrize("value", [0, 0.0, 1e-9, 0.5, 0.999])
+def test_shares_are_taken_from_nothing_to_less_than_all(value: float) -> None:
+    share("part", value)
+
+
+@pytest.mark.parametrize("value", [-1e-9, 1, 1.0, True, None, "0.5", float("nan"), [0.1]])
+def test_what_is_no_share_is_refused(value: Any) -> None:
+    with pytest.raises(InvalidOption, match="part must be a number from 0 to less than 1"):
+        share("part", value)

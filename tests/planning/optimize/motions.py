@@ -8,7 +8,7 @@ from obstacles.scenes.scene import Scene
 from planning.optimize.iterate import Iterate
 from planning.optimize.spline import SplineSpace
 from planning.optimize.task import End, Task
-from planning.values.effort_limits import EffortLimits
+from planning.values.limits import EffortLimits
 from tests.planning.scenes import HOME, builtin
 
 SPACE = SplineSpace.uniform(4, 11)

@@ -16,8 +16,7 @@ from planning.constraints.kinds.orientation import ConeConstraint
 from planning.constraints.kinds.position import PositionConstraint
 from planning.constraints.kinds.region import LineRegion, SphereRegion
 from planning.optimize import objective
-from planning.optimize.initial_guess import fit_spline
-from planning.optimize.iterate import Iterate
+from planning.optimize.iterate import Iterate, fit_spline
 from planning.optimize.scp import Descent
 from planning.optimize.spline import SplineSpace
 from planning.optimize.task import End, Task

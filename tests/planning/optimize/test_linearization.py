@@ -25,7 +25,7 @@ from planning.optimize.linearization import (
 from planning.optimize.rows import stack_rows
 from planning.optimize.task import Task
 from planning.values.deadline import Deadline
-from planning.values.effort_limits import EffortLimits
+from planning.values.limits import EffortLimits
 from tests.planning.optimize import motions
 from tests.planning.optimize.table import BLOCK, RADIUS, ROBOT, gap, line, task
 

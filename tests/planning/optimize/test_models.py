@@ -14,7 +14,7 @@ from planning.optimize.response import tool_speed, torques
 from planning.optimize.rows import end_rows, limit_rows, local_matrix, stack_rows
 from planning.optimize.task import End
 from planning.values.deadline import Deadline
-from planning.values.effort_limits import EffortLimits
+from planning.values.limits import EffortLimits
 from planning.values.optimize_options import Objective
 from tests.planning.optimize.motions import PANDA, SPACE, iterate, packed, task, unpacked
 from tests.planning.scenes import pillar

@@ -20,7 +20,7 @@ from obstacles.collision.checker import Checker
 from obstacles.collision.fcl_distance import FclWorld
 from obstacles.scenes.scene import Obstacle, Scene
 from obstacles.shapes.shape import Sphere
-from planning.optimize.initial_guess import fit_spline
+from planning.optimize.iterate import fit_spline
 from planning.optimize.scp import Descent
 from planning.optimize.spline import SplineSpace
 from planning.optimize.task import End, Task

@@ -9,7 +9,7 @@ from obstacles.scenes.scene import Scene
 from planning.optimize.scp import _REACH, Descent
 from planning.optimize.task import End
 from planning.values.deadline import Deadline
-from planning.values.effort_limits import EffortLimits
+from planning.values.limits import EffortLimits
 from planning.values.optimize_options import RefineOptions
 from tests.planning.optimize.table import BOUNDS, GOAL, ROBOT, START, gap, line, task
 

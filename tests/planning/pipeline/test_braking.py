@@ -6,7 +6,7 @@ import ruckig
 
 from obstacles.collision.checker import Checker
 from obstacles.scenes.scene import Scene
-from planning.pipeline.braking import _braking, first_touch
+from planning.pipeline.optimize_stage import _braking, first_touch
 from tests.planning.scenes import builtin
 
 VELOCITY = np.array([2.0, -0.3, 0.0])

@@ -16,8 +16,7 @@ from obstacles.shapes.shape import HalfSpace, PointCloud
 from planning.proof.certificate import certify
 from planning.proof.limits.limits import check_limits
 from planning.values.deadline import Deadline
-from planning.values.effort_limits import EffortLimits
-from planning.values.limits import MotionLimits
+from planning.values.limits import EffortLimits, MotionLimits
 from tests.planning.dense import least_clearance
 from tests.planning.scenes import HOME, box, builtin, pillar, shelf
 

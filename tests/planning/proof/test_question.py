@@ -8,7 +8,7 @@ import pytest
 import armwright as aw
 from kinematics.arrays import Array
 from planning.constraints.constraint_set import ConstraintSet
-from planning.values.effort_limits import EffortLimits
+from planning.values.limits import EffortLimits
 
 ROBOT = aw.load_robot("panda")
 NAMES = ROBOT.chain.joint_names

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.spatial import KDTree
 
-from planning.search.nearest_node import nearest_node, place_node
+from planning.search.trees import nearest_node, place_node
 
 
 @pytest.mark.parametrize("count", [1, 7, 8, 9, 40, 333])

@@ -22,7 +22,7 @@ from planning.timing.method import JerkLimited, TimeOptimal, TimingMethod
 from planning.timing.parametrization import TimeParametrization
 from planning.timing.path.blend import blend, largest_reaches
 from planning.timing.speed.minimum_time import time_path
-from planning.values.effort_limits import EffortLimits
+from planning.values.limits import EffortLimits
 
 Array = NDArray[np.float64]
 

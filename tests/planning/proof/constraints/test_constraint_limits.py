@@ -14,7 +14,7 @@ from planning.constraints.kinds.limit import (
     TorqueConstraint,
 )
 from planning.proof.constraints.constraint_limits import constrained_efforts, constrained_margin
-from planning.values.effort_limits import EffortLimits
+from planning.values.limits import EffortLimits
 
 PANDA = builtin_chain("panda")
 

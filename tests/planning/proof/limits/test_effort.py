@@ -10,7 +10,7 @@ from kinematics.model.chain import Chain
 from kinematics.robots import builtin_chain, builtin_urdf
 from kinematics.trajectory.trajectory import Trajectory, stay
 from planning.proof.limits.effort import effort_uses, tool_speed_use, torque_use
-from planning.values.effort_limits import EffortLimits
+from planning.values.limits import EffortLimits
 
 NAMES = ["panda", "ur5e", "kr6_sixx"]
 

@@ -8,8 +8,7 @@ from kinematics.model.chain import Limits
 from kinematics.robots import builtin_chain
 from kinematics.trajectory.trajectory import Extrema, Peaks, Trajectory
 from planning.proof.limits.limits import check_continuity, check_limits
-from planning.values.effort_limits import EffortLimits
-from planning.values.limits import MotionLimits
+from planning.values.limits import EffortLimits, MotionLimits
 
 NAMES = ("a", "b")
 

@@ -12,8 +12,7 @@ from obstacles.collision.checker import Checker
 from planning.constrained.checker import ConstrainedChecker, narrow_rows
 from planning.constraints import edge_bounds
 from planning.constraints.row import LOWER, UPPER
-from planning.motion_limits import with_limits
-from planning.options import Options
+from planning.options import Options, with_limits
 from planning.timing.jerk.jerk_limited import time_path_with_jerk
 from planning.timing.speed.effort_limits import knot_limits, slow_down
 from planning.timing.speed.minimum_time import time_path
@@ -21,7 +20,7 @@ from planning.timing.time_scaling import ScaledTime, dilate, fit, peak_ratios
 from planning.tool_motions.tool_motion import ToolMotion
 from planning.tool_paths.deviation.tool_deviation import piece_deviations
 from planning.tool_paths.tool_following import _Following, _spline
-from planning.values.effort_limits import EffortLimits
+from planning.values.limits import EffortLimits
 from tests.planning.proof.sabotage.trial import Lie, Sabotage
 
 #: What limits are multiplied by, and ratios to them divided.

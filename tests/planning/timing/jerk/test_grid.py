@@ -11,7 +11,7 @@ from planning.timing.jerk.ruckig import line_phases
 from planning.timing.path.blend import blend, largest_reaches
 from planning.timing.path.path import JointPath
 from planning.timing.speed.effort_limits import effort_rows
-from planning.values.effort_limits import EffortLimits
+from planning.values.limits import EffortLimits
 from tests.planning.scenes import HOME, builtin
 
 UR5E_HOME = np.array([-0.6, -1.2, 1.6, -1.97, -1.57, 0.0])

@@ -10,7 +10,7 @@ from kinematics.trajectory.trajectory import Trajectory
 from planning.timing.failure import TimingFailed
 from planning.timing.speed.effort_limits import knot_limits, slow_down
 from planning.timing.time_scaling import ScaledTime
-from planning.values.effort_limits import EffortLimits
+from planning.values.limits import EffortLimits
 from tests.planning.pinocchio_panda import PinocchioPanda
 
 CHAIN = builtin_chain("panda")

@@ -26,7 +26,7 @@ from planning.timing.spline.span_loads import (
     span_room,
     widen_for_loads_kernel,
 )
-from planning.values.effort_limits import EffortLimits
+from planning.values.limits import EffortLimits
 from tests.planning.scenes import builtin
 from tests.planning.timing.motion_judge import TOOL_SPEED, Judge, random_problems
 
