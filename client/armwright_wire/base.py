@@ -65,6 +65,9 @@ RowsLike: TypeAlias = Sequence[Sequence[float]] | Sequence[ArrayLike] | ArrayLik
 class Wire(BaseModel):
     """A part of a request or answer."""
 
+    # Validators are built when they are needed: an import takes half the time.
+    model_config = ConfigDict(defer_build=True)
+
     #: Whether a request takes the fields of an object, not the object as it is.
     goes_by_fields: ClassVar[bool] = False
 
@@ -76,6 +79,16 @@ class Wire(BaseModel):
             pydantic.ValidationError: A field that is known here is missing or has another type.
         """
         return cls.model_validate_json(content, extra="ignore", strict=False)
+
+
+def build_at_once() -> None:
+    """Build the validators of all models, now and when they are made: no request waits for them."""
+    kinds: list[type[Wire]] = [Wire]
+    for kind in kinds:
+        kind.model_config["defer_build"] = False
+        kinds += kind.__subclasses__()
+    for kind in kinds:
+        kind.model_rebuild()
 
 
 class Body(Wire):
