@@ -18,7 +18,17 @@ from armwright_wire.job import Problem
 from service.http.errors import KINDS
 
 #: Bases of models, and what stands behind models of the same name.
-INNER = {"Body", "ArchiveFields", "RobotBody", "JobAnswer", "OrientedPoseAnswer"}
+INNER = {
+    "Answer",
+    "Body",
+    "InFrame",
+    "NamedScene",
+    "RobotFields",
+    "ArchiveFields",
+    "RobotBody",
+    "JobAnswer",
+    "OrientedPoseAnswer",
+}
 #: The codes that the interface promises.
 CONTRACT = [
     "START_STATE_IN_COLLISION",
