@@ -14,7 +14,7 @@ from kinematics.errors import InvalidOption
 from kinematics.model.chain import Chain
 from kinematics.pose import from_axis_angle, transform
 from kinematics.tree.description import JointDescription, RobotDescription
-from kinematics.tree.mimic_limits import JointRoom, room_of
+from kinematics.tree.mimic_limits import LeaderLimits, leader_limits
 from kinematics.tree.serial_chain import Selection
 from kinematics.tree.srdf import Semantics
 
@@ -79,11 +79,11 @@ class Fingers:
         """The joints that move when the leaders ``names`` do."""
         return tuple(finger for finger in self.joints if finger.leader in names)
 
-    def room(self, leader: str) -> JointRoom:
+    def limits(self, leader: str) -> LeaderLimits:
         """Limits of a joint that leads, within those of the joints that follow it."""
         moving = self.moving(frozenset([leader]))
         own = next(finger.joint for finger in moving if finger.joint.name == leader)
-        return room_of(
+        return leader_limits(
             own, ((f.joint, f.multiplier, f.offset) for f in moving if f.joint is not own)
         )
 
@@ -101,7 +101,7 @@ class Fingers:
                     hint=f"There are: {', '.join(self.positions) or 'none'}.",
                     joint=name,
                 )
-            _check_range(name, value, self.room(name))
+            _check_range(name, value, self.limits(name))
         return {**self.positions, **{name: float(value) for name, value in asked.items()}}
 
     def link_poses(self, chain: Chain, positions: Positions) -> dict[str, Array]:
@@ -119,11 +119,11 @@ class Fingers:
         return poses
 
 
-def _check_range(leader: str, value: float, room: JointRoom) -> None:
-    if not (math.isfinite(value) and room.lower <= value <= room.upper):
+def _check_range(leader: str, value: float, limits: LeaderLimits) -> None:
+    if not (math.isfinite(value) and limits.lower <= value <= limits.upper):
         raise InvalidOption(
             f"joint {leader!r} is to stand at {value:g}, outside its limits "
-            f"[{room.lower:g}, {room.upper:g}]",
+            f"[{limits.lower:g}, {limits.upper:g}]",
             hint="Name a position inside them; joints that follow it narrow them.",
             joint=leader,
             value=value,

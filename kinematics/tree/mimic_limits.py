@@ -18,7 +18,7 @@ Relations = Mapping[str, tuple[str, float, float]]
 Led = tuple[JointDescription, float, float]
 
 
-class JointRoom(NamedTuple):
+class LeaderLimits(NamedTuple):
     """Limits of a leading joint within which its mimic joints stay within theirs.
 
     Args:
@@ -35,7 +35,7 @@ class JointRoom(NamedTuple):
     acceleration: float
     jerk: float
 
-    def within(self, joint: JointDescription, multiplier: float, offset: float) -> "JointRoom":
+    def within(self, joint: JointDescription, multiplier: float, offset: float) -> "LeaderLimits":
         """Rest of a range in which a mimic joint stays inside its limits too.
 
         With q = m q_j + b in [l, u] the leader keeps to [(l - b) / m, (u - b) / m], the other way
@@ -52,10 +52,10 @@ class JointRoom(NamedTuple):
         for name, rate in zip(self._fields[2:], self[2:], strict=True):
             most = float(getattr(joint, name)) / abs(multiplier)
             rates.append(float(np.fmin(rate, most)) if most > 0.0 else rate)
-        return JointRoom(low, high, *rates)
+        return LeaderLimits(low, high, *rates)
 
 
-def room_of(joint: JointDescription, mimic_joints: Iterable[Led] = ()) -> JointRoom:
+def leader_limits(joint: JointDescription, mimic_joints: Iterable[Led] = ()) -> LeaderLimits:
     """Limits of a joint, within those of the joints that follow it.
 
     A range that contradicts itself is none, and a rate of 0 is not given.
@@ -67,10 +67,10 @@ def room_of(joint: JointDescription, mimic_joints: Iterable[Led] = ()) -> JointR
     low, high = joint.range
     rates = (joint.velocity, joint.acceleration, joint.jerk)
     given = (rate if rate > 0.0 else math.nan for rate in rates)
-    room = JointRoom(_least(low, -math.inf), _least(high, math.inf), *given)
+    limits = LeaderLimits(_least(low, -math.inf), _least(high, math.inf), *given)
     for mimic in mimic_joints:
-        room = room.within(*mimic)
-    return room
+        limits = limits.within(*mimic)
+    return limits
 
 
 def mimic_relations(description: RobotDescription, moving: Collection[str], base: str) -> Relations:
@@ -126,7 +126,7 @@ def narrowing_note(leader: JointDescription, mimic: Led) -> str:
         leader: The joint that leads.
         mimic: Mimic joint of the leader.
     """
-    known, own = room_of(leader), _allowed(*mimic)
+    known, own = leader_limits(leader), _allowed(*mimic)
     left, note = known.within(*mimic), ""
     if left[:2] != known[:2]:
         note += f"; its limits narrow those of {leader.name!r} to [{left.lower:.6g}, "
@@ -155,12 +155,12 @@ def narrowed_limits(
         description: The tree.
         mimic_joints: Mimic joints by ``mimic_relations``.
     """
-    rows, endless = {name: np.array(getattr(limits, name)) for name in JointRoom._fields}, []
+    rows, endless = {name: np.array(getattr(limits, name)) for name in LeaderLimits._fields}, []
     for name, (leader, multiplier, offset) in mimic_joints.items():
         j = joints.index(leader)
-        room = JointRoom(*(float(row[j]) for row in rows.values()))
-        room = room.within(description.joints[name], multiplier, offset)
-        for row, value in zip(rows.values(), room, strict=True):
+        own = LeaderLimits(*(float(row[j]) for row in rows.values()))
+        own = own.within(description.joints[name], multiplier, offset)
+        for row, value in zip(rows.values(), own, strict=True):
             row[j] = value
     for j, turns in enumerate(continuous):
         endless.append(turns and math.isinf(rows["lower"][j]) and math.isinf(rows["upper"][j]))

@@ -18,11 +18,11 @@ from kinematics.tree.description import JointDescription, RobotDescription
 from kinematics.tree.joint_limits import joint_limit_values
 from kinematics.tree.mimic_limits import (
     Led,
+    leader_limits,
     mimic_notes,
     mimic_relations,
     narrowed_limits,
     narrowing_note,
-    room_of,
 )
 from kinematics.tree.srdf import Semantics
 
@@ -327,7 +327,7 @@ def _position(
     value = asked.get(joint.name)
     notes = ((mimic[0].name, narrowing_note(joint, mimic)) for mimic in mimic_joints)
     lint += [f"joint {name!r} mimics {joint.name!r}{note}" for name, note in notes if note]
-    lower, upper, *_ = room_of(joint, mimic_joints)
+    lower, upper, *_ = leader_limits(joint, mimic_joints)
     if value is None:
         nearest = min(max(0.0, lower), upper)
         if nearest != 0.0:

@@ -126,7 +126,7 @@ def _limit_violation(motion: FingerMotion) -> Violation | None:
     for i, name in enumerate(motion.names):
         if name not in motion.leaders:
             continue
-        lower, upper, *rates = motion.fingers.room(name)
+        lower, upper, *rates = motion.fingers.limits(name)
         ranges = [(lower, upper), *((-rate, rate) for rate in rates)]
         for quantity, ends, (low, high) in zip(QUANTITIES, found, ranges, strict=True):
             spare = RATIO_TOLERANCE * (1.0 if quantity == "position" else high)

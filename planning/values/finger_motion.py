@@ -67,7 +67,7 @@ def least_duration(fingers: Fingers, first: Positions, last: Positions) -> float
     """Least duration of a motion within the limits of all joints that move [s]."""
     least = 0.0
     for name, at in first.items():
-        way, (_, _, *rates) = abs(last[name] - at), fingers.room(name)
+        way, (_, _, *rates) = abs(last[name] - at), fingers.limits(name)
         for order, (peak, rate) in enumerate(zip(_PEAKS, rates, strict=True), 1):
             if rate > 0.0:
                 least = max(least, (peak * way / rate) ** (1.0 / order))

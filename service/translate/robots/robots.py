@@ -309,10 +309,10 @@ def robot_answer(
 
 def _finger_joints(geometry: RobotGeometry) -> dict[str, schema.FingerJoint]:
     """Joints of the gripper that lead, with where the robot holds them."""
-    rooms = {name: geometry.fingers.room(name) for name in geometry.fingers.positions}
+    limits = {name: geometry.fingers.limits(name) for name in geometry.fingers.positions}
     return {
         name: schema.FingerJoint(
-            position=at, lower=_finite(rooms[name].lower), upper=_finite(rooms[name].upper)
+            position=at, lower=_finite(limits[name].lower), upper=_finite(limits[name].upper)
         )
         for name, at in geometry.fingers.positions.items()
     }
