@@ -1,5 +1,6 @@
-"""The robot, its motion and single configurations as the document that a page draws."""
+"""The robot, its motion, single configurations and the tree of a planner, as a page draws them."""
 
+import base64
 import re
 from collections.abc import Sequence
 from typing import Any, NamedTuple
@@ -7,12 +8,14 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from kinematics.arrays import Array
+from kinematics.forward import forward
 from kinematics.model.chain import Chain, JointType
 from kinematics.model.mimic_joint import MimicJoint
 from kinematics.trajectory.trajectory import Trajectory
 from obstacles.robots.robot_geometry import RobotGeometry
 from obstacles.robots.visual_geometry import VisualGeometry
 from obstacles.scenes.scene import Obstacle, Scene
+from planning.values.search_trees import WHOLE, Edge, Explored
 from service.viewer.bodies import bodies, body_document, visual_bodies
 from service.viewer.curves import clearance_curve, nearest, tool_speed_curve, torque_curve
 
@@ -200,3 +203,51 @@ def _flat(T: Array) -> list[float]:
 
 def _finite(value: float) -> float | None:
     return float(value) if np.isfinite(value) else None
+
+
+#: Straight pieces of a line: the tool moves on a curve while the joints move straight.
+_PIECES = 3
+
+
+def tree_document(chain: Chain, explored: Explored) -> dict[str, Any]:
+    """The edges that a planner explored, as JSON.
+
+    Args:
+        chain: The robot.
+        explored: Its edges.
+    """
+    parts = sorted({edge.part for edge in explored.edges}, reverse=True)
+    return {
+        "planner": explored.planner,
+        "runs": explored.runs,
+        "edges": len(explored.edges),
+        "left_out": explored.left_out,
+        "parts": [
+            {"name": part, "points": _points(chain, [e for e in explored.edges if e.part == part])}
+            for part in parts
+        ],
+    }
+
+
+def tree_sentence(explored: Explored) -> str:
+    """A sentence about the tree that is drawn.
+
+    Args:
+        explored: What was explored when the request was planned once more.
+    """
+    if explored.planner is None:
+        return "No planner with a tree or a roadmap had its turn when this was planned once more."
+    kind = "edges" if any(e.part == WHOLE for e in explored.edges) else "edges of two trees"
+    run = "" if explored.runs == 1 else f", in run {explored.runs}"
+    words = f"{explored.planner} explored {len(explored.edges) + explored.left_out} {kind}{run}"
+    drawn = f"; the first {len(explored.edges)} are drawn" if explored.left_out else ""
+    return f"Planned once more, {words}{drawn}."
+
+
+def _points(chain: Chain, edges: list[Edge]) -> str:
+    """Positions of the tip along edges, shape (k, pieces + 1, 3), float32 in base64."""
+    begins, ends = (np.array([edge[k] for edge in edges], dtype=float) for k in (0, 1))
+    shares = np.linspace(0.0, 1.0, _PIECES + 1)[:, None]
+    rows: Array = begins[:, None] + shares * (ends - begins)[:, None]
+    at = forward(chain, rows)[..., :3, 3]
+    return base64.b64encode(np.ascontiguousarray(at, dtype="<f4").tobytes()).decode()

@@ -42,9 +42,10 @@ from service.viewer.document import (
     motion_document,
     rejected,
     robot_document,
+    tree_document,
+    tree_sentence,
 )
 from service.viewer.page import page
-from service.viewer.tree import tree_document, tree_sentence
 from service.viewer.words import (
     NOT_PROVED_HERE,
     PROVED_HERE,
