@@ -47,7 +47,7 @@ from service.storage.store import Store, open_store
 from service.tracing.extra import install_tracing, open_tracing
 from service.version import VERSION
 from service.workers.fork.launch import Launched
-from service.workers.recycling import WorkerLimits
+from service.workers.process import WorkerLimits
 from service.workers.result import RobotModel
 from service.workers.supervisor import WorkerSupervisor
 

@@ -1,6 +1,6 @@
 """The life of a worker process: one task after another until the server is gone.
 
-Messages from the server are jobs; messages to the server are tuples ``(kind, ...)``, see `Reply`.
+Messages have their length in front. Those from the server are jobs; messages to the server are tuples ``(kind, ...)``, see `Reply`.
 """
 
 import contextlib
@@ -11,14 +11,82 @@ import socket
 import struct
 import time
 import traceback
+from collections.abc import Iterator
 from enum import StrEnum
 from functools import partial
 from typing import Any
 
 from kinematics.errors import ArmwrightError
 from planning.values.deadline import Deadline
-from service.workers import current, framing
+from service.workers import current
 from service.workers.task import registered_task, unpack_job
+
+_LENGTH = struct.Struct("!Q")
+#: One gibibyte: far above any request (bodies are capped), so only garbage is longer.
+_MAX_LENGTH = 1 << 30
+
+
+def encode(payload: bytes) -> bytes:
+    """The payload with its length in front."""
+    return _LENGTH.pack(len(payload)) + payload
+
+
+def prefix(length: int) -> bytes:
+    """Bytes in front of a payload of a length [byte]."""
+    return _LENGTH.pack(length)
+
+
+class FrameDecoder:
+    """Cuts a stream of bytes, arriving in any pieces, back into the payloads that were sent."""
+
+    def __init__(self) -> None:
+        self._buffer = bytearray()
+
+    def feed(self, data: bytes) -> Iterator[bytes]:
+        """Take what arrived and give each payload that is now complete.
+
+        Raises:
+            ValueError: The length is impossible, so the stream is not ours.
+        """
+        if not self._buffer and len(data) > _LENGTH.size:
+            (length,) = _LENGTH.unpack_from(data)
+            if len(data) == _LENGTH.size + length:  # as nearly all arrive
+                yield data[_LENGTH.size :]
+                return
+        self._buffer += data
+        while len(self._buffer) >= _LENGTH.size:
+            (length,) = _LENGTH.unpack_from(self._buffer)
+            if length > _MAX_LENGTH:
+                raise ValueError(f"a frame of {length} bytes")
+            end = _LENGTH.size + length
+            if len(self._buffer) < end:
+                return
+            with memoryview(self._buffer) as view:  # one copy, not two
+                payload = bytes(view[_LENGTH.size : end])
+            del self._buffer[:end]
+            yield payload
+
+
+def receive(channel: socket.socket) -> bytes:
+    """Wait for one payload.
+
+    Raises:
+        EOFError: The other side is gone.
+    """
+    (length,) = _LENGTH.unpack(_read(channel, _LENGTH.size))
+    return _read(channel, length)
+
+
+def _read(channel: socket.socket, length: int) -> bytes:
+    buffer = bytearray(length)
+    view = memoryview(buffer)
+    while view:
+        count = channel.recv_into(view)
+        if count == 0:
+            raise EOFError("the other side closed the channel")
+        view = view[count:]
+    return bytes(buffer)
+
 
 #: How long after its deadline a worker ends itself, should the server have failed to do it [s];
 #: longer than the grace of any task.
@@ -67,7 +135,7 @@ def main(channel: socket.socket) -> None:
     with channel, contextlib.suppress(EOFError, OSError):
         _send(channel, Reply.READY)
         while True:
-            payload = framing.receive(channel)
+            payload = receive(channel)
             began = time.monotonic()
             kind, *values = _run(channel, payload)
             del payload
@@ -117,4 +185,4 @@ def _send(channel: socket.socket, kind: Reply, *values: Any) -> None:
         payload = pickle.dumps((kind.value, *values), pickle.HIGHEST_PROTOCOL)
     except Exception:  # noqa: BLE001  (details of a fault may be anything)
         payload = pickle.dumps((Reply.BUG.value, 0.0, traceback.format_exc()))
-    channel.sendall(framing.encode(payload))
+    channel.sendall(encode(payload))

@@ -13,8 +13,14 @@ from service.workers.fork.client import ForkServer, ForkServerLost, in_thread
 from service.workers.fork.launch import Launched, Recipe, launch
 from service.workers.fork.server import Notice
 from service.workers.main import Reply
-from service.workers.process import EXIT_TIMEOUT, MemoryMeter, Worker
-from service.workers.recycling import DEFAULT_LIMITS, WorkerLimits, limit_memory
+from service.workers.process import (
+    DEFAULT_LIMITS,
+    EXIT_TIMEOUT,
+    MemoryMeter,
+    Worker,
+    WorkerLimits,
+    limit_memory,
+)
 
 _log = logging.getLogger(__name__)
 

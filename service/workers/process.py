@@ -1,16 +1,18 @@
-"""The server's side of one worker process."""
+"""The server's side of one worker process: its job, its memory, and when another takes its place."""
 
 import asyncio
+import contextlib
 import logging
 import os
 import pickle
+import resource
 import time
 from collections.abc import Callable
 from dataclasses import dataclass, field
-from typing import Any, Protocol, cast
+from typing import Any, NamedTuple, Protocol, cast
 
 from planning.values.deadline import Deadline
-from service.workers import framing
+from service.workers import main
 from service.workers.fork.client import WorkerProcess
 from service.workers.main import HEADER
 from service.workers.task import Job
@@ -220,7 +222,7 @@ class Worker(asyncio.Protocol):
         self.lost_at = 0.0
         self.gone = asyncio.Event()
         self._on_message = on_message
-        self._decoder = framing.FrameDecoder()
+        self._decoder = main.FrameDecoder()
         self._transport: asyncio.WriteTransport | None = None
         self._has_sent_all = False
 
@@ -263,7 +265,7 @@ class Worker(asyncio.Protocol):
         header = HEADER.pack(
             ticket.deadline.at, ticket.wants_start, ticket.wants_progress, ticket.silence
         )
-        head = framing.prefix(len(header) + len(ticket.payload)) + header
+        head = main.prefix(len(header) + len(ticket.payload)) + header
         if len(ticket.payload) <= _JOINED_BYTES:
             self._transport.write(head + ticket.payload)
             return
@@ -277,3 +279,48 @@ class Worker(asyncio.Protocol):
         self.process.kill()
         if self._transport is not None:
             self._transport.abort()
+
+
+_MEBIBYTE = 2**20
+
+
+class WorkerLimits(NamedTuple):
+    """Limits of one worker.
+
+    Attributes:
+        memory: what a worker may ask the system for beyond what it was forked with [byte].
+        growth: what a worker may keep after a job beyond that [byte]: caches and what is lost.
+        jobs: jobs after which another worker takes its place.
+        age: time after which another worker takes its place [s].
+    """
+
+    memory: int = 2048 * _MEBIBYTE
+    growth: int = 512 * _MEBIBYTE
+    jobs: int = 10_000
+    age: float = 6 * 3600.0
+
+
+DEFAULT_LIMITS = WorkerLimits()
+
+
+def limit_memory(pid: int, limits: WorkerLimits) -> None:
+    """Have the system refuse a worker more memory than it may have.
+
+    Args:
+        pid: The worker, which was just forked.
+        limits: Of a worker.
+    """
+    meter = MemoryMeter(pid)
+    limit = meter.size + limits.memory
+    meter.close()
+    # A worker that has died already, or of another user, has no limit set.
+    with contextlib.suppress(OSError):
+        resource.prlimit(pid, resource.RLIMIT_AS, (limit, limit))
+
+
+def is_worn(worker: Worker, limits: WorkerLimits) -> bool:
+    """Whether another worker is to take the place of one that has just done a job."""
+    if worker.jobs >= limits.jobs or time.monotonic() - worker.born >= limits.age:
+        return True
+    resident = 0 if worker.memory is None else worker.memory.resident
+    return resident - worker.resident_at_first > limits.growth

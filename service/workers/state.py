@@ -7,9 +7,8 @@ from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from typing import Any
 
-from service.workers.fair_queue import FairQueue
 from service.workers.faults import QueueFull
-from service.workers.load import BackgroundShare, Durations, InFlight
+from service.workers.load import BackgroundShare, Durations, FairQueue, InFlight
 from service.workers.pool import Progress, WorkerPool
 from service.workers.process import Ticket, Watcher, Worker
 from service.workers.task import Job

@@ -16,7 +16,6 @@ from typing import Any, TypeVar, cast
 
 from planning.values.deadline import Deadline
 from service.problem import from_fields, unexpected_fault
-from service.workers.fair_queue import FairQueue
 from service.workers.faults import (
     DeadlineExceeded,
     QueueFull,
@@ -26,10 +25,19 @@ from service.workers.faults import (
     was_ended_from_outside,
 )
 from service.workers.fork.launch import Launched, Recipe
+from service.workers.load import FairQueue
 from service.workers.main import Reply, is_refusal
 from service.workers.pool import WorkerPool
-from service.workers.process import EXIT_TIMEOUT, Background, OnProgress, Ticket, Worker
-from service.workers.recycling import DEFAULT_LIMITS, WorkerLimits, is_worn
+from service.workers.process import (
+    DEFAULT_LIMITS,
+    EXIT_TIMEOUT,
+    Background,
+    OnProgress,
+    Ticket,
+    Worker,
+    WorkerLimits,
+    is_worn,
+)
 from service.workers.state import SupervisorState
 from service.workers.task import Job, pack_job
 

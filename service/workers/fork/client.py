@@ -15,7 +15,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from service.workers import framing
+from service.workers import main
 from service.workers.fork.launch import Launched
 from service.workers.fork.server import Notice, Order
 
@@ -146,7 +146,7 @@ class ForkServer:
         self.lost = asyncio.Event()
         self._launched = launched
         self._on_notice = on_notice
-        self._decoder = framing.FrameDecoder()
+        self._decoder = main.FrameDecoder()
         self._warm = asyncio.Event()
         self._enriching = False
         self._asked: deque[asyncio.Future[WorkerProcess]] = deque()

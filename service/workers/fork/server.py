@@ -20,7 +20,6 @@ from enum import Enum, StrEnum
 from pkgutil import resolve_name
 from typing import Any
 
-from service.workers import framing
 from service.workers import main as worker
 from service.workers.fork.launch import Recipe
 from service.workers.task import load_tasks
@@ -227,4 +226,4 @@ class _ForkServer:
             self._send(Notice.EXITED, pid, os.waitstatus_to_exitcode(status))
 
     def _send(self, kind: Notice, *values: Any) -> None:
-        self._control.sendall(framing.encode(pickle.dumps((kind.value, *values))))
+        self._control.sendall(worker.encode(pickle.dumps((kind.value, *values))))

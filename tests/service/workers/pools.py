@@ -6,7 +6,7 @@ from contextlib import asynccontextmanager
 from typing import Any
 
 from service.workers.fork.launch import Recipe
-from service.workers.recycling import DEFAULT_LIMITS, WorkerLimits
+from service.workers.process import DEFAULT_LIMITS, WorkerLimits
 from service.workers.supervisor import WorkerSupervisor
 from service.workers.task import Job
 

@@ -5,7 +5,7 @@ from typing import Any
 
 import pytest
 
-from service.workers.fair_queue import FairQueue
+from service.workers.load import FairQueue
 from service.workers.process import Ticket
 from service.workers.task import Job
 

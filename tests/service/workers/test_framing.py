@@ -4,14 +4,14 @@ import threading
 
 import pytest
 
-from service.workers import framing
+from service.workers import main
 
 
 def test_any_cut_of_the_stream_gives_the_same_payloads() -> None:
     random_source = random.Random(1)
     payloads = [random_source.randbytes(random_source.choice((0, 1, 7, 300))) for _ in range(200)]
-    stream = b"".join(framing.encode(payload) for payload in payloads)
-    decoder = framing.FrameDecoder()
+    stream = b"".join(main.encode(payload) for payload in payloads)
+    decoder = main.FrameDecoder()
     received: list[bytes] = []
     position = 0
     while position < len(stream):
@@ -23,7 +23,7 @@ def test_any_cut_of_the_stream_gives_the_same_payloads() -> None:
 
 def test_garbage_is_refused() -> None:
     with pytest.raises(ValueError, match="a frame of"):
-        list(framing.FrameDecoder().feed(b"\xff" * 8))
+        list(main.FrameDecoder().feed(b"\xff" * 8))
 
 
 def test_large_payload_over_a_socket_and_the_end_of_it() -> None:
@@ -32,12 +32,12 @@ def test_large_payload_over_a_socket_and_the_end_of_it() -> None:
 
     def send() -> None:
         with theirs:
-            theirs.sendall(framing.encode(payload))
+            theirs.sendall(main.encode(payload))
 
     sender = threading.Thread(target=send)
     sender.start()
     with ours:
-        assert framing.receive(ours) == payload
+        assert main.receive(ours) == payload
         with pytest.raises(EOFError):
-            framing.receive(ours)
+            main.receive(ours)
     sender.join()

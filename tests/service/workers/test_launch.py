@@ -10,7 +10,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import Any
 
-from service.workers import framing
+from service.workers import main
 from service.workers.fork.launch import Launched, Recipe, launch
 from service.workers.fork.server import Notice, Order
 from service.workers.main import HEADER, Reply
@@ -32,12 +32,12 @@ def launched(warm: str = "no_warming", modules: tuple[str, ...] = (MODULE,)) -> 
 
 
 def receive(channel: socket.socket) -> tuple[Any, ...]:
-    message: tuple[Any, ...] = pickle.loads(framing.receive(channel))
+    message: tuple[Any, ...] = pickle.loads(main.receive(channel))
     return message
 
 
 def send(channel: socket.socket, job: Job[Any]) -> None:
-    channel.sendall(framing.encode(HEADER.pack(math.inf, True, False, 0.0) + pack_job(job)))
+    channel.sendall(main.encode(HEADER.pack(math.inf, True, False, 0.0) + pack_job(job)))
 
 
 def fork(server: Launched) -> tuple[int, socket.socket]:

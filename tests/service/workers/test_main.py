@@ -12,7 +12,7 @@ from multiprocessing.context import SpawnProcess
 from typing import Any
 
 from planning.values.deadline import Deadline
-from service.workers import framing
+from service.workers import main
 from service.workers.main import HEADER, Reply
 from service.workers.task import Job, pack_job
 from tests.service import chores
@@ -38,11 +38,11 @@ def worker(
 
 def send(channel: socket.socket, job: Job[Any], *, wants_progress: bool = False) -> None:
     header = HEADER.pack(job.deadline.at, True, wants_progress, 0.0)
-    channel.sendall(framing.encode(header + pack_job(job)))
+    channel.sendall(main.encode(header + pack_job(job)))
 
 
 def receive(channel: socket.socket) -> tuple[Any, ...]:
-    reply: tuple[Any, ...] = pickle.loads(framing.receive(channel))
+    reply: tuple[Any, ...] = pickle.loads(main.receive(channel))
     return reply
 
 
@@ -119,7 +119,7 @@ def test_a_worker_ends_itself_when_the_server_does_not() -> None:
         receive(channel)
         job = chores.burn.job()
         header = HEADER.pack(Deadline.after(0.1).at, True, False, 0.0)
-        channel.sendall(framing.encode(header + pack_job(job)))
+        channel.sendall(main.encode(header + pack_job(job)))
         assert receive(channel) == (Reply.STARTED,)
         process.join(5.0)
         assert process.exitcode == -signal.SIGALRM

@@ -5,8 +5,7 @@ import asyncio
 import pytest
 
 from service.problem import ProblemError
-from service.workers.process import MemoryMeter
-from service.workers.recycling import WorkerLimits
+from service.workers.process import MemoryMeter, WorkerLimits
 from tests.service.workers.pools import chore, ready, supervisor
 
 MEBIBYTE = 2**20
