@@ -1,6 +1,7 @@
 """The life of a worker process: one task after another until the server is gone.
 
-Messages have their length in front. Those from the server are jobs; messages to the server are tuples ``(kind, ...)``, see `Reply`.
+Messages have their length in front. Those from the server are jobs; those to the server are tuples
+``(kind, ...)``, see `Reply`.
 """
 
 import contextlib

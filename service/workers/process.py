@@ -1,4 +1,4 @@
-"""The server's side of one worker process: its job, its memory, and when another takes its place."""
+"""The server's side of one worker process: its job, its memory, and when it is replaced."""
 
 import asyncio
 import contextlib
