@@ -9,8 +9,8 @@ from kinematics.arrays import Array
 from obstacles.collision.checker import Checker
 from obstacles.collision.fcl_distance import FclWorld
 from obstacles.scenes.scene import Scene
-from planning.search import narrow_passage, rrt_connect
-from planning.search.narrow_passage import find_narrow_passage
+from planning.search import rrt_connect
+from planning.search.rrt_connect import find_narrow_passage
 from planning.search.tree_pairs import PairOptions, TreePairs
 from planning.values.deadline import Deadline
 from tests.planning.scenes import HOME, box, builtin, pillar, shelf
@@ -83,7 +83,7 @@ def test_each_pair_but_the_last_makes_the_guide_of_the_next(
         made.append(path)
         return path
 
-    monkeypatch.setattr(narrow_passage, "_evenly_spread", keep)
+    monkeypatch.setattr(rrt_connect, "_evenly_spread", keep)
     checker, roots = Checker.of(builtin("panda"), Scene()), np.array([START, GOAL])
     found = find_narrow_passage(Pairs(checker, roots, 0, Deadline.after(60.0), 100_000, None, True))
     assert found is paths[-1]
@@ -96,7 +96,7 @@ def test_each_pair_but_the_last_makes_the_guide_of_the_next(
 
 def test_points_of_a_guide_are_evenly_spread() -> None:
     path = np.array([[0.0, 0.0], [1.0, 0.0], [1.0, 0.3]])
-    points = narrow_passage._evenly_spread(path)
+    points = rrt_connect._evenly_spread(path)
     assert np.array_equal(points[[0, -1]], path[[0, -1]])
     assert np.linalg.norm(np.diff(points, axis=0), axis=1).max() <= 0.25
     along = np.linspace(0.0, 1.3, len(points))
