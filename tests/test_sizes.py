@@ -30,6 +30,7 @@ FOLDERS = (
     *PRODUCT,
     "studio",
     "client/armwright_client",
+    "client/armwright_wire",
     "tests",
     "benchmarks",
     "examples",

@@ -123,7 +123,14 @@ from armwright_wire.base import VectorLike as VectorLike
 from armwright_wire.batch import BatchAnswer as BatchAnswer
 from armwright_wire.batch import BatchRequest as BatchRequest
 from armwright_wire.batch import PartialPlan
-from armwright_wire.certificate import CertificateAnswer, ProvedAnswer
+from armwright_wire.certificate import (
+    CertificateAnswer,
+    PathDeviationAnswer,
+    ProvedAnswer,
+    ToolSpeedAnswer,
+    ToolSpeedBandAnswer,
+    ToolToleranceAnswer,
+)
 from armwright_wire.certificate import LimitUse as LimitUse
 from armwright_wire.certificate import LimitUses as LimitUses
 from armwright_wire.certificate import Premises as Premises
@@ -298,14 +305,10 @@ from armwright_wire.tool_motion import CartesianOptions as CartesianOptions
 from armwright_wire.tool_motion import CornerArc as CornerArc
 from armwright_wire.tool_motion import (
     CornerArcAnswer,
-    PathDeviationAnswer,
     ReferencePoseAnswer,
     RoundedCornerAnswer,
     SpeedLimitAnswer,
     ToolMotionAnswer,
-    ToolSpeedAnswer,
-    ToolSpeedBandAnswer,
-    ToolToleranceAnswer,
 )
 from armwright_wire.tool_motion import RoundedCorner as RoundedCorner
 from armwright_wire.tool_motion import StraightOffset as StraightOffset

@@ -8,9 +8,45 @@ from armwright_wire.base import Answer, Body, Label, NamePair, NonNegative, Plan
 from armwright_wire.check import MAX_ATTACHED, AllowedAnswers
 from armwright_wire.constraint import ConstraintUse
 from armwright_wire.scene import MAX_OBSTACLES
-from armwright_wire.tool_motion import PathDeviationAnswer, ToolSpeedAnswer, ToolToleranceAnswer
 
 ContentHash = Annotated[str, Field(pattern=r"^[0-9a-f]{64}$")]
+
+
+class ToolToleranceAnswer(Answer):
+    """Use of the tolerances of a seam, proved for every instant."""
+
+    share: float = Field(description="largest share of a range on either side of its middle")
+    time: float = Field(description="when [s]")
+
+
+class ToolSpeedBandAnswer(Answer):
+    """Speed of the tool where one speed is asked for."""
+
+    share: float = Field(
+        description="of the seam's length, on which the speed is proved to be within the band"
+    )
+    least: float = Field(description="least speed found, starts and stops included [m/s]")
+    most: float = Field(description="a bound of the largest speed over all t [m/s]")
+    low: float = Field(description="least speed of the band [m/s]")
+    high: float = Field(description="largest, which is a limit [m/s]")
+
+
+class ToolSpeedAnswer(ToolSpeedBandAnswer):
+    """Speed of the tool along a seam; of several speeds the least and the largest."""
+
+    bands: list[ToolSpeedBandAnswer] | None = Field(
+        None, description="the same for each of the speeds that are asked for, if they differ"
+    )
+
+
+class PathDeviationAnswer(Answer):
+    """Largest deviation of the tool from its motions, proved for every instant."""
+
+    position: float = Field(description="from the line or arc [m]")
+    orientation: float | None = Field(description="[rad]; null where it is free")
+    time: float = Field(description="where it is farthest off [s]")
+    max_position: float = Field(description="what was allowed [m]")
+    max_orientation: float | None = Field(description="what was allowed [rad]")
 
 
 class LimitUse(Answer):

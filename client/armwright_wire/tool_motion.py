@@ -148,33 +148,6 @@ class StraightOffset(Body):
         return self
 
 
-class ToolToleranceAnswer(Answer):
-    """Use of the tolerances of a seam, proved for every instant."""
-
-    share: float = Field(description="largest share of a range on either side of its middle")
-    time: float = Field(description="when [s]")
-
-
-class ToolSpeedBandAnswer(Answer):
-    """Speed of the tool where one speed is asked for."""
-
-    share: float = Field(
-        description="of the seam's length, on which the speed is proved to be within the band"
-    )
-    least: float = Field(description="least speed found, starts and stops included [m/s]")
-    most: float = Field(description="a bound of the largest speed over all t [m/s]")
-    low: float = Field(description="least speed of the band [m/s]")
-    high: float = Field(description="largest, which is a limit [m/s]")
-
-
-class ToolSpeedAnswer(ToolSpeedBandAnswer):
-    """Speed of the tool along a seam; of several speeds the least and the largest."""
-
-    bands: list[ToolSpeedBandAnswer] | None = Field(
-        None, description="the same for each of the speeds that are asked for, if they differ"
-    )
-
-
 MAX_MOTIONS = 200
 #: Of a seam: one for each waypoint and two where it rounds a corner, and the ways there and back.
 MAX_TIMED_MOTIONS = 3 * MAX_WAYPOINTS + 2
@@ -601,13 +574,3 @@ class ReferencePoseAnswer(Answer):
     time: float = Field(description="the instant, drawn by the seed of the request [s]")
     motion: int = Field(description="index of the tool motion that it is on")
     pose: PoseAnswer = Field(description="of the tip at the place of the motion nearest to it")
-
-
-class PathDeviationAnswer(Answer):
-    """Largest deviation of the tool from its motions, proved for every instant."""
-
-    position: float = Field(description="from the line or arc [m]")
-    orientation: float | None = Field(description="[rad]; null where it is free")
-    time: float = Field(description="where it is farthest off [s]")
-    max_position: float = Field(description="what was allowed [m]")
-    max_orientation: float | None = Field(description="what was allowed [rad]")
