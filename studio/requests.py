@@ -1,12 +1,17 @@
-"""Requests of the studio's state: a plan, the inverse kinematics of its goal, and a task."""
+"""Requests of the studio's state, and the questions to the service that plan by them."""
 
 import json
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import Any
 
+from pydantic import ValidationError
+
 from armwright_client import (
+    ApiError,
+    ArmwrightError,
     Attached,
     Clearance,
+    Client,
     Goal,
     IkRequest,
     PlanRequest,
@@ -17,6 +22,7 @@ from armwright_client import (
     Timing,
     TourRequest,
 )
+from studio.result import Failure, Outcome, Planned, TaskPlanned, TourPlanned, failure
 from studio.state import StudioState
 
 #: Inverse kinematics while a goal is dragged may take this long [s].
@@ -203,3 +209,89 @@ def _nested(settings: Any) -> dict[str, Any]:
         else:
             fields[path] = value
     return fields | {group: _MODELS[group](**values) for group, values in groups.items()}
+
+
+def attempt(state: StudioState, action: Callable[[], Outcome]) -> Outcome:
+    """The result of a question, or why there is none.
+
+    Args:
+        state: State that is asked about.
+        action: Asks.
+    """
+    try:
+        return action()
+    except ApiError as error:
+        return failure(state, error.problem)
+    except ValidationError as error:
+        first = error.errors(include_url=False)[0]
+        where = ".".join(str(step) for step in first["loc"])
+        return Failure(state, "A setting is out of its range", f"{where}: {first['msg']}")
+    except ValueError as error:
+        return Failure(state, "Something is missing", str(error))
+    except ArmwrightError as error:
+        return Failure(state, "The service did not answer", str(error))
+
+
+def plan_motion(client: Client, state: StudioState) -> Planned:
+    """A motion from start to goal.
+
+    Args:
+        client: Client that asks the service.
+        state: State of the studio.
+
+    Raises:
+        ApiError: There is none.
+    """
+    return _planned(client, state, plan_request(state))
+
+
+def plan_tool_path(client: Client, state: StudioState) -> Planned:
+    """A motion of the tool along the waypoints.
+
+    Args:
+        client: Client that asks the service.
+        state: State of the studio.
+
+    Raises:
+        ApiError: There is none.
+        ValueError: There are no two waypoints.
+    """
+    return _planned(client, state, path_request(state))
+
+
+def plan_task(client: Client, state: StudioState) -> TaskPlanned:
+    """The stages of the task as one, from the start on.
+
+    Args:
+        client: Client that asks the service.
+        state: State of the studio.
+
+    Raises:
+        ApiError: There is no way through them.
+    """
+    request = task_request(state)
+    options = set_fields(request, without=("robot", "start", "stages"))
+    return TaskPlanned(
+        state, client.plan_task(request.robot, request.start, request.stages, **options)
+    )
+
+
+def plan_tour(client: Client, state: StudioState) -> TourPlanned:
+    """The goals of the tour in the order that takes the least time, from the start on.
+
+    Args:
+        client: Client that asks the service.
+        state: State of the studio.
+
+    Raises:
+        ApiError: There is no such tour.
+        ValueError: There are no two goals.
+    """
+    request = tour_request(state)
+    options = set_fields(request, without=("robot", "goals"))
+    return TourPlanned(state, client.plan_tour(request.robot, request.goals, **options))
+
+
+def _planned(client: Client, state: StudioState, request: PlanRequest) -> Planned:
+    options = set_fields(request, without=("robot", "start", "goal"))
+    return Planned(state, client.plan(request.robot, request.start, request.goal, **options))

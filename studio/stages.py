@@ -6,9 +6,8 @@ from typing import Any
 import numpy as np
 
 from armwright_client import Obstacle, Pose
-from studio.entries import Entries
 from studio.pose import rotation
-from studio.state import StudioState
+from studio.state import Entries, StudioState
 
 #: Least and most way of an approach, a retreat and a lift [m].
 _WAY = [0.03, 0.1]

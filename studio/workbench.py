@@ -7,26 +7,43 @@ from types import MappingProxyType
 from typing import Any, Literal
 
 from armwright_client import (
+    CheckAnswer,
     Client,
+    DefaultLimits,
     NoIkSolution,
     Obstacle,
     Pose,
     Robot,
+    RobotArchive,
+    RobotUpload,
     Scene,
 )
 from armwright_client.call import Call
 from armwright_wire.export import Format as ExportFormat
 from armwright_wire.robot import GeometryAnswer
-from studio.attempt import attempt
-from studio.branch import Branch, Verdict, branches
-from studio.entries import Entries
 from studio.export import ExportFile, export_file
-from studio.joint_ranges import home, joint_ranges
-from studio.planning import plan_motion, plan_task, plan_tool_path, plan_tour
+from studio.obstacles import MOVEIT, ShapeKind, listed, new_obstacle, read_obstacles
 from studio.pose import stays_in
-from studio.requests import ik_request, set_fields
-from studio.result import Outcome, Planned, TaskPlanned, TourPlanned
-from studio.scene_files import MOVEIT, listed, read_obstacles
+from studio.requests import (
+    attempt,
+    ik_request,
+    plan_motion,
+    plan_request,
+    plan_task,
+    plan_tool_path,
+    plan_tour,
+    set_fields,
+)
+from studio.result import (
+    Branch,
+    Failure,
+    Outcome,
+    Planned,
+    TaskPlanned,
+    TourPlanned,
+    Verdict,
+    branches,
+)
 from studio.settings_form import (
     EntryForms,
     FormField,
@@ -37,12 +54,14 @@ from studio.settings_form import (
     tour_fields,
     waypoint_form,
 )
-from studio.shapes import ShapeKind, new_obstacle
-from studio.state import History, StudioState, with_option
-from studio.upload import robot_upload
+from studio.state import Entries, History, StudioState, with_option
 
 #: Where new obstacles appear [m]: before most arms, within their reach.
 _NEW_PLACE = (0.4, 0.3, 0.3)
+#: Joints without limits are drawn between these positions [rad or m].
+_FREE_RANGE = 3.141592653589793
+#: URDF knows no accelerations: without a rule no uploaded robot could be planned for.
+_RULES = DefaultLimits(acceleration="10 x velocity")
 
 
 class Workbench:
@@ -398,3 +417,90 @@ class Workbench:
             Call("GET", "/openapi.json", json.loads)
         )
         return document
+
+
+def colliding_pairs(workbench: Workbench, failed: Failure) -> list[tuple[str, str]]:
+    """The pairs that collide or are nearer than the margin, the deepest first.
+
+    Args:
+        workbench: Workbench that asks.
+        failed: Failure with the configuration that it is about.
+    """
+    pairs = [] if failed.pair is None else [failed.pair]
+    if failed.shown is None:
+        return pairs
+    answer = check(workbench, failed)
+    hits = sorted(answer.collisions, key=lambda hit: -(hit.depth or 0.0))
+    pairs += [hit.pair for hit in hits]
+    if not hits and answer.clearance_pair is not None and not answer.valid:
+        pairs.append(answer.clearance_pair)
+    return [pair for i, pair in enumerate(pairs) if {*pair} not in [{*p} for p in pairs[:i]]]
+
+
+def check(workbench: Workbench, failed: Failure) -> CheckAnswer:
+    """The verdict on the configuration that a failure is about.
+
+    Args:
+        workbench: Workbench that asks.
+        failed: Failure with the configuration that it is about.
+    """
+    fields = set_fields(plan_request(failed.state, keep=False))
+    names = ("scene", "attached", "margin", "fingers")
+    options = {name: fields[name] for name in names if name in fields}
+    answer = workbench.client.check(failed.state.robot, list(failed.shown or ()), **options)
+    if not isinstance(answer, CheckAnswer):
+        raise TypeError("one configuration was asked about, and many verdicts were answered")
+    return answer
+
+
+def joint_ranges(model: Robot) -> list[tuple[float, float]]:
+    """Range of each joint's slider [rad or m].
+
+    Args:
+        model: Model of the robot.
+    """
+    limits = zip(model.limits.lower, model.limits.upper, strict=True)
+    return [
+        (-_FREE_RANGE if low is None else low, _FREE_RANGE if high is None else high)
+        for low, high in limits
+    ]
+
+
+def home(model: Robot) -> tuple[float, ...]:
+    """The first named state of a robot, or the configuration in the middle of its limits.
+
+    Args:
+        model: Model of the robot.
+    """
+    if model.states:
+        return tuple(next(iter(model.states.values())))
+    return tuple(0.5 * (low + high) for low, high in joint_ranges(model))
+
+
+def robot_upload(
+    file_name: str, content: bytes, tip_link: str | None
+) -> RobotUpload | RobotArchive:
+    """The upload of a URDF or a .zip.
+
+    Args:
+        file_name: Name whose stem becomes the robot's name.
+        content: Content of the file.
+        tip_link: Link that the chain ends at, for a tree with several arms.
+
+    Raises:
+        ValueError: The file is neither a URDF nor a .zip.
+    """
+    stem, _, suffix = file_name.rpartition(".")
+    if suffix.lower() == "zip":
+        if tip_link is None:
+            return RobotArchive(stem, content, {"default_limits": _RULES})
+        return RobotArchive(stem, content, {"default_limits": _RULES, "tip_link": tip_link})
+    if suffix.lower() in ("urdf", "xml"):
+        text = content.decode("utf-8")
+        return RobotUpload(name=stem, urdf=text, tip_link=tip_link, default_limits=_RULES)
+    if suffix.lower() == "xacro":
+        raise ValueError(
+            f"{file_name} is a xacro file, of which a URDF is made: expand it first "
+            f"(`xacro {file_name} > robot.urdf`), and give the result"
+        )
+    raise ValueError(f"{file_name}: give a .urdf, or a .zip with the URDF and its meshes")

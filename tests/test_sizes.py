@@ -70,8 +70,6 @@ CROWDED = {
     "planning/tours",
     "service",
     "service/storage",
-    "studio",
-    "studio/page",
 }
 
 Definition = ast.Module | ast.ClassDef | ast.FunctionDef | ast.AsyncFunctionDef

@@ -61,7 +61,7 @@ def _serve(
     announce: Callable[[str], None],
 ) -> None:
     from armwright_client import ArmwrightError, Client, ClientOptions  # noqa: PLC0415
-    from studio.page.main import run  # noqa: PLC0415
+    from studio.page.studio_page import run  # noqa: PLC0415
 
     options: ClientOptions = {} if connection.token is None else {"token": connection.token}
     with _service(connection, data_dir) as url:

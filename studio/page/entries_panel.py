@@ -1,23 +1,22 @@
-"""Panel of a list whose entries have forms of the API's schema: stages, constraints."""
+"""Panels of lists of entries and of options, by forms of the API's schema."""
 
 import json
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 from typing import Any
 
 import viser
 
-from studio.entries import Entries, moved, with_field, without
 from studio.page.markdown import Text
 from studio.page.panel import Page, on_user_update, put_value
 from studio.settings_form import EntryForms, FormField
+from studio.state import Entries, moved, with_field, without
 
 #: In dropdowns: the service decides; of entries: none is chosen.
 _DEFAULT = "default"
 _NONE = "–"
 #: Longest text of an entry in the list [characters].
 _MAX_TEXT = 60
-
 Read = Callable[[], Entries]
 Write = Callable[[Entries, str | None], None]
 
@@ -232,3 +231,42 @@ def value_of(field: FormField, text: str) -> Any:
     except ValueError as error:
         wanted = {"integer": "a whole number", "number": "a number"}.get(field.kind, "JSON")
         raise ValueError(f"{field.path}: {text!r} is not {wanted} ({error})") from None
+
+
+class FieldsPanel:
+    """A widget for each field.
+
+    Args:
+        page: Page of the studio.
+        word: Subject of the options: "tour".
+        fields: Fields of the form.
+        read: Answers the present values by name.
+        write: Changes one; None leaves it to the service.
+    """
+
+    def __init__(
+        self,
+        page: Page,
+        word: str,
+        fields: Sequence[FormField],
+        read: Callable[[], Mapping[str, Any]],
+        write: Callable[[str, Any], None],
+    ) -> None:
+        self._page, self._word, self._fields = page, word, fields
+        self._read, self._write = read, write
+        self._widgets = {field.path: field_widget(page.server.gui, field) for field in fields}
+        for field in fields:
+            on_user_update(self._widgets[field.path], partial(self._set, field))
+
+    def refresh(self) -> None:
+        """Show the present values."""
+        values = self._read()
+        for field in self._fields:
+            put_value(self._widgets[field.path], text_of(field, values))
+
+    def _set(self, field: FormField, text: str) -> None:
+        def command() -> None:
+            self._write(field.path, value_of(field, text))
+            self._page.refresh()
+
+        self._page.queue.put(f"{self._word} {field.path}", command)

@@ -4,10 +4,10 @@ import numpy as np
 import viser
 
 from armwright_client import Pose
-from studio.branch import Branch
 from studio.page.markdown import Text
 from studio.page.panel import Page, on_user_update, put_value
 from studio.pose import pose_of, roll_pitch_yaw, wxyz
+from studio.result import Branch
 
 #: Length of the handles of the goal's frame [m].
 _HANDLE = 0.25

@@ -11,7 +11,7 @@ from urllib.parse import quote
 
 import viser
 
-#: A block of code as `studio.shown_code` writes it; nothing in it is read.
+#: A block of code as `studio.code` writes it; nothing in it is read.
 _CODE = re.compile(r"^```(?:python|sh)\n.*?^```$", re.MULTILINE | re.DOTALL)
 _READ = re.compile(r"[&<>\[\]!`\\~]")
 

@@ -1,12 +1,70 @@
-"""Base of the page's panels: widgets whose changes by people become commands."""
+"""Base of the page's panels: changes of widgets by people become commands of one thread."""
 
+import threading
 from collections.abc import Callable
 from typing import Any, Protocol
 
 import viser
 
-from studio.page.command_queue import CommandQueue
 from studio.workbench import Workbench
+
+
+class CommandQueue:
+    """Commands in their order; of commands about the same only the latest waits.
+
+    A drag sends more poses than inverse kinematics answers: those in between are passed over.
+
+    Args:
+        on_error: Called with the error of a command that raises one.
+    """
+
+    def __init__(self, on_error: Callable[[Exception], None]) -> None:
+        self._on_error = on_error
+        self._waiting: dict[str, Callable[[], None]] = {}
+        self._changed = threading.Condition()
+        self._closed = False
+        self._busy = False
+        self._thread = threading.Thread(target=self._run, name="studio commands", daemon=True)
+        self._thread.start()
+
+    def put(self, key: str, command: Callable[[], None]) -> None:
+        """Carry out a command after those that wait, in place of one about the same.
+
+        Args:
+            key: Subject of the command.
+            command: Function to be called.
+        """
+        with self._changed:
+            self._waiting.pop(key, None)
+            self._waiting[key] = command
+            self._changed.notify_all()
+
+    def join(self, timeout: float) -> bool:
+        """Wait until nothing waits or runs; whether that came in time [s]."""
+        with self._changed:
+            return self._changed.wait_for(lambda: not self._waiting and not self._busy, timeout)
+
+    def close(self) -> None:
+        """End the thread after the command that runs."""
+        with self._changed:
+            self._closed = True
+            self._changed.notify_all()
+        self._thread.join()
+
+    def _run(self) -> None:
+        while True:
+            with self._changed:
+                self._busy = False
+                self._changed.notify_all()
+                self._changed.wait_for(lambda: self._waiting or self._closed)
+                if self._closed:
+                    return
+                command = self._waiting.pop(next(iter(self._waiting)))
+                self._busy = True
+            try:
+                command()
+            except Exception as error:  # noqa: BLE001 - shown on the page; the thread goes on
+                self._on_error(error)
 
 
 class Page(Protocol):

@@ -6,9 +6,9 @@ from typing import Any
 import viser
 
 from armwright_client import Obstacle
-from studio.page.obstacle_drawing import MIN_SIZE, ObstacleDrawing
+from studio.obstacles import dimensions, with_dimension
+from studio.page.drawing import MIN_SIZE, ObstacleDrawing
 from studio.page.panel import Page, on_user_update
-from studio.shapes import dimensions, with_dimension
 
 #: Largest size in the editor [m].
 _MAX_SIZE = 5.0

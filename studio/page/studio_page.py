@@ -1,25 +1,26 @@
-"""The studio's page: drawings and panels of one workbench."""
+"""The studio's page: drawings and panels of one workbench, served until interrupted."""
+
+import time
+from collections.abc import Callable
 
 import numpy as np
 import viser
 
-from armwright_client import ApiError, ArmwrightError
-from studio.explain import colliding_pairs
+from armwright_client import ApiError, ArmwrightError, Client
+from studio.code import all_code
 from studio.motion_frames import MotionFrames, motion_frames, task_frames, tour_frames
-from studio.page.command_queue import CommandQueue
+from studio.page.drawing import GhostDrawing, PairDrawing, RobotDrawing, surfaces
 from studio.page.goal_panel import GoalPanel
+from studio.page.local_server import HOST, serve_page
 from studio.page.markdown import Text
-from studio.page.pair_drawing import PairDrawing
-from studio.page.paths_panel import PathsPanel
+from studio.page.panel import CommandQueue
 from studio.page.plan_panel import PlanPanel
 from studio.page.play_panel import PlayPanel
-from studio.page.robot_drawing import GhostDrawing, RobotDrawing, surfaces
 from studio.page.robot_panel import FingerSliders, JointSliders, RobotPanel
 from studio.page.scene_panel import ScenePanel
-from studio.page.task_panel import TaskPanel
+from studio.page.task_panels import PathsPanel, TaskPanel
 from studio.result import Failure, Outcome, Planned, TaskPlanned, TourPlanned
-from studio.shown_code import all_code
-from studio.workbench import Workbench
+from studio.workbench import Workbench, colliding_pairs
 
 #: Robot at the start or in motion, and the pinned motion.
 _ROBOT_COLOR = (90, 110, 140)
@@ -212,3 +213,23 @@ class StudioPage:
             title, text = type(error).__name__, str(error)
         for client in self.server.get_clients().values():
             client.add_notification(title, text, color="red")
+
+
+def run(client: Client, url: str, robot: str, port: int, announce: Callable[[str], None]) -> None:
+    """Serve the studio's page until the program is interrupted.
+
+    Args:
+        client: Connected to the service.
+        url: Address of the service, for the code that is shown.
+        robot: Name of the first robot.
+        port: Port of the page; the next free one if it is taken.
+        announce: Called with the page's address once it can be opened.
+    """
+    workbench = Workbench(client, url, robot)
+    page = StudioPage(serve_page(port), workbench)
+    try:
+        announce(f"http://{HOST}:{page.server.get_port()}")
+        while True:
+            time.sleep(1.0)
+    finally:
+        page.close()

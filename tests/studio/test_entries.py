@@ -2,9 +2,9 @@
 
 import pytest
 
-from studio.entries import moved, with_field, without
 from studio.page.entries_panel import describe, labels_of, number_in, text_of, value_of
 from studio.settings_form import EntryForms, FormField
+from studio.state import moved, with_field, without
 
 FORMS = EntryForms("kind", {"a": (), "b": (), "c": ()})
 ENTRIES = ({"kind": "a"}, {"kind": "b"}, {"kind": "c", "x": [1.0, 2.0]})

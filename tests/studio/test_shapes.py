@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 
 from armwright_client import Box, Cylinder, Halfspace, Obstacle, Pose, Sphere
 from armwright_wire.scene import Capsule, Cone, Shape
-from studio.shapes import corner, dimensions, with_corner
+from studio.obstacles import corner, dimensions, with_corner
 
 SHAPES: list[Shape] = [
     Box(size=[0.1, 0.2, 0.3]),

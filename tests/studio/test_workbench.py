@@ -14,16 +14,14 @@ import trimesh
 from armwright_client import Box, Mesh, NotFound, Pose
 from kinematics.forward import forward
 from kinematics.robots import builtin_chain
-from studio.branch import Verdict
-from studio.explain import check, colliding_pairs
+from studio.code import ik_code, plan_code, task_code
 from studio.motion_frames import LinkPoses, motion_frames, task_frames
 from studio.page.local_server import serve_page
 from studio.page.studio_page import StudioPage
 from studio.pose import rotation
-from studio.result import Failure, Planned, TaskPlanned, compare
-from studio.shown_code import ik_code, plan_code, task_code
+from studio.result import Failure, Planned, TaskPlanned, Verdict, compare
 from studio.stages import pick_stages, place_stages
-from studio.workbench import Workbench
+from studio.workbench import Workbench, check, colliding_pairs
 from tests.planning.sequence import fingers
 from tests.service.robots import ASIDE, HOME, urdf
 from tests.studio.arms_shown import show

@@ -10,14 +10,13 @@ from playwright.sync_api import Page, expect
 
 import studio
 from armwright_client import Client
-from studio.branch import Branch, Verdict
+from studio.code import all_code
 from studio.page import entries_panel, goal_panel, plan_panel
 from studio.page.local_server import serve_page
 from studio.page.markdown import Text, escaped
 from studio.page.robot_panel import facts
-from studio.result import Failure
+from studio.result import Branch, Failure, Verdict
 from studio.settings_form import EntryForms
-from studio.shown_code import all_code
 from studio.workbench import Workbench
 from tests.service.viewer.browser import browsing
 

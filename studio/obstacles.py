@@ -1,17 +1,20 @@
-"""Obstacles of files: scenes in JSON, planning scenes of MoveIt, and meshes.
+"""Obstacles of the scene editor: new ones, their sizes and scaling, and those of files.
 
-The readers are the application's own, so that a file means here what it means to the service.
+Files are scenes in JSON, planning scenes of MoveIt, and meshes. The readers are the application's
+own, so that a file means here what it means to the service.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import fields
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 from scipy.spatial.transform import Rotation
 
 from armwright_client import (
     Box,
+    Capsule,
+    Cone,
     Convex,
     Cylinder,
     Halfspace,
@@ -22,17 +25,101 @@ from armwright_client import (
     Scene,
     Sphere,
 )
-from armwright_wire.scene import Capsule, Cone, Shape
+from armwright_wire.scene import Shape
 from obstacles.meshes.mesh import FILE_TYPES, load_mesh
 from obstacles.scenes.moveit import scene_from_moveit
 from studio.pose import rotation
 
+ShapeKind = Literal["box", "sphere", "cylinder"]
+#: Edge, diameter and height of a new obstacle [m]: a box that a gripper holds.
+_SIZE = 0.1
 #: Endings of planning scenes of MoveIt.
 MOVEIT = ("yaml", "yml", "scene")
 #: A mesh that is larger than this was meant in millimetres [m].
 _LARGEST = 50.0
-
 _FramePose = Callable[[str], Pose]
+_SHAPES: dict[str, Any] = {
+    kind.__name__: kind
+    for kind in (Box, Sphere, Cylinder, Capsule, Cone, Halfspace, Convex, Mesh, PointCloud)
+}
+
+
+def new_obstacle(
+    kind: ShapeKind, obstacle_id: str, position: tuple[float, float, float]
+) -> Obstacle:
+    """A new obstacle of the usual size.
+
+    Args:
+        kind: Kind of the shape.
+        obstacle_id: Id of the obstacle.
+        position: Position of the centre in the root frame [m].
+    """
+    shapes: dict[ShapeKind, Shape] = {
+        "box": Box(size=[_SIZE, _SIZE, _SIZE]),
+        "sphere": Sphere(radius=0.5 * _SIZE),
+        "cylinder": Cylinder(radius=0.5 * _SIZE, height=_SIZE),
+    }
+    return Obstacle(id=obstacle_id, shape=shapes[kind], pose=Pose.at(*position))
+
+
+def dimensions(shape: Shape) -> dict[str, float]:
+    """Sizes that the editor changes [m], by name; empty for shapes that it does not scale."""
+    match shape:
+        case Box():
+            return dict(zip("xyz", shape.size, strict=True))
+        case Sphere():
+            return {"radius": shape.radius}
+        case Cylinder() | Capsule() | Cone():
+            return {"radius": shape.radius, "height": shape.height}
+        case _:
+            return {}
+
+
+def with_dimension(obstacle: Obstacle, name: str, value: float) -> Obstacle:
+    """The obstacle with one of its sizes changed.
+
+    Args:
+        obstacle: The obstacle.
+        name: One of `dimensions`.
+        value: The new size [m].
+    """
+    sizes = dimensions(obstacle.shape) | {name: value}
+    shape = obstacle.shape
+    changed: Shape
+    if isinstance(shape, Box):
+        changed = Box(size=[sizes[axis] for axis in "xyz"])
+    else:
+        changed = type(shape).of(**sizes)
+    return obstacle.model_copy(update={"shape": changed})
+
+
+def corner(shape: Shape) -> tuple[float, float, float] | None:
+    """Place of the handle that scales a shape, in its own frame [m]; None if it has none."""
+    match shape:
+        case Box():
+            x, y, z = shape.size
+            return 0.5 * x, 0.5 * y, 0.5 * z
+        case Sphere():
+            return shape.radius, 0.0, 0.0
+        case Cylinder() | Capsule() | Cone():
+            return shape.radius, 0.0, 0.5 * shape.height
+        case _:
+            return None
+
+
+def with_corner(obstacle: Obstacle, position: Sequence[float], least: float) -> Obstacle:
+    """The obstacle scaled so that its handle is at a place; its centre stays.
+
+    Args:
+        obstacle: The obstacle.
+        position: Position of the handle in the obstacle's frame, shape (3,) [m].
+        least: Size below which nothing is scaled [m].
+    """
+    x, y, z = (max(abs(float(value)), 0.5 * least) for value in position)
+    sizes = {"x": 2.0 * x, "y": 2.0 * y, "z": 2.0 * z, "radius": x, "height": 2.0 * z}
+    for name in dimensions(obstacle.shape):
+        obstacle = with_dimension(obstacle, name, sizes[name])
+    return obstacle
 
 
 def read_obstacles(file_name: str, content: bytes, frame_pose: _FramePose) -> list[Obstacle]:
@@ -132,12 +219,6 @@ def _shape(shape: Any) -> Shape:
     }
     made: Shape = _SHAPES[name].of(**values)
     return made
-
-
-_SHAPES: dict[str, Any] = {
-    kind.__name__: kind
-    for kind in (Box, Sphere, Cylinder, Capsule, Cone, Halfspace, Convex, Mesh, PointCloud)
-}
 
 
 def _in(frame: Pose, pose: Any) -> Pose:
