@@ -68,15 +68,12 @@ if TYPE_CHECKING:
     from planning.options import Options
     from planning.problem import JointGoal, PoseGoal, Problem
     from planning.proof.certificate import Certificate
-    from planning.reach.base_placement import BasePlacement, place_base
-    from planning.reach.evaluation import Reach, ReachOptions, reach
+    from planning.reach.evaluation import BasePlacement, Reach, ReachOptions, place_base, reach
     from planning.reach.grid import PoseGrid
     from planning.reach.tolerance import Tolerance
     from planning.result import Failure, Plan
     from planning.retiming.retime import Retimed
-    from planning.sequence.options import TaskOptions
-    from planning.sequence.region import grasp_region, place_region
-    from planning.sequence.result import SequenceFailure, SequencePlan, StagePlan
+    from planning.sequence.result import SequenceFailure, SequencePlan, StagePlan, TaskOptions
     from planning.sequence.search import plan_task
     from planning.sequence.stage import (
         Attach,
@@ -90,12 +87,17 @@ if TYPE_CHECKING:
         Straight,
         Wait,
     )
+    from planning.sequence.target import grasp_region, place_region
     from planning.sequence.task import Task
     from planning.sequence.world import Held, World
     from planning.timing.jerk.state_to_state import JointState
     from planning.timing.options import TimingOptions
-    from planning.tool_motions.seam_options import SeamOptions, SeamWaypoint, StraightOffset
-    from planning.tool_motions.tool_tolerance import ToolTolerance
+    from planning.tool_motions.tool_tolerance import (
+        SeamOptions,
+        SeamWaypoint,
+        StraightOffset,
+        ToolTolerance,
+    )
     from planning.tours.planner import plan_tour
     from planning.tours.problem import TourGoal, TourOptions, TourProblem
     from planning.tours.result import Tour
@@ -117,7 +119,7 @@ _MODULES = {
     "ArmwrightError": "kinematics.errors",
     "Attach": "planning.sequence.stage",
     "Attachment": "obstacles.robots.attachment",
-    "BasePlacement": "planning.reach.base_placement",
+    "BasePlacement": "planning.reach.evaluation",
     "Box": "obstacles.shapes.shape",
     "BoxRegion": "planning.constraints.kinds.region",
     "Capsule": "obstacles.shapes.shape",
@@ -179,8 +181,8 @@ _MODULES = {
     "Retimed": "planning.retiming.retime",
     "RobotGeometry": "obstacles.robots.robot_geometry",
     "Scene": "obstacles.scenes.scene",
-    "SeamOptions": "planning.tool_motions.seam_options",
-    "SeamWaypoint": "planning.tool_motions.seam_options",
+    "SeamOptions": "planning.tool_motions.tool_tolerance",
+    "SeamWaypoint": "planning.tool_motions.tool_tolerance",
     "SequenceFailure": "planning.sequence.result",
     "SequencePlan": "planning.sequence.result",
     "Sphere": "obstacles.shapes.shape",
@@ -188,10 +190,10 @@ _MODULES = {
     "StagePlan": "planning.sequence.result",
     "StageSettings": "planning.sequence.stage",
     "Straight": "planning.sequence.stage",
-    "StraightOffset": "planning.tool_motions.seam_options",
+    "StraightOffset": "planning.tool_motions.tool_tolerance",
     "SweptVolume": "planning.exports.swept_volume",
     "Task": "planning.sequence.task",
-    "TaskOptions": "planning.sequence.options",
+    "TaskOptions": "planning.sequence.result",
     "TimingOptions": "planning.timing.options",
     "Tolerance": "planning.reach.tolerance",
     "ToolSpeedConstraint": "planning.constraints.kinds.limit",
@@ -212,15 +214,15 @@ _MODULES = {
     "export": "planning.exports.export",
     "fk": "armwright.model",
     "grasp": "obstacles.robots.attachment",
-    "grasp_region": "planning.sequence.region",
+    "grasp_region": "planning.sequence.target",
     "hold": "obstacles.robots.attachment",
     "ik": "armwright.configuration",
     "inverse_dynamics": "armwright.model",
     "jacobian": "armwright.model",
     "load_robot": "armwright.robot",
     "place": "obstacles.scenes.placement",
-    "place_base": "planning.reach.base_placement",
-    "place_region": "planning.sequence.region",
+    "place_base": "planning.reach.evaluation",
+    "place_region": "planning.sequence.target",
     "plan": "armwright.motion",
     "plan_seam": "armwright.motion",
     "plan_task": "planning.sequence.search",

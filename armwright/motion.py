@@ -25,7 +25,7 @@ from planning.retiming.retime import PathToTime, Retimed
 from planning.retiming.state_motion import time_states
 from planning.timing.jerk.state_to_state import JointState, Synchronization
 from planning.timing.options import TimingOptions
-from planning.tool_motions.seam_options import SeamOptions
+from planning.tool_motions.tool_tolerance import SeamOptions
 from tracking.simulation.simulation import simulate
 
 __all__ = ["certify", "plan", "plan_seam", "retime", "retime_states", "simulate"]

@@ -11,7 +11,7 @@ from kinematics.arrays import Array
 from kinematics.errors import InvalidOption
 from planning.constraints.constraint_set import ConstraintSet
 from planning.timing.options import TimingOptions
-from planning.tool_motions.seam_options import SeamOptions
+from planning.tool_motions.tool_tolerance import SeamOptions
 from planning.values.goal_costs import GoalCosts
 from planning.values.optimize_options import RefineOptions
 from planning.values.preferred_clearance import PreferredClearance

@@ -11,10 +11,9 @@ from kinematics.arrays import Array, frozen
 from kinematics.trajectory.trajectory import Trajectory
 from planning.clearance_report import ClearanceReport
 from planning.proof.certificate import Certificate
-from planning.timing.report import TimingReport
+from planning.timing.parametrization import TimingReport
 from planning.tool_motions.tool_corner import ToolCurve
-from planning.tool_motions.tool_path import ToolPath
-from planning.tool_motions.tool_run import PartName
+from planning.tool_motions.tool_path import PartName, ToolPath
 
 
 class StageReport(NamedTuple):

@@ -33,8 +33,7 @@ from planning.options import CartesianOptions, Options
 from planning.pipeline.pipeline import plan
 from planning.problem import PoseGoal, Problem
 from planning.result import Plan
-from planning.tool_motions.seam_options import SeamOptions, SeamWaypoint
-from planning.tool_motions.tool_tolerance import ToolTolerance
+from planning.tool_motions.tool_tolerance import SeamOptions, SeamWaypoint, ToolTolerance
 
 #: Speed of the tool [m/s].
 SPEED = 0.1

@@ -1,5 +1,6 @@
 """A motion as a file for a controller, and the proof of what the controller makes of the file."""
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -7,13 +8,13 @@ import numpy as np
 
 from kinematics.arrays import Array, typed
 from kinematics.errors import InvalidOption
+from kinematics.model.body_tree import BodyTree
 from kinematics.model.chain import Limits
+from kinematics.trajectory.interpolation import interpolate
 from kinematics.trajectory.trajectory import Trajectory
 from obstacles.robots.robot_geometry import RobotGeometry
 from obstacles.scenes.scene import Scene
-from planning.exports import programs, ros, table
-from planning.exports.controller_motion import controller_motion, joint_deviation
-from planning.exports.joint_tolerance import joint_tolerance
+from planning.exports import formats
 from planning.exports.options import ExportFormat, ExportOptions, Rule
 from planning.exports.points import ExportPoints, export_points
 from planning.exports.statement import comments, unproved_parts
@@ -102,7 +103,7 @@ def export(
         InvalidOption: The robot or the number of points does not fit the format; or the motion was
             proved for another robot, scene or load.
     """
-    programs.check_axes(robot.chain, options.format)
+    formats.check_axes(robot.chain, options.format)
     if premises is not None and not different_scene:
         _check_premises(premises, Premises.of_cell(robot, scene, margin))
     points, motion = _within_limits(trajectory, robot.chain.limits, options)
@@ -191,21 +192,120 @@ def _text(
     names, frame = robot.chain.joint_names, options.frame_id
     match options.format:
         case ExportFormat.JOINT_TRAJECTORY_JSON:
-            return ros.message_json(names, points, frame)
+            return formats.message_json(names, points, frame)
         case ExportFormat.JOINT_TRAJECTORY_YAML:
-            lines = ros.message_yaml(names, points, frame)
+            lines = formats.message_yaml(names, points, frame)
         case ExportFormat.ROS2_CONTROL:
-            lines = ros.goal_yaml(names, points, frame, tolerance)
+            lines = formats.goal_yaml(names, points, frame, tolerance)
         case ExportFormat.CSV:
-            lines = table.table(names, points)
+            lines = formats.table(names, points)
         case ExportFormat.URSCRIPT_SERVOJ:
-            lines = programs.servoj(points, options.name, tolerance)
+            lines = formats.servoj(points, options.name, tolerance)
         case ExportFormat.URSCRIPT_MOVEJ:
-            lines = programs.movej(robot.chain, points, options, tolerance)
+            lines = formats.movej(robot.chain, points, options, tolerance)
         case ExportFormat.RAPID:
-            lines = programs.rapid(points, options, head, tolerance)
+            lines = formats.rapid(points, options, head, tolerance)
             head = ()
         case ExportFormat.KRL:
-            lines = programs.krl(points, options, head, tolerance)
+            lines = formats.krl(points, options, head, tolerance)
             head = ()
     return "\n".join([*head, *lines, ""])
+
+
+def joint_tolerance(robot: RobotGeometry, clearance: float) -> float | None:
+    """A tolerance d: where each joint is off by less than d, nothing moves by the clearance.
+
+    With R_k the farthest that any point carried by joint k can be from its axis in any
+    configuration, joints that are off by d move no point by more than d sum_k R_k (R_k = 1 for a
+    slide). So d = clearance / sum_k R_k. The joints are put off one by one, the base's first: the
+    links beyond each then stand as in the motion itself, within their limits.
+
+    Args:
+        robot: The arm with its geometry; what it holds is part of it.
+        clearance: Least distance of any pair [m].
+
+    Returns:
+        The tolerance [rad or m]; None where nothing can collide or a slide has no stops.
+    """
+    weights = lever_arms(robot)
+    total = float(weights.sum())
+    if not math.isfinite(clearance) or clearance <= 0.0 or not math.isfinite(total):
+        return None
+    return clearance / total if total > 0.0 else None
+
+
+def lever_arms(robot: RobotGeometry) -> Array:
+    """R_k of each joint, shape (n,): [m], 1 for a slide; infinite before a slide without stops.
+
+    A joint that others follow has theirs added, times their multipliers.
+    """
+    chain = robot.chain
+    tree = BodyTree.of(chain)
+    largest = tree.positions(np.maximum(np.abs(chain.limits.lower), np.abs(chain.limits.upper)))
+    beyond = np.zeros(len(tree.parents))
+    for piece, body in zip(robot.pieces, robot.joints.tolist(), strict=True):
+        if body >= 0:
+            center, radius = piece.bounding_sphere()
+            beyond[body] = max(beyond[body], float(np.linalg.norm(center)) + radius)
+    for body in range(len(beyond) - 1, -1, -1):
+        parent = tree.parents[body]
+        if parent >= 0:
+            stroke = float(largest[body]) if tree.slides[body] else 0.0
+            beyond[parent] = max(beyond[parent], beyond[body] + float(tree.lengths[body]) + stroke)
+    return tree.of_leaders(np.where(tree.slides, 1.0, beyond))
+
+
+def controller_motion(joint_names: Sequence[str], points: ExportPoints) -> Trajectory:
+    """The motion between exported points by their rule.
+
+    Quintics through positions, velocities and accelerations, cubics through positions and
+    velocities, and straight lines are what joint_trajectory_controller of ros2_control
+    interpolates by, as each point has them. The straight legs of a path go from rest to rest,
+    q(u) = a + (3 u^2 - 2 u^3) (b - a); any other timing of a leg passes the same configurations.
+
+    Args:
+        joint_names: n names.
+        points: As the file has them.
+    """
+    rows = points.derivatives
+    if points.rule == Rule.STRAIGHT_LEGS:
+        return interpolate(joint_names, points.times, rows[0], "cubic", np.zeros_like(rows[0]))
+    return interpolate(joint_names, points.times, rows[0], points.rule.value, *rows[1:])
+
+
+def joint_deviation(motion: Trajectory, other: Trajectory) -> Array:
+    """Largest |q(t) - p(t)| of each joint over all t of both motions, shape (n,) [rad or m].
+
+    The differences are polynomials between the breaks of both; their extrema are exact to rounding.
+
+    Args:
+        motion: Of n joints.
+        other: Of the same joints.
+    """
+    end = min(motion.duration, other.duration)
+    breaks = np.unique(np.concatenate([motion.breaks, other.breaks]))
+    breaks = breaks[breaks < end]
+    # Breaks apart by rounding alone make no piece of their own.
+    keep = np.diff(breaks, append=np.inf) > 1e-12 * end
+    breaks = breaks[keep]
+    first, second = (_coefficients(one, breaks, end) for one in (motion, other))
+    size = max(first.shape[2], second.shape[2])
+    difference = _padded(first, size) - _padded(second, size)
+    ends = Trajectory(motion.joint_names, np.append(breaks, end), difference).extrema()
+    return np.asarray(np.maximum(np.abs(ends.minimum), np.abs(ends.maximum)))
+
+
+def _coefficients(motion: Trajectory, starts: Array, end: float) -> Array:
+    """Coefficients of a motion about the starts of pieces that do not cross its breaks."""
+    middles = 0.5 * (starts + np.append(starts[1:], end))
+    pieces = np.clip(np.searchsorted(motion.breaks, middles, "right") - 1, 0, motion.pieces - 1)
+    c: Array = motion.coefficients[pieces].copy()
+    shift = (starts - motion.breaks[pieces])[:, None]
+    for first in range(c.shape[2] - 1):
+        for i in range(c.shape[2] - 2, first - 1, -1):
+            c[:, :, i] += shift * c[:, :, i + 1]
+    return c
+
+
+def _padded(c: Array, size: int) -> Array:
+    return np.pad(c, ((0, 0), (0, 0), (0, size - c.shape[2])))

@@ -43,11 +43,10 @@ from planning.timing.failure import TimingFailed
 from planning.timing.method import TimingMethod
 from planning.timing.motion_timing import motions
 from planning.timing.options import Solver
-from planning.timing.parametrization import TimeParametrization
-from planning.timing.report import timing_report
+from planning.timing.parametrization import TimeParametrization, timing_report
 from planning.timing.time_scaling import ScaledTime
 from planning.tool_motions.tool_path import ToolPath
-from planning.tool_paths.timing.tool_timing import TimedToolPath, time_tool_path
+from planning.tool_paths.tool_timing import TimedToolPath, time_tool_path
 from planning.values.deadline import Deadline
 from planning.values.optimize_options import OPTIMIZE
 

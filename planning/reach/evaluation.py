@@ -10,14 +10,16 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from compiled.kernel import direct
-from kinematics.arrays import Array, frozen, typed
+from kinematics.argument_types import typed
+from kinematics.arrays import Array, as_numbers, frozen
 from kinematics.errors import InvalidOption, InvalidPose
 from kinematics.forward import link_number
 from kinematics.ik.batch import shared
 from kinematics.ik.closed_form.analytic import TOLERANCE, middle
+from kinematics.ik.closed_form.plan import COLUMNS as PLAN_COLUMNS
+from kinematics.ik.closed_form.plan import Arm
 from kinematics.ik.closed_form.refine import INSIDE, MORE
-from kinematics.ik.closed_form.structure import COLUMNS as PLAN_COLUMNS
-from kinematics.ik.closed_form.structure import Arm, Structure, structure
+from kinematics.ik.closed_form.structure import Structure, structure
 from kinematics.ik.numeric import numeric
 from kinematics.model.chain import Chain
 from kinematics.pose import inverse
@@ -25,8 +27,9 @@ from obstacles.collision.checker import any_model
 from obstacles.collision.fcl_distance import OverlapMeter, overlap_meter
 from obstacles.collision.model.collision_model import CollisionModel, ModelArrays
 from obstacles.robots.robot_geometry import RobotGeometry
-from obstacles.scenes.scene import Scene
-from planning.reach import assessment, kernel
+from obstacles.scenes.scene import Obstacle, Scene
+from planning.reach import assessment
+from planning.reach import turns as kernel
 from planning.reach.tolerance import Tolerance
 from planning.values.deadline import Deadline
 
@@ -42,8 +45,6 @@ _STARTS = 30
 _PARAMETERS = 16
 #: How far from the last joint's axis one may turn about another and still turn that joint [m, rad].
 _ON_AXIS = 1e-10
-
-
 _PLAN, _ROW = frozen(np.zeros((1, PLAN_COLUMNS))), frozen([0.0])
 #: Values of the types that all arms and settings have.
 _ARM = Arm(_PLAN, _PLAN, 0, _ROW, _ROW)
@@ -362,4 +363,99 @@ def _searched() -> Any:
     rows = np.zeros((1, 1))
     return direct(
         kernel.searched_reach_kernel, _ARM, any_model(), rows[None], _SETTINGS, rows, rows
+    )
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class BasePlacement:
+    """One candidate for the base, and the reach from there.
+
+    Args:
+        index: Number of the candidate.
+        T_world_base: Its pose, shape (4, 4).
+        reach: Of the task poses.
+    """
+
+    index: int
+    T_world_base: Array
+    reach: Reach
+
+    @property
+    def worst(self) -> tuple[float, float, float]:
+        """Least clearance [m], manipulability and limit distance of the poses reached."""
+        figures = (self.reach.clearance, self.reach.manipulability, self.reach.limit_distance)
+        if not self.reach.is_reached.any():
+            return np.nan, np.nan, np.nan
+        clearance, manipulability, limits = (
+            float(figure[self.reach.is_reached].min()) for figure in figures
+        )
+        return clearance, manipulability, limits
+
+    @property
+    def score(self) -> tuple[float, ...]:
+        """Number of poses reached, then the worst clearance, manipulability and limit distance."""
+        return float(self.reach.is_reached.sum()), *np.nan_to_num(self.worst, posinf=np.inf)
+
+
+@typed
+def place_base(
+    robot: RobotGeometry,
+    scene: Scene,
+    poses: ArrayLike,
+    bases: ArrayLike,
+    options: ReachOptions | None = None,
+    *,
+    link: str | None = None,
+    deadline: Deadline | None = None,
+    report: Callable[[float], None] = lambda _: None,
+) -> list[BasePlacement]:
+    """Candidates for the base, best first: those that reach most, then those with most room.
+
+    The candidates and the poses stand in one frame, that of the scene. Obstacles stay where they
+    are, so each candidate is judged in its own surroundings.
+
+    Args:
+        robot: The arm with its solids.
+        scene: The obstacles, in the world frame.
+        poses: T_world_link of the tasks, shape (m, 4, 4).
+        bases: T_world_base of the candidates, shape (b, 4, 4).
+        options: How to judge.
+        link: The link to bring to the poses; the tip where none is named.
+        deadline: When to stop; candidates that were not finished are left out.
+        report: Called with the share of the candidates that is done.
+
+    Raises:
+        InvalidPose: The poses or candidates are not finite 4x4 matrices.
+        InvalidOption: There is no candidate.
+    """
+    T_world_link = as_numbers(poses, "poses")
+    if T_world_link.ndim != 3:
+        raise InvalidPose(f"the poses have the shape {T_world_link.shape}, not (m, 4, 4)")
+    candidates = np.asarray(bases, dtype=np.float64)
+    if candidates.ndim != 3 or candidates.shape[1:] != (4, 4) or not np.isfinite(candidates).all():
+        raise InvalidPose("the bases must be finite 4x4 transforms, shape (b, 4, 4)")
+    if not len(candidates):
+        raise InvalidOption("there is no candidate for the base")
+    placements = []
+    for index, T_world_base in enumerate(candidates):
+        T_base_world = inverse(T_world_base)
+        found = reach(
+            robot, moved(scene, T_base_world), T_base_world @ T_world_link, options,
+            link=link, deadline=deadline,
+        )  # fmt: skip
+        if found.completed < len(T_world_link):
+            break
+        placements.append(BasePlacement(index, T_world_base, found))
+        report((index + 1) / len(candidates))
+    return sorted(placements, key=lambda item: item.score, reverse=True)
+
+
+def moved(scene: Scene, T: Array) -> Scene:
+    """The scene with every obstacle moved by T, shape (4, 4)."""
+    return Scene(
+        [
+            Obstacle(item.id, item.shape, T @ item.T_world_obstacle, item.margin)
+            for item in scene.obstacles
+        ],
+        scene.allowed_collisions,
     )

@@ -16,11 +16,10 @@ from planning.timing.choice import chosen_parametrization, require_limits, requi
 from planning.timing.failure import TimingFailed
 from planning.timing.method import JerkLimited, JerkUse, timing_method
 from planning.timing.options import Interpolation, TimingOptions
-from planning.timing.parametrization import TimeParametrization
+from planning.timing.parametrization import TimeParametrization, TimingReport, timing_report
 from planning.timing.path.blend import merge
 from planning.timing.path.path import JointPath
 from planning.timing.path.simplification import Polyline, simplified_polyline
-from planning.timing.report import TimingReport, timing_report
 from planning.timing.spline.spline import Ends, chord_knots, led_by, spline_path
 from planning.timing.time_scaling import ScaledTime
 from planning.values.limits import MotionLimits

@@ -21,7 +21,7 @@ from planning.timing.jerk.state_to_state import (
 )
 from planning.timing.method import timing_method
 from planning.timing.options import TimingOptions
-from planning.timing.report import TimingReport
+from planning.timing.parametrization import TimingReport
 from planning.values.limits import RATIO_TOLERANCE, position_excess
 
 # A motion counts as straight where it leaves the line by less than this part of its way [-].

@@ -14,7 +14,6 @@ from obstacles.scenes.scene import AllowedContact
 from planning.goal_choice.goal_order import MAX_LONGER
 from planning.options import Options
 from planning.sequence.estimate import travel_times
-from planning.sequence.motion import LineStopped, lead_straight
 from planning.sequence.stage import (
     Attach,
     Detach,
@@ -26,10 +25,23 @@ from planning.sequence.stage import (
     Stage,
     Straight,
 )
-from planning.sequence.step import Step, least_passing, least_travel, still_time
-from planning.sequence.target import Target
+from planning.sequence.step import (
+    LineStopped,
+    Step,
+    lead_straight,
+    least_passing,
+    least_travel,
+    still_time,
+)
+from planning.sequence.target import (
+    Candidates,
+    Target,
+    find_candidates,
+    stage_targets,
+    target_count,
+)
 from planning.sequence.task import Segment, Task
-from planning.sequence.world import Cells, World
+from planning.sequence.world import Cell, Cells, World
 from planning.values.deadline import Deadline
 
 #: A configuration whose target failed once counts as this much longer [s].
@@ -392,3 +404,55 @@ def next_place(task: Task, first: int, world: World, q: Array) -> tuple[int, Wor
         else:
             world = changed(world, stage, q)
     return None
+
+
+class TargetFinder:
+    """Finds valid configurations of targets, and keeps them.
+
+    Args:
+        task: The stages.
+        cells: Cells that were put together.
+    """
+
+    def __init__(self, task: Task, cells: Cells) -> None:
+        self._task, self._cells = task, cells
+        self._candidates: dict[object, Candidates] = {}
+
+    def batches(self, k: int) -> int:
+        """Number of batches of a stage's targets."""
+        # 256 targets are checked together; each batch is spread over the whole list.
+        return -(-target_count(self._task.stages[k]) // 256)
+
+    def find(
+        self, k: int, world: World, batch: int, history: dict[int, Array], deadline: Deadline
+    ) -> Candidates:
+        """Valid configurations of a batch of a stage's targets.
+
+        Args:
+            k: Number of the stage.
+            world: The world before its motion.
+            batch: Number of the batch.
+            history: Configurations at the ends of earlier stages, by number.
+            deadline: When to look at no more targets.
+        """
+        stage = self._task.stages[k]
+        back = stage.to_end_of if isinstance(stage, Move) else None
+        key = (k, batch, world.key, None if back is None else history[back].tobytes())
+        if key not in self._candidates:
+            targets = stage_targets(stage, world, history)[batch :: self.batches(k)]
+            cell = self.cell(k, world)
+            self._candidates[key] = find_candidates(
+                cell.robot.chain, targets, cell.checker, deadline, self._task.seed
+            )
+        return self._candidates[key]
+
+    def cell(self, k: int, world: World) -> Cell:
+        """The cell that configurations of a stage's targets are valid in.
+
+        Args:
+            k: Number of the stage.
+            world: The world before its motion.
+        """
+        stage = self._task.stages[k]
+        allowed = contact_pairs(stage) | contacts_of(stage.settings.allowed, "request")
+        return self._cells.cell(world, allowed, stage.settings.margin)

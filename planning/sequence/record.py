@@ -11,14 +11,15 @@ from typing import Any, NamedTuple
 
 from kinematics.arrays import Array
 from planning.sequence.node import Node
-from planning.sequence.result import Trial
-from planning.sequence.stage import Grasp, Stage
+from planning.sequence.result import SequenceFailure, StagePlan, Trial
+from planning.sequence.stage import Grasp, Stage, describe_stage
+from planning.sequence.step import LineStopped
 from planning.sequence.target import Candidates, Outcome
+from planning.sequence.task import Task
+from planning.values.deadline import Deadline
 
 #: Outcomes by how near they come to a solution.
 _ORDER = ("out_of_reach", "outside_limits", "in_collision", "open", "failed", "solved")
-
-
 #: Reasons of collisions begin so.
 _COLLIDES = "in collision: "
 #: Lists of candidates of one stage whose collisions are looked at in the end.
@@ -193,3 +194,40 @@ def hint_of(stage: Stage, reason: str) -> str:
     if isinstance(stage, Grasp):
         return "Give more grasps, or more places."
     return "Give more alternatives, shorter distances, or a smaller margin."
+
+
+def search_failure(
+    task: Task, record: Record, timeout: float, deadline: Deadline, *, late: bool,
+    prefix: tuple[StagePlan, ...],
+) -> SequenceFailure:  # fmt: skip
+    """Why a search found no motions of all stages.
+
+    Args:
+        task: The stages.
+        record: What was tried.
+        timeout: Of everything [s].
+        deadline: The end of everything.
+        late: Whether time was up.
+        prefix: Proved stages of the combination that came farthest.
+    """
+    k, reason, times, known = record.blame() or Blame(0, "time was up", 1, {})
+    what = describe_stage(task.stages, k)
+    hint = hint_of(task.stages[k], reason)
+    details = {"index": k, "reason": reason, "count": times, **known}
+    if late:
+        code = "TIMED_OUT"
+        message = (
+            f"no proved answer within the timeout of {timeout:.3g} s; the search "
+            f"came to {what}: {reason} ({times} times)"
+        )
+        hint = f"Allow more time. {hint}"
+    else:
+        code = "PLANNING_FAILED"
+        message = f"no combination can be done: {what} fails: {reason} ({times} times)"
+    details = deadline.interruptions.told_in(code, details)
+    return SequenceFailure(code, message, hint, k, details, record.trials, prefix)
+
+
+def describe_stop(led: LineStopped) -> str:
+    """Why a straight motion is too short, in words."""
+    return f"the tool comes {led.distance:.3g} m straight: {led.stop.message}"

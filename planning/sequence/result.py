@@ -1,7 +1,7 @@
 """Results of a task: a certified plan of every stage, or why there is none, and what was tried."""
 
-from collections.abc import Iterable
-from dataclasses import dataclass
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass, field
 from typing import Any
 
 from kinematics.arrays import Array
@@ -11,6 +11,28 @@ from planning.result import ChosenConfiguration, Plan
 from planning.sequence.stage import Pair
 from planning.sequence.world import World
 from planning.values.finger_motion import FingerMotion
+from planning.values.goal_costs import GoalCosts
+
+
+@dataclass(frozen=True, slots=True)
+class TaskOptions:
+    """Options of the search.
+
+    Args:
+        timeout: Seconds for everything.
+        improve: Seconds to look for a shorter answer after the first one.
+        allow_partial: Whether the first stages are an answer where not all can be done.
+        observer: Called with the share of the work that is done, from 0 to 1, and the stage.
+        offer: Called with each proved answer that is the best so far.
+        goal_costs: Weights by which configurations of poses are chosen.
+    """
+
+    timeout: float = 5.0
+    improve: float = 0.0
+    allow_partial: bool = False
+    observer: Callable[[float, str], None] | None = field(default=None, repr=False, compare=False)
+    offer: "Callable[[SequencePlan], None] | None" = field(default=None, repr=False, compare=False)
+    goal_costs: GoalCosts = field(default_factory=GoalCosts)
 
 
 @dataclass(frozen=True, slots=True, eq=False)

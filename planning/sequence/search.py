@@ -16,32 +16,34 @@ from typing import NamedTuple
 
 from kinematics.arrays import Array, typed
 from planning.result import Failure
-from planning.sequence.configuration_costs import ConfigurationCosts, rests_at_limit
-from planning.sequence.configuration_report import with_configurations
-from planning.sequence.failure import describe_stop, search_failure
+from planning.sequence.configuration_choice import (
+    ConfigurationCosts,
+    OffLimits,
+    rests_at_limit,
+    with_configurations,
+)
 from planning.sequence.given_joints import check_given_joints
-from planning.sequence.limit_avoidance import OffLimits
 from planning.sequence.node import (
     Child,
     Node,
+    TargetFinder,
     child_node,
     next_place,
     onward_steps,
     target_world,
 )
-from planning.sequence.options import TaskOptions
-from planning.sequence.record import Check, Record
+from planning.sequence.record import Check, Record, describe_stop, search_failure
 from planning.sequence.result import (
     Improvement,
     SequenceFailure,
     SequencePlan,
     StagePlan,
+    TaskOptions,
     total_duration,
 )
 from planning.sequence.stage import Grasp, describe_stage
 from planning.sequence.step import Step, plan_step
 from planning.sequence.target import Target
-from planning.sequence.target_finder import TargetFinder
 from planning.sequence.task import Segment, Task
 from planning.sequence.via_blending import pass_ends
 from planning.sequence.world import Cells, World

@@ -2,28 +2,258 @@
 
 import time
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
-from typing import Literal
+from dataclasses import dataclass, replace
+from functools import partial
+from math import comb
+from typing import ClassVar, Literal, NamedTuple
 
 import numpy as np
 
 from kinematics.arrays import Array
-from kinematics.trajectory.trajectory import REST
+from kinematics.forward import forward
+from kinematics.model.chain import Chain
+from kinematics.pose import transform
+from kinematics.trajectory.trajectory import REST, Trajectory, stay
+from obstacles.collision.checker import Checker
 from obstacles.scenes.scene import AllowedContact
-from planning.result import Failure
+from planning.constraints.constraint_set import ConstraintSet
+from planning.options import Options
+from planning.pipeline import pipeline
+from planning.planner import Query
+from planning.problem import JointGoal, Problem
+from planning.proof.certificate import Certificate, certify
+from planning.proof.gripper import certify_gripper
+from planning.result import Attempt, Failure, Plan
 from planning.sequence.estimate import passing_time, travel_times
-from planning.sequence.motion import Line, plan_free, plan_line, stand_still
 from planning.sequence.result import StagePlan
 from planning.sequence.stage import (
     Gripper,
     Pair,
     Stage,
+    StageSettings,
+    Straight,
     Wait,
     passing_distance,
     stage_kind,
 )
 from planning.sequence.world import Cell, Cells, World
+from planning.timing.path.path import JointPath
+from planning.tool_motions.tool_motion import ToolMotion, line
+from planning.tool_motions.tool_path import Stop, Tolerances, ToolPath, ToolSegment
+from planning.tool_paths.tool_following import lead_tool
 from planning.values.deadline import Deadline
+from planning.values.finger_motion import FingerMotion
+
+#: Slack of straight motions where their end has twice as much to spare [m].
+_SLACK = 1e-4
+#: A straight motion that meets something ends this much earlier, if it may [m].
+_BACK_OFF = 0.005
+#: Least time for one plan [s].
+_LEAST_TIMEOUT = 1e-3
+
+
+class Line(NamedTuple):
+    """A straight motion of the tool as a joint path, before it is timed.
+
+    Args:
+        path: From its start to its end.
+        start: Shape (n,).
+        end: Shape (n,).
+        distance: How far the tool goes [m].
+    """
+
+    path: ToolPath
+    start: Array
+    end: Array
+    distance: float
+
+
+class LineStopped(NamedTuple):
+    """A straight motion that is shorter than it has to be.
+
+    Args:
+        distance: How far the tool comes [m].
+        stop: The reason.
+    """
+
+    distance: float
+    stop: Stop
+
+
+@dataclass(frozen=True, slots=True)
+class FoundLine:
+    """The planner of a line that is known by then.
+
+    Args:
+        path: The line.
+    """
+
+    path: ToolPath
+    name: ClassVar[str] = "cartesian"
+    needs_goals: ClassVar[bool] = False
+
+    def plan(self, query: Query) -> Attempt:  # noqa: ARG002
+        """The line."""
+        detail = f"{self.path.motions[0].length:.4g} m, {len(self.path.waypoints)} configurations."
+        return Attempt(self.path.waypoints, detail, tool_path=self.path)
+
+
+def lead_straight(cell: Cell, stage: Straight, q: Array, deadline: Deadline) -> Line | LineStopped:
+    """The longest straight motion that a stage allows, proved free.
+
+    Args:
+        cell: The robot in its surroundings.
+        stage: The direction and the distances.
+        q: Where the motion begins; where it ends, of an approach. Shape (n,).
+        deadline: When to give up.
+    """
+    chain = cell.robot.chain
+    T = forward(chain, q)
+    along = T[:3, :3] @ stage.direction if stage.frame == "tool" else np.array(stage.direction)
+    backwards = stage.kind == "approach"
+    if backwards:
+        along = -along
+    options = stage.settings.options.cartesian
+    free = options.orientation == "free"
+    orientation = None if free else options.max_orientation_deviation
+    tolerances = Tolerances(options.max_deviation, orientation)
+    slack = min(_SLACK, 0.5 * max(cell.checker.clearance(q)[0], 0.0))
+    lead = partial(_lead, chain, Checker(cell.checker.model, slack), q, T, tolerances, deadline)
+    path = lead(along, stage.most)
+    if path.stop is not None:
+        reached = path.segments[0].reached * stage.most
+        if reached < stage.least:
+            return LineStopped(reached, path.stop)
+        path = lead(along, max(stage.least, reached - _BACK_OFF))
+        if path.stop is not None:
+            return LineStopped(reached, path.stop)
+    if backwards:
+        path = reverse(path)
+    segment = path.segments[0]
+    return Line(path, segment.start, segment.end, path.motions[0].length)
+
+
+def _lead(
+    chain: Chain, checker: Checker, q: Array, T: Array, tolerances: Tolerances,
+    deadline: Deadline, along: Array, distance: float,
+) -> ToolPath:  # fmt: skip
+    end = transform(T[:3, :3], T[:3, 3] + distance * along)
+    return lead_tool(chain, checker, q, [line(T, end)], tolerances, deadline)
+
+
+def reverse(path: ToolPath) -> ToolPath:
+    """A tool path of one completed line, backwards."""
+    motion, segment = path.motions[0], path.segments[0]
+    assert isinstance(motion, ToolMotion)
+    back = ToolMotion(
+        motion.kind, motion.T_end, motion.T_start, motion.center, motion.normal, motion.sweep
+    )
+    turned = None if segment.path is None else reverse_joint_path(segment.path)
+    last = ToolSegment(turned, segment.end, segment.start, 1.0, None)
+    return ToolPath((back,), (last,), 1.0, None, path.tolerances)
+
+
+def reverse_joint_path(path: JointPath) -> JointPath:
+    """A joint path backwards: q(l - u) on each piece, the last piece first."""
+    coefficients, lengths = path.coefficients[::-1], path.lengths[::-1]
+    power = coefficients.shape[2]
+    turned = np.zeros_like(coefficients)
+    for k in range(power):
+        for j in range(k, power):
+            factor = comb(j, k) * (-1.0) ** k * lengths ** (j - k)
+            turned[:, :, k] += factor[:, None] * coefficients[:, :, j]
+    return JointPath(turned, lengths)
+
+
+def plan_free(
+    cell: Cell,
+    settings: StageSettings,
+    ends: tuple[Array, Array],
+    max_edges: int,
+    deadline: Deadline,
+    seed: int,
+) -> Plan | Failure:
+    """A free motion between two configurations, proved.
+
+    Args:
+        cell: The robot in its surroundings.
+        settings: Planner, timing, margin and constraints.
+        ends: Configurations at its start and at its end, each of shape (n,) [rad or m].
+        max_edges: Edges that each planner may look at.
+        deadline: When to give up.
+        seed: Of everything random.
+    """
+    options = replace(_options(settings.options, deadline, seed), max_edges=max_edges)
+    return pipeline.plan(_problem(cell, settings, *ends), options, within=deadline)
+
+
+def plan_line(
+    cell: Cell, settings: StageSettings, found: Line, deadline: Deadline, seed: int
+) -> Plan | Failure:
+    """A straight motion in time, proved.
+
+    Args:
+        cell: The robot in its surroundings.
+        settings: Timing, margin and constraints.
+        found: The line.
+        deadline: When to give up.
+        seed: Of everything random.
+    """
+    options = _options(settings.options, deadline, seed)
+    problem = _problem(cell, settings, found.start, found.end)
+    return pipeline.plan(problem, options, (FoundLine(found.path),), deadline)
+
+
+def _problem(cell: Cell, settings: StageSettings, start: Array, end: Array) -> Problem:
+    return Problem(
+        cell.robot,
+        cell.scene,
+        start,
+        (JointGoal(end),),
+        settings.margin,
+        constraints=constraint_set(cell, settings),
+    )
+
+
+def _options(options: Options, deadline: Deadline, seed: int) -> Options:
+    longest = min(options.timeout, max(deadline.remaining, _LEAST_TIMEOUT))
+    return replace(options, timeout=longest, seed=seed)
+
+
+def constraint_set(cell: Cell, settings: StageSettings) -> ConstraintSet | None:
+    """The constraints of a stage for its robot; None where it has none."""
+    if not settings.constraints:
+        return None
+    return ConstraintSet(cell.robot.chain, settings.constraints)
+
+
+def stand_still(
+    cell: Cell,
+    settings: StageSettings,
+    still: tuple[Array, float, FingerMotion | None],
+    deadline: Deadline,
+) -> tuple[Trajectory, Certificate]:
+    """The arm standing still, with the proof that it may.
+
+    Args:
+        cell: The robot in its surroundings.
+        settings: Margin and constraints.
+        still: Where it stands, shape (n,) [rad or m], for how long [s], and how its fingers move.
+        deadline: When to give up.
+    """
+    q, duration, fingers = still
+    motion = stay(cell.robot.chain.joint_names, q, duration)
+    constraints = constraint_set(cell, settings)
+    if fingers is not None:
+        return motion, certify_gripper(
+            fingers, cell.robot, cell.scene, q, margin=settings.margin, constraints=constraints,
+            deadline=deadline,
+        )  # fmt: skip
+    certificate = certify(
+        motion, cell.robot, cell.scene, margin=settings.margin, constraints=constraints,
+        deadline=deadline,
+    )  # fmt: skip
+    return motion, certificate
 
 
 @dataclass(slots=True, eq=False)

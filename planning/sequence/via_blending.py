@@ -23,21 +23,20 @@ from planning.constraints.constraint_set import ConstraintSet
 from planning.options import Options, with_limits
 from planning.proof.certificate import certify
 from planning.result import Path, Plan
-from planning.sequence.motion import constraint_set
 from planning.sequence.result import StagePlan
 from planning.sequence.stage import passing_distance
-from planning.sequence.step import Step
+from planning.sequence.step import Step, constraint_set
 from planning.sequence.world import Cell, Cells
 from planning.timing.choice import chosen_parametrization
 from planning.timing.failure import TimingFailed
 from planning.timing.parametrization import TimeParametrization
 from planning.timing.path.blend import (
+    certified_reaches,
     corner_indices,
     largest_reaches,
     merge,
     reach_for_deviation,
 )
-from planning.timing.path.corner_blending import certified_reaches
 from planning.tool_motions.passing_times import first_approach
 from planning.values.deadline import Deadline
 

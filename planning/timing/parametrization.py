@@ -1,6 +1,6 @@
 """Time parametrization: the method and all the limits that a path is timed by."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -19,6 +19,7 @@ from planning.timing.jerk.even_corners import (
     time_even_corners,
 )
 from planning.timing.method import JerkUse, PathLimits, TimingMethod
+from planning.timing.options import Method, Solver
 from planning.timing.path.blend import blend, merge
 from planning.timing.path.path import JointPath
 from planning.timing.speed.effort_limits import slow_down
@@ -374,3 +375,34 @@ def merge_repeated(waypoints: ArrayLike) -> Array:
     merge(points)
     keep = np.append(True, (np.diff(points, axis=0) != 0.0).any(axis=1))
     return np.asarray(points[keep])
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class TimingReport:
+    """Method and limits that a motion was timed by.
+
+    Args:
+        method: The method.
+        solver: Who found the speeds; None where there is no choice.
+        limits: Limits that the motion is held to, scaled, by quantity ("velocity",
+            "acceleration", "jerk"), each shape (n,).
+        ruled_jerk: Names of the joints whose jerk limit follows ``choice.JERK_RULE``.
+    """
+
+    method: Method
+    solver: Solver | None
+    limits: Mapping[str, Array]
+    ruled_jerk: tuple[str, ...] = ()
+
+
+def timing_report(parametrization: TimeParametrization, solver: Solver | None) -> TimingReport:
+    """The account of a motion's timing.
+
+    Args:
+        parametrization: Method and limits.
+        solver: Name of the solver as the motion tells it; None for the usual one of the method.
+    """
+    method = parametrization.method
+    if solver is None and method.solver is not None:
+        solver = "interior_point" if method.even_corners else method.solver
+    return TimingReport(method.name, solver, parametrization.bounds, parametrization.ruled)

@@ -10,7 +10,7 @@ from kinematics.forward import forward
 from kinematics.model.chain import Chain
 from kinematics.trajectory.trajectory import Trajectory
 from planning.timing.path.path import JointPath
-from planning.tool_motions.tool_run import RunPart
+from planning.tool_motions.tool_path import RunPart
 
 #: Looks at each piece of a motion for the instant at which it passes a place.
 _LOOKS = 4

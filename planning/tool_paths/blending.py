@@ -22,7 +22,7 @@ from kinematics.arrays import Array
 from kinematics.pose import from_axis_angle, rotation_error, transform
 from planning.tool_motions.tool_corner import ToolCurve, part_of, rounded_corner
 from planning.tool_motions.tool_motion import ToolMotion, arc_about, line, without_spin
-from planning.tool_motions.tool_run import ToolRun
+from planning.tool_motions.tool_path import ToolRun
 
 #: Share of a motion that the blend of one of its corners may take.
 _HALF = 0.5

@@ -23,9 +23,9 @@ from planning.result import Attempt, Failure
 from planning.timing.options import TimingOptions
 from planning.tool_motions.tool_path import Reason, Stop, Tolerances, ToolPath
 from planning.tool_paths.blending import runs
-from planning.tool_paths.leading import lead_tool
 from planning.tool_paths.motions import repairs, tool_motions
-from planning.tool_paths.seams.branches import plan_seam
+from planning.tool_paths.seams.planner import plan_seam
+from planning.tool_paths.tool_following import lead_tool
 
 #: How near a motion must come to the joints of its goal [rad or m].
 _SAME_JOINTS = 1e-5

@@ -12,9 +12,7 @@ from numpy.typing import NDArray
 
 from compiled.kernel import kernel
 from kinematics.arrays import Array, Indices
-from planning.tours.layers import choose_configurations
-from planning.tours.moves import may_reverse, may_swap, reverse, swap_blocks, time_kernel
-from planning.tours.network import Network, TourState
+from planning.tours.network import Network, TourState, tour_state
 
 #: Gains below this are rounding of single precision [s].
 _GAIN = 1e-6
@@ -24,6 +22,191 @@ _SEGMENT = 3
 _WINDOW = 2
 #: Longest block that a kick swaps.
 _BLOCK = 40
+
+
+def nearest_neighbour_tour(
+    network: Network, groups: Indices, pairs: list[tuple[int, int]]
+) -> TourState:
+    """A tour that goes to the nearest goal that may come next.
+
+    A goal may come next when all that come before it, or before its group, are visited, and no
+    other group is half done.
+
+    Args:
+        network: The stops and times.
+        groups: Group of each goal, shape (m,).
+        pairs: Goals, the first before the second.
+    """
+    m = len(groups)
+    outer: dict[int, set[int]] = {}
+    inner: dict[int, set[int]] = {}
+    for a, b in pairs:
+        if groups[a] == groups[b]:
+            inner.setdefault(b, set()).add(a)
+        else:
+            outer.setdefault(int(groups[b]), set()).add(a)
+    members = {int(g): {int(k) for k in np.flatnonzero(groups == g)} for g in groups}
+    order, choice = [m], np.zeros(m + 2, dtype=np.int64)
+    choice[m:] = network.first[m : m + 2]
+    visited: set[int] = set()
+    current = int(choice[m])
+    while len(visited) < m:
+        half_done = len(order) > 1 and bool(members[int(groups[order[-1]])] - visited)
+        candidates = [
+            k
+            for k in range(m)
+            if k not in visited
+            and (not half_done or groups[k] == groups[order[-1]])
+            and inner.get(k, set()) <= visited
+            and outer.get(int(groups[k]), set()) <= visited
+        ]
+        stop, entry = _nearest(network, current, candidates)
+        order.append(stop)
+        visited.add(stop)
+        choice[stop] = current = entry
+    return tour_state(np.array([*order, m + 1]), choice)
+
+
+def _nearest(network: Network, current: int, candidates: list[int]) -> tuple[int, int]:
+    """The stop nearest to a configuration, and its nearest configuration."""
+    row, first = network.times[current], network.first
+    best = min(candidates, key=lambda k: float(row[first[k] : first[k + 1]].min()))
+    return best, int(first[best] + row[first[best] : first[best + 1]].argmin())
+
+
+@kernel
+def time_kernel(network: Network, state: TourState, a: int, b: int) -> float:
+    """Time between two stops in their chosen configurations [s], in double precision.
+
+    Sums of single precision would be off by more than a move saves, and moves would go in circles.
+    """
+    return np.float64(network.times[state.choice[a], state.choice[b]])
+
+
+@kernel(allocates=False)
+def may_reverse(network: Network, state: TourState, low: int, high: int) -> bool:
+    """Whether the stops at positions ``low`` to ``high`` may be visited the other way round."""
+    if network.followers.shape[0] == 0:
+        return True
+    for k in range(low, high):
+        stop = state.order[k]
+        for f in range(network.first_follower[stop], network.first_follower[stop + 1]):
+            place = state.position[network.followers[f]]
+            if k < place <= high:
+                return False
+    return True
+
+
+@kernel(allocates=False)
+def may_swap(network: Network, state: TourState, low: int, middle: int, high: int) -> bool:
+    """Whether the stops from ``low`` to before ``middle`` may come after those up to ``high``."""
+    if network.followers.shape[0] == 0:
+        return True
+    for k in range(low, middle):
+        stop = state.order[k]
+        for f in range(network.first_follower[stop], network.first_follower[stop + 1]):
+            if middle <= state.position[network.followers[f]] <= high:
+                return False
+    return True
+
+
+@kernel
+def reverse(state: TourState, low: int, high: int) -> None:
+    """Visit the stops at positions ``low`` to ``high`` the other way round."""
+    order, position = state.order, state.position
+    while low < high:
+        a, b = order[low], order[high]
+        order[low], order[high] = b, a
+        position[b], position[a] = low, high
+        low += 1
+        high -= 1
+
+
+@kernel(allocates=False)
+def swap_blocks(state: TourState, low: int, middle: int, high: int, work: Indices) -> None:
+    """Visit the stops from ``low`` to before ``middle`` after those from ``middle`` to ``high``.
+
+    Args:
+        state: The tour, changed.
+        low: First position of the first block.
+        middle: First position of the second block.
+        high: Last position of the second block.
+        work: Memory, shape (s,).
+    """
+    order, position = state.order, state.position
+    length = middle - low
+    for k in range(length):
+        work[k] = order[low + k]
+    for k in range(middle, high + 1):
+        order[k - length] = order[k]
+        position[order[k]] = k - length
+    for k in range(length):
+        place = high + 1 - length + k
+        order[place] = work[k]
+        position[work[k]] = place
+
+
+@kernel(allocates=False)
+def choose_configurations(
+    network: Network, state: TourState, low: int, high: int, value: Array, back: Indices
+) -> float:
+    """Choose the configurations of the stops at some positions for the least time.
+
+    Bellman's recursion over the layers: the least time to configuration b of a stop is the least
+    over the configurations a of the stop before of its time and that from a to b. The stops just
+    before and behind keep theirs.
+
+    Args:
+        network: The stops and times.
+        state: The tour, changed where that saves time.
+        low: First of the positions, at least 1.
+        high: Last of them, before the end of the tour.
+        value: Memory, shape (m,).
+        back: Memory, shape (m,).
+
+    Returns:
+        By how much the tour gets longer: 0 or below [s].
+    """
+    times, first, order, choice = network.times, network.first, state.order, state.choice
+    before = 0.0
+    for k in range(low, high + 2):
+        before += np.float64(times[choice[order[k - 1]], choice[order[k]]])
+    entry = choice[order[low - 1]]
+    begin, end = entry, entry + 1
+    value[entry] = 0.0
+    for k in range(low, high + 1):
+        stop = order[k]
+        for b in range(first[stop], first[stop + 1]):
+            best = np.inf
+            source = begin
+            for a in range(begin, end):
+                total = value[a] + np.float64(times[a, b])
+                if total < best:
+                    best, source = total, a
+            value[b] = best
+            back[b] = source
+        begin, end = first[stop], first[stop + 1]
+    leave = choice[order[high + 1]]
+    best = np.inf
+    last = begin
+    for a in range(begin, end):
+        total = value[a] + np.float64(times[a, leave])
+        if total < best:
+            best, last = total, a
+    after, stop_choice = 0.0, last
+    previous = leave
+    for _ in range(low, high + 1):
+        after += np.float64(times[stop_choice, previous])
+        previous = stop_choice
+        stop_choice = back[stop_choice]
+    after += np.float64(times[entry, previous])
+    if after >= before - 1e-7:
+        return 0.0
+    stop_choice = last
+    for k in range(high, low - 1, -1):
+        choice[order[k]] = stop_choice
+        stop_choice = back[stop_choice]
+    return after - before
 
 
 class SearchWork(NamedTuple):

@@ -16,8 +16,7 @@ from planning.timing.choice import chosen_parametrization
 from planning.tours.configuration_costs import StopConfigurations, VisitCosts, visit_costs
 from planning.tours.configurations import Configurations, find_configurations
 from planning.tours.legs import LegTable, least_times
-from planning.tours.order import goal_pairs
-from planning.tours.problem import TourOptions, TourProblem
+from planning.tours.problem import TourOptions, TourProblem, goal_pairs
 from planning.tours.result import Tour, Unvisited
 from planning.tours.search import Stops, TourSearch
 from planning.values.deadline import Deadline

@@ -12,8 +12,16 @@ from kinematics.errors import InvalidGoal, InvalidOption
 from kinematics.model.chain import Chain
 from kinematics.pose import transform
 from kinematics.root_frame import TOOL, frame_pose
-from planning.tool_motions.seam_options import SeamOptions, SeamWaypoint, StraightOffset
-from planning.tool_motions.tool_tolerance import AXES, MAX_POSITION, ROTATIONS, Axis, ToolTolerance
+from planning.tool_motions.tool_tolerance import (
+    AXES,
+    MAX_POSITION,
+    ROTATIONS,
+    Axis,
+    SeamOptions,
+    SeamWaypoint,
+    StraightOffset,
+    ToolTolerance,
+)
 from service.translate import poses
 
 #: A direction must be this much across the normal for it to turn the tool [-].

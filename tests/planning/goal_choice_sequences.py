@@ -25,8 +25,7 @@ from planning.options import Options
 from planning.pipeline.pipeline import plan
 from planning.problem import JointGoal, PoseGoal, Problem
 from planning.result import Plan
-from planning.sequence.options import TaskOptions
-from planning.sequence.result import SequencePlan
+from planning.sequence.result import SequencePlan, TaskOptions
 from planning.sequence.search import plan_task
 from planning.sequence.stage import Move
 from planning.sequence.task import Task

@@ -8,8 +8,7 @@ import numpy as np
 import pytest
 
 from planning.options import Options
-from planning.sequence.options import TaskOptions
-from planning.sequence.result import SequencePlan
+from planning.sequence.result import SequencePlan, TaskOptions
 from planning.sequence.search import plan_task
 from planning.sequence.stage import Stage
 from planning.sequence.task import Task

@@ -11,8 +11,7 @@ from planning.sampling.planners import PLANNERS
 from planning.sampling.search import sample
 from planning.search.shortcut import shortcut
 from planning.search.straight_line import straight_line
-from planning.timing.path.blend import blend, merge
-from planning.timing.path.corner_blending import certified_reaches
+from planning.timing.path.blend import blend, certified_reaches, merge
 from planning.values.deadline import Deadline
 from tests.planning.scenes import HOME, builtin, pillar
 

@@ -10,7 +10,7 @@ halved until the bound is sharp or a deviation beyond what is allowed is found. 
 
 The angle about an arc's axis is followed from interval to interval, so that whole turns count: only
 intervals are judged in which it changes by little. Planners measure deviations by
-``planning.tool_paths.deviation.tool_deviation``, and a fault there must not be believed here.
+``planning.tool_paths.tool_deviation``, and a fault there must not be believed here.
 """
 
 import math

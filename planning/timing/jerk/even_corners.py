@@ -21,9 +21,8 @@ from planning.timing.jerk.double_s import (
     polyline_phases_kernel,
 )
 from planning.timing.path.blend import smooth_blend_kernel
-from planning.timing.path.composition import compose_kernel
 from planning.timing.path.merging import keep_kernel, largest_reaches_kernel
-from planning.timing.path.path import JointPath
+from planning.timing.path.path import JointPath, compose_kernel
 from planning.timing.time_scaling import ScaledTime, dilate
 
 # Degree of q(t): straight pieces in phases of constant jerk, cubics at constant speed.

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from compiled.kernel import kernel
 from kinematics.arrays import Array
 from kinematics.trajectory.polynomial import shift_kernel
-from planning.timing.path.composition import compose_kernel
+from planning.timing.path.path import compose_kernel
 
 
 @kernel

@@ -17,7 +17,7 @@ and its mirror image: d2q/ds2 grows from 0 to (u_out - u_in) / r in the middle a
 These pass the corner within r |u_out - u_in| / 6.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from functools import cache
 from typing import TypeGuard
 
@@ -27,6 +27,7 @@ from numpy.typing import ArrayLike
 from compiled.kernel import direct, kernel
 from kinematics.arrays import Array, Indices
 from kinematics.errors import InvalidOption, InvalidTrajectory
+from obstacles.collision.checker import Checker
 from planning.timing.path.merging import (
     distance,
     find_largest_kernel,
@@ -35,7 +36,12 @@ from planning.timing.path.merging import (
     merge_kernel,
 )
 from planning.timing.path.path import JointPath
+from planning.values.deadline import Deadline
 
+#: How often a corner's reach is halved before the motion stops there instead.
+_HALVINGS = 7
+#: Reaches tried at a corner to keep a preferred clearance: narrower ones cost much time.
+_HALVINGS_PREFERRED = 3
 # A reach below this part of the shorter leg would let the corner be passed at a thousandth of the
 # leg's speed: a stop costs no more.
 _LEAST_REACH = 1e-6
@@ -324,3 +330,45 @@ def _keep(points: Array) -> Indices:
     """Indices of the waypoints that stay: ends, and where the direction changes."""
     kept = np.empty(len(points), dtype=np.int64)
     return kept[: keep_kernel(points, kept)]
+
+
+def certified_reaches(
+    checker: Checker,
+    waypoints: Array,
+    deadline: Deadline,
+    *,
+    smooth: bool = False,
+    most: Array | None = None,
+    preferred: Sequence[Checker] = (),
+) -> Array:
+    """Largest reach of each corner of a polyline whose curve is proved free.
+
+    Args:
+        checker: The robot in its scene.
+        waypoints: Shape (k, n), merged: no repeated or collinear ones, legs proved free.
+        deadline: Corners not looked at by then stay sharp.
+        smooth: Whether cubics round the corners, as in ``blend``, or parabolas.
+        most: Largest reaches asked for, shape (k - 2,).
+        preferred: Checkers of falling clearance that are tried first at corners that keep it.
+
+    Returns:
+        Reaches for ``blend``, shape (k - 2,); 0 where nothing but a stop could be proved.
+    """
+    widest = largest_reaches(waypoints)
+    if most is not None:
+        widest = np.minimum(widest, most)
+    found = np.zeros(len(widest))
+    trial = widest.copy()
+    for level in (*preferred, checker):
+        is_last = level is checker
+        halvings = _HALVINGS if is_last else _HALVINGS_PREFERRED
+        if deadline.passed or not any(trial.tolist()):
+            break
+        search = level.round_corners(waypoints, trial, halvings, keep=not is_last, smooth=smooth)
+        for done in search:
+            np.maximum(found[:done], trial[:done], out=found[:done])
+            if deadline.passed:
+                break
+        if not is_last:
+            trial = np.where(found > 0.0, 0.0, widest)
+    return found

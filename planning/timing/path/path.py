@@ -5,9 +5,37 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
+from compiled.kernel import kernel
 from kinematics.arrays import Array, frozen
 from kinematics.errors import InvalidOption, InvalidTrajectory
 from kinematics.trajectory.polynomial import sample_kernel
+
+
+@kernel(allocates=False)
+def compose_kernel(outer: Array, top: int, inner: Array, product: Array, out: Array) -> None:
+    """Write the coefficients of outer(inner(t)).
+
+    Args:
+        outer: Ascending powers; those above ``top`` are not looked at, shape (>= top + 1,).
+        top: Degree of the outer polynomial.
+        inner: Ascending powers from 1 on (there is no constant), shape (d,).
+        product: Scratch, shape (>= top d + 1,).
+        out: Ascending powers, shape (>= top d + 1,); entries above top d stay as they are.
+    """
+    degree = inner.shape[0]
+    out[0] = outer[top]
+    used = 1
+    for k in range(top - 1, -1, -1):
+        for m in range(used + degree):
+            product[m] = 0.0
+        for m in range(used):
+            for i in range(degree):
+                product[m + 1 + i] += out[m] * inner[i]
+        used += degree
+        for m in range(used):
+            out[m] = product[m]
+        out[0] += outer[k]
+
 
 # Directions that differ by less are the same direction: a corner this flat changes no velocity by
 # more than the ninth digit, and legs of a micrometre still have their direction to ten digits.

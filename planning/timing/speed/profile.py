@@ -10,8 +10,7 @@ from numpy.typing import NDArray
 from compiled.kernel import kernel
 from kinematics.arrays import Array
 from kinematics.trajectory.polynomial import shift_kernel
-from planning.timing.path.composition import compose_kernel
-from planning.timing.path.path import JointPath
+from planning.timing.path.path import JointPath, compose_kernel
 from planning.timing.speed.constraints import Cells
 
 # A phase of a straight cell (speeding up, cruising, slowing down) that changes x by a smaller part,

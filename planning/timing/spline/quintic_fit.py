@@ -20,8 +20,7 @@ from kinematics.trajectory.polynomial import sample_kernel
 from kinematics.trajectory.trajectory import Trajectory
 from planning.timing.jerk.even_corners import Pieces
 from planning.timing.limit_ratios import largest_lane
-from planning.timing.spline.quintic_basis import DEGREE, ORDER
-from planning.timing.spline.quintic_least_squares import fit_points, least_squares_room
+from planning.timing.spline.quintic_basis import DEGREE, ORDER, fit_points, least_squares_room
 from planning.timing.spline.span_loads import (
     SpanLoads,
     no_loads,

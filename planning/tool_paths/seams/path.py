@@ -10,11 +10,10 @@ from numpy.typing import NDArray
 
 from kinematics.arrays import Array, Indices, frozen
 from kinematics.errors import InvalidGoal
-from planning.tool_motions.seam_options import SeamOptions, SeamWaypoint
 from planning.tool_motions.tool_corner import ToolCurve
 from planning.tool_motions.tool_motion import ToolMotion, arc_via, line, without_spin
-from planning.tool_motions.tool_run import ToolRun
-from planning.tool_motions.tool_tolerance import ToolTolerance
+from planning.tool_motions.tool_path import ToolRun
+from planning.tool_motions.tool_tolerance import SeamOptions, SeamWaypoint, ToolTolerance
 from planning.tool_paths.blending import runs
 
 #: Corners flatter than this are run through without a blend, within the tolerance [rad].

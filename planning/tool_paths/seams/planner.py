@@ -1,5 +1,6 @@
 """Plans along seams in one branch: the search, the calmer way, approach and retreat, transit."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from math import comb
 from typing import Any
@@ -11,24 +12,34 @@ from kinematics.forward import forward
 from kinematics.pose import transform
 from planning.options import CartesianOptions
 from planning.planner import Query
-from planning.result import Failure
+from planning.result import Attempt, Failure
 from planning.search.rrt_connect import rrt_connect
 from planning.search.shortcut import shortcut
 from planning.search.straight_line import straight_line
 from planning.timing.path.path import JointPath
-from planning.tool_motions.seam_options import SeamOptions, StraightOffset
 from planning.tool_motions.tool_motion import ToolMotion, line
-from planning.tool_motions.tool_path import Stop, Tolerances, ToolSegment
-from planning.tool_motions.tool_run import PartName, ToolRun
-from planning.tool_paths.leading import free_part
+from planning.tool_motions.tool_path import (
+    PartName,
+    Stop,
+    Tolerances,
+    ToolPath,
+    ToolRun,
+    ToolSegment,
+)
+from planning.tool_motions.tool_tolerance import SeamOptions, StraightOffset
 from planning.tool_paths.seams.failure import explain_bend, explain_search, explain_stop
-from planning.tool_paths.seams.following import refine, segments
+from planning.tool_paths.seams.following import refine, segments, with_fewer_ranges
 from planning.tool_paths.seams.nodes import COARSE, DENSE, Density
 from planning.tool_paths.seams.path import seam_places, seam_runs
-from planning.tool_paths.seams.ranges import with_fewer_ranges
 from planning.tool_paths.seams.search import SeamJoints, SeamSearch
-from planning.tool_paths.tool_following import follow
+from planning.tool_paths.tool_following import follow, free_part
 
+#: Parts of a seam at most.
+_MAX_PARTS = 12
+#: Waypoints before the last one reached at which a change is tried too.
+_STEPS_BACK = (0, 1, 2, 4, 8)
+#: Reasons for which another branch may go on.
+_OTHER_BRANCH = {"branch", "limit", "singularity", "collision", "unreachable"}
 #: Name of the planner.
 NAME = "cartesian"
 #: Places of a seam up to which all of them are searched where a few have no way.
@@ -239,3 +250,105 @@ def _transit(query: Query, start: Array, goal: Array) -> Array | Failure | None:
             )
         waypoints = shortcut(query.checker, waypoints, deadline)
     return waypoints
+
+
+def plan_seam(query: Query, options: CartesianOptions, tolerances: Tolerances) -> Attempt:
+    """Find a joint path along a seam, from where the arm starts.
+
+    Args:
+        query: The robot in its scene; goals are not looked at.
+        options: With a seam.
+        tolerances: Deviations that are added to the tolerances of the seam.
+
+    Raises:
+        InvalidGoal: Two waypoints at one place, or an arc that names no circle.
+    """
+    seam = options.seam
+    assert seam is not None
+    found = _plan_parts(query, query.ready.start, options, tolerances, _MAX_PARTS)
+    if isinstance(found, Failure):
+        failure = _with_advice(found, seam)
+        if seam.branch_changes is not None:
+            # Parts are looked for without advice; where they do not help it is given after all.
+            one = replace(options, seam=replace(seam, branch_changes=None))
+            again = plan_in_one_branch(query, query.ready.start, one, tolerances)
+            failure = again if isinstance(again, Failure) else failure
+        return Attempt(None, f"{failure.message}.", failure=failure)
+    motions: list[ToolRun] = []
+    segments: list[ToolSegment] = []
+    transits: list[tuple[int, Array]] = []
+    changes: list[int] = []
+    for first, part in found:
+        if part.transit is not None:
+            transits.append((len(motions), part.transit))
+        if first > 0:
+            changes.append(first)
+        motions += [_renumber(run, first) for run in part.motions]
+        segments += part.segments
+    path = ToolPath(
+        tuple(motions),
+        tuple(segments),
+        1.0,
+        None,
+        tolerances,
+        tuple(transits),
+        seam.speed_band if seam.speeds else None,
+    )
+    notes: tuple[str, ...] = ()
+    if changes:
+        places = ", ".join(f"waypoints[{k}]" for k in changes)
+        notes = (f"The arm goes on in another branch from {places}, with a retreat before.",)
+    return Attempt(path.waypoints, found[0][1].detail, notes=notes, tool_path=path)
+
+
+def _plan_parts(
+    query: Query, start: Array, options: CartesianOptions, tolerances: Tolerances, most: int
+) -> list[tuple[int, SeamPart]] | Failure:
+    """Parts of a seam, each with the waypoint that it begins at."""
+    whole = plan_in_one_branch(query, start, options, tolerances)
+    if isinstance(whole, SeamPart):
+        return [(0, whole)]
+    seam = options.seam
+    assert seam is not None
+    offset, last = seam.branch_changes, _last_reached(whole.details)
+    if offset is None or most <= 1 or last is None:
+        return whole
+    back = replace(offset, direction=-offset.direction)
+    for step in _STEPS_BACK:
+        cut = min(last, len(seam.waypoints) - 2) - step
+        if cut < 1 or query.deadline.passed:
+            break
+        before = replace(seam, waypoints=seam.waypoints[: cut + 1], retreat=offset)
+        first = plan_in_one_branch(query, start, replace(options, seam=before), tolerances)
+        if isinstance(first, Failure):
+            continue
+        after = replace(seam, waypoints=seam.waypoints[cut:], approach=back)
+        there = first.segments[-1].end
+        rest = _plan_parts(query, there, replace(options, seam=after), tolerances, most - 1)
+        if isinstance(rest, list):
+            return [(0, first), *((cut + k, part) for k, part in rest)]
+    return whole
+
+
+def _last_reached(details: Mapping[str, Any]) -> int | None:
+    """The last waypoint that one branch reaches; None where no other branch would help."""
+    if details.get("reason") not in _OTHER_BRANCH or not details.get("other_branches", True):
+        return None
+    reached = details.get("reached_waypoint", int(details.get("waypoint", 0)) - 1)
+    return int(reached)
+
+
+def _renumber(run: ToolRun, first: int) -> ToolRun:
+    """A run whose waypoints are counted from the first of the whole seam."""
+    return replace(run, asked=tuple(asked + first for asked in run.asked))
+
+
+def _with_advice(failure: Failure, seam: SeamOptions) -> Failure:
+    """A failure of one branch that tells of branch changes, where they may help."""
+    reached = _last_reached(failure.details)
+    if failure.stage != NAME or reached is None or reached < 1 or seam.branch_changes is not None:
+        return failure
+    return replace(
+        failure,
+        hint=f"{failure.hint} Or allow branch_changes: the arm may go on in another branch.",
+    )

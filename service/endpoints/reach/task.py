@@ -11,8 +11,7 @@ from kinematics.arrays import Array
 from kinematics.errors import InvalidOption
 from kinematics.root_frame import frame_pose
 from planning.reach import evaluation
-from planning.reach.base_placement import BasePlacement, place_base
-from planning.reach.evaluation import Reach, ReachOptions, Status
+from planning.reach.evaluation import BasePlacement, Reach, ReachOptions, Status, place_base
 from planning.reach.grid import PoseGrid
 from service.endpoints.attached_objects import RobotInScene, robot_in_scene
 from service.endpoints.reach import mesh, picture

@@ -19,8 +19,7 @@ from obstacles.robots.robot_geometry import RobotGeometry
 from obstacles.scenes.scene import Scene
 from planning.options import MAX_TIMEOUT
 from planning.proof.certificate import has_solids
-from planning.sequence.options import TaskOptions
-from planning.sequence.result import SequenceFailure, SequencePlan, StagePlan, Trial
+from planning.sequence.result import SequenceFailure, SequencePlan, StagePlan, TaskOptions, Trial
 from planning.sequence.search import plan_task
 from planning.sequence.stage import Load, describe_stage
 from planning.sequence.task import Task

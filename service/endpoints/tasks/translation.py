@@ -16,7 +16,6 @@ from obstacles.robots.robot_geometry import RobotGeometry
 from planning.options import CartesianOptions, Options
 from planning.problem import Goal, JointGoal, PoseGoal
 from planning.reach.tolerance import Axis, Tolerance
-from planning.sequence.region import grasp_region, place_region
 from planning.sequence.stage import (
     Attach,
     Detach,
@@ -30,6 +29,7 @@ from planning.sequence.stage import (
     Straight,
 )
 from planning.sequence.stage import Wait as WaitStage
+from planning.sequence.target import grasp_region, place_region
 from service.translate import poses, timings
 from service.translate.constraints import constraint
 from service.translate.contacts import contacts, touch_depth

@@ -8,7 +8,7 @@ from kinematics.trajectory.trajectory import Trajectory
 from kinematics.tree.serial_chain import serial_chain
 from kinematics.urdf.urdf import parse_urdf
 from obstacles.robots.robot_geometry import RobotGeometry, robot_geometry
-from planning.exports.joint_tolerance import lever_arms
+from planning.exports.export import lever_arms
 from planning.exports.swept_volume import swept_volume
 from tests.mimic_joints import configurations, urdf
 

@@ -14,8 +14,7 @@ from obstacles.scenes.scene import Scene
 from planning.goal_choice.goal_order import limit_shares
 from planning.options import Options
 from planning.problem import JointGoal, PoseGoal
-from planning.sequence.options import TaskOptions
-from planning.sequence.result import SequencePlan
+from planning.sequence.result import SequencePlan, TaskOptions
 from planning.sequence.search import plan_task
 from planning.sequence.stage import Move, StageSettings, Straight
 from planning.sequence.task import Task

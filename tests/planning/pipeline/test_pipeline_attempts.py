@@ -17,7 +17,7 @@ from planning.result import Attempt, Failure, Plan
 from planning.timing.options import TimingOptions
 from planning.tool_motions.tool_motion import line
 from planning.tool_motions.tool_path import Tolerances, ToolPath
-from planning.tool_paths.leading import lead_tool
+from planning.tool_paths.tool_following import lead_tool
 from planning.values.deadline import Deadline
 from tests.planning.scenes import HOME, box, builtin
 from tests.planning.slider import slider

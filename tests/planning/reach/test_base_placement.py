@@ -8,8 +8,7 @@ from kinematics.pose import inverse, rotation_x, rotation_z, transform
 from obstacles.collision.fcl_distance import FclWorld
 from obstacles.scenes.scene import Obstacle, Scene
 from obstacles.shapes.shape import Box
-from planning.reach.base_placement import moved, place_base
-from planning.reach.evaluation import ReachOptions
+from planning.reach.evaluation import ReachOptions, moved, place_base
 from planning.values.deadline import Deadline
 from tests.planning.scenes import builtin
 

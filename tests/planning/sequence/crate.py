@@ -8,9 +8,7 @@ import armwright as aw
 from kinematics.arrays import Array
 from obstacles.robots.robot_geometry import RobotGeometry
 from planning.problem import JointGoal
-from planning.sequence.options import TaskOptions
-from planning.sequence.region import grasp_region, place_region
-from planning.sequence.result import SequencePlan
+from planning.sequence.result import SequencePlan, TaskOptions
 from planning.sequence.search import plan_task
 from planning.sequence.stage import (
     Attach,
@@ -24,6 +22,7 @@ from planning.sequence.stage import (
     StageSettings,
     Straight,
 )
+from planning.sequence.target import grasp_region, place_region
 from planning.sequence.task import Task
 from planning.sequence.world import World
 

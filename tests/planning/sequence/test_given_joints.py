@@ -10,8 +10,7 @@ from kinematics.forward import forward
 from obstacles.collision.checker import Checker
 from planning.options import Options
 from planning.problem import JointGoal
-from planning.sequence.options import TaskOptions
-from planning.sequence.result import SequenceFailure, SequencePlan
+from planning.sequence.result import SequenceFailure, SequencePlan, TaskOptions
 from planning.sequence.search import plan_task
 from planning.sequence.stage import Move, StageSettings, Straight
 from planning.sequence.task import Task

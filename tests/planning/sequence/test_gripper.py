@@ -12,8 +12,7 @@ from kinematics.errors import InvalidOption
 from kinematics.forward import forward
 from obstacles.robots.attachment import Attachment
 from obstacles.robots.finger_geometry import with_fingers
-from planning.sequence.options import TaskOptions
-from planning.sequence.result import SequenceFailure, SequencePlan
+from planning.sequence.result import SequenceFailure, SequencePlan, TaskOptions
 from planning.sequence.search import plan_task
 from planning.sequence.stage import Attach, Grasp, Gripper, Stage, Wait
 from planning.sequence.task import Task

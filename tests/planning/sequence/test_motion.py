@@ -5,8 +5,8 @@ import pytest
 
 import armwright as aw
 from kinematics.forward import forward
-from planning.sequence.motion import Line, LineStopped, lead_straight, reverse_joint_path
 from planning.sequence.stage import Straight
+from planning.sequence.step import Line, LineStopped, lead_straight, reverse_joint_path
 from planning.sequence.world import Cells
 from planning.timing.path.path import JointPath
 from planning.values.deadline import Deadline

@@ -6,10 +6,9 @@ import pytest
 from obstacles.scenes.scene import AllowedContact
 from planning.options import Options
 from planning.sequence.estimate import travel_times
-from planning.sequence.motion import LineStopped
 from planning.sequence.node import Node, contact_pairs, next_place, onward_steps
 from planning.sequence.stage import Attach, Detach, Grasp, Move, Place, Straight, Wait
-from planning.sequence.step import Step
+from planning.sequence.step import LineStopped, Step
 from planning.sequence.target import Target
 from planning.sequence.task import Task
 from planning.sequence.world import Cells, Contact

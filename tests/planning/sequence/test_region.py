@@ -6,7 +6,7 @@ from scipy.spatial.transform import Rotation
 
 import armwright as aw
 from kinematics.errors import InvalidOption
-from planning.sequence.region import grasp_region, place_region
+from planning.sequence.target import grasp_region, place_region
 
 
 def test_grasps_turn_about_the_axis_and_move_along_it() -> None:

@@ -9,8 +9,7 @@ from kinematics.forward import forward
 from planning.options import Options
 from planning.problem import JointGoal, PoseGoal
 from planning.sequence.estimate import travel_times
-from planning.sequence.options import TaskOptions
-from planning.sequence.result import SequenceFailure, SequencePlan
+from planning.sequence.result import SequenceFailure, SequencePlan, TaskOptions
 from planning.sequence.search import plan_task
 from planning.sequence.stage import Detach, Grasp, Gripper, Move, StageSettings, Straight, Wait
 from planning.sequence.task import Task

@@ -3,9 +3,9 @@
 import numpy as np
 
 from planning.problem import JointGoal
+from planning.sequence.node import TargetFinder
 from planning.sequence.stage import Grasp, Move
 from planning.sequence.target import Outcome
-from planning.sequence.target_finder import TargetFinder
 from planning.sequence.task import Task
 from planning.sequence.world import Cells
 from planning.values.deadline import Deadline

@@ -19,8 +19,7 @@ from planning.problem import JointGoal
 from planning.proof.certificate import Certificate, certify
 from planning.sequence import via_blending
 from planning.sequence.estimate import passing_time
-from planning.sequence.options import TaskOptions
-from planning.sequence.result import SequencePlan
+from planning.sequence.result import SequencePlan, TaskOptions
 from planning.sequence.search import plan_task
 from planning.sequence.stage import Grasp, Move, Stage, StageSettings, Straight
 from planning.sequence.task import Task

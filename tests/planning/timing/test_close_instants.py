@@ -9,8 +9,7 @@ from planning.options import Options
 from planning.pipeline.pipeline import plan
 from planning.problem import JointGoal, Problem
 from planning.result import Plan
-from planning.timing.close_instants import close_instants
-from planning.timing.instants import not_beside, spans_beside
+from planning.timing.close_instants import close_instants, not_beside, spans_beside
 from tests.planning.scenes import HOME, builtin, pillar
 
 GOAL = np.array([1.2, -0.3, 0.0, -2.0, 0.0, 1.8, 0.785])

@@ -26,8 +26,7 @@ from planning.timing.choice import chosen_parametrization
 from planning.timing.close_instants import WHOLE, CloseInstants
 from planning.timing.motion_timing import motions
 from planning.timing.options import Payload, TimingOptions
-from planning.timing.path.blend import largest_reaches, reach_for_deviation
-from planning.timing.path.corner_blending import certified_reaches
+from planning.timing.path.blend import certified_reaches, largest_reaches, reach_for_deviation
 from planning.values.deadline import Deadline
 from planning.values.optimize_options import RefineOptions
 from tests.planning.scenes import HOME, builtin, pillar, shelf

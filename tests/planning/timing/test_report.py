@@ -9,7 +9,7 @@ from kinematics.model.chain import Limits
 from planning.retiming.retime import PathToTime, retime
 from planning.timing.choice import chosen_parametrization
 from planning.timing.options import TimingOptions
-from planning.timing.report import timing_report
+from planning.timing.parametrization import timing_report
 
 NAMES = ("a", "b")
 GIVEN = {"velocity": np.array([1.0, 2.0]), "acceleration": np.array([3.0, 4.0])}

@@ -12,9 +12,9 @@ from kinematics.trajectory.trajectory import Trajectory
 from planning.timing.path.path import JointPath
 from planning.tool_motions.passing_times import passing_times
 from planning.tool_motions.tool_motion import line
-from planning.tool_motions.tool_run import ToolRun
+from planning.tool_motions.tool_path import ToolRun
 from planning.tool_motions.tool_tolerance import ToolTolerance
-from planning.tool_paths.deviation.run_deviation import pieces_within
+from planning.tool_paths.tool_deviation import pieces_within
 from tests.planning.scenes import HOME, builtin
 
 CHAIN = builtin("panda").chain

@@ -16,9 +16,9 @@ from planning.timing.parametrization import TimeParametrization
 from planning.timing.path.path import JointPath
 from planning.tool_motions.tool_motion import ToolMotion, line
 from planning.tool_motions.tool_path import Stop, Tolerances, ToolPath, ToolSegment
-from planning.tool_paths.deviation.tool_deviation import piece_deviations
-from planning.tool_paths.leading import lead_tool
-from planning.tool_paths.timing.tool_timing import time_tool_path
+from planning.tool_paths.tool_deviation import piece_deviations
+from planning.tool_paths.tool_following import lead_tool
+from planning.tool_paths.tool_timing import time_tool_path
 from planning.values.deadline import Deadline
 from tests.planning.pinocchio_panda import PinocchioPanda
 from tests.planning.scenes import HOME, builtin

@@ -6,7 +6,7 @@ from scipy.spatial.transform import Rotation, Slerp
 
 from kinematics.pose import transform
 from planning.tool_motions.tool_motion import arc_via, line
-from planning.tool_motions.tool_run import ToolRun, run_of
+from planning.tool_motions.tool_path import ToolRun, run_of
 from planning.tool_motions.tool_tolerance import ToolTolerance
 
 TURN = Rotation.from_rotvec([0.0, 0.3, 0.4]).as_matrix()

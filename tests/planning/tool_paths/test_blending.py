@@ -17,7 +17,7 @@ from planning.result import Plan
 from planning.timing.options import TimingOptions
 from planning.tool_motions.tool_corner import ToolCorner, ToolCurve
 from planning.tool_motions.tool_motion import ToolMotion, arc_via, line
-from planning.tool_motions.tool_run import ToolRun
+from planning.tool_motions.tool_path import ToolRun
 from planning.tool_paths.blending import runs
 from tests.planning.pinocchio_panda import PinocchioPanda
 from tests.planning.scenes import HOME, builtin

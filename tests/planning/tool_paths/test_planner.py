@@ -26,7 +26,7 @@ from planning.timing.options import TimingOptions
 from planning.tool_motions.timed_tool_motions import TimedToolMotions
 from planning.tool_motions.tool_motion import ToolMotion, arc_about, line
 from planning.tool_motions.tool_path import Tolerances
-from planning.tool_paths.deviation.tool_deviation import piece_deviations
+from planning.tool_paths.tool_deviation import piece_deviations
 from planning.tool_paths.tool_following import follow
 from planning.values.deadline import Deadline
 from tests.planning.scenes import HOME, box, builtin

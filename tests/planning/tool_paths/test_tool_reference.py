@@ -11,7 +11,7 @@ from planning.options import CartesianOptions, Options, ToolMotionOptions
 from planning.pipeline.pipeline import plan
 from planning.problem import PoseGoal, Problem
 from planning.result import Plan
-from planning.tool_paths.tool_reference import INSTANTS, place_at, tool_reference
+from planning.tool_paths.motions import INSTANTS, place_at, tool_reference
 from tests.planning.pinocchio_panda import PinocchioPanda
 from tests.planning.scenes import HOME, builtin
 

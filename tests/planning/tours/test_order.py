@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from kinematics.errors import InvalidGoal
-from planning.tours.order import (
+from planning.tours.problem import (
     check_order,
     find_cycle,
     goal_pairs,

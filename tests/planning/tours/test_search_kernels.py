@@ -6,12 +6,17 @@ import numpy as np
 import pytest
 
 from kinematics.arrays import Indices
-from planning.tours.construction import nearest_neighbour_tour
-from planning.tours.layers import choose_configurations
-from planning.tours.local_search import enqueue, search_kernel, search_work, tour_time
+from planning.tours.local_search import (
+    choose_configurations,
+    enqueue,
+    nearest_neighbour_tour,
+    search_kernel,
+    search_work,
+    tour_time,
+)
 from planning.tours.lower_bound import lower_bound
 from planning.tours.network import Network, make_network, tour_state
-from planning.tours.order import group_numbers, precedence_table
+from planning.tours.problem import group_numbers, precedence_table
 from planning.tours.rest_to_rest import Times
 
 GOALS, BRANCHES = 6, 3

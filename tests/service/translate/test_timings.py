@@ -17,7 +17,7 @@ from kinematics.robots import builtin_chain
 from kinematics.trajectory.trajectory import Trajectory
 from planning.retiming.retime import Retimed
 from planning.timing.options import TimingOptions
-from planning.timing.report import TimingReport
+from planning.timing.parametrization import TimingReport
 from service.translate.timings import (
     effort_loads,
     given_limit,

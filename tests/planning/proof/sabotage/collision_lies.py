@@ -17,8 +17,7 @@ from obstacles.scenes.scene import Obstacle, Scene
 from obstacles.shapes.shape import Box, Cylinder, Shape
 from planning.constrained.checker import round_one_by_one
 from planning.search.shortcut import shortcut
-from planning.timing.path.blend import blend, largest_reaches
-from planning.timing.path.corner_blending import certified_reaches
+from planning.timing.path.blend import blend, certified_reaches, largest_reaches
 from tests.planning.proof.sabotage.cases import case
 from tests.planning.proof.sabotage.trial import Lie, Sabotage
 

@@ -18,7 +18,7 @@ from planning.timing.speed.effort_limits import knot_limits, slow_down
 from planning.timing.speed.minimum_time import time_path
 from planning.timing.time_scaling import ScaledTime, dilate, fit, peak_ratios
 from planning.tool_motions.tool_motion import ToolMotion
-from planning.tool_paths.deviation.tool_deviation import piece_deviations
+from planning.tool_paths.tool_deviation import piece_deviations
 from planning.tool_paths.tool_following import _Following, _spline
 from planning.values.limits import EffortLimits
 from tests.planning.proof.sabotage.trial import Lie, Sabotage

@@ -18,8 +18,7 @@ from planning.proof.tool.tool_deviation import check_tool_motions, path_deviatio
 from planning.tool_motions.timed_tool_motions import TimedToolMotions
 from planning.tool_motions.tool_corner import ToolCorner, rounded_corner
 from planning.tool_motions.tool_motion import ToolMotion, arc_about, arc_via, line
-from planning.tool_motions.tool_path import Tolerances
-from planning.tool_motions.tool_run import ToolRun
+from planning.tool_motions.tool_path import Tolerances, ToolRun
 from planning.tool_paths.tool_following import follow
 from planning.values.deadline import Deadline
 

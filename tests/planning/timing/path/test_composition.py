@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from numpy.polynomial import Polynomial
 
-from planning.timing.path.composition import compose_kernel
+from planning.timing.path.path import compose_kernel
 
 
 @pytest.mark.parametrize("degree", [2, 3])

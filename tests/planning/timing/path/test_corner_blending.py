@@ -10,8 +10,7 @@ from kinematics.arrays import Array
 from obstacles.collision.checker import Checker
 from obstacles.collision.fcl_distance import FclWorld
 from obstacles.scenes.scene import Scene
-from planning.timing.path.blend import blend, largest_reaches
-from planning.timing.path.corner_blending import certified_reaches
+from planning.timing.path.blend import blend, certified_reaches, largest_reaches
 from planning.values.deadline import Deadline
 from tests.obstacles.collision.test_checker import arena
 from tests.planning.scenes import box, builtin

@@ -10,9 +10,8 @@ from kinematics.pose import transform
 from planning.timing.path.path import JointPath
 from planning.tool_motions.tool_corner import ToolCurve, rounded_corner
 from planning.tool_motions.tool_motion import arc_via, line
-from planning.tool_motions.tool_path import Tolerances
-from planning.tool_motions.tool_run import ToolRun
-from planning.tool_paths.deviation.tool_deviation import piece_deviations
+from planning.tool_motions.tool_path import Tolerances, ToolRun
+from planning.tool_paths.tool_deviation import piece_deviations
 from planning.tool_paths.tool_following import follow
 from planning.values.deadline import Deadline
 from tests.planning.pinocchio_panda import PinocchioPanda

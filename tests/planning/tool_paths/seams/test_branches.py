@@ -16,8 +16,12 @@ from planning.options import CartesianOptions, Options
 from planning.pipeline.pipeline import plan
 from planning.problem import PoseGoal, Problem
 from planning.result import Failure, Plan
-from planning.tool_motions.seam_options import SeamOptions, SeamWaypoint, StraightOffset
-from planning.tool_motions.tool_tolerance import ToolTolerance
+from planning.tool_motions.tool_tolerance import (
+    SeamOptions,
+    SeamWaypoint,
+    StraightOffset,
+    ToolTolerance,
+)
 from tests.planning.scenes import box, builtin
 
 SPEED, REACH, HEIGHT = 0.2, 0.5, 0.35

@@ -6,8 +6,7 @@ import pytest
 from kinematics.pose import transform
 from obstacles.collision.checker import Checker
 from obstacles.scenes.scene import Scene
-from planning.tool_motions.seam_options import SeamOptions, SeamWaypoint
-from planning.tool_motions.tool_tolerance import ToolTolerance
+from planning.tool_motions.tool_tolerance import SeamOptions, SeamWaypoint, ToolTolerance
 from planning.tool_paths.seams.failure import explain_search
 from planning.tool_paths.seams.path import seam_places, seam_runs
 from planning.tool_paths.seams.search import SeamGraph, SeamSearch

@@ -10,11 +10,10 @@ from scipy.spatial.transform import Rotation
 from kinematics.forward import forward
 from kinematics.pose import transform
 from kinematics.robots import builtin_chain, builtin_urdf
-from planning.tool_motions.seam_options import SeamOptions, SeamWaypoint
-from planning.tool_motions.tool_tolerance import ToolTolerance
-from planning.tool_paths.seams.kernels import Layers, Steps, Ways, layer_kernel, project_kernel
+from planning.tool_motions.tool_tolerance import SeamOptions, SeamWaypoint, ToolTolerance
 from planning.tool_paths.seams.nodes import COARSE, nodes, sample_deviations
 from planning.tool_paths.seams.path import pack_tolerance, seam_places, seam_runs
+from planning.tool_paths.seams.search import Layers, Steps, Ways, layer_kernel, project_kernel
 from tests.planning.scenes import HOME
 
 JUMP, CALM = 0.9, 0.2

@@ -7,8 +7,7 @@ import pytest
 
 from kinematics.errors import InvalidGoal
 from kinematics.pose import from_axis_angle, transform
-from planning.tool_motions.seam_options import SeamOptions, SeamWaypoint
-from planning.tool_motions.tool_tolerance import ToolTolerance
+from planning.tool_motions.tool_tolerance import SeamOptions, SeamWaypoint, ToolTolerance
 from planning.tool_paths.seams.path import FLAT_CORNER, pack_tolerance, seam_places, seam_runs
 
 EXACT = ToolTolerance.of({})

@@ -17,8 +17,13 @@ from planning.pipeline.pipeline import plan
 from planning.problem import PoseGoal, Problem
 from planning.result import Failure, Plan
 from planning.timing.options import TimingOptions
-from planning.tool_motions.seam_options import SeamOptions, SeamWaypoint, StraightOffset
-from planning.tool_motions.tool_tolerance import Axis, ToolTolerance
+from planning.tool_motions.tool_tolerance import (
+    Axis,
+    SeamOptions,
+    SeamWaypoint,
+    StraightOffset,
+    ToolTolerance,
+)
 from tests.planning.pinocchio_panda import PinocchioPanda
 from tests.planning.scenes import HOME, box, builtin
 

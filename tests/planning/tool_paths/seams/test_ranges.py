@@ -6,10 +6,9 @@ import numpy as np
 import pytest
 
 from kinematics.pose import transform
-from planning.tool_motions.seam_options import SeamOptions, SeamWaypoint
-from planning.tool_motions.tool_tolerance import Axis, ToolTolerance
+from planning.tool_motions.tool_tolerance import Axis, SeamOptions, SeamWaypoint, ToolTolerance
+from planning.tool_paths.seams.following import is_within_at_own_places, with_fewer_ranges
 from planning.tool_paths.seams.path import SeamPlaces, seam_places, seam_runs
-from planning.tool_paths.seams.ranges import is_within_at_own_places, with_fewer_ranges
 
 DOWN = np.diag([1.0, -1.0, -1.0])
 HAIR = 1e-4

@@ -14,8 +14,7 @@ from planning.options import CartesianOptions, Options
 from planning.pipeline.pipeline import plan
 from planning.problem import PoseGoal, Problem
 from planning.result import Failure, Plan
-from planning.tool_motions.seam_options import SeamOptions, SeamWaypoint
-from planning.tool_motions.tool_tolerance import ToolTolerance
+from planning.tool_motions.tool_tolerance import SeamOptions, SeamWaypoint, ToolTolerance
 
 #: A seam over a ball, of 1 m: of its last 5 mm a tilt of nearly all 15 degrees is all that is left.
 _NUMBER = 38

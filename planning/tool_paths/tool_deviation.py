@@ -43,8 +43,8 @@ from planning.tool_motions.tool_motion import (
     SWEEP,
     TURN,
 )
-from planning.tool_paths.deviation.corner_deviation import corner_kernel
-from planning.tool_paths.deviation.nominal import (
+from planning.tool_motions.tool_path import ToolRun
+from planning.tool_paths.corner_deviation import (
     CELL_ACCELERATION,
     CELL_ANGLE,
     CELL_ANGULAR,
@@ -57,11 +57,14 @@ from planning.tool_paths.deviation.nominal import (
     CELL_POSITION_BOUND,
     CELL_SIZE,
     angle_between,
+    corner_kernel,
     farthest,
     nominal_kernel,
     norm,
 )
 
+#: Places of pieces and motions that differ by less are the same.
+_SAME_PLACE = 1e-12
 #: A bound is sharp that is at most this much above what was found, or below this share of what is
 #: allowed.
 _SHARP = 1.25
@@ -72,6 +75,43 @@ _TYPE = 0
 _REVOLUTE = float(JointType.REVOLUTE)
 #: Halvings of a piece; a cell of a millionth of a second has told all there is.
 _MAX_DEPTH = 40
+
+
+def pieces_within(
+    chain: Chain,
+    run: ToolRun,
+    places: Array,
+    breaks: Array,
+    coefficients: Array,
+    tolerances: tuple[float, float],
+) -> NDArray[np.bool_]:
+    """Whether the tool is proved to keep to a run on each piece of a piecewise polynomial.
+
+    Args:
+        chain: The robot; its tip is the tool.
+        run: The motions.
+        places: Of the run at the ends of the pieces, those where its motions meet among them,
+            shape (m + 1,).
+        breaks: Ends of the pieces in their own parameter, shape (m + 1,).
+        coefficients: Shape (m, n, k), ascending.
+        tolerances: Deviations allowed [m], [rad]; infinite where it is free.
+
+    Returns:
+        Shape (m,).
+    """
+    within = np.zeros(len(breaks) - 1, dtype=np.bool_)
+    for part in run.parts:
+        first = int(np.searchsorted(places, part.begin - _SAME_PLACE))
+        last = int(np.searchsorted(places[:-1], part.end - _SAME_PLACE))
+        if first < last:
+            _, within[first:last], _ = piece_deviations(
+                chain,
+                breaks[first : last + 1],
+                coefficients[first:last],
+                part.motion,
+                tolerances,
+            )
+    return within
 
 
 def piece_deviations(

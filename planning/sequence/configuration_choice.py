@@ -5,35 +5,111 @@ other configurations of that target are planned to: all other choices stay as th
 first that makes the motions beside it at most a fifth longer takes its place.
 """
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from itertools import count
 from typing import NamedTuple
 
 import numpy as np
 
 from kinematics.arrays import Array
-from planning.goal_choice.goal_order import MAX_LONGER, is_at_limit
+from kinematics.model.chain import Chain
+from obstacles.collision.checker import Checker
+from planning.goal_choice.chosen_configuration import chosen_configuration
+from planning.preflight.goal_order import (
+    FAR_FROM_OBSTACLES,
+    MAX_LONGER,
+    clearance_lacks,
+    is_at_limit,
+    limit_nearness,
+    manipulability_lacks,
+    turn_counts,
+)
 from planning.preflight.goals import configurations_off_limits
-from planning.result import Failure
-from planning.sequence.configuration_costs import rests_at_limit
+from planning.result import ChosenConfiguration, Failure
 from planning.sequence.estimate import travel_times
-from planning.sequence.motion import LineStopped
-from planning.sequence.node import Node, child_node, onward_steps
+from planning.sequence.node import Child, Node, OwnCosts, TargetFinder, child_node, onward_steps
 from planning.sequence.result import StagePlan, total_duration
 from planning.sequence.stage import Move
-from planning.sequence.step import Step, plan_step
-from planning.sequence.target import Target
-from planning.sequence.target_finder import TargetFinder
-from planning.sequence.task import Task
+from planning.sequence.step import LineStopped, Step, plan_step
+from planning.sequence.target import Candidates, Target
+from planning.sequence.task import Segment, Task
 from planning.sequence.via_blending import pass_ends
-from planning.sequence.world import Cells
+from planning.sequence.world import Cell, Cells
 from planning.values.deadline import Deadline
-from planning.values.goal_costs import GoalCosts
+from planning.values.goal_costs import GoalCosts, time_weight
 
 #: Configurations at most that motions are planned to in place of one at a limit.
 _MAX_PLANNED = 6
 #: Edges that the search for a way to another configuration may look at.
 _MAX_EDGES = 2000
+
+
+class ConfigurationCosts:
+    """Costs of the configurations of a search.
+
+    Args:
+        weights: Of the costs.
+    """
+
+    def __init__(self, weights: GoalCosts) -> None:
+        self.weights = weights
+        self._scale = 1.0 / time_weight(weights)
+        self._known: dict[int, tuple[Candidates, OwnCosts]] = {}
+        self._clearances: dict[tuple[int, bytes], float] = {}
+
+    def of(self, chain: Chain, candidates: Candidates, start: Array) -> OwnCosts | None:
+        """Costs that need no look at the surroundings; None where no target is a pose.
+
+        Args:
+            chain: The robot with what it holds.
+            candidates: Valid configurations of a stage's targets.
+            start: Where the motion to them begins, shape (n,).
+        """
+        if all(target.T is None for target in candidates.targets):
+            return None
+        known = self._known.get(id(candidates))
+        if known is None:
+            known = self._known[id(candidates)] = candidates, self._own(chain, candidates)
+        own, weights = known[1], self.weights
+        turns = weights.turns * turn_counts(chain, start, candidates.joints)
+        return OwnCosts(own.seconds + self._scale * turns, own.at_limit)
+
+    def _own(self, chain: Chain, candidates: Candidates) -> OwnCosts:
+        joints, weights = candidates.joints, self.weights
+        seconds = self._scale * (
+            weights.joint_limits * limit_nearness(chain, joints)
+            + weights.manipulability * manipulability_lacks(chain, joints)
+        )
+        posed = np.array([target.T is not None for target in candidates.targets])
+        return OwnCosts(seconds, posed & is_at_limit(chain, joints))
+
+    def of_clearance(self, cell: Cell, child: Child) -> float:
+        """Cost of the clearance of a configuration in its surroundings."""
+        if child.target.T is None or not self.weights.clearance:
+            return 0.0
+        clearance = self.clearance(cell.checker, child.joints)
+        lack = clearance_lacks(np.array([clearance]))[0]
+        return float(self._scale * self.weights.clearance * lack)
+
+    def clearance(self, checker: Checker, q: Array) -> float:
+        """Clearance of a configuration (n,), 5 cm where it is that or more [m]."""
+        key = id(checker), q.tobytes()
+        if key not in self._clearances:
+            spacious = Checker(checker.model, FAR_FROM_OBSTACLES).valid(q)
+            least = FAR_FROM_OBSTACLES if spacious else checker.clearance(q)[0]
+            self._clearances[key] = float(least)
+        return self._clearances[key]
+
+
+def rests_at_limit(chain: Chain, node: Node) -> bool:
+    """Whether the arm rests at a joint limit where the choice of a node has it rest.
+
+    What is asked for as joints is no choice.
+    """
+    if node.target is None or node.target.T is None:
+        return False
+    moves = [step.end for step in (*node.steps, *node.onward) if step.motion != "none"]
+    return bool(is_at_limit(chain, np.array([node.joints, *moves])).any())
 
 
 class Replacement(NamedTuple):
@@ -218,3 +294,69 @@ def _is_same(step: Step, known: Step) -> bool:
     same = np.array_equal(step.start, known.start) and np.array_equal(step.end, known.end)
     worlds = step.world.key == known.world.key and step.after.key == known.after.key
     return same and worlds and step.allowed == known.allowed
+
+
+def with_configurations(
+    task: Task,
+    finder: TargetFinder,
+    costs: ConfigurationCosts,
+    leaf: Node,
+    stages: tuple[StagePlan, ...],
+    replaced: dict[int, Replacement],
+    deadline: Deadline,
+) -> tuple[StagePlan, ...]:
+    """The plans of a combination, those of poses with the configuration that was chosen.
+
+    Args:
+        task: The stages.
+        finder: Knows the configurations of all targets.
+        costs: What they cost.
+        leaf: The last node of the combination.
+        stages: Its plans, in order.
+        replaced: What took the place of a configuration at a limit, by the number of its stage.
+        deadline: The end of everything.
+    """
+    chosen: dict[int, ChosenConfiguration] = {}
+    for node, segment in zip(leaf.path[1:], task.segments, strict=False):
+        if node.target is None or node.target.T is None or segment.target is None:
+            continue
+        chosen[segment.target] = _configuration(
+            task, finder, costs, node, segment, replaced.get(segment.target), deadline
+        )
+    return tuple(
+        replace(stage, configuration=chosen[stage.index]) if stage.index in chosen else stage
+        for stage in stages
+    )
+
+
+def _configuration(
+    task: Task,
+    finder: TargetFinder,
+    costs: ConfigurationCosts,
+    node: Node,
+    segment: Segment,
+    replacement: Replacement | None,
+    deadline: Deadline,
+) -> ChosenConfiguration:
+    parent, k = node.parent, segment.target
+    assert parent is not None
+    assert parent.onward_world is not None
+    assert parent.onward_joints is not None
+    assert k is not None
+    assert segment.free is not None
+    world = parent.onward_world.after_motion(free=True)
+    rows = [
+        finder.find(k, world, batch, parent.history, deadline).joints
+        for batch in range(parent.batches or 1)
+    ]
+    found = np.concatenate(rows)
+    if not (found == node.joints).all(axis=1).any():
+        found = np.concatenate([found, node.joints[None]])  # It took the place of one at a limit.
+    chain, options = world.robot.chain, task.stages[segment.free].settings.options
+    begin = parent.onward_joints
+    return chosen_configuration(
+        chain, found, node.joints, begin,
+        travel_times(chain, begin, found, options),
+        costs.clearance(finder.cell(k, world).checker, node.joints),
+        costs.weights, replacement,
+    )  # fmt: skip

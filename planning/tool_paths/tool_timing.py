@@ -1,8 +1,10 @@
 """Timing of joint paths that lead the tool, from rest to rest along every motion."""
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from types import MappingProxyType
+from typing import Literal
 
 import numpy as np
 
@@ -11,20 +13,29 @@ from kinematics.jacobian import geometric
 from kinematics.model.chain import Chain
 from kinematics.trajectory.trajectory import Trajectory, concatenate, stay
 from planning.result import SpeedLimit, ToolMotionReport
-from planning.timing.jerk.steady_speed import time_at_steady_speed
-from planning.timing.parametrization import TimeParametrization
+from planning.timing.jerk.steady_speed import speed_caps, time_at_steady_speed
+from planning.timing.parametrization import WORTH, TimeParametrization
 from planning.timing.path.path import JointPath
+from planning.timing.spline.quintic_fit import fit_quintic
 from planning.timing.time_scaling import ScaledTime
 from planning.tool_motions.passing_times import passing_times
 from planning.tool_motions.timed_tool_motions import SpeedBand, TimedToolMotions
 from planning.tool_motions.tool_motion import ToolMotion
-from planning.tool_motions.tool_path import ToolPath
-from planning.tool_motions.tool_run import RunPart, ToolRun, run_of
-from planning.tool_paths.deviation.run_deviation import pieces_within
-from planning.tool_paths.timing.tool_speed_limits import speed_limits
-from planning.tool_paths.timing.tool_spline import spline_near
+from planning.tool_motions.tool_path import RunPart, Tolerances, ToolPath, ToolRun, run_of
+from planning.tool_paths.tool_deviation import piece_deviations, pieces_within
 from planning.values.limits import MotionLimits
 
+#: Spans for each second that are tried in turn [1/s], and spans at least.
+_SPANS = ((12.0, 10), (16.0, 13), (24.0, 17))
+#: A spline that takes longer than the motion by this factor is only taken if no other is faster.
+_FAST = 1.05
+#: Of the deviation allowed, what a spline may use: the rest is for the proof's bounds.
+_SHARE = 0.5
+_QUANTITIES: tuple[Literal["velocity", "acceleration", "jerk"], ...] = (
+    "velocity", "acceleration", "jerk",
+)  # fmt: skip
+#: A limit that allows this part of the speed asked for is none.
+_KEPT = 0.99
 #: How often a spline of time is given twice as many waypoints to keep nearer to its motion.
 _MAX_DOUBLINGS = 6
 #: Looks at the tool's speed on each piece of a path, and on a whole motion.
@@ -301,3 +312,94 @@ def _share_in_band(chain: Chain, motion: Trajectory, low: float) -> float:
     speeds = np.linalg.norm(np.einsum("kij,kj->ki", J, motion.sample(times, 1)), axis=1)
     total = float(speeds.sum())
     return float(speeds[speeds >= low].sum()) / total if total > 0.0 else 1.0
+
+
+def speed_limits(
+    joint_names: Sequence[str],
+    path: JointPath,
+    parts: Sequence[RunPart],
+    length: float,
+    speed: float,
+    parametrization: TimeParametrization,
+) -> list[SpeedLimit | None]:
+    """The limit of each part of a run that is farthest below the speed asked for.
+
+    Args:
+        joint_names: n names.
+        path: The joint path of the run, by its place.
+        parts: Of the run, as far as the path goes.
+        length: Of the whole run [m].
+        speed: What is asked for [m/s].
+        parametrization: The limits.
+
+    Returns:
+        One for each part; None where the joints allow the speed all along it.
+    """
+    jerk = parametrization.jerk
+    limits = np.stack(
+        [
+            parametrization.velocity,
+            parametrization.acceleration,
+            np.full(path.n, np.inf) if jerk is None else jerk,
+        ]
+    )
+    caps = length * (speed_caps(path, limits, 1.0) if jerk is None else speed_caps(path, limits))
+    breaks, found = path.breaks, list[SpeedLimit | None]()
+    for part in parts:
+        inside = (breaks[1:] > part.begin + _SAME_PLACE) & (breaks[:-1] < part.end - _SAME_PLACE)
+        own = caps[inside]
+        if not len(own) or not own.min() < _KEPT * speed:
+            found.append(None)
+            continue
+        _, quantity, joint = np.unravel_index(int(np.argmin(own)), own.shape)
+        name = _QUANTITIES[int(quantity)]
+        found.append(SpeedLimit(float(own.min()), joint_names[int(joint)], name))
+    return found
+
+
+def spline_near(
+    chain: Chain,
+    run: ToolRun,
+    timed: ScaledTime,
+    tolerances: Tolerances,
+    parametrization: TimeParametrization,
+) -> ScaledTime:
+    """The spline of fewest pieces near a motion along a run; the motion itself where none will do.
+
+    Whether the tool keeps near enough is seen here for a run of one motion, and by the proof for
+    all; whether the spline is free of collisions by the proof alone.
+
+    Args:
+        chain: The robot; its tip is the tool.
+        run: What the tool follows.
+        timed: The motion, from rest to rest.
+        tolerances: Deviations allowed.
+        parametrization: The limits.
+    """
+    motion = timed.trajectory
+    if parametrization.loads is not None or run.tolerances or run.tool_speeds:
+        return timed
+    allowed = (_SHARE * tolerances.pair[0], _SHARE * tolerances.pair[1])
+    best = timed
+    for rate, least in _SPANS:
+        count = max(least, math.ceil(rate * motion.duration))
+        if count >= len(motion.breaks) - 1:
+            break
+        spline = fit_quintic(
+            motion, motion.joint_names, parametrization.jerk_bounds, count, count / motion.duration
+        )
+        found = spline.trajectory
+        longer = found.duration / motion.duration
+        if longer > WORTH or (best is not timed and longer > _FAST):
+            continue
+        if len(run.motions) == 1:
+            _, within, _ = piece_deviations(
+                chain, found.breaks, found.coefficients, run.motions[0], allowed
+            )
+            if not np.all(within):
+                continue
+        if best is timed or found.duration < best.trajectory.duration:
+            best = spline
+        if longer <= _FAST:
+            break
+    return best

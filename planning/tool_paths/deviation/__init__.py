@@ -1,1 +1,0 @@
-"""Bounds of the deviation of the tool from its motion."""

@@ -1,1 +1,0 @@
-"""Timing of joint paths that lead the tool."""
