@@ -17,18 +17,27 @@ from kinematics.forward import forward
 from kinematics.jacobian import geometric
 from kinematics.model.chain import Chain, JointType
 from kinematics.pose import rotation_error
+from planning.timing.rest_to_rest import motion_times
 from planning.values.goal_costs import GoalCosts
 
 #: Share of a joint's range from a limit below which a configuration is at the limit [-].
 NEAR_LIMIT = 0.02
 #: A configuration at a limit is left out where another takes at most this many times its time.
 MAX_LONGER = 1.2
+#: Share of a joint's range from a limit beyond which the limit costs nothing [-].
+_FAR_FROM_LIMIT = 0.15
 #: Clearance beyond which clearance costs nothing [m].
 FAR_FROM_OBSTACLES = 0.05
 #: A move is small in which no joint turns further [rad or m], or of the tool no further [m], [rad].
 _SMALL, _SMALL_WAY, _SMALL_TURN = 0.5, 0.05, 0.25
 #: A small move may take this many times the time of the quickest and stay in its branch.
 MAX_LONGER_IN_BRANCH = 1.2
+#: Configurations that cost at most this many times the least count as equally good.
+_ALIKE = 1.25
+#: Configurations at most that plans of their own are made to.
+_MAX_PLANNED = 6
+#: A motion ends in a configuration that differs by no more than this in a joint [rad or m].
+_SAME = 1e-9
 
 
 def order_goals(
@@ -65,8 +74,7 @@ def order_goals(
     quickest = float(times[inside].min()) if inside.any() else np.inf
     avoided = ~inside & (quickest <= MAX_LONGER * times)
     order = np.lexsort((total, avoided))
-    # Configurations that cost at most this many times the least count as equally good.
-    alike = ~avoided & (total <= 1.25 * total[order[0]])
+    alike = ~avoided & (total <= _ALIKE * total[order[0]])
     stays = own_branch(chain, start, joints, times)
     if stays is not None and not avoided[stays]:
         others = [k for k in order if k != stays]
@@ -123,14 +131,12 @@ def ends_off_limits(
     if not goals or limit_shares(chain, last[None])[0] >= NEAR_LIMIT:
         return []
     joints = np.array(goals)
-    # A motion ends in a configuration that differs by no more than this in a joint [rad or m].
-    if np.abs(joints - last).max(axis=1).min() > 1e-9:
+    if np.abs(joints - last).max(axis=1).min() > _SAME:
         return []
     times, shares = motion_times(chain, start, joints, limits), limit_shares(chain, joints)
     order = np.argsort(times, kind="stable")
     worth = (shares >= NEAR_LIMIT) & (times <= MAX_LONGER * duration)
-    # Configurations at most that plans of their own are made to.
-    return [goals[k] for k in order if worth[k]][:6]
+    return [goals[k] for k in order if worth[k]][:_MAX_PLANNED]
 
 
 def motion_costs(chain: Chain, start: Array, goals: Array, costs: GoalCosts) -> Array:
@@ -147,8 +153,7 @@ def motion_costs(chain: Chain, start: Array, goals: Array, costs: GoalCosts) -> 
 
 def limit_nearness(chain: Chain, joints: Array) -> Array:
     """Nearness of configurations (k, n) to a joint limit: 1 at it, 0 from 15 % of the range."""
-    # Share of a joint's range from a limit beyond which the limit costs nothing [-].
-    return np.asarray(np.clip(1.0 - limit_shares(chain, joints) / 0.15, 0.0, 1.0))
+    return np.asarray(np.clip(1.0 - limit_shares(chain, joints) / _FAR_FROM_LIMIT, 0.0, 1.0))
 
 
 def turn_counts(chain: Chain, start: Array, goals: Array) -> Array:
@@ -160,30 +165,6 @@ def turn_counts(chain: Chain, start: Array, goals: Array) -> Array:
 def clearance_lacks(clearances: Array) -> Array:
     """Nearness of obstacles at clearances (k,) [m]: 1 in contact, 0 from 5 cm."""
     return np.asarray(np.clip(1.0 - clearances / FAR_FROM_OBSTACLES, 0.0, 1.0))
-
-
-def motion_times(
-    chain: Chain, start: Array, goals: Array, limits: tuple[Array, Array] | None = None
-) -> Array:
-    """Least times of the slowest joint from rest to rest, to configurations (k, n), (k,) [s].
-
-    A joint that goes d takes d/v + v/a, or 2 sqrt(d/a) where it does not get to its speed v.
-
-    Args:
-        chain: The robot.
-        start: Shape (n,) [rad or m].
-        goals: Shape (k, n) [rad or m].
-        limits: Of velocity and acceleration (n,), in place of the robot's.
-    """
-    d = np.abs(goals - start)
-    v, a = limits or (chain.limits.velocity, chain.limits.acceleration)
-    # Speed of a joint whose limit is not known [rad/s or m/s].
-    v = np.where(np.isfinite(v) & (v > 0.0), v, 1.0)
-    a = np.where(np.isfinite(a) & (a > 0.0), a, np.inf)
-    with np.errstate(invalid="ignore"):
-        ramp = np.where(np.isinf(a), 0.0, v / a)
-        quick = np.where(np.isinf(a), 0.0, 2.0 * np.sqrt(d / a))
-    return np.asarray(np.where(d >= v * ramp, d / v + ramp, quick).max(axis=1, initial=0.0))
 
 
 def limit_shares(chain: Chain, joints: Array) -> Array:

@@ -26,15 +26,15 @@ from planning.preflight.goal_order import (
 )
 from planning.preflight.goals import configurations_off_limits
 from planning.result import ChosenConfiguration, Failure
-from planning.sequence.estimate import travel_times
 from planning.sequence.node import Child, Node, OwnCosts, TargetFinder, child_node, onward_steps
 from planning.sequence.result import StagePlan, total_duration
 from planning.sequence.stage import Move
-from planning.sequence.step import LineStopped, Step, plan_step
+from planning.sequence.step import LineStopped, Step, plan_step, scaled_limits
 from planning.sequence.target import Candidates, Target
 from planning.sequence.task import Segment, Task
 from planning.sequence.via_blending import pass_ends
 from planning.sequence.world import Cell, Cells
+from planning.timing.rest_to_rest import motion_times
 from planning.values.deadline import Deadline
 from planning.values.goal_costs import GoalCosts, time_weight
 
@@ -239,9 +239,10 @@ class OffLimits:
         if not found:
             return []
         joints = np.array([q for _, q in found])
-        times = travel_times(chain, begin, joints, options)
+        limits = scaled_limits(chain, options)
+        times = motion_times(chain, begin, joints, limits)
         if depth + 1 < len(path) and path[depth + 1].steps:
-            times = times + travel_times(chain, path[depth + 1].steps[0].end, joints, options)
+            times = times + motion_times(chain, path[depth + 1].steps[0].end, joints, limits)
         return [found[i] for i in np.argsort(times, kind="stable")]
 
     def _with(self, depth: int, target: Target, q: Array) -> Node | None:
@@ -356,7 +357,7 @@ def _configuration(
     begin = parent.onward_joints
     return chosen_configuration(
         chain, found, node.joints, begin,
-        travel_times(chain, begin, found, options),
+        motion_times(chain, begin, found, scaled_limits(chain, options)),
         costs.clearance(finder.cell(k, world).checker, node.joints),
         costs.weights, replacement,
     )  # fmt: skip

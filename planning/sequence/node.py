@@ -11,9 +11,8 @@ from numpy.typing import NDArray
 from kinematics.arrays import Array
 from obstacles.robots.allowed_pairs import contacts_of, sorted_pair
 from obstacles.scenes.scene import AllowedContact
-from planning.goal_choice.goal_order import MAX_LONGER
 from planning.options import Options
-from planning.sequence.estimate import travel_times
+from planning.preflight.goal_order import MAX_LONGER
 from planning.sequence.stage import (
     Attach,
     Detach,
@@ -31,6 +30,7 @@ from planning.sequence.step import (
     lead_straight,
     least_passing,
     least_travel,
+    scaled_limits,
     still_time,
 )
 from planning.sequence.target import (
@@ -42,6 +42,7 @@ from planning.sequence.target import (
 )
 from planning.sequence.task import Segment, Task
 from planning.sequence.world import Cell, Cells, World
+from planning.timing.rest_to_rest import motion_times
 from planning.values.deadline import Deadline
 
 #: A configuration whose target failed once counts as this much longer [s].
@@ -199,7 +200,9 @@ class Node:
         if not len(joints):
             return
         assert self.onward_joints is not None
-        times = travel_times(self.world.robot.chain, self.onward_joints, joints, options)
+        chain = self.world.robot.chain
+        limits = scaled_limits(chain, options)
+        times = motion_times(chain, self.onward_joints, joints, limits)
         own = np.zeros(len(joints))
         if costs is not None:
             own = costs.seconds

@@ -24,7 +24,6 @@ from planning.problem import JointGoal, Problem
 from planning.proof.certificate import Certificate, certify
 from planning.proof.gripper import certify_gripper
 from planning.result import Attempt, Failure, Plan
-from planning.sequence.estimate import passing_time, travel_times
 from planning.sequence.result import StagePlan
 from planning.sequence.stage import (
     Gripper,
@@ -38,6 +37,7 @@ from planning.sequence.stage import (
 )
 from planning.sequence.world import Cell, Cells, World
 from planning.timing.path.path import JointPath
+from planning.timing.rest_to_rest import motion_times, passing_time
 from planning.tool_motions.tool_motion import ToolMotion, line
 from planning.tool_motions.tool_path import Stop, Tolerances, ToolPath, ToolSegment
 from planning.tool_paths.tool_following import lead_tool
@@ -307,8 +307,17 @@ def still_time(stage: Stage) -> float:
 
 def least_travel(world: World, stage: Stage, start: Array, end: Array) -> float:
     """Least time between two configurations (n,) with the limits of a stage [s]."""
-    ends = np.atleast_2d(end)
-    return float(travel_times(world.robot.chain, start, ends, stage.settings.options)[0])
+    chain = world.robot.chain
+    limits = scaled_limits(chain, stage.settings.options)
+    return float(motion_times(chain, start, end[None], limits)[0])
+
+
+def scaled_limits(chain: Chain, options: Options) -> tuple[Array, Array]:
+    """Limits of velocity and acceleration that a motion may use, each of shape (n,)."""
+    limits, given, timing = chain.limits, options.limits, options.timing
+    velocity = np.asarray(given.get("velocity", limits.velocity), dtype=np.float64)
+    acceleration = np.asarray(given.get("acceleration", limits.acceleration), dtype=np.float64)
+    return velocity * timing.velocity_scaling, acceleration * timing.acceleration_scaling
 
 
 def least_passing(
@@ -326,7 +335,8 @@ def least_passing(
     if all(blend is None for blend in around):
         return None
     slack = sum(blend or 0.0 for blend in around)
-    return passing_time(world.robot.chain, *ends, stages[k].settings.options, slack)
+    velocity, _ = scaled_limits(world.robot.chain, stages[k].settings.options)
+    return passing_time(*ends, velocity, slack)
 
 
 def plan_step(

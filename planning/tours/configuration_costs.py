@@ -21,7 +21,7 @@ from planning.goal_choice.goal_order import (
     manipulability_lacks,
     turn_counts,
 )
-from planning.tours.rest_to_rest import Times
+from planning.timing.rest_to_rest import Times
 from planning.values.goal_costs import GoalCosts, time_weight
 
 

@@ -15,9 +15,9 @@ from planning.problem import JointGoal, Problem
 from planning.proof.certificate import certify
 from planning.result import Failure
 from planning.timing.parametrization import TimeParametrization
+from planning.timing.rest_to_rest import Times, rest_to_rest_kernel
 from planning.tours.configuration_costs import VisitCosts
 from planning.tours.problem import TourProblem
-from planning.tours.rest_to_rest import Times, rest_to_rest_kernel
 from planning.tours.result import Leg
 from planning.values.deadline import Deadline
 

@@ -11,7 +11,7 @@ import numpy as np
 
 from compiled.kernel import kernel
 from kinematics.arrays import Array, Indices
-from planning.tours.rest_to_rest import Times
+from planning.timing.rest_to_rest import Times
 from planning.values.deadline import Deadline
 
 #: Rounds without a better bound after which steps are halved.

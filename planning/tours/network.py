@@ -5,7 +5,7 @@ from typing import NamedTuple
 import numpy as np
 
 from kinematics.arrays import Array, Indices
-from planning.tours.rest_to_rest import Times
+from planning.timing.rest_to_rest import Times
 
 
 class Network(NamedTuple):

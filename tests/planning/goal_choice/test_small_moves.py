@@ -7,11 +7,12 @@ import pytest
 from kinematics.robots import builtin_chain, builtin_urdf
 from obstacles.collision.checker import Checker
 from obstacles.scenes.scene import Scene
-from planning.goal_choice.goal_order import MAX_LONGER_IN_BRANCH, motion_times
 from planning.options import Options
 from planning.pipeline.pipeline import plan
+from planning.preflight.goal_order import MAX_LONGER_IN_BRANCH
 from planning.problem import PoseGoal, Problem
 from planning.result import Plan
+from planning.timing.rest_to_rest import motion_times
 from tests.planning.scenes import builtin
 
 #: A joint that makes each arm singular at 0, and the share of starts drawn near that.

@@ -5,13 +5,13 @@ import pytest
 
 from obstacles.scenes.scene import AllowedContact
 from planning.options import Options
-from planning.sequence.estimate import travel_times
 from planning.sequence.node import Node, contact_pairs, next_place, onward_steps
 from planning.sequence.stage import Attach, Detach, Grasp, Move, Place, Straight, Wait
 from planning.sequence.step import LineStopped, Step
 from planning.sequence.target import Target
 from planning.sequence.task import Task
 from planning.sequence.world import Cells, Contact
+from planning.timing.rest_to_rest import motion_times
 from planning.values.deadline import Deadline
 from tests.planning.sequence import crate
 
@@ -64,7 +64,7 @@ def test_what_is_quickest_to_reach_is_tried_first_and_few_of_each_target() -> No
     assert numbers == [0, 1, 0, 1]
     np.testing.assert_allclose(angles, [-0.1, 0.3, 0.5, 0.6])
     ends = np.array([crate.HOME + np.array([a, 0, 0, 0, 0, 0, 0]) for a in angles])
-    np.testing.assert_allclose(times, travel_times(crate.panda().chain, crate.HOME, ends))
+    np.testing.assert_allclose(times, motion_times(crate.panda().chain, crate.HOME, ends))
 
 
 def test_a_target_that_failed_comes_after_others_once() -> None:

@@ -8,11 +8,12 @@ import armwright as aw
 from kinematics.forward import forward
 from planning.options import Options
 from planning.problem import JointGoal, PoseGoal
-from planning.sequence.estimate import travel_times
 from planning.sequence.result import SequenceFailure, SequencePlan, TaskOptions
 from planning.sequence.search import plan_task
 from planning.sequence.stage import Detach, Grasp, Gripper, Move, StageSettings, Straight, Wait
+from planning.sequence.step import scaled_limits
 from planning.sequence.task import Task
+from planning.timing.rest_to_rest import motion_times
 from tests.planning.sequence import crate
 
 TIME = TaskOptions(30.0)
@@ -236,6 +237,7 @@ def test_raised_limits_of_a_stage_raise_what_counts_as_its_least_time() -> None:
     assert isinstance(answer, SequencePlan)
     assert answer.exhausted
     assert answer.stages[0].target == 1
-    (least,) = travel_times(crate.panda().chain, crate.HOME, goals[1].joints[None], quick.options)
-    (slowly,) = travel_times(crate.panda().chain, crate.HOME, goals[1].joints[None])
+    chain, end = crate.panda().chain, goals[1].joints[None]
+    (least,) = motion_times(chain, crate.HOME, end, scaled_limits(chain, quick.options))
+    (slowly,) = motion_times(chain, crate.HOME, end)
     assert least <= answer.stages[0].trajectory.duration < slowly

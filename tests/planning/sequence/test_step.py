@@ -9,11 +9,18 @@ import pytest
 from kinematics.trajectory.trajectory import REST
 from planning.options import Options
 from planning.result import Failure
-from planning.sequence.estimate import passing_time, travel_times
 from planning.sequence.result import StagePlan
 from planning.sequence.stage import Detach, Gripper, Move, StageSettings, Wait
-from planning.sequence.step import Step, least_passing, least_travel, plan_step, still_time
+from planning.sequence.step import (
+    Step,
+    least_passing,
+    least_travel,
+    plan_step,
+    scaled_limits,
+    still_time,
+)
 from planning.sequence.world import Cells
+from planning.timing.rest_to_rest import motion_times, passing_time
 from planning.values.deadline import Deadline
 from tests.planning.sequence import crate
 
@@ -42,7 +49,8 @@ def test_least_times_are_those_of_the_slowest_joint_with_the_limits_of_the_stage
     world, chain = crate.world(), crate.panda().chain
     for settings in (StageSettings(), slow):
         least = least_travel(world, Move(settings=settings), crate.HOME, THERE)
-        (expected,) = travel_times(chain, crate.HOME, THERE[None], settings.options)
+        limits = scaled_limits(chain, settings.options)
+        (expected,) = motion_times(chain, crate.HOME, THERE[None], limits)
         assert least == expected
     assert least_travel(world, Move(settings=slow), crate.HOME, THERE) > 5.0
 
@@ -55,7 +63,7 @@ def test_a_stage_beside_a_passed_end_has_a_bound_without_rests() -> None:
     slacks = {(0, 0): 0.1, (0, 1): 0.1, (1, 1): 0.2, (1, 2): 0.1}
     for (kind, k), slack in slacks.items():
         stages = ((passed, plain), (passed, passed, plain))[kind]
-        expected = passing_time(chain, *ends, Options(), slack)
+        expected = passing_time(*ends, chain.limits.velocity, slack)
         assert least_passing(world, stages, k, ends) == pytest.approx(expected)
         assert expected < least_travel(world, plain, *ends)
     step = _free(passes=True, bound=0.1)

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from kinematics.arrays import Indices
+from planning.timing.rest_to_rest import Times
 from planning.tours.local_search import (
     choose_configurations,
     enqueue,
@@ -17,7 +18,6 @@ from planning.tours.local_search import (
 from planning.tours.lower_bound import lower_bound
 from planning.tours.network import Network, make_network, tour_state
 from planning.tours.problem import group_numbers, precedence_table
-from planning.tours.rest_to_rest import Times
 
 GOALS, BRANCHES = 6, 3
 
