@@ -17,8 +17,6 @@ from planning.exports.options import ExportFormat, ExportOptions
 from planning.exports.points import ExportPoints, single_degrees
 
 _COLUMNS = ("position", "velocity", "acceleration")
-#: How late the arm may be at the goal of an action [s].
-_GOAL_TIME_TOLERANCE = 1
 _FIELDS = ("positions", "velocities", "accelerations")
 #: Joints of a URScript motion, and of the robot's own axes in RAPID and KRL.
 ROBOT_AXES = 6
@@ -29,14 +27,8 @@ _NO_AXIS = "9E9"
 #: Smoothing of servoj: seconds ahead that it looks, and its proportional gain, Universal Robots'
 #: defaults.
 SERVOJ = "lookahead_time=0.1, gain=300"
-#: RAPID's TCP speed; the speed of joint motions follows from it and from VelSet [mm/s].
-_TCP_SPEED = 1000
-#: Acceleration of movej where no limit of the robot is known [rad/s^2].
-_ACCELERATION = 1.4
 #: How far off a joint may be where no tolerance is proved: a start that is hit [rad].
 _NO_TOLERANCE = 1e-3
-#: Digits of single precision may make a number larger by less, as a share.
-_SINGLE = 1e-6
 _NOT_THERE = "The arm is not at the start of the motion."
 
 
@@ -124,7 +116,8 @@ def goal_yaml(
             "velocity: 0.0, acceleration: 0.0}"
             for name in joint_names
         ]
-    return [*lines, f"goal_time_tolerance: {{sec: {_GOAL_TIME_TOLERANCE}, nanosec: 0}}"]
+    # How late the arm may be at the goal of an action [s].
+    return [*lines, f"goal_time_tolerance: {{sec: {1}, nanosec: 0}}"]
 
 
 def yaml_number(value: float) -> str:
@@ -195,7 +188,8 @@ def movej(
         tolerance: How far off its start each joint may be [rad]; None where none is proved.
     """
     speed = _share(chain.limits.velocity, options.speed, 1.0)
-    acceleration = _share(chain.limits.acceleration, 1.0, _ACCELERATION)
+    # Acceleration of movej where no limit of the robot is known [rad/s^2].
+    acceleration = _share(chain.limits.acceleration, 1.0, 1.4)
     rows = points.positions
     lines = [f"def {options.name}():", *_start_check(rows[0], tolerance)]
     for i, row in enumerate(rows[1:], start=1):
@@ -232,9 +226,9 @@ def rapid(
     lines.append(f"    VelSet {100.0 * min(options.speed, 1.0)!r}, 5000;")
     for i, row in enumerate(rows):
         ends = i in (0, len(rows) - 1)
+        # RAPID's TCP speed; the speed of joint motions follows from it and from VelSet [mm/s].
         lines.append(
-            f"    MoveAbsJ {_joint_target(row)}\\NoEOffs, v{_TCP_SPEED}, "
-            f"{'fine' if ends else zone}, tool0;"
+            f"    MoveAbsJ {_joint_target(row)}\\NoEOffs, v1000, {'fine' if ends else zone}, tool0;"
         )
     return [*lines, "  ENDPROC", "ENDMODULE"]
 
@@ -291,7 +285,8 @@ def _off_start(
     tolerance: float | None,
 ) -> list[str]:  # fmt: skip
     """Conditions of RAPID and KRL that hold where an axis is off its start [degrees]."""
-    degrees = np.rad2deg((tolerance or _NO_TOLERANCE) * (1.0 - _SINGLE))
+    # Digits of single precision may make a number larger by less, as a share.
+    degrees = np.rad2deg((tolerance or _NO_TOLERANCE) * (1.0 - 1e-6))
     most = _single(np.float32(degrees))
     return [
         f"ABS({axis} - ({_single(value)})) > {most}"

@@ -13,12 +13,6 @@ from planning.values.limits import JERK_JUMP
 
 #: Points of one file: at half a kilobyte each, fifty megabytes.
 MAX_POINTS = 100_000
-#: Degree of the polynomials that controllers interpolate by at most.
-_QUINTIC = 5
-#: A point this near to one where two pieces meet gives way to it, a share of the period.
-_SAME_POINT = 0.1
-#: Durations that are off a whole nanosecond by less are off by rounding [ns].
-_ROUNDING = 1e-5
 
 
 class ExportPoints(NamedTuple):
@@ -89,7 +83,8 @@ def _in_whole_nanoseconds(trajectory: Trajectory) -> Trajectory:
     """
     count = trajectory.duration * NANOSECONDS
     nearest = float(max(round(count), 1))
-    whole = nearest if abs(count - nearest) <= _ROUNDING else float(np.ceil(count))
+    # Durations that are off a whole nanosecond by less are off by rounding [ns].
+    whole = nearest if abs(count - nearest) <= 1e-5 else float(np.ceil(count))
     return trajectory if whole == count else trajectory.dilate(whole / count)
 
 
@@ -138,7 +133,8 @@ def _with_breaks(trajectory: Trajectory, times: Array, period: float, rule: Rule
     jump of the acceleration.
     """
     breaks = trajectory.breaks[1:-1]
-    if rule != Rule.QUINTIC or trajectory.coefficients[:, :, _QUINTIC + 1 :].any():
+    # Degree of the polynomials that controllers interpolate by at most.
+    if rule != Rule.QUINTIC or trajectory.coefficients[:, :, 6:].any():
         jumps = np.abs(trajectory.jumps(2)).max(axis=1, initial=0.0) > JERK_JUMP
         breaks = breaks[jumps]
     if not len(breaks):
@@ -146,7 +142,8 @@ def _with_breaks(trajectory: Trajectory, times: Array, period: float, rule: Rule
     after = np.searchsorted(breaks, times[1:-1])
     padded = np.concatenate([[-np.inf], breaks, [np.inf]])
     gaps = np.minimum(times[1:-1] - padded[after], padded[after + 1] - times[1:-1])
-    inner = times[1:-1][gaps > _SAME_POINT * period]
+    # A point this near to one where two pieces meet gives way to it, a share of the period.
+    inner = times[1:-1][gaps > 0.1 * period]
     return np.unique(np.concatenate([times[:1], inner, breaks, times[-1:]]))
 
 

@@ -35,16 +35,10 @@ from planning.values.deadline import Deadline
 
 Choice = Literal["manipulability", "clearance", "limits", "first"]
 CHOICES: tuple[Choice, ...] = get_args(Choice)
-#: Poses with all their deviations that are worked off between two looks at the clock.
-_CHUNK = 2_000
 #: Rounds of the numeric search, each from other starts.
 _ROUNDS = 4
-#: Starts of each round.
-_STARTS = 30
 #: Values of a redundant arm's parameter that are tried.
 _PARAMETERS = 16
-#: How far from the last joint's axis one may turn about another and still turn that joint [m, rad].
-_ON_AXIS = 1e-10
 _PLAN, _ROW = frozen(np.zeros((1, PLAN_COLUMNS))), frozen([0.0])
 #: Values of the types that all arms and settings have.
 _ARM = Arm(_PLAN, _PLAN, 0, _ROW, _ROW)
@@ -179,7 +173,8 @@ def reach(
     query = _query(robot, scene, link, how, deviations)
     results = np.zeros((len(T), assessment.COLUMNS))
     joints = np.full((len(T), chain.n), np.nan)
-    step, completed = max(_CHUNK // len(deviations), 1), 0
+    # Poses with all their deviations that are worked off between two looks at the clock.
+    step, completed = max(2_000 // len(deviations), 1), 0
     while completed < len(T) and not (deadline is not None and deadline.passed):
         part = slice(completed, min(completed + step, len(T)))
         targets = T[part, None] @ deviations
@@ -243,7 +238,9 @@ def _last_turns(arm: Arm, form: Structure, deviations: Array) -> Array:
     T_joint_link = np.vstack([row[1:13].reshape(3, 4), [0.0, 0.0, 0.0, 1.0]])
     M = T_joint_link @ (inverse(deviations[0]) @ deviations) @ inverse(T_joint_link)
     tilt, shift = np.abs(M[:, :3, 2] - [0.0, 0.0, 1.0]).max(), np.abs(M[:, :3, 3]).max()
-    if max(tilt, shift) > _ON_AXIS:
+    # How far from the last joint's axis one may turn about another and still turn that joint [m,
+    # rad].
+    if max(tilt, shift) > 1e-10:
         return np.zeros(0)
     return np.asarray(np.arctan2(M[:, 1, 0], M[:, 0, 0]))
 
@@ -284,10 +281,11 @@ def _by_search(query: _Query, targets: Array, results: Array, joints: Array) -> 
     flat = np.ascontiguousarray(targets.reshape(-1, 4, 4))
     rows = np.zeros((m, s * _ROUNDS, query.chain.n + MORE))
     for k in range(_ROUNDS):
+        # Starts of each round.
         found = numeric.solve_many(
             query.chain,
             flat,
-            numeric.SearchOptions(query.options.seed + k, _STARTS),
+            numeric.SearchOptions(query.options.seed + k, 30),
             link=query.link,
             seed_joints=_start(query.chain, query.options.seed + k),
             threads=query.options.threads,

@@ -40,12 +40,6 @@ from planning.reach.assessment import (
     ones,
 )
 
-#: Branches of a closed form for one value of its parameter at most.
-_ROWS = 16
-#: More branches than there are.
-_ALL = 2**31
-#: Share by which values of the manipulability differ by rounding at most.
-_ROUNDING = 1e-9
 # Columns of the tallies of deviations that turn the last joint.
 _FREE, _SEEN, _OPEN, _CODES = 0, 1, 2, 3
 
@@ -244,7 +238,8 @@ def _may_be_better(
         found = verdict_in(parts.before, work.collision, work.q, best + GAIN, work.asked)
         return found == FREE
     if settings.choice == BY_MANIPULABILITY and best > 0.0:
-        return manipulability(arm, work, work.q) > best * (1.0 - _ROUNDING)
+        # Share by which values of the manipulability differ by rounding at most.
+        return manipulability(arm, work, work.q) > best * (1.0 - 1e-9)
     return True
 
 
@@ -266,13 +261,15 @@ def closed_form_reach_kernel(
         joints: The best configuration of each pose, written where it is reached, shape (m, n).
     """
     n, model = seed.shape[0], parts.whole
-    table = np.empty((_ROWS * values.shape[0], n + MORE))
+    # Branches of a closed form for one value of its parameter at most.
+    table = np.empty((16 * values.shape[0], n + MORE))
     work = _room(model, n, table.shape[0], parts.turns.shape[0])
     for k in range(targets.shape[0]):
         best = -np.inf
         for s in range(targets.shape[1]):
+            # More branches than there are.
             count = branches_kernel(
-                arm, targets[k, s], seed, values, settings.tolerance, _ALL, table
+                arm, targets[k, s], seed, values, settings.tolerance, 2**31, table
             )
             if count > 0:
                 results[k, STATUS] = max(results[k, STATUS], OUTSIDE_LIMITS)

@@ -24,9 +24,6 @@ from planning.timing.options import TimingOptions
 from planning.timing.parametrization import TimingReport
 from planning.values.limits import RATIO_TOLERANCE, position_excess
 
-# A motion counts as straight where it leaves the line by less than this part of its way [-].
-_STRAIGHT = 1e-9
-
 
 def time_states(
     joint_names: Sequence[str],
@@ -130,4 +127,5 @@ def _is_straight(motion: Trajectory, states: tuple[JointState, JointState]) -> b
     times = np.linspace(0.0, motion.duration, 8 * motion.pieces + 1)
     off = motion.sample(times) - states[0].position
     off -= np.outer(off @ direction, direction)
-    return bool(np.linalg.norm(off, axis=1).max() <= _STRAIGHT * length)
+    # A motion counts as straight where it leaves the line by less than this part of its way [-].
+    return bool(np.linalg.norm(off, axis=1).max() <= 1e-9 * length)

@@ -38,11 +38,6 @@ from planning.timing.rest_to_rest import motion_times
 from planning.values.deadline import Deadline
 from planning.values.goal_costs import GoalCosts, time_weight
 
-#: Configurations at most that motions are planned to in place of one at a limit.
-_MAX_PLANNED = 6
-#: Edges that the search for a way to another configuration may look at.
-_MAX_EDGES = 2000
-
 
 class ConfigurationCosts:
     """Costs of the configurations of a search.
@@ -171,7 +166,8 @@ class OffLimits:
             before = sum(self.stages[k].trajectory.duration for k in changed)
             if sum(steps[k].least_time for k in changed) > MAX_LONGER * before:
                 continue
-            if next(planned) == _MAX_PLANNED:
+            # Configurations at most that motions are planned to in place of one at a limit.
+            if next(planned) == 6:
                 return False
             if not self._plan([steps[k] for k in changed]):
                 continue
@@ -189,7 +185,8 @@ class OffLimits:
     def _plan(self, steps: list[Step]) -> bool:
         """Plan steps, those that have no choice of a way first; whether all can be done."""
         for step in sorted(steps, key=lambda step: step.motion == "free"):
-            plan = plan_step(self.cells, step, _MAX_EDGES, self.deadline, self.task.seed)
+            # Edges that the search for a way to another configuration may look at.
+            plan = plan_step(self.cells, step, 2000, self.deadline, self.task.seed)
             if isinstance(plan, Failure):
                 return False
             step.plan = plan

@@ -45,11 +45,6 @@ from planning.sequence.world import Cell, Cells, World
 from planning.timing.rest_to_rest import motion_times
 from planning.values.deadline import Deadline
 
-#: A configuration whose target failed once counts as this much longer [s].
-_TARGET_PENALTY = 1.0
-#: A node under which something failed counts as this much longer, each time [s].
-_NODE_PENALTY = 1.0
-
 
 class Child(NamedTuple):
     """A configuration of a node's next target.
@@ -178,7 +173,8 @@ class Node:
     @property
     def penalty(self) -> float:
         """Seconds by which it counts as longer for what failed under it."""
-        return _NODE_PENALTY * sum(node.failures for node in self.path)
+        # Each failure under it counts as one second.
+        return float(sum(node.failures for node in self.path))
 
     def add_children(
         self,
@@ -248,7 +244,8 @@ class Node:
         self.failures += 1
         if target is not None:
             late = self.penalties.get(target.number, 0.0)
-            self.penalties[target.number] = late + _TARGET_PENALTY
+            # A configuration whose target failed once counts as this much longer [s].
+            self.penalties[target.number] = late + 1.0
 
 
 def contact_pairs(stage: Stage) -> dict[Pair, AllowedContact]:

@@ -22,8 +22,6 @@ from planning.values.deadline import Deadline
 _ORDER = ("out_of_reach", "outside_limits", "in_collision", "open", "failed", "solved")
 #: Reasons of collisions begin so.
 _COLLIDES = "in collision: "
-#: Lists of candidates of one stage whose collisions are looked at in the end.
-_MAX_LISTS = 16
 
 
 class Check(IntEnum):
@@ -82,7 +80,8 @@ class Record:
             check: TARGET, or PLACE for places that were looked at when the grasp was chosen.
         """
         known = self._colliding.setdefault(stage, [])
-        if len(candidates.colliding) and candidates not in known and len(known) < _MAX_LISTS:
+        # Lists of candidates of one stage whose collisions are looked at in the end.
+        if len(candidates.colliding) and candidates not in known and len(known) < 16:
             known.append(candidates)
         for index, (outcome, pair, joints, why) in candidates.outcomes.items():
             reached = outcome is Outcome.REACHED

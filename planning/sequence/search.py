@@ -49,22 +49,12 @@ from planning.sequence.via_blending import pass_ends
 from planning.sequence.world import Cells, World
 from planning.values.deadline import Deadline
 
-#: Seconds by which each segment that is done makes a node more promising, before the first answer.
-_DEPTH_BONUS = 5.0
-#: Share of the time of the best answer's later segments that others will take likewise.
-_LIKELY_REST = 0.7
 #: Edges that a planner of a free motion may look at, by how often it was tried: some tenths of a
 #: second at first, some seconds at last. Nine of ten motions in shelves take 400, all 3,000. They
 #: are edges, not seconds: what is tried next depends on the seed alone.
 _FREE_EDGES = (10_000, 50_000, 200_000)
 #: Codes of free motions that may be found by a longer search.
 _MAY_SUCCEED = ("PLANNING_FAILED", "TIMED_OUT")
-#: Seconds by which a node whose free motion took too long counts as longer.
-_LATE_PENALTY = 2.0
-#: Share of the time for the search where the first stages are an answer too: these need a proof.
-_SEARCH_SHARE = 0.8
-#: Configurations of one target that are tried.
-_MAX_CONFIGURATIONS = 24
 
 
 class _Best(NamedTuple):
@@ -113,7 +103,9 @@ class _Search:
         self._farthest: Node | None = None
         self._until = self._deadline
         if options.allow_partial:
-            self._until = self._deadline.within(_SEARCH_SHARE * options.timeout)
+            # Share of the time for the search where the first stages are an answer too: these need
+            # a proof.
+            self._until = self._deadline.within(0.8 * options.timeout)
 
     def run(self) -> SequencePlan | SequenceFailure:
         """Search until nothing is left or time is up."""
@@ -185,9 +177,8 @@ class _Search:
             chain, begin = world.robot.chain, node.onward_joints
             assert begin is not None
             costs = self._costs.of(chain, candidates, begin)
-            node.add_children(
-                candidates.targets, candidates.joints, _MAX_CONFIGURATIONS, options, costs
-            )
+            # Configurations of one target that are tried.
+            node.add_children(candidates.targets, candidates.joints, 24, options, costs)
             if node.children or self._until.passed:
                 break
         return bool(node.children)
@@ -245,10 +236,14 @@ class _Search:
         steps = len(node.all_steps)
         if self._farthest is None or steps > len(self._farthest.all_steps):
             self._farthest = node
-        rest = -_DEPTH_BONUS * node.depth
+        # Seconds by which each segment that is done makes a node more promising, before the first
+        # answer.
+        rest = -5.0 * node.depth
         if self._best is not None:
-            rest = _LIKELY_REST * _rest_of(self._best, steps)
-        late = _LATE_PENALTY * node.attempts
+            # Share of the time of the best answer's later segments that others will take likewise.
+            rest = 0.7 * _rest_of(self._best, steps)
+        # Seconds by which a node whose free motion took too long counts as longer.
+        late = 2.0 * node.attempts
         priority = node.value + estimate + rest + node.penalty + late
         heappush(self._open, (priority, next(self._numbers), node))
 

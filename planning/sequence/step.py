@@ -44,13 +44,6 @@ from planning.tool_paths.tool_following import lead_tool
 from planning.values.deadline import Deadline
 from planning.values.finger_motion import FingerMotion
 
-#: Slack of straight motions where their end has twice as much to spare [m].
-_SLACK = 1e-4
-#: A straight motion that meets something ends this much earlier, if it may [m].
-_BACK_OFF = 0.005
-#: Least time for one plan [s].
-_LEAST_TIMEOUT = 1e-3
-
 
 class Line(NamedTuple):
     """A straight motion of the tool as a joint path, before it is timed.
@@ -117,14 +110,16 @@ def lead_straight(cell: Cell, stage: Straight, q: Array, deadline: Deadline) -> 
     free = options.orientation == "free"
     orientation = None if free else options.max_orientation_deviation
     tolerances = Tolerances(options.max_deviation, orientation)
-    slack = min(_SLACK, 0.5 * max(cell.checker.clearance(q)[0], 0.0))
+    # Slack of straight motions where their end has twice as much to spare [m].
+    slack = min(1e-4, 0.5 * max(cell.checker.clearance(q)[0], 0.0))
     lead = partial(_lead, chain, Checker(cell.checker.model, slack), q, T, tolerances, deadline)
     path = lead(along, stage.most)
     if path.stop is not None:
         reached = path.segments[0].reached * stage.most
         if reached < stage.least:
             return LineStopped(reached, path.stop)
-        path = lead(along, max(stage.least, reached - _BACK_OFF))
+        # A straight motion that meets something ends this much earlier, if it may [m].
+        path = lead(along, max(stage.least, reached - 0.005))
         if path.stop is not None:
             return LineStopped(reached, path.stop)
     if backwards:
@@ -216,7 +211,8 @@ def _problem(cell: Cell, settings: StageSettings, start: Array, end: Array) -> P
 
 
 def _options(options: Options, deadline: Deadline, seed: int) -> Options:
-    longest = min(options.timeout, max(deadline.remaining, _LEAST_TIMEOUT))
+    # Least time for one plan [s].
+    longest = min(options.timeout, max(deadline.remaining, 1e-3))
     return replace(options, timeout=longest, seed=seed)
 
 

@@ -28,24 +28,12 @@ from planning.sequence.stage import Grasp, Move, Place, Stage
 from planning.sequence.world import Contact, World
 from planning.values.deadline import Deadline
 
-#: A range this near to a whole turn is one: both its ends are the same angle [rad].
-_SAME_ANGLE = 1e-9
 #: Values of a redundant arm's parameter that are tried.
 _PARAMETERS = 12
 #: Poses whose branches are tabulated at once.
 _CHUNK = 64
-#: Rounds of the numeric search for arms without a closed form, each from other starts.
-_ROUNDS = 4
-#: Starts of each round.
-_STARTS = 30
 #: Starts of the search away from limits, and configurations that it looks for.
 _INNER_STARTS, _INNER = 60, 8
-#: Configurations that collide of which one list of targets keeps so many.
-_MOST_COLLIDING = 240
-#: Configurations nearer than this to another one are the same [rad or m].
-_SAME = 1e-3
-#: Slack that configurations keep where any of their target does [m]: paths end there.
-_SLACK = 2e-4
 
 
 class Outcome(StrEnum):
@@ -189,7 +177,8 @@ def find_candidates(
             rows += valid
             owners += [target] * len(valid)
             if outcomes[target.number].outcome is Outcome.IN_COLLISION:
-                colliding.extend(joints[: max(_MOST_COLLIDING - len(colliding), 0)])
+                # Configurations that collide of which one list of targets keeps so many.
+                colliding.extend(joints[: max(240 - len(colliding), 0)])
     joints = np.array(rows).reshape(-1, chain.n)
     complete = len(outcomes) == len(targets)
     return Candidates(tuple(owners), joints, outcomes, complete, tuple(colliding), checker)
@@ -230,14 +219,17 @@ def _by_search(chain: Chain, T: Array, seed: int) -> list[tuple[bool, Array]]:
     low, high = chain.sampling_bounds()
     random = np.random.default_rng(seed)
     found: list[list[Array]] = [[] for _ in T]
-    for k in range(_ROUNDS):
+    # Rounds of the numeric search for arms without a closed form, each from other starts.
+    for k in range(4):
         begin = middle(chain) if k == 0 else random.uniform(low, high)
+        # Starts of each round.
         batch = numeric.solve_many(
-            chain, T, numeric.SearchOptions(seed + k, _STARTS), seed_joints=begin, threads=1
+            chain, T, numeric.SearchOptions(seed + k, 30), seed_joints=begin, threads=1
         )
         for i in np.flatnonzero(batch.solved):
             q = batch.joints[i]
-            if all(np.abs(q - other).max() > _SAME for other in found[i]):
+            # Configurations nearer than this to another one are the same [rad or m].
+            if all(np.abs(q - other).max() > 1e-3 for other in found[i]):
                 found[i].append(q)
     joints = [np.array(rows).reshape(-1, chain.n) for rows in found]
     return [
@@ -285,7 +277,8 @@ def _assess(checker: Checker, reached: bool, joints: Array) -> tuple[list[Array]
     if not len(joints):
         outcome = Outcome.OUTSIDE_LIMITS if reached else Outcome.OUT_OF_REACH
         return [], Verdict(outcome)
-    touching, spacious = Checker(checker.model, TOUCHING), Checker(checker.model, _SLACK)
+    # Slack that configurations keep where any of their target does [m]: paths end there.
+    touching, spacious = Checker(checker.model, TOUCHING), Checker(checker.model, 2e-4)
     valid = [q for q in joints if touching.valid(q)]
     meter = overlap_meter(checker.model.robot, checker.model.scene)
     deep = [meter.too_deep(q) for q in valid]
@@ -385,6 +378,7 @@ def _values(ends: tuple[float, float], count: int) -> list[float]:
 
 def _angles(ends: tuple[float, float], count: int) -> list[float]:
     low, high = numbers(ends, "a region's range", (2,)).tolist()
-    if high - low > 2.0 * np.pi - _SAME_ANGLE and count > 1:
+    # A range this near to a whole turn is one: both its ends are the same angle [rad].
+    if high - low > 2.0 * np.pi - 1e-9 and count > 1:
         return _values((low, high - (high - low) / count), count)
     return _values(ends, count)

@@ -40,12 +40,6 @@ from planning.timing.path.blend import (
 from planning.tool_motions.passing_times import first_approach
 from planning.values.deadline import Deadline
 
-#: Looks at each piece of a motion for the instant at which it passes a corner.
-_LOOKS = 8
-#: Halvings of the stretch in which it does.
-_BISECTIONS = 60
-#: Slower than this at its end the arm counts as resting there [rad/s or m/s].
-_REST = 1e-6
 #: The motion may be farther from a corner than asked by what rounding leaves.
 _ROUNDING = 1e-9
 _RESTS = (
@@ -265,7 +259,8 @@ def _cut(
     motion: Trajectory, points: Array, joins: Indices, blends: list[float]
 ) -> list[Trajectory] | None:
     """The parts of a motion between corners; None where it passes one too far away."""
-    steps = np.linspace(0.0, 1.0, _LOOKS, endpoint=False)
+    # Looks at each piece of a motion for the instant at which it passes a corner.
+    steps = np.linspace(0.0, 1.0, 8, endpoint=False)
     grid = (motion.breaks[:-1, None] + np.outer(np.diff(motion.breaks), steps)).ravel()
     grid = np.append(grid, motion.duration)
     joints, now = motion.sample(grid), 0
@@ -295,7 +290,8 @@ def _crossing(motion: Trajectory, legs: Array, low: float, high: float) -> float
         return float(breaks[at_corner][0])
     ways = np.diff(legs, axis=0)
     along = (ways / np.linalg.norm(ways, axis=1, keepdims=True)).sum(axis=0)
-    for _ in range(_BISECTIONS):
+    # Halvings of the stretch in which it does.
+    for _ in range(60):
         middle = 0.5 * (low + high)
         if float((motion.sample([middle])[0] - legs[1]) @ along) < 0.0:
             low = middle
@@ -322,7 +318,8 @@ def _proved(
     if not certificate.verified:
         return None
     speed = motion.sample([motion.duration], 1)
-    passes = part.blend is not None and float(np.abs(speed).max()) > _REST
+    # Slower than this at its end the arm counts as resting there [rad/s or m/s].
+    passes = part.blend is not None and float(np.abs(speed).max()) > 1e-6
     notes = part.plan.notes if passes or part.blend is None else (*part.plan.notes, _RESTS)
     plan = replace(
         part.plan, trajectory=motion, certificate=certificate, notes=notes,

@@ -21,14 +21,6 @@ from planning.values.limits import RATIO_TOLERANCE
 _BESIDE = 0.02
 # The same on both sides, and a little more.
 _ABOUT = frozen(1.001 * np.array([-_BESIDE, _BESIDE]))
-#: Looks at a motion are so far apart, Euclidean in joint space, for each metre of the distance that
-#: is to be kept, and at least and at most. A link that goes straight past a corner at a distance of
-#: 20 mm is 1 mm nearer there than 7 mm before.
-_SPACING_PER_METRE = 1.0
-_LEAST_SPACING = 0.01
-_MOST_SPACING = 0.04
-#: Looks at most.
-_MAX_LOOKS = 1024
 #: Instants by which the way of a motion is measured.
 _INSTANTS = 32
 #: All of any motion.
@@ -132,9 +124,11 @@ def close_instants(
         within: Spans outside which no instant is looked at, with their begins and their ends in
             order, shape (s, 2) [s].
     """
-    spacing = _SPACING_PER_METRE * level.model.margin
-    spacing = min(max(spacing, _LEAST_SPACING), _MOST_SPACING) / finely
-    looks, arrays, slack = np.empty((3, _MAX_LOOKS + 1)), level.model.arrays, float(level.slack)
+    # 1 rad for each metre of the distance that is to be kept: a link that goes straight past a
+    # corner at a distance of 20 mm is 1 mm nearer there than 7 mm before.
+    spacing = min(max(level.model.margin, 0.01), 0.04) / finely
+    # Looks at most.
+    looks, arrays, slack = np.empty((3, 1025)), level.model.arrays, float(level.slack)
     count = _find_close()(arrays, breaks, coefficients, spacing, slack, within, looks)
     return CloseInstants(looks[0, :count], np.ascontiguousarray(looks[1:, :count].T))
 

@@ -17,10 +17,6 @@ from kinematics.arrays import Array
 #: Rows of ``legs``: length, time, greatest speed squared, acceleration, corner's speed squared.
 LENGTH, TIME, SPEED, ACCELERATION, CORNER = 0, 1, 2, 3, 4
 LEG_ROWS = 5
-#: Share of the acceleration limit that speeds are changed with.
-_PUSH = 0.7
-#: Share of the shorter leg that a corner is rounded over.
-_REACH = 0.5
 #: Legs shorter than this count as no motion, turns smaller than this as none.
 _STILL = 1e-9
 #: Limits are at most this.
@@ -78,7 +74,8 @@ def _write_leg(points: Array, k: int, limits: Array, legs: Array) -> None:
         share = abs(points[k + 1, j] - points[k, j]) / max(length, _STILL)
         if share > _STILL:
             speed, push = min(speed, limits[0, j] / share), min(push, limits[1, j] / share)
-    legs[LENGTH, k], legs[SPEED, k], legs[ACCELERATION, k] = length, speed * speed, _PUSH * push
+    # Share of the acceleration limit that speeds are changed with.
+    legs[LENGTH, k], legs[SPEED, k], legs[ACCELERATION, k] = length, speed * speed, 0.7 * push
 
 
 @kernel(allocates=False)
@@ -92,6 +89,7 @@ def _corner_speed(points: Array, k: int, limits: Array, legs: Array) -> float:
         )
         if turn > _STILL:
             bend, jolt = min(bend, limits[1, j] / turn), min(jolt, limits[2, j] / turn)
-    reach = _REACH * min(before, after)
+    # Share of the shorter leg that a corner is rounded over.
+    reach = 0.5 * min(before, after)
     square = min(bend * reach, (jolt * reach * reach) ** (2.0 / 3.0))
     return float(min(square, legs[SPEED, k - 1], legs[SPEED, k]))

@@ -12,8 +12,6 @@ from compiled.simd import LANES, Lanes, bits, fill, lane, load, store
 from kinematics.arrays import Array
 from kinematics.trajectory.polynomial import widen_inside_kernel
 
-# Pieces are passed over that stay below the worst ratio by this part of it: far more than rounding.
-_HAIR = 1e-12
 _ALL = (1 << LANES) - 1
 
 
@@ -103,7 +101,9 @@ def _ratio_inside(
     """
     for i in range(rates.shape[0]):
         for block in range(0, rates.shape[2], LANES):
-            cap = load(bounds, block) * (ratio * (1.0 - _HAIR))
+            # Pieces are passed over that stay below the worst ratio by this part of it: far more
+            # than rounding.
+            cap = load(bounds, block) * (ratio * (1.0 - 1e-12))
             cap = max(load(peaks, block), cap)
             open_lanes = _ALL ^ bits(_sums_inside(rates[i], count, block, cap))
             if open_lanes == 0:

@@ -16,12 +16,8 @@ from planning.timing.speed.minimum_time import time_path
 from planning.timing.time_scaling import ScaledTime
 from planning.values.limits import EffortLimits
 
-# A boundary velocity counts as kept where slowing down changes it by less than this part [-].
-_SAME_SPEED = 1e-9
 _SLOWED = "toppra's answer was slowed down"
 _REASON = "to bring it inside the limits between its grid points."
-# A motion slowed down by less than this part was not slowed down but for rounding [-].
-_ROUNDING = 1e-9
 
 
 class JerkUse(Enum):
@@ -149,7 +145,8 @@ class TimeOptimal:
             return ()
         duration = sum(part.trajectory.duration for part in parts)
         answered = sum(part.trajectory.duration / part.factor for part in parts)
-        if duration <= answered * (1.0 + _ROUNDING):
+        # A motion slowed down by less than this part was not slowed down but for rounding [-].
+        if duration <= answered * (1.0 + 1e-9):
             return ("toppra's answer keeps all limits between its grid points too.",)
         percent = 100.0 * (duration / answered - 1.0)
         seconds = duration - answered
@@ -209,7 +206,9 @@ class JerkLimited:
         if limits.effort is None:
             return dilated
         slowed = slow_down(limits.effort, dilated)
-        if any(end_speeds) and slowed.factor > dilated.factor * (1.0 + _SAME_SPEED):
+        # A boundary velocity counts as kept where slowing down changes it by less than this part
+        # [-].
+        if any(end_speeds) and slowed.factor > dilated.factor * (1.0 + 1e-9):
             raise TimingFailed(
                 "the boundary velocities can't be kept within the torque and tool speed limits",
                 hint="Give lower boundary velocities, or higher limits.",

@@ -45,24 +45,11 @@ from planning.timing.time_scaling import ScaledTime
 from planning.values.deadline import Deadline
 from planning.values.limits import RATIO_TOLERANCE
 
-# Velocity at an end that still counts as rest [rad/s or m/s].
-_REST = 1e-9
-#: How often the legs of a path are halved to bring a spline nearer to them.
-_HALVINGS = 5
-# How much more finely a spline is looked at where it has nothing to spare.
-_FINELY = 4
 # Instants of a piece of a spline at which its clearance is looked at before it is proved.
 _INSTANTS = 3
 # Splines swing over by milliradians. So near to a limit of a joint [rad or m] they are held to it
 # before they are proved, at so many instants of a piece.
 _AT_LIMIT, _LIMIT_INSTANTS = 0.02, 8
-# How often spans of a spline are halved where it comes too near, and how many spans it then has for
-# each second at most [1/s], but so many are few in any case.
-_REFINEMENTS = 3
-_MOST_RATE = 16.0
-_FEW_SPANS = 20
-# Instants beside which a motion is looked at for them alone.
-_FEW_INSTANTS = 16
 
 
 def motions(
@@ -189,7 +176,8 @@ class _RoundedMotion:
             for spline in nearest if is_spacious else ():
                 motion = spline.trajectory
                 looked = motion.breaks, motion.coefficients
-                if not len(close_instants(self.checker, *looked, finely=_FINELY).times):
+                # How much more finely a spline is looked at where it has nothing to spare.
+                if not len(close_instants(self.checker, *looked, finely=4).times):
                     self.left_path = True
                     return spline
         return self._within_loads(names) or self.time_on_path()
@@ -252,7 +240,8 @@ class _RoundedMotion:
         """
         duration = float(rounded.breaks[-1])
         parts = even_parts(duration, len(self.points) - 1, rate)
-        for _ in range(_REFINEMENTS + 1):
+        # Spans of a spline that comes too near are halved so often.
+        for _ in range(4):
             if known is not None:
                 spline: ScaledTime | None = known.spline
             else:
@@ -268,7 +257,8 @@ class _RoundedMotion:
             if not len(near):
                 return None
             parts = finer_parts(parts, motion, near)
-            if len(parts) - 1 > max(_MOST_RATE * duration, _FEW_SPANS):
+            # Spans for each second at most [1/s], but so many are few in any case.
+            if len(parts) - 1 > max(16.0 * duration, 20):
                 return None
         return None
 
@@ -345,7 +335,8 @@ class _RoundedMotion:
         duration = float(rounded.breaks[-1])
         if number in known:
             return known[number]
-        if len(shares) <= _FEW_INSTANTS:
+        # Instants beside which a motion is looked at for them alone.
+        if len(shares) <= 16:
             within = duration * spans_beside(shares)
             return close_instants(level, *rounded, within=within).times / duration
         return known.setdefault(number, close_instants(level, *rounded).times / duration)
@@ -386,7 +377,8 @@ def waypoint_splines(
         )
     if ends == "natural":
         _refuse_moving_ends(_spline(points, times, ends, parametrization, timing, names))
-    for _ in range(_HALVINGS + 1):
+    # How often the legs of a path are halved to bring a spline nearer to them.
+    for _ in range(6):
         yield partial(_spline, points, times, ends, parametrization, timing, names)
         points = _halve(points)
         times = None if times is None else _halve(times[:, None])[:, 0]
@@ -398,7 +390,8 @@ def _refuse_moving_ends(timed: ScaledTime) -> None:
     start, end = motion.sample([0.0, motion.duration], 1)
     for label, velocity in (("begin", start), ("end", end)):
         j = int(np.argmax(np.abs(velocity)))
-        if abs(velocity[j]) > _REST:
+        # Velocity at an end that still counts as rest [rad/s or m/s].
+        if abs(velocity[j]) > 1e-9:
             raise InvalidOption(
                 f"a natural spline would {label} with {velocity[j]:.6g} in joint "
                 f"{motion.joint_names[j]!r}, and a plan begins and ends at rest",

@@ -29,19 +29,11 @@ from planning.timing.spline.spline import Ends, chord_knots, spline_trajectory
 from planning.timing.time_scaling import ScaledTime, dilate, fit, fitting_factor
 from planning.values.limits import EffortLimits, MotionLimits
 
-# Boundary velocities may miss the path's direction by this part.
-_ALONG = 1e-6
 #: A spline that takes longer than this part of the motion that it is near to is not worth it.
 WORTH = 1.1
-#: One that takes longer than this part of a motion within loads is not: that one is there already.
-WORTH_WITHIN_LOADS = 1.05
 #: Spans for each second of a motion within loads that are tried in turn [1/s]: 16 and 19 pieces in
 #: 1.6 s. Loads bind here and there, and more spans follow that more closely.
 _SPAN_RATES_WITHIN_LOADS = (10.0, 12.0)
-#: Spans that shorter motions are tried with then: 20, since this is rounded up.
-_FEW_SPANS_WITHIN_LOADS = 19.99
-#: The last rate [1/s]: more than few pieces, and mostly fewer than the motion has.
-_LAST_RATE_WITHIN_LOADS = 20.0
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -140,8 +132,10 @@ class TimeParametrization:
         """
         if self.loads is None or not (self.method.near_path and self.few_pieces):
             return
-        rates, few = [*_SPAN_RATES_WITHIN_LOADS], _FEW_SPANS_WITHIN_LOADS / motion.duration
-        rates += [rate for rate in (few, _LAST_RATE_WITHIN_LOADS) if rate > rates[-1]]
+        # Spans that shorter motions are tried with then: 20, since this is rounded up.
+        rates, few = [*_SPAN_RATES_WITHIN_LOADS], 19.99 / motion.duration
+        # The last rate [1/s]: more than few pieces, and mostly fewer than the motion has.
+        rates += [rate for rate in (few, 20.0) if rate > rates[-1]]
         pieces = Pieces(motion.breaks, motion.coefficients)
         for rate in rates:
             parts = even_parts(motion.duration, None, rate)
@@ -149,7 +143,9 @@ class TimeParametrization:
                 return
             fitted = fit_pieces(pieces, joint_names, self.jerk_bounds, parts, self._span_loads)
             try:
-                spline = slow_down(self.loads, fitted, WORTH_WITHIN_LOADS * motion.duration)
+                # One that takes longer than this part of a motion within loads is not: that one is
+                # there already.
+                spline = slow_down(self.loads, fitted, 1.05 * motion.duration)
             except TimingFailed:
                 continue
             yield spline._replace(solver=fitted.solver)
@@ -356,7 +352,8 @@ def _path_speed(tangent: Array, velocity: Array | None, name: str) -> float:
     square = float(tangent @ tangent)
     speed = float(velocity @ tangent) / square if square > 0.0 else 0.0
     off = float(np.linalg.norm(velocity - speed * tangent))
-    if speed < 0.0 or off > _ALONG * float(np.linalg.norm(velocity)):
+    # Boundary velocities may miss the path's direction by this part.
+    if speed < 0.0 or off > 1e-6 * float(np.linalg.norm(velocity)):
         raise InvalidOption(
             f"{name} does not point along the path",
             hint="It must be a positive multiple of the path's direction there.",

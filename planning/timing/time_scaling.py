@@ -19,8 +19,6 @@ from planning.timing.options import Solver
 # Aimed at below each limit, so that whoever evaluates the polynomials in another order of
 # operations still finds them inside; it costs a trillionth of the duration.
 _HAIR = 1e-12
-# Ratios below this part of what slowing down brings to 1 are far from it whatever is rounded.
-_NEAR = 0.999
 
 
 class ScaledTime(NamedTuple):
@@ -245,5 +243,7 @@ def _spare_kernel(worst: Array, factor: float, limits: Array) -> None:
     Ratios whose limits are used up just so by it are looked at again; others are far below 1.
     """
     for row in range(3):
-        if not worst[row] > _NEAR * factor ** (row + 1.0):
+        # Ratios below this part of what slowing down brings to 1 are far from it whatever is
+        # rounded.
+        if not worst[row] > 0.999 * factor ** (row + 1.0):
             limits[row] = np.inf

@@ -14,10 +14,6 @@ from planning.tool_motions.tool_path import RunPart
 
 #: Looks at each piece of a motion for the instant at which it passes a place.
 _LOOKS = 4
-#: Halvings of the stretch in which it does.
-_BISECTIONS = 45
-#: Places of a path that differ by less are the same.
-_SAME_PLACE = 1e-9
 
 
 def passing_times(
@@ -81,7 +77,8 @@ def _approaches(path: JointPath, motion: Trajectory, parts: tuple[RunPart, ...])
     near, chosen, now = [], [], 0
     for k, place in enumerate(places):
         now = first_approach(joints, corners[k], now)
-        if np.abs(wanted - place).min() <= _SAME_PLACE:
+        # Places of a path that differ by less are the same.
+        if np.abs(wanted - place).min() <= 1e-9:
             near.append(now)
             chosen.append(k)
     low = grid[np.maximum(np.array(near) - 1, 0)]
@@ -96,7 +93,8 @@ def _approaches(path: JointPath, motion: Trajectory, parts: tuple[RunPart, ...])
 
 def _bisect(off: Callable[[Array], Array], low: Array, high: Array) -> list[float]:
     """Times within brackets at which distances (k,) become positive, not descending [s]."""
-    for _ in range(_BISECTIONS):
+    # Halvings of the stretch in which it does.
+    for _ in range(45):
         middle = 0.5 * (low + high)
         is_before = off(middle) < 0.0
         low, high = np.where(is_before, middle, low), np.where(is_before, high, middle)

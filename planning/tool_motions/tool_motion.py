@@ -28,8 +28,6 @@ _ROUND = 1e-6
 #: Below these a way has no length [m] and a turn no axis [rad].
 _NO_LENGTH = 1e-9
 _NO_ANGLE = 1e-12
-#: Sine of the angle between two axes from which on they count as opposite.
-_OPPOSITE = 1e-6
 # Entries of ``ToolMotion.numbers``; vectors and matrices by the first of theirs.
 #: LINE or ARC.
 KIND = 0
@@ -198,7 +196,8 @@ def without_spin(T_start: Array, T_end: Array) -> Array:
     z, w = T_start[:3, 2], T_end[:3, 2]
     axis, cosine = np.cross(z, w), float(z @ w)
     sine = float(np.linalg.norm(axis))
-    if sine < _OPPOSITE and cosine < 0.0:
+    # Sine of the angle between two axes from which on they count as opposite.
+    if sine < 1e-6 and cosine < 0.0:
         raise InvalidGoal(
             "the tool's axis is turned to the opposite: no way there is the shortest",
             hint="Put a waypoint between that says by which way, or give both a direction.",

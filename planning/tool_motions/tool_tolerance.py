@@ -28,8 +28,6 @@ ROTATIONS: tuple[Axis, ...] = ("rx", "ry", "rz")
 MAX_RY = 1.4
 #: Largest deviation of position that can be asked for [m].
 MAX_POSITION = 1.0
-#: Rounds in which angles are scaled down to a tilt.
-_TILT_ROUNDS = 6
 # Columns of deviations.
 #: Deviation of position along three axes, the first of three columns [m].
 POSITION = 0
@@ -179,7 +177,8 @@ class ToolTolerance:
         d = np.clip(d, self.lower, self.upper)
         if np.isfinite(self.tilt):
             # The tilt is not quite proportional to both angles: a few rounds bring it there.
-            for _ in range(_TILT_ROUNDS):
+            # Rounds in which angles are scaled down to a tilt.
+            for _ in range(6):
                 share = np.minimum(1.0, self.tilt / np.maximum(tilts(d), 1e-12))
                 d[:, RX:RZ] *= share[:, None]
         return np.asarray(d)

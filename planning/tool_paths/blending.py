@@ -24,18 +24,10 @@ from planning.tool_motions.tool_corner import ToolCurve, part_of, rounded_corner
 from planning.tool_motions.tool_motion import ToolMotion, arc_about, line, without_spin
 from planning.tool_motions.tool_path import ToolRun
 
-#: Share of a motion that the blend of one of its corners may take.
-_HALF = 0.5
-#: Directions that differ by less go on in each other without a blend [rad].
-_SMOOTH = 1e-6
 #: Corners sharper than this are reversals: a blend would be narrower than it is long [rad].
 _REVERSAL = math.radians(170.0)
 #: Motions and blends shorter than this are none [m].
 _SHORTEST = 1e-6
-#: Rates of turning and curvatures that differ by less are the same [rad/m], [1/m].
-_SAME_RATE = 1e-6
-#: Sine of the angle between a direction and a chord below which an arc is a line.
-_STRAIGHT = 1e-9
 
 
 def runs(
@@ -96,9 +88,11 @@ def _distance(first: ToolMotion, second: ToolMotion, blend: float, *, arcs: bool
     if not blend > 0.0 or shorter < _SHORTEST:
         return None
     angle = _angle(first.direction(1.0), second.direction(0.0))
-    if angle <= _SMOOTH and (arcs or _go_on_alike(first, second)):
+    # Directions that differ by less go on in each other without a blend [rad].
+    if angle <= 1e-6 and (arcs or _go_on_alike(first, second)):
         return 0.0
-    distance = min(blend, _HALF * shorter)
+    # Share of a motion that the blend of one of its corners may take.
+    distance = min(blend, 0.5 * shorter)
     return None if angle > _REVERSAL or distance < _SHORTEST else distance
 
 
@@ -108,7 +102,8 @@ def _go_on_alike(first: ToolMotion, second: ToolMotion) -> bool:
         (_curvature(motion, s), motion.turn / motion.length)
         for motion, s in ((first, 1.0), (second, 0.0))
     ]
-    return all(np.abs(a - b).max() <= _SAME_RATE for a, b in zip(*rates, strict=True))
+    # Rates of turning and curvatures that differ by less are the same [rad/m], [1/m].
+    return all(np.abs(a - b).max() <= 1e-6 for a, b in zip(*rates, strict=True))
 
 
 def _curvature(motion: ToolMotion, s: float) -> Array:
@@ -171,7 +166,8 @@ def _arc(T_start: Array, tangent: Array, T_end: Array) -> ToolMotion:
     start, way = T_start[:3, 3], T_end[:3, 3] - T_start[:3, 3]
     axis = np.cross(tangent, way)
     size, length = float(np.linalg.norm(axis)), float(np.linalg.norm(way))
-    if size <= _STRAIGHT * length:
+    # Sine of the angle between a direction and a chord below which an arc is a line.
+    if size <= 1e-9 * length:
         return line(T_start, T_end)
     normal = axis / size
     inward = np.cross(normal, tangent)

@@ -63,10 +63,6 @@ CELL_PACE_CHANGE = 9
 CELL_SIZE = 10
 #: Looks along a corner for the part of it that is nearest to the tool.
 _LOOKS = 16
-#: Steps of Gauss and Newton from the nearest of them.
-_STEPS = 12
-#: A step shorter than this ends them.
-_SMALL_STEP = 1e-15
 
 
 @kernel(allocates=False)
@@ -201,7 +197,8 @@ def _nearest(m: Array, p: Array, curve: Array) -> float:
         away = norm(p[0] - curve[0, 0], p[1] - curve[0, 1], p[2] - curve[0, 2])
         if away < nearest:
             nearest, u = away, i / _LOOKS
-    for _ in range(_STEPS):
+    # Steps of Gauss and Newton from the nearest of them.
+    for _ in range(12):
         _point(m, u, curve)
         square, along = 0.0, 0.0
         for k in range(3):
@@ -210,7 +207,8 @@ def _nearest(m: Array, p: Array, curve: Array) -> float:
         if square == 0.0:
             return u
         now = min(1.0, max(0.0, u + along / square))
-        if abs(now - u) <= _SMALL_STEP:
+        # A step shorter than this ends them.
+        if abs(now - u) <= 1e-15:
             return u
         u = now
     _point(m, u, curve)

@@ -23,12 +23,6 @@ from planning.tool_motions.tool_motion import ToolMotion, arc_about, arc_via, li
 INSTANTS = 64
 #: Places of a corner that are looked at in each round, and rounds of ever nearer ones.
 _LOOKS, _ROUNDS = 65, 5
-#: A motion that is shorter is a turn on the spot [m].
-_SHORTEST = 1e-9
-#: Arcs are moved by this part of their radius at most, however few decimals they are written with.
-_MOST_MOVED = 0.1
-#: Points of an arc that are compared with the circle that was asked for.
-_COMPARED = 33
 
 
 @dataclass(frozen=True, slots=True)
@@ -94,13 +88,16 @@ class WrittenArc:
                 c = c + rise * n
             normal = n
         moved = float(np.linalg.norm(c - self.center))
-        if not moved <= _MOST_MOVED * float(np.linalg.norm(p - c)):
+        # Arcs are moved by this part of their radius at most, however few decimals they are written
+        # with.
+        if not moved <= 0.1 * float(np.linalg.norm(p - c)):
             return None
         return arc_about(self.T_start, T_end, c, normal)
 
     def _miss(self, motion: ToolMotion) -> float:
         """How far an arc is off the circle that is asked for, at most [m]."""
-        away = motion.poses(np.linspace(0.0, 1.0, _COMPARED))[:, :3, 3] - self.center
+        # Points of an arc that are compared with the circle that was asked for.
+        away = motion.poses(np.linspace(0.0, 1.0, 33))[:, :3, 3] - self.center
         miss = float(np.abs(np.linalg.norm(away, axis=1) - np.linalg.norm(away[0])).max())
         if self.normal is None:
             return miss
@@ -256,7 +253,8 @@ def place_at(motion: ToolCurve, T: Array) -> float:
     """The place from 0 to 1 on a motion that the tool is at with its pose T (4, 4)."""
     if isinstance(motion, ToolCorner):
         return _place_on_corner(motion, T[:3, 3])
-    if motion.length < _SHORTEST:
+    # A motion that is shorter is a turn on the spot [m].
+    if motion.length < 1e-9:
         angle = motion.angle
         turned = rotation_error(motion.T_start[:3, :3], T[:3, :3])
         share = float(turned @ motion.turn) / angle**2 if angle > 0.0 else 0.0

@@ -27,13 +27,6 @@ from planning.tool_paths.motions import repairs, tool_motions
 from planning.tool_paths.seams.planner import plan_seam
 from planning.tool_paths.tool_following import lead_tool
 
-#: How near a motion must come to the joints of its goal [rad or m].
-_SAME_JOINTS = 1e-5
-#: How near the last motion must end to a goal given by joints [m].
-_SAME_POSITION = 1e-6
-#: How near its orientation must be to the goal's [rad].
-_SAME_ORIENTATION = 1e-6
-
 #: What to try, by the reason for a stop.
 _HINTS: dict[Reason, str] = {
     "limit": "Start in another branch, or turn the tool elsewhere. allow_partial answers what "
@@ -182,7 +175,9 @@ def _check_end(chain: Chain, goal: Goal, T_end: Array) -> None:
     if isinstance(goal, PoseGoal):
         target, allowed = goal.T_base_tip, (goal.position_tolerance, goal.orientation_tolerance)
     else:
-        target, allowed = forward(chain, goal.joints), (_SAME_POSITION, _SAME_ORIENTATION)
+        # How near the last motion must end to a goal given by joints [m].
+        # How near its orientation must be to the goal's [rad].
+        target, allowed = forward(chain, goal.joints), (1e-6, 1e-6)
     away = float(np.linalg.norm(target[:3, 3] - T_end[:3, 3]))
     turned = float(np.linalg.norm(rotation_error(T_end[:3, :3], target[:3, :3])))
     if away > allowed[0] or turned > allowed[1]:
@@ -204,7 +199,8 @@ def _target(problem: Problem) -> Array:
 def _joints_failure(problem: Problem, tool_path: ToolPath) -> Failure | None:
     """Why the end is not at the joints of the goal, where the goal has any and it is not."""
     goal, q = problem.goals[0], tool_path.segments[-1].end
-    if not isinstance(goal, JointGoal) or np.abs(q - goal.joints).max() <= _SAME_JOINTS:
+    # How near a motion must come to the joints of its goal [rad or m].
+    if not isinstance(goal, JointGoal) or np.abs(q - goal.joints).max() <= 1e-5:
         return None
     chain = problem.robot.chain
     j = int(np.argmax(np.abs(q - goal.joints)))

@@ -28,38 +28,16 @@ from planning.tool_motions.tool_path import Stop, Tolerances, ToolPath, ToolRun,
 from planning.tool_paths.tool_deviation import pieces_within
 from planning.values.deadline import Deadline
 
-#: Bisections of the stretch on which a motion meets something, to come near to it.
-_BISECTIONS = 12
-#: Longest first step along a motion [m].
-_STEP_LENGTH = 0.04
-#: Largest turn of a first step [rad].
-_STEP_ANGLE = 0.15
-#: Least number of first steps.
-_LEAST_STEPS = 6
-#: Least number of first steps along a rounded corner: its speed is then even within 0.5 %.
-_CORNER_STEPS = 9
 #: A joint that moves more than this in one step [rad or m] may have changed its branch.
 _JUMP = 0.35
 #: Steps below this part of a motion tell that it can't be followed any further.
 _LEAST_STEP = 1e-5
-#: Tolerance of inverse kinematics, as part of the deviation allowed.
-_IK_SHARE = 1e-3
-#: Smallest tolerance of inverse kinematics [m or rad].
-_FINEST = 1e-10
-#: Largest tolerance of inverse kinematics [m or rad].
-_COARSEST = 1e-6
 #: The solver keeps this far inside the joint limits [rad or m], for the spline between its answers.
 _INSET = 1e-4
 #: Share of the deviation allowed that the spline may use; timing adds rounding to it.
 _SHARE = 0.98
-#: Configurations on one motion at most.
-_MAX_KNOTS = 6000
-#: Starts spent on finding out whether a pose can be reached at all.
-_SEARCH = 150
 #: Least singular value, as part of the largest, below which an arm counts as singular.
 _SINGULAR = 1e-2
-#: Rows of the Jacobian below this are 0: no joint moves the tool that way.
-_NOTHING = 1e-9
 
 
 def lead_tool(
@@ -135,7 +113,8 @@ def _first_part(piece: Array, length: float) -> tuple[Array, Array, Array, Array
 def _clear_until(checker: Checker, piece: Array, length: float, met: float) -> float:
     """Length along a piece that is proved free, at most to the first contact."""
     low, high = 0.0, met * length
-    for _ in range(_BISECTIONS):
+    # Bisections of the stretch on which a motion meets something, to come near to it.
+    for _ in range(12):
         middle = 0.5 * (low + high)
         free = middle > 0.0 and checker.curve(*_first_part(piece, middle)).free
         low, high = (middle, high) if free else (low, middle)
@@ -216,12 +195,14 @@ class _Following:
         run, (position, orientation) = self._run, self._tolerances.pair
         if run.length < position and run.angle < orientation:
             return [1.0] * len(run.motions)
-        steps = max(run.length / _STEP_LENGTH, run.angle / _STEP_ANGLE, _LEAST_STEPS)
+        # Longest first step along a motion [m].
+        # Largest turn of a first step [rad].
+        # Least number of first steps.
+        steps = max(run.length / 0.04, run.angle / 0.15, 6)
         usual = 1.0 / float(np.ceil(steps))
+        # Least number of first steps along a rounded corner: its speed is then even within 0.5 %.
         return [
-            min(usual, (part.end - part.begin) / _CORNER_STEPS)
-            if part.motion.kind == "corner"
-            else usual
+            min(usual, (part.end - part.begin) / 9) if part.motion.kind == "corner" else usual
             for part in run.parts
         ]
 
@@ -277,7 +258,8 @@ class _Following:
             k = int(np.searchsorted(self.places, at))
             q = None
             narrow = breaks[piece + 1] - breaks[piece] < 2.0 * _LEAST_STEP
-            if not (narrow or self._deadline.passed or len(self.places) >= _MAX_KNOTS):
+            # Configurations on one motion at most.
+            if not (narrow or self._deadline.passed or len(self.places) >= 6000):
                 seed = path.sample([at])[0]
                 q = self._solve_inside(self._run.pose(at), seed)
             if q is None or np.abs(q - seed).max() > _JUMP:
@@ -297,7 +279,8 @@ class _Following:
             return at_limit
         values = self._singular_values(q)
         details: dict[str, Any] = {"smallest_singular_value": float(values[-1])}
-        options = numeric.SearchOptions(starts=_SEARCH, axes=_axes(self._tolerances))
+        # Starts spent on finding out whether a pose can be reached at all.
+        options = numeric.SearchOptions(starts=150, axes=_axes(self._tolerances))
         other = numeric.solve(self._chain, self._run.pose(at), options, seed_joints=q)
         if not other.solutions:
             nearest = other.nearest
@@ -336,7 +319,8 @@ class _Following:
         """Singular values of the Jacobian's rows that count and are not always 0, largest first."""
         _, J = pose_and_jacobian(self._chain, q)
         rows = J[:3] if self._tolerances.orientation is None else J
-        some = rows[np.linalg.norm(rows, axis=1) > _NOTHING]
+        # Rows of the Jacobian below this are 0: no joint moves the tool that way.
+        some = rows[np.linalg.norm(rows, axis=1) > 1e-9]
         return np.asarray(np.linalg.svd(some if len(some) else rows, compute_uv=False))
 
 
@@ -347,7 +331,10 @@ def _axes(tolerances: Tolerances) -> tuple[Axis, ...]:
 
 def _solver_tolerances(tolerances: Tolerances) -> tuple[float, float]:
     """Errors that inverse kinematics may leave [m], [rad]."""
-    fine = np.clip([_IK_SHARE * value for value in tolerances.pair], _FINEST, _COARSEST)
+    # Tolerance of inverse kinematics, as part of the deviation allowed.
+    # Smallest tolerance of inverse kinematics [m or rad].
+    # Largest tolerance of inverse kinematics [m or rad].
+    fine = np.clip([1e-3 * value for value in tolerances.pair], 1e-10, 1e-6)
     return float(fine[0]), float(fine[1])
 
 

@@ -34,23 +34,8 @@ _SHARE = 0.5
 _QUANTITIES: tuple[Literal["velocity", "acceleration", "jerk"], ...] = (
     "velocity", "acceleration", "jerk",
 )  # fmt: skip
-#: A limit that allows this part of the speed asked for is none.
-_KEPT = 0.99
-#: How often a spline of time is given twice as many waypoints to keep nearer to its motion.
-_MAX_DOUBLINGS = 6
-#: Looks at the tool's speed on each piece of a path, and on a whole motion.
-_LOOKS = 5
-_INSTANTS = 1001
-#: Part of the width of a band of speed by which a steady speed may vary with the path.
-_BAND_SHARE = 0.5
-#: Band of the speed of motions without a rest between them, as part of it.
-_CORNER_BAND = 0.01
 #: Places of a path that differ by less than this part of it are one.
 _SAME_PLACE = 1e-9
-#: A steady motion that is slowed down for torques by more than this factor is held against another.
-_AS_FAST = 1.02
-#: A steady motion may take longer than another one by this factor.
-_LONGER = 1.05
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -227,13 +212,15 @@ def _time_motion(
         parametrization = parametrization.at_tool_speed(chain, min(run.tool_speeds))
     elif parametrization.tool_speed is not None and len(run.motions) > 1:
         asked = replace(run, tool_speeds=(parametrization.tool_speed,) * len(run.motions))
-        steady = _time_steadily(chain, asked, _CORNER_BAND, path, parametrization)
+        # Band of the speed of motions without a rest between them, as part of it.
+        steady = _time_steadily(chain, asked, 0.01, path, parametrization)
         if steady is not None:
             return steady
     if parametrization.method.follows_path:
         return parametrization.time(path, chain.joint_names)
     knots = path.breaks
-    for _ in range(_MAX_DOUBLINGS):
+    # How often a spline of time is given twice as many waypoints to keep nearer to its motion.
+    for _ in range(6):
         timed = parametrization.time_spline(path.sample(knots), None, "clamped", chain.joint_names)
         spline = timed.trajectory
         fine = pieces_within(
@@ -257,26 +244,31 @@ def _time_steadily(
         return None
     path, speeds = _cut_where_speeds_change(chain, run, path)
     parametrization = parametrization.at_tool_speed(chain, max(run.tool_speeds))
-    places = path.breaks[:-1, None] + np.outer(path.lengths, np.linspace(0.0, 1.0, _LOOKS))
+    # Samples of the tool's speed on each piece of the path.
+    places = path.breaks[:-1, None] + np.outer(path.lengths, np.linspace(0.0, 1.0, 5))
     at = np.minimum(places.ravel(), path.length)
     along = np.einsum("kij,kj->ki", geometric(chain, path.sample(at))[:, :3], path.sample(at, 1))
     rates = np.linalg.norm(along, axis=1).reshape(places.shape).max(axis=1)
     with np.errstate(divide="ignore"):
         wanted = speeds / rates
+    # Part of the width of a band of speed by which a steady speed may vary with the path.
     steady = time_at_steady_speed(
-        path, chain.joint_names, parametrization.jerk_bounds, wanted, _BAND_SHARE * band
+        path, chain.joint_names, parametrization.jerk_bounds, wanted, 0.5 * band
     )
     if steady is None:
         return None
     timed = parametrization.slow_down_for_effort(steady.timed)
-    if len(steady.speeds) == 1 and timed.factor <= _AS_FAST:
+    # A steady motion that is slowed down for torques by more than this factor is held against
+    # another.
+    if len(steady.speeds) == 1 and timed.factor <= 1.02:
         return timed
     if len(set(run.tool_speeds)) > 1:
         # Another one keeps the least of the speeds everywhere.
         return timed
     other = parametrization.time(path, chain.joint_names)
     low = (1.0 - band) * run.tool_speeds[0]
-    if timed.trajectory.duration > _LONGER * other.trajectory.duration:
+    # A steady motion may take longer than another one by this factor.
+    if timed.trajectory.duration > 1.05 * other.trajectory.duration:
         return other
     shares = [_share_in_band(chain, one.trajectory, low) for one in (timed, other)]
     return timed if shares[0] >= shares[1] else other
@@ -307,7 +299,8 @@ def _cut_where_speeds_change(
 
 def _share_in_band(chain: Chain, motion: Trajectory, low: float) -> float:
     """Part of the tool's way on which it is no slower than a speed [m/s], about."""
-    times = np.linspace(0.0, motion.duration, _INSTANTS)
+    # Samples of the tool's speed on the whole motion.
+    times = np.linspace(0.0, motion.duration, 1001)
     J = geometric(chain, motion.sample(times))[:, :3]
     speeds = np.linalg.norm(np.einsum("kij,kj->ki", J, motion.sample(times, 1)), axis=1)
     total = float(speeds.sum())
@@ -348,7 +341,8 @@ def speed_limits(
     for part in parts:
         inside = (breaks[1:] > part.begin + _SAME_PLACE) & (breaks[:-1] < part.end - _SAME_PLACE)
         own = caps[inside]
-        if not len(own) or not own.min() < _KEPT * speed:
+        # A limit that allows this part of the speed asked for is none.
+        if not len(own) or not own.min() < 0.99 * speed:
             found.append(None)
             continue
         _, quantity, joint = np.unravel_index(int(np.argmin(own)), own.shape)

@@ -23,18 +23,8 @@ from planning.result import Failure
 from planning.tours.problem import MAX_CONFIGURATIONS, TourGoal, TourProblem
 from planning.values.deadline import Deadline
 
-#: Configurations of one goal: more hardly shorten a tour.
-_MAX_OF_GOAL = 32
-#: Configurations looked for at each deviation from a pose, of arms without a closed form.
-_SEARCHED = 8
-#: Starts of inverse kinematics spent on them.
-_STARTS = 60
 #: Deviations from a pose that such arms try: each takes milliseconds.
 _SEARCHED_DEVIATIONS = 4
-#: Configurations taken of those that are found with the obstacles in sight.
-_MAX_SEARCHED = 4
-#: Configurations nearer than this in every joint are the same [rad or m].
-_SAME = 1e-6
 
 
 class Configurations(NamedTuple):
@@ -84,14 +74,16 @@ def find_configurations(
         for q in candidates:
             if end_violation(problem.constraints, "goal", q) is not None:
                 continue
-            if any(np.abs(q - other).max() <= _SAME for other in rows):
+            # Configurations nearer than this in every joint are the same [rad or m].
+            if any(np.abs(q - other).max() <= 1e-6 for other in rows):
                 continue
             clearance = checker.clearance(q)[0]
             if clearance > TOUCHING:
                 rows.append(q)
                 alternatives.append(number)
                 clearances.append(clearance)
-    most = max(min(_MAX_OF_GOAL, MAX_CONFIGURATIONS // len(problem.goals)), 1)
+    # Configurations of one goal: more hardly shorten a tour.
+    most = max(min(32, MAX_CONFIGURATIONS // len(problem.goals)), 1)
     if rows:
         chosen = _inside_first(problem.robot.chain, np.array(rows), near, most)
         return Configurations(
@@ -120,7 +112,8 @@ def _search_around_obstacles(
         if isinstance(answer, Failure):
             failures.append(answer)
             continue
-        for candidate in answer[:_MAX_SEARCHED]:
+        # Configurations taken of those that are found with the obstacles in sight.
+        for candidate in answer[:4]:
             violation = end_violation(problem.constraints, "goal", candidate.joints)
             if violation is not None:
                 failures.append(violation)
@@ -151,7 +144,8 @@ def _of_pose(
             if answer.within_limits[i, k]
         ]
         return [*rows, *_turned_inwards(chain, rows)]
-    options = numeric.SearchOptions(seed=seed, starts=_STARTS)
+    # Starts of inverse kinematics spent on them.
+    options = numeric.SearchOptions(seed=seed, starts=60)
     step = max(len(targets) // _SEARCHED_DEVIATIONS, 1)
     rows = []
     for T in targets[::step][:_SEARCHED_DEVIATIONS]:
@@ -163,7 +157,8 @@ def _of_pose(
 
 
 def _searched(chain: Chain, T: Array, options: numeric.SearchOptions, near: Array) -> list[Array]:
-    found = numeric.solve(chain, T, options, seed_joints=near, solutions=_SEARCHED).solutions
+    # Configurations looked for at each deviation from a pose, of arms without a closed form.
+    found = numeric.solve(chain, T, options, seed_joints=near, solutions=8).solutions
     return [np.array(solution.joints) for solution in found]
 
 

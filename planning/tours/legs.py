@@ -21,8 +21,6 @@ from planning.tours.problem import TourProblem
 from planning.tours.result import Leg
 from planning.values.deadline import Deadline
 
-#: Straight motions keep this much more than the margin, where their ends do: as plans do [m].
-_SLACK = 1e-3
 #: Time of a leg that was planned in vain: no tour takes it that has another choice [s].
 IMPOSSIBLE = 2e4
 #: Time added between groups, so that a tour leaves each group only once: more than moves of the
@@ -37,8 +35,6 @@ SAME_TIME = 1e-5
 #: Edges that a planner of one leg may look at: seconds. Counted in edges, not in time, the tour
 #: depends on the seed alone.
 _MAX_EDGES = 200_000
-#: A leg that is planned at all is planned for so long [s].
-_LEAST_TIMEOUT = 1e-3
 #: Rows of a table between two looks at the clock: milliseconds.
 _ROWS_AT_ONCE = 32
 
@@ -183,7 +179,9 @@ class LegTable:
     def _checker(self, a: int, b: int) -> Checker:
         """The checker of straight motions between two configurations, as plans have it."""
         model = self.checker.model
-        slack = min(_SLACK, 0.5 * min(self.clearance(a), self.clearance(b)))
+        # Straight motions keep this much more than the margin, where their ends do: as plans do
+        # [m].
+        slack = min(1e-3, 0.5 * min(self.clearance(a), self.clearance(b)))
         constraints = self.problem.constraints
         if constraints is None or not constraints.hard.rows:
             return Checker(model, slack)
@@ -242,7 +240,8 @@ class LegTable:
             self.problem.robot, self.problem.scene, start, (JointGoal(end),), self.problem.margin,
             constraints=self.problem.constraints,
         )  # fmt: skip
-        timeout = min(max(deadline.remaining, _LEAST_TIMEOUT), self.options.timeout)
+        # A leg that is planned at all is planned for so long [s].
+        timeout = min(max(deadline.remaining, 1e-3), self.options.timeout)
         options = replace(self.options, timeout=timeout, max_edges=max_edges)
         plan = pipeline.plan(problem, options, within=deadline)
         if isinstance(plan, Failure):

@@ -16,12 +16,8 @@ from planning.tours.network import Network, TourState, tour_state
 
 #: Gains below this are rounding of single precision [s].
 _GAIN = 1e-6
-#: Stops that are moved together.
-_SEGMENT = 3
 #: Stops on either side of a move that choose their configurations anew.
 _WINDOW = 2
-#: Longest block that a kick swaps.
-_BLOCK = 40
 
 
 def nearest_neighbour_tour(
@@ -337,7 +333,8 @@ def improve_by_shift(network: Network, state: TourState, stop: int, work: Search
     best = _GAIN
     best_low = best_high = best_left = best_choice = -1
     best_backwards = False
-    for length in range(1, _SEGMENT + 1):
+    # Stops that are moved together.
+    for length in range(1, 4):
         for side in range(2 if length > 1 else 1):
             low = place if side == 0 else place - length + 1
             high = low + length - 1
@@ -462,7 +459,8 @@ def search_kernel(network: Network, state: TourState, work: SearchWork, kicks: i
     goals = count - 2
     order, choice = state.order.copy(), state.choice.copy()
     for _ in range(kicks if goals > 2 else 0):
-        longest = min(_BLOCK, goals // 2)
+        # Longest block that a kick swaps.
+        longest = min(40, goals // 2)
         first = 1 + draw(work.random, longest)
         second = 1 + draw(work.random, longest)
         low = 1 + draw(work.random, goals - first - second + 1)

@@ -14,16 +14,6 @@ from kinematics.arrays import Array, Indices
 from planning.timing.rest_to_rest import Times
 from planning.values.deadline import Deadline
 
-#: Rounds without a better bound after which steps are halved.
-_PATIENCE = 8
-#: Steps end below this part of the gap.
-_LEAST_STEP = 1e-3
-#: Lookups of times that all rounds together may take: about a second.
-_EFFORT = 4e8
-_MAX_ROUNDS = 400
-#: Single precision rounds every time by less than this part.
-_ROUNDING = 1e-6
-
 
 @kernel
 def spanning_tree(times: Times, first: Indices, price: Array, ends: Indices, legs: Array) -> float:
@@ -98,7 +88,8 @@ def lower_bound(
     price, legs = np.zeros(m), np.zeros(m)
     best, best_price = -np.inf, price
     scale, since = 1.0, 0
-    rounds = int(np.clip(_EFFORT / m**2, 10, _MAX_ROUNDS))
+    # Lookups of times that all rounds together may take: about a second.
+    rounds = int(np.clip(4e8 / m**2, 10, 400))
     for _ in range(rounds):
         if deadline is not None and deadline.passed:
             break
@@ -107,10 +98,13 @@ def lower_bound(
         if value > best:
             best, best_price, since = value, price.copy(), 0
         square = float(legs @ legs)
-        if square == 0.0 or scale < _LEAST_STEP:
+        # Steps end below this part of the gap.
+        if square == 0.0 or scale < 1e-3:
             break
-        if since >= _PATIENCE:
+        # Rounds without a better bound after which steps are halved.
+        if since >= 8:
             scale, since, price = 0.5 * scale, 0, best_price.copy()
             continue
         price = price + scale * max(upper - value, 0.0) / square * legs
-    return max(0.0, best - _ROUNDING * upper)
+    # Single precision rounds every time by less than this part.
+    return max(0.0, best - 1e-6 * upper)

@@ -25,8 +25,6 @@ from planning.values.deadline import Deadline
 Report = Callable[[float, str], None]
 #: Called with a proved tour that is the best so far.
 Offer = Callable[[Tour], None]
-#: Share of the work that is finding configurations.
-_CONFIGURATIONS_SHARE = 0.2
 #: Codes of what is wrong at the end of a tour, by those of its start.
 _CODES_OF_ENDS: Mapping[str, str] = {
     "START_STATE_IN_COLLISION": "GOAL_IN_COLLISION",
@@ -198,7 +196,8 @@ class _TourPlanner:
                 )
             else:
                 found[i] = answer
-            self.report(_CONFIGURATIONS_SHARE * (i + 1) / len(goals), "configurations")
+            # Share of the work that is finding configurations.
+            self.report(0.2 * (i + 1) / len(goals), "configurations")
         if self.unvisited and not self.options.allow_partial:
             return _out_of_reach(self.unvisited, len(goals))
         self._leave_out_followers(found)

@@ -41,16 +41,8 @@ from planning.tours.result import (
 )
 from planning.values.deadline import Deadline
 
-#: Configurations at most that legs are planned to in place of one at a limit.
-_MAX_PLANNED = 6
-#: Edges that the search for a leg to another configuration may look at.
-_MAX_EDGES = 2000
-#: Near stops that moves of the search look at.
-_NEIGHBOURS = 10
 #: Kicks for each goal before the first legs are planned and in each round.
 _KICKS = 30
-#: Kicks for each goal after legs got longer.
-_REPAIR_KICKS = 3
 #: Kicks between two looks at the clock.
 _KICKS_AT_ONCE = 100
 #: Shares of the remaining time, at most, for the first order, for checks of its straight motions
@@ -61,8 +53,6 @@ _PATIENCE = 3
 #: Searches in one round at most, for straight motions that are blocked, and for legs that took
 #: longer than expected.
 _MAX_CHECKS, _MAX_REPAIRS = 60, 20
-#: Legs to a goal that are planned in vain before it is given up, where none was proved.
-_MAX_VAIN = 3
 
 
 class Stops(NamedTuple):
@@ -145,7 +135,8 @@ class TourSearch:
     def __post_init__(self) -> None:
         pairs = self.stops.pairs(self.problem)
         precedence = precedence_table(pairs, len(self.stops.goals) + 2)
-        self.network = make_network(self.legs.times, self.stops.first, precedence, _NEIGHBOURS)
+        # Near stops that moves of the search look at.
+        self.network = make_network(self.legs.times, self.stops.first, precedence, 10)
         groups = self.stops.groups(self.problem)
         self.state = nearest_neighbour_tour(self.network, groups, pairs)
         self.work = search_work(self.network, self.options.planning.seed)
@@ -198,7 +189,8 @@ class TourSearch:
                 self.bound = self._lower_bound(self._share(_BOUND_SHARE))
             if not changed or self.deadline.passed:
                 break
-            self._improve(changed, _REPAIR_KICKS)
+            # Kicks for each goal after legs got longer.
+            self._improve(changed, 3)
         return shorter
 
     def _check_straight_legs(self, until: Deadline) -> None:
@@ -315,7 +307,9 @@ class TourSearch:
         counts = Counter(int(owner[k]) for pair in self.legs.failures for k in pair)
         for pair, failure in self.legs.failures.items():
             for stop in (int(owner[pair[1]]), int(owner[pair[0]])):
-                if stop < goals and stop not in proved and counts[stop] >= _MAX_VAIN:
+                # Legs to a goal that are planned in vain before it is given up, where none was
+                # proved.
+                if stop < goals and stop not in proved and counts[stop] >= 3:
                     return Vain(self.stops.goals[stop], failure)
         if given_up:
             for pair in self._pairs():
@@ -443,13 +437,15 @@ def _replace(search: "TourSearch", stop: int) -> bool:
     others = _others(search, stop, around)
     times = [sum(legs.straight_time(q, end) for end in around) for _, q in others]
     worth = [k for k in np.argsort(times, kind="stable") if times[k] <= MAX_LONGER * took]
-    for k in worth[:_MAX_PLANNED]:
+    # Configurations at most that legs are planned to in place of one at a limit.
+    for k in worth[:6]:
         if search.deadline.passed:
             return False
         row, q = others[k]
         ways = [*((legs.joints[a], q) for a in before), *((q, legs.joints[b]) for b in after)]
         until = search.deadline.at_most(search.options.leg_timeout)
-        planned = [legs.plan_motion(*way, until, _MAX_EDGES) for way in ways]
+        # Edges that the search for a leg to another configuration may look at.
+        planned = [legs.plan_motion(*way, until, 2000) for way in ways]
         found = [leg for leg in planned if not isinstance(leg, Failure)]
         takes = sum(leg.trajectory.duration for leg in found)
         if len(found) == len(planned) and takes <= MAX_LONGER * took:

@@ -18,8 +18,6 @@ from planning.timing.jerk.double_s import Legs, leg_time, reachable_speed
 _ROUGH = 1e-4
 # Shares of the largest reach of a corner that are tried; 0 is a stop.
 _SHARES = 8
-# Rounds over all corners; a third gains less than a thousandth.
-_ROUNDS = 2
 # Corners on either side whose speeds follow while the reach of a corner is looked for.
 _NEIGHBOURS = 2
 
@@ -92,7 +90,8 @@ def fastest_reaches_kernel(
     _choose_alike(legs, choices, trials, speeds)
     # Windows about two corners have a speed in common up to this distance of the corners.
     settled, around = np.zeros(k, dtype=np.bool_), 2 * _NEIGHBOURS + 1
-    for _ in range(_ROUNDS):
+    # Rounds over all corners; a third gains less than a thousandth.
+    for _ in range(2):
         for i in range(k):
             # Nothing that its time hangs on has changed since it was looked at.
             if settled[i]:

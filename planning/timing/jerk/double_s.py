@@ -23,19 +23,10 @@ from compiled.kernel import kernel
 from compiled.simd import Lanes, anywhere, choose
 from kinematics.arrays import Array
 
-# Steps of Newton's method, safeguarded by bisection: eight are usual.
-_MAX_STEPS = 80
 #: A speed is found when a step changes it by less than this part.
 CONVERGED = 1e-15
-# Phases that take less than this part of their leg's time are rounding: no pieces.
-_NO_TIME = 1e-12
 #: Phases of a leg, at most: two ramps of three and a stretch at constant speed.
 MAX_PHASES = 7
-# Lengths that differ by less than this part are the same.
-_SAME = 1e-13
-# Speeds that differ by less than this part are the same: a ramp goes by the square root of their
-# difference, whose rounding would be seen as a jump.
-_SAME_SPEED = 1e-11
 
 
 class Legs(NamedTuple):
@@ -99,7 +90,8 @@ def _peak_speed(
     """``peak_speed``; ``alike`` says that both ends have the same speed, which halves the work."""
     v, a, j = float(limits[0]), float(limits[1]), float(limits[2])
     low = max(start, end)
-    rises = _excess(start, end, low, 0.0, limits, alike) < (1.0 - _SAME) * length
+    # Lengths that differ by less than this part are the same.
+    rises = _excess(start, end, low, 0.0, limits, alike) < (1.0 - 1e-13) * length
     if not anywhere(rises):
         return low
     # A number in as many lanes as the others have.
@@ -111,7 +103,8 @@ def _peak_speed(
     answer = choose(rises, high, low)
     below, above = low, high
     speed = 0.5 * (below + above)
-    for _ in range(_MAX_STEPS):
+    # Steps of Newton's method, safeguarded by bisection: eight are usual.
+    for _ in range(80):
         if not anywhere(sought):
             break
         excess = _excess(start, end, speed, length, limits, alike)
@@ -189,7 +182,9 @@ def lower_speeds_kernel(legs: Legs, speeds: Array, tolerance: float) -> float:
 @kernel(inline="code", allocates=False)
 def _are_same(low: float, high: float) -> bool:
     """Whether no ramp lies between two speeds."""
-    return abs(high - low) <= _SAME_SPEED * max(low, high)
+    # Speeds that differ by less than this part are the same: a ramp goes by the square root of
+    # their difference, whose rounding would be seen as a jump.
+    return abs(high - low) <= 1e-11 * max(low, high)
 
 
 @kernel(allocates=False)
@@ -233,7 +228,8 @@ def leg_phases_kernel(start: float, end: float, length: float, limits: Array, ph
     """
     a, j = limits[1], limits[2]
     peak = peak_speed(start, end, length, limits, CONVERGED)
-    least = _NO_TIME * leg_time(start, end, length, limits, CONVERGED)
+    # Phases that take less than this part of their leg's time are rounding: no pieces.
+    least = 1e-12 * leg_time(start, end, length, limits, CONVERGED)
     rising = 0.0 if _are_same(start, peak) else _ramp_length(start, peak, a, j)
     falling = 0.0 if _are_same(end, peak) else _ramp_length(end, peak, a, j)
     used = _write_ramp(0.0, start, peak, limits, least, phases, 0)

@@ -23,21 +23,6 @@ from planning.timing.path.path import JointPath
 
 # phi(T) / T: the length of a ramp for each unit of tau.
 _RAMP = 0.6
-# Cells in a ramp, on a curved piece and on a straight one; with twice as many the duration falls by
-# less than a hundredth.
-_RAMP_CELLS = 18
-_CURVED_CELLS = 6
-_STRAIGHT_CELLS = 10
-# A speed asked for at an end counts like this part of the path run through at it.
-_PULL = 0.1
-# A ramp takes at most this part of the way.
-_RAMP_SHARE = 0.4
-# Two knots nearer than this part of the cells about them are one.
-_SAME_KNOT = 0.3
-# A knot nearer than this part of its cell to where a ramp ends is one with it: on a cell that only
-# rounding makes there is no speed to be found.
-_ON_THE_RAMP = 1e-6
-_NEWTON_STEPS = 60
 
 
 class KnotLimits(NamedTuple):
@@ -118,7 +103,8 @@ def _inverse(y: Array) -> Array:
     answer = np.empty_like(y)
     for i in range(y.shape[0]):
         u = min((y[i] / 0.6) ** (1.0 / 3.0), 1.0)
-        for _ in range(_NEWTON_STEPS):
+        # Steps of Newton's method.
+        for _ in range(60):
             value = u**3 * (2.0 - 2.0 * u + 0.6 * u**2) - y[i]
             slope = u**2 * (6.0 - 8.0 * u + 3.0 * u**2)
             step = value / slope if slope > 0.0 else 0.0
@@ -170,6 +156,7 @@ def grid(
     counts = np.where(both_flat, 1, path.n)
     if extra is not None:
         caps, knot_rows, counts = _with_extra(extra(path, places), phi, caps, knot_rows, counts)
+    # A speed asked for at an end counts like this part of the path run through at it.
     rows = JerkLimits(
         np.concatenate([[0.0], np.diff(pace.tau(places)), [0.0]]),
         caps,
@@ -177,7 +164,7 @@ def grid(
         counts.astype(np.int64),
         np.ascontiguousarray(jerk_rows),
         np.where(flat, 1, path.n).astype(np.int64),
-        np.where(np.array(speeds) > 0.0, _PULL * float(breaks[-1]), 0.0),
+        np.where(np.array(speeds) > 0.0, 0.1 * float(breaks[-1]), 0.0),
     )
     return Grid(places, phi[:2], pieces.astype(np.int64), rows)
 
@@ -222,7 +209,8 @@ def _pace(
     """The pace, and the ways at the two ends on which speeds change most."""
     length = float(path.breaks[-1])
     slopes = np.abs(path.sample([0.0, length], 1))
-    ramps = [min(_ramp(slope, limits), _RAMP_SHARE * length) for slope in slopes]
+    # A ramp takes at most this part of the way.
+    ramps = [min(_ramp(slope, limits), 0.4 * length) for slope in slopes]
     resting = [ramp if speed == 0.0 else 0.0 for ramp, speed in zip(ramps, speeds, strict=True)]
     return _Pace(length, resting[0], resting[1]), (ramps[0], ramps[1])
 
@@ -245,13 +233,18 @@ def _knots(
     resting: Sequence[bool],
 ) -> Array:
     """Places of the knots: all breaks of the path, and others between them."""
-    counts = np.where(straight, _STRAIGHT_CELLS, _CURVED_CELLS)
+    # Cells of a curved piece and of a straight one; with twice as many the duration falls by less
+    # than a hundredth.
+    counts = np.where(straight, 10, 6)
     shares = np.arange(counts.sum()) - np.repeat(np.cumsum(counts) - counts, counts)
     cells = np.repeat(np.diff(breaks) / counts, counts)
     base = np.repeat(breaks[:-1], counts) + shares * cells
     away = np.minimum(base - ramps[0], (breaks[-1] - ramps[1]) - base)
-    base = base[away > _ON_THE_RAMP * cells]
-    u = np.linspace(0.0, 1.0, _RAMP_CELLS + 1)
+    # A knot nearer than this part of its cell to where a ramp ends is one with it: on a cell that
+    # only rounding makes there is no speed to be found.
+    base = base[away > 1e-6 * cells]
+    # Cells of a ramp.
+    u = np.linspace(0.0, 1.0, 19)
     ramp = u**3 * (2.0 - 2.0 * u + 0.6 * u**2) / _RAMP
     # From rest s grows as t^3; an end that is passed at speed needs no knots close together.
     first, last = (ramp if still else u for still in resting)
@@ -259,7 +252,8 @@ def _knots(
     free = np.unique(free)
     # Knots of our own give way to the path's.
     ends = np.searchsorted(free, breaks).clip(1, len(free) - 1)
-    near = _SAME_KNOT * (free[ends] - free[ends - 1])
+    # Two knots nearer than this part of the cells about them are one.
+    near = 0.3 * (free[ends] - free[ends - 1])
     keep = np.ones(len(free), dtype=np.bool_)
     keep[ends[free[ends] - breaks <= near]] = False
     keep[ends[breaks - free[ends - 1] <= near] - 1] = False

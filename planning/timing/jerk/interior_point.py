@@ -27,16 +27,7 @@ from planning.timing.jerk.limits import (
     weight_kernel,
 )
 
-# Part of the way to the nearest limit that a step may go.
-_TO_LIMIT = 0.95
-# A step is shortened by this factor until it is inside.
-_SHORTEN = 0.85
-_MAX_SHORTENINGS = 100
-# The complementarity aimed at by the next step, as part of what it is.
-_CENTERING = 0.15
 _MAX_STEPS = 60
-# Of c near 0 nothing is to be gained by going below this part of what it was in one step.
-_MIN_SHARE = 0.1
 # Weight that ties the ends to their neighbours, beside which all else is nothing.
 _STIFF = 1e6
 
@@ -93,7 +84,8 @@ def least_time_kernel(rows: JerkLimits, z: Array, centrality: float, tolerance: 
             return steps + 1
         # Where a step was cut short the next ones aim at the middle of what is allowed; while the
         # time still falls fast there is no hurry to the limits either.
-        centering = max(_CENTERING, 1.0 - length) if length > 0.1 else 2.0
+        # The complementarity aimed at by the next step, as part of what it is.
+        centering = max(0.15, 1.0 - length) if length > 0.1 else 2.0
         if time < 0.9 * before:
             centering = max(centering, 0.8)
         mu = min(max(centering * mu, 0.2 * tolerance * time / count), most)
@@ -121,15 +113,19 @@ def _length_kernel(rows: JerkLimits, z: Array, step: Array, trial: Array) -> flo
     length = 1.0
     for k in range(z.shape[0]):
         if step[k] < 0.0:
-            length = min(length, (1.0 - _MIN_SHARE) * z[k] / -step[k])
-    for _ in range(_MAX_SHORTENINGS):
+            # Of c near 0 nothing is to be gained by going below this part of what it was in one
+            # step.
+            length = min(length, 0.9 * z[k] / -step[k])
+    for _ in range(100):
         for k in range(z.shape[0]):
-            trial[k] = z[k] + length / _TO_LIMIT * step[k]
+            # Part of the way to the nearest limit that a step may go.
+            trial[k] = z[k] + length / 0.95 * step[k]
         if inside_kernel(rows, trial):
             for k in range(z.shape[0]):
                 trial[k] = z[k] + length * step[k]
             return length
-        length *= _SHORTEN
+        # A step is shortened by this factor until it is inside.
+        length *= 0.85
     return 0.0
 
 

@@ -32,33 +32,14 @@ from planning.timing.time_scaling import ScaledTime, checked_limits, dilate, fit
 
 #: What the time found may exceed the least one on the grid by, as a part of it.
 TOLERANCE = 3e-3
-# That of the first round, which only shows where the limits between knots are exceeded.
-_ROUGH = 1e-2
 # On a path of a higher degree the pieces of time would be of a degree above 9: too many digits go.
 _MAX_DEGREE = 3
 # First guesses are these powers of the highest speeds place by place, as fast as stays inside.
 _POWERS = (1.0, 0.7, 0.4, 0.0)
-_INSIDE = 0.7
 _NEARLY_INSIDE = 0.95
-# What is outside by less than this is mended in the next round, if there is one.
-_MENDED = 0.8
-_BISECTIONS = 8
-# Barrier parameter at the start from a first guess: far from the limits [-].
-_FAR = 0.3
 # Barrier parameter at the start from a guess that is nearly right [-].
 _NEAR = 0.03
-# Where the motion between knots takes longer than this without exceeding limits, they are lowered
-# there and the speeds found anew: of the excess hardly a tenth is left each time.
-_ENOUGH = 1.01
 _ROUNDS = 2
-# Limits that less than this part of is used hardly matter to the next round, which leaves them out.
-_DECISIVE = 0.3
-# Where no phases fit, c may be at most this many times what it is nearby.
-_CALM = 2.0
-_MOST_ROUNDS = 12
-# Boundary speeds are met this well before they are set right.
-_SAME_SPEED = 0.02
-_MAX_TRIALS = 8
 _HAIR = 1e-9
 
 
@@ -98,7 +79,8 @@ def time_path_with_jerk(
     limits = _limits(path, velocity, acceleration, jerk)
     _check_smooth(path)
     factor = 1.0
-    for _ in range(_MAX_TRIALS):
+    # Boundary speeds are right after so many trials.
+    for _ in range(8):
         durations, coefficients = _sections(
             path, limits, (end_speeds[0] * factor, end_speeds[1] * factor), extra
         )
@@ -151,7 +133,9 @@ def _curved_phases(
     made = grid(path, limits, speeds, extra)
     rows = made.rows
     z = _start(rows)
-    least_time_kernel(rows, z, _FAR, _ROUGH)
+    # Barrier parameter at the start from a first guess, far from the limits, and what the time may
+    # exceed the least one by: the first round only shows where limits between knots are exceeded.
+    least_time_kernel(rows, z, 0.3, 1e-2)
     phases = _phases(made, z, speeds)
     rounds = 0
     while True:
@@ -162,13 +146,17 @@ def _curved_phases(
             if extra is not None:
                 _widen(ratios, extra(path, phases[1::2, 0]), phases[1::2])
             excess = max(float(r.max()) ** (1.0 / k) for k, r in enumerate(ratios, 1))
-            if excess < _ENOUGH or rounds >= _ROUNDS:
+            # Where the motion between knots takes longer than this without exceeding limits, they
+            # are lowered there and the speeds found anew: of the excess hardly a tenth is left each
+            # time.
+            if excess < 1.01 or rounds >= _ROUNDS:
                 break
             rows = _tighten_limits(rows, ratios)
-        if rounds >= _MOST_ROUNDS:
+        if rounds >= 12:
             raise _no_speed()
         rounds += 1
-        z = _faster(rows, z, _NEARLY_INSIDE if rounds >= _ROUNDS else _MENDED)
+        # What is outside by less than this is mended in the next round, if there is one.
+        z = _faster(rows, z, _NEARLY_INSIDE if rounds >= _ROUNDS else 0.8)
         phases = _phases(made, z, speeds)
     owners = np.repeat(made.pieces, 2)
     phases[:, 0] -= path.breaks[owners]
@@ -180,7 +168,9 @@ def _faster(rows: JerkLimits, z: Array, enough: float) -> Array:
 
     Where that is not inside all limits even when made smaller by ``enough``, by all of them.
     """
-    decisive = decisive_kernel(rows, z, _DECISIVE)
+    # Limits that less than this part of is used hardly matter to the next round, which leaves them
+    # out.
+    decisive = decisive_kernel(rows, z, 0.3)
     found = _scale_into_limits(decisive, z, _NEARLY_INSIDE)
     least_time_kernel(decisive, found, _NEAR, TOLERANCE)
     if inside_kernel(rows, enough * found):
@@ -197,7 +187,7 @@ def _start(rows: JerkLimits) -> Array:
     shape[1:-1] = np.minimum(caps[:-1], caps[1:])
     shape[[0, -1]] = shape[[1, -2]]
     envelope_kernel(rows.lengths, rises, shape)
-    candidates = [_scale_into_limits(rows, shape**power, _INSIDE) for power in _POWERS]
+    candidates = [_scale_into_limits(rows, shape**power, 0.7) for power in _POWERS]
     return min(candidates, key=lambda z: time_kernel(rows, z))
 
 
@@ -228,7 +218,7 @@ def _scale_into_limits(rows: JerkLimits, z: Array, inside: float) -> Array:
         low *= 2.0
         if not low > -500.0:
             raise _no_speed()
-    for _ in range(_BISECTIONS):
+    for _ in range(8):
         middle = 0.5 * (low + high)
         low, high = (middle, high) if inside_kernel(rows, z * np.exp(middle)) else (low, middle)
     return np.asarray(inside * np.exp(low) * z)
@@ -254,7 +244,8 @@ def _limit_changes(rows: JerkLimits, z: Array) -> JerkLimits:
     c = _at_knots(rows.lengths, z)
     near = np.pad(c, 2, mode="edge")
     least = np.min([near[k : k + len(c)] for k in range(5)], axis=0)
-    return rows._replace(caps=np.minimum(rows.caps, _CALM * least))
+    # Where no phases fit, c may be at most this many times what it is nearby.
+    return rows._replace(caps=np.minimum(rows.caps, 2.0 * least))
 
 
 def _at_knots(h: Array, z: Array) -> Array:
@@ -287,7 +278,8 @@ def _phases(made: Grid, z: Array, speeds: tuple[float, float]) -> Array | None:
     speed, bend = made.speeds
     v, a = speed * np.sqrt(c), bend * c + 0.5 * speed * slope
     for end, wanted in ((0, speeds[0]), (-1, speeds[1])):
-        if wanted > 0.0 and abs(v[end] - wanted) > _SAME_SPEED * wanted:
+        # Boundary speeds are met this well before they are set right.
+        if wanted > 0.0 and abs(v[end] - wanted) > 0.02 * wanted:
             raise TimingFailed(
                 f"a boundary speed of {wanted:.6g} along the path is not possible without "
                 f"acceleration: {v[end]:.6g} is",

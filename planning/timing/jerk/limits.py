@@ -24,9 +24,6 @@ from numpy.typing import NDArray
 from compiled.kernel import kernel
 from kinematics.arrays import Array
 
-# How often the first guess is smoothed: without, its kinks would ask for jerk without end.
-_SMOOTHINGS = 3
-
 
 class JerkLimits(NamedTuple):
     """Limits on c over N cells.
@@ -168,7 +165,8 @@ def envelope_kernel(h: Array, rises: Array, z: Array) -> None:
         z[i + 1] = min(z[i + 1], z[i] + rises[i])
     for i in range(cells, -1, -1):
         z[i] = min(z[i], z[i + 1] + rises[i])
-    for _ in range(_SMOOTHINGS):
+    # How often the first guess is smoothed: without, its kinks would ask for jerk without end.
+    for _ in range(3):
         z[0], z[cells + 1] = z[1], z[cells]
         before = z[0]
         for k in range(1, cells + 1):

@@ -10,9 +10,6 @@ from ruckig import InputParameter, Result, Ruckig, Trajectory
 from kinematics.arrays import Array
 from planning.timing.failure import TimingFailed
 
-# Phases shorter than this part of the motion are rounding: they would be pieces of no length.
-_NOTHING = 1e-12
-
 
 def line_phases(
     length: float, limits: ArrayLike, start_speed: float = 0.0, end_speed: float = 0.0
@@ -43,7 +40,9 @@ def line_phases(
     profile = _solve(line).profiles[0][0]
     phases, place, pace, rate = [], 0.0, start_speed, 0.0
     for duration, jerk in zip(profile.t, profile.j, strict=True):
-        if duration <= _NOTHING * sum(profile.t):
+        # Phases shorter than this part of the motion are rounding: they would be pieces of no
+        # length.
+        if duration <= 1e-12 * sum(profile.t):
             continue
         t, third = duration * time, jerk * speed / time**2
         phases.append([place, pace, 0.5 * rate, third / 6.0, t])

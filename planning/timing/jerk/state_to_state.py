@@ -27,19 +27,11 @@ Synchronization = Literal["phase", "time"]
 _NO_LENGTH = 1e-12
 # A state may exceed a limit by what adding and multiplying round off [-].
 _ROUNDING = 1e-12
-# Part of each limit that the package may use: what is left covers the rounding of its roots, and
-# is far below the tolerance of the certificate [-].
-_SHARE = 1.0 - 1e-10
 # Newton's steps that bring the end of the phases to the target: its tolerance of 1e-8 takes two.
 _STEPS = 3
-# Directions in which durations change nothing by more than this part are left alone [-].
-_RANK = 1e-10
 #: Joints with at most this part of their limits of speed or acceleration rest: what rounding leaves
 #: [-]. A motion that goes on from there meets it within what counts as no jump.
 AT_REST = 1e-10
-# A joint's unit is at least this part of the way that its limits allow in the time: one that rests
-# but for rounding would have limits of 1e12 units else, which the package finds no phases for [-].
-_LEAST_UNIT = 0.01
 # Phases end in position, velocity and acceleration to this, else they are none [rad or m, and s].
 _SAME_STATE = np.array([[1e-9], [1e-9], [1e-6]])
 
@@ -111,7 +103,9 @@ def state_to_state(
     if (states[0] == states[1]).all() and not states[0][1:].any():
         return stay(names, start.position)
     scales = _scales(states, bounds)
-    wanted = _input(states, bounds * _SHARE, scales, synchronization)
+    # Part of each limit that the package may use: what is left covers the rounding of its roots,
+    # and is far below the tolerance of the certificate [-].
+    wanted = _input(states, bounds * (1.0 - 1e-10), scales, synchronization)
     phases = _solve(wanted)
     return _trajectory(names, phases, states, scales)
 
@@ -192,7 +186,10 @@ def _scales(states: tuple[Array, Array], bounds: Array) -> tuple[Array, float]:
     ]
     time = float(np.max(times))
     within_limits = np.min([bounds[0] * time, bounds[1] * time**2, bounds[2] * time**3], axis=0)
-    length = [way, speed * time, push * time**2, _LEAST_UNIT * within_limits]
+    # A joint's unit is at least this part of the way that its limits allow in the time: one that
+    # rests but for rounding would have limits of 1e12 units else, which the package finds no phases
+    # for [-].
+    length = [way, speed * time, push * time**2, 0.01 * within_limits]
     return np.asarray(np.max(length, axis=0)), time
 
 
@@ -312,7 +309,8 @@ def _polish(durations: Array, jerks: Array, start: Array, end: Array) -> Array:
         missing = np.append((end - state) * scale, total - float(durations.sum()))
         size = np.abs(matrix).max(axis=1)
         size[size == 0.0] = 1.0
-        step = np.linalg.lstsq(matrix / size[:, None], missing / size, rcond=_RANK)[0]
+        # Directions in which durations change nothing by more than this part are left alone [-].
+        step = np.linalg.lstsq(matrix / size[:, None], missing / size, rcond=1e-10)[0]
         durations = durations + np.clip(step, -0.5 * durations, None)
     return durations
 

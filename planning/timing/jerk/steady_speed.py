@@ -26,19 +26,10 @@ from planning.timing.jerk.profile import compose_pieces_kernel
 from planning.timing.path.path import JointPath
 from planning.timing.time_scaling import ScaledTime, dilate
 
-#: A stretch that is too short for its ramps is made slower by this factor, so often at most.
-_SLOWER = 0.9
-_MAX_SLOWER = 200
 #: Share of the limits of acceleration and jerk that constant speeds may use: the rest is for ramps.
 _SHARE = 0.9
-#: Part of a ramp's room for jerk that its acceleration may take where the path bends.
-_BEND_SHARE = 0.5
 #: Two places of a path nearer than this part of it are one.
 _SAME_PLACE = 1e-12
-#: A stretch between ramps that is shorter than this part of the path is rounding, and so is a phase
-#: that takes less than this part of its ramp's time.
-_NO_WAY = 1e-14
-_NO_TIME = 1e-12
 
 
 class SteadyMotion(NamedTuple):
@@ -149,7 +140,8 @@ class _Rates:
         room = jerk - third * high**3
         with np.errstate(divide="ignore"):
             straight = (acceleration - second * high**2) / first
-            bent = _BEND_SHARE * room / (3.0 * second * high)
+            # Part of a ramp's room for jerk that its acceleration may take where the path bends.
+            bent = 0.5 * room / (3.0 * second * high)
         a = float(np.minimum(straight, bent).min())
         with np.errstate(divide="ignore"):
             j = float(((room - 3.0 * second * high * a) / first).min())
@@ -239,7 +231,8 @@ def _stretches(caps: Array, variation: float) -> list[_Stretch]:
 
 def _fit(stretches: list[_Stretch], rates: _Rates) -> list[tuple[_Ramp | None, ...]] | None:
     """Ramps at both ends of each stretch, which is made slower where they have no room."""
-    for _ in range(_MAX_SLOWER):
+    # A stretch is made slower so often at most.
+    for _ in range(200):
         ramps = []
         for k, one in enumerate(stretches):
             fitting = _ramps(stretches, k, rates)
@@ -278,7 +271,8 @@ def _slow_down(stretches: list[_Stretch], k: int, one: _Stretch) -> None:
     """Make a stretch slower, or one with the faster of the slower ones beside it."""
     beside = _speeds_beside(stretches, k)
     slower = [speed if speed < one.speed else -1.0 for speed in beside]
-    one.speed *= _SLOWER
+    # A stretch that is too short for its ramps is made slower by this factor.
+    one.speed *= 0.9
     if one.speed > max(slower):
         return
     other = stretches.pop(k - 1 if slower[0] >= slower[1] else k + 1)
@@ -297,7 +291,8 @@ def _phases(
             rows.append(_ramp_phases(begin, rising, 1.0))
             begin += rising.length
         leave = end - (0.0 if falling is None else falling.length)
-        if leave - begin > _NO_WAY * path.length:
+        # A stretch between ramps that is shorter than this part of the path is rounding.
+        if leave - begin > 1e-14 * path.length:
             rows.append(np.array([[begin, one.speed, 0.0, 0.0, (leave - begin) / one.speed]]))
         if falling is not None:
             rows.append(_ramp_phases(leave, falling, -1.0))
@@ -309,7 +304,8 @@ def _ramp_phases(place: float, ramp: _Ramp, sign: float) -> Array:
     s, v, rate, rows = place, ramp.low if sign > 0.0 else ramp.high, 0.0, []
     for part, h in enumerate(ramp.durations):
         jerk = sign * ramp.jerk * (1.0 - part)
-        if h <= _NO_TIME * sum(ramp.durations):
+        # A phase that takes less than this part of its ramp's time is rounding.
+        if h <= 1e-12 * sum(ramp.durations):
             continue
         rows.append([s, v, 0.5 * rate, jerk / 6.0, h])
         s += (v + (0.5 * rate + jerk * h / 6.0) * h) * h

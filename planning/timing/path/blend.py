@@ -38,10 +38,6 @@ from planning.timing.path.merging import (
 from planning.timing.path.path import JointPath
 from planning.values.deadline import Deadline
 
-#: How often a corner's reach is halved before the motion stops there instead.
-_HALVINGS = 7
-#: Reaches tried at a corner to keep a preferred clearance: narrower ones cost much time.
-_HALVINGS_PREFERRED = 3
 # A reach below this part of the shorter leg would let the corner be passed at a thousandth of the
 # leg's speed: a stop costs no more.
 _LEAST_REACH = 1e-6
@@ -50,8 +46,6 @@ _NOTHING = 1e-15
 # A straight piece between two parabolas has at least this part of its leg. On a shorter one the
 # rounding of a speed would count as an acceleration, x eps / length, and phases of it take no time.
 _LEAST_STRAIGHT = 1e-3
-# A reach may exceed half a leg by what computing it rounds off.
-_ROUNDING = 1e-9
 
 
 def merge(waypoints: ArrayLike) -> Array:
@@ -308,7 +302,8 @@ def _reaches(points: Array, kept: Indices, reaches: ArrayLike) -> Array:
             hint="Give one number for each inner waypoint.",
         )
     # Where nothing is to be rounded the limit is 0 and the reach without meaning.
-    excess = np.where(limits > 0.0, values - (1.0 + _ROUNDING) * limits, 0.0)
+    # A reach may exceed half a leg by what computing it rounds off.
+    excess = np.where(limits > 0.0, values - (1.0 + 1e-9) * limits, 0.0)
     if (excess > 0.0).any():
         i = int(np.argmax(excess))
         raise InvalidOption(
@@ -361,7 +356,9 @@ def certified_reaches(
     trial = widest.copy()
     for level in (*preferred, checker):
         is_last = level is checker
-        halvings = _HALVINGS if is_last else _HALVINGS_PREFERRED
+        # How often a corner's reach is halved before the motion stops there instead.
+        # Reaches tried at a corner to keep a preferred clearance: narrower ones cost much time.
+        halvings = 7 if is_last else 3
         if deadline.passed or not any(trial.tolist()):
             break
         search = level.round_corners(waypoints, trial, halvings, keep=not is_last, smooth=smooth)

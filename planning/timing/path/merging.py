@@ -8,13 +8,6 @@ from compiled.kernel import kernel
 from kinematics.arrays import Array, Indices
 from planning.timing.path.path import SAME_DIRECTION
 
-# Waypoints nearer than this, relative to the largest coordinate (at least 1), are the same one:
-# what rounding leaves of a direction there is no direction.
-_SAME_POINT = 1e-12
-# Within this of a full reversal, |u_in + u_out|, the parabola would turn round before it gets to
-# the corner: the motion stops at the corner instead.
-_REVERSAL = 1e-3
-
 
 @kernel
 def keep_kernel(points: Array, kept: Indices) -> int:
@@ -31,7 +24,9 @@ def keep_kernel(points: Array, kept: Indices) -> int:
     distinct = 1
     kept[0] = 0
     for i in range(1, k):
-        if distance(points[i], points[kept[distinct - 1]]) > _SAME_POINT * scale:
+        # Waypoints nearer than this, relative to the largest coordinate (at least 1), are the same
+        # one: what rounding leaves of a direction there is no direction.
+        if distance(points[i], points[kept[distinct - 1]]) > 1e-12 * scale:
             kept[distinct] = i
             distinct += 1
     if distinct == 1:
@@ -102,7 +97,9 @@ def largest_reaches_kernel(points: Array, kept: Indices, reaches: Array) -> None
             total = (points[after, joint] - points[here, joint]) / ahead
             total += (points[here, joint] - points[last, joint]) / before
             square += total * total
-        if math.sqrt(square) >= _REVERSAL:
+        # Within this of a full reversal, |u_in + u_out|, the parabola would turn round before it
+        # gets to the corner: the motion stops at the corner instead.
+        if math.sqrt(square) >= 1e-3:
             reaches[here - 1] = 0.5 * min(before, ahead)
 
 

@@ -20,18 +20,9 @@ from compiled.kernel import kernel
 from kinematics.arrays import Array, Indices
 from planning.timing.path.blend import corner_indices, largest_reaches, reach_for_deviation
 
-# Share of the tolerance that waypoints left out may use: the rest is for corners beside them.
-_SHARE = 0.9
-# Rounds in which corners move: more change durations by less than a hundredth.
-_ROUNDS = 4
 # Numbers with at most so many decimals are meant as they stand, with more than the other they are
 # not rounded [-].
 _FEW_DECIMALS, _MANY_DECIMALS = 2, 12
-# Part of the way of the joint that goes farthest that a unit of the last decimal is at most: where
-# hardly more than one digit changes, numbers tell steps and not a rounded path [-].
-_FINE = 1.0 / 200.0
-# Halvings of what is not known of a reach.
-_BISECTIONS = 30
 
 
 class Polyline(NamedTuple):
@@ -76,7 +67,8 @@ def simplified_polyline(
     rounding = 0.0 if tolerance else math.sqrt(points.shape[1]) * written_unit(points)
     rows = np.ascontiguousarray(points[merged])
     kept, beside = np.empty(len(rows), dtype=np.int64), np.zeros((3, len(rows)))
-    within = 0.0 if moving else max(_SHARE * tolerance, rounding)
+    # Share of the tolerance that waypoints left out may use: the rest is for corners beside them.
+    within = 0.0 if moving else max(0.9 * tolerance, rounding)
     kept = kept[: simplify_kernel(rows, within, kept, beside)]
     corners = rows[kept]
     reaches = reach_for_deviation(corners, tolerance or rounding, smooth)
@@ -97,7 +89,10 @@ def written_unit(points: Array) -> float:
     for decimals in range(_FEW_DECIMALS, _MANY_DECIMALS + 1):
         if np.array_equal(np.round(points, decimals), points):
             unit = 10.0**-decimals
-            is_fine = unit <= _FINE * float(np.ptp(points, axis=0).max())
+            # Part of the way of the joint that goes farthest that a unit of the last decimal is at
+            # most: where hardly more than one digit changes, numbers tell steps and not a rounded
+            # path [-].
+            is_fine = unit <= 0.005 * float(np.ptp(points, axis=0).max())
             return unit if decimals > _FEW_DECIMALS and is_fine else 0.0
     return 0.0
 
@@ -126,7 +121,8 @@ def simplify_kernel(points: Array, within: float, kept: Indices, beside: Array) 
     while kept[count - 1] < k - 1:
         kept[count] = _farthest_end_kernel(points, kept[count - 1], within, beside)
         count += 1
-    for _ in range(_ROUNDS):
+    # Rounds in which corners move: more change durations by less than a hundredth.
+    for _ in range(4):
         for i in range(1, count - 1):
             kept[i] = _even_corner_kernel(points, kept[i - 1 : i + 2], within, beside)
     for i in range(count - 1):
@@ -239,7 +235,8 @@ def narrow_kernel(
             low, high = away, reach
             if high <= low or half * (high - away) ** order <= spare * high ** (order - 1):
                 continue
-            for _ in range(_BISECTIONS):
+            # Halvings of what is not known of a reach.
+            for _ in range(30):
                 middle = 0.5 * (low + high)
                 if half * (middle - away) ** order <= spare * middle ** (order - 1):
                     low = middle

@@ -28,18 +28,6 @@ from kinematics.arrays import Array
 from kinematics.trajectory.polynomial import shift_kernel
 from planning.timing.path.path import JointPath
 
-# On a short or flat parabola, where the acceleration alone decides, more cells gain nothing.
-_LEAST_CELLS = 8
-# On a parabola between directions as different as can be, run through at speeds that the velocity
-# limits: with 24 cells the duration is within 0.4 % of what thousands give. A cubic piece needs
-# twice as many, its acceleration bends within a cell.
-_CELLS_PER_TURN = 24
-# A tangent at an end is none if it is but this part of what it is made up from: rounding.
-_NO_DIRECTION = 1e-13
-# A piece this many times as long as V^2 / A (speed and acceleration limit along it) counts as one
-# where the velocity decides throughout.
-_ROOM = 4.0
-
 
 class Cells(NamedTuple):
     """A grid on a path and the limits upon it; N cells, at most R rows each.
@@ -116,7 +104,8 @@ def _moves_at_ends(path: JointPath) -> list[bool]:
     tangents = last[:, 1:] * powers * path.lengths[-1] ** (powers - 1)
     ends = np.abs(first[:, 1]), np.abs(tangents.sum(axis=1))
     scales = np.abs(first[:, 1:]).max(), np.abs(tangents).max()
-    return [bool(e.max() > _NO_DIRECTION * scale) for e, scale in zip(ends, scales, strict=True)]
+    # A tangent at an end is none if it is but this part of what it is made up from: rounding.
+    return [bool(e.max() > 1e-13 * scale) for e, scale in zip(ends, scales, strict=True)]
 
 
 def _curved_counts(path: JointPath, resolution: int, limits: Array) -> NDArray[np.int64]:
@@ -131,8 +120,14 @@ def _curved_counts(path: JointPath, resolution: int, limits: Array) -> NDArray[n
     with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
         turn = np.nan_to_num(change / slowness)
         room = np.nan_to_num(path.lengths * slowness**2 / reluctance, nan=1.0)
-    per_turn = _CELLS_PER_TURN * len(powers) * turn * np.minimum(1.0, room / _ROOM)
-    counts = np.ceil(np.maximum(np.maximum(shares, per_turn), _LEAST_CELLS))
+    # On a parabola between directions as different as can be, run through at speeds that the
+    # velocity limits: with 24 cells the duration is within 0.4 % of what thousands give. A cubic
+    # piece needs twice as many, its acceleration bends within a cell.
+    # A piece this many times as long as V^2 / A (speed and acceleration limit along it) counts as
+    # one where the velocity decides throughout.
+    per_turn = 24 * len(powers) * turn * np.minimum(1.0, room / 4.0)
+    # On a short or flat parabola, where the acceleration alone decides, more cells gain nothing.
+    counts = np.ceil(np.maximum(np.maximum(shares, per_turn), 8))
     return np.asarray(counts, dtype=np.int64)
 
 

@@ -31,13 +31,6 @@ from planning.values.limits import EffortLimits
 # The torques aimed at are this much below the limits, so that what is bounded with an error of a
 # thousandth is within them.
 _HEADROOM = 2e-3
-# A bound that is not there, as a number: infinities would not multiply with the duals' zeros.
-_NONE = 1e12
-# The share of the room for torque that the tangent of the friction may take.
-_FRICTION_SHARE = 0.5
-# The tangent touches at no lower a speed than this part of the one where it takes its share.
-_SLOWEST = 0.05
-_MAX_DILATIONS = 40
 _HAIR = 1e-6
 
 
@@ -90,18 +83,23 @@ def _torque_rows(loads: EffortLimits, q: Array, q1: Array, q2: Array, guess: Arr
         drag = sign * phi / room
         x = np.full(len(q), np.inf) if guess is None else guess
         with np.errstate(divide="ignore", invalid="ignore"):
-            most = 2.0 * _FRICTION_SHARE / np.maximum(drag, 0.0)
-            root = np.clip(np.sqrt(x)[:, None], _SLOWEST * most, most)
+            # The share of the room for torque that the tangent of the friction may take.
+            most = 2.0 * 0.5 / np.maximum(drag, 0.0)
+            # The tangent touches at no lower a speed than this part of the one where it takes its
+            # share.
+            root = np.clip(np.sqrt(x)[:, None], 0.05 * most, most)
             tangent = np.where(drag > 0.0, 0.5 * drag / root, 0.0)
         shift = np.where(drag > 0.0, 0.5 * np.maximum(drag, 0.0) * np.nan_to_num(root), 0.0)
         ones = 1.0 - shift
         bounded = np.isfinite(room)
+        # A bound that is not there, as a number: infinities would not multiply with the duals'
+        # zeros.
         rows.append(
             np.stack(
                 [
                     np.where(bounded, a / ones, 0.0),
                     np.where(bounded, (b + tangent) / ones, 0.0),
-                    np.full_like(a, -_NONE),
+                    np.full_like(a, -1e12),
                     np.ones_like(a),
                 ],
                 axis=-1,
@@ -147,7 +145,7 @@ def slow_down(loads: EffortLimits, dilated: ScaledTime, longest: float = np.inf)
         TimingFailed: No slowing down does, or it takes longer.
     """
     trajectory, factor, _ = dilated
-    for _ in range(_MAX_DILATIONS):
+    for _ in range(40):
         needed = _slow_down_factor(loads, trajectory)
         if max(needed, 1.0) * trajectory.duration > longest:
             break

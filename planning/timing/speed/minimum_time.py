@@ -27,18 +27,9 @@ RESOLUTION = 256
 #: More than this is refused: it would take seconds.
 MAX_RESOLUTION = 100_000
 
-# The solver is given limits this much lower, so that what it rounds off stays within the true ones
-# and no dilation is needed as a rule.
-_HAIR = 1e-12
 
 # A speed asked for at an end is kept to so many digits.
 _SAME_SPEED = 1e-9
-# How often an answer that has to be slowed down is asked for with higher speeds at its ends.
-_MAX_TRIALS = 8
-# Slowed down by this part more than was needed, so that the next trial needs no more.
-_SPARE = 1e-6
-# How often the speeds are found under friction: their changes shrink tenfold each time.
-_FRICTION_ROUNDS = 3
 
 
 class SpeedProblem(NamedTuple):
@@ -99,7 +90,9 @@ def time_path(
         TimingFailed: The solver found nothing, or the speeds at the ends can't be kept.
     """
     limits = _limits(path, velocity, acceleration)
-    aims = frozen(limits * (1.0 - _HAIR))
+    # The solver is given limits this much lower, so that what it rounds off stays within the true
+    # ones and no dilation is needed as a rule.
+    aims = frozen(limits * (1.0 - 1e-12))
     if not 1 <= resolution <= MAX_RESOLUTION:
         raise InvalidOption(
             f"a timing resolution of {resolution} cells",
@@ -141,14 +134,16 @@ def _slowed_at_given_ends(
     """
     start, end = problem.end_speeds
     factor = 1.0
-    for _ in range(_MAX_TRIALS):
+    # How often an answer that has to be slowed down is asked for with higher speeds at its ends.
+    for _ in range(8):
         asked = problem._replace(end_speeds=(start * factor, end * factor))
         motion = _motion(asked, solve, joint_names)
         scaled = dilate(motion, *limits)
         slowed = scaled if problem.effort is None else slow_down(problem.effort, scaled)
         if slowed.factor <= factor:
             return ScaledTime(motion.dilate(factor), factor) if factor > 1.0 else slowed
-        factor = slowed.factor * (1.0 + _SPARE)
+        # Slowed down by this part more than was needed, so that the next trial needs no more.
+        factor = slowed.factor * (1.0 + 1e-6)
     raise _end_speed_failure()
 
 
@@ -185,7 +180,8 @@ _SOLVERS: MappingProxyType[Solver, SpeedSolver] = MappingProxyType(
 def _with_friction(effort: EffortLimits, solve: Callable[[Array | None], Array]) -> Array:
     """Speeds under loads; with friction the guess of the speeds that it needs is improved."""
     squares = None
-    rounds = _FRICTION_ROUNDS if effort.chain.viscous_friction.any() else 1
+    # How often the speeds are found under friction: their changes shrink tenfold each time.
+    rounds = 3 if effort.chain.viscous_friction.any() else 1
     for _ in range(rounds):
         squares = solve(squares)
     assert squares is not None

@@ -16,13 +16,6 @@ from kinematics.arrays import Array
 from planning.timing.failure import TimingFailed
 from planning.timing.speed.constraints import Cells, guards
 
-# A cell is a trap where x has to fall below this part both of what it was and of what the way to
-# the goal allows. Few paths have one, and one or two rounds free them.
-_TRAP = 0.5
-_MAX_ROUNDS = 20
-# Each exchange is for good; there are never more than a few.
-_MAX_STEPS = 200
-
 
 def squared_speeds(cells: Cells) -> Array:
     """The largest (ds/dt)^2 at the N + 1 grid points that all rows and rests allow.
@@ -48,7 +41,8 @@ def reachability_kernel(
     """Write the squared speeds: backward and forward pass, caps lowered where that was a trap."""
     count = rows.shape[0]
     most = np.empty(count + 1)
-    for _ in range(_MAX_ROUNDS):
+    # Few paths have a trap, and one or two rounds free them.
+    for _ in range(20):
         most[count] = 0.0 if rest[count] else caps[count]
         for i in range(count - 1, -1, -1):
             most[i] = 0.0
@@ -60,7 +54,9 @@ def reachability_kernel(
             squares[i + 1] = 0.0
             if not rest[i + 1]:
                 squares[i + 1] = _reachable_kernel(rows[i], squares[i], most[i + 1])
-            forced = squares[i + 1] < _TRAP * min(squares[i], most[i + 1])
+            # A cell is a trap where x has to fall below this part both of what it was and of what
+            # the way to the goal allows. Few paths have one, and one or two rounds free them.
+            forced = squares[i + 1] < 0.5 * min(squares[i], most[i + 1])
             if forced and guards[i] < caps[i]:
                 caps[i] = guards[i]
                 trapped = True
@@ -112,7 +108,8 @@ def _controllable_kernel(rows: Array, most: float) -> float:
         return 1.0 / best
     below_a, below_b = rows[highest_below, 0], rows[highest_below, 1]
     crossing = -np.inf
-    for _ in range(_MAX_STEPS):
+    # Each exchange is for good; there are never more than a few.
+    for _ in range(200):
         right = (above_a * -below_b + below_a * above_b) / (above_b - below_b)
         if right <= crossing:
             break

@@ -29,11 +29,6 @@ from planning.timing.speed.constraints import Cells
 from planning.timing.speed.effort_limits import knot_limits
 from planning.values.limits import EffortLimits
 
-# A bound that is not there, as a number: the package's own value for it.
-_NO_BOUND = 1e8
-# Speeds that nothing but the acceleration limits is bounded by this many times what full
-# acceleration all the way leads to [-].
-_SPARE_SPEED = 2.0
 _HINT = "Leave timing.solver out, or remove nearly repeated waypoints."
 
 logging.getLogger("toppra").setLevel(logging.CRITICAL)
@@ -104,7 +99,9 @@ class _Section:
         # From rest, |dq/dt|^2 <= 2 a times the way that the joint goes.
         reached = np.sqrt(2.0 * tangents / self._units)
         velocity = limits[0] * self._time / self._units
-        self._velocity = np.minimum(velocity, _SPARE_SPEED * reached + 1.0)
+        # Speeds that nothing but the acceleration limits is bounded by this many times what full
+        # acceleration all the way leads to [-].
+        self._velocity = np.minimum(velocity, 2.0 * reached + 1.0)
 
     def __call__(self, places: Array, order: int = 0) -> Array:
         """A derivative of q with respect to sigma, as the package asks for it: at all points."""
@@ -162,7 +159,8 @@ class _EffortConstraint(LinearConstraint):
     def __init__(self, rows: Array, caps: Array) -> None:
         super().__init__()
         self.identical = True
-        self._rows, self._caps = rows, np.minimum(caps, _NO_BOUND)
+        # A bound that is not there, as a number: the package's own value for it.
+        self._rows, self._caps = rows, np.minimum(caps, 1e8)
 
     def compute_constraint_params(self, _path: Any, points: Array) -> tuple[Any, ...]:
         bounds = np.column_stack([np.zeros_like(self._caps), self._caps])

@@ -34,20 +34,10 @@ from planning.timing.time_scaling import ScaledTime, fit_kernel, scaled_motion
 SPAN_RATES = (8.0, 12.0)
 #: Spans, at least.
 MIN_SPANS = 6
-# Spans, at most, for each leg of the path: slow motions need no more than fast ones.
-_SPANS_PER_LEG = 6
 # Points of the motion in each span that the spline is fitted to.
 _POINTS = 6
 # Places in each span at which limits are looked at while its length is sought.
 _PLACES = 9
-# Rounds of fitting; more gain less than a hundredth.
-_ROUNDS = 8
-# Exponent of the excess by which a span is made longer or shorter in a round.
-_STEP = 0.6
-# The same where there are loads: they bind here and there.
-_STEP_OF_LOADS = 0.8
-# A span becomes shorter by this factor of its excess at most: limits hardly matter where it rests.
-_MIN_EXCESS = 0.3
 
 
 def fit_quintic(
@@ -90,7 +80,8 @@ def even_parts(duration: float, legs: int | None, rate: float) -> Array:
     """
     count = max(MIN_SPANS, math.ceil(rate * duration))
     if legs is not None:
-        count = min(count, max(MIN_SPANS, _SPANS_PER_LEG * legs))
+        # Spans, at most, for each leg of the path: slow motions need no more than fast ones.
+        count = min(count, max(MIN_SPANS, 6 * legs))
     return np.asarray(np.arange(count + 1) * (duration / count))
 
 
@@ -217,11 +208,14 @@ def fit_spans_kernel(
     lengths = np.ones(-(-size // LANES) * LANES)
     lengths[:size] = spans
     fastest, factor = np.inf, np.inf
-    space, step = span_room(n), _STEP
+    # Exponent of the excess by which a span is made longer or shorter in a round.
+    space, step = span_room(n), 0.6
     is_loaded = loads.tool > 0.0 or loads.torques.shape[0] > 0
     if is_loaded:
-        step = _STEP_OF_LOADS
-    for _ in range(_ROUNDS):
+        # The same where there are loads: they bind here and there.
+        step = 0.8
+    # Rounds of fitting; more gain less than a hundredth.
+    for _ in range(8):
         fit_points(room, wide_points, shares, wide_ends, lengths, trial)
         _excess_kernel(trial, lengths, rates, excess)
         if is_loaded:
@@ -235,7 +229,9 @@ def fit_spans_kernel(
             spans[:] = lengths[:size]
             trial, best = best, trial
         for i in range(size):
-            lengths[i] *= max(excess[i], _MIN_EXCESS * worst) ** step
+            # A span becomes shorter by this factor of its excess at most: limits hardly matter
+            # where it rests.
+            lengths[i] *= max(excess[i], 0.3 * worst) ** step
         total = 0.0
         for i in range(size):
             before, after = lengths[max(i - 1, 0)], lengths[min(i + 1, size - 1)]

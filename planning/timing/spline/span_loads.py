@@ -21,17 +21,6 @@ from kinematics.arrays import Array, frozen
 from kinematics.jacobian import frame_and_jacobian_kernel
 from planning.values.limits import EffortLimits
 
-# The torques aimed at are this much below the limits: what is bounded with an error of a thousandth
-# is within them.
-_HEADROOM = 2e-3
-# Columns of ``Chain.model``, and of the rows of bodies.
-_MODEL_COLUMNS = 14
-# A torque that holds the robot still and leaves less than this part of its limit binds no motion:
-# slower ones need as much.
-_LEAST_ROOM = 1e-3
-# Rows of room for places: positions, velocities, accelerations, torques, those at rest.
-_ROWS = 5
-
 
 class SpanLoads(NamedTuple):
     """Limits of torques and of the tool's speed as kernels take them.
@@ -53,7 +42,8 @@ class SpanLoads(NamedTuple):
 def no_loads() -> SpanLoads:
     """No limits."""
     rows = np.zeros((0, 0))
-    return SpanLoads(frozen(np.zeros((1, _MODEL_COLUMNS))), 0.0, frozen(rows), frozen(np.zeros(0)))
+    # Columns of ``Chain.model``, and of the rows of bodies.
+    return SpanLoads(frozen(np.zeros((1, 14))), 0.0, frozen(rows), frozen(np.zeros(0)))
 
 
 def span_loads(loads: EffortLimits) -> SpanLoads:
@@ -63,7 +53,9 @@ def span_loads(loads: EffortLimits) -> SpanLoads:
     if loads.effort is None:
         return none._replace(model=loads.chain.model, tool=tool)
     rows = bodies(loads.chain).rows
-    torques = frozen(loads.effort * (1.0 - _HEADROOM))
+    # The torques aimed at are this much below the limits: what is bounded with an error of a
+    # thousandth is within them.
+    torques = frozen(loads.effort * (1.0 - 2e-3))
     return SpanLoads(loads.chain.model, tool, rows, torques)
 
 
@@ -84,7 +76,8 @@ class SpanRoom(NamedTuple):
 @kernel
 def span_room(n: int) -> SpanRoom:
     """Room for places of n joints."""
-    return SpanRoom(np.empty((_ROWS, n)), np.empty((6, n)), np.empty((n, WORK)))
+    # Rows of room for places: positions, velocities, accelerations, torques, those at rest.
+    return SpanRoom(np.empty((5, n)), np.empty((6, n)), np.empty((n, WORK)))
 
 
 @kernel(allocates=False)
@@ -152,5 +145,7 @@ def _torque_factor(loads: SpanLoads, room: SpanRoom) -> float:
         limit, still = loads.torques[joint], state[4, joint]
         moving = state[3, joint] - still
         left = limit - still if moving > 0.0 else limit + still
-        square = max(square, abs(moving) / max(left, _LEAST_ROOM * limit))
+        # A torque that holds the robot still and leaves less than this part of its limit binds no
+        # motion: slower ones need as much.
+        square = max(square, abs(moving) / max(left, 1e-3 * limit))
     return math.sqrt(square)

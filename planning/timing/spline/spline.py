@@ -28,8 +28,6 @@ from kinematics.trajectory.trajectory import Trajectory
 from planning.timing.path.path import JointPath
 
 Ends = Literal["natural", "clamped"]
-# Waypoints that are nearer than this part of the mean step are nearly the same [-].
-_NEARLY_REPEATED = 1e-3
 
 
 def spline_trajectory(
@@ -86,7 +84,8 @@ def led_by(waypoints: Array) -> Indices:
         waypoints: Shape (k, n), k >= 2, at least two of them distinct.
     """
     steps = np.linalg.norm(np.diff(waypoints, axis=0), axis=1)
-    kept, least = [0], _NEARLY_REPEATED * float(steps.mean())
+    # Waypoints that are nearer than this part of the mean step are nearly the same [-].
+    kept, least = [0], 1e-3 * float(steps.mean())
     for i in range(1, len(waypoints)):
         if np.linalg.norm(waypoints[i] - waypoints[kept[-1]]) > least:
             kept.append(i)

@@ -21,20 +21,10 @@ from planning.tool_paths.seams.search import SeamGraph, SeamSearch
 
 #: Name of the planner.
 _NAME = "cartesian"
-#: Share of the time that is left which is spent on tolerances that would help.
-_SHARE = 0.5
-#: Time that is spent on that at most [s].
-_MAX_TIME = 3.0
 #: Tilts that are tried [rad].
 _TILTS = tuple(math.radians(angle) for angle in (5.0, 15.0, 30.0, 45.0))
 #: Ranges of position that are tried, on either side [m].
 _POSITIONS = (0.005, 0.02)
-#: Configurations whose depth in obstacles is looked at.
-_MAX_DEPTHS = 60
-#: Least singular value, as part of the largest, below which an arm counts as singular.
-_SINGULAR = 2e-2
-#: Starts of the search for the nearest pose.
-_STARTS = 60
 
 #: What to try, by the reason.
 _HINTS: dict[Reason, str] = {
@@ -241,7 +231,8 @@ def _collision(search: SeamSearch, colliding: Array, words: str) -> _Reason:
 def _out_of_reach(search: SeamSearch, graph: SeamGraph, layer: int) -> _Reason:
     """Reason why inverse kinematics has nothing for a layer."""
     chain, target = search.chain, search.places.nominal[graph.layers[layer]]
-    options = numeric.SearchOptions(starts=_STARTS)
+    # Starts of the search for the nearest pose.
+    options = numeric.SearchOptions(starts=60)
     found = numeric.solve(chain, target, options, seed_joints=search.start)
     if graph.nodes.outside[layer]:
         n, limits = chain.n, chain.limits
@@ -287,12 +278,14 @@ def _discontinuous(search: SeamSearch, graph: SeamGraph, layer: int) -> _Reason:
     before = np.arange(firsts[max(layer - 1, 0)], firsts[max(layer, 1)])
     reached = before[np.isfinite(graph.best[before]) & (graph.origin[before] == 0)]
     sharpest = 0.0
-    for node in reached[:: max(1, len(reached) // _MAX_DEPTHS)]:
+    # Configurations whose depth in obstacles is looked at.
+    for node in reached[:: max(1, len(reached) // 60)]:
         J = geometric(search.chain, graph.nodes.joints[node])
         values = np.linalg.svd(J[np.linalg.norm(J, axis=1) > 1e-9], compute_uv=False)
         sharpest = max(sharpest, float(values[-1] / values[0]))
     details = {"smallest_singular_value": sharpest}
-    if reached.size and sharpest < _SINGULAR:
+    # Least singular value, as part of the largest, below which an arm counts as singular.
+    if reached.size and sharpest < 2e-2:
         return _Reason("singularity", "all ways there come to a singularity", details)
     return _Reason(
         "branch", "the arm could only go on in another branch of its inverse kinematics", details
@@ -301,7 +294,9 @@ def _discontinuous(search: SeamSearch, graph: SeamGraph, layer: int) -> _Reason:
 
 def _helpful_tolerances(search: SeamSearch) -> Iterator[dict[str, Any]]:
     """Wider tolerances with which the seam has a way, the least of each kind."""
-    deadline = search.deadline.within(min(_SHARE * search.deadline.remaining, _MAX_TIME))
+    # Share of the time that is left which is spent on tolerances that would help.
+    # Time that is spent on that at most [s].
+    deadline = search.deadline.within(min(0.5 * search.deadline.remaining, 3.0))
     kinds = (
         [({"free": ["rz"]}, _with_free_spin)],
         [({"tilt": tilt}, lambda t, tilt=tilt: _with_tilt(t, tilt)) for tilt in _TILTS],

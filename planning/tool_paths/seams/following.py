@@ -25,37 +25,12 @@ from planning.tool_paths.seams.path import SeamPlaces, pack_tolerance
 from planning.tool_paths.seams.search import SeamSearch, project_kernel
 from planning.values.deadline import Deadline
 
-#: Part of the deviation allowed that a range may have along the path and count as across it.
-_ALONG = 0.25
-#: Rounds of smoothing and projection.
-_REFINEMENTS = 24
-#: Weight of the squared joint rates beside the squared change, in units of squared places: at
-#: first, by what it falls after a round that can't be used, and the least that is tried.
-_STIFFNESS = 1280.0
-_SOFTER = 0.25
-_LEAST_STIFFNESS = 5.0
-#: A round that calms the way by less than this part can't be used.
-_LEAST_GAIN = 0.01
-#: Part of half of a joint's range that calmer ways keep free at either end, where there is room.
-_ROOM = 0.02
 #: Errors that a projection may leave [m], [rad].
 _REACHED = 1e-6
 #: Looks at each piece of a spline.
 _LOOKS = 6
-#: Way between two knots of a spline, where places are nearer together [m].
-_KNOT_LENGTH = 0.02
-#: Turn of the path between two knots, likewise [rad].
-_KNOT_ANGLE = 0.12
 #: Knots of a spline at least.
 _LEAST_KNOTS = 6
-#: Share of the deviations allowed that the spline may use.
-_SHARE = 0.7
-#: Share that it may use as seen from the places that the tool is at, as the proof measures.
-_OWN_SHARE = 0.95
-#: Times that places are put where the spline leaves the tolerance.
-_MAX_INSERTIONS = 7
-#: Newton steps of a projection.
-_ROUNDS = 12
 
 
 def refine(search: SeamSearch, joints: Array) -> Array:
@@ -69,18 +44,23 @@ def refine(search: SeamSearch, joints: Array) -> Array:
         Shape (k, n), free of collision at all places; the way itself where nothing is gained.
     """
     best, roughness = joints, _roughness(joints)
-    stiffness = _STIFFNESS
-    for _ in range(_REFINEMENTS):
-        if search.deadline.passed or stiffness < _LEAST_STIFFNESS:
+    # Weight of the squared joint rates beside the squared change, in units of squared places.
+    stiffness = 1280.0
+    # Rounds of smoothing and projection.
+    for _ in range(24):
+        if search.deadline.passed or stiffness < 5.0:
             break
         calmer = _smooth(best, stiffness)
-        is_reached = search.project(calmer, _ROOM).max() <= _REACHED
+        # Part of half of a joint's range that calmer ways keep free at either end, where there is
+        # room.
+        is_reached = search.project(calmer, 0.02).max() <= _REACHED
         rough = _roughness(calmer)
-        is_calmer = rough <= (1.0 - _LEAST_GAIN) * roughness
+        # A round that calms the way by less than this part can't be used.
+        is_calmer = rough <= 0.99 * roughness
         if is_reached and is_calmer and all(search.checker.valid(q) for q in calmer):
             best, roughness = calmer, rough
         else:
-            stiffness *= _SOFTER
+            stiffness *= 0.25
     return best
 
 
@@ -136,7 +116,9 @@ def segments(
 def _knots(places: SeamPlaces, first: int, last: int) -> NDArray[np.int64]:
     """Indices of the places that the spline of a run goes through at first."""
     chosen = [first]
-    measure = np.maximum(places.along / _KNOT_LENGTH, places.turned / _KNOT_ANGLE)
+    # Way between two knots of a spline, where places are nearer together [m].
+    # Turn of the path between two knots, likewise [rad].
+    measure = np.maximum(places.along / 0.02, places.turned / 0.12)
     for k in range(first + 1, last):
         if measure[k + 1] - measure[chosen[-1]] > 1.0:
             chosen.append(k)
@@ -159,9 +141,11 @@ def _spline_within(
     s, q = knots
     parts = run.parts
     begins = np.array([part.begin for part in parts])
-    allowed = np.array([_SHARE * value for value in deviations.pair])
+    # Share of the deviations allowed that the spline may use.
+    allowed = np.array([0.7 * value for value in deviations.pair])
     shares = (np.arange(_LOOKS) + 0.5) / _LOOKS
-    for _ in range(_MAX_INSERTIONS):
+    # Times that places are put where the spline leaves the tolerance.
+    for _ in range(7):
         spline = CubicSpline(s, q, bc_type="not-a-knot" if len(s) > 3 else "natural")
         looks = (s[:-1, None] + np.outer(np.diff(s), shares)).ravel()
         seen = spline(looks)
@@ -178,7 +162,9 @@ def _spline_within(
         if not pieces.size:
             c = np.ascontiguousarray(np.moveaxis(spline.c[::-1], 0, 2))
             path = JointPath(c, np.diff(s))
-            most = _OWN_SHARE * np.array(deviations.pair)
+            # Share that it may use as seen from the places that the tool is at, as the proof
+            # measures.
+            most = 0.95 * np.array(deviations.pair)
             if own_places and not is_within_at_own_places(run, T, most):
                 return None
             low, high = Trajectory(chain.joint_names, path.breaks, c).piece_extrema()
@@ -189,9 +175,10 @@ def _spline_within(
         where = np.searchsorted(begins, at, side="right") - 1
         boxes = np.array([pack_tolerance(run.tolerances[k]) for k in where])
         errors = np.empty((len(at), 2))
+        # Newton steps of a projection.
         project_kernel(
             chain.model, run.poses(at), boxes,
-            np.array([limits.lower, limits.upper]), _ROUNDS, more, errors,
+            np.array([limits.lower, limits.upper]), 12, more, errors,
         )  # fmt: skip
         if errors.max() > _REACHED:
             return None
@@ -214,7 +201,8 @@ def with_fewer_ranges(places: SeamPlaces, position: float) -> Iterator[tuple[Sea
     ranged = (upper > lower).any(axis=0)
     along = np.abs(np.einsum("kji,kj->ki", _axes(places), _directions(places)))
     largest = np.maximum(np.abs(lower), np.abs(upper))
-    across = (along * largest).max(axis=0) <= _ALONG * position
+    # Part of the deviation allowed that a range may have along the path and count as across it.
+    across = (along * largest).max(axis=0) <= 0.25 * position
     if not (ranged & ~across).any():
         yield places, False
         return

@@ -21,16 +21,6 @@ from planning.tool_paths.seams.path import SeamPlaces
 _MAX_DEVIATIONS = 48
 #: Angle between neighbouring samples of a rotation [rad].
 _ANGLE = math.radians(15.0)
-#: Range of position that is sampled at its ends too [m].
-_WIDE = 4e-3
-#: Samples of a free turn of an arm with a parameter of its own.
-_FEW_TURNS = 12
-#: Values of a joint that carries the arm, such as a rail.
-_CARRIER_VALUES = 7
-#: Rounds of the numeric search for arms without a closed form.
-_ROUNDS = 4
-#: Starts of the numeric search in each.
-_STARTS = 20
 _FULL_TURN = 2.0 * math.pi
 #: Range of a joint from which on its turns are chosen at the end of the search [rad].
 TWO_TURNS = 4.0 * math.pi - 1.0
@@ -97,11 +87,13 @@ def _values(tolerance: ToolTolerance, column: int, step: float, few: bool) -> Ar
     if low == high:
         return np.array([low])
     if not math.isfinite(low):
-        count = min(_FEW_TURNS if few else 24, max(3, math.ceil(_FULL_TURN / step)))
+        # Samples of a free turn of an arm with a parameter of its own.
+        count = min(12 if few else 24, max(3, math.ceil(_FULL_TURN / step)))
         return np.asarray(np.arange(count) * _FULL_TURN / count)
     if column < RX:
         middle = 0.5 * (low + high)
-        return np.array([low, middle, high] if high - low > _WIDE else [middle])
+        # Range of position that is sampled at its ends too [m].
+        return np.array([low, middle, high] if high - low > 4e-3 else [middle])
     if column in (RX, RY) and math.isfinite(tolerance.tilt):
         inner = 0.65 * tolerance.tilt
         return np.array([-inner, 0.0, inner])
@@ -239,7 +231,8 @@ def _by_carrier(
 ) -> tuple[Array, NDArray[np.int64], NDArray[np.int64]]:
     """Configurations of a carried arm: the closed form at some values of the first joint."""
     low, high = chain.sampling_bounds()
-    values = np.linspace(low[0], high[0], _CARRIER_VALUES + 2)[1:-1]
+    # Values of a joint that carries the arm, such as a rail.
+    values = np.linspace(low[0], high[0], 9)[1:-1]
     all_joints, owners, missed = [], [], []
     for value in np.append(values, seed[0]):
         T_carrier = chain.offsets[0] @ _moved(chain, float(value))
@@ -264,10 +257,12 @@ def _search(
     """Configurations that the numeric method finds from several starts."""
     random = np.random.default_rng(0)
     low, high = chain.sampling_bounds()
-    starts = [seed, middle(chain), *(random.uniform(low, high) for _ in range(_ROUNDS - 2))]
+    # Rounds of the numeric search for arms without a closed form.
+    starts = [seed, middle(chain), *(random.uniform(low, high) for _ in range(2))]
     joints, owners = [], []
     for number, start in enumerate(starts):
-        options = numeric.SearchOptions(number, _STARTS)
+        # Starts of the numeric search in each.
+        options = numeric.SearchOptions(number, 20)
         found = numeric.solve_many(chain, T, options, seed_joints=start)
         solved = np.flatnonzero(found.solved)
         joints.append(found.joints[solved])

@@ -18,18 +18,6 @@ from planning.tool_paths.blending import runs
 
 #: Corners flatter than this are run through without a blend, within the tolerance [rad].
 FLAT_CORNER = math.radians(30.0)
-#: Waypoints nearer to each other than this are the same place [m].
-_SAME_PLACE = 1e-6
-#: Longest way between two places of a seam [m].
-_STEP_LENGTH = 0.03
-#: Largest turn between two places [rad].
-_STEP_ANGLE = 0.15
-#: Places of a run at least.
-_LEAST_PLACES = 8
-#: Way between two layers of the search, where waypoints are nearer together [m].
-_LAYER_LENGTH = 0.04
-#: Turn between two layers, likewise [rad].
-_LAYER_ANGLE = 0.25
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -64,7 +52,9 @@ class SeamPlaces:
         """Indices of the places that the search looks at: all of them, or some on the way."""
         if every:
             return np.arange(len(self.s))
-        measure = np.maximum(self.along / _LAYER_LENGTH, self.turned / _LAYER_ANGLE)
+        # Way between two layers of the search, where waypoints are nearer together [m].
+        # Turn between two layers, likewise [rad].
+        measure = np.maximum(self.along / 0.04, self.turned / 0.25)
         chosen = [0]
         for k in range(1, len(self.s)):
             is_last = k == len(self.s) - 1
@@ -146,7 +136,8 @@ def _ways(points: Sequence[SeamWaypoint]) -> list[ToolMotion]:
 def _way(k: int, T_start: Array, T_end: Array, via: Array | None) -> ToolMotion:
     """The motion from the k-th waypoint to the next."""
     away = float(np.linalg.norm(T_end[:3, 3] - T_start[:3, 3]))
-    if away < _SAME_PLACE:
+    # Waypoints nearer to each other than this are the same place [m].
+    if away < 1e-6:
         raise InvalidGoal(
             f"waypoints[{k + 1}] is at the place of waypoints[{k}]",
             hint="Leave one of them out; for a turn on the spot give motions.",
@@ -206,11 +197,14 @@ def seam_places(runs: tuple[ToolRun, ...]) -> SeamPlaces:
     along = turned = 0.0
     for number, run in enumerate(runs):
         parts = run.parts
-        least = -(-_LEAST_PLACES // len(parts))
+        # Places of a run at least.
+        least = -(-8 // len(parts))
         for part in parts:
             assert part.tolerance is not None
             length, angle = part.motion.length, part.motion.angle
-            steps = max(length / _STEP_LENGTH, angle / _STEP_ANGLE, float(least))
+            # Longest way between two places of a seam [m].
+            # Largest turn between two places [rad].
+            steps = max(length / 0.03, angle / 0.15, float(least))
             count = math.ceil(steps - 1e-9)
             for i in range(count):
                 share = i / count

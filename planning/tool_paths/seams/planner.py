@@ -34,20 +34,12 @@ from planning.tool_paths.seams.path import seam_places, seam_runs
 from planning.tool_paths.seams.search import SeamJoints, SeamSearch
 from planning.tool_paths.tool_following import follow, free_part
 
-#: Parts of a seam at most.
-_MAX_PARTS = 12
 #: Waypoints before the last one reached at which a change is tried too.
 _STEPS_BACK = (0, 1, 2, 4, 8)
 #: Reasons for which another branch may go on.
 _OTHER_BRANCH = {"branch", "limit", "singularity", "collision", "unreachable"}
 #: Name of the planner.
 NAME = "cartesian"
-#: Places of a seam up to which all of them are searched where a few have no way.
-_ALL_PLACES = 600
-#: Edges of the trees that look for the way to a seam at most.
-_MAX_EDGES = 200_000
-#: Motions of the joints below this are none [rad or m].
-_SAME_JOINTS = 1e-9
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -122,7 +114,8 @@ def _search(
 ) -> tuple[SeamJoints, tuple[ToolSegment, ...] | Failure]:
     """A way along a seam with the joint paths of its runs: of few configurations, or of more."""
     looks: list[tuple[bool, Density]] = [(False, COARSE), (False, DENSE)]
-    if len(search.places.s) <= _ALL_PLACES:
+    # Places of a seam up to which all of them are searched where a few have no way.
+    if len(search.places.s) <= 600:
         looks.append((True, COARSE))
     unfound: list[SeamJoints] = []
     failure: tuple[SeamJoints, Failure] | None = None
@@ -232,13 +225,15 @@ def _reverse(segment: ToolSegment) -> ToolSegment:
 
 def _transit(query: Query, start: Array, goal: Array) -> Array | Failure | None:
     """Waypoints of the free motion to the start of a seam; None where the arm is there."""
-    if np.abs(start - goal).max() <= _SAME_JOINTS:
+    # Motions of the joints below this are none [rad or m].
+    if np.abs(start - goal).max() <= 1e-9:
         return None
     waypoints, _ = straight_line(query.checker, start, [goal])
     if waypoints is None:
         deadline = query.deadline
+        # Edges of the trees that look for the way to a seam at most.
         waypoints = rrt_connect(
-            query.checker, start, [goal], query.seed, deadline, _MAX_EDGES
+            query.checker, start, [goal], query.seed, deadline, 200_000
         ).waypoints
         if waypoints is None:
             return Failure(
@@ -265,7 +260,8 @@ def plan_seam(query: Query, options: CartesianOptions, tolerances: Tolerances) -
     """
     seam = options.seam
     assert seam is not None
-    found = _plan_parts(query, query.ready.start, options, tolerances, _MAX_PARTS)
+    # Parts of a seam at most.
+    found = _plan_parts(query, query.ready.start, options, tolerances, 12)
     if isinstance(found, Failure):
         failure = _with_advice(found, seam)
         if seam.branch_changes is not None:

@@ -22,38 +22,15 @@ from planning.tool_paths.seams.nodes import COARSE, DENSE, TWO_TURNS, Density, N
 from planning.tool_paths.seams.path import SeamPlaces
 from planning.values.deadline import Deadline
 
-#: Damping of a step, as part of the trace of J J^T: arms of five joints have a singular one.
-_DAMPING = 1e-9
-#: Errors below this are none [m], [rad].
-_NO_ERROR = 1e-10
-#: Rounds in which angles are scaled down to a tilt.
-_TILT_ROUNDS = 6
-#: Weight of the squared joint motion beside the time, so that of equal times the calmest is taken.
-_CALM = 0.2
 #: Largest motion of a joint between neighbouring layers [rad or m].
 _LAYER_JUMP = 0.9
 #: Largest motion of a joint between neighbouring places [rad or m].
 _JUMP = 0.45
-#: Newton steps of a projection.
-_ROUNDS = 12
 #: Error of a place that counts as reached [m], [rad].
 _REACHED = 1e-6
 #: Distance to the joint limits that is kept, for the spline between the places [rad or m].
 _INSET = 2e-3
-#: Ways through the layers that are tried.
-_MAX_TRIES = 200
-#: After so many of them all configurations are checked for collisions at once.
-_LAZY_TRIES = 6
-#: Cost of a configuration at a joint limit, falling to none at a share of its range from it.
-_LIMIT_COST = 0.3
-_NEAR_LIMIT = 0.1
-#: Speed that layers are weighed by where none is asked for [m/s].
-_SPEED = 0.5
-#: Speed of a joint whose limit is not known [rad/s or m/s].
-_JOINT_SPEED = 2.0
 _FULL_TURN = 2.0 * np.pi
-#: Weight of the motion from the start to a seam's first configuration.
-_TRANSIT_WEIGHT = 0.5
 
 
 class Layers(NamedTuple):
@@ -141,7 +118,9 @@ def layer_kernel(layers: Layers, steps: Steps, ways: Ways) -> None:
                     square += time * time
                 if not fits:
                     continue
-                cost = best[i] + longest + _CALM * square / max(times[layer - 1], 1e-3)
+                # Weight of the squared joint motion beside the time, so that of equal times the
+                # calmest is taken.
+                cost = best[i] + longest + 0.2 * square / max(times[layer - 1], 1e-3)
                 # A way that begins earlier is better, whatever it costs.
                 if origin[i] == start and cost >= cheapest:
                     continue
@@ -187,7 +166,8 @@ def project_kernel(
             _error(nominal[k], A, T, box, d, S, e)
             errors[k, 0] = math.sqrt(e[0] ** 2 + e[1] ** 2 + e[2] ** 2)
             errors[k, 1] = math.sqrt(e[3] ** 2 + e[4] ** 2 + e[5] ** 2)
-            if step == rounds or max(errors[k, 0], errors[k, 1]) < _NO_ERROR:
+            # Errors below this are none [m], [rad].
+            if step == rounds or max(errors[k, 0], errors[k, 1]) < 1e-10:
                 break
             _least_motion(J, e, H)
             for j in range(n):
@@ -233,7 +213,8 @@ def _error(
             middle = 0.5 * (box[k] + box[6 + k])
             value -= 2.0 * math.pi * math.floor((value - middle) / (2.0 * math.pi) + 0.5)
         c[k] = min(max(value, box[k]), box[6 + k])
-    for _ in range(_TILT_ROUNDS):
+    # Rounds in which angles are scaled down to a tilt.
+    for _ in range(6):
         tilt = math.acos(min(1.0, max(-1.0, math.cos(c[3]) * math.cos(c[4]))))
         if tilt <= box[12]:
             break
@@ -286,7 +267,8 @@ def _least_motion(J: Array, e: Array, H: Array) -> None:
                 H[i, k] += J[i, j] * J[k, j]
         trace += H[i, i]
     for i in range(6):
-        H[i, i] += _DAMPING * trace
+        # Damping of a step, as part of the trace of J J^T: arms of five joints have a singular one.
+        H[i, i] += 1e-9 * trace
         for k in range(i + 1):
             total = H[i, k]
             for j in range(k):
@@ -404,12 +386,14 @@ class SeamSearch:
         """
         graph = self.prepare(self.places.layers(every), density)
         graph.jump = _JUMP if every else _LAYER_JUMP
-        for tries in range(1, _MAX_TRIES + 1):
+        # Ways through the layers that are tried.
+        for tries in range(1, 201):
             self.solve(graph)
             way = self._cheapest(graph)
             if way is None or self.deadline.passed:
                 return SeamJoints(None, graph, tries)
-            if tries == _LAZY_TRIES:
+            # After so many of them all configurations are checked for collisions at once.
+            if tries == 6:
                 self.check_all(graph)
             elif self._is_free(graph, way):
                 joints = self._fill(graph, way)
@@ -428,13 +412,16 @@ class SeamSearch:
         half = 0.5 * (upper - lower)
         with np.errstate(invalid="ignore", divide="ignore"):
             left = np.minimum(joints - lower, upper - joints) / half
-        near = np.clip(1.0 - np.where(np.isfinite(left), left, 1.0) / _NEAR_LIMIT, 0.0, 1.0)
-        costs = _LIMIT_COST * (near**2).sum(axis=1)
+        # Share of a joint's range from its limit at which that costs nothing.
+        near = np.clip(1.0 - np.where(np.isfinite(left), left, 1.0) / 0.1, 0.0, 1.0)
+        # Cost of a configuration at a joint limit.
+        costs = 0.3 * (near**2).sum(axis=1)
         costs[((joints < lower) | (joints > upper)).any(axis=1)] = np.inf
         first = slice(0, firsts[1])
         away = np.abs(joints[first] - self.start) * self._weights()
         if len(away):
-            costs[first] += _TRANSIT_WEIGHT * away.max(axis=1)
+            # Weight of the motion from the start to a seam's first configuration.
+            costs[first] += 0.5 * away.max(axis=1)
         m = len(joints)
         empty = np.zeros(m, dtype=np.int64)
         return SeamGraph(
@@ -456,15 +443,8 @@ class SeamSearch:
                 beside = k - way
                 if len(rows[k]) or not 0 <= beside < len(rows) or not len(rows[beside]):
                     continue
-                moved, place = (
-                    rows[beside][:most].copy(),
-                    np.full(len(rows[beside][:most]), layers[k]),
-                )
-                errors = np.empty((len(moved), 2))
-                project_kernel(
-                    chain.model, self.places.nominal[place], self.places.boxes[place], limits,
-                    _ROUNDS, moved, errors,
-                )  # fmt: skip
+                moved = rows[beside][:most].copy()
+                errors = self._project(moved, np.full(len(moved), layers[k]), limits)
                 rows[k] = moved[errors.max(axis=1) <= _REACHED]
         counts = [len(row) for row in rows]
         return Nodes(
@@ -476,7 +456,8 @@ class SeamSearch:
     def solve(self, graph: SeamGraph) -> None:
         """Find the cheapest way to each configuration."""
         along = self.places.along[graph.layers]
-        speeds = np.array(self.tool_speeds or (_SPEED,))
+        # Speed that layers are weighed by where none is asked for [m/s].
+        speeds = np.array(self.tool_speeds or (0.5,))
         ways = np.minimum(self.places.waypoint[graph.layers[:-1]], len(speeds) - 1)
         times = np.diff(along) / speeds[ways]
         blocked = np.array(graph.blocked, dtype=np.int64).reshape(-1, 2)
@@ -571,11 +552,13 @@ class SeamSearch:
             room = np.where(np.isfinite(half), away_from_limits * half, 0.0)
             lower = np.maximum(lower, np.minimum(lower + room, joints.min(axis=0)))
             upper = np.minimum(upper, np.maximum(upper - room, joints.max(axis=0)))
+        return self._project(joints, np.arange(len(joints)), np.array([lower, upper]))
+
+    def _project(self, joints: Array, places: NDArray[np.int64], limits: Array) -> Array:
         errors = np.empty((len(joints), 2))
-        project_kernel(
-            self.chain.model, self.places.nominal, self.places.boxes, np.array([lower, upper]),
-            _ROUNDS, joints, errors,
-        )  # fmt: skip
+        nominal, boxes = self.places.nominal[places], self.places.boxes[places]
+        # 12 steps of Newton's method.
+        project_kernel(self.chain.model, nominal, boxes, limits, 12, joints, errors)
         return errors
 
     def _unwind(self, corners: Array) -> Array | None:
@@ -589,10 +572,8 @@ class SeamSearch:
         for j in np.flatnonzero(turns):
             low, high = float(way[:, j].min()), float(way[:, j].max())
             # The whole turn that brings it inside, nearest to where it is.
-            least, most = (
-                np.ceil((lower[j] - low) / _FULL_TURN - 1e-9),
-                np.floor((upper[j] - high) / _FULL_TURN + 1e-9),
-            )
+            least = np.ceil((lower[j] - low) / _FULL_TURN - 1e-9)
+            most = np.floor((upper[j] - high) / _FULL_TURN + 1e-9)
             if least > most:
                 return None
             near = np.round((self.start[j] - way[0, j]) / _FULL_TURN)
@@ -603,7 +584,8 @@ class SeamSearch:
         """Least time of each joint for a unit of motion."""
         velocity = self.chain.limits.velocity
         known = np.isfinite(velocity) & (velocity > 0.0)
-        return np.asarray(1.0 / np.where(known, velocity, _JOINT_SPEED))
+        # Speed of a joint whose limit is not known [rad/s or m/s].
+        return np.asarray(1.0 / np.where(known, velocity, 2.0))
 
     def _turns(self) -> NDArray[np.int64]:
         """1 for revolute joints whose range is nearly two whole turns or more."""
