@@ -9,6 +9,7 @@ from kinematics.errors import InvalidOption
 from kinematics.trajectory.export import NANOSECONDS, nanoseconds, rows_at
 from kinematics.trajectory.trajectory import Trajectory
 from planning.exports.options import ExportFormat, ExportOptions, Rule
+from planning.timing.path.simplification import kept_waypoints
 from planning.values.limits import JERK_JUMP
 
 #: Points of one file: at half a kilobyte each, fifty megabytes.
@@ -61,7 +62,7 @@ def export_points(trajectory: Trajectory, options: ExportOptions) -> ExportPoint
     times, rule = trajectory.uniform_samples(period), _rule(trajectory, options)
     if rule == Rule.STRAIGHT_LEGS:
         positions = trajectory.sample(times)
-        times = times[corners(positions, options.path_tolerance)]
+        times = times[kept_waypoints(positions, options.path_tolerance)]
     elif rule in (Rule.QUINTIC, Rule.CUBIC):
         times = _with_breaks(trajectory, times, period, rule)
     ticks = nanoseconds(times)
@@ -91,38 +92,6 @@ def _in_whole_nanoseconds(trajectory: Trajectory) -> Trajectory:
 def single_degrees(positions: Array) -> np.ndarray[tuple[int, ...], np.dtype[np.float32]]:
     """Angles [rad] in degrees as numbers of single precision, which RAPID and KRL compute with."""
     return np.rad2deg(positions).astype(np.float32)
-
-
-def corners(positions: Array, tolerance: float) -> Indices:
-    """Indices of the points that a polyline needs to stay near all others (Douglas and Peucker).
-
-    Args:
-        positions: Positions in their order, shape (p, n).
-        tolerance: Largest distance of any point from its leg, Euclidean in joint space.
-    """
-    chosen = {0, len(positions) - 1}
-    spans = [(0, len(positions) - 1)]
-    while spans:
-        first, last = spans.pop()
-        if last - first < 2:
-            continue
-        distances = _distances(positions[first + 1 : last], positions[first], positions[last])
-        farthest = int(np.argmax(distances))
-        if distances[farthest] > tolerance:
-            at = first + 1 + farthest
-            chosen.add(at)
-            spans += [(first, at), (at, last)]
-    return np.array(sorted(chosen), dtype=np.int64)
-
-
-def _distances(points: Array, start: Array, end: Array) -> Array:
-    """Distances of points (p, n) from the leg between two others."""
-    along = end - start
-    square = float(along @ along)
-    shares = (
-        np.clip((points - start) @ along / square, 0.0, 1.0) if square else np.zeros(len(points))
-    )
-    return np.asarray(np.linalg.norm(points - start - shares[:, None] * along, axis=1))
 
 
 def _with_breaks(trajectory: Trajectory, times: Array, period: float, rule: Rule) -> Array:

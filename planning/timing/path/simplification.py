@@ -65,11 +65,10 @@ def simplified_polyline(
     """
     merged = corner_indices(points)
     rounding = 0.0 if tolerance else math.sqrt(points.shape[1]) * written_unit(points)
-    rows = np.ascontiguousarray(points[merged])
-    kept, beside = np.empty(len(rows), dtype=np.int64), np.zeros((3, len(rows)))
+    rows = points[merged]
     # Share of the tolerance that waypoints left out may use: the rest is for corners beside them.
     within = 0.0 if moving else max(0.9 * tolerance, rounding)
-    kept = kept[: simplify_kernel(rows, within, kept, beside)]
+    kept, beside = _kept(rows, within)
     corners = rows[kept]
     reaches = reach_for_deviation(corners, tolerance or rounding, smooth)
     if tolerance:
@@ -78,6 +77,23 @@ def simplified_polyline(
         reaches[reaches < largest_reaches(corners)] = 0.0
     left_out = len(points) - len(kept) if len(kept) < len(rows) else 0
     return Polyline(corners, merged[kept], left_out, reaches, float(beside[0].max()), rounding)
+
+
+def kept_waypoints(points: Array, within: float) -> Indices:
+    """Indices of waypoints (k, n) whose legs all others are near to, the first and last included.
+
+    Args:
+        points: Shape (k, n) [rad or m].
+        within: Largest distance of a waypoint left out from its leg, Euclidean in joint space.
+    """
+    return _kept(points, within)[0]
+
+
+def _kept(points: Array, within: float) -> tuple[Indices, Array]:
+    """The waypoints that stay, with what ``simplify_kernel`` writes beside them."""
+    kept, beside = np.empty(len(points), dtype=np.int64), np.zeros((3, len(points)))
+    count = simplify_kernel(np.ascontiguousarray(points), within, kept, beside)
+    return kept[:count], beside
 
 
 def written_unit(points: Array) -> float:

@@ -5,14 +5,14 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from planning.exports.points import corners
+from planning.timing.path.simplification import kept_waypoints
 
 
 @pytest.mark.parametrize("tolerance", [1e-3, 1e-2, 0.1])
 def test_every_point_left_out_is_near_its_leg(tolerance: float) -> None:
     t = np.linspace(0.0, 6.0, 400)
     points = np.stack([np.cos(t), np.sin(2.0 * t), 0.3 * t], axis=1)
-    chosen = corners(points, tolerance)
+    chosen = kept_waypoints(points, tolerance)
     assert chosen[0] == 0
     assert chosen[-1] == 399
     assert (np.diff(chosen) > 0).all()
@@ -26,8 +26,8 @@ def test_every_point_left_out_is_near_its_leg(tolerance: float) -> None:
 
 def test_a_way_back_on_the_same_line_keeps_its_turn() -> None:
     line = np.array([[0.0], [0.4], [1.0], [0.5], [0.0]])
-    assert corners(line, 1e-6).tolist() == [0, 2, 4]
+    assert kept_waypoints(line, 1e-6).tolist() == [0, 2, 4]
 
 
 def test_a_robot_that_rests_has_its_two_ends() -> None:
-    assert corners(np.zeros((9, 3)), 1e-6).tolist() == [0, 8]
+    assert kept_waypoints(np.zeros((9, 3)), 1e-6).tolist() == [0, 8]
