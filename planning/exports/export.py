@@ -96,7 +96,7 @@ def export(
         margin: Distance to keep from obstacles beyond their own margins [m].
         premises: Premises of the motion's certificate, where it has one.
         different_scene: Whether robot, scene and what is held may be others than these.
-        deadline: Instant at which the proof is given up; ``certificate.violation`` then is of kind
+        deadline: Time at which to give up the proof; ``certificate.violation`` then is of kind
             "time".
 
     Raises:
@@ -265,7 +265,7 @@ def controller_motion(joint_names: Sequence[str], points: ExportPoints) -> Traje
 
     Args:
         joint_names: n names.
-        points: As the file has them.
+        points: Points as the file has them.
     """
     rows = points.derivatives
     if points.rule == Rule.STRAIGHT_LEGS:
@@ -279,8 +279,8 @@ def joint_deviation(motion: Trajectory, other: Trajectory) -> Array:
     The differences are polynomials between the breaks of both; their extrema are exact to rounding.
 
     Args:
-        motion: Of n joints.
-        other: Of the same joints.
+        motion: Motion of n joints.
+        other: Motion of the same joints.
     """
     end = min(motion.duration, other.duration)
     breaks = np.unique(np.concatenate([motion.breaks, other.breaks]))

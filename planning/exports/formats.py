@@ -53,8 +53,8 @@ def message_json(joint_names: Sequence[str], points: ExportPoints, frame_id: str
 
     Args:
         joint_names: n names.
-        points: With what the controller interpolates by.
-        frame_id: Of the header.
+        points: Points with what the controller interpolates by.
+        frame_id: Frame id of the header.
     """
     rows = []
     for i, tick in enumerate(points.ticks.tolist()):
@@ -72,8 +72,8 @@ def message_yaml(joint_names: Sequence[str], points: ExportPoints, frame_id: str
 
     Args:
         joint_names: n names.
-        points: With what the controller interpolates by.
-        frame_id: Of the header.
+        points: Points with what the controller interpolates by.
+        frame_id: Frame id of the header.
     """
     lines = [
         "header:",
@@ -99,8 +99,8 @@ def goal_yaml(
 
     Args:
         joint_names: n names.
-        points: With what the controller interpolates by.
-        frame_id: Of the header.
+        points: Points with what the controller interpolates by.
+        frame_id: Frame id of the header.
         tolerance: Tracking error at which the controller stops the arm [rad or m]; None sends
             no tolerances, so that the controller's own hold.
     """

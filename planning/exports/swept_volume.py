@@ -58,7 +58,7 @@ def swept_volume(
         motion: The motion.
         robot: The robot with what it holds; round pieces count as polyhedra around them, meshes as
             the hulls that cover them.
-        tolerance: Distance by which the hulls may be grown [m].
+        tolerance: Distance that the hulls may be grown by [m].
 
     Raises:
         InvalidOption: The tolerance is not positive, or asks for too many hulls.

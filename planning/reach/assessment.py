@@ -86,13 +86,13 @@ class ReachWork(NamedTuple):
     """Memory for the kernels.
 
     Args:
-        collision: Memory of the collision checks.
-        asked: Verdicts asked for, shape (1,).
+        collision: Settings of the collision checks.
+        asked: Settings that were asked for, shape (1,).
         J: Room for a Jacobian, shape (6, n).
         q: Room for a configuration, shape (n,).
-        tallies: Counts for each deviation that turns the last joint: how many branches are free,
+        tallies: Counts of each deviation that turns the last joint: how many branches are free,
             which as bits, how many more may be, and which of both as bits; shape (s, 4).
-        looked: Verdict that is known of each branch at each of them, shape (r, s).
+        looked: Record of each branch at each of them, shape (r, s).
         struck: Branches that were not free when last looked at, as bits, shape (1,).
     """
 
@@ -110,9 +110,9 @@ class Parts(NamedTuple):
 
     Args:
         whole: The packed robot and scene.
-        before: Model with all that does not move with the last joint alone.
-        behind: Model with all that moves with the last joint alone.
-        turns: Angle by which each deviation turns the last joint from where the first one has it,
+        before: Record of the same with all that does not move with the last joint alone.
+        behind: Record of the same with what moves with the last joint alone.
+        turns: Angles by which each deviation turns the last joint from where the first one has it,
             shape (s,) [rad]; (0,) where deviations do more than that.
     """
 
@@ -238,7 +238,7 @@ def judge(
     """The verdict on a configuration, its value and closest pair, or ``NO_BETTER``.
 
     Args:
-        model: Model to be checked.
+        model: Robot in its scene.
         whole: The packed robot and scene.
         work: Memory.
         q: Shape (n,).

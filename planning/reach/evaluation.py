@@ -24,7 +24,7 @@ from kinematics.ik.numeric import numeric
 from kinematics.model.chain import Chain
 from kinematics.pose import inverse
 from obstacles.collision.checker import any_model
-from obstacles.collision.fcl_distance import OverlapMeter, overlap_meter
+from obstacles.collision.fcl.overlap_meter import OverlapMeter, overlap_meter
 from obstacles.collision.model.collision_model import CollisionModel, ModelArrays
 from obstacles.robots.robot_geometry import RobotGeometry
 from obstacles.scenes.scene import Obstacle, Scene
@@ -59,7 +59,7 @@ class ReachOptions:
     """Options of a question about reach.
 
     Args:
-        tolerance: Deviation of the tool that is allowed at each pose.
+        tolerance: Deviations that the tool may have from each pose.
         margin: Distance to be kept from obstacles [m].
         choice: Measure of the best configuration of a pose: the largest product of the Jacobian's
             singular values, the largest clearance, or the largest distance from the joint limits.
@@ -158,7 +158,7 @@ def reach(
         poses: T_base_link, shape (m, 4, 4).
         options: How to judge.
         link: The link to bring there; the tip where none is named.
-        deadline: Instant at which the evaluation stops; the poses that are left are not answered.
+        deadline: Time at which to stop; the poses that are left are not answered.
         report: Called with the share of the poses that is done.
 
     Raises:
@@ -194,7 +194,7 @@ def _leave_out_deep(meter: OverlapMeter, results: Array, joints: Array) -> None:
     Args:
         meter: Meter of the pairs that may touch.
         results: Results of the poses, shape (k, columns).
-        joints: Best configurations of the poses, shape (k, n).
+        joints: Best configurations, shape (k, n).
     """
     if not meter.limited:
         return
@@ -370,8 +370,8 @@ class BasePlacement:
 
     Args:
         index: Number of the candidate.
-        T_world_base: Its pose, shape (4, 4).
-        reach: Of the task poses.
+        T_world_base: Pose of the base, shape (4, 4).
+        reach: Reach of the task poses.
     """
 
     index: int
@@ -419,7 +419,7 @@ def place_base(
         bases: T_world_base of the candidates, shape (b, 4, 4).
         options: How to judge.
         link: The link to bring to the poses; the tip where none is named.
-        deadline: When to stop; candidates that were not finished are left out.
+        deadline: Time at which to stop; candidates that were not finished are left out.
         report: Called with the share of the candidates that is done.
 
     Raises:

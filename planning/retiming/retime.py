@@ -51,7 +51,7 @@ class Retimed:
 
     Args:
         trajectory: The motion.
-        certificate: Certificate of the limits; not verified where times given break them.
+        certificate: Proof of its limits; not verified where times given break them.
         factor: How many times as long as asked the motion is: times given were stretched by it.
         needed_factor: How many times as long the motion would have to be to keep all limits; 1
             where it does, None where no slowing down cures it: outside a joint's range, or a jump.

@@ -41,7 +41,7 @@ def time_states(
         timing: Options, method "jerk_limited": shares of the limits.
         overrides: Limits (n,) by quantity, in place of the robot's.
         chain: The robot; without one the limits have to be given.
-        synchronization: Synchronization as in ``state_to_state``.
+        synchronization: Same as in ``state_to_state``.
 
     Raises:
         MissingLimit: A limit that is needed is not known; the message names the joints.
@@ -81,7 +81,7 @@ def _measured(
     """A measured state moved onto the limits that it is hardly outside, with notes.
 
     Args:
-        state: Measured state of n joints.
+        state: State as it was measured, n joints.
         chain: The robot; None where no positions are limited.
         bounds: Bounds of velocity, acceleration and jerk, shape (3, n).
     """

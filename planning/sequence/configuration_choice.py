@@ -43,7 +43,7 @@ class ConfigurationCosts:
     """Costs of the configurations of a search.
 
     Args:
-        weights: Of the costs.
+        weights: Weights of the costs.
     """
 
     def __init__(self, weights: GoalCosts) -> None:
@@ -58,7 +58,7 @@ class ConfigurationCosts:
         Args:
             chain: The robot with what it holds.
             candidates: Valid configurations of a stage's targets.
-            start: Where the motion to them begins, shape (n,).
+            start: Beginning of the motion to them, shape (n,).
         """
         if all(target.T is None for target in candidates.targets):
             return None
@@ -112,7 +112,7 @@ class Replacement(NamedTuple):
 
     Args:
         before: Time of the motions beside the one at the limit [s].
-        after: Of those that take their place [s].
+        after: Time of those that take their place [s].
     """
 
     before: float
@@ -128,10 +128,10 @@ class OffLimits:
         cells: Cells that were put together.
         finder: Knows the configurations of all targets.
         leaf: The last node of the combination.
-        stages: Its plans, in order.
-        weights: Of what configurations cost.
+        stages: Plans of the stages, in order.
+        weights: Weights of what configurations cost.
         deadline: The end of everything.
-        replaced: What took the place of a configuration at a limit, by the number of its stage.
+        replaced: Replacement of a configuration at a limit, by the number of its stage.
     """
 
     task: Task
@@ -308,10 +308,10 @@ def with_configurations(
     Args:
         task: The stages.
         finder: Knows the configurations of all targets.
-        costs: What they cost.
+        costs: Costs of the configurations.
         leaf: The last node of the combination.
-        stages: Its plans, in order.
-        replaced: What took the place of a configuration at a limit, by the number of its stage.
+        stages: Plans of the stages, in order.
+        replaced: Replacement of a configuration at a limit, by the number of its stage.
         deadline: The end of everything.
     """
     chosen: dict[int, ChosenConfiguration] = {}

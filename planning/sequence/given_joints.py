@@ -33,7 +33,7 @@ def check_given_joints(
     Args:
         task: The stages.
         cells: Cells that were put together.
-        deadline: When to check no more goals.
+        deadline: Time at which to check no more goals.
         goals: Whether goals are checked too, or the start alone.
     """
     wrong = _start_failure(task, cells)
@@ -49,7 +49,7 @@ def check_given_joints(
 
 
 def _start_failure(task: Task, cells: Cells) -> Failure | None:
-    """What is wrong with the start, as the first stage finds it."""
+    """Fault of the start, as the first stage finds it."""
     first = task.stages[0]
     # Before a gripper moves nothing has changed; what is attached is looked at as held.
     world = task.world if isinstance(first, Gripper) else changed(task.world, first, task.start)
@@ -62,7 +62,7 @@ def _start_failure(task: Task, cells: Cells) -> Failure | None:
 
 
 def _goal_failure(task: Task, k: int, stage: Stage, deadline: Deadline) -> Failure | None:
-    """What is wrong with all goals of a stage, where they are joints."""
+    """Fault of all goals of a stage, where they are joints."""
     if not isinstance(stage, Move) or not stage.goals:
         return None
     if not all(isinstance(goal, JointGoal) for goal in stage.goals):

@@ -51,10 +51,10 @@ class Child(NamedTuple):
 
     Args:
         estimate: Least time of the motion there with what the configuration costs [s].
-        number: Of the child among all of its node.
+        number: Number of the child among all of its node.
         target: The alternative that it is of.
         joints: Shape (n,).
-        cost: Of the configuration by itself, as seconds.
+        cost: Cost of the configuration by itself, as seconds.
         appraised: Whether costs that need a look at its surroundings are among that.
     """
 
@@ -70,7 +70,7 @@ class OwnCosts(NamedTuple):
     """Costs of configurations, whatever comes before and after.
 
     Args:
-        seconds: As seconds of motion, shape (k,).
+        seconds: Costs as seconds of motion, shape (k,).
         at_limit: Whether each of them, of a pose, is at a joint limit, shape (k,).
     """
 
@@ -86,13 +86,13 @@ class Node:
         parent: The choices before; None at the root.
         depth: How many segments are behind it.
         world: The world after its target.
-        joints: Where the arm stands, shape (n,).
+        joints: Configuration of the arm, shape (n,).
         history: Configurations at the ends of the stages so far, by number.
-        target: What was chosen.
-        steps: From the parent's last configuration to this one.
+        target: Target that was chosen.
+        steps: Steps from the parent's last configuration to this one.
         onward: Steps of the next segment that follow without a choice.
         onward_world: The world after those.
-        onward_joints: Where the arm stands then, shape (n,).
+        onward_joints: Configuration of the arm after those steps, shape (n,).
         children: Configurations of the next target with their estimates, a heap.
         penalties: Seconds by which a target of the next segment counts as longer.
         failures: How often something failed under it.
@@ -100,7 +100,7 @@ class Node:
         batches: How many batches of the next targets were looked at.
         expanded: Whether its onward steps and children are known.
         dead: Whether nothing under it can be done.
-        cost: Of the configuration that was chosen, as seconds.
+        cost: Cost of the configuration that was chosen, as seconds.
         at_limit: Whether the arm rests at a joint limit where the choice has it rest: at the
             target, where its approach begins, or where straight motions after it end.
     """
@@ -187,11 +187,11 @@ class Node:
         """Add configurations of the next target, those first that cost the least.
 
         Args:
-            targets: Of each configuration; length k.
+            targets: Target of each configuration; length k.
             joints: Shape (k, n).
             limit: Most configurations of one target that are kept.
-            options: Of the free motion there.
-            costs: Of each configuration beside the time to it; none where None.
+            options: Options of the free motion there.
+            costs: Costs of each configuration beside the time to it; none where None.
         """
         if not len(joints):
             return
@@ -216,8 +216,8 @@ class Node:
         """Take the configuration of the next target that promises the most; None where all are.
 
         Args:
-            appraise: What a configuration costs where it is, as seconds; asked of the most
-                promising ones alone.
+            appraise: Function of the cost of a configuration where it is, as seconds; asked of the
+                most promising ones alone.
         """
         while self.children:
             child = heappop(self.children)
@@ -281,7 +281,7 @@ def onward_steps(
         cells: Cells that were put together.
         node: The choices so far; its onward steps are written.
         segment: The next segment.
-        deadline: When to give up.
+        deadline: Time at which to give up.
 
     Returns:
         The stage whose straight motion is too short, and why; None where all can be done.
@@ -323,7 +323,7 @@ def child_node(
         node: The choices before.
         segment: The segment that the choice ends.
         chosen: The target and its configuration (n,).
-        deadline: When to give up.
+        deadline: Time at which to give up.
     """
     target, q = chosen
     assert segment.target is not None
@@ -433,7 +433,7 @@ class TargetFinder:
             world: The world before its motion.
             batch: Number of the batch.
             history: Configurations at the ends of earlier stages, by number.
-            deadline: When to look at no more targets.
+            deadline: Time at which to look at no more targets.
         """
         stage = self._task.stages[k]
         back = stage.to_end_of if isinstance(stage, Move) else None

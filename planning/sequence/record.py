@@ -39,7 +39,7 @@ class Blame(NamedTuple):
     """The stage at which a search fails.
 
     Args:
-        stage: Its number.
+        stage: Number of the stage.
         reason: A short sentence.
         times: How often it was the reason.
         details: Values a program can use: pair and depth of a collision.
@@ -76,7 +76,7 @@ class Record:
         Args:
             choices: Numbers of the alternatives chosen before.
             stage: Number of the stage.
-            candidates: Of its targets.
+            candidates: Candidates of the targets.
             check: TARGET, or PLACE for places that were looked at when the grasp was chosen.
         """
         known = self._colliding.setdefault(stage, [])
@@ -203,8 +203,8 @@ def search_failure(
 
     Args:
         task: The stages.
-        record: What was tried.
-        timeout: Of everything [s].
+        record: Record of all trials.
+        timeout: Timeout of everything [s].
         deadline: The end of everything.
         late: Whether time was up.
         prefix: Proved stages of the combination that came farthest.

@@ -41,9 +41,9 @@ class StagePlan:
 
     Args:
         index: Number of the stage.
-        kind: Its kind on the wire.
-        name: Its name; empty for none.
-        trajectory: Its motion; a short stay where the arm does not move.
+        kind: Kind of the stage on the wire.
+        name: Name of the object; empty for none.
+        trajectory: Motion of the stage; a short stay where the arm does not move.
         certificate: The proof, with what is held and what may touch in this stage.
         after: The world after it.
         allowed: Pairs that the proof lets touch.
@@ -80,8 +80,8 @@ class Improvement:
     """A certified answer that was the best so far.
 
     Args:
-        milliseconds: Since the search began [ms].
-        duration: Of all stages together [s].
+        milliseconds: Time since the search began [ms].
+        duration: Duration of all stages together [s].
     """
 
     milliseconds: float
@@ -114,8 +114,8 @@ class SequencePlan:
     """All stages of a task, each with a motion that is proved.
 
     Args:
-        stages: In order; each begins where the one before ends, at rest or as fast.
-        duration: Of all of them [s].
+        stages: Stages in order; each begins where the one before ends, at rest or as fast.
+        duration: Duration of all of them [s].
         trials: The alternatives that were looked at.
         improvements: Certified answers in the order they were found, the last one is answered.
         exhausted: Whether every combination was tried or can't be better by its estimate.
@@ -140,13 +140,13 @@ class SequenceFailure:
 
     Args:
         code: MoveIt's name of the error where one exists.
-        message: What went wrong.
-        hint: What to try.
+        message: Message on what went wrong.
+        hint: Hint at what to try.
         stage: Number of the stage that the search never got past.
         details: Values a program can use.
         trials: The alternatives that were looked at.
         prefix: Proved stages of the combination that came farthest.
-        nearest: Where the arm would stand before the stage, shape (n,); None where unknown.
+        nearest: Configuration of the arm before the stage, shape (n,); None where unknown.
     """
 
     code: str

@@ -34,10 +34,10 @@ class StageSettings:
     """StageSettings that every stage has.
 
     Args:
-        name: By which later stages refer to it; empty for none.
+        name: Name by which later stages refer to it; empty for none.
         margin: Distance to keep from obstacles beyond their own margins [m].
         allowed: Pairs of names that may touch during this stage, perhaps with their contacts.
-        constraints: To be held during this stage.
+        constraints: Constraints to be held during this stage.
         options: Planner, timing and limits of its motion; its timeout is the longest one plan of
             this stage may take.
     """
@@ -79,7 +79,7 @@ class Straight:
     Args:
         kind: "approach" ends at the target of the next stage; "retreat" and "lift" begin where the
             tool is.
-        direction: Of the motion, shape (3,); its length does not count.
+        direction: Direction of the motion, shape (3,); its length does not count.
         frame: Frame of the direction: "tool" where the tool is at the target, or "root".
         least: Shortest way [m].
         most: Longest way, which is tried first [m].
@@ -188,8 +188,8 @@ class Load:
 
     Args:
         mass: [kg].
-        center_of_mass: In the object's frame, shape (3,) [m].
-        tensor: About it, in the object's axes, shape (3, 3) [kg m^2]; None for a point.
+        center_of_mass: Position in the object's frame, shape (3,) [m].
+        tensor: Inertia about it, in the object's axes, shape (3, 3) [kg m^2]; None for a point.
     """
 
     mass: float
@@ -218,7 +218,7 @@ class Attach:
         object: Name of the obstacle.
         link: The link that holds it; None for the tip.
         touches: Links, obstacles and held objects that it may touch from now on.
-        load: Its mass; None where it weighs nothing.
+        load: Mass and inertia; None where it weighs nothing.
         settings: StageSettings of the stage.
         touch_depth: How deep it may overlap what is in ``touches`` [m]; infinite for any depth.
     """
@@ -271,7 +271,7 @@ class Gripper:
             name "open" or "close", where it has one. The others stay.
         duration: [s]; None for half a second, or longer where the fingers' speeds need it.
         settings: StageSettings of the stage.
-        motion: Of the fingers; a task puts it in, None where none moves.
+        motion: Motion of the fingers; a task puts it in, None where none moves.
         robot: The robot with its fingers there; a task puts it in, None where none moves.
     """
 

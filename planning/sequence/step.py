@@ -49,7 +49,7 @@ class Line(NamedTuple):
     """A straight motion of the tool as a joint path, before it is timed.
 
     Args:
-        path: From its start to its end.
+        path: Path from its start to its end.
         start: Shape (n,).
         end: Shape (n,).
         distance: How far the tool goes [m].
@@ -97,8 +97,8 @@ def lead_straight(cell: Cell, stage: Straight, q: Array, deadline: Deadline) -> 
     Args:
         cell: The robot in its surroundings.
         stage: The direction and the distances.
-        q: Where the motion begins; where it ends, of an approach. Shape (n,).
-        deadline: When to give up.
+        q: Beginning of the motion; where it ends, of an approach. Shape (n,).
+        deadline: Time at which to give up.
     """
     chain = cell.robot.chain
     T = forward(chain, q)
@@ -175,8 +175,8 @@ def plan_free(
         settings: Planner, timing, margin and constraints.
         ends: Configurations at its start and at its end, each of shape (n,) [rad or m].
         max_edges: Edges that each planner may look at.
-        deadline: When to give up.
-        seed: Of everything random.
+        deadline: Time at which to give up.
+        seed: Seed of everything random.
     """
     options = replace(_options(settings.options, deadline, seed), max_edges=max_edges)
     return pipeline.plan(_problem(cell, settings, *ends), options, within=deadline)
@@ -191,8 +191,8 @@ def plan_line(
         cell: The robot in its surroundings.
         settings: Timing, margin and constraints.
         found: The line.
-        deadline: When to give up.
-        seed: Of everything random.
+        deadline: Time at which to give up.
+        seed: Seed of everything random.
     """
     options = _options(settings.options, deadline, seed)
     problem = _problem(cell, settings, found.start, found.end)
@@ -234,8 +234,8 @@ def stand_still(
     Args:
         cell: The robot in its surroundings.
         settings: Margin and constraints.
-        still: Where it stands, shape (n,) [rad or m], for how long [s], and how its fingers move.
-        deadline: When to give up.
+        still: Configuration, shape (n,) [rad or m], duration [s], and motion of the fingers.
+        deadline: Time at which to give up.
     """
     q, duration, fingers = still
     motion = stay(cell.robot.chain.joint_names, q, duration)
@@ -265,11 +265,11 @@ class Step:
         allowed: Pairs that may touch during it, beside those of its world.
         start: Configuration before it, shape (n,).
         end: Configuration after it, shape (n,).
-        line: Its straight motion.
+        line: Straight motion of the step.
         target: Number of the alternative that was chosen.
         bound: Least time that it takes [s].
-        plan: Its plan from rest to rest, once there is one.
-        passes: Whether it may begin or end without rest, and be quicker than its plan.
+        plan: Plan from rest to rest, once there is one.
+        passes: Whether the step may begin or end without rest, and be quicker than its plan.
     """
 
     index: int
@@ -345,7 +345,7 @@ def plan_step(
         step: The stage with its ends.
         max_edges: Edges that each planner of a free motion may look at.
         deadline: The end of everything.
-        seed: Of everything random.
+        seed: Seed of everything random.
     """
     began = time.perf_counter()
     if deadline.passed:

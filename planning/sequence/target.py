@@ -49,10 +49,10 @@ class Verdict(NamedTuple):
     """A target that was looked at.
 
     Args:
-        outcome: What came of it.
+        outcome: Outcome of the target.
         pair: Two bodies that collide, where all of its configurations do.
         joints: The configuration in which they do, shape (n,).
-        why: What is wrong there, where they may touch and are too deep.
+        why: Fault there, where they may touch and are too deep.
     """
 
     outcome: Outcome
@@ -65,10 +65,10 @@ class Target(NamedTuple):
     """One of a stage's alternatives.
 
     Args:
-        number: Its place in the stage's list.
+        number: Index in the stage's list.
         T: T_root_tool, shape (4, 4); None where the joints are given.
         joints: Shape (n,), where they are given.
-        contact: What it says of the tool and an object.
+        contact: Contact between the tool and an object.
     """
 
     number: int
@@ -82,12 +82,12 @@ class Candidates:
     """Valid configurations of some targets.
 
     Args:
-        targets: Of each configuration, its target; length k.
+        targets: Target of each configuration, its target; length k.
         joints: Shape (k, n) [rad or m].
-        outcomes: Of each target that was looked at, by its number, what came of it.
+        outcomes: Outcomes of each target that was looked at, by its number, what came of it.
         complete: Whether all targets were looked at before the deadline.
         colliding: Some of the configurations of targets that all collide, shape (m, n).
-        checker: What they collide in.
+        checker: Checker of collisions.
     """
 
     targets: tuple[Target, ...]
@@ -157,9 +157,9 @@ def find_candidates(
     Args:
         chain: The robot.
         targets: The alternatives.
-        checker: Of the robot with what it holds, in its scene.
-        deadline: When to look at no more targets.
-        seed: Of the numeric search.
+        checker: Checker of the robot with what it holds, in its scene.
+        deadline: Time at which to look at no more targets.
+        seed: Seed of the numeric search.
     """
     rows: list[Array] = []
     owners: list[Target] = []
@@ -245,7 +245,7 @@ def _away_from_limits(chain: Chain, T: Array, found: Array, seed: int) -> Array:
         chain: The robot.
         T: T_base_tip, shape (4, 4).
         found: Configurations that were found, shape (k, n).
-        seed: Of the search.
+        seed: Seed of the search.
     """
     if not is_at_limit(chain, found).any():
         return found[:0]

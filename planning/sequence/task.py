@@ -70,9 +70,9 @@ class Task:
 
     Args:
         world: The robot and the scene at the start, with what the robot holds by then.
-        start: Where the arm stands, shape (n,) [rad or m].
-        stages: In order; names of objects that were left out are put in.
-        seed: Of everything random.
+        start: Configuration of the arm, shape (n,) [rad or m].
+        stages: Stages in order; names of objects that were left out are put in.
+        seed: Seed of everything random.
         segments: The stages from target to target.
 
     Raises:
@@ -308,7 +308,7 @@ def with_finger_motions(
 
     Args:
         robot: The robot with its fingers where they are at first.
-        stages: In order.
+        stages: Stages in order.
         holders: Links that hold something at the start.
 
     Raises:

@@ -53,9 +53,9 @@ class _Part(NamedTuple):
 
     Args:
         step: The stage under the choices made.
-        plan: Its motion from rest to rest.
+        plan: Motion from rest to rest.
         cell: The robot in its surroundings.
-        points: Its polyline, merged, shape (k, n).
+        points: Polyline of the path, merged, shape (k, n).
         blend: How far from its end it may pass it; None for the last one.
     """
 
@@ -71,8 +71,8 @@ def pass_ends(cells: Cells, steps: Sequence[Step], deadline: Deadline) -> tuple[
 
     Args:
         cells: Cells that were put together.
-        steps: Of a combination, in order, each with its plan from rest to rest.
-        deadline: When to leave the arm resting.
+        steps: Steps of a combination, in order, each with its plan from rest to rest.
+        deadline: Time at which to leave the arm resting.
     """
     plans = [step.plan for step in steps if step.plan is not None]
     for first, last in _runs(steps):

@@ -23,7 +23,7 @@ class Held:
 
     Args:
         attachment: The object in the frame of the link that holds it.
-        load: Its mass; None where it weighs nothing.
+        load: Mass and inertia; None where it weighs nothing.
     """
 
     attachment: Attachment
@@ -41,7 +41,7 @@ class Contact(NamedTuple):
     Args:
         object: Name of the object.
         T: T_object_tool of a grasp, or T_root_object of a place, shape (4, 4).
-        support: What the object stands on, where that was named.
+        support: Names of the objects under it, where that was named.
         touch_depth: How deep it may be in that [m].
     """
 
@@ -64,7 +64,7 @@ class World:
     Args:
         robot: The robot alone, its gripper as it is.
         scene: The objects that are not held; those in ``held`` are not among them.
-        held: What the robot holds.
+        held: Objects that the robot holds.
         touching: Pairs of a link and an object not held that may touch until a free motion begins.
         supported: Pairs of a held object and what it stands on that may touch until the next
             straight motion ends.
@@ -122,8 +122,8 @@ class World:
             name: The object.
             link: The link that holds it; None for the tip.
             touching: Names that it may touch, and how deep [m].
-            load: Its mass.
-            q: Where the arm stands, shape (n,).
+            load: Mass and inertia.
+            q: Configuration of the arm, shape (n,).
         """
         stands = self.scene.obstacle(name)
         holder = link or self.robot.chain.tip_link
@@ -154,7 +154,7 @@ class World:
         Args:
             name: The object.
             touching: Links that may touch it until a free motion begins, and how deep [m].
-            q: Where the arm stands, shape (n,).
+            q: Configuration of the arm, shape (n,).
         """
         item = self.holds(name)
         held = item.attachment.held
@@ -219,7 +219,7 @@ class Cell(NamedTuple):
     Args:
         robot: Held objects are among its pieces, their masses among its links.
         scene: The objects not held, with the pairs that may touch.
-        checker: Of both, with the margin of the stage.
+        checker: Checker of both, with the margin of the stage.
     """
 
     robot: RobotGeometry

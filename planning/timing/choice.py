@@ -36,8 +36,8 @@ def chosen_parametrization(
     Args:
         timing: The options.
         joint_names: n names.
-        limits: Of the joints, NaN where not given.
-        overrides: In place of them, by quantity.
+        limits: Limits of the joints, NaN where not given.
+        overrides: Limits in place of them, by quantity.
         chain: The robot, for torque and tool speed limits.
 
     Raises:

@@ -28,7 +28,7 @@ WHOLE = frozen(np.array([[-np.inf, np.inf]]))
 
 
 def not_beside(places: Array, known: Array) -> Array:
-    """Those of some places (k,) that have none of those known (l,), in order, beside them."""
+    """Places among some (k,) that have none of those known (l,), in order, beside them."""
     if not len(known):
         return places
     after = np.minimum(np.searchsorted(known, places), len(known) - 1)
@@ -52,14 +52,14 @@ def states_between(breaks: Array, coefficients: Array, count: int) -> Array:
 def outside_instants(
     breaks: Array, coefficients: Array, count: int, lower: Array, upper: Array
 ) -> Array:
-    """Those of instants evenly spaced in a motion at which a joint is outside, shape (k,) [s].
+    """Instants among those evenly spaced in a motion at which a joint is outside, shape (k,) [s].
 
     Args:
-        breaks: Of the motion, shape (m + 1,) [s].
-        coefficients: Of the motion, shape (m, n, k).
+        breaks: Breaks of the motion, shape (m + 1,) [s].
+        coefficients: Coefficients of the motion, shape (m, n, k).
         count: Instants to look at.
         lower: Limits of the joints, shape (n,) [rad or m].
-        upper: Likewise.
+        upper: Upper limits, shape (n,).
     """
     states = states_between(breaks, coefficients, count)
     inside = (states >= lower - RATIO_TOLERANCE) & (states <= upper + RATIO_TOLERANCE)
@@ -99,7 +99,7 @@ class CloseInstants(NamedTuple):
 
     Args:
         times: Shape (k,) [s].
-        spans: From the look before each of them to the one after it, shape (k, 2) [s].
+        spans: Spans from the look before each of them to the one after it, shape (k, 2) [s].
     """
 
     times: Array
@@ -118,9 +118,9 @@ def close_instants(
 
     Args:
         level: The robot in its scene, with the distances to be kept.
-        breaks: Of the motion, shape (m + 1,) [s].
-        coefficients: Of the motion, shape (m, n, k).
-        finely: So many times as many instants as usual are looked at.
+        breaks: Breaks of the motion, shape (m + 1,) [s].
+        coefficients: Coefficients of the motion, shape (m, n, k).
+        finely: Factor of the number of instants that are checked.
         within: Spans outside which no instant is looked at, with their begins and their ends in
             order, shape (s, 2) [s].
     """
@@ -149,11 +149,11 @@ def close_kernel(
 
     Args:
         model: The packed robot and scene.
-        breaks: Of the motion, shape (m + 1,) [s].
-        coefficients: Of the motion, shape (m, n, k).
+        breaks: Breaks of the motion, shape (m + 1,) [s].
+        coefficients: Coefficients of the motion, shape (m, n, k).
         spacing: Way between two of them, Euclidean in joint space [rad or m].
         slack: Distance to keep beyond the margins [m].
-        within: Of ``close_instants``.
+        within: Spans of ``close_instants``.
         close: Filled in order with them and the instants before and after each, shape (3, p), with
             room for all that may be looked at [s].
     """
@@ -201,8 +201,8 @@ def instants(
 
     Args:
         level: The robot in its scene, with the distances to be kept.
-        breaks: Of the motion, shape (m + 1,) [s].
-        coefficients: Of the motion, shape (m, n, k).
+        breaks: Breaks of the motion, shape (m + 1,) [s].
+        coefficients: Coefficients of the motion, shape (m, n, k).
         times: Shape (p,) [s].
 
     Returns:
@@ -230,8 +230,8 @@ def look_kernel(
 
     Args:
         model: The packed robot and scene.
-        breaks: Of the motion, shape (m + 1,) [s].
-        coefficients: Of the motion, shape (m, n, k).
+        breaks: Breaks of the motion, shape (m + 1,) [s].
+        coefficients: Coefficients of the motion, shape (m, n, k).
         times: Shape (p,) [s].
         slack: Distance to keep beyond the margins [m].
         states: Filled, shape (p, n) [rad or m].

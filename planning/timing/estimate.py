@@ -34,9 +34,9 @@ def estimated_time(points: Array, count: int, limits: Array, legs: Array) -> flo
     """Time of the motion along a polyline, at rest at its ends [s].
 
     Args:
-        points: Its waypoints, the first ``count`` of shape (c, n) [rad or m].
+        points: Waypoints, the first ``count`` of shape (c, n) [rad or m].
         count: Number of waypoints.
-        limits: Of velocity, acceleration and jerk, shape (3, n).
+        limits: Limits of velocity, acceleration and jerk, shape (3, n).
         legs: Filled, leg by leg, shape (LEG_ROWS, c).
     """
     last = count - 1

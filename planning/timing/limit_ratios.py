@@ -91,11 +91,11 @@ def _ratio_inside(
     """The worst ratio at the ends of pieces and inside them.
 
     Args:
-        rates: Of the pieces, in powers of u in [0, 1], shape (m, >= count, n').
+        rates: Rates of the pieces, in powers of u in [0, 1], shape (m, >= count, n').
         count: Coefficients that count.
         bounds: Shape (n',).
-        ratio: At the ends.
-        peaks: At the ends, of each joint, shape (n',); changed.
+        ratio: Ratio at the ends.
+        peaks: Peaks at the ends, of each joint, shape (n',); changed.
         spare: Room, shape (8 count,).
         work: Room, shape (count + 4, >= max(count, 4)).
     """

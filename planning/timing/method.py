@@ -78,7 +78,7 @@ class TimingMethod(Protocol):
 
     @property
     def solver(self) -> Solver | None:
-        """Who finds the speeds, where there is a choice."""
+        """Solver of the speeds, where there is a choice."""
 
     def time(
         self,
@@ -90,9 +90,9 @@ class TimingMethod(Protocol):
         """The path run through as fast as the limits allow.
 
         Args:
-            path: What to follow.
+            path: Path to follow.
             joint_names: n names.
-            limits: Of the motion.
+            limits: Limits of the motion.
             end_speeds: ds/dt at the start and at the end.
 
         Raises:
@@ -109,7 +109,7 @@ class TimeOptimal:
     """The least time within limits of velocity and acceleration (TOPP-RA).
 
     Args:
-        solver: Who finds the speeds along the path.
+        solver: Solver of the speeds along the path.
     """
 
     solver: Solver = "reachability"
@@ -258,8 +258,8 @@ def timing_method(name: Method | None, solver: Solver | None = None) -> TimingMe
     """The method of a name.
 
     Args:
-        name: As in ``TimingOptions.method``.
-        solver: As in ``TimingOptions.solver``.
+        name: Name as in ``TimingOptions.method``.
+        solver: Solver as in ``TimingOptions.solver``.
     """
     if name == "toppra" or solver in TOPPRA_SOLVERS:
         return TimeOptimal(solver or "reachability")

@@ -69,8 +69,8 @@ def motions(
         checker: The robot in its scene.
         waypoints: A polyline proved free, shape (k, n).
         parametrization: The method and the limits.
-        timing: What else was asked of the timing.
-        deadline: When corners are not looked at any more.
+        timing: Further options of the timing.
+        deadline: Time after which corners are not checked any more.
         preferred: Checkers of falling clearance that corners are blended by where they keep it;
             ``checker`` itself among them where all of the motion can keep a preferred clearance.
         keep_path: Whether the motion keeps to the polyline but for its rounded corners.
@@ -127,10 +127,10 @@ class _RoundedMotion:
         checker: The robot in its scene.
         points: A polyline proved free, merged, shape (k, n), k >= 3.
         parametrization: The method and the limits.
-        timing: What else was asked of the timing.
-        deadline: When corners are not looked at any more.
+        timing: Further options of the timing.
+        deadline: Time after which corners are not checked any more.
         preferred: Checkers of falling clearance.
-        holds: As in ``motions``.
+        holds: Same as in ``motions``.
     """
 
     checker: Checker
@@ -234,7 +234,7 @@ class _RoundedMotion:
         Args:
             rounded: The motion.
             rate: Spans for each second of it at first [1/s].
-            names: Of the joints.
+            names: Names of the joints.
             nearest: The splines that come too near are added.
             known: The first of the splines, if it was looked at before.
         """
@@ -360,8 +360,8 @@ def waypoint_splines(
     Args:
         points: A polyline proved free, no two neighbours equal, shape (k, n).
         parametrization: The method and the limits.
-        timing: What else was asked of the timing.
-        names: Of the joints.
+        timing: Further options of the timing.
+        names: Names of the joints.
 
     Raises:
         InvalidOption: Times that do not fit the waypoints, or a natural spline, whose ends move.

@@ -29,9 +29,9 @@ class Payload:
 
     Args:
         mass: [kg].
-        center_of_mass: In the link's frame, shape (3,) [m].
-        inertia: About the centre of mass, shape (3, 3) [kg m^2]; None for a point.
-        link: What carries it; the tip where none is named.
+        center_of_mass: Position in the link's frame, shape (3,) [m].
+        inertia: Inertia about the centre of mass, shape (3, 3) [kg m^2]; None for a point.
+        link: Link that carries it; the tip where none is named.
     """
 
     mass: float
@@ -47,24 +47,24 @@ class TimingOptions:
     Args:
         method: "toppra", "spline" or "jerk_limited"; None for jerk_limited where jerk limits that
             are not known follow ``planning.timing.choice.JERK_RULE``.
-        solver: For "toppra": "reachability" (ours) or "toppra" (the package); ours where None. For
-            "jerk_limited": "quintic_spline" (fewest pieces, near the path), "double_s" (few pieces,
-            on the path) or "interior_point" (nearly the least time); the first where neither
-            method nor solver is named, else the last.
+        solver: Solver for "toppra": "reachability" (ours) or "toppra" (the package); ours where
+            None. For "jerk_limited": "quintic_spline" (fewest pieces, near the path), "double_s"
+            (few pieces, on the path) or "interior_point" (nearly the least time); the first where
+            neither method nor solver is named, else the last.
         velocity_scaling: Share of the velocity limits to use, in (0, 1].
         acceleration_scaling: Share of the acceleration limits to use, in (0, 1].
         jerk_scaling: Share of the jerk limits to use, in (0, 1].
-        times: At the waypoints, for "spline" [s].
+        times: Times at the waypoints, for "spline" [s].
         scale_times: Whether they are stretched by the least factor that keeps all limits.
-        interpolation: Between waypoints, "linear", "natural_spline" or "clamped_spline"; None
-            leaves it to the method.
+        interpolation: Interpolation between waypoints, "linear", "natural_spline" or
+            "clamped_spline"; None leaves it to the method.
         blend_tolerance: How far corners may be cut, Euclidean in joint space; None for as far as
             can be proved, or not at all where nothing is proved.
         torque_limits: Whether torques are limited too.
-        payload: What is carried, for torques.
+        payload: Payload that is carried, for torques.
         tool_speed: Largest speed of the tip [m/s].
-        start_velocity: At the start, along the path, shape (n,).
-        end_velocity: At the end, along the path, shape (n,).
+        start_velocity: Velocity at the start, along the path, shape (n,).
+        end_velocity: Velocity at the end, along the path, shape (n,).
 
     Raises:
         InvalidOption: An unknown method or interpolation, a share outside (0, 1], or an option

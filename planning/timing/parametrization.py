@@ -46,8 +46,9 @@ class TimeParametrization:
         acceleration: Limits, shape (n,) [rad/s^2 or m/s^2].
         jerk: Limits, shape (n,); None where jerk is not limited [rad/s^3 or m/s^3].
         loads: Limits of torque and tool speed.
-        start_velocity: At the start, along the path, shape (n,); at rest where none is given.
-        end_velocity: At the end, likewise.
+        start_velocity: Velocity at the start, along the path, shape (n,); at rest where none is
+            given.
+        end_velocity: Velocity at the end, likewise.
         ruled: Names of joints whose jerk limit is not known but made by a rule.
         ignored_jerk: A jerk limit that was given, shape (n,), which the method does not keep.
     """
@@ -99,7 +100,7 @@ class TimeParametrization:
 
         Args:
             waypoints: Shape (k, n), merged.
-            reaches: For ``blend``, within the largest ones, shape (k - 2,).
+            reaches: Reaches for ``blend``, within the largest ones, shape (k - 2,).
         """
         if not (self.method.near_path and self.few_pieces and len(waypoints) > 2):
             return None
@@ -111,9 +112,9 @@ class TimeParametrization:
         """The spline of few pieces near a motion; None where it takes far longer than the motion.
 
         Args:
-            motion: Of ``near_corners``.
+            motion: Motion of ``near_corners``.
             joint_names: n names.
-            parts: Of the motion's time, one for each span, as in ``fit_pieces``.
+            parts: Parts of the motion's time, one for each span, as in ``fit_pieces``.
         """
         fitted = fit_pieces(motion, joint_names, self.jerk_bounds, parts, self._span_loads)
         spline = self._slow_down_a_little(fitted)
@@ -127,7 +128,7 @@ class TimeParametrization:
         """Splines of few pieces near a motion that keep the loads, as far as they are worth it.
 
         Args:
-            motion: From rest to rest, within all limits.
+            motion: Motion from rest to rest, within all limits.
             joint_names: n names.
         """
         if self.loads is None or not (self.method.near_path and self.few_pieces):
@@ -205,7 +206,7 @@ class TimeParametrization:
 
     @property
     def motion_limits(self) -> MotionLimits:
-        """What a motion with this timing is proved within: its bounds, and the jerk it ignores."""
+        """Limits that a motion is proved within: its bounds, and the jerk that is ignored."""
         ignored = {} if self.ignored_jerk is None else {"jerk": self.ignored_jerk}
         holds_jerk = self.method.jerk is not JerkUse.UNUSED
         return MotionLimits(self.bounds | ignored, self.loads, holds_jerk)
@@ -233,7 +234,7 @@ class TimeParametrization:
 
         Args:
             waypoints: Shape (k, n), merged, k >= 2.
-            reaches: For ``blend``, shape (k - 2,).
+            reaches: Reaches for ``blend``, shape (k - 2,).
             joint_names: n names.
 
         Raises:
@@ -272,8 +273,8 @@ class TimeParametrization:
 
         Args:
             waypoints: Shape (k, n).
-            times: At the waypoints, shape (k,) [s]. Where none are given they are proportional to
-                the joint-space distance, and as small as the limits allow.
+            times: Times at the waypoints, shape (k,) [s]. Where none are given they are
+                proportional to the joint-space distance, and as small as the limits allow.
             ends: "natural", or "clamped": at rest or at the boundary velocities.
             joint_names: n names.
             scale: Whether given times are stretched by the least factor that keeps all limits.
@@ -380,7 +381,7 @@ class TimingReport:
 
     Args:
         method: The method.
-        solver: Who found the speeds; None where there is no choice.
+        solver: Solver of the speeds; None where there is no choice.
         limits: Limits that the motion is held to, scaled, by quantity ("velocity",
             "acceleration", "jerk"), each shape (n,).
         ruled_jerk: Names of the joints whose jerk limit follows ``choice.JERK_RULE``.

@@ -26,7 +26,7 @@ class ScaledTime(NamedTuple):
 
     Args:
         trajectory: The motion.
-        factor: By which its time was stretched.
+        factor: Factor by which its time was stretched.
         solver: Name of the solver that found it, where the method has several.
     """
 
@@ -39,7 +39,7 @@ def peak_ratios(trajectory: Trajectory, limits: Array, derivative: int) -> Array
     """Exact largest |derivative| of each joint over its limit, shape (n,).
 
     Args:
-        trajectory: What is judged.
+        trajectory: Motion to be judged.
         limits: Positive, inf where there is none, shape (n,).
         derivative: 1 velocity, 2 acceleration, 3 jerk.
     """
@@ -58,7 +58,7 @@ def dilate(
     a jump of the acceleration from one to the next has none.
 
     Args:
-        trajectory: To be slowed down.
+        trajectory: Motion to be slowed down.
         velocity: Limits, shape (n,), inf where there is none.
         acceleration: Limits, likewise.
         jerk: Limits, likewise.
@@ -176,7 +176,7 @@ def fit_kernel(breaks: Array, coefficients: Array, limits: Array) -> float:
     Args:
         breaks: Shape (m + 1,) [s].
         coefficients: Shape (m, n, k).
-        limits: Of velocity, acceleration and jerk, inf where there is none, shape (3, n).
+        limits: Limits of velocity, acceleration and jerk, inf where there is none, shape (3, n).
 
     Returns:
         Factor of its duration, 0 where no limit bounds it.
@@ -200,7 +200,7 @@ def stretch_kernel(breaks: Array, coefficients: Array, limits: Array, factor: fl
         breaks: Shape (m + 1,) [s].
         coefficients: Shape (m, n, k).
         limits: inf where none is to be looked at, shape (3, n).
-        factor: Of its duration, at least.
+        factor: Least factor of the duration, at least.
     """
     given, pieces = breaks.copy(), coefficients.copy()
     near, worst = limits.copy(), np.zeros(3)

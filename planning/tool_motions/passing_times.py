@@ -27,8 +27,8 @@ def passing_times(
     Args:
         chain: The robot; its tip is the tool.
         path: The joint path of the run.
-        motion: Along it, from its start to its end, past every place once and in order.
-        parts: Of the run, up to the one that the motion ends in.
+        motion: Motion along it, from its start to its end, past every place once and in order.
+        parts: Parts of the run, up to the one that the motion ends in.
     """
     if len(parts) < 2:
         return [motion.duration]

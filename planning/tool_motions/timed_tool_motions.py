@@ -19,7 +19,7 @@ class SpeedBand:
     Args:
         low: Least speed [m/s].
         high: Largest speed [m/s].
-        spans: When they are asked for: pairs of times [s].
+        spans: Pairs of times between which they are asked for [s].
     """
 
     low: float
@@ -33,7 +33,8 @@ class SpeedBand:
         """The bands about the speeds that are asked for in spans of time.
 
         Args:
-            spans: When each begins and ends [s], and the speed asked for [m/s]; None for none.
+            spans: Times at which each begins and ends [s], and the speed asked for [m/s]; None for
+                none.
             width: Largest difference from a speed, as part of it.
         """
         bands = []
@@ -58,15 +59,16 @@ class TimedToolMotions:
 
     Args:
         motions: k motions.
-        times: When each begins, and the last one ends, shape (k + 1,) [s].
+        times: Times at which each begins, and the last one ends, shape (k + 1,) [s].
         max_position: How far the tool's origin may be off [m].
         max_orientation: How far its orientation may be off [rad]; None where it is free.
-        tolerances: Of each motion the box that the tool may be in, to which the two deviations are
-            added on all sides; None where they alone count. Empty where they do for all motions.
+        tolerances: Tolerances of each motion the box that the tool may be in, to which the two
+            deviations are added on all sides; None where they alone count. Empty where they do for
+            all motions.
         speeds: Speeds to be kept, each at times of its own: the largest is a limit, of the least it
             is told where it holds.
-        begins: When each begins where that is later than the end of the one before, so that the
-            tool is free in between, shape (k,) [s]; None where each follows at once.
+        begins: Times at which each begins where that is later than the end of the one before, so
+            that the tool is free in between, shape (k,) [s]; None where each follows at once.
 
     Raises:
         InvalidGoal: The times are not as many as that, or they descend; a corner has a tolerance.

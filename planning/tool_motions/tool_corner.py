@@ -191,7 +191,7 @@ def best_slope(angle: float) -> float:
     A fit to the minima between lines that turn by 1 to 170 degrees: it is within 2 % of them.
 
     Args:
-        angle: That the direction turns by at the corner, in [0, pi) [rad].
+        angle: Angle that the direction turns by at the corner, in [0, pi) [rad].
     """
     c = math.cos(0.5 * angle)
     return c * (2.778 + 1.829 * c) / (0.508 + c + 0.692 * c * c)

@@ -66,7 +66,7 @@ class ToolMotion:
         kind: "lin" or "circ".
         T_start: Pose at s = 0, shape (4, 4).
         T_end: Pose at s = 1, shape (4, 4).
-        center: Of an arc, shape (3,) [m].
+        center: Center of an arc, shape (3,) [m].
         normal: Axis that an arc turns about, by the right hand, of length 1, shape (3,).
         sweep: Angle of an arc [rad], positive.
     """
@@ -247,9 +247,9 @@ def arc_about(
     """The arc between two poses (4, 4) about a centre (3,) [m].
 
     Args:
-        T_start: Where it begins.
-        T_end: Where it ends, as far from the centre; where it begins, for a full circle.
-        center: Of the circle [m].
+        T_start: Beginning of the motion.
+        T_end: End, as far from the centre; where it begins, for a full circle.
+        center: Center of the circle [m].
         normal: Axis (3,) to turn about by the right hand, up to a whole turn. Where none is given
             the shorter of the two arcs is taken.
 

@@ -24,7 +24,7 @@ class RunPart(NamedTuple):
         begin: Place of the run where it begins.
         end: Place of the run where it ends.
         asked: Index of the motion of the request that it is a part of.
-        blends: Whether it rounds the corner at the end of that motion.
+        blends: Whether the motion rounds the corner at the end of that motion.
         tolerance: Box that the tool may be in; None where it is to follow the motion.
         tool_speed: Speed to be kept [m/s]; None for none.
     """
@@ -43,15 +43,15 @@ class ToolRun:
     """Tool motions from rest to rest.
 
     Args:
-        motions: In order, each from where the one before ends; of positive length where there are
-            several.
+        motions: Motions in order, each from where the one before ends; of positive length where
+            there are several.
         asked: Index of the motion of the request that each is a part of.
         blends: Whether each rounds the corner at the end of that motion.
-        tolerances: Of each motion the box that the tool may be in; empty where it is to follow the
-            motions.
-        tool_speeds: Of each motion the speed to be kept [m/s]; empty for the largest that the
-            limits allow.
-        name: Of what it is a part.
+        tolerances: Tolerances of each motion the box that the tool may be in; empty where it is to
+            follow the motions.
+        tool_speeds: Tool speeds of each motion the speed to be kept [m/s]; empty for the largest
+            that the limits allow.
+        name: Name of what it is a part.
     """
 
     motions: tuple[ToolCurve, ...]
@@ -143,7 +143,7 @@ class Stop:
 
     Args:
         at: Place on the motion, from 0 to 1.
-        reason: What stood in the way.
+        reason: Cause of the stop.
         message: One sentence.
         details: Values a program can use.
     """
@@ -159,7 +159,7 @@ class ToolSegment:
     """A joint path that keeps the tool on its motion.
 
     Args:
-        path: With s for its parameter; None where the joints do not move at all.
+        path: Path with s for its parameter; None where the joints do not move at all.
         start: Configuration it begins with, shape (n,).
         end: Configuration it ends with, shape (n,).
         reached: Place on the motion where it ends.
@@ -190,8 +190,8 @@ class Tolerances:
     """Largest deviations of the tool from its motion.
 
     Args:
-        position: Of its origin [m].
-        orientation: Of its orientation [rad]; None where that is free.
+        position: Largest deviation of the origin [m].
+        orientation: Largest deviation of the orientation [rad]; None where that is free.
     """
 
     position: float

@@ -221,7 +221,7 @@ class SeamWaypoint:
     Args:
         T_base_tip: Pose of the tool without deviation, shape (4, 4).
         via: Point on the arc from the waypoint before, shape (3,) [m]; None for a line.
-        tolerance: On the way to it and there; None for that of the seam.
+        tolerance: Tolerance on the way to it and there; None for that of the seam.
         blend: Distance from it at which the tool may leave the way [m]; None for that of all.
         tool_speed: Speed to be kept on the way to it [m/s]; None for that of the seam.
         axis_only: Whether of the orientation only the axis z is asked for; x and y are any two.
@@ -245,9 +245,9 @@ class StraightOffset:
     """A straight motion towards a seam or away from it.
 
     Args:
-        direction: Of the motion, of any length, shape (3,).
-        distance: Its length [m].
-        frame: Whose axes the direction is along: those of the tool at the seam, or the base.
+        direction: Direction of the motion, of any length, shape (3,).
+        distance: Length [m].
+        frame: Frame whose axes the direction is along: that of the tool at the seam, or the base.
     """
 
     direction: Array
@@ -265,8 +265,8 @@ class SeamOptions:
     """A seam to be followed in one branch of inverse kinematics, or with rests where it changes.
 
     Args:
-        waypoints: In order, two at least.
-        tolerance: By how much the tool may deviate from the path through them.
+        waypoints: Waypoints in order, two at least.
+        tolerance: Deviations that the tool may have from the path through them.
         tool_speed: Speed to be kept on ways to waypoints that have none of their own [m/s]; None
             for the largest that the limits allow, of all of them.
         speed_band: Largest difference from it, as part of it.

@@ -40,11 +40,11 @@ def runs(
     """Runs without a rest, with corners rounded where a blend is asked for.
 
     Args:
-        motions: In order, k of them, each from where the one before ends.
+        motions: Motions in order, k of them, each from where the one before ends.
         blends: Distance from the end of each motion at which the tool may leave it [m], shape (k,);
             0 for a rest. At most half of both motions is cut; the last one is not used.
         arcs: Whether corners are rounded by arcs, else without a jump of curvature.
-        axis_only: Of each motion whether at its end only the tool's axis z is asked for, which
+        axis_only: Whether of each motion at its end only the tool's axis z is asked for, which
             alone is led through the corner then; with arcs.
 
     Returns:

@@ -111,9 +111,9 @@ def corner_kernel(m: Array, h: float, work: Array, R: Array, state: Array) -> No
     Args:
         m: ``ToolCorner.numbers``.
         h: Half width of the cell.
-        work: Of ``tool_deviation.cell_kernel``, with place and velocities of the tip.
+        work: Memory of ``tool_deviation.cell_kernel``, with place and velocities of the tip.
         R: Rotation of the tip, shape (3, 3).
-        state: Of the cell, with bounds of the tip's accelerations.
+        state: State of the cell, with bounds of the tip's accelerations.
     """
     p, v, w, e, rate = work[3], work[4], work[5], work[6], work[7]
     curve, N = np.empty((3, 3)), np.empty((3, 3))

@@ -30,11 +30,11 @@ class WrittenArc:
     """An arc about a centre, as a request gives it.
 
     Args:
-        T_start: Where it begins, shape (4, 4).
-        T_end: Where it ends, shape (4, 4).
+        T_start: Beginning of the motion, shape (4, 4).
+        T_end: End of the motion, shape (4, 4).
         center: Shape (3,) [m].
         normal: Axis to turn about by the right hand, shape (3,); None for the shorter arc.
-        start_rounding: Of each coordinate of the start [m]; 0 where the arm stands there.
+        start_rounding: Rounding of each coordinate of the start [m]; 0 where the arm stands there.
     """
 
     T_start: Array
@@ -47,7 +47,7 @@ class WrittenArc:
         """The arc.
 
         Args:
-            max_deviation: So much it may be off the circle that is asked for, or more by
+            max_deviation: Distance that the arc may be off the circle that is asked for, or more by
                 rounding [m].
 
         Raises:
@@ -162,10 +162,10 @@ def tool_motion(
     """Return one motion that is asked for.
 
     Args:
-        T_start: Where it begins, unless it says so itself, shape (4, 4).
+        T_start: Beginning of the motion, unless it says so itself, shape (4, 4).
         item: The motion.
-        index: Its place in the request, for messages.
-        max_deviation: So much an arc may be off the circle that is asked for, or more by
+        index: Index in the request, for messages.
+        max_deviation: Distance that an arc may be off the circle that is asked for, or more by
             rounding [m].
 
     Raises:
@@ -230,9 +230,9 @@ def tool_reference(
 
     Args:
         chain: The robot; its tip is the tool.
-        trajectory: Of all its joints, in its order.
+        trajectory: Trajectory of all its joints, in its order.
         reports: The motions with their times; none gives no instants.
-        seed: Of the draw.
+        seed: Seed of the draw.
     """
     spans = np.array([max(report.ends - report.begins, 0.0) for report in reports])
     if not spans.sum() > 0.0:

@@ -90,8 +90,8 @@ def pieces_within(
     Args:
         chain: The robot; its tip is the tool.
         run: The motions.
-        places: Of the run at the ends of the pieces, those where its motions meet among them,
-            shape (m + 1,).
+        places: Places of the run at the ends of the pieces, those where its motions meet among
+            them, shape (m + 1,).
         breaks: Ends of the pieces in their own parameter, shape (m + 1,).
         coefficients: Shape (m, n, k), ascending.
         tolerances: Deviations allowed [m], [rad]; infinite where it is free.
@@ -127,8 +127,8 @@ def piece_deviations(
         chain: The robot; its tip is the tool.
         breaks: Shape (m + 1,), of time or any other parameter.
         coefficients: Shape (m, n, k), ascending.
-        motion: Where the tool is to be.
-        tolerances: What is allowed [m], [rad]; infinite where it is free.
+        motion: Motion that the tool is to follow.
+        tolerances: Deviations allowed [m], [rad]; infinite where it is free.
 
     Returns:
         Bounds of position [m] and orientation [rad], shape (m, 2), of a piece that goes too far

@@ -60,7 +60,7 @@ def lead_tool(
         start: Free and inside the limits, shape (n,).
         motions: Lines and arcs, at least one, or runs of them without a rest.
         tolerances: How far the tool may be off them.
-        deadline: When to give up.
+        deadline: Time at which to give up.
     """
     segments: list[ToolSegment] = []
     q = start
@@ -135,7 +135,7 @@ def follow(
         motion: The motion, or several that are run through without a rest.
         start: Inside the limits, shape (n,).
         tolerances: How far the tool may be off it, between the configurations too.
-        deadline: When to give up.
+        deadline: Time at which to give up.
     """
     following = _Following(chain, run_of(motion), start, tolerances, deadline)
     stop = following.march()

@@ -46,7 +46,7 @@ class TimedToolPath:
         path: The joint paths with the motions of the tool.
         parts: One trajectory for each motion in which the joints move.
         reports: Times of each motion, and the share of it that is carried out.
-        notes: About the timing.
+        notes: Notes about the timing.
         transits: Free motions before some of the motions, by the index of the one that each leads
             to.
     """
@@ -320,9 +320,9 @@ def speed_limits(
     Args:
         joint_names: n names.
         path: The joint path of the run, by its place.
-        parts: Of the run, as far as the path goes.
-        length: Of the whole run [m].
-        speed: What is asked for [m/s].
+        parts: Parts of the run, as far as the path goes.
+        length: Length of the whole run [m].
+        speed: Speed asked for [m/s].
         parametrization: The limits.
 
     Returns:
@@ -365,7 +365,7 @@ def spline_near(
 
     Args:
         chain: The robot; its tip is the tool.
-        run: What the tool follows.
+        run: Motions that the tool follows.
         timed: The motion, from rest to rest.
         tolerances: Deviations allowed.
         parametrization: The limits.

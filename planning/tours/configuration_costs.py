@@ -29,9 +29,9 @@ class VisitCosts(NamedTuple):
     """Costs of configurations in a tour beside the times of its legs.
 
     Args:
-        own: As seconds, shape (m,); 0 where the goal has no pose.
+        own: Costs as seconds, shape (m,); 0 where the goal has no pose.
         at_limit: Whether each of them, of a pose, is at a joint limit, shape (m,).
-        turn: Of each joint that turns by more than half a turn, as seconds.
+        turn: Cost of each joint that turns by more than half a turn, as seconds.
         posed: Whether each of them is of a goal with a pose, shape (m,).
     """
 
@@ -55,7 +55,7 @@ class VisitCosts(NamedTuple):
         """Add what configurations cost to a table of times, shape (m, m), in place.
 
         Args:
-            times: Of the legs, 0 to and from a free end.
+            times: Times of the legs, 0 to and from a free end.
             chain: The robot.
             joints: The configurations, shape (m, n).
             real: Whether each of them is one, shape (m,).
@@ -93,7 +93,7 @@ def visit_costs(chain: Chain, costs: GoalCosts, stops: Sequence[StopConfiguratio
     Args:
         chain: The robot.
         costs: The weights.
-        stops: In order.
+        stops: Stops in order.
     """
     scale = 1.0 / time_weight(costs)
     own, at_limit, posed = [], [], []

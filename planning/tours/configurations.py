@@ -32,8 +32,8 @@ class Configurations(NamedTuple):
 
     Args:
         joints: Shape (k, n) [rad or m].
-        alternatives: Which alternative each of them reaches, k numbers.
-        clearances: Of each of them, margins taken off, shape (k,) [m].
+        alternatives: Number of the alternative each of them reaches, k numbers.
+        clearances: Clearances of each of them, margins taken off, shape (k,) [m].
     """
 
     joints: Array
@@ -57,8 +57,8 @@ def find_configurations(
         goal: One of its goals.
         checker: The exact robot in the scene with its margins.
         near: Configuration that whole turns are to be near, shape (n,).
-        seed: Of inverse kinematics.
-        deadline: When to look at no more alternatives.
+        seed: Seed of inverse kinematics.
+        deadline: Time at which to look at no more alternatives.
     """
     rows: list[Array] = []
     alternatives: list[int] = []

@@ -47,10 +47,10 @@ def least_times(
     """Times of straight motions, or bounds of those of all motions, shape (m, m) [s].
 
     Args:
-        limits: Of the motions.
+        limits: Limits of the motions.
         joints: Configurations, shape (m, n) [rad or m].
         real: Whether each of them is one; times from and to others are 0, shape (m,).
-        deadline: When to give up.
+        deadline: Time at which to give up.
         straight: True for the straight joint motion, False for the bound of every motion.
 
     Returns:
@@ -82,21 +82,21 @@ class LegTable:
 
     Args:
         problem: The tour.
-        options: Of planning, for each leg.
+        options: Options of planning, for each leg.
         parametrization: The limits and the method of timing.
         checker: The exact robot in the scene with its margins.
         joints: Configurations of all stops, shape (m, n) [rad or m].
         group: Number of the group of each configuration, shape (m,).
         grouped: Whether goals are in groups.
         real: Whether each of them is one; a free end has a row of zeros, shape (m,).
-        times: Of straight motions at first, then as known so far, with what configurations cost
-            and those between groups, shape (m, m) [s].
+        times: Times of straight motions at first, then as known so far, with what configurations
+            cost and those between groups, shape (m, m) [s].
         free: Straight motions that are free, the smaller number first.
-        blocked: Those that something is in the way of.
+        blocked: Pairs that something is in the way of.
         legs: Proved legs.
         failures: Legs that were planned in vain.
-        clearances: Of configurations that were asked for, margins taken off [m].
-        costs: Of configurations beside the times of legs; None for nothing.
+        clearances: Clearances of configurations that were asked for, margins taken off [m].
+        costs: Costs of configurations beside the times of legs; None for nothing.
     """
 
     problem: TourProblem
@@ -201,7 +201,7 @@ class LegTable:
         Args:
             a: Number of the first configuration.
             b: Number of the second.
-            deadline: When to give up.
+            deadline: Time at which to give up.
         """
         known = self.legs.get((a, b)) or self.failures.get((a, b))
         if known is not None:
@@ -231,9 +231,9 @@ class LegTable:
         """A proved motion between configurations (n,), of the table or not.
 
         Args:
-            start: Where it begins.
-            end: Where it ends.
-            deadline: When to give up.
+            start: Beginning of the motion.
+            end: End of the motion.
+            deadline: Time at which to give up.
             max_edges: Edges that each planner may look at.
         """
         problem = Problem(

@@ -161,7 +161,7 @@ def choose_configurations(
         back: Memory, shape (m,).
 
     Returns:
-        By how much the tour gets longer: 0 or below [s].
+        Change of the time of the tour: 0 or below [s].
     """
     times, first, order, choice = network.times, network.first, state.order, state.choice
     before = 0.0
@@ -211,10 +211,10 @@ class SearchWork(NamedTuple):
     Args:
         queue: Stops to be looked at, a ring, shape (s + 1,).
         waiting: Whether each stop is in the queue, shape (s,).
-        ends: Where the queue begins and ends, shape (2,).
-        block: For moves of blocks, shape (s,).
-        value: Of dynamic programming, shape (m,).
-        back: Likewise, shape (m,).
+        ends: Places at which the queue begins and ends, shape (2,).
+        block: Memory for moves of blocks, shape (s,).
+        value: Value of dynamic programming, shape (m,).
+        back: Choices of dynamic programming, shape (m,).
         random: State of the random generator, shape (1,).
     """
 
@@ -280,7 +280,7 @@ def shift_gain(
         low: First position of the segment.
         high: Last position of it.
         left: Position behind which the segment is put.
-        backwards: Whether it is visited the other way round.
+        backwards: Whether the part is visited the other way round.
     """
     order, choice, times = state.order, state.choice, network.times
     before, behind = choice[order[low - 1]], choice[order[high + 1]]

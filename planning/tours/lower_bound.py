@@ -22,7 +22,7 @@ def spanning_tree(times: Times, first: Indices, price: Array, ends: Indices, leg
     Args:
         times: Shape (m, m) [s].
         first: First configuration of each stop, and m, shape (s + 1,).
-        price: Of a leg at each configuration, shape (m,) [s].
+        price: Prices of a leg at each configuration, shape (m,) [s].
         ends: Stops with one leg instead of two, shape (2,).
         legs: Written: legs of the tree at each configuration less those that a tour has at the
             dearest configuration of its stop, shape (m,).
@@ -81,7 +81,7 @@ def lower_bound(
         first: First configuration of each stop, and m, shape (s + 1,); the last two stops are the
             start and the end.
         upper: Time of a known tour, which sets the steps [s].
-        deadline: When to end with the bound so far, 0 if there is none.
+        deadline: Time at which to end with the bound so far, 0 if there is none.
     """
     stops, m = len(first) - 1, len(times)
     ends = np.array([stops - 2, stops - 1])

@@ -14,11 +14,11 @@ class Network(NamedTuple):
     The stops are the goals, then the start, then the end of the tour.
 
     Args:
-        times: Between configurations, symmetric, shape (m, m) [s].
+        times: Times between configurations, symmetric, shape (m, m) [s].
         first: First configuration of each stop, and m, shape (s + 1,).
         near: Stops nearest to each stop, by least time, shape (s, k).
         least: Least times between stops, shape (s, s) [s].
-        first_follower: Where the followers of each stop begin, shape (s + 1,).
+        first_follower: Place at which the followers of each stop begin, shape (s + 1,).
         followers: Stops that have to come after, shape (p,).
     """
 
@@ -35,7 +35,7 @@ class TourState(NamedTuple):
 
     Args:
         order: Stops in the order of their visit, the start first and the end last, shape (s,).
-        position: Where each stop is in that order, shape (s,).
+        position: Place of each stop in that order, shape (s,).
         choice: Configuration of each stop, shape (s,).
     """
 
@@ -52,7 +52,7 @@ class Precedence(NamedTuple):
     """Goals that have to come after others.
 
     Args:
-        first: Where the followers of each stop begin, shape (s + 1,).
+        first: Place at which the followers of each stop begin, shape (s + 1,).
         followers: Numbers of stops, shape (p,).
     """
 
@@ -77,7 +77,7 @@ def least_times(times: Times, first: Indices) -> Times:
     """Least times between stops, shape (s, s) [s].
 
     Args:
-        times: Between configurations, shape (m, m) [s].
+        times: Times between configurations, shape (m, m) [s].
         first: First configuration of each stop, and m, shape (s + 1,).
     """
     rows = np.minimum.reduceat(times, first[:-1], axis=0)

@@ -79,7 +79,7 @@ class _TourPlanner:
         deadline: The end of all stages.
         checker: The exact robot in the scene with its margins.
         unvisited: Goals that are left out.
-        notes: What was done to the request.
+        notes: Notes on what was done to the request.
     """
 
     problem: TourProblem

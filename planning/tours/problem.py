@@ -32,9 +32,9 @@ class TourGoal:
     """One goal of a tour: any of several configurations and poses, and a stay there.
 
     Args:
-        id: Its name.
+        id: Name of the object.
         alternatives: Any one of these is to be reached.
-        tolerance: By how much the tool may deviate from poses, as free axes do.
+        tolerance: Deviations that the tool may have from poses, as free axes do.
         dwell: How long the arm stays [s].
         group: Goals of one group are visited one after another, with no other between them.
 
@@ -63,13 +63,14 @@ class TourProblem:
         robot: The arm with its geometry.
         scene: The obstacles; the frame "tool" is where the tool is at the start.
         goals: 2 to 500 goals.
-        start: Where the tour begins, shape (n,) [rad or m]; None for any goal.
+        start: Beginning of the tour, shape (n,) [rad or m]; None for any goal.
         end: "any" goal, back at the "start", or a configuration (n,).
         precedence: Pairs of names, of goals or groups: the first is visited before the second.
         margin: Distance to keep from obstacles beyond their own margins [m].
         start_state_tolerance: A configuration this little outside a limit is snapped onto it
             [rad or m]; None for what a measured start may miss, and a goal by rounding.
-        constraints: What every leg has to hold at every instant; their clearance raises the margin.
+        constraints: Constraints that every leg has to hold at every instant; their clearance raises
+            the margin.
 
     Raises:
         InvalidGoal: Too few or too many goals, two of one name, an unknown name, or an order that
@@ -134,9 +135,9 @@ class TourOptions:
     """Options of planning a tour.
 
     Args:
-        planning: Of every leg; its timeout is that of the whole tour, its seed that of all. Legs
-            keep no preferred clearance where none is asked for: it costs time, and the tour is to
-            take the least.
+        planning: Options of every leg; its timeout is that of the whole tour, its seed that of all.
+            Legs keep no preferred clearance where none is asked for: it costs time, and the tour is
+            to take the least.
         rounds: Rounds of search and proof after the first tour that is proved.
         leg_timeout: Longest that one leg is planned [s]; planners end before it on all but very
             slow machines, after a number of edges.
@@ -162,7 +163,7 @@ def check_order(names: Sequence[str], groups: Sequence[str | None], precedence: 
     """Check that there is an order of the goals that keeps all rules.
 
     Args:
-        names: Of the goals, shape (m,).
+        names: Names of the goals, shape (m,).
         groups: Group of each goal, shape (m,).
         precedence: Pairs of goals or groups, the first before the second.
 
@@ -209,7 +210,7 @@ def goal_pairs(
     """Pairs of goals, the first before the second, with groups replaced by their goals.
 
     Args:
-        names: Of the goals, shape (m,).
+        names: Names of the goals, shape (m,).
         groups: Group of each goal, shape (m,).
         precedence: Pairs of goals or groups.
     """

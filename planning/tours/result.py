@@ -34,11 +34,12 @@ class Visit:
 
     Args:
         index: Number of the goal.
-        alternative: Which of its alternatives is taken.
+        alternative: Number of the of its alternatives is taken.
         joints: The configuration, shape (n,) [rad or m].
-        arrival: When the arm gets there [s].
-        departure: When it goes on [s].
-        configuration: What it costs and why it was chosen; None of a goal without a pose.
+        arrival: Time at which the arm gets there [s].
+        departure: Time at which the arm goes on [s].
+        configuration: Costs of the configuration, and the reason for it; None of a goal without a
+            pose.
     """
 
     index: int
@@ -55,9 +56,9 @@ class Unvisited:
 
     Args:
         index: Number of the goal.
-        id: Its name.
+        id: Name of the object.
         code: MoveIt's name of the error where one exists.
-        message: What went wrong.
+        message: Message on what went wrong.
         details: Values a program can use.
     """
 
@@ -74,7 +75,7 @@ class TourImprovement:
 
     Args:
         round: Round of search and proof that found it, 0 for the first tour.
-        time: Of the whole tour [s].
+        time: Time of the whole tour [s].
     """
 
     round: int
@@ -86,9 +87,9 @@ class SearchReport:
     """Effort of the search.
 
     Args:
-        configurations: Of all goals together that the search chose from.
+        configurations: Configurations of all goals together that the search chose from.
         checked: Straight motions that were checked.
-        blocked: Those of them that something is in the way of.
+        blocked: Pairs that something is in the way of.
         planned: Legs that were planned and proved.
         rounds: Rounds of search and proof.
         improvements: The proved tours that were the best so far.
@@ -112,13 +113,13 @@ class Tour:
         visits: The goals in the order of their visit.
         legs: Motions in order: from the start, between goals, to the end.
         unvisited: Goals that are left out, with the reasons.
-        time: Of the whole tour, stays among them [s].
-        dwell: Of all stays together [s].
+        time: Time of the whole tour, stays among them [s].
+        dwell: Duration of all stays together [s].
         lower_bound: No tour over the configurations that were found takes less [s].
         search: Effort of the search.
-        notes: What was done to the request.
+        notes: Notes on what was done to the request.
         deterministic: Whether the same tour is found again: time ended no search.
-        reaches_end: Whether it ends where it was asked to; not where time was up before.
+        reaches_end: Whether the tour ends where it was asked to; not where time was up before.
     """
 
     visits: tuple[Visit, ...]

@@ -61,7 +61,7 @@ class Stops(NamedTuple):
     Args:
         goals: Numbers of the goals.
         first: First configuration of each stop, and their number, shape (s + 1,).
-        alternatives: Which alternative each configuration of each goal reaches.
+        alternatives: Number of the alternative each configuration of each goal reaches.
     """
 
     goals: tuple[int, ...]
@@ -83,7 +83,7 @@ class Vain(NamedTuple):
     """A goal that no leg was found to.
 
     Args:
-        goal: Its number.
+        goal: Number of the stage.
         failure: Why.
     """
 
@@ -107,12 +107,12 @@ class TourSearch:
         state: The tour that is being searched.
         work: Memory of the kernels.
         best: The best proved tour.
-        best_time: Its time, stays not counted [s].
-        best_cost: That with what its configurations cost, as seconds.
+        best_time: Time of the best tour, stays not counted [s].
+        best_cost: Cost that with what its configurations cost, as seconds.
         improvements: Proved tours that were the shortest so far.
         bound: A time that no tour beats, stays not counted [s]; 0 where none is known.
-        replaced: Of stops whose configuration took the place of one at a joint limit, the times of
-            the legs beside that one and beside this [s].
+        replaced: Times of stops whose configuration took the place of one at a joint limit, the
+            times of the legs beside that one and beside this [s].
     """
 
     problem: TourProblem
@@ -413,7 +413,7 @@ def lead_off_limits(search: "TourSearch") -> bool:
     """Take the configurations away from limits in the tour that was found; whether there were any.
 
     Args:
-        search: Its state is the best tour; it is changed, and so is what was replaced.
+        search: Search whose state is the best tour; it is changed, and so is what was replaced.
     """
     costs, any_changed, changed = search.legs.costs, False, True
     if costs is None:

@@ -55,7 +55,7 @@ class Trials(NamedTuple):
 
     Args:
         reaches: Shape (k, 8).
-        speeds: At the start, at the corners and at the end, shape (k + 2, 8).
+        speeds: Speeds at the start, at the corners and at the end, shape (k + 2, 8).
         rest: Lengths of the legs between curves, shape (k + 1, 8).
         times: Shape (8,).
     """

@@ -34,7 +34,7 @@ class Legs(NamedTuple):
 
     Args:
         lengths: Shape (m,) [rad or m].
-        limits: Of speed (inf for none), acceleration and jerk along each, shape (m, 3).
+        limits: Limits of speed (inf for none), acceleration and jerk along each, shape (m, 3).
     """
 
     lengths: Array
@@ -46,7 +46,7 @@ def ramp_time(change: Lanes, acceleration: float, jerk: float) -> Lanes:
     """Least time of a change of speed with no acceleration at its ends [s].
 
     Args:
-        change: Of speed, at least 0.
+        change: Change of speed, at least 0.
         acceleration: Largest one.
         jerk: Largest one.
     """
@@ -126,8 +126,8 @@ def peak_speed(start: Lanes, end: Lanes, length: Lanes, limits: Array, tolerance
     Args:
         start: Speed at its start.
         end: Speed at its end.
-        length: Of the leg.
-        limits: Of speed, acceleration and jerk along it, shape (3,).
+        length: Length of the leg.
+        limits: Limits of speed, acceleration and jerk along it, shape (3,).
         tolerance: Error of the speed, as a part of it.
     """
     return _peak_speed(start, end, length, limits, tolerance, False)
@@ -157,7 +157,7 @@ def lower_speeds_kernel(legs: Legs, speeds: Array, tolerance: float) -> float:
 
     Args:
         legs: m legs.
-        speeds: At the start, between the legs and at the end; the largest ones come in, the
+        speeds: Speeds at the start, between the legs and at the end; the largest ones come in, the
             possible ones go out, shape (m + 1,).
         tolerance: Error of a speed, as a part of it.
     """
@@ -222,8 +222,8 @@ def leg_phases_kernel(start: float, end: float, length: float, limits: Array, ph
     Args:
         start: Speed at its start.
         end: Speed at its end; the leg leaves room for both.
-        length: Of the leg.
-        limits: Of speed, acceleration and jerk along it, shape (3,).
+        length: Length of the leg.
+        limits: Limits of speed, acceleration and jerk along it, shape (3,).
         phases: Room for ``MAX_PHASES`` rows of 5.
     """
     a, j = limits[1], limits[2]
@@ -254,10 +254,10 @@ def polyline_phases_kernel(
     """Write the phases of a path of straight pieces and curves at constant speed; their number.
 
     Args:
-        lengths: Of the path's pieces, shape (p,).
-        straight: Which of them are straight, shape (p,).
-        limits: Along the straight ones, shape (p, 3).
-        speeds: At the start, between the pieces and at the end, shape (p + 1,).
+        lengths: Lengths of the path's pieces, shape (p,).
+        straight: Marks of those that are straight, shape (p,).
+        limits: Limits along the straight ones, shape (p, 3).
+        speeds: Speeds at the start, between the pieces and at the end, shape (p + 1,).
         phases: Shape (>= MAX_PHASES p, 5).
         owners: The path's piece of each phase, shape (>= MAX_PHASES p,).
     """

@@ -46,7 +46,7 @@ def fastest_reaches(waypoints: Array, limits: Array, largest: Array) -> Array:
 
     Args:
         waypoints: Merged, shape (k, n), k >= 3.
-        limits: Of velocity, acceleration and jerk, shape (3, n).
+        limits: Limits of velocity, acceleration and jerk, shape (3, n).
         largest: Reaches at most, shape (k - 2,).
 
     Returns:
@@ -111,10 +111,10 @@ def pass_even_corners(path: JointPath, joint_names: Sequence[str], limits: Array
     The pieces are cubics of time with continuous acceleration.
 
     Args:
-        path: Of ``blend(..., smooth=True)``.
+        path: Path of ``blend(..., smooth=True)``.
         joint_names: n names.
-        limits: Of velocity (inf where there is none), acceleration and jerk, shape (3, n); rounding
-            may exceed them.
+        limits: Limits of velocity (inf where there is none), acceleration and jerk, shape (3, n);
+            rounding may exceed them.
     """
     return Trajectory(tuple(joint_names), *pieces_kernel(path.coefficients, path.lengths, limits))
 
@@ -125,8 +125,8 @@ def rounded_pieces_kernel(waypoints: Array, reaches: Array, limits: Array) -> Pi
 
     Args:
         waypoints: Shape (k, n), k >= 2.
-        reaches: Of the corners, within their largest ones, shape (k - 2,).
-        limits: Of velocity, acceleration and jerk, shape (3, n).
+        reaches: Reaches of the corners, within their largest ones, shape (k - 2,).
+        limits: Limits of velocity, acceleration and jerk, shape (3, n).
     """
     path, spans = smooth_blend_kernel(waypoints, reaches)
     return pieces_kernel(path, spans, limits)
@@ -137,9 +137,9 @@ def pieces_kernel(coefficients: Array, lengths: Array, limits: Array) -> Pieces:
     """The pieces of ``pass_even_corners``.
 
     Args:
-        coefficients: Of the path, cubics, shape (p, n, 4).
-        lengths: Of its pieces, shape (p,).
-        limits: Of velocity, acceleration and jerk, shape (3, n).
+        coefficients: Coefficients of the path, cubics, shape (p, n, 4).
+        lengths: Lengths of the pieces, shape (p,).
+        limits: Limits of velocity, acceleration and jerk, shape (3, n).
     """
     count, n = coefficients.shape[:2]
     straight, along = np.empty(count, dtype=np.bool_), np.empty((count, 3))
@@ -190,9 +190,9 @@ def path_speeds_kernel(
     """Write the speeds at the ends of the pieces of a path that begins and ends at rest.
 
     Args:
-        coefficients: Of the path, cubics, shape (p, n, 4).
-        lengths: Of its pieces, shape (p,).
-        limits: Of velocity, acceleration and jerk, shape (3, n).
+        coefficients: Coefficients of the path, cubics, shape (p, n, 4).
+        lengths: Lengths of the pieces, shape (p,).
+        limits: Limits of velocity, acceleration and jerk, shape (3, n).
         straight: Filled: which pieces are straight, shape (p,).
         along: Filled with the limits along the straight ones, shape (p, 3).
         speeds: Filled, shape (p + 1,).

@@ -125,7 +125,7 @@ def grid(
 
     Args:
         path: Pieces of degree at most 3 with continuous second derivatives.
-        limits: Of velocity (inf where there is none), acceleration and jerk, shape (3, n).
+        limits: Limits of velocity (inf where there is none), acceleration and jerk, shape (3, n).
         speeds: ds/dt at the two ends, at most.
         extra: Further limits.
     """

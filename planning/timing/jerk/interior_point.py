@@ -37,8 +37,8 @@ class Duals(NamedTuple):
 
     Args:
         caps: Shape (N + 1,).
-        knots: Of the lower and the upper bound, shape (N + 1, R, 2).
-        jerks: Likewise, shape (N, 2, S, 2).
+        knots: Knots of the lower and the upper bound, shape (N + 1, R, 2).
+        jerks: Jerks the same for it, shape (N, 2, S, 2).
     """
 
     caps: Array
@@ -55,7 +55,7 @@ def least_time_kernel(rows: JerkLimits, z: Array, centrality: float, tolerance: 
         z: The unknowns, strictly inside all limits; the answer too, shape (N + 2,).
         centrality: Part of the time that the limits cost at first, all together: 1 keeps well
             away from them, less is for a z that is nearly right.
-        tolerance: When to stop.
+        tolerance: Time at which to stop.
 
     Returns:
         The number of steps, negative where it gave up early.

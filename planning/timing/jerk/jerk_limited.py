@@ -59,7 +59,7 @@ def time_path_with_jerk(
     stops at sharp corners. On a path of degree d the pieces have degree 3 d.
 
     Args:
-        path: What to follow, of degree at most 3, d2q/ds2 continuous but at its sharp corners.
+        path: Path to follow, of degree at most 3, d2q/ds2 continuous but at its sharp corners.
         joint_names: n names.
         velocity: Limits, shape (n,), inf where there is none [rad/s or m/s].
         acceleration: Limits, shape (n,) [rad/s^2 or m/s^2].

@@ -29,7 +29,7 @@ class JerkLimits(NamedTuple):
     """Limits on c over N cells.
 
     Args:
-        lengths: Of the cells, 0 at both ends, shape (N + 2,).
+        lengths: Lengths of the cells, 0 at both ends, shape (N + 2,).
         caps: Largest c at the knots, inf where there is none, shape (N + 1,).
         knot_rows: (e, f, lo, up) of lo <= e c + f c' <= up, shape (N + 1, R, 4).
         knot_counts: How many rows of each knot count, shape (N + 1,).

@@ -62,11 +62,11 @@ def ratios_kernel(
     """Write the largest ratios to the limits at both ends of both phases of each cell.
 
     Args:
-        coefficients: Of the path, shape (p, n, d + 1), d at most 3.
+        coefficients: Coefficients of the path, shape (p, n, d + 1), d at most 3.
         pieces: The path's piece of each cell, shape (N,).
-        breaks: Of the path, shape (p + 1,).
-        phases: As ``phases_kernel`` writes them, shape (2 N, 5).
-        limits: Of velocity, acceleration and jerk, shape (3, n).
+        breaks: Breaks of the path, shape (p + 1,).
+        phases: Phases as ``phases_kernel`` writes them, shape (2 N, 5).
+        limits: Limits of velocity, acceleration and jerk, shape (3, n).
         ratios: Shape (3, N).
     """
     n, size = coefficients.shape[1:]
@@ -99,7 +99,7 @@ def compose_pieces_kernel(
     """Write the coefficients of q(s(t)) for cubic s(t).
 
     Args:
-        coefficients: Of the path, shape (p, n, d + 1).
+        coefficients: Coefficients of the path, shape (p, n, d + 1).
         owners: The path's piece of each phase, shape (m,).
         phases: (start within the piece, speed, acceleration / 2, jerk / 6, ...), shape (m, 5).
         work: Room, shape (2, 3 d + 1).

@@ -17,10 +17,10 @@ def line_phases(
     """The fastest motion along a line of some length, at most seven phases of constant jerk.
 
     Args:
-        length: Of the line, positive.
-        limits: Of speed (inf for none), acceleration and jerk along it, shape (3,).
-        start_speed: Along the line, not negative.
-        end_speed: Likewise; the acceleration is 0 at both ends.
+        length: Length of the line, positive.
+        limits: Limits of speed (inf for none), acceleration and jerk along it, shape (3,).
+        start_speed: Start speed along the line, not negative.
+        end_speed: End speed along the line; the acceleration is 0 at both ends.
 
     Returns:
         (place, speed, acceleration / 2, jerk / 6, duration) of each phase, shape (m, 5).

@@ -87,7 +87,7 @@ def state_to_state(
         joint_names: n names.
         start: State at time 0.
         end: State at the end.
-        limits: Of velocity (inf for none), acceleration and jerk, shape (3, n).
+        limits: Limits of velocity (inf for none), acceleration and jerk, shape (3, n).
         synchronization: "phase" for a straight line in joint space where the states allow one,
             else as "time"; "time" for a common duration only.
 
@@ -153,7 +153,7 @@ def without_rounding(rows: Array, bounds: Array) -> Array:
 
     Args:
         rows: Position, velocity and acceleration, shape (3, n).
-        bounds: Of velocity, acceleration and jerk, shape (3, n).
+        bounds: Bounds of velocity, acceleration and jerk, shape (3, n).
     """
     rest = AT_REST * np.where(np.isfinite(bounds[:2]), bounds[:2], 0.0)
     return np.concatenate([rows[:1], np.where(np.abs(rows[1:]) <= rest, 0.0, rows[1:])])
@@ -286,9 +286,9 @@ def _polish(durations: Array, jerks: Array, start: Array, end: Array) -> Array:
 
     Args:
         durations: Shape (m,), positive [s].
-        jerks: Of the phases, shape (m,).
+        jerks: Jerks of the phases, shape (m,).
         start: Position, velocity and acceleration, shape (3,).
-        end: Those to be reached, shape (3,).
+        end: State to be reached, shape (3,).
     """
     if not len(durations):
         return durations

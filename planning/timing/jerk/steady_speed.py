@@ -79,11 +79,11 @@ class _Rates:
     """Largest derivatives of a path's pieces, and the limits of the joints.
 
     Args:
-        lengths: Of the pieces, shape (p,).
+        lengths: Lengths of the pieces, shape (p,).
         first: Largest |q'|, shape (p, n).
         second: Largest |q''|, likewise.
         third: Largest |q'''|, likewise.
-        limits: Of velocity, acceleration and jerk, shape (3, n).
+        limits: Limits of velocity, acceleration and jerk, shape (3, n).
     """
 
     lengths: Array
@@ -94,7 +94,7 @@ class _Rates:
 
     @classmethod
     def of(cls, path: JointPath, limits: Array) -> "_Rates":
-        """Those of a path of degree 3 at most."""
+        """Speed caps of a path of degree 3 at most."""
         c, ends = path.coefficients, path.lengths[:, None]
         c = np.concatenate([c, np.zeros((*c.shape[:2], max(0, 4 - c.shape[2])))], axis=2)
         with np.errstate(divide="ignore", invalid="ignore"):
@@ -113,7 +113,7 @@ class _Rates:
         """Largest constant speed of each piece by each limit, shape (p, 3, n).
 
         Args:
-            share: Of the limits of acceleration and jerk that may be used.
+            share: Share of the limits of acceleration and jerk that may be used.
         """
         velocity, acceleration, jerk = self.limits
         with np.errstate(divide="ignore"):
@@ -167,9 +167,9 @@ def speed_caps(path: JointPath, limits: Array, share: float = _SHARE) -> Array:
     """Largest constant ds/dt on each of a path's p pieces by each limit of each joint.
 
     Args:
-        path: Of degree at most 3.
-        limits: Of velocity, acceleration and jerk, inf for none, shape (3, n).
-        share: Of the limits of acceleration and jerk that may be used.
+        path: Path of degree at most 3.
+        limits: Limits of velocity, acceleration and jerk, inf for none, shape (3, n).
+        share: Share of the limits of acceleration and jerk that may be used.
 
     Returns:
         Shape (p, 3, n); inf where a limit allows any.
@@ -187,9 +187,9 @@ def time_at_steady_speed(
     """A path run through from rest to rest at speeds as constant as its limits allow.
 
     Args:
-        path: What to follow, of degree at most 3, without sharp corners.
+        path: Path to follow, of degree at most 3, without sharp corners.
         joint_names: n names.
-        limits: Of velocity (inf for none), acceleration and jerk, shape (3, n).
+        limits: Limits of velocity (inf for none), acceleration and jerk, shape (3, n).
         wanted: ds/dt asked for on each piece, shape (p,).
         variation: Largest difference of the speeds of neighbouring pieces that are run through at
             one, the lowest of them, as part of the highest.

@@ -191,7 +191,7 @@ def smooth_blend_kernel(waypoints: Array, reaches: Array) -> tuple[Array, Array]
 
     Args:
         waypoints: Shape (k, n), at least two of them distinct.
-        reaches: Of the corners, not negative, shape (k - 2,).
+        reaches: Reaches of the corners, not negative, shape (k - 2,).
     """
     k, n = waypoints.shape
     kept = np.empty(k, dtype=np.int64)
@@ -231,12 +231,13 @@ def blend_kernel(
 
     Args:
         corners: Shape (k, n).
-        lengths: Of the legs, shape (k - 1,).
+        lengths: Lengths of the legs, shape (k - 1,).
         directions: Unit vectors along them, shape (k - 1, n).
-        reaches: Of the corners, 0 at the two ends, shape (k,); changed where a leg would be left
-            with next to nothing.
+        reaches: Reaches of the corners, 0 at the two ends, shape (k,); changed where a leg would be
+            left with next to nothing.
         smooth: Whether cubics round the corners, or parabolas.
-        coefficients: Of the pieces, come as zeros, shape (>= 3 k - 5, n, 4), (.., 3) for parabolas.
+        coefficients: Coefficients of the pieces, come as zeros, shape (>= 3 k - 5, n, 4), (.., 3)
+            for parabolas.
         spans: Lengths of the pieces, shape (>= 3 k - 5,).
     """
     n, used = corners.shape[1], 0

@@ -50,8 +50,8 @@ class JointPath:
     only be passed at rest.
 
     Args:
-        coefficients: In ascending powers of u, shape (p, n, k), k >= 2.
-        lengths: Of the pieces in the path parameter s, shape (p,), all positive.
+        coefficients: Coefficients in ascending powers of u, shape (p, n, k), k >= 2.
+        lengths: Lengths of the pieces in the path parameter s, shape (p,), all positive.
 
     Raises:
         InvalidTrajectory: Shapes do not fit, values are not finite, or a length is not positive.
@@ -129,7 +129,7 @@ def piece_values(coefficients: Array, places: Array, derivative: int) -> Array:
 
     Args:
         coefficients: Ascending powers of the piece's own parameter, shape (N, n, k).
-        places: In the pieces' own parameters, shape (N,).
+        places: Places in the pieces' own parameters, shape (N,).
         derivative: 0 for the value itself, 1, 2, ...
 
     Returns:

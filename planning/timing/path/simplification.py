@@ -128,9 +128,9 @@ def simplify_kernel(points: Array, within: float, kept: Indices, beside: Array) 
         points: Shape (k, n).
         within: Largest distance of a waypoint left out.
         kept: Shape (k,).
-        beside: Of each waypoint, zeros come in: its distance from the line, and the lengths from
-            the place that it is matched with back to the leg's beginning and on to its end, shape
-            (3, k).
+        beside: Table of each waypoint, zeros come in: its distance from the line, and the lengths
+            from the place that it is matched with back to the leg's beginning and on to its end,
+            shape (3, k).
     """
     k, count = points.shape[0], 1
     kept[0] = 0
@@ -174,7 +174,7 @@ def _even_corner_kernel(points: Array, corners: Indices, within: float, beside: 
     Args:
         points: Shape (k, n).
         corners: The one before, the corner, and the one after, shape (3,).
-        within: As in ``simplify_kernel``.
+        within: Spans same as in ``simplify_kernel``.
         beside: Scratch, shape (3, k).
     """
     before, here, after = corners
@@ -201,7 +201,7 @@ def leg_kernel(points: Array, first: int, last: int, within: float, beside: Arra
         points: Shape (k, n).
         first: Number of the waypoint that the leg begins at.
         last: Number of that which it ends at.
-        within: As in ``simplify_kernel``.
+        within: Spans same as in ``simplify_kernel``.
         beside: Filled for the waypoints between, as in ``simplify_kernel``.
     """
     n, square = points.shape[1], 0.0
@@ -236,10 +236,10 @@ def narrow_kernel(
     off its leg, with p = 2 for a parabola and 3 for cubics.
 
     Args:
-        tolerance: Of their sum.
+        tolerance: Tolerance of their sum.
         order: The p.
         kept: Numbers of the waypoints that are corners, shape (k',).
-        beside: As ``simplify_kernel`` leaves it, shape (3, k).
+        beside: Table as ``simplify_kernel`` leaves it, shape (3, k).
         turns: |u_out - u_in|, shape (k' - 2,).
         reaches: Shape (k' - 2,).
     """

@@ -34,11 +34,11 @@ class Cells(NamedTuple):
 
     Args:
         pieces: The path's piece that each cell lies on, shape (N,).
-        starts: Where the cell begins, in the piece's own parameter, shape (N,).
+        starts: Beginning of the cell, in the piece's own parameter, shape (N,).
         lengths: Shape (N,).
         straight: Whether q' is constant on the cell, shape (N,).
-        rest: Where ds/dt must be 0: at sharp corners, and at both ends unless q' is 0 there, which
-            is standing still already, shape (N + 1,).
+        rest: Whether ds/dt must be 0: at sharp corners, and at both ends unless q' is 0 there,
+            which is standing still already, shape (N + 1,).
         rows: (a, b) of a x_0 + b x_1 <= 1, filled up with zeros, shape (N, R, 2).
         caps: Largest x at each grid point, inf where there is none, shape (N + 1,).
     """
@@ -63,7 +63,7 @@ def cells(path: JointPath, resolution: int, limits: Array, *, everywhere: bool =
         path: The path.
         resolution: Number of cells that a path without straight pieces would have; a curved piece
             has its share by length, or more if it turns much at high speed.
-        limits: Of velocity (inf where there is none) and acceleration, shape (2, n).
+        limits: Limits of velocity (inf where there is none) and acceleration, shape (2, n).
         everywhere: Whether straight pieces get cells as curved ones do, since there are other
             limits too that change along them.
     """

@@ -51,7 +51,7 @@ def knot_limits(
         q: Positions.
         q1: First derivatives with respect to s.
         q2: Second derivatives.
-        guess: About what x will be, shape (k,).
+        guess: Guess of x, shape (k,).
 
     Raises:
         TimingFailed: At some place a joint can't even hold the robot.
@@ -184,9 +184,9 @@ def with_effort_rows(
 
     Args:
         cells: The grid; no cell of it straight.
-        path: What it is on.
+        path: Path of the motion.
         loads: The limits.
-        squares: About what x will be at the grid points.
+        squares: Guess of x at the grid points.
     """
     rows, caps = [cells.rows], cells.caps.copy()
     for end in (0, 1):

@@ -36,8 +36,8 @@ class SpeedProblem(NamedTuple):
     """Problem of finding path speeds on a grid.
 
     Args:
-        path: What to follow.
-        limits: Of velocity and acceleration, shape (2, n).
+        path: Path to follow.
+        limits: Limits of velocity and acceleration, shape (2, n).
         resolution: Grid cells that a path without straight pieces has.
         end_speeds: ds/dt at the start and at the end.
         effort: Limits of torque and tool speed.
@@ -71,11 +71,11 @@ def time_path(
     On a path of degree d the pieces have degree 2 d.
 
     Args:
-        path: What to follow.
+        path: Path to follow.
         joint_names: n names.
         velocity: Limits, shape (n,), inf where there is none [rad/s or m/s].
         acceleration: Limits, shape (n,), finite [rad/s^2 or m/s^2].
-        solver: Who finds the speeds: our compiled "reachability" or the "toppra" package.
+        solver: Solver of the speeds: our compiled "reachability" or the "toppra" package.
         resolution: Grid cells that a path without straight pieces has, shared out by length.
         end_speeds: ds/dt at the start and at the end.
         loads: Limits of torque and tool speed.

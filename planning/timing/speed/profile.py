@@ -31,7 +31,7 @@ def timed_pieces(
         path: The path.
         cells: The grid on it.
         squares: (ds/dt)^2 at the N + 1 grid points, never 0 at both ends of a curved cell.
-        limits: Of velocity and acceleration, shape (2, n).
+        limits: Limits of velocity and acceleration, shape (2, n).
     """
     room = len(cells.pieces) + 2 * int(np.count_nonzero(cells.straight))
     size = path.coefficients.shape[2]

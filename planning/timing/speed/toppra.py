@@ -45,12 +45,13 @@ def squared_speeds(
     """(ds/dt)^2 at the N + 1 grid points, as the toppra package finds them.
 
     Args:
-        path: What to follow.
-        grid: Its cells, straight pieces divided too; N cells. Its rows and caps are not used.
-        limits: Of velocity (inf where there is none) and acceleration, shape (2, n).
+        path: Path to follow.
+        grid: Cells of the path, straight pieces divided too; N cells. Its rows and caps are not
+            used.
+        limits: Limits of velocity (inf where there is none) and acceleration, shape (2, n).
         end_speeds: ds/dt at the start and at the end.
         effort: Limits of torque and tool speed.
-        guess: About what the answer will be, for the rows of viscous friction, shape (N + 1,).
+        guess: Guess of the answer, for the rows of viscous friction, shape (N + 1,).
 
     Raises:
         TimingFailed: toppra raised an exception or found no parametrisation.

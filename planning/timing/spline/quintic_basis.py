@@ -41,8 +41,8 @@ def write_bases(spans: Array, size: int, knots: Array, bases: Array) -> None:
         spans: Shape (>= size,) [s].
         size: Number of spans N.
         knots: Room, shape (N' + 11,), with N' the number of spans to whole vectors.
-        bases: For each eight spans a table, flat: vector 6 j + k is the k-th coefficient of the
-            j-th function that is not zero there. Lanes of no span hold no numbers.
+        bases: Table for each eight spans a table, flat: vector 6 j + k is the k-th coefficient of
+            the j-th function that is not zero there. Lanes of no span hold no numbers.
     """
     knots[:ORDER] = 0.0
     for i in range(size):
@@ -92,8 +92,8 @@ def write_values(bases: Array, spans: Array, shares: Array, values: Array) -> No
     """Write the values of the basis functions at points of each span.
 
     Args:
-        bases: Of ``write_bases``.
-        spans: To whole vectors, shape (N',) [s].
+        bases: Table of ``write_bases``.
+        spans: Spans to whole vectors, shape (N',) [s].
         shares: Places of the points in their span, in [0, 1], shape (p,).
         values: Shape (N' p, ROW): row i p + q is of point q of span i, the last function first and
             zeros after the first.
@@ -123,7 +123,7 @@ class LeastSquares(NamedTuple):
         bases: Shape (36 N',).
         values: Shape (N' p, ROW).
         control: Control points, shape (N + 5, n').
-        band: Of the normal equations, shape (N - 1, 8).
+        band: Band of the normal equations, shape (N - 1, 8).
     """
 
     knots: Array
@@ -159,11 +159,11 @@ def fit_points(
     """Write the pieces of the spline.
 
     Args:
-        room: Of ``least_squares_room``.
-        points: To be near to, by span, shape (N, p, n').
+        room: Room of ``least_squares_room``.
+        points: Points to be near to, by span, shape (N, p, n').
         shares: Places of the points in their span, in (0, 1), shape (p,).
         ends: Positions at rest, shape (2, n').
-        spans: To whole vectors, shape (N',) [s].
+        spans: Spans to whole vectors, shape (N',) [s].
         pieces: Filled with coefficients of ascending powers of the time in the span, (N, 6, n').
     """
     size, width = points.shape[0], points.shape[2]
@@ -195,7 +195,7 @@ def _add_normal_equations(points: Array, values: Array, control: Array, band: Ar
 
     Args:
         points: Shape (N, p, n').
-        values: Of the basis functions at the points.
+        values: Values of the basis functions at the points.
         control: The fixed control points, zeros between them; the right-hand sides take their
             place, shape (N + 5, n').
         band: Filled with the matrix for ``solve_wide_band_kernel``, shape (N - 1, 8).

@@ -52,7 +52,7 @@ def fit_quintic(
     Args:
         motion: The motion.
         joint_names: n names.
-        limits: Of velocity (inf where there is none), acceleration and jerk, shape (3, n).
+        limits: Limits of velocity (inf where there is none), acceleration and jerk, shape (3, n).
         legs: Number of the straight legs of its path.
         rate: Spans for each second of the motion [1/s].
 
@@ -73,7 +73,7 @@ def even_parts(duration: float, legs: int | None, rate: float) -> Array:
     """Ends of even parts of a motion's time, one for each span of its spline, shape (N + 1,) [s].
 
     Args:
-        duration: Of the motion [s].
+        duration: Duration of the motion [s].
         legs: Number of the straight legs of its path, of which each needs a few; None for as many
             as the rate says.
         rate: Spans for each second of the motion [1/s].
@@ -89,9 +89,9 @@ def finer_parts(parts: Array, spline: Trajectory, times: Array) -> Array:
     """The parts of a motion with those halved that a spline is not near enough to.
 
     Args:
-        parts: That the spline was fitted to by ``fit_pieces``, shape (N + 1,) [s].
+        parts: Parts that the spline was fitted to by ``fit_pieces``, shape (N + 1,) [s].
         spline: N spans.
-        times: When it is too far from the motion, shape (k,) [s].
+        times: Times at which the spline is too far from the motion, shape (k,) [s].
     """
     spans = np.searchsorted(spline.breaks, times, side="right") - 1
     wide = np.unique(np.clip(spans, 0, len(parts) - 2))
@@ -110,7 +110,7 @@ def fit_pieces(
     Args:
         motion: The pieces.
         joint_names: n names.
-        limits: Of velocity, acceleration and jerk, shape (3, n).
+        limits: Limits of velocity, acceleration and jerk, shape (3, n).
         parts: Ends of the parts of the motion that the N spans are fitted to, shape (N + 1,) [s].
         loads: Limits that spans are made longer for. They are nearly kept: the motion is as fast as
             the limits of its joints allow.
@@ -144,8 +144,8 @@ def fit_motion_kernel(
 
     Args:
         given: Breaks of the motion, shape (m + 1,) [s].
-        pieces: Its coefficients, shape (m, n, k).
-        limits: Of velocity, acceleration and jerk, shape (3, n).
+        pieces: Coefficients, shape (m, n, k).
+        limits: Limits of velocity, acceleration and jerk, shape (3, n).
         loads: Limits of torques and of the tool's speed.
         breaks: Ends of the parts of the motion that the spans are fitted to, then those of the
             spans, shape (N + 1,) [s].
@@ -184,10 +184,10 @@ def fit_spans_kernel(
     """Write the spans and the coefficients of the fastest spline of all rounds; its excess.
 
     Args:
-        points: To be passed, by span, shape (N, p, n).
+        points: Points to be passed, by span, shape (N, p, n).
         shares: Places of the points in their span, in (0, 1), shape (p,).
         ends: Positions at rest, shape (2, n).
-        limits: Of velocity, acceleration and jerk, shape (3, n).
+        limits: Limits of velocity, acceleration and jerk, shape (3, n).
         loads: Limits of torques and of the tool's speed.
         spans: First guess and answer, shape (N,) [s].
         coefficients: Ascending powers of the time in the span, shape (N, n, 6).

@@ -28,7 +28,7 @@ class SpanLoads(NamedTuple):
     Args:
         model: ``Chain.model`` of the robot.
         tool: 1 / the largest speed of the tip's origin; 0 for no limit [s/m].
-        rows: Of its bodies with all that it carries; without a limit no bodies, shape (0, c).
+        rows: Rows of the bodies with all that it carries; without a limit no bodies, shape (0, c).
         torques: Limits, inf where there is none, shape (n,) or (0,) [N m or N].
     """
 
@@ -65,7 +65,7 @@ class SpanRoom(NamedTuple):
     Args:
         state: Position, velocity, acceleration, torque and torque at rest, shape (5, n).
         J: Shape (6, n).
-        work: Of inverse dynamics, shape (n, 11).
+        work: Memory of inverse dynamics, shape (n, 11).
     """
 
     state: Array
@@ -90,8 +90,8 @@ def widen_for_loads_kernel(
         pieces: Ascending powers of the time in the span, shape (N, k, >= n).
         spans: Shape (>= N,) [s].
         loads: The limits.
-        places: In each span that are looked at, its ends among them.
-        room: Of ``span_room``.
+        places: Places in each span that are looked at, its ends among them.
+        room: Room of ``span_room``.
         excess: Changed.
     """
     for i in range(excess.shape[0]):

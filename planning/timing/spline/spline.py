@@ -44,7 +44,7 @@ def spline_trajectory(
         waypoints: Shape (k, n), k >= 2.
         times: Shape (k,), strictly increasing from 0 [s].
         ends: "natural" for zero acceleration at both ends, "clamped" for zero velocity.
-        velocities: At the two ends if they are clamped, each (n,), in place of zero.
+        velocities: Velocities at the two ends if they are clamped, each (n,), in place of zero.
 
     Raises:
         InvalidTrajectory: Waypoints and times do not fit, or times do not increase from 0.

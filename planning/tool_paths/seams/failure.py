@@ -53,9 +53,9 @@ class _Reason:
     """Reason why no way leads to a layer.
 
     Args:
-        reason: In a word.
+        reason: Reason in a word.
         message: One sentence.
-        details: By how much.
+        details: Numbers for the reason.
     """
 
     reason: Reason
@@ -69,8 +69,8 @@ def explain_search(
     """Reason why the layers of a seam have no continuous way that is free.
 
     Args:
-        search: That found none.
-        graphs: What it knows of the layers, look by look; the one that comes farthest tells.
+        search: Search that found none.
+        graphs: Layers of each search; those of the one that came farthest explain the failure.
         advise: Whether tolerances are looked for that would help, which takes its time.
     """
     if search.deadline.passed:
@@ -110,7 +110,7 @@ def explain_search(
 
 
 def _hint(reason: Reason, details: dict[str, Any]) -> str:
-    """What to try, with the parts of the seam that can be followed by themselves."""
+    """Advice with the parts of the seam that can be followed by themselves."""
     hint = _HINTS[reason]
     if details["would_help"]:
         hint += " Or widen the tolerance as would_help says."
@@ -141,9 +141,9 @@ def explain_stop(places: SeamPlaces, number: int, stop: Stop) -> Failure:
     """Failure of a joint path that stops on one of the runs of a seam.
 
     Args:
-        places: Of the seam.
+        places: Places of the seam.
         number: Index of the run.
-        stop: Where and why.
+        stop: Place and reason of the stop.
     """
     run = places.runs[number]
     part = run.parts_until(max(stop.at, 1e-9))[-1]
@@ -163,7 +163,7 @@ def explain_bend(places: SeamPlaces) -> Failure:
     """Failure of a seam that bends more sharply than a spline of the joints can follow.
 
     Args:
-        places: Of the seam.
+        places: Places of the seam.
     """
     bends = [
         (corner_angle(first.motion, second.motion), first.asked + 1)

@@ -37,7 +37,7 @@ def refine(search: SeamSearch, joints: Array) -> Array:
     """Calm a way along a seam within its tolerances, at rest where runs meet.
 
     Args:
-        search: Of the seam.
+        search: Search of the seam.
         joints: Configurations at its places, shape (k, n).
 
     Returns:
@@ -93,10 +93,10 @@ def segments(
 
     Args:
         checker: The robot; collisions are not looked at here.
-        places: Of the seam.
+        places: Places of the seam.
         joints: Configurations there, shape (k, n).
-        deviations: By how much the tolerances may be exceeded.
-        deadline: When to give up.
+        deviations: Excess allowed of tolerances.
+        deadline: Time at which to give up.
         own_places: Whether to look at the tolerance from the tool's own places on the path too.
     """
     finished: list[ToolSegment] = []
@@ -190,11 +190,11 @@ def with_fewer_ranges(places: SeamPlaces, position: float) -> Iterator[tuple[Sea
     """The places as asked for, with ranges across the path only, and with exact positions.
 
     Args:
-        places: Of a seam.
-        position: By how much tolerances of position may be exceeded [m].
+        places: Places of a seam.
+        position: Excess allowed of tolerances of position [m].
 
     Returns:
-        With each whether the tool may leave its tolerance as seen from its own places.
+        The segments, each with whether the tool may leave its tolerance seen from its own places.
     """
     lower = np.array([tolerance.lower[:RX] for tolerance in places.tolerances])
     upper = np.array([tolerance.upper[:RX] for tolerance in places.tolerances])
@@ -256,8 +256,8 @@ def is_within_at_own_places(run: ToolRun, poses: Array, allowed: Array) -> bool:
 
     Args:
         run: The path, with tolerances.
-        poses: Of the tool, in the order in which it passes them, shape (k, 4, 4).
-        allowed: By how much the tolerances may be exceeded [m], [rad], shape (2,).
+        poses: Poses of the tool, in the order in which it passes them, shape (k, 4, 4).
+        allowed: Excess allowed of tolerances [m], [rad], shape (2,).
     """
     owner = _owners(run, poses[:, :3, 3])
     for k in np.unique(owner):

@@ -52,7 +52,7 @@ class Nodes(NamedTuple):
     Args:
         joints: Shape (m, n).
         firsts: Index of the first of each place, and m, shape (l + 1,).
-        outside: Of each place whether inverse kinematics has solutions outside the limits only.
+        outside: Whether of each place inverse kinematics has solutions outside the limits only.
     """
 
     joints: Array
@@ -112,10 +112,10 @@ def nodes(
 
     Args:
         chain: The robot; its tip is the tool.
-        places: Of the seam.
+        places: Places of the seam.
         layers: Indices of the places.
-        seed: Where whole turns are to be near, shape (n,).
-        density: Of the configurations.
+        seed: Configuration that whole turns are to be near, shape (n,).
+        density: Density of the configurations.
     """
     carried = _carried_arm(chain)
     is_redundant = chain.n > 6

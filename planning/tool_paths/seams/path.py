@@ -30,7 +30,7 @@ class SeamPlaces:
         s: Place on that run, shape (k,).
         nominal: Poses asked for, shape (k, 4, 4).
         boxes: Tolerances as kernels read them, shape (k, 23).
-        tolerances: The same as values.
+        tolerances: Tolerances as values.
         along: Length of the seam up to each place [m], shape (k,).
         turned: Angle that the path turns by up to each place [rad], shape (k,).
         waypoint: Index of the waypoint at or before each place, shape (k,).
@@ -190,7 +190,7 @@ def seam_places(runs: tuple[ToolRun, ...]) -> SeamPlaces:
     """Places along runs: where motions meet, and as many between as the steps ask for.
 
     Args:
-        runs: From rest to rest, each from where the one before ends.
+        runs: Runs from rest to rest, each from where the one before ends.
     """
     rows: list[tuple[int, float, ToolTolerance, float, float, int]] = []
     ends: list[int] = []

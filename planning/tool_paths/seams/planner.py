@@ -47,7 +47,7 @@ class _Ends:
     """Straight motions before and after a seam.
 
     Args:
-        motions: Of the tool.
+        motions: Motions of the tool.
         segments: The joint paths.
     """
 
@@ -60,11 +60,11 @@ class SeamPart:
     """A part of a seam that is followed in one branch, with the ways there, before and after.
 
     Args:
-        motions: Of the tool.
+        motions: Motions of the tool.
         segments: The joint path of each.
         transit: Waypoints of the free motion to where the first one begins, shape (k, n); None
             where the robot is there.
-        detail: How it was found, for a person.
+        detail: Account how it was found, for a person.
     """
 
     motions: tuple[ToolRun, ...]
@@ -80,8 +80,8 @@ def plan_in_one_branch(
 
     Args:
         query: The robot in its scene; goals are not looked at.
-        start: Where the arm is, shape (n,).
-        options: With a seam.
+        start: Configuration of the arm, shape (n,).
+        options: Options with a seam.
         tolerances: Deviations that are added to the tolerances of the seam.
 
     Raises:
@@ -252,7 +252,7 @@ def plan_seam(query: Query, options: CartesianOptions, tolerances: Tolerances) -
 
     Args:
         query: The robot in its scene; goals are not looked at.
-        options: With a seam.
+        options: Options with a seam.
         tolerances: Deviations that are added to the tolerances of the seam.
 
     Raises:

@@ -39,7 +39,7 @@ class Layers(NamedTuple):
     Args:
         joints: All configurations, layer by layer, shape (m, n).
         firsts: Index of the first of each layer, and m, shape (l + 1,).
-        costs: Of each configuration, infinite where it is not to be used, shape (m,).
+        costs: Costs of each configuration, infinite where it is not to be used, shape (m,).
         times: Least time from each layer to the next, shape (l - 1,) [s].
     """
 
@@ -88,7 +88,7 @@ def layer_kernel(layers: Layers, steps: Steps, ways: Ways) -> None:
 
     Args:
         layers: The configurations.
-        steps: What is allowed between them.
+        steps: Motions that are allowed between them.
         ways: Written.
     """
     joints, firsts, costs, times = layers
@@ -149,7 +149,7 @@ def project_kernel(
         limits: Lower and upper joint limits, shape (2, n).
         rounds: Newton steps at most.
         joints: Configurations, moved, shape (k, n).
-        errors: What is left, position [m] and orientation [rad], written, shape (k, 2).
+        errors: Errors that are left, position [m] and orientation [rad], written, shape (k, 2).
     """
     n = joints.shape[1]
     J, e, A, D = np.empty((6, n)), np.empty(6), np.empty((3, 3)), np.empty((3, 3))
@@ -291,13 +291,13 @@ class SeamGraph:
     Args:
         layers: Index of the place of each layer.
         nodes: Configurations, layer by layer.
-        costs: Of each, infinite where it collides.
+        costs: Costs of each, infinite where it collides.
         best: Cost of the cheapest way to each.
         before: Configuration before on that way, -1 where it begins.
         origin: Layer where it begins.
-        collided: Of each configuration whether it collides.
+        collided: Target of each configuration whether it collides.
         blocked: Pairs of configurations that have no continuous way between them.
-        hits: Of these the pairs between which there is a collision, with a configuration in it.
+        hits: Pairs among these between which there is a collision, with a configuration in it.
         winds: Whether whole turns of joints with two of them do not count.
         jump: Largest motion of a joint from one layer to the next [rad or m].
     """
@@ -360,10 +360,10 @@ class SeamSearch:
 
     Args:
         checker: The robot in its scene.
-        places: Of the seam.
+        places: Places of the seam.
         start: Configuration before the seam, shape (n,).
         tool_speeds: Speed on the way to each waypoint but the first [m/s]; empty for none.
-        deadline: When to stop.
+        deadline: Time at which to stop.
     """
 
     checker: Checker
@@ -382,7 +382,7 @@ class SeamSearch:
 
         Args:
             every: Whether all places are layers.
-            density: Of the configurations that are looked at.
+            density: Density of the configurations that are looked at.
         """
         graph = self.prepare(self.places.layers(every), density)
         graph.jump = _JUMP if every else _LAYER_JUMP
