@@ -120,12 +120,6 @@ def assess_turns(  # noqa: C901, PLR0912, PLR0915
             break
     if settings.choice != BY_ORDER:
         _look_again(arm, parts, work, table, seed, settings)
-    _sum_up(tallies, result)
-
-
-@kernel(allocates=False)
-def _sum_up(tallies: Indices, result: Array) -> None:
-    """Write what the deviations come to."""
     for s in range(tallies.shape[0]):
         if tallies[s, _FREE] > 0:
             result[STATUS] = REACHED
@@ -173,7 +167,10 @@ def _look_again(
             if work.looked[row, s] != LEFT:
                 continue
             again = settings.redundant and tallies[s, _SEEN] & bit != 0
-            if again or _at_most(tallies[s], settings) <= most:
+            at_most = int(tallies[s, _FREE] + tallies[s, _OPEN])
+            if settings.redundant:
+                at_most = ones(tallies[s, _SEEN] | tallies[s, _CODES])
+            if again or at_most <= most:
                 continue
             if not placed:
                 _take_row(arm, table, row, q)
@@ -219,14 +216,6 @@ def _count(tally: Indices, bit: int, again: bool) -> None:
     if not again:
         tally[_FREE] += 1
         tally[_SEEN] |= bit
-
-
-@kernel(allocates=False)
-def _at_most(tally: Indices, settings: ReachSettings) -> int:
-    """Largest number of branches that can be free at a deviation."""
-    if settings.redundant:
-        return ones(tally[_SEEN] | tally[_CODES])
-    return int(tally[_FREE] + tally[_OPEN])
 
 
 @kernel(allocates=False)

@@ -69,23 +69,7 @@ def outside_instants(
 
 def is_inside(points: Array, lower: Array, upper: Array, spare: float) -> bool:
     """Whether points (k, n) are inside limits (n,) of the joints, and not near one [rad or m]."""
-    return _is_inside()(points, lower, upper, spare)
-
-
-@cache
-def _is_inside() -> Callable[[Array, Array, Array, float], bool]:
-    """``is_inside_kernel`` without numba's look at its arguments' types."""
-    return direct(is_inside_kernel, np.zeros((1, 1)), frozen(np.zeros(1)), frozen(np.zeros(1)), 0.0)
-
-
-@kernel(allocates=False, unlocks=False)
-def is_inside_kernel(points: Array, lower: Array, upper: Array, spare: float) -> bool:
-    """``is_inside``."""
-    for i in range(points.shape[0]):
-        for j in range(points.shape[1]):
-            if not lower[j] + spare < points[i, j] < upper[j] - spare:
-                return False
-    return True
+    return bool(((lower + spare < points) & (points < upper - spare)).all())
 
 
 @cache

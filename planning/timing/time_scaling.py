@@ -206,7 +206,14 @@ def stretch_kernel(breaks: Array, coefficients: Array, limits: Array, factor: fl
     near, worst = limits.copy(), np.zeros(3)
     while True:
         if factor != 1.0:
-            _dilate_kernel(given, pieces, factor, breaks, coefficients)
+            # As ``Trajectory.dilate`` does.
+            for i in range(given.shape[0]):
+                breaks[i] = given[i] * factor
+            for k in range(pieces.shape[2]):
+                power = factor ** float(-k)
+                for i in range(pieces.shape[0]):
+                    for joint in range(pieces.shape[1]):
+                        coefficients[i, joint, k] = pieces[i, joint, k] * power
         worst[:] = 0.0
         worst_kernel(breaks, coefficients, near, worst)
         missing = 1.0
@@ -220,20 +227,6 @@ def stretch_kernel(breaks: Array, coefficients: Array, limits: Array, factor: fl
         factor *= missing * (1.0 + _HAIR)
         near[:] = limits
         _spare_kernel(worst, missing, near)
-
-
-@kernel(allocates=False)
-def _dilate_kernel(
-    given: Array, pieces: Array, factor: float, breaks: Array, coefficients: Array
-) -> None:
-    """Write breaks and coefficients of ``Trajectory.dilate``."""
-    for i in range(given.shape[0]):
-        breaks[i] = given[i] * factor
-    for k in range(pieces.shape[2]):
-        power = factor ** float(-k)
-        for i in range(pieces.shape[0]):
-            for joint in range(pieces.shape[1]):
-                coefficients[i, joint, k] = pieces[i, joint, k] * power
 
 
 @kernel(allocates=False)
