@@ -4,7 +4,6 @@ import time
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
-from math import comb
 from typing import ClassVar, Literal, NamedTuple
 
 import numpy as np
@@ -36,10 +35,9 @@ from planning.sequence.stage import (
     stage_kind,
 )
 from planning.sequence.world import Cell, Cells, World
-from planning.timing.path.path import JointPath
 from planning.timing.rest_to_rest import motion_times, passing_time
 from planning.tool_motions.tool_motion import ToolMotion, line
-from planning.tool_motions.tool_path import Stop, Tolerances, ToolPath, ToolSegment
+from planning.tool_motions.tool_path import Stop, Tolerances, ToolPath
 from planning.tool_paths.tool_following import lead_tool
 from planning.values.deadline import Deadline
 from planning.values.finger_motion import FingerMotion
@@ -143,21 +141,7 @@ def reverse(path: ToolPath) -> ToolPath:
     back = ToolMotion(
         motion.kind, motion.T_end, motion.T_start, motion.center, motion.normal, motion.sweep
     )
-    turned = None if segment.path is None else reverse_joint_path(segment.path)
-    last = ToolSegment(turned, segment.end, segment.start, 1.0, None)
-    return ToolPath((back,), (last,), 1.0, None, path.tolerances)
-
-
-def reverse_joint_path(path: JointPath) -> JointPath:
-    """A joint path backwards: q(l - u) on each piece, the last piece first."""
-    coefficients, lengths = path.coefficients[::-1], path.lengths[::-1]
-    power = coefficients.shape[2]
-    turned = np.zeros_like(coefficients)
-    for k in range(power):
-        for j in range(k, power):
-            factor = comb(j, k) * (-1.0) ** k * lengths ** (j - k)
-            turned[:, :, k] += factor[:, None] * coefficients[:, :, j]
-    return JointPath(turned, lengths)
+    return ToolPath((back,), (segment.reverse(),), 1.0, None, path.tolerances)
 
 
 def plan_free(

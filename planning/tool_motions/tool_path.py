@@ -172,6 +172,11 @@ class ToolSegment:
     reached: float
     stop: Stop | None
 
+    def reverse(self) -> "ToolSegment":
+        """Return the whole joint path backwards."""
+        path = None if self.path is None else self.path.reverse()
+        return ToolSegment(path, self.end, self.start, 1.0, None)
+
     def cut(self, at: float, stop: Stop) -> "ToolSegment":
         """Return the part up to a place on the motion, with the stop there."""
         if self.path is None or at >= self.reached:

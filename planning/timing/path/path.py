@@ -1,6 +1,7 @@
 """A geometric path as a value: joint positions as piecewise polynomials of a path parameter."""
 
 from dataclasses import dataclass
+from math import comb
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -105,6 +106,17 @@ class JointPath:
             np.linalg.norm(entering[1:], axis=1), np.linalg.norm(leaving[:-1], axis=1)
         )
         return tuple(int(i) + 1 for i in np.flatnonzero(jumps > SAME_DIRECTION * scale))
+
+    def reverse(self) -> "JointPath":
+        """Path backwards: q(l - u) on each piece, the last piece first."""
+        coefficients, lengths = self.coefficients[::-1], self.lengths[::-1]
+        power = coefficients.shape[2]
+        turned = np.zeros_like(coefficients)
+        for k in range(power):
+            for j in range(k, power):
+                factor = comb(j, k) * (-1.0) ** k * lengths ** (j - k)
+                turned[:, :, k] += factor[:, None] * coefficients[:, :, j]
+        return JointPath(turned, lengths)
 
     def sample(self, places: ArrayLike, derivative: int = 0) -> Array:
         """q, or a derivative with respect to s, at given places s (p,), shape (len(places), n).

@@ -2,7 +2,6 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from math import comb
 from typing import Any
 
 import numpy as np
@@ -16,7 +15,6 @@ from planning.result import Attempt, Failure
 from planning.search.rrt_connect import rrt_connect
 from planning.search.shortcut import shortcut
 from planning.search.straight_line import straight_line
-from planning.timing.path.path import JointPath
 from planning.tool_motions.tool_motion import ToolMotion, line
 from planning.tool_motions.tool_path import (
     PartName,
@@ -178,7 +176,7 @@ def _approach_and_retreat(
         if segment.stop is not None:
             return _end_failure(name, segment, segment.stop)
         if k == 0:
-            motion, segment = line(motion.T_end, motion.T_start), _reverse(segment)
+            motion, segment = line(motion.T_end, motion.T_start), segment.reverse()
         ends[k] = _Ends((replace(ToolRun.of(motion), name=name),), (segment,))
     return ends[0], ends[1]
 
@@ -201,25 +199,6 @@ def _end_failure(name: str, segment: ToolSegment, stop: Stop) -> Failure:
         f"Give the {name} another direction, or a smaller distance.",
         NAME,
         details=details | stop.details,
-    )
-
-
-def _reverse(segment: ToolSegment) -> ToolSegment:
-    """A joint path the other way round."""
-    path = segment.path
-    if path is None:
-        return segment
-    c, lengths = path.coefficients[::-1], path.lengths[::-1]
-    size = c.shape[2]
-    reversed_pieces = np.zeros_like(c)
-    for order in range(size):
-        # The Taylor coefficients at a piece's end, of which odd powers change their sign.
-        for power in range(order, size):
-            factor = float(comb(power, order)) * lengths ** (power - order)
-            reversed_pieces[:, :, order] += factor[:, None] * c[:, :, power]
-        reversed_pieces[:, :, order] *= (-1.0) ** order
-    return ToolSegment(
-        JointPath(reversed_pieces, lengths.copy()), segment.end, segment.start, 1.0, None
     )
 
 

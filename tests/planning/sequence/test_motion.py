@@ -6,7 +6,7 @@ import pytest
 import armwright as aw
 from kinematics.forward import forward
 from planning.sequence.stage import Straight
-from planning.sequence.step import Line, LineStopped, lead_straight, reverse_joint_path
+from planning.sequence.step import Line, LineStopped, lead_straight
 from planning.sequence.world import Cells
 from planning.timing.path.path import JointPath
 from planning.values.deadline import Deadline
@@ -18,7 +18,7 @@ SOON = Deadline.after(1e6)
 def test_a_joint_path_backwards_passes_the_same_places() -> None:
     random = np.random.default_rng(1)
     path = JointPath(random.normal(size=(3, 2, 4)), np.array([0.2, 0.5, 0.3]))
-    back = reverse_joint_path(path)
+    back = path.reverse()
     for piece in range(3):
         u = np.linspace(0.0, path.lengths[piece], 7)
         powers = u[:, None] ** np.arange(4)
