@@ -17,13 +17,13 @@ from planning.goal_choice.goal_order import (
     limit_nearness,
     limit_shares,
     manipulability_lacks,
-    motion_times,
     own_branch,
     turn_counts,
 )
 from planning.preflight_result import Ready
 from planning.problem import PoseGoal, Problem
 from planning.result import ChosenConfiguration
+from planning.timing.rest_to_rest import motion_times
 from planning.values.goal_costs import GoalCosts
 
 #: The reason of a small move.

@@ -15,7 +15,7 @@ from kinematics.arrays import Array
 from kinematics.model.chain import Chain
 from obstacles.collision.checker import Checker
 from planning.goal_choice.chosen_configuration import chosen_configuration
-from planning.preflight.goal_order import (
+from planning.goal_choice.goal_order import (
     FAR_FROM_OBSTACLES,
     MAX_LONGER,
     clearance_lacks,

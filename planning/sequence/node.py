@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 from kinematics.arrays import Array
 from obstacles.robots.allowed_pairs import contacts_of, sorted_pair
 from obstacles.scenes.scene import AllowedContact
+from planning.goal_choice.goal_order import MAX_LONGER
 from planning.options import Options
-from planning.preflight.goal_order import MAX_LONGER
 from planning.sequence.stage import (
     Attach,
     Detach,

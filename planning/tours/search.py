@@ -11,7 +11,7 @@ import numpy as np
 from kinematics.arrays import Array, Indices
 from kinematics.forward import forward
 from planning.goal_choice.chosen_configuration import chosen_configuration
-from planning.preflight.goal_order import MAX_LONGER, is_at_limit
+from planning.goal_choice.goal_order import MAX_LONGER, is_at_limit
 from planning.preflight.goals import configurations_off_limits
 from planning.result import ChosenConfiguration, Failure
 from planning.tours.legs import SAME_TIME, LegTable, Pair

@@ -9,9 +9,9 @@ from kinematics.arrays import Array
 from kinematics.forward import forward
 from kinematics.model.chain import Chain
 from obstacles.scenes.scene import Scene
+from planning.goal_choice.goal_order import limit_shares, order_goals
 from planning.options import Options
 from planning.pipeline.pipeline import plan
-from planning.preflight.goal_order import limit_shares, order_goals
 from planning.problem import PoseGoal, Problem
 from planning.result import Plan
 from planning.timing.rest_to_rest import motion_times

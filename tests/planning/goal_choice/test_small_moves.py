@@ -7,9 +7,9 @@ import pytest
 from kinematics.robots import builtin_chain, builtin_urdf
 from obstacles.collision.checker import Checker
 from obstacles.scenes.scene import Scene
+from planning.goal_choice.goal_order import MAX_LONGER_IN_BRANCH
 from planning.options import Options
 from planning.pipeline.pipeline import plan
-from planning.preflight.goal_order import MAX_LONGER_IN_BRANCH
 from planning.problem import PoseGoal, Problem
 from planning.result import Plan
 from planning.timing.rest_to_rest import motion_times
