@@ -34,8 +34,10 @@ _SMALL, _SMALL_WAY, _SMALL_TURN = 0.5, 0.05, 0.25
 MAX_LONGER_IN_BRANCH = 1.2
 #: Configurations that cost at most this many times the least count as equally good.
 _ALIKE = 1.25
-#: Configurations at most that plans of their own are made to.
-_MAX_PLANNED = 6
+#: Configurations at most that motions of their own are planned to in place of one at a limit.
+MAX_PLANNED = 6
+#: Edges that the search for a motion to one of these may check.
+MAX_EDGES = 2000
 #: A motion ends in a configuration that differs by no more than this in a joint [rad or m].
 _SAME = 1e-9
 
@@ -136,7 +138,7 @@ def ends_off_limits(
     times, shares = motion_times(chain, start, joints, limits), limit_shares(chain, joints)
     order = np.argsort(times, kind="stable")
     worth = (shares >= NEAR_LIMIT) & (times <= MAX_LONGER * duration)
-    return [goals[k] for k in order if worth[k]][:_MAX_PLANNED]
+    return [goals[k] for k in order if worth[k]][:MAX_PLANNED]
 
 
 def motion_costs(chain: Chain, start: Array, goals: Array, costs: GoalCosts) -> Array:
@@ -149,6 +151,24 @@ def motion_costs(chain: Chain, start: Array, goals: Array, costs: GoalCosts) -> 
         + costs.joint_limits * limit_nearness(chain, goals)
         + costs.turns * turn_counts(chain, start, goals)
     )
+
+
+def configuration_costs(
+    chain: Chain, joints: Array, costs: GoalCosts, clearances: Array | None = None
+) -> Array:
+    """Costs of configurations (k, n) whatever comes before and after them, shape (k,).
+
+    Args:
+        chain: The robot.
+        joints: Shape (k, n) [rad or m].
+        costs: Weights of the costs.
+        clearances: Clearances with margins taken off, shape (k,) [m]; None leaves their cost out.
+    """
+    total = costs.joint_limits * limit_nearness(chain, joints)
+    total = total + costs.manipulability * manipulability_lacks(chain, joints)
+    if clearances is not None:
+        total = total + costs.clearance * clearance_lacks(clearances)
+    return np.asarray(total)
 
 
 def limit_nearness(chain: Chain, joints: Array) -> Array:

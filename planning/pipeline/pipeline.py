@@ -18,8 +18,9 @@ from planning.constrained.checker import ConstrainedChecker
 from planning.constrained.path_constraints import apply_path_constraints
 from planning.contact_cores import with_cores
 from planning.goal_choice.chosen_configuration import deviation_note, plan_configuration
-from planning.goal_choice.goal_order import MAX_LONGER, ends_off_limits
-from planning.options import Options, with_limits
+from planning.goal_choice.goal_order import MAX_EDGES, MAX_LONGER, ends_off_limits
+from planning.motion_limits import with_limits
+from planning.options import Options
 from planning.pipeline.optimize_stage import (
     MOST_OFFERS,
     OptimizeStage,
@@ -50,8 +51,10 @@ from planning.tool_paths.tool_timing import TimedToolPath, time_tool_path
 from planning.values.deadline import Deadline
 from planning.values.optimize_options import OPTIMIZE
 
-#: Edges that the search for a way to another configuration may check.
-_MAX_EDGES_OFF_LIMITS = 2000
+#: Share of the time that is left which optimising may take; the rest is for the proof of its offer.
+_REFINING_SHARE = 0.8
+#: Share of the time for planners that have a fallback.
+_SHARE_BEFORE_FALLBACK = 0.5
 
 
 def plan(
@@ -102,7 +105,7 @@ def plan(
         deadline.interruptions.occurred = True
         answer = Failure(late.code, late.message, late.hint or "", late.details["stage"])
     if isinstance(answer, Failure):
-        details = deadline.interruptions.reported_in(answer.code, answer.details)
+        details = deadline.interruptions.told_in(answer.code, answer.details)
         return replace(answer, details=details, stages=tuple(stages.reports))
     return replace(answer, notes=(*moved, *answer.notes)) if moved else answer
 
@@ -212,7 +215,7 @@ class _Pipeline:
             return answer
         last, duration = answer.path.waypoints[-1], answer.trajectory.duration
         chain, limits = self.problem.robot.chain, self.parametrization.estimate_limits
-        most = min(self.options.max_edges or _MAX_EDGES_OFF_LIMITS, _MAX_EDGES_OFF_LIMITS)
+        most = min(self.options.max_edges or MAX_EDGES, MAX_EDGES)
         options = replace(self.options, max_edges=most, explored=None)
         ends = ends_off_limits(chain, ready.start, goals, last, duration, (limits[0], limits[1]))
         for goal in ends:
@@ -228,8 +231,7 @@ class _Pipeline:
         """Run the stages after preflight, with the fallback where the planners come to nothing."""
         if not self.fallback:
             return self._plan_by(self.planners, ready, options)
-        # The fallback has as much time as the planners before it at least.
-        until = self.deadline.within(0.5 * self.deadline.remaining)
+        until = self.deadline.within(_SHARE_BEFORE_FALLBACK * self.deadline.remaining)
         answer = replace(self, deadline=until)._plan_by(self.planners, ready, options)
         if isinstance(answer, Plan):
             return answer
@@ -369,8 +371,7 @@ class _Pipeline:
         """Optimise a motion and prove the result; None where the motion itself is to be taken."""
         work = OptimizeStage(self.problem, checker, self.options, self.parametrization, known)
         for _ in range(MOST_OFFERS):
-            # The rest of the time is for the proof of what optimising offers.
-            until = self.deadline.within(0.8 * self.deadline.remaining)
+            until = self.deadline.within(_REFINING_SHARE * self.deadline.remaining)
             offer = self.stages.run(OPTIMIZE, partial(work.offer, until), work.report)
             if offer is None:
                 break

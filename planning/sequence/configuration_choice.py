@@ -17,11 +17,12 @@ from obstacles.collision.checker import Checker
 from planning.goal_choice.chosen_configuration import chosen_configuration
 from planning.goal_choice.goal_order import (
     FAR_FROM_OBSTACLES,
+    MAX_EDGES,
     MAX_LONGER,
+    MAX_PLANNED,
     clearance_lacks,
+    configuration_costs,
     is_at_limit,
-    limit_nearness,
-    manipulability_lacks,
     turn_counts,
 )
 from planning.preflight.goals import configurations_off_limits
@@ -70,11 +71,8 @@ class ConfigurationCosts:
         return OwnCosts(own.seconds + self._scale * turns, own.at_limit)
 
     def _own(self, chain: Chain, candidates: Candidates) -> OwnCosts:
-        joints, weights = candidates.joints, self.weights
-        seconds = self._scale * (
-            weights.joint_limits * limit_nearness(chain, joints)
-            + weights.manipulability * manipulability_lacks(chain, joints)
-        )
+        joints = candidates.joints
+        seconds = self._scale * configuration_costs(chain, joints, self.weights)
         posed = np.array([target.T is not None for target in candidates.targets])
         return OwnCosts(seconds, posed & is_at_limit(chain, joints))
 
@@ -166,8 +164,7 @@ class OffLimits:
             before = sum(self.stages[k].trajectory.duration for k in changed)
             if sum(steps[k].least_time for k in changed) > MAX_LONGER * before:
                 continue
-            # Configurations at most that motions are planned to in place of one at a limit.
-            if next(planned) == 6:
+            if next(planned) == MAX_PLANNED:
                 return False
             if not self._plan([steps[k] for k in changed]):
                 continue
@@ -185,8 +182,7 @@ class OffLimits:
     def _plan(self, steps: list[Step]) -> bool:
         """Plan steps, those that have no choice of a way first; whether all can be done."""
         for step in sorted(steps, key=lambda step: step.motion == "free"):
-            # Edges that the search for a way to another configuration may look at.
-            plan = plan_step(self.cells, step, 2000, self.deadline, self.task.seed)
+            plan = plan_step(self.cells, step, MAX_EDGES, self.deadline, self.task.seed)
             if isinstance(plan, Failure):
                 return False
             step.plan = plan

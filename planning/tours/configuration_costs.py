@@ -15,10 +15,8 @@ from kinematics.arrays import Array
 from kinematics.model.chain import Chain
 from planning.goal_choice.goal_order import (
     MAX_LONGER,
-    clearance_lacks,
+    configuration_costs,
     is_at_limit,
-    limit_nearness,
-    manipulability_lacks,
     turn_counts,
 )
 from planning.timing.rest_to_rest import Times
@@ -101,11 +99,7 @@ def visit_costs(chain: Chain, costs: GoalCosts, stops: Sequence[StopConfiguratio
         weigh = bool(of_pose.any())
         cost = np.zeros(len(joints))
         if weigh:
-            cost = scale * (
-                costs.joint_limits * limit_nearness(chain, joints)
-                + costs.manipulability * manipulability_lacks(chain, joints)
-                + costs.clearance * clearance_lacks(clearances)
-            )
+            cost = scale * configuration_costs(chain, joints, costs, clearances)
         own.append(cost)
         at_limit.append(of_pose & is_at_limit(chain, joints))
         posed.append(np.full(len(joints), weigh))

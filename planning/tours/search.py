@@ -11,7 +11,7 @@ import numpy as np
 from kinematics.arrays import Array, Indices
 from kinematics.forward import forward
 from planning.goal_choice.chosen_configuration import chosen_configuration
-from planning.goal_choice.goal_order import MAX_LONGER, is_at_limit
+from planning.goal_choice.goal_order import MAX_EDGES, MAX_LONGER, MAX_PLANNED, is_at_limit
 from planning.preflight.goals import configurations_off_limits
 from planning.result import ChosenConfiguration, Failure
 from planning.tours.legs import SAME_TIME, LegTable, Pair
@@ -437,15 +437,13 @@ def _replace(search: "TourSearch", stop: int) -> bool:
     others = _others(search, stop, around)
     times = [sum(legs.straight_time(q, end) for end in around) for _, q in others]
     worth = [k for k in np.argsort(times, kind="stable") if times[k] <= MAX_LONGER * took]
-    # Configurations at most that legs are planned to in place of one at a limit.
-    for k in worth[:6]:
+    for k in worth[:MAX_PLANNED]:
         if search.deadline.passed:
             return False
         row, q = others[k]
         ways = [*((legs.joints[a], q) for a in before), *((q, legs.joints[b]) for b in after)]
         until = search.deadline.at_most(search.options.leg_timeout)
-        # Edges that the search for a leg to another configuration may look at.
-        planned = [legs.plan_motion(*way, until, 2000) for way in ways]
+        planned = [legs.plan_motion(*way, until, MAX_EDGES) for way in ways]
         found = [leg for leg in planned if not isinstance(leg, Failure)]
         takes = sum(leg.trajectory.duration for leg in found)
         if len(found) == len(planned) and takes <= MAX_LONGER * took:
