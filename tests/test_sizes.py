@@ -65,9 +65,6 @@ MANY_ARGUMENTS = {
 CROWDED = {
     "client/armwright_client",
     "planning/proof/collision",
-    "planning/sequence",
-    "planning/timing",
-    "planning/tours",
     "service",
     "service/storage",
 }
