@@ -8,7 +8,6 @@ from typing import Any, Literal, NamedTuple, get_args
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from obstacles.collision.fcl.overlap_meter import OverlapMeter, overlap_meter
 
 from compiled.kernel import direct
 from kinematics.argument_types import typed
@@ -25,6 +24,7 @@ from kinematics.ik.numeric import numeric
 from kinematics.model.chain import Chain
 from kinematics.pose import inverse
 from obstacles.collision.checker import any_model
+from obstacles.collision.fcl_distance import OverlapMeter, overlap_meter
 from obstacles.collision.model.collision_model import CollisionModel, ModelArrays
 from obstacles.robots.robot_geometry import RobotGeometry
 from obstacles.scenes.scene import Obstacle, Scene
