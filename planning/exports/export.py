@@ -85,7 +85,7 @@ def export(
 ) -> Export:
     """Write a motion for a controller, and prove the motion that the controller makes of it.
 
-    The proof looks at the points as the file has them, rounded where the format rounds, and at the
+    The proof checks the points as the file has them, rounded where the format rounds, and at the
     interpolation between them: it does not rely on any proof of the given motion.
 
     Args:
@@ -107,7 +107,7 @@ def export(
     if premises is not None and not different_scene:
         _check_premises(premises, Premises.of_cell(robot, scene, margin))
     points, motion = _within_limits(trajectory, robot.chain.limits, options)
-    # Cubics pass points at which the acceleration jumps: what jerk they make is told.
+    # Cubics pass points at which the acceleration jumps: what jerk they make is reported.
     limits = MotionLimits(holds_jerk=points.rule == Rule.QUINTIC)
     limits = _no_rates(robot.chain.n) if options.is_path else limits
     certificate = certify(motion, robot, scene, margin=margin, limits=limits, deadline=deadline)

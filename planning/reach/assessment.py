@@ -1,7 +1,7 @@
-"""Outcome of a pose: its configurations looked at as far as they can change the answer.
+"""Outcome of a pose: its configurations checked as far as they can change the answer.
 
 Asked are how many branches are free at the deviation that has most of them, at how many deviations
-one is, and the best configuration. Beyond the first free branch of a deviation a look at a
+one is, and the best configuration. Beyond the first free branch of a deviation a check of a
 configuration is of use only where the deviation may still have more of them than all before, or
 where the configuration would be the best one: manipulability and distance from the limits are
 cheaper to tell than a collision, and whether a clearance is larger than the best so far is a look
@@ -51,16 +51,16 @@ REACHED = 3
 BY_MANIPULABILITY = 0
 BY_CLEARANCE = 1
 BY_LIMITS = 2
-#: The first one that is found free: no other is looked for.
+#: The first one that is found free: no other is searched for.
 BY_ORDER = 3
 
 #: A clearance that is larger by less than this is as good as the best [m].
 GAIN = 1e-6
 #: Numbers of a Gram matrix.
 _GRAM = 36
-#: Beside verdicts: not looked at, since it is no better than the best.
+#: Beside verdicts: not checked, since it is no better than the best.
 NO_BETTER = -1
-# What is known of a branch at a deviation: none, not looked at yet, not free, free.
+# What is known of a branch at a deviation: none, not checked yet, not free, free.
 OUT, LEFT, STRUCK, TAKEN = 0, 1, 2, 3
 
 
@@ -93,7 +93,7 @@ class ReachWork(NamedTuple):
         tallies: Counts of each deviation that turns the last joint: how many branches are free,
             which as bits, how many more may be, and which of both as bits; shape (s, 4).
         looked: Record of each branch at each of them, shape (r, s).
-        struck: Branches that were not free when last looked at, as bits, shape (1,).
+        struck: Branches that were not free when checked last, as bits, shape (1,).
     """
 
     collision: Workspace
@@ -172,7 +172,7 @@ def _count_free(
 ) -> int:
     """Number of free branches of a deviation, or less where it is no more than at another.
 
-    Those that were struck at the deviation before are looked at first.
+    Those that were struck at the deviation before are checked first.
 
     Args:
         model: The packed robot and scene.

@@ -103,7 +103,7 @@ class Reach(NamedTuple):
             collide, NaN where it was not asked for, shape (m,).
         limit_distance: Share of half its range that is left to the joint nearest to a limit, 1 at
             the middle of all ranges, shape (m,).
-        completed: How many poses were looked at before the deadline; the others are left out.
+        completed: How many poses were checked before the deadline; the others are left out.
     """
 
     status: NDArray[np.int64]
@@ -173,7 +173,7 @@ def reach(
     query = _query(robot, scene, link, how, deviations)
     results = np.zeros((len(T), assessment.COLUMNS))
     joints = np.full((len(T), chain.n), np.nan)
-    # Poses with all their deviations that are worked off between two looks at the clock.
+    # Poses with all their deviations that are worked off between two checks the clock.
     step, completed = max(2_000 // len(deviations), 1), 0
     while completed < len(T) and not (deadline is not None and deadline.passed):
         part = slice(completed, min(completed + step, len(T)))
@@ -346,7 +346,7 @@ def _answer(results: Array, joints: Array, options: ReachOptions) -> Reach:
 
 @cache
 def _closed_form() -> Any:
-    """``closed_form_reach_kernel`` without a look at its arguments' types."""
+    """``closed_form_reach_kernel`` without a check of its arguments' types."""
     row, rows = np.zeros(1), np.zeros((1, 1))
     parts = assessment.Parts(any_model(), any_model(), any_model(), row)
     return direct(

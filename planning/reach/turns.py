@@ -51,8 +51,8 @@ def assess_turns(  # noqa: C901, PLR0912, PLR0915
 ) -> None:  # fmt: skip
     """``assess`` for all deviations at once where they turn the last joint alone.
 
-    What does not move with it is looked at once a branch, and so is the manipulability. The first
-    deviation is looked at in all branches, since mostly no other one has more of them.
+    What does not move with it is checked once a branch, and so is the manipulability. The first
+    deviation is checked in all branches, since mostly no other one has more of them.
 
     Args:
         arm: The chain up to the link and its closed form.
@@ -119,7 +119,7 @@ def assess_turns(  # noqa: C901, PLR0912, PLR0915
         if settings.choice == BY_ORDER and best > -np.inf:
             break
     if settings.choice != BY_ORDER:
-        _look_again(arm, parts, work, table, seed, settings)
+        _check_left_branches(arm, parts, work, table, seed, settings)
     for s in range(tallies.shape[0]):
         if tallies[s, _FREE] > 0:
             result[STATUS] = REACHED
@@ -149,10 +149,10 @@ def _value_and_rest(
 
 
 @kernel(allocates=False)
-def _look_again(
+def _check_left_branches(
     arm: Arm, parts: Parts, work: ReachWork, table: Array, seed: Array, settings: ReachSettings
 ) -> None:
-    """Look at what was left, at deviations that may have more free branches than any has yet."""
+    """Check what was left, at deviations that may have more free branches than any has yet."""
     last, q, tallies = seed.shape[0] - 1, work.q, work.tallies
     most = 0
     for s in range(tallies.shape[0]):
@@ -252,7 +252,7 @@ def closed_form_reach_kernel(
     n, model = seed.shape[0], parts.whole
     # Branches of a closed form for one value of its parameter at most.
     table = np.empty((16 * values.shape[0], n + MORE))
-    work = _room(model, n, table.shape[0], parts.turns.shape[0])
+    work = _reach_memory(model, n, table.shape[0], parts.turns.shape[0])
     for k in range(targets.shape[0]):
         best = -np.inf
         for s in range(targets.shape[1]):
@@ -289,7 +289,7 @@ def searched_reach_kernel(
         joints: The best configuration of each pose, written where it is reached, shape (m, n).
     """
     n = joints.shape[1]
-    work = _room(model, n, 1, 0)
+    work = _reach_memory(model, n, 1, 0)
     for k in range(rows.shape[0]):
         best = -np.inf
         for s in range(rows.shape[1]):
@@ -303,7 +303,7 @@ def searched_reach_kernel(
 
 
 @kernel
-def _room(model: ModelArrays, n: int, rows: int, turns: int) -> ReachWork:
+def _reach_memory(model: ModelArrays, n: int, rows: int, turns: int) -> ReachWork:
     """Memory for n joints, so many branches and deviations that turn the last joint."""
     collision = workspace(model)
     collision.joints[:] = 0.0

@@ -24,7 +24,7 @@ from planning.timing.spline.spline import Ends, chord_knots, led_by, spline_path
 from planning.timing.time_scaling import ScaledTime
 from planning.values.limits import MotionLimits
 
-#: Legs shorter than this are told of: their direction has lost digits.
+#: Legs shorter than this are reported: their direction has lost digits.
 TINY = 1e-9
 _SIZES = "Look for limits or lengths of very different sizes."
 

@@ -54,7 +54,7 @@ class ConfigurationCosts:
         self._clearances: dict[tuple[int, bytes], float] = {}
 
     def of(self, chain: Chain, candidates: Candidates, start: Array) -> OwnCosts | None:
-        """Costs that need no look at the surroundings; None where no target is a pose.
+        """Costs that need no check of the surroundings; None where no target is a pose.
 
         Args:
             chain: The robot with what it holds.
@@ -118,7 +118,7 @@ class Replacement(NamedTuple):
 
 
 @dataclass(slots=True, eq=False)
-class OffLimits:
+class LimitAvoidance:
     """A proved combination, led away from joint limits.
 
     Args:

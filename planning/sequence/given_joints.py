@@ -51,7 +51,7 @@ def check_given_joints(
 def _start_failure(task: Task, cells: Cells) -> Failure | None:
     """Fault of the start, as the first stage finds it."""
     first = task.stages[0]
-    # Before a gripper moves nothing has changed; what is attached is looked at as held.
+    # Before a gripper moves nothing has changed; what is attached is checked as held.
     world = task.world if isinstance(first, Gripper) else changed(task.world, first, task.start)
     pairs = contacts_of(first.settings.allowed, "request") | contact_pairs(first)
     cell = cells.cell(world, pairs, first.settings.margin)

@@ -55,7 +55,7 @@ class Child(NamedTuple):
         target: The alternative that it is of.
         joints: Shape (n,).
         cost: Cost of the configuration by itself, as seconds.
-        appraised: Whether costs that need a look at its surroundings are among that.
+        appraised: Whether costs that need a check of the surroundings are among that.
     """
 
     estimate: float
@@ -97,7 +97,7 @@ class Node:
         penalties: Seconds by which a target of the next segment counts as longer.
         failures: How often something failed under it.
         attempts: How often its free motion was tried.
-        batches: How many batches of the next targets were looked at.
+        batches: How many batches of the next targets were checked.
         expanded: Whether its onward steps and children are known.
         dead: Whether nothing under it can be done.
         cost: Cost of the configuration that was chosen, as seconds.
@@ -433,7 +433,7 @@ class TargetFinder:
             world: The world before its motion.
             batch: Number of the batch.
             history: Configurations at the ends of earlier stages, by number.
-            deadline: Time at which to look at no more targets.
+            deadline: Time at which to check no more targets.
         """
         stage = self._task.stages[k]
         back = stage.to_end_of if isinstance(stage, Move) else None

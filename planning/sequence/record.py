@@ -1,4 +1,4 @@
-"""Record of a search: every alternative that was looked at, with what came of it.
+"""Record of a search: every alternative that was checked, with what came of it.
 
 A search checks a combination of choices in a fixed order, what is cheap first. What fails ends the
 combination at its place in that order. The last place that was reached cuts off all combinations
@@ -77,10 +77,10 @@ class Record:
             choices: Numbers of the alternatives chosen before.
             stage: Number of the stage.
             candidates: Candidates of the targets.
-            check: TARGET, or PLACE for places that were looked at when the grasp was chosen.
+            check: TARGET, or PLACE for places that were checked when the grasp was chosen.
         """
         known = self._colliding.setdefault(stage, [])
-        # Lists of candidates of one stage whose collisions are looked at in the end.
+        # Lists of candidates of one stage whose collisions are checked in the end.
         if len(candidates.colliding) and candidates not in known and len(known) < 16:
             known.append(candidates)
         for index, (outcome, pair, joints, why) in candidates.outcomes.items():

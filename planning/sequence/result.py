@@ -20,7 +20,7 @@ class TaskOptions:
 
     Args:
         timeout: Seconds for everything.
-        improve: Seconds to look for a shorter answer after the first one.
+        improve: Seconds to search for a shorter answer after the first one.
         allow_partial: Whether the first stages are an answer where not all can be done.
         observer: Called with the share of the work that is done, from 0 to 1, and the stage.
         offer: Called with each proved answer that is the best so far.
@@ -116,7 +116,7 @@ class SequencePlan:
     Args:
         stages: Stages in order; each begins where the one before ends, at rest or as fast.
         duration: Duration of all of them [s].
-        trials: The alternatives that were looked at.
+        trials: The alternatives that were checked.
         improvements: Certified answers in the order they were found, the last one is answered.
         exhausted: Whether every combination was tried or can't be better by its estimate.
         complete: Whether these are all stages; not where only the first ones could be done.
@@ -144,7 +144,7 @@ class SequenceFailure:
         hint: Hint at what to try.
         stage: Number of the stage that the search never got past.
         details: Values a program can use.
-        trials: The alternatives that were looked at.
+        trials: The alternatives that were checked.
         prefix: Proved stages of the combination that came farthest.
         nearest: Configuration of the arm before the stage, shape (n,); None where unknown.
     """

@@ -18,7 +18,7 @@ from kinematics.arrays import Array, typed
 from planning.result import Failure
 from planning.sequence.configuration_choice import (
     ConfigurationCosts,
-    OffLimits,
+    LimitAvoidance,
     rests_at_limit,
     with_configurations,
 )
@@ -49,7 +49,7 @@ from planning.sequence.via_blending import pass_ends
 from planning.sequence.world import Cells, World
 from planning.values.deadline import Deadline
 
-#: Edges that a planner of a free motion may look at, by how often it was tried: some tenths of a
+#: Edges that a planner of a free motion may check, by how often it was tried: some tenths of a
 #: second at first, some seconds at last. Nine of ten motions in shelves take 400, all 3,000. They
 #: are edges, not seconds: what is tried next depends on the seed alone.
 _FREE_EDGES = (10_000, 50_000, 200_000)
@@ -295,7 +295,7 @@ class _Search:
         return None
 
     def _note_failure(self, leaf: Node, node: Node, step: Step, failure: Failure) -> None:
-        self._keep_prefix(leaf)
+        self._store_prefix(leaf)
         if self._until.passed and self._until is self._deadline:
             return
         check = Check.FREE if step.motion == "free" else Check.STILL_OR_STRAIGHT
@@ -309,7 +309,7 @@ class _Search:
         else:
             node.dead = True
 
-    def _keep_prefix(self, leaf: Node) -> None:
+    def _store_prefix(self, leaf: Node) -> None:
         """Keep the proved stages up to the first that is not, if they are more than before."""
         stages: list[StagePlan] = []
         for step in leaf.all_steps:
@@ -371,7 +371,7 @@ class _Search:
 
     def _away_from_limits(self, best: _Best) -> tuple[StagePlan, ...]:
         """The stages of the best answer, led away from joint limits where that takes little."""
-        away = OffLimits(
+        away = LimitAvoidance(
             self._task, self._cells, self._finder, best.node, best.stages,
             self._options.goal_costs, self._deadline,
         )  # fmt: skip
@@ -393,9 +393,9 @@ class _Search:
         for node in self._farthest.path:
             for step in (*node.steps, *node.onward):
                 if step.plan is None and self._plan(node, step) is not None:
-                    self._keep_prefix(self._farthest)
+                    self._store_prefix(self._farthest)
                     return
-        self._keep_prefix(self._farthest)
+        self._store_prefix(self._farthest)
 
 
 def _rest_of(best: _Best, steps: int) -> float:

@@ -158,7 +158,7 @@ def plan_free(
         cell: The robot in its surroundings.
         settings: Planner, timing, margin and constraints.
         ends: Configurations at its start and at its end, each of shape (n,) [rad or m].
-        max_edges: Edges that each planner may look at.
+        max_edges: Edges that each planner may check.
         deadline: Time at which to give up.
         seed: Seed of everything random.
     """
@@ -327,7 +327,7 @@ def plan_step(
     Args:
         cells: Cells that were put together.
         step: The stage with its ends.
-        max_edges: Edges that each planner of a free motion may look at.
+        max_edges: Edges that each planner of a free motion may check.
         deadline: The end of everything.
         seed: Seed of everything random.
     """

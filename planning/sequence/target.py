@@ -32,7 +32,7 @@ from planning.values.deadline import Deadline
 _PARAMETERS = 12
 #: Poses whose branches are tabulated at once.
 _CHUNK = 64
-#: Starts of the search away from limits, and configurations that it looks for.
+#: Starts of the search away from limits, and configurations that it searches for.
 _INNER_STARTS, _INNER = 60, 8
 
 
@@ -46,7 +46,7 @@ class Outcome(StrEnum):
 
 
 class Verdict(NamedTuple):
-    """A target that was looked at.
+    """A target that was checked.
 
     Args:
         outcome: Outcome of the target.
@@ -84,8 +84,8 @@ class Candidates:
     Args:
         targets: Target of each configuration, its target; length k.
         joints: Shape (k, n) [rad or m].
-        outcomes: Outcomes of each target that was looked at, by its number, what came of it.
-        complete: Whether all targets were looked at before the deadline.
+        outcomes: Outcomes of each target that was checked, by its number, what came of it.
+        complete: Whether all targets were checked before the deadline.
         colliding: Some of the configurations of targets that all collide, shape (m, n).
         checker: Checker of collisions.
     """
@@ -158,7 +158,7 @@ def find_candidates(
         chain: The robot.
         targets: The alternatives.
         checker: Checker of the robot with what it holds, in its scene.
-        deadline: Time at which to look at no more targets.
+        deadline: Time at which to check no more targets.
         seed: Seed of the numeric search.
     """
     rows: list[Array] = []

@@ -259,7 +259,7 @@ def _cut(
     motion: Trajectory, points: Array, joins: Indices, blends: list[float]
 ) -> list[Trajectory] | None:
     """The parts of a motion between corners; None where it passes one too far away."""
-    # Looks at each piece of a motion for the instant at which it passes a corner.
+    # Samples of each piece of a motion for the instant at which it passes a corner.
     steps = np.linspace(0.0, 1.0, 8, endpoint=False)
     grid = (motion.breaks[:-1, None] + np.outer(np.diff(motion.breaks), steps)).ravel()
     grid = np.append(grid, motion.duration)

@@ -57,7 +57,7 @@ def outside_instants(
     Args:
         breaks: Breaks of the motion, shape (m + 1,) [s].
         coefficients: Coefficients of the motion, shape (m, n, k).
-        count: Instants to look at.
+        count: Instants to check.
         lower: Limits of the joints, shape (n,) [rad or m].
         upper: Upper limits, shape (n,).
     """
@@ -74,7 +74,7 @@ def is_inside(points: Array, lower: Array, upper: Array, spare: float) -> bool:
 
 @cache
 def _sample_between() -> Callable[[Array, Array, Array], None]:
-    """``sample_between_kernel`` for a motion's arrays, without numba's look at their types."""
+    """``sample_between_kernel`` for a motion's arrays, without numba's check of their types."""
     return direct(sample_between_kernel, np.zeros(1), np.zeros((1, 1, 1)), np.zeros((1, 1)))
 
 
@@ -105,13 +105,13 @@ def close_instants(
         breaks: Breaks of the motion, shape (m + 1,) [s].
         coefficients: Coefficients of the motion, shape (m, n, k).
         finely: Factor of the number of instants that are checked.
-        within: Spans outside which no instant is looked at, with their begins and their ends in
+        within: Spans outside which no instant is checked, with their begins and their ends in
             order, shape (s, 2) [s].
     """
     # 1 rad for each metre of the distance that is to be kept: a link that goes straight past a
     # corner at a distance of 20 mm is 1 mm nearer there than 7 mm before.
     spacing = min(max(level.model.margin, 0.01), 0.04) / finely
-    # Looks at most.
+    # Samples at most.
     looks, arrays, slack = np.empty((3, 1025)), level.model.arrays, float(level.slack)
     count = _find_close()(arrays, breaks, coefficients, spacing, slack, within, looks)
     return CloseInstants(looks[0, :count], np.ascontiguousarray(looks[1:, :count].T))
@@ -119,7 +119,7 @@ def close_instants(
 
 @cache
 def _find_close() -> Callable[[ModelArrays, Array, Array, float, float, Array, Array], int]:
-    """``close_kernel`` without the look at its arguments' types."""
+    """``close_kernel`` without a check of its arguments' types."""
     one, two, three = np.zeros(1), np.zeros((1, 1)), np.zeros((1, 1, 1))
     return direct(close_kernel, any_model(), one, three, 0.0, 0.0, two, two)
 
@@ -129,7 +129,7 @@ def close_kernel(
     model: ModelArrays, breaks: Array, coefficients: Array, spacing: float, slack: float,
     within: Array, close: Array,
 ) -> int:  # fmt: skip
-    """Write the instants of a motion, looked at after equal ways, that are not free; their number.
+    """Write the instants of a motion, checked after equal ways, that are not free; their number.
 
     Args:
         model: The packed robot and scene.
@@ -139,7 +139,7 @@ def close_kernel(
         slack: Distance to keep beyond the margins [m].
         within: Spans of ``close_instants``.
         close: Filled in order with them and the instants before and after each, shape (3, p), with
-            room for all that may be looked at [s].
+            room for all that may be checked [s].
     """
     times, way = np.empty(_INSTANTS + 1), np.zeros(_INSTANTS + 1)
     for k in range(_INSTANTS + 1):
@@ -167,7 +167,7 @@ def close_kernel(
             looked[size], numbers[size] = every[k], k
             size += 1
     states, blocked = np.empty((size, coefficients.shape[1])), np.empty(size)
-    look_kernel(model, breaks, coefficients, looked[:size], slack, states, blocked)
+    check_states_kernel(model, breaks, coefficients, looked[:size], slack, states, blocked)
     found = 0
     for i in range(size):
         if blocked[i] != 0.0:
@@ -194,19 +194,19 @@ def instants(
     """
     states, blocked = np.empty((len(times), coefficients.shape[1])), np.empty(len(times))
     arrays, slack = level.model.arrays, float(level.slack)
-    _look()(arrays, breaks, coefficients, times, slack, states, blocked)
+    _check_states()(arrays, breaks, coefficients, times, slack, states, blocked)
     return states, blocked != 0.0
 
 
 @cache
-def _look() -> Callable[[ModelArrays, Array, Array, Array, float, Array, Array], None]:
-    """``look_kernel`` without the look at its arguments' types."""
+def _check_states() -> Callable[[ModelArrays, Array, Array, Array, float, Array, Array], None]:
+    """``check_states_kernel`` without a check of its arguments' types."""
     one, two, three = np.zeros(1), np.zeros((1, 1)), np.zeros((1, 1, 1))
-    return direct(look_kernel, any_model(), one, three, one, 0.0, two, one)
+    return direct(check_states_kernel, any_model(), one, three, one, 0.0, two, one)
 
 
 @kernel
-def look_kernel(
+def check_states_kernel(
     model: ModelArrays, breaks: Array, coefficients: Array, times: Array, slack: float,
     states: Array, blocked: Array,
 ) -> None:  # fmt: skip

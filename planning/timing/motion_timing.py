@@ -45,7 +45,7 @@ from planning.timing.time_scaling import ScaledTime
 from planning.values.deadline import Deadline
 from planning.values.limits import RATIO_TOLERANCE
 
-# Instants of a piece of a spline at which its clearance is looked at before it is proved.
+# Instants of a piece of a spline at which its clearance is checked before it is proved.
 _INSTANTS = 3
 # Splines swing over by milliradians. So near to a limit of a joint [rad or m] they are held to it
 # before they are proved, at so many instants of a piece.
@@ -75,7 +75,7 @@ def motions(
             ``checker`` itself among them where all of the motion can keep a preferred clearance.
         keep_path: Whether the motion keeps to the polyline but for its rounded corners.
         holds: Whether states (k, n) hold the path's constraints, where it has some: a spline that
-            leaves the polyline is looked at before it is proved.
+            leaves the polyline is checked before it is proved.
 
     Raises:
         InvalidOption: Times were given that do not fit the waypoints, or an interpolation that
@@ -176,7 +176,7 @@ class _RoundedMotion:
             for spline in nearest if is_spacious else ():
                 motion = spline.trajectory
                 looked = motion.breaks, motion.coefficients
-                # How much more finely a spline is looked at where it has nothing to spare.
+                # How much more finely a spline is checked where it has nothing to spare.
                 if not len(close_instants(self.checker, *looked, finely=4).times):
                     self.left_path = True
                     return spline
@@ -198,7 +198,7 @@ class _RoundedMotion:
     def _spline_at_widest(self, names: tuple[str, ...]) -> _Wide | None:
         """The spline near the widest corners, which are not proved free, if there is one.
 
-        Where it keeps the first of the preferred clearances no corner has to be looked at: the
+        Where it keeps the first of the preferred clearances no corner has to be checked: the
         spline is what is proved.
         """
         if not self.preferred:
@@ -236,7 +236,7 @@ class _RoundedMotion:
             rate: Spans for each second of it at first [1/s].
             names: Names of the joints.
             nearest: The splines that come too near are added.
-            known: The first of the splines, if it was looked at before.
+            known: The first of the splines, if it was checked before.
         """
         duration = float(rounded.breaks[-1])
         parts = even_parts(duration, len(self.points) - 1, rate)
@@ -335,7 +335,7 @@ class _RoundedMotion:
         duration = float(rounded.breaks[-1])
         if number in known:
             return known[number]
-        # Instants beside which a motion is looked at for them alone.
+        # Instants beside which a motion is checked for them alone.
         if len(shares) <= 16:
             within = duration * spans_beside(shares)
             return close_instants(level, *rounded, within=within).times / duration

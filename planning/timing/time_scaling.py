@@ -199,7 +199,7 @@ def stretch_kernel(breaks: Array, coefficients: Array, limits: Array, factor: fl
     Args:
         breaks: Shape (m + 1,) [s].
         coefficients: Shape (m, n, k).
-        limits: inf where none is to be looked at, shape (3, n).
+        limits: inf where none is to be checked, shape (3, n).
         factor: Least factor of the duration, at least.
     """
     given, pieces = breaks.copy(), coefficients.copy()
@@ -233,7 +233,7 @@ def stretch_kernel(breaks: Array, coefficients: Array, limits: Array, factor: fl
 def _spare_kernel(worst: Array, factor: float, limits: Array) -> None:
     """Set limits to inf that are not worth another look once time is stretched by a factor.
 
-    Ratios whose limits are used up just so by it are looked at again; others are far below 1.
+    Ratios whose limits are used up just so by it are checked again; others are far below 1.
     """
     for row in range(3):
         # Ratios below this part of what slowing down brings to 1 are far from it whatever is

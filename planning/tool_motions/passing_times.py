@@ -12,7 +12,7 @@ from kinematics.trajectory.trajectory import Trajectory
 from planning.timing.path.path import JointPath
 from planning.tool_motions.tool_path import RunPart
 
-#: Looks at each piece of a motion for the instant at which it passes a place.
+#: Samples of each piece of a motion for the instant at which it passes a place.
 _LOOKS = 4
 
 
@@ -38,7 +38,7 @@ def passing_times(
 
 
 def _grid(motion: Trajectory, looks: int) -> Array:
-    """Times at which a motion is looked at, shape (pieces * looks + 1,) [s]."""
+    """Times at which a motion is checked, shape (pieces * looks + 1,) [s]."""
     steps = np.linspace(0.0, 1.0, looks, endpoint=False)
     grid = (motion.breaks[:-1, None] + np.outer(np.diff(motion.breaks), steps)).ravel()
     return np.append(grid, motion.duration)

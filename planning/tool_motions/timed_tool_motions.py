@@ -66,7 +66,7 @@ class TimedToolMotions:
             deviations are added on all sides; None where they alone count. Empty where they do for
             all motions.
         speeds: Speeds to be kept, each at times of its own: the largest is a limit, of the least it
-            is told where it holds.
+            is reported where it holds.
         begins: Times at which each begins where that is later than the end of the one before, so
             that the tool is free in between, shape (k,) [s]; None where each follows at once.
 

@@ -21,7 +21,7 @@ from planning.tool_motions.tool_motion import ToolMotion, arc_about, arc_via, li
 
 #: Instants that are drawn over all motions together.
 INSTANTS = 64
-#: Places of a corner that are looked at in each round, and rounds of ever nearer ones.
+#: Places of a corner that are checked in each round, and rounds of ever nearer ones.
 _LOOKS, _ROUNDS = 65, 5
 
 

@@ -4,7 +4,7 @@ From the configuration at hand the numeric method goes to the next pose along th
 where it is: so it stays in its branch. Steps are halved where it fails or the joints jump. Through
 the configurations goes a cubic spline in s, whose second derivative is continuous, so that every
 method can time it; where the spline takes the tool too far off, more configurations are put in
-between. What limits the joints is told where no step is small enough.
+between. What limits the joints is reported where no step is small enough.
 """
 
 from collections.abc import Sequence

@@ -58,7 +58,7 @@ def find_configurations(
         checker: The exact robot in the scene with its margins.
         near: Configuration that whole turns are to be near, shape (n,).
         seed: Seed of inverse kinematics.
-        deadline: Time at which to look at no more alternatives.
+        deadline: Time at which to check no more alternatives.
     """
     rows: list[Array] = []
     alternatives: list[int] = []
@@ -157,7 +157,7 @@ def _of_pose(
 
 
 def _searched(chain: Chain, T: Array, options: numeric.SearchOptions, near: Array) -> list[Array]:
-    # Configurations looked for at each deviation from a pose, of arms without a closed form.
+    # Configurations searched for at each deviation from a pose, of arms without a closed form.
     found = numeric.solve(chain, T, options, seed_joints=near, solutions=8).solutions
     return [np.array(solution.joints) for solution in found]
 

@@ -32,10 +32,10 @@ _DETOUR, _DETOUR_TIME = 1.5, 0.1
 #: Times that differ by less are equal [s].
 SAME_TIME = 1e-5
 
-#: Edges that a planner of one leg may look at: seconds. Counted in edges, not in time, the tour
+#: Edges that a planner of one leg may check: seconds. Counted in edges, not in time, the tour
 #: depends on the seed alone.
 _MAX_EDGES = 200_000
-#: Rows of a table between two looks at the clock: milliseconds.
+#: Rows of a table between two checks the clock: milliseconds.
 _ROWS_AT_ONCE = 32
 
 Pair = tuple[int, int]
@@ -163,7 +163,7 @@ class LegTable:
         return _BETWEEN_GROUPS if self.grouped and self.group[a] != self.group[b] else 0.0
 
     def check(self, a: int, b: int) -> bool:
-        """Whether the straight motion is free; looked at once, its time made longer if not."""
+        """Whether the straight motion is free; checked once, its time made longer if not."""
         pair = (min(a, b), max(a, b))
         if pair in self.free or (a, b) in self.legs:
             return True
@@ -234,7 +234,7 @@ class LegTable:
             start: Beginning of the motion.
             end: End of the motion.
             deadline: Time at which to give up.
-            max_edges: Edges that each planner may look at.
+            max_edges: Edges that each planner may check.
         """
         problem = Problem(
             self.problem.robot, self.problem.scene, start, (JointGoal(end),), self.problem.margin,

@@ -209,7 +209,7 @@ class SearchWork(NamedTuple):
     """Memory of the local search.
 
     Args:
-        queue: Stops to be looked at, a ring, shape (s + 1,).
+        queue: Stops to be checked, a ring, shape (s + 1,).
         waiting: Whether each stop is in the queue, shape (s,).
         ends: Places at which the queue begins and ends, shape (2,).
         block: Memory for moves of blocks, shape (s,).
@@ -254,7 +254,7 @@ def draw(random: NDArray[np.uint64], count: int) -> int:
 
 @kernel
 def enqueue(work: SearchWork, stop: int) -> None:
-    """Have a stop looked at."""
+    """Put a stop into the queue."""
     if not work.waiting[stop]:
         work.waiting[stop] = True
         work.queue[work.ends[1]] = stop
@@ -263,7 +263,7 @@ def enqueue(work: SearchWork, stop: int) -> None:
 
 @kernel(allocates=False)
 def enqueue_around(work: SearchWork, state: TourState, position: int) -> None:
-    """Have the stop at a position and those beside it looked at."""
+    """Put the stop at a position and those beside it into the queue."""
     for k in range(max(position - 1, 0), min(position + 2, state.order.shape[0])):
         enqueue(work, state.order[k])
 
@@ -447,7 +447,7 @@ def search_kernel(network: Network, state: TourState, work: SearchWork, kicks: i
     Args:
         network: The stops and times.
         state: The tour, changed where a shorter one is found.
-        work: Memory; stops in the queue are looked at first.
+        work: Memory; stops in the queue are checked first.
         kicks: How many kicks.
 
     Returns:

@@ -93,7 +93,7 @@ def make_network(times: Times, first: Indices, precedence: Precedence, neighbour
         times: Shape (m, m) [s].
         first: First configuration of each stop, and m, shape (s + 1,).
         precedence: Stops that have to come after others.
-        neighbours: How many near stops moves of the search look at.
+        neighbours: How many near stops moves of the search check.
     """
     least = least_times(times, first)
     apart: Array = least.astype(np.float64)

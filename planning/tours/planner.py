@@ -112,13 +112,13 @@ class _TourPlanner:
             stops, legs = tables
             search = TourSearch(
                 self.problem, self.options, stops, legs, self.deadline, self.report,
-                lambda tour: self.offer(self._told(tour)),
+                lambda tour: self.offer(self._with_left_out(tour)),
             )  # fmt: skip
             tour = search.run()
             if isinstance(tour, Failure):
                 return tour
             if isinstance(tour, Tour):
-                return self._told(tour)
+                return self._with_left_out(tour)
             goal = self.problem.goals[tour.goal]
             failure = tour.failure
             message = f"no motion to it was found: {failure.message}"
@@ -131,7 +131,7 @@ class _TourPlanner:
             self._leave_out_followers(found)
         return _out_of_reach(self.unvisited, len(self.problem.goals))
 
-    def _told(self, tour: Tour) -> Tour:
+    def _with_left_out(self, tour: Tour) -> Tour:
         """A tour with what the search does not know: goals left out before it, and notes."""
         unvisited = sorted([*self.unvisited, *tour.unvisited], key=lambda one: one.index)
         notes = self.notes if tour.reaches_end else [*self.notes, _end_note(self.problem, tour)]

@@ -43,7 +43,7 @@ from planning.values.deadline import Deadline
 
 #: Kicks for each goal before the first legs are planned and in each round.
 _KICKS = 30
-#: Kicks between two looks at the clock.
+#: Kicks between two checks the clock.
 _KICKS_AT_ONCE = 100
 #: Shares of the remaining time, at most, for the first order, for checks of its straight motions
 #: before any leg is planned, and for the bound.
@@ -79,7 +79,7 @@ class Stops(NamedTuple):
         return [(stop[a], stop[b]) for a, b in pairs if a in stop and b in stop]
 
 
-class Vain(NamedTuple):
+class UnreachableGoal(NamedTuple):
     """A goal that no leg was found to.
 
     Args:
@@ -135,7 +135,7 @@ class TourSearch:
     def __post_init__(self) -> None:
         pairs = self.stops.pairs(self.problem)
         precedence = precedence_table(pairs, len(self.stops.goals) + 2)
-        # Near stops that moves of the search look at.
+        # Near stops that moves of the search check.
         self.network = make_network(self.legs.times, self.stops.first, precedence, 10)
         groups = self.stops.groups(self.problem)
         self.state = nearest_neighbour_tour(self.network, groups, pairs)
@@ -143,7 +143,7 @@ class TourSearch:
 
     # ----------------------------------------------------------------------------------- rounds
 
-    def run(self) -> Tour | Vain | Failure:
+    def run(self) -> Tour | UnreachableGoal | Failure:
         """Search and prove until the rounds or the time are over, or nothing gets better."""
         everywhere = range(len(self.stops.goals) + 2)
         self._improve(everywhere, _KICKS, self._share(_ORDER_SHARE))
@@ -153,9 +153,9 @@ class TourSearch:
             if self.deadline.passed:
                 stopped = "deadline"
                 break
-            vain = self._vain(given_up=self.best is None and since >= _PATIENCE)
-            if vain is not None:
-                return vain
+            unreachable = self._unreachable_goal(given_up=self.best is None and since >= _PATIENCE)
+            if unreachable is not None:
+                return unreachable
             if self.best is not None and since >= _PATIENCE:
                 break
             if self.best is not None and rounds >= self.options.rounds:
@@ -169,7 +169,7 @@ class TourSearch:
         if self.best is None:
             return self._timed_out(rounds)
         set_state(self.state, self.best)
-        if lead_off_limits(self):
+        if avoid_limits(self):
             self._note_improvement(rounds)
         return self._tour(rounds, stopped)
 
@@ -225,7 +225,7 @@ class TourSearch:
     def _record(self, round_number: int) -> bool:
         """Keep the tour if it is proved and the best so far."""
         legs = [self.legs.legs.get(pair) for pair in self._pairs()]
-        if not all(legs) or not self._keeps_groups():
+        if not all(legs) or not self._visits_groups_whole():
             return False
         time = sum(leg.trajectory.duration for leg in legs if leg is not None)
         cost = sum(self.legs.cost(a, b) for a, b in self._pairs()) + self._free_ends()
@@ -291,7 +291,7 @@ class TourSearch:
     def _dwell(self) -> float:
         return sum(self.problem.goals[i].dwell for i in self.stops.goals)
 
-    def _keeps_groups(self) -> bool:
+    def _visits_groups_whole(self) -> bool:
         """Whether the goals of each group are visited one after another."""
         groups = self.stops.groups(self.problem)
         order = [int(groups[stop]) for stop in self.visited() if stop < len(groups)]
@@ -299,7 +299,7 @@ class TourSearch:
 
     # ------------------------------------------------------------------------------- outcomes
 
-    def _vain(self, *, given_up: bool) -> Vain | None:
+    def _unreachable_goal(self, *, given_up: bool) -> UnreachableGoal | None:
         """A goal that no leg leads to, and why; None where there is hope for all."""
         goals = len(self.stops.goals)
         owner = np.searchsorted(self.stops.first, np.arange(len(self.legs.joints)), "right") - 1
@@ -310,12 +310,12 @@ class TourSearch:
                 # Legs to a goal that are planned in vain before it is given up, where none was
                 # proved.
                 if stop < goals and stop not in proved and counts[stop] >= 3:
-                    return Vain(self.stops.goals[stop], failure)
+                    return UnreachableGoal(self.stops.goals[stop], failure)
         if given_up:
             for pair in self._pairs():
                 stops = [int(owner[k]) for k in pair[::-1] if owner[k] < goals]
                 if pair in self.legs.failures and stops:
-                    return Vain(self.stops.goals[stops[0]], self.legs.failures[pair])
+                    return UnreachableGoal(self.stops.goals[stops[0]], self.legs.failures[pair])
         return None
 
     def _timed_out(self, rounds: int) -> Tour | Failure:
@@ -409,7 +409,7 @@ class TourSearch:
         )  # fmt: skip
 
 
-def lead_off_limits(search: "TourSearch") -> bool:
+def avoid_limits(search: "TourSearch") -> bool:
     """Take the configurations away from limits in the tour that was found; whether there were any.
 
     Args:

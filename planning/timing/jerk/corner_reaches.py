@@ -18,7 +18,7 @@ from planning.timing.jerk.double_s import Legs, leg_time, reachable_speed
 _ROUGH = 1e-4
 # Shares of the largest reach of a corner that are tried; 0 is a stop.
 _SHARES = 8
-# Corners on either side whose speeds follow while the reach of a corner is looked for.
+# Corners on either side whose speeds follow while the reach of a corner is searched for.
 _NEIGHBOURS = 2
 
 
@@ -93,7 +93,7 @@ def fastest_reaches_kernel(
     # Rounds over all corners; a third gains less than a thousandth.
     for _ in range(2):
         for i in range(k):
-            # Nothing that its time hangs on has changed since it was looked at.
+            # Nothing that its time hangs on has changed since it was checked.
             if settled[i]:
                 continue
             settled[i] = True

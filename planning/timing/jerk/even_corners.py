@@ -21,7 +21,7 @@ from planning.timing.jerk.double_s import (
     polyline_phases_kernel,
 )
 from planning.timing.path.blend import smooth_blend_kernel
-from planning.timing.path.merging import keep_kernel, largest_reaches_kernel
+from planning.timing.path.merging import kept_waypoints_kernel, largest_reaches_kernel
 from planning.timing.path.path import JointPath, compose_kernel
 from planning.timing.time_scaling import ScaledTime, dilate
 
@@ -30,7 +30,7 @@ _DEGREE = 3
 
 
 class Pieces(NamedTuple):
-    """Cubic pieces of a motion, not yet looked at.
+    """Cubic pieces of a motion, not yet checked.
 
     Args:
         breaks: Shape (m + 1,) [s].
@@ -59,7 +59,7 @@ def fastest_reaches(waypoints: Array, limits: Array, largest: Array) -> Array:
 
 @cache
 def _find_reaches() -> Callable[[Array, Array, Array, Array], None]:
-    """``corner_reaches_kernel`` for contiguous arrays, without numba's look at their types."""
+    """``corner_reaches_kernel`` for contiguous arrays, without numba's check of their types."""
     return direct(corner_reaches_kernel, *np.zeros((2, 3, 1)), *np.zeros((2, 1)))
 
 
@@ -88,7 +88,7 @@ def corner_reaches_kernel(waypoints: Array, limits: Array, largest: Array, reach
                 at_corners[row, i] = min(at_corners[row, i], limit)
     corners = CornerLimits(at_corners[0], at_corners[1], at_corners[2])
     kept, widest = np.empty(legs + 1, dtype=np.int64), np.zeros(legs - 1)
-    largest_reaches_kernel(waypoints, kept[: keep_kernel(waypoints, kept)], widest)
+    largest_reaches_kernel(waypoints, kept[: kept_waypoints_kernel(waypoints, kept)], widest)
     for i in range(legs - 1):
         widest[i] = min(widest[i], largest[i])
     fastest_reaches_kernel(Legs(lengths, along), corners, widest, reaches)

@@ -31,7 +31,7 @@ from obstacles.collision.checker import Checker
 from planning.timing.path.merging import (
     distance,
     find_largest_kernel,
-    keep_kernel,
+    kept_waypoints_kernel,
     largest_reaches_kernel,
     merge_kernel,
 )
@@ -105,7 +105,7 @@ def _is_plain(waypoints: ArrayLike) -> TypeGuard[Array]:
 
 @cache
 def _merge() -> Callable[[Array], Array]:
-    """``merge_kernel`` for a plain array, without numba's look at its type."""
+    """``merge_kernel`` for a plain array, without numba's check of its type."""
     return direct(merge_kernel, np.zeros((1, 1)))
 
 
@@ -195,7 +195,7 @@ def smooth_blend_kernel(waypoints: Array, reaches: Array) -> tuple[Array, Array]
     """
     k, n = waypoints.shape
     kept = np.empty(k, dtype=np.int64)
-    count = keep_kernel(waypoints, kept)
+    count = kept_waypoints_kernel(waypoints, kept)
     widest = np.zeros(max(k - 2, 0))
     largest_reaches_kernel(waypoints, kept[:count], widest)
     corners, lengths = np.empty((count, n)), np.zeros(count - 1)
@@ -325,7 +325,7 @@ def _legs(corners: Array) -> tuple[Array, Array]:
 def _keep(points: Array) -> Indices:
     """Indices of the waypoints that stay: ends, and where the direction changes."""
     kept = np.empty(len(points), dtype=np.int64)
-    return kept[: keep_kernel(points, kept)]
+    return kept[: kept_waypoints_kernel(points, kept)]
 
 
 def certified_reaches(
@@ -342,7 +342,7 @@ def certified_reaches(
     Args:
         checker: The robot in its scene.
         waypoints: Shape (k, n), merged: no repeated or collinear ones, legs proved free.
-        deadline: Corners not looked at by then stay sharp.
+        deadline: Corners not checked by then stay sharp.
         smooth: Whether cubics round the corners, as in ``blend``, or parabolas.
         most: Largest reaches asked for, shape (k - 2,).
         preferred: Checkers of falling clearance that are tried first at corners that keep it.

@@ -10,7 +10,7 @@ from planning.timing.path.path import SAME_DIRECTION
 
 
 @kernel
-def keep_kernel(points: Array, kept: Indices) -> int:
+def kept_waypoints_kernel(points: Array, kept: Indices) -> int:
     """Write the indices of the waypoints (k, n) that stay into ``kept`` (k,); their number.
 
     A direction is compared with that of the whole leg since the last waypoint that stayed, so a
@@ -57,7 +57,7 @@ def merge_kernel(points: Array) -> Array:
     if not _are_finite(points):
         return np.empty((0, n))
     kept = np.empty(k, dtype=np.int64)
-    count = keep_kernel(points, kept)
+    count = kept_waypoints_kernel(points, kept)
     merged = np.empty((count, n))
     for i in range(count):
         for joint in range(n):
@@ -72,7 +72,7 @@ def find_largest_kernel(points: Array) -> Array:
     if k < 3 or not _are_finite(points):
         return np.zeros(0)
     kept, reaches = np.empty(k, dtype=np.int64), np.zeros(k - 2)
-    largest_reaches_kernel(points, kept[: keep_kernel(points, kept)], reaches)
+    largest_reaches_kernel(points, kept[: kept_waypoints_kernel(points, kept)], reaches)
     return reaches
 
 

@@ -17,7 +17,7 @@ def compose_kernel(outer: Array, top: int, inner: Array, product: Array, out: Ar
     """Write the coefficients of outer(inner(t)).
 
     Args:
-        outer: Ascending powers; those above ``top`` are not looked at, shape (>= top + 1,).
+        outer: Ascending powers; those above ``top`` are not checked, shape (>= top + 1,).
         top: Degree of the outer polynomial.
         inner: Ascending powers from 1 on (there is no constant), shape (d,).
         product: Scratch, shape (>= top d + 1,).

@@ -7,7 +7,7 @@ Along a path q(s) with x = (ds/dt)^2 and u = d2s/dt2 the joint torques are
 
 so |tau| <= T are linear limits of (u, x) but for the viscous friction phi sqrt(x). A concave term
 lies below each of its tangents, a convex one below its chord: both stand in on the safe side, the
-tangent at a guess of x. Between the places looked at nothing is promised; what a whole motion needs
+tangent at a guess of x. Between the places checked nothing is promised; what a whole motion needs
 at most is then bounded for every instant, and the motion slowed down by what it lacks.
 """
 

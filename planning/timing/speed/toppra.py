@@ -1,6 +1,6 @@
 """The toppra package as a timing solver: its own constraints on our grid, its own answer.
 
-The package looks at the limits at grid points, not between them. Its answer can therefore exceed
+The package checks the limits at grid points, not between them. Its answer can therefore exceed
 them, and whoever calls has to scale time afterwards. It is called for each section between two
 stops, in units of length and time in which its fixed tolerances are small.
 

@@ -134,7 +134,7 @@ class LeastSquares(NamedTuple):
 
 
 @kernel
-def least_squares_room(size: int, count: int, width: int) -> LeastSquares:
+def least_squares_memory(size: int, count: int, width: int) -> LeastSquares:
     """Room for a fit.
 
     Args:
@@ -159,7 +159,7 @@ def fit_points(
     """Write the pieces of the spline.
 
     Args:
-        room: Room of ``least_squares_room``.
+        room: Room of ``least_squares_memory``.
         points: Points to be near to, by span, shape (N, p, n').
         shares: Places of the points in their span, in (0, 1), shape (p,).
         ends: Positions at rest, shape (2, n').

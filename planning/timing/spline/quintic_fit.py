@@ -20,11 +20,11 @@ from kinematics.trajectory.polynomial import sample_kernel
 from kinematics.trajectory.trajectory import Trajectory
 from planning.timing.jerk.even_corners import Pieces
 from planning.timing.limit_ratios import largest_lane
-from planning.timing.spline.quintic_basis import DEGREE, ORDER, fit_points, least_squares_room
+from planning.timing.spline.quintic_basis import DEGREE, ORDER, fit_points, least_squares_memory
 from planning.timing.spline.span_loads import (
     SpanLoads,
     no_loads,
-    span_room,
+    span_memory,
     widen_for_loads_kernel,
 )
 from planning.timing.time_scaling import ScaledTime, fit_kernel, scaled_motion
@@ -36,7 +36,7 @@ SPAN_RATES = (8.0, 12.0)
 MIN_SPANS = 6
 # Points of the motion in each span that the spline is fitted to.
 _POINTS = 6
-# Places in each span at which limits are looked at while its length is sought.
+# Places in each span at which limits are checked while its length is sought.
 _PLACES = 9
 
 
@@ -105,7 +105,7 @@ def fit_pieces(
     parts: Array,
     loads: SpanLoads | None = None,
 ) -> ScaledTime:
-    """``fit_quintic`` near pieces that nothing has looked at, within limits that are positive.
+    """``fit_quintic`` near pieces that nothing has checked, within limits that are positive.
 
     Args:
         motion: The pieces.
@@ -124,7 +124,7 @@ def fit_pieces(
 
 @cache
 def _fit_motion() -> Callable[[Array, Array, Array, SpanLoads, Array, Array], float]:
-    """``fit_motion_kernel`` for pieces' arrays, without numba's look at their types."""
+    """``fit_motion_kernel`` for pieces' arrays, without numba's check of their types."""
     breaks, coefficients = np.zeros(1), np.zeros((1, 1, 1))
     return direct(
         fit_motion_kernel, breaks, coefficients, np.zeros((3, 1)), no_loads(), breaks, coefficients
@@ -193,7 +193,7 @@ def fit_spans_kernel(
         coefficients: Ascending powers of the time in the span, shape (N, n, 6).
 
     Returns:
-        Factor by which the motion has to be made longer to keep the limits at the places looked at.
+        Factor by which the motion has to be made longer to keep the limits at the places checked.
     """
     size, count, n = points.shape
     width = -(-n // LANES) * LANES
@@ -202,14 +202,14 @@ def fit_spans_kernel(
     # Joints that are none keep every limit.
     rates = np.zeros((3, width))
     rates[:, :n] = 1.0 / limits
-    room = least_squares_room(size, count, width)
+    room = least_squares_memory(size, count, width)
     trial, best = np.empty((size, ORDER, width)), np.empty((size, ORDER, width))
     excess, smooth = np.empty(size), np.empty(size)
     lengths = np.ones(-(-size // LANES) * LANES)
     lengths[:size] = spans
     fastest, factor = np.inf, np.inf
     # Exponent of the excess by which a span is made longer or shorter in a round.
-    space, step = span_room(n), 0.6
+    space, step = span_memory(n), 0.6
     is_loaded = loads.tool > 0.0 or loads.torques.shape[0] > 0
     if is_loaded:
         # The same where there are loads: they bind here and there.

@@ -59,7 +59,7 @@ def span_loads(loads: EffortLimits) -> SpanLoads:
     return SpanLoads(loads.chain.model, tool, rows, torques)
 
 
-class SpanRoom(NamedTuple):
+class SpanMemory(NamedTuple):
     """Room for a place of a span.
 
     Args:
@@ -74,15 +74,15 @@ class SpanRoom(NamedTuple):
 
 
 @kernel
-def span_room(n: int) -> SpanRoom:
+def span_memory(n: int) -> SpanMemory:
     """Room for places of n joints."""
     # Rows of room for places: positions, velocities, accelerations, torques, those at rest.
-    return SpanRoom(np.empty((5, n)), np.empty((6, n)), np.empty((n, WORK)))
+    return SpanMemory(np.empty((5, n)), np.empty((6, n)), np.empty((n, WORK)))
 
 
 @kernel(allocates=False)
 def widen_for_loads_kernel(
-    pieces: Array, spans: Array, loads: SpanLoads, places: int, room: SpanRoom, excess: Array
+    pieces: Array, spans: Array, loads: SpanLoads, places: int, room: SpanMemory, excess: Array
 ) -> None:
     """Raise ``excess`` (N,) to the factors by which spans are too short for loads.
 
@@ -90,8 +90,8 @@ def widen_for_loads_kernel(
         pieces: Ascending powers of the time in the span, shape (N, k, >= n).
         spans: Shape (>= N,) [s].
         loads: The limits.
-        places: Places in each span that are looked at, its ends among them.
-        room: Room of ``span_room``.
+        places: Places in each span that are checked, its ends among them.
+        room: Room of ``span_memory``.
         excess: Changed.
     """
     for i in range(excess.shape[0]):
@@ -122,7 +122,7 @@ def _write_state(piece: Array, t: float, state: Array) -> None:
 
 
 @kernel(allocates=False)
-def _tool_speed(model: Array, room: SpanRoom) -> float:
+def _tool_speed(model: Array, room: SpanMemory) -> float:
     """Speed of the tip's origin [m/s]."""
     frame_and_jacobian_kernel(model, room.state[0], -1, room.J)
     square = 0.0
@@ -135,7 +135,7 @@ def _tool_speed(model: Array, room: SpanRoom) -> float:
 
 
 @kernel(allocates=False)
-def _torque_factor(loads: SpanLoads, room: SpanRoom) -> float:
+def _torque_factor(loads: SpanLoads, room: SpanMemory) -> float:
     """Factor by which the motion is to be slower for its torques."""
     state = room.state
     inverse_kernel(loads.rows, state[0], state[1], state[2], room.work, state[3])

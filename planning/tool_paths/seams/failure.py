@@ -71,7 +71,7 @@ def explain_search(
     Args:
         search: Search that found none.
         graphs: Layers of each search; those of the one that came farthest explain the failure.
-        advise: Whether tolerances are looked for that would help, which takes its time.
+        advise: Whether tolerances are searched for that would help, which takes its time.
     """
     if search.deadline.passed:
         return Failure("TIMED_OUT", "time was up before a way along the seam was found",
@@ -278,7 +278,7 @@ def _discontinuous(search: SeamSearch, graph: SeamGraph, layer: int) -> _Reason:
     before = np.arange(firsts[max(layer - 1, 0)], firsts[max(layer, 1)])
     reached = before[np.isfinite(graph.best[before]) & (graph.origin[before] == 0)]
     sharpest = 0.0
-    # Configurations whose depth in obstacles is looked at.
+    # Configurations whose depth in obstacles is checked.
     for node in reached[:: max(1, len(reached) // 60)]:
         J = geometric(search.chain, graph.nodes.joints[node])
         values = np.linalg.svd(J[np.linalg.norm(J, axis=1) > 1e-9], compute_uv=False)

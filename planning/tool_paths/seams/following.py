@@ -27,7 +27,7 @@ from planning.values.deadline import Deadline
 
 #: Errors that a projection may leave [m], [rad].
 _REACHED = 1e-6
-#: Looks at each piece of a spline.
+#: Samples of each piece of a spline.
 _LOOKS = 6
 #: Knots of a spline at least.
 _LEAST_KNOTS = 6
@@ -92,12 +92,12 @@ def segments(
     """Joint paths of all runs of a seam; None where a spline can't be brought into the tolerance.
 
     Args:
-        checker: The robot; collisions are not looked at here.
+        checker: The robot; collisions are not checked here.
         places: Places of the seam.
         joints: Configurations there, shape (k, n).
         deviations: Excess allowed of tolerances.
         deadline: Time at which to give up.
-        own_places: Whether to look at the tolerance from the tool's own places on the path too.
+        own_places: Whether to check the tolerance from the tool's own places on the path too.
     """
     finished: list[ToolSegment] = []
     first = 0

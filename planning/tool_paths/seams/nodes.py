@@ -27,7 +27,7 @@ TWO_TURNS = 4.0 * math.pi - 1.0
 
 
 class Density(NamedTuple):
-    """Density of the configurations that are looked at.
+    """Density of the configurations that are checked.
 
     Args:
         most: Configurations of one place at most.

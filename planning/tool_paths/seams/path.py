@@ -22,7 +22,7 @@ FLAT_CORNER = math.radians(30.0)
 
 @dataclass(frozen=True, slots=True, eq=False)
 class SeamPlaces:
-    """Places along a seam where configurations are looked for (k of them).
+    """Places along a seam where configurations are searched for (k of them).
 
     Args:
         runs: The runs from rest to rest.
@@ -49,7 +49,7 @@ class SeamPlaces:
     ends: tuple[int, ...]
 
     def layers(self, every: bool = False) -> NDArray[np.int64]:
-        """Indices of the places that the search looks at: all of them, or some on the way."""
+        """Indices of the places that the search checks: all of them, or some on the way."""
         if every:
             return np.arange(len(self.s))
         # Way between two layers of the search, where waypoints are nearer together [m].

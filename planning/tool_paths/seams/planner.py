@@ -77,7 +77,7 @@ def plan_in_one_branch(
     """Find a joint path along a seam in one branch, from where the arm is.
 
     Args:
-        query: The robot in its scene; goals are not looked at.
+        query: The robot in its scene; goals are not checked.
         start: Configuration of the arm, shape (n,).
         options: Options with a seam.
         tolerances: Deviations that are added to the tolerances of the seam.
@@ -210,7 +210,7 @@ def _transit(query: Query, start: Array, goal: Array) -> Array | Failure | None:
     waypoints, _ = straight_line(query.checker, start, [goal])
     if waypoints is None:
         deadline = query.deadline
-        # Edges of the trees that look for the way to a seam at most.
+        # Edges of the trees that search for the way to a seam at most.
         waypoints = rrt_connect(
             query.checker, start, [goal], query.seed, deadline, 200_000
         ).waypoints
@@ -230,7 +230,7 @@ def plan_seam(query: Query, options: CartesianOptions, tolerances: Tolerances) -
     """Find a joint path along a seam, from where the arm starts.
 
     Args:
-        query: The robot in its scene; goals are not looked at.
+        query: The robot in its scene; goals are not checked.
         options: Options with a seam.
         tolerances: Deviations that are added to the tolerances of the seam.
 
@@ -244,7 +244,7 @@ def plan_seam(query: Query, options: CartesianOptions, tolerances: Tolerances) -
     if isinstance(found, Failure):
         failure = _with_advice(found, seam)
         if seam.branch_changes is not None:
-            # Parts are looked for without advice; where they do not help it is given after all.
+            # Parts are searched for without advice; where they do not help it is given after all.
             one = replace(options, seam=replace(seam, branch_changes=None))
             again = plan_in_one_branch(query, query.ready.start, one, tolerances)
             failure = again if isinstance(again, Failure) else failure

@@ -1,6 +1,6 @@
 """The search for a joint path along a seam: layers of configurations, then places in between.
 
-The cheapest way through the layers is looked for first, without a look at collisions. Its
+The cheapest way through the layers is searched for first, without a check of collisions. Its
 configurations and the places between them are then checked: what collides, or has no continuous way
 to the next layer, is taken out, and the search goes on.
 """
@@ -346,7 +346,7 @@ class SeamJoints(NamedTuple):
     Args:
         joints: Shape (k, n); None where there is no way.
         graph: The layers that were searched.
-        tries: Ways that were looked at.
+        tries: Ways that were checked.
     """
 
     joints: Array | None
@@ -378,11 +378,11 @@ class SeamSearch:
         return self.checker.model.chain
 
     def run(self, every: bool = False, density: Density = COARSE) -> SeamJoints:
-        """Look for the cheapest way that is continuous and free at all places.
+        """Search for the cheapest way that is continuous and free at all places.
 
         Args:
             every: Whether all places are layers.
-            density: Density of the configurations that are looked at.
+            density: Density of the configurations that are checked.
         """
         graph = self.prepare(self.places.layers(every), density)
         graph.jump = _JUMP if every else _LAYER_JUMP

@@ -23,7 +23,7 @@ from planning.timing.spline.quintic_fit import even_parts, fit_pieces
 from planning.timing.spline.span_loads import (
     no_loads,
     span_loads,
-    span_room,
+    span_memory,
     widen_for_loads_kernel,
 )
 from planning.values.limits import EffortLimits
@@ -69,7 +69,7 @@ def test_factors_are_those_of_speeds_and_torques_by_pinocchio(name: str) -> None
     found = [_by_pinocchio(name, *each) for each in zip(pieces, looked, strict=True)]
     speed = EffortLimits(chain, tool_speed=0.7)
     excess = np.zeros(2)
-    widen_for_loads_kernel(pieces, spans, span_loads(speed), places, span_room(chain.n), excess)
+    widen_for_loads_kernel(pieces, spans, span_loads(speed), places, span_memory(chain.n), excess)
     # The end of the last span is at rest in a motion, and is not looked at.
     expected = [found[0][0][:-1].max() / 0.7, found[1][0][:-1].max() / 0.7]
     ends = found[1][0][0] / 0.7
@@ -79,7 +79,7 @@ def test_factors_are_those_of_speeds_and_torques_by_pinocchio(name: str) -> None
     effort = 1.2 * still + 1.0
     excess[:] = 0.0
     loads = span_loads(EffortLimits(chain, effort=effort))
-    widen_for_loads_kernel(pieces, spans, loads, places, span_room(chain.n), excess)
+    widen_for_loads_kernel(pieces, spans, loads, places, span_memory(chain.n), excess)
     torques, gravity = (np.array([f[k][:-1] for f in found]) for k in (1, 2))
     for i, factor in enumerate(excess):
         slower = gravity[i] + (torques[i] - gravity[i]) / factor**2
