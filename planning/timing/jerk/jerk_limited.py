@@ -25,9 +25,9 @@ from planning.timing.jerk.limits import (
     inside_kernel,
     time_kernel,
 )
-from planning.timing.jerk.profile import compose_pieces_kernel, phases_kernel, ratios_kernel
+from planning.timing.jerk.profile import phases_kernel, ratios_kernel
 from planning.timing.jerk.ruckig import line_phases
-from planning.timing.path.path import SAME_DIRECTION, JointPath
+from planning.timing.path.path import SAME_DIRECTION, JointPath, composed_pieces
 from planning.timing.time_scaling import ScaledTime, checked_limits, dilate, fitting_factor
 
 #: What the time found may exceed the least one on the grid by, as a part of it.
@@ -117,12 +117,8 @@ def _sections(
             owners = np.zeros(len(phases), dtype=np.int64)
         else:
             phases, owners = _curved_phases(section, limits, ends, extra)
-        degree = section.coefficients.shape[2] - 1
-        pieces = np.zeros((len(phases), section.n, 3 * degree + 1))
-        work = np.empty((2, 3 * degree + 1))
-        compose_pieces_kernel(section.coefficients, owners, phases, work, pieces)
         durations.append(phases[:, 4])
-        coefficients.append(pieces)
+        coefficients.append(composed_pieces(section, owners, phases, 3))
     return np.concatenate(durations), np.concatenate(coefficients)
 
 

@@ -17,8 +17,6 @@ from numpy.typing import NDArray
 
 from compiled.kernel import kernel
 from kinematics.arrays import Array
-from kinematics.trajectory.polynomial import shift_kernel
-from planning.timing.path.path import compose_kernel
 
 
 @kernel
@@ -90,29 +88,3 @@ def ratios_kernel(
                     third = q1 * j + 3.0 * q2 * v * a + q3 * v * v * v
                     worst_j = max(worst_j, abs(third) / limits[2, joint])
         ratios[0, i], ratios[1, i], ratios[2, i] = worst_v, worst_a, worst_j
-
-
-@kernel
-def compose_pieces_kernel(
-    coefficients: Array, owners: NDArray[np.int64], phases: Array, work: Array, out: Array
-) -> None:
-    """Write the coefficients of q(s(t)) for cubic s(t).
-
-    Args:
-        coefficients: Coefficients of the path, shape (p, n, d + 1).
-        owners: The path's piece of each phase, shape (m,).
-        phases: (start within the piece, speed, acceleration / 2, jerk / 6, ...), shape (m, 5).
-        work: Room, shape (2, 3 d + 1).
-        out: Comes as zeros, shape (m, n, 3 d + 1).
-    """
-    n, size = coefficients.shape[1:]
-    shifted, product, inner = work[0, :size], work[1], np.empty(3)
-    for i in range(owners.shape[0]):
-        start = phases[i, 0]
-        inner[0], inner[1], inner[2] = phases[i, 1], phases[i, 2], phases[i, 3]
-        for j in range(n):
-            shift_kernel(coefficients[owners[i], j], start, shifted)
-            top = size - 1
-            while top > 0 and shifted[top] == 0.0:
-                top -= 1
-            compose_kernel(shifted, top, inner, product, out[i, j])

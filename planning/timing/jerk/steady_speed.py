@@ -22,8 +22,7 @@ from scipy.optimize import brentq
 
 from kinematics.arrays import Array
 from kinematics.trajectory.trajectory import Trajectory
-from planning.timing.jerk.profile import compose_pieces_kernel
-from planning.timing.path.path import JointPath
+from planning.timing.path.path import JointPath, composed_pieces
 from planning.timing.time_scaling import ScaledTime, dilate
 
 #: Share of the limits of acceleration and jerk that constant speeds may use: the rest is for ramps.
@@ -206,10 +205,7 @@ def time_at_steady_speed(
     owners = np.searchsorted(path.breaks, phases[:, 0] + _SAME_PLACE * path.length, side="right")
     owners = np.clip(owners - 1, 0, len(path.lengths) - 1).astype(np.int64)
     phases[:, 0] -= path.breaks[owners]
-    degree = path.coefficients.shape[2] - 1
-    pieces = np.zeros((len(phases), path.n, 3 * degree + 1))
-    work = np.empty((2, 3 * degree + 1))
-    compose_pieces_kernel(path.coefficients, owners, phases, work, pieces)
+    pieces = composed_pieces(path, owners, phases, 3)
     times = np.concatenate([[0.0], np.cumsum(phases[:, 4])])
     motion = Trajectory(tuple(joint_names), times, pieces)
     return SteadyMotion(dilate(motion, *limits), tuple(one.speed for one in stretches))

@@ -9,8 +9,7 @@ from numpy.typing import NDArray
 
 from compiled.kernel import kernel
 from kinematics.arrays import Array
-from kinematics.trajectory.polynomial import shift_kernel
-from planning.timing.path.path import JointPath, compose_kernel
+from planning.timing.path.path import JointPath, composed_pieces
 from planning.timing.speed.constraints import Cells
 
 # A phase of a straight cell (speeding up, cruising, slowing down) that changes x by a smaller part,
@@ -34,18 +33,15 @@ def timed_pieces(
         limits: Limits of velocity and acceleration, shape (2, n).
     """
     room = len(cells.pieces) + 2 * int(np.count_nonzero(cells.straight))
-    size = path.coefficients.shape[2]
     phases = np.empty((room, 4))
     owners = np.empty(room, dtype=np.int64)
     geometry = np.column_stack([cells.starts, cells.lengths, squares[:-1], squares[1:]])
     slopes = path.coefficients[:, :, 1]
     count = phases_kernel(slopes, cells.pieces, cells.straight, geometry, limits, phases, owners)
-    durations = np.empty(count)
-    coefficients = np.zeros((count, path.n, 2 * size - 1))
-    work = np.empty((2, 2 * size - 1))
-    c = path.coefficients
-    compose_pieces_kernel(c, owners[:count], phases[:count], work, durations, coefficients)
-    return durations, coefficients
+    starts, lengths, before, after = phases[:count].T
+    durations = 2.0 * lengths / (before + after)
+    rows = np.column_stack([starts, before, 0.5 * (after - before) / durations])
+    return durations, composed_pieces(path, owners[:count], rows, 2)
 
 
 @kernel
@@ -107,26 +103,3 @@ def _inner_kernel(
         inner[used, 0], inner[used, 1] = length - falling, peak
         used += 1
     return used
-
-
-@kernel
-def compose_pieces_kernel(
-    coefficients: Array,
-    owners: NDArray[np.int64],
-    phases: Array,
-    work: Array,
-    durations: Array,
-    out: Array,
-) -> None:
-    """Write the duration of each phase and the coefficients of q(s(t)); ``out`` comes as zeros."""
-    n, size = coefficients.shape[1:]
-    shifted, product, inner = work[0, :size], work[1], np.empty(2)
-    for i in range(owners.shape[0]):
-        start, length, v0, v1 = phases[i]
-        duration = 2.0 * length / (v0 + v1)
-        half = 0.5 * (v1 - v0) / duration
-        durations[i] = duration
-        inner[0], inner[1] = v0, half
-        for j in range(n):
-            shift_kernel(coefficients[owners[i], j], start, shifted)
-            compose_kernel(shifted, size - 1, inner, product, out[i, j])
