@@ -8,7 +8,7 @@ import numpy as np
 
 from kinematics.arrays import Array, typed
 from kinematics.errors import InvalidOption
-from kinematics.model.body_tree import BodyTree
+from kinematics.model.branch import BodyTree
 from kinematics.model.chain import Limits
 from kinematics.trajectory.interpolation import interpolate
 from kinematics.trajectory.trajectory import Trajectory

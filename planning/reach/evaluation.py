@@ -10,16 +10,14 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from compiled.kernel import direct
-from kinematics.argument_types import typed
-from kinematics.arrays import Array, as_numbers, frozen
+from kinematics.arrays import Array, as_numbers, frozen, typed
 from kinematics.errors import InvalidOption, InvalidPose
 from kinematics.forward import link_number
 from kinematics.ik.batch import shared
 from kinematics.ik.closed_form.analytic import TOLERANCE, middle
-from kinematics.ik.closed_form.plan import COLUMNS as PLAN_COLUMNS
-from kinematics.ik.closed_form.plan import Arm
 from kinematics.ik.closed_form.refine import INSIDE, MORE
-from kinematics.ik.closed_form.structure import Structure, structure
+from kinematics.ik.closed_form.structure import COLUMNS as PLAN_COLUMNS
+from kinematics.ik.closed_form.structure import Arm, Structure, structure
 from kinematics.ik.numeric import numeric
 from kinematics.model.chain import Chain
 from kinematics.pose import inverse

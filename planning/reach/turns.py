@@ -5,9 +5,8 @@ import numpy as np
 from compiled.kernel import kernel
 from kinematics.arrays import Array, Indices
 from kinematics.ik.closed_form.branches import branches_kernel
-from kinematics.ik.closed_form.plan import Arm
-from kinematics.ik.closed_form.refine import CODE, GROUP, INSIDE, MORE
-from kinematics.ik.closed_form.verification import near_kernel
+from kinematics.ik.closed_form.refine import CODE, GROUP, INSIDE, MORE, near_kernel
+from kinematics.ik.closed_form.structure import Arm
 from obstacles.collision.edge_check import FREE
 from obstacles.collision.model.kernel_work import workspace
 from obstacles.collision.model.model_arrays import ModelArrays

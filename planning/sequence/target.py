@@ -9,8 +9,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from kinematics.argument_types import typed
-from kinematics.arrays import Array, numbers
+from kinematics.arrays import Array, numbers, typed
 from kinematics.errors import InvalidOption
 from kinematics.ik.closed_form.analytic import branches, middle
 from kinematics.ik.closed_form.structure import Structure, structure

@@ -4,8 +4,8 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from obstacles.collision.fcl.fcl_distance import FclWorld
 
+from obstacles.collision.fcl_distance import FclWorld
 from planning.exports.export import joint_tolerance, lever_arms
 from tests.planning.scenes import builtin, pillar
 

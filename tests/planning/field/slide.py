@@ -17,7 +17,7 @@ from planning.field.gradient_descent import (
     Rules,
     Track,
     descend_kernel,
-    kept_waypoints_kernel,
+    keep_kernel,
 )
 from planning.field.options import FieldOptions
 from planning.field.potential import Field
@@ -75,7 +75,7 @@ class Slide:
             np.zeros(3, dtype=np.int64),
         )
         q = np.array(start)
-        kept_waypoints_kernel(self.track, q, *self.field.value(q))
+        keep_kernel(self.track, q, *self.field.value(q))
 
     def go(self, until: int, across: Array | None = None, walk: int = 0) -> int:
         """Descend until so many steps were taken, after a walk; the outcome."""
