@@ -24,22 +24,16 @@ from planning.values.goal_costs import GoalCosts
 NEAR_LIMIT = 0.02
 #: A configuration at a limit is left out where another takes at most this many times its time.
 MAX_LONGER = 1.2
-#: Share of a joint's range from a limit beyond which the limit costs nothing [-].
-_FAR_FROM_LIMIT = 0.15
+#: Configurations at most that motions of their own are planned to in place of one at a limit.
+MAX_PLANNED = 6
+#: Edges that the search for a motion to one of these may check.
+MAX_EDGES = 2000
 #: Clearance beyond which clearance costs nothing [m].
 FAR_FROM_OBSTACLES = 0.05
 #: A move is small in which no joint turns further [rad or m], or of the tool no further [m], [rad].
 _SMALL, _SMALL_WAY, _SMALL_TURN = 0.5, 0.05, 0.25
 #: A small move may take this many times the time of the quickest and stay in its branch.
 MAX_LONGER_IN_BRANCH = 1.2
-#: Configurations that cost at most this many times the least count as equally good.
-_ALIKE = 1.25
-#: Configurations at most that motions of their own are planned to in place of one at a limit.
-MAX_PLANNED = 6
-#: Edges that the search for a motion to one of these may check.
-MAX_EDGES = 2000
-#: A motion ends in a configuration that differs by no more than this in a joint [rad or m].
-_SAME = 1e-9
 
 
 def order_goals(
@@ -76,7 +70,8 @@ def order_goals(
     quickest = float(times[inside].min()) if inside.any() else np.inf
     avoided = ~inside & (quickest <= MAX_LONGER * times)
     order = np.lexsort((total, avoided))
-    alike = ~avoided & (total <= _ALIKE * total[order[0]])
+    # Configurations that cost at most this many times the least count as equally good.
+    alike = ~avoided & (total <= 1.25 * total[order[0]])
     stays = own_branch(chain, start, joints, times)
     if stays is not None and not avoided[stays]:
         others = [k for k in order if k != stays]
@@ -133,11 +128,13 @@ def ends_off_limits(
     if not goals or limit_shares(chain, last[None])[0] >= NEAR_LIMIT:
         return []
     joints = np.array(goals)
-    if np.abs(joints - last).max(axis=1).min() > _SAME:
+    # A motion ends in a configuration that differs by no more than this in a joint [rad or m].
+    if np.abs(joints - last).max(axis=1).min() > 1e-9:
         return []
     times, shares = motion_times(chain, start, joints, limits), limit_shares(chain, joints)
     order = np.argsort(times, kind="stable")
     worth = (shares >= NEAR_LIMIT) & (times <= MAX_LONGER * duration)
+    # Configurations at most that plans of their own are made to.
     return [goals[k] for k in order if worth[k]][:MAX_PLANNED]
 
 
@@ -173,7 +170,8 @@ def configuration_costs(
 
 def limit_nearness(chain: Chain, joints: Array) -> Array:
     """Nearness of configurations (k, n) to a joint limit: 1 at it, 0 from 15 % of the range."""
-    return np.asarray(np.clip(1.0 - limit_shares(chain, joints) / _FAR_FROM_LIMIT, 0.0, 1.0))
+    # Share of a joint's range from a limit beyond which the limit costs nothing [-].
+    return np.asarray(np.clip(1.0 - limit_shares(chain, joints) / 0.15, 0.0, 1.0))
 
 
 def turn_counts(chain: Chain, start: Array, goals: Array) -> Array:

@@ -19,8 +19,7 @@ from planning.constrained.path_constraints import apply_path_constraints
 from planning.contact_cores import with_cores
 from planning.goal_choice.chosen_configuration import deviation_note, plan_configuration
 from planning.goal_choice.goal_order import MAX_EDGES, MAX_LONGER, ends_off_limits
-from planning.motion_limits import with_limits
-from planning.options import Options
+from planning.options import Options, with_limits
 from planning.pipeline.optimize_stage import (
     MOST_OFFERS,
     OptimizeStage,
@@ -50,11 +49,6 @@ from planning.tool_motions.tool_path import ToolPath
 from planning.tool_paths.tool_timing import TimedToolPath, time_tool_path
 from planning.values.deadline import Deadline
 from planning.values.optimize_options import OPTIMIZE
-
-#: Share of the time that is left which optimising may take; the rest is for the proof of its offer.
-_REFINING_SHARE = 0.8
-#: Share of the time for planners that have a fallback.
-_SHARE_BEFORE_FALLBACK = 0.5
 
 
 def plan(
@@ -105,7 +99,7 @@ def plan(
         deadline.interruptions.occurred = True
         answer = Failure(late.code, late.message, late.hint or "", late.details["stage"])
     if isinstance(answer, Failure):
-        details = deadline.interruptions.told_in(answer.code, answer.details)
+        details = deadline.interruptions.reported_in(answer.code, answer.details)
         return replace(answer, details=details, stages=tuple(stages.reports))
     return replace(answer, notes=(*moved, *answer.notes)) if moved else answer
 
@@ -231,7 +225,8 @@ class _Pipeline:
         """Run the stages after preflight, with the fallback where the planners come to nothing."""
         if not self.fallback:
             return self._plan_by(self.planners, ready, options)
-        until = self.deadline.within(_SHARE_BEFORE_FALLBACK * self.deadline.remaining)
+        # The fallback has as much time as the planners before it at least.
+        until = self.deadline.within(0.5 * self.deadline.remaining)
         answer = replace(self, deadline=until)._plan_by(self.planners, ready, options)
         if isinstance(answer, Plan):
             return answer
@@ -371,7 +366,8 @@ class _Pipeline:
         """Optimise a motion and prove the result; None where the motion itself is to be taken."""
         work = OptimizeStage(self.problem, checker, self.options, self.parametrization, known)
         for _ in range(MOST_OFFERS):
-            until = self.deadline.within(_REFINING_SHARE * self.deadline.remaining)
+            # The rest of the time is for the proof of what optimising offers.
+            until = self.deadline.within(0.8 * self.deadline.remaining)
             offer = self.stages.run(OPTIMIZE, partial(work.offer, until), work.report)
             if offer is None:
                 break

@@ -18,7 +18,7 @@ from planning.timing.choice import JERK_RULE
 from planning.timing.jerk.state_to_state import JointState
 from planning.timing.options import Payload, TimingOptions
 from planning.timing.parametrization import TimingReport
-from planning.values.effort_limits import EffortLimits
+from planning.values.limits import EffortLimits
 
 #: What holds where a request says nothing else, and what it may say of its answer alone.
 _USUAL, _NOT_OF_TIMING = TimingOptions(), frozenset({"sample_period"})
