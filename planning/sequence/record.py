@@ -223,7 +223,7 @@ def search_failure(
     else:
         code = "PLANNING_FAILED"
         message = f"no combination can be done: {what} fails: {reason} ({times} times)"
-    details = deadline.interruptions.told_in(code, details)
+    details = deadline.interruptions.reported_in(code, details)
     return SequenceFailure(code, message, hint, k, details, record.trials, prefix)
 
 
