@@ -27,12 +27,12 @@ LONG = (
     "tests/service/test_kernels.py", "tests/compiled/test_kernel.py",
     "tests/service/test_cli.py", "tests/service/test_reproducible.py",
     "tests/compiled/test_build.py", "tests/command_line/test_studio.py",
-    "tests/service/test_warm.py", "tests/planning/test_goal_choice_sequences.py",
+    "tests/service/test_warm.py", "tests/planning/goal_choice/test_sequences.py",
     "tests/service/test_startup.py", "tests/service/test_agents.py",
     "tests/obstacles/distance/triangles/test_motion.py",
     "tests/service/test_positioner_obstacles.py",
     "tests/course/test_example_course.py", "tests/service/test_server.py", "tests/test_readme.py",
-    "tests/command_line/test_main.py", "tests/planning/proof/test_followers.py",
+    "tests/command_line/test_main.py", "tests/planning/proof/test_mimic_joints.py",
 )  # fmt: skip
 
 if "PYTEST_XDIST_WORKER" in os.environ:

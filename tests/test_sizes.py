@@ -64,6 +64,7 @@ MANY_ARGUMENTS = {
 #: Folders with more loose modules than MAX_LOOSE that are still to be sorted.
 CROWDED = {
     "client/armwright_client",
+    "client/armwright_wire",
     "planning/proof/collision",
     "service",
     "service/storage",

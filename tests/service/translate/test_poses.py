@@ -52,6 +52,7 @@ def test_a_pose_that_was_answered_can_be_asked_again(T: Any) -> None:
     answer = pose_answer(T)
     again = transform(Pose.model_validate(answer.model_dump()))
     np.testing.assert_allclose(again, T, atol=1e-9)
+    assert answer.quaternion_xyzw is not None
     assert abs(np.linalg.norm(answer.quaternion_xyzw) - 1.0) < 1e-9
 
 
