@@ -45,3 +45,8 @@ def inside(random: np.random.Generator, corners: Array, count: int) -> Array:
     """Random points in the hull of corners (v, 3), shape (count, 3)."""
     weights = random.dirichlet(np.full(len(corners), 0.3), count)
     return np.asarray(weights @ corners)
+
+
+def volume(points: Array) -> float:
+    """Volume of the hull of points [m^3], 0 where they are too few."""
+    return float(ConvexHull(points).volume) if len(points) > 3 else 0.0
