@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from armwright_client import Client, Obstacle, Scene, TaskStageReport, TimedTrajectory
+from armwright_client import Client, FramedPose, Obstacle, Scene, TaskStageReport, TimedTrajectory
 from armwright_wire.export import Format as ExportFormat
 from armwright_wire.trajectory import SegmentAnswer
 from studio.requests import plan_request, set_fields, tour_request
@@ -154,7 +154,9 @@ def _moves(stage: TaskStageReport) -> bool:
 
 def _places(outcome: TaskPlanned, stage: TaskStageReport) -> list[Obstacle]:
     """The obstacles where they stand in a stage."""
-    moved = {item.id: item.pose for item in stage.after.objects}
+    moved = {
+        item.id: FramedPose.model_validate(item.pose.model_dump()) for item in stage.after.objects
+    }
     return [
         item.model_copy(update={"pose": moved[item.id]}) if item.id in moved else item
         for item in outcome.state.obstacles

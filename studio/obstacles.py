@@ -17,6 +17,7 @@ from armwright_client import (
     Cone,
     Convex,
     Cylinder,
+    FramedPose,
     Halfspace,
     Mesh,
     Obstacle,
@@ -221,14 +222,14 @@ def _shape(shape: Any) -> Shape:
     return made
 
 
-def _in(frame: Pose, pose: Any) -> Pose:
+def _in(frame: Pose, pose: Any) -> FramedPose:
     """A pose of a frame in the root frame, where the frame's own pose is in it."""
     turn = rotation(frame)
     position = turn.apply(np.array(pose.position, dtype=float)) + np.array(frame.position)
     return _pose(position, turn * rotation(pose))
 
 
-def _pose(position: Any, turn: Any) -> Pose:
-    return Pose(
+def _pose(position: Any, turn: Any) -> FramedPose:
+    return FramedPose(
         position=[float(value) for value in position], quaternion_xyzw=turn.as_quat().tolist()
     )

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from armwright_client import Pose
+from armwright_client import FramedPose, Pose
 
 #: Positions [m] and directions that are equal but for rounding.
 _SAME = 1e-9
@@ -34,7 +34,7 @@ def wxyz(pose: Pose) -> NDArray[np.float64]:
     return np.array([w, x, y, z])
 
 
-def pose_of(position: NDArray[np.float64], quaternion_wxyz: NDArray[np.float64]) -> Pose:
+def pose_of(position: NDArray[np.float64], quaternion_wxyz: NDArray[np.float64]) -> FramedPose:
     """The pose of a position and a quaternion, as requests take it.
 
     Args:
@@ -42,7 +42,7 @@ def pose_of(position: NDArray[np.float64], quaternion_wxyz: NDArray[np.float64])
         quaternion_wxyz: Unit quaternion, w first, shape (4,).
     """
     w, x, y, z = (float(value) for value in quaternion_wxyz)
-    return Pose(position=[float(value) for value in position], quaternion_xyzw=[x, y, z, w])
+    return FramedPose(position=[float(value) for value in position], quaternion_xyzw=[x, y, z, w])
 
 
 def roll_pitch_yaw(pose: Pose) -> tuple[float, float, float]:

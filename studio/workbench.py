@@ -10,6 +10,7 @@ from armwright_client import (
     CheckAnswer,
     Client,
     DefaultLimits,
+    FramedPose,
     NoIkSolution,
     Obstacle,
     Pose,
@@ -277,7 +278,7 @@ class Workbench:
         (mesh,) = obstacles
         taken = {item.id for item in self.state.obstacles}
         name = self.state.free_id(mesh.id) if mesh.id in taken else mesh.id
-        placed = mesh.model_copy(update={"id": name, "pose": Pose.at(*_NEW_PLACE)})
+        placed = mesh.model_copy(update={"id": name, "pose": FramedPose.at(*_NEW_PLACE)})
         self._change(self.state.with_obstacle(placed))
 
     def load_scene(self, name: str) -> None:

@@ -137,8 +137,11 @@ class Body(Wire):
         return cls(**{name: value for name, value in fields.items() if value is not None})
 
     def to_json(self) -> str:
-        """The JSON that is sent: the fields that were given, by their names on the wire."""
-        return self.model_dump_json(by_alias=True, exclude_unset=True)
+        """The JSON that is sent: the fields that were given, by their names on the wire.
+
+        Copies with other fields (`model_copy`) may hold a `Pose` where a `FramedPose` is declared.
+        """
+        return self.model_dump_json(by_alias=True, exclude_unset=True, serialize_as_any=True)
 
     @classmethod
     def __get_pydantic_json_schema__(
