@@ -26,7 +26,6 @@ if TYPE_CHECKING:
     import service.endpoints.potential.task
     import service.endpoints.reach.task
     import service.endpoints.retime.task
-    import service.endpoints.robots.finger_poses
     import service.endpoints.robots.geometry
     import service.endpoints.robots.task
     import service.endpoints.simulate.task
@@ -44,7 +43,7 @@ if TYPE_CHECKING:
     wrench = service.endpoints.dynamics.task.wrench_task
     equations = service.endpoints.dynamics.equations.equations
     export = service.endpoints.export.task.export
-    finger_poses = service.endpoints.robots.finger_poses.finger_poses
+    finger_poses = service.endpoints.robots.geometry.finger_poses
     robot_geometry = service.endpoints.robots.geometry.robot_geometry
     ik = service.endpoints.ik.task.ik
     fk = service.endpoints.kinematics.task.fk_task
@@ -85,7 +84,7 @@ else:
     wrench = TaskReference("service.endpoints.dynamics.task:wrench")
     equations = TaskReference("service.endpoints.dynamics.equations:equations")
     export = TaskReference("service.endpoints.export.task:export", GRACE)
-    finger_poses = TaskReference("service.endpoints.robots.finger_poses:finger_poses")
+    finger_poses = TaskReference("service.endpoints.robots.geometry:finger_poses")
     robot_geometry = TaskReference("service.endpoints.robots.geometry:robot_geometry")
     ik = TaskReference("service.endpoints.ik.task:ik", GRACE)
     fk = TaskReference("service.endpoints.kinematics.task:fk")

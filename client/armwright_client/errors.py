@@ -28,9 +28,28 @@
 from collections.abc import Mapping
 from typing import Any, ClassVar
 
-from armwright_client import details
 from armwright_wire import errors as common
 from armwright_wire.job import Problem
+
+
+def items(value: object) -> list[object]:
+    """The items of a list; none of anything else."""
+    return list(value) if isinstance(value, list) else []
+
+
+def joints_of(value: object) -> list[float] | None:
+    """The joints of a state; None where it has none."""
+    match value:
+        case {"joints": [*joints]}:
+            numbers = [number(q) for q in joints]
+            return [q for q in numbers if q is not None] if None not in numbers else None
+    return None
+
+
+def number(value: object) -> float | None:
+    """A number as float; None of anything else, truth values among them."""
+    return None if isinstance(value, bool) or not isinstance(value, int | float) else float(value)
+
 
 ArmwrightError = common.ArmwrightError
 InvalidArgument = common.InvalidArgument
@@ -107,12 +126,12 @@ class InCollision(ApiError):
     @property
     def depth(self) -> float | None:
         """Depth of the overlap [m]."""
-        return details.number(self.details.get("depth"))
+        return number(self.details.get("depth"))
 
     @property
     def nearest_valid(self) -> list[float] | None:
         """Joints nearby that are free, where some were found; `details` say how far off."""
-        return details.joints_of(self.details.get("nearest_valid"))
+        return joints_of(self.details.get("nearest_valid"))
 
 
 class StartStateInCollision(InCollision):
@@ -139,12 +158,12 @@ class OutsideLimits(ApiError):
     @property
     def value(self) -> float | None:
         """Its value [rad or m]."""
-        return details.number(self.details.get("value"))
+        return number(self.details.get("value"))
 
     @property
     def limit(self) -> float | None:
         """The limit it violates [rad or m]."""
-        return details.number(self.details.get("limit"))
+        return number(self.details.get("limit"))
 
 
 class StartStateInvalid(OutsideLimits):
@@ -190,7 +209,7 @@ class NoWay(ApiError):
     def blocked_by(self) -> list[tuple[tuple[str, str], float]]:
         """Pairs that stopped motions, with their share of those that were stopped."""
         found = []
-        for item in details.items(self.details.get("blocked_by")):
+        for item in items(self.details.get("blocked_by")):
             match item:
                 case {"pair": [str(first), str(second)], "share": int() | float() as share}:
                     found.append(((first, second), float(share)))
@@ -199,11 +218,7 @@ class NoWay(ApiError):
     @property
     def would_unblock(self) -> list[str]:
         """Obstacles of which each, removed alone, opens a path that was found."""
-        return [
-            name
-            for name in details.items(self.details.get("would_unblock"))
-            if isinstance(name, str)
-        ]
+        return [name for name in items(self.details.get("would_unblock")) if isinstance(name, str)]
 
     @property
     def reason(self) -> str | None:
@@ -214,12 +229,12 @@ class NoWay(ApiError):
     @property
     def fraction(self) -> float | None:
         """Share of the tool's motions that can be carried out."""
-        return details.number(self.details.get("fraction"))
+        return number(self.details.get("fraction"))
 
     @property
     def nearest(self) -> list[float] | None:
         """Joints where the tool's motion ends."""
-        return details.joints_of(self.details.get("nearest"))
+        return joints_of(self.details.get("nearest"))
 
 
 class PlanningFailed(NoWay):

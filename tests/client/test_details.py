@@ -8,7 +8,7 @@ import httpx
 import pytest
 
 import armwright_client as ours
-from armwright_client import Retry, details, errors
+from armwright_client import Retry, errors
 from armwright_client.job import EventReader
 from armwright_client.retry import retry_after
 
@@ -18,7 +18,7 @@ from armwright_client.retry import retry_after
     [(1, 1.0), (0.5, 0.5), (-2, -2.0), (True, None), (None, None), ("1", None), ([1], None)],
 )
 def test_a_number_is_a_number(value: object, number: float | None) -> None:
-    assert details.number(value) == number
+    assert errors.number(value) == number
 
 
 @pytest.mark.parametrize(
@@ -28,7 +28,7 @@ def test_a_number_is_a_number(value: object, number: float | None) -> None:
      ({}, None), ([1.0], None), (None, None)],
 )  # fmt: skip
 def test_joints_are_numbers(value: object, joints: list[float] | None) -> None:
-    assert details.joints_of(value) == joints
+    assert errors.joints_of(value) == joints
 
 
 def failed(**values: Any) -> errors.PlanningFailed:

@@ -1,21 +1,86 @@
 """Equations of a robot as formulas, in workers."""
 
+from dataclasses import asdict
 from typing import Literal
 
+from armwright_wire import dynamics as schema
 from armwright_wire.robot import RobotBody
+from dynamics.equations.page import write_page
 from dynamics.equations.parameters import textbook_table
-from dynamics.equations.sheet import write_sheet
+from dynamics.equations.sheet import Motion, Sheet, write_sheet
 from dynamics.equations.writing import Notation
 from kinematics.caches.bounded_cache import bounded_cache
 from kinematics.model.chain import Chain
 from kinematics.model.dh_table import DhTable
-from service.endpoints.dynamics.formulas import equations_answer
 from service.storage import worker_cache
 from service.storage.cache_key import Reference
 from service.translate.robots.robots import dh_table
 from service.workers.answer import reports_cache_miss
 from service.workers.result import CacheMiss
 from service.workers.task import task
+
+
+def equations_answer(chain: Chain, sheet: Sheet) -> schema.EquationsAnswer:
+    """The formulas of a robot as they are answered.
+
+    Args:
+        chain: The robot.
+        sheet: Its formulas.
+    """
+    kinds = [row.type for row in sheet.table.rows]
+    joints = zip(chain.joint_names, sheet.joints, kinds, strict=True)
+    return schema.EquationsAnswer(
+        format="latex" if sheet.notation is Notation.LATEX else "text",
+        convention=sheet.table.convention,
+        joints=[
+            schema.JointSymbol(joint=name, symbol=symbol, type=kind)
+            for name, symbol, kind in joints
+        ],
+        parameters=[schema.ParameterSymbol(**asdict(item)) for item in sheet.parameters],
+        abbreviations=[
+            schema.Abbreviation(symbol=symbol, formula=formula)
+            for symbol, formula in sheet.abbreviations
+        ],
+        transformations=[_rows(step) for step in sheet.transformations],
+        pose=schema.PoseFormulas(
+            link=chain.tip_link,
+            position=[row[3] for row in sheet.frame],
+            rotation_matrix=[list(row[:3]) for row in sheet.frame],
+        ),
+        jacobian=_rows(sheet.jacobian),
+        dynamics=None if sheet.motion is None else _motion(sheet.motion),
+        notes=list(sheet.notes),
+        document=write_page(sheet),
+    )
+
+
+def _rows(matrix: tuple[tuple[str, ...], ...]) -> list[list[str]]:
+    return [list(row) for row in matrix]
+
+
+def _motion(motion: Motion) -> schema.MotionFormulas:
+    symbols, regressor = motion.christoffel_symbols, motion.regressor
+    return schema.MotionFormulas(
+        equation=motion.equation,
+        mass_matrix=_rows(motion.mass_matrix),
+        christoffel_symbols=None
+        if symbols is None
+        else [
+            schema.ChristoffelFormula(i=i, j=j, k=k, formula=formula)
+            for i, j, k, formula in symbols
+        ],
+        coriolis_matrix=_rows(motion.coriolis_matrix),
+        potential_energy=motion.potential_energy,
+        gravity=list(motion.gravity),
+        regressor=None
+        if regressor is None
+        else schema.RegressorFormulas(
+            regressor=_rows(regressor.regressor),
+            parameters=list(regressor.parameters),
+            values=list(regressor.values),
+        ),
+    )
+
 
 #: Answers that a worker keeps; those of arms with six joints have a few hundred kilobytes.
 _KEPT_ANSWERS = 16

@@ -4,6 +4,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any, cast
 
+import numpy as np
 from pydantic_core import to_json
 
 from armwright_wire.kinematics import MAX_SOLUTIONS, IkRequest
@@ -13,10 +14,13 @@ from kinematics.errors import InvalidOption
 from kinematics.ik.closed_form.structure import structure
 from kinematics.ik.gradient import GradientOptions, Trace, follow
 from kinematics.ik.inverse import IkOptions, Method, inverse_kinematics
+from kinematics.ik.inverse_batch import inverse_kinematics_batch
 from kinematics.ik.numeric.numeric import AXES
 from kinematics.ik.solution import IkResult
 from kinematics.model.chain import Chain
-from service.endpoints.attached_objects import robot_in_scene
+from obstacles.collision.checker import Checker
+from obstacles.collision.fcl_distance import FclWorld, OverlapMeter
+from service.endpoints.attached_objects import RobotInScene, robot_in_scene
 from service.endpoints.ik import constrained
 from service.endpoints.ik.answers import (
     add_sides,
@@ -27,11 +31,10 @@ from service.endpoints.ik.answers import (
     trace_answer,
     unreachable,
 )
-from service.endpoints.ik.collisions import CollisionCheck
-from service.endpoints.ik.many_poses import fits_batch, solve_batch
 from service.storage import worker_cache
 from service.storage.cache_key import Reference
 from service.translate import poses
+from service.translate.contacts import allowed_answer
 from service.translate.frames import (
     Frames,
     first_configuration,
@@ -41,6 +44,112 @@ from service.translate.frames import (
 from service.workers.answer import in_frame, reports_cache_miss
 from service.workers.result import CacheMiss, TaskProblem
 from service.workers.task import GRACE, task
+
+#: Methods that have batch kernels.
+_METHODS = {"auto", "analytic", "numeric"}
+
+
+def fits_batch(body: IkRequest) -> bool:
+    """Whether one solution a pose is wanted that the batch kernels can find.
+
+    They know nothing of constraints, of copies by whole turns and of solutions outside the limits.
+    """
+    one_each = not body.all_solutions and not body.all_turns and (body.max_solutions or 1) == 1
+    return body.method in _METHODS and not body.constraints and one_each
+
+
+def solve_batch(
+    chain: Chain, body: IkRequest, targets: Sequence[Pose]
+) -> list[dict[str, Any] | None]:
+    """The answer to each pose, None for those that the single search must look at.
+
+    Args:
+        chain: The robot.
+        body: The request.
+        targets: Its poses.
+
+    Raises:
+        InvalidPose: An orientation is no rotation.
+        InvalidRobotState: The seed has the wrong length.
+    """
+    closed = body.axes is None and structure(chain, body.link) is not None
+    if body.method == "analytic" and not closed:
+        return [None] * len(targets)
+    if body.choice != "nearest" and (body.method == "numeric" or not closed):
+        return [None] * len(targets)  # a choice among several, of which a batch finds one
+    options = IkOptions(
+        method=cast(Method, body.method),
+        seed=body.seed,
+        ranking=body.choice,
+        parameters=body.parameters,
+        axes=AXES if body.axes is None else body.axes,
+    )
+    T = np.array([poses.transform(target) for target in targets])
+    solutions = inverse_kinematics_batch(
+        chain,
+        T,
+        options,
+        link=body.link,
+        seed_joints=body.seed_joints,
+        threads=1,  # a worker is one of as many as there are processors
+    )
+    answers = [
+        None if solution is None else solution_answer(chain, solution) for solution in solutions
+    ]
+    add_sides(chain, body.link, [item for item in answers if item is not None])
+    return [None if item is None else {"solutions": [item]} for item in answers]
+
+
+#: Collisions of one pose whose depth is measured: depths cost a thousand times as much as verdicts.
+_MAX_DEPTHS = 8
+
+
+class CollisionCheck:
+    """A robot in a scene with which solutions are compared.
+
+    Args:
+        cell: The robot and its surroundings.
+    """
+
+    def __init__(self, cell: RobotInScene) -> None:
+        self.cell = cell
+        self._checker = Checker.of(cell.robot, cell.scene)
+        self._world = FclWorld(cell.robot, cell.scene)
+        self._meter = OverlapMeter(cell.robot, cell.scene)
+
+    def told(self, answers: list[dict[str, Any]]) -> list[dict[str, Any]]:
+        """Pairs that are not kept apart, with how deep they are in the deepest of some answers."""
+        return allowed_answer(self._meter.report(np.array(answer["joints"]) for answer in answers))
+
+    def apply(self, answers: list[dict[str, Any]], *, everything: bool) -> list[dict[str, Any]]:
+        """Solutions with their collisions, usable ones first.
+
+        Args:
+            answers: The solutions, best first; the result is written into them.
+            everything: Check all of them, or stop at the first usable one.
+        """
+        checked: list[dict[str, Any]] = []
+        depths = 0
+        for answer in answers:
+            q = np.array(answer["joints"])
+            (clearance, pair), deep = self._checker.clearance(q), self._meter.too_deep(q)
+            answer["collision_free"] = clearance > 0.0 and not deep
+            why = deep[0][0].deeper(deep[0][1])[0] if deep else ""
+            if clearance <= 0.0 and pair is not None:
+                why = f"{pair[0]!r} and {pair[1]!r} overlap"
+                if depths < _MAX_DEPTHS and (deepest := self._world.collisions(answer["joints"])):
+                    a, b = deepest[0].pair
+                    why = f"{a!r} and {b!r} overlap by {deepest[0].depth:.4g} m"
+                    depths += 1
+            if why:
+                before = answer["rejected_because"]
+                answer["rejected_because"] = why if before is None else f"{before}; {why}"
+            checked.append(answer)
+            if not everything and answer["collision_free"] and answer["within_limits"]:
+                break
+        checked.sort(key=lambda item: (not item["within_limits"], not item["collision_free"]))
+        return checked
+
 
 #: Solutions of a closed form where all are wanted but no number is given.
 _ALL_CLOSED = MAX_SOLUTIONS

@@ -10,11 +10,14 @@ from kinematics import pose as rotation
 from kinematics.arrays import Array
 from kinematics.errors import InvalidOption
 from kinematics.root_frame import frame_pose
+from obstacles.convex.triangles import Triangles
+from obstacles.meshes.writer import glb
 from planning.reach import evaluation
 from planning.reach.evaluation import BasePlacement, Reach, ReachOptions, Status, place_base
 from planning.reach.grid import PoseGrid
 from service.endpoints.attached_objects import RobotInScene, robot_in_scene
-from service.endpoints.reach import mesh, picture
+from service.endpoints.reach import picture
+from service.endpoints.reach.picture import HIGH, LOW
 from service.endpoints.tasks.translation import reach_tolerance
 from service.storage.cache_key import Reference
 from service.translate import poses
@@ -22,6 +25,55 @@ from service.workers import current
 from service.workers.answer import in_frame, reports_cache_miss
 from service.workers.result import CacheMiss, TaskProblem
 from service.workers.task import GRACE, task
+
+#: Corners of a cube's face at the upper end of an axis, in units of its half edges: along the next
+#: axis and the one after, counter-clockwise from outside.
+_CORNERS = np.array([(-1.0, -1.0), (1.0, -1.0), (1.0, 1.0), (-1.0, 1.0)])
+
+
+def draw(grid: PoseGrid, found: Reach) -> bytes:
+    """A GLB of a grid: a cube at each point that is reached, without the faces between two of them.
+
+    Cubes go from blue at the least manipulability to yellow at the largest, and are as large as the
+    spacing; along an edge of the box without length they are as thick.
+
+    Args:
+        grid: Points with one orientation, one of them at least reached.
+        found: Their reach.
+    """
+    shape = grid.shape[:3]
+    reached = found.status.reshape(shape) == Status.REACHED.value
+    figure = found.manipulability.reshape(shape)
+    share = np.where(reached, figure, 0.0) / max(float(figure[reached].max()), 1e-12)
+    padded = np.pad(reached, 1)
+    edges = [edge / (count - 1) if count > 1 else grid.spacing
+             for edge, count in zip(grid.size, shape, strict=True)]  # fmt: skip
+    centres = np.stack(np.meshgrid(*grid.axes(), indexing="ij"), axis=-1)
+    corners, shares = [], []
+    for axis in range(3):
+        for side in (1, -1):
+            beside = np.roll(padded, -side, axis)[1:-1, 1:-1, 1:-1]
+            bare = reached & ~beside
+            corners.append(centres[bare][:, None] + 0.5 * _face(axis, side) * edges)
+            shares.append(share[bare])
+    points = np.concatenate(corners).reshape(-1, 3)
+    points = points @ grid.T_base_box[:3, :3].T + grid.T_base_box[:3, 3]
+    first = 4 * np.arange(len(points) // 4)[:, None]
+    faces = np.concatenate(
+        [first + np.array(corner) for corner in ((0, 1, 2), (0, 2, 3))], axis=1
+    ).reshape(-1, 3)
+    colours = LOW + np.repeat(np.concatenate(shares), 4)[:, None] * (HIGH - LOW)
+    opaque = np.column_stack([colours, np.full(len(colours), 255.0)])
+    return glb(Triangles(points, faces), "reach", opaque.astype(np.uint8))
+
+
+def _face(axis: int, side: int) -> Array:
+    """Corners of a cube's face, counter-clockwise from outside, shape (4, 3)."""
+    corners = np.empty((4, 3))
+    corners[:, axis] = side
+    corners[:, (axis + 1) % 3], corners[:, (axis + 2) % 3] = _CORNERS[::side].T
+    return corners
+
 
 #: Poses times candidates for the base of one request.
 _MAX_CHECKS = 2_000_000
@@ -87,7 +139,7 @@ def reach(
                 "no point of the box is reached: there is no mesh of it",
                 hint='Move the box, or ask for "format": "json" to see why.',
             )
-        return mesh.draw(grid, found)
+        return draw(grid, found)
     return to_json(_answer(found, body, cell, grid, placements), inf_nan_mode="null")
 
 

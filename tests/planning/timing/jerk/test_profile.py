@@ -5,7 +5,7 @@ import pytest
 from numpy.polynomial import Polynomial
 
 from kinematics.arrays import Array, Indices
-from planning.timing.jerk.profile import phases_kernel, ratios_kernel
+from planning.timing.jerk.jerk_limited import phases_kernel, ratios_kernel
 from planning.timing.path.blend import blend, largest_reaches
 from planning.timing.path.path import JointPath, compose_pieces_kernel
 

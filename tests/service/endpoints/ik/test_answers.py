@@ -21,7 +21,7 @@ from service.endpoints.ik.answers import (
     solution_answer,
     trace_answer,
 )
-from service.endpoints.ik.collisions import CollisionCheck
+from service.endpoints.ik.task import CollisionCheck
 from service.workers.result import TaskProblem
 from tests.planning.scenes import HOME, builtin
 

@@ -9,7 +9,7 @@ import trimesh
 from kinematics.pose import transform
 from planning.reach.evaluation import Reach, Status
 from planning.reach.grid import PoseGrid
-from service.endpoints.reach import mesh
+from service.endpoints.reach import task
 
 
 def found(grid: PoseGrid, random: np.random.Generator) -> Reach:
@@ -38,7 +38,7 @@ def test_the_surface_holds_the_volume_of_what_is_reached(size: tuple[float, ...]
     grid = PoseGrid(np.array(size), 0.1, T, np.eye(3)[None])
     reach = found(grid, random)
     loaded = trimesh.load(
-        io.BytesIO(mesh.draw(grid, reach)), file_type="glb", force="mesh", process=False
+        io.BytesIO(task.draw(grid, reach)), file_type="glb", force="mesh", process=False
     )
     count = int(reach.is_reached.sum())
     assert loaded.volume == pytest.approx(count * 1e-3, rel=1e-4)
@@ -53,7 +53,7 @@ def test_the_best_point_is_yellow_and_the_worst_is_blue() -> None:
     reach.status[:] = Status.REACHED.value
     reach.manipulability[:] = (0.0, 0.05, 0.1)
     loaded = trimesh.load(
-        io.BytesIO(mesh.draw(grid, reach)), file_type="glb", force="mesh", process=False
+        io.BytesIO(task.draw(grid, reach)), file_type="glb", force="mesh", process=False
     )
     colours = {tuple(row) for row in loaded.visual.vertex_colors.tolist()}
     assert colours == {(45, 20, 110, 255), (147, 122, 75, 255), (250, 225, 40, 255)}

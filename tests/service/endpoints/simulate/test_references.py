@@ -8,7 +8,7 @@ import pytest
 from armwright_wire.simulation import SimulateRequest
 from kinematics.errors import InvalidRobotState
 from kinematics.robots import builtin_chain
-from service.endpoints.simulate.references import RequestReference, reference
+from service.endpoints.simulate.task import RequestReference, reference
 
 CHAIN = builtin_chain("planar_rr")
 
