@@ -362,7 +362,7 @@ class CartesianOptions(Body):
         if not free:
             return waypoint.tolerance
         given = waypoint.tolerance or self.tolerance or ToolTolerance()
-        changes: dict[str, Any] = dict.fromkeys(free & {"x", "y", "z"}, (-1.0, 1.0))
+        changes: dict[str, Any] = {axis: [-1.0, 1.0] for axis in free & {"x", "y", "z"}}
         turns = free - set(changes)
         changes |= dict.fromkeys(turns) | {"free": sorted({*given.free, *turns})}
         return given.model_copy(update=changes)
