@@ -95,7 +95,7 @@ def test_types_without_a_notation_are_refused(kind: Any) -> None:
     "text", ["float65", "float64[", "1 + 2", "nowhere.at_all.Pair(int64, int64)", "'int64'"]
 )
 def test_text_of_no_type_is_refused(text: str) -> None:
-    with pytest.raises(ValueError, match="no type"):
+    with pytest.raises(ValueError, match="unknown type"):
         type_of_text(text)
 
 

@@ -15,6 +15,7 @@ from service.problem import from_fields
 from service.settings import Settings
 from service.task_references import MODULES
 from service.workers import current
+from service.workers.load import InFlight
 from service.workers.task import Job, load_tasks, registered_task
 from tests.service.server import serving
 
@@ -24,12 +25,13 @@ class LocalWorkers:
 
     ready = True
     unfit = False
-    is_ready_for_work = True
+    is_ready_for_work = is_free = True
     progress = None
     waiting = background_waiting = busy = spare = 0
     count = alive = started_workers = 1
 
     def __init__(self, *_arguments: Any, **_options: Any) -> None:
+        self.in_flight = InFlight()
         for module in MODULES:
             load_tasks(module)
 

@@ -170,4 +170,4 @@ def test_touch_links_and_supports_are_a_millimetre_deep_unless_told(client: http
     # The client sends None too, which is left out of other fields.
     pose = {"position": [0.0, 0.0, 0.1]}
     sent = Attached(id="ball", shape=BALL, pose=pose, link="panda_hand", touch_depth=None)  # type: ignore[arg-type]
-    assert '"touch_depth":null' in sent.model_dump_json(exclude_none=True)
+    assert '"touch_depth":null' in sent.to_json()

@@ -30,11 +30,11 @@ def answer_of(value: object, content_type: str = "application/json") -> JobAnswe
 
 
 def test_times_are_told_in_utc() -> None:
-    summary = job_summary(record(created=0.0, started=1.5, ended=3600.0), 60.0)
-    assert summary.created == "1970-01-01T00:00:00+00:00"
-    assert summary.started == "1970-01-01T00:00:01.500000+00:00"
-    assert summary.ended == "1970-01-01T01:00:00+00:00"
-    assert summary.expires == "1970-01-01T01:01:00+00:00"
+    summary = job_summary(record(created=0.0, started=1.5, ended=3600.0), 60.0).model_dump()
+    assert summary["created"] == "1970-01-01T00:00:00+00:00"
+    assert summary["started"] == "1970-01-01T00:00:01.500000+00:00"
+    assert summary["ended"] == "1970-01-01T01:00:00+00:00"
+    assert summary["expires"] == "1970-01-01T01:01:00+00:00"
 
 
 def test_a_job_that_has_not_ended_does_not_expire() -> None:
