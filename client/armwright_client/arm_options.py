@@ -63,15 +63,15 @@ class IkOptions(TypedDict, total=False):
         choice: What is best; "nearest" to the seed if left out.
         parameters: Arm angles or values of the locked joint of a seven-joint arm's closed form.
         axes: Axes of the pose's own frame that count; all if left out.
-        gradient: Of the method "gradient".
-        frame: Of what names none: a link that stands still, or "tool" at the seed.
+        gradient: Gradient of the method "gradient".
+        frame: Frame of poses that name none: a link that stands still, or "tool" at the seed.
         scene: To be free of collisions in.
         attached: What is held meanwhile.
         allowed_collisions: More pairs that may touch.
-        constraints: Beyond the pose, or in its place.
+        constraints: Constraints beyond the pose, or in its place.
         posture: With constraints: what is nearest; the seed if left out.
         timeout: [s].
-        seed: Of the random generator.
+        seed: Seed of the random generator.
         keep: Whether request and answer are kept as a plan, see `Client.plans`.
     """
 
@@ -106,7 +106,7 @@ class VelocityOptions(TypedDict, total=False):
         link: The tip if left out.
         point: A point fixed to the link, in its frame [m]; its origin if left out.
         damped_below: Singular values below it are damped; 0 for the plain pseudo-inverse.
-        frame: Of the twist: a link that stands still, or "tool"; the root frame if left out.
+        frame: Frame of the twist: a link that stands still, or "tool"; the root frame if left out.
     """
 
     joint_velocities: VectorLike
@@ -175,7 +175,7 @@ class WrenchOptions(TypedDict, total=False):
 
     Args:
         link: The tip if left out.
-        point: In the link's frame [m]; its origin if left out.
+        point: Point in the link's frame [m]; its origin if left out.
         frame: Whose axes the wrench is given along: a link that stands still, or "tool"; the root
             frame if left out.
     """
@@ -190,7 +190,7 @@ class RegressorOptions(ModelOptions, total=False):
 
     Args:
         reference_velocities: v of Y(q, q̇, a, v), with the accelerations as a.
-        motors: With motor inertias and frictions; by default where the robot has any.
+        motors: Whether motor inertias and frictions count; by default where the robot has any.
         known_zeros: Count parameters that are exactly 0 as known.
     """
 
@@ -204,7 +204,7 @@ class PotentialSettings(TypedDict, total=False):
 
     Args:
         options: Weights and reach of the field.
-        frame: Of an inline scene that names none: a link that stands still, or "tool".
+        frame: Frame of an inline scene that names none: a link that stands still, or "tool".
         engine: Projection onto obstacles: closed forms ("exact") or FCL's distance query.
         timeout: Deadline [s].
     """
@@ -232,7 +232,7 @@ class ReachOptions(TypedDict, total=False):
         bases: Candidates for the base.
         base_region: Candidates on the floor.
         timeout: Deadline [s].
-        seed: Of the numeric search.
+        seed: Seed of the numeric search.
     """
 
     frame: str | None

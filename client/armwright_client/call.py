@@ -46,12 +46,12 @@ class Call(Generic[A]):
     """One request.
 
     Args:
-        method: Of HTTP.
-        path: Below the base URL.
+        method: Method of HTTP.
+        path: Path below the base URL.
         read: Makes the answer of its body.
         body: To be sent, a request as JSON.
         query: Parameters of the URL.
-        key: For the header Idempotency-Key.
+        key: Key for the header Idempotency-Key.
         headers: More of them.
         deadline: How long the service may take [s], where that is known.
         repeatable: Whether doing it twice does the same; with a key it always is.

@@ -29,7 +29,7 @@ class CheckOptions(TypedDict, total=False):
         fingers: Where joints of the gripper stand meanwhile [rad or m].
         allowed_collisions: More pairs that may touch.
         margin: Distance to be kept [m].
-        frame: Of an inline scene that names none: a link that stands still, or "tool".
+        frame: Frame of an inline scene that names none: a link that stands still, or "tool".
         depth: False leaves depths and clearance out, and nearly all of the time.
         timeout: [s].
         keep: Whether request and answer are kept as a plan, see `Client.plans`.
@@ -51,11 +51,11 @@ class PlanOptions(TypedDict, total=False):
 
     Args:
         scene: What is in the way: a stored scene's name, or a scene.
-        frame: Of what names none: a link that stands still, or "tool" at the start.
+        frame: Frame of poses that name none: a link that stands still, or "tool" at the start.
         planner: "auto" if left out.
         planner_options: The planner's own.
         refine: Whether, or how, the motion that was found is optimised.
-        constraints: That hold along the path.
+        constraints: Constraints that hold along the path.
         attached: Objects that move with a link.
         fingers: Where joints of the gripper stand meanwhile [rad or m].
         allowed_collisions: More pairs that may touch.
@@ -66,9 +66,9 @@ class PlanOptions(TypedDict, total=False):
         start_state_tolerance: A start or goal so little outside a limit is moved onto it
             [rad or m]; if left out a start by 0.01 % of the limit, a goal by 1e-6.
         timing: How the path becomes a motion.
-        limits: Of the joints, in place of the robot's.
-        timeout: For all stages together [s].
-        seed: Of the random generators.
+        limits: Limits of the joints, in place of the robot's.
+        timeout: Timeout for all stages together [s].
+        seed: Seed of the random generators.
         keep: Whether request and answer are kept as a plan, see `Client.plans`.
     """
 
@@ -98,9 +98,9 @@ class ValidateOptions(TypedDict, total=False):
 
     Args:
         scene: What it must not hit.
-        frame: Of what names none: a link that stands still, or "tool" at the start.
-        limits: In place of the robot's.
-        constraints: That hold along the path.
+        frame: Frame of poses that name none: a link that stands still, or "tool" at the start.
+        limits: Limits in place of the robot's.
+        constraints: Constraints that hold along the path.
         attached: Objects that move with a link.
         fingers: Where joints of the gripper stand meanwhile [rad or m].
         allowed_collisions: More pairs that may touch.
@@ -136,14 +136,14 @@ class ExportOptions(TypedDict, total=False):
 
     Args:
         scene: What it must not hit.
-        frame: Of an inline scene that names none: a link that stands still, or "tool".
+        frame: Frame of an inline scene that names none: a link that stands still, or "tool".
         sample_period: Time between points [s].
         interpolation: Of messages and tables.
         path_tolerance: Distance of the motion from the legs of a path at most [rad].
         blend: How far from a point the corner may be cut: [m] URScript, [mm] RAPID, [%] KRL.
         speed: Share of the axes' largest speeds, for paths.
-        name: Of the program.
-        frame_id: Of the header of a ROS message.
+        name: Name of the program.
+        frame_id: Frame id of the header of a ROS message.
         attached: Objects that move with a link.
         allowed_collisions: More pairs that may touch.
         margin: Distance to be kept [m].
@@ -180,7 +180,7 @@ class SimulateOptions(TypedDict, total=False):
         motor_inertia: J of the robot, in place of its own [kg m² or kg].
         viscous_friction: B of the robot, in place of its own [N m s/rad or N s/m].
         coulomb_friction: Dry friction of the robot, in place of its own [N m or N].
-        effort_limits: Of the drives, in place of the robot's [N m or N].
+        effort_limits: Effort limits of the drives, in place of the robot's [N m or N].
         joint_stops: Stops of the joints: stiffness, dissipation; {} for the usual ones.
         model_error: Errors of the controller's model: mass_scale, inertias, payload, ...
         disturbance: Forces the controller does not know of: torque, amplitude, wrench, ...
@@ -188,17 +188,17 @@ class SimulateOptions(TypedDict, total=False):
         noise: Standard deviations of the encoders: position, velocity.
         control_period: How long each torque is held [s]; a continuous controller if left out.
         duration: [s]; the trajectory's if left out.
-        sample_period: Of the answer [s].
+        sample_period: Sample period of the answer [s].
         saturate: Whether torques are cut off at the effort limits.
         settling_tolerance: [rad or m].
         relative_tolerance: Of the integrator.
         absolute_tolerance: Of the integrator.
-        scene: With one, the tracking tube is answered.
-        frame: Of an inline scene that names none: a link that stands still, or "tool".
+        scene: Scene for which the tracking tube is answered.
+        frame: Frame of an inline scene that names none: a link that stands still, or "tool".
         attached: What the robot holds.
         allowed_collisions: More pairs that may touch.
         timeout: [s].
-        seed: Of the noise.
+        seed: Seed of the noise.
     """
 
     motors: Options | Sequence[Options]
@@ -231,19 +231,19 @@ class TaskOptions(TypedDict, total=False):
 
     Args:
         scene: A stored scene's name, or a scene.
-        frame: Of what names none: a link that stands still, or "tool" at the start.
+        frame: Frame of poses that name none: a link that stands still, or "tool" at the start.
         objects: Obstacles that stand elsewhere than the scene says.
         attached: Objects that are held at the start.
         fingers: Where joints of the gripper stand at the start [rad or m].
         allowed_collisions: Pairs that may touch in all stages.
         margin: Distance to be kept [m].
         timing: How paths become motions.
-        limits: Of the joints, in place of the robot's.
+        limits: Limits of the joints, in place of the robot's.
         goal_costs: Weights by which configurations of poses are chosen.
         improve: Time to look for a better answer after the first [s].
         allow_partial: Whether the first stages are an answer where not all can be done.
-        timeout: For all stages together [s].
-        seed: Of the random generators.
+        timeout: Timeout for all stages together [s].
+        seed: Seed of the random generators.
         keep: Whether request and answer are kept as a plan, see `Client.plans`.
     """
 
@@ -272,7 +272,7 @@ class TourOptions(TypedDict, total=False):
         end: "any" goal, back at the "start", or a configuration.
         precedence: Pairs of goals or groups: the first is visited before the second.
         scene: What is in the way: a stored scene's name, or a scene.
-        frame: Of what names none: a link that stands still, or "tool" at the start.
+        frame: Frame of poses that name none: a link that stands still, or "tool" at the start.
         attached: Objects that move with a link.
         allowed_collisions: More pairs that may touch.
         constraints: What every leg has to hold.
@@ -282,12 +282,12 @@ class TourOptions(TypedDict, total=False):
         start_state_tolerance: A configuration so little outside a limit is moved onto it
             [rad or m]; if left out a start or end by 0.01 % of the limit, a goal by 1e-6.
         timing: Of every leg.
-        limits: Of the joints, in place of the robot's.
+        limits: Limits of the joints, in place of the robot's.
         rounds: Of search and proof after the first tour that is proved.
         leg_timeout: Longest that one leg is planned [s].
         allow_partial: Whether a tour that leaves goals out is an answer.
-        timeout: For the whole tour [s].
-        seed: Of everything random.
+        timeout: Timeout for the whole tour [s].
+        seed: Seed of everything random.
         keep: Whether request and answer are kept as a plan, see `Client.plans`.
     """
 

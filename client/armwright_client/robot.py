@@ -24,11 +24,11 @@ class RobotOptions(TypedDict, total=False):
         base_link: Where the chain begins; poses are in the root frame all the same, unless this is
             work that a positioner moves beside the arm: then they are in its frame.
         tip_link: Where it ends; the likely tip if left out.
-        joint_limits: By the joint's name, "*" for all of the chain; or the text of a MoveIt
+        joint_limits: Limits by the joint's name, "*" for all of the chain; or the text of a MoveIt
             `joint_limits.yaml`.
         default_limits: Rules for limits that nothing else gives.
         held: Positions of joints off the chain [rad or m].
-        motors: Of a URDF, by joint; "*" for every joint that is not named.
+        motors: Motors of a URDF, by joint; "*" for every joint that is not named.
         allow_suspected: Let pairs touch that `Robot.suspected_collisions` would tell.
         visual_solids: Of a URDF: links without collision geometry collide as they look.
     """
@@ -75,7 +75,7 @@ class RobotUpload(RobotBody):
         `armwright_client.urdf` says. Visual ones that are missing are left out.
 
         Args:
-            path: Of the URDF file.
+            path: Path of the URDF file.
             name: To be stored under; the name in the URDF if left out.
             srdf: Of an SRDF file.
             package_dirs: Folders of packages, or that hold folders of packages.
@@ -108,7 +108,7 @@ class RobotArchive:
 
     Args:
         name: To be stored under.
-        content: Of the file.
+        content: Content of the file.
         options: What the description leaves open.
     """
 

@@ -60,7 +60,7 @@ class Wire:
     """State shared by synchronous and asynchronous sending.
 
     Args:
-        base_url: Of the service.
+        base_url: Base url of the service.
         options: See `ClientOptions`.
 
     Raises:

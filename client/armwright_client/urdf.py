@@ -33,7 +33,7 @@ class UrdfFile:
     """A URDF with its meshes.
 
     Args:
-        name: As the description says.
+        name: Name as the description says.
         text: What to send.
         meshes: Files in base64 by the URI that the text names them by.
     """
@@ -49,7 +49,7 @@ def read_urdf(
     """Read a URDF file, its collision meshes and the visual ones that are there.
 
     Args:
-        path: Of the URDF.
+        path: Path of the URDF.
         package_dirs: Folders of packages, or that hold them.
         max_visual_bytes: Of visual mesh files together; small ones go first.
 

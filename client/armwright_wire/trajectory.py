@@ -75,7 +75,7 @@ class Pieces:
         At a break the piece that begins there is meant, at the end the last piece.
 
         Args:
-            times: From the beginning of the first piece to the end of the last [s].
+            times: Times from the beginning of the first piece to the end of the last [s].
             derivative: 0 position, 1 velocity, 2 acceleration, 3 jerk, ...
 
         Returns:
@@ -96,8 +96,8 @@ class Pieces:
         """The message trajectory_msgs/JointTrajectory of ROS 2 as a dictionary.
 
         Args:
-            period: Of the points, which end at the very end [s].
-            frame_id: Of the header.
+            period: Period of the points, which end at the very end [s].
+            frame_id: Frame id of the header.
 
         Raises:
             InvalidArgument: There are no pieces or no joint names, or the period is not positive.
@@ -122,7 +122,7 @@ class Pieces:
         """A table with a header: time, then position, velocity, acceleration of each joint.
 
         Args:
-            period: Of the rows, which end at the very end [s].
+            period: Period of the rows, which end at the very end [s].
 
         Raises:
             InvalidArgument: As `joint_trajectory`.

@@ -33,7 +33,7 @@ class Authenticator:
         """The caller of a request; its key, too, if there are keys. May block.
 
         Args:
-            headers: Of the request, by names in lower case.
+            headers: Headers of the request, by names in lower case.
 
         Raises:
             ProblemError: UNAUTHENTICATED; STORAGE_UNAVAILABLE.

@@ -69,8 +69,8 @@ def needed_scope(
     """The scope that a request needs; None if anybody may ask.
 
     Args:
-        method: Of the request.
-        path: Of the request.
+        method: Method of the request.
+        path: Path of the request.
         public_health: Whether anybody may ask for health and readiness.
         public_metrics: Whether anybody may ask for metrics.
     """

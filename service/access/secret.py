@@ -16,7 +16,7 @@ class Credentials(NamedTuple):
     """The two parts of an API key.
 
     Args:
-        id: By which it is found; no secret.
+        id: Id by which it is found; no secret.
         secret: Known to the caller alone.
     """
 

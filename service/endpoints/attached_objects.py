@@ -95,7 +95,7 @@ def requested_scene(
     own.
 
     Args:
-        reference: Of the stored scene, where the request names one.
+        reference: Reference of the stored scene, where the request names one.
         body: The request.
         chain: The robot.
         joints: Where the frame "tool" is meant, shape (n,) [rad or m]; None where nothing says so.
@@ -161,9 +161,9 @@ def with_surroundings(
 
     Args:
         geometry: The robot alone.
-        scene: As `robot_in_scene` has it.
+        scene: Scene as `robot_in_scene` has it.
         body: The request.
-        joints: As `robot_in_scene` has them.
+        joints: Joints as `robot_in_scene` has them.
 
     Raises:
         NotPrepared: The stored scene has to be prepared first.

@@ -12,9 +12,9 @@ def page(
     """The items of a page, and the key after which the next page begins.
 
     Args:
-        items: In order, one more than the page holds where there is a next page.
+        items: Items in order, one more than the page holds where there is a next page.
         limit: Items of a page.
-        key: Of an item.
+        key: Key of an item.
 
     Returns:
         The first items, and the key of the last one, None where nothing follows.

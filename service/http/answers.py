@@ -144,11 +144,11 @@ async def answer(
     """The result of a job about a robot and perhaps a scene, computed in a worker.
 
     Args:
-        request: On whose behalf.
+        request: Request on whose behalf.
         make_job: Makes the job from the references of the robot and of a stored scene.
         robot_name: The robot.
         scene_source: The scene as the request gives it.
-        timeout: As the request names it [s].
+        timeout: Timeout as the request names it [s].
         on_progress: Told of progress in place of the job that the request belongs to.
 
     Raises:
@@ -304,7 +304,7 @@ async def plan_answer(
     """The answer to a request for a plan, JSON.
 
     Args:
-        request: On whose behalf.
+        request: Request on whose behalf.
         body: The problem.
         content: The problem as JSON, for the worker.
 

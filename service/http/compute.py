@@ -53,10 +53,10 @@ async def compute(
     """The result of a job, computed in a worker within `timeout` [s].
 
     Args:
-        request: On whose behalf; when its client leaves, the work is ended.
+        request: Request on whose behalf; when its client leaves, the work is ended.
         job: The call.
-        timeout: As the request names it; the default of the service if left out. It begins when
-            the first byte of the request came, or for a job when a worker takes it up.
+        timeout: Timeout as the request names it; the default of the service if left out. It begins
+            when the first byte of the request came, or for a job when a worker takes it up.
         on_progress: Called with progress, in place of the job that the request belongs to.
 
     Raises:
@@ -102,7 +102,7 @@ async def _ending_with_client(request: Request) -> AsyncIterator[None]:
     """Context in which what is awaited is cancelled when the client leaves.
 
     Args:
-        request: Of the client.
+        request: Request of the client.
 
     Raises:
         ProblemError: PREEMPTED, it left.

@@ -91,7 +91,7 @@ class HttpProblemError(ProblemError):
     Args:
         code: The kind of problem.
         detail: What is wrong this time, and where.
-        headers: By name.
+        headers: Headers by name.
         more: As `ProblemError` has it.
     """
 
@@ -311,7 +311,7 @@ def response_to(
 
     Args:
         error: What was raised: of ours, a mistake, or the end of the service.
-        scope: Of the request.
+        scope: Scope of the request.
         started: Whether a response has begun: all that is left is to break the connection off.
 
     Returns:

@@ -73,7 +73,7 @@ def kept_answer(request: Request, of: Callable[[T], Response]) -> KeptAnswer[T] 
     A process that dies has then made both or neither. None if the request has no key.
 
     Args:
-        request: That makes something.
+        request: Request that makes something.
         of: The answer to it, of what was made.
     """
     key: IdempotencyKey | None = request.scope.get(_CLAIMED)

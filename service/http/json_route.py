@@ -44,7 +44,7 @@ class JsonRequest(Request):
     """A request whose body is parsed strictly.
 
     Args:
-        request: As the framework has it.
+        request: Request as the framework has it.
         model: What the body must follow; a large one is answered as an instance of it.
     """
 

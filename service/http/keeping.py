@@ -52,8 +52,8 @@ class _Outcome:
     """Answer or problem of a request.
 
     Args:
-        status: Of HTTP.
-        code: Of the problem, if it is one.
+        status: Status of HTTP.
+        code: Code of the problem, if it is one.
         content: JSON.
     """
 
@@ -117,7 +117,7 @@ def states_proof(path: str, content: bytes) -> bool:
     """Whether an answer says that all is proved: those of validate alone may say that it is not.
 
     Args:
-        path: Of the request.
+        path: Path of the request.
         content: The answer, JSON.
     """
     return path != "/v1/validate" or json.loads(content)["verified"] is True

@@ -15,8 +15,8 @@ def field(scope: Scope, name: bytes) -> str | None:
     """The first value of a header; None where there is none.
 
     Args:
-        scope: Of the request.
-        name: In lower case.
+        scope: Scope of the request.
+        name: Name in lower case.
     """
     for known, value in scope["headers"]:
         if known == name:
@@ -29,8 +29,8 @@ def values(scope: Scope, name: bytes) -> list[str]:
     """All values of a header, in their order.
 
     Args:
-        scope: Of the request.
-        name: In lower case.
+        scope: Scope of the request.
+        name: Name in lower case.
     """
     return [value.decode("latin-1") for known, value in scope["headers"] if known == name]
 
@@ -57,7 +57,7 @@ def check_precondition(request: Request, current: str | None) -> None:
     """See whether what exists is what a request that changes it expects.
 
     Args:
-        request: With the headers If-Match and If-None-Match, or without.
+        request: Request with the headers If-Match and If-None-Match, or without.
         current: The hash of what exists; None if there is nothing.
 
     Raises:

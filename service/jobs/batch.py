@@ -83,7 +83,7 @@ class Parts:
         They have the same robot, scene and timeout.
 
         Args:
-            workers: That share what is left.
+            workers: Workers that share what is left.
             mean: Time of a problem, if it is known [s].
         """
         if not self._waiting:
@@ -106,7 +106,7 @@ class Parts:
         """Have problems wait again, before all others.
 
         Args:
-            indices: In order.
+            indices: Indices in order.
             alone: Whether each is to be a part of its own from then on.
         """
         self._waiting.extendleft(reversed(indices))

@@ -72,7 +72,7 @@ class Engine:
     """Messages of the queue, each handed to a function that works on its job.
 
     Args:
-        url: Of the PostgreSQL database.
+        url: Url of the PostgreSQL database.
         concurrency: Messages that are worked on at a time.
         carry: Works on the job of an id. It returns once there is nothing left to do for it, and
             raises otherwise.

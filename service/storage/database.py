@@ -118,7 +118,7 @@ class FileLock:
     """A lock that is held until it is released or the process ends.
 
     Args:
-        path: Of the file, which is made if it is not there, and stays.
+        path: Path of the file, which is made if it is not there, and stays.
 
     Raises:
         FileLocked: The lock is held already.

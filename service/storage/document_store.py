@@ -103,7 +103,7 @@ class DocumentStore:
         database: Where they are kept.
         actor: On whose behalf; documents of other tenants are not seen.
         storage_limit: Size of all documents of the tenant [byte]; None for any.
-        cache: Of records, where all that write to the database have the same one.
+        cache: Cache of records, where all that write to the database have the same one.
     """
 
     def __init__(
@@ -148,9 +148,9 @@ class DocumentStore:
         """Keep a document, new or in place of the one of that name.
 
         Args:
-            kind: Of document.
-            name: Of the document.
-            content: Of the document.
+            kind: Kind of document.
+            name: Name of the document.
+            content: Content of the document.
             precondition: Asked in the transaction that stores the document.
 
         Raises:
@@ -208,8 +208,8 @@ class DocumentStore:
         """Forget a document.
 
         Args:
-            kind: Of document.
-            name: Of the document.
+            kind: Kind of document.
+            name: Name of the document.
             precondition: Asked in the transaction that deletes the document, if there is one.
 
         Raises:

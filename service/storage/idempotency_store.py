@@ -35,7 +35,7 @@ class IdempotencyKey:
     """An idempotency key, which stands for one request.
 
     Args:
-        key: As the caller chose it.
+        key: Key as the caller chose it.
         endpoint: Method and path of the request.
         tenant: Whose request it is.
     """

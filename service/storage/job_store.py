@@ -25,8 +25,8 @@ class StoredRequest:
     """The request that a job answers.
 
     Args:
-        method: Of HTTP.
-        path: That was asked.
+        method: Method of HTTP.
+        path: Path that was asked.
         content_type: Of the body.
         body: As it came.
     """
@@ -42,7 +42,7 @@ class JobRecord:
     """Status of a job.
 
     Args:
-        id: By which it is asked for; later jobs sort after earlier ones.
+        id: Id by which it is asked for; later jobs sort after earlier ones.
         method: Of its request.
         path: Of its request.
         status: queued, running, succeeded, failed or cancelled.
@@ -57,7 +57,7 @@ class JobRecord:
         api_key: Id of the key of its caller, if there was one.
         attempt: Counts the servers that have had it in work, from 1.
         carrier: "agents" if agents work on it, None if servers do.
-        parent: Of a chunk, the batch that it is a part of.
+        parent: Parent of a chunk, the batch that it is a part of.
         first: Of a chunk, the index of its first problem in the batch.
         size: Problems of a chunk, or of a batch that was cut into chunks.
     """

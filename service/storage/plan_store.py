@@ -29,17 +29,17 @@ class PlanRecord:
     """A kept request, without its content.
 
     Args:
-        id: By which it is asked for; later ones sort after earlier ones.
-        method: Of HTTP.
-        path: Of the request.
-        status: Of HTTP: 200, or that of the problem.
-        code: Of the problem; None where there is an answer.
+        id: Id by which it is asked for; later ones sort after earlier ones.
+        method: Method of HTTP.
+        path: Path of the request.
+        status: Status of HTTP: 200, or that of the problem.
+        code: Code of the problem; None where there is an answer.
         robot: Its name, if the request is about one.
         robot_hash: SHA-256 of its document; None for a built-in robot.
         scene: The name of the stored scene, if the request names one.
         scene_hash: SHA-256 of its document.
-        seed: Of the request, if it has one.
-        version: Of the app that answered.
+        seed: Seed of the request, if it has one.
+        version: Version of the app that answered.
         digest: SHA-256 of the answer without measured times.
         created: Seconds since the epoch.
         job: The job that it answered, if it was one.

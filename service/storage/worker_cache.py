@@ -103,7 +103,7 @@ def placed_scene(
 
     Args:
         source: The scene.
-        frame: Of obstacles that name none; None for the root frame.
+        frame: Frame of obstacles that name none; None for the root frame.
         chain: The robot.
         joints: Where the frame "tool" is meant, shape (n,) [rad or m]; None where nothing says so.
 

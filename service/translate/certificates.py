@@ -20,7 +20,7 @@ def certificate_answer(
     Args:
         certificate: The certificate.
         begins: When its trajectory begins [s].
-        scene: As the request names it.
+        scene: Scene as the request names it.
     """
     answer: dict[str, Any] = {
         "verified": certificate.verified,

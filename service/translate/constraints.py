@@ -38,7 +38,7 @@ def constraint_set(
     """The constraints of a request on a robot; None where there are none.
 
     Args:
-        bodies: Of the request.
+        bodies: Bodies of the request.
         chain: The robot.
         more: Put behind them.
 
@@ -141,7 +141,7 @@ def uses(constraints: ConstraintSet, residuals: Array) -> list[dict[str, Any]]:
 
     Args:
         constraints: m rows.
-        residuals: Of the rows, shape (m,).
+        residuals: Residuals of the rows, shape (m,).
     """
     answers = []
     for i, made in enumerate(constraints.constraints):

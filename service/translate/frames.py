@@ -321,7 +321,7 @@ def first_configuration(chain: Chain, joints: Any) -> Array | None:
 
     Args:
         chain: The robot.
-        joints: As the request gives them.
+        joints: Joints as the request gives them.
     """
     if joints is None or (isinstance(joints, list) and joints and isinstance(joints[0], list)):
         return None

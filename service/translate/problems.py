@@ -136,7 +136,7 @@ def options(
     Args:
         body: The request.
         chain: The robot.
-        timeout: For all stages together [s].
+        timeout: Timeout for all stages together [s].
         observer: Called with the name of each stage as it begins.
 
     Raises:

@@ -16,7 +16,7 @@ def with_states(body: PlanRequest, states: Mapping[str, Array]) -> PlanRequest:
 
     Args:
         body: The request.
-        states: Of the robot, by name.
+        states: States of the robot, by name.
 
     Raises:
         InvalidRobotState: The robot has no such state.

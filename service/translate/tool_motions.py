@@ -33,7 +33,7 @@ def timed_tool_motions(
     """The tool motions that a trajectory is held to, each from where the one before ends.
 
     Args:
-        body: As the request gives them, in the root frame.
+        body: Body as the request gives them, in the root frame.
         chain: The robot; its tip is the tool.
         motion: The trajectory.
         begins: When it begins [s].
@@ -164,7 +164,7 @@ def reference_answer(chain: Chain, plan: Plan | None, seed: int) -> list[dict[st
     Args:
         chain: The robot; its tip is the tool.
         plan: The plan, if there is one.
-        seed: Of the draw.
+        seed: Seed of the draw.
     """
     if plan is None or not plan.tool_motions:
         return None

@@ -127,7 +127,7 @@ def trajectory_answer(
 
     Args:
         timed: The trajectory.
-        period: Of samples [s]; none are answered where None.
+        period: Period of samples [s]; none are answered where None.
         begins: Time at which the trajectory begins [s].
 
     Raises:

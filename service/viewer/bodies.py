@@ -24,7 +24,7 @@ class Body(NamedTuple):
     """A body to be drawn.
 
     Args:
-        name: Of the link or obstacle.
+        name: Name of the link or obstacle.
         kind: "link", "visual" for what a link looks like, "held", "obstacle", or "moved" for what
             is carried by turns.
         joint: Index of the joint that carries it, -1 for what stands still.

@@ -77,7 +77,7 @@ def rejected(label: str, joints: Sequence[float], reason: str) -> Configuration:
     Args:
         label: What it is.
         joints: Shape (n,) [rad or m].
-        reason: In words, as the API answers it: bodies stand between quotes.
+        reason: Reason in words, as the API answers it: bodies stand between quotes.
     """
     pair = _PAIR.search(reason)
     cause = "limits" if "outside" in reason else "collision" if pair else "other"

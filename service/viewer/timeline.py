@@ -36,7 +36,7 @@ class Part(NamedTuple):
         label: What it is called.
         begins: When [s].
         motion: From its own time 0.
-        robot: With what it holds in this part, its fingers where they stand at the beginning.
+        robot: Robot with what it holds in this part, its fingers where they stand at the beginning.
         scene: The obstacles in this part, and what may touch.
         fingers: Motion of the gripper's joints beside it; None where they stand still.
         last: The robot with its fingers where they stand at the end.
@@ -55,8 +55,8 @@ def joined(parts: Sequence[Part], duration: float) -> Trajectory:
     """The motion of all parts in turn; between them, before and behind the arm stands still.
 
     Args:
-        parts: In order.
-        duration: Of the whole timeline [s].
+        parts: Parts in order.
+        duration: Duration of the whole timeline [s].
     """
     motions: list[Trajectory] = []
     time = 0.0
@@ -74,7 +74,7 @@ def joined_curves(parts: Sequence[Part], tool_speed: float | None) -> dict[str, 
     """Torque, tool speed and clearance of all parts in turn, each with what is held in it.
 
     Args:
-        parts: In order.
+        parts: Parts in order.
         tool_speed: The limit of the tip's speed, if there is one [m/s].
     """
     whole = sum(part.motion.duration for part in parts)
@@ -101,8 +101,8 @@ def finger_tracks(robot: RobotGeometry, parts: Sequence[Part]) -> dict[str, dict
     out.
 
     Args:
-        robot: As the page draws it.
-        parts: In order.
+        robot: Robot as the page draws it.
+        parts: Parts in order.
     """
     chain = robot.chain
     times: list[float] = []
@@ -136,7 +136,7 @@ def _clearance(part: Part, share: float) -> dict[str, Any]:
 
     Args:
         part: The part.
-        share: Of the whole time.
+        share: Share of the whole time.
     """
     if part.fingers is None:
         counts = _FEWEST, max(round(share * _CLEARANCES), _FEWEST)

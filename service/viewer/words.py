@@ -27,7 +27,7 @@ def certificate_sentences(certificate: Mapping[str, Any]) -> list[str]:
     """Sentences of a certificate.
 
     Args:
-        certificate: As the API answers it.
+        certificate: Certificate as the API answers it.
     """
     proved = certificate["proved"]
     sentences = [
@@ -74,7 +74,7 @@ def unproved_sentences(certificate: Mapping[str, Any]) -> list[str]:
     """Sentences of what a certificate says is not proved, and why.
 
     Args:
-        certificate: As the API answers it.
+        certificate: Certificate as the API answers it.
     """
     reasons = (certificate.get("proved") or {}).get("reasons") or ()
     sentences = [f"Not proved: {reason}" for reason in reasons]
@@ -88,7 +88,7 @@ def against(certificate: Mapping[str, Any]) -> str:
     """The premises of a certificate in words.
 
     Args:
-        certificate: As the API answers it.
+        certificate: Certificate as the API answers it.
     """
     told = certificate.get("premises")
     return (
@@ -100,7 +100,7 @@ def problem_sentences(problem: Mapping[str, Any]) -> list[str]:
     """Sentences of a problem document.
 
     Args:
-        problem: As the API answers it.
+        problem: Problem as the API answers it.
     """
     sentences = [f"{problem['title']} ({problem['code']}).", _sentence(problem["detail"])]
     if problem.get("hint"):

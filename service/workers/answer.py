@@ -50,7 +50,7 @@ def frame_transform(chain: Chain, joints: ArrayLike, name: str | None) -> Array 
 
     Args:
         chain: The robot.
-        joints: Of the request, shape (..., n) [rad or m].
+        joints: Joints of the request, shape (..., n) [rad or m].
         name: The frame; None for the root frame, which is answered by None.
 
     Raises:
@@ -67,7 +67,7 @@ def chain_task(function: Callable[[Chain, _Body], bytes], model: type[_Body]) ->
 
     Args:
         function: Answers a request about a chain.
-        model: Of the request.
+        model: Model of the request.
     """
 
     @reports_cache_miss

@@ -119,7 +119,7 @@ def is_refusal(kind: Reply, outcome: Any) -> bool:
     """Whether a reply says that nothing was computed: how long that took tells nothing of others.
 
     Args:
-        kind: Of the reply.
+        kind: Kind of the reply.
         outcome: The first value behind the seconds.
     """
     if kind == Reply.FAULT:

@@ -80,7 +80,7 @@ class WorkerPool:
         owner: Who is told of what happens to them.
         recipe: What the fork server loads.
         launched: A fork server with this recipe that was started already.
-        limits: Of each worker.
+        limits: Limits of each worker.
     """
 
     def __init__(

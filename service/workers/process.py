@@ -120,7 +120,7 @@ class Ticket:
         job: The call.
         deadline: When the result must be there; of a background job set when a worker begins.
         payload: The job, pickled.
-        result: Of the caller.
+        result: Result of the caller.
         on_progress: Called with the progress that the task reports.
         background: Given where nobody waits.
         brief: Whether it takes a millisecond or so, for which a spare worker is good enough.
@@ -308,7 +308,7 @@ def limit_memory(pid: int, limits: WorkerLimits) -> None:
 
     Args:
         pid: The worker, which was just forked.
-        limits: Of a worker.
+        limits: Limits of a worker.
     """
     meter = MemoryMeter(pid)
     limit = meter.size + limits.memory

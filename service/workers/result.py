@@ -126,7 +126,7 @@ class BatchItem:
         robot: Its name, perhaps that of all problems.
         scene: The name of a stored scene, if it is in one.
         shared: Whether it is in the scene that the batch gives inline.
-        timeout: As the request names it [s].
+        timeout: Timeout as the request names it [s].
         content: What the batch says of this problem alone, JSON.
     """
 
@@ -150,7 +150,7 @@ class SplitBatch:
         items: Its problems, in order.
         head: The fields that stand beside them, without a scene given inline: JSON, each with a
             comma behind it.
-        scene_hash: Of the document of a scene given inline; None where there is none.
+        scene_hash: Hash of the document of a scene given inline; None where there is none.
     """
 
     items: tuple[BatchItem, ...]

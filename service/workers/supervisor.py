@@ -76,7 +76,7 @@ class WorkerSupervisor(SupervisorState):
         launched: A fork server with this recipe that was started already.
         spares: Worker processes beyond that number. They are warm when a worker has to be replaced,
             and take brief jobs while all others have work.
-        limits: Of each worker.
+        limits: Limits of each worker.
     """
 
     def __init__(

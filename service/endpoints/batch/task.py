@@ -38,7 +38,7 @@ def split(content: bytes, folder: str, name: str) -> SplitBatch:
     Args:
         content: The request, which was found valid when it came.
         folder: Where to keep the scene.
-        name: For the scene, different from that of any that is stored.
+        name: Name for the scene, different from that of any that is stored.
 
     Raises:
         InvalidScene: The scene can't be built.
@@ -83,7 +83,7 @@ def plan_part(
         robot: The robot of all of them.
         scene: The scene of all of them, where it is stored or shared.
         content: The part, as a batch of its own.
-        timeout: Of each problem [s].
+        timeout: Timeout of each problem [s].
     """
     began = time.monotonic()
     body = BatchRequest.model_validate_json(content)

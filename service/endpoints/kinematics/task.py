@@ -50,7 +50,7 @@ def fk_document(chain: Chain, body: FkRequest, poses: Array) -> dict[str, Any]:
     Args:
         chain: The robot.
         body: The request.
-        poses: Of all links in the root frame, shape (..., links, 4, 4).
+        poses: Poses of all links in the root frame, shape (..., links, 4, 4).
 
     Raises:
         InvalidLinkName: No such link.

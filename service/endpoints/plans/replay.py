@@ -57,7 +57,7 @@ def replayed_body(
     """The body of a kept request for its replay; without changes, its own bytes as far as can be.
 
     Args:
-        content: Of the kept plan.
+        content: Content of the kept plan.
         changes: A merge patch.
         keep: Whether the replay is to be kept; None to leave that to the endpoint.
     """
@@ -86,7 +86,8 @@ async def replay_plan(
     """Answer a kept request once more.
 
     Args:
-        request: That asks for the replay: its client, job and caller are those of the replay.
+        request: Request that asks for the replay: its client, job and caller are those of the
+            replay.
         record: The kept plan.
         body: The request, JSON.
         pinned: Robot and scene that stay as they were.

@@ -170,8 +170,8 @@ def solutions(answers: list[dict[str, Any]], label: str) -> Iterator[Configurati
     """Inverse-kinematics solutions with the reasons of the rejected ones.
 
     Args:
-        answers: As the API answers them.
-        label: Of all of them; each gets its number, counted from 0.
+        answers: Answers as the API answers them.
+        label: Label of all of them; each gets its number, counted from 0.
     """
     for number, answer in enumerate(answers):
         why = answer.get("rejected_because")

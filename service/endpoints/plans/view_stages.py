@@ -40,7 +40,7 @@ class Timeline(NamedTuple):
 
     Args:
         cell: The robot, and the obstacles that stand still throughout.
-        motion: Of all parts in turn.
+        motion: Motion of all parts in turn.
         curves: Over the whole time, as of a single motion.
         moved: Objects that are carried.
         extra: More fields of the document: ``stages`` with labels and times, ``carriers`` of the
@@ -65,7 +65,7 @@ def task_shown(
         robot: The robot.
         scene: The stored scene, where the request names one.
         request: The body.
-        answer: With the stages.
+        answer: Answer with the stages.
     """
     body, geometry, around = _task_world(robot, scene, request)
     stages = answer["stages"]
@@ -98,7 +98,7 @@ def task_parts(
         robot: The robot.
         scene: The stored scene, where the request names one.
         request: The body.
-        answer: With the stages.
+        answer: Answer with the stages.
     """
     body, geometry, around = _task_world(robot, scene, request)
     return _parts(answer, geometry, around, body)
@@ -133,7 +133,7 @@ def tour_shown(
         robot: The robot.
         scene: The stored scene, where the request names one.
         request: The body.
-        answer: With the legs.
+        answer: Answer with the legs.
     """
     body = TourRequest.model_validate(request)
     cell = tour_cell(robot, scene, body)
@@ -157,7 +157,7 @@ def tour_parts(
         robot: The robot.
         scene: The stored scene, where the request names one.
         request: The body.
-        answer: With the legs.
+        answer: Answer with the legs.
     """
     return _legs(tour_cell(robot, scene, TourRequest.model_validate(request)), answer)
 

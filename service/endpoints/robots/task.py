@@ -93,9 +93,9 @@ def prepare_robot(document: bytes, folder: str, notes: tuple[str, ...] = ()) -> 
     """Build a robot from its JSON document and keep it for all workers.
 
     Args:
-        document: Of the robot.
+        document: Document of the robot.
         folder: Where to keep it.
-        notes: On what it was made of, for its lint.
+        notes: Notes on what it was made of, for its lint.
 
     Returns:
         The model as it is answered, JSON.

@@ -31,7 +31,7 @@ class RequestReference(NamedTuple):
     """The reference of a request.
 
     Args:
-        motion: As a trajectory.
+        motion: Motion as a trajectory.
         begins: When it begins, in the request's time [s].
         rest: Where the robot rests before, shape (n,) [rad or m]; None at the motion's start.
     """

@@ -49,9 +49,9 @@ class Remaining(NamedTuple):
     """The parts whose clearance is left the least by the displacement.
 
     Args:
-        clearance: Of the reference [m].
+        clearance: Clearance of the reference [m].
         pair: The pair that this clearance is of.
-        displacement: Of the part that is displaced the most of those it holds for [m].
+        displacement: Displacement of the part that is displaced the most of those it holds for [m].
         displaced: The link that is displaced.
         seen_from: The link that sees it; None for the base.
         distance: Clearance less displacement [m].
@@ -186,8 +186,8 @@ def remaining(
     cut into halves by displacement.
 
     Args:
-        clearance: Of all parts.
-        displacements: By part: a link, or a pair of links.
+        clearance: Clearance of all parts.
+        displacements: Displacements by part: a link, or a pair of links.
         clearance_of: The clearance of some of the parts; None to take that of all for each.
     """
     worst = Remaining(clearance.distance, clearance.pair, 0.0, None, None, clearance.distance)

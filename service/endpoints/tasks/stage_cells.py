@@ -45,7 +45,7 @@ def stage_cells(
     """The cells of answered stages; what is held in a stage is what is held after it.
 
     Args:
-        stages: As the answer tells them.
+        stages: Stages as the answer tells them.
         robot: The robot alone, its fingers anywhere.
         around: The scene with all objects, see ``task_objects``.
         fingers: Where the fingers stand when the task begins [rad or m].

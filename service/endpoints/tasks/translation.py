@@ -53,7 +53,7 @@ def stages(
         body: The request.
         robot: The robot alone.
         start: Where it stands, shape (n,) [rad or m].
-        timeout: For all stages together [s].
+        timeout: Timeout for all stages together [s].
 
     Raises:
         ArmwrightError: A stage is malformed; the message and the details say which.

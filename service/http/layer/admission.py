@@ -52,7 +52,7 @@ class Admission:
         """Check a request with a large body before that is read.
 
         Args:
-            scope: Of the request.
+            scope: Scope of the request.
 
         Raises:
             HttpProblemError: OVERLOADED, it would be too late whatever timeout it names.
@@ -71,7 +71,7 @@ class Admission:
         """Context of a request whose body has arrived, in which it counts as one that waits.
 
         Args:
-            scope: Of the request.
+            scope: Scope of the request.
             content: The body.
 
         Raises:

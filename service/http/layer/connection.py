@@ -63,7 +63,7 @@ class Connection(HttpToolsProtocol):
     """A connection of a client, refused in problem documents.
 
     Args:
-        limits: Of connections.
+        limits: Limits of connections.
         arguments: Of uvicorn.
     """
 

@@ -45,7 +45,7 @@ def check_head(scope: Scope) -> None:
     """Refuse a head that the parser lets pass and that has no single meaning.
 
     Args:
-        scope: Of the request.
+        scope: Scope of the request.
 
     Raises:
         HttpProblemError: INVALID_REQUEST: another version of HTTP, no header Host or several, a
@@ -141,8 +141,8 @@ def check_host(scope: Scope, names: frozenset[str], origins: tuple[str, ...]) ->
     """Refuse requests for foreign hosts, and changes by foreign pages.
 
     Args:
-        scope: Of the request.
-        names: As `allowed_host` has them.
+        scope: Scope of the request.
+        names: Names as `allowed_host` has them.
         origins: Whose pages may change things, "*" for all.
 
     Raises:
@@ -190,9 +190,9 @@ async def read_body(scope: Scope, receive: Receive, limits: BodyLimits) -> bytes
     """The whole body of a request.
 
     Args:
-        scope: Of the request, with the instant `ARRIVAL`.
+        scope: Scope of the request, with the instant `ARRIVAL`.
         receive: Of the request.
-        limits: Of the body.
+        limits: Limits of the body.
 
     Raises:
         HttpProblemError: PAYLOAD_TOO_LARGE, REQUEST_TIMEOUT.
