@@ -58,7 +58,7 @@ class AsyncScenes(SceneEndpoints, AsyncGroup):
 
 
 class Jobs(JobEndpoints, Group):
-    """Jobs: work that goes on after it was accepted."""
+    """Jobs: requests that are answered later."""
 
     def iterate(self, status: str | None = None) -> Iterator[Job]:
         """All jobs, newest first, page after page, perhaps only those of a status."""

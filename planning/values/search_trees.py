@@ -58,7 +58,7 @@ class Explored:
         self.planner, self.left_out, self._begins = planner, 0, True
 
     def add(self, begin: Array, end: Array, part: str = WHOLE) -> None:
-        """Keep an edge while there is room.
+        """Store an edge until the most edges are stored.
 
         Args:
             begin: Shape (n,) [rad or m].
@@ -74,7 +74,7 @@ class Explored:
             self.left_out += 1
 
     def add_tree(self, points: Array, parents: Indices, part: str) -> None:
-        """Keep the edges of a tree.
+        """Store the edges of a tree.
 
         Args:
             points: Nodes of the tree, shape (k, n) [rad or m].

@@ -73,7 +73,7 @@ async def compute(
         background = Background(seconds, context.on_start, silence)
         return await supervisor.submit(job, on_progress or context.on_progress, background)
     admission: Admission = request.app.state.admission
-    admission.note(request.method, request.scope["path"], job.task)
+    admission.record_task(request.method, request.scope["path"], job.task)
     timed = job.with_deadline(deadline_of(request, seconds))
     async with _ending_with_client(request):
         return await supervisor.submit(timed, client=client_of(request.scope))

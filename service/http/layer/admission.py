@@ -43,8 +43,8 @@ class Admission:
         self._tasks: dict[str, str] = {}
         self._turn = asyncio.Lock()
 
-    def note(self, method: str, path: str, task: str) -> None:
-        """Note which task a request was for; of POST the last part of a path is never a name."""
+    def record_task(self, method: str, path: str, task: str) -> None:
+        """Record the task of an endpoint by the last part of its path, for POST never a name."""
         if method == "POST":
             self._tasks[path.rpartition("/")[2]] = task
 

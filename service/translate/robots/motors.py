@@ -119,7 +119,7 @@ def _check_reflected(joint: str, motor: Motor) -> None:
     ):
         if not value <= MAX_NUMBER:
             raise InvalidRobotDescription(
-                f"the motor of {joint} comes to the {name} {value:g} at the joint, more than "
+                f"the motor of {joint} has the {name} {value:g} at the joint, more than "
                 f"{MAX_NUMBER:g}",
                 hint="Check gear_ratio and resistance: J = r^2 J_m, B = r^2 (B_m + k_m k_b / R).",
                 joint=joint,

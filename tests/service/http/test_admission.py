@@ -40,8 +40,8 @@ def _no_pause(monkeypatch: pytest.MonkeyPatch) -> None:
 def admission(wait: float) -> tuple[Admission, Supervisor]:
     supervisor: Any = Supervisor(wait)
     made = Admission(supervisor, SETTINGS)
-    made.note("POST", "/v1/robots/panda/ik", "service.endpoints:ik")
-    made.note("GET", "/v1/robots/plan", "service.endpoints:urdf")
+    made.record_task("POST", "/v1/robots/panda/ik", "service.endpoints:ik")
+    made.record_task("GET", "/v1/robots/plan", "service.endpoints:urdf")
     return made, supervisor
 
 

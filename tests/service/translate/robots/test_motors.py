@@ -73,8 +73,8 @@ def test_motors_come_back_out_of_an_answer() -> None:
     [
         (table({"motor": SMALL}, {}), "joint_2 have no motor, though joint_1 have one"),
         (urdf(elbow_3=SMALL), "motors names the joint 'elbow_3', which the chain does not have"),
-        (table({"motor": SMALL | {"gear_ratio": 1e9}}), "joint_1 comes to the inertia 1e+14"),
-        (table({"motor": SMALL | {"resistance": 1e-300}}), "comes to the friction"),
+        (table({"motor": SMALL | {"gear_ratio": 1e9}}), "joint_1 has the inertia 1e+14"),
+        (table({"motor": SMALL | {"resistance": 1e-300}}), "has the friction"),
     ],
 )  # fmt: skip
 def test_bad_motors_are_refused(body: RobotBody, text: str) -> None:
