@@ -53,7 +53,7 @@ def request(
         await asyncio.sleep(leaves_after)
         return {"type": "http.disconnect"}
 
-    admission = SimpleNamespace(note=lambda *_: None)
+    admission = SimpleNamespace(record_task=lambda *_: None)
     state = SimpleNamespace(settings=SETTINGS, supervisor=supervisor, admission=admission)
     app = SimpleNamespace(state=state)
     plain = {"type": "http", "headers": [], "app": app, "method": "POST", "path": "/v1/plan"}
