@@ -19,7 +19,7 @@ from statistics import median
 import numpy as np
 from numpy.typing import NDArray
 
-from armwright_wire.robot import RobotBody
+from armwright_wire.robots.robot import RobotBody
 from benchmarks.judges.triangles import Triangles, scenery
 from benchmarks.problems.example_arms import ExampleArm, mesh_bytes, package
 from benchmarks.problems.mesh_scenes import own_scenes, reach_of

@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from armwright_wire.kinematics import FkRequest, JacobianRequest
+from armwright_wire.robots.kinematics import FkRequest, JacobianRequest
 from compiled.compiler.dispatcher import Kernel
 from compiled.compiler.target import target
 from kinematics.forward import forward
@@ -24,8 +24,8 @@ from service.endpoints.dynamics import task as dynamics
 from service.endpoints.ik import task as inverse_kinematics
 from service.endpoints.kinematics import task as kinematics
 from service.endpoints.plan import task as plan
-from service.storage import worker_cache
-from service.storage.cache_key import builtin_reference
+from service.storage.caches import worker_cache
+from service.storage.caches.cache_key import builtin_reference
 from service.workers import current
 
 #: Emulated processors are a hundred times as slow [s].

@@ -19,7 +19,7 @@ sys.path.insert(0, str(ROOT))
 
 from compiled.compiler import kernel_list, store  # noqa: E402
 from compiled.compiler.dispatcher import FROZEN  # noqa: E402
-from service import kernels  # noqa: E402
+from service.warm_up import kernels  # noqa: E402
 
 #: What sends requests of every kind.
 _TESTS = ("tests/service", "tests/client", "tests/test_readme.py")

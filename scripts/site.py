@@ -37,8 +37,8 @@ DOCSTRINGS = {
         "The client in full",
         (
             "armwright_client.client",
-            "armwright_client.plan_options",
-            "armwright_wire.plan",
+            "armwright_client.options.plan_options",
+            "armwright_wire.plans.plan",
             "armwright_client.errors",
         ),
     ),

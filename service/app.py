@@ -42,7 +42,7 @@ from service.jobs.answer import defer
 from service.jobs.runner import Jobs
 from service.recipe import RECIPE
 from service.settings import Settings
-from service.storage.recent import Recent
+from service.storage.caches.recent import Recent
 from service.storage.store import Store, open_store
 from service.tracing.extra import install_tracing, open_tracing
 from service.version import VERSION

@@ -204,7 +204,7 @@ def _count(text: str) -> int:
 
 
 def _warm(chosen: argparse.Namespace) -> int:
-    from service import kernels  # noqa: PLC0415
+    from service.warm_up import kernels  # noqa: PLC0415
 
     if chosen.in_package:
         kernels.keep_in_package()

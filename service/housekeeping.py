@@ -11,9 +11,9 @@ from starlette.concurrency import run_in_threadpool
 
 from service.http.state import retention
 from service.settings import Settings
-from service.storage import prepared_files
+from service.storage.caches import prepared_files
 from service.storage.database import Database, StorageUnavailable
-from service.storage.plan_store import PlanStore
+from service.storage.stores.plan_store import PlanStore
 
 _log = logging.getLogger(__name__)
 #: How often it is looked for a fault, and storage with one is tried [s].

@@ -13,10 +13,10 @@ from pydantic import ValidationError
 
 from service.access.secret import digest, new_credentials, parse
 from service.settings import Settings
-from service.storage.audit_store import last_entries
 from service.storage.database import StorageUnavailable, StoreError
-from service.storage.key_store import ApiKey
 from service.storage.store import Store, open_store
+from service.storage.stores.audit_store import last_entries
+from service.storage.stores.key_store import ApiKey
 
 #: File in the data folder with the first key, where a random one was made.
 FIRST_KEY = "first_key"

@@ -6,6 +6,6 @@ from service.workers.fork.launch import Recipe
 #: Ready once every kernel is loaded; what first requests would still compute comes after that.
 RECIPE = Recipe(
     modules=MODULES,
-    warm="service.kernels:prepare",
-    enrich="service.kernels:enrich",
+    warm="service.warm_up.kernels:prepare",
+    enrich="service.warm_up.kernels:enrich",
 )

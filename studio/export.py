@@ -7,8 +7,8 @@ from dataclasses import dataclass
 from typing import Any
 
 from armwright_client import Client, FramedPose, Obstacle, Scene, TaskStageReport, TimedTrajectory
-from armwright_wire.export import Format as ExportFormat
-from armwright_wire.trajectory import SegmentAnswer
+from armwright_wire.motions.export import Format as ExportFormat
+from armwright_wire.motions.trajectory import SegmentAnswer
 from studio.requests import plan_request, set_fields, tour_request
 from studio.result import Planned, TaskPlanned, TourPlanned
 

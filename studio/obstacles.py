@@ -26,7 +26,7 @@ from armwright_client import (
     Scene,
     Sphere,
 )
-from armwright_wire.scene import Shape
+from armwright_wire.scenes.scene import Shape
 from obstacles.meshes.mesh import FILE_TYPES, load_mesh
 from obstacles.scenes.moveit import scene_from_moveit
 from studio.pose import rotation

@@ -7,7 +7,7 @@ from enum import StrEnum
 from typing import Any, NamedTuple, TypeAlias
 
 from armwright_client import Certificate, Plan, TaskPlan, Tour
-from armwright_wire.job import Problem
+from armwright_wire.plans.job import Problem
 from service.viewer.words import against, certificate_sentences, problem_sentences
 from studio.state import StudioState
 

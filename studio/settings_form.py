@@ -3,7 +3,7 @@
 from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple
 
-from armwright_wire.plan import PLANNERS
+from armwright_wire.plans.plan import PLANNERS
 
 #: Settings of the form, by their path in a plan request.
 PATHS = (

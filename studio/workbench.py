@@ -20,8 +20,8 @@ from armwright_client import (
     Scene,
 )
 from armwright_client.call import Call
-from armwright_wire.export import Format as ExportFormat
-from armwright_wire.robot import GeometryAnswer
+from armwright_wire.motions.export import Format as ExportFormat
+from armwright_wire.robots.robot import GeometryAnswer
 from studio.export import ExportFile, export_file
 from studio.obstacles import MOVEIT, ShapeKind, listed, new_obstacle, read_obstacles
 from studio.pose import stays_in

@@ -19,8 +19,8 @@ BY_NUMBER = {
     "planning/timing/choice.py": "limits of a chain's joints",
     "service/http/state.py": "a path",
     "client/armwright_client/call.py": "a path",
-    "service/storage/prepared_files.py": "a path",
-    "service/storage/cache_key.py": "a name",
+    "service/storage/caches/prepared_files.py": "a path",
+    "service/storage/caches/cache_key.py": "a name",
 }
 
 #: Functions that keep all values: of kernels, of files of ours, of functions of the client.

@@ -15,8 +15,8 @@ from typing import get_args
 import pytest
 
 from armwright_client import Client, NotReady, TransportError
-from armwright_wire.simulation import Controller
-from armwright_wire.tour import MAX_GOALS
+from armwright_wire.motions.simulation import Controller
+from armwright_wire.plans.tour import MAX_GOALS
 from kinematics.robots import builtin_names
 from planning.exports.options import ExportFormat
 from planning.values.optimize_options import OBJECTIVES

@@ -62,13 +62,7 @@ MANY_ARGUMENTS = {
     "load_robot": 9,
 }
 #: Folders with more loose modules than MAX_LOOSE that are still to be sorted.
-CROWDED = {
-    "client/armwright_client",
-    "client/armwright_wire",
-    "planning/proof/collision",
-    "service",
-    "service/storage",
-}
+CROWDED = {"planning/proof/collision"}
 
 Definition = ast.Module | ast.ClassDef | ast.FunctionDef | ast.AsyncFunctionDef
 #: Fields of a tree that hold statements, or what holds statements.

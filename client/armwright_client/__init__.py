@@ -11,27 +11,18 @@ from armwright_client.answers import FkAnswer as FkAnswer
 from armwright_client.answers import FkBatch as FkBatch
 from armwright_client.answers import ForwardDynamicsAnswer as ForwardDynamicsAnswer
 from armwright_client.answers import ForwardDynamicsBatch as ForwardDynamicsBatch
+from armwright_client.answers import Health as Health
 from armwright_client.answers import IkAnswer as IkAnswer
 from armwright_client.answers import IkBatch as IkBatch
 from armwright_client.answers import JacobianAnswer as JacobianAnswer
 from armwright_client.answers import JacobianBatch as JacobianBatch
 from armwright_client.answers import PotentialAnswer as PotentialAnswer
 from armwright_client.answers import PotentialBatch as PotentialBatch
+from armwright_client.answers import Readiness as Readiness
 from armwright_client.answers import RegressorAnswer as RegressorAnswer
 from armwright_client.answers import VelocityAnswer as VelocityAnswer
 from armwright_client.answers import WrenchAnswer as WrenchAnswer
 from armwright_client.answers import WrenchBatch as WrenchBatch
-from armwright_client.arm_options import DynamicsOptions as DynamicsOptions
-from armwright_client.arm_options import FkOptions as FkOptions
-from armwright_client.arm_options import ForwardDynamicsOptions as ForwardDynamicsOptions
-from armwright_client.arm_options import IkOptions as IkOptions
-from armwright_client.arm_options import JacobianOptions as JacobianOptions
-from armwright_client.arm_options import ModelOptions as ModelOptions
-from armwright_client.arm_options import PotentialSettings as PotentialSettings
-from armwright_client.arm_options import ReachOptions as ReachOptions
-from armwright_client.arm_options import RegressorOptions as RegressorOptions
-from armwright_client.arm_options import VelocityOptions as VelocityOptions
-from armwright_client.arm_options import WrenchOptions as WrenchOptions
 from armwright_client.client import DEFAULT_URL as DEFAULT_URL
 from armwright_client.client import AsyncClient as AsyncClient
 from armwright_client.client import AsyncJobs as AsyncJobs
@@ -45,7 +36,7 @@ from armwright_client.client import Later as Later
 from armwright_client.client import Plans as Plans
 from armwright_client.client import Robots as Robots
 from armwright_client.client import Scenes as Scenes
-from armwright_client.error_codes import BY_CODE as BY_CODE
+from armwright_client.errors import BY_CODE as BY_CODE
 from armwright_client.errors import ApiError as ApiError
 from armwright_client.errors import Conflict as Conflict
 from armwright_client.errors import Forbidden as Forbidden
@@ -96,34 +87,78 @@ from armwright_client.errors import UnrecognizedGoalType as UnrecognizedGoalType
 from armwright_client.errors import UnsupportedMediaType as UnsupportedMediaType
 from armwright_client.errors import ValidationFailed as ValidationFailed
 from armwright_client.errors import WorkerCrashed as WorkerCrashed
-from armwright_client.health import Health as Health
-from armwright_client.health import Readiness as Readiness
 from armwright_client.job import Job as Job
 from armwright_client.job import JobEvent as JobEvent
 from armwright_client.job import JobList as JobList
+from armwright_client.options.arm_options import DynamicsOptions as DynamicsOptions
+from armwright_client.options.arm_options import FkOptions as FkOptions
+from armwright_client.options.arm_options import ForwardDynamicsOptions as ForwardDynamicsOptions
+from armwright_client.options.arm_options import IkOptions as IkOptions
+from armwright_client.options.arm_options import JacobianOptions as JacobianOptions
+from armwright_client.options.arm_options import ModelOptions as ModelOptions
+from armwright_client.options.arm_options import PotentialSettings as PotentialSettings
+from armwright_client.options.arm_options import ReachOptions as ReachOptions
+from armwright_client.options.arm_options import RegressorOptions as RegressorOptions
+from armwright_client.options.arm_options import VelocityOptions as VelocityOptions
+from armwright_client.options.arm_options import WrenchOptions as WrenchOptions
+from armwright_client.options.plan_options import CheckOptions as CheckOptions
+from armwright_client.options.plan_options import ExportOptions as ExportOptions
+from armwright_client.options.plan_options import PlanOptions as PlanOptions
+from armwright_client.options.plan_options import SimulateOptions as SimulateOptions
+from armwright_client.options.plan_options import TaskOptions as TaskOptions
+from armwright_client.options.plan_options import TourOptions as TourOptions
+from armwright_client.options.plan_options import ValidateOptions as ValidateOptions
 from armwright_client.pending import AsyncPending as AsyncPending
 from armwright_client.pending import Pending as Pending
-from armwright_client.plan_options import CheckOptions as CheckOptions
-from armwright_client.plan_options import ExportOptions as ExportOptions
-from armwright_client.plan_options import PlanOptions as PlanOptions
-from armwright_client.plan_options import SimulateOptions as SimulateOptions
-from armwright_client.plan_options import TaskOptions as TaskOptions
-from armwright_client.plan_options import TourOptions as TourOptions
-from armwright_client.plan_options import ValidateOptions as ValidateOptions
 from armwright_client.retry import Retry as Retry
-from armwright_client.robot import ArchiveOptions as ArchiveOptions
-from armwright_client.robot import RobotArchive as RobotArchive
-from armwright_client.robot import RobotOptions as RobotOptions
-from armwright_client.robot import RobotUpload as RobotUpload
+from armwright_client.robots.robot import ArchiveOptions as ArchiveOptions
+from armwright_client.robots.robot import RobotArchive as RobotArchive
+from armwright_client.robots.robot import RobotOptions as RobotOptions
+from armwright_client.robots.robot import RobotUpload as RobotUpload
 from armwright_client.session import ClientOptions as ClientOptions
 from armwright_client.version import VERSION
 from armwright_wire.base import ArrayLike as ArrayLike
 from armwright_wire.base import RowsLike as RowsLike
 from armwright_wire.base import VectorLike as VectorLike
-from armwright_wire.batch import BatchAnswer as BatchAnswer
-from armwright_wire.batch import BatchRequest as BatchRequest
-from armwright_wire.batch import PartialPlan
-from armwright_wire.certificate import (
+from armwright_wire.errors import ArmwrightError as ArmwrightError
+from armwright_wire.errors import InvalidArgument as InvalidArgument
+from armwright_wire.goals.constraint import BoxRegion as BoxRegion
+from armwright_wire.goals.constraint import ClearanceConstraint as ClearanceConstraint
+from armwright_wire.goals.constraint import ConstraintUse as ConstraintUse
+from armwright_wire.goals.constraint import JointConstraint as JointConstraint
+from armwright_wire.goals.constraint import LineRegion as LineRegion
+from armwright_wire.goals.constraint import LookAtConstraint as LookAtConstraint
+from armwright_wire.goals.constraint import OrientationConstraint as OrientationConstraint
+from armwright_wire.goals.constraint import PlaneRegion as PlaneRegion
+from armwright_wire.goals.constraint import PositionConstraint as PositionConstraint
+from armwright_wire.goals.constraint import RelativePoseConstraint as RelativePoseConstraint
+from armwright_wire.goals.constraint import SphereRegion as SphereRegion
+from armwright_wire.goals.constraint import ToolSpeedConstraint as ToolSpeedConstraint
+from armwright_wire.goals.constraint import TorqueConstraint as TorqueConstraint
+from armwright_wire.goals.goal import Clearance as Clearance
+from armwright_wire.goals.goal import ClearanceAnswer, CloseSpanAnswer, ConfigurationAnswer
+from armwright_wire.goals.goal import Goal as Goal
+from armwright_wire.goals.goal import GoalCosts as GoalCosts
+from armwright_wire.goals.goal import GoalLike as GoalLike
+from armwright_wire.goals.goal import SingleGoal as SingleGoal
+from armwright_wire.goals.goal import Start as Start
+from armwright_wire.goals.tool_motion import CartesianOptions as CartesianOptions
+from armwright_wire.goals.tool_motion import CornerArc as CornerArc
+from armwright_wire.goals.tool_motion import (
+    CornerArcAnswer,
+    ReferencePoseAnswer,
+    RoundedCornerAnswer,
+    SpeedLimitAnswer,
+    ToolMotionAnswer,
+)
+from armwright_wire.goals.tool_motion import RoundedCorner as RoundedCorner
+from armwright_wire.goals.tool_motion import StraightOffset as StraightOffset
+from armwright_wire.goals.tool_motion import TimedToolMotion as TimedToolMotion
+from armwright_wire.goals.tool_motion import TimedToolMotions as TimedToolMotions
+from armwright_wire.goals.tool_motion import ToolMotion as ToolMotion
+from armwright_wire.goals.tool_motion import ToolTolerance as ToolTolerance
+from armwright_wire.goals.tool_motion import Waypoint as Waypoint
+from armwright_wire.motions.certificate import (
     CertificateAnswer,
     PathDeviationAnswer,
     ProvedAnswer,
@@ -131,154 +166,56 @@ from armwright_wire.certificate import (
     ToolSpeedBandAnswer,
     ToolToleranceAnswer,
 )
-from armwright_wire.certificate import LimitUse as LimitUse
-from armwright_wire.certificate import LimitUses as LimitUses
-from armwright_wire.certificate import Premises as Premises
-from armwright_wire.check import AllowedAnswer
-from armwright_wire.check import Attached as Attached
-from armwright_wire.check import CheckRequest as CheckRequest
-from armwright_wire.check import Collision as Collision
-from armwright_wire.check import LimitViolation as LimitViolation
-from armwright_wire.check import TouchDepth as TouchDepth
-from armwright_wire.constraint import BoxRegion as BoxRegion
-from armwright_wire.constraint import ClearanceConstraint as ClearanceConstraint
-from armwright_wire.constraint import ConstraintUse as ConstraintUse
-from armwright_wire.constraint import JointConstraint as JointConstraint
-from armwright_wire.constraint import LineRegion as LineRegion
-from armwright_wire.constraint import LookAtConstraint as LookAtConstraint
-from armwright_wire.constraint import OrientationConstraint as OrientationConstraint
-from armwright_wire.constraint import PlaneRegion as PlaneRegion
-from armwright_wire.constraint import PositionConstraint as PositionConstraint
-from armwright_wire.constraint import RelativePoseConstraint as RelativePoseConstraint
-from armwright_wire.constraint import SphereRegion as SphereRegion
-from armwright_wire.constraint import ToolSpeedConstraint as ToolSpeedConstraint
-from armwright_wire.constraint import TorqueConstraint as TorqueConstraint
-from armwright_wire.dynamics import Abbreviation as Abbreviation
-from armwright_wire.dynamics import BaseParameter as BaseParameter
-from armwright_wire.dynamics import ChristoffelFormula as ChristoffelFormula
-from armwright_wire.dynamics import DynamicsRequest as DynamicsRequest
-from armwright_wire.dynamics import EquationsAnswer as EquationsAnswer
-from armwright_wire.dynamics import ForwardDynamicsRequest as ForwardDynamicsRequest
-from armwright_wire.dynamics import JointSymbol as JointSymbol
-from armwright_wire.dynamics import MotionFormulas as MotionFormulas
-from armwright_wire.dynamics import ParameterSymbol as ParameterSymbol
-from armwright_wire.dynamics import PartialJacobian as PartialJacobian
-from armwright_wire.dynamics import Payload as Payload
-from armwright_wire.dynamics import PoseFormulas as PoseFormulas
-from armwright_wire.dynamics import RegressorFormulas as RegressorFormulas
-from armwright_wire.dynamics import RegressorRequest as RegressorRequest
-from armwright_wire.dynamics import WrenchRequest as WrenchRequest
-from armwright_wire.errors import ArmwrightError as ArmwrightError
-from armwright_wire.errors import InvalidArgument as InvalidArgument
-from armwright_wire.export import ExportAnswer
-from armwright_wire.export import ExportRequest as ExportRequest
-from armwright_wire.goal import Clearance as Clearance
-from armwright_wire.goal import ClearanceAnswer, CloseSpanAnswer, ConfigurationAnswer
-from armwright_wire.goal import Goal as Goal
-from armwright_wire.goal import GoalCosts as GoalCosts
-from armwright_wire.goal import GoalLike as GoalLike
-from armwright_wire.goal import SingleGoal as SingleGoal
-from armwright_wire.goal import Start as Start
-from armwright_wire.job import Problem as Problem
-from armwright_wire.kept_plan import Bundle as Bundle
-from armwright_wire.kept_plan import DocumentName as DocumentName
-from armwright_wire.kept_plan import KeptPlan as KeptPlan
-from armwright_wire.kept_plan import KeptPlanSummary as KeptPlanSummary
-from armwright_wire.kept_plan import PlanList as PlanList
-from armwright_wire.kept_plan import ReplayAnswer as ReplayAnswer
-from armwright_wire.kept_plan import ReplayRequest as ReplayRequest
-from armwright_wire.kinematics import ArmSides as ArmSides
-from armwright_wire.kinematics import DampedDirection as DampedDirection
-from armwright_wire.kinematics import FkRequest as FkRequest
-from armwright_wire.kinematics import GradientOptions
-from armwright_wire.kinematics import GradientTrace as GradientTrace
-from armwright_wire.kinematics import IkRequest as IkRequest
-from armwright_wire.kinematics import IkSolution as IkSolution
-from armwright_wire.kinematics import JacobianRequest as JacobianRequest
-from armwright_wire.kinematics import Unsolved as Unsolved
-from armwright_wire.kinematics import VelocityRequest as VelocityRequest
-from armwright_wire.lyapunov import FormAnswer, LyapunovAnswer
-from armwright_wire.lyapunov import LyapunovRequest as LyapunovRequest
-from armwright_wire.lyapunov import Pole as Pole
-from armwright_wire.plan import DescentAnswer, PathAnswer, PlanAnswer, ProgressAnswer
-from armwright_wire.plan import PlannerName as PlannerName
-from armwright_wire.plan import PlanRequest as PlanRequest
-from armwright_wire.plan import Refine as Refine
-from armwright_wire.plan import Reproducibility as Reproducibility
-from armwright_wire.plan import Stage as Stage
-from armwright_wire.plan import ValidateRequest as ValidateRequest
-from armwright_wire.pose import ConvertPoseAnswer, Motion, SingularFormAnswer
-from armwright_wire.pose import ConvertPoseRequest as ConvertPoseRequest
-from armwright_wire.pose import FramedPose as FramedPose
-from armwright_wire.pose import Pose as Pose
-from armwright_wire.pose import PoseForm as PoseForm
-from armwright_wire.pose import PoseForms as PoseForms
-from armwright_wire.potential import ControlPoint as ControlPoint
-from armwright_wire.potential import PotentialOptions as PotentialOptions
-from armwright_wire.potential import PotentialRequest as PotentialRequest
-from armwright_wire.reach import BaseAnswer as BaseAnswer
-from armwright_wire.reach import BaseRegion as BaseRegion
-from armwright_wire.reach import ReachAnswer as ReachAnswer
-from armwright_wire.reach import ReachBox as ReachBox
-from armwright_wire.reach import ReachGrid as ReachGrid
-from armwright_wire.reach import ReachRequest as ReachRequest
-from armwright_wire.reach import ReachTolerance as ReachTolerance
-from armwright_wire.retime import JointStateBody, RetimeAnswer
-from armwright_wire.retime import RetimePath as RetimePath
-from armwright_wire.retime import RetimeRequest as RetimeRequest
-from armwright_wire.retime import RetimeTiming as RetimeTiming
-from armwright_wire.robot import BodySurface as BodySurface
-from armwright_wire.robot import DefaultLimits as DefaultLimits
-from armwright_wire.robot import DhAnswer, DhRowAnswer, RobotAnswer
-from armwright_wire.robot import DhRow as DhRow
-from armwright_wire.robot import DhTable as DhTable
-from armwright_wire.robot import FingerJoint as FingerJoint
-from armwright_wire.robot import GeometryAnswer as GeometryAnswer
-from armwright_wire.robot import JointLimits as JointLimits
-from armwright_wire.robot import Limits as Limits
-from armwright_wire.robot import LinkCapsules as LinkCapsules
-from armwright_wire.robot import LinkSolid as LinkSolid
-from armwright_wire.robot import Motor as Motor
-from armwright_wire.robot import RobotChanges as RobotChanges
-from armwright_wire.robot import RobotList as RobotList
-from armwright_wire.robot import RobotSummary as RobotSummary
-from armwright_wire.robot import SuspectedPair as SuspectedPair
-from armwright_wire.scene import Box as Box
-from armwright_wire.scene import Capsule as Capsule
-from armwright_wire.scene import Cone as Cone
-from armwright_wire.scene import Convex as Convex
-from armwright_wire.scene import Cylinder as Cylinder
-from armwright_wire.scene import Halfspace as Halfspace
-from armwright_wire.scene import LimitedPair as LimitedPair
-from armwright_wire.scene import Mesh as Mesh
-from armwright_wire.scene import Obstacle as Obstacle
-from armwright_wire.scene import PointCloud as PointCloud
-from armwright_wire.scene import ProjectAnswer as ProjectAnswer
-from armwright_wire.scene import Projection as Projection
-from armwright_wire.scene import ProjectRequest as ProjectRequest
-from armwright_wire.scene import Scene as Scene
-from armwright_wire.scene import SceneList as SceneList
-from armwright_wire.scene import SceneReference as SceneReference
-from armwright_wire.scene import SceneSummary as SceneSummary
-from armwright_wire.scene import Shape as Shape
-from armwright_wire.scene import Sphere as Sphere
-from armwright_wire.simulation import (
+from armwright_wire.motions.certificate import LimitUse as LimitUse
+from armwright_wire.motions.certificate import LimitUses as LimitUses
+from armwright_wire.motions.certificate import Premises as Premises
+from armwright_wire.motions.export import ExportAnswer
+from armwright_wire.motions.export import ExportRequest as ExportRequest
+from armwright_wire.motions.retime import JointStateBody, RetimeAnswer
+from armwright_wire.motions.retime import RetimePath as RetimePath
+from armwright_wire.motions.retime import RetimeRequest as RetimeRequest
+from armwright_wire.motions.retime import RetimeTiming as RetimeTiming
+from armwright_wire.motions.simulation import (
     ControllerAnswer,
     LimitUseAnswer,
     ReferenceAnswer,
     SimulateAnswer,
     TubeAnswer,
 )
-from armwright_wire.simulation import RemainingClearance as RemainingClearance
-from armwright_wire.simulation import SimulateRequest as SimulateRequest
-from armwright_wire.task import ApproachStage as ApproachStage
-from armwright_wire.task import AttachStage as AttachStage
-from armwright_wire.task import CloseStage as CloseStage
-from armwright_wire.task import DetachStage as DetachStage
-from armwright_wire.task import GraspRegion as GraspRegion
-from armwright_wire.task import GraspStage as GraspStage
-from armwright_wire.task import HeldObject as HeldObject
-from armwright_wire.task import (
+from armwright_wire.motions.simulation import RemainingClearance as RemainingClearance
+from armwright_wire.motions.simulation import SimulateRequest as SimulateRequest
+from armwright_wire.motions.timing import RuledLimits as RuledLimits
+from armwright_wire.motions.timing import Timing as Timing
+from armwright_wire.motions.timing import TimingAnswer
+from armwright_wire.motions.trajectory import LimitsBody, TrajectoryAnswer, TrajectoryBody
+from armwright_wire.motions.trajectory import Samples as Samples
+from armwright_wire.motions.trajectory import Segment as Segment
+from armwright_wire.plans.batch import BatchAnswer as BatchAnswer
+from armwright_wire.plans.batch import BatchRequest as BatchRequest
+from armwright_wire.plans.batch import PartialPlan
+from armwright_wire.plans.job import Problem as Problem
+from armwright_wire.plans.kept_plan import Bundle as Bundle
+from armwright_wire.plans.kept_plan import DocumentName as DocumentName
+from armwright_wire.plans.kept_plan import KeptPlan as KeptPlan
+from armwright_wire.plans.kept_plan import KeptPlanSummary as KeptPlanSummary
+from armwright_wire.plans.kept_plan import PlanList as PlanList
+from armwright_wire.plans.kept_plan import ReplayAnswer as ReplayAnswer
+from armwright_wire.plans.kept_plan import ReplayRequest as ReplayRequest
+from armwright_wire.plans.plan import DescentAnswer, PathAnswer, PlanAnswer, ProgressAnswer
+from armwright_wire.plans.plan import PlannerName as PlannerName
+from armwright_wire.plans.plan import PlanRequest as PlanRequest
+from armwright_wire.plans.plan import Refine as Refine
+from armwright_wire.plans.plan import Reproducibility as Reproducibility
+from armwright_wire.plans.plan import Stage as Stage
+from armwright_wire.plans.plan import ValidateRequest as ValidateRequest
+from armwright_wire.plans.task import ApproachStage as ApproachStage
+from armwright_wire.plans.task import AttachStage as AttachStage
+from armwright_wire.plans.task import CloseStage as CloseStage
+from armwright_wire.plans.task import DetachStage as DetachStage
+from armwright_wire.plans.task import GraspRegion as GraspRegion
+from armwright_wire.plans.task import GraspStage as GraspStage
+from armwright_wire.plans.task import HeldObject as HeldObject
+from armwright_wire.plans.task import (
     ImprovementAnswer,
     StageBody,
     StageUnion,
@@ -287,37 +224,18 @@ from armwright_wire.task import (
     TrialAnswer,
     WorldAnswer,
 )
-from armwright_wire.task import LiftStage as LiftStage
-from armwright_wire.task import MovedObject as MovedObject
-from armwright_wire.task import MoveStage as MoveStage
-from armwright_wire.task import OpenStage as OpenStage
-from armwright_wire.task import PlacedObject as PlacedObject
-from armwright_wire.task import PlaceRegion as PlaceRegion
-from armwright_wire.task import PlaceStage as PlaceStage
-from armwright_wire.task import RetreatStage as RetreatStage
-from armwright_wire.task import StraightStage as StraightStage
-from armwright_wire.task import TaskRequest as TaskRequest
-from armwright_wire.task import WaitStage as WaitStage
-from armwright_wire.timing import RuledLimits as RuledLimits
-from armwright_wire.timing import Timing as Timing
-from armwright_wire.timing import TimingAnswer
-from armwright_wire.tool_motion import CartesianOptions as CartesianOptions
-from armwright_wire.tool_motion import CornerArc as CornerArc
-from armwright_wire.tool_motion import (
-    CornerArcAnswer,
-    ReferencePoseAnswer,
-    RoundedCornerAnswer,
-    SpeedLimitAnswer,
-    ToolMotionAnswer,
-)
-from armwright_wire.tool_motion import RoundedCorner as RoundedCorner
-from armwright_wire.tool_motion import StraightOffset as StraightOffset
-from armwright_wire.tool_motion import TimedToolMotion as TimedToolMotion
-from armwright_wire.tool_motion import TimedToolMotions as TimedToolMotions
-from armwright_wire.tool_motion import ToolMotion as ToolMotion
-from armwright_wire.tool_motion import ToolTolerance as ToolTolerance
-from armwright_wire.tool_motion import Waypoint as Waypoint
-from armwright_wire.tour import (
+from armwright_wire.plans.task import LiftStage as LiftStage
+from armwright_wire.plans.task import MovedObject as MovedObject
+from armwright_wire.plans.task import MoveStage as MoveStage
+from armwright_wire.plans.task import OpenStage as OpenStage
+from armwright_wire.plans.task import PlacedObject as PlacedObject
+from armwright_wire.plans.task import PlaceRegion as PlaceRegion
+from armwright_wire.plans.task import PlaceStage as PlaceStage
+from armwright_wire.plans.task import RetreatStage as RetreatStage
+from armwright_wire.plans.task import StraightStage as StraightStage
+from armwright_wire.plans.task import TaskRequest as TaskRequest
+from armwright_wire.plans.task import WaitStage as WaitStage
+from armwright_wire.plans.tour import (
     LegAnswer,
     TourAnswer,
     TourImprovementAnswer,
@@ -325,11 +243,93 @@ from armwright_wire.tour import (
     UnvisitedAnswer,
     VisitAnswer,
 )
-from armwright_wire.tour import TourGoal as TourGoal
-from armwright_wire.tour import TourRequest as TourRequest
-from armwright_wire.trajectory import LimitsBody, TrajectoryAnswer, TrajectoryBody
-from armwright_wire.trajectory import Samples as Samples
-from armwright_wire.trajectory import Segment as Segment
+from armwright_wire.plans.tour import TourGoal as TourGoal
+from armwright_wire.plans.tour import TourRequest as TourRequest
+from armwright_wire.pose import ConvertPoseAnswer, Motion, SingularFormAnswer
+from armwright_wire.pose import ConvertPoseRequest as ConvertPoseRequest
+from armwright_wire.pose import FramedPose as FramedPose
+from armwright_wire.pose import Pose as Pose
+from armwright_wire.pose import PoseForm as PoseForm
+from armwright_wire.pose import PoseForms as PoseForms
+from armwright_wire.robots.dynamics import Abbreviation as Abbreviation
+from armwright_wire.robots.dynamics import BaseParameter as BaseParameter
+from armwright_wire.robots.dynamics import ChristoffelFormula as ChristoffelFormula
+from armwright_wire.robots.dynamics import DynamicsRequest as DynamicsRequest
+from armwright_wire.robots.dynamics import EquationsAnswer as EquationsAnswer
+from armwright_wire.robots.dynamics import ForwardDynamicsRequest as ForwardDynamicsRequest
+from armwright_wire.robots.dynamics import JointSymbol as JointSymbol
+from armwright_wire.robots.dynamics import MotionFormulas as MotionFormulas
+from armwright_wire.robots.dynamics import ParameterSymbol as ParameterSymbol
+from armwright_wire.robots.dynamics import PartialJacobian as PartialJacobian
+from armwright_wire.robots.dynamics import Payload as Payload
+from armwright_wire.robots.dynamics import PoseFormulas as PoseFormulas
+from armwright_wire.robots.dynamics import RegressorFormulas as RegressorFormulas
+from armwright_wire.robots.dynamics import RegressorRequest as RegressorRequest
+from armwright_wire.robots.dynamics import WrenchRequest as WrenchRequest
+from armwright_wire.robots.kinematics import ArmSides as ArmSides
+from armwright_wire.robots.kinematics import DampedDirection as DampedDirection
+from armwright_wire.robots.kinematics import FkRequest as FkRequest
+from armwright_wire.robots.kinematics import GradientOptions
+from armwright_wire.robots.kinematics import GradientTrace as GradientTrace
+from armwright_wire.robots.kinematics import IkRequest as IkRequest
+from armwright_wire.robots.kinematics import IkSolution as IkSolution
+from armwright_wire.robots.kinematics import JacobianRequest as JacobianRequest
+from armwright_wire.robots.kinematics import Unsolved as Unsolved
+from armwright_wire.robots.kinematics import VelocityRequest as VelocityRequest
+from armwright_wire.robots.lyapunov import FormAnswer, LyapunovAnswer
+from armwright_wire.robots.lyapunov import LyapunovRequest as LyapunovRequest
+from armwright_wire.robots.lyapunov import Pole as Pole
+from armwright_wire.robots.potential import ControlPoint as ControlPoint
+from armwright_wire.robots.potential import PotentialOptions as PotentialOptions
+from armwright_wire.robots.potential import PotentialRequest as PotentialRequest
+from armwright_wire.robots.reach import BaseAnswer as BaseAnswer
+from armwright_wire.robots.reach import BaseRegion as BaseRegion
+from armwright_wire.robots.reach import ReachAnswer as ReachAnswer
+from armwright_wire.robots.reach import ReachBox as ReachBox
+from armwright_wire.robots.reach import ReachGrid as ReachGrid
+from armwright_wire.robots.reach import ReachRequest as ReachRequest
+from armwright_wire.robots.reach import ReachTolerance as ReachTolerance
+from armwright_wire.robots.robot import BodySurface as BodySurface
+from armwright_wire.robots.robot import DefaultLimits as DefaultLimits
+from armwright_wire.robots.robot import DhAnswer, DhRowAnswer, RobotAnswer
+from armwright_wire.robots.robot import DhRow as DhRow
+from armwright_wire.robots.robot import DhTable as DhTable
+from armwright_wire.robots.robot import FingerJoint as FingerJoint
+from armwright_wire.robots.robot import GeometryAnswer as GeometryAnswer
+from armwright_wire.robots.robot import JointLimits as JointLimits
+from armwright_wire.robots.robot import Limits as Limits
+from armwright_wire.robots.robot import LinkCapsules as LinkCapsules
+from armwright_wire.robots.robot import LinkSolid as LinkSolid
+from armwright_wire.robots.robot import Motor as Motor
+from armwright_wire.robots.robot import RobotChanges as RobotChanges
+from armwright_wire.robots.robot import RobotList as RobotList
+from armwright_wire.robots.robot import RobotSummary as RobotSummary
+from armwright_wire.robots.robot import SuspectedPair as SuspectedPair
+from armwright_wire.scenes.check import AllowedAnswer
+from armwright_wire.scenes.check import Attached as Attached
+from armwright_wire.scenes.check import CheckRequest as CheckRequest
+from armwright_wire.scenes.check import Collision as Collision
+from armwright_wire.scenes.check import LimitViolation as LimitViolation
+from armwright_wire.scenes.check import TouchDepth as TouchDepth
+from armwright_wire.scenes.scene import Box as Box
+from armwright_wire.scenes.scene import Capsule as Capsule
+from armwright_wire.scenes.scene import Cone as Cone
+from armwright_wire.scenes.scene import Convex as Convex
+from armwright_wire.scenes.scene import Cylinder as Cylinder
+from armwright_wire.scenes.scene import Halfspace as Halfspace
+from armwright_wire.scenes.scene import LimitedPair as LimitedPair
+from armwright_wire.scenes.scene import Mesh as Mesh
+from armwright_wire.scenes.scene import Obstacle as Obstacle
+from armwright_wire.scenes.scene import PointCloud as PointCloud
+from armwright_wire.scenes.scene import ProjectAnswer as ProjectAnswer
+from armwright_wire.scenes.scene import Projection as Projection
+from armwright_wire.scenes.scene import ProjectRequest as ProjectRequest
+from armwright_wire.scenes.scene import Scene as Scene
+from armwright_wire.scenes.scene import SceneList as SceneList
+from armwright_wire.scenes.scene import SceneReference as SceneReference
+from armwright_wire.scenes.scene import SceneSummary as SceneSummary
+from armwright_wire.scenes.scene import Shape as Shape
+from armwright_wire.scenes.scene import Sphere as Sphere
 
 __version__ = VERSION
 

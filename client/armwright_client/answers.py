@@ -1,11 +1,33 @@
 """Answers about one configuration or about many, which the service gives by one model each."""
 
-from armwright_wire import check, dynamics, kinematics, potential
-from armwright_wire.base import Matrix
-from armwright_wire.check import Collision, LimitViolation
-from armwright_wire.kinematics import DampedDirection, IkSolution
+from armwright_wire.base import Answer, Matrix
 from armwright_wire.pose import OrientedPoseAnswer
-from armwright_wire.potential import ControlPoint
+from armwright_wire.robots import dynamics, kinematics, potential
+from armwright_wire.robots.kinematics import DampedDirection, IkSolution
+from armwright_wire.robots.potential import ControlPoint
+from armwright_wire.scenes import check
+from armwright_wire.scenes.check import Collision, LimitViolation
+
+
+class Health(Answer):
+    """That the service answers."""
+
+    status: str
+    version: str | None = None
+
+
+class Readiness(Health):
+    """That work can be sent.
+
+    Args:
+        workers: Processes that live.
+        busy: Workers that have a job.
+        waiting: Jobs that wait for a worker.
+    """
+
+    workers: int | None = None
+    busy: int | None = None
+    waiting: int | None = None
 
 
 class CheckAnswer(check.CheckAnswer):

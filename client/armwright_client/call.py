@@ -25,7 +25,7 @@ from urllib.parse import quote
 from pydantic import ValidationError
 
 from armwright_client.job import JobEvent
-from armwright_client.robot import RobotArchive
+from armwright_client.robots.robot import RobotArchive
 from armwright_wire.base import Body
 from armwright_wire.errors import InvalidArgument
 

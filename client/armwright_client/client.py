@@ -17,9 +17,9 @@ from armwright_client.job import Job
 from armwright_client.pages import items, items_async
 from armwright_client.pending import ended_async, wait_until_ended
 from armwright_client.session import AsyncSession, ClientOptions, Session, Wire
-from armwright_wire.kept_plan import KeptPlanSummary
-from armwright_wire.robot import RobotSummary
-from armwright_wire.scene import SceneSummary
+from armwright_wire.plans.kept_plan import KeptPlanSummary
+from armwright_wire.robots.robot import RobotSummary
+from armwright_wire.scenes.scene import SceneSummary
 
 #: Where the service listens unless it is told otherwise.
 DEFAULT_URL = "http://127.0.0.1:8000"

@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 from typing import Literal, Unpack
 
-from armwright_client.answers import CheckAnswer, CheckBatch
+from armwright_client.answers import CheckAnswer, CheckBatch, Health, Readiness
 from armwright_client.call import (
     Call,
     Endpoint,
@@ -13,10 +13,8 @@ from armwright_client.call import (
     path,
     read_nothing,
 )
-from armwright_client.health import Health, Readiness
 from armwright_client.job import Job, JobList
-from armwright_client.pending import cancel_call, events_call, job_call
-from armwright_client.plan_options import (
+from armwright_client.options.plan_options import (
     CheckOptions,
     ExportOptions,
     Options,
@@ -26,17 +24,25 @@ from armwright_client.plan_options import (
     TourOptions,
     ValidateOptions,
 )
+from armwright_client.pending import cancel_call, events_call, job_call
 from armwright_client.robot_endpoints import RobotEndpoints, page
 from armwright_wire.base import RowsLike, VectorLike
-from armwright_wire.batch import BatchAnswer, BatchRequest, as_part
-from armwright_wire.batch import PartialPlan as BatchProblem
-from armwright_wire.certificate import CertificateAnswer as Certificate
-from armwright_wire.check import CheckRequest
-from armwright_wire.export import ExportAnswer as Export
-from armwright_wire.export import ExportRequest
-from armwright_wire.export import Format as ExportFormat
-from armwright_wire.goal import GoalLike, Start, as_goal
-from armwright_wire.kept_plan import (
+from armwright_wire.goals.goal import GoalLike, Start, as_goal
+from armwright_wire.motions.certificate import CertificateAnswer as Certificate
+from armwright_wire.motions.export import ExportAnswer as Export
+from armwright_wire.motions.export import ExportRequest
+from armwright_wire.motions.export import Format as ExportFormat
+from armwright_wire.motions.retime import JointStateBody as JointState
+from armwright_wire.motions.retime import RetimeAnswer as Retimed
+from armwright_wire.motions.retime import RetimePath, RetimeRequest, RetimeTiming
+from armwright_wire.motions.simulation import SimulateAnswer as Simulation
+from armwright_wire.motions.simulation import SimulateRequest
+from armwright_wire.motions.trajectory import LimitsBody as LimitValues
+from armwright_wire.motions.trajectory import TrajectoryAnswer as TimedTrajectory
+from armwright_wire.motions.trajectory import TrajectoryBody as Trajectory
+from armwright_wire.plans.batch import BatchAnswer, BatchRequest, as_part
+from armwright_wire.plans.batch import PartialPlan as BatchProblem
+from armwright_wire.plans.kept_plan import (
     Bundle,
     KeptPlan,
     KeptPlanSummary,
@@ -44,17 +50,20 @@ from armwright_wire.kept_plan import (
     ReplayAnswer,
     ReplayRequest,
 )
-from armwright_wire.lyapunov import LyapunovAnswer as Lyapunov
-from armwright_wire.lyapunov import LyapunovRequest
-from armwright_wire.plan import PlanAnswer as Plan
-from armwright_wire.plan import PlanRequest, ValidateRequest
+from armwright_wire.plans.plan import PlanAnswer as Plan
+from armwright_wire.plans.plan import PlanRequest, ValidateRequest
+from armwright_wire.plans.task import StageUnion as TaskStage
+from armwright_wire.plans.task import TaskAnswer as TaskPlan
+from armwright_wire.plans.task import TaskRequest
+from armwright_wire.plans.tour import TourAnswer as Tour
+from armwright_wire.plans.tour import TourGoal, TourRequest, as_tour_goal
 from armwright_wire.pose import ConvertPoseAnswer as ConvertedPose
 from armwright_wire.pose import ConvertPoseRequest, PoseForm
 from armwright_wire.pose import Motion as PoseMotion
-from armwright_wire.retime import JointStateBody as JointState
-from armwright_wire.retime import RetimeAnswer as Retimed
-from armwright_wire.retime import RetimePath, RetimeRequest, RetimeTiming
-from armwright_wire.scene import (
+from armwright_wire.robots.lyapunov import LyapunovAnswer as Lyapunov
+from armwright_wire.robots.lyapunov import LyapunovRequest
+from armwright_wire.scenes.check import CheckRequest
+from armwright_wire.scenes.scene import (
     Engine,
     ProjectAnswer,
     ProjectRequest,
@@ -62,16 +71,6 @@ from armwright_wire.scene import (
     SceneList,
     SceneSummary,
 )
-from armwright_wire.simulation import SimulateAnswer as Simulation
-from armwright_wire.simulation import SimulateRequest
-from armwright_wire.task import StageUnion as TaskStage
-from armwright_wire.task import TaskAnswer as TaskPlan
-from armwright_wire.task import TaskRequest
-from armwright_wire.tour import TourAnswer as Tour
-from armwright_wire.tour import TourGoal, TourRequest, as_tour_goal
-from armwright_wire.trajectory import LimitsBody as LimitValues
-from armwright_wire.trajectory import TrajectoryAnswer as TimedTrajectory
-from armwright_wire.trajectory import TrajectoryBody as Trajectory
 
 __all__ = ["JobEndpoints", "PlanEndpoints", "RobotEndpoints", "SceneEndpoints", "ServiceEndpoints"]
 

@@ -22,14 +22,15 @@
         │   ├── Overloaded              OVERLOADED
         │   ├── NotReady                NOT_READY
         │   └── StorageUnavailable      STORAGE_UNAVAILABLE
-        └── one class for every other code, see `error_codes.BY_CODE`
+        └── one class for every other code, see `BY_CODE`
 """
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from types import MappingProxyType
 from typing import Any, ClassVar
 
 from armwright_wire import errors as common
-from armwright_wire.job import Problem
+from armwright_wire.plans.job import Problem
 
 
 def items(value: object) -> list[object]:
@@ -431,3 +432,20 @@ class StorageUnavailable(Unavailable):
     """The database of the service is locked, full or away."""
 
     code = "STORAGE_UNAVAILABLE"
+
+
+def _kinds(base: type[ApiError]) -> Iterator[type[ApiError]]:
+    for kind in base.__subclasses__():
+        yield kind
+        yield from _kinds(kind)
+
+
+#: The class of every code that the service may answer.
+BY_CODE: Mapping[str, type[ApiError]] = MappingProxyType(
+    {kind.code: kind for kind in _kinds(ApiError) if kind.code}
+)
+
+
+def from_problem(problem: Problem, status: int, retry_after: float | None = None) -> ApiError:
+    """The error of a problem document; `ApiError` itself for a code that is not known here."""
+    return BY_CODE.get(problem.code, ApiError)(problem, status, retry_after)

@@ -4,8 +4,8 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 from armwright_wire.base import Instant
-from armwright_wire.job import JobAnswer
-from armwright_wire.job import JobList as JobListOfSummaries
+from armwright_wire.plans.job import JobAnswer
+from armwright_wire.plans.job import JobList as JobListOfSummaries
 
 
 class Job(JobAnswer):

@@ -8,11 +8,10 @@ from typing import Generic, Protocol, TypeVar
 from pydantic_core import to_json
 
 from armwright_client.call import Call, EventCall, path, read_nothing
-from armwright_client.error_codes import from_problem
-from armwright_client.errors import TransportTimeout
+from armwright_client.errors import TransportTimeout, from_problem
 from armwright_client.job import Job, JobEvent
 from armwright_wire.errors import ArmwrightError
-from armwright_wire.job import Problem
+from armwright_wire.plans.job import Problem
 
 A = TypeVar("A")
 

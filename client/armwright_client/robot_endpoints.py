@@ -21,7 +21,14 @@ from armwright_client.answers import (
     WrenchAnswer,
     WrenchBatch,
 )
-from armwright_client.arm_options import (
+from armwright_client.call import (
+    Call,
+    Endpoint,
+    path,
+    read_nothing,
+    read_text,
+)
+from armwright_client.options.arm_options import (
     DynamicsOptions,
     FkOptions,
     ForwardDynamicsOptions,
@@ -33,29 +40,28 @@ from armwright_client.arm_options import (
     VelocityOptions,
     WrenchOptions,
 )
-from armwright_client.call import (
-    Call,
-    Endpoint,
-    path,
-    read_nothing,
-    read_text,
-)
-from armwright_client.robot import RobotArchive, RobotUpload
+from armwright_client.robots.robot import RobotArchive, RobotUpload
 from armwright_wire.base import Body, RowsLike, VectorLike
-from armwright_wire.dynamics import (
+from armwright_wire.pose import Pose
+from armwright_wire.robots.dynamics import (
     DynamicsRequest,
     EquationsAnswer,
     ForwardDynamicsRequest,
     RegressorRequest,
     WrenchRequest,
 )
-from armwright_wire.kinematics import FkRequest, IkRequest, JacobianRequest, VelocityRequest
-from armwright_wire.pose import Pose
-from armwright_wire.potential import PotentialRequest
-from armwright_wire.reach import ReachAnswer, ReachBox, ReachRequest
-from armwright_wire.robot import DefaultLimits, GeometryAnswer, JointLimits, RobotChanges, RobotList
-from armwright_wire.robot import RobotAnswer as Robot
-from armwright_wire.scene import SceneReference
+from armwright_wire.robots.kinematics import FkRequest, IkRequest, JacobianRequest, VelocityRequest
+from armwright_wire.robots.potential import PotentialRequest
+from armwright_wire.robots.reach import ReachAnswer, ReachBox, ReachRequest
+from armwright_wire.robots.robot import (
+    DefaultLimits,
+    GeometryAnswer,
+    JointLimits,
+    RobotChanges,
+    RobotList,
+)
+from armwright_wire.robots.robot import RobotAnswer as Robot
+from armwright_wire.scenes.scene import SceneReference
 
 A = TypeVar("A")
 

@@ -11,16 +11,15 @@ import httpx
 from pydantic import ValidationError
 
 from armwright_client.call import Call, EventCall
-from armwright_client.error_codes import from_problem
-from armwright_client.errors import TransportError, TransportTimeout, UnexpectedAnswer
+from armwright_client.errors import TransportError, TransportTimeout, UnexpectedAnswer, from_problem
 from armwright_client.job import EventReader, Job, JobEvent
 from armwright_client.pending import AsyncPending, Pending
 from armwright_client.retry import Retry, retry_after
-from armwright_client.robot import RobotArchive
+from armwright_client.robots.robot import RobotArchive
 from armwright_client.version import VERSION
 from armwright_wire.base import Body
 from armwright_wire.errors import ArmwrightError, InvalidArgument
-from armwright_wire.job import Problem
+from armwright_wire.plans.job import Problem
 
 A = TypeVar("A")
 

@@ -28,68 +28,72 @@ class Endpoint(NamedTuple):
 
 FK = Endpoint(
     "/v1/robots/{robot}/fk",
-    "armwright_wire.kinematics:FkRequest",
+    "armwright_wire.robots.kinematics:FkRequest",
     "service.endpoints.kinematics.task:fk_task",
     takes_scene=False,
 )
 IK = Endpoint(
     "/v1/robots/{robot}/ik",
-    "armwright_wire.kinematics:IkRequest",
+    "armwright_wire.robots.kinematics:IkRequest",
     "service.endpoints.ik.task:ik",
 )
 CHECK = Endpoint(
-    "/v1/check", "armwright_wire.check:CheckRequest", "service.endpoints.check.task:check"
+    "/v1/check", "armwright_wire.scenes.check:CheckRequest", "service.endpoints.check.task:check"
 )
 PLAN = Endpoint(
     "/v1/plan",
-    "armwright_wire.plan:PlanRequest",
+    "armwright_wire.plans.plan:PlanRequest",
     "service.endpoints.plan.task:plan",
     long=True,
     keepable=True,
 )
 VALIDATE = Endpoint(
-    "/v1/validate", "armwright_wire.plan:ValidateRequest", "service.endpoints.plan.task:validate"
+    "/v1/validate",
+    "armwright_wire.plans.plan:ValidateRequest",
+    "service.endpoints.plan.task:validate",
 )
 RETIME = Endpoint(
     "/v1/retime",
-    "armwright_wire.retime:RetimeRequest",
+    "armwright_wire.motions.retime:RetimeRequest",
     "service.endpoints.retime.task:retime",
     takes_scene=False,
 )
 SIMULATE = Endpoint(
     "/v1/simulate",
-    "armwright_wire.simulation:SimulateRequest",
+    "armwright_wire.motions.simulation:SimulateRequest",
     "service.endpoints.simulate.task:simulate",
 )
 REACH = Endpoint(
     "/v1/robots/{robot}/reach",
-    "armwright_wire.reach:ReachRequest",
+    "armwright_wire.robots.reach:ReachRequest",
     "service.endpoints.reach.task:reach",
     long=True,
 )
 TASK = Endpoint(
     "/v1/tasks",
-    "armwright_wire.task:TaskRequest",
+    "armwright_wire.plans.task:TaskRequest",
     "service.endpoints.tasks.task:plan_sequence",
     long=True,
     keepable=True,
 )
 TOUR = Endpoint(
     "/v1/tours",
-    "armwright_wire.tour:TourRequest",
+    "armwright_wire.plans.tour:TourRequest",
     "service.endpoints.tours.task:tour",
     long=True,
     keepable=True,
 )
 CONVERT = Endpoint(
     "/v1/convert",
-    "armwright_wire.retime:ConvertRequest",
+    "armwright_wire.motions.retime:ConvertRequest",
     "service.endpoints.retime.task:convert",
     takes_robot=False,
     takes_scene=False,
 )
 EXPORT = Endpoint(
-    "/v1/export", "armwright_wire.export:ExportRequest", "service.endpoints.export.task:export"
+    "/v1/export",
+    "armwright_wire.motions.export:ExportRequest",
+    "service.endpoints.export.task:export",
 )
 
 

@@ -10,8 +10,8 @@ from typing import Any
 import platformdirs
 from rich.console import Console
 
-from armwright_wire.robot import RobotBody
-from armwright_wire.scene import ProjectRequest, Scene
+from armwright_wire.robots.robot import RobotBody
+from armwright_wire.scenes.scene import ProjectRequest, Scene
 from command_line.backends.endpoints import Endpoint, answering
 from command_line.parameters import RobotSource
 from command_line.robot_files import is_file, robot_document
@@ -22,8 +22,8 @@ from obstacles.robots.robot_geometry import RobotGeometry
 from planning.values.deadline import Deadline
 from service.problem import ProblemError, from_fields
 from service.settings import Settings
-from service.storage import prepared_files, worker_cache
-from service.storage.cache_key import Reference, builtin_reference
+from service.storage.caches import prepared_files, worker_cache
+from service.storage.caches.cache_key import Reference, builtin_reference
 from service.storage.store import open_store
 from service.validation import validate_as
 from service.workers import current

@@ -116,7 +116,7 @@ def _version(name: str) -> str | None:
 
 def _kernels() -> Finding:
     from compiled.compiler import build, kernel_list, store  # noqa: PLC0415
-    from service.kernels import LIST  # noqa: PLC0415
+    from service.warm_up.kernels import LIST  # noqa: PLC0415
 
     entries, outdated = kernel_list.read(LIST)
     missing = len(build.missing_entries(entries))

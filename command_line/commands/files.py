@@ -8,7 +8,7 @@ import typer
 from rich.console import Console
 from rich.text import Text
 
-from armwright_wire.trajectory import TrajectoryBody
+from armwright_wire.motions.trajectory import TrajectoryBody
 from command_line import values
 from command_line.backends.backend import connect
 from command_line.backends.endpoints import EXPORT

@@ -81,7 +81,7 @@ def scenes(
 
 
 def _show_scene(file: str, as_json: bool) -> None:
-    from armwright_wire.scene import Scene  # noqa: PLC0415
+    from armwright_wire.scenes.scene import Scene  # noqa: PLC0415
     from service.translate import poses  # noqa: PLC0415
     from service.validation import validate_as  # noqa: PLC0415
 

@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from service.access import secret
 from service.access.caller import ANYONE, Caller
 from service.problem import ProblemError
-from service.storage.key_store import ApiKey, KeyStore
+from service.storage.stores.key_store import ApiKey, KeyStore
 
 #: How long a key is believed that was looked up [s]: revoking takes effect within that time.
 _BELIEVED = 2.0

@@ -5,7 +5,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
-from service.storage.key_store import SCOPES, Scope
+from service.storage.stores.key_store import SCOPES, Scope
 from service.storage.tables import DEFAULT_TENANT
 
 #: Key in the scope of a request, with its `Caller`.

@@ -7,9 +7,9 @@ from typing import Any, Protocol
 import numpy as np
 from pydantic import BaseModel
 
-from armwright_wire import scene as schema
-from armwright_wire.check import Attached, WithFingers
-from armwright_wire.scene import AllowedItem
+from armwright_wire.scenes import scene as schema
+from armwright_wire.scenes.check import Attached, WithFingers
+from armwright_wire.scenes.scene import AllowedItem
 from dynamics.model.payload import with_payload
 from kinematics.arrays import Array
 from kinematics.errors import InvalidScene
@@ -22,8 +22,8 @@ from obstacles.robots.finger_geometry import with_fingers
 from obstacles.robots.robot_geometry import RobotGeometry
 from obstacles.scenes.placement import with_objects
 from obstacles.scenes.scene import Obstacle, Scene
-from service.storage import worker_cache
-from service.storage.cache_key import Reference
+from service.storage.caches import worker_cache
+from service.storage.caches.cache_key import Reference
 from service.translate import poses
 from service.translate.contacts import (
     allowed_answer,

@@ -10,7 +10,7 @@ from typing import Protocol, TypeVar
 from fastapi import Request
 from starlette.concurrency import run_in_threadpool
 
-from armwright_wire.scene import Scene
+from armwright_wire.scenes.scene import Scene
 from service.http.compute import compute, compute_at_once
 from service.http.metrics import Metrics
 from service.http.state import (
@@ -21,7 +21,7 @@ from service.http.state import (
     settings_of,
 )
 from service.problem import ProblemError, from_fields
-from service.storage.cache_key import Reference, builtin_reference
+from service.storage.caches.cache_key import Reference, builtin_reference
 from service.storage.robot_repository import RobotRepository, is_built_in
 from service.task_references import plan, prepare_robot, prepare_scene, robot_model
 from service.workers.process import OnProgress

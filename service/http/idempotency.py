@@ -11,7 +11,7 @@ from service.access.caller import caller_of
 from service.http.request_headers import field
 from service.http.state import store_of
 from service.problem import ProblemError
-from service.storage.idempotency_store import IdempotencyKey, KeptAnswer, Recorded
+from service.storage.stores.idempotency_store import IdempotencyKey, KeptAnswer, Recorded
 
 _MAX_KEY = 255
 #: What is kept: that something was created, or accepted as a job. All else is computed anew.

@@ -33,9 +33,9 @@ from service.http.state import (
     store_of,
 )
 from service.problem import ProblemError
-from service.storage.cache_key import Reference
+from service.storage.caches.cache_key import Reference
 from service.storage.database import StorageUnavailable
-from service.storage.plan_store import PlanContent, PlanRecord
+from service.storage.stores.plan_store import PlanContent, PlanRecord
 from service.version import VERSION
 
 #: Key in the scope of a request, with the id of the plan that it was kept as.

@@ -13,7 +13,7 @@ from prometheus_client.core import CounterMetricFamily, GaugeMetricFamily, Metri
 from prometheus_client.registry import Collector
 
 from service.http.errors import KINDS
-from service.storage.job_store import STATUSES, Status
+from service.storage.stores.job_store import STATUSES, Status
 from service.workers.supervisor import WorkerSupervisor
 
 #: Inline kinematics take a millisecond, the longest plans minutes [s].

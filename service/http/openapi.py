@@ -11,9 +11,9 @@ from typing import Any, NamedTuple
 from fastapi import FastAPI
 from fastapi.openapi.utils import get_openapi
 
-from armwright_wire.job import Problem
-from armwright_wire.robot import RobotBody
-from armwright_wire.tool_motion import CartesianOptions
+from armwright_wire.goals.tool_motion import CartesianOptions
+from armwright_wire.plans.job import Problem
+from armwright_wire.robots.robot import RobotBody
 from planning.sampling.planners import PLANNERS, describe_options
 from service.http import openapi_problems
 from service.http.errors import KINDS, PROBLEM_MEDIA_TYPE

@@ -9,13 +9,13 @@ from fastapi import Request
 
 from service.access.caller import ANYONE, Caller, caller_of
 from service.settings import Settings, prepared_folder_of
-from service.storage.audit_store import Actor
-from service.storage.cache_key import Reference
-from service.storage.document_store import DocumentStore
-from service.storage.plan_store import Retention
-from service.storage.recent import Recent
+from service.storage.caches.cache_key import Reference
+from service.storage.caches.recent import Recent
 from service.storage.robot_repository import KeptDocuments, RobotRepository
 from service.storage.store import Store
+from service.storage.stores.audit_store import Actor
+from service.storage.stores.document_store import DocumentStore
+from service.storage.stores.plan_store import Retention
 from service.workers.supervisor import WorkerSupervisor
 
 #: Key in the scope of a request, with the references that it was answered for, by their kind.

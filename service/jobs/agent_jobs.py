@@ -19,10 +19,10 @@ from service.jobs.storage_retry import when_possible
 from service.settings import Settings
 from service.storage import messages
 from service.storage.database import StorageUnavailable
-from service.storage.idempotency_store import KeptAnswer
-from service.storage.job_store import JobRecord, StoredRequest
-from service.storage.queue_store import AGENTS, Chunk, batch_of
 from service.storage.store import Store
+from service.storage.stores.idempotency_store import KeptAnswer
+from service.storage.stores.job_store import JobRecord, StoredRequest
+from service.storage.stores.queue_store import AGENTS, Chunk, batch_of
 from service.task_references import cut, plan
 from service.workers.chunk_sizes import Pace
 from service.workers.faults import ShuttingDown

@@ -6,13 +6,13 @@ from datetime import UTC, datetime
 from fastapi import Request, Response
 from pydantic_core import to_json
 
-from armwright_wire.job import JobSummary
+from armwright_wire.plans.job import JobSummary
 from service.access.caller import caller_of
 from service.http.idempotency import kept_answer, note_kept
 from service.http.json_route import Handler, prefers_async
 from service.http.state import DRY_RUN, DeferToJob
 from service.jobs.runner import Jobs
-from service.storage.job_store import JobAnswer, JobRecord, StoredRequest
+from service.storage.stores.job_store import JobAnswer, JobRecord, StoredRequest
 
 
 def job_summary(record: JobRecord, lifetime: float | None = None) -> JobSummary:

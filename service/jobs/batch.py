@@ -22,11 +22,11 @@ from service.http.state import JobContext, settings_of, supervisor_of
 from service.jobs.execution import BATCH_PATH
 from service.jobs.storage_retry import STORAGE_RETRY
 from service.problem import ProblemError, from_fields, unexpected_fault
-from service.storage import prepared_files
-from service.storage.cache_key import Reference
+from service.storage.caches import prepared_files
+from service.storage.caches.cache_key import Reference
 from service.storage.database import StorageUnavailable
-from service.storage.job_store import JobAnswer
-from service.storage.queue_store import ChunkAnswer
+from service.storage.stores.job_store import JobAnswer
+from service.storage.stores.queue_store import ChunkAnswer
 from service.task_references import plan, plan_part, split
 from service.workers.chunk_sizes import TURN
 from service.workers.faults import ShuttingDown

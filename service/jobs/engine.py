@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 
 from service.storage.database import StoreError
 from service.storage.messages import QUEUE, TASK
-from service.storage.server_store import HEARTBEAT, LIFETIME
+from service.storage.stores.server_store import HEARTBEAT, LIFETIME
 
 if TYPE_CHECKING:
     from procrastinate import App

@@ -27,9 +27,9 @@ from service.jobs.storage_retry import when_possible
 from service.problem import ProblemError, unexpected_fault
 from service.settings import Settings
 from service.storage.database import StorageUnavailable
-from service.storage.job_store import JobAnswer, JobRecord, Status
-from service.storage.server_store import HEARTBEAT
 from service.storage.store import Store
+from service.storage.stores.job_store import JobAnswer, JobRecord, Status
+from service.storage.stores.server_store import HEARTBEAT
 from service.workers.faults import ShuttingDown
 
 _log = logging.getLogger(__name__)

@@ -9,7 +9,7 @@ from typing import Any
 
 from pydantic_core import to_json
 
-from service.storage.job_store import ENDED, JobAnswer, JobRecord, Status
+from service.storage.stores.job_store import ENDED, JobAnswer, JobRecord, Status
 
 #: Events kept for clients that come late or come back; each event holds the state as a whole.
 _KEPT_EVENTS = 256

@@ -8,7 +8,7 @@ from starlette.concurrency import run_in_threadpool
 
 from service.settings import Settings
 from service.storage.database import StorageUnavailable
-from service.storage.job_store import JobStore
+from service.storage.stores.job_store import JobStore
 
 #: How often old answers are looked for [s].
 _PERIOD = 60.0

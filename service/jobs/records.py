@@ -8,7 +8,7 @@ import time
 from service.access.caller import Caller
 from service.http.errors import PROBLEM_MEDIA_TYPE, document
 from service.problem import ProblemError
-from service.storage.job_store import JobAnswer, JobRecord, StoredRequest
+from service.storage.stores.job_store import JobAnswer, JobRecord, StoredRequest
 
 #: Servers that may die while they work on a job: after that, it may be what kills them.
 MAX_ATTEMPTS = 2

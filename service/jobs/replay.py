@@ -12,7 +12,7 @@ from starlette.types import ASGIApp, Message
 
 from service.access.caller import CALLER
 from service.http.state import JOB_CONTEXT, JobContext
-from service.storage.job_store import JobAnswer, StoredRequest
+from service.storage.stores.job_store import JobAnswer, StoredRequest
 
 
 @dataclass(slots=True)

@@ -17,8 +17,9 @@ from service.jobs.purge import purge_periodically
 from service.problem import ProblemError
 from service.settings import Settings
 from service.storage.database import StorageUnavailable
-from service.storage.idempotency_store import KeptAnswer
-from service.storage.job_store import (
+from service.storage.store import Store
+from service.storage.stores.idempotency_store import KeptAnswer
+from service.storage.stores.job_store import (
     ENDED,
     JobAnswer,
     JobRecord,
@@ -26,8 +27,7 @@ from service.storage.job_store import (
     StoredRequest,
     no_job,
 )
-from service.storage.queue_store import Load
-from service.storage.store import Store
+from service.storage.stores.queue_store import Load
 from service.workers.faults import JobsFull, ShuttingDown
 
 _ID = re.compile(r"[0-9a-f]{32}")

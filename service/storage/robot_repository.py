@@ -8,9 +8,9 @@ from typing import Literal, Protocol
 
 from kinematics.robot_names import builtin_names
 from service.problem import ProblemError
-from service.storage.cache_key import Reference, builtin_reference
-from service.storage.document_store import Document, DocumentStore, Record
-from service.storage.plan_store import PlanStore
+from service.storage.caches.cache_key import Reference, builtin_reference
+from service.storage.stores.document_store import Document, DocumentStore, Record
+from service.storage.stores.plan_store import PlanStore
 
 
 class KeptDocuments:

@@ -2,15 +2,15 @@
 
 import secrets
 
+from service.storage.caches.record_cache import RecordCache
 from service.storage.database import Database
-from service.storage.document_store import DocumentStore, Record
-from service.storage.idempotency_store import IdempotencyStore
-from service.storage.job_store import JobStore
-from service.storage.key_store import KeyStore
-from service.storage.plan_store import PlanStore
-from service.storage.queue_store import QueueStore
-from service.storage.record_cache import RecordCache
-from service.storage.server_store import ServerStore
+from service.storage.stores.document_store import DocumentStore, Record
+from service.storage.stores.idempotency_store import IdempotencyStore
+from service.storage.stores.job_store import JobStore
+from service.storage.stores.key_store import KeyStore
+from service.storage.stores.plan_store import PlanStore
+from service.storage.stores.queue_store import QueueStore
+from service.storage.stores.server_store import ServerStore
 
 
 class Store:

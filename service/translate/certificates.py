@@ -4,7 +4,7 @@ import math
 from dataclasses import asdict
 from typing import Any
 
-from armwright_wire.scene import Scene
+from armwright_wire.scenes.scene import Scene
 from planning.proof.certificate import Certificate
 from planning.proof.premises import Premises
 from planning.proof.tool.tool_speed_band import SpeedUse

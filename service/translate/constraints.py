@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 
-from armwright_wire import constraint as schema
+from armwright_wire.goals import constraint as schema
 from kinematics.arrays import Array
 from kinematics.errors import InvalidGoal, InvalidPose
 from kinematics.model.chain import Chain

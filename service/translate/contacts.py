@@ -4,7 +4,7 @@ import math
 from collections.abc import Iterable, Sequence
 from typing import Any
 
-from armwright_wire.scene import AllowedItem, LimitedPair
+from armwright_wire.scenes.scene import AllowedItem, LimitedPair
 from obstacles.robots.allowed_pairs import Overlap, allowed_pairs, sorted_pair
 from obstacles.robots.robot_geometry import RobotGeometry
 from obstacles.scenes.scene import AllowedContact, Pair, Scene

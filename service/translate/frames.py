@@ -6,12 +6,12 @@ from typing import Any, TypeVar
 import numpy as np
 from pydantic import BaseModel
 
-from armwright_wire import constraint as constraints
-from armwright_wire.goal import Goal, SingleGoal
-from armwright_wire.kinematics import IkRequest
-from armwright_wire.plan import PlanRequest
+from armwright_wire.goals import constraint as constraints
+from armwright_wire.goals.goal import Goal, SingleGoal
+from armwright_wire.goals.tool_motion import RoundedCorner, TimedToolMotion, TimedToolMotions
+from armwright_wire.plans.plan import PlanRequest
 from armwright_wire.pose import FramedPose, Pose
-from armwright_wire.tool_motion import RoundedCorner, TimedToolMotion, TimedToolMotions
+from armwright_wire.robots.kinematics import IkRequest
 from kinematics.arrays import Array
 from kinematics.errors import InvalidGoal
 from kinematics.model.chain import Chain

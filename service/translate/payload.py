@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from armwright_wire.dynamics import Payload
+from armwright_wire.robots.dynamics import Payload
 from dynamics.model.payload import with_payload
 from kinematics.model.chain import Chain
 

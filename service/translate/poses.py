@@ -10,7 +10,7 @@ import numpy as np
 from pydantic import BaseModel
 
 from armwright_wire import pose as pose_schema
-from armwright_wire import scene as scene_schema
+from armwright_wire.scenes import scene as scene_schema
 from kinematics import pose as rotation
 from kinematics.arrays import Array
 from kinematics.errors import InvalidScene

@@ -6,11 +6,11 @@ from typing import Any
 
 import numpy as np
 
-from armwright_wire import goal as goal_schema
-from armwright_wire import plan as schema
-from armwright_wire import tool_motion
-from armwright_wire.goal import GoalCosts as GoalCostsBody
-from armwright_wire.tool_motion import cartesian_options
+from armwright_wire.goals import goal as goal_schema
+from armwright_wire.goals import tool_motion
+from armwright_wire.goals.goal import GoalCosts as GoalCostsBody
+from armwright_wire.goals.tool_motion import cartesian_options
+from armwright_wire.plans import plan as schema
 from kinematics.arrays import Array
 from kinematics.model.chain import Chain
 from obstacles.robots.robot_geometry import RobotGeometry

@@ -5,8 +5,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from armwright_wire import tool_motion as schema
-from armwright_wire.tool_motion import CartesianOptions
+from armwright_wire.goals import tool_motion as schema
+from armwright_wire.goals.tool_motion import CartesianOptions
 from kinematics.arrays import Array
 from kinematics.errors import InvalidGoal, InvalidOption
 from kinematics.model.chain import Chain

@@ -3,8 +3,8 @@
 from collections.abc import Mapping
 from typing import Any, TypeVar
 
-from armwright_wire.goal import SingleGoal, Start
-from armwright_wire.plan import PlanRequest
+from armwright_wire.goals.goal import SingleGoal, Start
+from armwright_wire.plans.plan import PlanRequest
 from kinematics.arrays import Array
 from kinematics.tree.srdf import state
 

@@ -5,10 +5,10 @@ from typing import Any
 
 import numpy as np
 
-from armwright_wire import plan as schema
-from armwright_wire import retime as retime_schema
-from armwright_wire.timing import Timing
-from armwright_wire.trajectory import LimitsBody
+from armwright_wire.motions import retime as retime_schema
+from armwright_wire.motions.timing import Timing
+from armwright_wire.motions.trajectory import LimitsBody
+from armwright_wire.plans import plan as schema
 from dynamics.model.payload import with_payload
 from kinematics.arrays import Array
 from kinematics.errors import InvalidOption, InvalidTrajectory

@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 
-from armwright_wire import tool_motion as cartesian
+from armwright_wire.goals import tool_motion as cartesian
 from kinematics.arrays import Array
 from kinematics.errors import InvalidGoal
 from kinematics.forward import forward

@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 
-from armwright_wire import trajectory as schema
+from armwright_wire.motions import trajectory as schema
 from kinematics.arrays import Array
 from kinematics.errors import InvalidOption, InvalidTrajectory
 from kinematics.model.chain import Chain, Limits

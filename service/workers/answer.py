@@ -10,8 +10,8 @@ from pydantic import BaseModel
 from kinematics.arrays import Array
 from kinematics.model.chain import Chain
 from kinematics.root_frame import frame_pose, root_notes
-from service.storage import worker_cache
-from service.storage.cache_key import NotPrepared, Reference
+from service.storage.caches import worker_cache
+from service.storage.caches.cache_key import NotPrepared, Reference
 from service.workers.result import CacheMiss, ChainTask
 from service.workers.task import Task, register
 

@@ -5,7 +5,7 @@ from typing import ClassVar
 
 from pydantic import ValidationError
 
-from service.storage.cache_key import Reference
+from service.storage.caches.cache_key import Reference
 from service.workers.task import Task
 
 #: Code of the problem of a request that does not follow its model.

@@ -20,8 +20,8 @@ from armwright_client import (
     Pose,
     Sphere,
 )
-from armwright_wire.robot import GeometryAnswer
-from armwright_wire.scene import Capsule, Cone
+from armwright_wire.robots.robot import GeometryAnswer
+from armwright_wire.scenes.scene import Capsule, Cone
 from studio.motion_frames import LinkPoses, link_poses
 from studio.obstacles import corner, with_corner
 from studio.pose import pose_of, wxyz

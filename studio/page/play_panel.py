@@ -7,7 +7,7 @@ from typing import get_args
 
 import viser
 
-from armwright_wire.export import Format as ExportFormat
+from armwright_wire.motions.export import Format as ExportFormat
 from studio.motion_frames import MotionFrames
 from studio.page.markdown import Text
 from studio.page.panel import Page, on_user_update, put_value

@@ -3,18 +3,17 @@
 import pickle
 from importlib import import_module
 from pathlib import Path
-from pkgutil import iter_modules
+from pkgutil import walk_packages
 from types import ModuleType
 
 import pytest
 
 import armwright_client
 from armwright_client import errors
-from armwright_client.error_codes import BY_CODE, from_problem
-from armwright_client.errors import ApiError
+from armwright_client.errors import BY_CODE, ApiError, from_problem
 from armwright_wire.base import Wire
 from armwright_wire.errors import ArmwrightError
-from armwright_wire.job import Problem
+from armwright_wire.plans.job import Problem
 from service.http.errors import KINDS
 
 #: Bases of models, and what stands behind models of the same name.
@@ -67,7 +66,7 @@ def classes() -> list[type[ArmwrightError]]:
 
 
 def modules() -> list[ModuleType]:
-    found = iter_modules(armwright_client.__path__, "armwright_client.")
+    found = walk_packages(armwright_client.__path__, "armwright_client.")
     return [import_module(module.name) for module in found]
 
 

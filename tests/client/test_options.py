@@ -4,22 +4,13 @@ from typing import get_type_hints
 
 import pytest
 
-from armwright_client import arm_options, plan_options
-from armwright_client import robot as uploads
-from armwright_wire import (
-    check,
-    dynamics,
-    export,
-    kinematics,
-    plan,
-    potential,
-    reach,
-    robot,
-    simulation,
-    task,
-    tour,
-)
+from armwright_client.options import arm_options, plan_options
+from armwright_client.robots import robot as uploads
 from armwright_wire.base import Body
+from armwright_wire.motions import export, simulation
+from armwright_wire.plans import plan, task, tour
+from armwright_wire.robots import dynamics, kinematics, potential, reach, robot
+from armwright_wire.scenes import check
 
 #: Options, their request, and fields that methods take by themselves.
 OPTIONS: list[tuple[type, type[Body], set[str]]] = [

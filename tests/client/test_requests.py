@@ -11,14 +11,14 @@ from pydantic import BaseModel, ValidationError
 from scipy.spatial.transform import Rotation
 
 import armwright_client as ours
-from armwright_wire import check as their_check
-from armwright_wire import kinematics as their_kinematics
-from armwright_wire import plan as their_plan
 from armwright_wire import pose as their_pose
-from armwright_wire import potential as their_potential
-from armwright_wire import robot as their_robot
-from armwright_wire import scene as their_scene
 from armwright_wire.base import Body as Request
+from armwright_wire.plans import plan as their_plan
+from armwright_wire.robots import kinematics as their_kinematics
+from armwright_wire.robots import potential as their_potential
+from armwright_wire.robots import robot as their_robot
+from armwright_wire.scenes import check as their_check
+from armwright_wire.scenes import scene as their_scene
 
 BOX = ours.Box(size=[1.0, 0.8, 0.04])
 SCENE = ours.Scene(
@@ -249,7 +249,7 @@ def test_a_matrix_that_is_no_transform_is_refused(rows: Any) -> None:
 
 
 def test_goals_are_told_apart() -> None:
-    from armwright_wire.goal import as_goal
+    from armwright_wire.goals.goal import as_goal
 
     pose = ours.Pose.at(1, 2, 3)
     goal = ours.Goal.at_pose(pose, position_tolerance=0.01)

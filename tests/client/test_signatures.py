@@ -9,8 +9,8 @@ import pytest
 
 import armwright_client
 from armwright_client import AsyncClient, AsyncPending, BatchAnswer, Client, JobEvent, Pending, Plan
-from armwright_wire.plan import PLANNERS as ALL
-from armwright_wire.plan import OmplPlanner
+from armwright_wire.plans.plan import PLANNERS as ALL
+from armwright_wire.plans.plan import OmplPlanner
 from planning.pipeline.planners import PLANNERS
 from tests.client.scripted import Scripted, problem
 

@@ -4,7 +4,7 @@ import json
 from pathlib import Path
 from typing import Any
 
-from armwright_wire.task import TaskRequest
+from armwright_wire.plans.task import TaskRequest
 from tests.command_line.commands import Run
 
 _EXAMPLE: Any = TaskRequest.model_json_schema()["examples"][0]

@@ -15,7 +15,7 @@ from fastapi import FastAPI
 from service.http.metrics import Metrics
 from service.settings import Settings
 from service.storage import messages
-from service.storage.job_store import STATUSES
+from service.storage.stores.job_store import STATUSES
 from service.version import VERSION
 from service.workers.state import Counters
 

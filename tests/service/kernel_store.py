@@ -8,7 +8,7 @@ from contextlib import contextmanager
 from functools import cache
 
 from compiled.compiler.dispatcher import FROZEN
-from service.kernels import count_missing
+from service.warm_up.kernels import count_missing
 
 
 @contextmanager

@@ -38,7 +38,7 @@ main({channel}, {programs})
 _DESCRIPTORS = 5
 _ORDER_BYTES = 1 << 20
 #: What services prepare; other recipes are those of tests of workers.
-_PREPARES = "service.kernels:prepare"
+_PREPARES = "service.warm_up.kernels:prepare"
 
 
 @contextmanager
@@ -180,8 +180,8 @@ def main(descriptor: int, programs: int) -> None:
         programs: Of the stream by which it asks for programs to be run.
     """
     signal.signal(signal.SIGINT, signal.SIG_IGN)
-    from service import kernels
     from service.recipe import RECIPE
+    from service.warm_up import kernels
 
     for module in RECIPE.modules:
         load_tasks(module)

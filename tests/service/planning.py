@@ -4,11 +4,11 @@ from typing import Any
 
 import httpx
 
-from armwright_wire.plan import PlanAnswer
-from armwright_wire.scene import Scene
+from armwright_wire.plans.plan import PlanAnswer
+from armwright_wire.scenes.scene import Scene
 from obstacles.collision.fcl_distance import FclWorld
-from service.storage import worker_cache
-from service.storage.cache_key import builtin_reference
+from service.storage.caches import worker_cache
+from service.storage.caches.cache_key import builtin_reference
 from service.translate import poses
 from tests.service.robots import (
     ASIDE,

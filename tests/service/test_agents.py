@@ -16,8 +16,8 @@ import pytest
 from service.app import create_app
 from service.cli import main
 from service.settings import Settings
-from service.storage.job_store import JobRecord
-from service.storage.queue_store import Chunk
+from service.storage.stores.job_store import JobRecord
+from service.storage.stores.queue_store import Chunk
 from service.task_references import plan, plan_part
 from tests.service.conftest import Served
 from tests.service.jobs.requests import EASY, STUCK, batch, ended, submit

@@ -7,7 +7,7 @@ import httpx
 import numpy as np
 import pytest
 
-from armwright_wire.check import Attached
+from armwright_wire.scenes.check import Attached
 from tests.service.processes import wait_until
 from tests.service.robots import HOME, answer, problem, scene
 

@@ -10,7 +10,7 @@ from armwright_client import CartesianOptions as ClientOptions
 from armwright_client import Plan as ClientPlan
 from armwright_client import Pose as ClientPose
 from armwright_client import ToolMotion
-from armwright_wire.plan import PlanAnswer
+from armwright_wire.plans.plan import PlanAnswer
 from kinematics.forward import forward
 from kinematics.pose import to_quaternion
 from kinematics.robots import builtin_chain

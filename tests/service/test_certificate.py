@@ -7,7 +7,7 @@ import httpx
 import pytest
 
 from armwright_client import Certificate as ClientCertificate
-from armwright_wire.certificate import CertificateAnswer
+from armwright_wire.motions.certificate import CertificateAnswer
 from kinematics.forward import forward
 from kinematics.pose import to_quaternion
 from kinematics.robots import builtin_chain

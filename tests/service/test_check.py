@@ -6,8 +6,8 @@ import httpx
 import numpy as np
 import pytest
 
-from armwright_wire.check import CheckAnswer
-from armwright_wire.scene import ProjectAnswer, Scene
+from armwright_wire.scenes.check import CheckAnswer
+from armwright_wire.scenes.scene import ProjectAnswer, Scene
 from kinematics.forward import forward
 from kinematics.robots import builtin_chain
 from kinematics.tree.serial_chain import serial_chain
@@ -15,8 +15,8 @@ from kinematics.urdf.urdf import parse_urdf
 from obstacles.collision.fcl_distance import FclWorld
 from obstacles.robots.robot_geometry import robot_geometry
 from obstacles.scenes.scene import Scene as ObstacleScene
-from service.storage import worker_cache
-from service.storage.cache_key import builtin_reference
+from service.storage.caches import worker_cache
+from service.storage.caches.cache_key import builtin_reference
 from service.translate import poses
 from tests.service.robots import ASIDE, FLOOR, HOME, LIMIT, POST, answer, bench, problem, scene
 

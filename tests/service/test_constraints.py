@@ -7,9 +7,9 @@ import httpx
 import numpy as np
 import pytest
 
-from armwright_wire.certificate import CertificateAnswer
-from armwright_wire.kinematics import IkAnswer
-from armwright_wire.plan import PlanAnswer
+from armwright_wire.motions.certificate import CertificateAnswer
+from armwright_wire.plans.plan import PlanAnswer
+from armwright_wire.robots.kinematics import IkAnswer
 from kinematics.forward import forward
 from kinematics.robots import builtin_chain
 from service.endpoints.ik import task

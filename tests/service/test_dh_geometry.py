@@ -5,7 +5,7 @@ from typing import Any
 import httpx
 import pytest
 
-from armwright_wire.robot import RobotAnswer
+from armwright_wire.robots.robot import RobotAnswer
 from tests.service.robots import answer, problem, scene
 
 ROW = {

@@ -6,8 +6,8 @@ import httpx
 import numpy as np
 import pytest
 
-from armwright_wire.dynamics import DynamicsAnswer, RegressorAnswer, WrenchAnswer
-from armwright_wire.simulation import SimulateAnswer
+from armwright_wire.motions.simulation import SimulateAnswer
+from armwright_wire.robots.dynamics import DynamicsAnswer, RegressorAnswer, WrenchAnswer
 from dynamics.inverse import inverse_dynamics
 from dynamics.terms import mass_matrix
 from kinematics.robots import builtin_chain

@@ -8,11 +8,11 @@ import pytest
 import yaml
 from scipy.interpolate import BPoly
 
-from armwright_wire.export import ExportAnswer
-from armwright_wire.scene import Scene
+from armwright_wire.motions.export import ExportAnswer
+from armwright_wire.scenes.scene import Scene
 from obstacles.collision.fcl_distance import FclWorld
-from service.storage import worker_cache
-from service.storage.cache_key import builtin_reference
+from service.storage.caches import worker_cache
+from service.storage.caches.cache_key import builtin_reference
 from service.translate import poses
 from tests.service.robots import ASIDE, FLOOR, HOME, answer, problem, scene
 

@@ -4,7 +4,7 @@ import httpx
 import numpy as np
 import trimesh
 
-from armwright_wire.robot import GeometryAnswer
+from armwright_wire.robots.robot import GeometryAnswer
 from tests.service.conftest import Served
 from tests.service.robots import LOOKS, answer, bench, problem, urdf
 

@@ -6,8 +6,8 @@ import httpx
 import numpy as np
 import pytest
 
-from armwright_wire.kinematics import IkAnswer
-from armwright_wire.scene import Scene
+from armwright_wire.robots.kinematics import IkAnswer
+from armwright_wire.scenes.scene import Scene
 from kinematics.forward import forward, joint_frames
 from kinematics.pose import (
     rotation_error,
@@ -15,8 +15,8 @@ from kinematics.pose import (
 )
 from kinematics.robots import builtin_chain
 from obstacles.collision.fcl_distance import FclWorld
-from service.storage import worker_cache
-from service.storage.cache_key import builtin_reference
+from service.storage.caches import worker_cache
+from service.storage.caches.cache_key import builtin_reference
 from service.translate import poses
 from tests.service.poses import as_pose, draws
 from tests.service.robots import HOME, answer, problem, scene

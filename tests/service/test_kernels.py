@@ -7,8 +7,8 @@ from pathlib import Path
 import pytest
 
 from compiled.compiler import build, kernel_list, machine_code, store
-from service import kernels
 from service.cli import main
+from service.warm_up import kernels
 from tests.service.loaded_fork_server import run_where_ready
 
 ROOT = Path(__file__).parents[2]
@@ -23,7 +23,7 @@ UNREACHED = {
 #: Prints the kernels of modules that the service imports, and that nothing on the list calls.
 FIND_UNREACHED = """
 import sys
-import service.app, service.warm_requests
+import service.app, service.warm_up.warm_requests
 from compiled.compiler import kernel_list
 from compiled.compiler.dispatcher import Kernel
 from compiled.compiler.fingerprint import callees

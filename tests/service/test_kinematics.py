@@ -10,7 +10,7 @@ import numpy as np
 import pinocchio
 import pytest
 
-from armwright_wire.kinematics import FkAnswer, JacobianAnswer, VelocityAnswer
+from armwright_wire.robots.kinematics import FkAnswer, JacobianAnswer, VelocityAnswer
 from kinematics.forward import forward, link_poses
 from kinematics.jacobian import analytic_zyz, geometric
 from kinematics.pose import (

@@ -9,9 +9,9 @@ import pytest
 from pydantic import ValidationError
 
 from armwright_wire.base import Body
-from armwright_wire.check import Attached
-from armwright_wire.kinematics import VelocityRequest
-from armwright_wire.scene import Scene
+from armwright_wire.robots.kinematics import VelocityRequest
+from armwright_wire.scenes.check import Attached
+from armwright_wire.scenes.scene import Scene
 
 ITEMS: dict[type[Body], dict[str, Any]] = {
     Scene: {"obstacles": [], "moveit": "x"},

@@ -8,7 +8,7 @@ import pytest
 from fastapi.routing import APIRoute
 from pydantic import TypeAdapter
 
-from armwright_wire.job import Problem
+from armwright_wire.plans.job import Problem
 from scripts.openapi_examples import cut, send_all
 from service.app import _ROUTERS
 from service.http.errors import KINDS, PROBLEM_MEDIA_TYPE

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from numpy.polynomial import polynomial
 
-from armwright_wire.scene import Scene
+from armwright_wire.scenes.scene import Scene
 from kinematics.arrays import Array
 from kinematics.forward import forward
 from kinematics.pose import from_rpy
@@ -17,8 +17,8 @@ from planning.options import Options
 from planning.pipeline import pipeline
 from planning.problem import JointGoal, Problem
 from planning.result import Plan
-from service.storage import worker_cache
-from service.storage.cache_key import builtin_reference
+from service.storage.caches import worker_cache
+from service.storage.caches.cache_key import builtin_reference
 from service.translate import poses
 from tests.service.planning import BODY, PLACE, plan, world
 from tests.service.robots import (

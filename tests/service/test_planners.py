@@ -7,7 +7,7 @@ import httpx
 import numpy as np
 import pytest
 
-from armwright_wire.plan import PlanAnswer
+from armwright_wire.plans.plan import PlanAnswer
 from kinematics.forward import forward
 from kinematics.robots import builtin_chain
 from planning.pipeline.planners import PLANNERS

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from armwright_client import Client
-from armwright_wire.kept_plan import Bundle, KeptPlan, PlanList, ReplayAnswer
+from armwright_wire.plans.kept_plan import Bundle, KeptPlan, PlanList, ReplayAnswer
 from service.app import create_app
 from service.http.keeping import answer_digest
 from service.settings import Settings

@@ -6,7 +6,7 @@ import httpx
 import numpy as np
 import pytest
 
-from armwright_wire.potential import PotentialAnswer
+from armwright_wire.robots.potential import PotentialAnswer
 from tests.service.robots import FLOOR, HOME, POST, answer, problem, scene
 
 GOAL = [0.6, -0.3, 0.0, -2.0, 0.0, 1.8, 0.785]

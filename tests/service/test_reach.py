@@ -9,7 +9,7 @@ import httpx
 import pytest
 import trimesh
 
-from armwright_wire.reach import ReachAnswer
+from armwright_wire.robots.reach import ReachAnswer
 from tests.service.processes import wait_until
 from tests.service.robots import FLOOR, POST, answer, problem, scene
 

@@ -6,7 +6,7 @@ import httpx
 import numpy as np
 import pytest
 
-from armwright_wire.plan import PlanAnswer
+from armwright_wire.plans.plan import PlanAnswer
 from kinematics.forward import forward
 from kinematics.robots import builtin_chain
 from tests.service.robots import ASIDE, FLOOR, HOME, POST, answer, problem, scene

@@ -9,7 +9,7 @@ import httpx
 import numpy as np
 import pytest
 
-from armwright_wire.robot import RobotAnswer
+from armwright_wire.robots.robot import RobotAnswer
 from kinematics.arrays import Array
 from kinematics.forward import forward
 from kinematics.model.dh import chain_from_dh

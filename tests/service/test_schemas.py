@@ -6,15 +6,15 @@ import pytest
 from pydantic import BaseModel, TypeAdapter, ValidationError
 
 from armwright_wire.base import Joints
-from armwright_wire.check import CheckRequest
-from armwright_wire.goal import Goal
-from armwright_wire.kinematics import FkRequest, IkRequest
-from armwright_wire.plan import PlanRequest
+from armwright_wire.goals.goal import Goal
+from armwright_wire.motions.retime import RetimeRequest
+from armwright_wire.motions.trajectory import TrajectoryBody
+from armwright_wire.plans.plan import PlanRequest
 from armwright_wire.pose import FramedPose, Pose
-from armwright_wire.retime import RetimeRequest
-from armwright_wire.robot import RobotBody
-from armwright_wire.scene import NamedScene, Scene, Shape
-from armwright_wire.trajectory import TrajectoryBody
+from armwright_wire.robots.kinematics import FkRequest, IkRequest
+from armwright_wire.robots.robot import RobotBody
+from armwright_wire.scenes.check import CheckRequest
+from armwright_wire.scenes.scene import NamedScene, Scene, Shape
 from service.problem import ProblemError
 from service.translate import poses
 from service.validation import field_path, validate_as

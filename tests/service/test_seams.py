@@ -14,7 +14,7 @@ from armwright_client import (
     Waypoint,
 )
 from armwright_client import Plan as ClientPlan
-from armwright_wire.plan import PlanAnswer
+from armwright_wire.plans.plan import PlanAnswer
 from kinematics.forward import forward
 from kinematics.robots import builtin_chain, builtin_srdf, builtin_urdf
 from tests.service.robots import HOME, answer, problem

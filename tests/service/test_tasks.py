@@ -22,7 +22,7 @@ from armwright_client import (
     RetreatStage,
     Scene,
 )
-from armwright_wire.task import TaskAnswer, TaskRequest
+from armwright_wire.plans.task import TaskAnswer, TaskRequest
 from kinematics.forward import forward
 from kinematics.robots import builtin_chain
 from tests.planning.sequence import fingers

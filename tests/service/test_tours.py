@@ -6,7 +6,7 @@ from typing import Any
 import httpx
 import pytest
 
-from armwright_wire.tour import TourAnswer
+from armwright_wire.plans.tour import TourAnswer
 from tests.service.conftest import Served
 from tests.service.processes import wait_until
 from tests.service.robots import FLOOR, POST, answer, problem, scene

@@ -7,7 +7,7 @@ import httpx
 import numpy as np
 import pytest
 
-from armwright_wire.certificate import CertificateAnswer
+from armwright_wire.motions.certificate import CertificateAnswer
 from kinematics.robots import builtin_chain
 from tests.service.planning import PLACE, plan, world
 from tests.service.robots import (

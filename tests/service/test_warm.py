@@ -36,8 +36,8 @@ from service.endpoints.potential import task as potential
 from service.endpoints.robots import task as robots
 from service.endpoints.simulate import task as simulate
 from service.workers import current
-from service.storage.cache_key import builtin_reference
-from armwright_wire.kinematics import FkRequest, JacobianRequest
+from service.storage.caches.cache_key import builtin_reference
+from armwright_wire.robots.kinematics import FkRequest, JacobianRequest
 
 ROBOTS = {"ur5e": 6, "stanford": 6, "scara": 4, "iiwa14": 7}
 OBSTACLES = [

@@ -11,9 +11,9 @@ from obstacles.collision.model import brackets, collision_model, pair_grid
 from obstacles.collision.model.collision_model import _robot_part
 from obstacles.convex import sphere_set
 from obstacles.scenes.scene import Scene
-from service import warm_requests
-from service.storage import worker_cache
-from service.storage.cache_key import builtin_reference
+from service.storage.caches import worker_cache
+from service.storage.caches.cache_key import builtin_reference
+from service.warm_up import warm_requests
 
 
 def test_workers_find_the_spheres_of_each_built_in_robot() -> None:

@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from armwright_client import Box, Cylinder, Halfspace, Obstacle, Pose, Sphere
-from armwright_wire.scene import Capsule, Cone, Shape
+from armwright_wire.scenes.scene import Capsule, Cone, Shape
 from studio.obstacles import corner, dimensions, with_corner
 
 SHAPES: list[Shape] = [

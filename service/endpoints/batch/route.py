@@ -2,8 +2,8 @@
 
 from fastapi import APIRouter, Request, Response
 
-from armwright_wire.batch import BatchAnswer, BatchRequest
-from armwright_wire.job import JobSummary
+from armwright_wire.plans.batch import BatchAnswer, BatchRequest
+from armwright_wire.plans.job import JobSummary
 from service.http import answers
 from service.http.compute import allowed_time
 from service.http.json_route import Handler, JobRoute

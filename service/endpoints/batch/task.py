@@ -6,14 +6,14 @@ from typing import Any
 from pydantic import ValidationError
 from pydantic_core import from_json, to_json
 
-from armwright_wire.batch import BatchRequest, PlanRequests
-from armwright_wire.scene import NamedScene
+from armwright_wire.plans.batch import BatchRequest, PlanRequests
+from armwright_wire.scenes.scene import NamedScene
 from kinematics.errors import ArmwrightError
 from planning.values.deadline import Deadline
 from service.endpoints.plan.task import plan_outcome
 from service.endpoints.robots import task as robots
-from service.storage import prepared_files
-from service.storage.cache_key import Reference
+from service.storage.caches import prepared_files
+from service.storage.caches.cache_key import Reference
 from service.translate.frames import names_frame
 from service.validation import fault_list, validation_problem
 from service.workers import current

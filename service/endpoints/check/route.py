@@ -2,7 +2,7 @@
 
 from fastapi import APIRouter, Request, Response
 
-from armwright_wire.check import CheckAnswer, CheckRequest
+from armwright_wire.scenes.check import CheckAnswer, CheckRequest
 from service.http import answers
 from service.http.json_route import JsonRoute
 from service.http.openapi import RESPONSES

@@ -6,15 +6,15 @@ from typing import Any
 import numpy as np
 from pydantic_core import to_json
 
-from armwright_wire.check import CheckRequest
-from armwright_wire.scene import ProjectRequest
+from armwright_wire.scenes.check import CheckRequest
+from armwright_wire.scenes.scene import ProjectRequest
 from obstacles.projection.fcl_projection import FclProjector
 from obstacles.projection.projection import Projector
 from obstacles.scenes.placement import only_frame
 from planning.configuration_check import ConfigurationReport, configuration_checker
 from service.endpoints.attached_objects import robot_in_scene
-from service.storage import worker_cache
-from service.storage.cache_key import Reference
+from service.storage.caches import worker_cache
+from service.storage.caches.cache_key import Reference
 from service.translate.frames import first_configuration
 from service.translate.poses import notes_of
 from service.workers import current

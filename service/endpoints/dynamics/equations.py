@@ -3,8 +3,8 @@
 from dataclasses import asdict
 from typing import Literal
 
-from armwright_wire import dynamics as schema
-from armwright_wire.robot import RobotBody
+from armwright_wire.robots import dynamics as schema
+from armwright_wire.robots.robot import RobotBody
 from dynamics.equations.page import write_page
 from dynamics.equations.parameters import textbook_table
 from dynamics.equations.sheet import Motion, Sheet, write_sheet
@@ -12,8 +12,8 @@ from dynamics.equations.writing import Notation
 from kinematics.caches.bounded_cache import bounded_cache
 from kinematics.model.chain import Chain
 from kinematics.model.dh_table import DhTable
-from service.storage import worker_cache
-from service.storage.cache_key import Reference
+from service.storage.caches import worker_cache
+from service.storage.caches.cache_key import Reference
 from service.translate.robots.robots import dh_table
 from service.workers.answer import reports_cache_miss
 from service.workers.result import CacheMiss

@@ -5,7 +5,7 @@ from typing import Annotated, Literal
 from fastapi import APIRouter, Query, Request, Response
 
 from armwright_wire.base import Timeout
-from armwright_wire.dynamics import (
+from armwright_wire.robots.dynamics import (
     DynamicsAnswer,
     DynamicsRequest,
     EquationsAnswer,

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from pydantic_core import to_json
 
-from armwright_wire.dynamics import (
+from armwright_wire.robots.dynamics import (
     DynamicsRequest,
     ForwardDynamicsRequest,
     Model,
@@ -33,8 +33,8 @@ from kinematics.arrays import Array
 from kinematics.errors import InvalidOption, InvalidRobotState
 from kinematics.model.chain import Chain
 from kinematics.velocity import holding_torques
-from service.storage import worker_cache
-from service.storage.cache_key import builtin_reference
+from service.storage.caches import worker_cache
+from service.storage.caches.cache_key import builtin_reference
 from service.translate.payload import loaded_chain
 from service.workers.answer import chain_task, frame_transform, in_frame
 

@@ -2,7 +2,7 @@
 
 from fastapi import APIRouter, Request, Response
 
-from armwright_wire.export import ExportAnswer, ExportRequest
+from armwright_wire.motions.export import ExportAnswer, ExportRequest
 from service.http import answers
 from service.http.json_route import JsonRoute
 from service.http.openapi import RESPONSES

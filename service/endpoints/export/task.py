@@ -2,13 +2,13 @@
 
 from pydantic_core import to_json
 
-from armwright_wire.export import ExportRequest
+from armwright_wire.motions.export import ExportRequest
 from planning.exports.export import export as write_motion
 from planning.exports.options import ExportFormat, ExportOptions
 from planning.proof.premises import Premises
 from service.endpoints.attached_objects import robot_in_scene
-from service.storage import worker_cache
-from service.storage.cache_key import Reference
+from service.storage.caches import worker_cache
+from service.storage.caches.cache_key import Reference
 from service.translate import certificates, trajectories
 from service.workers import current
 from service.workers.answer import reports_cache_miss

@@ -4,7 +4,7 @@ from typing import Any
 
 import numpy as np
 
-from armwright_wire.kinematics import IkRequest
+from armwright_wire.robots.kinematics import IkRequest
 from kinematics.ik.closed_form.arm_parts import arm_sides
 from kinematics.ik.gradient import Trace
 from kinematics.ik.numeric.numeric import AXES

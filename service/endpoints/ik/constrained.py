@@ -5,8 +5,8 @@ from typing import Any
 
 import numpy as np
 
-from armwright_wire.kinematics import IkRequest
 from armwright_wire.pose import Pose
+from armwright_wire.robots.kinematics import IkRequest
 from kinematics.arrays import Array
 from kinematics.forward import forward
 from kinematics.ik.numeric.numeric import AXES

@@ -7,9 +7,9 @@ from typing import Any, cast
 import numpy as np
 from pydantic_core import to_json
 
-from armwright_wire.kinematics import MAX_SOLUTIONS, IkRequest
-from armwright_wire.kinematics import GradientOptions as RequestedGradient
 from armwright_wire.pose import Pose
+from armwright_wire.robots.kinematics import MAX_SOLUTIONS, IkRequest
+from armwright_wire.robots.kinematics import GradientOptions as RequestedGradient
 from kinematics.errors import InvalidOption
 from kinematics.ik.closed_form.structure import structure
 from kinematics.ik.gradient import GradientOptions, Trace, follow
@@ -31,8 +31,8 @@ from service.endpoints.ik.answers import (
     trace_answer,
     unreachable,
 )
-from service.storage import worker_cache
-from service.storage.cache_key import Reference
+from service.storage.caches import worker_cache
+from service.storage.caches.cache_key import Reference
 from service.translate import poses
 from service.translate.contacts import allowed_answer
 from service.translate.frames import (

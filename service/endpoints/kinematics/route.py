@@ -4,7 +4,7 @@ from collections.abc import Sequence
 
 from fastapi import APIRouter, Request, Response
 
-from armwright_wire.kinematics import (
+from armwright_wire.robots.kinematics import (
     FkAnswer,
     FkRequest,
     IkAnswer,

@@ -9,12 +9,12 @@ from typing import Any
 import numpy as np
 from pydantic_core import to_json
 
-from armwright_wire.kinematics import (
+from armwright_wire.pose import Orientation
+from armwright_wire.robots.kinematics import (
     FkRequest,
     JacobianRequest,
     VelocityRequest,
 )
-from armwright_wire.pose import Orientation
 from kinematics.arrays import Array
 from kinematics.errors import InvalidOption
 from kinematics.forward import forward, link_poses
@@ -29,8 +29,8 @@ from kinematics.velocity import (
     link_twist,
     singular_directions,
 )
-from service.storage import worker_cache
-from service.storage.cache_key import builtin_reference
+from service.storage.caches import worker_cache
+from service.storage.caches.cache_key import builtin_reference
 from service.workers.answer import chain_task, frame_transform, in_frame
 
 

@@ -2,7 +2,7 @@
 
 from fastapi import APIRouter, Request, Response
 
-from armwright_wire.lyapunov import LyapunovAnswer, LyapunovRequest
+from armwright_wire.robots.lyapunov import LyapunovAnswer, LyapunovRequest
 from service.http.compute import compute
 from service.http.json_route import JsonRoute
 from service.http.openapi import RESPONSES

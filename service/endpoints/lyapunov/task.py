@@ -4,7 +4,7 @@ from typing import Any
 
 from pydantic_core import to_json
 
-from armwright_wire.lyapunov import LyapunovRequest
+from armwright_wire.robots.lyapunov import LyapunovRequest
 from kinematics.errors import InvalidOption
 from service.workers.task import task
 from tracking.controllers.quadratic_form import (

@@ -2,8 +2,8 @@
 
 from fastapi import APIRouter, Request, Response
 
-from armwright_wire.certificate import CertificateAnswer
-from armwright_wire.plan import PlanAnswer, PlanRequest, ValidateRequest
+from armwright_wire.motions.certificate import CertificateAnswer
+from armwright_wire.plans.plan import PlanAnswer, PlanRequest, ValidateRequest
 from service.http import answers
 from service.http.answers import plan_answer
 from service.http.json_route import JsonRoute

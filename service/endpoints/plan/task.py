@@ -13,7 +13,7 @@ from pydantic import ValidationError
 from pydantic_core import to_json
 
 from armwright_wire.base import Keepable
-from armwright_wire.plan import Collisions, PlanRequest, ValidateRequest
+from armwright_wire.plans.plan import Collisions, PlanRequest, ValidateRequest
 from kinematics.errors import InvalidRobotDescription
 from obstacles.robots.robot_geometry import RobotGeometry
 from obstacles.scenes.scene import Scene
@@ -23,8 +23,8 @@ from planning.proof.certificate import certify, has_solids
 from planning.result import Failure, Plan
 from planning.values.limits import MotionLimits
 from service.endpoints.attached_objects import RobotInScene, robot_in_scene, with_surroundings
-from service.storage import worker_cache
-from service.storage.cache_key import Reference
+from service.storage.caches import worker_cache
+from service.storage.caches.cache_key import Reference
 from service.translate import certificates, problems, timings, trajectories
 from service.translate.constraints import constraint_set
 from service.translate.frames import (

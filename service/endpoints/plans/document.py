@@ -8,12 +8,12 @@ from typing import Any
 from pydantic import BaseModel
 from starlette.concurrency import run_in_threadpool
 
-from armwright_wire.kept_plan import Bundle, DocumentName, KeptPlanSummary
-from armwright_wire.robot import RobotBody
-from armwright_wire.scene import NamedScene
+from armwright_wire.plans.kept_plan import Bundle, DocumentName, KeptPlanSummary
+from armwright_wire.robots.robot import RobotBody
+from armwright_wire.scenes.scene import NamedScene
 from service.http.keeping import answer_digest
 from service.problem import ProblemError
-from service.storage.plan_store import PlanContent, PlanRecord, PlanStore
+from service.storage.stores.plan_store import PlanContent, PlanRecord, PlanStore
 from service.validation import parse_json, validate_as
 
 #: What the documents of a bundle are, by their fields.

@@ -11,7 +11,7 @@ from fastapi.responses import HTMLResponse
 from pydantic_core import to_json
 from starlette.concurrency import run_in_threadpool
 
-from armwright_wire.kept_plan import (
+from armwright_wire.plans.kept_plan import (
     MAX_DIFFERENCES,
     Bundle,
     KeptPlan,
@@ -37,7 +37,7 @@ from service.http.keeping import answer_digest, differences, named_robot, new_pl
 from service.http.openapi import RESPONSES
 from service.http.state import REPLAY, Replay, retention, settings_of, store_of
 from service.problem import ProblemError
-from service.storage.plan_store import PlanContent, PlanRecord, document_hash
+from service.storage.stores.plan_store import PlanContent, PlanRecord, document_hash
 from service.task_references import swept as swept_task
 from service.task_references import view as view_task
 from service.validation import parse_json

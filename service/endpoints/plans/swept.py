@@ -4,8 +4,8 @@ import json
 from collections.abc import Iterator
 from typing import Any
 
-from armwright_wire.plan import PlanRequest, ValidateRequest
-from armwright_wire.trajectory import TrajectoryBody
+from armwright_wire.motions.trajectory import TrajectoryBody
+from armwright_wire.plans.plan import PlanRequest, ValidateRequest
 from kinematics.errors import InvalidOption
 from kinematics.trajectory.trajectory import Trajectory
 from obstacles.convex.triangles import join
@@ -15,8 +15,8 @@ from obstacles.robots.robot_geometry import RobotGeometry
 from planning.exports.swept_volume import swept_volume
 from service.endpoints.attached_objects import robot_in_scene
 from service.endpoints.plans.view_stages import task_parts, tour_parts
-from service.storage import worker_cache
-from service.storage.cache_key import Reference
+from service.storage.caches import worker_cache
+from service.storage.caches.cache_key import Reference
 from service.translate import trajectories
 from service.translate.frames import first_configuration
 from service.translate.states import with_states

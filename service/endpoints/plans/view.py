@@ -8,12 +8,12 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from armwright_wire.check import CheckRequest
-from armwright_wire.kinematics import IkRequest
-from armwright_wire.plan import PlanRequest, ValidateRequest
-from armwright_wire.task import TaskRequest
-from armwright_wire.tour import TourRequest
-from armwright_wire.trajectory import TrajectoryBody
+from armwright_wire.motions.trajectory import TrajectoryBody
+from armwright_wire.plans.plan import PlanRequest, ValidateRequest
+from armwright_wire.plans.task import TaskRequest
+from armwright_wire.plans.tour import TourRequest
+from armwright_wire.robots.kinematics import IkRequest
+from armwright_wire.scenes.check import CheckRequest
 from kinematics.errors import InvalidOption
 from kinematics.trajectory.trajectory import Trajectory
 from obstacles.scenes.scene import Obstacle
@@ -30,8 +30,8 @@ from service.endpoints.plans.view_stages import (
     tour_cell,
     tour_shown,
 )
-from service.storage import worker_cache
-from service.storage.cache_key import Reference
+from service.storage.caches import worker_cache
+from service.storage.caches.cache_key import Reference
 from service.translate import trajectories
 from service.translate.frames import first_configuration
 from service.translate.problems import options

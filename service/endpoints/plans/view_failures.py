@@ -5,14 +5,14 @@ import re
 from collections.abc import Iterator, Sequence
 from typing import Any, NamedTuple, cast
 
-from armwright_wire.goal import SingleGoal
-from armwright_wire.plan import PlanRequest
-from armwright_wire.task import TaskRequest
-from armwright_wire.tour import TourRequest
+from armwright_wire.goals.goal import SingleGoal
+from armwright_wire.plans.plan import PlanRequest
+from armwright_wire.plans.task import TaskRequest
+from armwright_wire.plans.tour import TourRequest
 from kinematics.errors import ArmwrightError
 from service.endpoints.ik.task import ik
 from service.endpoints.plans.view_stages import task_start
-from service.storage.cache_key import Reference
+from service.storage.caches.cache_key import Reference
 from service.viewer.document import Configuration, rejected
 from service.workers.result import TaskProblem
 

@@ -5,9 +5,9 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from armwright_wire.task import TaskRequest
-from armwright_wire.tour import TourRequest
-from armwright_wire.trajectory import TrajectoryBody
+from armwright_wire.motions.trajectory import TrajectoryBody
+from armwright_wire.plans.task import TaskRequest
+from armwright_wire.plans.tour import TourRequest
 from kinematics.trajectory.trajectory import Trajectory
 from kinematics.tree.srdf import state
 from obstacles.robots.finger_geometry import with_fingers
@@ -27,8 +27,8 @@ from service.endpoints.tasks.stage_cells import (
     told_transform,
 )
 from service.endpoints.tours.translation import configuration
-from service.storage import worker_cache
-from service.storage.cache_key import Reference
+from service.storage.caches import worker_cache
+from service.storage.caches.cache_key import Reference
 from service.translate import trajectories
 from service.viewer.document import Carrier, carrier_document
 from service.viewer.timeline import Part, finger_tracks, joined, joined_curves

@@ -2,7 +2,7 @@
 
 from fastapi import APIRouter, Request, Response
 
-from armwright_wire.potential import PotentialAnswer, PotentialRequest
+from armwright_wire.robots.potential import PotentialAnswer, PotentialRequest
 from service.http import answers
 from service.http.json_route import JsonRoute
 from service.http.openapi import RESPONSES

@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 from pydantic_core import to_json
 
-from armwright_wire.potential import PotentialRequest
+from armwright_wire.robots.potential import PotentialRequest
 from kinematics.arrays import Array
 from kinematics.model.chain import Chain
 from planning.field.control_points import ControlPoints
@@ -14,8 +14,8 @@ from planning.field.options import PRESETS, FieldOptions
 from planning.field.planner import potential_of
 from planning.field.potential import Field
 from service.endpoints.attached_objects import RobotInScene, requested_scene
-from service.storage import worker_cache
-from service.storage.cache_key import Reference
+from service.storage.caches import worker_cache
+from service.storage.caches.cache_key import Reference
 from service.translate.frames import first_configuration
 from service.workers.answer import reports_cache_miss
 from service.workers.result import CacheMiss

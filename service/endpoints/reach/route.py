@@ -2,7 +2,7 @@
 
 from fastapi import APIRouter, Request, Response
 
-from armwright_wire.reach import ReachAnswer, ReachRequest
+from armwright_wire.robots.reach import ReachAnswer, ReachRequest
 from service.http import answers
 from service.http.json_route import JsonRoute
 from service.http.openapi import RESPONSES

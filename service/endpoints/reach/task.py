@@ -5,7 +5,7 @@ from typing import Any
 import numpy as np
 from pydantic_core import to_json
 
-from armwright_wire.reach import JOINTS_UP_TO, MAX_BASES, BaseRegion, ReachRequest
+from armwright_wire.robots.reach import JOINTS_UP_TO, MAX_BASES, BaseRegion, ReachRequest
 from kinematics import pose as rotation
 from kinematics.arrays import Array
 from kinematics.errors import InvalidOption
@@ -19,7 +19,7 @@ from service.endpoints.attached_objects import RobotInScene, robot_in_scene
 from service.endpoints.reach import picture
 from service.endpoints.reach.picture import HIGH, LOW
 from service.endpoints.tasks.translation import reach_tolerance
-from service.storage.cache_key import Reference
+from service.storage.caches.cache_key import Reference
 from service.translate import poses
 from service.workers import current
 from service.workers.answer import in_frame, reports_cache_miss

@@ -2,7 +2,7 @@
 
 from fastapi import APIRouter, Request, Response
 
-from armwright_wire.retime import (
+from armwright_wire.motions.retime import (
     ConvertRequest,
     JointTrajectoryAnswer,
     RetimeAnswer,

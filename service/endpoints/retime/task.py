@@ -4,15 +4,15 @@ from dataclasses import replace
 
 from pydantic_core import to_json
 
-from armwright_wire.retime import ConvertRequest, RetimeRequest
+from armwright_wire.motions.retime import ConvertRequest, RetimeRequest
 from kinematics.errors import InvalidOption
 from kinematics.model.chain import Chain
 from kinematics.trajectory.export import csv_text, joint_trajectory
 from planning.retiming.retime import Retimed
 from planning.retiming.retime import retime as time_again
 from planning.retiming.state_motion import time_states
-from service.storage import worker_cache
-from service.storage.cache_key import Reference
+from service.storage.caches import worker_cache
+from service.storage.caches.cache_key import Reference
 from service.translate import certificates, timings, trajectories
 from service.workers.answer import reports_cache_miss
 from service.workers.result import CacheMiss

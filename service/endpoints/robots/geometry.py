@@ -6,8 +6,8 @@ from typing import Any
 import numpy as np
 from pydantic_core import to_json
 
-from armwright_wire.kinematics import FkRequest
-from armwright_wire.robot import BodySurface, GeometryAnswer, GeometryKind
+from armwright_wire.robots.kinematics import FkRequest
+from armwright_wire.robots.robot import BodySurface, GeometryAnswer, GeometryKind
 from kinematics.arrays import Array, Indices
 from kinematics.errors import InvalidOption
 from kinematics.forward import link_poses
@@ -17,8 +17,8 @@ from kinematics.tree.fingers import Fingers
 from obstacles.robots.visual_geometry import VisualBody
 from obstacles.scenes.scene import Scene
 from service.endpoints.kinematics.task import fk_document
-from service.storage import worker_cache
-from service.storage.cache_key import Reference
+from service.storage.caches import worker_cache
+from service.storage.caches.cache_key import Reference
 from service.viewer.bodies import Body, bodies
 from service.workers.answer import reports_cache_miss
 from service.workers.result import CacheMiss

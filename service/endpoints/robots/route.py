@@ -7,7 +7,7 @@ from pydantic import ValidationError
 from starlette.concurrency import run_in_threadpool
 from starlette.datastructures import FormData, UploadFile
 
-from armwright_wire.robot import (
+from armwright_wire.robots.robot import (
     ArchiveFields,
     GeometryAnswer,
     GeometryKind,
@@ -25,10 +25,10 @@ from service.http.json_route import JsonRequest, JsonRoute, require_json, requir
 from service.http.openapi import RESPONSES
 from service.http.state import documents_of, prepared_folder
 from service.problem import ProblemError
-from service.storage import prepared_files
-from service.storage.document_store import Record
-from service.storage.idempotency_store import KeptAnswer
+from service.storage.caches import prepared_files
 from service.storage.robot_repository import is_built_in
+from service.storage.stores.document_store import Record
+from service.storage.stores.idempotency_store import KeptAnswer
 from service.task_references import change_robot as change_task
 from service.task_references import make_robot, robot_geometry, robot_srdf, robot_urdf, unpack_robot
 from service.validation import fault_list, parse_json, validation_problem

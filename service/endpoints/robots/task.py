@@ -4,9 +4,9 @@ import base64
 
 from pydantic import ValidationError
 
-from armwright_wire.robot import RobotBody, RobotChanges
-from armwright_wire.scene import NamedScene
-from armwright_wire.scene import Scene as SceneBody
+from armwright_wire.robots.robot import RobotBody, RobotChanges
+from armwright_wire.scenes.scene import NamedScene
+from armwright_wire.scenes.scene import Scene as SceneBody
 from kinematics.errors import InvalidRobotDescription
 from kinematics.robots import builtin_urdf
 from kinematics.tree.description import MeshGeometry
@@ -17,9 +17,9 @@ from obstacles.collision.model.collision_model import pack
 from obstacles.kept_files import keep_files_in, written_files
 from obstacles.robots.robot_geometry import hulled
 from obstacles.scenes.scene import Scene
-from service.storage import disk_cache, prepared_files, worker_cache
-from service.storage.cache_key import Reference
-from service.storage.disk_cache import PreparedRobot
+from service.storage.caches import disk_cache, prepared_files, worker_cache
+from service.storage.caches.cache_key import Reference
+from service.storage.caches.disk_cache import PreparedRobot
 from service.translate import poses
 from service.translate.robots import limits, robots
 from service.translate.robots.archive import read_archive

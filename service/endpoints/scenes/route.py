@@ -7,7 +7,7 @@ from typing import Annotated, Any
 from fastapi import APIRouter, Query, Request, Response
 from starlette.concurrency import run_in_threadpool
 
-from armwright_wire.scene import (
+from armwright_wire.scenes.scene import (
     NamedScene,
     ProjectAnswer,
     ProjectRequest,
@@ -23,9 +23,9 @@ from service.http.openapi import RESPONSES
 from service.http.request_headers import check_precondition
 from service.http.state import documents_of, prepared_folder
 from service.problem import ProblemError
-from service.storage import prepared_files
-from service.storage.cache_key import Reference
-from service.storage.document_store import Record
+from service.storage.caches import prepared_files
+from service.storage.caches.cache_key import Reference
+from service.storage.stores.document_store import Record
 from service.task_references import make_scene
 from service.task_references import project as project_task
 from service.validation import validate_as

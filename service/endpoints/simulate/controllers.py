@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from armwright_wire import simulation as schema
+from armwright_wire.motions import simulation as schema
 from dynamics.parameters.base_parameters import base_parameter_labels, base_parameter_units
 from kinematics.arrays import Array
 from kinematics.errors import InvalidOption

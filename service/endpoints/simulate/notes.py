@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from armwright_wire.simulation import SimulateRequest
+from armwright_wire.motions.simulation import SimulateRequest
 from kinematics.arrays import Array
 from kinematics.model.chain import Chain
 from kinematics.trajectory.trajectory import Trajectory

@@ -2,7 +2,7 @@
 
 from fastapi import APIRouter, Request, Response
 
-from armwright_wire.simulation import SimulateAnswer, SimulateRequest
+from armwright_wire.motions.simulation import SimulateAnswer, SimulateRequest
 from service.http import answers
 from service.http.json_route import JsonRoute
 from service.http.openapi import RESPONSES

@@ -6,8 +6,8 @@ from typing import NamedTuple
 import numpy as np
 from pydantic_core import to_json
 
-from armwright_wire import simulation as schema
-from armwright_wire.simulation import SimulateRequest
+from armwright_wire.motions import simulation as schema
+from armwright_wire.motions.simulation import SimulateRequest
 from kinematics.arrays import Array
 from kinematics.model.chain import Chain
 from kinematics.trajectory.trajectory import Trajectory
@@ -16,8 +16,8 @@ from service.endpoints.simulate import translation
 from service.endpoints.simulate.controllers import controller
 from service.endpoints.simulate.notes import request_notes, simulation_notes
 from service.endpoints.simulate.tracking_tube import tube_answer
-from service.storage import worker_cache
-from service.storage.cache_key import Reference
+from service.storage.caches import worker_cache
+from service.storage.caches.cache_key import Reference
 from service.translate import trajectories
 from service.workers import current
 from service.workers.answer import reports_cache_miss

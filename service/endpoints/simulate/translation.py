@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from armwright_wire import simulation as schema
+from armwright_wire.motions import simulation as schema
 from dynamics.model.body import scale_masses
 from dynamics.model.payload import (
     Motor,

@@ -2,7 +2,7 @@
 
 from fastapi import APIRouter, Request, Response
 
-from armwright_wire.task import TaskAnswer, TaskRequest
+from armwright_wire.plans.task import TaskAnswer, TaskRequest
 from service.http import answers
 from service.http.json_route import JsonRoute
 from service.http.openapi import RESPONSES

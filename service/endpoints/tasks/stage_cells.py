@@ -8,9 +8,9 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import Any, NamedTuple
 
-from armwright_wire.check import Attached
+from armwright_wire.plans.task import TaskRequest
 from armwright_wire.pose import Pose
-from armwright_wire.task import TaskRequest
+from armwright_wire.scenes.check import Attached
 from kinematics.arrays import Array
 from obstacles.robots.finger_geometry import with_fingers
 from obstacles.robots.robot_geometry import RobotGeometry

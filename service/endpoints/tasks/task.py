@@ -9,8 +9,8 @@ from typing import Any
 import numpy as np
 from pydantic_core import to_json
 
-from armwright_wire.check import Attached
-from armwright_wire.task import TaskRequest
+from armwright_wire.plans.task import TaskRequest
+from armwright_wire.scenes.check import Attached
 from kinematics.arrays import Array
 from kinematics.errors import InvalidOption, InvalidRobotDescription
 from kinematics.tree.srdf import state
@@ -28,8 +28,8 @@ from service.endpoints.attached_objects import attachment, requested_scene, scen
 from service.endpoints.plan.task import request_hash, versions
 from service.endpoints.tasks import translation
 from service.endpoints.tasks.stage_cells import moved, stage_cells, task_objects
-from service.storage import worker_cache
-from service.storage.cache_key import Reference
+from service.storage.caches import worker_cache
+from service.storage.caches.cache_key import Reference
 from service.translate import certificates, poses, problems, trajectories
 from service.translate.tool_motions import reference_answer
 from service.workers import current

@@ -6,9 +6,9 @@ from typing import Literal
 
 import numpy as np
 
-from armwright_wire import task as schema
-from armwright_wire.goal import SingleGoal
-from armwright_wire.reach import ReachTolerance
+from armwright_wire.goals.goal import SingleGoal
+from armwright_wire.plans import task as schema
+from armwright_wire.robots.reach import ReachTolerance
 from kinematics.arrays import Array
 from kinematics.errors import ArmwrightError, InvalidOption
 from kinematics.tree.srdf import state

@@ -5,7 +5,7 @@ from typing import Any
 
 from pydantic_core import to_json
 
-from armwright_wire.tour import TourRequest
+from armwright_wire.plans.tour import TourRequest
 from planning.result import Failure
 from planning.tours.planner import plan_tour
 from planning.tours.result import Tour
@@ -17,8 +17,8 @@ from service.endpoints.tours.translation import (
     tour_options,
     tour_problem,
 )
-from service.storage import worker_cache
-from service.storage.cache_key import Reference
+from service.storage.caches import worker_cache
+from service.storage.caches.cache_key import Reference
 from service.translate import problems
 from service.translate.poses import rounding_notes
 from service.workers import current

@@ -5,9 +5,9 @@ from typing import Any, Literal
 
 import numpy as np
 
-from armwright_wire import tour as schema
-from armwright_wire.goal import SingleGoal, Start
-from armwright_wire.scene import Scene as SceneBody
+from armwright_wire.goals.goal import SingleGoal, Start
+from armwright_wire.plans import tour as schema
+from armwright_wire.scenes.scene import Scene as SceneBody
 from kinematics.arrays import Array
 from kinematics.model.chain import Chain
 from kinematics.tree.srdf import state

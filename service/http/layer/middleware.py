@@ -36,8 +36,8 @@ from service.http.request_headers import accepts_gzip, field
 from service.http.state import JOB_CONTEXT
 from service.problem import ProblemError
 from service.settings import Settings
-from service.storage.key_store import ApiKey
-from service.storage.key_store import Scope as NeededScope
+from service.storage.stores.key_store import ApiKey
+from service.storage.stores.key_store import Scope as NeededScope
 
 #: Headers of every answer that has not its own. Answers are data: nothing in them may be run, shown
 #: in a frame or taken for another type.

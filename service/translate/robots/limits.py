@@ -3,7 +3,7 @@
 import dataclasses
 from collections.abc import Collection, Mapping
 
-from armwright_wire import robot as schema
+from armwright_wire.robots import robot as schema
 from kinematics.errors import InvalidRobotDescription
 from kinematics.model.chain import Chain
 from kinematics.tree.joint_limits import (

@@ -5,9 +5,9 @@ from typing import Any
 
 from pydantic import BaseModel, ConfigDict
 
-from armwright_wire import robot as schema
 from armwright_wire.base import MAX_NUMBER
-from armwright_wire.robot import RobotBody
+from armwright_wire.robots import robot as schema
+from armwright_wire.robots.robot import RobotBody
 from dynamics.model.payload import Motor, attach_motors
 from kinematics.errors import InvalidRobotDescription
 from kinematics.model.chain import Chain

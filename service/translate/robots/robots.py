@@ -9,8 +9,8 @@ from typing import Any, Literal
 
 import numpy as np
 
-from armwright_wire import robot as schema
-from armwright_wire.robot import Motor
+from armwright_wire.robots import robot as schema
+from armwright_wire.robots.robot import Motor
 from dynamics.model.body import joints_without_inertia, massless_joints
 from kinematics.arrays import Array
 from kinematics.errors import InvalidRobotDescription, InvalidScene

@@ -4,7 +4,7 @@ import base64
 from collections.abc import Iterator, Mapping
 from functools import partial
 
-from armwright_wire.robot import MAX_MESHES, RobotBody
+from armwright_wire.robots.robot import MAX_MESHES, RobotBody
 from kinematics.errors import InvalidRobotDescription
 from kinematics.model.chain import Chain
 from kinematics.readers.mesh_uri import resolve_mesh

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import armwright as aw
-from armwright_wire import check
+from armwright_wire.scenes import check
 from obstacles.collision.fcl_distance import OverlapMeter
 from obstacles.robots.allowed_pairs import TOUCH_DEPTH, allowed_pairs, deepest
 from planning.configuration_check import configuration_checker

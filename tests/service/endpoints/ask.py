@@ -5,7 +5,7 @@ from typing import Any
 
 from pydantic import BaseModel
 
-from service.storage.cache_key import builtin_reference
+from service.storage.caches.cache_key import builtin_reference
 from service.workers.result import PlanOutcome, TaskProblem
 
 PANDA = builtin_reference("panda")

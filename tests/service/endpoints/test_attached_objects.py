@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from armwright_wire.check import Attached, CheckRequest
-from armwright_wire.scene import Scene as SceneBody
+from armwright_wire.scenes.check import Attached, CheckRequest
+from armwright_wire.scenes.scene import Scene as SceneBody
 from dynamics.terms import gravity_vector
 from kinematics.errors import InvalidLinkName, InvalidObjectName, InvalidScene
 from kinematics.forward import forward
@@ -16,7 +16,7 @@ from obstacles.scenes.scene import Obstacle, Scene
 from obstacles.shapes.shape import Box, Sphere
 from service.endpoints.attached_objects import RobotInScene, attach, requested_scene
 from service.endpoints.check.task import check
-from service.storage.cache_key import NotPrepared, Reference, builtin_reference
+from service.storage.caches.cache_key import NotPrepared, Reference, builtin_reference
 from tests.planning.scenes import HOME, builtin
 
 ROBOT = builtin("panda")

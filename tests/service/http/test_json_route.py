@@ -9,7 +9,7 @@ from fastapi import Request
 from hypothesis import given
 from hypothesis import strategies as st
 
-from armwright_wire.kinematics import FkRequest
+from armwright_wire.robots.kinematics import FkRequest
 from service.http.json_route import JsonRequest, prefers_async, require_json
 from service.problem import ProblemError
 

@@ -7,8 +7,8 @@ from typing import Any
 import httpx
 import pytest
 
-from armwright_wire.plan import PlanRequest
-from armwright_wire.scene import Scene
+from armwright_wire.plans.plan import PlanRequest
+from armwright_wire.scenes.scene import Scene
 from service.endpoints.large_body import outline
 from service.http.json_route import INLINE_BYTES
 from service.workers.result import TaskProblem
@@ -106,14 +106,14 @@ def test_a_large_body_is_refused_as_a_small_one(client: httpx.Client, body: byte
 def test_an_outline_has_what_the_server_looks_at() -> None:
     options = {"range": 0.5, "text": "x" * 5000}
     body = json.dumps(PLAN | {"planner_options": options, "scene": scene(FLOOR, POST)}).encode()
-    found = outline("armwright_wire.plan:PlanRequest", body)
+    found = outline("armwright_wire.plans.plan:PlanRequest", body)
     assert isinstance(found, PlanRequest)
     assert (found.robot, found.timeout) == ("panda", 60.0)
     assert found.planner_options == {"range": 0.5, "text": "x" * 64}
     assert isinstance(found.scene, Scene)
     assert found.scene.obstacles is not None
     assert [obstacle.id for obstacle in found.scene.obstacles] == ["floor"], "the first for all"
-    refused = outline("armwright_wire.plan:PlanRequest", b"{}")
+    refused = outline("armwright_wire.plans.plan:PlanRequest", b"{}")
     assert isinstance(refused, TaskProblem)
     assert refused.code == "VALIDATION_ERROR"
 

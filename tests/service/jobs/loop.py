@@ -8,8 +8,8 @@ from typing import Any
 from service.http.state import JOB_CONTEXT, JobContext
 from service.jobs.runner import Jobs
 from service.settings import Settings
-from service.storage.job_store import JobAnswer, JobRecord
 from service.storage.store import Store
+from service.storage.stores.job_store import JobAnswer, JobRecord
 from tests.service.jobs.stored import opened
 
 

@@ -5,8 +5,8 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
-from service.storage.job_store import JobRecord, StoredRequest
 from service.storage.store import Store, open_store
+from service.storage.stores.job_store import JobRecord, StoredRequest
 
 REQUEST = StoredRequest("POST", "/v1/plan", "application/json", b'{"a": 1}')
 

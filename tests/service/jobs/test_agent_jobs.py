@@ -13,8 +13,8 @@ from service.access.caller import Caller
 from service.http.state import JobContext
 from service.jobs.agent_jobs import AgentJobs
 from service.jobs.execution import BATCH_PATH
-from service.storage.job_store import JobAnswer, JobRecord, StoredRequest
 from service.storage.messages import waiting_messages
+from service.storage.stores.job_store import JobAnswer, JobRecord, StoredRequest
 from service.workers.faults import JobsFull
 from tests.service.jobs.agents import Machine, run
 from tests.service.jobs.loop import until
@@ -26,7 +26,7 @@ from tests.service.postgresql import PostgreSQL
 def _short_periods(monkeypatch: pytest.MonkeyPatch) -> None:
     for module in ("service.jobs.execution", "service.jobs.engine"):
         monkeypatch.setattr(f"{module}.HEARTBEAT", 0.1)
-    monkeypatch.setattr("service.storage.server_store.LIFETIME", 0.6)
+    monkeypatch.setattr("service.storage.stores.server_store.LIFETIME", 0.6)
     monkeypatch.setattr("service.jobs.engine.LIFETIME", 0.6)
     monkeypatch.setattr("service.jobs.agent_jobs.DRAIN", 0.2)
     monkeypatch.setattr("service.jobs.engine._POLLING", 0.05)

@@ -5,9 +5,9 @@ from typing import Any
 
 import pytest
 
-from armwright_wire.job import JobAnswer as Schema
+from armwright_wire.plans.job import JobAnswer as Schema
 from service.jobs.answer import job_document, job_summary
-from service.storage.job_store import JobAnswer, Status
+from service.storage.stores.job_store import JobAnswer, Status
 from tests.service.jobs.stored import record
 
 PROBLEM = {

@@ -9,8 +9,8 @@ import pytest
 
 from service.jobs.runner import Jobs
 from service.problem import ProblemError
-from service.storage.job_store import JobAnswer
 from service.storage.store import Store
+from service.storage.stores.job_store import JobAnswer
 from tests.service.jobs.loop import App, ended, run, until
 from tests.service.jobs.stored import REQUEST, opened, record
 

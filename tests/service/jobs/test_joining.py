@@ -4,7 +4,7 @@ import json
 from typing import Any
 
 from service.jobs.batch import joined_answer
-from service.storage.queue_store import ChunkAnswer
+from service.storage.stores.queue_store import ChunkAnswer
 
 
 def answered(first: int, results: list[Any], failed: int = 0) -> ChunkAnswer:

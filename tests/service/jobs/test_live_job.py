@@ -8,7 +8,7 @@ from typing import Any
 import pytest
 
 from service.jobs.live_job import Event, LiveJob, describe
-from service.storage.job_store import ENDED, JobAnswer, Status
+from service.storage.stores.job_store import ENDED, JobAnswer, Status
 from tests.service.jobs.stored import record
 
 PROBLEM = JobAnswer("application/problem+json", b'{"code": "CRASH"}')

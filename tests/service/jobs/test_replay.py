@@ -5,7 +5,7 @@ from typing import Any
 
 from service.http.state import JOB_CONTEXT, JobContext
 from service.jobs.replay import Replayed, replay
-from service.storage.job_store import StoredRequest
+from service.storage.stores.job_store import StoredRequest
 
 CONTEXT = JobContext("id", 1.0, lambda: None, lambda share, stage: None)
 REQUEST = StoredRequest("POST", "/v1/plan", "application/json; charset=utf-8", b'{"a": 1}')

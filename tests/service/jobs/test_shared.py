@@ -19,7 +19,7 @@ Scenario = Callable[[Jobs, App, Jobs, App], Awaitable[None]]
 
 @pytest.fixture(autouse=True)
 def _short_periods(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("service.storage.server_store.LIFETIME", 0.6)
+    monkeypatch.setattr("service.storage.stores.server_store.LIFETIME", 0.6)
     monkeypatch.setattr("service.jobs.execution.HEARTBEAT", 0.1)
     monkeypatch.setattr("service.jobs.execution._SHARING_PERIOD", 0.05)
     monkeypatch.setattr("service.jobs.live_job._POLL_PERIOD", 0.05)

@@ -8,8 +8,8 @@ import pytest
 
 from service.jobs.runner import Jobs
 from service.problem import ProblemError
-from service.storage.job_store import JobAnswer, StoredRequest
 from service.storage.store import Store
+from service.storage.stores.job_store import JobAnswer, StoredRequest
 from service.workers.faults import JobsFull, ShuttingDown
 from tests.service.jobs.loop import App, ended, run, until
 from tests.service.jobs.stored import REQUEST

@@ -5,7 +5,7 @@ from typing import Any
 import httpx
 import pytest
 
-from armwright_wire.task import TaskRequest
+from armwright_wire.plans.task import TaskRequest
 from tests.service.jobs.requests import events, submit
 
 _TASK: Any = TaskRequest.model_json_schema()["examples"][0]

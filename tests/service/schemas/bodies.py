@@ -5,25 +5,25 @@ from typing import Any
 import numpy as np
 from pydantic import BaseModel
 
-from armwright_wire.batch import BatchRequest
-from armwright_wire.check import CheckRequest
-from armwright_wire.dynamics import (
+from armwright_wire.motions.export import ExportRequest
+from armwright_wire.motions.retime import ConvertRequest, RetimeRequest
+from armwright_wire.motions.simulation import SimulateRequest
+from armwright_wire.plans.batch import BatchRequest
+from armwright_wire.plans.plan import PlanRequest, ValidateRequest
+from armwright_wire.pose import ConvertPoseRequest
+from armwright_wire.robots.dynamics import (
     DynamicsRequest,
     ForwardDynamicsRequest,
     RegressorRequest,
     WrenchRequest,
 )
-from armwright_wire.export import ExportRequest
-from armwright_wire.kinematics import FkRequest, IkRequest, JacobianRequest, VelocityRequest
-from armwright_wire.lyapunov import LyapunovRequest
-from armwright_wire.plan import PlanRequest, ValidateRequest
-from armwright_wire.pose import ConvertPoseRequest
-from armwright_wire.potential import PotentialRequest
-from armwright_wire.reach import ReachRequest
-from armwright_wire.retime import ConvertRequest, RetimeRequest
-from armwright_wire.robot import ArchiveFields, RobotBody, RobotChanges
-from armwright_wire.scene import NamedScene, ProjectRequest
-from armwright_wire.simulation import SimulateRequest
+from armwright_wire.robots.kinematics import FkRequest, IkRequest, JacobianRequest, VelocityRequest
+from armwright_wire.robots.lyapunov import LyapunovRequest
+from armwright_wire.robots.potential import PotentialRequest
+from armwright_wire.robots.reach import ReachRequest
+from armwright_wire.robots.robot import ArchiveFields, RobotBody, RobotChanges
+from armwright_wire.scenes.check import CheckRequest
+from armwright_wire.scenes.scene import NamedScene, ProjectRequest
 from tests.service.schemas.kept_bodies import KEPT_PLANS
 from tests.service.schemas.simulation_bodies import CONTROLLERS, MOTOR, REFERENCES, SIMULATE
 from tests.service.schemas.task_stages import tasks

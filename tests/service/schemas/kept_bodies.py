@@ -4,7 +4,7 @@ from typing import Any
 
 from pydantic import BaseModel
 
-from armwright_wire.kept_plan import Bundle, ReplayRequest
+from armwright_wire.plans.kept_plan import Bundle, ReplayRequest
 
 BUNDLE: dict[str, Any] = {
     "armwright_bundle": 1,

@@ -4,7 +4,7 @@ from typing import Any
 
 from pydantic import BaseModel
 
-from armwright_wire.task import TaskRequest
+from armwright_wire.plans.task import TaskRequest
 
 
 def task_stages(pose: dict[str, Any], constraints: list[dict[str, Any]]) -> list[dict[str, Any]]:

@@ -8,11 +8,15 @@ import pytest
 from pydantic import BaseModel
 
 from armwright_wire.base import MAX_BATCH, MAX_COORDINATE, MAX_JOINTS, MAX_NUMBER
-from armwright_wire.batch import BatchRequest
-from armwright_wire.check import CheckRequest
-from armwright_wire.constraint import MAX_CONSTRAINTS
-from armwright_wire.goal import MAX_GOALS
-from armwright_wire.kinematics import (
+from armwright_wire.goals.constraint import MAX_CONSTRAINTS
+from armwright_wire.goals.goal import MAX_GOALS
+from armwright_wire.goals.tool_motion import MAX_TIMED_MOTIONS, TimedToolMotions
+from armwright_wire.motions.retime import MAX_WAYPOINTS, ConvertRequest, RetimeRequest
+from armwright_wire.motions.simulation import SimulateRequest
+from armwright_wire.motions.trajectory import MAX_COEFFICIENTS
+from armwright_wire.plans.batch import BatchRequest
+from armwright_wire.plans.plan import PlanRequest, ValidateRequest
+from armwright_wire.robots.kinematics import (
     MAX_PARAMETERS,
     MAX_POSES,
     MAX_SOLUTIONS,
@@ -21,14 +25,10 @@ from armwright_wire.kinematics import (
     IkRequest,
     VelocityRequest,
 )
-from armwright_wire.plan import PlanRequest, ValidateRequest
-from armwright_wire.potential import PotentialRequest
-from armwright_wire.retime import MAX_WAYPOINTS, ConvertRequest, RetimeRequest
-from armwright_wire.robot import RobotBody
-from armwright_wire.scene import NamedScene
-from armwright_wire.simulation import SimulateRequest
-from armwright_wire.tool_motion import MAX_TIMED_MOTIONS, TimedToolMotions
-from armwright_wire.trajectory import MAX_COEFFICIENTS
+from armwright_wire.robots.potential import PotentialRequest
+from armwright_wire.robots.robot import RobotBody
+from armwright_wire.scenes.check import CheckRequest
+from armwright_wire.scenes.scene import NamedScene
 from tests.service.schemas.bodies import (
     ATTACHED,
     BRIEF,

@@ -3,7 +3,9 @@
 import numpy as np
 import pytest
 
-from armwright_wire import goal, plan, pose
+from armwright_wire import pose
+from armwright_wire.goals import goal
+from armwright_wire.plans import plan
 from kinematics.errors import InvalidPose
 from kinematics.rounding import check_axis_length, check_quaternion_norm, check_rotation
 from planning.pipeline.planners import PLANNERS

@@ -11,7 +11,7 @@ from pydantic import BaseModel
 
 import armwright_wire
 from armwright_wire.base import Body
-from armwright_wire.robot import RobotFields
+from armwright_wire.robots.robot import RobotFields
 from service.validation import validate_as
 from tests.service.schemas.bodies import FULL, NAMES
 from tests.service.schemas.changes import changed, refusals, values, written
@@ -50,8 +50,8 @@ def test_the_bodies_hold_every_field_that_a_request_may_have() -> None:
                 given.setdefault(kind, set()).update(part.model_fields_set)
     missing = {
         f"{kind.__name__}.{name}"
-        for info in pkgutil.iter_modules(armwright_wire.__path__)
-        for _, kind in inspect.getmembers(import_module(f"armwright_wire.{info.name}"))
+        for info in pkgutil.walk_packages(armwright_wire.__path__, "armwright_wire.")
+        for _, kind in inspect.getmembers(import_module(info.name))
         if inspect.isclass(kind) and issubclass(kind, Body) and not kind.__name__.startswith("_")
         for name in kind.model_fields
         if name not in given.get(kind, set())

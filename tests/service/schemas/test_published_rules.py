@@ -9,13 +9,13 @@ import jsonschema
 import pytest
 from pydantic import BaseModel, ValidationError
 
-from armwright_wire.batch import BatchRequest
-from armwright_wire.check import Attached
-from armwright_wire.goal import Goal
-from armwright_wire.kinematics import IkRequest, VelocityRequest
-from armwright_wire.retime import RetimeRequest
-from armwright_wire.tool_motion import TimedToolMotion, ToolMotion
-from armwright_wire.tour import TourGoal
+from armwright_wire.goals.goal import Goal
+from armwright_wire.goals.tool_motion import TimedToolMotion, ToolMotion
+from armwright_wire.motions.retime import RetimeRequest
+from armwright_wire.plans.batch import BatchRequest
+from armwright_wire.plans.tour import TourGoal
+from armwright_wire.robots.kinematics import IkRequest, VelocityRequest
+from armwright_wire.scenes.check import Attached
 
 JOINTS = {"joints": [0.0]}
 POSE = {"position": [0.0, 0.0, 0.0]}

@@ -5,18 +5,18 @@ from typing import Any
 import pytest
 from pydantic import BaseModel, ValidationError
 
-from armwright_wire.batch import BatchRequest, PlanRequests
-from armwright_wire.check import Attached
-from armwright_wire.constraint import OrientationConstraint
-from armwright_wire.kinematics import IkRequest, VelocityRequest
-from armwright_wire.plan import PlanRequest
+from armwright_wire.goals.constraint import OrientationConstraint
+from armwright_wire.goals.tool_motion import TimedToolMotions, ToolMotion, cartesian_options
+from armwright_wire.motions.retime import ConvertRequest
+from armwright_wire.motions.simulation import SimulateRequest
+from armwright_wire.motions.trajectory import Segment, TrajectoryBody
+from armwright_wire.plans.batch import BatchRequest, PlanRequests
+from armwright_wire.plans.plan import PlanRequest
 from armwright_wire.pose import Pose
-from armwright_wire.retime import ConvertRequest
-from armwright_wire.robot import RobotBody
-from armwright_wire.scene import Mesh
-from armwright_wire.simulation import SimulateRequest
-from armwright_wire.tool_motion import TimedToolMotions, ToolMotion, cartesian_options
-from armwright_wire.trajectory import Segment, TrajectoryBody
+from armwright_wire.robots.kinematics import IkRequest, VelocityRequest
+from armwright_wire.robots.robot import RobotBody
+from armwright_wire.scenes.check import Attached
+from armwright_wire.scenes.scene import Mesh
 from tests.service.schemas.bodies import (
     ATTACHED,
     BRIEF,

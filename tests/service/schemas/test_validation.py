@@ -2,8 +2,8 @@
 
 import pytest
 
-from armwright_wire.check import CheckRequest
-from armwright_wire.plan import PlanRequest
+from armwright_wire.plans.plan import PlanRequest
+from armwright_wire.scenes.check import CheckRequest
 from service.problem import ProblemError
 from service.validation import field_path, parse_json, validate_as
 

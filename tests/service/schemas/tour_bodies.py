@@ -4,7 +4,7 @@ from typing import Any
 
 from pydantic import BaseModel
 
-from armwright_wire.tour import TourRequest
+from armwright_wire.plans.tour import TourRequest
 
 _POSE = {"position": [0.4, 0.0, 0.3], "frame": "base"}
 _BOX = {"type": "box", "size": [0.1, 0.1, 0.1]}

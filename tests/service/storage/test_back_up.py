@@ -9,8 +9,8 @@ import pytest
 from sqlalchemy import text
 
 from service.storage.database import Database, StoreError
-from service.storage.key_store import ApiKey
 from service.storage.store import Store, open_store
+from service.storage.stores.key_store import ApiKey
 
 PAGE = (Path(__file__).parents[3] / "docs/how_to/back_up.md").read_text("utf-8")
 BLOCKS = re.findall(r"```sh\n(.*?)```", PAGE, re.DOTALL)

@@ -8,10 +8,10 @@ from scipy.spatial.transform import Rotation
 
 from obstacles.scenes.scene import Obstacle, Scene
 from obstacles.shapes.shape import Box
-from service.storage import disk_cache, prepared_files
-from service.storage.cache_key import NotPrepared, Reference
-from service.storage.disk_cache import PreparedRobot
-from service.storage.recent import Recent
+from service.storage.caches import disk_cache, prepared_files
+from service.storage.caches.cache_key import NotPrepared, Reference
+from service.storage.caches.disk_cache import PreparedRobot
+from service.storage.caches.recent import Recent
 from tests.planning.scenes import builtin
 
 

@@ -6,10 +6,10 @@ import pytest
 
 from service.http.errors import status_of
 from service.problem import ProblemError
-from service.storage.audit_store import Actor
-from service.storage.document_store import DocumentStore
-from service.storage.idempotency_store import IdempotencyKey, KeptAnswer, Recorded
 from service.storage.store import Store, open_store
+from service.storage.stores.audit_store import Actor
+from service.storage.stores.document_store import DocumentStore
+from service.storage.stores.idempotency_store import IdempotencyKey, KeptAnswer, Recorded
 
 KEY = IdempotencyKey("k", "POST /v1/scenes")
 

@@ -10,8 +10,8 @@ from sqlalchemy import insert
 from service.http.errors import status_of
 from service.problem import ProblemError
 from service.storage.database import StorageUnavailable
-from service.storage.idempotency_store import IdempotencyKey, Recorded, keep_answer
 from service.storage.store import Store, open_store
+from service.storage.stores.idempotency_store import IdempotencyKey, Recorded, keep_answer
 from service.storage.tables import servers
 
 KEY = IdempotencyKey("k", "POST /x")
@@ -77,7 +77,7 @@ def test_endpoints_and_tenants_have_keys_of_their_own(store: Store) -> None:
 
 def test_keys_are_forgotten_after_a_day(store: Store, monkeypatch: pytest.MonkeyPatch) -> None:
     now = 1_000_000.0
-    monkeypatch.setattr("service.storage.idempotency_store.time.time", lambda: now)
+    monkeypatch.setattr("service.storage.stores.idempotency_store.time.time", lambda: now)
     store.answers.begin(KEY, "hash")
     store.answers.finish(KEY, ANSWER)
     now += 23 * 3600.0

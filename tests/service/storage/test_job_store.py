@@ -6,9 +6,9 @@ import pytest
 from sqlalchemy.exc import IntegrityError
 
 from service.problem import ProblemError
-from service.storage.idempotency_store import IdempotencyKey, KeptAnswer, Recorded
-from service.storage.job_store import ENDED, STATUSES, JobAnswer, JobStore, Status
 from service.storage.store import Store, open_store
+from service.storage.stores.idempotency_store import IdempotencyKey, KeptAnswer, Recorded
+from service.storage.stores.job_store import ENDED, STATUSES, JobAnswer, JobStore, Status
 from tests.service.jobs.stored import REQUEST, record
 
 ANSWER = JobAnswer("application/json", b'{"b": 2}')

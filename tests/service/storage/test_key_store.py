@@ -6,10 +6,10 @@ from dataclasses import replace
 import pytest
 
 from service.problem import ProblemError
-from service.storage.audit_store import Actor, last_entries
-from service.storage.document_store import DocumentStore
-from service.storage.key_store import ApiKey
 from service.storage.store import Store
+from service.storage.stores.audit_store import Actor, last_entries
+from service.storage.stores.document_store import DocumentStore
+from service.storage.stores.key_store import ApiKey
 
 KEY = ApiKey(
     "0123456789ab", "of the cell", "d" * 64, "admin", "one", 1000.0, 2000.0, None, 600, 5, 10**10

@@ -5,8 +5,14 @@ from dataclasses import replace
 import pytest
 
 from service.problem import ProblemError
-from service.storage.plan_store import PlanContent, PlanRecord, PlanStore, Retention, document_hash
 from service.storage.store import Store
+from service.storage.stores.plan_store import (
+    PlanContent,
+    PlanRecord,
+    PlanStore,
+    Retention,
+    document_hash,
+)
 
 CONTENT = PlanContent(b'{"robot": "arm"}', b'{"status": "success"}')
 PLENTY = Retention(lifetime=1e9, count=1000, storage=10**9)

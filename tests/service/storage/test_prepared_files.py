@@ -6,8 +6,8 @@ from typing import Any
 
 import httpx
 
-from service.storage import prepared_files
-from service.storage.cache_key import Reference
+from service.storage.caches import prepared_files
+from service.storage.caches.cache_key import Reference
 from tests.service.conftest import Served
 from tests.service.robots import HOME, answer, bench, scene
 from tests.service.test_meshes import elbow, obj

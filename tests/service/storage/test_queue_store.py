@@ -9,9 +9,9 @@ import pytest
 from service.jobs.engine import engine_schema, require_engine
 from service.storage import messages
 from service.storage.database import StoreError
-from service.storage.job_store import JobAnswer, JobRecord
-from service.storage.queue_store import AGENTS, Chunk, ChunkAnswer, batch_of
 from service.storage.store import Store, open_store
+from service.storage.stores.job_store import JobAnswer, JobRecord
+from service.storage.stores.queue_store import AGENTS, Chunk, ChunkAnswer, batch_of
 from tests.service.jobs.stored import REQUEST, record
 from tests.service.postgresql import PostgreSQL
 

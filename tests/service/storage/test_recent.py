@@ -5,7 +5,7 @@ from collections import OrderedDict
 from hypothesis import given
 from hypothesis import strategies as st
 
-from service.storage.recent import Recent
+from service.storage.caches.recent import Recent
 
 COUNT, BYTES = 4, 100
 

@@ -1,8 +1,8 @@
 """Records that are remembered: never older than what was written last."""
 
-from service.storage.document_store import DocumentStore
-from service.storage.record_cache import RecordCache
+from service.storage.caches.record_cache import RecordCache
 from service.storage.store import Store
+from service.storage.stores.document_store import DocumentStore
 
 
 def test_what_was_looked_up_is_known_until_something_is_written() -> None:

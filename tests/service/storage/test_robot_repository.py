@@ -3,8 +3,8 @@
 import pytest
 
 from service.problem import ProblemError
-from service.storage.cache_key import builtin_reference
-from service.storage.prepared_files import document_hash
+from service.storage.caches.cache_key import builtin_reference
+from service.storage.caches.prepared_files import document_hash
 from service.storage.robot_repository import RobotRepository, is_built_in
 from service.storage.store import Store
 

@@ -12,12 +12,12 @@ from alembic.script import ScriptDirectory
 from sqlalchemy import create_engine, inspect, text
 
 import service.storage.database as schema_module
-import service.storage.idempotency_store as idempotency_store_module
+import service.storage.stores.idempotency_store as idempotency_store_module
 from service.problem import ProblemError
 from service.storage.database import Database, StoreError
-from service.storage.idempotency_store import IdempotencyKey
-from service.storage.job_store import StoredRequest
 from service.storage.store import open_store
+from service.storage.stores.idempotency_store import IdempotencyKey
+from service.storage.stores.job_store import StoredRequest
 from service.storage.tables import METADATA, REVISIONS
 from tests.service.postgresql import PostgreSQL
 

@@ -5,8 +5,8 @@ import time
 import pytest
 from sqlalchemy import select, text
 
-from service.storage.server_store import HEARTBEAT, LIFETIME, now
 from service.storage.store import Store, open_store
+from service.storage.stores.server_store import HEARTBEAT, LIFETIME, now
 
 
 def age(store: Store, server: str, seconds: float) -> None:

@@ -3,12 +3,12 @@
 import numpy as np
 import pytest
 
-from armwright_wire.scene import Scene
+from armwright_wire.scenes.scene import Scene
 from kinematics.errors import InvalidLinkName
 from kinematics.forward import forward
 from kinematics.robots import builtin_chain
 from obstacles.scenes.placement import in_frame, place
-from service.storage import worker_cache
+from service.storage.caches import worker_cache
 from service.translate import poses
 
 TEXT = """

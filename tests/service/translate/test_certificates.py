@@ -7,8 +7,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from armwright_wire.certificate import CertificateAnswer
-from armwright_wire.scene import Scene
+from armwright_wire.motions.certificate import CertificateAnswer
+from armwright_wire.scenes.scene import Scene
 from planning.proof.certificate import Certificate, Proved
 from planning.proof.constraints.constraints import ConstraintReport
 from planning.proof.limits.limits import LimitReport

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from pydantic import TypeAdapter
 
-from armwright_wire.constraint import Constraints, ConstraintUse
+from armwright_wire.goals.constraint import Constraints, ConstraintUse
 from kinematics.errors import InvalidGoal, InvalidLinkName
 from kinematics.forward import forward
 from kinematics.robots import builtin_chain

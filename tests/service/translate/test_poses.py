@@ -12,7 +12,7 @@ from pydantic import TypeAdapter
 from scipy.spatial.transform import Rotation
 
 from armwright_wire.pose import Pose
-from armwright_wire.scene import Scene, Shape
+from armwright_wire.scenes.scene import Scene, Shape
 from kinematics.errors import InvalidScene
 from obstacles.shapes import shape as shapes
 from service.translate.poses import pose_answer, scene, shape, transform

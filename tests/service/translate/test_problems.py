@@ -5,7 +5,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from armwright_wire.plan import PlanRequest
+from armwright_wire.plans.plan import PlanRequest
 from kinematics.errors import InvalidGoal, InvalidOption, InvalidRobotState
 from obstacles.scenes.scene import Scene
 from planning.problem import JointGoal, PoseGoal

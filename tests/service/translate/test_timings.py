@@ -6,10 +6,10 @@ from typing import Any
 import numpy as np
 import pytest
 
-from armwright_wire.plan import ValidateRequest
-from armwright_wire.retime import RetimePath, RetimeTiming
-from armwright_wire.timing import Timing
-from armwright_wire.trajectory import LimitsBody
+from armwright_wire.motions.retime import RetimePath, RetimeTiming
+from armwright_wire.motions.timing import Timing
+from armwright_wire.motions.trajectory import LimitsBody
+from armwright_wire.plans.plan import ValidateRequest
 from dynamics.terms import gravity_vector
 from kinematics.errors import InvalidOption, InvalidTrajectory, MissingLimit
 from kinematics.forward import forward

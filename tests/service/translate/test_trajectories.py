@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.interpolate import CubicSpline
 
-from armwright_wire.trajectory import TrajectoryBody
+from armwright_wire.motions.trajectory import TrajectoryBody
 from kinematics.errors import InvalidOption, InvalidTrajectory
 from kinematics.robots import builtin_chain
 from service.translate.trajectories import named_trajectory, trajectory, trajectory_answer

@@ -6,7 +6,7 @@ from typing import Any
 import pytest
 from playwright.sync_api import Browser
 
-from armwright_wire.task import TaskRequest
+from armwright_wire.plans.task import TaskRequest
 from tests.planning.sequence import fingers
 from tests.service.conftest import Served
 from tests.service.robots import DETOUR

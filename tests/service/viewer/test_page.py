@@ -10,7 +10,7 @@ import pytest
 from playwright.sync_api import Browser
 
 import armwright as aw
-from armwright_wire.task import TaskRequest
+from armwright_wire.plans.task import TaskRequest
 from kinematics.forward import forward
 from service.viewer.page import page as page_of
 from tests.service.conftest import Served

@@ -16,7 +16,7 @@ import pytest
 
 from service.http.errors import document, headers_of, status_of
 from service.problem import ProblemError
-from service.storage.cache_key import builtin_reference
+from service.storage.caches.cache_key import builtin_reference
 from service.workers.faults import DeadlineExceeded, QueueFull, ShuttingDown, WorkerCrashed
 from service.workers.result import CacheMiss, TaskProblem
 from service.workers.task import Job, load_tasks, registered_task

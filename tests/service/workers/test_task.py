@@ -8,7 +8,7 @@ import pytest
 
 from planning.values.deadline import Deadline
 from service.endpoints.plan.task import plan, validate
-from service.storage.cache_key import Reference, builtin_reference
+from service.storage.caches.cache_key import Reference, builtin_reference
 from service.task_references import MODULES
 from service.workers.result import PlanOutcome
 from service.workers.task import (

@@ -7,12 +7,12 @@ from typing import Any
 
 import pytest
 
-from armwright_wire.batch import BatchRequest
+from armwright_wire.plans.batch import BatchRequest
 from planning.values.deadline import Deadline
 from service.endpoints.batch import task
 from service.endpoints.batch.task import cut, plan_part, split
 from service.endpoints.plan.task import plan
-from service.storage.cache_key import Reference
+from service.storage.caches.cache_key import Reference
 from service.workers import current
 from service.workers.chunk_sizes import Pace
 from service.workers.result import CacheMiss, PlannedPart, PlanOutcome, TaskProblem

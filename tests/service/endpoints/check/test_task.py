@@ -6,13 +6,13 @@ from typing import Any
 import numpy as np
 import pytest
 
-from armwright_wire.check import CheckAnswer
-from armwright_wire.scene import ProjectAnswer
+from armwright_wire.scenes.check import CheckAnswer
+from armwright_wire.scenes.scene import ProjectAnswer
 from obstacles.scenes.scene import Obstacle, Scene
 from obstacles.shapes.shape import Sphere
 from service.endpoints.check.task import check, project
-from service.storage import worker_cache
-from service.storage.cache_key import Reference
+from service.storage.caches import worker_cache
+from service.storage.caches.cache_key import Reference
 from service.workers.result import CacheMiss, TaskProblem
 from tests.planning.scenes import HOME
 from tests.service.endpoints.ask import PANDA, answer_of

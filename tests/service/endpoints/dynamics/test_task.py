@@ -8,7 +8,7 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
-from armwright_wire.dynamics import (
+from armwright_wire.robots.dynamics import (
     DynamicsAnswer,
     DynamicsRequest,
     ForwardDynamicsRequest,

@@ -6,8 +6,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from armwright_wire.kinematics import GradientTrace, IkRequest
-from armwright_wire.kinematics import IkSolution as Schema
+from armwright_wire.robots.kinematics import GradientTrace, IkRequest
+from armwright_wire.robots.kinematics import IkSolution as Schema
 from kinematics.ik.gradient import Trace
 from kinematics.ik.solution import IkSolution
 from kinematics.robots import builtin_chain

@@ -11,7 +11,7 @@ from kinematics.forward import forward
 from kinematics.ik import inverse
 from kinematics.robots import builtin_chain, builtin_urdf
 from service.endpoints.ik import task
-from service.storage.cache_key import builtin_reference
+from service.storage.caches.cache_key import builtin_reference
 from tests.service.poses import as_pose, draws
 
 

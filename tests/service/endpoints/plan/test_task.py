@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from armwright_wire.certificate import CertificateAnswer
-from armwright_wire.plan import PlanAnswer, PlanRequest
+from armwright_wire.motions.certificate import CertificateAnswer
+from armwright_wire.plans.plan import PlanAnswer, PlanRequest
 from kinematics.errors import InvalidRobotDescription
 from obstacles.robots.robot_geometry import RobotGeometry
 from obstacles.scenes.scene import Obstacle, Scene

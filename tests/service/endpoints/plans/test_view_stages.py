@@ -7,8 +7,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from armwright_wire.task import TaskAnswer, TaskRequest
-from armwright_wire.tour import TourAnswer
+from armwright_wire.plans.task import TaskAnswer, TaskRequest
+from armwright_wire.plans.tour import TourAnswer
 from kinematics.errors import InvalidOption
 from kinematics.forward import forward, joint_frames
 from kinematics.robots import builtin_chain

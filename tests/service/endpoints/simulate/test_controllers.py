@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from pydantic import TypeAdapter
 
-from armwright_wire.simulation import Controller
+from armwright_wire.motions.simulation import Controller
 from kinematics.errors import InvalidOption
 from kinematics.robots import builtin_chain
 from service.endpoints.simulate.controllers import controller, controller_answer

@@ -5,7 +5,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from armwright_wire.simulation import SimulateRequest
+from armwright_wire.motions.simulation import SimulateRequest
 from kinematics.errors import InvalidRobotState
 from kinematics.robots import builtin_chain
 from service.endpoints.simulate.task import RequestReference, reference

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from pydantic import TypeAdapter
 
-from armwright_wire.simulation import (
+from armwright_wire.motions.simulation import (
     MAX_SAMPLES,
     Controller,
     Disturbance,

@@ -4,8 +4,8 @@ from typing import Any
 
 import pytest
 
-from armwright_wire import robot as schema
-from armwright_wire.robot import RobotBody
+from armwright_wire.robots import robot as schema
+from armwright_wire.robots.robot import RobotBody
 from dynamics.model.payload import Motor
 from kinematics.errors import InvalidRobotDescription
 from kinematics.robots import builtin_urdf

@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from armwright_wire.robot import RobotBody
+from armwright_wire.robots.robot import RobotBody
 from kinematics.errors import ArmwrightError, InvalidRobotDescription
 from kinematics.forward import forward
 from service.translate.robots.robots import built_in, dh_table, robot, robot_answer

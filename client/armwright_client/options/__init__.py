@@ -1,0 +1,1 @@
+"""Options of requests, as keyword arguments."""

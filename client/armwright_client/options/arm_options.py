@@ -1,0 +1,251 @@
+"""Options of requests about one robot: fields of `armwright_wire`'s requests."""
+
+from collections.abc import Mapping, Sequence
+from typing import Generic, Literal, TypedDict, TypeVar
+
+from armwright_wire.base import VectorLike
+from armwright_wire.goals.constraint import Constraints
+from armwright_wire.pose import Orientation, Pose
+from armwright_wire.robots.dynamics import Payload
+from armwright_wire.robots.kinematics import Axis, GradientOptions
+from armwright_wire.robots.potential import PotentialOptions
+from armwright_wire.robots.reach import BaseRegion, ReachTolerance
+from armwright_wire.scenes.check import AllowedCollisions, Attached, AttachedObjects
+from armwright_wire.scenes.scene import Engine, SceneReference
+
+#: Velocities and accelerations: a vector for one configuration, rows for many.
+V = TypeVar("V")
+
+
+class FkOptions(TypedDict, total=False):
+    """Options of forward kinematics.
+
+    Args:
+        link: Link whose pose is answered first; the tip if left out.
+        orientation: Form of the orientations; quaternions if left out.
+        frame: A link that stands still, or "tool"; the root frame if left out.
+        fingers: Where joints of the gripper stand [rad or m], a list for one position with each
+            configuration; the others where the robot holds them.
+    """
+
+    link: str | None
+    orientation: Orientation | None
+    frame: str | None
+    fingers: Mapping[str, float | Sequence[float]] | None
+
+
+class JacobianOptions(TypedDict, total=False):
+    """Options of a Jacobian.
+
+    Args:
+        link: The tip if left out.
+        point: A point fixed to the link, in its frame [m]; its origin if left out.
+        kind: "geometric" if left out.
+        frame: A link that stands still, or "tool"; the root frame if left out.
+    """
+
+    link: str
+    point: VectorLike
+    kind: Literal["geometric", "analytic_zyz"]
+    frame: str
+
+
+class IkOptions(TypedDict, total=False):
+    """Options of inverse kinematics.
+
+    Args:
+        link: The tip if left out.
+        seed_joints: Where to look first; solutions near it are better.
+        method: "auto" if left out.
+        all_solutions: Also those that are outside limits or in collision, with the reason.
+        all_turns: Also copies by whole turns of joints inside the limits.
+        max_solutions: At most so many.
+        choice: What is best; "nearest" to the seed if left out.
+        parameters: Arm angles or values of the locked joint of a seven-joint arm's closed form.
+        axes: Axes of the pose's own frame that count; all if left out.
+        gradient: Gradient of the method "gradient".
+        frame: Frame of poses that name none: a link that stands still, or "tool" at the seed.
+        scene: To be free of collisions in.
+        attached: What is held meanwhile.
+        allowed_collisions: More pairs that may touch.
+        constraints: Constraints beyond the pose, or in its place.
+        posture: With constraints: what is nearest; the seed if left out.
+        timeout: [s].
+        seed: Seed of the random generator.
+        keep: Whether request and answer are kept as a plan, see `Client.plans`.
+    """
+
+    link: str
+    seed_joints: VectorLike
+    method: Literal["auto", "analytic", "numeric", "gradient", "constrained"]
+    all_solutions: bool
+    all_turns: bool
+    max_solutions: int
+    choice: Literal["nearest", "limits", "manipulability"]
+    parameters: VectorLike
+    axes: Sequence[Axis]
+    gradient: GradientOptions
+    frame: str
+    scene: SceneReference
+    attached: AttachedObjects
+    allowed_collisions: AllowedCollisions
+    constraints: Constraints
+    posture: VectorLike
+    timeout: float
+    seed: int
+    keep: bool
+
+
+class VelocityOptions(TypedDict, total=False):
+    """Options of velocity kinematics.
+
+    Args:
+        joint_velocities: Whose twist is asked for [rad/s or m/s].
+        twist: (linear, angular), whose joint velocities are asked for [m/s, rad/s].
+        nullspace: Joint velocities of which the part that leaves the link at rest is added.
+        link: The tip if left out.
+        point: A point fixed to the link, in its frame [m]; its origin if left out.
+        damped_below: Singular values below it are damped; 0 for the plain pseudo-inverse.
+        frame: Frame of the twist: a link that stands still, or "tool"; the root frame if left out.
+    """
+
+    joint_velocities: VectorLike
+    twist: VectorLike
+    nullspace: VectorLike
+    link: str
+    point: VectorLike
+    damped_below: float
+    frame: str
+
+
+class ModelOptions(TypedDict, total=False):
+    """Changes of the robot's model: payload, motors, friction, gravity.
+
+    Args:
+        gravity: In the frame [m/s²].
+        frame: A link that stands still, or "tool"; the root frame if left out.
+        payload: A load in addition.
+        motor_inertia: J, one number or one a joint [kg m² or kg].
+        viscous_friction: B, one number or one a joint [N m s/rad or N s/m].
+        coulomb_friction: Dry friction, one number or one a joint [N m or N].
+    """
+
+    gravity: VectorLike
+    frame: str
+    payload: Payload
+    motor_inertia: float | VectorLike
+    viscous_friction: float | VectorLike
+    coulomb_friction: float | VectorLike
+
+
+class DynamicsOptions(ModelOptions, Generic[V], total=False):
+    """State of motion and wrench; see also `ModelOptions`.
+
+    Args:
+        velocities: One row a configuration [rad/s or m/s]; at rest if left out.
+        accelerations: One row a configuration [rad/s² or m/s²]; 0 if left out.
+        wrench: (force, moment) that the tip exerts, along the frame's axes [N, N m].
+        christoffel_symbols: Answer c_ijk too.
+        partial_jacobians: Answer J_v and J_w of every body too.
+    """
+
+    velocities: V | None
+    accelerations: V | None
+    wrench: VectorLike | None
+    christoffel_symbols: bool
+    partial_jacobians: bool
+
+
+class ForwardDynamicsOptions(ModelOptions, Generic[V], total=False):
+    """State of motion, torques and wrench; see also `ModelOptions`.
+
+    Args:
+        velocities: One row a configuration [rad/s or m/s]; at rest if left out.
+        torques: One row a configuration [N m or N]; 0 if left out.
+        wrench: (force, moment) that the tip exerts, along the frame's axes [N, N m].
+    """
+
+    velocities: V | None
+    torques: V | None
+    wrench: VectorLike | None
+
+
+class WrenchOptions(TypedDict, total=False):
+    """Options of a wrench: where it is exerted.
+
+    Args:
+        link: The tip if left out.
+        point: Point in the link's frame [m]; its origin if left out.
+        frame: Whose axes the wrench is given along: a link that stands still, or "tool"; the root
+            frame if left out.
+    """
+
+    link: str
+    point: VectorLike
+    frame: str
+
+
+class RegressorOptions(ModelOptions, total=False):
+    """Options of the regressor; see also `ModelOptions`.
+
+    Args:
+        reference_velocities: v of Y(q, q̇, a, v), with the accelerations as a.
+        motors: Whether motor inertias and frictions count; by default where the robot has any.
+        known_zeros: Count parameters that are exactly 0 as known.
+    """
+
+    reference_velocities: VectorLike
+    motors: bool
+    known_zeros: bool
+
+
+class PotentialSettings(TypedDict, total=False):
+    """Settings of the potential field and of its computation.
+
+    Args:
+        options: Weights and reach of the field.
+        frame: Frame of an inline scene that names none: a link that stands still, or "tool".
+        engine: Projection onto obstacles: closed forms ("exact") or FCL's distance query.
+        timeout: Deadline [s].
+    """
+
+    options: PotentialOptions | None
+    frame: str | None
+    engine: Engine
+    timeout: float | None
+
+
+class ReachOptions(TypedDict, total=False):
+    """Options of a question about reach; see `ReachRequest`.
+
+    Args:
+        frame: A link that stands still; the root frame if left out.
+        link: The link to bring to the poses; the tip if left out.
+        tolerance: Deviation that is allowed.
+        scene: A stored scene's name, or a scene.
+        attached: Objects that the robot holds.
+        allowed_collisions: Pairs that may touch.
+        margin: Distance to be kept from obstacles [m].
+        choice: What makes the best configuration; the first one found will do with ``first``.
+        clearance: Measure clearances.
+        joints: Answer the best configurations.
+        bases: Candidates for the base.
+        base_region: Candidates on the floor.
+        timeout: Deadline [s].
+        seed: Seed of the numeric search.
+    """
+
+    frame: str | None
+    link: str | None
+    tolerance: ReachTolerance | None
+    scene: SceneReference | None
+    attached: Sequence[Attached] | None
+    allowed_collisions: AllowedCollisions | None
+    margin: float
+    choice: Literal["manipulability", "clearance", "limits", "first"]
+    clearance: bool
+    joints: bool | None
+    bases: Sequence[Pose] | None
+    base_region: BaseRegion | None
+    timeout: float | None
+    seed: int

@@ -1,0 +1,1 @@
+"""Robots as they are sent: descriptions, and URDF with its meshes."""

@@ -1,0 +1,1 @@
+"""Goals of motions, motions of the tool, and constraints on poses."""

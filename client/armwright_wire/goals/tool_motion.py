@@ -1,0 +1,576 @@
+"""Motions of the tool on the wire: lines, arcs and seams of the planner "cartesian"."""
+
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, Self, TypeAlias
+
+from pydantic import Field, ValidationError, model_validator
+from pydantic.config import JsonDict
+
+from armwright_wire.base import (
+    Answer,
+    Beside,
+    Body,
+    Frame,
+    NonNegative,
+    Point,
+    Vector3,
+    VectorLike,
+    check_company,
+    exactly_one,
+    is_given,
+)
+from armwright_wire.goals.goal import given_fields
+from armwright_wire.pose import AnyPose, PoseAnswer, PoseInFrame
+
+MAX_WAYPOINTS = 2_000
+
+Length = Annotated[float, Field(ge=-1.0, le=1.0)]
+Angle = Annotated[float, Field(ge=-3.2, le=3.2)]
+LengthRange = Annotated[list[Length], Field(min_length=2, max_length=2)]
+AngleRange = Annotated[list[Angle], Field(min_length=2, max_length=2)]
+Blend = Annotated[float, Field(ge=0.0, le=10.0)]
+Rotation = Literal["rx", "ry", "rz"]
+Axis = Literal["x", "y", "z", "rx", "ry", "rz"]
+Speed = Annotated[float, Field(gt=0.0, le=100.0)]
+
+
+class ToolTolerance(Body):
+    """Ranges of the tool's deviation [least, largest]; axes left out are exact.
+
+    The tool's pose is T_pose Trans(x, y, z) Rx(rx) Ry(ry) Rz(rz) in its own frame.
+    """
+
+    x: LengthRange | None = Field(None, description="[m]", examples=[[-0.001, 0.001]])
+    y: LengthRange | None = Field(None, description="[m]")
+    z: LengthRange | None = Field(None, description="[m]")
+    rx: AngleRange | None = Field(None, description="[rad]")
+    ry: AngleRange | None = Field(None, description="[rad], within 1.4 of 0")
+    rz: AngleRange | None = Field(None, description="[rad]")
+    free: list[Rotation] = Field(
+        default_factory=list, max_length=3, description="rotations by any angle", examples=[["rz"]]
+    )
+    tilt: Annotated[float, Field(gt=0.0, le=1.4)] | None = Field(
+        None, description="largest angle between the tool's z and that of the pose [rad]"
+    )
+    frame: Frame | None = Field(
+        None,
+        description='whose axes deviations are along: "tool", those of each pose, if left out; or '
+        "a link that stands still",
+    )
+
+    @model_validator(mode="after")
+    def _check_ranges(self) -> "ToolTolerance":
+        for name in ("x", "y", "z", "rx", "ry", "rz"):
+            given = getattr(self, name)
+            if given is not None and given[0] > given[1]:
+                raise ValueError(f"{name}: {given[0]:g} is above {given[1]:g}")
+            if given is not None and name in self.free:
+                raise ValueError(f"{name} has a range and is free")
+        return self
+
+
+class Waypoint(Body):
+    """A pose of the tool, or a point with the surface's normal that the tool's z is against."""
+
+    pose: PoseInFrame | None = Field(None, description="of the tip, without deviation")
+    point: Point | None = Field(None, description="place of the tip [m]")
+    normal: Vector3 | None = Field(
+        None, description="with point: out of the surface; the tool's z axis points against it"
+    )
+    direction: Vector3 | None = Field(
+        None,
+        description="with point: the tool's x axis, as far as it is across the normal; any angle "
+        "about the normal if left out",
+    )
+    frame: Frame | None = Field(None, description="of point, normal, direction and via")
+    via: Point | None = Field(
+        None, description="on the arc from the waypoint before; a line if not"
+    )
+    tolerance: ToolTolerance | None = Field(
+        None, description="on the way to it and there; that of the options if left out"
+    )
+    free: list[Axis] = Field(
+        default_factory=list,
+        max_length=6,
+        description="axes that are free there and on the way to it, beside what tolerance says: "
+        "rotations by any angle, x, y and z by up to 1 m",
+        examples=[["rz"]],
+    )
+    blend: Blend | None = Field(
+        None, description="distance from it at which the tool may leave the way [m]"
+    )
+    tool_speed: Speed | None = Field(
+        None,
+        description="to be kept on the way to it [m/s]; that of the options if left out, which has "
+        "to be there if others have their own",
+    )
+
+    @model_validator(mode="after")
+    def _check_form(self) -> "Waypoint":
+        exactly_one(self, ("pose", "point"))
+        if (self.point is None) != (self.normal is None):
+            raise ValueError("point and normal belong together")
+        if self.direction is not None and self.point is None:
+            raise ValueError("direction belongs to point and normal")
+        if self.normal is not None and not any(self.normal):
+            raise ValueError("normal: has no length")
+        for name in self.free:
+            if self.tolerance is not None and getattr(self.tolerance, name) is not None:
+                raise ValueError(f"{name} has a range and is free")
+        return self
+
+    @classmethod
+    def at(cls, pose: AnyPose, *, tolerance: ToolTolerance | None = None) -> Self:
+        """A waypoint at a pose."""
+        return cls.of(pose=pose, tolerance=tolerance)
+
+    @classmethod
+    def on(
+        cls, point: VectorLike, normal: VectorLike, *, direction: VectorLike | None = None
+    ) -> Self:
+        """A waypoint on a surface, with the normal out of it."""
+        return cls.of(point=point, normal=normal, direction=direction)
+
+
+class StraightOffset(Body):
+    """A straight motion to the seam's start, or from its end."""
+
+    direction: Vector3 = Field(description="of the motion", examples=[[0.0, 0.0, 1.0]])
+    distance: Annotated[float, Field(gt=0.0, le=5.0)] = Field(description="[m]", examples=[0.05])
+    frame: Literal["tool", "base"] = Field(
+        "tool", description="direction is along the axes of the tool at the seam, or of the root"
+    )
+
+    @model_validator(mode="after")
+    def _check_direction(self) -> "StraightOffset":
+        if not any(self.direction):
+            raise ValueError("direction: has no length")
+        return self
+
+
+MAX_MOTIONS = 200
+#: Of a seam: one for each waypoint and two where it rounds a corner, and the ways there and back.
+MAX_TIMED_MOTIONS = 3 * MAX_WAYPOINTS + 2
+
+Deviation = Annotated[float, Field(ge=1e-7, le=1.0)]
+if TYPE_CHECKING:
+    Ends: TypeAlias = Sequence[float]
+else:
+    Ends = Annotated[list[NonNegative], Field(min_length=1, max_length=MAX_TIMED_MOTIONS)]
+
+
+class ToolCurve(Body):
+    """A motion of the tool from where it is: what all kinds of them have."""
+
+    goes_by_fields: ClassVar[bool] = True
+    only_beside: ClassVar[Beside] = {"normal": ("center",)}
+
+    type: Literal["lin", "circ", "corner"] = Field(
+        examples=["lin"], description="line, arc or rounded corner"
+    )
+    pose: PoseInFrame = Field(description="of the tip where the motion ends")
+    via: Point | None = Field(None, description="point on the arc")
+    center: Point | None = Field(None, description="of the arc")
+    normal: Vector3 | None = Field(
+        None,
+        description="with center: axis to turn about by the right hand, up to a whole turn; the "
+        "shorter arc if left out",
+    )
+    blend: Blend | None = Field(
+        None,
+        description="distance from its end at which the tool may leave it for the next one, half "
+        "of either motion at most; that of the options if left out [m]",
+    )
+
+    @model_validator(mode="after")
+    def _check_form(self) -> Self:
+        if self.type != "circ":
+            if not (self.via is self.center is self.normal is None):
+                raise ValueError("via, center and normal belong to motions of type circ")
+        elif (self.via is None) == (self.center is None):
+            raise ValueError("a motion of type circ needs exactly one of via, center")
+        if self.normal is not None and self.center is None:
+            raise ValueError("normal needs center")
+        return self
+
+    @classmethod
+    def lin(cls, pose: AnyPose, *, blend: float | None = None) -> Self:
+        """A line to a pose."""
+        return cls.of(type="lin", pose=pose, blend=blend)
+
+    @classmethod
+    def circ(
+        cls,
+        pose: AnyPose,
+        *,
+        via: VectorLike | None = None,
+        center: VectorLike | None = None,
+        normal: VectorLike | None = None,
+        blend: float | None = None,
+    ) -> Self:
+        """An arc to a pose, through a point or about a centre."""
+        return cls.of(type="circ", pose=pose, via=via, center=center, normal=normal, blend=blend)
+
+
+def _line_or_arc(kind: JsonDict) -> JsonDict:
+    """The published rule of a line or an arc.
+
+    Args:
+        kind: The schema of types that are no arcs.
+    """
+    return {
+        "oneOf": [
+            {
+                "properties": {"type": kind},
+                "not": {"anyOf": [is_given("via"), is_given("center")]},
+            },
+            {
+                "properties": {"type": {"const": "circ"}},
+                "oneOf": [is_given("via"), is_given("center")],
+            },
+        ]
+    }
+
+
+class ToolMotion(ToolCurve):
+    """A line, or an arc through a point or about a centre, from where the tool is."""
+
+    published_rules: ClassVar[tuple[JsonDict, ...]] = (_line_or_arc({"const": "lin"}),)
+
+    type: Literal["lin", "circ"] = Field(examples=["lin"], description="line or arc")
+
+
+class CornerArc(Body):
+    """The arc that leads to a rounded corner, or away from it."""
+
+    center: Point = Field(description="of the arc, in the frame of the motion's pose")
+    normal: Vector3 = Field(description="axis to turn about by the right hand")
+
+
+class RoundedCorner(Body):
+    """The corner that a motion rounds: the end of one motion and the beginning of the next."""
+
+    pose: PoseInFrame = Field(description="of the tip at the corner, which the tool passes by")
+    slope: Annotated[float, Field(gt=0.0, le=2.5)] = Field(
+        description="rate at which the tool leaves the motion before, and joins the one after"
+    )
+    before: CornerArc | None = Field(
+        None, description="arc that leads to the corner; a line if left out"
+    )
+    after: CornerArc | None = Field(
+        None, description="arc that leads away from it; a line if left out"
+    )
+
+
+class CartesianOptions(Body):
+    """`planner_options` of the planner "cartesian"."""
+
+    only_beside: ClassVar[Beside] = {
+        "tolerance": ("waypoints",),
+        "tool_speed": ("waypoints",),
+        "approach": ("waypoints",),
+        "retreat": ("waypoints",),
+        "branch_changes": ("waypoints",),
+    }
+
+    motions: Annotated[list[ToolMotion], Field(min_length=1, max_length=MAX_MOTIONS)] | None = (
+        Field(None, description="one line to the goal if left out")
+    )
+    max_deviation: Deviation = Field(
+        1e-4, description="of the tool's origin from its motion, for every instant [m]"
+    )
+    max_orientation_deviation: Deviation = Field(
+        1e-3, description="of its orientation from that at the same place [rad]"
+    )
+    orientation: Literal["slerp", "free"] = Field(
+        "slerp", description="about an axis that keeps still, or only the origin is led"
+    )
+    allow_partial: bool = Field(False, description="a motion that ends early is an answer too")
+    blend: Blend = Field(
+        0.0,
+        description="corners are rounded by curves that begin and end at most so far from them, "
+        "and the tool runs through; it rests at corners if 0 [m]",
+    )
+
+    waypoints: Annotated[list[Waypoint], Field(min_length=2, max_length=MAX_WAYPOINTS)] | None = (
+        Field(None, description="of a seam, in place of motions; the goal may be left out then")
+    )
+    tolerance: ToolTolerance | None = Field(
+        None, description="of all waypoints: by how much the tool may deviate; exact if left out"
+    )
+    tool_speed: Speed | None = Field(
+        None, description="to be kept on the way to waypoints that have none of their own [m/s]"
+    )
+    speed_band: Annotated[float, Field(gt=0.0, le=1.0)] = Field(
+        0.1, description="largest difference from tool_speed, as part of it"
+    )
+    approach: StraightOffset | None = Field(None, description="to the first waypoint")
+    retreat: StraightOffset | None = Field(None, description="from the last waypoint")
+    branch_changes: StraightOffset | None = Field(
+        None,
+        description="retreat from a waypoint after which the arm may come back in another branch "
+        "of its inverse kinematics; a seam that needs one is refused if left out",
+    )
+
+    @model_validator(mode="after")
+    def _check_seam(self) -> "CartesianOptions":
+        if self.waypoints is not None and self.motions is not None:
+            raise ValueError("give motions or waypoints, not both")
+        check_company(self)
+        return self
+
+    def as_options(self) -> dict[str, Any]:
+        """The mapping that a plan's `planner_options` take."""
+        return self.model_dump(mode="json", exclude_none=True)
+
+    def seam_in_time(self, reports: Sequence["ToolMotionAnswer"]) -> "TimedToolMotions":
+        """A seam as a trajectory is held to it, see `Client.validate`.
+
+        Args:
+            reports: `tool_motions` of the plan along this seam; of a motion that was recorded
+                later, with the times of that one.
+        """
+        return TimedToolMotions.of(
+            motions=[
+                TimedToolMotion.of(
+                    **given_fields(report.as_motion),
+                    start=report.start,
+                    begins=report.begins,
+                    part=report.part,
+                    tolerance=self._tolerance(report),
+                    tool_speed=self._tool_speed(report),
+                )
+                for report in reports
+            ],
+            ends=[report.ends for report in reports],
+            max_deviation=self.max_deviation,
+            max_orientation_deviation=self.max_orientation_deviation,
+            tolerance=self.tolerance,
+            tool_speed=self.tool_speed,
+            speed_band=self.speed_band,
+        )
+
+    def _tolerance(self, report: "ToolMotionAnswer") -> ToolTolerance | None:
+        """That of the waypoint that a part of a seam leads to, where it has one of its own."""
+        if self.waypoints is None or report.part != "seam":
+            return None
+        waypoint = self.waypoints[report.motion + 1]
+        free = set(waypoint.free)
+        if waypoint.point is not None and waypoint.direction is None:
+            # Without a direction any angle about the normal will do.
+            free.add("rz")
+        if not free:
+            return waypoint.tolerance
+        given = waypoint.tolerance or self.tolerance or ToolTolerance()
+        changes: dict[str, Any] = {axis: [-1.0, 1.0] for axis in free & {"x", "y", "z"}}
+        turns = free - set(changes)
+        changes |= dict.fromkeys(turns) | {"free": sorted({*given.free, *turns})}
+        return given.model_copy(update=changes)
+
+    def _tool_speed(self, report: "ToolMotionAnswer") -> float | None:
+        """The speed to the waypoint that a part of a seam leads to, where it has its own."""
+        if self.waypoints is None or report.part != "seam":
+            return None
+        return self.waypoints[report.motion + 1].tool_speed
+
+
+class TimedToolMotion(ToolCurve):
+    """A line, an arc or a corner that a trajectory is held to, a part of a seam perhaps."""
+
+    published_rules: ClassVar[tuple[JsonDict, ...]] = (
+        _line_or_arc({"enum": ["lin", "corner"]}),
+        {
+            "oneOf": [
+                {"properties": {"type": {"const": "corner"}}, "allOf": [is_given("rounds")]},
+                {
+                    "properties": {"type": {"enum": ["lin", "circ"]}},
+                    "not": is_given("rounds"),
+                },
+            ]
+        },
+    )
+
+    rounds: RoundedCorner | None = Field(None, description='the corner that a "corner" rounds')
+    start: PoseInFrame | None = Field(
+        None,
+        description="of the tip where it begins; where the motion before ends if left out, of the "
+        "first one where the tool is at the start of the trajectory",
+    )
+    begins: NonNegative | None = Field(
+        None,
+        description="when it begins [s]; when the motion before ends if left out, the tool is free "
+        "in between if later",
+    )
+    part: Literal["motion", "approach", "seam", "retreat"] = Field(
+        "motion", description='of a "seam" tolerance and tool_speed hold'
+    )
+    tolerance: ToolTolerance | None = Field(
+        None, description="by how much the tool may deviate in this motion"
+    )
+    tool_speed: Speed | None = Field(
+        None, description='of a "seam": to be kept in this motion [m/s]; that of all if left out'
+    )
+
+    @model_validator(mode="after")
+    def _check_speed(self) -> "TimedToolMotion":
+        if self.tool_speed is not None and self.part != "seam":
+            raise ValueError('tool_speed belongs to motions whose part is "seam"')
+        if (self.type == "corner") != (self.rounds is not None):
+            raise ValueError("rounds belongs to motions of type corner, which need it")
+        if self.type == "corner" and (self.part == "seam" or self.tolerance is not None):
+            raise ValueError("a motion of type corner has no tolerance, and is no part of a seam")
+        return self
+
+
+class TimedToolMotions(Body):
+    """Motions of the tool that a trajectory is held to, in turn."""
+
+    motions: Annotated[list[TimedToolMotion], Field(min_length=1, max_length=MAX_TIMED_MOTIONS)] = (
+        Field(description="lines, arcs and corners, in their order")
+    )
+    begins: NonNegative | None = Field(
+        None,
+        description="when the first motion begins [s]; at the start of the trajectory if left out",
+    )
+    ends: Ends | None = Field(
+        None,
+        description="when each motion ends [s], as tool_motions of a plan tell it; the end of the "
+        "trajectory if left out, for one motion",
+    )
+    tolerance: ToolTolerance | None = Field(
+        None,
+        description="by how much the tool may deviate in motions that are parts of a seam and have "
+        "no tolerance of their own; the deviations are added on all sides",
+    )
+    tool_speed: Speed | None = Field(
+        None,
+        description="to be kept in motions that are parts of a seam and have none of their own "
+        "[m/s]",
+    )
+    speed_band: Annotated[float, Field(gt=0.0, le=1.0)] = Field(
+        0.1, description="largest difference from tool_speed, as part of it"
+    )
+    max_deviation: Deviation = Field(
+        1e-4, description="of the tool's origin from its motion, for every instant [m]"
+    )
+    max_orientation_deviation: Deviation = Field(
+        1e-3, description="of its orientation from that at the same place [rad]"
+    )
+    orientation: Literal["slerp", "free"] = Field(
+        "slerp", description="about an axis that keeps still, or only the origin is led"
+    )
+
+    @model_validator(mode="after")
+    def _check_ends(self) -> "TimedToolMotions":
+        count = 1 if self.ends is None else len(self.ends)
+        if count != len(self.motions):
+            raise ValueError("ends needs as many times as there are motions")
+        if self.ends is not None and sorted(self.ends) != self.ends:
+            raise ValueError("ends must not descend")
+        if any(motion.blend for motion in self.motions):
+            raise ValueError(
+                "blend belongs to plans: give the corners that tool_motions of one tell"
+            )
+        if self.begins is not None and self.ends is not None and self.begins > self.ends[0]:
+            raise ValueError("begins is after the end of the first motion")
+        if not any(motion.part == "seam" for motion in self.motions):
+            for name in ("tolerance", "tool_speed"):
+                if getattr(self, name) is not None:
+                    raise ValueError(f'{name} belongs to motions whose part is "seam"')
+        return self
+
+
+def cartesian_options(given: Mapping[str, Any] | None) -> CartesianOptions:
+    """The options, checked.
+
+    Raises:
+        ValueError: They have not the right form; the message says where.
+    """
+    try:
+        return CartesianOptions.model_validate(given or {})
+    except ValidationError as error:
+        first = error.errors()[0]
+        steps = (f"[{step}]" if isinstance(step, int) else f".{step}" for step in first["loc"])
+        text = str(first["msg"]).removeprefix("Value error, ")
+        raise ValueError(f"planner_options{''.join(steps)}: {text}") from None
+
+
+class CornerArcAnswer(Answer):
+    """The arc that leads to a rounded corner, or away from it."""
+
+    center: list[float] = Field(description="[m]")
+    normal: list[float] = Field(description="axis that it turns about")
+
+
+class RoundedCornerAnswer(Answer):
+    """The corner that a motion rounds."""
+
+    pose: PoseAnswer = Field(description="of the tip at the corner, which the tool passes by")
+    slope: float = Field(
+        description="rate at which the tool leaves the motion before, and joins the one after"
+    )
+    before: CornerArcAnswer | None = Field(
+        description="arc that leads to the corner; null for a line"
+    )
+    after: CornerArcAnswer | None = Field(
+        description="arc that leads away from it; null for a line"
+    )
+
+
+class SpeedLimitAnswer(Answer):
+    """Limit of a joint that keeps the tool below the speed asked for."""
+
+    speed: float = Field(description="largest constant speed of the tool that it allows [m/s]")
+    joint: str = Field(description="name of the joint")
+    quantity: Literal["velocity", "acceleration", "jerk"] = Field(description="which limit of it")
+
+
+class ToolMotionAnswer(Answer):
+    """Result of one tool motion."""
+
+    type: Literal["lin", "circ", "corner"] = Field(description="line, arc or rounded corner")
+    length: float = Field(description="of the whole of it [m]")
+    angle: float = Field(description="how far the tool turns in the whole of it [rad]")
+    fraction: float = Field(description="how far it was carried out")
+    begins: float = Field(description="[s]")
+    ends: float = Field(description="[s]")
+    motion: int = Field(
+        description="index of the motion of the request that it is a part of; of "
+        "a seam, of the waypoint that it leaves"
+    )
+    part: Literal["motion", "approach", "seam", "retreat"] = Field(
+        description="a motion of the request, or the way to, along or from a seam"
+    )
+    blend: bool = Field(description="it rounds the corner at the end of that motion")
+    pose: PoseAnswer = Field(description="of the tip where it ends, carried out in full")
+    start: PoseAnswer | None = Field(
+        None, description="of the tip where it begins; null where the motion before ends"
+    )
+    center: list[float] | None = Field(description="of an arc [m]")
+    normal: list[float] | None = Field(description="axis that an arc turns about")
+    rounds: RoundedCornerAnswer | None = Field(
+        None, description="the corner that a motion of type corner rounds"
+    )
+    speed_limit: SpeedLimitAnswer | None = Field(
+        None,
+        description="what keeps the tool below timing.tool_speed in it; null where nothing does, "
+        "or none is asked for. Before and after, the tool slows down and speeds up",
+    )
+
+    @property
+    def as_motion(self) -> ToolMotion | TimedToolMotion:
+        """The motion as a request has it, to have a trajectory held to it."""
+        if self.rounds is not None:
+            corner = RoundedCorner.model_validate(self.rounds.model_dump(exclude_none=True))
+            return TimedToolMotion(type="corner", pose=self.pose, rounds=corner)
+        if self.center is None:
+            return ToolMotion.lin(self.pose)
+        return ToolMotion.circ(self.pose, center=self.center, normal=self.normal)
+
+
+class ReferencePoseAnswer(Answer):
+    """The pose that the tool is held to at an instant: deviations are measured from it."""
+
+    time: float = Field(description="the instant, drawn by the seed of the request [s]")
+    motion: int = Field(description="index of the tool motion that it is on")
+    pose: PoseAnswer = Field(description="of the tip at the place of the motion nearest to it")

@@ -1,0 +1,1 @@
+"""Timed motions: trajectories, certificates, simulation, exports."""

@@ -1,0 +1,165 @@
+"""Timed trajectories and certificates in answers."""
+
+from typing import Annotated, Any
+
+from pydantic import Field
+
+from armwright_wire.base import Answer, Body, Label, NamePair, NonNegative, PlanId
+from armwright_wire.goals.constraint import ConstraintUse
+from armwright_wire.scenes.check import MAX_ATTACHED, AllowedAnswers
+from armwright_wire.scenes.scene import MAX_OBSTACLES
+
+ContentHash = Annotated[str, Field(pattern=r"^[0-9a-f]{64}$")]
+
+
+class ToolToleranceAnswer(Answer):
+    """Use of the tolerances of a seam, proved for every instant."""
+
+    share: float = Field(description="largest share of a range on either side of its middle")
+    time: float = Field(description="when [s]")
+
+
+class ToolSpeedBandAnswer(Answer):
+    """Speed of the tool where one speed is asked for."""
+
+    share: float = Field(
+        description="of the seam's length, on which the speed is proved to be within the band"
+    )
+    least: float = Field(description="least speed found, starts and stops included [m/s]")
+    most: float = Field(description="a bound of the largest speed over all t [m/s]")
+    low: float = Field(description="least speed of the band [m/s]")
+    high: float = Field(description="largest, which is a limit [m/s]")
+
+
+class ToolSpeedAnswer(ToolSpeedBandAnswer):
+    """Speed of the tool along a seam; of several speeds the least and the largest."""
+
+    bands: list[ToolSpeedBandAnswer] | None = Field(
+        None, description="the same for each of the speeds that are asked for, if they differ"
+    )
+
+
+class PathDeviationAnswer(Answer):
+    """Largest deviation of the tool from its motions, proved for every instant."""
+
+    position: float = Field(description="from the line or arc [m]")
+    orientation: float | None = Field(description="[rad]; null where it is free")
+    time: float = Field(description="where it is farthest off [s]")
+    max_position: float = Field(description="what was allowed [m]")
+    max_orientation: float | None = Field(description="what was allowed [rad]")
+
+
+class LimitUse(Answer):
+    """Use of a limit by a motion, from the exact extrema of its polynomials."""
+
+    worst_ratio: float | None = Field(description="1 is the limit itself; null beyond a limit of 0")
+    joint: str = Field(description="the joint that comes nearest to its limit")
+    time: float = Field(description="when it does [s]")
+
+
+class LimitUses(Answer):
+    """Use of each limit that was proved; null where none is known."""
+
+    position: LimitUse | None = None
+    velocity: LimitUse | None = None
+    acceleration: LimitUse | None = None
+    jerk: LimitUse | None = None
+    torque: LimitUse | None = Field(None, description="bounded from above for every instant")
+    tool_speed: LimitUse | None = Field(None, description="bounded from above for every instant")
+
+
+class ProvedAnswer(Answer):
+    """Parts of a proof that were carried out and hold."""
+
+    limits: bool = Field(
+        description="limits, continuity, constraints and tool motions; false also where a jerk "
+        "limit is known that was not asked for and is not kept"
+    )
+    collisions: bool = Field(description="nothing collides")
+    reasons: list[str] = Field(
+        description="why a part is not proved; and links and obstacles that were not compared, "
+        "which leaves the rest proved"
+    )
+
+
+class Premises(Body):
+    """What a certificate holds for: of another robot, scene or load it says nothing."""
+
+    robot: Label | None = Field(
+        None, description="name of the robot; null for limits given without one"
+    )
+    robot_hash: ContentHash | None = Field(
+        None,
+        description="content hash of the robot with what it holds and its fingers where they "
+        "stand; of its chain alone where collisions were not looked at",
+    )
+    scene: Label | None = Field(None, description="name of the stored scene; null for any other")
+    scene_hash: ContentHash | None = Field(
+        None,
+        description="content hash of the obstacles that are not held, and of the pairs that may "
+        "touch; null where collisions were not looked at",
+    )
+    obstacles: Annotated[int, Field(ge=0, le=MAX_OBSTACLES)] = Field(
+        0, description="how many these obstacles are"
+    )
+    attached: Annotated[list[Label], Field(max_length=MAX_ATTACHED)] = Field(
+        default_factory=list, description="names of the objects that the robot holds"
+    )
+    tool: Label | None = Field(None, description="the link whose frame poses of the tool are of")
+    margin: NonNegative = Field(0.0, description="kept from obstacles beyond their own margins [m]")
+    open_meshes: Annotated[list[Label], Field(max_length=MAX_OBSTACLES)] = Field(
+        default_factory=list, description="meshes taken as open: their inside is not solid"
+    )
+
+
+class CertificateAnswer(Answer):
+    """The proof that a motion is valid at every instant, or the first violation."""
+
+    verified: bool = Field(description="all that the request names is proved")
+    proved: ProvedAnswer
+    premises: Premises | None = Field(
+        None, description="what all of this holds for; null in answers of older versions"
+    )
+    min_clearance: float | None = Field(
+        description="a lower bound for every t [m]; null with nothing to hit"
+    )
+    clearance_pair: NamePair | None = Field(None, description="the two bodies that come nearest")
+    min_obstacle_clearance: float | None = Field(
+        None, description="the same from obstacles alone; null without any"
+    )
+    min_self_clearance: float | None = Field(
+        None,
+        description="the same among the robot's own links and what it holds; no margin is kept",
+    )
+    method: str = Field(description="how motions were proved free of collision")
+    limits: LimitUses | None = None
+    continuity: Any = Field(
+        None,
+        description="largest jumps of position and velocity between pieces",
+    )
+    path_constraint_residual: float | None = Field(
+        None,
+        description="the worst violation of the hard path constraints over all t [m or rad], "
+        "bounded from above; null without any",
+    )
+    path_constraints: list[ConstraintUse] = Field(
+        default_factory=list, description="each with the bound of its residual over all t"
+    )
+    path_deviation: PathDeviationAnswer | None = Field(
+        None, description="of the tool from the motions of the planner cartesian"
+    )
+    tool_tolerance: ToolToleranceAnswer | None = Field(
+        None, description="use of the tolerances of the planner cartesian"
+    )
+    tool_speed: ToolSpeedAnswer | None = Field(
+        None, description="the tool's speed along waypoints of the planner cartesian"
+    )
+    cells: int = Field(0, description="intervals of time that were looked at")
+    violation: dict[str, Any] | None = Field(None, description="the first, with its time")
+    frame: str | None = Field(None, description="of an answer to validate: that poses are in")
+    frame_note: str | None = Field(
+        None, description="where the chain begins, if that is not the root frame"
+    )
+    notes: list[str] = Field(default_factory=list, description="what was done to the request")
+    allowed_collisions: AllowedAnswers = Field(default_factory=list)
+    plan_id: PlanId = None

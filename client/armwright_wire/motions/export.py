@@ -1,0 +1,123 @@
+"""Exports of motions for robot controllers, on the wire."""
+
+from typing import Annotated, Literal
+
+from pydantic import ConfigDict, Field
+from pydantic.config import JsonDict
+
+from armwright_wire.base import Answer, Frame, Name, NonNegative, Number, Ratio, Timeout
+from armwright_wire.motions.certificate import CertificateAnswer, Premises
+from armwright_wire.motions.trajectory import TrajectoryBody
+from armwright_wire.scenes.check import AllowedCollisions, AttachedObjects, Margin, WithFingers
+from armwright_wire.scenes.scene import SceneReference
+
+Format = Literal[
+    "joint_trajectory_json",
+    "joint_trajectory_yaml",
+    "ros2_control",
+    "csv",
+    "urscript_servoj",
+    "urscript_movej",
+    "rapid",
+    "krl",
+]
+
+_EXAMPLE: JsonDict = {
+    "robot": "planar_rr",
+    "trajectory": {
+        "segments": [
+            {
+                "t0": 0.0,
+                "t1": 1.0,
+                "coefficients": [
+                    [0.0, 0.0, 0.0, 1.0, -1.5, 0.6],
+                    [0.5, 0.0, 0.0, 2.0, -3.0, 1.2],
+                ],
+            }
+        ]
+    },
+    "format": "csv",
+    "sample_period": 0.5,
+}
+
+
+class ExportRequest(WithFingers):
+    """A motion to be written for a controller, and proved as the controller interpolates it."""
+
+    model_config = ConfigDict(json_schema_extra={"examples": [_EXAMPLE]})
+
+    robot: Name = Field(examples=["panda"], description="name of a stored or built-in robot")
+    scene: SceneReference | None = Field(None, examples=["table"])
+    frame: Frame | None = None
+    trajectory: TrajectoryBody
+    format: Format = Field(description="the file to write", examples=["ros2_control"])
+    sample_period: Annotated[Number, Field(ge=1e-4, le=60.0)] = Field(
+        0.01,
+        description="time between points; quintic has points where pieces of the motion meet as "
+        "well, cubic where the acceleration jumps; those of a path are chosen among such points "
+        "[s]",
+    )
+    interpolation: Literal["quintic", "cubic", "linear"] | None = Field(
+        None,
+        description="of messages and tables: by what each point gives. Left out, quintic where "
+        "the acceleration is continuous, else cubic",
+    )
+    path_tolerance: Annotated[Number, Field(ge=1e-6, le=1.0)] = Field(
+        1e-3,
+        description="largest distance of the points of the motion from the legs of "
+        "urscript_movej, rapid and krl, Euclidean in joint space [rad]",
+    )
+    blend: Annotated[NonNegative, Field(le=1000.0)] = Field(
+        0.0,
+        description="how far from a point the controller may cut the corner: urscript_movej [m], "
+        "rapid [mm], krl [%]; what it then does there is not proved. 0 stops at each point",
+    )
+    speed: Ratio = Field(
+        0.1, description="of urscript_movej, rapid and krl: share of the axes' largest speeds"
+    )
+    name: Annotated[str, Field(pattern=r"^[A-Za-z][A-Za-z0-9_]{0,23}$")] = Field(
+        "armwright", description="of the program and of the file"
+    )
+    frame_id: Annotated[str, Field(max_length=256)] = Field(
+        "", description="of the header of a ROS message"
+    )
+    attached: AttachedObjects | None = None
+    allowed_collisions: AllowedCollisions | None = None
+    margin: Margin = 0.0
+    premises: Premises | None = Field(
+        None,
+        description="those of the certificate that the motion has; where robot, scene or what is "
+        "held differ from them the export is refused",
+    )
+    different_scene: bool = Field(
+        False, description="export all the same, proved for the robot and scene of this request"
+    )
+    timeout: Timeout | None = None
+
+
+class ExportAnswer(Answer):
+    """A file for a controller, and what is proved of the motion that the controller makes of it."""
+
+    format: Format = Field(description="kind of file")
+    file_name: str = Field(examples=["armwright.yaml"], description="under which to save it")
+    content: str = Field(description="the text of the file")
+    point_count: int = Field(description="points in the file")
+    interpolation: Literal["quintic", "cubic", "linear", "straight_legs"] = Field(
+        description="the rule between the points that the proof is about"
+    )
+    proved: bool = Field(
+        description="nothing collides where the controller keeps to the rule, which covers all of "
+        "the file"
+    )
+    unproved: list[str] = Field(description="parts that the proof does not cover, as the file says")
+    joint_deviation: list[float] | None = Field(
+        description="largest difference between the motion of the request and that of the "
+        "controller, of each joint over all t [rad or m]; null for a path, which has other times"
+    )
+    joint_tolerance: float | None = Field(
+        description="nothing collides while every joint is off by less than this [rad or m]; null "
+        "where that is not proved, or nothing can collide"
+    )
+    certificate: CertificateAnswer = Field(
+        description="of the controller's motion; of a path its positions and collisions alone"
+    )

@@ -1,0 +1,488 @@
+"""Closed loops on the wire: controllers, references, errors of models, and what came of it."""
+
+from typing import Annotated, ClassVar, Literal
+
+from pydantic import AliasChoices, ConfigDict, Field, model_validator
+from pydantic.config import JsonDict
+
+from armwright_wire.base import (
+    MAX_BATCH,
+    MAX_JOINTS,
+    Answer,
+    Body,
+    Frame,
+    JointVector,
+    Label,
+    Matrix,
+    Name,
+    NonNegative,
+    Number,
+    Positive,
+    Seed,
+    Timeout,
+    Vector3,
+    Vector6,
+    exactly_one,
+)
+from armwright_wire.motions.trajectory import TrajectoryBody
+from armwright_wire.robots.dynamics import Payload, Tensor
+from armwright_wire.robots.robot import Motor
+from armwright_wire.scenes.check import AllowedCollisions, AttachedObjects
+from armwright_wire.scenes.scene import SceneReference
+
+Vector = Number | JointVector
+
+
+class Hold(Body):
+    """A reference that stands still."""
+
+    type: Literal["hold"] = "hold"
+    joints: JointVector = Field(description="[rad or m]")
+    duration: Positive = Field(description="[s]")
+
+
+class Step(Body):
+    """A reference that jumps; the robot starts where it stands before, at rest."""
+
+    type: Literal["step"] = "step"
+    start: JointVector = Field(alias="from", description="where it stands before [rad or m]")
+    end: JointVector = Field(alias="to", description="where it stands after [rad or m]")
+    at: NonNegative = Field(0.0, description="when it jumps [s]")
+    duration: Positive = Field(description="of the whole [s]")
+
+
+class Sine(Body):
+    """center + amplitude sin(2π frequency t + phase); one number holds for all joints."""
+
+    type: Literal["sine"] = "sine"
+    center: JointVector = Field(description="[rad or m]")
+    amplitude: Vector = Field(description="[rad or m]")
+    frequency: NonNegative | list[NonNegative] = Field(description="[Hz]")
+    phase: Vector = Field(0.0, description="[rad]")
+    duration: Positive = Field(description="[s]")
+
+
+class Spline(Body):
+    """A cubic spline through points; it lasts until the last time."""
+
+    type: Literal["spline"] = "spline"
+    points: Annotated[list[JointVector], Field(min_length=2, max_length=MAX_BATCH)] = Field(
+        description="[rad or m]"
+    )
+    times: Annotated[list[NonNegative], Field(min_length=2, max_length=MAX_BATCH)] = Field(
+        description="one for each point, ascending from 0 [s]"
+    )
+    interpolation: Literal["natural_spline", "clamped_spline"] = Field(
+        "clamped_spline",
+        description="clamped: at rest at both ends; natural: without acceleration there",
+    )
+
+
+NamedReference = Annotated[Hold | Step | Sine | Spline, Field(discriminator="type")]
+
+
+#: Base parameters: thirteen a joint at most.
+MAX_PARAMETERS = 13 * MAX_JOINTS
+
+Gain = Positive | JointVector
+GainMatrix = Positive | JointVector | list[JointVector]
+Frequency = Annotated[
+    Gain | None, Field(description="of the closed loop's poles [rad/s], in place of the gains")
+]
+Damping = Annotated[
+    Gain,
+    Field(
+        description="ratio of the poles: 1 is critical; with natural_frequency only, and not for "
+        "passivity and adaptive, whose gains it does not enter"
+    ),
+]
+
+
+class ControllerBody(Body):
+    """Fields of every controller; a gain may be one number for all joints."""
+
+    model_config = ConfigDict(populate_by_name=True)
+
+    natural_frequency: Frequency = None
+    damping: Damping = 1.0
+
+
+class IndependentJoint(ControllerBody):
+    """Each joint a motor of its own: u = J q̈ʳ + B q̇ʳ + Kp q̃ + Kd dq̃/dt."""
+
+    type: Literal["independent_joint"] = "independent_joint"
+    Kp: Gain | None = Field(None, validation_alias=AliasChoices("Kp", "kp"))
+    Kd: Gain | None = Field(None, validation_alias=AliasChoices("Kd", "kd"))
+    inertia: Gain | None = Field(
+        None,
+        description="J fed forward; the motors' own if left out, or where the robot gives none "
+        "what each joint feels of the arm at the start of the trajectory",
+    )
+    motors: list[Motor] | None = Field(
+        None, description="one a joint; as `motors` of the request, which every controller takes"
+    )
+
+
+class ComputedTorque(ControllerBody):
+    """Feedback linearisation: u = M (q̈ʳ + Kd dq̃/dt + Kp q̃) + C q̇ + B q̇ + G."""
+
+    type: Literal["computed_torque"] = "computed_torque"
+    Kp: Gain | None = Field(None, validation_alias=AliasChoices("Kp", "kp"))
+    Kd: Gain | None = Field(None, validation_alias=AliasChoices("Kd", "kd"))
+
+
+class PdGravity(ControllerBody):
+    """u = Kp q̃ + Kd dq̃/dt + G, for a reference that stands still."""
+
+    type: Literal["pd_gravity"] = "pd_gravity"
+    Kp: GainMatrix | None = Field(None, validation_alias=AliasChoices("Kp", "kp"))
+    Kd: GainMatrix | None = Field(None, validation_alias=AliasChoices("Kd", "kd"))
+
+
+class Passivity(ControllerBody):
+    """u = M a + C v + B q̇ + G + K r with r = dq̃/dt + Λ q̃."""
+
+    type: Literal["passivity"] = "passivity"
+    Lambda: Gain | None = Field(
+        None, description="Λ [1/s]", validation_alias=AliasChoices("Lambda", "lambda")
+    )
+    K: GainMatrix | None = Field(None, validation_alias=AliasChoices("K", "k"))
+
+
+class Adaptive(ControllerBody):
+    """Slotine and Li: u = Y Θ̂ + K r with dΘ̂/dt = Γ Yᵀ r on the base parameters."""
+
+    type: Literal["adaptive"] = "adaptive"
+    Lambda: Gain | None = Field(
+        None, description="Λ [1/s]", validation_alias=AliasChoices("Lambda", "lambda")
+    )
+    K: GainMatrix | None = Field(None, validation_alias=AliasChoices("K", "k"))
+    Gamma: GainMatrix = Field(
+        1.0,
+        description="Γ, one number, one a base parameter, or a matrix",
+        validation_alias=AliasChoices("Gamma", "gamma"),
+    )
+    estimate: Literal["model", "zero"] | list[Number] = Field(
+        "model", description="Θ̂ at the start: the model's, nothing, or one number a base parameter"
+    )
+    motors: bool | None = Field(
+        None, description="learn motor inertias and frictions too; by default where there are any"
+    )
+    known_zeros: bool = Field(
+        False,
+        description="parameters that are exactly 0 in the model are known to be 0, so that fewer "
+        "base parameters are learned",
+    )
+    parameters: Annotated[list[Label], Field(min_length=1, max_length=MAX_PARAMETERS)] | None = (
+        Field(
+            None,
+            description="the base parameters that are learned, by their names in "
+            "`parameter_names` or by what leads these (mx2); all if left out. The model's values "
+            "are taken for the others",
+        )
+    )
+
+
+Controller = Annotated[
+    IndependentJoint | ComputedTorque | PdGravity | Passivity | Adaptive,
+    Field(discriminator="type"),
+]
+
+
+#: Samples of an answer: with seven joints 50 MB.
+MAX_SAMPLES = 100_000
+
+Each = NonNegative | list[NonNegative]
+
+
+class LinkInertia(Body):
+    """Mass properties in place of a link's own."""
+
+    mass: Positive = Field(description="[kg]")
+    center_of_mass: Vector3 = Field(description="in the link's frame [m]")
+    inertia: Tensor = Field(description="about the centre of mass, in the link's axes [kg m²]")
+
+
+class ModelError(Body):
+    """Difference of the controller's model from the simulated robot."""
+
+    mass_scale: Gain | None = Field(
+        None,
+        description="mass and inertia of each body times this in the model: one number or one a "
+        "joint; 1.2 makes the controller believe in bodies a fifth too heavy",
+    )
+    inertias: dict[str, LinkInertia] | None = Field(
+        None, description="what the model believes of some links, by their names"
+    )
+    payload: Payload | None = Field(
+        None, description="a load that the robot carries and the model does not know of"
+    )
+    motor_inertia: Each | None = Field(None, description="the model's, in place of the robot's")
+    viscous_friction: Each | None = Field(None, description="the model's, in place of the robot's")
+    coulomb_friction: Each | None = Field(
+        None, description="dry friction of the model, in place of the robot's [N m or N]"
+    )
+    gravity: Vector3 | None = Field(None, description="the model's [m/s²]")
+
+
+class Disturbance(Body):
+    """torque + amplitude sin(2π frequency t) at the joints and a wrench at the tip."""
+
+    torque: Number | JointVector = Field(0.0, description="constant [N m or N]")
+    amplitude: Number | JointVector = Field(0.0, description="[N m or N]")
+    frequency: NonNegative = Field(0.0, description="[Hz]")
+    wrench: Vector6 | None = Field(None, description="on the tip, in the root frame [N, N m]")
+    start: NonNegative | None = Field(
+        None,
+        description="[s] in the trajectory's time, as `time` of the answer; its start if left out",
+    )
+    end: Positive | None = Field(
+        None, description="[s] in the trajectory's time; never if left out"
+    )
+
+
+class InitialState(Body):
+    """State of the robot when the motion begins."""
+
+    joints: JointVector | None = Field(None, description="the trajectory's start if left out")
+    velocities: JointVector | None = Field(None, description="the trajectory's if left out")
+    offset: JointVector | None = Field(None, description="added to the joints [rad or m]")
+    velocity_offset: JointVector | None = Field(None, description="added to the velocities")
+
+
+class EncoderNoise(Body):
+    """Standard deviations of what the controller is told of the state; drawn by `seed`."""
+
+    position: NonNegative = Field(0.0, description="[rad or m]")
+    velocity: NonNegative = Field(0.0, description="[rad/s or m/s]")
+    period: Positive | None = Field(
+        None, description="for a continuous controller [s]; a millisecond if left out"
+    )
+
+
+class JointStops(Body):
+    """Stops at the position limits: torque k p (1 + c dp/dt) against a joint p beyond its limit."""
+
+    stiffness: Positive = Field(1e4, description="k [N m/rad or N/m]")
+    dissipation: NonNegative = Field(
+        5.0, description="c [s/rad or s/m]: of a speed v about v / (1 + 2 c v / 3) is left"
+    )
+
+
+_EXAMPLE: JsonDict = {
+    "robot": "planar_rr",
+    "trajectory": {
+        "segments": [
+            {
+                "t0": 0.0,
+                "t1": 1.0,
+                "coefficients": [[0, 0, 0, 10, -15, 6], [0.5, 0, 0, -10, 15, -6]],
+            }
+        ]
+    },
+    "controller": {"type": "computed_torque", "natural_frequency": 20.0, "damping": 1.0},
+    "model_error": {"mass_scale": 1.2},
+    "control_period": 0.001,
+}
+
+
+class SimulateRequest(Body):
+    """A motion to be followed under a controller."""
+
+    one_of: ClassVar[tuple[str, ...]] = ("trajectory", "reference")
+
+    model_config = ConfigDict(json_schema_extra={"examples": [_EXAMPLE]})
+
+    robot: Name = Field(examples=["panda"], description="name of a stored or built-in robot")
+    trajectory: TrajectoryBody | None = None
+    reference: NamedReference | None = Field(
+        None, description="hold, step, sine or spline, in place of a trajectory"
+    )
+    controller: Controller = Field(description="control law with its gains")
+    motors: Motor | list[Motor] | None = Field(
+        None,
+        description="one for all joints or one a joint, in place of the robot's motors, motor "
+        "inertias and viscous frictions, under any controller; the robot's own motors if left out",
+    )
+    motor_inertia: Each | None = Field(
+        None,
+        description="J of the robot, reflected at the joints, in place of its own [kg m² or kg]",
+    )
+    viscous_friction: Each | None = Field(
+        None, description="B of the robot, in place of its own [N m s/rad or N s/m]"
+    )
+    coulomb_friction: Each | None = Field(
+        None, description="dry friction of the robot, in place of its own [N m or N]"
+    )
+    effort_limits: Gain | None = Field(
+        None, description="of the drives' torques u, in place of the robot's [N m or N]"
+    )
+    joint_stops: JointStops | None = Field(
+        None, description="stops of the joints, {} for the usual ones; without, limits are passed"
+    )
+    model_error: ModelError | None = None
+    disturbance: Disturbance | None = None
+    initial_state: InitialState | None = None
+    noise: EncoderNoise | None = None
+    control_period: Positive | None = Field(
+        None, description="how long each torque is held [s]; a continuous controller if left out"
+    )
+    duration: Positive | None = Field(
+        None, description="[s]; the trajectory's if left out, longer to watch it settle at the end"
+    )
+    sample_period: Positive = Field(0.01, description="of the answer [s]")
+    saturate: bool = Field(
+        True, description="cut torques off at the effort limits and the motors' voltage limits"
+    )
+    settling_tolerance: Positive = Field(1e-3, description="[rad or m]")
+    relative_tolerance: Annotated[float, Field(ge=1e-13, le=1e-2)] = Field(
+        1e-8, description="error that each step of the integrator may make, relative to the state"
+    )
+    absolute_tolerance: Annotated[float, Field(ge=1e-13, le=1e-2)] = Field(
+        1e-10,
+        description="error that each step of the integrator may make [rad or m, and per second]",
+    )
+    scene: SceneReference | None = Field(
+        None,
+        description="with one, the tracking tube is answered; an empty one will do. Tolerances are "
+        "then at most 1e-10 (relative) and 1e-12 (absolute)",
+    )
+    frame: Frame | None = Field(None, description="of an inline scene that names none")
+    attached: AttachedObjects | None = None
+    allowed_collisions: AllowedCollisions | None = None
+    timeout: Timeout | None = None
+    seed: Seed = 0
+
+    @model_validator(mode="after")
+    def _check_form(self) -> "SimulateRequest":
+        exactly_one(self, self.one_of)
+        return self
+
+
+class RemainingClearance(Answer):
+    """Clearance of the reference from obstacles, or among own links, and what tracking leaves."""
+
+    clearance: float | None = Field(
+        description="the certificate's bound for the reference [m]; null with nothing to hit"
+    )
+    pair: tuple[str, str] | None = Field(description="the pair that comes nearest")
+    displacement: float = Field(
+        description="from obstacles: of any point of the robot from where it should be; among own "
+        "links: of a link as another one sees it; at most [m]"
+    )
+    displaced_link: str | None = Field(description="the link that is displaced that much")
+    seen_from: str | None = Field(description="the link that sees it; null for the base")
+    remaining: float | None = Field(description="clearance that is left, at least [m]")
+
+
+class LimitUseAnswer(Answer):
+    """Use of one kind of limit by the tracked motion."""
+
+    ratio: float = Field(
+        description="largest |value| / limit; for positions of the distance from the middle of the "
+        "range to half the range; above 1 the limit is broken"
+    )
+    joint: str = Field(description="the joint that uses most of its limit")
+
+
+class TubeAnswer(Answer):
+    """Whether the motion as it was tracked still clears all obstacles."""
+
+    joint_error: list[float] = Field(description="largest |qʳ − q| of each joint")
+    reach: list[float] = Field(
+        description="how far any point of the robot moves for a unit of each joint, at most"
+    )
+    displacement: float = Field(
+        description="of any point of the robot from where it should be, at most [m]"
+    )
+    reference_clearance: float | None = Field(
+        description="the certificate's bound for the reference [m]; null with nothing to hit"
+    )
+    remaining_clearance: float | None = Field(
+        description="what is left [m], at least: the smaller of obstacles' and own links'"
+    )
+    obstacles: RemainingClearance
+    own_links: RemainingClearance
+    limits: dict[str, LimitUseAnswer] = Field(
+        description="position, velocity and torque of the tracked motion, where limits are known"
+    )
+    tracked_clearance: float | None = Field(
+        None,
+        description="certified clearance of the cubic through the samples of the tracked motion "
+        "[m]: tighter, and true but for what the cubic misses between samples; null with nothing "
+        "to hit, without time, or for a sample_period above 0.01 s",
+    )
+    clears: bool = Field(description="whether the tracked motion is proved to clear everything")
+    reason: str | None = Field(None, description="why not")
+
+
+class ReferenceAnswer(Answer):
+    """Reference that the controller follows."""
+
+    position: Matrix = Field(description="of the joints at each time [rad or m]")
+    velocity: Matrix = Field(description="of the joints at each time [rad/s or m/s]")
+
+
+class ControllerAnswer(Answer):
+    """The controller with the gains that were used."""
+
+    type: str = Field(description="kind of controller")
+    gains: dict[str, list[float] | Matrix] = Field(
+        description="by name: one number a joint, or rows of a matrix"
+    )
+    parameter_names: list[str] | None = Field(None, description="of the estimate, if adaptive")
+    parameter_labels: list[str] | None = Field(
+        None, description="as textbooks write them, with units", examples=[["m2·lc2 [kg m]"]]
+    )
+    parameter_units: list[str] | None = Field(None, description="of each entry of the estimate")
+
+
+class SimulateAnswer(Answer):
+    """Course of a simulation; rows belong to the times."""
+
+    outcome: Literal["completed", "ran_away", "exhausted"] = Field(
+        description="whether the simulation reached its end, and if not why"
+    )
+    advice: str = Field(description="what the outcome means and what to try")
+    time: list[float] = Field(description="of each row [s]")
+    position: Matrix = Field(description="q of the robot [rad or m]")
+    velocity: Matrix = Field(description="q̇ of the robot [rad/s or m/s]")
+    reference: ReferenceAnswer
+    torque: Matrix = Field(description="after saturation [N m or N]")
+    voltage: Matrix | None = Field(
+        None,
+        description="V of the motors, after saturation [V]; null where neither the request nor the "
+        "robot has motors",
+    )
+    saturated: list[bool] = Field(description="whether any joint wanted more than its limit")
+    tracking_error: Matrix = Field(description="qʳ − q")
+    lyapunov: list[float] = Field(
+        description="V(t) of the controller's proof, with the true robot's M and parameters"
+    )
+    lyapunov_rate: list[float] = Field(
+        description="dV/dt along the simulated motion, wrong model, saturation and disturbance "
+        "included; where the proof applies, it is the proof's and never positive"
+    )
+    estimate: Matrix | None = Field(None, description="Θ̂(t) of an adaptive controller")
+    true_parameters: list[float] | None = Field(None, description="Θ of the robot, for comparison")
+    max_tracking_error: float = Field(
+        description="of any joint at any instant, bounded over every step of the integrator "
+        "[rad or m]"
+    )
+    max_joint_errors: list[float] = Field(description="the same of each joint")
+    settled: bool = Field(description="the error stays within settling_tolerance until the end")
+    settling_time: float | None = Field(
+        None, description="since when it does [s]; null where it does not"
+    )
+    controller: ControllerAnswer
+    motor_inertia: list[float] = Field(description="J of the simulated robot, M = D + J")
+    viscous_friction: list[float] = Field(description="B of the simulated robot")
+    coulomb_friction: list[float] = Field(description="dry friction of the simulated robot")
+    tube: TubeAnswer | None = None
+    notes: list[str] = Field(
+        description="limits that the reference, the start or the tracked motion does not keep, "
+        "jumps of the reference, proofs that do not apply"
+    )
+    integration: dict[str, int] = Field(
+        description="evaluations, explicit and implicit steps (the latter where it is stiff)"
+    )

@@ -1,0 +1,81 @@
+"""Options of timing, and the account of it that answers give."""
+
+from typing import Annotated, Literal
+
+from pydantic import Field
+
+from armwright_wire.base import Answer, Body, NonNegative, Positive, Ratio
+from armwright_wire.robots.dynamics import Payload
+
+#: Waypoints with times of one request.
+MAX_TIMES = 100_000
+
+TimingMethod = Literal["toppra", "spline", "jerk_limited"]
+TimingSolver = Literal["reachability", "toppra", "quintic_spline", "double_s", "interior_point"]
+
+
+class Timing(Body):
+    """Options of the timing."""
+
+    method: TimingMethod | None = Field(
+        None,
+        description="left out: jerk_limited, with the robot's jerk limits, and 10 x acceleration "
+        "for joints that have none, which the answer tells; toppra for the least time. A path "
+        "without a robot and without jerk limits is timed by toppra",
+        examples=["jerk_limited"],
+    )
+    solver: TimingSolver | None = Field(
+        None,
+        description="of jerk_limited: quintic_spline (fewest pieces, where proved), double_s (few "
+        "pieces, on the path) or interior_point (nearly the least time); the first where method is "
+        "left out, else the last. Of toppra: reachability (ours) if left out; toppra runs the "
+        "package of that name, slows its answer down until all limits hold between its grid "
+        "points too, and tells in the notes what that costs",
+    )
+    velocity_scaling: Ratio | None = Field(
+        None, description="share of the velocity limits; 1 if left out"
+    )
+    acceleration_scaling: Ratio | None = Field(
+        None, description="share of the acceleration limits; 1 if left out"
+    )
+    jerk_scaling: Ratio | None = Field(None, description="share of the jerk limits; 1 if left out")
+    times: Annotated[list[NonNegative], Field(min_length=2, max_length=MAX_TIMES)] | None = Field(
+        None, description="at the waypoints, for the method spline; from 0, increasing [s]"
+    )
+    scale_times: bool | None = Field(
+        None, description="stretch the times by the least factor that keeps all limits"
+    )
+    interpolation: Literal["linear", "natural_spline", "clamped_spline"] | None = Field(
+        None, description="between waypoints: straight lines, or a cubic spline kept exactly"
+    )
+    blend_tolerance: NonNegative | None = Field(
+        None, description="how far straight lines' corners may be cut, Euclidean in joint space"
+    )
+    torque_limits: bool | None = Field(None, description="keep the robot's effort limits too")
+    payload: Payload | None = Field(None, description="what the tip carries, for torques")
+    tool_speed: Positive | None = Field(None, description="largest speed of the tip [m/s]")
+    sample_period: Annotated[float, Field(ge=1e-4, le=60.0)] | None = Field(
+        None, description="samples are answered at this period [s], else none"
+    )
+
+
+class RuledLimits(Answer):
+    """Limits that are not known and follow a rule."""
+
+    rule: str = Field(description="multiple of another limit", examples=["10 x acceleration"])
+    joints: list[str] = Field(description="that have no limit of their own")
+
+
+class TimingAnswer(Answer):
+    """Method and limits that a motion was timed by."""
+
+    method: TimingMethod = Field(description="that timed the motion")
+    solver: TimingSolver | None = Field(
+        None, description="that found the speeds; null where the method has one only"
+    )
+    limits: dict[str, list[float | None]] = Field(
+        description="velocity, acceleration and jerk of each joint, scaled; null for none"
+    )
+    ruled: dict[str, RuledLimits] = Field(
+        default_factory=dict, description="limits that the robot lacks, by quantity"
+    )

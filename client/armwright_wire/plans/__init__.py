@@ -1,0 +1,1 @@
+"""Requests for plans, tasks and tours, batches, jobs and stored plans."""

@@ -1,0 +1,148 @@
+"""Kept plans on the wire: lists, documents, replays and bundles."""
+
+from typing import Annotated, Any, Literal
+
+from pydantic import ConfigDict, Field
+from pydantic.config import JsonDict
+
+from armwright_wire.base import Answer, Body, FreeForm, Instant, Label
+from armwright_wire.plans.job import Problem
+
+#: Longest text of a request, robot or scene in a bundle [characters]; bodies are bounded too.
+_MAX_TEXT = 2**26
+#: Differences between an answer and its replay that are named.
+MAX_DIFFERENCES = 20
+_ID = "0199f3b1c2d40123456789abcdef0123"
+_DIGEST = "9f2c5d0e7a1b4c6d8e0f1a2b3c4d5e6f708192a3b4c5d6e7f8091a2b3c4d5e6f"
+
+Digest = Annotated[str, Field(pattern=r"^[0-9a-f]{64}$", examples=[_DIGEST])]
+#: Requests that can be kept: those whose bodies are `Keepable`.
+Operation = Annotated[
+    str,
+    Field(
+        pattern=r"^POST /v1/(plan|check|validate|tasks|tours|"
+        r"robots/[A-Za-z0-9][A-Za-z0-9_.\-]{0,127}/ik)$",
+        examples=["POST /v1/plan"],
+    ),
+]
+
+
+class DocumentName(Answer):
+    """A robot or scene of a kept plan: its name, and the content that it had."""
+
+    name: str = Field(examples=["my_arm"], description="in the request")
+    hash: str | None = Field(
+        description="SHA-256 of its stored document; null for a built-in robot, which comes with "
+        "the version"
+    )
+
+
+class KeptPlanSummary(Answer):
+    """A kept request, without its answer."""
+
+    id: str = Field(examples=[_ID], description="name of the plan in `/v1/plans/{id}`")
+    operation: Operation = Field(description="request that was answered")
+    status: Literal["succeeded", "failed"] = Field(description="failed: there is a problem instead")
+    code: str | None = Field(None, examples=["GOAL_IN_COLLISION"], description="of the problem")
+    robot: DocumentName | None = None
+    scene: DocumentName | None = Field(
+        None, description="the stored scene; null with none, or one inside of the request"
+    )
+    seed: int | None = Field(None, description="of the request's random choices")
+    version: str = Field(description="of Armwright, which answered")
+    digest: Digest = Field(
+        description="SHA-256 of the answer or problem without measured times: equal for equal "
+        "answers"
+    )
+    created: Instant = Field(description="when it was answered")
+    expires: Instant = Field(description="when it is forgotten at the latest")
+    job: str | None = Field(None, description="the job that it answered")
+    replay_of: str | None = Field(None, description="the kept plan that it repeats or changes")
+    proved_here: bool = Field(
+        False,
+        description="this service came to the answer, and all that it says is proved; of an "
+        "imported plan: from the request, the robot and the scene of its bundle",
+    )
+
+
+class KeptPlan(KeptPlanSummary):
+    """A kept request with its answer or problem."""
+
+    request: Any = Field(description="the body as it was sent")
+    answer: Any = Field(None, description="once succeeded: what the request was answered")
+    problem: Problem | None = Field(None, description="once failed: the problem document")
+
+
+class PlanList(Answer):
+    """Kept plans, newest first."""
+
+    plans: list[KeptPlanSummary] = Field(description="without requests and answers")
+    next: str | None = Field(description="give it as `after` for the next page")
+
+
+_CHANGES: JsonDict = {"margin": 0.01, "planner": "rrt_connect"}
+
+
+class ReplayRequest(Body):
+    """A kept plan to be computed again, perhaps with changes."""
+
+    model_config = ConfigDict(json_schema_extra={"examples": [{}, {"changes": _CHANGES}]})
+
+    changes: FreeForm | None = Field(
+        None,
+        description="fields that replace those of the request, as a JSON merge patch (RFC 7396): "
+        "objects are merged, null removes a field",
+        examples=[_CHANGES],
+    )
+    documents: Literal["kept", "current"] = Field(
+        "kept",
+        description="kept: robot and scene as they were; current: those of these names today",
+    )
+    keep_replay: bool | None = Field(
+        None, description="keep the replay as a plan too; if left out, that of a job is kept"
+    )
+
+
+class ReplayAnswer(Answer):
+    """The replay of a kept plan, compared with what was kept."""
+
+    same: bool = Field(description="answer or problem are equal but for measured times")
+    differences: list[str] = Field(
+        description="JSON pointers of the first values that differ, the answer's own order"
+    )
+    digest: Digest = Field(description="of the new answer or problem")
+    plan_id: str | None = Field(None, description="the replay as a kept plan, if it was kept")
+    answer: Any = Field(None, description="of the request, if it has one")
+    problem: Problem | None = Field(None, description="if it has none")
+
+
+class Bundle(Body):
+    """A kept plan as a file: all that another installation needs to replay it.
+
+    Documents are texts, so that their bytes and with them their hashes stay as they are.
+    """
+
+    armwright_bundle: Annotated[int, Field(ge=1, le=1)] = Field(
+        description="version of this format"
+    )
+    operation: Operation = Field(description="request that was answered")
+    version: Label = Field(description="of Armwright, which answered")
+    status: Literal["succeeded", "failed"] = Field(
+        description="failed where there is a problem in place of an answer"
+    )
+    seed: int | None = Field(None, description="of the request's random choices")
+    digest: Digest = Field(description="SHA-256 of the answer or problem without measured times")
+    robot: Label | None = Field(None, description="name of the robot, if the request names one")
+    robot_document: Annotated[str, Field(max_length=_MAX_TEXT)] | None = Field(
+        None, description="the stored robot, JSON; null for a built-in one"
+    )
+    scene: Label | None = Field(
+        None, description="name of the stored scene, if the request names one"
+    )
+    scene_document: Annotated[str, Field(max_length=_MAX_TEXT)] | None = Field(
+        None, description="the stored scene, JSON; null if the request names none"
+    )
+    request: Annotated[str, Field(max_length=_MAX_TEXT)] = Field(description="the body, JSON")
+    answer: Annotated[str, Field(max_length=_MAX_TEXT)] = Field(
+        description="the answer or problem, JSON"
+    )

@@ -1,0 +1,323 @@
+"""Planning problems, timed motions and their certificates on the wire."""
+
+from typing import Annotated, Any, Literal, TypeAlias, get_args
+
+from pydantic import ConfigDict, Field, model_validator
+from pydantic.config import JsonDict
+
+from armwright_wire.base import (
+    JOINTS_EXAMPLE,
+    Answer,
+    Body,
+    Frame,
+    FreeForm,
+    InFrame,
+    Keepable,
+    Name,
+    NonNegative,
+    PlanId,
+    Positive,
+    Seed,
+    Timeout,
+)
+from armwright_wire.goals.constraint import Constraints
+from armwright_wire.goals.goal import (
+    Clearance,
+    ClearanceAnswer,
+    ConfigurationAnswer,
+    Goal,
+    GoalCosts,
+    Start,
+)
+from armwright_wire.goals.tool_motion import (
+    ReferencePoseAnswer,
+    TimedToolMotions,
+    ToolMotionAnswer,
+    cartesian_options,
+)
+from armwright_wire.motions.certificate import CertificateAnswer
+from armwright_wire.motions.timing import Timing, TimingAnswer
+from armwright_wire.motions.trajectory import LimitsBody, TrajectoryAnswer, TrajectoryBody
+from armwright_wire.robots.dynamics import Payload
+from armwright_wire.scenes.check import AllowedCollisions, AttachedObjects, Margin, WithFingers
+from armwright_wire.scenes.scene import SceneReference
+
+Tolerance = Annotated[Positive, Field(le=10.0)]
+Collisions = Annotated[
+    Literal["check", "ignore"],
+    Field(
+        description="ignore: neither obstacles nor the robot's own links are looked at, and the "
+        "certificate says so; needed for a robot without collision geometry among obstacles"
+    ),
+]
+
+
+Objective = Literal["time", "jerk", "energy", "path_length"]
+
+
+class Refine(Body):
+    """Options of the optimisation before the proof."""
+
+    objective: Objective | Annotated[dict[Objective, NonNegative], Field(min_length=1)] = Field(
+        "time",
+        description=(
+            "what becomes small: time T [s], jerk ∫|q⃛|²dt, energy ∫|τ|²dt, path_length ∫|dq|; "
+            "or the weight of each"
+        ),
+        examples=["time", {"time": 1.0, "jerk": 1e-6}],
+    )
+    duration: Positive | None = Field(None, description="the longest the motion may take [s]")
+    degree: Annotated[int, Field(ge=3, le=7)] | None = Field(
+        None, description="of the spline; 3, for jerk 5, if left out"
+    )
+    control_points: Annotated[int, Field(ge=8, le=64)] | None = Field(
+        None, description="of each joint; 16 if left out"
+    )
+    rounds: Annotated[int, Field(ge=1, le=100)] | None = Field(
+        None, description="convex problems solved at most; 12 if left out"
+    )
+    solver: Literal["piqp", "ipopt"] | None = Field(
+        None, description="of each round; piqp if left out, which is faster"
+    )
+
+
+_EXAMPLE: JsonDict = {
+    "robot": "panda",
+    "scene": "table",
+    "start": {"joints": [*JOINTS_EXAMPLE]},
+    "goal": {"joints": [0.6, -0.3, 0.0, -2.0, 0.0, 1.8, 0.785]},
+    "timing": {"method": "toppra", "velocity_scaling": 0.5},
+    "timeout": 5.0,
+    "seed": 1,
+}
+
+
+_CARTESIAN: JsonDict = {
+    "robot": "panda",
+    "start": {"joints": [*JOINTS_EXAMPLE]},
+    "goal": {"pose": {"position": [0.45, 0.2, 0.5], "rpy": [3.14159, 0.0, 0.0]}},
+    "planner": "cartesian",
+    "planner_options": {"max_deviation": 1e-4},
+    "timing": {"method": "jerk_limited", "tool_speed": 0.25},
+    "timeout": 5.0,
+}
+
+#: Planners by the names of the service, as the contract lists them.
+Planner = Literal[
+    "auto",
+    "straight_line",
+    "potential_field",
+    "rrt_connect",
+    "aorrtc",
+    "bfmt",
+    "bit_star",
+    "bkpiece1",
+    "fmt",
+    "informed_rrt_star",
+    "kpiece1",
+    "lbkpiece1",
+    "prm",
+    "prm_star",
+    "rrt",
+    "rrt_star",
+    "sorrt_star",
+    "optimize",
+    "cartesian",
+]
+PLANNERS: tuple[str, ...] = get_args(Planner)
+#: Planners as OMPL writes its own.
+OmplPlanner = Literal[
+    "RRTConnect",
+    "AORRTC",
+    "BFMT",
+    "BITstar",
+    "BKPIECE1",
+    "FMT",
+    "InformedRRTstar",
+    "KPIECE1",
+    "LBKPIECE1",
+    "PRM",
+    "PRMstar",
+    "RRT",
+    "RRTstar",
+    "SORRTstar",
+]
+#: Names for type checkers and editors; a service lists its own.
+PlannerName: TypeAlias = Planner | OmplPlanner
+# The service adds the options of OMPL's planners to its document.
+_OPTIONS = (
+    "Of the planner that is named.\n"
+    "* `cartesian`: motions [{type: lin | circ, pose, via, center, normal, blend}], max_deviation, "
+    "max_orientation_deviation, orientation, allow_partial, blend; or waypoints [{pose | point, "
+    "normal, direction; via, tolerance, free, blend, tool_speed}], tolerance {x, y, z, rx, ry, rz, "
+    "free, tilt, frame}, tool_speed, speed_band, approach, retreat {direction, distance, frame}\n"
+    "* `potential_field`: preset, the options of the potential and of the descent, engine, and "
+    "fallback: the planner of OMPL's that plans where the field is stuck, null for none"
+)
+
+
+class PlanRequest(WithFingers, Keepable):
+    """A motion to be planned."""
+
+    model_config = ConfigDict(json_schema_extra={"examples": [_EXAMPLE, _CARTESIAN]})
+
+    robot: Name = Field(examples=["panda"], description="name of a stored or built-in robot")
+    scene: SceneReference | None = Field(None, examples=["table"])
+    frame: Frame | None = None
+    start: Start
+    goal: Goal
+    planner: Annotated[str, Field(pattern=r"^[A-Za-z0-9_]{1,64}$")] = Field(
+        "auto",
+        description=f"one of: {', '.join(PLANNERS)}; OMPL's may be written as OMPL writes them "
+        "(RRTConnect)",
+        examples=["auto", "rrt_connect", "bit_star"],
+    )
+    planner_options: FreeForm | None = Field(
+        None, description=_OPTIONS, examples=[{"range": 0.5}, {"cost_threshold": 3.0}]
+    )
+    refine: bool | Refine | None = Field(
+        None, description="optimise what the planner found; true for the least time"
+    )
+    constraints: Constraints | None = None
+    attached: AttachedObjects | None = None
+    allowed_collisions: AllowedCollisions | None = None
+    margin: Margin = 0.0
+    clearance: Clearance | None = None
+    goal_costs: GoalCosts | None = None
+    collisions: Collisions = "check"
+    start_state_tolerance: Annotated[NonNegative, Field(le=0.1)] | None = Field(
+        None,
+        description="a start or goal outside a limit by no more is moved onto it [rad or m]; if "
+        "left out a start by 0.01 % of the limit, as measurements miss it, a goal by 1e-6",
+    )
+    timing: Timing = Field(default_factory=Timing)
+    limits: LimitsBody | None = None
+    timeout: Timeout | None = Field(None, description="for all stages together [s]")
+    seed: Seed = 0
+
+    @model_validator(mode="before")
+    @classmethod
+    def _goal_of_waypoints(cls, values: Any) -> Any:
+        """With waypoints the last one is the goal where none is given."""
+        if not isinstance(values, dict) or "goal" in values:
+            return values
+        options = values.get("planner_options")
+        waypoints = options.get("waypoints") if isinstance(options, dict) else None
+        if waypoints == []:
+            raise ValueError("planner_options.waypoints is empty: a seam has two at least")
+        last = waypoints[-1] if isinstance(waypoints, list) and waypoints else None
+        if not isinstance(last, dict) or str(values.get("planner")).lower() != "cartesian":
+            return values
+        pose = last.get("pose") or {"position": last.get("point")}
+        return {**values, "goal": {"pose": pose}}
+
+    @model_validator(mode="after")
+    def _check_options(self) -> "PlanRequest":
+        if self.planner.lower() == "cartesian":
+            cartesian_options(self.planner_options)
+        if self.clearance is not None:
+            self.clearance.check_margin(self.margin)
+        return self
+
+
+class ValidateRequest(WithFingers, Keepable):
+    """A motion to be proved valid, whoever made it."""
+
+    robot: Name = Field(examples=["panda"], description="name of a stored or built-in robot")
+    scene: SceneReference | None = Field(None, examples=["table"])
+    frame: Frame | None = None
+    trajectory: TrajectoryBody
+    limits: LimitsBody | None = None
+    constraints: Constraints | None = None
+    attached: AttachedObjects | None = None
+    allowed_collisions: AllowedCollisions | None = None
+    margin: Margin = 0.0
+    collisions: Collisions = "check"
+    tool_motions: TimedToolMotions | None = Field(
+        None, description="lines and arcs that the tool has to keep to"
+    )
+    torque_limits: bool | None = Field(None, description="hold it to the robot's effort limits too")
+    payload: Payload | None = Field(None, description="what the tip carries, for torques")
+    tool_speed: Positive | None = Field(None, description="largest speed of the tip [m/s]")
+    timeout: Timeout | None = None
+
+
+class Stage(Answer):
+    """One stage of planning: outcome and time."""
+
+    name: str = Field(examples=["rrt_connect"], description="of the stage")
+    outcome: str = Field(examples=["succeeded"], description="succeeded, or how it failed")
+    milliseconds: float = Field(description="that it took")
+    detail: str | None = Field(None, description="of the outcome, in words")
+
+
+class PathAnswer(Answer):
+    """The corners of the path in joint space."""
+
+    joints: list[list[float]] = Field(description="corners, from the start to the goal")
+    length: float = Field(description="Euclidean, in joint space")
+
+
+class Reproducibility(Answer):
+    """Seed, hashes and versions that reproduce the answer."""
+
+    seed: int = Field(description="of the random choices")
+    deterministic: bool = Field(
+        True,
+        description="whether the same request gives the same answer; false where time or memory "
+        "ended a search, so that the answer depends on the speed of the machine",
+    )
+    robot_hash: str = Field(description="content hash of the robot")
+    scene_hash: str = Field(description="content hash of the scene")
+    request_hash: str = Field(description="content hash of the request")
+    versions: dict[str, str] = Field(description="of Armwright and of the libraries that computed")
+
+
+class DescentAnswer(Answer):
+    """Course of a potential field's descent before the path was shortened."""
+
+    joints: list[list[float]] = Field(description="configurations on the way")
+    potentials: list[float] = Field(description="U at each configuration [J]")
+    iterations: int = Field(description="steps taken")
+
+
+class ProgressAnswer(Answer):
+    """A path that was the shortest so far, of a planner that goes on after the first."""
+
+    milliseconds: float = Field(description="since the planner began")
+    edges: int = Field(description="looked at until then")
+    length: float = Field(description="of the path, Euclidean in joint space")
+
+
+class PlanAnswer(InFrame):
+    """A certified motion."""
+
+    status: Literal["success"] = Field(description="success; a problem document has a number here")
+    planner: str = Field(description="the stage that found it")
+    stages: list[Stage] = Field(description="steps of planning, in their order")
+    path: PathAnswer
+    trajectory: TrajectoryAnswer
+    certificate: CertificateAnswer
+    reproducibility: Reproducibility
+    fraction: float | None = Field(
+        None, description="how much of the motions of the planner cartesian was carried out"
+    )
+    tool_motions: list[ToolMotionAnswer] | None = Field(None, description="of that planner")
+    reference: list[ReferencePoseAnswer] | None = Field(
+        None, description="poses that they hold the tool to, at drawn instants"
+    )
+    stopped: dict[str, Any] | None = Field(
+        None, description="why they end early: reason, message, motion, nearest, …"
+    )
+    potential_field: DescentAnswer | None = Field(
+        None, description="where it went, if a potential field found the path"
+    )
+    progress: list[ProgressAnswer] = Field(
+        default_factory=list, description="shortest paths over time, of planners that improve"
+    )
+    clearance: ClearanceAnswer | None = None
+    configuration: ConfigurationAnswer | None = Field(
+        None, description="the one of a pose that it ends in; null where no pose left a choice"
+    )
+    plan_id: PlanId = None
+    timing: TimingAnswer | None = Field(None, description="method and limits of its timing")

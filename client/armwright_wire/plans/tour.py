@@ -1,0 +1,275 @@
+"""Tours over many goals on the wire."""
+
+from typing import Annotated, Any, ClassVar, Literal
+
+from pydantic import ConfigDict, Field, model_validator
+from pydantic.config import JsonDict
+
+from armwright_wire.base import (
+    JOINTS_EXAMPLE,
+    Answer,
+    Beside,
+    Body,
+    Frame,
+    InFrame,
+    JointVector,
+    Keepable,
+    Label,
+    Name,
+    NonNegative,
+    PlanId,
+    Positive,
+    Seed,
+    Timeout,
+    check_company,
+    exactly_one,
+)
+from armwright_wire.goals.constraint import Constraints
+from armwright_wire.goals.goal import (
+    Clearance,
+    ConfigurationAnswer,
+    GoalCosts,
+    GoalLike,
+    SingleGoal,
+    Start,
+    Tolerance,
+    as_goal,
+    given_fields,
+)
+from armwright_wire.motions.certificate import CertificateAnswer
+from armwright_wire.motions.timing import Timing
+from armwright_wire.motions.trajectory import LimitsBody, TrajectoryAnswer
+from armwright_wire.plans.plan import PathAnswer, Reproducibility
+from armwright_wire.pose import PoseInFrame
+from armwright_wire.robots.reach import ReachTolerance
+from armwright_wire.scenes.check import AllowedAnswers, AllowedCollisions, AttachedObjects, Margin
+from armwright_wire.scenes.scene import SceneReference
+
+MAX_GOALS = 500
+MAX_ROUNDS = 1_000
+MAX_PRECEDENCE = 10_000
+#: Configurations and poses of one goal.
+MAX_ALTERNATIVES = 100
+
+
+class TourGoal(Body):
+    """A goal of a tour: a configuration, a pose that may have free axes, or any of several."""
+
+    one_of: ClassVar[tuple[str, ...]] = ("joints", "state", "pose", "any_of")
+    only_beside: ClassVar[Beside] = {
+        "position_tolerance": ("pose",),
+        "orientation_tolerance": ("pose",),
+        "frame": ("pose",),
+        "tolerance": ("pose", "any_of"),
+    }
+
+    joints: JointVector | None = Field(
+        None, description="the configuration [rad or m]", examples=[JOINTS_EXAMPLE]
+    )
+    state: Label | None = Field(None, description="a named state of the robot", examples=["home"])
+    pose: PoseInFrame | None = Field(None, description="pose of the tip")
+    any_of: Annotated[list[SingleGoal], Field(min_length=1, max_length=MAX_ALTERNATIVES)] | None = (
+        Field(None, description="configurations and poses, of which one is visited")
+    )
+    frame: Frame | None = None
+    position_tolerance: Tolerance | None = Field(None, description="of the pose [m]")
+    orientation_tolerance: Tolerance | None = Field(None, description="of the pose [rad]")
+    id: Label | None = Field(
+        None,
+        description="its name in precedence and in the answer; its number, from 0 on, if left out",
+        examples=["hole_7"],
+    )
+    tolerance: ReachTolerance | None = Field(
+        None, description="deviation that is allowed from its poses, such as a free spin"
+    )
+    dwell: Annotated[NonNegative, Field(le=86_400.0)] = Field(
+        0.0, description="how long the arm stays there [s]"
+    )
+    group: Label | None = Field(
+        None,
+        description="goals of one group are visited one after another, with no other between them",
+        examples=["left_side"],
+    )
+
+    @model_validator(mode="after")
+    def _check_form(self) -> "TourGoal":
+        exactly_one(self, self.one_of)
+        if any(goal.velocities or goal.accelerations for goal in self.any_of or ()):
+            raise ValueError("a tour rests at its goals: they have no velocities")
+        check_company(self)
+        return self
+
+
+def as_tour_goal(goal: GoalLike) -> TourGoal:
+    """The goal of a tour that is meant by a goal, a pose or a configuration."""
+    return TourGoal(**given_fields(as_goal(goal)))
+
+
+_EXAMPLE: JsonDict = {
+    "robot": "panda",
+    "start": {"joints": [*JOINTS_EXAMPLE]},
+    "end": "start",
+    "goals": [
+        {
+            "id": f"hole_{k}",
+            "pose": {"position": [0.45, y, 0.4], "rpy": [3.14159, 0.0, 0.0]},
+            "tolerance": {"free": ["rz"], "samples": 4},
+            "dwell": 0.5,
+        }
+        for k, y in enumerate((0.2, -0.2, 0.0))
+    ],
+    "precedence": [["hole_1", "hole_0"]],
+}
+
+
+class TourRequest(Keepable):
+    """Goals to be visited in the order that takes the least time."""
+
+    model_config = ConfigDict(json_schema_extra={"examples": [_EXAMPLE]})
+
+    robot: Name = Field(description="the robot", examples=["panda"])
+    scene: SceneReference | None = Field(None, description="what is in the way", examples=["table"])
+    frame: Frame | None = None
+    start: Start | None = Field(
+        None, description="where the tour begins, at rest; at any goal if left out"
+    )
+    end: Literal["any", "start"] | Start = Field(
+        "any",
+        description="where it ends: at any goal, back at the start, or at a configuration",
+        examples=["start"],
+    )
+    goals: Annotated[list[TourGoal], Field(min_length=2, max_length=MAX_GOALS)] = Field(
+        description="2 to 500 goals, in any order"
+    )
+    precedence: Annotated[
+        list[Annotated[list[Label], Field(min_length=2, max_length=2)]],
+        Field(max_length=MAX_PRECEDENCE),
+    ] = Field(
+        default_factory=list,
+        description="pairs of goals or groups: the first is visited before the second",
+        examples=[[["hole_1", "hole_0"]]],
+    )
+    attached: AttachedObjects | None = Field(None, description="objects that the robot holds")
+    allowed_collisions: AllowedCollisions | None = None
+    constraints: Constraints | None = None
+    margin: Margin = Field(0.0, description="distance to be kept from obstacles [m]")
+    clearance: Clearance | None = Field(
+        None, description="distance to be kept wherever there is room; none if left out"
+    )
+    goal_costs: GoalCosts | None = None
+    start_state_tolerance: Annotated[NonNegative, Field(le=0.1)] | None = Field(
+        None,
+        description="a configuration outside a limit by no more is moved onto it [rad or m]; if "
+        "left out a start or end by 0.01 % of the limit, as measurements miss it, a goal by 1e-6",
+    )
+    timing: Timing = Field(default_factory=Timing, description="of every leg")
+    limits: LimitsBody | None = Field(None, description="of the joints, in place of the robot's")
+    rounds: Annotated[int, Field(ge=0, le=MAX_ROUNDS)] = Field(
+        20, description="rounds of search and proof after the first tour that is proved"
+    )
+    leg_timeout: Annotated[Positive, Field(le=600.0)] = Field(
+        10.0,
+        description="longest that one leg is planned [s]; before that, planners end after a number "
+        "of edges",
+    )
+    allow_partial: bool = Field(
+        False, description="whether a tour that leaves goals out is an answer"
+    )
+    timeout: Timeout | None = Field(None, description="for the whole tour [s]")
+    seed: Seed = Field(0, description="of everything random")
+
+    @model_validator(mode="after")
+    def _check_ends(self) -> "TourRequest":
+        for end in (self.start, self.end):
+            if isinstance(end, Start) and (end.velocities or end.accelerations):
+                raise ValueError("a tour begins and ends at rest: its ends have no velocities")
+        if self.timing.times is not None:
+            raise ValueError("timing.times belong to one path; a tour has many legs")
+        if self.clearance is not None:
+            self.clearance.check_margin(self.margin)
+        return self
+
+
+class VisitAnswer(Answer):
+    """One goal that is visited."""
+
+    id: str = Field(description="its name")
+    index: int = Field(description="its number in the request")
+    alternative: int = Field(description="which of any_of is taken, 0 without")
+    joints: list[float] = Field(description="the configuration [rad or m]")
+    arrival: float = Field(description="when the arm gets there [s]")
+    departure: float = Field(description="when it goes on [s]")
+    configuration: ConfigurationAnswer | None = Field(
+        None, description="what it costs and why it was chosen; null of a goal without a pose"
+    )
+
+
+class LegAnswer(Answer):
+    """One motion of the tour, from rest to rest."""
+
+    origin: str | None = Field(description="the goal that it comes from; null for the start")
+    target: str | None = Field(description="the goal that it leads to; null for the end")
+    begins: float = Field(description="when [s]")
+    planner: str = Field(description="the stage of planning that found it")
+    path: PathAnswer = Field(description="its corners in joint space")
+    trajectory: TrajectoryAnswer = Field(description="the timed motion, from its own time 0")
+    certificate: CertificateAnswer = Field(description="the proof")
+
+
+class UnvisitedAnswer(Answer):
+    """A goal that is left out."""
+
+    id: str = Field(description="its name")
+    index: int = Field(description="its number in the request")
+    code: str = Field(description="kind of reason, a problem's code or PREDECESSOR_LEFT_OUT")
+    message: str = Field(description="the reason")
+    details: dict[str, Any] = Field(description="values a program can use")
+
+
+class TourImprovementAnswer(Answer):
+    """A proved tour that was the best so far: its time and its configurations."""
+
+    round: int = Field(description="round of search and proof that found it")
+    time: float = Field(description="of the whole tour [s]")
+
+
+class TourSearchAnswer(Answer):
+    """Effort of the search."""
+
+    configurations: int = Field(description="of all goals together that the search chose from")
+    checked: int = Field(description="straight motions that were checked")
+    blocked: int = Field(description="those of them that something is in the way of")
+    planned: int = Field(description="legs that were planned and proved")
+    rounds: int = Field(description="rounds of search and proof")
+    improvements: list[TourImprovementAnswer] = Field(
+        description="proved tours that were the best so far"
+    )
+    stopped: Literal["finished", "rounds", "deadline"] = Field(
+        description="why it ended: finished where rounds found nothing shorter"
+    )
+
+
+class TourAnswer(InFrame):
+    """A tour whose every leg is proved."""
+
+    status: Literal["complete", "partial"] = Field(
+        description="partial where goals are left out, or the way to the tour's end"
+    )
+    order: list[str] = Field(description="goals in the order of their visit")
+    time: float = Field(description="of the whole tour, stays among them [s]")
+    dwell_time: float = Field(description="of all stays together [s]")
+    lower_bound: float | None = Field(
+        description="no tour over the configurations that were found takes less [s], whatever "
+        "is in the way; null where time was up"
+    )
+    gap: float | None = Field(
+        description="share of the bound by which the tour may be too long at most"
+    )
+    visits: list[VisitAnswer] = Field(description="of the goals, in order")
+    legs: list[LegAnswer] = Field(description="the motions, in order")
+    unvisited: list[UnvisitedAnswer] = Field(description="goals that are left out, and why")
+    search: TourSearchAnswer
+    joint_names: list[str] = Field(description="base to tip")
+    allowed_collisions: AllowedAnswers = Field(default_factory=list)
+    reproducibility: Reproducibility
+    plan_id: PlanId = None

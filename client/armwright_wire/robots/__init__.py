@@ -1,0 +1,1 @@
+"""Robots, and what follows from a robot and a state alone."""

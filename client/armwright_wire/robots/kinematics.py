@@ -1,0 +1,366 @@
+"""Forward and inverse kinematics and Jacobians on the wire."""
+
+from typing import Annotated, ClassVar, Literal, Self
+
+from pydantic import ConfigDict, Field, model_validator
+from pydantic.config import JsonDict
+
+from armwright_wire.base import (
+    JOINTS_EXAMPLE,
+    MAX_BATCH,
+    Answer,
+    Beside,
+    Body,
+    Frame,
+    InFrame,
+    Joints,
+    JointVector,
+    Keepable,
+    Label,
+    Matrix,
+    NonNegative,
+    Number,
+    PlanId,
+    Point,
+    Positive,
+    Seed,
+    Timeout,
+    Vector6,
+    check_company,
+    exactly_one,
+    is_given,
+)
+from armwright_wire.goals.constraint import Constraints, ConstraintUse
+from armwright_wire.pose import Orientation, OrientedPoseAnswer, PoseInFrame
+from armwright_wire.scenes.check import (
+    MAX_FINGERS,
+    AllowedAnswers,
+    AllowedCollisions,
+    AttachedObjects,
+)
+from armwright_wire.scenes.scene import SceneReference
+
+MAX_SOLUTIONS = 1_000
+MAX_POSES = 1_000
+MAX_PARAMETERS = 1_000
+MAX_TWISTS = 10_000
+
+
+#: Positions of one joint of a gripper, one for each configuration.
+FingerTrack = Annotated[list[Number], Field(min_length=1, max_length=MAX_BATCH)]
+
+
+class FkRequest(Body):
+    """Configurations whose link poses are asked for."""
+
+    joints: Joints = Field(examples=[JOINTS_EXAMPLE])
+    link: Label | None = Field(None, description="the tip if left out")
+    frame: Frame | None = None
+    orientation: Orientation = Field(
+        "quaternion_xyzw", description="the form that orientations are answered in"
+    )
+    fingers: Annotated[dict[Label, Number | FingerTrack], Field(max_length=MAX_FINGERS)] | None = (
+        Field(
+            None,
+            description="where joints of the gripper stand [rad or m], a list for one position "
+            "with each configuration; the others where the robot holds them",
+        )
+    )
+
+
+class FkAnswer(InFrame):
+    """Poses in the frame that is told; with many configurations each pose is a list."""
+
+    pose: OrientedPoseAnswer | list[OrientedPoseAnswer]
+    links: dict[str, OrientedPoseAnswer | list[OrientedPoseAnswer]] = Field(
+        description="pose of each link by name"
+    )
+
+
+class JacobianRequest(Body):
+    """Configurations whose Jacobians are asked for."""
+
+    joints: Joints = Field(examples=[JOINTS_EXAMPLE])
+    link: Label | None = Field(None, description="the tip if left out")
+    point: Point | None = Field(None, description="a point fixed to the link, in its frame [m]")
+    kind: Literal["geometric", "analytic_zyz"] = Field(
+        "geometric",
+        description="rows of the angular velocity, or of the rates of the ZYZ Euler angles",
+    )
+    frame: Frame | None = None
+
+
+class JacobianAnswer(InFrame):
+    """6 x n, linear rows first; with many configurations each field is a list."""
+
+    jacobian: Matrix | list[Matrix] = Field(description="J, 6 x n: J q̇ = [v; ω]")
+    rank: int | list[int] = Field(description="of J")
+    singular_values: list[float] | list[list[float]] = Field(description="of J, largest first")
+    manipulability: float | list[float] = Field(description="product of the singular values")
+
+
+Axis = Literal["x", "y", "z", "rx", "ry", "rz"]
+
+
+#: A gain by rows, for as many axes as a pose has.
+GainMatrix = Annotated[
+    list[Annotated[list[Number], Field(min_length=1, max_length=6)]],
+    Field(min_length=1, max_length=6),
+]
+
+
+class GradientOptions(Body):
+    """Options of the method "gradient"."""
+
+    rule: Literal["pseudo_inverse", "transpose"] = Field(
+        "pseudo_inverse", description="J⁺ K e, or Jᵀ K e, the gradient of eᵀ K e / 2"
+    )
+    form: Literal["flow", "step"] | None = Field(
+        None,
+        description="the flow q̇ by Runge-Kutta, or q ← q + …; flow of the pseudo-inverse and step "
+        "of the transpose if left out",
+        examples=["flow"],
+    )
+    coordinates: Literal["rotation_vector", "zyz"] = Field(
+        "rotation_vector", description="what orientation errors are counted in"
+    )
+    gain: Positive | GainMatrix | None = Field(
+        None,
+        description="K [1/s], of the transpose γ: a number, or a matrix with a row for each of the "
+        "axes that count; 1 if left out, and for steps of the transpose the best of each",
+        examples=[[[2.0, 0.0, 0.0], [0.0, 2.0, 0.0], [0.0, 0.0, 0.5]]],
+    )
+    steps: Annotated[int, Field(ge=1, le=100_000)] | None = Field(
+        None, description="400 or 20,000 if left out"
+    )
+    trace: bool = Field(False, description="also answer where it went")
+    trace_points: Annotated[int, Field(ge=2, le=100_000)] | None = Field(
+        None, description="points of the trace at most; all of them if left out"
+    )
+
+
+#: The rule of a request for configurations: a pose, many poses, or constraints alone.
+_POSES: JsonDict = {
+    "oneOf": [
+        is_given("pose"),
+        is_given("poses"),
+        {
+            "required": ["constraints"],
+            "properties": {
+                "pose": {"type": "null"},
+                "poses": {"type": "null"},
+                "constraints": {"type": "array", "minItems": 1},
+            },
+        },
+    ]
+}
+
+
+class IkRequest(Keepable):
+    """A pose to be reached, or many of them, each for itself."""
+
+    model_config = ConfigDict(json_schema_extra={"allOf": [_POSES]})
+
+    pose: PoseInFrame | None = None
+    frame: Frame | None = None
+    poses: Annotated[list[PoseInFrame], Field(min_length=1, max_length=MAX_POSES)] | None = Field(
+        None, description="many poses instead of one: solutions then holds a list for each"
+    )
+    link: Label | None = Field(None, description="the tip if left out")
+    seed_joints: JointVector | None = Field(
+        None,
+        examples=[JOINTS_EXAMPLE],
+        description="where to search from; the middle of the ranges if left out",
+    )
+    method: Literal["auto", "analytic", "numeric", "gradient", "constrained"] = Field(
+        "auto", description="auto: the closed form where the arm has one, else numeric"
+    )
+    all_solutions: bool = Field(
+        False, description="also those outside the limits or in collision, with the reason"
+    )
+    all_turns: bool = Field(
+        False, description="also copies by whole turns of joints inside the limits"
+    )
+    max_solutions: Annotated[int, Field(ge=1, le=MAX_SOLUTIONS)] | None = Field(
+        None,
+        description="largest number of solutions to answer; if left out one, or all with "
+        "all_solutions or all_turns",
+    )
+    choice: Literal["nearest", "limits", "manipulability"] = Field(
+        "nearest",
+        description="what is best: nearest to the seed, farthest from limits, most manipulable",
+    )
+    parameters: Annotated[list[Number], Field(min_length=1, max_length=MAX_PARAMETERS)] | None = (
+        Field(
+            None,
+            description="of a seven-joint arm's closed form: arm angles or locked joint's values",
+        )
+    )
+    axes: Annotated[list[Axis], Field(min_length=1, max_length=6)] | None = Field(
+        None,
+        description="axes of the pose's own frame that count, all if left out: positions along "
+        "x, y, z, turns about them rx, ry, rz",
+    )
+    gradient: GradientOptions | None = Field(None, description='of the method "gradient"')
+    scene: SceneReference | None = Field(None, examples=["table"])
+    attached: AttachedObjects | None = Field(
+        None, description="what is held; solutions are then checked, with no scene too"
+    )
+    allowed_collisions: AllowedCollisions | None = None
+    constraints: Constraints | None = Field(
+        None, description="with the methods constrained and auto; with them no pose is needed"
+    )
+    posture: JointVector | None = Field(
+        None, description="of the method constrained: what is nearest; the seed if left out"
+    )
+    timeout: Timeout | None = None
+    seed: Seed = 0
+
+    @model_validator(mode="after")
+    def _pose_or_poses(self) -> Self:
+        if not self.constraints or self.pose is not None or self.poses is not None:
+            exactly_one(self, ("pose", "poses"))
+        return self
+
+
+class ArmSides(Answer):
+    """Sides of an arm, told by its geometry; null where that part is singular or there is none."""
+
+    shoulder: Literal["right", "left", "no flip", "flip"] | None = Field(
+        description="right where joint 2 raises the wrist centre along axis 1; of seven joints no "
+        "flip where the sine of joint 2 is positive"
+    )
+    elbow: Literal["up", "down", "left", "right", "no flip", "flip"] | None = Field(
+        description="up where the elbow is above the line from shoulder to wrist, along axis 1; of "
+        "a planar arm left of it, seen against axis 1; of seven joints no flip where the sine of "
+        "the bend about axis 4 is positive"
+    )
+    wrist: Literal["no flip", "flip"] | None = Field(
+        description="no flip where the sine of joint 5, from axis 4 to axis 6, is positive; of "
+        "seven joints likewise of joint 6"
+    )
+
+
+class IkSolution(Answer):
+    """A configuration that reaches the pose, and how well."""
+
+    joints: list[float] = Field(
+        examples=[JOINTS_EXAMPLE],
+        description="the configuration, in the order of `joint_names` [rad or m]",
+    )
+    branch: str | None = Field(None, description="name of the closed form's branch")
+    sides: ArmSides | None = Field(
+        None, description="of arms with six joints, axes 2 and 3 parallel and a closed form"
+    )
+    singular: list[Literal["shoulder", "elbow", "wrist"]] = Field(
+        default_factory=list, description="parts of these arms that are singular there"
+    )
+    position_error: float | None = Field(description="[m]; null where no pose was asked for")
+    orientation_error: float | None = Field(description="[rad]")
+    within_limits: bool = Field(description="no joint is outside its limits")
+    collision_free: bool | None = Field(
+        None,
+        description="nothing touches; where no scene was given own links alone, and only with "
+        "constraints; null where nothing was looked at",
+    )
+    rejected_because: str | None = Field(
+        None, description="why it is no solution; null where it is one"
+    )
+    clearance: float | None = Field(
+        None, description="with constraints: from the closest pair, margins taken off [m]"
+    )
+    constraints: list[ConstraintUse] = Field(
+        default_factory=list, description="how well each is held, the pose as the last one"
+    )
+
+
+class GradientTrace(Answer):
+    """Course of a gradient method from the start."""
+
+    time: list[float] = Field(description="of the flow [s]; of steps their number")
+    joints: Matrix = Field(description="configuration at each time")
+    axes: list[Axis] = Field(description="those that count, columns of error")
+    error: Matrix = Field(
+        description="e(t) of these axes [m, rad]; where all three of position or rotation count in "
+        "the root frame, else in the pose's own"
+    )
+    position_error: list[float] = Field(description="norm of its positions [m]")
+    orientation_error: list[float] = Field(description="norm of its rotation [rad]")
+
+
+class Unsolved(Answer):
+    """One of many poses that has no solution, and the problem it would be alone."""
+
+    index: int = Field(description="of the pose in the request, from 0")
+    code: str = Field(description="of the problem")
+    detail: str = Field(description="what is wrong, and where")
+    hint: str | None = Field(description="what to do about it")
+
+
+class IkAnswer(InFrame):
+    """Solutions, best first; with many poses a list for each, empty where there is none."""
+
+    solutions: list[IkSolution] | list[list[IkSolution]] = Field(
+        description="configurations that reach the pose, best first"
+    )
+    unsolved: list[Unsolved] = Field(
+        default_factory=list, description="with many poses: those without a solution, and why"
+    )
+    deterministic: bool = Field(
+        True,
+        description="whether the same request gives the same answer; false where time ended a "
+        "search under constraints",
+    )
+    trace: GradientTrace | None = None
+    allowed_collisions: AllowedAnswers = Field(default_factory=list)
+    plan_id: PlanId = None
+
+
+class VelocityRequest(Body):
+    """Joint velocities, or the twist (linear, angular) that they are to cause."""
+
+    one_of: ClassVar[tuple[str, ...]] = ("joint_velocities", "twist")
+    only_beside: ClassVar[Beside] = {"nullspace": ("twist",), "damped_below": ("twist",)}
+
+    joints: Joints = Field(examples=[JOINTS_EXAMPLE])
+    joint_velocities: Joints | None = Field(None, examples=[[0.1] * 7])
+    twist: Vector6 | Annotated[list[Vector6], Field(min_length=1, max_length=MAX_TWISTS)] | None = (
+        Field(None, description="[v; w] in the frame [m/s, rad/s]")
+    )
+    frame: Frame | None = None
+    nullspace: Joints | None = Field(
+        None, description="b: (I − J⁺J) b is added, which leaves the link at rest"
+    )
+    link: Label | None = Field(None, description="the tip if left out")
+    point: Point | None = Field(None, description="a point fixed to the link, in its frame [m]")
+    damped_below: NonNegative | None = Field(
+        None, description="singular values below it are damped; 0 for the plain pseudo-inverse"
+    )
+
+    @model_validator(mode="after")
+    def _one_of_two(self) -> Self:
+        exactly_one(self, self.one_of)
+        check_company(self)
+        return self
+
+
+class DampedDirection(Answer):
+    """A direction in which the joints were kept from racing."""
+
+    singular_value: float = Field(description="of the Jacobian in this direction")
+    gain: float = Field(description="what of the twist along it is still followed, 0 … 1")
+    twist: list[float] = Field(description="the direction, of length 1")
+    joint_velocities: list[float] = Field(description="the joints' part in it, of length 1")
+
+
+class VelocityAnswer(InFrame):
+    """Twist and joint velocities; with many configurations each field is a list."""
+
+    twist: list[float] | Matrix = Field(description="[v; ω] of the link [m/s, rad/s]")
+    joint_velocities: list[float] | Matrix = Field(description="of the joints [rad/s or m/s]")
+    residual: list[float] | Matrix = Field(description="what of the twist is not followed")
+    rank: int | list[int] = Field(description="of the Jacobian")
+    singular_values: list[float] | Matrix = Field(description="of the Jacobian, largest first")
+    damped: list[DampedDirection] | list[list[DampedDirection]] = Field(
+        description="directions in which the joints were slowed down"
+    )

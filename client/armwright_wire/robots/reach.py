@@ -1,0 +1,206 @@
+"""Reach of an arm on the wire."""
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Annotated, ClassVar, Literal, Self, TypeAlias
+
+from pydantic import Field, field_validator, model_validator
+
+from armwright_wire.base import (
+    Answer,
+    Body,
+    Frame,
+    InFrame,
+    Label,
+    NonNegative,
+    Number,
+    Positive,
+    Seed,
+    Timeout,
+    exactly_one,
+)
+from armwright_wire.pose import Pose, PoseAnswer, Quaternion, check_quaternion_norm
+from armwright_wire.scenes.check import AllowedAnswers, AllowedCollisions, AttachedObjects
+from armwright_wire.scenes.scene import SceneReference
+
+#: Poses that are listed one by one: at 100 bytes each, ten megabytes.
+MAX_POSES = 100_000
+MAX_ORIENTATIONS = 1_000
+#: Candidates for the base.
+MAX_BASES = 10_000
+#: Poses whose configurations are answered where nothing is said about that.
+JOINTS_UP_TO = 10_000
+
+if TYPE_CHECKING:
+    Quaternions: TypeAlias = Sequence[Quaternion]
+else:
+    Quaternions = Annotated[list[Quaternion], Field(min_length=1, max_length=MAX_ORIENTATIONS)]
+Edge = Annotated[float, Field(ge=0.0, le=1e3)]
+Range = Annotated[list[Number], Field(min_length=2, max_length=2)]
+Rotation = Literal["rx", "ry", "rz"]
+
+
+class ReachTolerance(Body):
+    """Deviation that is allowed from each pose, in its own frame: x, y, z, then Rx Ry Rz."""
+
+    free: Annotated[list[Rotation], Field(max_length=3)] = Field(
+        default_factory=list, description="axes about which any angle will do", examples=[["rz"]]
+    )
+    x: Range | None = Field(None, description="[least, largest] deviation along x [m]")
+    y: Range | None = Field(None, description="along y [m]")
+    z: Range | None = Field(None, description="along z [m]", examples=[[-0.005, 0.005]])
+    rx: Range | None = Field(None, description="about x [rad]")
+    ry: Range | None = Field(None, description="about y [rad]")
+    rz: Range | None = Field(None, description="about z [rad]")
+    samples: Annotated[int, Field(ge=1, le=360)] = Field(
+        12, description="values tried on each of these axes"
+    )
+
+    @model_validator(mode="after")
+    def _free_or_range(self) -> Self:
+        for axis in self.free:
+            if getattr(self, axis) is not None:
+                raise ValueError(f"{axis} is free and has a range; give one of them")
+        for name in ("x", "y", "z", "rx", "ry", "rz"):
+            given = getattr(self, name)
+            if given is not None and given[0] > given[1]:
+                raise ValueError(f"{name}: {given[0]:g} is above {given[1]:g}")
+        return self
+
+
+class ReachBox(Body):
+    """A box of the workspace with a grid of points, each with all orientations."""
+
+    size: Annotated[list[Edge], Field(min_length=3, max_length=3)] = Field(
+        description="lengths of its edges [m]; 0 for a plane or a line", examples=[[1.2, 1.2, 0.0]]
+    )
+    pose: Pose = Field(description="of its centre")
+    spacing: Positive = Field(description="largest distance of neighbouring points [m]")
+    orientations: Quaternions = Field(
+        default_factory=lambda: [[0.0, 0.0, 0.0, 1.0]],
+        description="of the link at every point, x, y, z, w",
+        examples=[[[1.0, 0.0, 0.0, 0.0]]],
+    )
+
+    @field_validator("orientations")
+    @classmethod
+    def _check_quaternions(cls, value: list[list[float]]) -> list[list[float]]:
+        for quaternion in value:
+            check_quaternion_norm(quaternion)
+        return value
+
+
+class BaseRegion(Body):
+    """Candidates for the base on a rectangle of the floor, turned about the vertical."""
+
+    x: Range = Field(description="[least, largest] [m]", examples=[[-0.5, 0.5]])
+    y: Range = Field(description="[least, largest] [m]", examples=[[-0.5, 0.5]])
+    z: Number = Field(0.0, description="height of the base [m]")
+    spacing: Positive = Field(description="largest distance of neighbouring candidates [m]")
+    yaws: Annotated[int, Field(ge=1, le=360)] = Field(
+        8, description="angles about z, evenly over a turn"
+    )
+
+
+class ReachRequest(Body):
+    """Task poses and what stands around; with candidates for the base also where to stand."""
+
+    one_of: ClassVar[tuple[str, ...]] = ("poses", "box")
+
+    poses: Annotated[list[Pose], Field(min_length=1, max_length=MAX_POSES)] | None = Field(
+        None, description="task poses of the link"
+    )
+    box: ReachBox | None = Field(None, description="a grid of poses in place of a list")
+    frame: Frame | None = None
+    link: Label | None = Field(None, description="the tip if left out")
+    tolerance: ReachTolerance | None = None
+    scene: SceneReference | None = Field(None, examples=["table"])
+    attached: AttachedObjects | None = None
+    allowed_collisions: AllowedCollisions | None = None
+    margin: Annotated[NonNegative, Field(le=10.0)] = Field(
+        0.0, description="distance to be kept from obstacles [m]"
+    )
+    choice: Literal["manipulability", "clearance", "limits", "first"] = Field(
+        "manipulability",
+        description="what makes the best configuration of a pose; with `first` the first one that "
+        "is found free will do, and `branches` and `samples` count no further",
+    )
+    clearance: bool = Field(True, description="measure the clearance of the best configurations")
+    joints: bool | None = Field(
+        None, description=f"answer the best configurations; for up to {JOINTS_UP_TO} poses if left "
+        "out",
+    )  # fmt: skip
+    bases: Annotated[list[Pose], Field(min_length=1, max_length=MAX_BASES)] | None = Field(
+        None, description="candidates for the base; poses and scene are then meant in their frame"
+    )
+    base_region: BaseRegion | None = Field(None, description="candidates on the floor instead")
+    format: Literal["json", "svg", "glb"] = Field(
+        "json",
+        description="arrays, or with box and one orientation a picture of its slices, or a "
+        "coloured mesh of what is reached (binary glTF)",
+    )
+    timeout: Timeout | None = None
+    seed: Seed = 0
+
+    @model_validator(mode="after")
+    def _consistent(self) -> Self:
+        exactly_one(self, self.one_of)
+        if self.bases is not None and self.base_region is not None:
+            raise ValueError("give bases or base_region, not both")
+        if self.frame is not None and (self.bases or self.base_region):
+            raise ValueError(
+                "with candidates for the base all is meant in their frame, not in frame"
+            )
+        if self.format != "json" and self.box is None:
+            raise ValueError("a picture needs box")
+        return self
+
+
+class ReachGrid(Answer):
+    """Order of the arrays of a box: x changes slowest, then y, z and the orientation."""
+
+    shape: list[int] = Field(description="numbers along x, y, z and of orientations")
+    axes: list[list[float]] = Field(description="coordinates along the box's axes [m]")
+
+
+class BaseAnswer(Answer):
+    """One candidate for the base; figures are the worst of the poses that are reached."""
+
+    index: int = Field(description="number of the candidate")
+    pose: PoseAnswer
+    reached: int = Field(description="how many of the poses")
+    clearance: float | None = Field(description="[m]; null where nothing can collide")
+    manipulability: float | None = Field(
+        description="product of the Jacobian's singular values; null where nothing is reached"
+    )
+    limit_distance: float | None = Field(
+        description="share of half its range left to the joint nearest to a limit; null likewise"
+    )
+    unreached: list[int] = Field(description="numbers of the first poses that are not reached")
+
+
+class ReachAnswer(InFrame):
+    """Reach of the poses in their order; with candidates for the base that from the best one."""
+
+    count: int = Field(description="number of poses")
+    reached: int = Field(description="how many of them are reached")
+    statuses: list[str] = Field(description="names of the numbers in status")
+    status: list[int] = Field(description="of each pose: a place in `statuses`")
+    branches: list[int] = Field(
+        description="branches of inverse kinematics that are free of collision"
+    )
+    samples: list[int] = Field(description="deviations within the tolerance that are reached")
+    manipulability: list[float | None] = Field(
+        description="product of the Jacobian's singular values at the best configuration"
+    )
+    clearance: list[float | None] = Field(
+        description="of the best configuration, margins taken off [m]; null where it was not asked "
+        "for or nothing can collide"
+    )
+    limit_distance: list[float | None] = Field(
+        description="share of half its range left to the joint nearest to a limit, 0 … 1"
+    )
+    joints: list[list[float] | None] | None = Field(description="the best configurations")
+    joint_names: list[str] = Field(description="order of the configurations")
+    grid: ReachGrid | None = None
+    bases: list[BaseAnswer] | None = Field(None, description="best first")
+    allowed_collisions: AllowedAnswers = Field(default_factory=list)

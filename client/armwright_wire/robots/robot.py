@@ -1,0 +1,496 @@
+"""Robots on the wire: motors, Denavit-Hartenberg tables, uploads, models and geometry."""
+
+import base64
+import struct
+from typing import Annotated, ClassVar, Literal, TypeAlias
+
+from pydantic import ConfigDict, Discriminator, Field, Tag, field_validator, model_validator
+from pydantic.config import JsonDict
+
+from armwright_wire.base import (
+    MAX_JOINTS,
+    Answer,
+    Body,
+    Coordinate,
+    Label,
+    Length,
+    Matrix3,
+    Name,
+    NamePair,
+    NonNegative,
+    Number,
+    Point,
+    Positive,
+    Vector3,
+    any_given,
+    exactly_one,
+)
+from armwright_wire.pose import Pose, PoseAnswer
+from armwright_wire.scenes.scene import Shape, check_base64
+
+GeometryKind: TypeAlias = Literal["collision", "visual"]
+
+
+class Motor(Body):
+    """A direct current motor behind a gear, seen from the joint as J q̈ + B q̇ = u − load."""
+
+    inertia: NonNegative = Field(description="J_m of the rotor [kg m²]")
+    friction: NonNegative = Field(0.0, description="B_m at the rotor [N m s/rad]")
+    torque_constant: Positive = Field(1.0, description="k_m [N m/A]")
+    back_emf: NonNegative = Field(0.0, description="k_b [V s/rad]")
+    resistance: Positive = Field(1.0, description="R [ohm]")
+    gear_ratio: Positive = Field(1.0, description="turns of the motor for one of the joint")
+    voltage_limit: Positive | None = Field(
+        None,
+        description="largest |V| at its terminals [V]: with `saturate` torques are cut off there",
+    )
+
+
+#: Solids of one link.
+_MAX_SOLIDS = 100
+
+
+class LinkSolid(Body):
+    """A shape that a link carries."""
+
+    shape: Shape = Field(description="of the solid")
+    pose: Pose | None = Field(
+        None, description="in the link's frame, which is frame i of row i; the frame itself if null"
+    )
+
+
+class LinkCapsules(Body):
+    """Capsules about the segments a and d of every row."""
+
+    capsules: Length = Field(description="their radius [m]", examples=[0.06])
+
+
+class DhRow(Body):
+    """One joint of a Denavit-Hartenberg table, with what is known of the link behind it.
+
+    For a revolute joint `theta` is the offset of the joint variable, for a prismatic one `d` is.
+    """
+
+    type: Literal["revolute", "prismatic"] = Field(description="kind of joint")
+    a: Coordinate = Field(description="[m]")
+    alpha: Number = Field(description="[rad]")
+    d: Coordinate = Field(description="[m]")
+    theta: Number = Field(description="[rad]")
+    lower: Number | None = Field(None, description="[rad] or [m]")
+    upper: Number | None = Field(None, description="[rad] or [m]")
+    velocity: Positive | None = Field(None, description="largest speed [rad/s or m/s]")
+    acceleration: Positive | None = Field(None, description="largest acceleration [rad/s² or m/s²]")
+    jerk: Positive | None = Field(None, description="largest jerk [rad/s³ or m/s³]")
+    effort: Positive | None = Field(None, description="largest torque or force [N m or N]")
+    mass: NonNegative | None = Field(None, description="[kg]")
+    center_of_mass: Point | None = Field(None, description="in the link frame [m]")
+    inertia: Matrix3 | None = Field(
+        None, description="about the centre of mass in the link frame [kg m²]"
+    )
+    motor_inertia: NonNegative | None = Field(
+        None, description="reflected at the joint [kg m² or kg]"
+    )
+    viscous_friction: NonNegative | None = Field(
+        None, description="at the joint [N m s/rad or N s/m]"
+    )
+    coulomb_friction: NonNegative | None = Field(None, description="dry friction [N m or N]")
+    motor: Motor | None = Field(
+        None,
+        description="what drives the joint, in place of motor_inertia and viscous_friction; every "
+        "row has one, or none has",
+    )
+    beta: Number = Field(
+        0.0, description="about y, behind alpha [rad]; 0 but for nearly parallel axes"
+    )
+    continuous: bool = Field(False, description="without end: lower and upper are left out or null")
+    geometry: Annotated[list[LinkSolid], Field(max_length=_MAX_SOLIDS)] | None = Field(
+        None, description="solids of the link behind the joint"
+    )
+
+    @model_validator(mode="after")
+    def _check_limits(self) -> "DhRow":
+        if self.continuous and not (self.lower is None and self.upper is None):
+            raise ValueError("a continuous joint has neither lower nor upper")
+        if self.lower is not None and self.upper is not None and self.lower >= self.upper:
+            raise ValueError(f"lower ({self.lower:g}) must be less than upper ({self.upper:g})")
+        drive = (self.motor_inertia, self.viscous_friction)
+        if self.motor is not None and drive != (None, None):
+            raise ValueError("motor has an inertia and a friction: leave out motor_inertia and "
+                             "viscous_friction, or motor")  # fmt: skip
+        return self
+
+
+class DhTable(Body):
+    """A robot by its Denavit-Hartenberg parameters."""
+
+    convention: Literal["standard", "modified"] = Field(
+        description="frame i at the end of link i (standard) or at its beginning (modified)"
+    )
+    rows: Annotated[list[DhRow], Field(min_length=1, max_length=MAX_JOINTS)] = Field(
+        description="one for each joint, from the base on"
+    )
+    base: Pose | None = Field(
+        None, description="frame 0 in the root frame; the root frame itself if left out"
+    )
+    tool: Pose | None = Field(None, description="the tip in frame n; frame n itself if left out")
+    gravity: Vector3 | None = Field(None, description="in the root frame [m/s²]")
+    geometry: LinkCapsules | None = Field(
+        None, description="solids of all links, beside those of the rows"
+    )
+
+
+class DhRowAnswer(Answer):
+    """One row of the table that was given, or that is derived from the joint axes."""
+
+    type: Literal["revolute", "prismatic"] = Field(description="kind of joint")
+    a: float = Field(description="link length [m]")
+    alpha: float = Field(description="link twist [rad]")
+    d: float = Field(description="link offset [m]")
+    theta: float = Field(description="joint angle [rad]")
+    lower: float | None = Field(None, description="[rad] or [m]; null where there is none")
+    upper: float | None = Field(None, description="[rad] or [m]; null where there is none")
+    velocity: float | None = Field(None, description="largest speed [rad/s or m/s]")
+    acceleration: float | None = Field(None, description="largest acceleration [rad/s² or m/s²]")
+    jerk: float | None = Field(None, description="largest jerk [rad/s³ or m/s³]")
+    effort: float | None = Field(None, description="largest torque or force [N m or N]")
+    mass: float | None = Field(None, description="of all that moves with the joint [kg]")
+    center_of_mass: list[float] | None = Field(None, description="in frame i [m]")
+    inertia: list[list[float]] | None = Field(
+        None, description="about the centre of mass in the axes of frame i [kg m²]"
+    )
+    motor_inertia: float | None = Field(None, description="null where there is a `motor`")
+    viscous_friction: float | None = Field(None, description="null where there is a `motor`")
+    coulomb_friction: float | None = Field(None, description="dry friction [N m or N]")
+    motor: Motor | None = Field(None, description="what drives the joint, as it was given")
+    beta: float = Field(0.0, description="about y, behind alpha; 0 but for nearly parallel axes")
+    continuous: bool = Field(False, description="without end: no lower and no upper limit")
+    geometry: list[LinkSolid] | None = Field(None, description="as it was given")
+
+
+class DhAnswer(Answer):
+    """The Denavit-Hartenberg table of a robot: the tool's pose is base H_1 … H_n tool."""
+
+    convention: Literal["standard", "modified"] = Field(
+        description="frame i at the end of link i (standard) or at its beginning (modified)"
+    )
+    rows: list[DhRowAnswer] = Field(description="one for each joint")
+    base: PoseAnswer = Field(description="frame 0 in the root frame")
+    tool: PoseAnswer = Field(description="the tip in frame n")
+    gravity: list[float] | None = Field(None, description="in the root frame [m/s²]")
+    geometry: LinkCapsules | None = Field(None, description="as it was given")
+
+    def table(self) -> DhTable:
+        """The table to be sent, say to store the robot under another name."""
+        return DhTable.model_validate(self.model_dump(exclude_none=True))
+
+
+_MAX_XML = 16 * 1024 * 1024
+#: Mesh files of one robot.
+MAX_MESHES = 1_000
+_MAX_URI = 1_024
+
+#: Text of a joint_limits.yaml: a kilobyte a joint.
+_MAX_LIMITS = 1_000_000
+
+#: A number times another limit.
+Rule = Annotated[str, Field(pattern=r"^[0-9eE+.\- ]+[x*×] *[a-z]+ *$", max_length=64)]
+Xml = Annotated[str, Field(min_length=1, max_length=_MAX_XML)]
+Uri = Annotated[str, Field(min_length=1, max_length=_MAX_URI)]
+
+
+class JointLimits(Body):
+    """Limits that a description leaves out or that are to be tightened."""
+
+    lower: Number | None = Field(None, description="[rad] or [m]")
+    upper: Number | None = Field(None, description="[rad] or [m]")
+    velocity: Positive | None = Field(None, description="largest speed [rad/s or m/s]")
+    acceleration: Positive | None = Field(None, description="largest acceleration [rad/s² or m/s²]")
+    jerk: Positive | None = Field(None, description="largest jerk [rad/s³ or m/s³]")
+    effort: Positive | None = Field(None, description="[N m] or [N]")
+
+
+class DefaultLimits(Body):
+    """Rules for limits that are known nowhere else: a number times another limit."""
+
+    acceleration: Rule | None = Field(
+        None, examples=["10 x velocity"], description="rule for accelerations"
+    )
+    jerk: Rule | None = Field(None, examples=["10 x acceleration"], description="rule for jerks")
+
+
+def _by_form(value: object) -> str:
+    return "text" if isinstance(value, str) else "object"
+
+
+_LimitsByJoint = Annotated[dict[Label, JointLimits], Field(max_length=1_000)]
+#: Limits by joint, or the text of a joint_limits.yaml.
+LimitsOfJoints = Annotated[
+    Annotated[_LimitsByJoint, Tag("object")]
+    | Annotated[str, Field(min_length=1, max_length=_MAX_LIMITS), Tag("text")],
+    Discriminator(_by_form),
+    Field(
+        description='by joint, where "*" is every joint of the chain; or the text of a '
+        "joint_limits.yaml as MoveIt has it",
+        examples=[{"*": {"acceleration": 5.0}}],
+    ),
+]
+
+
+_EXAMPLE: JsonDict = {
+    "name": "planar",
+    "dh": {
+        "convention": "standard",
+        "rows": [
+            {
+                "type": "revolute",
+                "a": 0.5,
+                "alpha": 0.0,
+                "d": 0.0,
+                "theta": 0.0,
+                "lower": -3.1,
+                "upper": 3.1,
+                "velocity": 2.0,
+            }
+        ],
+        "geometry": {"capsules": 0.05},
+    },
+    "joint_limits": {"joint_1": {"acceleration": 10.0}},
+}
+
+
+class RobotFields(Body):
+    """Fields of a robot beside its description."""
+
+    name: Name = Field(description="under which the robot is stored")
+    base_link: Label | None = Field(
+        None,
+        description="where the chain begins; poses are in the root frame all the same, unless this "
+        "is work that a positioner moves beside the arm: then they are in its frame",
+    )
+    tip_link: Label | None = Field(
+        None, description="where it ends; the likely tip if left out, told in lint"
+    )
+    joint_limits: LimitsOfJoints | None = None
+    default_limits: DefaultLimits | None = Field(
+        None, description="rules for limits that neither the description nor joint_limits gives"
+    )
+    allow_suspected: bool = Field(
+        False,
+        description="let pairs touch that the answer's suspected_collisions tells; only where no "
+        "SRDF says which may",
+    )
+    visual_solids: bool = Field(
+        False,
+        description="of a URDF: links without collision geometry collide as they look",
+    )
+    held: Annotated[dict[Label, Number], Field(max_length=1_000)] | None = Field(
+        None,
+        description="positions of joints off the chain [rad or m]; 0, or the limit nearest to it, "
+        "for those left out",
+    )
+    motors: Annotated[dict[Label, Motor], Field(max_length=1_000)] | None = Field(
+        None,
+        description='of a URDF by joint, "*" is every other joint of the chain: they give its '
+        "joints their motor inertias, and frictions in place of its damping; all joints have one, "
+        "or none has. Rows of a dh table have a `motor` each",
+    )
+
+
+class RobotChanges(Body):
+    """Limits of a stored robot that change; those of other joints and quantities stay."""
+
+    model_config = ConfigDict(
+        json_schema_extra={
+            "examples": [{"joint_limits": {"*": {"acceleration": 4.0}}}],
+            **any_given(("joint_limits",), ("default_limits",)),
+        }
+    )
+
+    joint_limits: LimitsOfJoints | None = None
+    default_limits: DefaultLimits | None = Field(
+        None, description="rules in place of those of before"
+    )
+
+    @model_validator(mode="after")
+    def _check_form(self) -> "RobotChanges":
+        if self.joint_limits is None and self.default_limits is None:
+            raise ValueError("give joint_limits or default_limits")
+        return self
+
+
+class ArchiveFields(RobotFields):
+    """Fields of a robot that comes in an archive."""
+
+    urdf_path: Uri | None = Field(
+        None, description="which .urdf file is meant, by its path in the archive or the end of it"
+    )
+    srdf_path: Uri | None = Field(None, description="which .srdf file belongs to it, likewise")
+
+
+class RobotBody(RobotFields):
+    """A robot as URDF or as a Denavit-Hartenberg table."""
+
+    one_of: ClassVar[tuple[str, ...]] = ("urdf", "dh")
+
+    model_config = ConfigDict(json_schema_extra={"examples": [_EXAMPLE]})
+
+    urdf: Xml | None = Field(None, description="text of the URDF")
+    srdf: Xml | None = Field(None, description="text of the SRDF that belongs to it")
+    dh: DhTable | None = None
+    meshes: Annotated[dict[Uri, str], Field(max_length=MAX_MESHES)] | None = Field(
+        None,
+        description="package:// or relative URI of the URDF → file in base64: of what links "
+        "collide with, and perhaps of what they look like",
+    )
+
+    @field_validator("meshes")
+    @classmethod
+    def _check_meshes(cls, value: dict[str, str] | None) -> dict[str, str] | None:
+        for uri, content in (value or {}).items():
+            try:
+                check_base64(content)
+            except ValueError as error:
+                raise ValueError(f"mesh {uri!r}: {error}") from None
+        return value
+
+    @model_validator(mode="after")
+    def _check_form(self) -> "RobotBody":
+        exactly_one(self, self.one_of)
+        if self.dh is not None:
+            for name in ("srdf", "meshes", "held", "motors", "visual_solids"):
+                if getattr(self, name) not in (None, False):
+                    raise ValueError(f"{name} belongs to a URDF, not to a dh table")
+        return self
+
+
+class Limits(Answer):
+    """Limits in the order of the joints; null where there is none."""
+
+    lower: list[float | None] = Field(description="least position [rad or m]")
+    upper: list[float | None] = Field(description="largest position [rad or m]")
+    velocity: list[float | None] = Field(description="largest speed [rad/s or m/s]")
+    acceleration: list[float | None] = Field(description="largest acceleration [rad/s² or m/s²]")
+    jerk: list[float | None] = Field(description="largest jerk [rad/s³ or m/s³]")
+    effort: list[float | None] = Field(description="largest torque or force [N m or N]")
+
+
+class RobotSummary(Answer):
+    """A robot in the list."""
+
+    name: str = Field(examples=["panda"], description="of the robot")
+    built_in: bool = Field(description="it is always there and can't be deleted")
+    joints: int = Field(examples=[7], description="number of joints of its chain")
+
+
+class RobotList(Answer):
+    """All robots by name, built-in ones among them."""
+
+    robots: list[RobotSummary] = Field(description="by name")
+    next: str | None = Field(None, description="value of `after` for the next page")
+
+
+class SuspectedPair(Answer):
+    """Two links that touch where the robot surely may stand."""
+
+    pair: NamePair = Field(description="names of the two links")
+    reason: str = Field(examples=["zero pose"], description="where they touch")
+
+
+class FingerJoint(Answer):
+    """A joint of a gripper that others may follow."""
+
+    position: float = Field(description="where the robot holds it [rad or m]")
+    lower: float | None = Field(description="least position [rad or m]; null without a limit")
+    upper: float | None = Field(description="largest position [rad or m]; null without a limit")
+
+
+class RobotAnswer(Answer):
+    """The model of a robot."""
+
+    name: str = Field(examples=["panda"], description="under which it is stored")
+    built_in: bool = Field(description="it is always there and can't be deleted")
+    hash: str = Field(description="of the model with its solids, as answers to plans give it")
+    joint_names: list[str] = Field(description="order of all joint vectors")
+    joint_types: list[Literal["revolute", "prismatic"]] = Field(description="kind of each joint")
+    limits: Limits
+    links: list[str] = Field(description="from the root on")
+    frame: str = Field(description="the root link, in whose frame all poses are")
+    base_link: str = Field(description="where the chain begins")
+    tip_link: str = Field(description="where the chain ends")
+    states: dict[str, list[float]] = Field(
+        default_factory=dict,
+        description="named states of the SRDF for the joints of the chain [rad or m]",
+    )
+    default_limits: DefaultLimits | None = Field(None, description="of the request")
+    held: dict[str, float] | None = Field(None, description="of the request")
+    fingers: dict[str, FingerJoint] = Field(
+        default_factory=dict,
+        description="joints of the gripper that `fingers` of requests may move; those that follow "
+        "others are left out",
+    )
+    motors: dict[str, Motor] | None = Field(
+        None, description="by joint, of a table's rows or of the request; null where it has none"
+    )
+    dh: DhAnswer | None = None
+    wrist: Literal["spherical", "three_parallel", "none"] = Field(
+        description="kind of inverse kinematics in closed form"
+    )
+    allowed_collisions: list[list[str]] = Field(
+        examples=[[["panda_link0", "panda_link1"]]], description="pairs of links that may touch"
+    )
+    allowed_collision_reasons: list[str] = Field(
+        examples=[["adjacent"]],
+        description="for each of these pairs: same body, adjacent, always, srdf or suspected",
+    )
+    suspected_collisions: list[SuspectedPair] = Field(
+        default_factory=list,
+        description="without an SRDF: pairs that touch in the zero pose, in a named state or "
+        "often at random, and are checked unless the upload says allow_suspected",
+    )
+    lint: list[str] = Field(description="what is odd in the description")
+
+
+class BodySurface(Answer):
+    """The surface of one link, or its part of one colour, as triangles in the frame of a link."""
+
+    link: str = Field(description="the link that the surface belongs to")
+    frame: str = Field(
+        description="link whose frame the vertices are in; forward kinematics has it"
+    )
+    vertices: str = Field(
+        description="corners x, y, z [m]: float32, little-endian, in base64", examples=["AAAAAA=="]
+    )
+    faces: str = Field(
+        description="three numbers of corners for each triangle, counter-clockwise from outside: "
+        "uint32, little-endian, in base64",
+        examples=["AAAAAA=="],
+    )
+    simplified: bool = Field(
+        description="hulls stand for the triangles of its meshes, or visual ones are thinned out"
+    )
+    color: list[float] | None = Field(
+        None,
+        description="red, green, blue, opacity from 0 to 1 of visual geometry, from the URDF's "
+        "material or the file's; null where neither gives one",
+        examples=[[0.9, 0.9, 0.9, 1.0]],
+    )
+
+    def corners(self) -> list[tuple[float, float, float]]:
+        """The vertices [m]."""
+        return list(struct.iter_unpack("<3f", base64.b64decode(self.vertices)))
+
+    def triangles(self) -> list[tuple[int, int, int]]:
+        """Numbers of the corners of each triangle, counter-clockwise from outside."""
+        return list(struct.iter_unpack("<3I", base64.b64decode(self.faces)))
+
+
+class GeometryAnswer(Answer):
+    """The collision or visual geometry of a robot."""
+
+    robot: str = Field(description="name of the robot")
+    hash: str = Field(description="of the model, as answers to plans give it")
+    kind: GeometryKind = Field(description="what the bodies are, as asked for")
+    bodies: list[BodySurface] = Field(
+        description="links that have geometry; links without visual geometry have their collision "
+        "geometry among visual bodies, and a robot that has none at all has no visual bodies"
+    )

@@ -1,0 +1,1 @@
+"""Scenes and checks of states against them."""

@@ -1,0 +1,1 @@
+"""Tables of the database, each behind the operations that the service needs."""

@@ -1,0 +1,1 @@
+"""Kernels and first requests: what workers compute before they serve."""
