@@ -22,7 +22,7 @@ from planning.exports.options import ExportFormat
 from planning.values.optimize_options import OBJECTIVES
 from service.version import VERSION
 from tests.command_line.commands import Run, runner
-from tests.service.forked_commands import start_command
+from tests.service.commands import start_command
 
 ROOT = Path(__file__).parents[1]
 README = (ROOT / "README.md").read_text(encoding="utf-8")

@@ -2,21 +2,17 @@
 
 import importlib
 import importlib.util
-import subprocess
 import sys
 from collections.abc import Iterator, Mapping
 from contextlib import nullcontext
 from pathlib import Path
-from types import SimpleNamespace
 from typing import Any
-from unittest.mock import patch
 
 import pytest
 import yaml
 
 from benchmarks.server import machines
 from kinematics.robots import builtin_srdf, builtin_urdf
-from tests.service.forked_commands import start_command
 
 ROOT = Path(__file__).parents[2]
 #: Scripts that only a peer's own interpreter can run, and the peer.
@@ -107,18 +103,8 @@ def test_benchmarks_run_on_tiny_input(
 
 @pytest.fixture(scope="module")
 def local_server() -> Iterator[tuple[int, str]]:
-    """One server for all benchmarks that start one, forked from one that has loaded all."""
-
-    def start(command: list[str], *, text: bool, **options: Any) -> "subprocess.Popen[str]":
-        assert text
-        assert command[:3] == [sys.executable, "-m", "service.cli"]
-        return start_command(command[3:], **options)
-
-    forked = SimpleNamespace(Popen=start, PIPE=subprocess.PIPE, DEVNULL=subprocess.DEVNULL)
-    with (
-        patch.object(machines, "subprocess", forked),
-        machines.local_server({"ARMWRIGHT_WORKERS": "1"}) as started,
-    ):
+    """One server for all benchmarks that start one."""
+    with machines.local_server({"ARMWRIGHT_WORKERS": "1"}) as started:
         yield started
 
 

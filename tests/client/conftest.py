@@ -9,7 +9,7 @@ import pytest
 
 from armwright_client import Client, NotReady, Scene
 from tests.client.world import TABLE
-from tests.service.forked_commands import start_command
+from tests.service.commands import start_command
 from tests.service.kernel_store import frozen_kernels
 
 #: Kernels that no earlier run left compiled take a minute or two [s].

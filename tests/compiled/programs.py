@@ -1,15 +1,43 @@
 """Programs that are run in processes of their own."""
 
+import os
+import subprocess
+import sys
+from collections.abc import Mapping
 from pathlib import Path
 
-from tests.compiled.forked import run
+ROOT = Path(__file__).parents[2]
 
 
-def python(program: str, folder: Path, **environment: str) -> str:
-    """What a program prints in a new process."""
-    answer = run(program, folder, {"NUMBA_CACHE_DIR": str(folder / "cache"), **environment})
-    assert answer.code == 0, answer.errors
-    return answer.out
+def run(
+    program: str, folder: Path, variables: Mapping[str, str] = {}
+) -> "subprocess.CompletedProcess[str]":
+    """Run a program in a new process.
+
+    Args:
+        program: Python.
+        folder: Where its modules are, and where it runs.
+        variables: More than this process has.
+    """
+    path = f"{ROOT}{os.pathsep}{folder}"
+    return subprocess.run(
+        [sys.executable, "-c", program], cwd=folder, capture_output=True, check=False, text=True,
+        env={**os.environ, "PYTHONPATH": path, **variables},
+    )  # fmt: skip
+
+
+def python(program: str, folder: Path, cache: str = "cache", **more: str) -> str:
+    """The text that a program prints in a new process.
+
+    Args:
+        program: Python.
+        folder: Where its modules are, and where it runs.
+        cache: Folder of its machine code, in that folder.
+        more: More variables.
+    """
+    ended = run(program, folder, {"NUMBA_CACHE_DIR": str(folder / cache), **more})
+    assert ended.returncode == 0, ended.stderr
+    return ended.stdout
 
 
 BIG = """
@@ -40,8 +68,7 @@ def caller(values):
 )
 
 
-#: Counts allocations, which the environment would ask for while the compiler is imported: the
-#: process of the program is forked after that.
+#: Counts allocations from its start.
 BIG_PROGRAM = """
 from numba.core.runtime import _nrt_python
 _nrt_python.memsys_enable_stats()

@@ -8,9 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from tests.compiled.forked import run
-
-ROOT = Path(__file__).parents[2]
+from tests.compiled.programs import ROOT, python, run
 
 #: A chain of large kernels, each calling the one before, and a small one that is copied.
 KERNELS = (
@@ -88,13 +86,6 @@ CALL = """
 import numpy as np, chain
 print(chain.top(np.arange(3.0)))
 """
-
-
-def python(program: str, folder: Path, cache: str = "cache", **more: str) -> str:
-    """What a program prints in a new process."""
-    answer = run(program, folder, {"NUMBA_CACHE_DIR": str(folder / cache), **more})
-    assert answer.code == 0, answer.errors
-    return answer.out
 
 
 @pytest.fixture(scope="module")
@@ -212,6 +203,6 @@ def test_a_kernel_that_is_missing_is_named_where_compiling_is_forbidden(
     folder, _ = listed
     variables = {"NUMBA_CACHE_DIR": str(tmp_path / "cache"), "ARMWRIGHT_KERNELS_FROZEN": "1"}
     answer = run(CALL, folder, variables)
-    assert answer.code == 1
-    assert "KernelMissing: chain.top was not compiled for (array(float64, 1d, C))" in answer.errors
+    assert answer.returncode == 1
+    assert "KernelMissing: chain.top was not compiled for (array(float64, 1d, C))" in answer.stderr
     assert not (tmp_path / "cache").exists()

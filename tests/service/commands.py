@@ -1,4 +1,4 @@
-"""The command ``armwright serve`` in a process of its own."""
+"""Commands of the service in processes of their own."""
 
 import os
 import re
@@ -11,11 +11,20 @@ from typing import Any
 
 import httpx
 
-from tests.service.forked_commands import start_command
 from tests.service.processes import wait_until
 
 ROOT = Path(__file__).parents[2]
 COMMAND = [sys.executable, "-m", "service.cli"]
+
+
+def start_command(arguments: Sequence[str], **options: Any) -> "subprocess.Popen[str]":
+    """Start a command of the service.
+
+    Args:
+        arguments: Of the command.
+        options: Of `subprocess.Popen`: where output and errors go, and the variables.
+    """
+    return subprocess.Popen([*COMMAND, *arguments], cwd=ROOT, text=True, **options)
 
 
 @contextmanager
@@ -25,7 +34,6 @@ def serve(
     warm: bool = True,
     environment: Mapping[str, str] = {},
     under: Sequence[str] = (),
-    loads: bool = False,
 ) -> Iterator[tuple[subprocess.Popen[str], httpx.Client]]:
     """Run the command; gives the process with a client, once it is ready.
 
@@ -33,20 +41,14 @@ def serve(
         data: Folder of its database.
         warm: Whether it is ready only when its workers are.
         environment: More variables.
-        under: A command that runs it, with arguments; its fork server loads by itself then.
-        loads: Whether it starts as people start it, and its fork server is its child that loads.
+        under: A command that runs it, with arguments.
     """
     arguments = ["serve", "--port", "0", "--data-dir", str(data)]
-    options: Any = {
-        "env": os.environ | {"ARMWRIGHT_WORKERS": "2"} | dict(environment),
-        "stdout": subprocess.PIPE,
-        "stderr": subprocess.PIPE,
-    }
-    if loads or under:
-        command = [*under, *COMMAND, *arguments]
-        process = subprocess.Popen(command, cwd=ROOT, text=True, **options)
-    else:
-        process = start_command(arguments, **options)
+    process = subprocess.Popen(
+        [*under, *COMMAND, *arguments], cwd=ROOT, text=True,
+        env=os.environ | {"ARMWRIGHT_WORKERS": "2"} | dict(environment),
+        stdout=subprocess.PIPE, stderr=subprocess.PIPE,
+    )  # fmt: skip
     try:
         assert process.stdout is not None
         said = process.stdout.readline()

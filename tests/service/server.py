@@ -8,7 +8,6 @@ import httpx
 import uvicorn
 from fastapi import FastAPI
 
-from tests.service.loaded_fork_server import loaded_fork_servers
 from tests.service.processes import wait_until
 
 
@@ -18,14 +17,13 @@ def serving(app: FastAPI) -> Iterator[httpx.Client]:
     config = uvicorn.Config(app, port=0, log_level="warning", timeout_graceful_shutdown=1)
     server = uvicorn.Server(config)
     thread = threading.Thread(target=server.run)
-    with loaded_fork_servers():
-        thread.start()
-        try:
-            assert wait_until(lambda: server.started, 60.0)
-            port = server.servers[0].sockets[0].getsockname()[1]
-            with httpx.Client(base_url=f"http://127.0.0.1:{port}", timeout=60.0) as client:
-                assert wait_until(lambda: client.get("/readyz").status_code == 200, 90.0)
-                yield client
-        finally:
-            server.should_exit = True
-            thread.join()
+    thread.start()
+    try:
+        assert wait_until(lambda: server.started, 60.0)
+        port = server.servers[0].sockets[0].getsockname()[1]
+        with httpx.Client(base_url=f"http://127.0.0.1:{port}", timeout=60.0) as client:
+            assert wait_until(lambda: client.get("/readyz").status_code == 200, 90.0)
+            yield client
+    finally:
+        server.should_exit = True
+        thread.join()

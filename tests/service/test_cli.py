@@ -28,7 +28,7 @@ def test_version_and_help(capsys: pytest.CaptureFixture[str]) -> None:
 def test_nothing_outlives_a_server_that_is_killed_and_the_next_remembers_and_ends_promptly(
     tmp_path: Path,
 ) -> None:
-    with serve(tmp_path, loads=True) as (process, client):
+    with serve(tmp_path) as (process, client):
         assert client.get("/readyz").json()["workers"] == 2
         assert store_scene(client, "kept") == 201
         below = descendants(process.pid)
@@ -39,7 +39,7 @@ def test_nothing_outlives_a_server_that_is_killed_and_the_next_remembers_and_end
     store = open_store(Settings(data_dir=tmp_path).storage_url)
     assert store.documents.get("scene", "kept").content
     store.close()
-    with serve(tmp_path, loads=True) as (process, client):
+    with serve(tmp_path) as (process, client):
         assert client.get("/v1/scenes/kept").status_code == 200
         assert store_scene(client, "kept") == 409
         below = descendants(process.pid)
@@ -58,7 +58,7 @@ def test_nothing_outlives_a_server_that_is_killed_and_the_next_remembers_and_end
 
 @pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGKILL])
 def test_it_ends_promptly_while_it_warms_up(tmp_path: Path, number: signal.Signals) -> None:
-    with serve(tmp_path, warm=False, loads=True) as (process, client):
+    with serve(tmp_path, warm=False) as (process, client):
         assert client.get("/readyz").status_code == 503
         below = descendants(process.pid)
         process.send_signal(number)

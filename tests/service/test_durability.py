@@ -9,8 +9,7 @@ from pathlib import Path
 
 import httpx
 
-from tests.service.commands import serve
-from tests.service.forked_commands import start_command
+from tests.service.commands import serve, start_command
 from tests.service.processes import wait_until
 from tests.service.robots import HOME, answer, problem
 

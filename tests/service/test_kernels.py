@@ -9,7 +9,7 @@ import pytest
 from compiled.compiler import build, kernel_list, machine_code, store
 from service.cli import main
 from service.warm_up import kernels
-from tests.service.loaded_fork_server import run_where_ready
+from tests.compiled.programs import run
 
 ROOT = Path(__file__).parents[2]
 #: Kernels of modules that the service imports, and that no request reaches.
@@ -83,9 +83,9 @@ def test_entries_are_missing_where_no_folder_has_them(
 
 
 def test_every_kernel_that_the_service_imports_is_reached_from_the_list() -> None:
-    ran = run_where_ready(FIND_UNREACHED, ROOT)
-    assert ran.code == 0, ran.errors[-3000:]
-    assert set(ran.out.split()) == UNREACHED
+    ran = run(FIND_UNREACHED, ROOT)
+    assert ran.returncode == 0, ran.stderr[-3000:]
+    assert set(ran.stdout.split()) == UNREACHED
 
 
 def test_the_demonstration_needs_the_first_kernels_alone(

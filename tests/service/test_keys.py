@@ -20,7 +20,7 @@ from service.settings import Settings
 from service.storage.store import open_store
 from service.workers.faults import QueueFull
 from service.workers.supervisor import WorkerSupervisor
-from tests.service.forked_commands import start_command
+from tests.service.commands import start_command
 from tests.service.processes import wait_until
 from tests.service.robots import DETOUR, HOME, answer, bench, problem
 from tests.service.server import serving

@@ -36,7 +36,7 @@ def libraries(pid: int) -> set[str]:
 
 @pytest.fixture(scope="module")
 def service(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Service]:
-    with serve(tmp_path_factory.mktemp("startup"), loads=True) as started:
+    with serve(tmp_path_factory.mktemp("startup")) as started:
         yield started
 
 
@@ -83,7 +83,7 @@ def test_a_cold_cache_is_told_in_readyz_and_in_the_log(tmp_path: Path) -> None:
         "NUMBA_CACHE_DIR": str(tmp_path / "cold"),
         "ARMWRIGHT_KERNELS": str(tmp_path / "none"),
     }
-    with serve(tmp_path, warm=False, environment=cold, loads=True) as (process, client):
+    with serve(tmp_path, warm=False, environment=cold) as (process, client):
         assert answer(client.get("/healthz"))["status"] == "ok"
         documents = []
 

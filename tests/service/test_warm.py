@@ -2,7 +2,7 @@
 
 from pathlib import Path
 
-from tests.service.loaded_fork_server import run_where_ready
+from tests.compiled.programs import run
 
 ROOT = Path(__file__).parents[2]
 #: Run in a process of its own, since this one may have called anything by now.
@@ -97,6 +97,6 @@ print(sorted(name for module, name, _ in signatures() - before))
 
 
 def test_no_request_compiles_anything() -> None:
-    ran = run_where_ready(SCRIPT, ROOT)
-    assert ran.code == 0, ran.errors[-3000:]
-    assert ran.out.strip() == "[]"
+    ran = run(SCRIPT, ROOT)
+    assert ran.returncode == 0, ran.stderr[-3000:]
+    assert ran.stdout.strip() == "[]"

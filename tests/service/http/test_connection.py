@@ -168,9 +168,7 @@ def test_descriptors_are_left_for_workers(tmp_path: Path) -> None:
     """However many connections there are, a worker that dies is replaced, and health is told."""
     under, settings = ["prlimit", "--nofile=200:200"], {"ARMWRIGHT_WORKERS": "1"}
     with ExitStack() as held:
-        process, client = held.enter_context(
-            serve(tmp_path, environment=settings, under=under, loads=True)
-        )
+        process, client = held.enter_context(serve(tmp_path, environment=settings, under=under))
         running = Running(process, client)
 
         def alive() -> bool:

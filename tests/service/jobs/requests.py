@@ -9,7 +9,7 @@ from typing import Any
 
 import httpx
 
-from tests.service.forked_commands import start_command
+from tests.service.commands import start_command
 from tests.service.processes import wait_until
 from tests.service.robots import (
     DETOUR,
