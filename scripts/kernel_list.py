@@ -39,7 +39,7 @@ def record(folder: Path, add: bool) -> None:
         FROZEN: "0",
     }
     # Before there are requests, or the servers of the tests would not be ready in time.
-    command = "from service import warm_requests; list(warm_requests.steps())"
+    command = "from service.warm_up import warm_requests; list(warm_requests.steps())"
     first = ["-m", "service.cli", "warm"] if add else ["-c", command]
     subprocess.run([sys.executable, *first], cwd=ROOT, env=environment, check=True)
     tests = [sys.executable, "-m", "pytest", "-q", "--timeout", str(_TIMEOUT), *_TESTS]

@@ -27,7 +27,7 @@ import service.app, service.warm_up.warm_requests
 from compiled.compiler import kernel_list
 from compiled.compiler.dispatcher import Kernel
 from compiled.compiler.fingerprint import callees
-from service import kernels
+from service.warm_up import kernels
 from service.task_references import MODULES
 from service.workers.task import load_tasks
 for module in MODULES: load_tasks(module)

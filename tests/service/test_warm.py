@@ -9,7 +9,7 @@ ROOT = Path(__file__).parents[2]
 SCRIPT = """
 import gc, json, tempfile
 from numba.core.dispatcher import Dispatcher
-from service import kernels
+from service.warm_up import kernels
 
 
 def signatures():
@@ -26,7 +26,7 @@ from obstacles.collision.checker import Checker
 from obstacles.scenes.scene import Scene
 from planning.values.deadline import Deadline
 from planning.search.rrt_connect import rrt_connect
-from service.storage import worker_cache
+from service.storage.caches import worker_cache
 from service.endpoints.check import task as check
 from service.endpoints.dynamics import task as dynamics
 from service.endpoints.ik import task as inverse_kinematics
