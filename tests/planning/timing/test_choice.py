@@ -8,15 +8,25 @@ import pytest
 from kinematics.errors import InvalidOption, MissingLimit
 from kinematics.model.chain import Limits
 from kinematics.robots import builtin_chain
+from kinematics.trajectory.trajectory import Trajectory
+from planning.retiming.retime import PathToTime, retime
 from planning.timing.choice import (
     JERK_RULE,
     chosen_parametrization,
     require_limits,
     required_limits,
 )
-from planning.timing.method import timing_method
-from planning.timing.options import Method, Payload, TimingOptions
-from planning.timing.parametrization import TimeParametrization
+from planning.timing.method import (
+    JerkLimited,
+    PathLimits,
+    SplineInTime,
+    TimeOptimal,
+    timing_method,
+)
+from planning.timing.options import METHODS, Method, Payload, TimingOptions
+from planning.timing.parametrization import TimeParametrization, timing_report
+from planning.timing.path.blend import blend
+from planning.timing.time_scaling import ScaledTime
 
 NAMES = ("a", "b")
 CHAIN = builtin_chain("panda")
@@ -144,3 +154,75 @@ def test_a_solver_without_a_method_names_its_method() -> None:
         TimingOptions("jerk_limited", solver="reachability")
     with pytest.raises(InvalidOption, match="belongs to the method jerk_limited"):
         TimingOptions("toppra", solver="double_s")
+
+
+LIMITS = PathLimits(np.ones(2), np.full(2, 4.0), np.full(2, 40.0))
+PATH = blend([[0.0, 0.0], [1.0, 0.5]], [])
+
+
+def still(duration: float, factor: float) -> ScaledTime:
+    return ScaledTime(Trajectory(("a",), np.array([0.0, duration]), np.zeros((1, 1, 2))), factor)
+
+
+def test_names_choose_methods() -> None:
+    assert [timing_method(name).name for name in METHODS] == list(METHODS)
+    assert timing_method("toppra") == TimeOptimal("reachability")
+    assert timing_method("toppra", "toppra") == TimeOptimal("toppra")
+
+
+def test_a_spline_does_not_follow_a_path() -> None:
+    with pytest.raises(InvalidOption, match="does not follow paths"):
+        SplineInTime().time(PATH, ("a", "b"), LIMITS, (0.0, 0.0))
+
+
+def test_only_the_package_tells_what_its_answer_cost() -> None:
+    parts = (still(1.1, 1.1), still(2.0, 1.0))
+    for method in (TimeOptimal(), JerkLimited(), SplineInTime()):
+        assert method.notes(parts) == ()
+    (note,) = TimeOptimal("toppra").notes(parts)
+    # 3.1 s in place of 3.0 s.
+    assert note == (
+        "toppra's answer was slowed down by 3.33 % (0.1 s) to bring it inside the limits between "
+        "its grid points."
+    )
+    (note,) = TimeOptimal("toppra").notes((still(1.0, 1.0),))
+    assert note == "toppra's answer keeps all limits between its grid points too."
+    assert TimeOptimal("toppra").notes(()) == ()
+
+
+@pytest.mark.parametrize(
+    ("options", "told", "expected"),
+    [
+        (TimingOptions(), "quintic_spline", ("jerk_limited", "quintic_spline")),
+        (TimingOptions(), None, ("jerk_limited", "interior_point")),
+        (TimingOptions(solver="interior_point"), None, ("jerk_limited", "interior_point")),
+        (TimingOptions("toppra"), None, ("toppra", "reachability")),
+        (TimingOptions(solver="toppra"), None, ("toppra", "toppra")),
+        (TimingOptions("spline"), None, ("spline", None)),
+    ],
+)
+def test_the_solver_is_the_one_that_found_the_speeds(
+    options: TimingOptions, told: str | None, expected: tuple[str, str | None]
+) -> None:
+    parametrization = chosen_parametrization(options, NAMES, Limits.unlimited(2), GIVEN)
+    report = timing_report(parametrization, told)  # type: ignore[arg-type]
+    assert (report.method, report.solver) == expected
+    np.testing.assert_array_equal(report.limits["velocity"], GIVEN["velocity"])
+    ruled = NAMES if expected[0] == "jerk_limited" else ()
+    assert report.ruled_jerk == ruled
+    assert ("jerk" in report.limits) == bool(ruled)
+
+
+def test_retimed_paths_have_bounded_jerk_unless_all_limits_are_the_callers() -> None:
+    path = PathToTime(NAMES, np.array([[0.0, 0.0], [1.0, 0.5], [1.0, 2.0]]))
+    bare = retime(path, TimingOptions(), GIVEN)
+    assert bare.timing is not None
+    assert bare.timing.method == "toppra"
+    given = retime(path, TimingOptions(), GIVEN | {"jerk": np.array([40.0, 40.0])})
+    assert given.timing is not None
+    assert (given.timing.solver, given.timing.ruled_jerk) == ("double_s", ())
+    asked = retime(path, TimingOptions(solver="interior_point"), GIVEN)
+    assert asked.timing is not None
+    assert (asked.timing.solver, asked.timing.ruled_jerk) == ("interior_point", NAMES)
+    limits = replace(Limits.unlimited(2), **GIVEN)
+    assert np.isnan(limits.jerk).all()

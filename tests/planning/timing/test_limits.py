@@ -3,12 +3,12 @@
 import numpy as np
 import pytest
 from numpy.polynomial import polynomial as power_basis
-from numpy.typing import NDArray
 
 from benchmarks.judges.ratios import worst_ratio
 from benchmarks.timing import run
 from dynamics.inverse import inverse_dynamics
 from dynamics.model.payload import with_motors, with_payload
+from kinematics.arrays import Array
 from kinematics.errors import InvalidOption
 from kinematics.jacobian import geometric
 from kinematics.model.chain import Chain
@@ -23,8 +23,6 @@ from planning.timing.parametrization import TimeParametrization
 from planning.timing.path.blend import blend, largest_reaches
 from planning.timing.speed.minimum_time import time_path
 from planning.values.limits import EffortLimits
-
-Array = NDArray[np.float64]
 
 
 def chain_of(name: str) -> Chain:

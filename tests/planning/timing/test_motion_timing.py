@@ -1,6 +1,5 @@
 """Plans timed by every method: certified, within limits, at rest at both ends."""
 
-import itertools
 from dataclasses import replace
 from typing import Any
 
@@ -26,7 +25,6 @@ from planning.timing.choice import chosen_parametrization
 from planning.timing.close_instants import WHOLE, CloseInstants
 from planning.timing.motion_timing import motions
 from planning.timing.options import Payload, TimingOptions
-from planning.timing.path.blend import certified_reaches, largest_reaches, reach_for_deviation
 from planning.values.deadline import Deadline
 from planning.values.optimize_options import RefineOptions
 from tests.planning.scenes import HOME, builtin, pillar, shelf
@@ -171,51 +169,6 @@ def test_limits_of_the_request_replace_those_of_the_robot() -> None:
     if np.isnan(without.chain.limits.jerk).any():
         with pytest.raises(MissingLimit, match="jerk"):
             plan(problem, Options(timing=TimingOptions("jerk_limited")))
-
-
-def test_cubic_corners_are_proved_before_they_are_used() -> None:
-    robot = builtin("panda")
-    checker = Checker.of(robot, shelf(), 0.0)
-    rng = np.random.default_rng(0)
-    deadline = Deadline.after(60.0)
-    tried = 0
-    while tried < 10:
-        points = HOME + rng.uniform(-0.5, 0.5, (3, 7))
-        if not all(checker.free(a, b) for a, b in itertools.pairwise(points)):
-            continue
-        tried += 1
-        (reach,) = certified_reaches(checker, points, deadline, smooth=True)
-        assert 0.0 <= reach <= largest_reaches(points)[0]
-        most = reach_for_deviation(points, 0.02, smooth=True)
-        (less,) = certified_reaches(checker, points, deadline, smooth=True, most=most)
-        assert less <= most[0]
-        if reach > 0.0:
-            legs = np.diff(points, axis=0)
-            u = legs / np.linalg.norm(legs, axis=1, keepdims=True)
-            for w in np.linspace(0.0, 1.0, 30):
-                for away in (u[0], -u[1]):
-                    bend = reach * (u[1] - u[0]) / 6.0
-                    assert checker.valid(points[1] - reach * away * (1.0 - w) + bend * w**3)
-
-
-def test_cubic_motions_are_proved_or_not_like_their_samples() -> None:
-    robot = builtin("panda")
-    checker = Checker.of(robot, POST, 0.0)
-    rng = np.random.default_rng(1)
-    verdicts = []
-    for _ in range(60):
-        b = rng.uniform(-0.4, 0.4, (4, 7))
-        b[0] = 0.5 * (HOME + ASIDE) + 0.5 * b[0]
-        proved = checker.curve(*b).free
-        s = np.linspace(0.0, 1.0, 200)[:, None]
-        samples = b[0] + b[1] * s + b[2] * s**2 + b[3] * s**3
-        sampled = all(checker.valid(q) for q in samples)
-        lower, upper = robot.chain.limits.lower, robot.chain.limits.upper
-        inside = ((samples >= lower) & (samples <= upper)).all()
-        if proved and inside:
-            assert sampled
-        verdicts.append(proved)
-    assert 5 < sum(verdicts) < 55
 
 
 def test_a_plan_is_a_smooth_spline_of_few_pieces_where_nothing_is_asked_of_its_timing() -> None:

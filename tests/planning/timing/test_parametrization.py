@@ -2,25 +2,30 @@
 
 import numpy as np
 import pytest
+from numpy.typing import ArrayLike
 from scipy.interpolate import CubicSpline
 
+from benchmarks.judges.ratios import worst_ratio
 from kinematics.arrays import Array
 from kinematics.errors import InvalidOption
+from kinematics.trajectory.trajectory import Trajectory, stay
+from planning.timing.limit_ratios import worst_kernel
 from planning.timing.method import timing_method
 from planning.timing.options import Method
 from planning.timing.parametrization import TimeParametrization, merge_repeated
 from planning.timing.path.blend import blend, largest_reaches
+from planning.timing.time_scaling import dilate, fit, peak_ratios
 
-NAMES = ("a", "b")
-V, A, J = np.array([1.0, 2.0]), np.array([4.0, 3.0]), np.array([40.0, 50.0])
+JOINTS = ("a", "b")
+V, A, JERKS = np.array([1.0, 2.0]), np.array([4.0, 3.0]), np.array([40.0, 50.0])
 WAYPOINTS = np.array([[0.0, 0.0], [1.0, 0.2], [1.2, 1.0], [0.3, 1.4]])
 
 
-def of(
+def timing_by(
     name: Method, start_velocity: Array | None = None, end_velocity: Array | None = None
 ) -> TimeParametrization:
     method = timing_method(name)
-    jerk = J if method.smooth else None
+    jerk = JERKS if method.smooth else None
     return TimeParametrization(method, V, A, jerk, None, start_velocity, end_velocity)
 
 
@@ -29,31 +34,31 @@ def test_boundary_velocities_along_the_path_are_met(method: Method) -> None:
     path = blend([[0.0, 0.0], [3.0, 1.5]], [])
     tangent = np.array([2.0, 1.0]) / np.sqrt(5.0)
     start, end = 0.3 * tangent, 0.4 * tangent
-    motion = of(method, start_velocity=start, end_velocity=end).time(path, NAMES).trajectory
+    motion = timing_by(method, start_velocity=start, end_velocity=end).time(path, JOINTS).trajectory
     rates = motion.sample([0.0, motion.duration], 1)
     np.testing.assert_allclose(rates, [start, end], atol=1e-9)
     assert (motion.peaks(1).value <= V).all()
     assert (motion.peaks(2).value <= A).all()
     for wrong in (-start, np.array([0.1, -0.2]), np.array([np.inf, 0.0])):
         with pytest.raises(InvalidOption, match="start_velocity"):
-            of(method, start_velocity=wrong).time(path, NAMES)
+            timing_by(method, start_velocity=wrong).time(path, JOINTS)
 
 
 def test_corners_are_stops_where_a_narrow_curve_takes_longer() -> None:
-    parametrization = of("jerk_limited")
+    parametrization = timing_by("jerk_limited")
     none = np.zeros(2)
-    stops = parametrization.time_polyline(WAYPOINTS, none, NAMES).trajectory.duration
+    stops = parametrization.time_polyline(WAYPOINTS, none, JOINTS).trajectory.duration
     for share in (1e-4, 1.0):
         reaches = share * largest_reaches(WAYPOINTS)
-        rounded = parametrization.time(blend(WAYPOINTS, reaches, smooth=True), NAMES)
-        timed = parametrization.time_polyline(WAYPOINTS, reaches, NAMES)
+        rounded = parametrization.time(blend(WAYPOINTS, reaches, smooth=True), JOINTS)
+        timed = parametrization.time_polyline(WAYPOINTS, reaches, JOINTS)
         assert timed.trajectory.duration == min(stops, rounded.trajectory.duration)
 
 
 def test_splines_of_time_are_scipys_and_are_stretched_on_request_only() -> None:
     times = np.array([0.0, 0.3, 0.6, 1.0])
-    spline = of("spline")
-    given = spline.time_spline(WAYPOINTS, times, "natural", NAMES)
+    spline = timing_by("spline")
+    given = spline.time_spline(WAYPOINTS, times, "natural", JOINTS)
     dense = np.linspace(0.0, 1.0, 200)
     expected = CubicSpline(times, WAYPOINTS, bc_type="natural")
     np.testing.assert_allclose(given.trajectory.sample(dense), expected(dense), atol=1e-12)
@@ -63,18 +68,18 @@ def test_splines_of_time_are_scipys_and_are_stretched_on_request_only() -> None:
         np.abs(expected(exact, 1) / V).max(),
         np.sqrt(np.abs(expected(exact, 2) / A).max()),
     )
-    scaled = spline.time_spline(WAYPOINTS, times, "natural", NAMES, scale=True)
+    scaled = spline.time_spline(WAYPOINTS, times, "natural", JOINTS, scale=True)
     assert scaled.factor == pytest.approx(max(ratios), rel=1e-6)
     assert spline.needed_factor(given.trajectory) == pytest.approx(scaled.factor, rel=1e-9)
-    free = spline.time_spline(WAYPOINTS, None, "natural", NAMES).trajectory
+    free = spline.time_spline(WAYPOINTS, None, "natural", JOINTS).trajectory
     used = max((free.peaks(1).value / V).max(), (free.peaks(2).value / A).max())
     assert used == pytest.approx(1.0, abs=1e-9)
 
 
 def test_boundary_velocities_of_splines_need_clamped_ends_and_times() -> None:
-    spline = of("spline", start_velocity=np.array([0.1, 0.2]))
+    spline = timing_by("spline", start_velocity=np.array([0.1, 0.2]))
     times = np.arange(4.0)
-    motion = spline.time_spline(WAYPOINTS, times, "clamped", NAMES).trajectory
+    motion = spline.time_spline(WAYPOINTS, times, "clamped", JOINTS).trajectory
     np.testing.assert_allclose(motion.sample([0.0, 3.0], 1), [[0.1, 0.2], [0.0, 0.0]], atol=1e-12)
     for given, ends, scale in (
         (times, "natural", False),
@@ -82,9 +87,102 @@ def test_boundary_velocities_of_splines_need_clamped_ends_and_times() -> None:
         (None, "clamped", False),
     ):
         with pytest.raises(InvalidOption, match="boundary velocities of a spline"):
-            spline.time_spline(WAYPOINTS, given, ends, NAMES, scale)  # type: ignore[arg-type]
+            spline.time_spline(WAYPOINTS, given, ends, JOINTS, scale)  # type: ignore[arg-type]
 
 
 def test_repeated_waypoints_are_merged_and_collinear_ones_stay() -> None:
     points = [[0.0, 0.0], [0.0, 0.0], [1.0, 1.0], [2.0, 2.0], [2.0, 2.0]]
     np.testing.assert_array_equal(merge_repeated(points), [[0.0, 0.0], [1.0, 1.0], [2.0, 2.0]])
+
+
+def random_trajectory(rng: np.random.Generator, n: int) -> Trajectory:
+    breaks = np.concatenate([[0.0], np.cumsum(rng.uniform(0.1, 1.0, 6))])
+    names = tuple(f"j{i}" for i in range(n))
+    return Trajectory(names, breaks, rng.normal(size=(6, n, 5)) * 10.0 ** rng.uniform(-3, 3))
+
+
+@pytest.mark.parametrize("seed", range(40))
+def test_the_least_factor_is_found(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    trajectory = random_trajectory(rng, 4)
+    limits = [10.0 ** rng.uniform(-2, 2, 4) for _ in range(3)]
+    slow, factor, _ = dilate(trajectory, *limits)
+    needed = [
+        float((trajectory.peaks(order).value / limit).max()) ** (1.0 / order)
+        for order, limit in enumerate(limits, start=1)
+    ]
+    assert factor == pytest.approx(max(1.0, *needed), rel=1e-11)
+    ratios = [peak_ratios(slow, limit, order).max() for order, limit in enumerate(limits, start=1)]
+    assert max(ratios) <= 1.0
+    fast, speed_up, _ = fit(trajectory, *limits)
+    assert speed_up == pytest.approx(max(needed), rel=1e-11)
+    ratios = [peak_ratios(fast, limit, order).max() for order, limit in enumerate(limits, start=1)]
+    assert 1.0 - 1e-11 < max(ratios) <= 1.0
+
+
+def test_what_is_inside_its_limits_stays_as_it_is() -> None:
+    trajectory = random_trajectory(np.random.default_rng(1), 3)
+    same, factor, _ = dilate(trajectory, trajectory.peaks(1).value, np.full(3, np.inf))
+    assert factor == 1.0
+    assert same is trajectory
+    assert dilate(trajectory).factor == 1.0
+
+
+def test_one_limit_alone_is_enough() -> None:
+    trajectory = random_trajectory(np.random.default_rng(2), 2)
+    half = trajectory.peaks(2).value / 4.0
+    assert dilate(trajectory, acceleration=half).factor == pytest.approx(2.0, rel=1e-11)
+    eighth = trajectory.peaks(3).value / 8.0
+    assert dilate(trajectory, jerk=eighth).factor == pytest.approx(2.0, rel=1e-11)
+
+
+@pytest.mark.parametrize(
+    "limits", [[1.0], [1.0, 0.0], [1.0, -1.0], [1.0, np.nan], ["a", "b"], [[1.0, 1.0]]]
+)
+def test_malformed_limits_are_refused(limits: ArrayLike) -> None:
+    trajectory = random_trajectory(np.random.default_rng(3), 2)
+    for stretch in (dilate, fit):
+        with pytest.raises(InvalidOption, match="velocity limits"):
+            stretch(trajectory, limits)
+
+
+def test_no_motion_or_no_limit_has_no_fastest_scaling() -> None:
+    trajectory = random_trajectory(np.random.default_rng(4), 2)
+    for still, limit in ((stay(["a", "b"], [0.0, 1.0]), 1.0), (trajectory, np.inf)):
+        with pytest.raises(InvalidOption, match="no limit bounds"):
+            fit(still, np.full(2, limit))
+
+
+def _by_roots(breaks: np.ndarray, coefficients: np.ndarray, limits: np.ndarray) -> np.ndarray:
+    """The ratios from the eigenvalues of companion matrices."""
+    names = tuple(f"joint{i}" for i in range(coefficients.shape[1]))
+    motion = Trajectory(names, breaks, coefficients)
+    return np.array([worst_ratio(motion, limits[row], row + 1) for row in range(3)])
+
+
+@pytest.mark.parametrize("n", [1, 2, 6, 7, 8, 9, 14, 16, 17])
+@pytest.mark.parametrize("size", [2, 3, 4, 6, 7])
+def test_worst_ratios_are_those_at_the_roots_of_numpy(n: int, size: int) -> None:
+    rng = np.random.default_rng(100 * n + size)
+    for _ in range(8):
+        lengths = 10.0 ** rng.uniform(-1.5, 0.5, 6)
+        breaks = np.concatenate([[0.0], np.cumsum(lengths)])
+        # About the same in each power at the end of a piece, so that insides count.
+        scales = lengths[:, None, None] ** -np.arange(float(size))
+        coefficients = rng.normal(size=(6, n, size)) * scales
+        coefficients[rng.uniform(size=(6, n)) < 0.1, -1] = 0.0
+        limits = 10.0 ** rng.uniform(-1.0, 1.0, (3, n))
+        limits[rng.uniform(size=(3, n)) < 0.2] = np.inf
+        worst = np.zeros(3)
+        worst_kernel(breaks, coefficients, limits, worst)
+        np.testing.assert_allclose(worst, _by_roots(breaks, coefficients, limits), rtol=1e-9)
+
+
+def test_what_has_no_limit_is_not_looked_at() -> None:
+    coefficients = np.random.default_rng(0).normal(size=(2, 3, 6))
+    limits = np.full((3, 3), np.inf)
+    limits[1] = 2.0
+    worst = np.zeros(3)
+    worst_kernel(np.arange(3.0), coefficients, limits, worst)
+    assert worst[0] == worst[2] == 0.0
+    assert worst[1] > 0.0

@@ -4,16 +4,14 @@ import logging
 
 import numpy as np
 import toppra
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from kinematics.arrays import Array
 from kinematics.trajectory.trajectory import Trajectory
 from planning.timing.options import Solver
 from planning.timing.path.blend import blend, largest_reaches
 from planning.timing.path.path import JointPath
 from planning.timing.speed.minimum_time import time_path
-
-Array = NDArray[np.float64]
-
 
 PANDA_VELOCITY = np.array([2.175] * 4 + [2.61] * 3)
 

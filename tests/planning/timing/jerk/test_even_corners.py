@@ -1,9 +1,21 @@
 """Rounded polylines at even corners: exact limits, continuous acceleration, on the path."""
 
+import itertools
+
 import numpy as np
 import pytest
 
 from benchmarks.judges.ratios import worst_ratio
+from planning.timing.jerk.corner_reaches import CornerLimits, fastest_reaches_kernel
+from planning.timing.jerk.double_s import (
+    CONVERGED,
+    MAX_PHASES,
+    Legs,
+    leg_phases_kernel,
+    leg_time,
+    lower_speeds_kernel,
+    ramp_time,
+)
 from planning.timing.jerk.even_corners import (
     fastest_reaches,
     pass_even_corners,
@@ -11,6 +23,7 @@ from planning.timing.jerk.even_corners import (
     time_even_corners,
 )
 from planning.timing.jerk.jerk_limited import time_path_with_jerk
+from planning.timing.jerk.ruckig import line_phases
 from planning.timing.path.blend import blend, largest_reaches, merge
 from tests.planning.timing.timed_paths import PANDA_ACCELERATION, PANDA_VELOCITY, names
 
@@ -89,3 +102,101 @@ def test_pieces_of_a_polyline_are_those_of_its_path(seed: int) -> None:
     at_breaks = path.sample(places)
     away = np.linalg.norm(motion.sample(breaks)[:, None] - at_breaks[None], axis=2)
     assert away.min(axis=0).max() < 1e-9
+
+
+def _ramp_length(low: float, high: float, limits: np.ndarray) -> float:
+    return 0.5 * (low + high) * ramp_time(abs(high - low), limits[1], limits[2])
+
+
+@pytest.mark.parametrize("seed", range(40))
+def test_a_leg_takes_the_time_that_ruckig_finds(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    limits = 10.0 ** rng.uniform(-1.0, 1.5, 3)
+    if seed % 5 == 0:
+        limits[0] = np.inf
+    start, end = rng.uniform(0.0, min(limits[0], 3.0), 2) * rng.choice([0.0, 1.0], 2)
+    length = _ramp_length(min(start, end), max(start, end), limits) + 10.0 ** rng.uniform(-3, 1)
+    expected = line_phases(length, limits, start, end)[:, 4].sum()
+    assert leg_time(start, end, length, limits, CONVERGED) == pytest.approx(expected, rel=1e-8)
+    phases = np.zeros((MAX_PHASES, 5))
+    used = leg_phases_kernel(start, end, length, limits, phases)
+    place, speed, rate = 0.0, start, 0.0
+    for s, v, half, sixth, t in phases[:used]:
+        assert (s, v, 2.0 * half) == pytest.approx((place, speed, rate), rel=1e-9, abs=1e-9)
+        assert v <= limits[0] * (1.0 + 1e-12)
+        assert abs(2.0 * half) <= limits[1] * (1.0 + 1e-9)
+        assert abs(6.0 * sixth) <= limits[2] * (1.0 + 1e-12)
+        place, speed = s + (v + (half + sixth * t) * t) * t, v + (2.0 * half + 3.0 * sixth * t) * t
+        rate = 2.0 * half + 6.0 * sixth * t
+    assert (place, speed) == pytest.approx((length, end), rel=1e-10, abs=1e-12)
+    assert abs(rate) < 1e-9 * limits[1]
+
+
+@pytest.mark.parametrize("seed", range(10))
+def test_speeds_are_the_largest_that_the_legs_leave_room_for(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    count = int(rng.integers(2, 9))
+    limits = 10.0 ** rng.uniform(0.5, 1.5, (count, 3))
+    legs = Legs(10.0 ** rng.uniform(-3.0, 0.5, count), limits)
+    caps = rng.uniform(0.1, 3.0, count + 1)
+    caps[[0, -1]] = 0.0
+    speeds = caps.copy()
+    time = lower_speeds_kernel(legs, speeds, CONVERGED)
+    assert np.isfinite(time)
+    assert (speeds <= caps).all()
+
+    def possible(values: np.ndarray) -> bool:
+        pairs = zip(itertools.pairwise(values), legs.lengths, legs.limits, strict=True)
+        lengths = [(_ramp_length(min(p), max(p), lim), length) for p, length, lim in pairs]
+        return all(ramp <= length * (1.0 + 1e-9) for ramp, length in lengths)
+
+    assert possible(speeds)
+    for i in range(1, count):
+        raised = speeds.copy()
+        raised[i] *= 1.0 + 1e-5
+        assert raised[i] > caps[i] or not possible(raised)
+
+
+_ROUGH = 1e-4
+
+
+def _time(
+    legs: Legs, corners: CornerLimits, reaches: np.ndarray, window: tuple[int, int],
+    ends: tuple[float, float], tolerance: float,
+) -> tuple[float, np.ndarray]:  # fmt: skip
+    """Time of the legs of a window with the corners between, and speeds; by numbers alone."""
+    first, last = window
+    rest = legs.lengths - np.append(0.0, reaches)
+    rest = (rest - np.append(reaches, 0.0))[first:last]
+    inner = slice(first, last - 1)
+    speeds = np.empty(last - first + 1)
+    speeds[0], speeds[-1] = ends
+    for i, r in enumerate(reaches[inner]):
+        bent = np.sqrt(corners.acceleration[inner][i] * r)
+        jerk = float(corners.jerk[inner][i] * r * r) ** (1.0 / 3.0)
+        speeds[i + 1] = min(corners.speed[inner][i], bent, jerk)
+    part = Legs(np.ascontiguousarray(rest), np.ascontiguousarray(legs.limits[first:last]))
+    time = lower_speeds_kernel(part, speeds, tolerance)
+    if speeds[0] < (1.0 - _ROUGH) * ends[0] or speeds[-1] < (1.0 - _ROUGH) * ends[1]:
+        return np.inf, speeds
+    for r, v in zip(reaches[inner], speeds[1:-1], strict=True):
+        if r > 0.0:
+            time = time + 2.0 * r / v if v > 0.0 else np.inf
+    return time, speeds
+
+
+def test_reaches_are_nearly_the_fastest_of_a_fine_grid() -> None:
+    rng = np.random.default_rng(3)
+    legs = Legs(np.array([0.8, 0.5, 1.1]), rng.uniform(1.0, 8.0, (3, 3)) * [1.0, 1.0, 8.0])
+    corners = CornerLimits(rng.uniform(1, 2, 2), rng.uniform(1, 3, 2), rng.uniform(8, 30, 2))
+    largest = np.array([0.25, 0.25])
+
+    def time(reaches: np.ndarray) -> float:
+        return _time(legs, corners, reaches, (0, 3), (0.0, 0.0), CONVERGED)[0]
+
+    found = np.zeros(2)
+    fastest_reaches_kernel(legs, corners, largest, found)
+    grid = [time(largest * shares) for shares in itertools.product(np.linspace(0, 1, 41), repeat=2)]
+    assert (found <= largest).all()
+    assert time(found) <= 1.01 * min(grid)
+    assert time(found) < 0.97 * time(largest * 0.1)

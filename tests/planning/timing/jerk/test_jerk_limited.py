@@ -1,21 +1,36 @@
 """Motion with bounded jerk along paths: limits, optimality, exactness, odd input."""
 
+from typing import Any
+
 import numpy as np
 import pytest
-from numpy.typing import NDArray
+from scipy.optimize import minimize
 
 from benchmarks.judges.least_time import optimum, stops
 from benchmarks.judges.ratios import worst_ratio
+from kinematics.arrays import Array
 from kinematics.errors import InvalidOption
+from kinematics.forward import forward
 from kinematics.trajectory.trajectory import Trajectory
 from planning.timing.failure import TimingFailed
-from planning.timing.jerk.jerk_limited import time_path_with_jerk
+from planning.timing.jerk.grid import KnotLimits, grid
+from planning.timing.jerk.interior_point import least_time_kernel
+from planning.timing.jerk.jerk_limited import TOLERANCE, _start, time_path_with_jerk
+from planning.timing.jerk.limits import (
+    JerkLimits,
+    inside_kernel,
+    jerk_at_kernel,
+    knot_kernel,
+    time_kernel,
+)
 from planning.timing.jerk.ruckig import line_phases
 from planning.timing.path.blend import blend, largest_reaches, reach_for_deviation
 from planning.timing.path.path import JointPath
+from planning.timing.speed.effort_limits import effort_rows
 from planning.timing.spline.spline import chord_knots, spline_path
+from planning.values.limits import EffortLimits
+from tests.planning.scenes import HOME, builtin
 
-Array = NDArray[np.float64]
 VELOCITY = np.array([2.175] * 4 + [2.61] * 3)
 ACCELERATION = np.array([15.0, 7.5, 10.0, 12.5, 15.0, 20.0, 20.0])
 JERK = np.array([7500.0, 3750.0, 5000.0, 6250.0, 7500.0, 10000.0, 10000.0])
@@ -165,17 +180,6 @@ def test_what_no_bounded_jerk_can_follow_is_refused() -> None:
         timed(line, ones, ones, np.zeros(2))
 
 
-def test_phases_join_what_they_say() -> None:
-    rng = np.random.default_rng(10)
-    for _ in range(50):
-        length, v, a, j = 10.0 ** rng.uniform(-3.0, 2.0, 4)
-        phases = line_phases(length, [v, a, j])
-        ends = phases[:, 0] + phases[:, 4] * (
-            phases[:, 1] + phases[:, 4] * (phases[:, 2] + phases[:, 4] * phases[:, 3])
-        )
-        np.testing.assert_allclose(ends, [*phases[1:, 0], length], rtol=1e-9)
-
-
 def test_phases_along_a_line_take_the_least_time_and_lead_to_its_end() -> None:
     rng = np.random.default_rng(11)
     limits = np.full(4, 1.0), np.full(4, 3.0), np.full(4, 20.0)
@@ -192,3 +196,108 @@ def test_phases_along_a_line_take_the_least_time_and_lead_to_its_end() -> None:
             np.testing.assert_allclose(there, expected, atol=1e-9)
     with pytest.raises(TimingFailed, match="ruckig"):
         line_phases(1.0, bounds, end_speed=2.0 * bounds[0])
+
+
+UR5E_HOME = np.array([-0.6, -1.2, 1.6, -1.97, -1.57, 0.0])
+
+
+def line(length: float, n: int = 1) -> JointPath:
+    return blend(np.stack([np.zeros(n), np.eye(n)[0] * length]), [], smooth=True)
+
+
+def no_more(path: JointPath, places: Array) -> KnotLimits:
+    """Further limits that limit nothing."""
+    return KnotLimits(np.full(len(places), np.inf), np.zeros((len(places), 0, 4)))
+
+
+def limits(v: float, a: float, j: float, n: int = 1) -> Array:
+    return np.outer([v, a, j], np.ones(n))
+
+
+@pytest.mark.parametrize(("name", "start"), [("ur5e", UR5E_HOME), ("panda", HOME)])
+@pytest.mark.parametrize("speed", [0.25, 0.5, 0.8])
+def test_a_turn_of_the_base_under_a_tool_speed_takes_the_time_that_ruckig_takes(
+    name: str, start: Array, speed: float
+) -> None:
+    """The tip moves on a circle: its speed limits the base's by the radius."""
+    chain = builtin(name).chain
+    effort = EffortLimits(chain, tool_speed=speed)
+    bounds = np.stack([chain.limits.velocity, chain.limits.acceleration, chain.limits.jerk])
+    radius = float(np.hypot(*forward(chain, start)[:2, 3]))
+    for angle in (0.2, 0.7 + 0.6, 1.7):
+        end = start + angle * np.eye(chain.n)[0]
+        path = blend(np.stack([start, end]), [], smooth=True)
+        timed = time_path_with_jerk(path, chain.joint_names, *bounds, extra=effort_rows(effort))
+        along = [min(bounds[0, 0], speed / radius), bounds[1, 0], bounds[2, 0]]
+        least = line_phases(angle, along)[:, 4].sum()
+        # Between knots a hundredth more may be left: the motion is slowed down for it later.
+        assert radius * timed.trajectory.peaks(1).value[0] <= 1.01 * speed
+        assert 0.99 * least <= timed.trajectory.duration <= 1.06 * least
+
+
+def test_no_length_of_a_line_makes_it_slower_than_its_neighbours() -> None:
+    """Ramps of two fifths end where the fourth and sixth of ten knots are, but for rounding."""
+    bounds = limits(1.0, 1.0, 5.0)
+    for length in np.random.default_rng(0).uniform(0.1, 1.5, 40):
+        timed = time_path_with_jerk(line(length), ("a",), *bounds, extra=no_more)
+        least = line_phases(float(length), bounds[:, 0])[:, 4].sum()
+        assert 0.999 * least <= timed.trajectory.duration <= 1.05 * least
+
+
+def rows_on(seed: int, jerk: float) -> JerkLimits:
+    waypoints = np.random.default_rng(seed).uniform(-1.0, 1.0, (3, 2))
+    path: JointPath = blend(waypoints, largest_reaches(waypoints), smooth=True)
+    limits = np.array([[1.0, 1.5], [4.0, 5.0], [jerk, jerk]])
+    return grid(path, limits).rows
+
+
+def slacks(rows: JerkLimits, z: Array) -> Array:
+    """What is left of every limit, at z with its ends as their neighbours."""
+    h, left = rows.lengths, []
+    knots = [knot_kernel(h, z, i) for i in range(len(h) - 1)]
+    for i, (c, d) in enumerate(knots):
+        if np.isfinite(rows.caps[i]):
+            left.append(1.0 - c / rows.caps[i])
+        for row in rows.knot_rows[i, : rows.knot_counts[i]]:
+            value = row[0] * c + row[1] * d
+            left += [value - row[2], row[3] - value]
+    for k in range(len(h) - 2):
+        (c0, d0), (c1, d1) = knots[k], knots[k + 1]
+        e = (d1 - d0) / h[k + 1]
+        for j in range(rows.jerk_counts[k]):
+            for end, (c, d) in enumerate(((c0, d0), (c1, d1))):
+                used = jerk_at_kernel(rows.jerk_rows[k, end, j], c, d, e) * np.sqrt(c)
+                left += [1.0 - used, 1.0 + used]
+    return np.array(left)
+
+
+def inside(rows: JerkLimits, z: Array) -> Array:
+    """The largest multiple of z that keeps all limits."""
+    low, high = -4.0, 1.0
+    assert inside_kernel(rows, z * np.exp(low))
+    for _ in range(40):
+        middle = 0.5 * (low + high)
+        low, high = (middle, high) if inside_kernel(rows, z * np.exp(middle)) else (low, middle)
+    return np.asarray(z * np.exp(low))
+
+
+@pytest.mark.parametrize("seed", range(2))
+def test_scipy_finds_nothing_much_faster_from_there(seed: int) -> None:
+    rows = rows_on(seed, 50.0)
+    z = _start(rows)
+    least_time_kernel(rows, z, 0.3, TOLERANCE)
+    found = time_kernel(rows, z)
+
+    def full(x: Array) -> Array:
+        inner = np.exp(x)
+        return np.concatenate([inner[:1], inner, inner[-1:]])
+
+    program: Any = minimize
+    better = program(
+        lambda x: time_kernel(rows, full(x)),
+        np.log(z[1:-1]),
+        constraints={"type": "ineq", "fun": lambda x: slacks(rows, full(x))},
+        method="SLSQP",
+        options={"maxiter": 6},
+    )
+    assert found <= time_kernel(rows, inside(rows, full(better.x))) * (1.0 + 2.0 * TOLERANCE)

@@ -100,12 +100,6 @@ def test_phases_that_miss_the_target_are_a_failure(monkeypatch: pytest.MonkeyPat
         state_to_state(["a"], REST, JointState(np.array([1.0])), LIMITS)
 
 
-def test_a_motion_begins_with_the_velocity_asked_for() -> None:
-    start = JointState(np.zeros(1), np.array([790.0]))
-    motion = state_to_state(["j"], start, JointState(np.array([500.0])), LIMITS)
-    assert motion.sample([0.0], 1)[0, 0] == 790.0
-
-
 def test_a_velocity_beyond_its_limit_is_refused_and_not_lowered() -> None:
     start = JointState(np.zeros(1), np.array([1200.0]))
     with pytest.raises(InvalidOption, match=r"from: the velocity of joint 'j' is 1200, .* 800"):

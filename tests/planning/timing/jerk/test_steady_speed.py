@@ -2,14 +2,12 @@
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 
 from benchmarks.judges.ratios import worst_ratio
 from planning.timing.jerk.steady_speed import SteadyMotion, time_at_steady_speed
 from planning.timing.path.path import JointPath
 
-Array = NDArray[np.float64]
 NAMES = ("a", "b", "c")
 LIMITS = np.array([[2.0, 2.0, 3.0], [10.0, 8.0, 15.0], [500.0, 400.0, 800.0]])
 

@@ -4,14 +4,12 @@ import itertools
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 from scipy.spatial.distance import cdist
 
+from kinematics.arrays import Array
 from planning.timing.path.blend import blend
 from planning.timing.path.path import JointPath
 from planning.timing.path.simplification import simplified_polyline, written_unit
-
-Array = NDArray[np.float64]
 
 
 def sampled_path(rng: np.random.Generator) -> Array:

@@ -4,18 +4,20 @@ import itertools
 
 import numpy as np
 import pytest
+import toppra
 from numpy.polynomial import polynomial as power_basis
+from scipy.optimize import linprog
 
-from kinematics.trajectory.trajectory import Trajectory
+from benchmarks.judges.ratios import worst_ratio
+from kinematics.errors import InvalidOption, InvalidTrajectory
+from planning.timing.failure import TimingFailed
 from planning.timing.options import TOPPRA_SOLVERS, Solver
 from planning.timing.path.blend import blend, largest_reaches
-from planning.timing.speed import reachability
-from planning.timing.speed.constraints import cells
-from planning.timing.speed.minimum_time import RESOLUTION, time_path
-from planning.timing.speed.profile import timed_pieces
+from planning.timing.path.path import JointPath
+from planning.timing.speed.constraints import Cells, cells
+from planning.timing.speed.minimum_time import MAX_RESOLUTION, time_path
+from planning.timing.speed.reachability import squared_speeds
 from planning.timing.spline.spline import chord_knots, spline_path
-from planning.timing.time_scaling import dilate
-from tests.planning.timing import toppra_rows
 from tests.planning.timing.timed_paths import (
     PANDA_ACCELERATION,
     PANDA_VELOCITY,
@@ -27,32 +29,6 @@ from tests.planning.timing.timed_paths import (
 )
 
 
-def worst_ratio(trajectory: Trajectory, limits: Array, order: int) -> float:
-    """Largest |derivative| over its limit by closed forms for quartic pieces and numpy alone."""
-    c = trajectory.coefficients
-    for _ in range(order):
-        c = c[:, :, 1:] * np.arange(1, c.shape[2])
-    h = np.broadcast_to(np.diff(trajectory.breaks)[:, None], c.shape[:2])
-    slope = c[:, :, 1:] * np.arange(1, c.shape[2])
-    places = [np.zeros_like(h), h]
-    with np.errstate(all="ignore"):
-        if slope.shape[2] == 2:
-            places.append(-slope[:, :, 0] / slope[:, :, 1])
-        else:
-            constant, linear, square = np.moveaxis(slope, -1, 0)
-            # The form of the quadratic's roots that does not cancel.
-            root = -0.5 * (
-                linear + np.copysign(np.sqrt(linear**2 - 4.0 * square * constant), linear)
-            )
-            places += [root / square, constant / root]
-    worst = 0.0
-    for place in places:
-        t = np.clip(np.nan_to_num(place), 0.0, h)
-        values = sum(c[:, :, k] * t**k for k in range(c.shape[2]))
-        worst = max(worst, float((np.abs(values).max(axis=0) / limits).max()))
-    return worst
-
-
 def test_limits_hold_on_hundreds_of_random_paths() -> None:
     rng = np.random.default_rng(0)
     reached, factors = [], []
@@ -62,7 +38,7 @@ def test_limits_hold_on_hundreds_of_random_paths() -> None:
         path = random_path(rng, n, 10.0 ** rng.uniform(-3, 1))
         result = time_path(path, names(n), v, a)
         ratios = [worst_ratio(result.trajectory, limit, i) for i, limit in ((1, v), (2, a))]
-        assert max(ratios) <= 1.0 + 1e-13
+        assert max(ratios) <= 1.0 + 1e-9
         reached.append(max(ratios))
         factors.append(result.factor)
         assert (result.trajectory.peaks(1).value <= v).all()
@@ -70,21 +46,6 @@ def test_limits_hold_on_hundreds_of_random_paths() -> None:
     # Something is always at its limit, and no dilation was needed but for rounding.
     assert min(reached) > 1.0 - 1e-9
     assert max(factors) < 1.0 + 1e-9
-
-
-def test_the_independent_ratio_agrees_with_numpys_roots() -> None:
-    path = random_path(np.random.default_rng(5), 3)
-    trajectory = timed(path, np.ones(3), np.ones(3))
-    for order in (1, 2):
-        worst = 0.0
-        for h, piece in zip(np.diff(trajectory.breaks), trajectory.coefficients, strict=True):
-            for row in piece:
-                c = power_basis.polyder(row, order)
-                inner = np.trim_zeros(power_basis.polyder(c), "b")
-                roots = power_basis.polyroots(inner) if len(inner) > 1 else np.zeros(0)
-                places = np.clip([0.0, h, *np.real(roots)], 0.0, h)
-                worst = max(worst, float(np.abs(power_basis.polyval(places, c)).max()))
-        assert worst_ratio(trajectory, np.ones(3), order) == pytest.approx(worst, rel=1e-12)
 
 
 @pytest.mark.parametrize("solver", TOPPRA_SOLVERS)
@@ -132,25 +93,6 @@ def test_durations_are_those_of_the_toppra_package_or_less(part: float) -> None:
         assert mine >= 0.97 * other
 
 
-def test_the_package_finds_the_same_speeds_from_the_same_rows() -> None:
-    rng = np.random.default_rng(8)
-    for _ in range(40):
-        n = int(rng.integers(1, 10))
-        path = random_path(rng, n)
-        v, a = 10.0 ** rng.uniform(-0.5, 0.5, n), 10.0 ** rng.uniform(-0.5, 1.0, n)
-        limits = np.stack([v, a])
-        grid = cells(path, RESOLUTION, limits)
-        durations = []
-        for solve in (reachability.squared_speeds, toppra_rows.squared_speeds):
-            times, coefficients = timed_pieces(path, grid, solve(grid), limits)
-            motion = Trajectory(names(n), np.append(0.0, np.cumsum(times)), coefficients)
-            durations.append(dilate(motion, v, a).trajectory.duration)
-        mine, other = durations
-        # The package lowers its speeds on purpose, by up to 1e-4 of their squares.
-        assert mine <= other * (1.0 + 1e-9)
-        assert mine == pytest.approx(other, rel=2e-3)
-
-
 def test_the_package_with_its_own_constraints_is_slowed_down_into_the_limits() -> None:
     rng = np.random.default_rng(8)
     factors, ratios = [], []
@@ -166,7 +108,7 @@ def test_the_package_with_its_own_constraints_is_slowed_down_into_the_limits() -
         assert scaled.factor == pytest.approx(max(broken, 1.0), rel=1e-9)
         factors.append(scaled.factor)
         assert scaled.trajectory.duration >= (1.0 - 1e-3) * timed(path, v, a).duration
-    assert max(ratios) <= 1.0 + 1e-13
+    assert max(ratios) <= 1.0 + 1e-9
     assert max(factors) > 1.0 + 1e-6
 
 
@@ -188,3 +130,239 @@ def test_the_package_meets_the_speeds_at_the_ends() -> None:
         assert (motion.peaks(1).value <= 1.0).all()
         assert (motion.peaks(2).value <= 4.0).all()
     assert slowed
+
+
+def distance_to_path(path: JointPath, points: Array) -> Array:
+    """Distance of each point from the nearest piece, by Newton's steps on each piece."""
+    best = np.full(len(points), np.inf)
+    for c, length in zip(path.coefficients, path.lengths, strict=True):
+        u = np.linspace(0.0, length, 200)
+        dense = power_basis.polyval(u, c.T).T
+        places = u[np.linalg.norm(points[:, None] - dense, axis=2).argmin(axis=1)]
+        for _ in range(15):
+            q = power_basis.polyval(places, c.T).T
+            tangent = power_basis.polyval(places, power_basis.polyder(c.T)).T
+            steps = ((points - q) * tangent).sum(axis=1) / (tangent**2).sum(axis=1)
+            places = np.clip(places + steps, 0.0, length)
+        q = power_basis.polyval(places, c.T).T
+        best = np.minimum(best, np.linalg.norm(points - q, axis=1))
+    return best
+
+
+@pytest.mark.parametrize("solver", TOPPRA_SOLVERS)
+def test_the_path_is_followed_exactly_and_smoothly(solver: Solver) -> None:
+    rng = np.random.default_rng(9)
+    for _ in range(10):
+        path = random_path(rng, 7)
+        trajectory = timed(path, PANDA_VELOCITY, PANDA_ACCELERATION, solver)
+        position, velocity, _ = trajectory.continuity()
+        assert position <= 1e-12
+        assert velocity <= 1e-12
+        np.testing.assert_allclose(
+            trajectory.sample([0.0, trajectory.duration], 1), 0.0, atol=1e-12
+        )
+        points = trajectory.sample(np.linspace(0.0, trajectory.duration, 500))
+        assert distance_to_path(path, points).max() < 1e-12
+
+
+def test_a_finer_grid_gains_little() -> None:
+    rng = np.random.default_rng(12)
+    losses = []
+    for _ in range(20):
+        waypoints = rng.uniform(-2.0, 2.0, (6, 7))
+        path = blend(waypoints, largest_reaches(waypoints))
+        limits = PANDA_VELOCITY, PANDA_ACCELERATION
+        fine = time_path(path, names(7), *limits, resolution=8000).trajectory.duration
+        losses.append(timed(path, *limits).duration / fine - 1.0)
+    assert max(losses) < 2e-3
+
+
+@pytest.mark.parametrize("solver", TOPPRA_SOLVERS)
+def test_splines_are_timed_without_changing_their_curve(solver: Solver) -> None:
+    rng = np.random.default_rng(13)
+    for kind in ("natural", "clamped"):
+        points = rng.uniform(-2.0, 2.0, (7, 7))
+        path = spline_path(points, chord_knots(points), kind)
+        result = time_path(path, names(7), PANDA_VELOCITY, PANDA_ACCELERATION, solver=solver)
+        trajectory = result.trajectory
+        assert result.factor < 1.0 + (1e-6 if solver == "reachability" else 0.02)
+        assert trajectory.degree == 6
+        assert trajectory.continuity().velocity < 1e-12
+        assert (trajectory.peaks(1).value <= PANDA_VELOCITY).all()
+        assert (trajectory.peaks(2).value <= PANDA_ACCELERATION).all()
+        np.testing.assert_allclose(
+            trajectory.sample([0.0, trajectory.duration], 1), 0.0, atol=1e-12
+        )
+        inner = trajectory.sample(trajectory.breaks[1:-1])
+        assert distance_to_path(path, inner).max() < 1e-12
+        ends = trajectory.sample([0.0, trajectory.duration])
+        np.testing.assert_allclose(ends, points[[0, -1]], atol=1e-13)
+        other = package_duration(path, PANDA_VELOCITY, PANDA_ACCELERATION, 1000)
+        # The package stops in s at the ends of a clamped spline, where q' = 0 is rest enough.
+        if solver == "reachability" or kind == "natural":
+            assert trajectory.duration <= 1.005 * other
+        if solver == "reachability" and kind == "clamped":
+            assert trajectory.duration < 0.999 * other
+
+
+@pytest.mark.parametrize("solver", TOPPRA_SOLVERS)
+@pytest.mark.parametrize("size", [1e-9, 1e-6, 1e-3, 1e3])
+def test_the_scale_of_a_path_does_not_matter(solver: Solver, size: float) -> None:
+    waypoints = np.random.default_rng(14).uniform(-1.0, 1.0, (5, 4))
+    v, a = np.full(4, 2.0), np.full(4, 10.0)
+    whole = timed(blend(waypoints, largest_reaches(waypoints)), v, a, solver)
+    # All lengths by s, all times by s too: accelerations by 1 / s.
+    small = blend(size * waypoints, largest_reaches(size * waypoints))
+    scaled = timed(small, v, a / size, solver)
+    assert scaled.duration == pytest.approx(size * whole.duration, rel=1e-6)
+    assert (scaled.peaks(2).value <= a / size).all()
+
+
+@pytest.mark.parametrize("solver", TOPPRA_SOLVERS)
+def test_odd_paths_are_timed(solver: Solver) -> None:
+    rng = np.random.default_rng(15)
+    v, a = np.array([1e-3, 1e3, 1.0, np.inf]), np.array([1e4, 1e-2, 1.0, 5.0])
+    waypoints = rng.uniform(-1.0, 1.0, (6, 4))
+    waypoints[:, 2] = 0.7
+    repeated = np.repeat(waypoints, 2, axis=0)
+    reversal = np.array([waypoints[0], waypoints[1], waypoints[0], waypoints[2]])
+    for points in (waypoints, repeated, reversal, waypoints[:, ::-1]):
+        for part in (0.0, 1e-5, 0.4, 1.0):
+            path = blend(points, part * largest_reaches(points))
+            trajectory = timed(path, v, a, solver)
+            assert (trajectory.peaks(1).value <= v).all()
+            assert (trajectory.peaks(2).value <= a).all()
+            assert trajectory.continuity().position < 1e-12
+            np.testing.assert_allclose(trajectory.end, points[-1], atol=1e-12)
+    still = timed(blend(waypoints, largest_reaches(waypoints)), v, a, solver)
+    assert np.abs(still.sample(np.linspace(0, still.duration, 50))[:, 2] - 0.7).max() < 1e-15
+
+
+def test_a_crawl_between_stops_takes_its_time() -> None:
+    # It takes 4 billionths of the way to get up to speed.
+    trajectory = timed(blend([[-9.0], [3.0], [-3.0]], [0.0]), [1.5e-3], [300.0])
+    # Breaks at 10^4 s are known to 10^-12 s: a ten-millionth of the 5 microseconds that a change
+    # of speed takes, which the dilation then makes good.
+    assert trajectory.duration == pytest.approx(18.0 / 1.5e-3 + 2 * 1.5e-3 / 300.0, rel=1e-6)
+    assert trajectory.peaks(1).value[0] <= 1.5e-3
+    assert trajectory.peaks(2).value[0] <= 300.0
+
+
+def test_without_velocity_limits_the_acceleration_alone_decides() -> None:
+    path = blend([[0.0, 0.0], [4.0, 1.0]], [])
+    trajectory = timed(path, [np.inf, np.inf], [1.0, 10.0])
+    assert trajectory.duration == pytest.approx(2.0 * np.sqrt(4.0), rel=1e-11)
+
+
+@pytest.mark.parametrize("solver", TOPPRA_SOLVERS)
+@pytest.mark.parametrize(
+    ("v", "a", "match"),
+    [
+        ([1.0], [1.0, 1.0], "velocity"),
+        ([1.0, 0.0], [1.0, 1.0], "velocity"),
+        ([1.0, 1.0], [1.0, np.nan], "acceleration"),
+        ([1.0, 1.0], [1.0, -1.0], "acceleration"),
+        ([1.0, 1.0], [1.0, np.inf], "finite"),
+    ],
+)
+def test_malformed_limits_are_refused(
+    solver: Solver, v: list[float], a: list[float], match: str
+) -> None:
+    with pytest.raises(InvalidOption, match=match):
+        timed(blend([[0.0, 0.0], [1.0, 1.0]], []), v, a, solver)
+
+
+def test_malformed_options_are_refused() -> None:
+    path = blend([[0.0], [1.0]], [])
+    with pytest.raises(InvalidOption, match="no timing solver"):
+        time_path(path, ["a"], [1.0], [1.0], solver="guess")  # type: ignore[arg-type]
+    for resolution in (0, MAX_RESOLUTION + 1):
+        with pytest.raises(InvalidOption, match="cells"):
+            time_path(path, ["a"], [1.0], [1.0], resolution=resolution)
+    with pytest.raises(InvalidTrajectory):
+        time_path(path, ["a", "b"], [1.0], [1.0])
+
+
+@pytest.mark.parametrize("solver", TOPPRA_SOLVERS)
+def test_a_solver_that_fails_says_so_by_name(
+    solver: Solver, caplog: pytest.LogCaptureFixture
+) -> None:
+    path = blend([[0.0, 0.0], [1.0, 0.0], [1.0, 1.0]], [0.3])
+    # Accelerations over lengths that no double holds: no speed can be told.
+    tiny = JointPath(path.coefficients, path.lengths * 1e-200)
+    with pytest.raises(TimingFailed):
+        timed(tiny, [1.0, 1.0], [1e-200, 1e-200], solver)
+    assert not caplog.records
+
+
+def test_exceptions_of_the_package_do_not_leak(monkeypatch: pytest.MonkeyPatch) -> None:
+    path = blend([[0.0, 0.0], [1.0, 0.0], [1.0, 1.0]], [0.3])
+
+    def broken(*_: object) -> None:
+        raise toppra.exceptions.ToppraError("inside")
+
+    monkeypatch.setattr(toppra.algorithm.TOPPRA, "compute_parameterization", broken)
+    with pytest.raises(TimingFailed, match="ToppraError"):
+        timed(path, [1.0, 1.0], [1.0, 1.0], "toppra")
+    monkeypatch.setattr(
+        toppra.algorithm.TOPPRA, "compute_parameterization", lambda *_: (None, None, None)
+    )
+    with pytest.raises(TimingFailed, match="no timing"):
+        timed(path, [1.0, 1.0], [1.0, 1.0], "toppra")
+
+
+def random_cells(rng: np.random.Generator) -> Cells:
+    n = int(rng.integers(2, 8))
+    waypoints = rng.uniform(-2.0, 2.0, (4, n))
+    path = blend(waypoints, rng.choice([0.1, 0.6, 1.0], 2) * largest_reaches(waypoints))
+    limits = 10.0 ** rng.uniform([[-0.5], [-0.5]], [[0.5], [1.0]], (2, n))
+    return cells(path, int(rng.integers(10, 60)), limits)
+
+
+@pytest.mark.parametrize("seed", range(12))
+def test_speeds_solve_the_linear_programs(seed: int) -> None:
+    grid = random_cells(np.random.default_rng(seed))
+    count = len(grid.lengths)
+    most = np.zeros(count + 1)
+    for i in range(count - 1, 0, -1):
+        rows = grid.rows[i]
+        bounds = [(0.0, grid.caps[i]), (0.0, most[i + 1])]
+        best = linprog([-1.0, 0.0], rows, np.ones(len(rows)), bounds=bounds)
+        most[i] = float(np.asarray(best.x)[0])
+    expected = np.zeros(count + 1)
+    for i in range(count):
+        rows = grid.rows[i]
+        # A hair below, so that a single point left by rounding is found.
+        here = expected[i] * (1.0 - 1e-9)
+        bounds = [(here, here), (0.0, most[i + 1])]
+        best = linprog([0.0, -1.0], rows, np.ones(len(rows)), bounds=bounds)
+        expected[i + 1] = float(np.asarray(best.x)[1])
+    np.testing.assert_allclose(squared_speeds(grid), expected, rtol=1e-5, atol=1e-9)
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_every_row_and_cap_holds(seed: int) -> None:
+    grid = random_cells(np.random.default_rng(100 + seed))
+    x = squared_speeds(grid)
+    used = grid.rows[:, :, 0] * x[:-1, None] + grid.rows[:, :, 1] * x[1:, None]
+    assert used.max() <= 1.0 + 1e-12
+    assert (x <= grid.caps).all()
+    assert (x[grid.rest] == 0.0).all()
+    assert (x[~grid.rest] > 0.0).all()
+
+
+def test_speeds_below_the_caps_keep_the_velocity_limits_between_grid_points() -> None:
+    rng = np.random.default_rng(2)
+    for _ in range(20):
+        n = 5
+        waypoints = rng.uniform(-2.0, 2.0, (3, n))
+        path = blend(waypoints, largest_reaches(waypoints))
+        limits = np.stack([10.0 ** rng.uniform(-0.5, 0.5, n), np.ones(n)])
+        grid = cells(path, 8, limits)
+        starts = np.concatenate([[0.0], np.cumsum(grid.lengths)])
+        for i in np.flatnonzero(~grid.straight):
+            w = np.linspace(0.0, 1.0, 201)
+            slopes = path.sample(starts[i] + 0.999999 * w * grid.lengths[i], 1)
+            for x0, x1 in ((1.0, 1.0), (1.0, 0.0), (0.0, 1.0), (0.5, 1.0)):
+                x = (1.0 - w) * x0 * grid.caps[i] + w * x1 * grid.caps[i + 1]
+                assert (np.abs(slopes) * np.sqrt(x)[:, None] <= limits[0] * (1.0 + 1e-5)).all()
