@@ -19,7 +19,6 @@ from planning.optimize.linearization import (
     Checkpoints,
     Linearization,
     least_factor,
-    length,
     linearize,
 )
 from planning.optimize.rows import stack_rows
@@ -27,7 +26,7 @@ from planning.optimize.task import Task
 from planning.values.deadline import Deadline
 from planning.values.limits import EffortLimits
 from tests.planning.optimize import motions
-from tests.planning.optimize.table import BLOCK, RADIUS, ROBOT, gap, line, task
+from tests.planning.optimize.table import BLOCK, ROBOT, gap, line, task
 
 NONE = Scene()
 
@@ -42,22 +41,6 @@ def see(asked: Task, at: Iterate, reach: float = 0.3, spare: float = 0.0) -> Lin
 
 def unknowns(at: Iterate, slack: float = 0.0) -> Array:
     return np.append(at.points.ravel(), [at.duration, slack])
-
-
-def test_checkpoints_lie_inside_the_pieces_at_equal_distances() -> None:
-    places = Checkpoints.uniform((0.0, 0.2, 1.0), 2, 0.01)
-    np.testing.assert_allclose(places.at, [0.05, 0.15, 0.4, 0.8])
-    np.testing.assert_array_equal(places.spare, 0.01)
-
-
-def test_added_checkpoints_and_those_near_them_get_more_to_spare() -> None:
-    places = Checkpoints.uniform((0.0, 1.0), 4, 0.01)
-    more = places.with_more([0.4], 0.1, 0.02)
-    np.testing.assert_allclose(more.at, [0.125, 0.375, 0.625, 0.875, 0.4])
-    np.testing.assert_allclose(more.spare, [0.01, 0.03, 0.01, 0.01, 0.03])
-    np.testing.assert_array_equal(places.spare, 0.01)
-    twice = more.with_more([0.41], 0.1, 0.02)
-    np.testing.assert_allclose(twice.spare, [0.01, 0.05, 0.01, 0.01, 0.05, 0.03])
 
 
 @pytest.mark.parametrize(("height", "inside"), [(0.02, True), (0.12, True), (0.2, False)])
@@ -104,28 +87,6 @@ def test_rows_of_distances_have_their_room_and_slopes(spare: float) -> None:
     again = stack_rows(see(task(), moved, spare=spare).rows)
     before, after = rows.upper - rows.A @ (z + step), again.upper - again.A @ unknowns(moved)
     np.testing.assert_allclose(np.sort(before), np.sort(after), atol=1e-9)
-
-
-def test_slack_pays_for_violations_in_their_own_units() -> None:
-    at = line(0.02)
-    found = see(task(), at)
-    rows = stack_rows(found.rows)
-    assert (rows.A @ unknowns(at, found.violation) <= rows.upper + 1e-6).all()
-    assert (rows.A @ unknowns(at, 0.99 * found.violation) > rows.upper).any()
-
-
-def test_a_wider_trust_region_sees_more_of_the_block() -> None:
-    at = line(0.2)
-    counts = [sum(len(r.upper) for r in see(task(), at, reach).rows) for reach in (0.01, 0.2, 0.6)]
-    assert counts[0] == 0
-    assert counts[0] < counts[1] < counts[2]
-
-
-def test_nothing_in_the_way_gives_no_rows() -> None:
-    found = see(task(NONE), line())
-    assert found.rows == ()
-    assert found.violation == 0.0
-    assert found.obstruction is None
 
 
 def test_when_time_is_up_nothing_good_is_known() -> None:
@@ -207,11 +168,6 @@ def test_the_worst_of_all_is_told() -> None:
     assert len(found.rows) == 3
 
 
-def test_without_loads_no_motion_is_too_fast() -> None:
-    at = line(duration=1e-3)
-    assert least_factor(task(NONE), at, checkpoints(at)) == 0.0
-
-
 def test_the_torque_that_exceeds_its_limit_is_named() -> None:
     at = replace(motions.iterate(1), duration=0.4)
     chain = motions.PANDA
@@ -219,10 +175,3 @@ def test_the_torque_that_exceeds_its_limit_is_named() -> None:
     assert found.obstruction is not None
     assert "the torque of joint 'panda_joint" in found.obstruction.message
     assert found.violation > 1.0
-
-
-def test_a_robot_is_about_as_long_as_its_links_together() -> None:
-    assert 0.8 < length(motions.PANDA) < 1.5
-    # The slides of the table have no length at all.
-    assert length(ROBOT.chain) == 1e-3
-    assert RADIUS < 0.3

@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 import pinocchio
 import pytest
-from numpy.polynomial import Polynomial
 
+from benchmarks.judges import ratios
 from kinematics.arrays import Array
 from kinematics.errors import InvalidOption
 from kinematics.forward import forward
@@ -79,9 +79,6 @@ def optimised_behind_a_post() -> Plan:
     return solved(behind_a_post())
 
 
-# ---------------------------------------------------------------------------- closed forms
-
-
 def test_one_joint_tends_to_the_bang_bang_time() -> None:
     v, a, way = 3.0, 12.0, np.array([1.2, 0.0])
     least = 1.2 / v + v / a
@@ -148,9 +145,6 @@ def _measure(trajectory: Trajectory, objective: str, asked: Problem) -> float:
     return float(np.trapezoid(np.square(torque).sum(axis=1), times))
 
 
-# ------------------------------------------------------------------------------- refinement
-
-
 @pytest.mark.parametrize("objective", ["time", "energy"])
 def test_ipopt_reaches_what_the_convex_rounds_reach(objective: str) -> None:
     asked = behind_a_post()
@@ -183,19 +177,7 @@ def test_jerk_is_kept() -> None:
     assert isinstance(known, Plan)
     better = solved(asked, options(TimingOptions("jerk_limited")))
     assert better.trajectory.duration < known.trajectory.duration
-    assert _worst(better.trajectory, asked.robot.chain.limits.jerk, 3) <= 1.0 + 1e-9
-
-
-def _worst(trajectory: Trajectory, limits: Array, order: int) -> float:
-    """Largest share of limits, by numpy's roots."""
-    worst = 0.0
-    for piece, length in zip(trajectory.coefficients, np.diff(trajectory.breaks), strict=True):
-        for c, limit in zip(piece, limits, strict=True):
-            rate = Polynomial(c).deriv(order)
-            roots = np.real(rate.deriv().roots()) if rate.degree() > 1 else np.zeros(0)
-            places = np.concatenate([[0.0, length], roots[(roots > 0.0) & (roots < length)]])
-            worst = max(worst, float(np.abs(rate(places)).max() / limit))
-    return worst
+    assert ratios.worst_ratio(better.trajectory, asked.robot.chain.limits.jerk, 3) <= 1.0 + 1e-9
 
 
 def test_the_same_twice() -> None:
@@ -222,9 +204,6 @@ def test_other_arms(name: str) -> None:
         assert answer.code.endswith("IN_COLLISION")
     else:
         assert answer.certificate.verified
-
-
-# ------------------------------------------------------------------------------------ loads
 
 
 def _torques(name: str, trajectory: Trajectory, times: Array, payload: float = 0.0) -> Array:
@@ -264,9 +243,6 @@ def test_tool_speed_is_kept() -> None:
     better = solved(asked, options(timing))
     assert better.planner == "optimize"
     assert better.certificate.limits["tool_speed"].worst_ratio <= 1.0
-
-
-# ----------------------------------------------------------------------------- moving ends
 
 
 @pytest.mark.parametrize("method", ["toppra", "jerk_limited"])
@@ -341,9 +317,6 @@ def test_an_obstacle_ahead_can_not_be_braked_from() -> None:
     for turn, free in turns:
         assert (world.clearance(np.array([turn, 0.0])).distance > 0.0) is free
     assert isinstance(ask(0.9 * share), Plan)
-
-
-# -------------------------------------------------------------------------------- failures
 
 
 def test_too_short_a_duration_says_what_is_needed() -> None:

@@ -3,10 +3,13 @@
 import numpy as np
 import pytest
 from scipy.optimize import linprog, nnls
-from scipy.sparse import csc_matrix
+from scipy.sparse import csc_matrix, csr_matrix
 
 from kinematics.arrays import Array
+from planning.optimize.program import Limits, solve
 from planning.optimize.quadratic import Quadratic
+from planning.optimize.rows import Rows
+from planning.optimize.spline import SplineSpace
 
 WIDE = np.full(3, np.inf)
 
@@ -57,30 +60,6 @@ def test_solutions_meet_the_optimality_conditions_and_none_is_missed() -> None:
     assert impossible > 5
 
 
-def test_without_constraints_the_solution_is_that_of_the_linear_system() -> None:
-    rng = np.random.default_rng(1)
-    root, g = rng.normal(size=(3, 3)), rng.normal(size=3)
-    H = root @ root.T + np.eye(3)
-    none = np.zeros((0, 3))
-    z = Quadratic(H, g, none, np.zeros(0), np.zeros(0), -WIDE, WIDE).solve()
-    assert z is not None
-    np.testing.assert_allclose(z, np.linalg.solve(H, -g), atol=1e-6)
-
-
-def test_the_same_problem_has_the_same_bytes() -> None:
-    first, again = problem(2).solve(), problem(2).solve()
-    assert first is not None
-    assert again is not None
-    assert first.tobytes() == again.tobytes()
-
-
-def test_a_value_is_half_the_square_and_the_linear_part() -> None:
-    asked = Quadratic(
-        np.diag([2.0, 4.0, 0.0]), np.array([1.0, 0.0, -1.0]), np.eye(3), -WIDE, WIDE, -WIDE, WIDE
-    )
-    assert asked.value(np.array([3.0, 1.0, 5.0])) == 0.5 * (2.0 * 9.0 + 4.0) + 3.0 - 5.0
-
-
 @pytest.mark.parametrize("sign", [1.0, -1.0])
 @pytest.mark.parametrize("size", [1.0, 1e4])
 def test_a_point_keeps_rows_and_bounds_to_a_millionth_of_what_they_are(
@@ -100,3 +79,86 @@ def test_a_point_that_is_not_finite_is_no_solution(value: float) -> None:
     asked = Quadratic(np.eye(3), np.zeros(3), np.eye(3), -WIDE, WIDE, -WIDE, WIDE)
     assert asked.satisfies(np.ones(3))
     assert not asked.satisfies(np.array([0.0, value, 0.0]))
+
+
+SPACE = SplineSpace.uniform(3, 9)
+SIZE = SPACE.count + 2
+VELOCITY, ACCELERATION = 1.0, 4.0
+NO_ROWS = Rows.below(csr_matrix((0, SIZE)), np.zeros(0))
+
+
+def from_rest_to_rest(way: float, most: float = np.inf) -> Quadratic:
+    """The time of one joint from 0 to ``way``, its two control points at either end fixed."""
+    least, largest = np.full(SIZE, -10.0), np.full(SIZE, 10.0)
+    least[:2] = largest[:2] = 0.0
+    least[-4:-2] = largest[-4:-2] = way
+    least[-2:], largest[-2:] = [0.05, 0.0], [50.0, most]
+    g = np.zeros(SIZE)
+    g[-2:] = 1.0, 20.0
+    none = np.zeros(0)
+    H = csc_matrix(1e-9 * np.eye(SIZE))
+    return Quadratic(H, g, NO_ROWS.A, none, none, least, largest)
+
+
+def guess(way: float) -> Array:
+    return np.append(way * np.clip((np.arange(SPACE.count) - 1.0) / 6.0, 0.0, 1.0), [6.0, 0.1])
+
+
+def least_time(way: float, hair: float, rows: Rows = NO_ROWS) -> float:
+    """The least T at which a linear program has control points, by bisection."""
+    D1, D2 = SPACE.differences[:2]
+    fixed = [(0.0, 0.0)] * 2 + [(-10.0, 10.0)] * (SPACE.count - 4) + [(way, way)] * 2
+    low, high = 0.05, 50.0
+    for _ in range(50):
+        T = 0.5 * (low + high)
+        v, a = (1.0 - hair) * VELOCITY * T, (1.0 - hair) * ACCELERATION * T**2
+        A = np.concatenate([D1, -D1, D2, -D2])
+        b = np.repeat([v, v, a, a], [len(D1), len(D1), len(D2), len(D2)])
+        if len(rows.upper):
+            A = np.concatenate([A, rows.A.toarray()[:, :-2]])
+            b = np.append(b, rows.upper - T * rows.A.toarray()[:, -2])
+        found = linprog(np.zeros(SPACE.count), A_ub=A, b_ub=b, bounds=fixed).status == 0
+        low, high = (low, T) if found else (T, high)
+    return high
+
+
+@pytest.mark.parametrize("way", [0.1, 1.0, 3.0])
+@pytest.mark.parametrize("hair", [0.0, 0.05])
+def test_the_least_time_is_that_of_linear_programs(way: float, hair: float) -> None:
+    limits = Limits({1: np.array([VELOCITY]), 2: np.array([ACCELERATION])}, hair)
+    z = solve(SPACE, limits, NO_ROWS, from_rest_to_rest(way), guess(way))
+    assert z is not None
+    assert z[-2] == pytest.approx(least_time(way, hair), rel=1e-4)
+    assert z[-1] == pytest.approx(0.0, abs=1e-5)
+    for order, limit in ((1, VELOCITY), (2, ACCELERATION)):
+        rates = SPACE.differences[order - 1] @ z[:-2] / z[-2] ** order
+        assert np.abs(rates).max() <= (1.0 - hair) * limit * (1.0 + 1e-5)
+
+
+def test_rows_are_kept_wherever_on_the_motion_they_are() -> None:
+    """More rows than one piece has room for at first, and some of no control point at all."""
+    rng, way = np.random.default_rng(0), 1.0
+    base = guess(way)[:-2]
+    A = np.zeros((60, SIZE))
+    for i in range(58):
+        # All but two on the third piece.
+        first = 2 if i < 40 else int(rng.integers(0, SPACE.pieces))
+        A[i, first : first + 4] = rng.normal(size=4)
+    A[58, -2] = -1.0
+    A[59, -2:] = -1.0, -1.0
+    upper = np.concatenate([A[:58, :-2] @ base + 0.02, [-1.9, -2.0]])
+    rows = Rows.below(csr_matrix(A), upper)
+    limits = Limits({1: np.array([VELOCITY]), 2: np.array([ACCELERATION])}, 0.0)
+    z = solve(SPACE, limits, rows, from_rest_to_rest(way, 0.0), guess(way))
+    assert z is not None
+    assert (A @ z - upper).max() <= 1e-5
+    assert z[-2] == pytest.approx(least_time(way, 0.0, rows), rel=1e-4)
+    assert z[-2] > 1.05 * least_time(way, 0.0)
+
+
+def test_rows_that_contradict_each_other_have_no_solution() -> None:
+    A = np.zeros((2, SIZE))
+    A[:, 4] = 1.0
+    rows = Rows(csr_matrix(A), np.array([0.8, -np.inf]), np.array([np.inf, 0.2]))
+    limits = Limits({1: np.array([VELOCITY]), 2: np.array([ACCELERATION])}, 0.0)
+    assert solve(SPACE, limits, rows, from_rest_to_rest(1.0), guess(1.0)) is None

@@ -5,12 +5,24 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from dynamics.model.payload import with_payload
 from kinematics.arrays import Array
+from kinematics.trajectory.trajectory import Trajectory
+from planning.constraints.constraint_set import ConstraintSet
+from planning.constraints.kinds.joint import JointConstraint
+from planning.optimize import objective
 from planning.optimize.iterate import Iterate
-from planning.optimize.rows import Rows, end_rows, limit_rows, local_matrix, stack_rows
+from planning.optimize.linearization import Checkpoints, least_factor, linearize
+from planning.optimize.response import tool_speed, torques
+from planning.optimize.rows import end_rows, limit_rows, local_matrix, stack_rows
 from planning.optimize.spline import SplineSpace
 from planning.optimize.task import End, Task
+from planning.values.deadline import Deadline
+from planning.values.limits import EffortLimits
+from planning.values.optimize_options import Objective
 from tests.planning.optimize.motions import PANDA, SPACE, iterate, packed, task, unpacked
+from tests.planning.pinocchio_panda import PinocchioPanda
+from tests.planning.scenes import HOME
 
 JERK = np.full(7, 300.0)
 
@@ -18,25 +30,6 @@ JERK = np.full(7, 300.0)
 def limited() -> Task:
     asked = task()
     return replace(asked, bounds={**asked.bounds, "jerk": JERK})
-
-
-def control_shares(at: Iterate, order: int, limits: Array) -> Array:
-    """Control points of a derivative in time as shares of its limits, in the order of the rows."""
-    controls = at.space.differences[order - 1] @ at.points / at.duration**order
-    return np.asarray((controls / limits).ravel())
-
-
-@pytest.mark.parametrize("hair", [0.0, 0.01])
-def test_where_they_were_linearised_rows_are_the_limits_themselves(hair: float) -> None:
-    at, asked = iterate(1), limited()
-    blocks = limit_rows(asked, at, hair)
-    assert len(blocks) == 6
-    for i, block in enumerate(blocks):
-        order, sign = 1 + i // 2, (1.0, -1.0)[i % 2]
-        shares = sign * control_shares(at, order, asked.orders[order])
-        room = block.upper - block.A @ packed(at)
-        np.testing.assert_allclose(room, (1.0 - hair) - shares, atol=1e-12)
-        assert np.isneginf(block.lower).all()
 
 
 @pytest.mark.parametrize("order", [1, 2, 3])
@@ -54,25 +47,6 @@ def test_rows_are_tangent_to_the_limits_in_points_and_duration(order: int) -> No
 
     slope = (excess(1e-6) - excess(-1e-6)) / 2e-6
     np.testing.assert_allclose(block.A @ direction, slope, atol=1e-6 * np.abs(slope).max())
-
-
-def test_a_joint_without_a_limit_has_rows_that_bound_nothing() -> None:
-    bounds = {**task().bounds, "jerk": np.where(np.arange(7) == 3, 50.0, np.inf)}
-    jerk = limit_rows(replace(task(), bounds=bounds), iterate(3), 0.0)[4]
-    touched = np.abs(jerk.A.toarray()[:, :-2]).sum(axis=1).reshape(-1, 7) > 0.0
-    assert touched[:, 3].all()
-    assert not np.delete(touched, 3, axis=1).any()
-
-
-def test_only_ends_that_move_have_rows() -> None:
-    rng = np.random.default_rng(4)
-    still = End.at_rest(rng.normal(size=7), smooth=True)
-    moving, turning = End(*rng.normal(size=(2, 7))), End(*rng.normal(size=(3, 7)))
-    at = iterate(5)
-    assert end_rows(at, still, still) == []
-    assert len(end_rows(at, moving, still)) == 1
-    assert len(end_rows(at, still, turning)) == 2
-    assert len(end_rows(at, turning, moving)) == 3
 
 
 @pytest.mark.parametrize("start", [True, False])
@@ -98,37 +72,6 @@ def test_rows_of_ends_have_the_derivatives_slopes(start: bool) -> None:
         np.testing.assert_allclose(block.A @ direction, slope, atol=1e-5 * np.abs(slope).max())
 
 
-def test_local_rows_sum_up_what_derivatives_at_their_places_give() -> None:
-    rng, at = np.random.default_rng(8), iterate(9)
-    places = np.array([0.0, 0.21, 0.5, 0.99, 1.0])
-    gradients = list(rng.normal(size=(3, 5, 7)))
-    in_time = rng.normal(size=5)
-    A = local_matrix(at, places, gradients, in_time, -0.3)
-    z = rng.normal(size=len(packed(at)))
-    moved = unpacked(z)
-    wanted = sum((g * moved.sample(places, order)).sum(axis=1) for order, g in enumerate(gradients))
-    np.testing.assert_allclose(A @ z, wanted + in_time * z[-2] - 0.3 * z[-1], atol=1e-9)
-    # A place touches the control points of its piece alone.
-    assert (np.diff(A.indptr) == (SPACE.degree + 1) * 7 + 2).all()
-    plain = local_matrix(at, places, gradients[:1])
-    np.testing.assert_array_equal(plain.toarray()[:, -2:], 0.0)
-
-
-def test_no_places_give_no_rows() -> None:
-    at = iterate(10)
-    A = local_matrix(at, np.zeros(0), [np.zeros((0, 7))])
-    assert A.shape == (0, len(packed(at)))
-
-
-def test_stacked_rows_keep_their_order_and_bounds() -> None:
-    first = Rows.below(np.array([[1.0, 2.0]]), np.array([3.0]))
-    second = Rows(np.array([[4.0, 5.0], [6.0, 7.0]]), np.array([-1.0, 0.0]), np.array([1.0, 2.0]))
-    both = stack_rows([first, second])
-    np.testing.assert_array_equal(both.A.toarray(), [[1, 2], [4, 5], [6, 7]])
-    np.testing.assert_array_equal(both.lower, [-np.inf, -1.0, 0.0])
-    np.testing.assert_array_equal(both.upper, [3.0, 1.0, 2.0])
-
-
 def test_limits_of_the_same_names_but_other_numbers_are_not_mixed_up() -> None:
     """Rows of limits are kept for the next round: by space, order and limits."""
     at, asked = iterate(11), task()
@@ -142,3 +85,241 @@ def test_limits_of_the_same_names_but_other_numbers_are_not_mixed_up() -> None:
         again = limit_rows(asked, other, 0.0)[0]
         np.testing.assert_array_equal(again.A.toarray(), whole.A.toarray())
     assert PANDA.n == 7
+
+
+U = np.linspace(0.03, 0.97, 9)
+
+
+@pytest.mark.parametrize("response", [torques, tool_speed])
+def test_responses_change_as_their_derivatives_say(response: object) -> None:
+    assert callable(response)
+    at = iterate(1)
+    found = response(PANDA, at, U)
+    m = found.values.shape[1]
+    rows = [g.reshape(-1, 7) for g in found.gradients]
+    A = local_matrix(at, np.repeat(U, m), rows, found.in_time.ravel()).toarray()
+    direction = np.append(np.random.default_rng(2).normal(size=A.shape[1] - 1), 0.0)
+    step, z = 1e-6, packed(at)
+    ahead = response(PANDA, unpacked(z + step * direction), U).values.ravel()
+    behind = response(PANDA, unpacked(z - step * direction), U).values.ravel()
+    slope = (ahead - behind) / (2.0 * step)
+    np.testing.assert_allclose(A @ direction, slope, atol=1e-6 * np.abs(slope).max())
+
+
+@pytest.mark.parametrize("name", ["time", "jerk", "energy"])
+def test_models_have_the_gradient_of_the_objective(name: Objective) -> None:
+    at, weights = iterate(3), {name: 1.0}
+    model = objective.model(task(), weights, at)
+    z, rng = packed(at), np.random.default_rng(4)
+    gradient = model.H @ z + model.g
+    for _ in range(5):
+        direction = np.append(rng.normal(size=len(z) - 1), 0.0)
+        step = 1e-6
+        values = [
+            objective.value(
+                unpacked(z + sign * step * direction).trajectory(PANDA.joint_names), weights, PANDA
+            )
+            for sign in (1.0, -1.0)
+        ]
+        slope = (values[0] - values[1]) / (2.0 * step)
+        # The smoothing of the time objective is part of its model.
+        assert gradient @ direction == pytest.approx(slope, rel=1e-4, abs=0.1)
+    assert (np.linalg.eigvalsh(model.H.toarray()) > -1e-6 * abs(model.H).max()).all()
+
+
+def test_limit_rows_lie_on_the_safe_side() -> None:
+    at, asked, rng = replace(iterate(5, 0.01), duration=2.5), task(), np.random.default_rng(6)
+    rows = stack_rows(limit_rows(asked, at, 0.0))
+    kept = 0
+    for _ in range(300):
+        T = at.duration * rng.uniform(0.5, 2.0)
+        other = Iterate(SPACE, at.points + 0.01 * rng.normal(size=at.points.shape), T)
+        if (rows.A @ packed(other) <= rows.upper).all():
+            kept += 1
+            motion = other.trajectory(PANDA.joint_names)
+            for order, limits in asked.orders.items():
+                assert (motion.peaks(order).value <= limits * (1.0 + 1e-9)).all()
+    assert kept > 20
+
+
+def test_loads_tell_how_much_slower() -> None:
+    chain = with_payload(PANDA, 3.0)
+    loads = EffortLimits(chain, PANDA.limits.effort, 0.4)
+    at, asked = iterate(11), task(loads)
+    places = Checkpoints.uniform(SPACE.breaks, 3, 0.0)
+    factor = least_factor(asked, at, places)
+    assert factor > 1.0
+    slower = Iterate(SPACE, at.points, at.duration * factor)
+    assert linearize(asked, slower, places, 0.1, Deadline.after(60.0)).violation == 0.0
+    assert least_factor(asked, slower, places) == pytest.approx(1.0, abs=0.02)
+
+
+PINOCCHIO = PinocchioPanda()
+PLACES = np.linspace(0.0, 1.0, 7)
+
+
+@pytest.mark.parametrize("duration", [0.4, 1.3, 6.0])
+def test_values_are_pinocchios_in_time(duration: float) -> None:
+    at = Iterate(SPACE, iterate(2).points, duration)
+    tau, speed = torques(PANDA, at, PLACES), tool_speed(PANDA, at, PLACES)
+    assert tau.values.shape == (len(PLACES), 7)
+    assert speed.values.shape == (len(PLACES), 1)
+    for k, u in enumerate(PLACES):
+        q, qd, qdd = (at.sample(np.array([u]), r)[0] / duration**r for r in range(3))
+        wanted = PINOCCHIO.torque(q, qd, qdd) + PANDA.viscous_friction * qd
+        np.testing.assert_allclose(tau.values[k], wanted, atol=1e-9 * np.abs(wanted).max())
+        fastest = float(np.linalg.norm(PINOCCHIO.tip_velocity(q, qd)))
+        assert speed.values[k, 0] == pytest.approx(fastest, abs=1e-4)
+
+
+def test_at_rest_the_tool_stands_and_its_speed_still_has_a_slope() -> None:
+    at = Iterate(SPACE, np.tile(iterate(3).points[:1], (SPACE.count, 1)), 1.0)
+    found = tool_speed(PANDA, at, PLACES)
+    assert found.values.max() < 1e-4
+    assert all(np.isfinite(gradient).all() for gradient in found.gradients)
+    assert np.isfinite(found.in_time).all()
+    held = torques(PANDA, at, PLACES)
+    still = PINOCCHIO.torque(at.points[0], np.zeros(7), np.zeros(7))
+    np.testing.assert_allclose(held.values, np.tile(still, (len(PLACES), 1)), atol=1e-9)
+    np.testing.assert_allclose(held.in_time, 0.0, atol=1e-9)
+
+
+NAMES = PANDA.joint_names
+WAY = np.array([0.3, -0.2, 0.1, 0.4, 0.0, -0.5, 0.2])
+
+
+def quintic(duration: float) -> Trajectory:
+    """From HOME to HOME + WAY with the least integral of squared jerks, at rest at its ends."""
+    powers = np.array([0.0, 0.0, 0.0, 10.0, -15.0, 6.0]) / duration ** np.arange(6)
+    coefficients = WAY[:, None] * powers
+    coefficients[:, 0] = HOME
+    return Trajectory(NAMES, np.array([0.0, duration]), coefficients[None])
+
+
+@pytest.mark.parametrize("duration", [0.5, 2.0])
+def test_the_jerk_of_a_quintic_has_a_closed_form(duration: float) -> None:
+    wanted = 720.0 * (WAY @ WAY) / duration**5
+    assert objective.value(quintic(duration), {"jerk": 1.0}, PANDA) == pytest.approx(wanted)
+
+
+def test_jerk_without_bound_is_infinite() -> None:
+    halves = np.zeros((2, 7, 3))
+    halves[0, :, 2], halves[1, :, 0] = WAY, WAY
+    halves[1, :, 1], halves[1, :, 2] = 2.0 * WAY, -WAY
+    bang_bang = Trajectory(NAMES, np.array([0.0, 1.0, 2.0]), halves)
+    assert bang_bang.continuity().velocity < 1e-12
+    assert objective.value(bang_bang, {"jerk": 1.0}, PANDA) == np.inf
+    assert np.isfinite(objective.value(bang_bang, {"time": 1.0, "energy": 1.0}, PANDA))
+
+
+def test_energy_is_the_integral_of_pinocchios_squared_torques() -> None:
+    motion, oracle = iterate(1).trajectory(NAMES), PinocchioPanda()
+    times = np.linspace(0.0, motion.duration, 2001)
+    states = zip(*(motion.sample(times, order) for order in range(3)), strict=True)
+    tau = np.array([oracle.torque(*s) + PANDA.viscous_friction * s[1] for s in states])
+    wanted = np.trapezoid(np.square(tau).sum(axis=1), times)
+    assert objective.value(motion, {"energy": 1.0}, PANDA) == pytest.approx(wanted, rel=1e-4)
+
+
+def test_the_length_of_a_path_does_not_depend_on_its_timing() -> None:
+    motion = iterate(2).trajectory(NAMES)
+    points = motion.sample(np.linspace(0.0, motion.duration, 20_001))
+    wanted = float(np.linalg.norm(np.diff(points, axis=0), axis=1).sum())
+    assert objective.value(motion, {"path_length": 1.0}, PANDA) == pytest.approx(wanted, rel=1e-4)
+    slow = motion.dilate(3.0)
+    assert objective.value(slow, {"path_length": 1.0}, PANDA) == pytest.approx(wanted, rel=1e-4)
+    straight = objective.value(quintic(2.0), {"path_length": 1.0}, PANDA)
+    assert straight == pytest.approx(float(np.linalg.norm(WAY)), rel=1e-9)
+
+
+def test_wishes_cost_half_the_weighed_square_of_what_they_are_violated_by() -> None:
+    """A joint that is to stay at most 0.1 above HOME, on a line that leads 0.3 past it."""
+    line = np.zeros((1, 7, 2))
+    line[0, :, 0], line[0, 0, 1] = HOME, 0.4
+    motion = Trajectory(NAMES, np.array([0.0, 1.0]), line)
+    wish = JointConstraint(NAMES[0], float(HOME[0]), 0.1, 0.5, weight=6.0)
+    held = JointConstraint(NAMES[1], float(HOME[1]), 0.1, 0.1, weight=6.0)
+    fine = np.linspace(0.0, 1.0, 100_001)
+    wanted = 3.0 * np.trapezoid(np.maximum(0.4 * fine - 0.1, 0.0) ** 2, fine)
+    paid = objective.value(motion, {}, PANDA, ConstraintSet(PANDA, (wish,)))
+    # A sum over four nodes, of a function with a corner.
+    assert paid == pytest.approx(wanted, rel=0.02)
+    assert objective.value(motion, {}, PANDA, ConstraintSet(PANDA, (held,))) == 0.0
+    both = ConstraintSet(PANDA, (wish, held))
+    plain = objective.value(motion, {"time": 1.0}, PANDA)
+    assert objective.value(motion, {"time": 1.0}, PANDA, both) == pytest.approx(plain + paid)
+
+
+def test_the_model_of_the_length_touches_it_and_is_nowhere_below_it() -> None:
+    """|x| <= (|x|^2 / |x'| + |x'|) / 2: a step down the model is a step down the length."""
+    at, rng = iterate(4), np.random.default_rng(4)
+    model = objective.model(task(), {"path_length": 1.0}, at)
+
+    def length(z: np.ndarray) -> float:
+        motion = unpacked(z).trajectory(NAMES)
+        return objective.value(motion, {"path_length": 1.0}, PANDA)
+
+    z = packed(at)
+    offset = length(z) - 0.5 * z @ (model.H @ z) - model.g @ z
+    for size in (1e-3, 0.1, 1.0):
+        for _ in range(10):
+            step = np.append(size * rng.normal(size=len(z) - 2), [0.0, 0.0])
+            other = z + step
+            promised = 0.5 * other @ (model.H @ other) + model.g @ other + offset
+            # The length by eight nodes a piece, its model by four.
+            assert length(other) <= promised * (1.0 + 2e-3)
+
+
+def test_the_carrier_decides_the_energy_of_the_model() -> None:
+    """Value and model are those of the robot with what it carries."""
+    at, heavy = iterate(7), with_payload(PANDA, 10.0)
+    motion = at.trajectory(NAMES)
+    values = [objective.value(motion, {"energy": 1.0}, chain) for chain in (PANDA, heavy)]
+    assert values[1] > 1.5 * values[0]
+    for chain, value in zip((PANDA, heavy), values, strict=True):
+        model = objective.model(replace(task(), loaded_chain=chain), {"energy": 1.0}, at)
+        slope = (model.H @ packed(at) + model.g)[-2]
+        ahead, behind = (
+            objective.value(
+                replace(at, duration=at.duration + step).trajectory(NAMES), {"energy": 1.0}, chain
+            )
+            for step in (1e-5, -1e-5)
+        )
+        assert slope == pytest.approx((ahead - behind) / 2e-5, abs=1e-4 * value)
+
+
+NO_RATE = np.zeros(7)
+
+
+@pytest.mark.parametrize(
+    ("end", "still"),
+    [
+        (End(HOME, NO_RATE), True),
+        (End(HOME, NO_RATE, NO_RATE), True),
+        (End(HOME, 1e-9 * np.eye(7)[3]), False),
+        (End(HOME, NO_RATE, 1e-9 * np.eye(7)[3]), False),
+    ],
+)
+def test_only_without_velocity_and_acceleration_an_end_is_still(end: End, still: bool) -> None:
+    assert end.still is still
+
+
+def test_what_is_given_of_an_end_can_not_be_changed_afterwards() -> None:
+    velocity, acceleration = np.ones(7), np.ones(7)
+    end = End(HOME, velocity, acceleration)
+    velocity[0] = acceleration[0] = 5.0
+    assert end.velocity[0] == 1.0
+    for values in end.derivatives:
+        with pytest.raises(ValueError, match="read-only"):
+            values[0] = 2.0
+
+
+def test_limits_are_ordered_by_derivative_and_left_out_where_there_are_none() -> None:
+    asked = task()
+    assert list(asked.orders) == [1, 2]
+    np.testing.assert_array_equal(asked.orders[1], PANDA.limits.velocity)
+    np.testing.assert_array_equal(asked.orders[2], PANDA.limits.acceleration)
+    jerk = np.full(7, np.inf)
+    for values, orders in ((jerk, [2]), (np.where(np.arange(7) == 2, 5.0, jerk), [2, 3])):
+        bounds = {"velocity": jerk, "acceleration": np.ones(7), "jerk": values}
+        assert list(replace(task(), bounds=bounds).orders) == orders

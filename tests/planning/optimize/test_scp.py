@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from obstacles.scenes.scene import Scene
-from planning.optimize.scp import _REACH, Descent
+from planning.optimize.scp import Descent
 from planning.optimize.task import End
 from planning.values.deadline import Deadline
 from planning.values.limits import EffortLimits
@@ -23,14 +23,6 @@ def descent(height: float = 0.25, scene: Scene | None = None, **more: object) ->
     return Descent(asked, options, line(height), np.inf, Deadline.after(60.0))
 
 
-def test_a_free_motion_is_the_best_before_any_round() -> None:
-    work = descent(0.25)
-    assert work.rounds == 0
-    assert work.best is not None
-    assert work.best.trajectory.duration == pytest.approx(work.iterate.duration, rel=1e-9)
-    assert descent(0.02).best is None
-
-
 def test_rounds_bring_a_motion_out_of_the_block_and_make_it_fast() -> None:
     work = descent(0.06)
     work.run(SOON)
@@ -44,17 +36,6 @@ def test_rounds_bring_a_motion_out_of_the_block_and_make_it_fast() -> None:
         assert (np.abs(motion.sample(times, order)).max(axis=0) <= limits * (1.0 + 1e-9)).all()
     # 1.2 m at 1 m/s and 2 m/s^2 take 1.7 s in a straight line; the way round bends little more.
     assert 1.7 <= motion.duration < 1.85
-
-
-def test_each_best_is_better_than_the_one_before() -> None:
-    work, values = descent(0.3), []
-    for _ in range(4):
-        work.add_rounds(1)
-        work.run(SOON)
-        assert work.best is not None
-        values.append(work.best.value)
-    assert values == sorted(values, reverse=True)
-    assert values[-1] < 0.9 * values[0] or values[-1] < 1.85
 
 
 def test_a_motion_that_is_worse_does_not_take_the_place_of_the_best() -> None:
@@ -99,40 +80,6 @@ def test_a_rejected_motion_is_out_and_its_place_is_looked_at_with_more_to_spare(
     assert work.places.spare[:-1][near].min() == 2.0 * work.places.spare[:-1][~near].max()
     work.run(SOON)
     assert work.best is not None
-
-
-def test_the_trust_region_stays_within_reach_and_ranges_and_keeps_the_ends() -> None:
-    work = descent(0.25)
-    at_limit = work.iterate.points.copy()
-    at_limit[5] = [0.99, -0.95]
-    work.iterate = replace(work.iterate, points=at_limit)
-    least, most = (bounds[:-2].reshape(-1, 2) for bounds in work._bounds())
-    for own, q in ((slice(0, 2), START), (slice(-2, None), GOAL)):
-        np.testing.assert_array_equal(least[own], np.tile(q, (2, 1)))
-        np.testing.assert_array_equal(most[own], np.tile(q, (2, 1)))
-    inner = slice(2, -2)
-    np.testing.assert_allclose(least[inner], np.maximum(at_limit[inner] - _REACH, -1.0))
-    np.testing.assert_allclose(most[inner], np.minimum(at_limit[inner] + _REACH, 1.0))
-    times, slack = (np.array([b[k] for b in work._bounds()]) for k in (-2, -1))
-    T = work.iterate.duration
-    np.testing.assert_allclose(times, [0.3 * T, 3.0 * T])
-    np.testing.assert_array_equal(slack, [0.0, np.inf])
-
-
-def test_an_end_that_moves_fixes_its_position_alone() -> None:
-    moving = End(START, np.array([0.3, 0.0]))
-    asked = replace(task(NONE), start=moving)
-    at = line(0.02).with_ends(moving, asked.end)
-    work = Descent(asked, RefineOptions(), at, np.inf, Deadline.after(60.0))
-    least, most = (bounds[:-2].reshape(-1, 2) for bounds in work._bounds())
-    np.testing.assert_array_equal(least[0], most[0])
-    assert (least[1] < most[1]).all()
-    np.testing.assert_array_equal(least[-2:], most[-2:])
-    work.run(SOON)
-    assert work.best is not None
-    motion = work.best.trajectory
-    np.testing.assert_allclose(motion.sample([0.0], 1)[0], moving.velocity, atol=1e-9)
-    assert (motion.peaks(1).value <= BOUNDS["velocity"] * (1.0 + 1e-9)).all()
 
 
 def test_too_short_a_duration_tells_how_long_it_takes() -> None:
@@ -188,35 +135,21 @@ def test_the_tools_speed_is_kept_where_it_is_the_tightest_limit(speed: float) ->
     assert 0.98 * speed < fastest <= speed * (1.0 + 1e-9)
 
 
-def test_a_tool_speed_that_is_exceeded_is_told_by_its_name() -> None:
-    """The start is faster than the tool may be, the joints' own limits are kept."""
-    moving = End(START, np.array([0.5, 0.0]))
-    loads = EffortLimits(ROBOT.chain, tool_speed=0.4)
+@pytest.mark.parametrize(
+    ("speed", "tool_speed", "words"),
+    [
+        (0.5, 0.4, ("the tool's speed", "1.25 times its limit")),
+        (1.5, None, ("of joint 'jx' is", "times its limit")),
+    ],
+)
+def test_a_limit_that_the_start_exceeds_is_told_by_its_name(
+    speed: float, tool_speed: float | None, words: tuple[str, str]
+) -> None:
+    moving = End(START, np.array([speed, 0.0]))
+    loads = None if tool_speed is None else EffortLimits(ROBOT.chain, tool_speed=tool_speed)
     asked = replace(task(NONE, loads), start=moving)
     at = line(0.02, duration=5.0).with_ends(moving, asked.end)
     work = Descent(asked, RefineOptions(rounds=2), at, np.inf, Deadline.after(60.0))
     assert work._candidate(at) is None
     assert work.obstruction is not None
-    assert "the tool's speed" in work.obstruction.message
-    assert "1.25 times its limit" in work.obstruction.message
-
-
-def test_a_velocity_that_is_exceeded_names_joint_and_quantity() -> None:
-    moving = End(START, np.array([1.5, 0.0]))
-    asked = replace(task(NONE), start=moving)
-    at = line(0.02, duration=5.0).with_ends(moving, asked.end)
-    work = Descent(asked, RefineOptions(rounds=1), at, np.inf, Deadline.after(60.0))
-    assert work._candidate(at) is None
-    assert work.obstruction is not None
-    assert "of joint 'jx' is" in work.obstruction.message
-    assert "times its limit" in work.obstruction.message
-
-
-def test_both_solvers_come_to_about_the_same_time() -> None:
-    durations = []
-    for solver in ("piqp", "ipopt"):
-        work = descent(0.25, NONE, solver=solver)
-        work.run(SOON)
-        assert work.best is not None
-        durations.append(work.best.trajectory.duration)
-    assert durations[0] == pytest.approx(durations[1], rel=0.01)
+    assert all(word in work.obstruction.message for word in words)
