@@ -5,22 +5,36 @@ from typing import Any
 import numpy as np
 import pytest
 
+from kinematics.arrays import Array
+from obstacles.collision.checker import Checker
+from obstacles.projection.projection import Projector
 from obstacles.scenes.scene import Scene
 from planning.constraints.constraint_set import ConstraintSet
 from planning.constraints.kinds.joint import JointConstraint
+from planning.constraints.row import WIDTH
+from planning.field.control_points import origin_points
 from planning.field.gradient_descent import (
     ARRIVED,
     BLOCKED,
     GOING,
     GROWTH,
+    ITERATIONS,
     LINE_BLOCKED,
-    LOWEST,
     MINIMUM,
     STALE,
     STALLED,
     STEP,
+    VISITED,
+    Proof,
+    Rules,
+    Track,
+    descend_kernel,
+    keep_kernel,
 )
-from tests.planning.field.slide import Slide
+from planning.field.options import FieldOptions
+from planning.field.potential import Field
+from planning.field.python_descent import PythonDescent
+from planning.field.weights import FieldWeights
 from tests.planning.scenes import box
 from tests.planning.slider import slider
 
@@ -37,48 +51,6 @@ def test_where_the_straight_line_is_free_it_has_arrived_at_once(engine: str) -> 
     np.testing.assert_array_equal(slide.visited, [[0.0, 0.0], [0.5, 0.3]])
     assert slide.iterations == 0
     assert slide.potentials.tolist() == pytest.approx([0.17, 0.0])
-
-
-def test_at_the_goal_there_is_nothing_to_add(engine: str) -> None:
-    slide = Slide(engine, [0.5, 0.3], [0.5, 0.3], connect=False)
-    assert slide.go(10) == ARRIVED
-    # The goal is there, and once more as what it arrived at: a motion has two ends.
-    assert len(slide.visited) == 2
-    assert slide.iterations == 0
-
-
-def test_without_connecting_it_arrives_within_its_tolerance(engine: str) -> None:
-    slide = Slide(
-        engine,
-        [0.0, 0.0],
-        [0.5, 0.0],
-        connect=False,
-        step_sizes=0.5,
-        longest_step=1.0,
-        tolerance=0.1,
-    )
-    assert slide.go(10) == ARRIVED
-    # Each step goes half of the way that is left: 0.25, 0.125 and 0.0625 are left.
-    np.testing.assert_allclose(slide.visited[:, 0], [0.0, 0.25, 0.375, 0.4375, 0.5])
-    assert slide.iterations == 3
-
-
-def test_given_sizes_multiply_the_force(engine: str) -> None:
-    slide = Slide(
-        engine, [0.0, 0.0], [0.8, -0.4], connect=False, step_sizes=[0.1, 0.3, 0.2],
-        longest_step=1.0, tolerance=1e-9,
-    )  # fmt: skip
-    assert slide.go(5) == GOING
-    left = np.cumprod([1.0, 0.9, 0.7, 0.8, 0.8, 0.8])
-    np.testing.assert_allclose(slide.visited, np.array([0.8, -0.4]) * (1.0 - left)[:, None])
-
-
-def test_no_step_is_longer_than_the_longest(engine: str) -> None:
-    """Of the joint that moves most: the direction stays that of the force."""
-    slide = Slide(engine, [0.0, 0.0], [0.8, -0.4], connect=False, step_sizes=50.0, longest_step=0.1)
-    slide.go(4)
-    np.testing.assert_allclose(slide.steps, 0.1)
-    np.testing.assert_allclose(np.diff(slide.visited, axis=0), [[0.1, -0.05]] * 4)
 
 
 def test_steps_of_their_own_size_grow_while_they_lower_the_potential(engine: str) -> None:
@@ -100,12 +72,6 @@ def test_a_step_over_the_minimum_is_halved_until_it_is_lower(engine: str) -> Non
     assert slide.track.gauges[STEP] == pytest.approx(GROWTH * 0.1)
 
 
-def test_a_given_size_is_kept_although_it_leads_uphill(engine: str) -> None:
-    slide = Slide(engine, [0.0, 0.0], [0.1, 0.0], connect=False, step_sizes=3.0, longest_step=0.4)
-    slide.go(1)
-    np.testing.assert_allclose(slide.visited[-1], [0.3, 0.0])
-
-
 def test_a_step_into_a_wall_is_halved_until_it_is_proved(engine: str) -> None:
     slide = Slide(
         engine, [0.2, 0.0], [0.9, 0.0], WALL, connect=False, step_sizes=100.0, longest_step=0.3
@@ -116,17 +82,6 @@ def test_a_step_into_a_wall_is_halved_until_it_is_proved(engine: str) -> None:
     slide.go(2)
     # There 0.3, 0.15 and 0.075 end in it: 0.0375 does not.
     np.testing.assert_allclose(slide.visited[-1], [0.3875, 0.0], atol=1e-12)
-
-
-@pytest.mark.parametrize(("halvings", "taken"), [(0, False), (1, False), (2, True)])
-def test_halvings_are_counted(engine: str, halvings: int, taken: bool) -> None:
-    slide = Slide(
-        engine, [0.3, 0.0], [0.9, 0.0], WALL, connect=False, step_sizes=100.0, longest_step=0.3,
-        halvings=halvings,
-    )  # fmt: skip
-    assert slide.go(1) == (GOING if taken else BLOCKED)
-    assert slide.iterations == int(taken)
-    assert len(slide.visited) == 1 + int(taken)
 
 
 def test_slack_is_kept_from_the_wall(engine: str) -> None:
@@ -149,12 +104,6 @@ def test_joint_limits_end_a_step(engine: str) -> None:
     assert slide.visited[-1, 0] == 1.0
 
 
-def test_at_its_limits_it_is_stuck(engine: str) -> None:
-    slide = Slide(engine, [1.0, 0.0], [1.5, 0.0], connect=False, step_sizes=100.0)
-    assert slide.go(5) == BLOCKED
-    assert slide.iterations == 0
-
-
 @pytest.mark.parametrize("tolerance", [0.3, 1e-3, 1e-6])
 def test_where_the_force_vanishes_is_a_local_minimum(engine: str, tolerance: float) -> None:
     """Before the wall its push holds the pull: the force vanishes where both are as strong."""
@@ -174,33 +123,6 @@ def test_where_the_force_vanishes_is_a_local_minimum(engine: str, tolerance: flo
     assert rest(slide.visited[-1, 0]) <= tolerance
     # Nowhere before it.
     assert min(rest(x) for x in slide.visited[:-1, 0]) > tolerance
-
-
-def test_no_force_at_all_is_a_minimum_too(engine: str) -> None:
-    slide = Slide(engine, [0.3, 0.0], [0.9, 0.0], WALL, connect=False)
-    slide.track.force[:] = 0.0
-    assert slide.go(5) == MINIMUM
-
-
-def test_a_weak_force_beside_strong_ones_before_is_followed(engine: str) -> None:
-    """Near the goal nothing pushes: the pull is all there is, however weak."""
-    slide = Slide(engine, [0.0, 0.0], [0.5, 0.3], connect=False, step_sizes=0.5, tolerance=1e-8)
-    assert slide.go(100) == ARRIVED
-
-
-def test_without_progress_patience_ends(engine: str) -> None:
-    """Before the wall steps become so short that they do not lower the potential by a hundredth."""
-    slide = Slide(
-        engine, [0.3, 0.0], [0.9, 0.0], WALL, connect=False, patience=3, halvings=30,
-        longest_step=0.01, progress=0.01,
-    )  # fmt: skip
-    assert slide.go(200) == STALLED
-    assert slide.track.counts[STALE] == 3
-    lowest = slide.potentials.min()
-    assert slide.track.gauges[LOWEST] == pytest.approx(lowest)
-    # The last three steps made no progress, the one before them did.
-    before = slide.potentials[-4:]
-    assert (before >= 0.99 * slide.potentials[:-3].min()).all()
 
 
 def test_it_goes_on_where_it_stopped(engine: str) -> None:
@@ -298,3 +220,87 @@ def test_after_a_walk_it_has_all_its_patience_and_its_longest_step_again(engine:
     assert slide.iterations == taken + 2
     assert slide.track.counts[STALE] < 3
     np.testing.assert_allclose(slide.steps[taken], 0.01)
+
+
+_CAPACITY = 500
+
+
+class Slide:
+    """One descent of the slider, by the kernel or in Python.
+
+    Args:
+        engine: "kernel" or "python".
+        start: Where it begins, shape (2,) [m].
+        goal: Shape (2,) [m].
+        scene: What stands in the way.
+        rows: Rows of constraints, shape (r, WIDTH).
+        slack: Distance to keep beyond margins [m].
+        repulsive: eta of the ball's middle [N m^3]. Its pull grows all the way: far from obstacles
+            U = |q - goal|^2 / 2.
+        options: Of ``FieldOptions``.
+    """
+
+    def __init__(
+        self,
+        engine: str,
+        start: list[float],
+        goal: list[float],
+        scene: Scene | None = None,
+        rows: Array | None = None,
+        slack: float = 0.0,
+        repulsive: float = 1e-6,
+        **options: Any,
+    ) -> None:
+        robot, around = slider(), scene or Scene()
+        limits = robot.chain.limits
+        self.checker = Checker(Checker.of(robot, around).model, slack)
+        self.rules: Rules = FieldOptions(**options).rules(limits.lower, limits.upper)
+        constraints = np.zeros((0, WIDTH)) if rows is None else np.array(rows)
+        self._proof = Proof(self.checker.model.arrays, slack, constraints)
+        where = origin_points(robot.chain)
+        spring = FieldWeights((0.0, 1.0), attractive_cap=10.0, repulsive_weights=(0.0, repulsive))
+        self.field = Field(robot.chain, where, Projector(around), np.array(goal), spring)
+        self._python = PythonDescent(
+            self.field.value, self.field.vanishing_force, np.array(goal), self._proof, self.rules
+        )
+        self._engine = engine
+        self.track = Track(
+            np.empty((_CAPACITY, 2)),
+            np.empty(_CAPACITY),
+            np.empty(2),
+            np.array([self.rules.longest, np.inf, -1.0, -1.0]),
+            np.zeros(3, dtype=np.int64),
+        )
+        q = np.array(start)
+        keep_kernel(self.track, q, *self.field.value(q))
+
+    def go(self, until: int, across: Array | None = None, walk: int = 0) -> int:
+        """Descend until so many steps were taken, after a walk; the outcome."""
+        direction = np.zeros(2) if across is None else across
+        if self._engine == "python":
+            return self._python.run(self.track, until, direction, walk)
+        return int(
+            descend_kernel(
+                self._proof, self.rules, self.field.model, self.track, until, direction, walk
+            )
+        )
+
+    @property
+    def visited(self) -> Array:
+        """Configurations so far, shape (k, 2) [m]."""
+        return self.track.visited[: self.track.counts[VISITED]].copy()
+
+    @property
+    def potentials(self) -> Array:
+        """U at each of them, shape (k,) [J]."""
+        return self.track.potentials[: self.track.counts[VISITED]].copy()
+
+    @property
+    def iterations(self) -> int:
+        """Steps taken so far."""
+        return int(self.track.counts[ITERATIONS])
+
+    @property
+    def steps(self) -> Array:
+        """How far the joint that moved most moved in each step, shape (k - 1,) [m]."""
+        return np.asarray(np.abs(np.diff(self.visited, axis=0)).max(axis=1))

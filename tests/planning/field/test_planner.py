@@ -9,18 +9,25 @@ import pytest
 from kinematics.errors import InvalidOption
 from kinematics.model.dh import DhRow, DhTable
 from kinematics.pose import transform
+from kinematics.tree.serial_chain import serial_chain
+from kinematics.urdf.urdf import parse_urdf
 from obstacles.collision.checker import Checker
 from obstacles.projection.projection import Projector
 from obstacles.robots.dh_geometry import dh_robot_geometry
-from obstacles.robots.robot_geometry import RobotGeometry
+from obstacles.robots.robot_geometry import RobotGeometry, robot_geometry
 from obstacles.scenes.scene import Obstacle, Scene
 from obstacles.shapes.shape import Sphere
-from planning.field.control_points import control_points, origin_points
+from planning.field import planner as planner_module
+from planning.field.control_points import along_links, control_points, origin_points
+from planning.field.field_kernels import value_kernel
 from planning.field.options import PRESETS, QUICK, FieldOptions
 from planning.field.planner import FieldResult, potential_field
 from planning.field.potential import Field
 from planning.field.weights import FieldWeights
+from planning.result import Explanation
 from planning.values.deadline import Deadline
+from tests.mimic_joints import configurations, urdf
+from tests.planning.field.test_potential import near_a_kink, slope
 from tests.planning.scenes import HOME, box, builtin, shelf
 from tests.planning.slider import slider
 
@@ -71,12 +78,6 @@ def test_steps_follow_the_rule() -> None:
     assert "used up" in found.detail
     # Small enough steps lower the potential.
     assert (np.diff(found.potentials) < 0.0).all()
-
-
-def test_no_joint_moves_farther_than_the_longest_step() -> None:
-    options = FieldOptions(step_sizes=100.0, longest_step=0.03, connect=False, max_iterations=40)
-    found, _ = descend(POST, options, turned())
-    assert np.abs(np.diff(found.visited, axis=0)).max() <= 0.03 + 1e-12
 
 
 def test_without_connecting_it_ends_within_its_tolerance() -> None:
@@ -272,10 +273,179 @@ def test_an_unknown_option_is_told_with_those_there_are() -> None:
     assert "influence_distance (0.1)" in str(caught.value.hint)
 
 
-def test_presets_can_be_changed_by_name() -> None:
-    made = FieldOptions.of({"preset": "quick", "escapes": 2})
-    assert made.control_points == "links"
-    assert made.escapes == 2
-    assert FieldOptions.of({}) is not None
-    none = np.zeros(2)
-    assert FieldOptions.of({"step_sizes": None}).rules(none, none).sizes.shape == (0,)
+WALL = Scene((box("wall", (0.2, 0.05, 0.4), (0.5, 0.2, 0.4)),))
+CASES = {
+    "notes": replace(PRESETS["notes"], max_iterations=40),
+    "steps": FieldOptions(step_sizes=[0.02, 0.01], longest_step=1.0, max_iterations=12),
+    "exact end": FieldOptions(connect=False, max_iterations=30),
+    "escapes": replace(PRESETS["thorough"], escapes=3, max_iterations=60),
+}
+
+
+@pytest.mark.parametrize("scene", [POST, WALL], ids=["post", "wall"])
+@pytest.mark.parametrize("case", list(CASES))
+def test_with_the_same_projections_it_takes_the_steps_of_the_kernel(
+    case: str, scene: Scene, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    robot = builtin("panda")
+    checker = Checker.of(robot, scene)
+    arguments = (robot, checker, scene, HOME, [turned()])
+    kernel = potential_field(*arguments, CASES[case], 0, Deadline.after(60.0))
+    monkeypatch.setattr(planner_module, "FclProjector", Projector)
+    options = replace(CASES[case], engine="fcl")
+    python = potential_field(*arguments, options, 0, Deadline.after(60.0))
+    assert python.iterations == kernel.iterations
+    assert python.detail == kernel.detail
+    np.testing.assert_allclose(python.visited, kernel.visited, atol=1e-9)
+    np.testing.assert_allclose(python.potentials, kernel.potentials, rtol=1e-9)
+    assert (python.waypoints is None) == (kernel.waypoints is None)
+
+
+@pytest.mark.parametrize("preset", list(PRESETS))
+def test_with_projections_by_fcl_every_step_is_proved_and_ends_at_the_goal(preset: str) -> None:
+    robot, goal = builtin("panda"), turned()
+    checker = Checker.of(robot, POST)
+    options = replace(PRESETS[preset], engine="fcl")
+    descent = potential_field(robot, checker, POST, HOME, [goal], options, 0, Deadline.after(60.0))
+    assert descent.waypoints is not None, descent.detail
+    assert np.array_equal(descent.waypoints[0], HOME)
+    assert np.array_equal(descent.waypoints[-1], goal)
+    assert checker.polyline(descent.waypoints)[0].free
+
+
+def test_it_stops_in_time() -> None:
+    robot = builtin("panda")
+    checker = Checker.of(robot, POST)
+    options = FieldOptions(engine="fcl", max_iterations=100_000, connect=False, tolerance=1e-9)
+    descent = potential_field(
+        robot, checker, POST, HOME, [turned()], options, 0, Deadline.after(0.002)
+    )
+    assert descent.waypoints is None
+    assert descent.detail == "The time was up."
+
+
+def arm() -> RobotGeometry:
+    """Two links of 0.6 m and 0.4 m in one plane, capsules of 2 cm radius around them."""
+    limits = {"lower": -1.0, "upper": 3.0, "velocity": 3.0, "acceleration": 20.0}
+    rows = (DhRow("revolute", a=0.6, **limits), DhRow("revolute", a=0.4, **limits))
+    return dh_robot_geometry("arm", DhTable("standard", rows), [[], []], 0.02)
+
+
+def ball(radius: float, x: float, y: float) -> Scene:
+    return Scene((Obstacle("ball", Sphere(radius), transform(position=[x, y, 0.0])),))
+
+
+def stopped(scene: Scene, start: Any, goal: Any, **options: Any) -> tuple[FieldResult, Explanation]:
+    robot, settings = arm(), FieldOptions(connect=False, **options)
+    checker = Checker.of(robot, scene)
+    deadline = Deadline.after(20.0)
+    result = potential_field(
+        robot, checker, scene, np.array(start), [np.array(goal)], settings, 0, deadline
+    )
+    assert result.waypoints is None, result.detail
+    assert result.explain is not None
+    return result, result.explain()
+
+
+def test_a_local_minimum_names_the_obstacle_the_point_and_the_force() -> None:
+    result, why = stopped(
+        ball(0.2, 0.9, 0.0), [-0.9, 0.0], [0.9, 0.0], repulsive_weights=5e-3,
+        influence_distance=0.4,
+    )  # fmt: skip
+    assert result.ending == "local_minimum"
+    point = why.details["repelled"]
+    assert (point["obstacle"], point["joint"]) == ("ball", "joint_1")
+    gap = np.linalg.norm(np.array(point["origin"]) - [0.9, 0.0, 0.0]) - 0.2
+    assert point["distance"] == pytest.approx(gap, abs=1e-12)
+    expected = 5e-3 * (1.0 / gap - 1.0 / 0.4) / gap**2
+    assert point["repulsive_force"] == pytest.approx(expected, rel=1e-9)
+    assert why.details["force"] == pytest.approx(np.abs(result.joint_force).max())
+    for words in ("'ball' pushes point 1", "'joint_1'", "escapes (0)", "repulsive_weights (0.005)"):
+        assert words in why.hint, why.hint
+
+
+def test_too_few_steps_and_too_little_patience_are_named_with_their_values() -> None:
+    scene = ball(0.12, 0.75, 0.55)
+    result, why = stopped(scene, [0.0, 0.3], [1.4, -0.3], max_iterations=7)
+    assert result.ending == "steps_used_up"
+    assert "max_iterations (7)" in why.hint
+    result, why = stopped(scene, [0.0, 0.3], [1.4, -0.3], patience=1, progress=0.1)
+    assert result.ending == "no_progress"
+    assert "patience (1)" in why.hint
+
+
+def test_a_step_into_an_obstacle_names_the_pair() -> None:
+    """A bare origin slides past a ball that the link does not."""
+    scene = ball(0.1, 0.45, 0.0)
+    result, why = stopped(scene, [-0.9, 0.0], [0.9, 0.0], repulsive_weights=1e-12)
+    assert result.ending in ("blocked", "kink")
+    assert why.details["next_contact"] == ["link_1", "ball"]
+    assert "'link_1' against 'ball'" in why.hint
+    if result.ending == "blocked":
+        assert 'control_points "links"' in why.hint
+
+
+def test_a_limit_in_the_way_names_the_joint() -> None:
+    """The pull over the top leads past the lower limit."""
+    result, why = stopped(Scene(()), [-0.99, 0.0], [3.0, 0.0], attractive_cap=10.0)
+    assert result.ending in ("blocked", "kink")
+    assert "joint_1" in why.details["next_contact"]
+    end = dict(zip(("joint_1", "joint_2"), result.visited[-1], strict=True))
+    assert all(end[joint] in (-1.0, 3.0) for joint in why.details["next_contact"])
+    assert "'joint_1'" in why.hint
+    assert "against a limit" in why.hint
+    assert "repelled" not in why.details
+
+
+REACH = 0.3
+
+
+@pytest.fixture(scope="module")
+def robot() -> RobotGeometry:
+    description = parse_urdf(urdf())
+    return robot_geometry(serial_chain(description, tip_link="flange"), description)
+
+
+def test_force_is_minus_the_slope_where_only_a_mimic_joint_is_near(robot: RobotGeometry) -> None:
+    chain, where = robot.chain, along_links(robot)
+    carried = np.flatnonzero(where.joints >= chain.n)
+    assert set(where.joints[carried]) == set(range(chain.n, chain.n + len(chain.mimic_joints)))
+    random = np.random.default_rng(3)
+    felt = set()
+    states, goals = configurations(200, 1), configurations(200, 2)
+    for q, goal in zip(states, goals, strict=True):
+        near = random.choice(carried)
+        center = control_points(chain, where, q)[0][near] + random.normal(0.0, 0.12, 3)
+        ball = Obstacle("ball", Sphere(0.02), transform(None, center))
+        weights = FieldWeights(attractive_cap=0.3, influence_distance=REACH)
+        field = Field(chain, where, Projector((ball,)), goal, weights, 0.2)
+        value = field.at(q)
+        if near_a_kink(field, q, REACH) or value.distances.min() < 0.01:
+            continue
+        if value.distances[near] < REACH:
+            felt.add(int(where.joints[near]))
+        expected = -slope(field, q)
+        assert value.joint_force == pytest.approx(expected, rel=1e-5, abs=1e-5)
+        force = np.empty(chain.n)
+        assert value_kernel(field.model, q.copy(), force) == pytest.approx(value.potential)
+        assert force == pytest.approx(value.joint_force, abs=1e-10)
+    # Every mimic joint was pushed at.
+    assert felt == set(range(chain.n, chain.n + len(chain.mimic_joints)))
+
+
+def test_the_descent_stops_before_what_a_mimic_joint_would_hit(robot: RobotGeometry) -> None:
+    # j1 turns the drum behind the base by twice its angle; at -pi / 2 it points at the ball.
+    start, goal = np.zeros(6), np.zeros(6)
+    start[0], goal[0] = -1.2, -1.95
+    ball = Obstacle("ball", Sphere(0.04), transform(None, [-0.7, 0.0, 0.3]))
+    for obstacles, is_free in (((), True), ((ball,), False)):
+        scene = Scene(obstacles)
+        checker = Checker.of(robot, scene)
+        assert checker.valid(start)
+        assert checker.valid(goal)
+        assert checker.valid(0.5 * (start + goal)) == is_free
+        result = potential_field(
+            robot, checker, scene, start, [goal], FieldOptions(), 0, Deadline.after(30.0)
+        )
+        assert (result.waypoints is not None) == is_free
+        assert checker.each_valid(result.visited).all()

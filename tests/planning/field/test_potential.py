@@ -5,16 +5,32 @@ import pytest
 
 from kinematics.arrays import Array
 from kinematics.errors import InvalidOption
+from kinematics.forward import forward, link_poses
 from kinematics.model.chain import Chain
+from kinematics.model.dh import chain_from_dh, dh_from_chain
 from kinematics.pose import transform
+from kinematics.robots import builtin_names
+from obstacles.convex.piece import Piece
 from obstacles.projection.projection import Projector
+from obstacles.robots.robot_geometry import RobotGeometry
 from obstacles.scenes.scene import Obstacle, Scene
-from obstacles.shapes.shape import Box, HalfSpace, Mesh, PointCloud, Sphere
+from obstacles.shapes.shape import (
+    Box,
+    Capsule,
+    Cylinder,
+    HalfSpace,
+    Mesh,
+    PointCloud,
+    Shape,
+    Sphere,
+)
 from planning.field.control_points import along_links, control_points, origin_points
 from planning.field.field_kernels import value_kernel
 from planning.field.potential import Field
 from planning.field.weights import FieldWeights
+from tests.obstacles.solids import random_transform
 from tests.planning.scenes import HOME, builtin, pillar, shelf
+from tests.planning.slider import slider
 
 STEP = 1e-6
 
@@ -125,14 +141,6 @@ def test_repulsion_in_closed_form(gap: float, potential: float, force: float) ->
     assert value.distances[-1] == pytest.approx(gap)
 
 
-def test_on_the_surface_the_force_points_out() -> None:
-    ball = Obstacle("ball", Sphere(0.2), transform(None, [0, 0, 0]))
-    out = np.array([2.0, -1.0, 2.0]) / 3.0
-    q, field, _ = one_point(0.2 * out, ball)
-    push = field.at(q).repulsive_forces[-1]
-    assert push / np.linalg.norm(push) == pytest.approx(out, abs=1e-6)
-
-
 def test_inside_the_force_points_along_the_shortest_way_out() -> None:
     crate = Obstacle("crate", Box(np.array([0.4, 0.4, 0.4])), transform(None, [0, 0, 0]))
     q, field, _ = one_point(np.array([0.15, 0.02, -0.03]), crate)
@@ -209,46 +217,6 @@ def test_jacobians_of_the_control_points(name: str) -> None:
             assert not jacobians[where.joints < j, :, j].any()
 
 
-def test_points_along_links_cover_every_moving_solid() -> None:
-    robot = builtin("panda")
-    where = along_links(robot)
-    assert set(where.joints) == set(robot.joints[robot.joints >= 0])
-    assert (where.radii > 0.0).all()
-    for piece, joint in zip(robot.pieces, robot.joints, strict=True):
-        if joint < 0:
-            continue
-        center, radius = piece.bounding_sphere()
-        own = where.joints == joint
-        away = np.linalg.norm(where.places[own] - center, axis=1)
-        assert away.min() < radius
-
-
-@pytest.mark.parametrize(
-    "options",
-    [
-        {"attractive_cap": 0.0},
-        {"influence_distance": -1.0},
-        {"attractive_weights": [1.0, -1.0]},
-        {"attractive_weights": []},
-        {"attractive_weights": "heavy"},
-        {"repulsive_weights": True},
-        {"repulsive_weights": [True]},
-        {"repulsive_weights": [[1.0]]},
-        {"repulsive_weights": float("nan")},
-        {"repulsive_weights": 1e10},
-        {"least_distance": 0.2, "influence_distance": 0.1},
-    ],
-)
-def test_weights_are_checked(options: dict[str, object]) -> None:
-    with pytest.raises(InvalidOption):
-        FieldWeights(**options)  # type: ignore[arg-type]
-
-
-def test_weights_must_fit_the_control_points() -> None:
-    with pytest.raises(InvalidOption, match="3 value"):
-        FieldWeights(attractive_weights=[1.0, 2.0, 3.0]).each(7)
-
-
 @pytest.mark.parametrize("name", ["panda", "scara", "ur5e"])
 def test_the_descents_kernel_has_the_value_and_the_force_of_the_field(name: str) -> None:
     robot = builtin(name)
@@ -266,3 +234,100 @@ def test_the_descents_kernel_has_the_value_and_the_force_of_the_field(name: str)
                 assert potential == pytest.approx(expected.potential, rel=1e-12)
                 scale = np.abs(expected.joint_force).max() + 1.0
                 assert force == pytest.approx(expected.joint_force, abs=1e-12 * scale)
+
+
+def carrying(shape: Shape, T: Array | None = None, joint: int = 1) -> RobotGeometry:
+    """The two slides with one solid on a joint."""
+    pose = np.eye(4) if T is None else T
+    pieces: tuple[Piece, ...] = tuple(piece.placed(pose) for piece in shape.pieces())
+    names = ("ball",) * len(pieces)
+    joints, solids = np.full(len(pieces), joint), np.zeros(len(pieces), dtype=np.int64)
+    return RobotGeometry(slider().chain, pieces, names, joints, solids, {})
+
+
+@pytest.mark.parametrize("name", builtin_names())
+def test_origins_are_those_of_the_table_and_of_the_tip(name: str) -> None:
+    chain = builtin(name).chain
+    q = np.random.default_rng(1).uniform(*chain.sampling_bounds())
+    points, _ = control_points(chain, origin_points(chain), q)
+    np.testing.assert_allclose(points[-1], forward(chain, q)[:3, 3], atol=1e-12)
+    # The chain of its own table has frame i as link_i.
+    table = chain_from_dh("table", dh_from_chain(chain))
+    frames = link_poses(table, q, [f"link_{i + 1}" for i in range(chain.n - 1)])
+    np.testing.assert_allclose(points[:-1], frames[:, :3, 3], atol=1e-12)
+    assert not origin_points(chain).radii.any()
+
+
+def test_origins_have_the_radii_given() -> None:
+    chain = slider().chain
+    assert origin_points(chain, 0.2).radii.tolist() == [0.2, 0.2]
+    assert origin_points(chain, [0.1, 0.3]).radii.tolist() == [0.1, 0.3]
+    with pytest.raises(InvalidOption, match=r"3 value.*2 control points"):
+        origin_points(chain, [0.1, 0.2, 0.3])
+
+
+@pytest.mark.parametrize(
+    ("shape", "count", "width"),
+    [
+        (Sphere(0.1), 1, 0.1),
+        (Box(np.full(3, 0.2)), 1, 0.1),
+        (Box(np.array([0.2, 0.3, 0.2])), 1, 0.1),
+        (Box(np.array([0.2, 0.31, 0.2])), 2, 0.1),
+        (Box(np.array([0.2, 0.2, 0.5])), 3, 0.1),
+        (Box(np.array([2.0, 0.2, 0.1])), 4, 0.1),
+        (Cylinder(0.05, 0.4), 4, 0.05),
+        (Capsule(0.1, 0.2), 2, 0.1),
+        (Box(np.array([0.4, 0.4, 0.01])), 1, 0.2),
+    ],
+)
+def test_slender_solids_get_several_points(shape: Shape, count: int, width: float) -> None:
+    """From 1.5 times as long as wide on; one for each width, and at most four."""
+    where = along_links(carrying(shape))
+    assert len(where) == count
+    np.testing.assert_allclose(where.radii, width)
+
+
+def test_points_lie_on_the_longest_axis_from_end_to_end() -> None:
+    T = random_transform(np.random.default_rng(2), 0.3)
+    where = along_links(carrying(Box(np.array([0.1, 0.7, 0.12])), T))
+    local = (where.places - T[:3, 3]) @ T[:3, :3]
+    np.testing.assert_allclose(local[:, [0, 2]], 0.0, atol=1e-12)
+    # The balls of the outermost end where the box does, and all are as far apart.
+    np.testing.assert_allclose(local[:, 1], np.linspace(-0.29, 0.29, 4), atol=1e-12)
+    assert set(where.joints) == {1}
+
+
+def test_what_stands_still_and_what_is_endless_has_no_points() -> None:
+    """A robot without any solid that moves is pulled by its frame origins."""
+    chain = slider().chain
+    origins = origin_points(chain)
+    still = carrying(Sphere(0.1), joint=-1)
+    endless = carrying(HalfSpace(np.array([0.0, 0.0, 1.0]), 0.0))
+    none = np.zeros(0, dtype=np.int64)
+    bare = RobotGeometry(chain, (), (), none, none, {})
+    for robot in (still, endless, bare):
+        where = along_links(robot)
+        np.testing.assert_array_equal(where.places, origins.places)
+        np.testing.assert_array_equal(where.joints, origins.joints)
+        assert not where.radii.any()
+
+
+@pytest.mark.parametrize("name", builtin_names())
+def test_every_moving_solid_has_its_points_in_the_order_of_the_solids(name: str) -> None:
+    robot = builtin(name)
+    where, first = along_links(robot), 0
+    for piece, joint in zip(robot.pieces, robot.joints, strict=True):
+        if joint < 0:
+            continue
+        T, box = piece.T_owner_piece, piece.local_box()
+        _, width, longest = np.sort(box[3:])
+        count = min(int(np.ceil(longest / width)), 4) if longest > 1.5 * width else 1
+        local = (where.places[first : first + count] - T[:3, 3]) @ T[:3, :3] - box[:3]
+        assert (np.abs(local) <= box[3:] + 1e-12).all()
+        np.testing.assert_allclose(
+            np.abs(local).max(initial=0.0), longest - width if count > 1 else 0.0, atol=1e-12
+        )
+        assert set(where.joints[first : first + count]) == {joint}
+        np.testing.assert_allclose(where.radii[first : first + count], width)
+        first += count
+    assert first == len(where)

@@ -1,6 +1,7 @@
 """Weights of a field: one for all points or one each, shared among them, in range."""
 
 from dataclasses import fields
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -9,6 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from kinematics.errors import InvalidOption
+from planning.field.options import MAX_ITERATIONS, PRESETS, FieldOptions
 from planning.field.weights import MAX_WEIGHT, FieldWeights, positive, share, whole
 
 BOTH = ("attractive_weights", "repulsive_weights")
@@ -32,20 +34,6 @@ def test_one_number_is_the_weight_of_every_point(name: str) -> None:
         np.testing.assert_array_equal(each, np.full(m, 0.7))
 
 
-@pytest.mark.parametrize("values", [[0.0, 1.0, 2.5], (3, 0, 1)])
-def test_one_number_each_keeps_its_place(values: Any) -> None:
-    attractive, repulsive = FieldWeights(attractive_weights=values, repulsive_weights=2.0).each(3)
-    np.testing.assert_array_equal(attractive, values)
-    np.testing.assert_array_equal(repulsive, [2.0, 2.0, 2.0])
-
-
-def test_arrays_of_weights_can_be_written_to_without_harm() -> None:
-    """Kernels are compiled for arrays that can be: each call answers its own."""
-    weights = FieldWeights(attractive_weights=[1.0, 2.0])
-    weights.each(2)[0][:] = 9.0
-    np.testing.assert_array_equal(weights.each(2)[0], [1.0, 2.0])
-
-
 @pytest.mark.parametrize("name", BOTH)
 @pytest.mark.parametrize("m", [1, 2, 4])
 def test_as_many_weights_as_points_are_needed(name: str, m: int) -> None:
@@ -63,19 +51,6 @@ def test_shares_of_one_number_and_none_of_one_each() -> None:
     assert shared.attractive_cap == 0.4
     assert weights.with_share(1.0) is weights
     assert weights.attractive_weights == 3.0
-
-
-def test_the_sum_of_shared_weights_is_that_of_one() -> None:
-    for m in (1, 3, 11):
-        attractive, repulsive = FieldWeights(2.0, repulsive_weights=0.5).with_share(1.0 / m).each(m)
-        assert attractive.sum() == pytest.approx(2.0)
-        assert repulsive.sum() == pytest.approx(0.5)
-
-
-@pytest.mark.parametrize("value", [0.0, MAX_WEIGHT])
-def test_weights_at_their_ends_are_taken(value: float) -> None:
-    attractive, repulsive = FieldWeights(value, repulsive_weights=[value]).each(1)
-    assert attractive[0] == repulsive[0] == value
 
 
 @pytest.mark.parametrize(
@@ -102,61 +77,100 @@ def test_the_least_distance_is_below_the_influence(least: float, taken: bool) ->
         assert error.hint
 
 
-def test_every_option_has_a_default_that_is_in_range() -> None:
-    defaults = FieldWeights()
-    assert FieldWeights(**{f.name: getattr(defaults, f.name) for f in fields(defaults)}).each(2)
-
-
 @given(st.one_of(st.floats(min_value=5e-324, max_value=1.7e308), st.integers(1, 10**30)))
-def test_finite_numbers_above_zero_are_taken(value: float) -> None:
+def test_numbers_in_range_are_taken(value: float) -> None:
     positive("size", value)
+    whole("count", -3 + int(value) % 11, -3, 7)
+    share("part", min(value, 0.999))
+
+
+_NO_NUMBERS = [True, None, "1", [1.0], float("nan")]
 
 
 @pytest.mark.parametrize(
-    "value",
+    ("check", "values", "words"),
     [
-        0,
-        0.0,
-        -0.0,
-        -1,
-        -1e-300,
-        float("nan"),
-        float("inf"),
-        -float("inf"),
-        True,
-        "1",
-        None,
-        [1.0],
-        1j,
+        (positive, [*_NO_NUMBERS, 0, -0.0, -1e-300, np.inf, 1j], "size must be a positive number"),
+        (share, [*_NO_NUMBERS, -1e-9, 1], "size must be a number from 0 to less than 1"),
+        (
+            partial(whole, least=-3, most=7), [*_NO_NUMBERS, -4, 8, 2.0],
+            "size must be a whole number from -3 to 7",
+        ),
     ],
-)
-def test_all_else_is_refused_by_name(value: Any) -> None:
+)  # fmt: skip
+def test_values_out_of_range_are_refused_by_name(check: Any, values: list[Any], words: str) -> None:
+    for value in values:
+        with pytest.raises(InvalidOption) as caught:
+            check("size", value)
+        assert caught.value.message.startswith(words)
+
+
+LOWER, UPPER = np.array([-1.0, -2.0]), np.array([1.0, 2.0])
+NAMES = [item.name for item in fields(FieldOptions) if item.init]
+
+
+def values(options: FieldOptions) -> dict[str, Any]:
+    return {name: getattr(options, name) for name in NAMES}
+
+
+@pytest.mark.parametrize("preset", list(PRESETS))
+def test_a_named_option_changes_that_one_alone(preset: str) -> None:
+    changes = {
+        "attractive_weights": [1.0, 2.0], "attractive_cap": 0.3, "repulsive_weights": 0.5,
+        "influence_distance": 0.2, "least_distance": 2e-3, "control_points": "links",
+        "joint_weight": 2.0, "step_sizes": 0.1, "longest_step": 0.07, "halvings": 0,
+        "tolerance": 0.5, "connect": False, "max_iterations": 7, "patience": 3, "escapes": 4,
+        "escape_steps": 2, "progress": 0.5, "force_tolerance": 0.1, "engine": "fcl",
+        "fallback": "prm",
+    }  # fmt: skip
+    assert {*changes, "point_radii", "keep_path"} == set(NAMES)
+    base = values(PRESETS[preset])
+    for name, value in changes.items():
+        assert values(FieldOptions.of({"preset": preset, name: value})) == {**base, name: value}
+    # The field's own path has no fallback.
+    kept = values(FieldOptions.of({"preset": preset, "keep_path": True}))
+    assert kept == {**base, "keep_path": True, "fallback": None}
+
+
+def test_radii_belong_to_origins() -> None:
+    assert FieldOptions.of({"point_radii": [0.1, 0.0]}).point_radii == [0.1, 0.0]
+    with pytest.raises(InvalidOption, match="point_radii are those of origins"):
+        FieldOptions.of({"preset": "quick", "point_radii": 0.1})
+    for bad in (-0.1, [], [0.1, -1.0], "wide", True, float("nan"), float("inf")):
+        with pytest.raises(InvalidOption, match="point_radii must be"):
+            FieldOptions.of({"point_radii": bad})
+
+
+def test_a_kept_path_has_no_straight_connection() -> None:
+    assert FieldOptions().rules(LOWER, UPPER).connect
+    assert not FieldOptions(keep_path=True).rules(LOWER, UPPER).connect
+
+
+def test_a_value_out_of_range_is_told_with_its_place() -> None:
     with pytest.raises(InvalidOption) as refused:
-        positive("size", value)
-    assert refused.value.message == f"size must be a positive number, not {value!r}"
+        FieldOptions.of({"attractive_cap": -1.0})
+    assert refused.value.message.startswith("planner_options.attractive_cap must be")
+    with pytest.raises(InvalidOption) as refused:
+        FieldOptions.of({"least_distance": 0.5})
+    assert refused.value.hint is not None
+    assert refused.value.hint.startswith("Lower least_distance")
 
 
-@given(st.integers(-20, 20))
-def test_whole_numbers_are_taken_from_least_to_most(value: int) -> None:
-    if -3 <= value <= 7:
-        whole("count", value, -3, 7)
-    else:
-        with pytest.raises(InvalidOption, match=f"from -3 to 7, not {value}"):
-            whole("count", value, -3, 7)
+@pytest.mark.parametrize(
+    ("name", "least", "most"),
+    [("halvings", 0, 30), ("max_iterations", 1, MAX_ITERATIONS), ("patience", 1, MAX_ITERATIONS),
+     ("escapes", 0, 1000), ("escape_steps", 1, 1000)],
+)  # fmt: skip
+def test_counts_are_taken_from_end_to_end(name: str, least: int, most: int) -> None:
+    for value in (least, most):
+        assert getattr(FieldOptions.of({name: value}), name) == value
+    for value in (least - 1, most + 1):
+        with pytest.raises(InvalidOption, match=f"{name} must be a whole number"):
+            FieldOptions.of({name: value})
 
 
-@pytest.mark.parametrize("value", [True, False, 2.0, 2.5, "2", None, float("nan")])
-def test_what_is_not_whole_is_refused(value: Any) -> None:
-    with pytest.raises(InvalidOption, match="count must be a whole number"):
-        whole("count", value, 0, 7)
-
-
-@pytest.mark.parametrize("value", [0, 0.0, 1e-9, 0.5, 0.999])
-def test_shares_are_taken_from_nothing_to_less_than_all(value: float) -> None:
-    share("part", value)
-
-
-@pytest.mark.parametrize("value", [-1e-9, 1, 1.0, True, None, "0.5", float("nan"), [0.1]])
-def test_what_is_no_share_is_refused(value: Any) -> None:
-    with pytest.raises(InvalidOption, match="part must be a number from 0 to less than 1"):
-        share("part", value)
+def test_step_sizes_are_at_most_so_many() -> None:
+    rules = FieldOptions(step_sizes=[0.1] * 10_000).rules(LOWER, UPPER)
+    assert len(rules.sizes) == 10_000
+    with pytest.raises(InvalidOption, match="step_sizes must be 1 to 10000 numbers"):
+        FieldOptions(step_sizes=[0.1] * 10_001)

@@ -6,10 +6,10 @@ from typing import Any
 import numpy as np
 import pytest
 import toppra
-from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 
 from benchmarks.judges.ratios import worst_ratio
+from kinematics.arrays import Array
 from kinematics.errors import InvalidOption, InvalidTrajectory, MissingLimit
 from kinematics.robots import builtin_urdf
 from kinematics.trajectory.export import csv_text, joint_trajectory
@@ -19,7 +19,6 @@ from planning.retiming.retime import PathToTime, Retimed, retime
 from planning.timing.failure import TimingFailed
 from planning.timing.options import Payload, TimingOptions
 
-Array = NDArray[np.float64]
 NAMES = ("a", "b", "c")
 POINTS = np.random.default_rng(0).uniform(-1.0, 1.0, (6, 3))
 ORDERS = ((1, "velocity"), (2, "acceleration"))

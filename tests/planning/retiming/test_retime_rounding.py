@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 import toppra
 from numpy.polynomial import polynomial as power_basis
-from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
+from kinematics.arrays import Array
 from kinematics.robots import builtin_urdf
 from kinematics.trajectory.trajectory import Trajectory
 from kinematics.tree.serial_chain import serial_chain
@@ -17,7 +17,6 @@ from planning.retiming.retime import PathToTime, Retimed, retime
 from planning.timing.failure import TimingFailed
 from planning.timing.options import TimingOptions
 
-Array = NDArray[np.float64]
 METHODS: tuple[dict[str, Any], ...] = (
     {"method": "toppra"},
     {"method": "jerk_limited"},
