@@ -15,6 +15,7 @@ proved where it still is then.
 """
 
 from collections.abc import Callable, Sequence
+from enum import IntEnum
 from functools import cache
 from typing import NamedTuple
 
@@ -28,14 +29,31 @@ from obstacles.collision.model.model_arrays import ModelArrays, at_margins
 from obstacles.collision.proximity import line_deficit
 from planning.search.sampled_check import Look, all_look_free, look_of
 from planning.search.shortcut import Held, are_proved, is_free
-from planning.timing.estimate import LEG_ROWS, TIME, estimated_time
+from planning.timing.estimate import LEG_ROWS, Leg, estimated_time
 
 #: States looked at for their clearance are this far apart at most, Euclidean in joint space.
 _SPACING = 0.25
-#: Steps of a waypoint: left out, drawn in, put together with the next half-way or where the legs
-#: beside both meet, cut off at the half and at the quarter of its legs, drawn in by less.
-_STEPS = 7
-_LEFT_OUT, _DRAWN_IN, _JOINED, _MET, _DRAWN_LESS = 0, 1, 2, 3, 6
+
+
+class Step(IntEnum):
+    """Change at one waypoint of a path.
+
+    It is left out, drawn in, put together with the next half-way or where the legs beside both
+    meet, cut off at the half and at the quarter of its legs, drawn in by less.
+    """
+
+    LEFT_OUT = 0
+    DRAWN_IN = 1
+    JOINED = 2
+    MET = 3
+    CUT_AT_HALF = 4
+    CUT_AT_QUARTER = 5
+    DRAWN_LESS = 6
+
+
+_STEPS = len(Step)
+
+
 #: How far a waypoint is drawn in, as part of the way to the line between its neighbours.
 _HALF_WAY, _LESS = 0.5, 0.2
 #: A step that lowers the cost by less than this share is none.
@@ -213,7 +231,7 @@ def _write_costs(bounds: _Bounds, way: _Way, count: int) -> None:
     for k in range(1, count - 1):
         for step in range(_STEPS):
             way.costs[k, step] = np.inf
-            if way.tried[k] & (1 << step) or (_JOINED <= step <= _MET and k == count - 2):
+            if way.tried[k] & (1 << step) or (Step.JOINED <= step <= Step.MET and k == count - 2):
                 continue
             size = _step(way, count, k, step)
             way.costs[k, step] = _cost(bounds, way.trial, way.expected, way.legs, size)
@@ -235,18 +253,18 @@ def _cost(bounds: _Bounds, points: Array, shortfall: Array, legs: Array, count: 
     """Cost of a path of ``count`` waypoints [s]."""
     total = estimated_time(points, count, bounds.limits, legs)
     for k in range(count - 1):
-        total += bounds.weight * shortfall[k] * legs[TIME, k]
+        total += bounds.weight * shortfall[k] * legs[Leg.TIME, k]
     return total
 
 
 @kernel(allocates=False)
 def _sizes(step: int) -> tuple[int, int]:
     """Numbers of waypoints that a step takes out and brings in their place."""
-    if step == _LEFT_OUT:
+    if step == Step.LEFT_OUT:
         return 1, 0
-    if step in (_DRAWN_IN, _DRAWN_LESS):
+    if step in (Step.DRAWN_IN, Step.DRAWN_LESS):
         return 1, 1
-    return (2, 1) if _JOINED <= step <= _MET else (1, 2)
+    return (2, 1) if Step.JOINED <= step <= Step.MET else (1, 2)
 
 
 @kernel(allocates=False)
@@ -264,17 +282,17 @@ def _step(way: _Way, count: int, k: int, step: int) -> int:
             expected[i] = way.shortfall[source]
         else:
             expected[i] = 0.0
-    if step == _DRAWN_IN:
+    if step == Step.DRAWN_IN:
         _draw_in(points, k, _HALF_WAY, trial)
-    elif step == _DRAWN_LESS:
+    elif step == Step.DRAWN_LESS:
         _draw_in(points, k, _LESS, trial)
-    elif step == _JOINED:
+    elif step == Step.JOINED:
         for j in range(points.shape[1]):
             trial[k, j] = 0.5 * (points[k, j] + points[k + 1, j])
-    elif step == _MET:
+    elif step == Step.MET:
         _meet(points, k, trial)
-    elif step != _LEFT_OUT:
-        share = 0.5 if step == _MET + 1 else 0.25
+    elif step != Step.LEFT_OUT:
+        share = 0.5 if step == Step.CUT_AT_HALF else 0.25
         for j in range(points.shape[1]):
             trial[k, j] = points[k, j] + share * (points[k - 1, j] - points[k, j])
             trial[k + 1, j] = points[k, j] + share * (points[k + 1, j] - points[k, j])
@@ -345,7 +363,7 @@ def _try(
         return cost
     looked = at_margins(model, bounds.preferred.margin, bounds.preferred.own_margin)
     for i in range(k - 1, k + brought):
-        worth = bounds.weight * legs[TIME, i]
+        worth = bounds.weight * legs[Leg.TIME, i]
         most = (enough - cost) / worth if worth > 0.0 else np.inf
         expected[i] = line_deficit(looked, work, trial[i], trial[i + 1], _SPACING, most)
         cost += worth * expected[i]

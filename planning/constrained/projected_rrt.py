@@ -24,7 +24,7 @@ from kinematics.arrays import Array
 from obstacles.collision.edge_check import FREE, certify_curve
 from obstacles.collision.model.collision_model import ModelArrays
 from planning.constrained.checker import ConstrainedChecker, narrow_rows
-from planning.constraints.edge_bounds import EDGE_CELLS, HOLDS, edge_kernel
+from planning.constraints.edge_bounds import EDGE_CELLS, EdgeVerdict, edge_kernel
 from planning.constraints.solvers.active_set import FEASIBLE, make_feasible
 from planning.constraints.solvers.active_set_program import Goal, make_goal, make_work
 from planning.values.deadline import Deadline
@@ -351,7 +351,7 @@ def extend_kernel(
                 line[j, 0], line[j, 1] = q[j], trial[j] - q[j]
                 dq[j] = trial[j] - q[j]
             verdict, _ = edge_kernel(model.chain, rows, line, EDGE_CELLS)
-            good = verdict == HOLDS
+            good = verdict == EdgeVerdict.HOLDS
             if good and certify_curve(model, q, dq, zero, zero, slack, found) != FREE:
                 # A shorter step would end at the obstacle all the same.
                 return count, False

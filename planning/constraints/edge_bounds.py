@@ -13,6 +13,7 @@ The proof bounds residuals by code of its own, ``planning.proof.constraints.resi
 """
 
 import math
+from enum import IntEnum
 
 import numpy as np
 
@@ -43,10 +44,15 @@ from planning.constraints.row_value import (
     vector_kernel,
 )
 
-#: Verdicts on an edge.
-HOLDS = 0
-VIOLATED = 1
-UNDECIDED = 2
+
+class EdgeVerdict(IntEnum):
+    """Verdict on an edge."""
+
+    HOLDS = 0
+    VIOLATED = 1
+    UNDECIDED = 2
+
+
 #: Residuals that count as none along a motion: what rounding leaves of a bound that is met exactly
 #: [m or rad].
 TOLERANCE = 1e-6
@@ -75,7 +81,7 @@ def edge_holds(chain: Chain, packed: Array, curve: Array) -> bool:
         curve: Shape (n, k).
     """
     verdict, _ = edge_kernel(chain.model, np.array(packed), np.array(curve), EDGE_CELLS)
-    return bool(verdict == HOLDS)
+    return bool(verdict == EdgeVerdict.HOLDS)
 
 
 @kernel
@@ -118,7 +124,11 @@ def edge_kernel(chain: Array, packed: Array, curve: Array, max_cells: int) -> tu
             violated, top = middle, 0
         smallest = half <= _SMALLEST_HALF * (1.0 + abs(middle))
         if depth + 2 > _DEPTH or cells >= max_cells or smallest:
-            return (VIOLATED, violated) if violated < math.inf else (UNDECIDED, middle)
+            return (
+                (EdgeVerdict.VIOLATED, violated)
+                if violated < math.inf
+                else (EdgeVerdict.UNDECIDED, middle)
+            )
         # The left half is taken first; both share what is open one level down.
         if violated == math.inf:
             lows[top], highs[top], depths[top] = middle, high, depth + 1
@@ -127,7 +137,7 @@ def edge_kernel(chain: Array, packed: Array, curve: Array, max_cells: int) -> tu
             break
         lows[top], highs[top], depths[top] = low, middle, depth + 1
         top += 1
-    return (VIOLATED, violated) if violated < math.inf else (HOLDS, 1.0)
+    return (EdgeVerdict.VIOLATED, violated) if violated < math.inf else (EdgeVerdict.HOLDS, 1.0)
 
 
 @kernel

@@ -1,6 +1,7 @@
 """Steps down a potential, each of them proved free before it is taken, in one kernel."""
 
 import math
+from enum import IntEnum
 from typing import NamedTuple
 
 import numpy as np
@@ -11,7 +12,7 @@ from obstacles.collision.edge_check import FREE, Cubic, certify_in
 from obstacles.collision.model.kernel_work import Workspace, workspace
 from obstacles.collision.model.model_arrays import ModelArrays
 from obstacles.collision.state_check import blocked_at, verdict_in
-from planning.constraints.edge_bounds import EDGE_CELLS, HOLDS, edge_kernel
+from planning.constraints.edge_bounds import EDGE_CELLS, EdgeVerdict, edge_kernel
 from planning.field.field_kernels import (
     FieldModel,
     evaluate_kernel,
@@ -19,19 +20,23 @@ from planning.field.field_kernels import (
     vanishing_force_kernel,
 )
 
-# Outcomes of a descent.
-#: It is at the goal.
-ARRIVED = 0
-#: No step along the force is proved.
-BLOCKED = 1
-#: Its steps were used up.
-GOING = 2
-#: The force vanishes: a local minimum, or a saddle.
-MINIMUM = 3
-#: As many steps as it has patience for did not lower the potential.
-STALLED = 4
-#: Every proved step along the force leads higher: a kink of the potential.
-KINK = 5
+
+class Outcome(IntEnum):
+    """Outcome of a descent."""
+
+    #: It is at the goal.
+    ARRIVED = 0
+    #: No step along the force is proved.
+    BLOCKED = 1
+    #: Its steps were used up.
+    GOING = 2
+    #: The force vanishes: a local minimum, or a saddle.
+    MINIMUM = 3
+    #: As many steps as it has patience for did not lower the potential.
+    STALLED = 4
+    #: Every proved step along the force leads higher: a kink of the potential.
+    KINK = 5
+
 
 #: A step whose proof needs more intervals grazes something all along: it is not taken.
 _MAX_INTERVALS = 800
@@ -45,24 +50,30 @@ SHORTEST = 1e-12
 #: Length of a move that ``_move`` did not find, because every proved one leads higher.
 UPHILL = -1.0
 
-# Entries of Track.gauges.
-#: The next adaptive step [rad or m].
-STEP = 0
-#: The lowest potential so far [J].
-LOWEST = 1
-#: Share of the straight line to the goal that is left where it was last blocked, or -1.
-LINE_BLOCKED = 2
-#: The joint force that counts as none at the last configuration, -1 where it is to be computed
-#: [N m or N].
-NO_FORCE = 3
 
-# Entries of Track.counts.
-#: Configurations that were visited.
-VISITED = 0
-#: Steps that were taken.
-ITERATIONS = 1
-#: Steps in a row without progress.
-STALE = 2
+class Gauge(IntEnum):
+    """Entry of ``Track.gauges``."""
+
+    #: The next adaptive step [rad or m].
+    STEP = 0
+    #: The lowest potential so far [J].
+    LOWEST = 1
+    #: Share of the straight line to the goal that is left where it was last blocked, or -1.
+    LINE_BLOCKED = 2
+    #: The joint force that counts as none at the last configuration, -1 where it is to be computed
+    #: [N m or N].
+    NO_FORCE = 3
+
+
+class Count(IntEnum):
+    """Entry of ``Track.counts``."""
+
+    #: Configurations that were visited.
+    VISITED = 0
+    #: Steps that were taken.
+    ITERATIONS = 1
+    #: Steps in a row without progress.
+    STALE = 2
 
 
 class Proof(NamedTuple):
@@ -148,33 +159,33 @@ def descend_kernel(
     """
     work, counts, gauges = workspace(proof.model), track.counts, track.gauges
     if walk > 0:
-        gauges[STEP], gauges[LOWEST], counts[STALE] = rules.longest, np.inf, 0
+        gauges[Gauge.STEP], gauges[Gauge.LOWEST], counts[Count.STALE] = rules.longest, np.inf, 0
     for _ in range(walk):
         if _move(proof, work, rules, field, track, across, rules.longest, np.inf) == 0.0:
             break
     while True:
         if _reaches_goal(proof, work, rules, field, track):
-            return ARRIVED
-        if counts[ITERATIONS] >= until:
-            return GOING
-        potential = track.potentials[counts[VISITED] - 1]
-        is_progress = potential < (1.0 - rules.progress) * gauges[LOWEST]
-        counts[STALE] = 0 if is_progress else counts[STALE] + 1
-        gauges[LOWEST] = min(gauges[LOWEST], potential)
+            return Outcome.ARRIVED
+        if counts[Count.ITERATIONS] >= until:
+            return Outcome.GOING
+        potential = track.potentials[counts[Count.VISITED] - 1]
+        is_progress = potential < (1.0 - rules.progress) * gauges[Gauge.LOWEST]
+        counts[Count.STALE] = 0 if is_progress else counts[Count.STALE] + 1
+        gauges[Gauge.LOWEST] = min(gauges[Gauge.LOWEST], potential)
         outcome = _descend(proof, work, rules, field, track)
-        if outcome != GOING:
+        if outcome != Outcome.GOING:
             return outcome
 
 
 @kernel
 def keep_kernel(track: Track, q: Array, potential: float, force: Array) -> None:
     """Append a configuration q (n,) with its potential and its force (n,)."""
-    at = track.counts[VISITED]
+    at = track.counts[Count.VISITED]
     track.visited[at] = q
     track.potentials[at] = potential
     track.force[:] = force
-    track.gauges[NO_FORCE] = -1.0
-    track.counts[VISITED] = at + 1
+    track.gauges[Gauge.NO_FORCE] = -1.0
+    track.counts[Count.VISITED] = at + 1
 
 
 @kernel
@@ -190,7 +201,7 @@ def is_free_kernel(proof: Proof, work: Workspace, a: Array, b: Array, outcome: A
         for j in range(n):
             ends[j, 0], ends[j, 1] = a[j], b[j] - a[j]
         holds, outcome[0] = edge_kernel(proof.model.chain, proof.rows, ends, EDGE_CELLS)
-        if holds != HOLDS:
+        if holds != EdgeVerdict.HOLDS:
             return False
     line = Cubic(a, b - a, zero, zero)
     verdict = certify_in(proof.model, work, line, proof.slack, _MAX_INTERVALS, outcome)
@@ -210,13 +221,13 @@ def _is_free_state(proof: Proof, work: Workspace, q: Array) -> bool:
 def _reaches_goal(
     proof: Proof, work: Workspace, rules: Rules, field: FieldModel, track: Track
 ) -> bool:
-    q, goal = track.visited[track.counts[VISITED] - 1].copy(), field.goal.copy()
+    q, goal = track.visited[track.counts[Count.VISITED] - 1].copy(), field.goal.copy()
     away = 0.0
     for j in range(q.shape[0]):
         away += (goal[j] - q[j]) ** 2
     if not (rules.connect or math.sqrt(away) < rules.tolerance):
         return False
-    share = track.gauges[LINE_BLOCKED]
+    share = track.gauges[Gauge.LINE_BLOCKED]
     if share >= 0.0:
         # Where the line was blocked a step before, it mostly still is: one state tells it.
         blocked = goal + share * (q - goal)
@@ -225,13 +236,13 @@ def _reaches_goal(
     asked = np.empty(1, dtype=np.int64)
     blocked_share = blocked_at(proof.model, work, q, goal, proof.slack, 2, _LOOKS, asked)
     if blocked_share >= 0.0:
-        track.gauges[LINE_BLOCKED] = 1.0 - blocked_share
+        track.gauges[Gauge.LINE_BLOCKED] = 1.0 - blocked_share
         return False
     outcome = np.array([1.0, 0.0, 0.0, 0.0])
     if not is_free_kernel(proof, work, q, goal, outcome):
-        track.gauges[LINE_BLOCKED] = 1.0 - outcome[0]
+        track.gauges[Gauge.LINE_BLOCKED] = 1.0 - outcome[0]
         return False
-    if track.counts[VISITED] == 1 or away > 0.0:
+    if track.counts[Count.VISITED] == 1 or away > 0.0:
         force = np.empty(q.shape[0])
         keep_kernel(track, goal, value_kernel(field, goal, force), force)
     return True
@@ -244,25 +255,25 @@ def _descend(proof: Proof, work: Workspace, rules: Rules, field: FieldModel, tra
     strength = 0.0
     for j in range(force.shape[0]):
         strength = max(strength, abs(force[j]))
-    q = track.visited[counts[VISITED] - 1]
-    if gauges[NO_FORCE] < 0.0:
-        gauges[NO_FORCE] = vanishing_force_kernel(field, q, rules.force_tolerance)
-    if strength <= gauges[NO_FORCE]:
-        return MINIMUM
-    if counts[STALE] >= rules.patience:
-        return STALLED
+    q = track.visited[counts[Count.VISITED] - 1]
+    if gauges[Gauge.NO_FORCE] < 0.0:
+        gauges[Gauge.NO_FORCE] = vanishing_force_kernel(field, q, rules.force_tolerance)
+    if strength <= gauges[Gauge.NO_FORCE]:
+        return Outcome.MINIMUM
+    if counts[Count.STALE] >= rules.patience:
+        return Outcome.STALLED
     direction, adaptive = force / strength, rules.sizes.shape[0] == 0
     if not adaptive:
-        size = rules.sizes[min(counts[ITERATIONS], rules.sizes.shape[0] - 1)]
+        size = rules.sizes[min(counts[Count.ITERATIONS], rules.sizes.shape[0] - 1)]
         reach = min(size * strength, rules.longest)
         taken = _move(proof, work, rules, field, track, direction, reach, np.inf)
-        return GOING if taken > 0.0 else BLOCKED
-    reach, highest = gauges[STEP], track.potentials[counts[VISITED] - 1]
+        return Outcome.GOING if taken > 0.0 else Outcome.BLOCKED
+    reach, highest = gauges[Gauge.STEP], track.potentials[counts[Count.VISITED] - 1]
     taken = _move(proof, work, rules, field, track, direction, reach, highest)
-    gauges[STEP] = min(GROWTH * (taken if taken > 0.0 else reach), rules.longest)
+    gauges[Gauge.STEP] = min(GROWTH * (taken if taken > 0.0 else reach), rules.longest)
     if taken == UPHILL:
-        return KINK
-    return GOING if taken > 0.0 else BLOCKED
+        return Outcome.KINK
+    return Outcome.GOING if taken > 0.0 else Outcome.BLOCKED
 
 
 @kernel
@@ -282,7 +293,7 @@ def _move(
         Length of the move of the joint that moves most [rad or m]; 0 where none is proved after all
         halvings, UPHILL where all that are proved lead higher.
     """
-    q = track.visited[track.counts[VISITED] - 1].copy()
+    q = track.visited[track.counts[Count.VISITED] - 1].copy()
     moved, force, outcome = np.empty(q.shape[0]), np.empty(q.shape[0]), np.empty(4)
     unproved, missed = 0, 0.0
     while unproved <= rules.halvings:
@@ -294,8 +305,8 @@ def _move(
             potential, no_force = evaluate_kernel(field, moved, rules.force_tolerance, force)
             if potential < highest:
                 keep_kernel(track, moved, potential, force)
-                track.gauges[NO_FORCE] = no_force
-                track.counts[ITERATIONS] += 1
+                track.gauges[Gauge.NO_FORCE] = no_force
+                track.counts[Count.ITERATIONS] += 1
                 return reach
             if reach < SHORTEST:
                 return UPHILL

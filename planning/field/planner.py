@@ -31,14 +31,8 @@ from planning.constraints.row import WIDTH
 from planning.field.control_points import ControlPoints, along_links, origin_points
 from planning.field.field_kernels import value_kernel, vanishing_force_kernel
 from planning.field.gradient_descent import (
-    ARRIVED,
-    BLOCKED,
-    GOING,
-    ITERATIONS,
-    KINK,
-    MINIMUM,
-    STALLED,
-    VISITED,
+    Count,
+    Outcome,
     Proof,
     Track,
     descend_kernel,
@@ -58,14 +52,14 @@ _STEPS_A_LOOK = 8
 #: Configurations that a track has room for at first.
 _CAPACITY = 64
 #: Names of the outcomes of a descent on the wire.
-_ENDINGS = {
+_ENDINGS: dict[int | None, str] = {
     None: "timed_out",
-    ARRIVED: "arrived",
-    BLOCKED: "blocked",
-    GOING: "steps_used_up",
-    MINIMUM: "local_minimum",
-    STALLED: "no_progress",
-    KINK: "kink",
+    Outcome.ARRIVED: "arrived",
+    Outcome.BLOCKED: "blocked",
+    Outcome.GOING: "steps_used_up",
+    Outcome.MINIMUM: "local_minimum",
+    Outcome.STALLED: "no_progress",
+    Outcome.KINK: "kink",
 }
 
 
@@ -269,22 +263,22 @@ class _Descent:
     @property
     def visited(self) -> Array:
         """Configurations that were visited, shape (k, n) [rad or m]."""
-        return np.array(self._track.visited[: self._track.counts[VISITED]])
+        return np.array(self._track.visited[: self._track.counts[Count.VISITED]])
 
     @property
     def potentials(self) -> Array:
         """U at each of them, shape (k,) [J]."""
-        return np.array(self._track.potentials[: self._track.counts[VISITED]])
+        return np.array(self._track.potentials[: self._track.counts[Count.VISITED]])
 
     @property
     def iterations(self) -> int:
         """Steps that were taken."""
-        return int(self._track.counts[ITERATIONS])
+        return int(self._track.counts[Count.ITERATIONS])
 
     @property
     def at_goal(self) -> bool:
         """Whether it ended at the goal."""
-        last = self._track.visited[self._track.counts[VISITED] - 1]
+        last = self._track.visited[self._track.counts[Count.VISITED] - 1]
         return bool((last == self._goal).all())
 
     @property
@@ -297,9 +291,12 @@ class _Descent:
         escapes, across, walk = 0, np.zeros(len(self._goal)), 0
         while True:
             outcome = self._descend_until(deadline, across, walk)
-            if outcome == GOING and self._is_at_minimum():
-                outcome = MINIMUM
-            if outcome in (None, ARRIVED, GOING) or escapes == self._options.escapes:
+            if outcome == Outcome.GOING and self._is_at_minimum():
+                outcome = Outcome.MINIMUM
+            if (
+                outcome in (None, Outcome.ARRIVED, Outcome.GOING)
+                or escapes == self._options.escapes
+            ):
                 return outcome
             escapes += 1
             across, walk = self._direction_across()
@@ -311,7 +308,7 @@ class _Descent:
             self._reserve(_STEPS_A_LOOK + walk)
             until = min(self.iterations + _STEPS_A_LOOK, max_iterations)
             outcome = self._descend(until, across, walk)
-            if outcome != GOING or self.iterations >= max_iterations:
+            if outcome != Outcome.GOING or self.iterations >= max_iterations:
                 return outcome
             walk = 0
         return None
@@ -319,7 +316,7 @@ class _Descent:
     def _reserve(self, steps: int) -> None:
         """Make room for so many steps, and the goal."""
         track = self._track
-        capacity, needed = len(track.potentials), int(track.counts[VISITED]) + steps + 1
+        capacity, needed = len(track.potentials), int(track.counts[Count.VISITED]) + steps + 1
         if needed > capacity:
             larger = max(needed, 2 * capacity)
             visited, potentials = np.empty((larger, len(track.force))), np.empty(larger)
@@ -328,18 +325,20 @@ class _Descent:
 
     def describe(self, outcome: int | None) -> str:
         """Describe the end of a descent for a person."""
-        if outcome == ARRIVED:
+        if outcome == Outcome.ARRIVED:
             return f"Reached the goal in {self.iterations} steps."
         if outcome is None:
             return "The time was up."
         options, strength = self._options, float(np.abs(self.joint_force).max())
         by = f" by {100.0 * options.progress:g} %" if options.progress > 0.0 else ""
-        reasons = {
-            BLOCKED: "Blocked: no step along the force is proved free inside the joint limits",
-            GOING: f"The {options.max_iterations} steps were used up",
-            MINIMUM: f"A local minimum: the force vanishes (tolerance {options.force_tolerance:g})",
-            STALLED: f"{options.patience} steps in a row did not lower the potential{by}",
-            KINK: "A kink of the potential: every proved step along the force leads higher",
+        tolerance = f"tolerance {options.force_tolerance:g}"
+        reasons: dict[int, str] = {
+            Outcome.BLOCKED: "Blocked: no step along the force is proved free inside the "
+            "joint limits",
+            Outcome.GOING: f"The {options.max_iterations} steps were used up",
+            Outcome.MINIMUM: f"A local minimum: the force vanishes ({tolerance})",
+            Outcome.STALLED: f"{options.patience} steps in a row did not lower the potential{by}",
+            Outcome.KINK: "A kink of the potential: every proved step along the force leads higher",
         }
         left = float(np.linalg.norm(self.visited[-1] - self._goal))
         text = (
@@ -347,7 +346,7 @@ class _Descent:
             f"{self.potentials[-1]:.4g}, {left:.3g} from the goal in joint space, with a largest "
             f"joint force of {strength:.3g}."
         )
-        return text if outcome == MINIMUM else f"{text} It is no local minimum."
+        return text if outcome == Outcome.MINIMUM else f"{text} It is no local minimum."
 
     def _is_at_minimum(self) -> bool:
         """Whether the force vanishes at the last configuration."""

@@ -14,21 +14,12 @@ import numpy as np
 from kinematics.arrays import Array
 from obstacles.collision.model.kernel_work import Workspace, workspace
 from planning.field.gradient_descent import (
-    ARRIVED,
-    BLOCKED,
-    GOING,
     GROWTH,
-    ITERATIONS,
-    KINK,
-    LINE_BLOCKED,
-    LOWEST,
-    MINIMUM,
     SHORTEST,
-    STALE,
-    STALLED,
-    STEP,
     UPHILL,
-    VISITED,
+    Count,
+    Gauge,
+    Outcome,
     Proof,
     Rules,
     Track,
@@ -72,30 +63,30 @@ class PythonDescent:
         rules, counts, gauges = self.rules, track.counts, track.gauges
         work = workspace(self.proof.model)
         if walk > 0:
-            gauges[STEP], gauges[LOWEST], counts[STALE] = rules.longest, np.inf, 0
+            gauges[Gauge.STEP], gauges[Gauge.LOWEST], counts[Count.STALE] = rules.longest, np.inf, 0
         for _ in range(walk):
             if self._move(work, track, across, rules.longest, np.inf) == 0.0:
                 break
         while True:
             if self._reaches_goal(work, track):
-                return ARRIVED
-            if counts[ITERATIONS] >= until:
-                return GOING
-            potential = track.potentials[counts[VISITED] - 1]
-            is_progress = potential < (1.0 - rules.progress) * gauges[LOWEST]
-            counts[STALE] = 0 if is_progress else counts[STALE] + 1
-            gauges[LOWEST] = min(gauges[LOWEST], potential)
+                return Outcome.ARRIVED
+            if counts[Count.ITERATIONS] >= until:
+                return Outcome.GOING
+            potential = track.potentials[counts[Count.VISITED] - 1]
+            is_progress = potential < (1.0 - rules.progress) * gauges[Gauge.LOWEST]
+            counts[Count.STALE] = 0 if is_progress else counts[Count.STALE] + 1
+            gauges[Gauge.LOWEST] = min(gauges[Gauge.LOWEST], potential)
             outcome = self._take_step(work, track)
-            if outcome != GOING:
+            if outcome != Outcome.GOING:
                 return outcome
 
     def _reaches_goal(self, work: Workspace, track: Track) -> bool:
         """Whether the goal is near enough, or in reach of a proved straight motion."""
-        q, goal = track.visited[track.counts[VISITED] - 1].copy(), self.goal
+        q, goal = track.visited[track.counts[Count.VISITED] - 1].copy(), self.goal
         away = float(((goal - q) ** 2).sum())
         if not (self.rules.connect or math.sqrt(away) < self.rules.tolerance):
             return False
-        share = float(track.gauges[LINE_BLOCKED])
+        share = float(track.gauges[Gauge.LINE_BLOCKED])
         if share >= 0.0:
             # Where it was blocked from the step before it mostly still is.
             blocked = goal + share * (q - goal)
@@ -103,9 +94,9 @@ class PythonDescent:
                 return False
         where = np.array([1.0, 0.0, 0.0, 0.0])
         if not is_free_kernel(self.proof, work, q, goal, where):
-            track.gauges[LINE_BLOCKED] = 1.0 - where[0]
+            track.gauges[Gauge.LINE_BLOCKED] = 1.0 - where[0]
             return False
-        if track.counts[VISITED] == 1 or away > 0.0:
+        if track.counts[Count.VISITED] == 1 or away > 0.0:
             keep_kernel(track, goal.copy(), *self.value(goal))
         return True
 
@@ -114,23 +105,26 @@ class PythonDescent:
         rules, gauges, counts = self.rules, track.gauges, track.counts
         force = track.force.copy()
         strength = float(np.abs(force).max())
-        q = track.visited[counts[VISITED] - 1].copy()
+        q = track.visited[counts[Count.VISITED] - 1].copy()
         if strength <= self.vanishing_force(q, rules.force_tolerance):
-            return MINIMUM
-        if counts[STALE] >= rules.patience:
-            return STALLED
+            return Outcome.MINIMUM
+        if counts[Count.STALE] >= rules.patience:
+            return Outcome.STALLED
         direction = force / strength
         if len(rules.sizes):
-            size = rules.sizes[min(counts[ITERATIONS], len(rules.sizes) - 1)]
+            size = rules.sizes[min(counts[Count.ITERATIONS], len(rules.sizes) - 1)]
             reach = min(float(size) * strength, rules.longest)
             is_taken = self._move(work, track, direction, reach, np.inf) > 0.0
-            return GOING if is_taken else BLOCKED
-        reach, highest = float(gauges[STEP]), float(track.potentials[counts[VISITED] - 1])
+            return Outcome.GOING if is_taken else Outcome.BLOCKED
+        reach, highest = (
+            float(gauges[Gauge.STEP]),
+            float(track.potentials[counts[Count.VISITED] - 1]),
+        )
         step = self._move(work, track, direction, reach, highest)
-        gauges[STEP] = min(GROWTH * (step if step > 0.0 else reach), rules.longest)
+        gauges[Gauge.STEP] = min(GROWTH * (step if step > 0.0 else reach), rules.longest)
         if step == UPHILL:
-            return KINK
-        return GOING if step > 0.0 else BLOCKED
+            return Outcome.KINK
+        return Outcome.GOING if step > 0.0 else Outcome.BLOCKED
 
     def _move(
         self, work: Workspace, track: Track, direction: Array, reach: float, highest: float
@@ -141,7 +135,7 @@ class PythonDescent:
             Length of the move of the joint that moves most [rad or m]; 0 where none is proved,
             UPHILL where all that are proved lead higher.
         """
-        q = track.visited[track.counts[VISITED] - 1].copy()
+        q = track.visited[track.counts[Count.VISITED] - 1].copy()
         unproved, missed = 0, 0.0
         while unproved <= self.rules.halvings:
             moved = np.minimum(
@@ -152,7 +146,7 @@ class PythonDescent:
                 potential, force = self.value(moved)
                 if potential < highest:
                     keep_kernel(track, moved, potential, force)
-                    track.counts[ITERATIONS] += 1
+                    track.counts[Count.ITERATIONS] += 1
                     return reach
                 if reach < SHORTEST:
                     return UPHILL

@@ -13,16 +13,7 @@ from compiled.random import State
 from kinematics.arrays import Array
 from obstacles.collision.checker import Checker, any_model
 from obstacles.collision.model.collision_model import ModelArrays
-from planning.search.trees import (
-    EDGES,
-    EDGES_BEFORE,
-    GOING,
-    PATH,
-    Draws,
-    Trees,
-    grow_kernel,
-    new_trees,
-)
+from planning.search.trees import Draws, Growth, Tally, Trees, grow_kernel, new_trees
 from planning.values.deadline import Deadline
 from planning.values.search_box import nearby_box, search_box
 from planning.values.search_trees import Explored
@@ -101,14 +92,15 @@ class TreePairs:
         checker, roots = self.checker, self.roots
         budget = min(options.budget, self.max_edges - self.edges)
         trees = new_trees(len(roots), checker.model.chain.n, budget, self._random())
-        grow, draws, outcome, until = _grow(), self._draws(options), GOING, 0
-        while outcome == GOING and not self.deadline.passed:
+        outcome: int = Growth.GOING
+        grow, draws, until = _grow(), self._draws(options), 0
+        while outcome == Growth.GOING and not self.deadline.passed:
             # Edges looked at between two checks of the clock.
             until += 250
             outcome = grow(checker.model.arrays, trees, draws, roots, budget, until)
-        before, nodes = int(trees.tally[EDGES_BEFORE]), int(trees.tally[PATH])
+        before, nodes = int(trees.tally[Tally.EDGES_BEFORE]), int(trees.tally[Tally.PATH])
         runs = 2 if before else 1
-        self.edges += before + int(trees.tally[EDGES])
+        self.edges += before + int(trees.tally[Tally.EDGES])
         self.runs += runs
         if self.explored is not None:
             for _ in range(runs):

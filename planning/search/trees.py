@@ -8,6 +8,7 @@ checking", International Symposium on Robotics Research, 2001.
 """
 
 import math
+from enum import IntEnum
 from typing import NamedTuple
 
 import numpy as np
@@ -24,13 +25,18 @@ from obstacles.collision.model.kernel_work import Workspace, workspace
 from obstacles.collision.model.model_arrays import ModelArrays
 from obstacles.collision.state_check import verdict_in
 
-# Outcomes of growing trees.
-#: The clock is to be looked at.
-GOING = 0
-#: The first pair has had its edges and has not met.
-SPENT = 1
-#: There is a path, and another pair has looked for a shorter one.
-FOUND = 2
+
+class Growth(IntEnum):
+    """Outcome of growing a pair of trees."""
+
+    #: The clock is to be looked at.
+    GOING = 0
+    #: The first pair has had its edges and has not met.
+    SPENT = 1
+    #: There is a path, and another pair has looked for a shorter one.
+    FOUND = 2
+
+
 #: A step whose proof needs more intervals grazes something all along: it is not taken.
 _MAX_INTERVALS = 800
 #: States of a step that are looked at, its end first, where that is all, and before a proof: half
@@ -47,17 +53,24 @@ _PATIENCE = 3
 _MAX_DRAWS = 100
 #: Parent of a node that was cut off; that of a root is -1.
 _CUT = -2
-# Entries of Trees.tally.
-#: Edges that were checked, by this pair.
-EDGES = 0
-#: By the pair before it, if that has met.
-EDGES_BEFORE = 1
-#: Nodes of the path, 0 where there is none.
-PATH = 2
-#: Node of the start's tree at which the trees meet, and that of the goals' tree.
-_HERE, _THERE = 3, 4
-#: Steps of this pair that were cut off.
-_CUTS = 5
+
+
+class Tally(IntEnum):
+    """Entry of ``Trees.tally``."""
+
+    #: Edges that were checked, by this pair.
+    EDGES = 0
+    #: By the pair before it, if that has met.
+    EDGES_BEFORE = 1
+    #: Nodes of the path, 0 where there is none.
+    PATH = 2
+    #: Node of the start's tree at which the trees meet, and that of the goals' tree.
+    HERE = 3
+    THERE = 4
+    #: Steps of this pair that were cut off.
+    CUTS = 5
+
+
 #: A path so many times as long as the straight line is worth another pair of trees: shortening does
 #: for the others what that would do.
 _LONG = 3.0
@@ -161,25 +174,25 @@ def grow_kernel(
         _plant(trees, roots)
     while True:
         # The second pair has as many edges as the first path took.
-        most = tally[EDGES_BEFORE] if tally[PATH] > 0 else budget
+        most = tally[Tally.EDGES_BEFORE] if tally[Tally.PATH] > 0 else budget
         if _grow(model, work, draws, trees, vectors, min(until, most)):
-            first = tally[PATH] == 0
+            first = tally[Tally.PATH] == 0
             _keep_path(trees)
-            if not first or not is_detour(trees.path, tally[PATH]):
-                return FOUND
-            tally[EDGES_BEFORE] = tally[EDGES]
+            if not first or not is_detour(trees.path, tally[Tally.PATH]):
+                return Growth.FOUND
+            tally[Tally.EDGES_BEFORE] = tally[Tally.EDGES]
             _plant(trees, roots)
-        elif tally[EDGES] >= most:
-            return FOUND if tally[PATH] > 0 else SPENT
+        elif tally[Tally.EDGES] >= most:
+            return Growth.FOUND if tally[Tally.PATH] > 0 else Growth.SPENT
         else:
-            return GOING
+            return Growth.GOING
 
 
 @kernel(allocates=False)
 def _plant(trees: Trees, roots: Array) -> None:
     """Begin anew with roots (1 + g, n): the start, and the goals."""
     trees.sizes[0], trees.sizes[1] = 0, 0
-    trees.tally[EDGES], trees.tally[_CUTS] = 0, 0
+    trees.tally[Tally.EDGES], trees.tally[Tally.CUTS] = 0, 0
     for root in range(roots.shape[0]):
         _add(trees, min(root, 1), roots[root], -1)
 
@@ -206,12 +219,12 @@ def _grow(
     ``vectors`` is room for a target and for the ends of two steps, (3, n).
     """
     target, tally, failed = vectors[0], trees.tally, 0
-    while tally[EDGES] < until:
+    while tally[Tally.EDGES] < until:
         side = 0 if trees.sizes[0] <= trees.sizes[1] else 1
         if failed == _PATIENCE:
             side, failed = 1 - side, 0
         near = 0
-        if tally[EDGES] == 0:
+        if tally[Tally.EDGES] == 0:
             # The first step is one from the start straight to a goal, and so is what it meets.
             for j in range(target.shape[0]):
                 target[j] = trees.points[1, 0, j]
@@ -225,18 +238,18 @@ def _grow(
         for j in range(target.shape[0]):
             target[j] = trees.points[side, reached, j]
         left = square_distance(trees.points[1 - side], node, target)
-        if follows != _UNKNOWN and left > 0.0 and tally[EDGES] < until:
-            tally[EDGES] += 1
+        if follows != _UNKNOWN and left > 0.0 and tally[Tally.EDGES] < until:
+            tally[Tally.EDGES] += 1
             node = _take(trees, 1 - side, node, vectors[2], follows == FREE, False)
             left = square_distance(trees.points[1 - side], max(node, 0), target)
-        while node >= 0 and left > 0.0 and tally[EDGES] < until:
+        while node >= 0 and left > 0.0 and tally[Tally.EDGES] < until:
             node = _step(model, work, draws, trees, 1 - side, node, vectors)
             left = square_distance(trees.points[1 - side], max(node, 0), target)
         if node >= 0 and left == 0.0:
-            tally[_HERE] = reached if side == 0 else node
-            tally[_THERE] = node if side == 0 else reached
-            if _proves(model, work, draws, trees, 0, int(tally[_HERE])) and _proves(
-                model, work, draws, trees, 1, int(tally[_THERE])
+            tally[Tally.HERE] = reached if side == 0 else node
+            tally[Tally.THERE] = node if side == 0 else reached
+            if _proves(model, work, draws, trees, 0, int(tally[Tally.HERE])) and _proves(
+                model, work, draws, trees, 1, int(tally[Tally.THERE])
             ):
                 return True
     return False
@@ -278,7 +291,7 @@ def _extend(
         The number of the step, the node of the other tree that is nearest to its end, and the
         verdict on the step from there, written into ``vectors[2]``, if it was looked at.
     """
-    if trees.tally[_CUTS] >= _MAX_CUTS:
+    if trees.tally[Tally.CUTS] >= _MAX_CUTS:
         reached = _step(model, work, draws, trees, side, at, vectors)
         if reached < 0:
             return reached, 0, _UNKNOWN
@@ -286,7 +299,7 @@ def _extend(
         node, _ = nearest_node(trees.blocks[1 - side], trees.sizes[1 - side], end)
         return reached, node, _UNKNOWN
     end, shares = vectors[1], on_stack(LANES)
-    trees.tally[EDGES] += 1
+    trees.tally[Tally.EDGES] += 1
     write_step(trees.points[side, at], vectors[0], draws.step, end)
     if verdict_in(model, work, end, draws.slack, on_stack(1).view(np.int64)) != FREE:
         return _take(trees, side, at, end, False, False), 0, _UNKNOWN
@@ -320,8 +333,8 @@ def _step(
     """Add a step from node ``at`` towards ``vectors[0]``; its number, -1 if it is not taken."""
     origin, end = trees.points[side, at], vectors[1]
     write_step(origin, vectors[0], draws.step, end)
-    trees.tally[EDGES] += 1
-    proves = draws.proves and trees.tally[_CUTS] >= _MAX_CUTS
+    trees.tally[Tally.EDGES] += 1
+    proves = draws.proves and trees.tally[Tally.CUTS] >= _MAX_CUTS
     looks = _LOOKS_BEFORE_PROOF if proves else _LOOKS
     free = not blocked_between(model, work, origin, end, draws.slack, 1, looks)
     if free and proves:
@@ -351,7 +364,7 @@ def _proves(
                 free = not blocked_between(model, work, a, b, slack, looks, looks)
             if not free:
                 trees.met[side, parents[node]] = True
-                trees.tally[_CUTS] += 1
+                trees.tally[Tally.CUTS] += 1
                 _cut(trees, side, node)
                 return False
             proved[node] = True
@@ -376,18 +389,18 @@ def _cut(trees: Trees, side: int, first: int) -> None:
 def _keep_path(trees: Trees) -> None:
     """Keep the way on which the trees meet, if it is shorter than the one before."""
     points, parents, tally, path = trees.points, trees.parents, trees.tally, trees.path
-    count, below = 0, tally[_HERE]
+    count, below = 0, tally[Tally.HERE]
     while below >= 0:
         count, below = count + 1, parents[0, below]
     # Written behind the path before. Where the trees meet, both have a node, which counts once.
-    begin = tally[PATH]
-    node, at = tally[_HERE], begin + count
+    begin = tally[Tally.PATH]
+    node, at = tally[Tally.HERE], begin + count
     while node >= 0:
         at -= 1
         for j in range(path.shape[1]):
             path[at, j] = points[0, node, j]
         node = parents[0, node]
-    node, end = parents[1, tally[_THERE]], begin + count
+    node, end = parents[1, tally[Tally.THERE]], begin + count
     while node >= 0:
         for j in range(path.shape[1]):
             path[end, j] = points[1, node, j]
@@ -397,7 +410,7 @@ def _keep_path(trees: Trees) -> None:
     for row in range(begin, end):
         for j in range(path.shape[1]):
             path[row - begin, j] = path[row, j]
-    tally[PATH] = end - begin
+    tally[Tally.PATH] = end - begin
 
 
 @kernel(allocates=False, inline="always")

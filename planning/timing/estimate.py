@@ -8,14 +8,24 @@ length of the path does far less (0.71 and 0.78).
 """
 
 import math
+from enum import IntEnum
 
 import numpy as np
 
 from compiled.kernel import kernel
 from kinematics.arrays import Array
 
-#: Rows of ``legs``: length, time, greatest speed squared, acceleration, corner's speed squared.
-LENGTH, TIME, SPEED, ACCELERATION, CORNER = 0, 1, 2, 3, 4
+
+class Leg(IntEnum):
+    """Row of ``legs``: SPEED and CORNER hold squares of the greatest speeds."""
+
+    LENGTH = 0
+    TIME = 1
+    SPEED = 2
+    ACCELERATION = 3
+    CORNER = 4
+
+
 LEG_ROWS = 5
 #: Legs shorter than this count as no motion, turns smaller than this as none.
 _STILL = 1e-9
@@ -42,23 +52,25 @@ def estimated_time(points: Array, count: int, limits: Array, legs: Array) -> flo
     last = count - 1
     for k in range(last):
         _write_leg(points, k, limits, legs)
-    legs[CORNER, 0] = legs[CORNER, last] = 0.0
+    legs[Leg.CORNER, 0] = legs[Leg.CORNER, last] = 0.0
     for k in range(1, last):
         fastest = _corner_speed(points, k, limits, legs)
-        speed = legs[CORNER, k - 1] + 2.0 * legs[ACCELERATION, k - 1] * legs[LENGTH, k - 1]
-        legs[CORNER, k] = min(fastest, speed)
+        speed = (
+            legs[Leg.CORNER, k - 1] + 2.0 * legs[Leg.ACCELERATION, k - 1] * legs[Leg.LENGTH, k - 1]
+        )
+        legs[Leg.CORNER, k] = min(fastest, speed)
     total = 0.0
     for k in range(last - 1, -1, -1):
-        length, push = legs[LENGTH, k], legs[ACCELERATION, k]
-        end = legs[CORNER, k + 1]
-        begin = min(legs[CORNER, k], end + 2.0 * push * length)
-        legs[CORNER, k] = begin
-        peak = min(legs[SPEED, k], 0.5 * (begin + end) + push * length)
+        length, push = legs[Leg.LENGTH, k], legs[Leg.ACCELERATION, k]
+        end = legs[Leg.CORNER, k + 1]
+        begin = min(legs[Leg.CORNER, k], end + 2.0 * push * length)
+        legs[Leg.CORNER, k] = begin
+        peak = min(legs[Leg.SPEED, k], 0.5 * (begin + end) + push * length)
         speed = math.sqrt(peak)
         changes = (2.0 * speed - math.sqrt(begin) - math.sqrt(end)) / push
         even = max(length - (2.0 * peak - begin - end) / (2.0 * push), 0.0)
-        legs[TIME, k] = changes + (even / speed if speed > 0.0 else 0.0)
-        total += legs[TIME, k]
+        legs[Leg.TIME, k] = changes + (even / speed if speed > 0.0 else 0.0)
+        total += legs[Leg.TIME, k]
     return total
 
 
@@ -75,13 +87,17 @@ def _write_leg(points: Array, k: int, limits: Array, legs: Array) -> None:
         if share > _STILL:
             speed, push = min(speed, limits[0, j] / share), min(push, limits[1, j] / share)
     # Share of the acceleration limit that speeds are changed with.
-    legs[LENGTH, k], legs[SPEED, k], legs[ACCELERATION, k] = length, speed * speed, 0.7 * push
+    legs[Leg.LENGTH, k], legs[Leg.SPEED, k], legs[Leg.ACCELERATION, k] = (
+        length,
+        speed * speed,
+        0.7 * push,
+    )
 
 
 @kernel(allocates=False)
 def _corner_speed(points: Array, k: int, limits: Array, legs: Array) -> float:
     """Square of the speed at which the corner at waypoint k can be passed."""
-    before, after = max(legs[LENGTH, k - 1], _STILL), max(legs[LENGTH, k], _STILL)
+    before, after = max(legs[Leg.LENGTH, k - 1], _STILL), max(legs[Leg.LENGTH, k], _STILL)
     bend, jolt = _MOST, _MOST
     for j in range(points.shape[1]):
         turn = abs(
@@ -92,4 +108,4 @@ def _corner_speed(points: Array, k: int, limits: Array, legs: Array) -> float:
     # Share of the shorter leg that a corner is rounded over.
     reach = 0.5 * min(before, after)
     square = min(bend * reach, (jolt * reach * reach) ** (2.0 / 3.0))
-    return float(min(square, legs[SPEED, k - 1], legs[SPEED, k]))
+    return float(min(square, legs[Leg.SPEED, k - 1], legs[Leg.SPEED, k]))

@@ -9,6 +9,7 @@ added.
 """
 
 import math
+from enum import IntEnum
 
 import numpy as np
 
@@ -39,27 +40,32 @@ from planning.tool_motions.tool_motion import (
     TURN,
 )
 
-# Entries of a cell's state.
-#: Deviation of the position in the cell's middle [m].
-CELL_POSITION = 0
-#: Deviation of the orientation in the cell's middle [rad].
-CELL_ORIENTATION = 1
-#: Bound of the position's deviation all over the cell [m].
-CELL_POSITION_BOUND = 2
-#: Bound of the orientation's deviation all over the cell [rad].
-CELL_ORIENTATION_BOUND = 3
-#: Bound of the tool's acceleration [m/s^2].
-CELL_ACCELERATION = 4
-#: Bound of the tool's angular acceleration [rad/s^2].
-CELL_ANGULAR = 5
-#: Angle in the middle of the last cell, which tells this one's whole turns [rad].
-CELL_ANGLE = 6
-#: Place on the motion, from 0 to 1.
-CELL_PLACE = 7
-#: Rate of the place [1/s].
-CELL_PACE = 8
-#: Bound of the rate's change [1/s^2].
-CELL_PACE_CHANGE = 9
+
+class Cell(IntEnum):
+    """Entry of a cell's state."""
+
+    #: Deviation of the position in the cell's middle [m].
+    POSITION = 0
+    #: Deviation of the orientation in the cell's middle [rad].
+    ORIENTATION = 1
+    #: Bound of the position's deviation all over the cell [m].
+    POSITION_BOUND = 2
+    #: Bound of the orientation's deviation all over the cell [rad].
+    ORIENTATION_BOUND = 3
+    #: Bound of the tool's acceleration [m/s^2].
+    ACCELERATION = 4
+    #: Bound of the tool's angular acceleration [rad/s^2].
+    ANGULAR = 5
+    #: Angle in the middle of the last cell, which tells this one's whole turns [rad].
+    ANGLE = 6
+    #: Place on the motion, from 0 to 1.
+    PLACE = 7
+    #: Rate of the place [1/s].
+    PACE = 8
+    #: Bound of the rate's change [1/s^2].
+    PACE_CHANGE = 9
+
+
 CELL_SIZE = 10
 #: Looks along a corner for the part of it that is nearest to the tool.
 _LOOKS = 16
@@ -118,7 +124,7 @@ def corner_kernel(m: Array, h: float, work: Array, R: Array, state: Array) -> No
     p, v, w, e, rate = work[3], work[4], work[5], work[6], work[7]
     curve, N = np.empty((3, 3)), np.empty((3, 3))
     u = _nearest(m, p, curve)
-    state[CELL_ANGLE] = u
+    state[Cell.ANGLE] = u
     square, along = 0.0, 0.0
     for k in range(3):
         square += curve[1, k] * curve[1, k]
@@ -127,18 +133,18 @@ def corner_kernel(m: Array, h: float, work: Array, R: Array, state: Array) -> No
     for k in range(3):
         e[k] = p[k] - curve[0, k]
         rate[k] = v[k] - pace * curve[1, k]
-    second = state[CELL_ACCELERATION] + pace * pace * m[BEND]
+    second = state[Cell.ACCELERATION] + pace * pace * m[BEND]
     reach = abs(pace) * h
     over = max(0.0, reach - u, u + reach - 1.0)
-    state[CELL_POSITION] = norm(e[0], e[1], e[2])
-    state[CELL_POSITION_BOUND] = farthest(e, rate, h) + 0.5 * second * h * h + over * m[RATE]
+    state[Cell.POSITION] = norm(e[0], e[1], e[2])
+    state[Cell.POSITION_BOUND] = farthest(e, rate, h) + 0.5 * second * h * h + over * m[RATE]
     _nominal_turn(m, u, N, curve[2])
     for k in range(3):
         rate[k] = w[k] - pace * curve[2, k]
-    turning = state[CELL_ANGULAR] + pace * pace * m[TURN_BEND]
-    state[CELL_ORIENTATION] = angle_between(N, R)
-    state[CELL_ORIENTATION_BOUND] = (
-        state[CELL_ORIENTATION]
+    turning = state[Cell.ANGULAR] + pace * pace * m[TURN_BEND]
+    state[Cell.ORIENTATION] = angle_between(N, R)
+    state[Cell.ORIENTATION_BOUND] = (
+        state[Cell.ORIENTATION]
         + norm(rate[0], rate[1], rate[2]) * h
         + 0.5 * turning * h * h
         + over * m[TURN_RATE]

@@ -45,17 +45,8 @@ from planning.tool_motions.tool_motion import (
 )
 from planning.tool_motions.tool_path import ToolRun
 from planning.tool_paths.corner_deviation import (
-    CELL_ACCELERATION,
-    CELL_ANGLE,
-    CELL_ANGULAR,
-    CELL_ORIENTATION,
-    CELL_ORIENTATION_BOUND,
-    CELL_PACE,
-    CELL_PACE_CHANGE,
-    CELL_PLACE,
-    CELL_POSITION,
-    CELL_POSITION_BOUND,
     CELL_SIZE,
+    Cell,
     angle_between,
     corner_kernel,
     farthest,
@@ -188,10 +179,10 @@ def deviation_kernel(
                 shift_kernel(coefficients[piece, j], at, c[j])
             cell_kernel(model, T_joint_tip, last, c, h, m, frames, work, state)
             now_p, now_r, upper_p, upper_r = (
-                state[CELL_POSITION],
-                state[CELL_ORIENTATION],
-                state[CELL_POSITION_BOUND],
-                state[CELL_ORIENTATION_BOUND],
+                state[Cell.POSITION],
+                state[Cell.ORIENTATION],
+                state[Cell.POSITION_BOUND],
+                state[Cell.ORIENTATION_BOUND],
             )
             if now_p > tolerances[0] or now_r > tolerances[1]:
                 fine[piece] = 0.0
@@ -238,25 +229,25 @@ def cell_kernel(
     else:
         corner_kernel(m, h, work, R, state)
         return
-    s, pace, bend = state[CELL_PLACE], state[CELL_PACE], state[CELL_PACE_CHANGE]
+    s, pace, bend = state[Cell.PLACE], state[Cell.PACE], state[Cell.PACE_CHANGE]
     nominal_kernel(m, s, N)
-    state[CELL_ORIENTATION] = angle_between(N, R)
-    state[CELL_ORIENTATION_BOUND] = np.inf
-    if state[CELL_POSITION_BOUND] < np.inf:
+    state[Cell.ORIENTATION] = angle_between(N, R)
+    state[Cell.ORIENTATION_BOUND] = np.inf
+    if state[Cell.POSITION_BOUND] < np.inf:
         relative = norm(
             w[0] - m[TURN] * pace * m[AXIS],
             w[1] - m[TURN] * pace * m[AXIS + 1],
             w[2] - m[TURN] * pace * m[AXIS + 2],
         )
-        state[CELL_ORIENTATION_BOUND] = (
-            state[CELL_ORIENTATION]
+        state[Cell.ORIENTATION_BOUND] = (
+            state[Cell.ORIENTATION]
             + relative * h
-            + 0.5 * (state[CELL_ANGULAR] + m[TURN] * bend) * h * h
+            + 0.5 * (state[Cell.ANGULAR] + m[TURN] * bend) * h * h
         )
         if m[KIND] == LINE and m[LENGTH] == 0.0:
             reach = abs(pace) * h
-            state[CELL_ORIENTATION_BOUND] += max(0.0, reach - s, s + reach - 1.0) * m[TURN]
-            state[CELL_ORIENTATION] += max(0.0, -s, s - 1.0) * m[TURN]
+            state[Cell.ORIENTATION_BOUND] += max(0.0, reach - s, s + reach - 1.0) * m[TURN]
+            state[Cell.ORIENTATION] += max(0.0, -s, s - 1.0) * m[TURN]
 
 
 @kernel(allocates=False)
@@ -322,14 +313,14 @@ def tip_motion_kernel(
         second += lever * (A[j] + V[j] * V[j] + 2.0 * V[j] * before)
         turning += A[j] + V[j] * before
         moved += lever * V[j] * h
-    state[CELL_ACCELERATION], state[CELL_ANGULAR] = second, turning
+    state[Cell.ACCELERATION], state[Cell.ANGULAR] = second, turning
 
 
 @kernel(allocates=False)
 def _line_kernel(m: Array, h: float, work: Array, R: Array, state: Array) -> None:
     """Position deviation from a line for ``cell_kernel``."""
     p, v, w, e, rate = work[3], work[4], work[5], work[6], work[7]
-    second, length = state[CELL_ACCELERATION], m[LENGTH]
+    second, length = state[Cell.ACCELERATION], m[LENGTH]
     x, along = 0.0, 0.0
     for k in range(3):
         x += m[ALONG + k] * (p[k] - m[START + k])
@@ -337,35 +328,35 @@ def _line_kernel(m: Array, h: float, work: Array, R: Array, state: Array) -> Non
     for k in range(3):
         e[k] = p[k] - m[START + k] - x * m[ALONG + k]
         rate[k] = v[k] - along * m[ALONG + k]
-    state[CELL_POSITION] = norm(e[0], e[1], e[2])
-    state[CELL_POSITION_BOUND] = farthest(e, rate, h) + 0.5 * second * h * h
+    state[Cell.POSITION] = norm(e[0], e[1], e[2])
+    state[Cell.POSITION_BOUND] = farthest(e, rate, h) + 0.5 * second * h * h
     if length > 0.0:
         reach = abs(along) * h + 0.5 * second * h * h
-        state[CELL_POSITION] = math.hypot(state[CELL_POSITION], max(0.0, -x, x - length))
-        state[CELL_POSITION_BOUND] = math.hypot(
-            state[CELL_POSITION_BOUND], max(0.0, reach - x, x + reach - length)
+        state[Cell.POSITION] = math.hypot(state[Cell.POSITION], max(0.0, -x, x - length))
+        state[Cell.POSITION_BOUND] = math.hypot(
+            state[Cell.POSITION_BOUND], max(0.0, reach - x, x + reach - length)
         )
-        state[CELL_PLACE], state[CELL_PACE], state[CELL_PACE_CHANGE] = (
+        state[Cell.PLACE], state[Cell.PACE], state[Cell.PACE_CHANGE] = (
             x / length,
             along / length,
             second / length,
         )
         return
     # A turn on the spot: the place that fits best, at the pace that does.
-    state[CELL_PLACE], state[CELL_PACE], state[CELL_PACE_CHANGE] = 0.0, 0.0, 0.0
+    state[Cell.PLACE], state[Cell.PACE], state[Cell.PACE_CHANGE] = 0.0, 0.0, 0.0
     if m[TURN] > 0.0:
         turned = _twist_angle(m, R)
-        turned += 2.0 * math.pi * math.floor((state[CELL_ANGLE] - turned) / (2.0 * math.pi) + 0.5)
-        state[CELL_ANGLE] = turned
-        state[CELL_PLACE] = turned / m[TURN]
-        state[CELL_PACE] = (m[AXIS] * w[0] + m[AXIS + 1] * w[1] + m[AXIS + 2] * w[2]) / m[TURN]
+        turned += 2.0 * math.pi * math.floor((state[Cell.ANGLE] - turned) / (2.0 * math.pi) + 0.5)
+        state[Cell.ANGLE] = turned
+        state[Cell.PLACE] = turned / m[TURN]
+        state[Cell.PACE] = (m[AXIS] * w[0] + m[AXIS + 1] * w[1] + m[AXIS + 2] * w[2]) / m[TURN]
 
 
 @kernel(allocates=False)
 def _arc_kernel(m: Array, h: float, work: Array, state: Array) -> None:
     """Position deviation from an arc for ``cell_kernel``."""
     p, v, e, rate = work[3], work[4], work[6], work[7]
-    second, radius, sweep = state[CELL_ACCELERATION], m[LENGTH], m[SWEEP]
+    second, radius, sweep = state[Cell.ACCELERATION], m[LENGTH], m[SWEEP]
     a, b, z, va, vb, vz = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
     for k in range(3):
         r = p[k] - m[CENTER + k]
@@ -377,11 +368,11 @@ def _arc_kernel(m: Array, h: float, work: Array, state: Array) -> None:
         vz += m[NORMAL + k] * v[k]
     distance = math.sqrt(a * a + b * b)
     phi = math.atan2(b, a)
-    phi += 2.0 * math.pi * math.floor((state[CELL_ANGLE] - phi) / (2.0 * math.pi) + 0.5)
-    state[CELL_ANGLE] = phi
-    state[CELL_POSITION] = math.hypot(distance - radius, z)
-    state[CELL_POSITION] = math.hypot(state[CELL_POSITION], radius * max(0.0, -phi, phi - sweep))
-    state[CELL_POSITION_BOUND], state[CELL_PLACE], state[CELL_PACE], state[CELL_PACE_CHANGE] = (
+    phi += 2.0 * math.pi * math.floor((state[Cell.ANGLE] - phi) / (2.0 * math.pi) + 0.5)
+    state[Cell.ANGLE] = phi
+    state[Cell.POSITION] = math.hypot(distance - radius, z)
+    state[Cell.POSITION] = math.hypot(state[Cell.POSITION], radius * max(0.0, -phi, phi - sweep))
+    state[Cell.POSITION_BOUND], state[Cell.PLACE], state[Cell.PACE], state[Cell.PACE_CHANGE] = (
         np.inf,
         phi / sweep,
         0.0,
@@ -399,5 +390,5 @@ def _arc_kernel(m: Array, h: float, work: Array, state: Array) -> None:
     faster = (second + 2.0 * fastest * fastest / least) / least
     reach = abs(across) * h + 0.5 * faster * h * h
     over = radius * max(0.0, reach - phi, phi + reach - sweep)
-    state[CELL_POSITION_BOUND] = math.hypot(farthest(e, rate, h) + 0.5 * curved * h * h, over)
-    state[CELL_PACE], state[CELL_PACE_CHANGE] = across / sweep, faster / sweep
+    state[Cell.POSITION_BOUND] = math.hypot(farthest(e, rate, h) + 0.5 * curved * h * h, over)
+    state[Cell.PACE], state[Cell.PACE_CHANGE] = across / sweep, faster / sweep

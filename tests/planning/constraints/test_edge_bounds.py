@@ -10,14 +10,7 @@ from kinematics.model.chain import Chain
 from kinematics.robots import builtin_chain
 from planning.constrained.checker import narrow_rows
 from planning.constraints.constraint_set import ConstraintSet
-from planning.constraints.edge_bounds import (
-    HOLDS,
-    TOLERANCE,
-    UNDECIDED,
-    VIOLATED,
-    edge_holds,
-    edge_kernel,
-)
+from planning.constraints.edge_bounds import TOLERANCE, EdgeVerdict, edge_holds, edge_kernel
 from planning.constraints.kinds.orientation import ConeConstraint
 from planning.constraints.kinds.position import PositionConstraint
 from planning.constraints.kinds.region import PlaneRegion
@@ -50,12 +43,12 @@ def test_edges_hold_that_dense_samples_keep_and_no_others(name: str) -> None:
     for _ in range(6):
         curve = random_curve(chain, rng)
         highest = constraints.residuals(sampled(curve, np.linspace(0.0, 1.0, 4001))).max(axis=0)
-        for spare, expected in ((1e-3, HOLDS), (-1e-4, VIOLATED)):
+        for spare, expected in ((1e-3, EdgeVerdict.HOLDS), (-1e-4, EdgeVerdict.VIOLATED)):
             packed = np.array(constraints.packed)
             packed[:, UPPER] += highest + spare
             packed[:, LOWER] -= highest + spare
             assert verdict_on(chain, packed, curve)[0] == expected
-            assert edge_holds(chain, packed, curve) == (expected == HOLDS)
+            assert edge_holds(chain, packed, curve) == (expected == EdgeVerdict.HOLDS)
 
 
 @pytest.mark.parametrize("name", NAMES)
@@ -69,7 +62,7 @@ def test_the_first_violation_is_found(name: str) -> None:
         residuals = constraints.residuals(sampled(curve, times)).max(axis=1)
         assert (residuals > TOLERANCE).any()
         verdict, time = verdict_on(chain, np.array(constraints.packed), curve)
-        assert verdict == VIOLATED
+        assert verdict == EdgeVerdict.VIOLATED
         assert time <= times[np.argmax(residuals > TOLERANCE)] + 1e-3
         assert constraints.residuals(sampled(curve, np.array([time])))[0].max() > TOLERANCE
 
@@ -89,7 +82,7 @@ def test_a_violation_between_samples_is_found() -> None:
     coarse = constraints.residuals(sampled(curve, np.linspace(0.0, 1.0, 17)))
     assert coarse.max() < 0.0
     verdict, time = verdict_on(chain, np.array(constraints.packed), curve)
-    assert verdict == VIOLATED
+    assert verdict == EdgeVerdict.VIOLATED
     assert abs(time - 0.28) < 0.03
 
 
@@ -116,8 +109,8 @@ def test_too_many_cells_are_told_as_undecided() -> None:
     values = constraints.values(sampled(curve, np.linspace(0.0, 1.0, 100)))
     packed = np.array(constraints.packed)
     packed[:, UPPER], packed[:, LOWER] = values.max() + 1e-5, values.min() - 1e-5
-    assert verdict_on(chain, packed, curve, max_cells=5)[0] == UNDECIDED
-    assert verdict_on(chain, packed, curve)[0] == HOLDS
+    assert verdict_on(chain, packed, curve, max_cells=5)[0] == EdgeVerdict.UNDECIDED
+    assert verdict_on(chain, packed, curve)[0] == EdgeVerdict.HOLDS
 
 
 def test_narrowed_rows_keep_their_middle() -> None:

@@ -14,17 +14,10 @@ from planning.constraints.kinds.joint import JointConstraint
 from planning.constraints.row import WIDTH
 from planning.field.control_points import origin_points
 from planning.field.gradient_descent import (
-    ARRIVED,
-    BLOCKED,
-    GOING,
     GROWTH,
-    ITERATIONS,
-    LINE_BLOCKED,
-    MINIMUM,
-    STALE,
-    STALLED,
-    STEP,
-    VISITED,
+    Count,
+    Gauge,
+    Outcome,
     Proof,
     Rules,
     Track,
@@ -47,7 +40,7 @@ pytestmark = pytest.mark.parametrize("engine", ["kernel", "python"])
 
 def test_where_the_straight_line_is_free_it_has_arrived_at_once(engine: str) -> None:
     slide = Slide(engine, [0.0, 0.0], [0.5, 0.3])
-    assert slide.go(10) == ARRIVED
+    assert slide.go(10) == Outcome.ARRIVED
     np.testing.assert_array_equal(slide.visited, [[0.0, 0.0], [0.5, 0.3]])
     assert slide.iterations == 0
     assert slide.potentials.tolist() == pytest.approx([0.17, 0.0])
@@ -55,8 +48,8 @@ def test_where_the_straight_line_is_free_it_has_arrived_at_once(engine: str) -> 
 
 def test_steps_of_their_own_size_grow_while_they_lower_the_potential(engine: str) -> None:
     slide = Slide(engine, [-0.9, 0.0], [0.9, 0.0], connect=False, longest_step=0.4)
-    slide.track.gauges[STEP] = 0.02
-    assert slide.go(12) in (GOING, ARRIVED)
+    slide.track.gauges[Gauge.STEP] = 0.02
+    assert slide.go(12) in (Outcome.GOING, Outcome.ARRIVED)
     lengths, grown = slide.steps, 0.02 * GROWTH ** np.arange(8)
     first = int(np.argmax(grown > 0.4))
     np.testing.assert_allclose(lengths[:first], grown[:first])
@@ -69,7 +62,7 @@ def test_a_step_over_the_minimum_is_halved_until_it_is_lower(engine: str) -> Non
     slide = Slide(engine, [0.0, 0.0], [0.1, 0.0], connect=False, longest_step=0.4, tolerance=1e-6)
     slide.go(1)
     np.testing.assert_allclose(slide.visited[-1], [0.1, 0.0])
-    assert slide.track.gauges[STEP] == pytest.approx(GROWTH * 0.1)
+    assert slide.track.gauges[Gauge.STEP] == pytest.approx(GROWTH * 0.1)
 
 
 def test_a_step_into_a_wall_is_halved_until_it_is_proved(engine: str) -> None:
@@ -118,7 +111,7 @@ def test_where_the_force_vanishes_is_a_local_minimum(engine: str, tolerance: flo
         engine, [0.3, 0.0], [0.9, 0.0], WALL, connect=False, repulsive=1e-3,
         force_tolerance=tolerance,
     )  # fmt: skip
-    assert slide.go(400) == MINIMUM
+    assert slide.go(400) == Outcome.MINIMUM
     assert (slide.visited[:, 1] == 0.0).all()
     assert rest(slide.visited[-1, 0]) <= tolerance
     # Nowhere before it.
@@ -131,9 +124,9 @@ def test_it_goes_on_where_it_stopped(engine: str) -> None:
     }  # fmt: skip
     whole = Slide(engine, [-0.5, 0.3], [0.9, 0.3], **options)
     parts = Slide(engine, [-0.5, 0.3], [0.9, 0.3], **options)
-    assert whole.go(9) == GOING
+    assert whole.go(9) == Outcome.GOING
     for until in (1, 2, 5, 9):
-        assert parts.go(until) == GOING
+        assert parts.go(until) == Outcome.GOING
         assert parts.iterations == until
     np.testing.assert_array_equal(parts.visited, whole.visited)
     np.testing.assert_array_equal(parts.potentials, whole.potentials)
@@ -141,15 +134,15 @@ def test_it_goes_on_where_it_stopped(engine: str) -> None:
 
 def test_the_line_to_the_goal_is_looked_at_again_when_its_block_is_gone(engine: str) -> None:
     slide = Slide(engine, [-0.9, 0.19], [0.9, 0.19], WALL, longest_step=0.05)
-    assert slide.go(3) == GOING
-    share = slide.track.gauges[LINE_BLOCKED]
+    assert slide.go(3) == Outcome.GOING
+    share = slide.track.gauges[Gauge.LINE_BLOCKED]
     # Blocked at the wall's face: where the ball is between x = 0.4 and 0.6.
     x = 0.9 + share * (slide.visited[-1, 0] - 0.9)
     assert 0.39 < x < 0.61
     # Stepped aside, the line is free: it arrives with the first look.
     aside = Slide(engine, [0.0, 0.6], [0.9, 0.6], WALL)
-    aside.track.gauges[LINE_BLOCKED] = 0.5
-    assert aside.go(3) == ARRIVED
+    aside.track.gauges[Gauge.LINE_BLOCKED] = 0.5
+    assert aside.go(3) == Outcome.ARRIVED
     assert len(aside.visited) == 2
 
 
@@ -157,12 +150,12 @@ def test_a_walk_goes_across_by_longest_steps_before_the_descent(engine: str) -> 
     slide = Slide(
         engine, [0.3, 0.0], [0.9, 0.0], WALL, connect=False, longest_step=0.05, tolerance=1e-6
     )
-    assert slide.go(3, ACROSS, 3) == GOING
+    assert slide.go(3, ACROSS, 3) == Outcome.GOING
     np.testing.assert_allclose(slide.visited[:4], [[0.3, 0.05 * k] for k in range(4)], atol=1e-12)
     assert slide.iterations == 3
     # It may go uphill: what is lowest counts from here on.
     assert slide.potentials[3] > slide.potentials[0]
-    assert slide.go(4) == GOING
+    assert slide.go(4) == Outcome.GOING
     assert slide.potentials[4] < slide.potentials[3]
 
 
@@ -189,9 +182,9 @@ def test_constraints_are_held_by_every_step(engine: str) -> None:
     assert 0.099 < slide.visited[:, 1].max() <= 0.1 + 1e-9
     # The straight line to the goal does not hold them, so it has not arrived either.
     direct = Slide(engine, [0.0, 0.0], [0.0, 0.5], rows=rows, halvings=0, longest_step=0.3)
-    assert direct.go(5) == BLOCKED
+    assert direct.go(5) == Outcome.BLOCKED
     free = Slide(engine, [0.0, 0.0], [0.3, 0.05], rows=rows)
-    assert free.go(5) == ARRIVED
+    assert free.go(5) == Outcome.ARRIVED
 
 
 def test_the_potential_written_down_is_that_of_each_configuration(engine: str) -> None:
@@ -214,11 +207,11 @@ def test_after_a_walk_it_has_all_its_patience_and_its_longest_step_again(engine:
         engine, [0.3, 0.0], [0.9, 0.0], WALL, connect=False, patience=3, halvings=30,
         longest_step=0.01, progress=0.01,
     )  # fmt: skip
-    assert slide.go(200) == STALLED
+    assert slide.go(200) == Outcome.STALLED
     taken = slide.iterations
-    assert slide.go(taken + 2, ACROSS, 1) == GOING
+    assert slide.go(taken + 2, ACROSS, 1) == Outcome.GOING
     assert slide.iterations == taken + 2
-    assert slide.track.counts[STALE] < 3
+    assert slide.track.counts[Count.STALE] < 3
     np.testing.assert_allclose(slide.steps[taken], 0.01)
 
 
@@ -288,17 +281,17 @@ class Slide:
     @property
     def visited(self) -> Array:
         """Configurations so far, shape (k, 2) [m]."""
-        return self.track.visited[: self.track.counts[VISITED]].copy()
+        return self.track.visited[: self.track.counts[Count.VISITED]].copy()
 
     @property
     def potentials(self) -> Array:
         """U at each of them, shape (k,) [J]."""
-        return self.track.potentials[: self.track.counts[VISITED]].copy()
+        return self.track.potentials[: self.track.counts[Count.VISITED]].copy()
 
     @property
     def iterations(self) -> int:
         """Steps taken so far."""
-        return int(self.track.counts[ITERATIONS])
+        return int(self.track.counts[Count.ITERATIONS])
 
     @property
     def steps(self) -> Array:

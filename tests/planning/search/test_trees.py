@@ -8,7 +8,7 @@ import pytest
 from obstacles.collision.checker import Checker
 from obstacles.scenes.scene import Scene
 from planning.search.rrt_connect import rrt_connect
-from planning.search.trees import EDGES, FOUND, PATH, Draws, grow_kernel, new_trees
+from planning.search.trees import Draws, Growth, Tally, grow_kernel, new_trees
 from planning.values.deadline import Deadline
 from planning.values.search_trees import Explored
 from tests.planning.scenes import box, builtin
@@ -29,9 +29,9 @@ def grown(seed: int) -> tuple[np.ndarray, int]:
     roots = np.array([BEFORE, BEHIND])
     draws = Draws(-limit, limit, 9.0, 2.0, 0.0, True, roots, 0.6, 0.7)
     trees = new_trees(2, 2, 2000, np.array([seed], dtype=np.uint64))
-    assert grow_kernel(checker.model.arrays, trees, draws, roots, 2000, 2000) == FOUND
-    assert trees.tally[EDGES] <= 2000
-    return trees.path[: trees.tally[PATH]].copy(), int((trees.parents == -2).sum())
+    assert grow_kernel(checker.model.arrays, trees, draws, roots, 2000, 2000) == Growth.FOUND
+    assert trees.tally[Tally.EDGES] <= 2000
+    return trees.path[: trees.tally[Tally.PATH]].copy(), int((trees.parents == -2).sum())
 
 
 @pytest.mark.parametrize("seed", range(8))

@@ -11,7 +11,7 @@ from kinematics.arrays import Array
 from planning.options import Options
 from planning.sequence.step import scaled_limits
 from planning.timing.choice import chosen_parametrization
-from planning.timing.estimate import LEG_ROWS, TIME, estimate_limits, estimated_time
+from planning.timing.estimate import LEG_ROWS, Leg, estimate_limits, estimated_time
 from planning.timing.options import TimingOptions
 from planning.timing.rest_to_rest import motion_times, rest_to_rest_kernel
 from tests.planning.scenes import builtin
@@ -59,7 +59,7 @@ def test_legs_add_up_and_backwards_it_takes_as_long() -> None:
     for points in paths(20, 3):
         legs = np.empty((LEG_ROWS, len(points)))
         total = estimated_time(points, len(points), LIMITS, legs)
-        assert total == pytest.approx(legs[TIME, : len(points) - 1].sum(), rel=1e-12)
+        assert total == pytest.approx(legs[Leg.TIME, : len(points) - 1].sum(), rel=1e-12)
         assert total == pytest.approx(estimate(points[::-1].copy()), rel=1e-9)
 
 

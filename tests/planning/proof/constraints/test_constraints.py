@@ -202,6 +202,6 @@ def test_a_motion_whose_digits_cancel_is_bounded_all_the_same() -> None:
 
 def test_what_planners_say_of_their_edges_is_not_believed(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(edge_bounds, "edge_holds", lambda *_: True)
-    monkeypatch.setattr(edge_bounds, "edge_kernel", lambda *_: (edge_bounds.HOLDS, 1.0))
+    monkeypatch.setattr(edge_bounds, "edge_kernel", lambda *_: (edge_bounds.EdgeVerdict.HOLDS, 1.0))
     asked = (JointConstraint(FIRST, 0.0, 0.9, 0.9),)
     assert check_motion(ConstraintSet(CHAIN, asked), turn())[1] is not None

@@ -31,7 +31,7 @@ _LIMITS = frozenset({"velocity", "acceleration", "jerk"})
 
 
 def _constraint_always_holds(sabotage: Sabotage) -> None:
-    sabotage.replace(edge_bounds.edge_kernel, lambda *_: (edge_bounds.HOLDS, 1.0))
+    sabotage.replace(edge_bounds.edge_kernel, lambda *_: (edge_bounds.EdgeVerdict.HOLDS, 1.0))
     sabotage.replace(edge_bounds.edge_holds, lambda *_: True)
 
 
