@@ -10,7 +10,7 @@ from kinematics.arrays import Array
 from obstacles.collision.checker import Checker, Motion
 from planning.constraints.constraint_set import ConstraintSet
 from planning.constraints.edge_bounds import edge_holds
-from planning.constraints.row import LOWER, UPPER
+from planning.constraints.row import Column
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -120,11 +120,10 @@ def narrow_rows(constraints: ConstraintSet, share: float, limit: Array | float =
         limit: Largest move, a number or shape (m,) [m or rad].
     """
     rows = np.array(constraints.packed)
-    two_sided = np.isfinite(rows[:, LOWER])
-    half = np.where(
-        two_sided, 0.5 * (rows[:, UPPER] - np.nan_to_num(rows[:, LOWER])), rows[:, UPPER]
-    )
+    two_sided = np.isfinite(rows[:, Column.LOWER])
+    lower, upper = np.nan_to_num(rows[:, Column.LOWER]), rows[:, Column.UPPER]
+    half = np.where(two_sided, 0.5 * (upper - lower), upper)
     inwards = np.maximum(np.minimum(share * half, limit), 0.0)
-    rows[:, UPPER] -= inwards
-    rows[:, LOWER] += inwards
+    rows[:, Column.UPPER] -= inwards
+    rows[:, Column.LOWER] += inwards
     return rows

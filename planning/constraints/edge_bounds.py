@@ -22,16 +22,7 @@ from compiled.vec3 import cross, dot
 from kinematics.arrays import Array
 from kinematics.forward import frames_kernel
 from kinematics.model.chain import Chain
-from planning.constraints.row import (
-    AXIS,
-    CARRIER,
-    CENTER,
-    DIRECTION,
-    KIND,
-    REFERENCE,
-    UPPER,
-    RowKind,
-)
+from planning.constraints.row import Column, RowKind
 from planning.constraints.row_value import (
     axis_kernel,
     log_kernel,
@@ -170,32 +161,33 @@ def bound_kernel(
     """A row's residual in the middle of a cell, and an upper bound of it all over the cell."""
     value, _, covector = value_kernel(q, frames, row, E)
     residual, _ = residual_kernel(value, row)
-    kind = int(row[KIND])
+    kind = int(row[Column.KIND])
     if kind == _JOINT:
-        j = int(row[CARRIER])
+        j = int(row[Column.CARRIER])
         return residual, residual + abs(linear[j]) + curved[j]
     movement = movement_kernel(chain, frames, row, linear, curved)
     V, W, turn, _, moved, error = movement
     if kind == _COORDINATE:
-        d = vector_kernel(row, DIRECTION)
+        d = vector_kernel(row, Column.DIRECTION)
         change = min(abs(dot(d, V)) + error, moved)
         return residual, residual + change
     if kind == _DISTANCE:
-        return residual, _distance_bound(frames, row, V, error, moved) - row[UPPER]
+        return residual, _distance_bound(frames, row, V, error, moved) - row[Column.UPPER]
     if kind == _ANGLE:
         a = axis_kernel(frames, row)
-        d = vector_kernel(row, DIRECTION)
+        d = vector_kernel(row, Column.DIRECTION)
         moved, error = _axis_movement(chain, frames, row, linear, curved)
         cosine = min(max(dot(a, d) - abs(dot(d, cross(W, a))) - error, -1.0), 1.0)
         # A chord of this length spans an angle that is somewhat larger.
         swept = min(turn, 2.0 * math.asin(min(0.5 * moved, 1.0)))
-        return residual, min(math.acos(cosine), value + swept) - row[UPPER]
+        return residual, min(math.acos(cosine), value + swept) - row[Column.UPPER]
     if kind == _LOOK:
         x = relative_point_kernel(frames, row, point_kernel(frames, row))
-        y = (x[0] - row[CENTER], x[1] - row[CENTER + 1], x[2] - row[CENTER + 2])
+        c = vector_kernel(row, Column.CENTER)
+        y = (x[0] - c[0], x[1] - c[1], x[2] - c[2])
         distance = math.sqrt(dot(y, y))
         sight = math.asin(moved / distance) if moved < distance else math.pi
-        return residual, min(value + turn + sight, math.pi) - row[UPPER]
+        return residual, min(value + turn + sight, math.pi) - row[Column.UPPER]
     return residual, residual + _rotation_change(frames, row, covector, movement, E)
 
 
@@ -208,9 +200,9 @@ def _axis_movement(
     As of a point in ``movement_kernel``, with |z x A| for the distance from a joint's axis: a joint
     along which it points does not move it.
     """
-    carrier, reference = int(row[CARRIER]), int(row[REFERENCE])
+    carrier, reference = int(row[Column.CARRIER]), int(row[Column.REFERENCE])
     first, last = min(carrier, reference) + 1, max(carrier, reference)
-    a = vector_kernel(row, AXIS)
+    a = vector_kernel(row, Column.AXIS)
     if carrier >= 0:
         a = rotate(frames[carrier], a[0], a[1], a[2])
     inside = 0.0
@@ -236,9 +228,10 @@ def _distance_bound(
     frames: Array, row: Array, V: tuple[float, float, float], error: float, moved: float
 ) -> float:
     """The largest distance over a cell: a convex function, largest at an end of the segment."""
-    d = vector_kernel(row, DIRECTION)
+    d = vector_kernel(row, Column.DIRECTION)
     x = relative_point_kernel(frames, row, point_kernel(frames, row))
-    y = (x[0] - row[CENTER], x[1] - row[CENTER + 1], x[2] - row[CENTER + 2])
+    c = vector_kernel(row, Column.CENTER)
+    y = (x[0] - c[0], x[1] - c[1], x[2] - c[2])
     along, across = dot(d, y), dot(d, V)
     y = (y[0] - along * d[0], y[1] - along * d[1], y[2] - along * d[2])
     v = (V[0] - across * d[0], V[1] - across * d[1], V[2] - across * d[2])
@@ -274,8 +267,8 @@ def _rotation_change(
     change = factor * turn
     if 1.05 * largest < 1.0:
         w = covector
-        if row[REFERENCE] >= 0.0:
-            w = turned_back(frames[int(row[REFERENCE])], w[0], w[1], w[2])
+        if row[Column.REFERENCE] >= 0.0:
+            w = turned_back(frames[int(row[Column.REFERENCE])], w[0], w[1], w[2])
         change = min(change, abs(dot(w, W)) + 1.05 * turn_curved + 0.875 * turn * turn)
     return change
 
@@ -291,7 +284,7 @@ def movement_kernel(
         most that directions turn, and the part of it that is not linear; the most that the point
         moves, and the most that it leaves its straight line.
     """
-    carrier, reference = int(row[CARRIER]), int(row[REFERENCE])
+    carrier, reference = int(row[Column.CARRIER]), int(row[Column.REFERENCE])
     P = point_kernel(frames, row)
     first, last = min(carrier, reference) + 1, max(carrier, reference)
     outwards = carrier > reference

@@ -40,24 +40,30 @@ class RowKind(IntEnum):
 
 
 _ZERO = np.zeros(3)
-#: Columns of a packed row, each the first of its entries.
-KIND = 0
-CARRIER = 1
-REFERENCE = 2
-#: 3 entries.
-POINT = 3
-#: 3 entries.
-AXIS = 6
-#: 3 entries.
-CENTER = 9
-#: 3 entries.
-DIRECTION = 12
-LOWER = 15
-UPPER = 16
-#: 9 entries, row by row.
-TURN = 17
+
+
+class Column(IntEnum):
+    """Column of a packed row; of vectors and matrices the first."""
+
+    KIND = 0
+    CARRIER = 1
+    REFERENCE = 2
+    #: 3 entries.
+    POINT = 3
+    #: 3 entries.
+    AXIS = 6
+    #: 3 entries.
+    CENTER = 9
+    #: 3 entries.
+    DIRECTION = 12
+    LOWER = 15
+    UPPER = 16
+    #: 9 entries, row by row.
+    TURN = 17
+
+
 #: Entries of a packed row.
-WIDTH = 26
+WIDTH = Column.TURN + 9
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -9,19 +9,7 @@ import math
 from compiled.kernel import kernel
 from compiled.vec3 import cross, dot
 from kinematics.arrays import Array
-from planning.constraints.row import (
-    AXIS,
-    CARRIER,
-    CENTER,
-    DIRECTION,
-    KIND,
-    LOWER,
-    POINT,
-    REFERENCE,
-    TURN,
-    UPPER,
-    RowKind,
-)
+from planning.constraints.row import Column, RowKind
 
 # Numba reads module-level integers as constants, enums more slowly.
 _JOINT = int(RowKind.JOINT)
@@ -62,11 +50,11 @@ def turned_back(R: Array, x: float, y: float, z: float) -> tuple[float, float, f
 @kernel(allocates=False)
 def point_kernel(frames: Array, row: Array) -> tuple[float, float, float]:
     """The row's point in the base frame."""
-    carrier = int(row[CARRIER])
+    carrier = int(row[Column.CARRIER])
     if carrier < 0:
-        return vector_kernel(row, POINT)
+        return vector_kernel(row, Column.POINT)
     F = frames[carrier]
-    x, y, z = rotate(F, row[POINT], row[POINT + 1], row[POINT + 2])
+    x, y, z = rotate(F, row[Column.POINT], row[Column.POINT + 1], row[Column.POINT + 2])
     return x + F[0, 3], y + F[1, 3], z + F[2, 3]
 
 
@@ -75,7 +63,7 @@ def relative_point_kernel(
     frames: Array, row: Array, P: tuple[float, float, float]
 ) -> tuple[float, float, float]:
     """A point of the base frame in the row's reference."""
-    reference = int(row[REFERENCE])
+    reference = int(row[Column.REFERENCE])
     if reference < 0:
         return P
     F = frames[reference]
@@ -85,11 +73,11 @@ def relative_point_kernel(
 @kernel(allocates=False)
 def axis_kernel(frames: Array, row: Array) -> tuple[float, float, float]:
     """The row's axis in its reference."""
-    a = vector_kernel(row, AXIS)
-    if row[CARRIER] >= 0.0:
-        a = rotate(frames[int(row[CARRIER])], a[0], a[1], a[2])
-    if row[REFERENCE] >= 0.0:
-        a = turned_back(frames[int(row[REFERENCE])], a[0], a[1], a[2])
+    a = vector_kernel(row, Column.AXIS)
+    if row[Column.CARRIER] >= 0.0:
+        a = rotate(frames[int(row[Column.CARRIER])], a[0], a[1], a[2])
+    if row[Column.REFERENCE] >= 0.0:
+        a = turned_back(frames[int(row[Column.REFERENCE])], a[0], a[1], a[2])
     return a
 
 
@@ -98,9 +86,9 @@ def to_base_kernel(
     frames: Array, row: Array, a: tuple[float, float, float]
 ) -> tuple[float, float, float]:
     """A direction of the row's reference in the base frame."""
-    if row[REFERENCE] < 0.0:
+    if row[Column.REFERENCE] < 0.0:
         return a
-    return rotate(frames[int(row[REFERENCE])], a[0], a[1], a[2])
+    return rotate(frames[int(row[Column.REFERENCE])], a[0], a[1], a[2])
 
 
 @kernel(allocates=False)
@@ -132,12 +120,12 @@ def rotation_kernel(frames: Array, row: Array, E: Array) -> tuple[float, float, 
     """Write K X of a ROTATION row into E (3, 3) and answer its rotation vector."""
     for column in range(3):
         a = (1.0 * (column == 0), 1.0 * (column == 1), 1.0 * (column == 2))
-        if row[CARRIER] >= 0.0:
-            a = rotate(frames[int(row[CARRIER])], a[0], a[1], a[2])
-        if row[REFERENCE] >= 0.0:
-            a = turned_back(frames[int(row[REFERENCE])], a[0], a[1], a[2])
+        if row[Column.CARRIER] >= 0.0:
+            a = rotate(frames[int(row[Column.CARRIER])], a[0], a[1], a[2])
+        if row[Column.REFERENCE] >= 0.0:
+            a = turned_back(frames[int(row[Column.REFERENCE])], a[0], a[1], a[2])
         for i in range(3):
-            k = TURN + 3 * i
+            k = Column.TURN + 3 * i
             E[i, column] = row[k] * a[0] + row[k + 1] * a[1] + row[k + 2] * a[2]
     return log_kernel(E)
 
@@ -181,20 +169,20 @@ def value_kernel(
 
     Both are in the base frame; E (3, 3) is scratch. Of JOINT they mean nothing.
     """
-    kind = int(row[KIND])
+    kind = int(row[Column.KIND])
     none = (0.0, 0.0, 0.0)
-    center = vector_kernel(row, CENTER)
-    d = vector_kernel(row, DIRECTION)
+    center = vector_kernel(row, Column.CENTER)
+    d = vector_kernel(row, Column.DIRECTION)
     if kind == _JOINT:
-        return q[int(row[CARRIER])], none, none
+        return q[int(row[Column.CARRIER])], none, none
     if kind == _ANGLE:
         a = axis_kernel(frames, row)
         return angle_kernel(a, d), none, to_base_kernel(frames, row, away_kernel(a, d))
     if kind > _LOOK:
         e = rotation_kernel(frames, row, E)
-        a = vector_kernel(row, AXIS)
+        a = vector_kernel(row, Column.AXIS)
         b = log_slope_kernel(e, a)
-        k = row[TURN : TURN + 9].reshape(3, 3)
+        k = row[Column.TURN : Column.TURN + 9].reshape(3, 3)
         back = turned_back(k, b[0], b[1], b[2])
         return dot(a, e), none, to_base_kernel(frames, row, back)
     x = relative_point_kernel(frames, row, point_kernel(frames, row))
@@ -255,8 +243,8 @@ def gradient_kernel(
     """Write a row's gradient (n,) and answer its value."""
     value, linear, angular = value_kernel(q, frames, row, E)
     covector_kernel(chain, frames, row, linear, angular, gradient)
-    if int(row[KIND]) == _JOINT:
-        gradient[int(row[CARRIER])] = 1.0
+    if int(row[Column.KIND]) == _JOINT:
+        gradient[int(row[Column.CARRIER])] = 1.0
     return value
 
 
@@ -270,10 +258,10 @@ def covector_kernel(
     gradient: Array,
 ) -> None:
     """Write into (n,) what covectors on the velocities of a row's bodies make of each joint's."""
-    carrier, reference = int(row[CARRIER]), int(row[REFERENCE])
+    carrier, reference = int(row[Column.CARRIER]), int(row[Column.REFERENCE])
     for j in range(gradient.shape[0]):
         gradient[j] = 0.0
-    if int(row[KIND]) == _JOINT:
+    if int(row[Column.KIND]) == _JOINT:
         return
     P = point_kernel(frames, row)
     # Joints between the two bodies move one against the other: outwards one way, inwards the other.
@@ -297,28 +285,28 @@ def sideways_kernel(
     A ball of radius u holds |e . y| <= u for every direction e, not just the one towards y: without
     those, steps towards a small ball or a narrow cone run past it. Infinite where there is none.
     """
-    kind = int(row[KIND])
+    kind = int(row[Column.KIND])
     none = (0.0, 0.0, 0.0)
-    d = vector_kernel(row, DIRECTION)
+    d = vector_kernel(row, Column.DIRECTION)
     if kind == _ANGLE:
-        if second or row[UPPER] >= 0.5 * math.pi:
+        if second or row[Column.UPPER] >= 0.5 * math.pi:
             return math.inf, none, none
         a = axis_kernel(frames, row)
         w = away_kernel(a, d)
-        return math.sin(row[UPPER]), none, to_base_kernel(frames, row, cross(a, w))
+        return math.sin(row[Column.UPPER]), none, to_base_kernel(frames, row, cross(a, w))
     if kind not in (_DISTANCE, _LOOK):
         return math.inf, none, none
     x = relative_point_kernel(frames, row, point_kernel(frames, row))
-    y = (x[0] - row[CENTER], x[1] - row[CENTER + 1], x[2] - row[CENTER + 2])
+    y = (x[0] - row[Column.CENTER], x[1] - row[Column.CENTER + 1], x[2] - row[Column.CENTER + 2])
     if kind == _LOOK:
         length = math.sqrt(dot(y, y))
-        if second or row[UPPER] >= 0.5 * math.pi or length <= _NO_DIRECTION:
+        if second or row[Column.UPPER] >= 0.5 * math.pi or length <= _NO_DIRECTION:
             return math.inf, none, none
         a = axis_kernel(frames, row)
         w = away_kernel(a, (-y[0] / length, -y[1] / length, -y[2] / length))
         linear = (w[0] / length, w[1] / length, w[2] / length)
         return (
-            math.sin(row[UPPER]),
+            math.sin(row[Column.UPPER]),
             to_base_kernel(frames, row, linear),
             to_base_kernel(frames, row, cross(a, w)),
         )
@@ -333,11 +321,11 @@ def sideways_kernel(
     e = d if line else away_kernel((-u[0], -u[1], -u[2]), u)
     if second or line:
         e = cross(u, e)
-    return row[UPPER], to_base_kernel(frames, row, e), none
+    return row[Column.UPPER], to_base_kernel(frames, row, e), none
 
 
 @kernel(allocates=False)
 def residual_kernel(value: float, row: Array) -> tuple[float, float]:
     """The residual of a row's value, and the sign of its slope."""
-    above, below = value - row[UPPER], row[LOWER] - value
+    above, below = value - row[Column.UPPER], row[Column.LOWER] - value
     return (above, 1.0) if above >= below else (below, -1.0)

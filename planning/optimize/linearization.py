@@ -14,7 +14,7 @@ from dynamics.inverse import inverse_dynamics
 from kinematics.arrays import Array
 from kinematics.model.chain import Chain
 from planning.constrained.checker import ConstrainedChecker
-from planning.constraints.row import UPPER
+from planning.constraints.row import Column
 from planning.optimize.iterate import Iterate
 from planning.optimize.response import Response, tool_speed, torques
 from planning.optimize.rows import Rows, local_matrix
@@ -236,7 +236,8 @@ def _constraints(task: Task, iterate: Iterate, places: Checkpoints) -> Lineariza
     residuals, J = task.constraints.evaluate(samples)
     if isinstance(task.checker, ConstrainedChecker):
         # Narrower rows than asked for, so that they hold between the places too.
-        residuals = residuals + (task.constraints.packed[:, UPPER] - task.checker.rows[:, UPPER])
+        wanted, narrow = task.constraints.packed, task.checker.rows
+        residuals = residuals + (wanted[:, Column.UPPER] - narrow[:, Column.UPPER])
     m = residuals.shape[1]
     slope = J.reshape(-1, samples.shape[1])
     A = local_matrix(iterate, np.repeat(places.at, m), [slope], in_slack=-RESIDUAL)

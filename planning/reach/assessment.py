@@ -9,6 +9,7 @@ at collisions with that margin. One that is less than a micrometre larger is as 
 """
 
 import math
+from enum import IntEnum
 from typing import NamedTuple
 
 import numpy as np
@@ -25,21 +26,26 @@ from obstacles.collision.model.model_arrays import ModelArrays
 from obstacles.collision.proximity import closest_of
 from obstacles.collision.state_check import verdict_in
 
-# Columns of a row of results.
-#: What became of the pose, see `Status`.
-STATUS = 0
-#: Branches that are free of collision at the deviation that has most of them.
-BRANCHES = 1
-#: Deviations at which the pose is reached.
-SAMPLES = 2
-#: Of the best configuration: product of the Jacobian's singular values.
-MANIPULABILITY = 3
-#: Distance of its closest pair, margins taken off [m].
-CLEARANCE = 4
-#: Of its joint that is nearest to a limit: the share of half its range that is left.
-LIMIT_DISTANCE = 5
+
+class Column(IntEnum):
+    """Column of a row of results."""
+
+    #: What became of the pose, see `Status`.
+    STATUS = 0
+    #: Branches that are free of collision at the deviation that has most of them.
+    BRANCHES = 1
+    #: Deviations at which the pose is reached.
+    SAMPLES = 2
+    #: Of the best configuration: product of the Jacobian's singular values.
+    MANIPULABILITY = 3
+    #: Distance of its closest pair, margins taken off [m].
+    CLEARANCE = 4
+    #: Of its joint that is nearest to a limit: the share of half its range that is left.
+    LIMIT_DISTANCE = 5
+
+
 #: Number of these columns.
-COLUMNS = 6
+COLUMNS = len(Column)
 
 # What became of a pose; the later ones came nearer.
 OUT_OF_REACH = 0
@@ -47,12 +53,16 @@ OUTSIDE_LIMITS = 1
 IN_COLLISION = 2
 REACHED = 3
 
-# What makes the best configuration of a pose.
-BY_MANIPULABILITY = 0
-BY_CLEARANCE = 1
-BY_LIMITS = 2
-#: The first one that is found free: no other is searched for.
-BY_ORDER = 3
+
+class Measure(IntEnum):
+    """Measure of the best configuration of a pose."""
+
+    MANIPULABILITY = 0
+    CLEARANCE = 1
+    LIMITS = 2
+    #: The first one that is found free: no other is searched for.
+    ORDER = 3
+
 
 #: A clearance that is larger by less than this is as good as the best [m].
 GAIN = 1e-6
@@ -60,8 +70,15 @@ GAIN = 1e-6
 _GRAM = 36
 #: Beside verdicts: not checked, since it is no better than the best.
 NO_BETTER = -1
-# What is known of a branch at a deviation: none, not checked yet, not free, free.
-OUT, LEFT, STRUCK, TAKEN = 0, 1, 2, 3
+
+
+class Branch(IntEnum):
+    """Knowledge of a branch at a deviation: none, not checked yet, not free, free."""
+
+    OUT = 0
+    LEFT = 1
+    STRUCK = 2
+    TAKEN = 3
 
 
 class ReachSettings(NamedTuple):
@@ -141,8 +158,8 @@ def assess(
     """
     n, looked = joints.shape[0], work.looked[:, 0]
     for row in range(table.shape[0]):
-        looked[row] = LEFT if table[row, n + INSIDE] != 0.0 else OUT
-        if looked[row] == OUT:
+        looked[row] = Branch.LEFT if table[row, n + INSIDE] != 0.0 else Branch.OUT
+        if looked[row] == Branch.OUT:
             continue
         q, value = table[row, :n], _cheap_value(arm, work, table[row, :n], settings)
         if value <= best:
@@ -150,19 +167,19 @@ def assess(
         verdict, value, _ = judge(model, model, work, q, settings, value, best)
         if verdict == NO_BETTER:
             continue
-        looked[row] = TAKEN if verdict == FREE else STRUCK
+        looked[row] = Branch.TAKEN if verdict == FREE else Branch.STRUCK
         if verdict == FREE and value > best:
             best = value
             keep(arm, work, q, result, joints)
-            if settings.choice == BY_ORDER:
+            if settings.choice == Measure.ORDER:
                 break
     free = 1
-    if settings.choice != BY_ORDER or best == -np.inf:
+    if settings.choice != Measure.ORDER or best == -np.inf:
         free = _count_free(model, work, table, settings, result)
     if free > 0:
-        result[STATUS] = REACHED
-        result[SAMPLES] += 1
-        result[BRANCHES] = max(result[BRANCHES], free)
+        result[Column.STATUS] = REACHED
+        result[Column.SAMPLES] += 1
+        result[Column.BRANCHES] = max(result[Column.BRANCHES], free)
     return best
 
 
@@ -189,34 +206,34 @@ def _count_free(
             bit = 1 << int(table[row, n + CODE])
             if stage == 0:
                 # What is known already.
-                if looked[row] == LEFT:
+                if looked[row] == Branch.LEFT:
                     left += 1
                     codes |= bit
-                elif looked[row] == STRUCK:
+                elif looked[row] == Branch.STRUCK:
                     work.struck[0] |= bit
-                    result[STATUS] = max(result[STATUS], IN_COLLISION)
-                elif looked[row] == TAKEN:
+                    result[Column.STATUS] = max(result[Column.STATUS], IN_COLLISION)
+                elif looked[row] == Branch.TAKEN:
                     # The same branch at another value of the parameter is no other branch.
                     free += 0 if settings.redundant and seen & bit != 0 else 1
                     seen |= bit
                 continue
-            if looked[row] != LEFT or (stage == 1 and struck & bit == 0):
+            if looked[row] != Branch.LEFT or (stage == 1 and struck & bit == 0):
                 continue
             most = ones(seen | codes) if settings.redundant else free + left
-            if free > 0 and most <= result[BRANCHES]:
+            if free > 0 and most <= result[Column.BRANCHES]:
                 return free
             if settings.redundant and seen & bit != 0:
                 continue
             left -= 1
             q = table[row, :n]
             if verdict_in(model, work.collision, q, settings.margin, work.asked) == FREE:
-                looked[row] = TAKEN
+                looked[row] = Branch.TAKEN
                 free += 1
                 seen |= bit
             else:
-                looked[row] = STRUCK
+                looked[row] = Branch.STRUCK
                 work.struck[0] |= bit
-                result[STATUS] = max(result[STATUS], IN_COLLISION)
+                result[Column.STATUS] = max(result[Column.STATUS], IN_COLLISION)
     return free
 
 
@@ -246,13 +263,13 @@ def judge(
         value: Value of the configuration, handed on where that is not the clearance.
         best: The best value so far.
     """
-    if settings.choice == BY_CLEARANCE and best > settings.margin:
+    if settings.choice == Measure.CLEARANCE and best > settings.margin:
         found = verdict_in(model, work.collision, q, best + GAIN, work.asked)
         if found != FREE:
             return NO_BETTER, value, -1
     found = verdict_in(model, work.collision, q, settings.margin, work.asked)
     pair = -1
-    if settings.choice == BY_CLEARANCE and found == FREE:
+    if settings.choice == Measure.CLEARANCE and found == FREE:
         value, pair = closest_of(whole, work.collision, q)
     return found, value, pair
 
@@ -260,9 +277,9 @@ def judge(
 @kernel(allocates=False)
 def _cheap_value(arm: Arm, work: ReachWork, q: Array, settings: ReachSettings) -> float:
     """The value of a configuration, infinite where that is its clearance."""
-    if settings.choice == BY_CLEARANCE:
+    if settings.choice == Measure.CLEARANCE:
         return np.inf
-    if settings.choice == BY_LIMITS:
+    if settings.choice == Measure.LIMITS:
         return limit_distance_kernel(arm, q)
     return manipulability(arm, work, q)
 
@@ -272,8 +289,8 @@ def keep(arm: Arm, work: ReachWork, q: Array, result: Array, joints: Array) -> N
     """Write the best configuration."""
     for j in range(q.shape[0]):
         joints[j] = q[j]
-    result[MANIPULABILITY] = manipulability(arm, work, q)
-    result[LIMIT_DISTANCE] = limit_distance_kernel(arm, q)
+    result[Column.MANIPULABILITY] = manipulability(arm, work, q)
+    result[Column.LIMIT_DISTANCE] = limit_distance_kernel(arm, q)
 
 
 @kernel(allocates=False)

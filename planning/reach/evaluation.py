@@ -196,10 +196,10 @@ def _leave_out_deep(meter: OverlapMeter, results: Array, joints: Array) -> None:
     """
     if not meter.limited:
         return
-    for k in np.flatnonzero(results[:, assessment.STATUS] == Status.REACHED):
+    for k in np.flatnonzero(results[:, assessment.Column.STATUS] == Status.REACHED):
         if meter.too_deep(joints[k]):
-            results[k, assessment.STATUS] = Status.IN_COLLISION
-            results[k, [assessment.BRANCHES, assessment.SAMPLES]] = 0.0
+            results[k, assessment.Column.STATUS] = Status.IN_COLLISION
+            results[k, [assessment.Column.BRANCHES, assessment.Column.SAMPLES]] = 0.0
             joints[k] = np.nan
 
 
@@ -299,10 +299,10 @@ def _by_search(query: _Query, targets: Array, results: Array, joints: Array) -> 
 
     shared(share, m, query.options.threads)
     # Several rounds find the same configuration: only whether there is one is known.
-    results[:, assessment.BRANCHES] = np.minimum(results[:, assessment.BRANCHES], 1.0)
+    results[:, assessment.Column.BRANCHES] = np.minimum(results[:, assessment.Column.BRANCHES], 1.0)
     solved = rows[..., query.chain.n + INSIDE].reshape(m, _ROUNDS, s)
-    results[:, assessment.SAMPLES] = np.minimum(
-        results[:, assessment.SAMPLES], solved.any(axis=1).sum(1)
+    results[:, assessment.Column.SAMPLES] = np.minimum(
+        results[:, assessment.Column.SAMPLES], solved.any(axis=1).sum(1)
     )
 
 
@@ -323,21 +323,21 @@ def parameter_values(chain: Chain, form: Structure) -> Array:
 
 
 def _answer(results: Array, joints: Array, options: ReachOptions) -> Reach:
-    status = results[:, assessment.STATUS].astype(np.int64)
+    status = results[:, assessment.Column.STATUS].astype(np.int64)
     missed = status != Status.REACHED
     figures = results.copy()
     figures[missed] = np.nan
-    clearance = figures[:, assessment.CLEARANCE]
+    clearance = figures[:, assessment.Column.CLEARANCE]
     if not options.clearance:
         clearance = np.full(len(results), np.nan)
     return Reach(
         status,
-        results[:, assessment.BRANCHES].astype(np.int64),
-        results[:, assessment.SAMPLES].astype(np.int64),
+        results[:, assessment.Column.BRANCHES].astype(np.int64),
+        results[:, assessment.Column.SAMPLES].astype(np.int64),
         joints,
-        figures[:, assessment.MANIPULABILITY],
+        figures[:, assessment.Column.MANIPULABILITY],
         clearance,
-        figures[:, assessment.LIMIT_DISTANCE],
+        figures[:, assessment.Column.LIMIT_DISTANCE],
         len(results),
     )
 

@@ -1,5 +1,7 @@
 """Outcome of a pose whose deviations turn the last joint alone: all of them at once."""
 
+from enum import IntEnum
+
 import numpy as np
 
 from compiled.kernel import kernel
@@ -13,21 +15,14 @@ from obstacles.collision.model.model_arrays import ModelArrays
 from obstacles.collision.proximity import closest_of
 from obstacles.collision.state_check import verdict_in
 from planning.reach.assessment import (
-    BRANCHES,
-    BY_CLEARANCE,
-    BY_LIMITS,
-    BY_MANIPULABILITY,
-    BY_ORDER,
-    CLEARANCE,
     GAIN,
     IN_COLLISION,
-    LEFT,
     NO_BETTER,
-    OUT,
     OUTSIDE_LIMITS,
     REACHED,
-    SAMPLES,
-    STATUS,
+    Branch,
+    Column,
+    Measure,
     Parts,
     ReachSettings,
     ReachWork,
@@ -39,8 +34,14 @@ from planning.reach.assessment import (
     ones,
 )
 
-# Columns of the tallies of deviations that turn the last joint.
-_FREE, _SEEN, _OPEN, _CODES = 0, 1, 2, 3
+
+class Tally(IntEnum):
+    """Column of the tallies of deviations that turn the last joint."""
+
+    FREE = 0
+    SEEN = 1
+    OPEN = 2
+    CODES = 3
 
 
 @kernel(allocates=False)
@@ -66,7 +67,7 @@ def assess_turns(  # noqa: C901, PLR0912, PLR0915
     last, best, q, tallies = seed.shape[0] - 1, -np.inf, work.q, work.tallies
     tallies[:], work.struck[0] = 0, 0
     for row in range(table.shape[0]):
-        work.looked[row, :] = OUT
+        work.looked[row, :] = Branch.OUT
         if not _take_row(arm, table, row, q):
             continue
         bit = 1 << int(table[row, last + 1 + CODE])
@@ -79,15 +80,15 @@ def assess_turns(  # noqa: C901, PLR0912, PLR0915
                 continue
             if around < 0:
                 around = verdict_in(parts.before, work.collision, q, settings.margin, work.asked)
-                result[STATUS] = max(result[STATUS], IN_COLLISION)
+                result[Column.STATUS] = max(result[Column.STATUS], IN_COLLISION)
                 if around == FREE:
                     high = _may_be_better(arm, parts, work, settings, best)
             if around != FREE:
                 break
-            again = settings.redundant and tallies[s, _SEEN] & bit != 0
-            counts = tallies[s, _FREE] == 0 or (s == 0 and not again)
+            again = settings.redundant and tallies[s, Tally.SEEN] & bit != 0
+            counts = tallies[s, Tally.FREE] == 0 or (s == 0 and not again)
             wanted = high
-            if settings.choice == BY_LIMITS:
+            if settings.choice == Measure.LIMITS:
                 value = limit_distance_kernel(arm, q)
                 wanted = value > best
             verdict = NO_BETTER
@@ -100,9 +101,9 @@ def assess_turns(  # noqa: C901, PLR0912, PLR0915
                 wanted = False
                 verdict = verdict_in(parts.behind, work.collision, q, settings.margin, work.asked)
             if verdict == NO_BETTER:
-                work.looked[row, s] = LEFT
-                tallies[s, _OPEN] += 1
-                tallies[s, _CODES] |= bit
+                work.looked[row, s] = Branch.LEFT
+                tallies[s, Tally.OPEN] += 1
+                tallies[s, Tally.CODES] |= bit
                 continue
             if verdict != FREE:
                 work.struck[0] |= bit
@@ -113,17 +114,17 @@ def assess_turns(  # noqa: C901, PLR0912, PLR0915
                 if value > best:
                     best = value
                     keep(arm, work, q, result, joints)
-            if settings.choice == BY_ORDER:
+            if settings.choice == Measure.ORDER:
                 break
-        if settings.choice == BY_ORDER and best > -np.inf:
+        if settings.choice == Measure.ORDER and best > -np.inf:
             break
-    if settings.choice != BY_ORDER:
+    if settings.choice != Measure.ORDER:
         _check_left_branches(arm, parts, work, table, seed, settings)
     for s in range(tallies.shape[0]):
-        if tallies[s, _FREE] > 0:
-            result[STATUS] = REACHED
-            result[SAMPLES] += 1
-            result[BRANCHES] = max(result[BRANCHES], tallies[s, _FREE])
+        if tallies[s, Tally.FREE] > 0:
+            result[Column.STATUS] = REACHED
+            result[Column.SAMPLES] += 1
+            result[Column.BRANCHES] = max(result[Column.BRANCHES], tallies[s, Tally.FREE])
 
 
 @kernel(allocates=False)
@@ -140,9 +141,9 @@ def _value_and_rest(
         value: Value of the configuration but for the manipulability.
         pair: Closest pair of the configuration.
     """
-    if settings.choice == BY_LIMITS:
+    if settings.choice == Measure.LIMITS:
         return value, True
-    if settings.choice == BY_CLEARANCE:
+    if settings.choice == Measure.CLEARANCE:
         return value, _moves_with(parts.whole, pair, work.q.shape[0] - 1)
     return manipulability(arm, work, work.q), False
 
@@ -155,7 +156,7 @@ def _check_left_branches(
     last, q, tallies = seed.shape[0] - 1, work.q, work.tallies
     most = 0
     for s in range(tallies.shape[0]):
-        most = max(most, tallies[s, _FREE])
+        most = max(most, tallies[s, Tally.FREE])
     # Those first that were not free at another deviation.
     for number in range(2 * table.shape[0]):
         row = number % table.shape[0]
@@ -163,12 +164,12 @@ def _check_left_branches(
         if number < table.shape[0] and work.struck[0] & bit == 0:
             continue
         for s in range(tallies.shape[0]):
-            if work.looked[row, s] != LEFT:
+            if work.looked[row, s] != Branch.LEFT:
                 continue
-            again = settings.redundant and tallies[s, _SEEN] & bit != 0
-            at_most = int(tallies[s, _FREE] + tallies[s, _OPEN])
+            again = settings.redundant and tallies[s, Tally.SEEN] & bit != 0
+            at_most = int(tallies[s, Tally.FREE] + tallies[s, Tally.OPEN])
             if settings.redundant:
-                at_most = ones(tallies[s, _SEEN] | tallies[s, _CODES])
+                at_most = ones(tallies[s, Tally.SEEN] | tallies[s, Tally.CODES])
             if again or at_most <= most:
                 continue
             if not placed:
@@ -179,12 +180,12 @@ def _check_left_branches(
             if not placed:
                 verdict_in(parts.before, work.collision, q, settings.margin, work.asked)
                 placed = True
-            tallies[s, _OPEN] -= 1
-            work.looked[row, s] = OUT
+            tallies[s, Tally.OPEN] -= 1
+            work.looked[row, s] = Branch.OUT
             found = verdict_in(parts.behind, work.collision, q, settings.margin, work.asked)
             if found == FREE:
                 _count(tallies[s], bit, again)
-                most = max(most, tallies[s, _FREE])
+                most = max(most, tallies[s, Tally.FREE])
 
 
 @kernel(allocates=False)
@@ -213,8 +214,8 @@ def _take_row(arm: Arm, table: Array, row: int, q: Array) -> bool:
 def _count(tally: Indices, bit: int, again: bool) -> None:
     """Count a branch that is free at a deviation."""
     if not again:
-        tally[_FREE] += 1
-        tally[_SEEN] |= bit
+        tally[Tally.FREE] += 1
+        tally[Tally.SEEN] |= bit
 
 
 @kernel(allocates=False)
@@ -222,10 +223,10 @@ def _may_be_better(
     arm: Arm, parts: Parts, work: ReachWork, settings: ReachSettings, best: float
 ) -> bool:
     """Whether a turn of the last joint from ``work.q``, otherwise free, may be better than all."""
-    if settings.choice == BY_CLEARANCE and best > settings.margin:
+    if settings.choice == Measure.CLEARANCE and best > settings.margin:
         found = verdict_in(parts.before, work.collision, work.q, best + GAIN, work.asked)
         return found == FREE
-    if settings.choice == BY_MANIPULABILITY and best > 0.0:
+    if settings.choice == Measure.MANIPULABILITY and best > 0.0:
         # Share by which values of the manipulability differ by rounding at most.
         return manipulability(arm, work, work.q) > best * (1.0 - 1e-9)
     return True
@@ -260,13 +261,13 @@ def closed_form_reach_kernel(
                 arm, targets[k, s], seed, values, settings.tolerance, 2**31, table
             )
             if count > 0:
-                results[k, STATUS] = max(results[k, STATUS], OUTSIDE_LIMITS)
+                results[k, Column.STATUS] = max(results[k, Column.STATUS], OUTSIDE_LIMITS)
             rows = table[: max(count, 0)]
             if s == 0 and parts.turns.shape[0] > 0 and _all_alone(rows, n):
                 assess_turns(arm, parts, work, rows, seed, settings, results[k], joints[k])
                 break
             best = assess(arm, model, work, rows, settings, best, results[k], joints[k])
-            if settings.choice == BY_ORDER and results[k, STATUS] == REACHED:
+            if settings.choice == Measure.ORDER and results[k, Column.STATUS] == REACHED:
                 break
         _measure_clearance(model, work, settings, results[k], joints[k])
 
@@ -296,7 +297,7 @@ def searched_reach_kernel(
                 best = assess(
                     arm, model, work, rows[k, s : s + 1], settings, best, results[k], joints[k]
                 )
-                if settings.choice == BY_ORDER and results[k, STATUS] == REACHED:
+                if settings.choice == Measure.ORDER and results[k, Column.STATUS] == REACHED:
                     break
         _measure_clearance(model, work, settings, results[k], joints[k])
 
@@ -328,5 +329,5 @@ def _measure_clearance(
     model: ModelArrays, work: ReachWork, settings: ReachSettings, result: Array, joints: Array
 ) -> None:
     """Write the clearance of the best configuration of a pose that is reached."""
-    if settings.clearance and result[STATUS] == REACHED:
-        result[CLEARANCE], _ = closest_of(model, work.collision, joints)
+    if settings.clearance and result[Column.STATUS] == REACHED:
+        result[Column.CLEARANCE], _ = closest_of(model, work.collision, joints)

@@ -18,7 +18,7 @@ from obstacles.collision.model.collision_model import CollisionModel, ModelArray
 from obstacles.collision.proximity import near_pairs
 from obstacles.distance.piece_set import ANCHOR_STOP, NODE
 from planning.constraints.constraint_set import ConstraintSet, RowWork, evaluate_kernel
-from planning.constraints.row import LOWER, UPPER
+from planning.constraints.row import Column
 from planning.constraints.row_value import covector_kernel, sideways_kernel
 
 #: Pairs farther apart than this do not shape a step [m].
@@ -163,9 +163,10 @@ def linearise(
     for i in range(goal.hard.shape[0]):
         value, residual = work.rows.values[i], work.rows.residuals[i]
         # The residual's slope is the value's, turned round where the lower bound counts.
-        sign = 1.0 if value - goal.hard[i, UPPER] >= goal.hard[i, LOWER] - value else -1.0
+        below, above = goal.hard[i, Column.UPPER] - value, value - goal.hard[i, Column.LOWER]
+        sign = 1.0 if -below >= -above else -1.0
         for side in (1.0, -1.0):
-            room = goal.hard[i, UPPER] - value if side > 0.0 else value - goal.hard[i, LOWER]
+            room = below if side > 0.0 else above
             if room == math.inf:
                 continue
             for j in range(n):

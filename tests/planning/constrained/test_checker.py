@@ -14,7 +14,7 @@ from planning.constrained.checker import ConstrainedChecker, narrow_rows
 from planning.constraints.constraint_set import ConstraintSet
 from planning.constraints.kinds.joint import JointConstraint
 from planning.constraints.kinds.orientation import ConeConstraint
-from planning.constraints.row import LOWER, UPPER
+from planning.constraints.row import Column
 from tests.planning.scenes import HOME, builtin, pillar
 
 ROBOT = builtin("panda")
@@ -116,18 +116,19 @@ def test_half_of_what_the_ends_have_to_spare_is_kept_back_at_most() -> None:
 def test_rows_are_narrowed_on_both_sides_and_at_most_by_what_is_said() -> None:
     wanted = ConstraintSet(CHAIN, (UPRIGHT, JointConstraint(CHAIN.joint_names[0], 0.5, 0.1, 0.3)))
     true = np.array(wanted.packed)
-    two_sided = np.isfinite(true[:, LOWER])
+    two_sided = np.isfinite(true[:, Column.LOWER])
     assert two_sided.any()
     assert not two_sided.all()
-    half = np.where(two_sided, 0.5 * (true[:, UPPER] - true[:, LOWER]), true[:, UPPER])
+    lower, upper = true[:, Column.LOWER], true[:, Column.UPPER]
+    half = np.where(two_sided, 0.5 * (upper - lower), upper)
     for share in (0.0, 0.05, 0.5, 1.0):
         rows = narrow_rows(wanted, share)
-        np.testing.assert_allclose(true[:, UPPER] - rows[:, UPPER], share * half, atol=1e-15)
-        inwards = rows[two_sided, LOWER] - true[two_sided, LOWER]
+        np.testing.assert_allclose(upper - rows[:, Column.UPPER], share * half, atol=1e-15)
+        inwards = rows[two_sided, Column.LOWER] - true[two_sided, Column.LOWER]
         np.testing.assert_allclose(inwards, (share * half)[two_sided], atol=1e-15)
-        assert (rows[two_sided, LOWER] <= rows[two_sided, UPPER] + 1e-15).all()
+        assert (rows[two_sided, Column.LOWER] <= rows[two_sided, Column.UPPER] + 1e-15).all()
     capped = narrow_rows(wanted, 0.5, 0.01)
-    np.testing.assert_allclose(true[:, UPPER] - capped[:, UPPER], 0.01, atol=1e-15)
+    np.testing.assert_allclose(true[:, Column.UPPER] - capped[:, Column.UPPER], 0.01, atol=1e-15)
     np.testing.assert_array_equal(narrow_rows(wanted, 0.5, -1.0), true)
     np.testing.assert_array_equal(np.array(wanted.packed), true)
 
@@ -136,7 +137,7 @@ def test_rows_are_narrowed_by_half_of_what_is_spare_at_most() -> None:
     """A twentieth of the cone's angle is 0.015: of 2 mrad to spare half is kept, and 2 at most."""
     for spare, inwards in ((0.0, 0.0), (0.002, 0.001), (0.1, 0.002)):
         rows = checker(Scene(), spare).rows
-        np.testing.assert_allclose(rows[:, UPPER], TILT - inwards, atol=1e-15)
+        np.testing.assert_allclose(rows[:, Column.UPPER], TILT - inwards, atol=1e-15)
 
 
 def test_a_cubic_is_held_to_the_rows_by_all_of_its_powers() -> None:

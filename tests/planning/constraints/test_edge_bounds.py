@@ -14,7 +14,7 @@ from planning.constraints.edge_bounds import TOLERANCE, EdgeVerdict, edge_holds,
 from planning.constraints.kinds.orientation import ConeConstraint
 from planning.constraints.kinds.position import PositionConstraint
 from planning.constraints.kinds.region import PlaneRegion
-from planning.constraints.row import LOWER, UPPER
+from planning.constraints.row import Column
 from tests.planning.constraints.samples import some_of_each
 
 NAMES = ["panda", "stanford", "scara"]
@@ -45,8 +45,8 @@ def test_edges_hold_that_dense_samples_keep_and_no_others(name: str) -> None:
         highest = constraints.residuals(sampled(curve, np.linspace(0.0, 1.0, 4001))).max(axis=0)
         for spare, expected in ((1e-3, EdgeVerdict.HOLDS), (-1e-4, EdgeVerdict.VIOLATED)):
             packed = np.array(constraints.packed)
-            packed[:, UPPER] += highest + spare
-            packed[:, LOWER] -= highest + spare
+            packed[:, Column.UPPER] += highest + spare
+            packed[:, Column.LOWER] -= highest + spare
             assert verdict_on(chain, packed, curve)[0] == expected
             assert edge_holds(chain, packed, curve) == (expected == EdgeVerdict.HOLDS)
 
@@ -108,7 +108,7 @@ def test_too_many_cells_are_told_as_undecided() -> None:
     curve = random_curve(chain, np.random.default_rng(0))
     values = constraints.values(sampled(curve, np.linspace(0.0, 1.0, 100)))
     packed = np.array(constraints.packed)
-    packed[:, UPPER], packed[:, LOWER] = values.max() + 1e-5, values.min() - 1e-5
+    packed[:, Column.UPPER], packed[:, Column.LOWER] = values.max() + 1e-5, values.min() - 1e-5
     assert verdict_on(chain, packed, curve, max_cells=5)[0] == EdgeVerdict.UNDECIDED
     assert verdict_on(chain, packed, curve)[0] == EdgeVerdict.HOLDS
 
@@ -123,6 +123,6 @@ def test_narrowed_rows_keep_their_middle() -> None:
         ),
     )
     rows = narrow_rows(constraints, 0.25)
-    np.testing.assert_allclose(rows[:, UPPER], [0.075, 0.15])
-    np.testing.assert_allclose(rows[:, LOWER], [-0.075, -np.inf])
-    np.testing.assert_allclose(narrow_rows(constraints, 0.25, 0.01)[:, UPPER], [0.09, 0.19])
+    np.testing.assert_allclose(rows[:, Column.UPPER], [0.075, 0.15])
+    np.testing.assert_allclose(rows[:, Column.LOWER], [-0.075, -np.inf])
+    np.testing.assert_allclose(narrow_rows(constraints, 0.25, 0.01)[:, Column.UPPER], [0.09, 0.19])

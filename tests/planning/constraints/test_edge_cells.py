@@ -16,7 +16,7 @@ from planning.constraints.edge_bounds import bound_kernel, expand_kernel
 from planning.constraints.kinds.orientation import ConeConstraint
 from planning.constraints.kinds.position import PositionConstraint
 from planning.constraints.kinds.region import PlaneRegion
-from planning.constraints.row import KIND, RowKind
+from planning.constraints.row import Column, RowKind
 from tests.dynamics.samples import random_chain
 from tests.planning.constraints.samples import some_of_each
 
@@ -64,7 +64,7 @@ def test_what_a_bound_adds_shrinks_with_the_cell(kind: RowKind) -> None:
     """On a cell of a tenth of the length it is at most a seventh, for rows of every kind."""
     chain = CHAINS[0]
     constraints = ConstraintSet(chain, tuple(some_of_each(chain, 5)))
-    rows = np.flatnonzero(constraints.packed[:, KIND] == kind)
+    rows = np.flatnonzero(constraints.packed[:, Column.KIND] == kind)
     packed, rng = np.array(constraints.packed[rows]), np.random.default_rng(7)
     for _ in range(6):
         curve = random_curve(chain, rng)
@@ -81,7 +81,7 @@ def test_distances_angles_and_coordinates_are_bounded_to_second_order() -> None:
     chain = CHAINS[0]
     constraints = ConstraintSet(chain, tuple(some_of_each(chain, 5)))
     second = [RowKind.COORDINATE, RowKind.DISTANCE, RowKind.JOINT]
-    rows = np.flatnonzero(np.isin(constraints.packed[:, KIND], second))
+    rows = np.flatnonzero(np.isin(constraints.packed[:, Column.KIND], second))
     packed, rng = np.array(constraints.packed[rows]), np.random.default_rng(8)
     shares = []
     for _ in range(10):

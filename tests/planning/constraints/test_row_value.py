@@ -10,7 +10,7 @@ from kinematics.arrays import Array
 from kinematics.forward import frames_kernel
 from kinematics.model.chain import Chain
 from planning.constraints.constraint_set import ConstraintSet
-from planning.constraints.row import CARRIER, KIND, LOWER, REFERENCE, UPPER, WIDTH, RowKind
+from planning.constraints.row import WIDTH, Column, RowKind
 from planning.constraints.row_value import (
     angle_kernel,
     away_kernel,
@@ -115,7 +115,7 @@ def test_the_slope_of_a_rotation_vector_is_that_of_differences(angle: float) -> 
 
 @pytest.mark.parametrize("kind", list(RowKind))
 def test_gradients_are_the_slopes_of_values_for_every_kind_of_row(kind: RowKind) -> None:
-    rows = PACKED[PACKED[:, KIND] == kind]
+    rows = PACKED[PACKED[:, Column.KIND] == kind]
     E, gradient = np.empty((3, 3)), np.empty(CHAIN.n)
     checked = 0
     for seed in range(12):
@@ -140,9 +140,9 @@ def test_gradients_are_the_slopes_of_values_for_every_kind_of_row(kind: RowKind)
 def test_only_joints_between_the_two_bodies_count(kind: RowKind) -> None:
     E, gradient = np.empty((3, 3)), np.empty(CHAIN.n)
     q = draw(99)
-    for row in PACKED[PACKED[:, KIND] == kind]:
+    for row in PACKED[PACKED[:, Column.KIND] == kind]:
         gradient_kernel(CHAIN.model, q, frames_at(CHAIN, q), row, E, gradient)
-        carrier, reference = int(row[CARRIER]), int(row[REFERENCE])
+        carrier, reference = int(row[Column.CARRIER]), int(row[Column.REFERENCE])
         between = np.arange(min(carrier, reference) + 1, max(carrier, reference) + 1)
         if kind == RowKind.JOINT:
             between = np.array([carrier])
@@ -153,7 +153,7 @@ def test_only_joints_between_the_two_bodies_count(kind: RowKind) -> None:
 @pytest.mark.parametrize("kind", [RowKind.DISTANCE, RowKind.ANGLE, RowKind.LOOK])
 def test_bounds_across_hold_wherever_the_row_does(kind: RowKind) -> None:
     """To first order: a violated row's step that keeps them does not run past the set."""
-    rows = PACKED[PACKED[:, KIND] == kind]
+    rows = PACKED[PACKED[:, Column.KIND] == kind]
     seen = 0
     for seed in range(6):
         q = draw(200 + seed)
@@ -165,7 +165,7 @@ def test_bounds_across_hold_wherever_the_row_does(kind: RowKind) -> None:
                     continue
                 seen += 1
                 _, along, about = value_kernel(q, frames, row, np.empty((3, 3)))
-                limit = row[UPPER]
+                limit = row[Column.UPPER]
                 expected = limit if kind == RowKind.DISTANCE else math.sin(limit)
                 assert bound == pytest.approx(expected)
                 # Unit covectors, across the one that the value is measured along.
@@ -187,25 +187,25 @@ def test_a_ball_is_bounded_two_ways_across_a_line_one_and_a_wide_cone_none() -> 
             not math.isinf(sideways_kernel(frames, row, second)[0]) for second in (False, True)
         )
 
-    distances = PACKED[PACKED[:, KIND] == RowKind.DISTANCE]
+    distances = PACKED[PACKED[:, Column.KIND] == RowKind.DISTANCE]
     lines = np.linalg.norm(distances[:, 12:15], axis=1) > 0.5
     assert {count(row) for row in distances[~lines]} == {2}
     assert {count(row) for row in distances[lines]} == {1}
     for kind in (RowKind.ANGLE, RowKind.LOOK):
-        row = PACKED[PACKED[:, KIND] == kind][0].copy()
-        row[UPPER] = 0.5 * math.pi - 1e-6
+        row = PACKED[PACKED[:, Column.KIND] == kind][0].copy()
+        row[Column.UPPER] = 0.5 * math.pi - 1e-6
         assert count(row) == 1
-        row[UPPER] = 0.5 * math.pi
+        row[Column.UPPER] = 0.5 * math.pi
         assert count(row) == 0
     for kind in (RowKind.JOINT, RowKind.COORDINATE, RowKind.ROTATION):
-        assert count(PACKED[PACKED[:, KIND] == kind][0]) == 0
+        assert count(PACKED[PACKED[:, Column.KIND] == kind][0]) == 0
 
 
 def test_points_and_axes_are_seen_from_their_reference() -> None:
     q = draw(5)
     frames = frames_at(CHAIN, q)
-    for row in PACKED[PACKED[:, KIND] == RowKind.LOOK]:
-        carrier, reference = int(row[CARRIER]), int(row[REFERENCE])
+    for row in PACKED[PACKED[:, Column.KIND] == RowKind.LOOK]:
+        carrier, reference = int(row[Column.CARRIER]), int(row[Column.REFERENCE])
         C = np.eye(4) if carrier < 0 else frames[carrier]
         R = np.eye(4) if reference < 0 else frames[reference]
         P = C[:3, :3] @ row[3:6] + C[:3, 3]
@@ -227,9 +227,9 @@ def test_the_residual_is_that_of_the_nearer_bound(
     value: float, residual: float, sign: float
 ) -> None:
     row = np.zeros(WIDTH)
-    row[LOWER], row[UPPER] = 1.0, 2.0
+    row[Column.LOWER], row[Column.UPPER] = 1.0, 2.0
     found = residual_kernel(value, row)
     assert found[0] == pytest.approx(residual)
     assert found[1] == sign
-    row[LOWER] = -math.inf
+    row[Column.LOWER] = -math.inf
     assert residual_kernel(value, row) == (value - 2.0, 1.0)

@@ -11,7 +11,7 @@ from kinematics.trajectory.trajectory import Extrema, Peaks, Trajectory
 from obstacles.collision.checker import Checker
 from planning.constrained.checker import ConstrainedChecker, narrow_rows
 from planning.constraints import edge_bounds
-from planning.constraints.row import LOWER, UPPER
+from planning.constraints.row import Column
 from planning.options import Options, with_limits
 from planning.timing.jerk.jerk_limited import time_path_with_jerk
 from planning.timing.speed.effort_limits import knot_limits, slow_down
@@ -51,8 +51,8 @@ def _constraint_bound_dropped(sabotage: Sabotage) -> None:
 def _rows_widened(sabotage: Sabotage) -> None:
     def wide(true: Callable[..., Array], *values: Any) -> Array:
         rows = true(*values)
-        rows[:, UPPER] *= 2.0
-        rows[:, LOWER] *= 2.0
+        rows[:, Column.UPPER] *= 2.0
+        rows[:, Column.LOWER] *= 2.0
         return rows
 
     sabotage.wrap(narrow_rows, wide)
