@@ -1,16 +1,12 @@
 """Values of problem documents, read without trust; and when a request is sent again."""
 
-from datetime import UTC, datetime, timedelta
-from email.utils import format_datetime
 from typing import Any
 
-import httpx
 import pytest
 
 import armwright_client as ours
-from armwright_client import Retry, errors
+from armwright_client import errors
 from armwright_client.job import EventReader
-from armwright_client.retry import retry_after
 
 
 @pytest.mark.parametrize(
@@ -70,42 +66,6 @@ def test_an_error_says_what_it_knows() -> None:
 
 
 # -------------------------------------------------------------------------------- asking again
-
-
-def busy(after: str | None, status: int = 429) -> httpx.Response:
-    return httpx.Response(status, headers={} if after is None else {"Retry-After": after})
-
-
-@pytest.mark.parametrize(
-    ("after", "seconds"),
-    [("0", 0.0), ("7", 7.0), (" 7 ", 7.0), ("007", 7.0), (None, None), ("", None), ("-1", None),
-     ("1.5", None), ("soon", None)],
-)  # fmt: skip
-def test_seconds_to_wait_are_whole_numbers(after: str | None, seconds: float | None) -> None:
-    assert retry_after(busy(after)) == seconds
-
-
-def test_dates_to_wait_for_are_in_the_future() -> None:
-    now = datetime.now(UTC)
-    later = retry_after(busy(format_datetime(now + timedelta(seconds=100), usegmt=True)))
-    assert later is not None
-    assert 95.0 < later <= 100.0
-    assert retry_after(busy(format_datetime(now - timedelta(seconds=100), usegmt=True))) == 0.0
-
-
-@pytest.mark.parametrize("status", [200, 202, 400, 404, 409, 422, 500, 502, 504])
-def test_only_what_says_not_now_is_asked_again(status: int) -> None:
-    assert Retry().wait(1, busy("1", status)) is None
-    for not_now in (429, 503):
-        assert Retry().wait(1, busy("1", not_now)) == 1.0
-
-
-def test_attempts_and_waits_have_bounds() -> None:
-    retry = Retry(attempts=3, longest_wait=10.0)
-    assert [retry.wait(attempt, busy("10")) for attempt in (1, 2, 3, 4)] == [10.0, 10.0, None, None]
-    assert retry.wait(1, busy("11")) is None
-    assert retry.wait(1, busy(None)) is None
-    assert Retry(attempts=1).wait(1, busy("0")) is None
 
 
 # ------------------------------------------------------------------------------------- events

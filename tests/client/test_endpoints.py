@@ -262,11 +262,6 @@ def test_every_method_is_in_the_table() -> None:
     assert methods == listed
 
 
-def test_a_scene_is_replaced_under_the_name_of_the_path_alone() -> None:
-    request = request_of(lambda client: client.scenes.replace("t", SCENE))
-    assert json.loads(request.content) == {"obstacles": []}
-
-
 def test_an_empty_answer_is_none() -> None:
     asks: list[Callable[[Any], Any]] = [
         lambda c: c.robots.delete("a"),

@@ -12,7 +12,6 @@ import pytest
 
 import armwright_client as ours
 from armwright_client import AsyncClient, Client
-from armwright_client.job import EventReader
 from tests.client.calls import URL, asked_async, once
 from tests.client.scripted import Scripted, problem
 
@@ -149,57 +148,6 @@ def test_a_closed_client_says_so() -> None:
 
     with pytest.raises(ours.TransportError, match="the client is closed"):
         asyncio.run(ask())
-
-
-def test_arguments_are_refused_before_anything_is_sent() -> None:
-    transport = Scripted([])
-    with Client(URL, transport=transport) as client:
-        with pytest.raises(ours.InvalidArgument, match="joints"):
-            client.robots.fk("r", [float("nan")])
-        with pytest.raises(ours.InvalidArgument, match="PlanRequest: sed: Extra inputs"):
-            client.plan("r", [0.0], [1.0], sed=1)  # type: ignore[call-arg]
-        with pytest.raises(ours.InvalidArgument, match="and 2 more"):
-            client.scenes.project("s", [[0.0]] * 5)
-    assert transport.requests == []
-
-
-STREAM = (
-    b": a comment\nevent: progress\nid: 7\ndata: {\ndata: }\n\n"
-    b"event: nothing\n\n"
-    b"data:done\nretry: 10\n\n"
-    b"data: cut off"
-)
-
-
-EVENTS = [ours.JobEvent("progress", "{\n}", "7"), ours.JobEvent("message", "done", None)]
-
-
-def test_events_are_read_as_they_come() -> None:
-    media = {"content-type": "text/event-stream"}
-    found = once(
-        [httpx.Response(200, content=STREAM, headers=media)],
-        lambda client: list(client.jobs.events("j")),
-    )
-    assert found == EVENTS
-
-    async def ask() -> list[ours.JobEvent]:
-        transport = Scripted([httpx.Response(200, content=STREAM, headers=media)])
-        async with AsyncClient(URL, transport=transport) as client:
-            return [event async for event in client.jobs.events("j")]
-
-    assert asyncio.run(ask()) == EVENTS
-
-
-def test_events_that_are_refused() -> None:
-    with pytest.raises(ours.NotFound):
-        once([problem(404, "NOT_FOUND")], lambda client: list(client.jobs.events("j")))
-    with pytest.raises(ours.TransportError):
-        once([httpx.ReadError("cut")], lambda client: list(client.jobs.events("j")))
-
-
-def test_an_event_without_data_is_none() -> None:
-    reader = EventReader()
-    assert [event for line in ("event: a", "", "") for event in reader.feed(line)] == []
 
 
 def test_both_clients_have_the_same_methods() -> None:

@@ -1,194 +1,20 @@
 """Requests are strict, and what the service takes."""
 
 import json
-import math
-from collections.abc import Callable
 from typing import Any
 
 import numpy as np
 import pytest
-from pydantic import BaseModel, ValidationError
+from pydantic import ValidationError
 from scipy.spatial.transform import Rotation
 
 import armwright_client as ours
 from armwright_wire import pose as their_pose
 from armwright_wire.base import Body as Request
-from armwright_wire.plans import plan as their_plan
-from armwright_wire.robots import kinematics as their_kinematics
-from armwright_wire.robots import potential as their_potential
-from armwright_wire.robots import robot as their_robot
-from armwright_wire.scenes import check as their_check
-from armwright_wire.scenes import scene as their_scene
-
-BOX = ours.Box(size=[1.0, 0.8, 0.04])
-SCENE = ours.Scene(
-    name="table",
-    obstacles=[ours.Obstacle(id="top", shape=BOX, pose=ours.Pose.at(0.6, 0.0, 0.2), margin=0.01)],
-    allowed_collisions=[("link0", "top")],
-)
-PART = ours.Attached(
-    id="part", shape=ours.Sphere(radius=0.1), pose=ours.Pose.at(0, 0, 0.1), link="hand"
-)
-DH = ours.DhTable(
-    convention="standard",
-    rows=[ours.DhRow(type="revolute", a=0.5, alpha=0, d=0, theta=0, lower=-3, upper=3)],
-    base=ours.Pose.at(0, 0, 1),
-    gravity=(0, 0, -9.81),
-)
 
 
 def sent(request: Request) -> Any:
     return json.loads(request.to_json())
-
-
-@pytest.mark.parametrize(
-    ("request_", "theirs"),
-    [
-        (SCENE, their_scene.NamedScene),
-        (ours.Scene(moveit="name: x"), their_scene.Scene),
-        (ours.RobotUpload.from_dh("arm", DH, tip_link="t"), their_robot.RobotBody),
-        (
-            ours.RobotUpload(
-                name="arm",
-                urdf="<robot/>",
-                srdf="<robot/>",
-                meshes={"a.stl": "AAAA"},
-                joint_limits={"j": ours.JointLimits(velocity=2.0)},
-            ),
-            their_robot.RobotBody,
-        ),
-        (ours.FkRequest(joints=(0, 1)), their_kinematics.FkRequest),
-        (
-            ours.PotentialRequest(
-                joints=[(0, 1), (2, 3)],
-                goal_joints=(4, 5),
-                scene="table",
-                options=ours.PotentialOptions(
-                    attractive_weights=(1.0, 2.0),
-                    attractive_cap=0.1,
-                    repulsive_weights=0.0,
-                    influence_distance=0.3,
-                    least_distance=0.01,
-                ),
-            ),
-            their_potential.PotentialRequest,
-        ),
-        (ours.FkRequest(joints=[(0, 1), (2, 3)]), their_kinematics.FkRequest),
-        (
-            ours.IkRequest(
-                pose=ours.Pose.at(1, 2, 3),
-                scene=SCENE,
-                constraints=({"type": "clearance", "margin": 0.1},),
-            ),
-            their_kinematics.IkRequest,
-        ),
-        (
-            ours.CheckRequest(robot="panda", joints=(0, 1), scene="table", attached=(PART,)),
-            their_check.CheckRequest,
-        ),
-        (
-            ours.PlanRequest(
-                robot="panda",
-                start=ours.Start(joints=(0.0, 1.0)),
-                goal=ours.Goal.among([(0.0, 1.0), ours.Pose.at(1, 2, 3)]),
-                scene=SCENE,
-                planner_options={"goal_bias": 0.1, "deep": {"er": (1, 2)}},
-                attached=[PART],
-                margin=0.01,
-                timing=ours.Timing(velocity_scaling=0.5, sample_period=0.01),
-                timeout=5,
-            ),
-            their_plan.PlanRequest,
-        ),
-        (
-            ours.PlanRequest(
-                robot="panda",
-                start=ours.Start(joints=(0, 1), velocities=(0.1, 0), accelerations=(0, 0)),
-                goal=ours.Goal.at_joints((1, 1), velocities=(0, 0.1), accelerations=(0, 0)),
-                refine=ours.Refine(objective={"time": 1, "jerk": 1e-6}, degree=5, rounds=20),
-            ),
-            their_plan.PlanRequest,
-        ),
-        (
-            ours.ValidateRequest(
-                robot="panda",
-                trajectory=ours.Trajectory(
-                    segments=[ours.Segment(t0=0, t1=1, coefficients=((0, 1),))]
-                ),
-                limits=ours.LimitValues(velocity=(1,)),
-                collisions="ignore",
-                tool_motions=ours.TimedToolMotions(
-                    motions=[ours.TimedToolMotion.lin(ours.Pose(position=(0, 0, 1)))], ends=(1,)
-                ),
-                payload=ours.Payload(mass=1),
-                tool_speed=0.5,
-            ),
-            their_plan.ValidateRequest,
-        ),
-    ],
-    ids=lambda value: type(value).__name__ if isinstance(value, Request) else "",
-)
-def test_the_service_takes_what_is_sent(request_: Request, theirs: type[BaseModel]) -> None:
-    theirs.model_validate_json(request_.to_json())
-
-
-SHAPES = [
-    BOX,
-    ours.Sphere(radius=1),
-    ours.Cylinder(radius=1, height=2),
-    ours.Capsule(radius=1, height=2),
-    ours.Cone(radius=1, height=2),
-    ours.Halfspace(normal=(0, 0, 1), offset=0),
-    ours.Convex.of(vertices=np.eye(4, 3)),
-    ours.Mesh.of(vertices=np.eye(3), faces=np.array([[0, 1, 2]])),
-    ours.Mesh(stl_base64="AAAA"),
-    ours.PointCloud.of(points=np.zeros((2, 3)), radius=0.01),
-]
-
-
-@pytest.mark.parametrize("shape", SHAPES, ids=lambda shape: shape.type)
-def test_the_service_takes_every_shape(shape: Any) -> None:
-    scene = ours.Scene(obstacles=[ours.Obstacle(id="it", shape=shape, pose=ours.Pose.at(0, 0, 0))])
-    taken = their_scene.Scene.model_validate_json(scene.to_json())
-    assert taken.obstacles is not None
-    assert taken.obstacles[0].shape.type == shape.type
-
-
-@pytest.mark.parametrize(
-    "make",
-    [
-        lambda: ours.Pose(position=[1.0, 2.0]),
-        lambda: ours.Pose(position=[1.0, 2.0, math.nan]),
-        lambda: ours.Pose(position=[1.0, 2.0, math.inf]),
-        lambda: ours.Pose(position=[1.0, 2.0, "3"]),  # type: ignore[list-item]
-        lambda: ours.Pose.of(position=[0, 0, 0], orientation=[0, 0, 0, 1]),
-        lambda: ours.Pose(position=[0, 0, 0], rpy=[0, 0, 0], euler_zyz=[0, 0, 0]),
-        lambda: ours.Sphere(radius=0.0),
-        lambda: ours.Sphere(radius=math.inf),
-        ours.Scene,
-        lambda: ours.Scene(obstacles=[], moveit="name: x"),
-        lambda: ours.RobotUpload(name="a"),
-        lambda: ours.RobotUpload(name="a", urdf="<robot/>", dh=DH),
-        ours.Goal,
-        lambda: ours.Goal(joints=[1.0], pose=ours.Pose.at(0, 0, 0)),
-        ours.Trajectory,
-        lambda: ours.FkRequest(joints=[]),
-        lambda: ours.FkRequest(joints=[[0.0], [math.nan]]),
-        lambda: ours.PlanRequest.of(
-            robot="r", start=ours.Start(joints=[0]), goal=ours.Goal(joints=[1]), sed=1
-        ),
-        lambda: ours.PlanRequest(
-            robot="r",
-            start=ours.Start(joints=[0]),
-            goal=ours.Goal(joints=[1]),
-            planner_options={"weight": math.nan},
-        ),
-        lambda: ours.VelocityRequest(joints=[0.0]),
-    ],
-)
-def test_what_is_wrong_is_refused_here(make: Callable[[], Request]) -> None:
-    with pytest.raises(ValidationError):
-        make()
 
 
 def test_requests_are_values() -> None:
@@ -260,3 +86,11 @@ def test_goals_are_told_apart() -> None:
     assert sent(several) == {
         "any_of": [{"pose": sent(pose), "position_tolerance": 0.01}, {"joints": [1.0, 2.0]}]
     }
+
+
+def test_a_pose_takes_its_frame_along() -> None:
+    pose = ours.FramedPose(position=[0.1, 0.2, 0.3], frame="tool")
+    ball = ours.Obstacle(id="a", shape=ours.Sphere(radius=0.1), pose=pose)
+    for body in (ours.Goal(pose=pose), ball, ours.ToolMotion.lin(pose), ours.IkRequest(pose=pose)):
+        assert sent(body)["pose"] == {"position": [0.1, 0.2, 0.3], "frame": "tool"}
+    assert sent(ours.Start(state="home")) == sent(ours.Goal.at_state("home")) == {"state": "home"}

@@ -1,12 +1,10 @@
 """Plans by the client: certificates, validation, jobs and batches, on a real service."""
 
 import asyncio
-from itertools import pairwise
 from typing import Any
 
 import numpy as np
 import pytest
-from scipy.interpolate import CubicSpline
 
 import armwright_client as ours
 from armwright_client import AsyncClient, Client
@@ -72,17 +70,6 @@ def test_plans_can_be_validated_again(client: Client, plan: ours.Plan) -> None:
         "panda", plan.trajectory, limits=ours.LimitValues(velocity=[0.01] * 7), timeout=60
     )
     assert not slow.verified
-
-
-def test_motions_of_others_are_validated(client: Client) -> None:
-    times = [0.0, 2.0, 4.0]
-    points = np.array([READY, np.add(READY, AWAY) / 2, AWAY])
-    spline = CubicSpline(times, points, bc_type="clamped")
-    segments = [
-        ours.Segment(t0=t0, t1=t1, coefficients=spline.c[::-1, i, :].T.tolist())
-        for i, (t0, t1) in enumerate(pairwise(times))
-    ]
-    assert client.validate("panda", ours.Trajectory(segments=segments), timeout=60).verified
 
 
 def test_goals_may_be_poses(client: Client) -> None:
@@ -211,11 +198,3 @@ def test_batches_are_planned_in_order(url: str) -> None:
     assert isinstance(four, ours.Plan)
     assert three.path.joints[-1] == pytest.approx(READY)
     assert four.trajectory.joint_names != one.trajectory.joint_names
-
-
-def test_waiting_has_an_end(client: Client) -> None:
-    goals = [ours.BatchProblem.towards(AWAY, seed=seed) for seed in range(500)]
-    pending = client.plan_batch(goals, robot="panda", start=READY)
-    with pytest.raises(ours.TransportTimeout, match="goes on"):
-        pending.wait(0.1)
-    pending.cancel()
