@@ -13,28 +13,26 @@ def count(joints: Sequence[float] | Sequence[Sequence[float]]) -> int:
     return len(joints) if isinstance(joints[0], list) else 1
 
 
-async def in_worker(request: Request, robot: str, task: ChainTask) -> Response:
-    """The answer of a task to the body of a request about a robot.
+async def respond(request: Request, robot: str, task: ChainTask, *, is_brief: bool) -> Response:
+    """Response with the result of a task about the body of a request and a robot.
+
+    Args:
+        request: Request on whose behalf.
+        robot: Name of the robot.
+        task: Task that the body is for.
+        is_brief: Whether it takes a millisecond: it is done then whatever else is being computed.
 
     Raises:
-        ProblemError: As `answers.answer`.
+        ProblemError: As `answers.answer` and `answers.answer_at_once`.
     """
     content = await request.body()
-    result = await answers.answer(request, lambda reference, _: task.job(reference, content), robot)
-    return json_answer(result)
-
-
-async def at_once(request: Request, robot: str, task: ChainTask) -> Response:
-    """The answer of a task that takes a millisecond, whatever else is being computed.
-
-    Raises:
-        ProblemError: As `answers.answer_at_once`.
-    """
-    content = await request.body()
-    result = await answers.answer_at_once(
-        request, lambda reference: task.job(reference, content), robot
+    if is_brief:
+        return json_answer(
+            await answers.answer_at_once(request, lambda found: task.job(found, content), robot)
+        )
+    return json_answer(
+        await answers.answer(request, lambda found, _: task.job(found, content), robot)
     )
-    return json_answer(result)
 
 
 def json_answer(content: bytes) -> Response:

@@ -3,11 +3,10 @@
 Answers to requests for plans are counted, too.
 """
 
-from collections.abc import Awaitable, Callable
-from functools import partial
+from collections.abc import Callable, Sequence
 from typing import Protocol, TypeVar
 
-from fastapi import Request
+from fastapi import Request, Response
 from starlette.concurrency import run_in_threadpool
 
 from armwright_wire.scenes.scene import Scene
@@ -16,13 +15,12 @@ from service.http.metrics import Metrics
 from service.http.state import (
     models_of,
     note_reference,
-    prepared_folder,
     repository_of,
     settings_of,
 )
 from service.problem import ProblemError, from_fields
-from service.storage.caches.cache_key import Reference, builtin_reference
-from service.storage.robot_repository import RobotRepository, is_built_in
+from service.storage.caches.cache_key import Kind, Reference
+from service.storage.robot_repository import is_built_in
 from service.task_references import plan, prepare_robot, prepare_scene, robot_model
 from service.workers.process import OnProgress
 from service.workers.result import CacheMiss, RobotModel, TaskProblem
@@ -36,81 +34,42 @@ BUILD_TIMEOUT = 120.0
 _ATTEMPTS = 3
 
 
+async def _look_up(request: Request, *names: tuple[Kind, str | None]) -> list[Reference | None]:
+    """Robots and stored scenes of a request, in one turn of a thread at most; None without a name.
+
+    Raises:
+        ProblemError: NOT_FOUND.
+    """
+    repository = repository_of(request)
+    found = [None if name is None else repository.recall(kind, name) for kind, name in names]
+    if any(item is None and name is not None for item, (_, name) in zip(found, names, strict=True)):
+        found = await run_in_threadpool(repository.look_up, names)
+    for reference in found:
+        if reference is not None:
+            note_reference(request, reference)
+    return found
+
+
 async def robot(request: Request, name: str) -> Reference:
     """The robot of a name.
 
     Raises:
         ProblemError: NOT_FOUND.
     """
-    repository = repository_of(request)
-    reference = repository.recall("robot", name)
-    if reference is None:
-        reference = await run_in_threadpool(repository.robot, name)
-    note_reference(request, reference)
+    (reference,) = await _look_up(request, ("robot", name))
+    assert reference is not None
     return reference
 
 
-async def scene(request: Request, source: str | Scene | None) -> Reference | None:
-    """The stored scene that a request names, or None where it names none.
+async def scene(request: Request, name: str) -> Reference:
+    """The stored scene of a name.
 
     Raises:
         ProblemError: NOT_FOUND.
     """
-    if not isinstance(source, str):
-        return None
-    repository = repository_of(request)
-    reference = repository.recall("scene", source)
-    if reference is None:
-        reference = await run_in_threadpool(repository.scene, source)
-    note_reference(request, reference)
+    (reference,) = await _look_up(request, ("scene", name))
+    assert reference is not None
     return reference
-
-
-async def _robot_and_scene(
-    request: Request, robot_name: str, scene_source: str | Scene | None
-) -> tuple[Reference, Reference | None]:
-    """The robot and the stored scene of a request, in one turn of a thread at most.
-
-    Raises:
-        ProblemError: NOT_FOUND.
-    """
-    known = _recall(request, robot_name, scene_source)
-    if known is not None:
-        return known
-    scene_name = scene_source if isinstance(scene_source, str) else None
-    repository = repository_of(request)
-    arm, cell = await run_in_threadpool(_look_up, repository, robot_name, scene_name)
-    note_reference(request, arm)
-    if cell is not None:
-        note_reference(request, cell)
-    return arm, cell
-
-
-def _recall(
-    request: Request, robot_name: str, scene_source: str | Scene | None
-) -> tuple[Reference, Reference | None] | None:
-    """The robot and the stored scene of a request, if this process remembers both."""
-    scene_name = scene_source if isinstance(scene_source, str) else None
-    if scene_name is None and is_built_in(robot_name):
-        built_in = builtin_reference(robot_name, prepared_folder(request))
-        note_reference(request, built_in)
-        return built_in, None
-    repository = repository_of(request)
-    arm = repository.recall("robot", robot_name)
-    cell = None if scene_name is None else repository.recall("scene", scene_name)
-    if arm is None or (scene_name is not None and cell is None):
-        return None
-    note_reference(request, arm)
-    if cell is not None:
-        note_reference(request, cell)
-    return arm, cell
-
-
-def _look_up(
-    repository: RobotRepository, robot_name: str, scene_name: str | None
-) -> tuple[Reference, Reference | None]:
-    robot = repository.robot(robot_name)
-    return robot, None if scene_name is None else repository.scene(scene_name)
 
 
 async def model(request: Request, name: str) -> RobotModel:
@@ -154,18 +113,9 @@ async def answer(
     Raises:
         ProblemError: NOT_FOUND; what the task refused; all of `compute`.
     """
-    # Not a function in here: its annotations would be evaluated for every request.
-    job = partial(_job, request, make_job, robot_name, scene_source)
-    return await _answer(request, job, timeout, on_progress)
-
-
-async def _job(
-    request: Request,
-    make_job: Callable[[Reference, Reference | None], Job[_R | TaskProblem | CacheMiss]],
-    robot_name: str,
-    scene_source: str | Scene | None,
-) -> Job[_R | TaskProblem | CacheMiss]:
-    return make_job(*await _robot_and_scene(request, robot_name, scene_source))
+    scene_name = scene_source if isinstance(scene_source, str) else None
+    names: list[tuple[Kind, str | None]] = [("robot", robot_name), ("scene", scene_name)]
+    return await _answer(request, make_job, names, timeout, on_progress)
 
 
 async def answer_at_once(
@@ -199,11 +149,7 @@ async def answer_with(
     Raises:
         ProblemError: As `answer`.
     """
-
-    async def job() -> Job[_R | TaskProblem | CacheMiss]:
-        return make_job(None if robot_name is None else await robot(request, robot_name))
-
-    return await _answer(request, job, timeout)
+    return await _answer(request, make_job, [("robot", robot_name)], timeout)
 
 
 async def answer_scene(
@@ -216,23 +162,18 @@ async def answer_scene(
     Raises:
         ProblemError: As `answer`.
     """
-
-    async def job() -> Job[_R | TaskProblem | CacheMiss]:
-        reference = await scene(request, scene_name)
-        assert reference is not None
-        return make_job(reference)
-
-    return await _answer(request, job, None)
+    return await _answer(request, make_job, [("scene", scene_name)], None)
 
 
 async def _answer(
     request: Request,
-    make_job: Callable[[], Awaitable[Job[_R | TaskProblem | CacheMiss]]],
+    make_job: Callable[..., Job[_R | TaskProblem | CacheMiss]],
+    names: Sequence[tuple[Kind, str | None]],
     timeout: float | None,
     on_progress: OnProgress | None = None,
 ) -> _R:
     for _ in range(_ATTEMPTS):
-        job = await make_job()
+        job = make_job(*await _look_up(request, *names))
         result = await compute(request, job, timeout, on_progress)
         if isinstance(result, CacheMiss):
             await _prepare(request, result.reference)
@@ -241,6 +182,56 @@ async def _answer(
             raise from_fields(result.code, result.message, result.hint, result.details)
         return result
     raise _replaced_meanwhile()
+
+
+class SceneRequest(Protocol):
+    """Fields of a request about a robot in a scene that the server itself reads."""
+
+    @property
+    def scene(self) -> str | Scene | None:
+        """The name of a stored scene, an inline scene, or none."""
+
+    @property
+    def timeout(self) -> float | None:
+        """Time for all stages together, if one is named [s]."""
+
+
+class PlanProblem(SceneRequest, Protocol):
+    """Fields of a request for a plan that the server itself reads."""
+
+    @property
+    def robot(self) -> str:
+        """The name of the robot."""
+
+
+async def respond(
+    request: Request,
+    make_job: Callable[[Reference, Reference | None, bytes], Job[bytes | TaskProblem | CacheMiss]],
+    robot_name: str,
+    body: SceneRequest,
+    media_type: str = "application/json",
+) -> Response:
+    """Response with the result of a job about the body of a request, a robot and perhaps a scene.
+
+    Args:
+        request: Request on whose behalf.
+        make_job: Makes the job from the references and the content of the body.
+        robot_name: The robot.
+        body: The body.
+        media_type: Media type of the result.
+
+    Raises:
+        ProblemError: As `answer`.
+    """
+    content = await request.body()
+    result = await answer(
+        request,
+        lambda robot, scene: make_job(robot, scene, content),
+        robot_name,
+        body.scene,
+        timeout=body.timeout,
+    )
+    return Response(result, media_type=media_type)
 
 
 async def robot_document(request: Request, name: str) -> bytes | None:
@@ -278,22 +269,6 @@ def _replaced_meanwhile() -> ProblemError:
         stage="storage",
         hint="Ask again when nobody changes it.",
     )
-
-
-class PlanProblem(Protocol):
-    """The fields of a request for a plan that the server itself reads."""
-
-    @property
-    def robot(self) -> str:
-        """The name of the robot."""
-
-    @property
-    def scene(self) -> str | Scene | None:
-        """The name of a stored scene, an inline scene, or none."""
-
-    @property
-    def timeout(self) -> float | None:
-        """For all stages together, if one is named [s]."""
 
 
 async def plan_answer(

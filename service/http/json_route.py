@@ -9,7 +9,7 @@ import re
 from collections.abc import Awaitable, Callable, Coroutine
 from typing import Any, TypeGuard, TypeVar
 
-from fastapi import Request, Response
+from fastapi import APIRouter, Request, Response
 from fastapi.params import Form
 from fastapi.routing import APIRoute
 from pydantic import BaseModel
@@ -19,6 +19,7 @@ from service.http.compute import deadline_of
 from service.http.idempotency import answer_once
 from service.http.keeping import answer_and_keep, takes_keep
 from service.http.layer.admission import named_timeout
+from service.http.openapi import RESPONSES
 from service.http.request_headers import field, values
 from service.http.state import job_context, settings_of, supervisor_of
 from service.problem import ProblemError, from_fields
@@ -120,6 +121,19 @@ class JobRoute(JsonRoute):
     """A route whose requests always become jobs."""
 
     always_deferred = True
+
+
+def json_router(
+    tag: str, prefix: str = "/v1", *, route_class: type[JsonRoute] = JsonRoute
+) -> APIRouter:
+    """Router of endpoints that take strict JSON and answer problems as documented.
+
+    Args:
+        tag: Group of the endpoints in the OpenAPI document.
+        prefix: Beginning of their paths.
+        route_class: Class of their routes.
+    """
+    return APIRouter(prefix=prefix, tags=[tag], route_class=route_class, responses=RESPONSES)
 
 
 def require_json(content_type: str | None) -> None:

@@ -4,11 +4,11 @@ Of a kept plan they are documents as they were kept with it.
 """
 
 from collections.abc import Sequence
-from typing import Literal, Protocol
+from typing import Protocol
 
 from kinematics.robot_names import builtin_names
 from service.problem import ProblemError
-from service.storage.caches.cache_key import Reference, builtin_reference
+from service.storage.caches.cache_key import Kind, Reference, builtin_reference
 from service.storage.stores.document_store import Document, DocumentStore, Record
 from service.storage.stores.plan_store import PlanStore
 
@@ -97,7 +97,7 @@ class RobotRepository:
         self._documents = documents
         self._folder = folder
 
-    def recall(self, kind: Literal["robot", "scene"], name: str) -> Reference | None:
+    def recall(self, kind: Kind, name: str) -> Reference | None:
         """The robot or scene of a name, if this process remembers it; never blocks.
 
         Args:
@@ -109,30 +109,25 @@ class RobotRepository:
         record = self._documents.recall(kind, name)
         return None if record is None else Reference(kind, name, record.hash, self._folder)
 
-    def robot(self, name: str) -> Reference:
-        """The robot of a name; built-in ones go first.
+    def look_up(self, names: Sequence[tuple[Kind, str | None]]) -> list[Reference | None]:
+        """Robots, built-in ones first, and stored scenes of names; None without a name.
 
         Raises:
             ProblemError: NOT_FOUND.
         """
-        if is_built_in(name):
+        return [None if name is None else self._find(kind, name) for kind, name in names]
+
+    def _find(self, kind: Kind, name: str) -> Reference:
+        if kind == "robot" and is_built_in(name):
             return builtin_reference(name, self._folder)
         try:
-            record = self._documents.record("robot", name)
+            record = self._documents.record(kind, name)
         except ProblemError as error:
-            error.hint = (
-                f"GET /v1/robots lists those there are; built in: {', '.join(builtin_names())}."
-            )
+            if kind == "robot":
+                every = ", ".join(builtin_names())
+                error.hint = f"GET /v1/robots lists those there are; built in: {every}."
             raise
-        return Reference("robot", name, record.hash, self._folder)
-
-    def scene(self, name: str) -> Reference:
-        """The stored scene of a name.
-
-        Raises:
-            ProblemError: NOT_FOUND.
-        """
-        return Reference("scene", name, self._documents.record("scene", name).hash, self._folder)
+        return Reference(kind, name, record.hash, self._folder)
 
     def document(self, reference: Reference) -> tuple[Reference, bytes]:
         """The current document of a robot or scene, and the reference of what it describes.

@@ -1,13 +1,12 @@
 """Many problems at once, always as a job."""
 
-from fastapi import APIRouter, Request, Response
+from fastapi import Request, Response
 
 from armwright_wire.plans.batch import BatchAnswer, BatchRequest
 from armwright_wire.plans.job import JobSummary
 from service.http import answers
 from service.http.compute import allowed_time
-from service.http.json_route import Handler, JobRoute
-from service.http.openapi import RESPONSES
+from service.http.json_route import Handler, JobRoute, json_router
 from service.http.state import DeferToJob, job_context, settings_of
 from service.jobs.batch import Batch
 from service.problem import ProblemError
@@ -31,7 +30,7 @@ class BatchRoute(JobRoute):
         return plan_or_check
 
 
-router = APIRouter(prefix="/v1", tags=["planning"], route_class=BatchRoute, responses=RESPONSES)
+router = json_router("planning", route_class=BatchRoute)
 
 
 @router.post(

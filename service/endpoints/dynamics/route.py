@@ -2,7 +2,7 @@
 
 from typing import Annotated, Literal
 
-from fastapi import APIRouter, Query, Request, Response
+from fastapi import Query, Request, Response
 
 from armwright_wire.base import Timeout
 from armwright_wire.robots.dynamics import (
@@ -16,19 +16,16 @@ from armwright_wire.robots.dynamics import (
     WrenchAnswer,
     WrenchRequest,
 )
-from service.endpoints.configurations import at_once, count, in_worker, json_answer
+from service.endpoints.configurations import count, json_answer, respond
 from service.http import answers
-from service.http.json_route import JsonRoute
-from service.http.openapi import RESPONSES
+from service.http.json_route import json_router
 from service.task_references import dynamics as dynamics_task
 from service.task_references import equations as equations_task
 from service.task_references import forward_dynamics as forward_dynamics_task
 from service.task_references import regressor as regressor_task
 from service.task_references import wrench as wrench_task
 
-router = APIRouter(
-    prefix="/v1/robots/{name}", tags=["dynamics"], route_class=JsonRoute, responses=RESPONSES
-)
+router = json_router("dynamics", "/v1/robots/{name}")
 
 #: States that are computed within a millisecond; a request for more of them waits for its turn.
 _BRIEF_STATES = 10
@@ -37,9 +34,8 @@ _BRIEF_STATES = 10
 @router.post("/wrench", summary="Torques that hold a wrench", response_model=WrenchAnswer)
 async def wrench(name: str, body: WrenchRequest, request: Request) -> Response:
     """τ = Jᵀ F for a wrench F = [f; n] that a link exerts, in the root frame."""
-    if count(body.joints) <= _BRIEF_STATES:
-        return await at_once(request, name, wrench_task)
-    return await in_worker(request, name, wrench_task)
+    is_brief = count(body.joints) <= _BRIEF_STATES
+    return await respond(request, name, wrench_task, is_brief=is_brief)
 
 
 @router.post("/dynamics", summary="Equations of motion", response_model=DynamicsAnswer)
@@ -48,10 +44,9 @@ async def dynamics(name: str, body: DynamicsRequest, request: Request) -> Respon
 
     A robot without inertias is refused with MISSING_INERTIA, which names the links.
     """
-    brief = not (body.christoffel_symbols or body.partial_jacobians)
-    if brief and count(body.joints) <= _BRIEF_STATES:
-        return await at_once(request, name, dynamics_task)
-    return await in_worker(request, name, dynamics_task)
+    is_brief = not (body.christoffel_symbols or body.partial_jacobians)
+    is_brief = is_brief and count(body.joints) <= _BRIEF_STATES
+    return await respond(request, name, dynamics_task, is_brief=is_brief)
 
 
 @router.post(
@@ -62,9 +57,8 @@ async def forward_dynamics(name: str, body: ForwardDynamicsRequest, request: Req
 
     A robot without inertias is refused with MISSING_INERTIA, which names the links.
     """
-    if count(body.joints) <= _BRIEF_STATES:
-        return await at_once(request, name, forward_dynamics_task)
-    return await in_worker(request, name, forward_dynamics_task)
+    is_brief = count(body.joints) <= _BRIEF_STATES
+    return await respond(request, name, forward_dynamics_task, is_brief=is_brief)
 
 
 @router.post("/regressor", summary="Linear parametrisation", response_model=RegressorAnswer)
@@ -73,7 +67,7 @@ async def regressor(name: str, _body: RegressorRequest, request: Request) -> Res
 
     Finding the base parameters takes longer than a request should hold up others: a worker does.
     """
-    return await in_worker(request, name, regressor_task)
+    return await respond(request, name, regressor_task, is_brief=False)
 
 
 @router.get("/equations", summary="Formulas", response_model=EquationsAnswer)

@@ -1,14 +1,13 @@
 """Exports of motions for robot controllers."""
 
-from fastapi import APIRouter, Request, Response
+from fastapi import Request, Response
 
 from armwright_wire.motions.export import ExportAnswer, ExportRequest
 from service.http import answers
-from service.http.json_route import JsonRoute
-from service.http.openapi import RESPONSES
+from service.http.json_route import json_router
 from service.task_references import export as export_task
 
-router = APIRouter(prefix="/v1", tags=["timing"], route_class=JsonRoute, responses=RESPONSES)
+router = json_router("timing")
 
 
 @router.post(
@@ -20,12 +19,4 @@ async def export(body: ExportRequest, request: Request) -> Response:
     Proved is the motion that the controller makes of the points in the file, by the interpolation
     that its manual names. The file says what is proved and what is not.
     """
-    content = await request.body()
-    result = await answers.answer(
-        request,
-        lambda robot, scene: export_task.job(robot, scene, content),
-        body.robot,
-        body.scene,
-        timeout=body.timeout,
-    )
-    return Response(result, media_type="application/json")
+    return await answers.respond(request, export_task.job, body.robot, body)

@@ -2,16 +2,15 @@
 
 import math
 
-from fastapi import APIRouter, Request, Response
+from fastapi import Request, Response
 from prometheus_client import CONTENT_TYPE_PLAIN_0_0_4
 from pydantic import Field
 from starlette.concurrency import run_in_threadpool
 
 from armwright_wire.base import Answer
 from service.access.caller import caller_of
-from service.http.json_route import JsonRoute
+from service.http.json_route import json_router
 from service.http.metrics import Metrics, jobs_text
-from service.http.openapi import RESPONSES
 from service.http.state import store_of, supervisor_of
 from service.jobs.runner import Jobs
 from service.problem import ProblemError
@@ -23,7 +22,7 @@ from service.workers.supervisor import WorkerSupervisor
 #: Longest time after which a caller is told to ask again [s].
 _LONGEST_RETRY = 60
 
-router = APIRouter(tags=["health"], route_class=JsonRoute, responses=RESPONSES)
+router = json_router("health", "")
 
 
 class Health(Answer):

@@ -2,21 +2,20 @@
 
 from typing import Annotated
 
-from fastapi import APIRouter, Header, Query, Request, Response
+from fastapi import Header, Query, Request, Response
 from starlette.responses import StreamingResponse
 
 from armwright_wire.plans.job import JobAnswer, JobList, JobSummary
 from service.access.caller import caller_of
 from service.endpoints.paging import page
-from service.http.json_route import JsonRoute
-from service.http.openapi import RESPONSES
+from service.http.json_route import json_router
 from service.http.state import settings_of
 from service.jobs.answer import job_document, job_summary
 from service.jobs.runner import Jobs
 from service.storage.stores.job_store import JobAnswer as StoredAnswer
 from service.storage.stores.job_store import JobRecord, Status, no_job
 
-router = APIRouter(prefix="/v1/jobs", tags=["jobs"], route_class=JsonRoute, responses=RESPONSES)
+router = json_router("jobs", "/v1/jobs")
 
 _STREAM = {
     200: {

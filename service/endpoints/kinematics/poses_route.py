@@ -1,16 +1,13 @@
 """Conversion and composition of poses."""
 
-from fastapi import APIRouter, Request, Response
+from fastapi import Request, Response
 
 from armwright_wire.pose import ConvertPoseAnswer, ConvertPoseRequest
 from service.http.compute import compute
-from service.http.json_route import JsonRoute
-from service.http.openapi import RESPONSES
+from service.http.json_route import json_router
 from service.task_references import convert_pose as convert_pose_task
 
-router = APIRouter(
-    prefix="/v1/poses", tags=["kinematics"], route_class=JsonRoute, responses=RESPONSES
-)
+router = json_router("kinematics", "/v1/poses")
 
 
 @router.post("/convert", summary="Convert and compose poses", response_model=ConvertPoseAnswer)

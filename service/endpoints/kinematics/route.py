@@ -2,7 +2,7 @@
 
 from collections.abc import Sequence
 
-from fastapi import APIRouter, Request, Response
+from fastapi import Request, Response
 
 from armwright_wire.robots.kinematics import (
     FkAnswer,
@@ -14,10 +14,9 @@ from armwright_wire.robots.kinematics import (
     VelocityAnswer,
     VelocityRequest,
 )
-from service.endpoints.configurations import at_once, count, in_worker, json_answer
+from service.endpoints.configurations import count, json_answer, respond
 from service.http import answers
-from service.http.json_route import JsonRoute
-from service.http.openapi import RESPONSES
+from service.http.json_route import json_router
 from service.task_references import finger_poses
 from service.task_references import fk as fk_task
 from service.task_references import ik as ik_task
@@ -25,9 +24,7 @@ from service.task_references import jacobian as jacobian_task
 from service.task_references import velocity as velocity_task
 from service.workers.result import ChainTask
 
-router = APIRouter(
-    prefix="/v1/robots/{name}", tags=["kinematics"], route_class=JsonRoute, responses=RESPONSES
-)
+router = json_router("kinematics", "/v1/robots/{name}")
 
 #: Frames that are computed in a millisecond; a request for more of them waits for its turn.
 _BRIEF_FRAMES = 200
@@ -60,9 +57,8 @@ async def velocity(name: str, body: VelocityRequest, request: Request) -> Respon
     The least-norm solution, or that of least residual, plus the null-space term; damped near
     singularities; the answer lists what was damped.
     """
-    if count(body.joints) <= _BRIEF_TWISTS:
-        return await at_once(request, name, velocity_task)
-    return await in_worker(request, name, velocity_task)
+    is_brief = count(body.joints) <= _BRIEF_TWISTS
+    return await respond(request, name, velocity_task, is_brief=is_brief)
 
 
 @router.post("/ik", summary="Configurations that reach a pose", response_model=IkAnswer)
@@ -71,15 +67,7 @@ async def ik(name: str, body: IkRequest, request: Request) -> Response:
 
     With a scene each is judged; those in collision are answered only where all are asked for.
     """
-    content = await request.body()
-    result = await answers.answer(
-        request,
-        lambda robot, scene: ik_task.job(robot, scene, content),
-        name,
-        body.scene,
-        timeout=body.timeout,
-    )
-    return json_answer(result)
+    return await answers.respond(request, ik_task.job, name, body)
 
 
 async def _frames(
@@ -89,9 +77,8 @@ async def _frames(
     joints: Sequence[float] | Sequence[Sequence[float]],
 ) -> Response:
     """The answer of a task whose time goes by the frames that it computes."""
-    if count(joints) == 1:
-        return await at_once(request, robot, task)
-    links = (await answers.model(request, robot)).links
-    if count(joints) * links <= _BRIEF_FRAMES:
-        return await at_once(request, robot, task)
-    return await in_worker(request, robot, task)
+    is_brief = count(joints) == 1
+    if not is_brief:
+        links = (await answers.model(request, robot)).links
+        is_brief = count(joints) * links <= _BRIEF_FRAMES
+    return await respond(request, robot, task, is_brief=is_brief)

@@ -1,14 +1,13 @@
 """Quadratic Lyapunov functions of linear systems."""
 
-from fastapi import APIRouter, Request, Response
+from fastapi import Request, Response
 
 from armwright_wire.robots.lyapunov import LyapunovAnswer, LyapunovRequest
 from service.http.compute import compute
-from service.http.json_route import JsonRoute
-from service.http.openapi import RESPONSES
+from service.http.json_route import json_router
 from service.task_references import lyapunov as lyapunov_task
 
-router = APIRouter(prefix="/v1", tags=["tracking"], route_class=JsonRoute, responses=RESPONSES)
+router = json_router("tracking")
 
 
 @router.post("/lyapunov", summary="Examine V = x'Px", response_model=LyapunovAnswer)

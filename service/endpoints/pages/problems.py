@@ -1,17 +1,13 @@
 """The kinds of problems: what the `type` of a problem document points to."""
 
-from fastapi import APIRouter
 from pydantic import Field
 
 from armwright_wire.base import Answer
 from service.http.errors import KINDS, PROBLEM_HINTS
-from service.http.json_route import JsonRoute
-from service.http.openapi import RESPONSES
+from service.http.json_route import json_router
 from service.problem import ProblemError
 
-router = APIRouter(
-    prefix="/v1/problems", tags=["problems"], route_class=JsonRoute, responses=RESPONSES
-)
+router = json_router("problems", "/v1/problems")
 
 
 class ProblemKind(Answer):

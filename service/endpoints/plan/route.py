@@ -1,16 +1,15 @@
 """Planning of motions, and proofs of anybody's."""
 
-from fastapi import APIRouter, Request, Response
+from fastapi import Request, Response
 
 from armwright_wire.motions.certificate import CertificateAnswer
 from armwright_wire.plans.plan import PlanAnswer, PlanRequest, ValidateRequest
 from service.http import answers
 from service.http.answers import plan_answer
-from service.http.json_route import JsonRoute
-from service.http.openapi import RESPONSES
+from service.http.json_route import json_router
 from service.task_references import validate as validate_task
 
-router = APIRouter(prefix="/v1", tags=["planning"], route_class=JsonRoute, responses=RESPONSES)
+router = json_router("planning")
 
 
 @router.post("/plan", summary="Plan a certified motion", response_model=PlanAnswer)
@@ -26,12 +25,4 @@ async def plan(body: PlanRequest, request: Request) -> Response:
 @router.post("/validate", summary="Prove a motion", response_model=CertificateAnswer)
 async def validate(body: ValidateRequest, request: Request) -> Response:
     """The certificate of anybody's motion, or its first violation with the time."""
-    content = await request.body()
-    result = await answers.answer(
-        request,
-        lambda robot, scene: validate_task.job(robot, scene, content),
-        body.robot,
-        body.scene,
-        timeout=body.timeout,
-    )
-    return Response(result, media_type="application/json")
+    return await answers.respond(request, validate_task.job, body.robot, body)

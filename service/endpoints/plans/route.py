@@ -5,7 +5,7 @@ import time
 from dataclasses import replace
 from typing import Annotated, Literal
 
-from fastapi import APIRouter, Query, Request, Response
+from fastapi import Query, Request, Response
 from fastapi.exceptions import RequestValidationError
 from fastapi.responses import HTMLResponse
 from pydantic_core import to_json
@@ -32,9 +32,8 @@ from service.endpoints.plans.document import (
 )
 from service.endpoints.plans.replay import pinned_references, replay_plan, replayed_body
 from service.http import answers
-from service.http.json_route import JsonRoute
+from service.http.json_route import json_router
 from service.http.keeping import answer_digest, differences, named_robot, new_plan_id, states_proof
-from service.http.openapi import RESPONSES
 from service.http.state import REPLAY, Replay, retention, settings_of, store_of
 from service.problem import ProblemError
 from service.storage.stores.plan_store import PlanContent, PlanRecord, document_hash
@@ -43,9 +42,7 @@ from service.task_references import view as view_task
 from service.validation import parse_json
 from service.viewer.page import content_security_policy
 
-router = APIRouter(
-    prefix="/v1/plans", tags=["kept plans"], route_class=JsonRoute, responses=RESPONSES
-)
+router = json_router("kept plans", "/v1/plans")
 
 #: Time for a page: clearances are measured at up to 151 instants [s].
 _VIEW_TIMEOUT = 60.0

@@ -1,16 +1,13 @@
 """The artificial potential of a robot on its way to a goal."""
 
-from fastapi import APIRouter, Request, Response
+from fastapi import Request, Response
 
 from armwright_wire.robots.potential import PotentialAnswer, PotentialRequest
 from service.http import answers
-from service.http.json_route import JsonRoute
-from service.http.openapi import RESPONSES
+from service.http.json_route import json_router
 from service.task_references import potential as potential_task
 
-router = APIRouter(
-    prefix="/v1/robots/{name}", tags=["planning"], route_class=JsonRoute, responses=RESPONSES
-)
+router = json_router("planning", "/v1/robots/{name}")
 
 
 @router.post("/potential", summary="The artificial potential", response_model=PotentialAnswer)
@@ -23,12 +20,4 @@ async def potential(name: str, body: PotentialRequest, request: Request) -> Resp
     line to its orthogonal projection. Inside an obstacle it is pushed along the shortest way out;
     an obstacle of several pieces (a mesh, a cloud) pushes once, from the nearest of them.
     """
-    content = await request.body()
-    result = await answers.answer(
-        request,
-        lambda robot, scene: potential_task.job(robot, scene, content),
-        name,
-        body.scene,
-        timeout=body.timeout,
-    )
-    return Response(result, media_type="application/json")
+    return await answers.respond(request, potential_task.job, name, body)

@@ -1,11 +1,10 @@
 """Reach of an arm: which poses it takes, and where its base should stand."""
 
-from fastapi import APIRouter, Request, Response
+from fastapi import Request, Response
 
 from armwright_wire.robots.reach import ReachAnswer, ReachRequest
 from service.http import answers
-from service.http.json_route import JsonRoute
-from service.http.openapi import RESPONSES
+from service.http.json_route import json_router
 from service.task_references import reach as reach_task
 
 _RESULT = {
@@ -20,9 +19,7 @@ _MEDIA_TYPES = {
     "svg": "image/svg+xml",
     "glb": "model/gltf-binary",
 }
-router = APIRouter(
-    prefix="/v1/robots/{name}", tags=["kinematics"], route_class=JsonRoute, responses=RESPONSES
-)
+router = json_router("kinematics", "/v1/robots/{name}")
 
 
 @router.post(
@@ -37,12 +34,4 @@ async def reach(name: str, body: ReachRequest, request: Request) -> Response:
     Poses are listed, or stand on a grid in a box. With candidates for the base they are answered
     best first: those that reach most poses, then those with the largest least clearance.
     """
-    content = await request.body()
-    result = await answers.answer(
-        request,
-        lambda robot, scene: reach_task.job(robot, scene, content),
-        name,
-        body.scene,
-        timeout=body.timeout,
-    )
-    return Response(result, media_type=_MEDIA_TYPES[body.format])
+    return await answers.respond(request, reach_task.job, name, body, _MEDIA_TYPES[body.format])

@@ -1,6 +1,6 @@
 """Timing of given paths, and motions in other people's shapes."""
 
-from fastapi import APIRouter, Request, Response
+from fastapi import Request, Response
 
 from armwright_wire.motions.retime import (
     ConvertRequest,
@@ -10,12 +10,11 @@ from armwright_wire.motions.retime import (
 )
 from service.http import answers
 from service.http.compute import compute
-from service.http.json_route import JsonRoute
-from service.http.openapi import RESPONSES
+from service.http.json_route import json_router
 from service.task_references import convert as convert_task
 from service.task_references import retime as retime_task
 
-router = APIRouter(prefix="/v1", tags=["timing"], route_class=JsonRoute, responses=RESPONSES)
+router = json_router("timing")
 
 
 @router.post(

@@ -2,7 +2,7 @@
 
 from typing import Annotated, Any, Literal
 
-from fastapi import APIRouter, Query, Request, Response
+from fastapi import Query, Request, Response
 from pydantic import ValidationError
 from starlette.concurrency import run_in_threadpool
 from starlette.datastructures import FormData, UploadFile
@@ -21,8 +21,7 @@ from kinematics.robot_names import builtin_names
 from service.endpoints.paging import page
 from service.http import answers
 from service.http.idempotency import kept_answer, note_kept
-from service.http.json_route import JsonRequest, JsonRoute, require_json, require_plain
-from service.http.openapi import RESPONSES
+from service.http.json_route import JsonRequest, json_router, require_json, require_plain
 from service.http.state import documents_of, prepared_folder
 from service.problem import ProblemError
 from service.storage.caches import prepared_files
@@ -33,7 +32,7 @@ from service.task_references import change_robot as change_task
 from service.task_references import make_robot, robot_geometry, robot_srdf, robot_urdf, unpack_robot
 from service.validation import fault_list, parse_json, validation_problem
 
-router = APIRouter(prefix="/v1/robots", tags=["robots"], route_class=JsonRoute, responses=RESPONSES)
+router = json_router("robots", "/v1/robots")
 
 _KIND = "robot"
 _MAX_PARTS = 16

@@ -4,7 +4,7 @@ from datetime import UTC, datetime
 from functools import partial
 from typing import Annotated, Any
 
-from fastapi import APIRouter, Query, Request, Response
+from fastapi import Query, Request, Response
 from starlette.concurrency import run_in_threadpool
 
 from armwright_wire.scenes.scene import (
@@ -18,8 +18,7 @@ from armwright_wire.scenes.scene import (
 from service.endpoints.paging import page
 from service.http import answers
 from service.http.idempotency import kept_answer, note_kept
-from service.http.json_route import JsonRoute
-from service.http.openapi import RESPONSES
+from service.http.json_route import json_router
 from service.http.request_headers import check_precondition
 from service.http.state import documents_of, prepared_folder
 from service.problem import ProblemError
@@ -30,7 +29,7 @@ from service.task_references import make_scene
 from service.task_references import project as project_task
 from service.validation import validate_as
 
-router = APIRouter(prefix="/v1/scenes", tags=["scenes"], route_class=JsonRoute, responses=RESPONSES)
+router = json_router("scenes", "/v1/scenes")
 
 _KIND = "scene"
 _CREATED: dict[int | str, dict[str, Any]] = {

@@ -1,14 +1,13 @@
 """Closed-loop simulation of a motion under a controller."""
 
-from fastapi import APIRouter, Request, Response
+from fastapi import Request, Response
 
 from armwright_wire.motions.simulation import SimulateAnswer, SimulateRequest
 from service.http import answers
-from service.http.json_route import JsonRoute
-from service.http.openapi import RESPONSES
+from service.http.json_route import json_router
 from service.task_references import simulate as simulate_task
 
-router = APIRouter(prefix="/v1", tags=["tracking"], route_class=JsonRoute, responses=RESPONSES)
+router = json_router("tracking")
 
 
 @router.post("/simulate", summary="Follow a motion", response_model=SimulateAnswer)
@@ -17,12 +16,4 @@ async def simulate(body: SimulateRequest, request: Request) -> Response:
 
     With a scene the answer says what the tracking error leaves of the clearance.
     """
-    content = await request.body()
-    result = await answers.answer(
-        request,
-        lambda robot, scene: simulate_task.job(robot, scene, content),
-        body.robot,
-        body.scene,
-        timeout=body.timeout,
-    )
-    return Response(result, media_type="application/json")
+    return await answers.respond(request, simulate_task.job, body.robot, body)

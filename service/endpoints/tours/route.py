@@ -1,14 +1,13 @@
 """Tours over many goals."""
 
-from fastapi import APIRouter, Request, Response
+from fastapi import Request, Response
 
 from armwright_wire.plans.tour import TourAnswer, TourRequest
 from service.http import answers
-from service.http.json_route import JsonRoute
-from service.http.openapi import RESPONSES
+from service.http.json_route import json_router
 from service.task_references import tour as tour_task
 
-router = APIRouter(prefix="/v1", tags=["planning"], route_class=JsonRoute, responses=RESPONSES)
+router = json_router("planning")
 
 
 @router.post("/tours", summary="Visit many goals in the best order", response_model=TourAnswer)
@@ -19,12 +18,4 @@ async def tour(body: TourRequest, request: Request) -> Response:
     proved, and where one takes longer the order is searched again. The shortest tour proved before
     the deadline is answered, with a bound that no tour beats.
     """
-    content = await request.body()
-    result = await answers.answer(
-        request,
-        lambda robot, scene: tour_task.job(robot, scene, content),
-        body.robot,
-        body.scene,
-        timeout=body.timeout,
-    )
-    return Response(result, media_type="application/json")
+    return await answers.respond(request, tour_task.job, body.robot, body)
