@@ -23,6 +23,8 @@ from armwright_client.answers import RegressorAnswer as RegressorAnswer
 from armwright_client.answers import VelocityAnswer as VelocityAnswer
 from armwright_client.answers import WrenchAnswer as WrenchAnswer
 from armwright_client.answers import WrenchBatch as WrenchBatch
+from armwright_client.call import AsyncPending as AsyncPending
+from armwright_client.call import Pending as Pending
 from armwright_client.client import DEFAULT_URL as DEFAULT_URL
 from armwright_client.client import AsyncClient as AsyncClient
 from armwright_client.client import AsyncJobs as AsyncJobs
@@ -108,8 +110,6 @@ from armwright_client.options.plan_options import SimulateOptions as SimulateOpt
 from armwright_client.options.plan_options import TaskOptions as TaskOptions
 from armwright_client.options.plan_options import TourOptions as TourOptions
 from armwright_client.options.plan_options import ValidateOptions as ValidateOptions
-from armwright_client.pending import AsyncPending as AsyncPending
-from armwright_client.pending import Pending as Pending
 from armwright_client.retry import Retry as Retry
 from armwright_client.robots.robot import ArchiveOptions as ArchiveOptions
 from armwright_client.robots.robot import RobotArchive as RobotArchive

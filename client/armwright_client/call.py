@@ -1,16 +1,17 @@
-"""Requests as values, and the methods that are made of them.
+"""Requests as values, methods that are made of them, and handles of jobs that answer later.
 
 A method is written once, as a function from its arguments to a `Call`. `Endpoint` makes of it a
 method that answers where the client is synchronous, and one to be awaited where it is not.
 """
 
+import asyncio
+import time
 from collections.abc import AsyncIterator, Awaitable, Callable, Iterator, Mapping
 from dataclasses import dataclass, field
 from functools import cache, lru_cache, wraps
 from inspect import Signature, signature
 from types import MethodType
 from typing import (
-    TYPE_CHECKING,
     Any,
     Concatenate,
     Generic,
@@ -23,18 +24,26 @@ from typing import (
 from urllib.parse import quote
 
 from pydantic import ValidationError
+from pydantic_core import to_json
 
-from armwright_client.job import JobEvent
+from armwright_client.errors import TransportTimeout, from_problem
+from armwright_client.job import Job, JobEvent
 from armwright_client.robots.robot import RobotArchive
 from armwright_wire.base import Body
-from armwright_wire.errors import InvalidArgument
-
-if TYPE_CHECKING:
-    from armwright_client.pending import AsyncPending, Pending
+from armwright_wire.errors import ArmwrightError, InvalidArgument
+from armwright_wire.plans.job import Problem
 
 P = ParamSpec("P")
 A = TypeVar("A")
 
+#: First pause between two requests for a job's status [s].
+_FIRST_PAUSE = 0.02
+#: Longest pause between two requests for a job's status [s].
+_MAX_PAUSE = 1.0
+#: Ratio of one pause to the one before.
+_PAUSE_GROWTH = 1.5
+#: HTTP status of the error of a cancelled job, which has no problem document of its own.
+_CANCELLED = 409
 #: Errors of arguments that one message shows.
 _MAX_ERRORS = 3
 #: Paths that are kept: most requests are about a few robots and scenes.
@@ -121,16 +130,18 @@ class AsyncLaterGroup(AsyncGroup):
     """Methods to be awaited whose requests become jobs."""
 
 
-class Endpoint(Generic[P, A]):
+class _Builder(Generic[P, A]):
+    def __init__(self, build: Callable[Concatenate[Any, P], Call[A]]) -> None:
+        self._build = build
+        self.__doc__ = build.__doc__
+
+
+class Endpoint(_Builder[P, A]):
     """Method of a client, made of a function that gives a `Call`.
 
     Raises:
         InvalidArgument: When the method is called with arguments that are refused.
     """
-
-    def __init__(self, build: Callable[Concatenate[Any, P], Call[A]]) -> None:
-        self._build = build
-        self.__doc__ = build.__doc__
 
     @overload
     def __get__(self, group: None, kind: type) -> Callable[..., Any]: ...
@@ -149,12 +160,8 @@ class Endpoint(Generic[P, A]):
         return _bind(self._build, group, kind, "postpone" if later else "send")
 
 
-class JobEndpoint(Generic[P, A]):
+class JobEndpoint(_Builder[P, A]):
     """Method whose request always becomes a job, made of a function that gives a `Call`."""
-
-    def __init__(self, build: Callable[Concatenate[Any, P], Call[A]]) -> None:
-        self._build = build
-        self.__doc__ = build.__doc__
 
     @overload
     def __get__(self, group: None, kind: type) -> Callable[..., Any]: ...
@@ -168,12 +175,8 @@ class JobEndpoint(Generic[P, A]):
         return _bind(self._build, group, kind, "postpone")
 
 
-class EventEndpoint(Generic[P]):
+class EventEndpoint(_Builder[P, None]):
     """Method that iterates over events, made of a function that gives an `EventCall`."""
-
-    def __init__(self, build: Callable[Concatenate[Any, P], EventCall]) -> None:
-        self._build = build
-        self.__doc__ = build.__doc__
 
     @overload
     def __get__(self, group: None, kind: type) -> Callable[..., Any]: ...
@@ -209,8 +212,6 @@ def _method(build: Callable[..., Any], action: str, awaited: bool) -> Callable[.
 
 def _signature(build: Callable[..., Any], awaited: bool, action: str) -> Signature:
     """The signature that users see: what comes back, not the call that is sent."""
-    from armwright_client.pending import AsyncPending, Pending  # noqa: PLC0415  (imports this)
-
     shown = signature(build)
     answer = next(iter(get_args(shown.return_annotation)), None)
     if action == "stream":
@@ -251,3 +252,137 @@ def read_nothing(content: bytes) -> None:
 def read_text(content: bytes) -> str:
     """Read an answer that is text."""
     return content.decode()
+
+
+class Pending(Generic[A]):
+    """The answer to a request that was accepted as a job.
+
+    Args:
+        sender: Of the client.
+        job: As it was accepted.
+        call: The request, which knows how to read its answer.
+    """
+
+    def __init__(self, sender: Sender, job: Job, call: Call[A]) -> None:
+        self._sender = sender
+        self._call = call
+        self.id = job.id
+
+    def job(self) -> Job:
+        """Status of the job."""
+        return self._sender.send(job_call(self.id))
+
+    def wait(self, timeout: float | None = None) -> A:
+        """The answer, once it is there.
+
+        Args:
+            timeout: How long to wait [s]; without end if left out.
+
+        Raises:
+            ApiError: The job failed; `Preempted` if it was cancelled.
+            TransportTimeout: It did not end in time; it still may.
+        """
+        return answer_of(wait_until_ended(self._sender, self.id, timeout), self._call)
+
+    def events(self, *, after: str | None = None) -> Iterator[JobEvent]:
+        """The events of the job until it ends, from the beginning or after one that was seen."""
+        return self._sender.stream(events_call(self.id, after))
+
+    def cancel(self) -> Job:
+        """End the job."""
+        return self._sender.send(cancel_call(self.id))
+
+
+class AsyncPending(Generic[A]):
+    """`Pending` to be awaited."""
+
+    def __init__(self, sender: AsyncSender, job: Job, call: Call[A]) -> None:
+        self._sender = sender
+        self._call = call
+        self.id = job.id
+
+    async def job(self) -> Job:
+        """Status of the job."""
+        return await self._sender.send(job_call(self.id))
+
+    async def wait(self, timeout: float | None = None) -> A:
+        """The answer, once it is there; see `Pending.wait`."""
+        return answer_of(await ended_async(self._sender, self.id, timeout), self._call)
+
+    def events(self, *, after: str | None = None) -> AsyncIterator[JobEvent]:
+        """The events of the job until it ends, from the beginning or after one that was seen."""
+        return self._sender.stream(events_call(self.id, after))
+
+    async def cancel(self) -> Job:
+        """End the job."""
+        return await self._sender.send(cancel_call(self.id))
+
+
+def job_call(job: str) -> Call[Job]:
+    """The request for where a job stands."""
+    return Call("GET", path("jobs", job), Job.read)
+
+
+def cancel_call(job: str) -> Call[Job]:
+    """The request to end a job."""
+    return Call("DELETE", path("jobs", job), Job.read)
+
+
+def events_call(job: str, after: str | None) -> EventCall:
+    """The request for the events of a job."""
+    headers = {} if after is None else {"Last-Event-ID": after}
+    return EventCall("GET", path("jobs", job, "events"), read_nothing, headers=headers)
+
+
+def wait_until_ended(sender: Sender, job: str, timeout: float | None) -> Job:
+    """Look at a job until it has ended.
+
+    Raises:
+        TransportTimeout: It has not in time.
+    """
+    pause, end = _FIRST_PAUSE, _end(timeout)
+    while not (status := sender.send(job_call(job))).done:
+        time.sleep(_next_pause(job, pause, end))
+        pause = min(pause * _PAUSE_GROWTH, _MAX_PAUSE)
+    return status
+
+
+async def ended_async(sender: AsyncSender, job: str, timeout: float | None) -> Job:
+    """`wait_until_ended` to be awaited."""
+    pause, end = _FIRST_PAUSE, _end(timeout)
+    while not (status := await sender.send(job_call(job))).done:
+        await asyncio.sleep(_next_pause(job, pause, end))
+        pause = min(pause * _PAUSE_GROWTH, _MAX_PAUSE)
+    return status
+
+
+def _end(timeout: float | None) -> float | None:
+    return None if timeout is None else time.monotonic() + timeout
+
+
+def _next_pause(job: str, pause: float, end: float | None) -> float:
+    if end is None:
+        return pause
+    left = end - time.monotonic()
+    if left <= 0.0:
+        raise TransportTimeout(f"job {job} has not ended in time; it goes on")
+    return min(pause, left)
+
+
+def answer_of(job: Job, call: Call[A]) -> A:
+    """The answer to the request of a job that has ended.
+
+    Raises:
+        ApiError: It failed or was cancelled.
+    """
+    if job.status == "succeeded":
+        return call.read(to_json(job.result))
+    raise _failure(job)
+
+
+def _failure(job: Job) -> ArmwrightError:
+    problem = job.error
+    if problem is None:
+        detail = f"job {job.id} was {job.status}"
+        problem = Problem(status=_CANCELLED, code="PREEMPTED", detail=detail)
+    return from_problem(problem, problem.status or 500)

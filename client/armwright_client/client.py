@@ -1,11 +1,18 @@
 """The clients: `Client` waits for its answers, `AsyncClient` lets others run meanwhile."""
 
-from collections.abc import AsyncIterator, Iterator
-from typing import Self, Unpack
+from collections.abc import AsyncIterator, Awaitable, Callable, Iterator, Sequence
+from typing import Protocol, Self, TypeVar, Unpack
 
 import httpx
 
-from armwright_client.call import AsyncGroup, AsyncLaterGroup, Group, LaterGroup
+from armwright_client.call import (
+    AsyncGroup,
+    AsyncLaterGroup,
+    Group,
+    LaterGroup,
+    ended_async,
+    wait_until_ended,
+)
 from armwright_client.endpoints import (
     JobEndpoints,
     PlanEndpoints,
@@ -14,12 +21,53 @@ from armwright_client.endpoints import (
     ServiceEndpoints,
 )
 from armwright_client.job import Job
-from armwright_client.pages import items, items_async
-from armwright_client.pending import ended_async, wait_until_ended
 from armwright_client.session import AsyncSession, ClientOptions, Session, Wire
 from armwright_wire.plans.kept_plan import KeptPlanSummary
 from armwright_wire.robots.robot import RobotSummary
 from armwright_wire.scenes.scene import SceneSummary
+
+
+class Page(Protocol):
+    """A page of a list."""
+
+    @property
+    def next(self) -> str | None:
+        """To be given as `after` for the next page, None on the last one."""
+
+
+P = TypeVar("P", bound=Page)
+T = TypeVar("T")
+
+
+def items(read: Callable[[str | None], P], of: Callable[[P], Sequence[T]]) -> Iterator[T]:
+    """All items of a list; each page is asked for when the one before it is used up.
+
+    Args:
+        read: The page after a key, the first page after None.
+        of: The items of a page.
+    """
+    after = None
+    while True:
+        page = read(after)
+        yield from of(page)
+        after = page.next
+        if after is None:
+            return
+
+
+async def items_async(
+    read: Callable[[str | None], Awaitable[P]], of: Callable[[P], Sequence[T]]
+) -> AsyncIterator[T]:
+    """`items` for pages that are awaited."""
+    after = None
+    while True:
+        page = await read(after)
+        for item in of(page):
+            yield item
+        after = page.next
+        if after is None:
+            return
+
 
 #: Where the service listens unless it is told otherwise.
 DEFAULT_URL = "http://127.0.0.1:8000"

@@ -10,6 +10,9 @@ from armwright_client.call import (
     EventCall,
     EventEndpoint,
     JobEndpoint,
+    cancel_call,
+    events_call,
+    job_call,
     path,
     read_nothing,
 )
@@ -17,14 +20,13 @@ from armwright_client.job import Job, JobList
 from armwright_client.options.plan_options import (
     CheckOptions,
     ExportOptions,
-    Options,
     PlanOptions,
     SimulateOptions,
     TaskOptions,
     TourOptions,
     ValidateOptions,
 )
-from armwright_client.pending import cancel_call, events_call, job_call
+from armwright_client.options.scene_options import Options
 from armwright_client.robot_endpoints import RobotEndpoints, page
 from armwright_wire.base import RowsLike, VectorLike
 from armwright_wire.goals.goal import GoalLike, Start, as_goal

@@ -10,10 +10,9 @@ from typing import Any, TypedDict, TypeVar, Unpack
 import httpx
 from pydantic import ValidationError
 
-from armwright_client.call import Call, EventCall
+from armwright_client.call import AsyncPending, Call, EventCall, Pending
 from armwright_client.errors import TransportError, TransportTimeout, UnexpectedAnswer, from_problem
 from armwright_client.job import EventReader, Job, JobEvent
-from armwright_client.pending import AsyncPending, Pending
 from armwright_client.retry import Retry, retry_after
 from armwright_client.robots.robot import RobotArchive
 from armwright_client.version import VERSION

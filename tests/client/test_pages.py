@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import httpx
 
 from armwright_client import Client
-from armwright_client.pages import items, items_async
+from armwright_client.client import items, items_async
 
 
 @dataclass

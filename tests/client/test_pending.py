@@ -10,7 +10,7 @@ import pytest
 
 import armwright_client as ours
 from armwright_client import AsyncClient, Client
-from armwright_client import pending as pending_module
+from armwright_client import call as call_module
 from tests.client.pauses import noted_pauses
 from tests.client.scripted import Answer, Scripted, problem
 
@@ -29,7 +29,7 @@ def job(status: str, http: int = 200, **more: Any) -> httpx.Response:
 @pytest.fixture
 def pauses(monkeypatch: pytest.MonkeyPatch) -> list[float]:
     """The pauses that were made: the clock goes on by them, and nobody waits."""
-    return noted_pauses(monkeypatch, pending_module)
+    return noted_pauses(monkeypatch, call_module)
 
 
 def pending(answers: list[Answer]) -> tuple[ours.Pending[ours.Certificate], Scripted]:

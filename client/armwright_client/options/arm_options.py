@@ -3,6 +3,7 @@
 from collections.abc import Mapping, Sequence
 from typing import Generic, Literal, TypedDict, TypeVar
 
+from armwright_client.options.scene_options import SceneOptions
 from armwright_wire.base import VectorLike
 from armwright_wire.goals.constraint import Constraints
 from armwright_wire.pose import Orientation, Pose
@@ -10,8 +11,7 @@ from armwright_wire.robots.dynamics import Payload
 from armwright_wire.robots.kinematics import Axis, GradientOptions
 from armwright_wire.robots.potential import PotentialOptions
 from armwright_wire.robots.reach import BaseRegion, ReachTolerance
-from armwright_wire.scenes.check import AllowedCollisions, Attached, AttachedObjects
-from armwright_wire.scenes.scene import Engine, SceneReference
+from armwright_wire.scenes.scene import Engine
 
 #: Velocities and accelerations: a vector for one configuration, rows for many.
 V = TypeVar("V")
@@ -50,8 +50,10 @@ class JacobianOptions(TypedDict, total=False):
     frame: str
 
 
-class IkOptions(TypedDict, total=False):
+class IkOptions(SceneOptions, total=False):
     """Options of inverse kinematics.
+
+    With a scene or with attached objects, solutions are free of collisions.
 
     Args:
         link: The tip if left out.
@@ -64,13 +66,8 @@ class IkOptions(TypedDict, total=False):
         parameters: Arm angles or values of the locked joint of a seven-joint arm's closed form.
         axes: Axes of the pose's own frame that count; all if left out.
         gradient: Gradient of the method "gradient".
-        frame: Frame of poses that name none: a link that stands still, or "tool" at the seed.
-        scene: To be free of collisions in.
-        attached: What is held meanwhile.
-        allowed_collisions: More pairs that may touch.
         constraints: Constraints beyond the pose, or in its place.
         posture: With constraints: what is nearest; the seed if left out.
-        timeout: [s].
         seed: Seed of the random generator.
         keep: Whether request and answer are kept as a plan, see `Client.plans`.
     """
@@ -85,13 +82,8 @@ class IkOptions(TypedDict, total=False):
     parameters: VectorLike
     axes: Sequence[Axis]
     gradient: GradientOptions
-    frame: str
-    scene: SceneReference
-    attached: AttachedObjects
-    allowed_collisions: AllowedCollisions
     constraints: Constraints
     posture: VectorLike
-    timeout: float
     seed: int
     keep: bool
 
@@ -215,37 +207,27 @@ class PotentialSettings(TypedDict, total=False):
     timeout: float | None
 
 
-class ReachOptions(TypedDict, total=False):
+class ReachOptions(SceneOptions, total=False):
     """Options of a question about reach; see `ReachRequest`.
 
     Args:
-        frame: A link that stands still; the root frame if left out.
         link: The link to bring to the poses; the tip if left out.
         tolerance: Deviation that is allowed.
-        scene: A stored scene's name, or a scene.
-        attached: Objects that the robot holds.
-        allowed_collisions: Pairs that may touch.
         margin: Distance to be kept from obstacles [m].
         choice: What makes the best configuration; the first one found will do with ``first``.
         clearance: Measure clearances.
         joints: Answer the best configurations.
         bases: Candidates for the base.
         base_region: Candidates on the floor.
-        timeout: Deadline [s].
         seed: Seed of the numeric search.
     """
 
-    frame: str | None
     link: str | None
     tolerance: ReachTolerance | None
-    scene: SceneReference | None
-    attached: Sequence[Attached] | None
-    allowed_collisions: AllowedCollisions | None
     margin: float
     choice: Literal["manipulability", "clearance", "limits", "first"]
     clearance: bool
     joints: bool | None
     bases: Sequence[Pose] | None
     base_region: BaseRegion | None
-    timeout: float | None
     seed: int

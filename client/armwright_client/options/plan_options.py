@@ -1,147 +1,96 @@
 """Options of requests that plan, prove or follow motions: fields of `armwright_wire`'s requests."""
 
 from collections.abc import Mapping, Sequence
-from typing import Any, Literal, TypeAlias, TypedDict
+from typing import Literal
 
+from armwright_client.options.scene_options import Options, PlanningOptions, SceneOptions
 from armwright_wire.base import VectorLike
 from armwright_wire.goals.constraint import Constraints
-from armwright_wire.goals.goal import Clearance, GoalCosts, Start
+from armwright_wire.goals.goal import Clearance, Start
 from armwright_wire.goals.tool_motion import TimedToolMotions
 from armwright_wire.motions.certificate import Premises
-from armwright_wire.motions.timing import Timing
 from armwright_wire.motions.trajectory import LimitsBody
 from armwright_wire.plans.plan import PlannerName, Refine
 from armwright_wire.plans.task import MovedObject
 from armwright_wire.robots.dynamics import Payload
 from armwright_wire.scenes.check import (
-    AllowedCollisions,
-    Attached,
-    AttachedObjects,
     FingerPositions,
 )
-from armwright_wire.scenes.scene import SceneReference
-
-#: An object whose fields the models of requests check.
-Options: TypeAlias = Mapping[str, Any]
 
 
-class CheckOptions(TypedDict, total=False):
-    """Options of `check`: scene, margin and attached objects.
+class CheckOptions(SceneOptions, total=False):
+    """Options of a collision check.
 
     Args:
-        scene: What it must not hit.
-        attached: Objects that move with a link.
         fingers: Where joints of the gripper stand meanwhile [rad or m].
-        allowed_collisions: More pairs that may touch.
         margin: Distance to be kept [m].
-        frame: Frame of an inline scene that names none: a link that stands still, or "tool".
         depth: False leaves depths and clearance out, and nearly all of the time.
-        timeout: [s].
         keep: Whether request and answer are kept as a plan, see `Client.plans`.
     """
 
-    scene: SceneReference
-    frame: str
     depth: bool
-    attached: AttachedObjects
     fingers: FingerPositions
-    allowed_collisions: AllowedCollisions
     margin: float
-    timeout: float
     keep: bool
 
 
-class PlanOptions(TypedDict, total=False):
+class PlanOptions(PlanningOptions, total=False):
     """Options of a plan beyond robot, start and goal.
 
     Args:
-        scene: What is in the way: a stored scene's name, or a scene.
-        frame: Frame of poses that name none: a link that stands still, or "tool" at the start.
         planner: "auto" if left out.
         planner_options: The planner's own.
         refine: Whether, or how, the motion that was found is optimised.
         constraints: Constraints that hold along the path.
-        attached: Objects that move with a link.
         fingers: Where joints of the gripper stand meanwhile [rad or m].
-        allowed_collisions: More pairs that may touch.
-        margin: Distance to be kept [m].
         clearance: Distance to be kept wherever there is room.
-        goal_costs: Weights by which one of a pose's configurations is chosen.
         collisions: "ignore" looks at no collisions at all, and the certificate says so.
         start_state_tolerance: A start or goal so little outside a limit is moved onto it
             [rad or m]; if left out a start by 0.01 % of the limit, a goal by 1e-6.
-        timing: How the path becomes a motion.
-        limits: Limits of the joints, in place of the robot's.
-        timeout: Timeout for all stages together [s].
-        seed: Seed of the random generators.
-        keep: Whether request and answer are kept as a plan, see `Client.plans`.
     """
 
-    scene: SceneReference
-    frame: str
     planner: PlannerName
     planner_options: Options
     refine: bool | Refine
     constraints: Constraints
-    attached: AttachedObjects
     fingers: FingerPositions
-    allowed_collisions: AllowedCollisions
-    margin: float
     clearance: Clearance
-    goal_costs: GoalCosts
     collisions: Literal["check", "ignore"]
     start_state_tolerance: float
-    timing: Timing
-    limits: LimitsBody
-    timeout: float
-    seed: int
-    keep: bool
 
 
-class ValidateOptions(TypedDict, total=False):
+class ValidateOptions(SceneOptions, total=False):
     """Options of `validate`: margins, limits and constraints beyond the robot's own limits.
 
     Args:
-        scene: What it must not hit.
-        frame: Frame of poses that name none: a link that stands still, or "tool" at the start.
         limits: Limits in place of the robot's.
         constraints: Constraints that hold along the path.
-        attached: Objects that move with a link.
         fingers: Where joints of the gripper stand meanwhile [rad or m].
-        allowed_collisions: More pairs that may touch.
         margin: Distance to be kept [m].
         collisions: "ignore" looks at no collisions at all, and the certificate says so.
         tool_motions: Lines and arcs that the tool has to keep to.
         torque_limits: Whether the robot's effort limits hold too.
         payload: What the tip carries, for torques.
         tool_speed: Largest speed of the tip [m/s].
-        timeout: [s].
         keep: Whether request and answer are kept as a plan, see `Client.plans`.
     """
 
-    scene: SceneReference
-    frame: str
     limits: LimitsBody
     constraints: Constraints
-    attached: AttachedObjects
     fingers: FingerPositions
-    allowed_collisions: AllowedCollisions
     margin: float
     collisions: Literal["check", "ignore"]
     tool_motions: TimedToolMotions
     torque_limits: bool
     payload: Payload
     tool_speed: float
-    timeout: float
     keep: bool
 
 
-class ExportOptions(TypedDict, total=False):
-    """Options of `export`: points, program, scene and attached objects.
+class ExportOptions(SceneOptions, total=False):
+    """Options of an export: points and program.
 
     Args:
-        scene: What it must not hit.
-        frame: Frame of an inline scene that names none: a link that stands still, or "tool".
         sample_period: Time between points [s].
         interpolation: Of messages and tables.
         path_tolerance: Distance of the motion from the legs of a path at most [rad].
@@ -149,17 +98,12 @@ class ExportOptions(TypedDict, total=False):
         speed: Share of the axes' largest speeds, for paths.
         name: Name of the program.
         frame_id: Frame id of the header of a ROS message.
-        attached: Objects that move with a link.
-        allowed_collisions: More pairs that may touch.
         margin: Distance to be kept [m].
         fingers: Where joints of the gripper stand meanwhile [rad or m].
         premises: Those of the certificate that the motion has; other ones are refused.
         different_scene: Whether to export all the same, proved for what is given here.
-        timeout: [s].
     """
 
-    scene: SceneReference
-    frame: str
     sample_period: float
     interpolation: Literal["quintic", "cubic", "linear"]
     path_tolerance: float
@@ -167,17 +111,16 @@ class ExportOptions(TypedDict, total=False):
     speed: float
     name: str
     frame_id: str
-    attached: AttachedObjects
-    allowed_collisions: AllowedCollisions
     margin: float
     fingers: FingerPositions
     premises: Premises
     different_scene: bool
-    timeout: float
 
 
-class SimulateOptions(TypedDict, total=False):
+class SimulateOptions(SceneOptions, total=False):
     """Options of a simulation: model errors, disturbances, integration.
+
+    With a scene the answer has the tracking tube.
 
     Args:
         motors: Motors of all joints or of each: inertia, gear_ratio, torque_constant, ...; the
@@ -198,11 +141,6 @@ class SimulateOptions(TypedDict, total=False):
         settling_tolerance: [rad or m].
         relative_tolerance: Of the integrator.
         absolute_tolerance: Of the integrator.
-        scene: Scene for which the tracking tube is answered.
-        frame: Frame of an inline scene that names none: a link that stands still, or "tool".
-        attached: What the robot holds.
-        allowed_collisions: More pairs that may touch.
-        timeout: [s].
         seed: Seed of the noise.
     """
 
@@ -223,96 +161,47 @@ class SimulateOptions(TypedDict, total=False):
     settling_tolerance: float
     relative_tolerance: float
     absolute_tolerance: float
-    scene: SceneReference
-    frame: str
-    attached: Sequence[Options]
-    allowed_collisions: AllowedCollisions
-    timeout: float
     seed: int
 
 
-class TaskOptions(TypedDict, total=False):
+class TaskOptions(PlanningOptions, total=False):
     """Options of a task beyond robot, start and stages.
 
     Args:
-        scene: A stored scene's name, or a scene.
-        frame: Frame of poses that name none: a link that stands still, or "tool" at the start.
         objects: Obstacles that stand elsewhere than the scene says.
-        attached: Objects that are held at the start.
         fingers: Where joints of the gripper stand at the start [rad or m].
-        allowed_collisions: Pairs that may touch in all stages.
-        margin: Distance to be kept [m].
-        timing: How paths become motions.
-        limits: Limits of the joints, in place of the robot's.
-        goal_costs: Weights by which configurations of poses are chosen.
         improve: Time to look for a better answer after the first [s].
         allow_partial: Whether the first stages are an answer where not all can be done.
-        timeout: Timeout for all stages together [s].
-        seed: Seed of the random generators.
-        keep: Whether request and answer are kept as a plan, see `Client.plans`.
     """
 
-    scene: SceneReference
-    frame: str
     objects: Sequence[MovedObject]
-    attached: Sequence[Attached]
     fingers: Mapping[str, float]
-    allowed_collisions: AllowedCollisions
-    margin: float
-    timing: Timing
-    limits: LimitsBody
-    goal_costs: GoalCosts
     improve: float
     allow_partial: bool
-    timeout: float
-    seed: int
-    keep: bool
 
 
-class TourOptions(TypedDict, total=False):
+class TourOptions(PlanningOptions, total=False):
     """Options of a tour beyond robot and goals.
 
     Args:
         start: Where it begins; at any goal if left out.
         end: "any" goal, back at the "start", or a configuration.
         precedence: Pairs of goals or groups: the first is visited before the second.
-        scene: What is in the way: a stored scene's name, or a scene.
-        frame: Frame of poses that name none: a link that stands still, or "tool" at the start.
-        attached: Objects that move with a link.
-        allowed_collisions: More pairs that may touch.
         constraints: What every leg has to hold.
-        margin: Distance to be kept [m].
         clearance: Distance to be kept wherever there is room; none if left out.
-        goal_costs: Weights by which configurations of poses are chosen.
         start_state_tolerance: A configuration so little outside a limit is moved onto it
             [rad or m]; if left out a start or end by 0.01 % of the limit, a goal by 1e-6.
-        timing: Of every leg.
-        limits: Limits of the joints, in place of the robot's.
         rounds: Of search and proof after the first tour that is proved.
         leg_timeout: Longest that one leg is planned [s].
         allow_partial: Whether a tour that leaves goals out is an answer.
-        timeout: Timeout for the whole tour [s].
-        seed: Seed of everything random.
-        keep: Whether request and answer are kept as a plan, see `Client.plans`.
     """
 
     start: Start | None
     end: Literal["any", "start"] | Start
     precedence: Sequence[tuple[str, str]]
-    scene: SceneReference | None
-    frame: str | None
-    attached: AttachedObjects | None
-    allowed_collisions: AllowedCollisions | None
     constraints: Constraints
-    margin: float
     clearance: Clearance | None
-    goal_costs: GoalCosts | None
     start_state_tolerance: float
-    timing: Timing
-    limits: LimitsBody | None
     rounds: int
     leg_timeout: float
     allow_partial: bool
-    timeout: float | None
-    seed: int
-    keep: bool
