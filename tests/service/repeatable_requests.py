@@ -27,11 +27,6 @@ _PLAN: dict[str, Any] = {
 }  # fmt: skip
 #: Back past the post to a pose.
 _POSE_PLAN = _PLAN | {"start": {"joints": ASIDE}, "goal": {"pose": _ABOVE}}
-_STRAIGHT = {
-    "pose": {"position": [0.307, 0.2, 0.59]},
-    "position_tolerance": 1e-3,
-    "orientation_tolerance": math.pi,
-}
 _BOXES = {
     "table": ([0.6, 1.0, 0.04], [0.6, 0.0, 0.08]),
     "wall": ([0.4, 0.03, 0.15], [0.6, 0.0, 0.175]),
@@ -43,17 +38,6 @@ _CRATE = scene(
         for name, (size, position) in _BOXES.items()
     )
 )
-
-#: Two joints that turn round a ball: planners that find their way slowly find this one.
-_BALL = {
-    "id": "ball",
-    "shape": {"type": "sphere", "radius": 0.1},
-    "pose": {"position": [1.0, 0.0, 0.9]},
-}
-_PLANAR = _PLAN | {
-    "robot": "planar_rr", "scene": scene(_BALL), "start": {"joints": [0.0, 0.3]},
-    "goal": {"joints": [-1.5, 0.3]},
-}  # fmt: skip
 
 
 def _planned_by(planner: str, **options: Any) -> Request:
@@ -71,7 +55,7 @@ def _seam() -> list[dict[str, Any]]:
     return waypoints
 
 
-def _task(**changes: Any) -> Request:
+def _task() -> Request:
     """Pick a crate whichever way, and put it behind a wall."""
     down = {"position": [0.0, 0.0, 0.02], "rpy": [math.pi, 0.0, 0.0]}
     around = [0.0, 2.0 * math.pi]
@@ -94,10 +78,10 @@ def _task(**changes: Any) -> Request:
         "robot": "panda", "start": {"joints": HOME}, "scene": _CRATE, "stages": stages,
         "improve": 0.0, "timeout": _TIMEOUT,
     }  # fmt: skip
-    return "/v1/tasks", body | changes
+    return "/v1/tasks", body
 
 
-def _tour(**changes: Any) -> Request:
+def _tour() -> Request:
     """Six poses with a free spin, a configuration, and a post between them."""
     goals: list[dict[str, Any]] = [
         {
@@ -112,7 +96,7 @@ def _tour(**changes: Any) -> Request:
         "goals": [{"joints": ASIDE}, *goals], "rounds": 3, "leg_timeout": _TIMEOUT,
         "timeout": _TIMEOUT, "seed": 2,
     }  # fmt: skip
-    return "/v1/tours", body | changes
+    return "/v1/tours", body
 
 
 def _ik(**changes: Any) -> Request:
@@ -129,33 +113,10 @@ _FREE = {"waypoints": _seam(), "tool_speed": 0.05, "tolerance": {"tilt": 0.1}}
 
 PATIENT: Mapping[str, Request] = {
     "auto": ("/v1/plan", _PLAN),
-    "pose goal": ("/v1/plan", _POSE_PLAN),
-    "any of": ("/v1/plan", _PLAN | {"goal": {"any_of": [{"joints": ASIDE}, {"pose": _ABOVE}]}}),
-    "rrt_connect": _planned_by("rrt_connect"),
     "potential_field": _planned_by("potential_field"),
     "bit_star": _planned_by("bit_star", max_edges=300),
-    "aorrtc": _planned_by("aorrtc", max_edges=300),
-    "rrt_star": (
-        "/v1/plan",
-        _PLANAR | {"planner": "rrt_star", "planner_options": {"max_edges": 1000}},
-    ),
-    "informed_rrt_star": (
-        "/v1/plan",
-        _PLANAR | {"planner": "informed_rrt_star", "planner_options": {"max_edges": 1000}},
-    ),
-    "prm": _planned_by("prm"),
-    "prm_star": _planned_by("prm_star", max_edges=300),
-    "fmt": _planned_by("fmt"),
-    "kpiece1": _planned_by("kpiece1"),
     "constrained": ("/v1/plan", _HARD_PLAN),
-    "preferred clearance": ("/v1/plan", _PLAN | {"clearance": {"preferred": 0.05}}),
     "refine": ("/v1/plan", _PLAN | {"refine": {}}),
-    "optimize": _planned_by("optimize"),
-    "spline": ("/v1/plan", _PLAN | {"timing": {"method": "spline"}}),
-    "toppra": ("/v1/plan", _PLAN | {"timing": {"method": "toppra"}}),
-    "jerk_limited": ("/v1/plan", _PLAN | {"timing": {"method": "jerk_limited"}}),
-    "torque limits": ("/v1/plan", _PLAN | {"timing": {"torque_limits": True}}),
-    "cartesian": ("/v1/plan", _PLAN | {"planner": "cartesian", "goal": _STRAIGHT, "scene": None}),
     "seam": (
         "/v1/plan",
         {name: _PLAN[name] for name in ("robot", "start", "timeout")}
@@ -168,16 +129,6 @@ PATIENT: Mapping[str, Request] = {
     ),
     "task": _task(),
     "tour": _tour(),
-    "reach": (
-        "/v1/robots/panda/reach",
-        {
-            "box": {
-                "pose": {"position": [0.5, 0.0, 0.4]}, "size": [0.4, 0.8, 0.4], "spacing": 0.1,
-                "orientations": [_TURN],
-            },
-            "tolerance": {"free": ["rz"], "samples": 6}, "scene": _PLACE,
-        },
-    ),
     "bases": (
         "/v1/robots/ur5e/reach",
         {
@@ -185,22 +136,6 @@ PATIENT: Mapping[str, Request] = {
             "bases": [{"position": [0.0, 0.1 * n, 0.0]} for n in range(5)],
         },
     ),
-    "ik": _ik(),
     "ik numeric": _ik(method="numeric", all_solutions=True, scene=_PLACE),
-    "ik gradient": _ik(method="gradient"),
     "ik constrained": _ik(**_HELD),
-    "simulate": (
-        "/v1/simulate",
-        {
-            "robot": "planar_rr",
-            "reference": {"type": "hold", "joints": [0.3, -0.4], "duration": 0.1},
-            "controller": {"type": "computed_torque", "natural_frequency": 10.0},
-            "model_error": {"mass_scale": 1.2},
-        },
-    ),
-    "check": ("/v1/check", {"robot": "panda", "scene": _PLACE, "joints": [HOME, ASIDE]}),
-    "potential": (
-        "/v1/robots/panda/potential",
-        {"joints": HOME, "goal_joints": ASIDE, "scene": _PLACE},
-    ),
 }  # fmt: skip

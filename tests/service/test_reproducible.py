@@ -17,8 +17,6 @@ from tests.service.repeatable_requests import PATIENT, Request
 _REPEATS = 8
 #: Clients at a time, for two workers.
 _CLIENTS = 4
-#: Takes a second for each answer, and is of a kind with others.
-_DEAR = "fmt"
 #: Times, which no two answers share, and names of jobs.
 _TIMES = {"milliseconds", "computed_milliseconds"}
 _OF_A_JOB = {"id", "created", "started", "ended", "expires"}
@@ -78,7 +76,7 @@ def ask(client: httpx.Client, request: Request) -> Told:
     return Told(json.dumps(without_times(content), sort_keys=True), code, flagged)
 
 
-@pytest.mark.parametrize("kind", sorted(PATIENT.keys() - {_DEAR}))
+@pytest.mark.parametrize("kind", PATIENT)
 def test_answers_under_load_are_one(client: httpx.Client, kind: str) -> None:
     with ThreadPoolExecutor(_CLIENTS) as pool:
         answers = set(pool.map(partial(ask, client), [PATIENT[kind]] * _REPEATS))
