@@ -99,57 +99,6 @@ def test_a_way_that_ends_early(client: httpx.Client) -> None:
 
 
 @pytest.mark.parametrize(
-    ("options", "code", "words"),
-    [
-        ({"motion": []}, "VALIDATION_ERROR", "planner_options.motion"),
-        ({"motions": []}, "VALIDATION_ERROR", "motions"),
-        ({"motions": [{"type": "arc", "pose": pose()}]}, "VALIDATION_ERROR", "motions[0].type"),
-        ({"motions": [{"type": "circ", "pose": pose()}]}, "VALIDATION_ERROR", "via, center"),
-        (
-            {"motions": [{"type": "lin", "pose": pose(), "via": [0, 0, 0]}]},
-            "VALIDATION_ERROR",
-            "belong to",
-        ),
-        ({"max_deviation": 0.0}, "VALIDATION_ERROR", "max_deviation"),
-        ({"max_deviation": "fine"}, "VALIDATION_ERROR", "max_deviation"),
-        ({"orientation": "kept"}, "VALIDATION_ERROR", "orientation"),
-        (
-            {"motions": [{"type": "lin", "pose": pose(0.0, 0.1, 0.0)}]},
-            "INVALID_GOAL_CONSTRAINTS",
-            "from the goal",
-        ),
-        (
-            {
-                "motions": [
-                    {
-                        "type": "circ",
-                        "pose": pose(0.0, 0.2, 0.0),
-                        "via": (TIP[:3, 3] + [0.0, 0.1, 0.0]).tolist(),
-                    }
-                ]
-            },
-            "INVALID_GOAL_CONSTRAINTS",
-            "lie on one line",
-        ),
-    ],
-)
-def test_what_is_refused(
-    client: httpx.Client, options: dict[str, Any], code: str, words: str
-) -> None:
-    document = problem(client.post("/v1/plan", json=BODY | {"planner_options": options}), 422, code)
-    told = document["detail"] + str(document["details"])
-    assert words in told
-
-
-def test_several_goals_and_times_are_refused(client: httpx.Client) -> None:
-    goal = {"any_of": [{"pose": pose(0.0, 0.1, 0.0)}, {"pose": pose(0.0, 0.2, 0.0)}]}
-    response = client.post("/v1/plan", json=BODY | {"goal": goal})
-    problem(response, 422, "INVALID_GOAL_CONSTRAINTS")
-    timing = {"method": "spline", "times": [0.0, 1.0]}
-    problem(client.post("/v1/plan", json=BODY | {"timing": timing}), 422, "VALIDATION_ERROR")
-
-
-@pytest.mark.parametrize(
     ("center", "radius", "code"),
     [
         ([0.0, 0.2, 0.0], 0.15, "START_STATE_VIOLATES_PATH_CONSTRAINTS"),

@@ -1,6 +1,5 @@
 """Certificates over HTTP: what they say was proved, and that validation says the same of a plan."""
 
-import time
 from typing import Any
 
 import httpx
@@ -135,35 +134,6 @@ def test_collisions_that_a_request_ignores_are_not_proved(client: httpx.Client) 
         assert not certificate["proved"]["collisions"]
         assert certificate["proved"]["reasons"]
         assert certificate["min_clearance"] is None
-
-
-def test_a_batch_is_held_to_the_same(client: httpx.Client) -> None:
-    lines(client)
-    shared = {key: value for key, value in THROUGH.items() if key != "goal"}
-    goals = [{"goal": THROUGH["goal"]}, {"goal": THROUGH["goal"], "collisions": "ignore"}]
-    body = shared | {"scene": scene(BALL), "problems": goals}
-    accepted = client.post("/v1/plan/batch", json=body)
-    answer(accepted, 202)
-    for _ in range(600):
-        job = answer(client.get(accepted.headers["location"]))
-        if job["status"] not in {"queued", "running"}:
-            break
-        time.sleep(0.1)
-    first, second = job["result"]["results"]
-    assert first["code"] == "INVALID_ROBOT_DESCRIPTION"
-    assert not second["certificate"]["proved"]["collisions"]
-
-
-def test_a_timed_path_has_its_limits_proved_and_nothing_else(client: httpx.Client) -> None:
-    body = {
-        "path": {"joints": [[0.0, 0.0], [1.0, 0.5]]},
-        "limits": {"velocity": [1.0, 1.0], "acceleration": [2.0, 2.0]},
-    }
-    certificate = answer(client.post("/v1/retime", json=body))["certificate"]
-    assert certificate["verified"]
-    assert certificate["proved"] == {
-        "limits": True, "collisions": False, "reasons": ["nothing is known of collisions"]
-    }  # fmt: skip
 
 
 def test_a_robot_without_jerk_limits_moves_by_the_rule_which_the_answer_tells(

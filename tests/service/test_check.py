@@ -8,7 +8,6 @@ import pytest
 
 from armwright_wire.scenes.check import CheckAnswer
 from armwright_wire.scenes.scene import ProjectAnswer, Scene
-from kinematics.forward import forward
 from kinematics.robots import builtin_chain
 from kinematics.tree.serial_chain import serial_chain
 from kinematics.urdf.urdf import parse_urdf
@@ -111,24 +110,6 @@ def test_a_margin_concerns_obstacles_and_not_the_links_of_the_arm(client: httpx.
     assert client.post("/v1/plan", json=body | {"margin": margin}).status_code == 200
 
 
-def test_depth_of_a_known_overlap(client: httpx.Client) -> None:
-    hand = forward(builtin_chain("panda"), HOME, "panda_hand")[:3, 3]
-    ball = {"id": "in_hand", "shape": {"type": "sphere", "radius": 0.02}}
-    found = check(client, HOME, scene=scene(ball | {"pose": {"position": hand.tolist()}}))
-    assert found["valid"] is False
-    assert ["panda_hand", "in_hand"] in [item["pair"] for item in found["collisions"]]
-    deepest = max(item["depth"] for item in found["collisions"])
-    assert found["clearance"] == -deepest
-    assert deepest >= 0.02
-
-
-def test_without_a_scene_the_robot_meets_itself(client: httpx.Client) -> None:
-    folded = [0.0, 1.6, 0.0, -3.0, 0.0, 0.1, 0.0]
-    found = check(client, [HOME, folded], scene=None)
-    exact = world(scene())
-    assert found["valid"] == [not exact.collisions(HOME), not exact.collisions(folded)]
-
-
 def test_time_that_is_up_is_told_with_what_was_checked(client: httpx.Client) -> None:
     """It cost the worker: nothing looked at the deadline."""
     joints = np.random.default_rng(0).uniform(-2.5, 2.5, (5000, 7)).tolist()
@@ -164,71 +145,6 @@ def test_margins(client: httpx.Client) -> None:
             assert (found["valid"], found["collisions"]) == (valid, [])
             assert found["clearance"] == pytest.approx(own, abs=1e-6), "margins are not taken off"
     assert chain.n == 7
-
-
-def test_allowed_pairs_and_attached_objects(client: httpx.Client) -> None:
-    stick = {
-        "id": "stick",
-        "shape": {"type": "cylinder", "radius": 0.01, "height": 0.6},
-        "pose": {"position": [0.0, 0.0, 0.3]},
-        "link": "panda_hand",
-        "touch_links": ["panda_link7"],
-    }
-    table = {"id": "table", "shape": {"type": "box", "size": [2, 2, 0.1]}}
-    place = scene(table | {"pose": {"position": [0.0, 0.0, 0.0]}})
-    place["allowed_collisions"] = [["panda_link0", "table"], ["panda_link1", "table"]]
-    assert check(client, HOME, scene=place)["valid"]
-    held = check(client, HOME, scene=place, attached=[stick])
-    assert [item["pair"] for item in held["collisions"]] == [["stick", "table"]]
-    place["allowed_collisions"].append(["stick", "table"])
-    assert check(client, HOME, scene=place, attached=[stick])["valid"]
-
-
-@pytest.mark.parametrize(
-    ("change", "status", "code"),
-    [
-        ({"robot": "nobody"}, 404, "NOT_FOUND"),
-        ({"scene": "nowhere"}, 404, "NOT_FOUND"),
-        ({"joints": HOME[:3]}, 422, "INVALID_ROBOT_STATE"),
-        ({"joints": [HOME, [0.0]]}, 422, "INVALID_ROBOT_STATE"),
-        ({"margin": -1.0}, 422, "VALIDATION_ERROR"),
-        ({"scene": {"obstacles": [POST, POST]}}, 422, "VALIDATION_ERROR"),
-        ({"scene": {"moveit": "- 1"}}, 422, "INVALID_SCENE"),
-        (
-            {"attached": [POST | {"link": "nose"}], "scene": None},
-            422,
-            "INVALID_LINK_NAME",
-        ),
-        (
-            {"attached": [{"id": "mug", "pose": POST["pose"], "link": "panda_hand"}]},
-            422,
-            "INVALID_SCENE",
-        ),
-        (
-            {"attached": [POST | {"link": "panda_hand", "touch_links": ["nose"]}]},
-            422,
-            "INVALID_LINK_NAME",
-        ),
-        (
-            {"attached": [POST | {"link": "panda_hand", "grasp_joints": HOME}]},
-            422,
-            "VALIDATION_ERROR",
-        ),
-        ({"attached": [POST | {"link": "panda_hand"}] * 2}, 422, "INVALID_SCENE"),
-        ({"allowed_collisions": [["panda_hand", "nose"]]}, 422, "INVALID_OBJECT_NAME"),
-        ({"allowed_collisions": [["panda_hand"]]}, 422, "VALIDATION_ERROR"),
-        (
-            {"attached": [POST | {"id": "panda_hand", "link": "panda_hand"}]},
-            422,
-            "INVALID_SCENE",
-        ),
-    ],
-)
-def test_what_is_refused(
-    client: httpx.Client, change: dict[str, Any], status: int, code: str
-) -> None:
-    body = {"robot": "panda", "scene": scene(POST), "joints": HOME} | change
-    problem(client.post("/v1/check", json=body), status, code)
 
 
 def test_projections(client: httpx.Client) -> None:
@@ -273,15 +189,12 @@ def test_projections_by_fcl(client: httpx.Client) -> None:
     problem(refused, 422, "VALIDATION_ERROR")
 
 
-def test_projections_that_are_refused(client: httpx.Client) -> None:
+def test_a_scene_without_obstacles_has_no_projections(client: httpx.Client) -> None:
     body = {"points": [[0.0, 0.0, 0.0]]}
     problem(client.post("/v1/scenes/nowhere/project", json=body), 404, "NOT_FOUND")
     answer(client.post("/v1/scenes", json={"name": "empty", "obstacles": []}), 201)
     found = answer(client.post("/v1/scenes/empty/project", json=body))
     assert found == {"projections": [[]], "frame": None}
-    for points in ([], [[0.0, 0.0]], [[0.0, 0.0, 1e9]]):
-        response = client.post("/v1/scenes/empty/project", json={"points": points})
-        problem(response, 422, "VALIDATION_ERROR")
 
 
 def test_a_replaced_scene_is_seen_at_once(client: httpx.Client) -> None:
@@ -294,10 +207,6 @@ def test_a_replaced_scene_is_seen_at_once(client: httpx.Client) -> None:
     assert not answer(client.post("/v1/check", json=body))["valid"]
     assert client.delete("/v1/scenes/changing").status_code == 204
     problem(client.post("/v1/check", json=body), 404, "NOT_FOUND")
-
-
-def test_aside_is_free_too(client: httpx.Client) -> None:
-    assert check(client, [HOME, ASIDE], scene=scene(POST, FLOOR))["valid"] == [True, True]
 
 
 def test_a_moveit_text_is_a_scene(client: httpx.Client) -> None:

@@ -4,8 +4,7 @@ import httpx
 import numpy as np
 import pytest
 
-from tests.service.planning import BODY, plan, world
-from tests.service.robots import problem
+from tests.service.planning import plan, world
 from tests.service.test_plan import positions
 
 
@@ -54,25 +53,3 @@ def test_least_is_the_margin(client: httpx.Client) -> None:
     assert by_name["trajectory"] == other["trajectory"]
     assert other["clearance"]["least"] == 0.004
     assert other["certificate"]["min_obstacle_clearance"] >= 0.004
-
-
-@pytest.mark.parametrize(
-    ("change", "where"),
-    [
-        ({"clearance": {"preferred": -0.01}}, "preferred"),
-        ({"clearance": {"preferred": 2.0}}, "preferred"),
-        ({"clearance": {"wanted": 0.1}}, "wanted"),
-        ({"margin": 0.01, "clearance": {"least": 0.02}}, "clearance.least"),
-    ],
-)
-def test_odd_distances_are_refused(
-    client: httpx.Client, change: dict[str, object], where: str
-) -> None:
-    refused = problem(client.post("/v1/plan", json=BODY | change), 422, "VALIDATION_ERROR")
-    assert where in refused["detail"]
-
-
-def test_the_same_seed_gives_the_same_motion(client: httpx.Client) -> None:
-    first, second = (plan(client)["trajectory"] for _ in range(2))
-    assert first == second
-    assert np.isfinite(first["duration"])

@@ -81,28 +81,6 @@ def test_free_axes_wishes_and_postures(client: httpx.Client) -> None:
     assert 1 <= len(several) <= 3
 
 
-def test_every_kind_is_understood(client: httpx.Client) -> None:
-    T = forward(CHAIN, HOME)
-    wanted = [
-        {"type": "joint", "joint": "panda_joint1", "position": 0, "tolerance_above": 0.5,
-         "tolerance_below": 0.5},
-        {"type": "position", "link": "panda_link6", "point": [0, 0, 0.1],
-         "region": {"type": "box", "pose": {"position": [0.5, 0, 0.5]}, "size": [1, 1, 1]}},
-        {"type": "position", "region": {"type": "plane", "point": T[:3, 3].tolist(),
-                                        "normal": [0, 0, 2], "tolerance": 0.01}},
-        {"type": "position", "region": {"type": "line", "point": T[:3, 3].tolist(),
-                                        "direction": [0, 1, 0], "tolerance": 0.2, "length": 1}},
-        {"type": "orientation", "quaternion_xyzw": [1, 0, 0, 0], "axis_tolerances": [1, 1, 4]},
-        {"type": "look_at", "axis": [0, 0, 1], "target": [0.4, 0, 0], "angle": 0.5},
-        {"type": "relative_pose", "reference_link": "panda_link2",
-         "pose": {"position": [0, 0, 0]}, "position_tolerance": 2, "orientation_tolerance": 4},
-        {"type": "clearance", "margin": 0.01},
-    ]  # fmt: skip
-    (best,) = ik(client, constraints=wanted, seed_joints=HOME, scene=scene(POST))
-    assert [use["constraint"] for use in best["constraints"]] == [*range(7)]
-    assert all(use["residual"] <= 1e-6 for use in best["constraints"])
-
-
 def test_a_plan_holds_them_for_every_instant(client: httpx.Client) -> None:
     body = {
         "robot": "panda", "scene": scene(POST), "start": {"joints": at(client, -0.3)},
@@ -205,55 +183,6 @@ def test_no_room_is_told_with_what_is_in_the_way(client: httpx.Client) -> None:
     document = problem(refused, 422, "NO_IK_SOLUTION")
     assert document["stage"] == "ik"
     assert document["hint"]
-
-
-@pytest.mark.parametrize(
-    ("constraint", "code"),
-    [
-        ({"type": "upright"}, "VALIDATION_ERROR"),
-        ({"type": "orientation", "axis": [0, 0, 1]}, "VALIDATION_ERROR"),
-        (UPRIGHT | {"axis_tolerances": 0.1}, "VALIDATION_ERROR"),
-        (UPRIGHT | {"cone_angle": 4.0}, "VALIDATION_ERROR"),
-        (UPRIGHT | {"axis": [0, 0, 0]}, "INVALID_GOAL_CONSTRAINTS"),
-        (UPRIGHT | {"link": "nose"}, "INVALID_LINK_NAME"),
-        (UPRIGHT | {"link": "panda_link0"}, "INVALID_GOAL_CONSTRAINTS"),
-        (UPRIGHT | {"weight": 0}, "VALIDATION_ERROR"),
-        ({"type": "joint", "joint": "elbow", "position": 0}, "INVALID_GOAL_CONSTRAINTS"),
-        ({"type": "clearance", "margin": -1}, "VALIDATION_ERROR"),
-        ({"type": "torque", "limits": [1]}, "INVALID_GOAL_CONSTRAINTS"),
-    ],
-)
-def test_malformed_ones_are_refused(
-    client: httpx.Client, constraint: dict[str, Any], code: str
-) -> None:
-    plan(client, code, constraints=[constraint])
-
-
-def test_too_thin_ones_are_refused_for_paths(client: httpx.Client) -> None:
-    flat = {"type": "position", "region": {"type": "plane", "point": [0, 0, 0.5],
-                                           "normal": [0, 0, 1], "tolerance": 0}}  # fmt: skip
-    document = plan(client, "INVALID_GOAL_CONSTRAINTS", constraints=[flat])
-    assert "Widen" in document["hint"]
-
-
-@pytest.mark.parametrize(
-    "body",
-    [
-        {"method": "numeric", "constraints": [UPRIGHT], "pose": {"position": [0.4, 0, 0.4]}},
-        {"method": "auto", "posture": HOME, "pose": {"position": [0.4, 0, 0.4]}},
-        {"method": "constrained"},
-        {"method": "constrained", "constraints": []},
-    ],
-)
-def test_what_does_not_go_together(client: httpx.Client, body: dict[str, Any]) -> None:
-    problem(client.post("/v1/robots/panda/ik", json=body), 422, "VALIDATION_ERROR")
-
-
-def test_limits_of_motions_are_none_of_configurations(client: httpx.Client) -> None:
-    body = {"method": "constrained", "constraints": [{"type": "tool_speed", "limit": 1}]}
-    refused = client.post("/v1/robots/panda/ik", json=body)
-    document = problem(refused, 422, "INVALID_GOAL_CONSTRAINTS")
-    assert "plan" in document["hint"]
 
 
 def test_trees_find_the_way_around_a_wall_with_the_tool_upright(client: httpx.Client) -> None:

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from kinematics.robots import builtin_urdf
-from tests.service.robots import answer, problem
+from tests.service.robots import answer
 
 ROW: dict[str, Any] = {
     "type": "revolute", "a": 0.4, "alpha": 0.3, "d": 0.1, "theta": 0.2, "beta": 0.05,
@@ -73,13 +73,6 @@ def test_a_robot_stored_from_its_table_is_the_same_robot(client: httpx.Client, n
     assert again["dh"]["rows"] == copy["dh"]["rows"]
 
 
-def test_a_continuous_joint_with_limits_is_refused(client: httpx.Client) -> None:
-    dh = TABLE | {"rows": [ROW | {"continuous": True}]}
-    response = client.post("/v1/robots", json={"name": "bad", "dh": dh})
-    document = problem(response, 422, "VALIDATION_ERROR")
-    assert "a continuous joint has neither lower nor upper" in document["detail"]
-
-
 def test_the_round_trip_of_urdf_table_urdf_is_exact(client: httpx.Client) -> None:
     text = client.get("/v1/robots/panda/urdf")
     assert text.headers["content-type"] == "application/xml"
@@ -128,7 +121,3 @@ def test_solids_of_a_table_are_in_its_urdf(client: httpx.Client) -> None:
         for robot in ("round_table", "round_copy")
     ]  # fmt: skip
     np.testing.assert_allclose(checks[1]["clearance"], checks[0]["clearance"], atol=1e-9)
-
-
-def test_the_urdf_of_no_robot_is_not_found(client: httpx.Client) -> None:
-    problem(client.get("/v1/robots/nobody/urdf"), 404, "NOT_FOUND")

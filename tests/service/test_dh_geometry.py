@@ -18,7 +18,6 @@ BALL = {
     "pose": {"position": [0.9, 0.0, 0.0]},
 }
 BOX = {"shape": {"type": "box", "size": [0.4, 0.1, 0.1]}, "pose": {"position": [-0.25, 0.0, 0.0]}}
-EGG = {"shape": {"type": "egg"}}
 START, GOAL = [-0.8, 0.0], [0.8, 0.0]
 
 
@@ -83,38 +82,3 @@ def test_what_is_answered_as_dh_is_accepted_as_it_is(client: httpx.Client) -> No
         for name in ("first", "second")
     ]
     assert clearances[0] == clearances[1]
-
-
-@pytest.mark.parametrize(
-    ("dh", "where"),
-    [
-        (table(geometry={"capsules": -0.1}), "dh.geometry.capsules"),
-        (table(geometry={"cylinders": 0.1}), "dh.geometry"),
-        (table(geometry="capsules"), "dh.geometry"),
-        (
-            table(rows=[ROW, ROW | {"geometry": [{"shape": {"type": "egg"}}]}]),
-            "dh.rows[1].geometry[0].shape",
-        ),
-        (
-            table(rows=[ROW, ROW | {"geometry": [{"pose": BOX["pose"]}]}]),
-            "dh.rows[1].geometry[0].shape",
-        ),
-        (table(rows=[ROW | {"geometry": BOX}, ROW]), "dh.rows[0].geometry"),
-    ],
-)
-def test_what_is_refused_names_row_and_field(
-    client: httpx.Client, dh: dict[str, Any], where: str
-) -> None:
-    refused = problem(
-        client.post("/v1/robots", json={"name": "bad", "dh": dh}), 422, "VALIDATION_ERROR"
-    )
-    assert where in str(refused["details"]) + refused["detail"], refused
-
-
-def test_a_half_space_is_no_part_of_a_link(client: httpx.Client) -> None:
-    floor = {"shape": {"type": "halfspace", "normal": [0.0, 0.0, 1.0], "offset": 0.0}}
-    dh = table(rows=[ROW, ROW | {"geometry": [floor]}])
-    refused = problem(
-        client.post("/v1/robots", json={"name": "bad", "dh": dh}), 422, "INVALID_ROBOT_DESCRIPTION"
-    )
-    assert refused["detail"].startswith("row 2 of the DH table, geometry 1: a half-space")

@@ -117,26 +117,3 @@ def test_a_motion_is_not_exported_under_other_premises_unless_told(
     assert told["certificate"]["premises"] != premises
     if change == {"scene": None}:
         assert "against the robot itself only" in told["content"]
-
-
-@pytest.mark.parametrize(
-    ("more", "code", "words"),
-    [
-        ({"format": "xml"}, "VALIDATION_ERROR", "format"),
-        ({"format": "csv", "sample_period": 0.0}, "VALIDATION_ERROR", "sample_period"),
-        ({"format": "krl", "name": "x;y"}, "VALIDATION_ERROR", "name"),
-        ({"format": "urscript_movej"}, None, "moves 6 joints, robot 'panda' has 7"),
-        ({"format": "csv", "blend": 1.0}, None, "blend"),
-        ({"format": "rapid", "interpolation": "cubic"}, None, "interpolation"),
-    ],
-)
-def test_bad_requests(
-    client: httpx.Client, more: dict[str, Any], code: str | None, words: str
-) -> None:
-    response = client.post("/v1/export", json=BODY | more)
-    assert response.status_code == 422, response.text
-    told = response.json()
-    assert code in (None, told["code"])
-    assert words in told["detail"]
-    assert told["hint"]
-    problem(response, 422, told["code"])

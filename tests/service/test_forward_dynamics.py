@@ -9,7 +9,7 @@ import pytest
 
 from kinematics.robots import builtin_chain
 from tests.dynamics.samples import pinocchio_model
-from tests.service.robots import HOME, answer, bench, problem
+from tests.service.robots import HOME, answer
 
 URL = "/v1/robots/panda/forward-dynamics"
 RATES = [0.1, -0.2, 0.3, 0.1, 0.0, -0.1, 0.2]
@@ -68,30 +68,3 @@ def test_christoffel_symbols_and_partial_jacobians_are_answered_on_request(
     for first, both in zip(one["partial_jacobians"], many["partial_jacobians"], strict=True):
         np.testing.assert_array_equal(both["linear"][1], first["linear"])
         np.testing.assert_array_equal(both["angular"][0], first["angular"])
-
-
-@pytest.mark.parametrize(
-    ("body", "code", "words"),
-    [
-        ({"joints": [0.0]}, "INVALID_ROBOT_STATE", "7"),
-        ({"joints": HOME, "torques": [1.0]}, "INVALID_ROBOT_STATE", "torques"),
-        ({"joints": [HOME] * 3, "torques": [HOME] * 2}, "INVALID_ROBOT_STATE", "torques"),
-        ({"joints": HOME, "wrench": [1.0]}, "VALIDATION_ERROR", "wrench"),
-        ({"joints": HOME, "accelerations": HOME}, "VALIDATION_ERROR", "accelerations"),
-    ],
-)
-def test_bad_states_are_refused(
-    client: httpx.Client, body: dict[str, Any], code: str, words: str
-) -> None:
-    document = problem(client.post(URL, json=body), 422, code)
-    assert words in document["detail"]
-
-
-def test_too_many_symbols_and_missing_inertias_are_refused(client: httpx.Client) -> None:
-    many = {"joints": [HOME] * 3000, "christoffel_symbols": True}
-    response = client.post("/v1/robots/panda/dynamics", json=many)
-    assert "several requests" in problem(response, 422, "VALIDATION_ERROR")["hint"]
-    answer(client.post("/v1/robots", json=bench("massless")), 201)
-    url = "/v1/robots/massless/forward-dynamics"
-    document = problem(client.post(url, json={"joints": [0.1, 0.2]}), 422, "MISSING_INERTIA")
-    assert document["details"]["links"] == ["lower", "upper", "tip"]

@@ -12,7 +12,7 @@ import pytest
 
 from armwright_wire.robots.kinematics import FkAnswer, JacobianAnswer, VelocityAnswer
 from kinematics.forward import forward, link_poses
-from kinematics.jacobian import analytic_zyz, geometric
+from kinematics.jacobian import geometric
 from kinematics.pose import (
     from_quaternion,
     to_axis_angle,
@@ -84,22 +84,6 @@ def test_jacobians(client: httpx.Client, name: str) -> None:
     np.testing.assert_allclose(one["jacobian"], geometric(chain, q[0]), atol=1e-12)
 
 
-def test_analytic_jacobians(client: httpx.Client) -> None:
-    chain = builtin_chain("ur5e")
-    q = draws("ur5e", 5)
-    request = {"joints": q.tolist(), "kind": "analytic_zyz"}
-    found = answer(client.post("/v1/robots/ur5e/jacobian", json=request))
-    for configuration, told in zip(q, found["jacobian"], strict=True):
-        turn = forward(chain, configuration)[:3, :3]
-        expected = analytic_zyz(geometric(chain, configuration), turn)
-        np.testing.assert_allclose(told, expected, atol=1e-12)
-    singular = {"joints": HOME, "kind": "analytic_zyz", "link": "panda_link0"}
-    document = problem(
-        client.post("/v1/robots/panda/jacobian", json=singular), 422, "VALIDATION_ERROR"
-    )
-    assert "geometric" in document["hint"]
-
-
 def test_velocity_both_ways(client: httpx.Client) -> None:
     chain = builtin_chain("panda")
     q, rates = np.array(HOME), np.linspace(-0.3, 0.3, 7)
@@ -120,72 +104,6 @@ def test_velocity_both_ways(client: httpx.Client) -> None:
     VelocityAnswer.model_validate(batch)
     assert np.shape(batch["joint_velocities"]) == (20, 7)
     assert batch["damped"] == [[]] * 20
-
-
-def test_what_is_damped_near_a_singularity_is_told(client: httpx.Client) -> None:
-    request = {"joints": [0.3, -1.0, 1.4, -0.7, 1e-6, 0.2], "twist": [0.1, 0.2, 0.3, 0.4, 0.5, 0.6]}
-    found = answer(client.post("/v1/robots/ur5e/velocity", json=request))
-    (lost,) = found["damped"]
-    assert lost["gain"] < 1e-3
-    assert np.linalg.norm(lost["twist"]) == pytest.approx(1.0)
-    assert np.linalg.norm(found["joint_velocities"]) < 20.0
-    np.testing.assert_allclose(
-        np.array(found["twist"]) + found["residual"], request["twist"], atol=1e-12
-    )
-
-
-@pytest.mark.parametrize(
-    "body",
-    [
-        {"joints": HOME},
-        {"joints": HOME, "twist": [0] * 6, "joint_velocities": [0] * 7},
-        {"joints": HOME, "twist": [0] * 5},
-        {"joints": HOME, "joint_velocities": [0] * 7, "nullspace": [0] * 7},
-        {"joints": HOME, "twist": [0] * 6, "damped_below": -1.0},
-        {"joints": HOME, "twist": [[0] * 6] * 2},
-        {"joints": [HOME] * 3, "twist": [[0] * 6] * 2},
-    ],
-)
-def test_velocities_refused(client: httpx.Client, body: dict[str, Any]) -> None:
-    problem(client.post("/v1/robots/panda/velocity", json=body), 422, "VALIDATION_ERROR")
-
-
-@pytest.mark.parametrize(
-    ("path", "body", "status", "code"),
-    [
-        ("panda/fk", {"joints": HOME[:-1]}, 422, "INVALID_ROBOT_STATE"),
-        ("panda/fk", {"joints": [HOME, HOME[:-1]]}, 422, "INVALID_ROBOT_STATE"),
-        ("panda/fk", {"joints": []}, 422, "VALIDATION_ERROR"),
-        ("panda/fk", {"joints": HOME, "link": "nose"}, 422, "INVALID_LINK_NAME"),
-        ("panda/fk", {"joints": HOME, "links": "nose"}, 422, "VALIDATION_ERROR"),
-        ("panda/jacobian", {"joints": HOME[:-1]}, 422, "INVALID_ROBOT_STATE"),
-        ("panda/jacobian", {"joints": HOME, "link": "nose"}, 422, "INVALID_LINK_NAME"),
-        ("panda/jacobian", {"joints": HOME, "kind": "numeric"}, 422, "VALIDATION_ERROR"),
-        ("panda/jacobian", {"joints": HOME, "point": [0, 0]}, 422, "VALIDATION_ERROR"),
-        ("panda/ik", {"pose": {"position": [0, 0, 1]}, "link": "x"}, 422, "INVALID_LINK_NAME"),
-        ("panda/ik", {"pose": {"position": [0, 0, 1]}, "scene": "x"}, 404, "NOT_FOUND"),
-        (
-            "panda/ik",
-            {"pose": {"position": [0, 0, 1]}, "seed_joints": [1]},
-            422,
-            "INVALID_ROBOT_STATE",
-        ),
-        ("panda/ik", {"pose": {"position": [0, 0, 1], "rpy": [0] * 2}}, 422, "VALIDATION_ERROR"),
-        (
-            "panda/ik",
-            {"pose": {"position": [0, 0, 1], "quaternion_xyzw": [0, 0, 0, 2]}},
-            422,
-            "VALIDATION_ERROR",
-        ),
-        ("nobody/fk", {"joints": [0.0]}, 404, "NOT_FOUND"),
-        ("nobody/jacobian", {"joints": [0.0]}, 404, "NOT_FOUND"),
-        ("nobody/ik", {"pose": {"position": [0, 0, 1]}}, 404, "NOT_FOUND"),
-    ],
-)
-def test_what_is_refused(
-    client: httpx.Client, path: str, body: dict[str, Any], status: int, code: str
-) -> None:
-    problem(client.post(f"/v1/robots/{path}", json=body), status, code)
 
 
 def test_numbers_that_json_does_not_have(client: httpx.Client) -> None:

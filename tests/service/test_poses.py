@@ -4,7 +4,6 @@ from typing import Any
 
 import httpx
 import numpy as np
-import pytest
 from scipy.spatial.transform import Rotation
 
 HALF_TURN = np.pi / 2
@@ -63,25 +62,3 @@ def test_a_singular_orientation_is_told(client: httpx.Client) -> None:
     ]  # fmt: skip
     np.testing.assert_allclose(answer["pose"]["euler_zyz_branches"], [[0.7, 0.0, 0.0]], atol=1e-15)
     assert len(answer["pose"]["rpy_branches"]) == 2
-
-
-@pytest.mark.parametrize(
-    ("body", "words"),
-    [
-        ({}, "exactly one of pose, motions"),
-        ({"pose": {}, "motions": [{}]}, "exactly one of pose, motions"),
-        ({"motions": []}, "motions"),
-        ({"pose": {"transform": np.eye(4).tolist(), "rpy": [0.0, 0.0, 0.0]}}, "leave all others"),
-        ({"pose": {"transform": (2.0 * np.eye(4)).tolist()}}, "last row of a transform"),
-        ({"pose": {"transform": np.diag([1.0, 1.0, -1.0, 1.0]).tolist()}}, "not a rotation"),
-        ({"pose": {"quaternion_xyzw": [0.0, 0.0, 0.0, 2.0]}}, "norm 2"),
-        ({"pose": {"about": "fixed"}}, "about"),
-        ({"motions": [{"about": "moved"}]}, "current"),
-        ({"pose": {}, "angular_velocity": [1.0]}, "angular_velocity"),
-    ],
-)
-def test_bad_poses_are_refused(client: httpx.Client, body: dict[str, Any], words: str) -> None:
-    response = client.post("/v1/poses/convert", json=body)
-    assert response.status_code == 422
-    assert response.headers["content-type"].startswith("application/problem+json")
-    assert words in response.text

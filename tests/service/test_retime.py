@@ -2,13 +2,12 @@
 
 import csv
 import io
-from typing import Any, Literal
+from typing import Any
 
 import httpx
 import numpy as np
 import pytest
 from numpy.polynomial import polynomial as power_basis
-from scipy.interpolate import CubicSpline
 
 JOINTS = [[0.0, 0.0], [1.0, 0.2], [1.2, 1.0], [0.3, 1.4]]
 LIMITS = {"velocity": [1.0, 1.5], "acceleration": [4.0, 3.0], "jerk": [40.0, 30.0]}
@@ -77,61 +76,6 @@ def test_a_path_is_timed_within_the_limits_given(
     assert (np.diff(starts) > 0.0).all()
 
 
-def test_the_toppra_package_answers_within_the_limits_and_tells_its_cost(
-    client: httpx.Client,
-) -> None:
-    timing = {"method": "toppra", "interpolation": "natural_spline"}
-    ours = retimed(client, timing=timing)
-    package = retimed(client, timing=timing | {"solver": "toppra"})
-    assert package["certificate"]["verified"] is True
-    for quantity, order in (("velocity", 1), ("acceleration", 2)):
-        ratio = float((peaks(package["trajectory"], order) / LIMITS[quantity]).max())
-        assert ratio <= 1.0 + 1e-9
-    assert any("toppra's answer was slowed down by" in note for note in package["notes"])
-    assert not any("toppra's answer" in note for note in ours["notes"])
-    duration = package["trajectory"]["duration"]
-    assert duration != ours["trajectory"]["duration"]
-    assert duration == pytest.approx(ours["trajectory"]["duration"], rel=0.02)
-
-
-def test_the_solver_belongs_to_the_method_toppra(client: httpx.Client) -> None:
-    for timing in ({"method": "jerk_limited"}, {"method": "spline"}):
-        body = {"path": {"joints": JOINTS}, "limits": LIMITS}
-        response = client.post("/v1/retime", json=body | {"timing": timing | {"solver": "toppra"}})
-        document = problem(response, 422, "VALIDATION_ERROR")
-        assert "belongs to the method toppra" in document["detail"]
-    timing = {"method": "toppra", "solver": "guess"}
-    response = client.post("/v1/retime", json=body | {"timing": timing})
-    problem(response, 422, "VALIDATION_ERROR")
-
-
-def test_a_path_that_the_toppra_package_fails_on_is_a_problem(client: httpx.Client) -> None:
-    body = {
-        "path": {"joints": JOINTS},
-        "limits": {"velocity": [1e-200] * 2, "acceleration": [4.0] * 2},
-        "timing": {"solver": "toppra", "blend_tolerance": 0.1},
-    }
-    document = problem(client.post("/v1/retime", json=body), 422, "INVALID_MOTION_PLAN")
-    assert "toppra" in document["detail"]
-    assert "timing.solver" in document["hint"]
-
-
-def test_a_spline_at_given_times_is_that_of_scipy(client: httpx.Client) -> None:
-    times = [0.0, 2.0, 3.0, 5.0]
-    kinds: tuple[tuple[str, Literal["natural", "clamped"]], ...] = (
-        ("natural_spline", "natural"),
-        ("clamped_spline", "clamped"),
-    )
-    for ends, bc in kinds:
-        timing = {"method": "spline", "times": times, "interpolation": ends, "sample_period": 0.1}
-        answer = retimed(client, timing=timing)
-        samples = answer["trajectory"]["samples"]
-        expected = CubicSpline(times, JOINTS, bc_type=bc)
-        np.testing.assert_allclose(samples["position"], expected(samples["time"]), atol=1e-12)
-        assert answer["certificate"]["verified"] is True
-        assert answer["factor"] == 1.0
-
-
 def test_times_that_are_too_short_are_told_and_stretched_on_request(client: httpx.Client) -> None:
     timing = {"method": "spline", "times": [0.0, 0.5, 1.0, 1.5]}
     told = retimed(client, timing=timing)
@@ -160,66 +104,6 @@ def test_a_robot_brings_its_limits_and_torques(client: httpx.Client) -> None:
     assert slow["trajectory"]["duration"] > free["trajectory"]["duration"]
     half = retimed(client, **body, timing={"velocity_scaling": 0.5})
     assert half["certificate"]["limits"]["velocity"]["worst_ratio"] == pytest.approx(1.0, abs=1e-6)
-
-
-def test_odd_paths_are_told_of(client: httpx.Client) -> None:
-    still = retimed(client, path={"joints": [[1.0, 2.0]]})
-    assert "no length" in still["notes"][0]
-    twice = retimed(client, path={"joints": [JOINTS[0], JOINTS[0], JOINTS[1]]})
-    assert "Waypoint 1 repeats waypoint 0." in twice["notes"]
-    back = retimed(client, path={"joints": [JOINTS[0], JOINTS[1], JOINTS[0]]})
-    assert "The motion stops at waypoint(s) 1." in back["notes"]
-
-
-def test_boundary_velocities_are_kept(client: httpx.Client) -> None:
-    velocity = [0.4, 0.08]
-    for method in ("toppra", "jerk_limited"):
-        timing = {"method": method, "blend_tolerance": 0.05, "start_velocity": velocity}
-        answer = retimed(client, timing=timing)
-        first = answer["trajectory"]["segments"][0]["coefficients"]
-        assert [row[1] for row in first] == pytest.approx(velocity, rel=1e-9)
-        assert answer["certificate"]["verified"] is True
-
-
-@pytest.mark.parametrize(
-    ("change", "code", "words"),
-    [
-        ({"limits": None}, "MISSING_LIMIT", "joint1, joint2"),
-        ({"limits": {"velocity": [1.0, 1.0]}}, "MISSING_LIMIT", "acceleration"),
-        (
-            {
-                "limits": {"velocity": [1.0, 1.0], "acceleration": [1.0, 1.0]},
-                "timing": {"method": "jerk_limited"},
-            },
-            "MISSING_LIMIT",
-            "jerk",
-        ),
-        ({"limits": LIMITS | {"velocity": [1.0]}}, "VALIDATION_ERROR", "2 positive numbers"),
-        ({"limits": LIMITS | {"velocity": [1.0, 0.0]}}, "VALIDATION_ERROR", "positive"),
-        ({"path": {"joints": [[0.0, 0.0], [1.0]]}}, "INVALID_MOTION_PLAN", "path.joints[1]"),
-        ({"path": {"joints": []}}, "VALIDATION_ERROR", "joints"),
-        ({"path": {"joints": JOINTS, "knots": [0, 1, 2, 3]}}, "VALIDATION_ERROR", "knots"),
-        ({"timing": {"times": [0.0, 1.0]}}, "VALIDATION_ERROR", "times"),
-        ({"timing": {"method": "spline", "times": [0.0, 1.0]}}, "INVALID_MOTION_PLAN", "times"),
-        (
-            {"timing": {"method": "spline", "interpolation": "linear"}},
-            "VALIDATION_ERROR",
-            "linear",
-        ),
-        ({"timing": {"start_velocity": [0.0, 1.0]}}, "VALIDATION_ERROR", "start_velocity"),
-        ({"timing": {"torque_limits": True}}, "VALIDATION_ERROR", "robot"),
-        ({"robot": "nobody"}, "NOT_FOUND", "nobody"),
-    ],
-)
-def test_what_is_refused(
-    client: httpx.Client, change: dict[str, Any], code: str, words: str
-) -> None:
-    body = {"path": {"joints": JOINTS}, "limits": LIMITS} | change
-    status = 404 if code == "NOT_FOUND" else 422
-    response = client.post("/v1/retime", json=body)
-    document = response.json()
-    assert (response.status_code, document["code"]) == (status, code), response.text
-    assert words in document["detail"]
 
 
 def test_motions_are_told_in_other_shapes(client: httpx.Client) -> None:

@@ -60,26 +60,6 @@ def test_a_start_beyond_the_limit_is_refused_by_its_joint(client: httpx.Client) 
     assert answer["trajectory"]["segments"][0]["coefficients"][0][1] == 790.0
 
 
-@pytest.mark.parametrize(
-    ("change", "words"),
-    [
-        ({"to": None}, "give path, or both from and to"),
-        ({"path": {"joints": [[0.0, 0.0], [1.0, 1.0]]}}, "from belongs to two states"),
-        ({"timing": {"times": [0.0, 1.0]}}, "timing.times belongs to a path"),
-        ({"timing": {"method": "toppra"}}, "can only be jerk_limited"),
-        ({"to": {"position": [1.0]}}, "to.position has 1 value(s) in place of 2"),
-        ({"to": {"position": [1.0, 1.0], "velocity": [1.0]}}, "to.velocity has 1 value(s) for 2"),
-        ({"joint_names": ["a", "a"]}, "2 different names"),
-        ({"limits": {"velocity": [1.0, 1.0], "acceleration": [1.0, 1.0]}}, "no jerk limit"),
-    ],
-)
-def test_bad_states_are_refused(client: httpx.Client, change: dict[str, Any], words: str) -> None:
-    body = {name: value for name, value in (STATES | change).items() if value is not None}
-    response = client.post("/v1/retime", json=body)
-    assert response.status_code == 422
-    assert words in response.text
-
-
 def test_times_from_any_number_need_no_limits(client: httpx.Client) -> None:
     times, joints = [5.0, 5.5, 6.25, 7.0], [[0.0, 0.0], [1.0, 0.2], [1.2, 1.0], [0.3, 1.4]]
     timing = {"method": "spline", "times": times, "sample_period": 0.1}

@@ -153,22 +153,3 @@ def test_motors_beside_an_archive_are_a_field_of_its_form(client: httpx.Client) 
         422, "VALIDATION_ERROR",
     )  # fmt: skip
     assert "motors.knee.inertia" in document["detail"]
-
-
-@pytest.mark.parametrize(
-    ("rows", "code", "text"),
-    [
-        (table(MOTORS[0], {}), "INVALID_ROBOT_DESCRIPTION", "joint_2 have no motor"),
-        (table(MOTORS[0] | {"resistance": 0.0}), "VALIDATION_ERROR", "dh.rows[0].motor.resistance"),
-        (table({"gear_ratio": 2.0}), "VALIDATION_ERROR", "dh.rows[0].motor.inertia"),
-        (table(MOTORS[0]) | {"rows": [ROW | {"motor": MOTORS[0], "motor_inertia": 0.1}]},
-         "VALIDATION_ERROR", "leave out motor_inertia and viscous_friction, or motor"),
-    ],
-)  # fmt: skip
-def test_bad_motors_are_refused(
-    client: httpx.Client, rows: dict[str, Any], code: str, text: str
-) -> None:
-    response = client.post("/v1/robots", json={"name": "bad_motors", "dh": rows})
-    document = problem(response, 422, code)
-    assert text in response.text
-    assert document["hint"]

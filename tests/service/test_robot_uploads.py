@@ -156,25 +156,6 @@ def test_archive_of_a_description_expanded_on_another_machine(client: httpx.Clie
     assert "uploaded: 'main/bench_description/meshes/collision/box.obj'" in refusal["detail"]
 
 
-@pytest.mark.parametrize(
-    ("changes", "code", "words"),
-    [
-        ({"default_limits": {"acceleration": "many"}}, "VALIDATION_ERROR", "default_limits"),
-        ({"default_limits": {"acceleration": "9 x effort"}}, "INVALID_ROBOT_DESCRIPTION", "effort"),
-        ({"default_limits": {"velocity": "9 x effort"}}, "VALIDATION_ERROR", "velocity"),
-        ({"joint_limits": "nothing"}, "INVALID_ROBOT_DESCRIPTION", "joint_limits"),
-        ({"joint_limits": {"*": {"speed": 1.0}}}, "VALIDATION_ERROR", "speed"),
-        ({"held": {"shoulder": 0.1}}, "INVALID_ROBOT_DESCRIPTION", "part of the chain"),
-        ({"held": {"knee": 0.1}}, "INVALID_ROBOT_DESCRIPTION", "no such joint"),
-    ],
-)
-def test_fields_that_are_refused(
-    client: httpx.Client, changes: dict[str, Any], code: str, words: str
-) -> None:
-    refusal = problem(client.post("/v1/robots", json=bench("bad", **changes)), 422, code)
-    assert words in f"{refusal['detail']} {refusal['hint']} {refusal['details']}"
-
-
 def test_limits_are_changed_later(client: httpx.Client) -> None:
     create(client, "later", joint_limits={"shoulder": {"acceleration": 5.0, "jerk": 9.0}})
     plan = {"robot": "later", "start": {"joints": [0.0, 0.0]}, "goal": {"joints": [0.4, 0.2]}}

@@ -12,9 +12,7 @@ import pytest
 from armwright_wire.robots.robot import RobotAnswer
 from kinematics.arrays import Array
 from kinematics.forward import forward
-from kinematics.model.dh import chain_from_dh
-from kinematics.model.dh_table import DhRow, DhTable
-from kinematics.pose import from_quaternion, from_rpy, transform
+from kinematics.pose import from_quaternion, transform
 from kinematics.robots import builtin_chain, builtin_names
 from tests.service.conftest import Served
 from tests.service.robots import ACCELERATIONS, BOX_OBJ, answer, bench, problem, urdf
@@ -150,31 +148,6 @@ def test_what_workers_kept_is_made_again_when_it_is_lost(served: Served) -> None
     assert answer(client.get("/v1/robots/lost"))["joint_names"] == ["shoulder", "elbow"]
 
 
-def test_a_denavit_hartenberg_table(client: httpx.Client) -> None:
-    limits = {"joint_1": {"velocity": 2.0, "acceleration": 4.0}}
-    body = {"name": "table", "dh": TABLE, "joint_limits": limits}
-    model = answer(client.post("/v1/robots", json=body), 201)
-    assert model["joint_types"] == ["revolute", "prismatic", "revolute"]
-    assert model["limits"]["velocity"] == [2.0, None, 1.5]
-    assert any("acceleration" in line and "joint_2" in line for line in model["lint"])
-    assert any("collision" in line for line in model["lint"])
-    for told, given in zip(model["dh"]["rows"], TABLE["rows"], strict=True):
-        assert {name: told[name] for name in ("a", "alpha", "d", "theta")} == {
-            name: given[name] for name in ("a", "alpha", "d", "theta")
-        }
-    rows = tuple(DhRow(**row) for row in TABLE["rows"])
-    random = np.random.default_rng(1)
-    table = DhTable(
-        "standard", rows,
-        transform(from_rpy([0.1, 0.2, 0.3]), [0.1, 0.2, 0.3]), transform(None, [0, 0, 0.1]),
-    )  # fmt: skip
-    chain = chain_from_dh("table", table)
-    q = random.uniform(-1, 1, (4, 3))
-    fk = answer(client.post("/v1/robots/table/fk", json={"joints": q.tolist()}))
-    for told, expected in zip(fk["pose"], forward(chain, q), strict=True):
-        np.testing.assert_allclose(pose_matrix(told), expected, atol=1e-12)
-
-
 def test_a_zip(client: httpx.Client) -> None:
     content = archive({"arm/arm.urdf": urdf("meshes/box.obj"), "arm/meshes/box.obj": BOX_OBJ})
     upward = {"arm/urdf/arm.urdf": urdf("../meshes/box.obj"), "arm/meshes/box.obj": BOX_OBJ}
@@ -301,30 +274,6 @@ def test_descriptions_that_are_refused(
     assert hint in (document["hint"] or ""), document
     assert len(document["detail"]) < 2_500
     assert client.get("/readyz").status_code == 200
-
-
-@pytest.mark.parametrize(
-    ("body", "path"),
-    [
-        ({"name": "x"}, "body"),
-        ({"name": "x", "urdf": "<a/>", "dh": TABLE}, "body"),
-        ({"name": "x/y", "urdf": "<a/>"}, "name"),
-        ({"name": "x", "urdf": "<a/>", "meshes": {"a": "?"}}, "meshes"),
-        ({"name": "x", "urdf": "<a/>", "colour": 1}, "colour"),
-        ({"name": "x", "dh": {**TABLE, "convention": "own"}}, "dh.convention"),
-        ({"name": "x", "dh": {**TABLE, "rows": []}}, "dh.rows"),
-        ([], "body"),
-    ],
-)
-def test_forms_that_are_refused(client: httpx.Client, body: Any, path: str) -> None:
-    document = problem(client.post("/v1/robots", json=body), 422, "VALIDATION_ERROR")
-    assert path in [error["path"] for error in document["details"]["errors"]]
-
-
-def test_limits_of_a_joint_that_a_table_does_not_have_are_refused(client: httpx.Client) -> None:
-    body = {"name": "x", "dh": TABLE, "joint_limits": {"joint_9": {"velocity": 1.0}}}
-    document = problem(client.post("/v1/robots", json=body), 422, "INVALID_ROBOT_DESCRIPTION")
-    assert "joint_1, joint_2, joint_3" in document["hint"]
 
 
 def test_json_is_required(client: httpx.Client) -> None:

@@ -14,7 +14,6 @@ from tests.service.robots import (
     ASIDE,
     HOME,
     answer,
-    problem,
 )
 
 
@@ -23,14 +22,6 @@ def validate(client: httpx.Client, trajectory: dict[str, Any], **more: Any) -> d
     found = answer(client.post("/v1/validate", json=body))
     CertificateAnswer.model_validate(found)
     return found
-
-
-def test_a_plan_proves_as_it_was_answered(client: httpx.Client) -> None:
-    found = plan(client, timing={"sample_period": 0.1})
-    proved = validate(client, found["trajectory"])
-    assert proved["verified"] is True
-    for key in ("min_clearance", "clearance_pair", "limits", "continuity"):
-        assert proved[key] == found["certificate"][key]
 
 
 def test_other_orders_of_joints_and_other_origins_of_time(client: httpx.Client) -> None:
@@ -110,49 +101,6 @@ def test_interpolations_of_samples(client: httpx.Client) -> None:
     zigzag = {"time": [0.0, 1.0, 2.0, 3.0], "position": rows.tolist()}
     found = validate(client, {"samples": zigzag, "interpolation": "linear"}, scene=None)
     assert found["violation"]["time"] == 1.0, "the first jump, not the largest"
-
-
-@pytest.mark.parametrize(
-    ("trajectory", "code"),
-    [
-        ({"samples": {"time": [0, 1], "position": [HOME, ASIDE]}}, "VALIDATION_ERROR"),
-        (through_the_post() | {"interpolation": "cubic"}, "VALIDATION_ERROR"),
-        (through_the_post() | {"interpolation": "akima"}, "VALIDATION_ERROR"),
-        (through_the_post(0.0), "INVALID_MOTION_PLAN"),
-        (through_the_post(-1.0), "INVALID_MOTION_PLAN"),
-        (through_the_post() | {"joint_names": ["a"]}, "INVALID_MOTION_PLAN"),
-        (
-            {
-                "samples": {"time": [0, 1], "position": [[0.0], [1.0]]},
-                "interpolation": "linear",
-            },
-            "INVALID_MOTION_PLAN",
-        ),
-        ({"segments": [{"t0": 0, "t1": 1, "coefficients": [[0.0]]}]}, "INVALID_MOTION_PLAN"),
-        (
-            {
-                "segments": [
-                    {"t0": 0, "t1": 1, "coefficients": [[0.0]] * 7},
-                    {"t0": 2, "t1": 3, "coefficients": [[0.0]] * 7},
-                ]
-            },
-            "INVALID_MOTION_PLAN",
-        ),
-        ({"segments": [{"t0": 1, "t1": 1, "coefficients": [[0.0]] * 7}]}, "VALIDATION_ERROR"),
-        ({}, "VALIDATION_ERROR"),
-    ],
-)
-def test_motions_that_are_malformed(
-    client: httpx.Client, trajectory: dict[str, Any], code: str
-) -> None:
-    body = {"robot": "panda", "scene": PLACE, "trajectory": trajectory}
-    problem(client.post("/v1/validate", json=body), 422, code)
-
-
-def test_limits_that_are_malformed(client: httpx.Client) -> None:
-    for limits in ({"velocity": [1.0]}, {"velocity": [0.0] * 7}):
-        body = {"robot": "panda", "trajectory": through_the_post(), "limits": limits}
-        problem(client.post("/v1/validate", json=body), 422, "VALIDATION_ERROR")
 
 
 def test_many_at_once_do_not_disturb_each_other(client: httpx.Client) -> None:

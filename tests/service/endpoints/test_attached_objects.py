@@ -10,7 +10,6 @@ from scipy.spatial.transform import Rotation
 from armwright_wire.scenes.check import Attached, CheckRequest
 from armwright_wire.scenes.scene import Scene as SceneBody
 from dynamics.terms import gravity_vector
-from kinematics.errors import InvalidLinkName, InvalidObjectName, InvalidScene
 from kinematics.forward import forward
 from obstacles.scenes.scene import Obstacle, Scene
 from obstacles.shapes.shape import Box, Sphere
@@ -37,13 +36,6 @@ def taken(**changes: Any) -> dict[str, Any]:
     """The cup of the scene in the hand; a change to None leaves a field out."""
     body = {"id": "cup", "link": "panda_hand", "grasp_joints": HOME.tolist()} | changes
     return {key: value for key, value in body.items() if value is not None}
-
-
-def test_without_anything_to_hold_robot_and_scene_are_as_they_were() -> None:
-    for attached, allowed in ((None, None), ([], []), ([], None)):
-        cell = attach(ROBOT, SCENE, attached, allowed)
-        assert cell.robot is ROBOT
-        assert cell.scene is SCENE
 
 
 BOX: dict[str, Any] = {"type": "box", "size": [0.05, 0.05, 0.08]}
@@ -127,29 +119,10 @@ def scene_of(obstacles: list[dict[str, Any]]) -> SceneBody:
     return SceneBody.model_validate({"obstacles": obstacles})
 
 
-def test_an_object_is_a_part_of_the_robot_at_its_pose() -> None:
-    cell = held(PART)
-    assert "part" in cell.robot.names
-    assert "part" not in ROBOT.names
-    assert [obstacle.id for obstacle in cell.scene.obstacles] == ["cup", "table"]
-    T_joint_hand = ROBOT.chain.link("panda_hand").T_joint_link
-    expected = T_joint_hand @ [0.0, 0.0, 0.12, 1.0]
-    np.testing.assert_allclose(sphere_of(cell, "part")[0], expected[:3], atol=1e-9)
-
-
 def sphere_of(cell: RobotInScene, name: str) -> tuple[Any, float]:
     """The bounding sphere of the only piece of an attached object, in its joint's frame."""
     (index,) = [i for i, link in enumerate(cell.robot.links) if link == name]
     return cell.robot.pieces[index].bounding_sphere()
-
-
-def test_an_obstacle_that_is_grasped_leaves_the_scene_and_stays_where_it_is() -> None:
-    cell = held(taken())
-    assert [obstacle.id for obstacle in cell.scene.obstacles] == ["table"]
-    hand = ROBOT.chain.link("panda_hand")
-    T_base_joint = forward(ROBOT.chain, HOME, "panda_hand") @ np.linalg.inv(hand.T_joint_link)
-    center = T_base_joint @ [*sphere_of(cell, "cup")[0], 1.0]
-    np.testing.assert_allclose(center[:3], AT[:3, 3], atol=1e-9)
 
 
 def test_an_obstacle_may_be_taken_at_a_pose_or_with_another_shape() -> None:
@@ -181,52 +154,6 @@ def test_an_object_with_a_mass_weighs_on_the_joints() -> None:
     assert np.abs(slopes).max() > 1.0
     np.testing.assert_allclose(more, slopes, atol=1e-6)
     assert held(PART).robot.chain is ROBOT.chain
-
-
-def test_masses_of_several_objects_add_up() -> None:
-    first, second = PART | {"mass": 1.0}, PART | {"id": "other", "mass": 2.0}
-    single = gravity_vector(held(first).robot.chain, HOME) - gravity_vector(ROBOT.chain, HOME)
-    both = gravity_vector(held(first, second).robot.chain, HOME)
-    np.testing.assert_allclose(both - gravity_vector(ROBOT.chain, HOME), 3.0 * single, atol=1e-9)
-
-
-def test_pairs_that_may_touch_are_echoed_in_order_and_obeyed() -> None:
-    cell = attach(ROBOT, SCENE, None, [["table", "cup"], ["panda_hand", "table"]])
-    assert {("a", "b"), ("cup", "table"), ("panda_hand", "table")} == cell.scene.allowed_collisions
-    part = held(PART | {"touch_links": ["table", "panda_link7"]})
-    assert {("part", "table"), ("panda_link7", "part")} <= part.scene.allowed_collisions | {
-        tuple(sorted(pair)) for pair in part.robot.allowed
-    }
-
-
-@pytest.mark.parametrize(
-    ("part", "error", "words"),
-    [
-        (PART | {"link": "nobody"}, InvalidLinkName, "nobody"),
-        (PART | {"touch_links": ["nobody"]}, InvalidLinkName, "nobody"),
-        (taken(link="nobody"), InvalidLinkName, "nobody"),
-        (taken(id="plate"), InvalidScene, "'plate' has no shape"),
-        (taken(id="plate", shape=PART["shape"]), InvalidObjectName, "plate"),
-        (PART | {"id": "panda_hand"}, InvalidScene, "panda_hand"),
-    ],
-)
-def test_an_object_at_fault_is_told_by_its_name(
-    part: dict[str, Any], error: type[Exception], words: str
-) -> None:
-    with pytest.raises(error, match=words):
-        held(part)
-
-
-def test_two_objects_have_two_names() -> None:
-    with pytest.raises(InvalidScene, match="part"):
-        held(PART, PART)
-
-
-def test_a_pair_names_what_there_is() -> None:
-    with pytest.raises(InvalidObjectName, match="nobody"):
-        attach(ROBOT, SCENE, None, [["table", "nobody"]])
-    with pytest.raises(InvalidObjectName, match="saucer"):
-        held(taken(), allowed=[["cup", "panda_hand"], ["saucer", "cup"]])
 
 
 def test_the_scene_of_a_request_is_stored_inline_or_empty() -> None:

@@ -7,7 +7,6 @@ from typing import Any
 import numpy as np
 import pytest
 
-from armwright_wire.motions.certificate import CertificateAnswer
 from armwright_wire.scenes.scene import Scene
 from planning.proof.certificate import Certificate, Proved
 from planning.proof.constraints.constraints import ConstraintReport
@@ -76,15 +75,6 @@ def test_the_name_of_a_stored_scene_is_told_and_no_scene_inside_of_a_request() -
     assert certificate_answer(VALID, scene=inline)["premises"]["scene"] is None
 
 
-def test_what_is_not_proved_says_why() -> None:
-    proved = Proved(True, False, ("the robot has no collision geometry",))
-    assert answer(verified=False, proved=proved)["proved"] == {
-        "limits": True,
-        "collisions": False,
-        "reasons": ["the robot has no collision geometry"],
-    }
-
-
 @pytest.mark.parametrize("name", ["min_clearance", "min_obstacle_clearance", "min_self_clearance"])
 def test_an_infinite_clearance_is_null(name: str) -> None:
     assert answer(**{name: math.inf})[name] is None
@@ -137,22 +127,3 @@ def test_a_violation_carries_plain_values() -> None:
         "pair": ["hand", "table"], "depth": 0.012, "cell": 3,
     }  # fmt: skip
     assert (type(given["depth"]), type(given["cell"])) == (float, int)
-
-
-@pytest.mark.parametrize(
-    "changes",
-    [
-        {},
-        {"clearance_pair": None, "min_clearance": math.inf, "limits": {}},
-        {"path_constraints": REPORTS, "violation": Violation("start", 0.0, "m", {"a": 1})},
-        {"path_deviation": PathDeviation(1e-5, 1e-4, True, 0.5, 1e-4, 1e-3)},
-        {"path_deviation": PathDeviation(1e-5, None, False, 0.5, 1e-4, None)},
-        {"limits": {name: LimitReport(0.5, "j", 0.0) for name in
-                    ("position", "velocity", "acceleration", "jerk", "torque", "tool_speed")}},
-    ],
-)  # fmt: skip
-def test_an_answer_is_as_its_schema_says(changes: dict[str, Any]) -> None:
-    given = answer(**changes)
-    if given["clearance_pair"] is not None:
-        given["clearance_pair"] = list(given["clearance_pair"])  # as JSON has it
-    CertificateAnswer.model_validate(given)

@@ -56,10 +56,6 @@ def test_a_pose_that_was_answered_can_be_asked_again(T: Any) -> None:
     assert abs(np.linalg.norm(answer.quaternion_xyzw) - 1.0) < 1e-9
 
 
-def test_a_position_alone_does_not_turn() -> None:
-    np.testing.assert_array_equal(transform(Pose.model_validate(AT))[:3, :3], np.eye(3))
-
-
 def test_shapes_keep_their_measures() -> None:
     box = made(type="box", size=[0.1, 0.2, 0.3])
     assert isinstance(box, shapes.Box)

@@ -14,18 +14,13 @@ from dynamics.terms import gravity_vector
 from kinematics.errors import InvalidOption, InvalidTrajectory, MissingLimit
 from kinematics.forward import forward
 from kinematics.robots import builtin_chain
-from kinematics.trajectory.trajectory import Trajectory
-from planning.retiming.retime import Retimed
 from planning.timing.options import TimingOptions
-from planning.timing.parametrization import TimingReport
 from service.translate.timings import (
     effort_loads,
     given_limit,
     given_limits,
     limits,
     path_to_time,
-    retimed_answer,
-    timing_answer,
     timing_options,
 )
 
@@ -67,19 +62,6 @@ def test_what_is_given_reaches_planning() -> None:
     assert made.payload is not None
     given = {name: getattr(made.payload, name) for name in load}
     assert given == load
-
-
-def test_the_solver_of_toppra_is_the_callers_choice() -> None:
-    assert timing_options(Timing(solver="toppra")).solver == "toppra"
-    assert timing_options(Timing(solver="reachability")).solver == "reachability"
-    with pytest.raises(InvalidOption, match="belongs to the method toppra"):
-        timing_options(Timing(method="jerk_limited", solver="toppra"))
-
-
-@pytest.mark.parametrize("fields", [{"times": [0.0, 1.0]}, {"scale_times": True}])
-def test_times_belong_to_splines(fields: dict[str, Any]) -> None:
-    with pytest.raises(InvalidOption, match="belongs to the method spline"):
-        timing_options(Timing.model_validate(fields))
 
 
 # ----------------------------------------------------------------------------------- limits
@@ -185,13 +167,6 @@ def test_a_path_takes_the_names_of_the_robot_or_its_own_or_numbers() -> None:
     assert path_to_time(path(), None).joint_names == ("joint1", "joint2")
 
 
-def test_a_path_keeps_its_waypoints_and_knots() -> None:
-    made = path_to_time(path(knots=[0.0, 2.5]), CHAIN)
-    np.testing.assert_array_equal(made.waypoints, [[0.0, 0.1], [1.0, 1.1]])
-    np.testing.assert_array_equal(made.knots, [0.0, 2.5])
-    assert path_to_time(path(), CHAIN).knots is None
-
-
 @pytest.mark.parametrize(
     ("fields", "robot", "words"),
     [
@@ -213,29 +188,3 @@ def test_a_path_that_does_not_fit_is_refused(
 ) -> None:
     with pytest.raises(InvalidTrajectory, match=words):
         path_to_time(path(**fields), CHAIN if robot else None)
-
-
-def test_a_timed_path_is_answered_with_how_far_it_was_stretched() -> None:
-    motion = Trajectory(("a",), [0.0, 1.0], [[[0.0, 2.0, 3.0, 4.0]]])  # type: ignore[arg-type]
-    retimed = Retimed(motion, None, 1.5, 2.5, ("slow",))  # type: ignore[arg-type]
-    answer = retimed_answer(retimed, {"duration": 3.0}, {"verified": True})
-    assert answer == {
-        "status": "success", "trajectory": {"duration": 3.0}, "certificate": {"verified": True},
-        "factor": 1.5, "needed_factor": 2.5, "notes": ["slow"], "timing": None,
-        "peaks": {"velocity": [20.0], "acceleration": [30.0], "jerk": [24.0]},
-    }  # fmt: skip
-
-
-def test_the_account_of_a_timing_names_limits_and_the_rule() -> None:
-    limits = {"velocity": np.array([1.0, np.inf]), "jerk": np.array([20.0, 30.0])}
-    report = TimingReport("jerk_limited", "double_s", limits, ("b",))
-    assert timing_answer(report) == {
-        "method": "jerk_limited",
-        "solver": "double_s",
-        "limits": {"velocity": [1.0, np.inf], "jerk": [20.0, 30.0]},
-        "ruled": {"jerk": {"rule": "10 x acceleration", "joints": ["b"]}},
-    }
-    known = timing_answer(TimingReport("toppra", "reachability", {}))
-    assert known is not None
-    assert known["ruled"] == {}
-    assert timing_answer(None) is None

@@ -15,7 +15,7 @@ from service.endpoints.plan.task import plan
 from service.storage.caches.cache_key import Reference
 from service.workers import current
 from service.workers.chunk_sizes import Pace
-from service.workers.result import CacheMiss, PlannedPart, PlanOutcome, TaskProblem
+from service.workers.result import PlannedPart, PlanOutcome, TaskProblem
 from tests.service.endpoints.ask import PLANAR
 
 HOME = {"joints": [0.0, 0.0]}
@@ -105,12 +105,6 @@ def test_each_problem_of_a_part_has_its_own_time(monkeypatch: pytest.MonkeyPatch
     late = planned(COMMON | {"problems": GOALS}, 1e-9).outcomes
     assert {one.code for one in late if isinstance(one, TaskProblem)} == {"TIMED_OUT"}
     assert len(late) == len(GOALS)
-
-
-def test_a_part_says_what_has_to_be_prepared(tmp_path: Path) -> None:
-    scene = Reference("scene", "table", "0" * 64, str(tmp_path))
-    content = encoded(COMMON | {"problems": GOALS})
-    assert plan_part(PLANAR, scene, content, 1.0) == CacheMiss(scene)
 
 
 def test_a_batch_is_taken_apart(tmp_path: Path) -> None:

@@ -7,7 +7,6 @@ import numpy as np
 import pytest
 
 from armwright_wire.robots.kinematics import GradientTrace, IkRequest
-from armwright_wire.robots.kinematics import IkSolution as Schema
 from kinematics.ik.gradient import Trace
 from kinematics.ik.solution import IkSolution
 from kinematics.robots import builtin_chain
@@ -29,24 +28,6 @@ CHAIN = builtin_chain("panda")
 SOLUTION = IkSolution(HOME, 1e-9, 2e-9, 7, "elbow up")
 
 
-def test_a_solution_inside_the_limits_is_not_rejected() -> None:
-    answer = solution_answer(CHAIN, SOLUTION)
-    Schema.model_validate(answer)
-    assert answer["joints"] == HOME.tolist()
-    assert answer["branch"] == "elbow up"
-    assert (answer["position_error"], answer["orientation_error"]) == (1e-9, 2e-9)
-    assert answer["within_limits"] is True
-    assert (answer["collision_free"], answer["rejected_because"]) == (None, None)
-
-
-def test_a_solution_outside_the_limits_says_which_joint() -> None:
-    joints = HOME.copy()
-    joints[3] = 0.5
-    answer = solution_answer(CHAIN, SOLUTION._replace(joints=joints))
-    assert answer["within_limits"] is False
-    assert "panda_joint4" in answer["rejected_because"]
-
-
 def trace(count: int) -> Trace:
     times = np.arange(float(count))
     joints, errors = np.outer(times, np.ones(7)), np.outer(times, np.arange(6.0))
@@ -58,15 +39,6 @@ def request(**gradient: Any) -> IkRequest:
     return IkRequest.model_validate(
         {"pose": {"position": [0, 0, 0]}, "method": "gradient", "gradient": options}
     )
-
-
-def test_a_trace_that_is_asked_for_is_whole_unless_fewer_points_are_asked_for() -> None:
-    whole = trace_answer(trace(2000), request(trace=True))
-    assert whole["time"] == list(range(2000))
-    assert whole["error"][3] == [0.0, 3.0, 6.0, 9.0, 12.0, 15.0]
-    assert whole["axes"] == ["x", "y", "z", "rx", "ry", "rz"]
-    few = trace_answer(trace(2000), request(trace=True, trace_points=3))
-    assert few["time"] == [0.0, 999.0, 1999.0]
 
 
 @pytest.mark.parametrize(
@@ -101,20 +73,6 @@ def test_a_pose_reached_in_collision_only_carries_some_of_the_rejected() -> None
     assert problem.details["rejected"] == answers[:32]
 
 
-def test_many_poses_are_answered_in_order_with_the_reasons_of_those_without() -> None:
-    refused = TaskProblem("NO_IK_SOLUTION", "too far", "Come nearer.", {})
-    solved: Any = {"solutions": [{"joints": [0.0]}], "allowed_collisions": [["a", "b"]]}
-    answer = combined_answer([refused, solved, {"solutions": []}, refused])
-    assert answer["solutions"] == [[], solved["solutions"], [], []]
-    assert [item["index"] for item in answer["unsolved"]] == [0, 3]
-    assert answer["unsolved"][0] == {
-        "index": 0, "code": "NO_IK_SOLUTION", "detail": "too far", "hint": "Come nearer.",
-    }  # fmt: skip
-    assert answer["allowed_collisions"] == [["a", "b"]]
-    assert "allowed_collisions" not in combined_answer([refused])
-    assert combined_answer([]) == {"solutions": [], "unsolved": []}
-
-
 def test_many_poses_say_so_where_time_ended_the_search_for_one() -> None:
     whole: Any = {"solutions": [], "deterministic": True}
     refused = TaskProblem("NO_IK_SOLUTION", "too late", None, {"deterministic": False})
@@ -144,17 +102,6 @@ def check() -> CollisionCheck:
 
 TURNED = HOME + np.array([np.pi / 2, 0, 0, 0, 0, 0, 0])
 BEYOND = HOME + np.array([0, 0, 0, 0, 0, 0, 9.0])
-
-
-def test_solutions_in_collision_go_behind_free_ones_and_say_why(check: CollisionCheck) -> None:
-    ordered = check.apply(answers_at(TURNED, HOME), everything=True)
-    assert [item["collision_free"] for item in ordered] == [True, False]
-    assert ordered[0]["joints"] == HOME.tolist()
-    assert ordered[0]["rejected_because"] is None
-    assert "'ball'" in ordered[1]["rejected_because"]
-    assert ordered[1]["rejected_because"].endswith(" m")
-    for item in ordered:
-        Schema.model_validate(item)
 
 
 def test_solutions_outside_the_limits_go_last_with_both_reasons(check: CollisionCheck) -> None:

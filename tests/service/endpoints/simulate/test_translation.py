@@ -141,25 +141,7 @@ def test_the_inertia_of_an_independent_joint_comes_from_the_request_the_motors_o
     assert (half.J > 0.0).all()
 
 
-def test_an_estimate_begins_at_the_model_at_nothing_or_where_it_is_told() -> None:
-    gains = {"type": "adaptive", "Lambda": 1.0, "K": 1.0, "Gamma": 0.5}
-    model = made(**gains)
-    np.testing.assert_allclose(model.estimate, model.parameters.of(CHAIN))
-    zero = made(**gains, estimate="zero")
-    np.testing.assert_array_equal(zero.estimate, np.zeros(model.parameters.count))
-    numbers = [float(i) for i in range(model.parameters.count)]
-    np.testing.assert_array_equal(made(**gains, estimate=numbers).estimate, numbers)
-    np.testing.assert_allclose(np.diag(model.Gamma), 0.5)
-    with pytest.raises(ArmwrightError):
-        made(**gains, estimate=[*numbers, 0.0])
-
-
 # ------------------------------------------------------------------------------ model errors
-
-
-def test_without_a_model_error_the_model_is_the_robot() -> None:
-    robot, model = robot_and_model(CHAIN, request())
-    assert robot is model is CHAIN
 
 
 def test_a_mass_scale_makes_the_model_heavier_and_not_the_robot() -> None:
@@ -299,32 +281,6 @@ def result(outcome: SimulationOutcome, settled: float | None, count: int = 0) ->
         cut, np.array([3.0, 2.0, 1.0]), -np.ones(3), np.ones((3, count)), np.array([0.1, 0.7]),
         empty_bounds(1.0, 2), settled, 99, 8, 7,
     )  # fmt: skip
-
-
-@pytest.mark.parametrize("name", KINDS)
-def test_an_answer_is_as_its_schema_says(name: str) -> None:
-    first, second = GAINS[name]
-    used = made(type=name, **{first: 1.0, second: 2.0})
-    count = used.parameters.count if isinstance(used, Adaptive) else 0
-    answer = simulation_answer(result(SimulationOutcome.COMPLETED, 0.5, count), used, CHAIN, 10.0)
-    model = SimulateAnswer.model_validate(answer)
-    assert model.controller.type == name
-    assert set(model.controller.gains) >= {first, second}
-    assert model.time == [10.0, 10.5, 11.0]
-    assert model.settling_time == 10.5
-    assert model.settled
-    assert (model.max_tracking_error, model.max_joint_errors) == (0.7, [0.1, 0.7])
-    assert model.saturated == [False, True, True]
-    np.testing.assert_array_equal(model.tracking_error, 2.0 * np.array(model.position))
-    assert model.integration == {"evaluations": 99, "explicit_steps": 8, "implicit_steps": 7}
-    if isinstance(used, Adaptive):
-        assert model.estimate == np.ones((3, count)).tolist()
-        np.testing.assert_allclose(model.true_parameters or [], used.parameters.of(CHAIN))
-        assert len(model.controller.parameter_names or []) == count
-    else:
-        assert (model.estimate, model.true_parameters, model.controller.parameter_names) == (
-            None, None, None,
-        )  # fmt: skip
 
 
 @pytest.mark.parametrize(
