@@ -50,6 +50,18 @@ def load(row: Array, at: int) -> Vector:
 
 
 @kernel(allocates=False)
+def row(points: Array, i: int) -> Vector:
+    """The point in row i of (k, 3)."""
+    return points[i, 0], points[i, 1], points[i, 2]
+
+
+@kernel(allocates=False)
+def column(frame: Array, at: int) -> Vector:
+    """The column of a frame written by rows of four numbers, its first one at column ``at``."""
+    return frame[at], frame[at + 4], frame[at + 8]
+
+
+@kernel(allocates=False)
 def store(row: Array, at: int, a: Vector) -> None:
     """Write a vector into three columns of a row, from column ``at`` on."""
     row[at], row[at + 1], row[at + 2] = a

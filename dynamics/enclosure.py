@@ -18,6 +18,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from compiled.kernel import kernel
+from compiled.vec3 import add, load
 from dynamics.model.body import Bodies, bodies
 from kinematics.arrays import Array
 from kinematics.model.chain import Chain
@@ -31,12 +32,6 @@ _SHARP = 1e-3
 
 Enclosure = tuple[float, float, float]
 Vector = tuple[Enclosure, Enclosure, Enclosure]
-
-
-@kernel
-def add(x: Enclosure, y: Enclosure) -> Enclosure:
-    """The sum x + y."""
-    return x[0] + y[0], x[1] + y[1], x[2] + y[2]
 
 
 @kernel
@@ -175,7 +170,7 @@ def enclosure_kernel(
     a = constant(-g[0], -g[1], -g[2])
     for i in range(n):
         A = bodies.offsets[i]
-        q, qd, qdd = _triple(motions[i, 0]), _triple(motions[i, 1]), _triple(motions[i, 2])
+        q, qd, qdd = _load(motions[i])
         px, py, pz = A[0, 3], A[1, 3], A[2, 3]
         turns = bodies.types[i] == 0
         if turns:
@@ -236,7 +231,7 @@ def _torques_kernel(bodies: Bodies, motions: Array, vectors: Array, out: Array) 
     for i in range(motions.shape[0] - 1, -1, -1):
         force = plus(force, _load(vectors[0, i]))
         moment = plus(moment, _load(vectors[1, i]))
-        q, qd, qdd = _triple(motions[i, 0]), _triple(motions[i, 1]), _triple(motions[i, 2])
+        q, qd, qdd = _load(motions[i])
         turns = bodies.types[i] == 0
         torque = moment[2] if turns else force[2]
         torque = add(torque, scale(bodies.motor_inertia[i], qdd))
@@ -255,11 +250,6 @@ def _torques_kernel(bodies: Bodies, motions: Array, vectors: Array, out: Array) 
 
 
 @kernel
-def _triple(values: Array) -> Enclosure:
-    return values[0], values[1], values[2]
-
-
-@kernel
 def _store(room: Array, v: Vector) -> None:
     for k in range(3):
         room[0, k], room[1, k], room[2, k] = v[0][k], v[1][k], v[2][k]
@@ -267,7 +257,7 @@ def _store(room: Array, v: Vector) -> None:
 
 @kernel
 def _load(room: Array) -> Vector:
-    return _triple(room[0]), _triple(room[1]), _triple(room[2])
+    return load(room[0], 0), load(room[1], 0), load(room[2], 0)
 
 
 @kernel

@@ -18,13 +18,14 @@ from kinematics.frame import (
     IDENTITY,
     at_joint_kernel,
     compose_kernel,
+    frame_kernel,
     move_kernel,
     step_kernel,
     store_kernel,
 )
 from kinematics.model.branch import branch_to, is_on_branch, require_on_chain
 from kinematics.model.chain import Chain
-from kinematics.simd_frames import FRAME, POSE, pose_lanes_kernel, poses_lanes_kernel
+from kinematics.simd_frames import POSE, pose_lanes_kernel, poses_lanes_kernel
 
 _FLOAT = np.dtype(np.float64)
 # Names of this module: looking them up in another one costs as much as a joint does.
@@ -96,7 +97,7 @@ def pose_batch_kernel(model: Array, q: Array, link: int, poses: Array) -> None:
     """Write the poses (m, 4, 4) of link number ``link`` for a batch q (m, n)."""
     m = q.shape[0] - q.shape[0] % LANES
     if m > 0:
-        room = aligned_kernel((3 * q.shape[1] + FRAME) * LANES)
+        room = aligned_kernel(3 * q.shape[1] * LANES)
         for k in range(0, m, LANES):
             pose_lanes_kernel(model, q[k : k + LANES], link, poses[k : k + LANES], room)
     for k in range(m, q.shape[0]):
@@ -137,27 +138,15 @@ def frames_kernel(model: Array, q: Array, frames: Array) -> None:
             B[11],
         )
     if model[0, 2] > 0.0:
-        mimic_frames_kernel(model, q, frames)
-
-
-@kernel(allocates=False)
-def mimic_frames_kernel(model: Array, q: Array, frames: Array) -> None:
-    """Write T_base_k of the bodies on mimic joints behind those of the chain in ``frames``."""
-    n, first = q.shape[0], int(model[0, 3])
-    for k in range(min(int(model[0, 2]), frames.shape[0] - n)):
-        row = first + 2 * k
-        parent, leader = int(model[row, 13]), int(model[row + 1, 0])
-        B = IDENTITY
-        if parent >= 0:
-            F = frames[parent]
-            B = (
-                F[0, 0], F[0, 1], F[0, 2], F[0, 3], F[1, 0], F[1, 1], F[1, 2], F[1, 3],
-                F[2, 0], F[2, 1], F[2, 2], F[2, 3],
-            )  # fmt: skip
-        B = step_kernel(model, row, model[row + 1, 1] * q[leader] + model[row + 1, 2], B)
-        for at in range(4):
-            frames[n + k, 0, at], frames[n + k, 1, at] = B[at], B[4 + at]
-            frames[n + k, 2, at] = B[8 + at]
+        n, first = q.shape[0], int(model[0, 3])
+        for k in range(min(int(model[0, 2]), frames.shape[0] - n)):
+            row = first + 2 * k
+            parent, leader = int(model[row, 13]), int(model[row + 1, 0])
+            B = frame_kernel(frames[parent]) if parent >= 0 else IDENTITY
+            B = step_kernel(model, row, model[row + 1, 1] * q[leader] + model[row + 1, 2], B)
+            for at in range(4):
+                frames[n + k, 0, at], frames[n + k, 1, at] = B[at], B[4 + at]
+                frames[n + k, 2, at] = B[8 + at]
 
 
 @kernel

@@ -19,9 +19,7 @@ def step_kernel(model: Array, row: int, q: float, B: Frame) -> Frame:
 
     Rows are named by their number, since a view of one costs as much as the product.
     """
-    if model[row, 0] == 0.0:
-        return turn_kernel(model, row, math.cos(q), math.sin(q), B)
-    return slide_kernel(model, row, q, B)
+    return move_kernel(model, row, q, math.cos(q), math.sin(q), B)
 
 
 @kernel(inline="code")
@@ -29,12 +27,6 @@ def move_kernel(model: Array, row: int, q: Lanes, c: Lanes, s: Lanes, B: Frame) 
     """``step_kernel`` where cosine and sine of q are known."""
     if model[row, 0] == 0.0:
         return turn_kernel(model, row, c, s, B)
-    return slide_kernel(model, row, q, B)
-
-
-@kernel(inline="code")
-def slide_kernel(model: Array, row: int, q: Lanes, B: Frame) -> Frame:
-    """``step_kernel`` of a prismatic joint."""
     b00, b01, b02, b03, b10, b11, b12, b13, b20, b21, b22, b23 = compose_kernel(B, model, row)
     return (
         b00, b01, b02, b03 + q * b02, b10, b11, b12, b13 + q * b12,
@@ -67,6 +59,15 @@ def compose_kernel(B: Frame, A: Array, i: int) -> Frame:
         b10 * a02 + b11 * a12 + b12 * a22, b10 * a03 + b11 * a13 + b12 * a23 + b13,
         b20 * a00 + b21 * a10 + b22 * a20, b20 * a01 + b21 * a11 + b22 * a21,
         b20 * a02 + b21 * a12 + b22 * a22, b20 * a03 + b21 * a13 + b22 * a23 + b23,
+    )  # fmt: skip
+
+
+@kernel(allocates=False)
+def frame_kernel(T: Array) -> Frame:
+    """The upper three rows of (4, 4) as twelve numbers."""
+    return (
+        T[0, 0], T[0, 1], T[0, 2], T[0, 3], T[1, 0], T[1, 1], T[1, 2], T[1, 3],
+        T[2, 0], T[2, 1], T[2, 2], T[2, 3],
     )  # fmt: skip
 
 

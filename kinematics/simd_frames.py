@@ -39,24 +39,8 @@ def identity_lanes_kernel() -> Frame:
 
 
 @kernel(allocates=False)
-def store_lanes_kernel(frames: Array, poses: Array) -> None:
-    """Write frames (links * FRAME * LANES,) into poses (LANES, links, 4, 4), flat."""
-    count = frames.shape[0] // FRAME_SIZE
-    zero, one = fill(0.0), fill(1.0)
-    for link in range(count):
-        at = FRAME_SIZE * link
-        upper = transpose(load_rows_kernel(frames, at, LANES))
-        store_rows_kernel(poses, POSE * link, POSE * count, upper)
-        lower = transpose((
-            load(frames, at + 8 * LANES), load(frames, at + 9 * LANES),
-            load(frames, at + 10 * LANES), load(frames, at + 11 * LANES), zero, zero, zero, one,
-        ))  # fmt: skip
-        store_rows_kernel(poses, POSE * link + LANES, POSE * count, lower)
-
-
-@kernel(allocates=False)
 def stream_lanes_kernel(frames: Array, poses: Array, count: int) -> None:
-    """``store_lanes_kernel`` for many links, from the first to the last byte of ``poses``.
+    """Write frames of links, eight each, into poses (LANES, links, 4, 4) from first to last byte.
 
     Poses take the place of the frames before that: from the last link on, none is overwritten that
     is still to be read.
@@ -223,7 +207,7 @@ def poses_lanes_kernel(model: Array, q: Array, poses: Array, room: Array) -> Non
 
 @kernel(allocates=False, inline="code")
 def pose_lanes_kernel(model: Array, q: Array, link: int, poses: Array, room: Array) -> None:
-    """Poses (LANES, 4, 4) of a link, -1 for the tip; room (3 n + FRAME) * LANES."""
+    """Poses (LANES, 4, 4) of a link, -1 for the tip; room 3 n * LANES."""
     n = q.shape[1]
     size = LANES * n
     row = 1 + n + (link if link >= 0 else int(model[0, 1]))
@@ -234,6 +218,9 @@ def pose_lanes_kernel(model: Array, q: Array, link: int, poses: Array, room: Arr
     for j in range(int(model[row, 0]) + 1):
         at = LANES * j
         B = move_kernel(model, 1 + j, load(values, at), load(cosines, at), load(sines, at), B)
-    frames = room[3 * size : 3 * size + FRAME_SIZE]
-    store_frame_kernel(frames, 0, compose_kernel(B, model, row))
-    store_lanes_kernel(frames, poses.reshape(poses.size))
+    B = compose_kernel(B, model, row)
+    zero, one = fill(0.0), fill(1.0)
+    upper = transpose((B[0], B[1], B[2], B[3], B[4], B[5], B[6], B[7]))
+    lower = transpose((B[8], B[9], B[10], B[11], zero, zero, zero, one))
+    store_rows_kernel(poses.reshape(poses.size), 0, POSE, upper)
+    store_rows_kernel(poses.reshape(poses.size), LANES, POSE, lower)

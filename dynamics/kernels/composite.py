@@ -20,8 +20,17 @@ C_kj = v_k . f_j + w_k . n_j for the moments of the farther one of the two joint
 from compiled.kernel import kernel
 from compiled.simd import on_stack
 from compiled.sincos import TURNS, few_turns_kernel, turn_at_kernel
-from compiled.vec3 import Vector, add, cross, dot, load, scale, store, subtract
-from dynamics.model.body import FIRST_MOMENT, INERTIA, MASS, REVOLUTE, TYPE
+from compiled.vec3 import Vector, add, column, cross, dot, load, scale, store, subtract
+from dynamics.model.body import (
+    FIRST_MOMENT,
+    INERTIA,
+    MASS,
+    ORIGIN_COLUMN,
+    REVOLUTE,
+    TYPE,
+    Z_COLUMN,
+    symmetric,
+)
 from kinematics.arrays import Array
 from kinematics.frame import IDENTITY, move_kernel
 
@@ -66,18 +75,6 @@ def frames_kernel(rows: Array, q: Array, frames: Array) -> None:
 
 
 @kernel(fastmath=True, allocates=False)
-def axis_of(F: Array) -> Vector:
-    """The z axis of a frame."""
-    return F[2], F[6], F[10]
-
-
-@kernel(fastmath=True, allocates=False)
-def origin_of(F: Array) -> Vector:
-    """The origin of a frame."""
-    return F[3], F[7], F[11]
-
-
-@kernel(fastmath=True, allocates=False)
 def to_base(F: Array, a: Vector) -> Vector:
     """A vector of the frame ``F`` in base axes."""
     return (
@@ -88,19 +85,9 @@ def to_base(F: Array, a: Vector) -> Vector:
 
 
 @kernel(fastmath=True, allocates=False)
-def symmetric(U: Vector, T: Vector, a: Vector) -> Vector:
-    """The product with a symmetric matrix of rows (U0, U1, T0), (U1, U2, T1), (T0, T1, T2)."""
-    return (
-        U[0] * a[0] + U[1] * a[1] + T[0] * a[2],
-        U[1] * a[0] + U[2] * a[1] + T[1] * a[2],
-        T[0] * a[0] + T[1] * a[1] + T[2] * a[2],
-    )
-
-
-@kernel(fastmath=True, allocates=False)
 def moments(row: Array, F: Array) -> tuple[Vector, Vector, Vector]:
     """First moment and inertia (xx, xy, yy), (xz, yz, zz) of one body, in base axes."""
-    m, o = row[MASS], origin_of(F)
+    m, o = row[MASS], column(F, ORIGIN_COLUMN)
     own = to_base(F, load(row, FIRST_MOMENT))
     U, T = load(row, INERTIA), load(row, INERTIA + 3)
     x, y, z = load(F, 0), load(F, 4), load(F, 8)
@@ -118,23 +105,17 @@ def moments(row: Array, F: Array) -> tuple[Vector, Vector, Vector]:
 
 
 @kernel(fastmath=True, allocates=False)
-def screw(row: Array, F: Array) -> tuple[Vector, Vector]:
-    """Spin and velocity that a joint alone causes at the point measured from."""
-    z = axis_of(F)
-    if row[TYPE] == REVOLUTE:
-        return z, cross(origin_of(F), z)
-    return (0.0, 0.0, 0.0), z
-
-
-@kernel(fastmath=True, allocates=False)
 def mass_matrix_kernel(rows: Array, work: Array, D: Array) -> None:
     """Write D(q) into D (n, n), for the frames in ``work`` (n, 30)."""
     n = D.shape[0]
     m, h, U, T = 0.0, (0.0, 0.0, 0.0), (0.0, 0.0, 0.0), (0.0, 0.0, 0.0)
     for i in range(n):
-        w, v = screw(rows[i], work[i])
-        store(work[i], SPIN_AXIS, w)
-        store(work[i], LEVER, v)
+        F = work[i]
+        w, v = (0.0, 0.0, 0.0), column(F, Z_COLUMN)
+        if rows[i, TYPE] == REVOLUTE:
+            w, v = v, cross(column(F, ORIGIN_COLUMN), v)
+        store(F, SPIN_AXIS, w)
+        store(F, LEVER, v)
     for k in range(n - 1, -1, -1):
         own_h, own_U, own_T = moments(rows[k], work[k])
         m, h, U, T = m + rows[k, MASS], add(h, own_h), add(U, own_U), add(T, own_T)
@@ -153,7 +134,7 @@ def rates(rows: Array, qd: Array, work: Array) -> None:
     spin, velocity, last = (0.0, 0.0, 0.0), (0.0, 0.0, 0.0), (0.0, 0.0, 0.0)
     for i in range(qd.shape[0]):
         F = work[i]
-        z, o = axis_of(F), origin_of(F)
+        z, o = column(F, Z_COLUMN), column(F, ORIGIN_COLUMN)
         velocity = add(velocity, cross(spin, subtract(o, last))) if i > 0 else velocity
         z_rate = cross(spin, z)
         if rows[i, TYPE] == REVOLUTE:

@@ -14,20 +14,21 @@ Christoffel symbols.
 import numpy as np
 
 from compiled.kernel import kernel
-from compiled.vec3 import Vector, add, cross, scale
+from compiled.vec3 import Vector, add, column, cross, load, scale
 from dynamics.model.body import (
     COULOMB,
     FIRST_MOMENT,
+    FRAME,
     FRICTION,
     INERTIA,
     MASS,
     MOTOR,
+    ORIGIN_COLUMN,
     REVOLUTE,
     TYPE,
-    axis,
+    Z_COLUMN,
     dry_friction,
-    origin,
-    times_inertia,
+    symmetric,
     to_child,
     to_parent,
 )
@@ -49,11 +50,12 @@ WORK = 11
 @kernel(fastmath=True, allocates=False)
 def move_joint(row: Array, q: float, work: Array) -> tuple[float, float, Vector]:
     """Cosine, sine and origin in the parent's frame of a joint at q, stored in ``work`` (11,)."""
+    c, s, p = 1.0, 0.0, column(row, FRAME + ORIGIN_COLUMN)
     if row[TYPE] == REVOLUTE:
-        c, s, p = np.cos(q), np.sin(q), origin(row)
+        c, s = np.cos(q), np.sin(q)
     else:
-        z, o = axis(row), origin(row)
-        c, s, p = 1.0, 0.0, (o[0] + q * z[0], o[1] + q * z[1], o[2] + q * z[2])
+        z = column(row, FRAME + Z_COLUMN)
+        p = (p[0] + q * z[0], p[1] + q * z[1], p[2] + q * z[2])
     work[COSINE], work[SINE] = c, s
     work[ORIGIN], work[ORIGIN + 1], work[ORIGIN + 2] = p
     return c, s, p
@@ -66,13 +68,13 @@ def gather(rows: Array, work: Array, torque: Array) -> None:
     force, moment = (0.0, 0.0, 0.0), (0.0, 0.0, 0.0)
     for i in range(n - 1, -1, -1):
         row, own = rows[i], work[i]
-        force = add(force, (own[FORCE], own[FORCE + 1], own[FORCE + 2]))
-        moment = add(moment, (own[MOMENT], own[MOMENT + 1], own[MOMENT + 2]))
+        force = add(force, load(own, FORCE))
+        moment = add(moment, load(own, MOMENT))
         torque[i] = moment[2] if row[TYPE] == REVOLUTE else force[2]
         if i > 0:
             force = to_parent(row, own[COSINE], own[SINE], force)
             moment = to_parent(row, own[COSINE], own[SINE], moment)
-            moment = add(moment, cross((own[ORIGIN], own[ORIGIN + 1], own[ORIGIN + 2]), force))
+            moment = add(moment, cross(load(own, ORIGIN), force))
 
 
 @kernel(fastmath=True, inline="code", allocates=False)
@@ -96,9 +98,9 @@ def inverse_kernel(
             w = (w[0], w[1], w[2] + qd[i])
         else:
             A = (A[0] + 2.0 * w[1] * qd[i], A[1] - 2.0 * w[0] * qd[i], A[2] + qdd[i])
-        h = (row[FIRST_MOMENT], row[FIRST_MOMENT + 1], row[FIRST_MOMENT + 2])
+        h, U, T = load(row, FIRST_MOMENT), load(row, INERTIA), load(row, INERTIA + 3)
         f = add(scale(row[MASS], A), add(cross(dw, h), cross(w, cross(w, h))))
-        m = add(cross(h, A), add(times_inertia(row, dw), cross(w, times_inertia(row, w))))
+        m = add(cross(h, A), add(symmetric(U, T, dw), cross(w, symmetric(U, T, w))))
         own[FORCE], own[FORCE + 1], own[FORCE + 2] = f
         own[MOMENT], own[MOMENT + 1], own[MOMENT + 2] = m
     gather(rows, work, torque)
@@ -122,13 +124,13 @@ def gravity_kernel(rows: Array, q: Array, work: Array, G: Array) -> None:
     mass, h = 0.0, (0.0, 0.0, 0.0)
     for i in range(n - 1, -1, -1):
         row, own = rows[i], work[i]
-        h = add(h, (row[FIRST_MOMENT], row[FIRST_MOMENT + 1], row[FIRST_MOMENT + 2]))
+        h = add(h, load(row, FIRST_MOMENT))
         mass += row[MASS]
-        g = (own[FORCE], own[FORCE + 1], own[FORCE + 2])
+        g = load(own, FORCE)
         G[i] = g[0] * h[1] - g[1] * h[0] if row[TYPE] == REVOLUTE else -mass * g[2]
         if i > 0:
             h = to_parent(row, own[COSINE], own[SINE], h)
-            h = add(h, scale(mass, (own[ORIGIN], own[ORIGIN + 1], own[ORIGIN + 2])))
+            h = add(h, scale(mass, load(own, ORIGIN)))
 
 
 @kernel(fastmath=True, allocates=False)
@@ -163,10 +165,10 @@ def reference_inverse_kernel(rows: Array, motion: Array, work: Array, torque: Ar
     for i in range(n):
         row, own = rows[i], work[i]
         w, u, du, A = advance(row, motion[i], w, u, du, A, own)
-        h = (row[FIRST_MOMENT], row[FIRST_MOMENT + 1], row[FIRST_MOMENT + 2])
+        h, U, T = load(row, FIRST_MOMENT), load(row, INERTIA), load(row, INERTIA + 3)
         f = add(scale(row[MASS], A), add(cross(du, h), cross(u, cross(w, h))))
         half = -0.5 * (row[INERTIA] + row[INERTIA + 2] + row[INERTIA + 5])
-        m = add(cross(h, A), add(times_inertia(row, du), cross(w, times_inertia(row, u))))
+        m = add(cross(h, A), add(symmetric(U, T, du), cross(w, symmetric(U, T, u))))
         m = add(m, scale(half, cross(w, u)))
         own[FORCE], own[FORCE + 1], own[FORCE + 2] = f
         own[MOMENT], own[MOMENT + 1], own[MOMENT + 2] = m

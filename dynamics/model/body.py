@@ -23,6 +23,8 @@ TYPE = 0
 REVOLUTE = int(JointType.REVOLUTE)
 #: First of the twelve numbers of the joint's frame at q = 0 in the frame before it: three rows.
 FRAME = 1
+#: Columns of such a frame that are the joint's z axis and its origin.
+Z_COLUMN, ORIGIN_COLUMN = 2, 3
 #: Mass of the body [kg]: the first of its ten standard parameters.
 MASS = 13
 #: First of three: the first moment m c about the origin of the joint's frame [kg m].
@@ -235,18 +237,6 @@ def _scale_link(link: Link, factors: Array) -> Link:
 
 
 @kernel(fastmath=True, allocates=False)
-def origin(row: Array) -> Vector:
-    """The joint's origin in the frame before it, at q = 0."""
-    return row[4], row[8], row[12]
-
-
-@kernel(fastmath=True, allocates=False)
-def axis(row: Array) -> Vector:
-    """The joint's z axis in the frame before it."""
-    return row[3], row[7], row[11]
-
-
-@kernel(fastmath=True, allocates=False)
 def to_parent(row: Array, c: float, s: float, a: Vector) -> Vector:
     """A vector from the frame of a joint, turned by the angle of cosine c, in its parent's."""
     x, y, z = c * a[0] - s * a[1], s * a[0] + c * a[1], a[2]
@@ -266,19 +256,20 @@ def to_child(row: Array, c: float, s: float, a: Vector) -> Vector:
     return c * x + s * y, c * y - s * x, z
 
 
-@kernel(fastmath=True, allocates=False)
-def times_inertia(row: Array, a: Vector) -> Vector:
-    """The product I a with the inertia of a body about its joint's origin."""
-    xx, xy, yy = row[INERTIA], row[INERTIA + 1], row[INERTIA + 2]
-    xz, yz, zz = row[INERTIA + 3], row[INERTIA + 4], row[INERTIA + 5]
-    return (
-        xx * a[0] + xy * a[1] + xz * a[2],
-        xy * a[0] + yy * a[1] + yz * a[2],
-        xz * a[0] + yz * a[1] + zz * a[2],
-    )
-
-
 @kernel(allocates=False)
 def dry_friction(coulomb: float, qd: float) -> float:
     """Dry friction of a joint that moves at q_dot: F tanh(q_dot / v)."""
     return float(coulomb * np.tanh(qd / SMOOTH_SPEED))
+
+
+@kernel(fastmath=True, allocates=False)
+def symmetric(U: Vector, T: Vector, a: Vector) -> Vector:
+    """The product with a symmetric matrix of rows (U0, U1, T0), (U1, U2, T1), (T0, T1, T2).
+
+    An inertia is U and T as a row has it from ``INERTIA`` on.
+    """
+    return (
+        U[0] * a[0] + U[1] * a[1] + T[0] * a[2],
+        U[1] * a[0] + U[2] * a[1] + T[1] * a[2],
+        T[0] * a[0] + T[1] * a[1] + T[2] * a[2],
+    )

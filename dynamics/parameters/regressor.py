@@ -4,11 +4,22 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from compiled.kernel import kernel
-from compiled.vec3 import Vector, cross, dot, load, scale, subtract
+from compiled.vec3 import Vector, column, cross, dot, load, scale, subtract
 from dynamics.batch import stack_vectors
-from dynamics.kernels.composite import FRAME, axis_of, frames_kernel, origin_of
+from dynamics.kernels.composite import FRAME, frames_kernel
 from dynamics.kernels.recursion import WORK, advance
-from dynamics.model.body import COULOMB, FRICTION, MASS, MOTOR, REVOLUTE, SMOOTH_SPEED, TYPE, bodies
+from dynamics.model.body import (
+    COULOMB,
+    FRICTION,
+    MASS,
+    MOTOR,
+    ORIGIN_COLUMN,
+    REVOLUTE,
+    SMOOTH_SPEED,
+    TYPE,
+    Z_COLUMN,
+    bodies,
+)
 from kinematics.arrays import Array, frozen
 from kinematics.model.chain import Chain
 
@@ -59,9 +70,9 @@ def regressor_kernel(rows: Array, motion: Array, work: Array, frames: Array, Y: 
         F = frames[j]
         for i in range(j + 1):
             E, out = frames[i], Y[i, 10 * j : 10 * j + 10]
-            z = to_frame(F, axis_of(E))
+            z = to_frame(F, column(E, Z_COLUMN))
             if rows[i, TYPE] == REVOLUTE:
-                arm = to_frame(F, subtract(origin_of(F), origin_of(E)))
+                arm = to_frame(F, subtract(column(F, ORIGIN_COLUMN), column(E, ORIGIN_COLUMN)))
                 v = cross(z, arm)
                 out[0] = dot(v, A)
                 out[1] = dot(v, X) + z[2] * A[1] - z[1] * A[2]

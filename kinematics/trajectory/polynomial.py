@@ -4,8 +4,6 @@ A piece has ascending coefficients c, p(t) = sum_k c_k t^k on [0, h]. Ranges are
 interval, q(u) = p(h u), so that neither the length of a piece nor its units matter.
 """
 
-import numpy as np
-
 from compiled.kernel import kernel
 from kinematics.arrays import Array
 
@@ -70,27 +68,6 @@ def sample_kernel(
                     factor *= k - i
                 value = value * u + factor
             values[row, joint] = value
-
-
-@kernel
-def sample_between_kernel(breaks: Array, coefficients: Array, states: Array) -> None:
-    """Write values at instants evenly spaced between the ends, but not at them, to (p, n)."""
-    count = states.shape[0]
-    times, step = np.empty(count), breaks[-1] / (count + 1)
-    for i in range(count):
-        times[i] = min((i + 1) * step, breaks[-1])
-    sample_kernel(breaks, coefficients, times, 0, states)
-
-
-@kernel(allocates=False)
-def are_pieces_kernel(breaks: Array, coefficients: Array) -> bool:
-    """Whether breaks (m + 1,) ascend from 0 and coefficients (m, n, k) are finite."""
-    sound = breaks[0] == 0.0 and breaks[-1] < np.inf
-    for i in range(1, breaks.shape[0]):
-        sound &= breaks[i] > breaks[i - 1]
-    for number in coefficients.reshape(coefficients.size):
-        sound &= abs(number) < np.inf
-    return bool(sound)
 
 
 @kernel
@@ -185,19 +162,6 @@ def widen_kernel(c: Array, count: int, u: float, time: float, best: Array) -> No
 
 
 @kernel
-def inside_sums_kernel(c: Array, count: int, low: float, high: float) -> bool:
-    """Say whether c_0 + sum of the negative c_k and c_0 + sum of the positive lie in a range."""
-    below, above = c[0], c[0]
-    for k in range(1, count):
-        if c[k] < 0.0:
-            below += c[k]
-        else:
-            above += c[k]
-    # Said this way round a NaN is never inside.
-    return bool(low <= below and above <= high)
-
-
-@kernel
 def inside_hull_kernel(c: Array, count: int, low: float, high: float, spare: Array) -> bool:
     """Say whether the Bernstein coefficients on [0, 1], which enclose the values, lie in a range.
 
@@ -252,7 +216,14 @@ def extrema_kernel(
             if largest_only:
                 high = max(-low, high)
                 low = -high
-            if count < 3 or inside_sums_kernel(c, count, low, high):
+            below, above = c[0], c[0]
+            for k in range(1, count):
+                if c[k] < 0.0:
+                    below += c[k]
+                else:
+                    above += c[k]
+            # Said this way round a NaN is never inside.
+            if count < 3 or (low <= below and above <= high):
                 continue
             if inside_hull_kernel(c, count, low, high, spare):
                 continue

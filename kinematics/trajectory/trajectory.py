@@ -2,19 +2,16 @@
 
 import hashlib
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import cache
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from compiled.kernel import direct
 from kinematics.arrays import Array, frozen
 from kinematics.errors import InvalidNumbers, InvalidOption, InvalidTrajectory
 from kinematics.trajectory.polynomial import (
-    are_pieces_kernel,
     extrema_kernel,
     piece_extrema_kernel,
     sample_kernel,
@@ -321,12 +318,6 @@ def stay(joint_names: Sequence[str], position: ArrayLike, duration: float = REST
     return Trajectory(tuple(joint_names), np.array([0.0, duration]), coefficients)
 
 
-@cache
-def _are_pieces() -> Callable[[Array, Array], bool]:
-    """``are_pieces_kernel`` for a trajectory's arrays, without numba's check of their types."""
-    return direct(are_pieces_kernel, frozen(np.zeros(1)), frozen(np.zeros((1, 1, 1))))
-
-
 def _array(values: ArrayLike, name: str) -> Array:
     try:
         return frozen(values)
@@ -342,7 +333,8 @@ def _is_sound(names: tuple[str, ...], breaks: Array, c: Array) -> bool:
         return False
     fits = 1 < len(breaks) == len(c) + 1 and c.shape[1] == len(names) > 0
     fits = fits and 0 < c.shape[2] <= MAX_DEGREE + 1 and len(set(names)) == len(names)
-    return fits and _are_pieces()(breaks, c)
+    ascends = fits and breaks[0] == 0.0 and bool((breaks[1:] > breaks[:-1]).all())
+    return ascends and bool(breaks[-1] < np.inf) and bool(np.isfinite(c).all())
 
 
 def _refuse(trajectory: Trajectory) -> None:

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from compiled.kernel import kernel
-from compiled.vec3 import Vector, cross, dot, subtract
+from compiled.vec3 import Vector, cross, dot, row, subtract
 from kinematics.arrays import Array
 
 Indices = NDArray[np.int64]
@@ -19,11 +19,6 @@ Nearest = tuple[float, float, float, float]
 #: and as having no face at all: there its normal is made of rounding errors.
 _SLIVER = 1e-12
 _NO_AREA = 1e-24
-
-
-@kernel
-def _row(points: Array, i: int) -> Vector:
-    return points[i, 0], points[i, 1], points[i, 2]
 
 
 @kernel
@@ -97,9 +92,9 @@ def nearest_on_hull(
                 continue
         q = nearest_on_triangle(
             p,
-            _row(vertices, triangles[f, 0]),
-            _row(vertices, triangles[f, 1]),
-            _row(vertices, triangles[f, 2]),
+            row(vertices, triangles[f, 0]),
+            row(vertices, triangles[f, 1]),
+            row(vertices, triangles[f, 2]),
         )
         gap = subtract(p, q)
         square = dot(gap, gap)
@@ -120,28 +115,28 @@ def mesh_distances(points: Array, vertices: Array, triangles: Indices, distances
     balls = np.empty((f, 4))
     for i in range(f):
         a, b, c = (
-            _row(vertices, triangles[i, 0]),
-            _row(vertices, triangles[i, 1]),
-            _row(vertices, triangles[i, 2]),
+            row(vertices, triangles[i, 0]),
+            row(vertices, triangles[i, 1]),
+            row(vertices, triangles[i, 2]),
         )
         for k in range(3):
             balls[i, k] = (a[k] + b[k] + c[k]) / 3.0
-        center = _row(balls, i)
+        center = row(balls, i)
         da, db, dc = subtract(a, center), subtract(b, center), subtract(c, center)
         balls[i, 3] = np.sqrt(max(dot(da, da), dot(db, db), dot(dc, dc)))
     for m in range(points.shape[0]):
-        p = _row(points, m)
+        p = row(points, m)
         best = np.inf
         for i in range(f):
-            gap = subtract(p, _row(balls, i))
+            gap = subtract(p, row(balls, i))
             reach = best + balls[i, 3]
             if dot(gap, gap) >= reach * reach:
                 continue
             q = nearest_on_triangle(
                 p,
-                _row(vertices, triangles[i, 0]),
-                _row(vertices, triangles[i, 1]),
-                _row(vertices, triangles[i, 2]),
+                row(vertices, triangles[i, 0]),
+                row(vertices, triangles[i, 1]),
+                row(vertices, triangles[i, 2]),
             )
             gap = subtract(p, q)
             best = min(best, np.sqrt(dot(gap, gap)))
@@ -159,7 +154,7 @@ def hull_distances(
 ) -> None:
     """Signed distance of each of ``points`` (m, 3) to a hull, into ``distances`` (m,)."""
     for m in range(points.shape[0]):
-        nearest = nearest_on_hull(_row(points, m), vertices, triangles, planes, solid)
+        nearest = nearest_on_hull(row(points, m), vertices, triangles, planes, solid)
         distances[m] = nearest[3]
 
 

@@ -11,7 +11,7 @@ from typing import NamedTuple
 import numpy as np
 
 from compiled.kernel import kernel
-from compiled.vec3 import Vector, cross, dot, subtract
+from compiled.vec3 import Vector, cross, dot, row, subtract
 from kinematics.arrays import Array, Indices
 
 #: A point that is added sees the faces that it is above by this part of what it must be: not those
@@ -72,15 +72,10 @@ def empty_hull(points: int, most: int) -> GrowingHull:
 
 
 @kernel(allocates=False)
-def _point(points: Array, i: int) -> Vector:
-    return points[i, 0], points[i, 1], points[i, 2]
-
-
-@kernel(allocates=False)
 def _write_face(hull: GrowingHull, points: Array, f: int, i: int, j: int, k: int) -> None:
     """Put the face i, j, k into slot ``f``; one without an area is seen by nothing."""
-    a = _point(points, i)
-    n = cross(subtract(_point(points, j), a), subtract(_point(points, k), a))
+    a = row(points, i)
+    n = cross(subtract(row(points, j), a), subtract(row(points, k), a))
     length = np.sqrt(dot(n, n))
     scale = 1.0 / length if length > 0.0 else 0.0
     hull.corners[f, 0], hull.corners[f, 1], hull.corners[f, 2] = i, j, k
@@ -92,9 +87,9 @@ def _write_face(hull: GrowingHull, points: Array, f: int, i: int, j: int, k: int
 @kernel(allocates=False, inline="always")
 def _volume_over(hull: GrowingHull, points: Array, f: int, p: Vector) -> float:
     """Volume of the tetrahedron between a face and a point above it."""
-    a = subtract(_point(points, hull.corners[f, 0]), p)
-    b = subtract(_point(points, hull.corners[f, 1]), p)
-    c = subtract(_point(points, hull.corners[f, 2]), p)
+    a = subtract(row(points, hull.corners[f, 0]), p)
+    b = subtract(row(points, hull.corners[f, 1]), p)
+    c = subtract(row(points, hull.corners[f, 2]), p)
     return max(0.0, -dot(a, cross(b, c)) / 6.0)
 
 
@@ -108,22 +103,22 @@ def begin_hull(hull: GrowingHull, points: Array, chosen: Indices, count: int) ->
     if count < 4:
         return 0.0
     i, j, k, m = chosen[0], chosen[0], chosen[0], chosen[0]
-    a, best = _point(points, i), 0.0
+    a, best = row(points, i), 0.0
     for entry in range(count):
-        gap = subtract(_point(points, chosen[entry]), a)
+        gap = subtract(row(points, chosen[entry]), a)
         if dot(gap, gap) > best:
             best, j = dot(gap, gap), chosen[entry]
-    extent, ab, best = np.sqrt(best), subtract(_point(points, j), a), 0.0
+    extent, ab, best = np.sqrt(best), subtract(row(points, j), a), 0.0
     for entry in range(count):
-        n = cross(ab, subtract(_point(points, chosen[entry]), a))
+        n = cross(ab, subtract(row(points, chosen[entry]), a))
         if dot(n, n) > best:
             best, k = dot(n, n), chosen[entry]
-    n, wide = cross(ab, subtract(_point(points, k), a)), np.sqrt(best)
+    n, wide = cross(ab, subtract(row(points, k), a)), np.sqrt(best)
     if not wide > _FLAT * extent * extent:
         return 0.0
     height = 0.0
     for entry in range(count):
-        above = dot(n, subtract(_point(points, chosen[entry]), a)) / wide
+        above = dot(n, subtract(row(points, chosen[entry]), a)) / wide
         if abs(above) > abs(height):
             height, m = above, chosen[entry]
     if not abs(height) > _FLAT * extent:
@@ -200,7 +195,7 @@ def add_point(hull: GrowingHull, points: Array, i: int, sight: float) -> float:
         i: Number of the point that is added.
         sight: Height above a face below which the point is left out [m].
     """
-    p = _point(points, i)
+    p = row(points, i)
     made = hull.counts[_MADE]
     _write_heights(hull.planes, made, p[0], p[1], p[2], hull.heights)
     highest = -np.inf

@@ -13,7 +13,6 @@ from functools import partial
 
 import numpy as np
 
-from compiled.kernel import kernel
 from kinematics.arrays import Array, Indices
 from kinematics.caches.bounded_cache import bounded_cache
 from kinematics.errors import InvalidScene
@@ -139,7 +138,8 @@ def _sphere_rows(
     found = cover(hull.vertices.copy(), edges, planes, most, enough)
     centers, outer, depths = found[:, :3], found[:, 3], found[:, 4]
     if kind != PieceKind.POLYTOPE:
-        depths = round_depths(kind == PieceKind.CONE, radius, half, np.ascontiguousarray(centers))
+        nearest = nearest_on_cone if kind == PieceKind.CONE else nearest_on_cylinder
+        depths = np.array([-nearest(tuple(p), radius, half)[3] for p in centers.tolist()])
     return np.column_stack(
         [centers, outer + rounding + _ROUNDING, depths + rounding - _ROUNDING, found[:, 5]]
     )
@@ -194,16 +194,3 @@ def _around(kind: PieceKind, radius: float, half: float) -> Array:
     top = rim if kind == PieceKind.CYLINDER else np.zeros((1, 3))
     up = np.array([0.0, 0.0, half])
     return np.vstack([rim - up, top + up])
-
-
-@kernel
-def round_depths(cone: bool, radius: float, half: float, centers: Array) -> Array:
-    """How deep inside a cylinder or cone each of ``centers`` (k, 3) lies [m], shape (k,)."""
-    depths = np.empty(centers.shape[0])
-    for k in range(centers.shape[0]):
-        p = (centers[k, 0], centers[k, 1], centers[k, 2])
-        if cone:
-            depths[k] = -nearest_on_cone(p, radius, half)[3]
-        else:
-            depths[k] = -nearest_on_cylinder(p, radius, half)[3]
-    return depths

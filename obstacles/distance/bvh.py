@@ -67,14 +67,6 @@ def _is_before(
 
 
 @kernel(allocates=False, inline="code")
-def _is_after(
-    x: float, y: float, z: float, item: int, middles: Array, items: Indices, k: int, axes: int
-) -> bool:
-    """Whether a record comes after record k."""
-    return item != items[k] and not _is_before(x, y, z, item, middles, items, k, axes)
-
-
-@kernel(allocates=False, inline="code")
 def _move(middles: Array, items: Indices, source: int, target: int) -> None:
     """Copy a record."""
     for axis in range(3):
@@ -101,7 +93,7 @@ def _part(
         x, y, z, item = middles[k, 0], middles[k, 1], middles[k, 2], items[k]
         i, j = low, high
         while i <= j:
-            while _is_after(x, y, z, item, middles, items, i, axes):
+            while item != items[i] and not _is_before(x, y, z, item, middles, items, i, axes):
                 i += 1
             while _is_before(x, y, z, item, middles, items, j, axes):
                 j -= 1
@@ -133,18 +125,6 @@ def _longest_axis(middles: Array, first: int, last: int) -> int:
         if largest - least > length:
             longest, length = axis, largest - least
     return longest
-
-
-@kernel(allocates=False, inline="code")
-def _in_front(axes: int, axis: int) -> int:
-    """The order that compares by ``axis`` first, and where equal as ``axes`` did."""
-    code, place = axis + 1, 2
-    while axes > 0:
-        if axes & 3 != axis + 1:
-            code |= (axes & 3) << place
-            place += 2
-        axes >>= 2
-    return code
 
 
 @kernel(allocates=False, inline="always")
@@ -201,7 +181,14 @@ def grow_kernel(
         if last - first <= most:
             _sort_few(middles, items, first, last, axes)
             continue
-        axes = _in_front(axes, _longest_axis(middles, first, last))
+        # Records are compared by the longest axis first, and where equal as they were.
+        longest = _longest_axis(middles, first, last) + 1
+        before, axes, place = axes, longest, 2
+        while before > 0:
+            if before & 3 != longest:
+                axes |= (before & 3) << place
+                place += 2
+            before >>= 2
         half = (first + last) // 2
         draw = _part(middles, items, (first, last), half, axes, draw)
         stack[top, 0], stack[top, 1], stack[top, 2] = half, last, axes

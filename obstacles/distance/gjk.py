@@ -16,7 +16,7 @@ import math
 import numpy as np
 
 from compiled.kernel import kernel
-from compiled.vec3 import Vector, cross, dot, subtract
+from compiled.vec3 import Vector, cross, dot, row, subtract
 from kinematics.arrays import Array
 from obstacles.distance.piece_set import (
     KIND,
@@ -116,12 +116,6 @@ def support(rows: Array, i: int, corners: Array, tables: Lists, d: Vector) -> Ve
         rows[i, T + 4] * p[0] + rows[i, T + 5] * p[1] + rows[i, T + 6] * p[2] + rows[i, T + 7],
         rows[i, T + 8] * p[0] + rows[i, T + 9] * p[1] + rows[i, T + 10] * p[2] + rows[i, T + 11],
     )
-
-
-@kernel(allocates=False)
-def row(S: Array, i: int) -> Vector:
-    """Row i of S (k, 3)."""
-    return S[i, 0], S[i, 1], S[i, 2]
 
 
 @kernel(allocates=False)

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from compiled.kernel import direct, kernel
 from kinematics.arrays import Array, frozen
-from kinematics.trajectory.polynomial import sample_between_kernel, sample_kernel
+from kinematics.trajectory.polynomial import sample_kernel
 from obstacles.collision.checker import Checker, any_model
 from obstacles.collision.lanes.check import mark_blocked
 from obstacles.collision.model.model_arrays import ModelArrays
@@ -45,7 +45,8 @@ def spans_beside(places: Array) -> Array:
 def states_between(breaks: Array, coefficients: Array, count: int) -> Array:
     """States at instants evenly spaced between a motion's ends, shape (count, n)."""
     states = np.empty((count, coefficients.shape[1]))
-    _sample_between()(breaks, coefficients, states)
+    times = np.arange(1, count + 1) * (breaks[-1] / (count + 1))
+    sample_kernel(breaks, coefficients, np.minimum(times, breaks[-1]), 0, states)
     return states
 
 
@@ -70,12 +71,6 @@ def outside_instants(
 def is_inside(points: Array, lower: Array, upper: Array, spare: float) -> bool:
     """Whether points (k, n) are inside limits (n,) of the joints, and not near one [rad or m]."""
     return bool(((lower + spare < points) & (points < upper - spare)).all())
-
-
-@cache
-def _sample_between() -> Callable[[Array, Array, Array], None]:
-    """``sample_between_kernel`` for a motion's arrays, without numba's check of their types."""
-    return direct(sample_between_kernel, np.zeros(1), np.zeros((1, 1, 1)), np.zeros((1, 1)))
 
 
 class CloseInstants(NamedTuple):

@@ -18,17 +18,6 @@ from tests.dynamics.samples import (
 )
 
 
-@pytest.mark.parametrize("seed", range(20))
-def test_equals_pinocchio(seed: int) -> None:
-    chain = random_chain(seed, 2 + seed % 8)
-    model = pinocchio_model(chain)
-    data = model.createData()
-    q, qd, _ = random_state(chain, seed)
-    C = coriolis_matrix(chain, q, qd)
-    for k in range(len(q)):
-        assert relative_error(C[k], pin.computeCoriolisMatrix(model, data, q[k], qd[k])) < 1e-11
-
-
 @pytest.mark.parametrize("seed", range(5))
 def test_equals_the_christoffel_symbols_of_the_derivatives_of_d(seed: int) -> None:
     chain = random_chain(seed, 2 + seed % 4)

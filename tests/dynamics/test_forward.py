@@ -3,7 +3,6 @@
 from dataclasses import replace
 
 import numpy as np
-import pinocchio as pin
 import pytest
 
 from dynamics.forward import forward_dynamics
@@ -11,19 +10,7 @@ from dynamics.inverse import inverse_dynamics
 from kinematics.errors import InvalidRobotState, MissingInertia
 from kinematics.model.chain import Inertia
 from tests.dynamics.oracle import relative_error
-from tests.dynamics.samples import pinocchio_model, planar_rr, random_chain, random_state
-
-
-@pytest.mark.parametrize("seed", range(20))
-def test_equals_pinocchio(seed: int) -> None:
-    chain = random_chain(seed, 1 + seed % 9, motors=seed % 2 == 1)
-    model = pinocchio_model(chain)
-    data = model.createData()
-    q, qd, torque = random_state(chain, seed)
-    qdd = forward_dynamics(chain, q, qd, torque)
-    for k in range(len(q)):
-        net = torque[k] - chain.viscous_friction * qd[k]
-        assert relative_error(qdd[k], pin.aba(model, data, q[k], qd[k], net)) < 1e-10
+from tests.dynamics.samples import planar_rr, random_chain, random_state
 
 
 @pytest.mark.parametrize("seed", range(10))

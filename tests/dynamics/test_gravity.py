@@ -1,31 +1,16 @@
 """U(q) and G(q) = grad U against pinocchio and automatic derivatives."""
 
 import numpy as np
-import pinocchio as pin
 import pytest
 
 from dynamics.terms import gravity_vector, potential_energy
 from tests.dynamics.oracle import christoffel_function, relative_error
 from tests.dynamics.samples import (
     cart_pendulum,
-    pinocchio_model,
     planar_rr,
     random_chain,
     random_state,
 )
-
-
-@pytest.mark.parametrize("seed", range(20))
-def test_equals_pinocchio(seed: int) -> None:
-    chain = random_chain(seed, 1 + seed % 9)
-    model = pinocchio_model(chain)
-    data = model.createData()
-    q = random_state(chain, seed)[0]
-    G, U = gravity_vector(chain, q), potential_energy(chain, q)
-    for k in range(len(q)):
-        expected = pin.computeGeneralizedGravity(model, data, q[k])
-        np.testing.assert_allclose(G[k], expected, atol=1e-11 * max(1.0, np.abs(expected).max()))
-        assert U[k] == pytest.approx(pin.computePotentialEnergy(model, data, q[k]), abs=1e-10)
 
 
 @pytest.mark.parametrize("seed", range(4))

@@ -1,32 +1,16 @@
 """D(q) against pinocchio, its definition by partial Jacobians and the notes' examples."""
 
 import numpy as np
-import pinocchio as pin
 import pytest
 
 from dynamics.terms import augmented_mass_matrix, mass_matrix
 from tests.dynamics.oracle import christoffel_function, relative_error
 from tests.dynamics.samples import (
     cart_pendulum,
-    pinocchio_model,
     planar_rr,
     random_chain,
     random_state,
 )
-
-
-@pytest.mark.parametrize("seed", range(20))
-def test_equals_pinocchio(seed: int) -> None:
-    chain = random_chain(seed, 1 + seed % 9)
-    model = pinocchio_model(chain)
-    data = model.createData()
-    q = random_state(chain, seed)[0]
-    D = mass_matrix(chain, q)
-    for k in range(len(q)):
-        upper = np.triu(pin.crba(model, data, q[k]))
-        assert relative_error(D[k], upper + np.triu(upper, 1).T) < 1e-12
-    np.testing.assert_array_equal(D, D.swapaxes(-1, -2))
-    assert np.linalg.eigvalsh(D).min() > 0.0
 
 
 @pytest.mark.parametrize("seed", range(4))

@@ -11,11 +11,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from compiled.kernel import kernel
-from compiled.vec3 import cross, dot, subtract
+from compiled.vec3 import column, cross, dot, load, subtract
 from dynamics.forward import acceleration_kernel
-from dynamics.kernels.composite import axis_of, frames_kernel, origin_of
+from dynamics.kernels.composite import frames_kernel
 from dynamics.kernels.recursion import reference_inverse_kernel
-from dynamics.model.body import REVOLUTE, TYPE
+from dynamics.model.body import ORIGIN_COLUMN, REVOLUTE, TYPE, Z_COLUMN
 from kinematics.arrays import Array
 from tracking.controllers.control_law import (
     Kind,
@@ -92,13 +92,6 @@ class Loop(NamedTuple):
     flags: NDArray[np.int64]
 
 
-@kernel
-def fill(out: Array, value: float) -> None:
-    """Write one value everywhere into out (N,)."""
-    for i in range(out.shape[0]):
-        out[i] = value
-
-
 @kernel(allocates=False)
 def reference_kernel(breaks: Array, coefficients: Array, piece: int, t: float, out: Array) -> None:
     """Write the reference at t and its two derivatives into out (3, n), by Horner's scheme."""
@@ -140,7 +133,7 @@ def add_disturbance(loop: Loop, t: float, q: Array, torque: Array) -> None:
         size += abs(F[i])
     if loop.carrier < 0 or size == 0.0:
         return
-    f, m = (F[0], F[1], F[2]), (F[3], F[4], F[5])
+    f, m = load(F, 0), load(F, 3)
     rows, frames = loop.law.robot, loop.space.work
     frames_kernel(rows, q, frames)
     E, p = frames[loop.carrier], loop.tip
@@ -151,9 +144,9 @@ def add_disturbance(loop: Loop, t: float, q: Array, torque: Array) -> None:
     )
     for i in range(loop.carrier + 1):
         E = frames[i]
-        z = axis_of(E)
+        z = column(E, Z_COLUMN)
         if rows[i, TYPE] == REVOLUTE:
-            arm = subtract(at, origin_of(E))
+            arm = subtract(at, column(E, ORIGIN_COLUMN))
             torque[i] += dot(z, m) + dot(z, cross(arm, f))
         else:
             torque[i] += dot(z, f)
@@ -166,7 +159,7 @@ def rate_kernel(loop: Loop, t: float, x: Array, rate: Array) -> None:
     loop.flags[EVALUATIONS] += 1
     for i in range(x.shape[0]):
         if not abs(x[i]) < HOPELESS:
-            fill(rate, np.nan)
+            rate[:] = np.nan
             return
     if loop.flags[HELD] == 0:
         command_kernel(loop, t, x, loop.command)
@@ -181,7 +174,7 @@ def rate_kernel(loop: Loop, t: float, x: Array, rate: Array) -> None:
     )
     if failed >= 0:
         loop.flags[FAILED] = failed + 1
-        fill(rate, np.nan)
+        rate[:] = np.nan
         return
     for i in range(n):
         rate[i] = qd[i]

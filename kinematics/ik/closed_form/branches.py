@@ -9,6 +9,7 @@ from compiled.simd import (
 )
 from kinematics.arrays import Array, Indices
 from kinematics.forward import finite_kernel
+from kinematics.frame import frame_kernel
 from kinematics.ik.closed_form.calibrated import (
     add_curve_branches_kernel,
     add_nearby_branches_kernel,
@@ -43,7 +44,6 @@ from kinematics.ik.closed_form.structure import (
     Problem,
 )
 from kinematics.ik.closed_form.subproblem import EXACT
-from kinematics.ik.numeric.dls_step import frame_kernel
 from kinematics.model.chain import MAX_JOINTS
 
 #: Candidates of one pose at most, since families stand for themselves with several members.

@@ -24,7 +24,8 @@ from compiled.kernel import kernel
 from compiled.linear_solve import solve_kernel
 from kinematics.arrays import Array, Indices
 from kinematics.frame import Frame
-from kinematics.ik.numeric.dls_step import error_kernel
+from kinematics.ik.closed_form.refine import size_kernel
+from kinematics.ik.numeric.dls_step import error_kernel, project_kernel
 from kinematics.jacobian import frame_and_jacobian_kernel
 
 #: Joints of such a Jacobian: as many as a pose has directions.
@@ -165,7 +166,7 @@ def sharpen_kernel(
     n = q.shape[0]
     J, M, b, trial = np.empty((6, n)), np.empty((6, 6)), np.empty(6), np.empty(n)
     error = error_kernel(frame_and_jacobian_kernel(model, q, link, J), T)
-    square = _square(error)
+    square = project_kernel(error, error)
     for _ in range(12):
         for i in range(6):
             b[i] = error[i]
@@ -177,20 +178,12 @@ def sharpen_kernel(
         for a in range(JOINTS):
             trial[joints[a]] += b[a]
         error = error_kernel(frame_and_jacobian_kernel(model, trial, link, J), T)
-        after = _square(error)
+        after = project_kernel(error, error)
         if not after < square:
             break
         q[:], square = trial, after
     error = error_kernel(frame_and_jacobian_kernel(model, q, link, J), T)
-    return (
-        math.sqrt(error[0] ** 2 + error[1] ** 2 + error[2] ** 2),
-        math.sqrt(error[3] ** 2 + error[4] ** 2 + error[5] ** 2),
-    )
-
-
-@kernel
-def _square(e: tuple[float, float, float, float, float, float]) -> float:
-    return e[0] * e[0] + e[1] * e[1] + e[2] * e[2] + e[3] * e[3] + e[4] * e[4] + e[5] * e[5]
+    return size_kernel(error)
 
 
 @kernel

@@ -69,14 +69,6 @@ VERIFIED = LANES * (4 * MAX_JOINTS + _BEHIND)
 
 
 @kernel(inline="code")
-def angle_kernel(c: Lanes, s: Lanes) -> Lanes:
-    """The angle of a unit vector (c, s) in (-pi, pi]."""
-    angle, _, _ = quadrant_kernel(abs(c), abs(s))
-    angle = choose(c < 0.0, math.pi - angle, angle)
-    return choose(s < 0.0, -angle, angle)
-
-
-@kernel(inline="code")
 def near_kernel(
     angle: Lanes, lower: float, upper: float, seed: float
 ) -> tuple[Lanes, Conditions, Conditions]:
@@ -156,7 +148,9 @@ def verify_kernel(problem: Problem, candidates: Array, first: int, count: int, l
         else:
             c, s = load(lanes, rest + 2 * LANES * j), load(lanes, rest + 2 * LANES * j + 8)
             B = turn_kernel(model, 1 + j, c, s, B)
-            value = angle_kernel(c, s)
+            value, _, _ = quadrant_kernel(abs(c), abs(s))
+            value = choose(c < 0.0, math.pi - value, value)
+            value = choose(s < 0.0, -value, value)
         store(lanes, LANES * j, value)
         if j != held and j <= last:
             value, fits, cut = near_kernel(value, lower[j], upper[j], seed[j])

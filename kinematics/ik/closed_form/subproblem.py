@@ -279,7 +279,10 @@ def pair_kernel(
                     if status == ANY_ANGLE:
                         c, s = math.cos(free[i]), math.sin(free[i])
                     first = g0 + g1 * c + g2 * s
-                    square = _quadratic(rho, c, s) - first * first
+                    square = (
+                        rho[0] + rho[1] * c + rho[2] * s
+                        + rho[3] * c * c + rho[4] * c * s + rho[5] * s * s - first * first
+                    )  # fmt: skip
                     second = math.sqrt(max(square, 0.0))
                     second = second if j == 0 else -second
                 if state == NO_SOLUTION or square < -room:
@@ -305,12 +308,6 @@ def pair_kernel(
         first, second = g0 + g1 * c + g2 * s, (k0 + k1 * c + k2 * s) / s2
         count = _add_pair(out, count, c, s, first, second, v0, v1)
     return count, number < 0
-
-
-@kernel(allocates=False)
-def _quadratic(e: Array, c: float, s: float) -> float:
-    value: float = e[0] + e[1] * c + e[2] * s + e[3] * c * c + e[4] * c * s + e[5] * s * s
-    return value
 
 
 @kernel(allocates=False)

@@ -31,15 +31,6 @@ class StepWorkspace(NamedTuple):
     g: Array
 
 
-@kernel(allocates=False)
-def frame_kernel(T: Array) -> Frame:
-    """The upper three rows of (4, 4) as twelve numbers."""
-    return (
-        T[0, 0], T[0, 1], T[0, 2], T[0, 3], T[1, 0], T[1, 1], T[1, 2], T[1, 3],
-        T[2, 0], T[2, 1], T[2, 2], T[2, 3],
-    )  # fmt: skip
-
-
 @kernel(inline="code")
 def error_kernel(B: Frame, T: Frame) -> Error:
     """The error [p_T - p_B; log(R_T R_B^T)] from frame B to T, continuous to half a turn.
@@ -55,7 +46,14 @@ def error_kernel(B: Frame, T: Frame) -> Error:
         B[0] * T[0] + B[4] * T[4] + B[8] * T[8] + B[1] * T[1] + B[5] * T[5] + B[9] * T[9]
         + B[2] * T[2] + B[6] * T[6] + B[10] * T[10] - 1.0
     )  # fmt: skip
-    scale = stretch_kernel(square, cosine)
+    # The angle over its sine, without branches.
+    sine = math.sqrt(square)
+    unit = 1.0 / max(math.sqrt(square + cosine * cosine), 1e-300)
+    angle, ratio, small = quadrant_kernel(abs(cosine) * unit, sine * unit)
+    behind = cosine < 0.0
+    angle = choose(behind, math.pi - angle, angle)
+    far = angle / max(sine, 1e-300)
+    scale = choose(behind, far, choose(small, unit + unit * ratio, far))
     x, y, z = scale * x, scale * y, scale * z
     half_turn = (square <= 1e-14) & (cosine <= 0.0)
     if anywhere(half_turn):
@@ -86,18 +84,6 @@ def quadrant_kernel(c: Lanes, s: Lanes) -> tuple[Lanes, Lanes, Conditions]:
     ratio = P / Q
     base = choose(small, 0.0, choose(large, 0.5 * math.pi, 0.25 * math.pi))
     return base + (x + x * ratio), ratio, small
-
-
-@kernel(inline="code")
-def stretch_kernel(square: Lanes, cosine: Lanes) -> Lanes:
-    """An angle over its sine, by the sine's square and the cosine; without branches."""
-    sine = math.sqrt(square)
-    unit = 1.0 / max(math.sqrt(square + cosine * cosine), 1e-300)
-    angle, ratio, small = quadrant_kernel(abs(cosine) * unit, sine * unit)
-    behind = cosine < 0.0
-    angle = choose(behind, math.pi - angle, angle)
-    far = angle / max(sine, 1e-300)
-    return choose(behind, far, choose(small, unit + unit * ratio, far))
 
 
 @kernel(allocates=False)
@@ -199,17 +185,6 @@ def project_kernel(column: Error, e: Error) -> Lanes:
 
 
 @kernel(allocates=False)
-def dual_kernel(J: Array, e: Array, free: Indices, count: int, damping: float, x: Array) -> None:
-    """Solve (J J^T + damping I) x = e over the columns ``free[:count]`` of J (6, n), x (6,)."""
-    A = diagonal_kernel(damping, 0.0)
-    for i in range(count):
-        A = add_outer_kernel(A, column_kernel(J, free[i]))
-    x[0], x[1], x[2], x[3], x[4], x[5] = factor_solve_kernel(
-        A, (e[0], e[1], e[2], e[3], e[4], e[5])
-    )
-
-
-@kernel(allocates=False)
 def step_within_kernel(
     J: Array, e: Array, q: Array, lower: Array, upper: Array, damping: float, room: StepWorkspace,
     out: Array,
@@ -243,8 +218,10 @@ def step_within_kernel(
         free[count] = j
         count += 1
     if n >= 6:
-        dual_kernel(J, e, free, count, damping, g)
-        x = (g[0], g[1], g[2], g[3], g[4], g[5])
+        A = diagonal_kernel(damping, 0.0)
+        for a in range(count):
+            A = add_outer_kernel(A, column_kernel(J, free[a]))
+        x = factor_solve_kernel(A, error)
         for a in range(count):
             j = free[a]
             step = project_kernel(column_kernel(J, j), x)

@@ -11,12 +11,11 @@ from compiled.simd import LANES, Lanes, choose, fill, load, on_stack, store
 from compiled.sincos import TURNS, few_turns_kernel, turn_at_kernel
 from kinematics.arrays import Array
 from kinematics.forward import finite_kernel
-from kinematics.frame import IDENTITY, Frame, compose_kernel, move_kernel
+from kinematics.frame import IDENTITY, Frame, compose_kernel, frame_kernel, move_kernel
 from kinematics.ik.numeric.dls_step import (
     Error,
     StepWorkspace,
     error_kernel,
-    frame_kernel,
     step_within_kernel,
 )
 from kinematics.jacobian import frame_and_jacobian_kernel

@@ -14,7 +14,7 @@ from compiled.random import State
 from compiled.simd import LANES, Conditions, choose, load, on_stack, store
 from compiled.sincos import turns_kernel
 from kinematics.arrays import Array, Indices
-from kinematics.ik.numeric.dls_step import frame_kernel
+from kinematics.frame import frame_kernel
 from kinematics.ik.numeric.lane_steps import (
     ACTIVE,
     ALL_STEPS,

@@ -7,8 +7,7 @@ from typing import NamedTuple, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from compiled.kernel import kernel
-from kinematics.arrays import Array, Indices
+from kinematics.arrays import Indices
 from kinematics.caches.bounded_cache import DEFAULT_LIMIT, array_bytes, bounded_cache
 from kinematics.model.chain import Chain
 from obstacles.collision.model.brackets import Brackets, brackets, sphere_sets
@@ -314,56 +313,22 @@ def _scene_part(scene: Scene) -> _ScenePart:
     rows = packed.rows.copy()
     counts = np.array([obstacle.count for obstacle in scene.obstacles], dtype=np.int64)
     margins = np.array([obstacle.margin for obstacle in scene.obstacles], dtype=np.float64)
-    low, high = np.empty((len(rows), 3)), np.empty((len(rows), 3))
-    order = np.empty(len(rows), dtype=np.int64)
-    solids = bound_rows_kernel(counts, margins, rows, low, high, order)
-    grown = tree(low[:solids], high[:solids])
-    items = order[grown.items]
-    for array in (rows, order, items):
+    rows[:, OWNER] = np.repeat(np.arange(len(counts)), counts)
+    rows[:, MARGIN] = np.repeat(margins, counts)
+    solid = rows[:, KIND] != _HALFSPACE
+    bounded, halfspaces = rows[solid], np.flatnonzero(~solid)
+    pose, middle = bounded[:, POSE : POSE + 12].reshape(-1, 3, 4), bounded[:, MIDDLE : MIDDLE + 3]
+    half = np.zeros_like(middle)
+    center = np.zeros_like(middle)
+    for k in range(3):
+        center += pose[:, :, k] * middle[:, k : k + 1]
+        half += np.abs(pose[:, :, k]) * bounded[:, HALF + k : HALF + k + 1]
+    center, half = center + pose[:, :, 3], half + bounded[:, MARGIN : MARGIN + 1]
+    grown = tree(center - half, center + half)
+    items = np.flatnonzero(solid)[grown.items]
+    for array in (rows, halfspaces, items):
         array.setflags(write=False)
-    return _ScenePart(packed._replace(rows=rows), Tree(grown.nodes, items), order[solids:])
-
-
-@kernel(allocates=False, unlocks=False)
-def bound_rows_kernel(
-    counts: Indices, margins: Array, rows: Array, low: Array, high: Array, order: Indices
-) -> int:
-    """Write the obstacles and their margins into the rows (m, WIDTH) of a scene's pieces.
-
-    Args:
-        counts: Pieces of each obstacle.
-        margins: Margins of each obstacle [m].
-        rows: Rows of the pieces.
-        low: Filled with the lowest corners of pieces, margins on, half-spaces left out, (m, 3) [m].
-        high: Filled with the highest corners.
-        order: Filled with the numbers of these pieces, and behind them those of half-spaces, (m,).
-
-    Returns:
-        How many pieces are no half-spaces.
-    """
-    k, solids, m = 0, 0, rows.shape[0]
-    for owner in range(counts.shape[0]):
-        for _ in range(counts[owner]):
-            row = rows[k]
-            row[OWNER], row[MARGIN] = owner, margins[owner]
-            if row[KIND] != _HALFSPACE:
-                for axis in range(3):
-                    at = POSE + 4 * axis
-                    middle, half = 0.0, 0.0
-                    for other in range(3):
-                        middle += row[at + other] * row[MIDDLE + other]
-                        half += abs(row[at + other]) * row[HALF + other]
-                    middle, half = middle + row[at + 3], half + row[MARGIN]
-                    low[solids, axis], high[solids, axis] = middle - half, middle + half
-                order[solids] = k
-                solids += 1
-            k += 1
-    halfspaces = solids
-    for k in range(m):
-        if rows[k, KIND] == _HALFSPACE:
-            order[halfspaces] = k
-            halfspaces += 1
-    return solids
+    return _ScenePart(packed._replace(rows=rows), Tree(grown.nodes, items), halfspaces)
 
 
 def _with_halfspaces(

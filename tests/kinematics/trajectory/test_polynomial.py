@@ -9,16 +9,9 @@ from numpy.polynomial import polynomial as power_basis
 
 from kinematics.arrays import Array
 from kinematics.trajectory.polynomial import (
-    are_pieces_kernel,
-    bracketed_root_kernel,
-    horner_kernel,
-    inside_hull_kernel,
-    inside_sums_kernel,
     piece_extrema_kernel,
-    sample_between_kernel,
     sample_kernel,
     shift_kernel,
-    unit_derivative_kernel,
     unit_roots_kernel,
 )
 from tests.properties import numbers
@@ -40,33 +33,6 @@ def roots_in_unit(c: Array) -> Array:
 
 
 # -------------------------------------------------------------------------------- derivatives
-
-
-@given(COEFFICIENTS, st.floats(0.01, 20.0), st.integers(0, 9))
-def test_unit_derivatives_are_numpys_in_scaled_time(c: Array, h: float, order: int) -> None:
-    out = np.full(len(c) + 1, np.nan)
-    count = unit_derivative_kernel(c, h, order, out)
-    expected = Polynomial(c).deriv(order)(h * SAMPLES) if order else Polynomial(c)(h * SAMPLES)
-    scale = np.abs(out[:count]).sum()
-    np.testing.assert_allclose(
-        power_basis.polyval(SAMPLES, out[:count]), expected, atol=1e-12 * scale
-    )
-    assert count == 1 or out[count - 1] != 0.0
-    assert 1 <= count <= max(1, len(c) - order)
-
-
-def test_a_derivative_beyond_the_degree_is_zero() -> None:
-    out = np.full(4, np.nan)
-    for order in (3, 4, 30):
-        assert unit_derivative_kernel(np.array([1.0, 2.0, 3.0]), 0.5, order, out) == 1
-        assert out[0] == 0.0
-
-
-@given(COEFFICIENTS, st.floats(-2.0, 2.0))
-def test_horners_rule_is_numpys_value(c: Array, u: float) -> None:
-    expected = power_basis.polyval(u, c)
-    assert horner_kernel(c, len(c), u) == pytest.approx(expected, abs=1e-13 * np.abs(c).sum() * 300)
-    assert horner_kernel(c, 1, u) == c[0]
 
 
 @given(COEFFICIENTS, st.floats(-2.0, 2.0))
@@ -132,71 +98,7 @@ def test_a_double_root_is_answered_where_it_is_or_not_at_all() -> None:
             assert all(np.abs(found - other).min() < 1e-9 for other in places[1:])
 
 
-def test_complex_roots_are_not_answered() -> None:
-    assert len(roots_in_unit(np.array([1.0, -1.0, 1.0]))) == 0
-    # (u^2 - u + 1)(u - 0.4)
-    np.testing.assert_allclose(roots_in_unit(np.array([-0.4, 1.4, -1.4, 1.0])), [0.4], atol=1e-15)
-
-
-@pytest.mark.parametrize("target", [1e-9, 0.1, 0.5, 0.999])
-@pytest.mark.parametrize("power", [1, 3, 7])
-def test_a_bracketed_root_is_known_to_the_last_digit(target: float, power: int) -> None:
-    # u^k - t^k, flat below its root.
-    c = np.zeros(power + 1)
-    c[0], c[-1] = -(target**power), 1.0
-    slope = np.arange(1.0, power + 1) * c[1:]
-    found = bracketed_root_kernel(c, slope, power + 1, 0.0, 1.0, c[0])
-    assert found == pytest.approx(target, rel=1e-14, abs=1e-16)
-
-
 # ------------------------------------------------------------------------------------- bounds
-
-
-@given(COEFFICIENTS, st.floats(-4.0, 4.0), st.floats(-4.0, 4.0))
-def test_what_is_called_inside_is_inside(c: Array, one: float, other: float) -> None:
-    low, high = min(one, other), max(one, other)
-    values = power_basis.polyval(SAMPLES, c)
-    rounding = 1e-13 * np.abs(c).sum()
-    for inside in (
-        inside_sums_kernel(c, len(c), low, high),
-        inside_hull_kernel(c, len(c), low, high, np.empty(len(c))),
-    ):
-        if inside:
-            assert values.min() >= low - rounding
-            assert values.max() <= high + rounding
-
-
-@given(COEFFICIENTS)
-def test_the_hull_touches_the_values_at_both_ends(c: Array) -> None:
-    spare = np.empty(len(c))
-    inside_hull_kernel(c, len(c), 0.0, 0.0, spare)
-    scale = np.abs(c).sum() + 1e-300
-    assert spare[0] == pytest.approx(c[0], abs=1e-13 * scale)
-    assert spare[-1] == pytest.approx(c.sum(), abs=1e-13 * scale)
-    # Bernstein's basis sums up to the polynomial.
-    degree = len(c) - 1
-    rising, falling = Polynomial([0.0, 1.0]), Polynomial([1.0, -1.0])
-    basis = [(rising**k * falling ** (degree - k)).coef for k in range(degree + 1)]
-    binomials = np.round(np.cumprod([1.0, *[(degree - k) / (k + 1) for k in range(degree)]]))
-    total = sum(
-        b * n * np.resize(p, degree + 1) for b, n, p in zip(spare, binomials, basis, strict=True)
-    )
-    np.testing.assert_allclose(total, c, atol=1e-9 * scale)
-
-
-def test_a_linear_piece_is_inside_its_own_range_and_no_smaller_one() -> None:
-    c, spare = np.array([1.0, -3.0]), np.empty(2)
-    for low, high, inside in ((-2.0, 1.0, True), (-1.9, 1.0, False), (-2.0, 0.9, False)):
-        assert inside_sums_kernel(c, 2, low, high) is inside
-        assert inside_hull_kernel(c, 2, low, high, spare) is inside
-
-
-@pytest.mark.parametrize("place", [0, 1, 2])
-def test_what_is_not_a_number_is_never_inside(place: int) -> None:
-    c = np.zeros(3)
-    c[place] = np.nan
-    assert not inside_sums_kernel(c, 3, -np.inf, np.inf)
-    assert not inside_hull_kernel(c, 3, -np.inf, np.inf, np.empty(3))
 
 
 # ------------------------------------------------------------------------------------- pieces
@@ -238,33 +140,3 @@ def test_the_range_of_a_piece_holds_its_values_tightly(
     spread = np.ptp(values) + 1e-12 * (1.0 + np.abs(values).max())
     assert lower[0, 0] - 1e-9 * spread <= values.min() <= lower[0, 0] + 1e-4 * spread
     assert upper[0, 0] + 1e-9 * spread >= values.max() >= upper[0, 0] - 1e-4 * spread
-
-
-def test_samples_between_the_ends_are_evenly_spaced() -> None:
-    rng = np.random.default_rng(5)
-    breaks = np.concatenate([[0.0], np.cumsum(rng.uniform(0.1, 1.0, 4))])
-    coefficients = rng.normal(size=(4, 3, 5))
-    for count in (1, 2, 7, 40):
-        states, expected = np.empty((2, count, 3))
-        sample_between_kernel(breaks, coefficients, states)
-        for row, t in enumerate(np.linspace(0.0, breaks[-1], count + 2)[1:-1]):
-            piece = int(np.searchsorted(breaks, t, side="right")) - 1
-            for joint in range(3):
-                expected[row, joint] = Polynomial(coefficients[piece, joint])(t - breaks[piece])
-        np.testing.assert_allclose(states, expected, rtol=1e-12, atol=1e-12)
-
-
-def test_pieces_are_told_from_what_is_none() -> None:
-    breaks, coefficients = np.array([0.0, 0.5, 2.0]), np.ones((2, 3, 4))
-    assert are_pieces_kernel(breaks, coefficients)
-    for wrong in ([0.1, 0.5, 2.0], [0.0, 0.5, 0.5], [0.0, 0.5, 0.4]):
-        assert not are_pieces_kernel(np.array(wrong), coefficients)
-    for number in (np.nan, np.inf, -np.inf):
-        for row in range(3):
-            there = breaks.copy()
-            there[row] = number
-            assert not are_pieces_kernel(there, coefficients)
-        for place in (0, 11, 23):
-            numbers_there = coefficients.copy()
-            numbers_there.flat[place] = number
-            assert not are_pieces_kernel(breaks, numbers_there)

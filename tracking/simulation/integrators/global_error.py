@@ -157,8 +157,13 @@ def set_jacobian(loop: Loop, carrier: ErrorCarrier, t: float, x: Array) -> float
 
 
 @kernel(allocates=False)
-def set_feedback(loop: Loop, carrier: ErrorCarrier, t: float, x: Array) -> None:
-    """Write what an error of the state x (N,) at a call adds to the rate until the next one."""
+def begin_call(loop: Loop, carrier: ErrorCarrier, t: float, x: Array, weights: Array) -> None:
+    """Carry on from a call of a held controller at state x (N,).
+
+    Write what an error of the state at the call adds to the rate until the next one.
+    """
+    evaluations = loop.flags[EVALUATIONS]
+    _merge(carrier, weights)
     N, n = x.shape[0], loop.limit.shape[0]
     trial, rate, base = carrier.vectors[0], carrier.vectors[1], carrier.vectors[2]
     wanted, moved = carrier.command[0], carrier.command[1]
@@ -190,14 +195,6 @@ def set_feedback(loop: Loop, carrier: ErrorCarrier, t: float, x: Array) -> None:
     multiply(drive, gains, carrier.feedback)
     # As it was: ``asked`` tells what is saturated.
     command_kernel(loop, t, x, wanted)
-
-
-@kernel(allocates=False)
-def begin_call(loop: Loop, carrier: ErrorCarrier, t: float, x: Array, weights: Array) -> None:
-    """Carry on from a call of a held controller at state x (N,)."""
-    evaluations = loop.flags[EVALUATIONS]
-    _merge(carrier, weights)
-    set_feedback(loop, carrier, t, x)
     loop.flags[EVALUATIONS] = evaluations
 
 

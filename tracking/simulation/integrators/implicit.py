@@ -121,21 +121,10 @@ def factor_all(stages: Stages, h: float) -> bool:
     return lu_factor_kernel(stages.complex, stages.pivots[1], 0.0)
 
 
-@kernel(allocates=False)
-def to_eigenbasis(a: float, b: float, c: float) -> tuple[float, float, float]:
-    """The stages of one state in the coordinates in which the method falls apart."""
-    S = _T_INVERSE
-    return (
-        S[0, 0] * a + S[0, 1] * b + S[0, 2] * c,
-        S[1, 0] * a + S[1, 1] * b + S[1, 2] * c,
-        S[2, 0] * a + S[2, 1] * b + S[2, 2] * c,
-    )
-
-
 @kernel(inline="always")
 def newton(loop: Loop, stages: Stages, t: float, h: float, x: Array, tolerances: Array) -> bool:
     """Solve for the stages ``stages.Z``; False where the iterations do not converge."""
-    N, Z, W, F = x.shape[0], stages.Z, stages.W, stages.F
+    N, Z, W, F, S = x.shape[0], stages.Z, stages.W, stages.F, _T_INVERSE
     trial, right = stages.vectors[0], stages.vectors[1]
     for s in range(3):
         for i in range(N):
@@ -149,7 +138,10 @@ def newton(loop: Loop, stages: Stages, t: float, h: float, x: Array, tolerances:
             if not np.isfinite(F[s, 0]):
                 return False
         for i in range(N):
-            f0, f1, f2 = to_eigenbasis(F[0, i], F[1, i], F[2, i])
+            # In the coordinates in which the method falls apart.
+            f0 = S[0, 0] * F[0, i] + S[0, 1] * F[1, i] + S[0, 2] * F[2, i]
+            f1 = S[1, 0] * F[0, i] + S[1, 1] * F[1, i] + S[1, 2] * F[2, i]
+            f2 = S[2, 0] * F[0, i] + S[2, 1] * F[1, i] + S[2, 2] * F[2, i]
             right[i] = f0 - _REAL / h * W[0, i]
             stages.right[i] = complex(f1, f2) - _COMPLEX / h * complex(W[1, i], W[2, i])
         lu_solve_kernel(stages.real, stages.pivots[0], right)

@@ -245,6 +245,28 @@ def test_parameters_of_redundant_arms(name: str) -> None:
         np.testing.assert_allclose(own.parameter, wanted[0], atol=1e-12)
 
 
+@pytest.mark.parametrize("slides", [False, True])
+def test_a_first_joint_that_is_held_stays_at_the_parameter(slides: bool) -> None:
+    six = general_arm(np.random.default_rng(3), "spherical")
+    mount = transform(from_axis_angle([1.0, 2.0, 3.0], 0.7), [0.2, -0.3, 0.4])
+    chain = replace(
+        six,
+        joint_names=("rail", *six.joint_names),
+        joint_types=np.array([int(slides), *six.joint_types]),
+        offsets=np.concatenate([mount[None], six.offsets]),
+        links=tuple(replace(k, joint=k.joint + 1 if k.joint >= 0 else -1) for k in six.links),
+        limits=type(six.limits).unlimited(7),
+        continuous=np.ones(7, dtype=np.bool_),
+    )
+    value = 0.45
+    assert closed_form(chain).locked == 0
+    q = np.array([value, 0.3, -0.4, 0.5, 0.6, -0.7, 0.8])
+    T = forward(chain, q)
+    table = branches(chain, T, parameters=[value], seed_joints=q)
+    assert np.abs(table.joints - q).max(axis=1).min() < 1e-8
+    assert (table.joints[:, 0] == value).all()
+
+
 def test_a_rail_before_six_joints_is_held_at_the_parameter() -> None:
     arm = builtin_chain("ur5e")
     tip = arm.tip.T_joint_link

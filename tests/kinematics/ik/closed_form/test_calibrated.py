@@ -7,8 +7,6 @@ from scipy.optimize import brentq
 from kinematics.arrays import Array
 from kinematics.forward import forward
 from kinematics.ik.closed_form.analytic import branches, closed_form
-from kinematics.ik.closed_form.calibrated import is_balanced_kernel
-from kinematics.ik.closed_form.structure import Arm
 from kinematics.jacobian import geometric
 from kinematics.model.chain import Chain
 from kinematics.robots import builtin_chain
@@ -126,28 +124,6 @@ def test_no_branch_is_answered_twice(name: str) -> None:
             others = np.delete(joints, i, axis=0)
             if regular(chain, row, 1e-4) and len(others):
                 assert np.abs(wrapped(others - row)).max(axis=1).min() > 1e-6
-
-
-@pytest.mark.parametrize("name", NAMES)
-def test_branches_are_in_balance_until_one_is_missing(name: str) -> None:
-    chain = free_arm(name, 1e-4)
-    far = np.full(6, np.inf)
-    arm = Arm(closed_form(chain).plan, chain.model, chain.index["tip"], -far, far)
-    q = np.empty(6)
-    for _, _, table in regular_cases(chain, 7, 3):
-        count = len(table.table)
-        assert is_balanced_kernel(arm, 0, q, table.table, count)
-        assert not is_balanced_kernel(arm, 0, q, table.table, count - 1)
-        # Only the rows of this value of the parameter count.
-        assert not is_balanced_kernel(arm, 1, q, table.table, count)
-        assert is_balanced_kernel(arm, count, q, table.table, count)
-        # A sign that rounding decides is not counted on.
-        fold = table.table[:1].copy()
-        assert not is_balanced_kernel(arm, 0, q, fold, 1)
-        exact = singular_configuration(chain, fold[0, :6], 4)
-        assert exact is not None
-        fold[0, :6] = exact
-        assert is_balanced_kernel(arm, 0, q, fold, 1)
 
 
 def test_out_of_reach_no_branch_is_invented() -> None:

@@ -5,16 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from kinematics.arrays import Array
 from kinematics.forward import forward, joint_frames
 from kinematics.ik.closed_form.analytic import branches, closed_form
-from kinematics.ik.closed_form.spherical import (
-    back_kernel,
-    family_kernel,
-    flange_kernel,
-    rotation_column,
-)
-from kinematics.ik.closed_form.structure import TIP
 from kinematics.pose import inverse
 from tests.kinematics.ik import symmetries
 from tests.kinematics.ik.arms import GENERAL, general_arm, reversed_arm
@@ -145,44 +137,3 @@ def test_a_straight_wrist_is_answered_at_the_seed_with_its_own_joints(kind: str)
 
 
 # ------------------------------------------------------------------------------------ pieces
-
-
-def row_of(T: Array) -> Array:
-    """A transform in a row as the kernels read it."""
-    return np.concatenate([[0.0], T[:3].ravel()])
-
-
-def test_a_direction_is_seen_from_before_a_turn_and_an_offset() -> None:
-    rng = np.random.default_rng(10)
-    chain = general_arm(rng, KINDS[0])
-    for A in chain.offsets:
-        angle, v = float(rng.uniform(-3.0, 3.0)), rng.normal(size=3)
-        c, s = float(np.cos(angle)), float(np.sin(angle))
-        Rz = np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
-        found = back_kernel(c, s, row_of(A), float(v[0]), float(v[1]), float(v[2]))
-        np.testing.assert_allclose(found, A[:3, :3].T @ Rz.T @ v, atol=1e-14)
-
-
-def test_the_flange_is_the_last_joint_seen_from_the_first() -> None:
-    rng = np.random.default_rng(11)
-    for kind in KINDS[:2]:
-        chain = general_arm(rng, kind)
-        plan = closed_form(chain).plan
-        for q in rng.uniform(-np.pi, np.pi, (5, 6)):
-            T = forward(chain, q)
-            first = np.vstack([plan[1, 1:13].reshape(3, 4), [0.0, 0.0, 0.0, 1.0]])
-            tip = np.vstack([plan[TIP, 1:13].reshape(3, 4), [0.0, 0.0, 0.0, 1.0]])
-            expected = inverse(first) @ T @ inverse(tip)
-            x, z, o = flange_kernel(plan, row_of(T))
-            np.testing.assert_allclose(x, expected[:3, 0], atol=1e-13)
-            np.testing.assert_allclose(z, expected[:3, 2], atol=1e-13)
-            np.testing.assert_allclose(o, expected[:3, 3], atol=1e-13)
-            for k in range(3):
-                column = rotation_column(row_of(T), plan[TIP], k)
-                np.testing.assert_allclose(column, (T @ inverse(tip))[:3, k], atol=1e-13)
-
-
-def test_a_family_inside_another_keeps_the_outer_number() -> None:
-    assert family_kernel(0.0, 4) == -5.0
-    assert family_kernel(-2.0, 4) == -2.0
-    assert family_kernel(3.0, 4) == 3.0

@@ -1,28 +1,13 @@
 """Verification of candidates in SIMD lanes, beside numpy and one by one."""
 
 import numpy as np
-import pytest
 
 from compiled.kernel import kernel
 from compiled.simd import choose, load, store
 from kinematics.arrays import Array
-from kinematics.frame import IDENTITY
-from kinematics.ik.closed_form.refine import angle_kernel, miss_kernel, near_kernel
-from kinematics.ik.numeric.dls_step import frame_kernel
-from kinematics.pose import from_axis_angle, transform
+from kinematics.ik.closed_form.refine import near_kernel
 
 TURN = 2.0 * np.pi
-
-
-@kernel
-def angles_kernel(c: Array, s: Array, out: Array) -> None:
-    for i in range(0, c.shape[0], 8):
-        store(out, i, angle_kernel(load(c, i), load(s, i)))
-
-
-@kernel
-def one_angle_kernel(c: float, s: float) -> float:
-    return angle_kernel(c, s)
 
 
 @kernel
@@ -46,23 +31,6 @@ def one_near_kernel(
     angle: float, lower: float, upper: float, seed: float
 ) -> tuple[float, bool, bool]:
     return near_kernel(angle, lower, upper, seed)
-
-
-@kernel
-def one_miss_kernel(T: Array) -> tuple[float, float]:
-    return miss_kernel(IDENTITY, frame_kernel(T))
-
-
-def test_angles_are_those_of_atan2_in_lanes_and_alone() -> None:
-    rng = np.random.default_rng(1)
-    at = rng.uniform(-np.pi, np.pi, 4000)
-    at[:64] = np.arange(64) * np.pi / 8 + rng.choice([0.0, 1e-9, -1e-9], 64)
-    c, s = np.cos(at), np.sin(at)
-    c[64:72], s[64:72] = [1.0, -1.0, 0.0, 0.0, -1.0, 1.0, 0.6, -0.6], [0, 0, 1, -1, 0, 0, 0.8, -0.8]
-    out = np.empty(len(at))
-    angles_kernel(c, s, out)
-    assert np.abs(out - np.arctan2(s, c)).max() < 1e-15
-    assert all(one_angle_kernel(c[k], s[k]) == out[k] for k in range(len(at)))
 
 
 def nearest(angle: float, lower: float, upper: float, seed: float) -> tuple[float, bool, bool]:
@@ -104,14 +72,3 @@ def test_nearest_turns_are_those_of_trying_all() -> None:
             assert not fits or lower <= alone[0] <= upper
             seen.add((fits, put))
     assert seen == {(True, False), (True, True), (False, False)}
-
-
-@pytest.mark.parametrize("size", [0.0, 1e-12, 1e-7, 1e-3])
-def test_the_miss_of_a_frame_is_distance_and_angle(size: float) -> None:
-    rng = np.random.default_rng(3)
-    for _ in range(20):
-        axis, away = rng.normal(size=3), size * rng.normal(size=3)
-        T = transform(from_axis_angle(axis / np.linalg.norm(axis), size), away)
-        position, orientation = one_miss_kernel(T)
-        assert position == pytest.approx(float(np.linalg.norm(away)), rel=1e-12)
-        assert orientation == pytest.approx(2.0 * np.sin(0.5 * size), rel=1e-3, abs=1e-16)

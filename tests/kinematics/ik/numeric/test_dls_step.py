@@ -6,7 +6,8 @@ from scipy.spatial.transform import Rotation
 
 from compiled.kernel import kernel
 from kinematics.arrays import Array
-from kinematics.ik.numeric.dls_step import dual_kernel, error_kernel, frame_kernel
+from kinematics.frame import frame_kernel
+from kinematics.ik.numeric.dls_step import error_kernel
 from kinematics.pose import transform
 from tests.kinematics.samples import random_rotation
 
@@ -55,44 +56,3 @@ def test_half_a_turn_is_about_its_axis_either_way(axis: Array) -> None:
     found = error(B, T)[3:]
     assert np.linalg.norm(found) == pytest.approx(np.pi, abs=1e-7)
     assert abs(found @ unit) == pytest.approx(np.pi, abs=1e-7)
-
-
-def test_the_error_of_a_pose_to_itself_is_nothing() -> None:
-    rng = np.random.default_rng(2)
-    for _ in range(20):
-        T = pose(rng)
-        assert np.abs(error(T, T)).max() < 1e-15
-
-
-def test_the_error_back_is_the_error_turned_round() -> None:
-    rng = np.random.default_rng(3)
-    for _ in range(50):
-        B, T = pose(rng), pose(rng)
-        np.testing.assert_allclose(error(T, B), -error(B, T), atol=1e-7)
-
-
-def test_errors_move_with_the_frame_they_are_seen_from() -> None:
-    rng = np.random.default_rng(4)
-    for _ in range(20):
-        B, T, S = pose(rng), pose(rng), pose(rng)
-        R = S[:3, :3]
-        expected = error(B, T)
-        found = error(S @ B, S @ T)
-        np.testing.assert_allclose(found[:3], R @ expected[:3], atol=1e-13)
-        np.testing.assert_allclose(found[3:], R @ expected[3:], atol=1e-7)
-
-
-@pytest.mark.parametrize("damping", [1.0, 1e-3, 1e-8])
-@pytest.mark.parametrize("count", [1, 3, 6, 8])
-def test_the_dual_system_is_that_of_numpy_over_the_free_columns(count: int, damping: float) -> None:
-    rng = np.random.default_rng(count)
-    J, e = rng.normal(size=(6, 8)), rng.normal(size=6)
-    free = rng.permutation(8)[:count]
-    x = np.full(6, np.nan)
-    dual_kernel(J, e, free, count, damping, x)
-    A = J[:, free] @ J[:, free].T + damping * np.eye(6)
-    np.testing.assert_allclose(A @ x, e, atol=1e-7)
-    # J^T x is the damped least-squares step, as the regularised problem has it.
-    rows = np.vstack([J[:, free], np.sqrt(damping) * np.eye(count)])
-    step = np.linalg.lstsq(rows, np.concatenate([e, np.zeros(count)]), rcond=None)[0]
-    np.testing.assert_allclose(J[:, free].T @ x, step, atol=1e-6)

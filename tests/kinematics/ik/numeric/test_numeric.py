@@ -7,13 +7,6 @@ import pytest
 from kinematics.arrays import Array
 from kinematics.errors import InvalidLinkName, InvalidOption, InvalidPose, InvalidRobotState
 from kinematics.forward import forward
-from kinematics.ik.numeric.dls_step import (
-    StepWorkspace,
-    dual_kernel,
-    error_kernel,
-    frame_kernel,
-    step_within_kernel,
-)
 from kinematics.ik.numeric.numeric import (
     AXES,
     POSITION,
@@ -143,22 +136,6 @@ def test_link_before_the_tip_leaves_later_joints_alone() -> None:
     assert np.array_equal(result.solutions[0].joints[4:], q[4:])
 
 
-def test_error_near_none_and_half_a_turn() -> None:
-    random = np.random.default_rng(4)
-    for angle in (0.0, 1e-12, 1e-8, 1e-5, 1e-3, 1.0, 3.0, np.pi - 1e-6, np.pi - 1e-9, np.pi):
-        for _ in range(50):
-            axis = random.normal(size=3)
-            axis /= np.linalg.norm(axis)
-            R = transform(from_axis_angle(random.normal(size=3), random.uniform(0.0, 3.0)))
-            target = transform(from_axis_angle(axis, angle) @ R[:3, :3])
-            out = np.array(error_kernel(frame_kernel(R), frame_kernel(target))[3:])
-            reached = (
-                from_axis_angle(out, float(np.linalg.norm(out))) if angle > 1e-9 else np.eye(3)
-            )
-            assert np.abs(reached @ R[:3, :3] - target[:3, :3]).max() < 2e-8
-            assert np.linalg.norm(out) == pytest.approx(angle, abs=2e-8)
-
-
 def test_bad_input_is_named() -> None:
     chain = builtin_chain("panda")
     with pytest.raises(InvalidPose):
@@ -210,31 +187,6 @@ def test_poses_of_a_batch_are_answered_as_alone(name: str) -> None:
         assert bool(one.solutions) == batch.solved[k]
         np.testing.assert_array_equal(batch.joints[k], one.nearest.joints)
         assert (batch.steps[k], batch.position_error[k]) == one.nearest[3:0:-2]
-
-
-@pytest.mark.parametrize("n", [1, 2, 3, 4, 5, 6, 8, 13, 20])
-def test_steps_solve_the_damped_system(n: int) -> None:
-    random = np.random.default_rng(n)
-    J, e = random.normal(size=(6, n)), random.normal(size=6)
-    if n >= 6:
-        x = np.empty(6)
-        dual_kernel(J, e, np.arange(n), n, 1e-3, x)
-        np.testing.assert_allclose(x, np.linalg.solve(J @ J.T + 1e-3 * np.eye(6), e), rtol=1e-10)
-    q, out, far = np.zeros(n), np.empty(n), np.full(n, np.inf)
-    room = StepWorkspace(np.empty(n, dtype=np.int64), np.empty((n, n)), np.empty(max(n, 6)))
-    step_within_kernel(J, e, q, -far, far, 1e-3, room, out)
-    expected = np.linalg.solve(J.T @ J + 1e-3 * np.eye(n), J.T @ e)
-    np.testing.assert_allclose(out, expected, atol=1e-9)
-    # A joint at its limit that e pushes outwards stays, the others do what they can.
-    j = int(np.argmax(np.abs(J.T @ e)))
-    upper = np.where((np.arange(n) == j) & (J.T @ e > 0), 0.0, np.inf)
-    lower = np.where((np.arange(n) == j) & (J.T @ e < 0), 0.0, -np.inf)
-    step_within_kernel(J, e, q, lower, upper, 1e-3, room, out)
-    others = np.delete(np.arange(n), j)
-    A = J[:, others]
-    expected = np.linalg.solve(A.T @ A + 1e-3 * np.eye(n - 1), A.T @ e) if n > 1 else np.empty(0)
-    assert out[j] == 0.0
-    np.testing.assert_allclose(out[others], expected, atol=1e-9)
 
 
 def test_position_and_yaw_of_four_axes() -> None:
