@@ -5,6 +5,8 @@ from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager
 from typing import Any
 
+import pytest
+
 from service.workers.fork.launch import Recipe
 from service.workers.process import DEFAULT_LIMITS, WorkerLimits
 from service.workers.supervisor import WorkerSupervisor
@@ -35,6 +37,17 @@ async def supervisor(
         yield workers
     finally:
         await workers.stop()
+
+
+def supervised(count: int = 2, **options: Any) -> pytest.MarkDecorator:
+    """A mark of tests whose fixture `workers` is another supervisor than one of one worker.
+
+    Args:
+        count: Number of its workers.
+        options: Of `supervisor`.
+    """
+    chosen = {"count": count, **options}
+    return pytest.mark.parametrize("workers", [chosen], ids=[""], indirect=True)
 
 
 async def ready(workers: WorkerSupervisor) -> None:

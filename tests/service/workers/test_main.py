@@ -1,21 +1,29 @@
-"""The life of a real worker process, seen from the other end of its channel."""
+"""Worker processes and the fork server that makes them, seen from the other end."""
 
 import math
 import multiprocessing
+import os
 import pickle
+import random
 import signal
 import socket
+import threading
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from multiprocessing.context import SpawnProcess
 from typing import Any
 
+import pytest
+
 from planning.values.deadline import Deadline
 from service.workers import main
+from service.workers.fork.launch import Launched, Recipe, launch
+from service.workers.fork.server import Notice, Order
 from service.workers.main import HEADER, Reply
 from service.workers.task import Job, pack_job
 from tests.service import chores
+from tests.service.processes import alive, wait_until
 from tests.times import quickest
 
 
@@ -123,3 +131,134 @@ def test_a_worker_ends_itself_when_the_server_does_not() -> None:
         assert receive(channel) == (Reply.STARTED,)
         process.join(5.0)
         assert process.exitcode == -signal.SIGALRM
+
+
+def test_any_cut_of_the_stream_gives_the_same_payloads() -> None:
+    random_source = random.Random(1)
+    payloads = [random_source.randbytes(random_source.choice((0, 1, 7, 300))) for _ in range(200)]
+    stream = b"".join(main.encode(payload) for payload in payloads)
+    decoder = main.FrameDecoder()
+    received: list[bytes] = []
+    position = 0
+    while position < len(stream):
+        step = random_source.choice((1, 3, 8, 500))
+        received += decoder.feed(stream[position : position + step])
+        position += step
+    assert received == payloads
+
+
+def test_garbage_is_refused() -> None:
+    with pytest.raises(ValueError, match="a frame of"):
+        list(main.FrameDecoder().feed(b"\xff" * 8))
+
+
+def test_large_payload_over_a_socket_and_the_end_of_it() -> None:
+    ours, theirs = socket.socketpair()
+    payload = random.Random(2).randbytes(3_000_000)
+
+    def send() -> None:
+        with theirs:
+            theirs.sendall(main.encode(payload))
+
+    sender = threading.Thread(target=send)
+    sender.start()
+    with ours:
+        assert main.receive(ours) == payload
+        with pytest.raises(EOFError):
+            main.receive(ours)
+    sender.join()
+
+
+MODULE = "tests.service.chores"
+
+
+@contextmanager
+def launched(warm: str = "no_warming", modules: tuple[str, ...] = (MODULE,)) -> Iterator[Launched]:
+    server = launch(Recipe(modules, f"{MODULE}:{warm}"))
+    server.control.settimeout(60.0)
+    try:
+        yield server
+    finally:
+        server.end()
+
+
+def fork(server: Launched) -> tuple[int, socket.socket]:
+    ours, theirs = socket.socketpair()
+    ours.settimeout(60.0)
+    with theirs:
+        socket.send_fds(server.control, [Order.FORK.value], [theirs.fileno()])
+    kind, pid = receive(server.control)
+    assert kind == Notice.FORKED
+    assert receive(ours) == (Reply.READY,)
+    return pid, ours
+
+
+def test_workers_are_forked_and_their_ends_are_told() -> None:
+    with launched() as server:
+        assert receive(server.control) == (Notice.WARM,)
+        first, one = fork(server)
+        second, other = fork(server)
+        assert first != second
+        with one, other:
+            send(other, chores.add.job(1, 2))
+            assert receive(other) == (Reply.STARTED,)
+            assert receive(other)[2] == 3
+            os.kill(first, signal.SIGSEGV)
+            assert receive(server.control) == (Notice.EXITED, first, -signal.SIGSEGV)
+        assert receive(server.control) == (Notice.EXITED, second, 0), "its channel was closed"
+
+
+def test_workers_leave_processors_to_the_server() -> None:
+    with launched() as server:
+        receive(server.control)
+        worker, channel = fork(server)
+        with channel:
+            own = os.getpriority(os.PRIO_PROCESS, server.process.pid)
+            assert os.getpriority(os.PRIO_PROCESS, worker) == min(own + 5, 19)
+
+
+def test_a_signal_to_the_whole_group_ends_neither_fork_server_nor_workers() -> None:
+    with launched() as server:
+        receive(server.control)
+        worker, channel = fork(server)
+        with channel:
+            for pid in (server.process.pid, worker):
+                os.kill(pid, signal.SIGINT)
+                os.kill(pid, signal.SIGTERM)
+            time.sleep(0.1)
+            assert alive(server.process.pid)
+            assert alive(worker)
+
+
+def test_all_end_at_once_with_the_sentinel() -> None:
+    with launched() as server:
+        receive(server.control)
+        worker, channel = fork(server)
+        with channel:
+            send(channel, chores.burn.job())
+            assert receive(channel) == (Reply.STARTED,)
+            other = os.dup(server.sentinel.fileno())
+            server.sentinel.close()
+            time.sleep(0.1)
+            assert alive(worker), "somebody else still holds it"
+            os.close(other)
+            assert wait_until(lambda: not alive(worker), 20.0), "though native code runs"
+            assert wait_until(lambda: server.process.poll() is not None, 20.0)
+
+
+def test_progress_is_told_before_a_fork_server_is_warm() -> None:
+    with launched("slow_warming") as server:
+        assert receive(server.control) == (Notice.PROGRESS, 0, 2, None)
+        assert receive(server.control) == (Notice.PROGRESS, 1, 2, 30.4)
+
+
+def test_a_fork_server_that_cannot_warm_up_says_why_and_ends() -> None:
+    for warm, modules, reason in (
+        ("failing_warming", (MODULE,), "no compiler"),
+        ("no_warming", ("tests.service.nowhere",), "ModuleNotFoundError"),
+    ):
+        with launched(warm, modules) as server:
+            kind, trace = receive(server.control)
+            assert kind == Notice.UNFIT
+            assert reason in trace
+            assert server.process.wait(10.0) == 0

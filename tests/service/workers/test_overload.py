@@ -13,8 +13,10 @@ from service.workers.faults import DeadlineExceeded, QueueFull, WorkerCrashed
 from service.workers.process import Background
 from service.workers.supervisor import WorkerSupervisor
 from tests.service.processes import working_pids
-from tests.service.workers.pools import chore, ready, supervisor, working
+from tests.service.workers.pools import chore, ready, supervised, supervisor, working
 from tests.times import quickest
+
+pytestmark = pytest.mark.anyio
 
 
 def background(seconds: float = 20.0) -> Background:
@@ -52,95 +54,77 @@ def test_what_cannot_end_before_its_deadline_is_refused_at_once() -> None:
     assert quickest(lambda: asyncio.run(run()), 4) <= 3
 
 
-def test_a_job_that_can_begin_at_once_is_never_refused() -> None:
-    async def run() -> None:
-        async with supervisor(1) as workers:
-            await learned(workers, 0.3)
-            assert await workers.submit(chore("nap", 0.0, seconds=0.1)) == 0.0
-
-    asyncio.run(run())
+async def test_a_job_that_can_begin_at_once_is_never_refused() -> None:
+    async with supervisor(1) as workers:
+        await learned(workers, 0.3)
+        assert await workers.submit(chore("nap", 0.0, seconds=0.1)) == 0.0
 
 
-def test_clients_take_turns() -> None:
-    async def run() -> None:
-        async with supervisor(1) as workers:
-            await ready(workers)
-            ended: list[str] = []
+async def test_clients_take_turns(workers: WorkerSupervisor) -> None:
+    ended: list[str] = []
 
-            async def work(client: str) -> None:
-                await workers.submit(chore("nap", 0.02), client=client)
-                ended.append(client)
+    async def work(client: str) -> None:
+        await workers.submit(chore("nap", 0.02), client=client)
+        ended.append(client)
 
-            many = [asyncio.ensure_future(work("many")) for _ in range(20)]
-            await asyncio.sleep(0)
-            few = [asyncio.ensure_future(work("few")) for _ in range(2)]
-            await asyncio.gather(*many, *few)
-            assert [i for i, client in enumerate(ended) if client == "few"][-1] <= 5
-
-    asyncio.run(run())
+    many = [asyncio.ensure_future(work("many")) for _ in range(20)]
+    await asyncio.sleep(0)
+    few = [asyncio.ensure_future(work("few")) for _ in range(2)]
+    await asyncio.gather(*many, *few)
+    assert [i for i, client in enumerate(ended) if client == "few"][-1] <= 5
 
 
-def test_background_jobs_have_a_share_while_others_wait() -> None:
-    async def run() -> None:
-        async with supervisor(1, spares=1) as workers:
-            await learned(workers, 0.05)
-            served = 0
+async def test_background_jobs_have_a_share_while_others_wait() -> None:
+    async with supervisor(1, spares=1) as workers:
+        await learned(workers, 0.05)
+        served = 0
 
-            async def ask() -> None:
-                nonlocal served
-                while True:
-                    await workers.submit(chore("nap", 0.05))
-                    served += 1
+        async def ask() -> None:
+            nonlocal served
+            while True:
+                await workers.submit(chore("nap", 0.05))
+                served += 1
 
-            asking = [asyncio.ensure_future(ask()) for _ in range(4)]
-            await asyncio.sleep(0)
-            async with asyncio.timeout(60.0):
-                jobs = [workers.submit(chore("nap", 0.1), background=background()) for _ in "ab"]
-                await asyncio.gather(*jobs)
-            # A tenth of the time: two naps of 0.1 s beside 36 of 0.05 s.
-            assert served < 80
-            for client in asking:
-                client.cancel()
-            await asyncio.gather(*asking, return_exceptions=True)
-
-    asyncio.run(run())
+        asking = [asyncio.ensure_future(ask()) for _ in range(4)]
+        await asyncio.sleep(0)
+        async with asyncio.timeout(60.0):
+            jobs = [workers.submit(chore("nap", 0.1), background=background()) for _ in "ab"]
+            await asyncio.gather(*jobs)
+        # A tenth of the time: two naps of 0.1 s beside 36 of 0.05 s.
+        assert served < 80
+        for client in asking:
+            client.cancel()
+        await asyncio.gather(*asking, return_exceptions=True)
 
 
-def test_who_waits_is_served_beside_background_jobs() -> None:
-    async def run() -> None:
-        async with supervisor(2, spares=1) as workers:
-            await ready(workers)
-            jobs = [
-                asyncio.ensure_future(workers.submit(chore("nap", 0.5), background=background()))
-                for _ in range(8)
-            ]
-            await working(workers, 2)
-            times = []
-            for _ in range(10):
-                start = time.monotonic()
-                await workers.submit(chore("add", 1, 1))
-                times.append(time.monotonic() - start)
-                await asyncio.sleep(0.02)
-            assert sorted(times)[5] < 0.2, "not when a nap is over"
-            for job in jobs:
-                job.cancel()
-            await asyncio.gather(*jobs, return_exceptions=True)
-
-    asyncio.run(run())
+@supervised(2, spares=1)
+async def test_who_waits_is_served_beside_background_jobs(workers: WorkerSupervisor) -> None:
+    jobs = [
+        asyncio.ensure_future(workers.submit(chore("nap", 0.5), background=background()))
+        for _ in range(8)
+    ]
+    await working(workers, 2)
+    times = []
+    for _ in range(10):
+        start = time.monotonic()
+        await workers.submit(chore("add", 1, 1))
+        times.append(time.monotonic() - start)
+        await asyncio.sleep(0.02)
+    assert sorted(times)[5] < 0.2, "not when a nap is over"
+    for job in jobs:
+        job.cancel()
+    await asyncio.gather(*jobs, return_exceptions=True)
 
 
-def test_a_job_whose_worker_is_killed_gets_a_second_attempt() -> None:
-    async def run() -> None:
-        async with supervisor(1) as workers:
-            await ready(workers)
-            job = asyncio.ensure_future(workers.submit(chore("nap", 0.4), background=background()))
-            await kill_when_busy(workers)
-            assert await job == 0.4
-            with pytest.raises(WorkerCrashed) as crashed:
-                await workers.submit(chore("die"), background=background())
-            assert crashed.value.details["causes"] == ["it was ended by SIGSEGV"] * 2
-
-    asyncio.run(run())
+async def test_a_job_whose_worker_is_killed_gets_a_second_attempt(
+    workers: WorkerSupervisor,
+) -> None:
+    job = asyncio.ensure_future(workers.submit(chore("nap", 0.4), background=background()))
+    await kill_when_busy(workers)
+    assert await job == 0.4
+    with pytest.raises(WorkerCrashed) as crashed:
+        await workers.submit(chore("die"), background=background())
+    assert crashed.value.details["causes"] == ["it was ended by SIGSEGV"] * 2
 
 
 async def kill_when_busy(workers: WorkerSupervisor, earlier: int | None = None) -> int:
@@ -154,47 +138,36 @@ async def kill_when_busy(workers: WorkerSupervisor, earlier: int | None = None) 
     return victim
 
 
-def test_a_request_whose_worker_is_killed_gets_a_second_attempt() -> None:
-    async def run() -> None:
-        async with supervisor(1) as workers:
-            await ready(workers)
-            nap = asyncio.ensure_future(workers.submit(chore("nap", 0.3)))
-            await kill_when_busy(workers)
-            assert await nap == 0.3
-            assert workers.counters.crashed == 1
-            burning = asyncio.ensure_future(workers.submit(chore("burn")))
-            await kill_when_busy(workers, await kill_when_busy(workers))
-            with pytest.raises(WorkerCrashed, match="so it did at the first attempt") as crashed:
-                await burning
-            assert crashed.value.details["causes"] == ["it was ended by SIGKILL"] * 2
-
-    asyncio.run(run())
+async def test_a_request_whose_worker_is_killed_gets_a_second_attempt(
+    workers: WorkerSupervisor,
+) -> None:
+    nap = asyncio.ensure_future(workers.submit(chore("nap", 0.3)))
+    await kill_when_busy(workers)
+    assert await nap == 0.3
+    assert workers.counters.crashed == 1
+    burning = asyncio.ensure_future(workers.submit(chore("burn")))
+    await kill_when_busy(workers, await kill_when_busy(workers))
+    with pytest.raises(WorkerCrashed, match="so it did at the first attempt") as crashed:
+        await burning
+    assert crashed.value.details["causes"] == ["it was ended by SIGKILL"] * 2
 
 
-def test_a_request_that_ends_its_worker_by_itself_gets_no_second_attempt() -> None:
-    async def run() -> None:
-        async with supervisor(1) as workers:
-            with pytest.raises(WorkerCrashed) as crashed:
-                await workers.submit(chore("die"))
-            assert "causes" not in crashed.value.details
-            assert workers.counters.crashed == 1
-
-    asyncio.run(run())
+async def test_a_request_that_ends_its_worker_by_itself_gets_no_second_attempt() -> None:
+    async with supervisor(1) as workers:
+        with pytest.raises(WorkerCrashed) as crashed:
+            await workers.submit(chore("die"))
+        assert "causes" not in crashed.value.details
+        assert workers.counters.crashed == 1
 
 
-def test_a_second_attempt_has_the_time_that_is_left() -> None:
-    async def run() -> None:
-        async with supervisor(1) as workers:
-            await ready(workers)
-            job = chore("burn", seconds=1.5)
-            burning = asyncio.ensure_future(workers.submit(job))
-            await kill_when_busy(workers)
-            with pytest.raises(DeadlineExceeded, match="a second time") as late:
-                await burning
-            assert -10.0 < job.deadline.remaining <= 0.0, "it is still the first one"
-            assert late.value.details["causes"] == ["it was ended by SIGKILL"]
-
-    asyncio.run(run())
+async def test_a_second_attempt_has_the_time_that_is_left(workers: WorkerSupervisor) -> None:
+    job = chore("burn", seconds=1.5)
+    burning = asyncio.ensure_future(workers.submit(job))
+    await kill_when_busy(workers)
+    with pytest.raises(DeadlineExceeded, match="a second time") as late:
+        await burning
+    assert -10.0 < job.deadline.remaining <= 0.0, "it is still the first one"
+    assert late.value.details["causes"] == ["it was ended by SIGKILL"]
 
 
 class Notes:
@@ -261,17 +234,14 @@ def test_a_stopped_worker_has_no_grace() -> None:
     assert quickest(lambda: asyncio.run(run()), 0.8) < 0.8
 
 
-def test_the_cause_of_a_death_is_known_while_the_fork_server_is_busy() -> None:
-    async def run() -> None:
-        async with supervisor(1) as workers:
-            await ready(workers)
-            parent = (await workers.submit(chore("surroundings")))["parent"]
-            os.kill(parent, signal.SIGSTOP)
-            try:
-                with pytest.raises(WorkerCrashed, match="SIGSEGV"):
-                    await workers.submit(chore("die"))
-            finally:
-                os.kill(parent, signal.SIGCONT)
-            assert await workers.submit(chore("add", 1, 2)) == 3
-
-    asyncio.run(run())
+async def test_the_cause_of_a_death_is_known_while_the_fork_server_is_busy(
+    workers: WorkerSupervisor,
+) -> None:
+    parent = (await workers.submit(chore("surroundings")))["parent"]
+    os.kill(parent, signal.SIGSTOP)
+    try:
+        with pytest.raises(WorkerCrashed, match="SIGSEGV"):
+            await workers.submit(chore("die"))
+    finally:
+        os.kill(parent, signal.SIGCONT)
+    assert await workers.submit(chore("add", 1, 2)) == 3

@@ -19,69 +19,63 @@ from service.problem import ProblemError
 from service.storage.caches.cache_key import builtin_reference
 from service.workers.faults import DeadlineExceeded, QueueFull, ShuttingDown, WorkerCrashed
 from service.workers.result import CacheMiss, TaskProblem
+from service.workers.supervisor import WorkerSupervisor
 from service.workers.task import Job, load_tasks, registered_task
 from tests.service import chores
 from tests.service.processes import alive, wait_until
-from tests.service.workers.pools import chore, ready, supervisor, working
+from tests.service.workers.pools import chore, ready, supervised, supervisor, working
 from tests.times import quickest
+
+pytestmark = pytest.mark.anyio
 
 ROOT = Path(__file__).parents[3]
 
 
-def test_results_and_large_payloads() -> None:
-    async def run() -> None:
-        async with supervisor() as workers:
-            assert not workers.ready
-            assert await workers.submit(chore("add", 2, b=3, seconds=60.0)) == 5
-            await ready(workers)
-            large = random.Random(0).randbytes(10_000_000)
-            assert await workers.submit(chore("echo", large)) == large
-            answers = await asyncio.gather(
-                *(workers.submit(chore("add", i, i)) for i in range(200))
-            )
-            assert answers == [2 * i for i in range(200)]
-
-    asyncio.run(run())
+async def test_results_and_large_payloads() -> None:
+    async with supervisor() as workers:
+        assert not workers.ready
+        assert await workers.submit(chore("add", 2, b=3, seconds=60.0)) == 5
+        await ready(workers)
+        large = random.Random(0).randbytes(10_000_000)
+        assert await workers.submit(chore("echo", large)) == large
+        answers = await asyncio.gather(*(workers.submit(chore("add", i, i)) for i in range(200)))
+        assert answers == [2 * i for i in range(200)]
 
 
-def test_workers_are_single_threaded_and_know_their_deadline() -> None:
-    async def run() -> None:
-        async with supervisor(1) as workers:
-            await ready(workers)
-            facts = await workers.submit(chore("surroundings"))
-            assert set(facts["threads"].values()) == {"1"}
-            assert {"OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS"} <= set(facts["threads"])
-            assert facts["numba"] == 1
-            assert facts["pid"] in workers.pids
-            assert 4.5 < await workers.submit(chore("remaining", seconds=5.0)) <= 5.0
-            assert await workers.submit(chore("remaining", seconds=math.inf)) == math.inf
-
-    asyncio.run(run())
+async def test_workers_are_single_threaded_and_know_their_deadline(
+    workers: WorkerSupervisor,
+) -> None:
+    facts = await workers.submit(chore("surroundings"))
+    assert set(facts["threads"].values()) == {"1"}
+    assert {"OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS"} <= set(facts["threads"])
+    assert facts["numba"] == 1
+    assert facts["pid"] in workers.pids
+    assert 4.5 < await workers.submit(chore("remaining", seconds=5.0)) <= 5.0
+    assert await workers.submit(chore("remaining", seconds=math.inf)) == math.inf
 
 
-def test_faults_cross_as_values_and_bugs_leak_nothing(caplog: pytest.LogCaptureFixture) -> None:
-    async def run() -> None:
-        async with supervisor(1) as workers:
-            with pytest.raises(ProblemError) as fault:
-                await workers.submit(chore("blame_caller", seconds=60.0))
-            told = document(fault.value, "/x")
-            assert told["code"] == "INVALID_LINK_NAME"
-            assert told["status"] == 422
-            assert told["detail"] == "no link 'x'"
-            assert told["hint"] == "Choose 'a' or 'b'."
-            assert told["details"] == {"link": "x", "choices": ["a", "b"]}
-            first = workers.pids
-            for name in ("stumble", "unpicklable", "no_such_chore"):
-                with pytest.raises(ProblemError) as bug:
-                    await workers.submit(chore(name))
-                told = document(bug.value, "/x")
-                assert (told["code"], told["status"]) == ("CRASH", 500)
-                assert "secret" not in str(told)
-                assert told["details"]["reference"] in caplog.text
-            assert "a secret" in caplog.text
-            assert workers.pids == first, "an exception must not cost a worker"
-
-    asyncio.run(run())
+async def test_faults_cross_as_values_and_bugs_leak_nothing(
+    caplog: pytest.LogCaptureFixture,
+) -> None:
+    async with supervisor(1) as workers:
+        with pytest.raises(ProblemError) as fault:
+            await workers.submit(chore("blame_caller", seconds=60.0))
+        told = document(fault.value, "/x")
+        assert told["code"] == "INVALID_LINK_NAME"
+        assert told["status"] == 422
+        assert told["detail"] == "no link 'x'"
+        assert told["hint"] == "Choose 'a' or 'b'."
+        assert told["details"] == {"link": "x", "choices": ["a", "b"]}
+        first = workers.pids
+        for name in ("stumble", "unpicklable", "no_such_chore"):
+            with pytest.raises(ProblemError) as bug:
+                await workers.submit(chore(name))
+            told = document(bug.value, "/x")
+            assert (told["code"], told["status"]) == ("CRASH", 500)
+            assert "secret" not in str(told)
+            assert told["details"]["reference"] in caplog.text
+        assert "a secret" in caplog.text
+        assert workers.pids == first, "an exception must not cost a worker"
 
 
 def test_the_mean_duration_is_that_of_work() -> None:
@@ -128,76 +122,66 @@ def test_only_registered_functions_are_tasks(name: str) -> None:
     asyncio.run(run())
 
 
-def test_progress_is_passed_on() -> None:
-    async def run() -> None:
-        seen: list[tuple[float, str]] = []
-        async with supervisor(1) as workers:
-            result = await workers.submit(
-                chore("advance", seconds=60.0), lambda share, stage: seen.append((share, stage))
-            )
-        assert result == "done"
-        assert seen == [(0.0, "step_0"), (0.25, "step_1"), (0.5, "step_2"), (0.75, "step_3")]
-
-    asyncio.run(run())
+async def test_progress_is_passed_on() -> None:
+    seen: list[tuple[float, str]] = []
+    async with supervisor(1) as workers:
+        result = await workers.submit(
+            chore("advance", seconds=60.0), lambda share, stage: seen.append((share, stage))
+        )
+    assert result == "done"
+    assert seen == [(0.0, "step_0"), (0.25, "step_1"), (0.5, "step_2"), (0.75, "step_3")]
 
 
 @pytest.mark.parametrize("number", [signal.SIGKILL, signal.SIGSEGV, signal.SIGABRT])
-def test_a_crash_is_told_and_noticed_by_nobody_else(number: signal.Signals) -> None:
-    async def run() -> None:
-        async with supervisor(2) as workers:
-            await ready(workers)
-            neighbour = asyncio.ensure_future(workers.submit(chore("nap", 0.3)))
-            with pytest.raises(WorkerCrashed, match=number.name):
-                await workers.submit(chore("die", int(number)))
-            assert await neighbour == 0.3
-            assert await workers.submit(chore("add", 1, 1)) == 2
-            # What ends by SIGKILL may have been killed by others: it is begun once more.
-            assert workers.counters.crashed == (2 if number == signal.SIGKILL else 1)
-
-    asyncio.run(run())
+@supervised(2)
+async def test_a_crash_is_told_and_noticed_by_nobody_else(
+    workers: WorkerSupervisor, number: signal.Signals
+) -> None:
+    neighbour = asyncio.ensure_future(workers.submit(chore("nap", 0.3)))
+    with pytest.raises(WorkerCrashed, match=number.name):
+        await workers.submit(chore("die", int(number)))
+    assert await neighbour == 0.3
+    assert await workers.submit(chore("add", 1, 1)) == 2
+    # What ends by SIGKILL may have been killed by others: it is begun once more.
+    assert workers.counters.crashed == (2 if number == signal.SIGKILL else 1)
 
 
-def test_an_idle_worker_that_dies_is_replaced_and_costs_no_request() -> None:
-    async def run() -> None:
-        async with supervisor(2) as workers:
-            await ready(workers)
-            before = set(workers.pids)
-            for pid in before:
-                os.kill(pid, signal.SIGKILL)
-            answers = [workers.submit(chore("add", i, 0)) for i in range(10)]
-            assert await asyncio.gather(*answers) == list(range(10))
-            assert not before & set(workers.pids)
-
-    asyncio.run(run())
+@supervised(2)
+async def test_an_idle_worker_that_dies_is_replaced_and_costs_no_request(
+    workers: WorkerSupervisor,
+) -> None:
+    before = set(workers.pids)
+    for pid in before:
+        os.kill(pid, signal.SIGKILL)
+    answers = [workers.submit(chore("add", i, 0)) for i in range(10)]
+    assert await asyncio.gather(*answers) == list(range(10))
+    assert not before & set(workers.pids)
 
 
-def test_no_job_is_lost_under_a_storm_of_kills() -> None:
-    async def run() -> None:
-        random_source = random.Random(3)
-        async with supervisor(2) as workers:
-            await ready(workers)
-            jobs = [
-                asyncio.ensure_future(workers.submit(chore("nap", 0.01, seconds=60.0)))
-                for _ in range(400)
-            ]
-            kills = 0
-            while kills < 100 and not all(job.done() for job in jobs):
-                with contextlib.suppress(ProcessLookupError, IndexError):
-                    os.kill(random_source.choice(workers.pids), signal.SIGKILL)
-                    kills += 1
-                await asyncio.sleep(random_source.uniform(0.0, 0.07))
-            results = await asyncio.gather(*jobs, return_exceptions=True)
-            crashed = sum(isinstance(result, WorkerCrashed) for result in results)
-            assert crashed + results.count(0.01) == 400
-            assert crashed <= kills // 2, "each was begun twice"
-            assert workers.counters.crashed >= 1
-            assert kills > 50
-            assert await workers.submit(chore("add", 1, 1)) == 2
-            async with asyncio.timeout(10.0):
-                while len(workers.pids) != 2:
-                    await asyncio.sleep(0.01)
-
-    asyncio.run(run())
+async def test_no_job_is_lost_under_a_storm_of_kills() -> None:
+    random_source = random.Random(3)
+    async with supervisor(2) as workers:
+        await ready(workers)
+        jobs = [
+            asyncio.ensure_future(workers.submit(chore("nap", 0.01, seconds=60.0)))
+            for _ in range(400)
+        ]
+        kills = 0
+        while kills < 100 and not all(job.done() for job in jobs):
+            with contextlib.suppress(ProcessLookupError, IndexError):
+                os.kill(random_source.choice(workers.pids), signal.SIGKILL)
+                kills += 1
+            await asyncio.sleep(random_source.uniform(0.0, 0.07))
+        results = await asyncio.gather(*jobs, return_exceptions=True)
+        crashed = sum(isinstance(result, WorkerCrashed) for result in results)
+        assert crashed + results.count(0.01) == 400
+        assert crashed <= kills // 2, "each was begun twice"
+        assert workers.counters.crashed >= 1
+        assert kills > 50
+        assert await workers.submit(chore("add", 1, 1)) == 2
+        async with asyncio.timeout(10.0):
+            while len(workers.pids) != 2:
+                await asyncio.sleep(0.01)
 
 
 @pytest.mark.parametrize("name", ["nap", "burn"])
@@ -234,129 +218,104 @@ def test_what_was_found_is_answered_when_time_is_up() -> None:
     assert 0.6 <= quickest(lambda: asyncio.run(run()), 0.9) < 0.9
 
 
-def test_what_a_worker_has_found_outlives_it() -> None:
-    async def run() -> None:
-        async with supervisor(1) as workers:
-            await ready(workers)
-            assert await workers.submit(chore("find_and_die", seconds=20.0)) == "found"
-            # One that is stopped in the midst of its work is starved of all its time.
-            job = asyncio.ensure_future(workers.submit(chore("search", 0.05, seconds=1.5)))
-            await working(workers, 1)
-            await asyncio.sleep(0.5)
-            os.kill(workers.busy_pids[0], signal.SIGSTOP)
-            assert (await job).startswith("found ")
-
-    asyncio.run(run())
+async def test_what_a_worker_has_found_outlives_it(workers: WorkerSupervisor) -> None:
+    assert await workers.submit(chore("find_and_die", seconds=20.0)) == "found"
+    # One that is stopped in the midst of its work is starved of all its time.
+    job = asyncio.ensure_future(workers.submit(chore("search", 0.05, seconds=1.5)))
+    await working(workers, 1)
+    await asyncio.sleep(0.5)
+    os.kill(workers.busy_pids[0], signal.SIGSTOP)
+    assert (await job).startswith("found ")
 
 
-def test_small_requests_wait_behind_large_ones_where_there_is_time() -> None:
-    async def run() -> None:
-        async with supervisor(1) as workers:
-            await ready(workers)
-            await workers.submit(chore("nap_over", 1.0, b"x" * 100_000))
-            large = asyncio.ensure_future(workers.submit(chore("nap_over", 0.3, b"x" * 100_000)))
-            await working(workers, 1)
-            jobs = [
-                asyncio.ensure_future(
-                    workers.submit(chore("nap_over", 0.01, b"x" * 500, seconds=5.0))
-                )
-                for _ in range(6)
-            ]
-            assert await asyncio.gather(*jobs) == [500] * 6
-            await large
-
-    asyncio.run(run())
+async def test_small_requests_wait_behind_large_ones_where_there_is_time(
+    workers: WorkerSupervisor,
+) -> None:
+    await workers.submit(chore("nap_over", 1.0, b"x" * 100_000))
+    large = asyncio.ensure_future(workers.submit(chore("nap_over", 0.3, b"x" * 100_000)))
+    await working(workers, 1)
+    jobs = [
+        asyncio.ensure_future(workers.submit(chore("nap_over", 0.01, b"x" * 500, seconds=5.0)))
+        for _ in range(6)
+    ]
+    assert await asyncio.gather(*jobs) == [500] * 6
+    await large
 
 
-def test_a_job_whose_deadline_passes_in_the_queue_never_runs() -> None:
-    async def run() -> None:
-        async with supervisor(1) as workers:
-            await ready(workers)
-            busy = asyncio.ensure_future(workers.submit(chore("nap", 20.0, seconds=60.0)))
-            await working(workers, 1)
-            with pytest.raises(DeadlineExceeded, match="waiting for a worker"):
-                await workers.submit(chore("nap", 0.0, seconds=0.3))
-            assert not busy.done(), "the job that ran is not touched"
-            assert workers.busy == 1
-            busy.cancel()
-
-    asyncio.run(run())
+async def test_a_job_whose_deadline_passes_in_the_queue_never_runs(
+    workers: WorkerSupervisor,
+) -> None:
+    busy = asyncio.ensure_future(workers.submit(chore("nap", 20.0, seconds=60.0)))
+    await working(workers, 1)
+    with pytest.raises(DeadlineExceeded, match="waiting for a worker"):
+        await workers.submit(chore("nap", 0.0, seconds=0.3))
+    assert not busy.done(), "the job that ran is not touched"
+    assert workers.busy == 1
+    busy.cancel()
 
 
-def test_the_queue_is_bounded() -> None:
-    async def run() -> None:
-        async with supervisor(2, queue_limit=3) as workers:
-            await ready(workers)
-            accepted = [asyncio.ensure_future(workers.submit(chore("nap", 0.2))) for _ in range(5)]
-            await asyncio.sleep(0)
-            assert (workers.busy, workers.waiting) == (2, 3)
-            with pytest.raises(QueueFull) as error:
-                await workers.submit(chore("add", 1, 1))
-            assert status_of(error.value) == 429
-            assert error.value.code == "OVERLOADED"
-            assert int(headers_of(error.value)["Retry-After"]) >= 1
-            assert await asyncio.gather(*accepted) == [0.2] * 5
-            assert await workers.submit(chore("add", 1, 1)) == 2
-
-    asyncio.run(run())
+@supervised(2, queue_limit=3)
+async def test_the_queue_is_bounded(workers: WorkerSupervisor) -> None:
+    accepted = [asyncio.ensure_future(workers.submit(chore("nap", 0.2))) for _ in range(5)]
+    await asyncio.sleep(0)
+    assert (workers.busy, workers.waiting) == (2, 3)
+    with pytest.raises(QueueFull) as error:
+        await workers.submit(chore("add", 1, 1))
+    assert status_of(error.value) == 429
+    assert error.value.code == "OVERLOADED"
+    assert int(headers_of(error.value)["Retry-After"]) >= 1
+    assert await asyncio.gather(*accepted) == [0.2] * 5
+    assert await workers.submit(chore("add", 1, 1)) == 2
 
 
-def test_cancelling_takes_a_job_from_the_queue_or_ends_its_worker() -> None:
-    async def run() -> None:
-        async with supervisor(1) as workers:
-            await ready(workers)
-            victim = workers.pids[0]
-            running = asyncio.ensure_future(workers.submit(chore("burn")))
-            await working(workers, 1)
-            queued = asyncio.ensure_future(workers.submit(chore("burn")))
-            await asyncio.sleep(0.02)
-            assert workers.waiting == 1
-            queued.cancel()
-            await asyncio.sleep(0.02)
-            assert workers.waiting == 0
-            assert alive(victim)
-            running.cancel()
-            assert await asyncio.to_thread(wait_until, lambda: not alive(victim), 10.0)
-            assert await workers.submit(chore("add", 1, 1)) == 2
-            assert workers.counters.cancelled == 2
-
-    asyncio.run(run())
+async def test_cancelling_takes_a_job_from_the_queue_or_ends_its_worker(
+    workers: WorkerSupervisor,
+) -> None:
+    victim = workers.pids[0]
+    running = asyncio.ensure_future(workers.submit(chore("burn")))
+    await working(workers, 1)
+    queued = asyncio.ensure_future(workers.submit(chore("burn")))
+    await asyncio.sleep(0.02)
+    assert workers.waiting == 1
+    queued.cancel()
+    await asyncio.sleep(0.02)
+    assert workers.waiting == 0
+    assert alive(victim)
+    running.cancel()
+    assert await asyncio.to_thread(wait_until, lambda: not alive(victim), 10.0)
+    assert await workers.submit(chore("add", 1, 1)) == 2
+    assert workers.counters.cancelled == 2
 
 
-def test_a_worker_that_was_ended_is_not_listed_while_it_is_reaped() -> None:
-    async def run() -> None:
-        async with supervisor(1) as workers:
-            await ready(workers)
-            (victim,) = workers.pids
-            running = asyncio.ensure_future(workers.submit(chore("burn")))
-            await working(workers, 1)
-            assert workers.busy_pids == [victim]
-            running.cancel()
-            await asyncio.gather(running, return_exceptions=True)
-            assert victim not in workers.pids
-            assert workers.busy_pids == []
-            assert await workers.submit(chore("add", 1, 1)) == 2
-
-    asyncio.run(run())
+async def test_a_worker_that_was_ended_is_not_listed_while_it_is_reaped(
+    workers: WorkerSupervisor,
+) -> None:
+    (victim,) = workers.pids
+    running = asyncio.ensure_future(workers.submit(chore("burn")))
+    await working(workers, 1)
+    assert workers.busy_pids == [victim]
+    running.cancel()
+    await asyncio.gather(running, return_exceptions=True)
+    assert victim not in workers.pids
+    assert workers.busy_pids == []
+    assert await workers.submit(chore("add", 1, 1)) == 2
 
 
-def test_stopping_tells_everybody_and_leaves_nothing_behind() -> None:
-    async def run() -> None:
-        async with supervisor(2) as workers:
-            await ready(workers)
-            pids = workers.pids
-            jobs = [asyncio.ensure_future(workers.submit(chore("burn"))) for _ in range(5)]
-            await working(workers, 2)
-            start = time.monotonic()
-            await workers.stop()
-            assert time.monotonic() - start < 10.0, "not when they are done"
-            results = await asyncio.gather(*jobs, return_exceptions=True)
-            assert all(isinstance(result, ShuttingDown) for result in results)
-            assert not any(alive(pid) for pid in pids)
-            with pytest.raises(ShuttingDown):
-                await workers.submit(chore("add", 1, 1))
-
-    asyncio.run(run())
+@supervised(2)
+async def test_stopping_tells_everybody_and_leaves_nothing_behind(
+    workers: WorkerSupervisor,
+) -> None:
+    pids = workers.pids
+    jobs = [asyncio.ensure_future(workers.submit(chore("burn"))) for _ in range(5)]
+    await working(workers, 2)
+    start = time.monotonic()
+    await workers.stop()
+    assert time.monotonic() - start < 10.0, "not when they are done"
+    results = await asyncio.gather(*jobs, return_exceptions=True)
+    assert all(isinstance(result, ShuttingDown) for result in results)
+    assert not any(alive(pid) for pid in pids)
+    with pytest.raises(ShuttingDown):
+        await workers.submit(chore("add", 1, 1))
 
 
 _DOOMED_SERVER = """
