@@ -4,22 +4,24 @@ import numpy as np
 import pinocchio as pin
 
 from kinematics.forward import forward
-from kinematics.robots import builtin_urdf
 from obstacles.collision.checker import Checker
+from obstacles.collision.fcl_distance import FclWorld
 from obstacles.scenes.scene import Scene
 from planning.constrained.checker import ConstrainedChecker
 from planning.constrained.planner import GoalRegion
-from planning.constrained.pose_goals import goal_configurations
+from planning.constrained.pose_goals import goal_configurations, pose_constraint
 from planning.constraints.constraint_set import ConstraintSet
+from planning.constraints.kinds.joint import JointConstraint
 from planning.constraints.kinds.orientation import OrientationConstraint
 from planning.options import Options
 from planning.pipeline.pipeline import plan
 from planning.problem import PoseGoal, Problem
 from planning.result import Plan
+from tests.planning.pinocchio_panda import PinocchioPanda
 from tests.planning.scenes import HOME, box, builtin, pillar
 
 ROBOT = builtin("panda")
-MODEL = pin.buildModelFromXML(builtin_urdf("panda"))
+ORACLE = PinocchioPanda()
 TURN = 0.05
 
 
@@ -34,8 +36,7 @@ def test_goals_near_what_was_reached() -> None:
     second[:3, 3] += [0.1, -0.2, 0.1]
     poses = PoseGoal(first), PoseGoal(second)
     region = GoalRegion(checker, poses)
-    rng, data, found = np.random.default_rng(0), MODEL.createData(), 0
-    frame = MODEL.getFrameId(ROBOT.chain.tip_link)
+    rng, found = np.random.default_rng(0), 0
     for k in range(60):
         near = HOME + rng.normal(scale=0.15, size=7)
         q = region.goal_near(near, k)
@@ -43,11 +44,10 @@ def test_goals_near_what_was_reached() -> None:
             continue
         found += 1
         pose = poses[k % 2]
-        pin.framesForwardKinematics(MODEL, data, np.concatenate([q, np.zeros(MODEL.nq - 7)]))
-        M = data.oMf[frame]
-        off = np.linalg.norm(M.translation - pose.T_base_tip[:3, 3])
+        M = ORACLE.pose(q)
+        off = np.linalg.norm(M[:3, 3] - pose.T_base_tip[:3, 3])
         assert off <= pose.position_tolerance
-        turned = np.linalg.norm(pin.log3(pose.T_base_tip[:3, :3].T @ M.rotation))
+        turned = np.linalg.norm(pin.log3(pose.T_base_tip[:3, :3].T @ M[:3, :3]))
         assert turned <= pose.orientation_tolerance
         assert checker.valid(q)
         # Newton's method goes to a configuration nearby, not to another branch.
@@ -93,3 +93,44 @@ def test_a_pose_that_most_configurations_collide_in_has_others() -> None:
             assert Checker.of(ROBOT, scene, 0.0).valid(q)
             np.testing.assert_allclose(forward(ROBOT.chain, q), goal, atol=1e-3)
     assert found >= 1
+
+
+T = forward(ROBOT.chain, HOME)
+GOAL = PoseGoal(T, position_tolerance=2e-3, orientation_tolerance=5e-3)
+
+
+def errors(q: np.ndarray) -> tuple[float, float]:
+    M = ORACLE.pose(q)
+    turn = pin.log3(T[:3, :3].T @ M[:3, :3])
+    return float(np.linalg.norm(M[:3, 3] - T[:3, 3])), float(np.linalg.norm(turn))
+
+
+def test_the_constraint_is_the_largest_box_inside_the_tolerances() -> None:
+    rows = pose_constraint(GOAL).rows(ROBOT.chain)
+    widths = {"m": 0.0, "rad": 0.0}
+    for row in rows:
+        half = 0.5 * row.width if np.isfinite(row.lower) else row.width
+        widths[row.unit] += half**2
+    assert 0.998 * 2e-3 <= np.sqrt(widths["m"]) < 2e-3
+    assert 0.998 * 5e-3 <= np.sqrt(widths["rad"]) < 5e-3
+
+
+def test_configurations_are_at_the_pose_hold_constraints_and_keep_clear() -> None:
+    scene = pillar(0.1, 0.7)
+    problem = Problem(ROBOT, scene, HOME, (GOAL,), margin=0.02)
+    name = ROBOT.chain.joint_names[0]
+    solutions = goal_configurations(problem, GOAL, HOME, 0, (JointConstraint(name, 0.2, 0.1, 0.1),))
+    assert solutions
+    world = FclWorld(ROBOT, scene)
+    for solution in solutions:
+        position, orientation = errors(solution.joints)
+        assert position <= GOAL.position_tolerance
+        assert orientation <= GOAL.orientation_tolerance
+        assert 0.1 - 1e-6 <= solution.joints[0] <= 0.3 + 1e-6
+        assert world.clearance(solution.joints).distance >= 0.0
+        assert solution.clearance >= 0.0
+    distances = [float(np.linalg.norm(s.joints - HOME)) for s in solutions]
+    assert distances == sorted(distances)
+    again = goal_configurations(problem, GOAL, HOME, 0, (JointConstraint(name, 0.2, 0.1, 0.1),))
+    for one, other in zip(solutions, again, strict=True):
+        np.testing.assert_array_equal(one.joints, other.joints)

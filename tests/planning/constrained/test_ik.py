@@ -8,15 +8,18 @@ import casadi
 import numpy as np
 import pinocchio as pin
 import pytest
+import trimesh
 from scipy.optimize import fmin_slsqp
 
 from kinematics.arrays import Array
 from kinematics.errors import InvalidGoal, InvalidOption, InvalidRobotState
 from kinematics.forward import forward
-from kinematics.robots import builtin_urdf
 from kinematics.symbolic import symbolic_jacobian
-from obstacles.collision.checker import Checker
-from obstacles.scenes.scene import Scene
+from obstacles.collision.checker import Checker, collision_model
+from obstacles.scenes.scene import Obstacle, Scene
+from obstacles.shapes.shape import Sphere
+from planning.constrained import descent
+from planning.constrained.descent import Descents
 from planning.constrained.ik import IkOptions, constrained_ik
 from planning.constraints.constraint_set import ConstraintSet
 from planning.constraints.kinds.joint import JointConstraint
@@ -26,23 +29,27 @@ from planning.constraints.kinds.orientation import ConeConstraint
 from planning.constraints.kinds.position import PositionConstraint
 from planning.constraints.kinds.region import BoxRegion, SphereRegion
 from planning.constraints.kinds.relative_pose import RelativePoseConstraint
+from planning.constraints.solvers.active_set import COURSE, FEASIBLE, OVER, STAGE, descend, go_on
+from planning.constraints.solvers.active_set_program import (
+    LEAST_GAIN,
+    LEFT,
+    linearise,
+    make_goal,
+    make_work,
+    search_arrays,
+)
 from planning.constraints.solvers.program import Program, _determinant, is_built, program
 from planning.values import deadline as deadlines
 from planning.values.deadline import Deadline
-from tests.planning.scenes import HOME, builtin, shelf
+from tests.obstacles.collision.test_fcl_distance import slide
+from tests.obstacles.distance.triangles.test_distance import apart, mesh
+from tests.obstacles.meshes.test_decomposition import ring
+from tests.planning.pinocchio_panda import PinocchioPanda
+from tests.planning.scenes import HOME, builtin, pillar, shelf
 
 ROBOT = builtin("panda")
 CHAIN = ROBOT.chain
-MODEL = pin.buildModelFromXML(builtin_urdf("panda"))
-
-
-def tip_pose(q: Array) -> Array:
-    data = MODEL.createData()
-    full = pin.neutral(MODEL)
-    for name, value in zip(CHAIN.joint_names, q, strict=True):
-        full[MODEL.joints[MODEL.getJointId(name)].idx_q] = value
-    pin.framesForwardKinematics(MODEL, data, full)
-    return np.asarray(data.oMf[MODEL.getFrameId(CHAIN.tip_link)].homogeneous)
+ORACLE = PinocchioPanda()
 
 
 def draws(seed: int, count: int) -> Array:
@@ -54,7 +61,7 @@ def draws(seed: int, count: int) -> Array:
 
 def test_upright_at_a_place() -> None:
     for q in draws(0, 20):
-        T = tip_pose(q)
+        T = ORACLE.pose(q)
         up = T[:3, :3].T @ [0.0, 0.0, 1.0]
         wanted = ConstraintSet(
             CHAIN,
@@ -65,7 +72,7 @@ def test_upright_at_a_place() -> None:
         )
         found = constrained_ik(ROBOT, wanted).solutions
         assert found
-        got = tip_pose(found[0].joints)
+        got = ORACLE.pose(found[0].joints)
         assert np.linalg.norm(got[:3, 3] - T[:3, 3]) <= 1e-3 + 1e-6
         assert np.arccos(np.clip((got[:3, :3] @ up)[2], -1.0, 1.0)) <= 0.1 + 1e-6
         assert (found[0].residuals <= 1e-6).all()
@@ -75,7 +82,7 @@ def test_upright_at_a_place() -> None:
 
 def test_looking_at_a_target() -> None:
     for q in draws(1, 20):
-        T = tip_pose(q)
+        T = ORACLE.pose(q)
         target = T[:3, 3] + 0.5 * T[:3, 2]
         wanted = ConstraintSet(
             CHAIN,
@@ -86,7 +93,7 @@ def test_looking_at_a_target() -> None:
         )
         found = constrained_ik(ROBOT, wanted).solutions
         assert found
-        got = tip_pose(found[0].joints)
+        got = ORACLE.pose(found[0].joints)
         sight = target - got[:3, 3]
         cosine = got[:3, 2] @ sight / np.linalg.norm(sight)
         assert np.arccos(np.clip(cosine, -1.0, 1.0)) <= 0.02 + 1e-6
@@ -95,9 +102,9 @@ def test_looking_at_a_target() -> None:
 
 def test_a_whole_pose_is_reached() -> None:
     for q in draws(2, 10):
-        T = tip_pose(q)
+        T = ORACLE.pose(q)
         found = constrained_ik(ROBOT, ConstraintSet(CHAIN, (RelativePoseConstraint(T),)))
-        np.testing.assert_allclose(tip_pose(found.solutions[0].joints), T, atol=3e-6)
+        np.testing.assert_allclose(ORACLE.pose(found.solutions[0].joints), T, atol=3e-6)
 
 
 def by_slsqp(wanted: ConstraintSet, posture: Array, start: Array) -> tuple[float, Array]:
@@ -125,15 +132,6 @@ def test_both_solvers_hold_everything_and_agree_with_a_third(solver: str) -> Non
         cost, best = by_slsqp(wanted, posture, inner)
         assert found.cost <= cost + 1e-6
         np.testing.assert_allclose(found.joints, best, atol=1e-4)
-
-
-def test_programs_are_built_once_a_shape() -> None:
-    first, second = (
-        ConstraintSet(CHAIN, (ConeConstraint([0, 0, 1], [0, 0, 1], angle),)) for angle in (0.1, 0.2)
-    )
-    assert program(first) is program(second)
-    other = ConstraintSet(CHAIN, (PositionConstraint(SphereRegion([0.4, 0, 0.4], 0.1)),))
-    assert program(other) is not program(first)
 
 
 def test_determinants_by_elimination_are_those_by_minors() -> None:
@@ -208,10 +206,10 @@ def test_objectives_pull_where_they_say() -> None:
         return np.array(constrained_ik(ROBOT, wanted, None, options).solutions[0].joints)
 
     def manipulability(q: Array) -> float:
-        data = MODEL.createData()
-        full = np.concatenate([q, np.zeros(MODEL.nq - 7)])
-        frame = MODEL.getFrameId(CHAIN.tip_link)
-        J = pin.computeFrameJacobian(MODEL, data, full, frame, pin.LOCAL_WORLD_ALIGNED)[:, :7]
+        model, frame = ORACLE.model, ORACLE.model.getFrameId(CHAIN.tip_link)
+        full = ORACLE.full(q)
+        J = pin.computeFrameJacobian(model, ORACLE.data, full, frame, pin.LOCAL_WORLD_ALIGNED)
+        J = J[:, ORACLE.index]
         return float(np.sqrt(np.linalg.det(J @ J.T)))
 
     middle = 0.5 * (CHAIN.limits.lower + CHAIN.limits.upper)
@@ -278,7 +276,7 @@ def test_a_search_that_time_ended_says_so() -> None:
 
 def test_a_slow_machine_finds_the_same_configurations(monkeypatch: pytest.MonkeyPatch) -> None:
     wanted = ConstraintSet(
-        CHAIN, (PositionConstraint(BoxRegion(tip_pose(draws(3, 1)[0]), np.full(3, 0.01))),)
+        CHAIN, (PositionConstraint(BoxRegion(ORACLE.pose(draws(3, 1)[0]), np.full(3, 0.01))),)
     )
     fast = constrained_ik(ROBOT, wanted, None, IkOptions(most=4, starts=12))
     clock = SimpleNamespace(monotonic=lambda: 100.0 * time.monotonic())
@@ -288,3 +286,131 @@ def test_a_slow_machine_finds_the_same_configurations(monkeypatch: pytest.Monkey
     assert slow.deterministic
     for one, other in zip(slow.solutions, fast.solutions, strict=True):
         np.testing.assert_array_equal(one.joints, other.joints)
+
+
+HOME_POSE = forward(CHAIN, HOME)
+#: Upright in a ball beside a post, nearest to a posture that is elsewhere.
+WANTED = ConstraintSet(
+    CHAIN,
+    (
+        ConeConstraint(HOME_POSE[:3, :3].T @ [0.0, 0.0, 1.0], [0.0, 0.0, 1.0], 0.1),
+        PositionConstraint(SphereRegion(HOME_POSE[:3, 3], 0.05)),
+    ),
+)
+MODEL = search_arrays(collision_model(ROBOT, pillar(0.45, 0.25)), 1e-6)
+GOAL = make_goal(WANTED, HOME + 0.4, np.ones(7))
+
+
+def starts(count: int) -> list[Array]:
+    random = np.random.default_rng(0)
+    return list(random.uniform(*CHAIN.sampling_bounds(), (count, 7)))
+
+
+def test_few_steps_at_a_time_lead_where_one_descent_does() -> None:
+    arrived = 0
+    for start in starts(16):
+        whole, found = start.copy(), np.empty(2)
+        descend(MODEL, GOAL, whole, found)
+        sliced = Descents(GOAL, Deadline.after(600.0)).descend(MODEL, start, LEAST_GAIN)
+        arrived += found[0] <= FEASIBLE
+        np.testing.assert_allclose(sliced, whole, atol=1e-4 if found[0] <= FEASIBLE else 0.5)
+    assert arrived >= 3
+
+
+@pytest.mark.parametrize("left", [1.0, 3.0, 7.0])
+def test_a_step_that_is_cut_is_not_taken(left: float) -> None:
+    """However few linearisations are allowed, violation and objective only ever fall."""
+    for start in starts(4):
+        work, q, course = make_work(MODEL, GOAL), start.copy(), np.zeros(COURSE)
+        last = np.array([0.0, np.inf, np.inf])
+        for _ in range(400):
+            work.pace[LEFT] = left
+            go_on(MODEL, GOAL, q, 2, work, course)
+            assert work.pace[LEFT] >= -8.0
+            _, _, violated = linearise(MODEL, GOAL, q, work)
+            stage = min(course[STAGE], 1.0)
+            inside = course[1] if stage else np.inf
+            assert stage >= last[0]
+            assert violated <= max(last[1], FEASIBLE**2 * 1e3)
+            assert inside <= last[2]
+            last = np.array([stage, violated, inside])
+            if course[STAGE] == OVER:
+                break
+
+
+def test_deadlines_are_kept_where_one_descent_takes_longer(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Among rings of many triangles."""
+    clock = SimpleNamespace(monotonic=time.process_time, thread_time=time.process_time)
+    monkeypatch.setattr(deadlines, "time", clock)
+    monkeypatch.setattr(descent, "time", clock)
+    places = [forward(CHAIN, q) for q in starts(4)]
+    rings = tuple(Obstacle(f"ring{k}", mesh(ring()), T) for k, T in enumerate(places))
+    scene = Scene(rings)
+    Checker.of(ROBOT, scene, 0.0)
+    # Kernels are loaded and meshes packed before the clock counts.
+    constrained_ik(ROBOT, WANTED, scene, IkOptions(most=2, deadline=Deadline.after(0.01)))
+    for allowed in (0.002, 0.1):
+        began = time.process_time()
+        how = IkOptions(most=30, starts=100_000, deadline=Deadline.after(allowed))
+        found = constrained_ik(ROBOT, WANTED, scene, how)
+        taken = time.process_time() - began
+        assert taken < allowed + 0.1
+        assert found.starts >= 1
+        for solution in found.solutions:
+            assert WANTED.residuals(solution.joints).max() <= 1e-6
+            assert Checker.of(ROBOT, scene, 0.0).valid(solution.joints)
+
+
+UR5E_ROBOT = builtin("ur5e")
+#: A ring on a rail along x whose hole is 0.398 m wide, and a ball that has 28 mm to spare in it.
+RING = slide(*mesh(ring()).pieces())
+BALL = Scene((Obstacle("ball", Sphere(0.37)),))
+
+
+def at_x(x: float, width: float) -> ConstraintSet:
+    return ConstraintSet(RING.chain, (JointConstraint("x", x, width, width),))
+
+
+def test_own_links_are_apart_without_a_scene() -> None:
+    """A ball beside the base that the tip reaches by folding the forearm into it, or without."""
+    place = PositionConstraint(SphereRegion(np.array([0.0, -0.2, 0.1]), 0.005))
+    wanted, free = ConstraintSet(UR5E_ROBOT.chain, (place,)), Checker.of(UR5E_ROBOT, Scene(()))
+    for seed in range(8):
+        answer = constrained_ik(UR5E_ROBOT, wanted, None, IkOptions(seed=seed, starts=30))
+        for solution in answer.solutions:
+            assert free.valid(solution.joints)
+        assert answer.solutions
+
+
+def test_a_seed_in_a_hollow_is_not_led_out_of_it() -> None:
+    """What covers the ring is struck by the ball; its triangles are not."""
+    seed = IkOptions(seed_joints=np.array([0.01]))
+    (solution,) = constrained_ik(RING, at_x(0.0, 0.5), BALL, seed).solutions
+    assert abs(solution.joints[0] - 0.01) < 1e-6
+    sphere = trimesh.creation.icosphere(4, 0.37)
+    turn = np.eye(4)
+    turn[0, 3] = solution.joints[0]
+    assert apart(ring(), turn, sphere, np.eye(4)) > 0.0
+
+
+def test_a_hollow_is_found_from_outside() -> None:
+    """Only starts that keep triangles apart arrive where covers overlap the ball."""
+    how = IkOptions(seed_joints=np.array([2.0]), starts=40)
+    answer = constrained_ik(RING, at_x(0.0, 0.02), BALL, how)
+    assert answer.solutions
+    assert 1 < answer.starts < 40
+
+
+def test_more_solutions_than_there_are_do_not_cost_all_starts() -> None:
+    answer = constrained_ik(RING, at_x(0.0, 1e-5), BALL, IkOptions(most=2, starts=1000))
+    assert len(answer.solutions) == 1
+    assert answer.starts < 60
+
+
+def test_clearance_is_kept_from_obstacles_by_meshes() -> None:
+    wanted = ConstraintSet(
+        RING.chain, (JointConstraint("x", 0.0, 0.5, 0.5), ClearanceConstraint(0.02))
+    )
+    how = IkOptions(seed_joints=np.array([0.02]))
+    (solution,) = constrained_ik(RING, wanted, BALL, how).solutions
+    assert Checker.of(RING, BALL, 0.02).valid(solution.joints)

@@ -1,22 +1,37 @@
 """Residuals against pinocchio's frames and scipy's rotations, Jacobians against differences."""
 
+import math
+from collections.abc import Callable
+
 import casadi
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
 from kinematics.arrays import Array
-from kinematics.forward import forward
+from kinematics.errors import ArmwrightError, InvalidLinkName
+from kinematics.forward import forward, frames_kernel
 from kinematics.model.chain import Chain
 from kinematics.pose import transform
 from kinematics.robots import builtin_chain, builtin_names
 from planning.constraints.constraint_set import ConstraintSet
+from planning.constraints.kinds.constraint import Constraint
 from planning.constraints.kinds.joint import JointConstraint
+from planning.constraints.kinds.limit import (
+    ClearanceConstraint,
+    ToolSpeedConstraint,
+    TorqueConstraint,
+)
 from planning.constraints.kinds.look_at import LookAtConstraint
 from planning.constraints.kinds.orientation import ConeConstraint, OrientationConstraint
 from planning.constraints.kinds.position import PositionConstraint
 from planning.constraints.kinds.region import BoxRegion, LineRegion, PlaneRegion, SphereRegion
 from planning.constraints.kinds.relative_pose import RelativePoseConstraint
+from planning.constraints.row import Column, RowKind
+from planning.constraints.row_value import (
+    sideways_kernel,
+    value_kernel,
+)
 from planning.constraints.symbolic import smooth_rows, symbolic_residuals, symbolic_values
 from tests.dynamics.samples import random_chain
 from tests.kinematics.samples import random_rotation
@@ -154,3 +169,105 @@ def test_hash_tells_constraints_apart() -> None:
     assert soft.soft == soft
     assert not soft.hard
     assert first.hard == first
+
+
+#: Joints of both types, rows of every kind between the base and any two of its links.
+CHAIN = random_chain(3, 7)
+PACKED = np.array(ConstraintSet(CHAIN, tuple(some_of_each(CHAIN, 8))).packed)
+
+
+def frames_at(chain: Chain, q: Array) -> Array:
+    frames = np.empty((chain.n, 4, 4))
+    frames_kernel(chain.model, q, frames)
+    return frames
+
+
+def drawn(seed: int) -> Array:
+    return np.random.default_rng(seed).uniform(-1.5, 1.5, CHAIN.n)
+
+
+@pytest.mark.parametrize("kind", [RowKind.DISTANCE, RowKind.ANGLE, RowKind.LOOK])
+def test_bounds_across_hold_wherever_the_row_does(kind: RowKind) -> None:
+    """To first order: a violated row's step that keeps them does not run past the set."""
+    rows = PACKED[PACKED[:, Column.KIND] == kind]
+    seen = 0
+    for seed in range(6):
+        q = drawn(200 + seed)
+        frames = frames_at(CHAIN, q)
+        for row in rows:
+            for second in (False, True):
+                bound, linear, angular = sideways_kernel(frames, row, second)
+                if math.isinf(bound):
+                    continue
+                seen += 1
+                _, along, about = value_kernel(q, frames, row, np.empty((3, 3)))
+                limit = row[Column.UPPER]
+                expected = limit if kind == RowKind.DISTANCE else math.sin(limit)
+                assert bound == pytest.approx(expected)
+                # Unit covectors, across the one that the value is measured along.
+                if kind == RowKind.ANGLE:
+                    assert np.linalg.norm(angular) == pytest.approx(1.0)
+                    assert np.dot(angular, about) == pytest.approx(0.0, abs=1e-9)
+                if kind == RowKind.DISTANCE:
+                    assert np.linalg.norm(linear) == pytest.approx(1.0)
+                    assert np.dot(linear, along) == pytest.approx(0.0, abs=1e-9)
+    assert seen > 6
+
+
+PANDA = builtin_chain("panda")
+BALL = SphereRegion([0.4, 0.0, 0.4], 0.1)
+
+
+@pytest.mark.parametrize(
+    ("make", "words"),
+    [
+        (lambda: JointConstraint("panda_joint1", math.nan), "not finite"),
+        (lambda: JointConstraint("panda_joint1", 0.0, -0.1), "tolerance_above"),
+        (lambda: JointConstraint("elbow", 0.0), "no joint 'elbow'"),
+        (lambda: PositionConstraint(BALL, link="nose"), "nose"),
+        (lambda: PositionConstraint(BALL, link="panda_link0"), "does not move"),
+        (lambda: PositionConstraint(BALL, "panda_hand", reference_link="panda_link7"), "not move"),
+        (lambda: PositionConstraint(BALL, point=[0.0, 0.0]), "point"),
+        (lambda: SphereRegion([0, 0, 0], -1.0), "radius"),
+        (lambda: PlaneRegion([0, 0, 0], [0, 0, 0], 0.1), "normal"),
+        (lambda: LineRegion([0, 0, 0], [0, 0, 1], 0.1, -1.0), "length"),
+        (lambda: BoxRegion(np.eye(4), np.array([1.0, -1.0, 1.0])), "size"),
+        (lambda: BoxRegion(np.eye(3), np.ones(3)), "pose"),
+        (lambda: ConeConstraint([0, 0, 0], [0, 0, 1], 0.1), "axis"),
+        (lambda: ConeConstraint([0, 0, 1], [0, 0, 1], 4.0), "cone_angle"),
+        (lambda: OrientationConstraint(2.0 * np.eye(3), 0.1), "rotation"),
+        (lambda: OrientationConstraint(np.eye(3), [0.1, 0.1]), "axis_tolerances"),
+        (lambda: LookAtConstraint([0, 0, 1], [math.inf, 0, 0], 0.1), "target"),
+        (lambda: RelativePoseConstraint(np.eye(4), position_tolerances=-1.0), "position_tol"),
+        (lambda: ClearanceConstraint(-0.1), "margin"),
+        (lambda: ToolSpeedConstraint(0.0), "tool speed"),
+        (lambda: TorqueConstraint([1.0, -1.0]), "positive"),
+        (lambda: TorqueConstraint([1.0]), "7 joints"),
+        (lambda: ConeConstraint([0, 0, 1], [0, 0, 1], 0.1, weight=0.0), "weight"),
+    ],
+)
+def test_malformed_constraints_are_refused(make: Callable[[], Constraint], words: str) -> None:
+    with pytest.raises(ArmwrightError) as caught:
+        ConstraintSet(PANDA, (make(),))
+    assert words in f"{caught.value.message} {caught.value.hint}"
+
+
+def test_an_unknown_link_lists_those_there_are() -> None:
+    with pytest.raises(InvalidLinkName) as caught:
+        ConstraintSet(PANDA, (ConeConstraint([0, 0, 1], [0, 0, 1], 0.1, link="nose"),))
+    assert "panda_hand" in str(caught.value.hint)
+
+
+def test_a_motion_s_limits_are_known_and_have_no_rows() -> None:
+    limits = (ClearanceConstraint(0.02), ClearanceConstraint(0.01), ToolSpeedConstraint(0.5))
+    made = ConstraintSet(PANDA, (*limits, TorqueConstraint()))
+    assert made.rows == ()
+    assert (made.margin, made.tool_speed) == (0.02, 0.5)
+    assert made.torque == TorqueConstraint()
+    assert made.residuals(np.zeros(7)).shape == (0,)
+    assert made.residuals(np.zeros((3, 7))).shape == (3, 0)
+
+
+def test_free_axes_have_no_rows() -> None:
+    upright = OrientationConstraint(np.eye(3), [0.1, 0.1, 4.0])
+    assert len(ConstraintSet(PANDA, (upright,)).rows) == 2

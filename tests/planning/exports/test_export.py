@@ -4,6 +4,7 @@ import csv
 import io
 import json
 import re
+from dataclasses import replace
 from itertools import pairwise
 
 import numpy as np
@@ -17,7 +18,7 @@ from kinematics.trajectory.interpolation import interpolate
 from kinematics.trajectory.trajectory import Trajectory
 from obstacles.collision.fcl_distance import FclWorld
 from obstacles.scenes.scene import Scene
-from planning.exports.export import Export, export
+from planning.exports.export import Export, export, joint_tolerance, lever_arms
 from planning.exports.options import PATH_FORMATS, ExportFormat, ExportOptions
 from planning.exports.statement import _plain
 from planning.options import Options
@@ -25,6 +26,7 @@ from planning.pipeline.pipeline import plan
 from planning.problem import JointGoal, Problem
 from planning.result import Plan
 from planning.timing.options import Solver, TimingOptions
+from planning.timing.path.simplification import kept_waypoints
 from tests.planning.scenes import builtin, pillar
 
 FORMATS = list(ExportFormat)
@@ -351,3 +353,61 @@ def test_a_motion_is_not_exported_for_another_scene_unless_told() -> None:
             export(motion, UR, scene, options, premises=premises)
         made = export(motion, UR, scene, options, premises=premises, different_scene=True)
         assert made.certificate.premises.scene_hash == scene.content_hash
+
+
+@pytest.mark.parametrize("name", ["ur5e", "panda", "scara", "stanford", "planar_rr"])
+def test_a_joint_changes_distances_by_at_most_its_lever_arm(name: str) -> None:
+    robot = builtin(name)
+    every = {(a, b): "obstacles alone" for a in robot.names for b in robot.names if a < b}
+    robot = replace(robot, allowed=every)
+    arms, n = lever_arms(robot), robot.chain.n
+    lower, upper = robot.chain.sampling_bounds()
+    random = np.random.default_rng(6)
+    largest = np.zeros(n)
+    for _ in range(12):
+        world = FclWorld(robot, pillar(random.uniform(-3.0, 3.0), random.uniform(0.3, 1.5)))
+        q = random.uniform(lower, upper)
+        before = world.clearance(q).distance
+        for k in range(n):
+            moved = q + 0.01 * np.eye(n)[k]
+            if before > 0.05:
+                rate = abs(world.clearance(moved).distance - before) / 0.01
+                assert rate <= arms[k] + 1e-5
+                largest[k] = max(largest[k], rate)
+    assert largest.max() > 0.2 * arms[int(np.argmax(largest))]  # no bound that says nothing
+
+
+def test_a_clearance_is_shared_out_over_all_joints() -> None:
+    robot = builtin("ur5e")
+    tolerance = joint_tolerance(robot, 0.05)
+    assert tolerance == pytest.approx(0.05 / lever_arms(robot).sum())
+
+
+@pytest.mark.parametrize("clearance", [0.0, -0.1, np.inf])
+def test_no_tolerance_without_a_clearance(clearance: float) -> None:
+    assert joint_tolerance(builtin("ur5e"), clearance) is None
+
+
+@pytest.mark.parametrize("tolerance", [1e-3, 1e-2, 0.1])
+def test_every_point_left_out_is_near_its_leg(tolerance: float) -> None:
+    t = np.linspace(0.0, 6.0, 400)
+    points = np.stack([np.cos(t), np.sin(2.0 * t), 0.3 * t], axis=1)
+    chosen = kept_waypoints(points, tolerance)
+    assert chosen[0] == 0
+    assert chosen[-1] == 399
+    assert (np.diff(chosen) > 0).all()
+    assert len(chosen) < 200
+    shares = np.linspace(0.0, 1.0, 2001)[:, None]
+    for first, last in pairwise(chosen.tolist()):
+        leg = points[first] + shares * (points[last] - points[first])
+        for q in points[first : last + 1]:
+            assert np.linalg.norm(leg - q, axis=1).min() <= tolerance + 1e-3
+
+
+def test_a_way_back_on_the_same_line_keeps_its_turn() -> None:
+    line = np.array([[0.0], [0.4], [1.0], [0.5], [0.0]])
+    assert kept_waypoints(line, 1e-6).tolist() == [0, 2, 4]
+
+
+def test_a_robot_that_rests_has_its_two_ends() -> None:
+    assert kept_waypoints(np.zeros((9, 3)), 1e-6).tolist() == [0, 8]

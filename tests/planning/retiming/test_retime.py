@@ -10,11 +10,8 @@ from scipy.interpolate import CubicSpline
 
 from benchmarks.judges.ratios import worst_ratio
 from kinematics.arrays import Array
-from kinematics.errors import InvalidOption, InvalidTrajectory, MissingLimit
-from kinematics.robots import builtin_urdf
-from kinematics.trajectory.export import csv_text, joint_trajectory
-from kinematics.tree.serial_chain import serial_chain
-from kinematics.urdf.urdf import parse_urdf
+from kinematics.errors import InvalidOption, InvalidTrajectory
+from kinematics.robots import builtin_chain
 from planning.retiming.retime import PathToTime, Retimed, retime
 from planning.timing.failure import TimingFailed
 from planning.timing.options import Payload, TimingOptions
@@ -121,7 +118,7 @@ def test_the_toppra_package_keeps_boundary_velocities_torques_and_tool_speed() -
     found = timed(knots=knots, interpolation="natural_spline", solver="toppra", start_velocity=rise)
     assert found.certificate.verified
     np.testing.assert_allclose(found.trajectory.sample([0.0], 1)[0], rise, rtol=1e-8)
-    chain = serial_chain(parse_urdf(builtin_urdf("panda")))
+    chain = builtin_chain("panda")
     points = np.array([0.0, 0.0, 0.0, -1.5, 0.0, 1.5, 0.0]) + 0.3 * POINTS.repeat(3, axis=1)[:4, :7]
     options = TimingOptions(
         blend_tolerance=0.1, torque_limits=True, payload=Payload(3.0), tool_speed=0.5,
@@ -168,7 +165,7 @@ def test_odd_paths() -> None:
 
 
 def test_torques_payload_and_tool_speed_of_a_robot() -> None:
-    chain = serial_chain(parse_urdf(builtin_urdf("panda")))
+    chain = builtin_chain("panda")
     rng = np.random.default_rng(1)
     points = rng.uniform(-0.5, 0.5, (5, 7)) + np.array([0.0, 0.0, 0.0, -1.5, 0.0, 1.5, 0.0])
     path = PathToTime(chain.joint_names, points)
@@ -209,42 +206,6 @@ def test_torques_payload_and_tool_speed_of_a_robot() -> None:
 def test_what_is_refused(options: dict[str, Any], error: type[Exception], match: str) -> None:
     with pytest.raises(error, match=match):
         timed(**options)
-
-
-def test_missing_limits_are_refused_by_joint_name() -> None:
-    path = PathToTime(NAMES, POINTS)
-    for method, missing in (("toppra", "acceleration"), ("jerk_limited", "jerk")):
-        given = {name: limit for name, limit in LIMITS.items() if name != missing}
-        with pytest.raises(MissingLimit, match=rf"{missing}.*a, b, c"):
-            retime(path, TimingOptions(method=method), given)  # type: ignore[arg-type]
-
-
-def test_exports_sample_the_motion() -> None:
-    motion = timed(method="jerk_limited", blend_tolerance=0.05).trajectory
-    message = joint_trajectory(motion, 0.013, "base")
-    assert message["header"]["frame_id"] == "base"
-    times = motion.uniform_samples(0.013)
-    ticks = [
-        10**9 * p["time_from_start"]["sec"] + p["time_from_start"]["nanosec"]
-        for p in message["points"]
-    ]
-    assert ticks[0] == 0
-    assert (np.diff(ticks) > 0).all()
-    np.testing.assert_allclose(np.array(ticks) * 1e-9, times, atol=1e-9)
-    for order, name in enumerate(("positions", "velocities", "accelerations")):
-        rows = [point[name] for point in message["points"]]
-        np.testing.assert_array_equal(rows, _at_rest(motion.sample(times, order), order))
-    table = np.genfromtxt(csv_text(motion, 0.013).splitlines(), delimiter=",", names=True)
-    np.testing.assert_array_equal(table["time"], times)
-    np.testing.assert_array_equal(table["velocityb"], _at_rest(motion.sample(times, 1), 1)[:, 1])
-
-
-def _at_rest(rows: Array, order: int) -> Array:
-    """Samples of a motion that begins and ends at rest: its velocities there are 0, not nearly."""
-    if order == 1:
-        assert np.abs(rows[[0, -1]]).max() < 1e-12
-        rows[[0, -1]] = 0.0
-    return rows
 
 
 def test_stops_are_named_by_their_place_on_the_path() -> None:

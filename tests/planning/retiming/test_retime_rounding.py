@@ -9,10 +9,8 @@ from numpy.polynomial import polynomial as power_basis
 from scipy.spatial import cKDTree
 
 from kinematics.arrays import Array
-from kinematics.robots import builtin_urdf
+from kinematics.robots import builtin_chain
 from kinematics.trajectory.trajectory import Trajectory
-from kinematics.tree.serial_chain import serial_chain
-from kinematics.urdf.urdf import parse_urdf
 from planning.retiming.retime import PathToTime, Retimed, retime
 from planning.timing.failure import TimingFailed
 from planning.timing.options import TimingOptions
@@ -99,7 +97,7 @@ def test_evenly_sampled_arcs_are_timed(seed: int) -> None:
 
 
 def test_a_spline_that_leaves_a_range_is_refused_with_joint_and_waypoints() -> None:
-    chain = serial_chain(parse_urdf(builtin_urdf("ur5e")))
+    chain = builtin_chain("ur5e")
     points = np.tile([0.0, -1.4, 0.0, -1.0, 0.3, 0.1], (4, 1))
     points[:, 2] = [2.2, 3.1, 3.12, 2.0]
     path = PathToTime(chain.joint_names, points)
@@ -113,7 +111,7 @@ def test_a_spline_that_leaves_a_range_is_refused_with_joint_and_waypoints() -> N
 
 
 def test_no_factor_is_told_where_no_stretching_helps() -> None:
-    chain = serial_chain(parse_urdf(builtin_urdf("ur5e")))
+    chain = builtin_chain("ur5e")
     points = np.zeros((3, 6))
     points[1, 2], points[2, 2] = 3.1, 0.0
     path = PathToTime(chain.joint_names, points)

@@ -1,17 +1,37 @@
 """Nodes of the search: what is tried first, what failures cost, and what follows from choices."""
 
+from dataclasses import replace
+from typing import Any
+
 import numpy as np
 import pytest
 
-from obstacles.scenes.scene import AllowedContact
 from planning.options import Options
-from planning.sequence.node import Node, contact_pairs, next_place, onward_steps
-from planning.sequence.stage import Attach, Detach, Grasp, Move, Place, Straight, Wait
-from planning.sequence.step import LineStopped, Step
-from planning.sequence.target import Target
+from planning.result import Failure
+from planning.sequence.node import Node, TargetFinder, contact_pairs, next_place, onward_steps
+from planning.sequence.record import Blame, Check, Record, hint_of
+from planning.sequence.result import StagePlan
+from planning.sequence.stage import (
+    Attach,
+    Detach,
+    Grasp,
+    Move,
+    Place,
+    StageSettings,
+    Straight,
+    Wait,
+)
+from planning.sequence.step import (
+    LineStopped,
+    Step,
+    least_passing,
+    least_travel,
+    plan_step,
+)
+from planning.sequence.target import Candidates, Outcome, Target, Verdict
 from planning.sequence.task import Task
 from planning.sequence.world import Cells, Contact
-from planning.timing.rest_to_rest import motion_times
+from planning.timing.rest_to_rest import motion_times, passing_time
 from planning.values.deadline import Deadline
 from tests.planning.sequence import crate
 
@@ -79,35 +99,6 @@ def test_a_target_that_failed_comes_after_others_once() -> None:
     assert _taken(alone) == [0, 0]
 
 
-def test_choices_bounds_and_penalties_add_up_along_the_path() -> None:
-    root = _node(None, None, 0.5)
-    child = _node(root, 3, 1.0, 2.0)
-    leaf = _node(child, 1, 4.0)
-    assert leaf.path == [root, child, leaf]
-    assert leaf.choices == (3, 1)
-    assert leaf.bound == pytest.approx(7.5)
-    assert [step.bound for step in leaf.all_steps] == [0.5, 1.0, 2.0, 4.0]
-    root.blame(None)
-    child.blame(_target(0))
-    child.blame(_target(0))
-    assert (root.penalty, child.penalty, leaf.penalty) == (1.0, 3.0, 3.0)
-    assert not leaf.is_dead
-    child.dead = True
-    assert leaf.is_dead
-    assert not root.is_dead
-
-
-def test_what_may_touch_at_a_target_is_what_it_names() -> None:
-    grasp = Grasp("crate", GRIPS, ("panda_hand", "a"), "table")
-    touching = AllowedContact("touch_links", 1e-3)
-    assert contact_pairs(grasp) == {("crate", "panda_hand"): touching, ("a", "crate"): touching}
-    place = Place("crate", crate.places(1), support=("table", "wall"), touch_depth=0.002)
-    on = AllowedContact("support", 0.002)
-    assert contact_pairs(place) == {("crate", "table"): on, ("crate", "wall"): on}
-    assert contact_pairs(Place("crate", crate.places(1))) == {}
-    assert contact_pairs(Move()) == {}
-
-
 def test_the_place_that_a_grasp_leads_to_is_told_with_the_world_there() -> None:
     task = Task(crate.world(), crate.HOME, crate.stages(GRIPS))
     touching = contact_pairs(Grasp("crate", GRIPS, ("panda_hand",)))
@@ -151,3 +142,192 @@ def test_stages_without_a_choice_follow_one_another_up_to_one_that_is_too_short(
     np.testing.assert_array_equal(node.onward[2].start, q)
     assert set(node.history) == {0, 1, 2}
     np.testing.assert_array_equal(node.history[2], node.onward[2].end)
+
+
+_NONE = np.zeros((0, 7))
+
+
+def _candidates(**outcomes: Verdict) -> Candidates:
+    found = {int(name.removeprefix("n")): outcome for name, outcome in outcomes.items()}
+    return Candidates((), _NONE, found)
+
+
+def _root() -> Node:
+    return Node(None, 0, crate.world(), crate.HOME, {})
+
+
+def _child(root: Node, number: int, stage: int) -> Node:
+    target = Target(number, None, crate.HOME, None)
+    grasp = Grasp("crate", crate.grasps(2))
+    world = crate.world()
+    step = Step(stage, grasp, "none", world, world, {}, crate.HOME, crate.HOME)
+    return Node(root, 1, world, crate.HOME, {}, target, [step])
+
+
+def test_candidates_are_noted_with_their_reasons_and_stay_open_where_they_are_reached() -> None:
+    record = Record()
+    record.note_candidates((), 2, _candidates(
+        n0=Verdict(Outcome.REACHED), n1=Verdict(Outcome.OUT_OF_REACH),
+        n2=Verdict(Outcome.IN_COLLISION, ("arm", "lid"), np.ones(7)),
+    ))  # fmt: skip
+    outcomes = {trial.choices: (trial.stage, trial.outcome, trial.reasons)
+                for trial in record.trials}  # fmt: skip
+    assert outcomes == {
+        (0,): (2, "open", {}),
+        (1,): (2, "out_of_reach", {"out_of_reach": 1}),
+        (2,): (2, "in_collision", {"in collision: arm and lid": 1}),
+    }
+    shown = [trial.joints for trial in record.trials]
+    assert shown[:2] == [None, None]
+    np.testing.assert_array_equal(shown[2], np.ones(7))
+
+
+def test_an_outcome_only_comes_nearer_to_a_solution() -> None:
+    record = Record()
+    record.note_candidates((), 2, _candidates(n0=Verdict(Outcome.IN_COLLISION, ("arm", "lid"))))
+    record.note_candidates((), 2, _candidates(n0=Verdict(Outcome.OUT_OF_REACH)))
+    (trial,) = record.trials
+    assert trial.outcome == "in_collision"
+    assert trial.reasons == {"in collision: arm and lid": 1, "out_of_reach": 1}
+
+
+def test_the_last_check_that_was_reached_is_to_blame_with_its_most_frequent_reason() -> None:
+    record, root = Record(), _root()
+    assert record.blame() is None
+    record.note_failure(root, 0, "starts badly")
+    for reason in ("too short", "collides", "collides"):
+        record.note_child(root, 1, (2, 1), reason, np.full(7, float(len(reason))))
+    assert record.blame() == Blame(1, "collides", 2, {})
+    (trial,) = record.trials
+    assert (trial.choices, trial.stage, trial.outcome) == ((1,), 2, "failed")
+    assert trial.reasons == {"too short": 1, "collides": 2}
+    np.testing.assert_array_equal(trial.joints, np.full(7, 9.0))  # that of the first reason
+
+
+def test_what_cuts_off_the_rest_is_to_blame_and_not_the_deepest_stage_looked_at() -> None:
+    record, root = Record(), _root()
+    # Two grasps fail at late stages before any path, the third passes and finds no free motion.
+    record.note_candidates((0,), 7, _candidates(n0=Verdict(Outcome.OUT_OF_REACH)), Check.PLACE)
+    record.note_failure(_child(root, 1, 2), 9, "no retreat")
+    assert record.blame() == Blame(9, "no retreat", 1, {})
+    record.note_failure(_child(root, 2, 2), 4, "touches", Check.STILL_OR_STRAIGHT)
+    assert record.blame() == Blame(4, "touches", 1, {})
+    for _ in range(2):
+        record.note_failure(_child(root, 3, 2), 0, "no path", Check.FREE)
+    assert record.blame() == Blame(0, "no path", 2, {})
+
+
+def test_failures_and_solutions_belong_to_the_choices_of_their_node() -> None:
+    record, root = Record(), _root()
+    child = _child(root, 3, 2)
+    record.note_failure(child, 5, "no lift")
+    assert [(t.choices, t.stage, t.outcome) for t in record.trials] == [((3,), 2, "failed")]
+    record.note_solution(child)
+    record.note_failure(child, 5, "no lift")
+    (trial,) = record.trials
+    assert (trial.outcome, trial.reasons) == ("solved", {"no lift": 2})
+
+
+@pytest.mark.parametrize(
+    "reason", ["'a' and 'b' touch at the start", "'a' and 'b' overlap by 0.1 m at the start"]
+)
+def test_what_touches_is_cured_by_naming_what_may_touch(reason: str) -> None:
+    assert "allowed_collisions" in hint_of(Wait(0.4), reason)
+
+
+def _finder(*stages: Grasp | Move) -> TargetFinder:
+    return TargetFinder(Task(crate.world(), crate.HOME, stages), Cells())
+
+
+def test_batches_are_spread_over_the_list_and_hold_it_all() -> None:
+    far = np.tile(np.eye(4), (600, 1, 1))
+    far[:, 2, 3] = 3.0 + 1e-3 * np.arange(600)
+    finder = _finder(Grasp("crate", far))
+    assert finder.batches(0) == 3
+    seen = [set(finder.find(0, crate.world(), b, {}, LATER).outcomes) for b in range(3)]
+    assert [min(numbers) for numbers in seen] == [0, 1, 2]
+    assert all(max(numbers) > 590 for numbers in seen)
+    assert sorted(number for numbers in seen for number in numbers) == list(range(600))
+    assert _finder(Grasp("crate", far[:256])).batches(0) == 1
+
+
+def test_a_world_is_looked_at_once_and_another_one_anew() -> None:
+    finder = _finder(Grasp("crate", crate.grasps(3), ("panda_hand",)))
+    world = crate.world()
+    first = finder.find(0, world, 0, {}, LATER)
+    assert finder.find(0, crate.world(), 0, {}, LATER) is first
+    held = world.after_attach("wall", None, (("panda_hand",), np.inf), None, crate.HOME)
+    assert finder.find(0, held, 0, {}, LATER) is not first
+
+
+def test_links_that_may_touch_the_object_may_at_its_grasps() -> None:
+    # So deep that the hand is in the crate.
+    deep = crate.grasps(3).copy()
+    deep[:, 2, 3] = -0.02
+    world = crate.world()
+    refused = _finder(Grasp("crate", deep)).find(0, world, 0, {}, LATER)
+    assert {v.outcome for v in refused.outcomes.values()} == {Outcome.IN_COLLISION}
+    assert all("crate" in (v.pair or ()) for v in refused.outcomes.values())
+    taken = _finder(Grasp("crate", deep, ("panda_hand",))).find(0, world, 0, {}, LATER)
+    assert {v.outcome for v in taken.outcomes.values()} == {Outcome.IN_COLLISION}
+    assert all("touch_depth is 0.001 m" in (v.why or "") for v in taken.outcomes.values())
+    any_depth = Grasp("crate", deep, ("panda_hand",), touch_depth=np.inf)
+    taken = _finder(any_depth).find(0, world, 0, {}, LATER)
+    assert {v.outcome for v in taken.outcomes.values()} == {Outcome.REACHED}
+
+
+THERE = crate.HOME + np.array([0.5, 0.1, 0.0, 0.0, 0.0, 0.0, 0.0])
+
+
+def _free(**changes: Any) -> Step:
+    world = crate.world()
+    step = Step(
+        4, Move(settings=StageSettings("over")), "free", world, world, {}, crate.HOME, THERE
+    )
+    return replace(step, **changes)
+
+
+def test_a_stage_beside_a_passed_end_has_a_bound_without_rests() -> None:
+    world, chain, ends = crate.world(), crate.panda().chain, (crate.HOME, THERE)
+    plain, passed = Move(to_end_of=0), Move(to_end_of=0, blend=0.1)
+    assert least_passing(world, (plain, plain), 0, ends) is None
+    assert least_passing(world, (plain, plain), 1, ends) is None
+    slacks = {(0, 0): 0.1, (0, 1): 0.1, (1, 1): 0.2, (1, 2): 0.1}
+    for (kind, k), slack in slacks.items():
+        stages = ((passed, plain), (passed, passed, plain))[kind]
+        expected = passing_time(*ends, chain.limits.velocity, slack)
+        assert least_passing(world, stages, k, ends) == pytest.approx(expected)
+        assert expected < least_travel(world, plain, *ends)
+    step = _free(passes=True, bound=0.1)
+    planned = plan_step(Cells(), step, 10_000, LATER, 0)
+    assert isinstance(planned, StagePlan)
+    step.plan = planned
+    # The plan rests at both ends; without rests it may be quicker.
+    assert step.least_time == 0.1
+    assert replace(step, passes=False).least_time == planned.trajectory.duration
+
+
+def test_a_free_motion_is_proved_from_end_to_end() -> None:
+    planned = plan_step(Cells(), _free(allowed=(("table", "crate"),), target=3), 10_000, LATER, 0)
+    assert isinstance(planned, StagePlan)
+    assert (planned.index, planned.kind, planned.name, planned.target) == (4, "move", "over", 3)
+    assert planned.certificate.verified
+    assert planned.allowed == (("crate", "table"),)
+    np.testing.assert_allclose(planned.trajectory.start, crate.HOME, atol=1e-12)
+    np.testing.assert_allclose(planned.trajectory.end, THERE, atol=1e-12)
+    assert planned.milliseconds > 0.0
+
+
+def test_standing_in_a_collision_is_no_plan_and_says_what_to_name() -> None:
+    deep = np.array([-0.46, 0.32, 0.0, -2.4, 0.0, 2.75, 0.3])
+    world = crate.world()
+    step = Step(2, Wait(0.3), "none", world, world, {}, deep, deep)
+    failure = plan_step(Cells(), step, 10_000, LATER, 0)
+    assert isinstance(failure, Failure)
+    assert (failure.code, failure.stage) == ("INVALID_MOTION_PLAN", "certificate")
+    assert "touch_links" in failure.hint
+    assert failure.details["kind"] == "collision"
+    free = plan_step(Cells(), replace(step, start=crate.HOME, end=crate.HOME), 10_000, LATER, 0)
+    assert isinstance(free, StagePlan)
+    assert free.plan is None
+    assert free.trajectory.duration == 0.3

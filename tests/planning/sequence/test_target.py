@@ -2,24 +2,30 @@
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 import armwright as aw
 from benchmarks.judges.fcl import FclJudge
 from kinematics.arrays import Array
+from kinematics.errors import InvalidOption
 from kinematics.forward import forward
 from kinematics.model.chain import Chain
 from obstacles.collision.checker import Checker
 from planning.problem import JointGoal, PoseGoal
-from planning.sequence.stage import Grasp, Move, Place, Wait
+from planning.sequence.stage import Move, Place, Straight, Wait
+from planning.sequence.step import Line, LineStopped, lead_straight
 from planning.sequence.target import (
     Candidates,
     Outcome,
     Target,
     find_candidates,
+    grasp_region,
+    place_region,
     stage_targets,
     target_count,
 )
-from planning.sequence.world import Contact
+from planning.sequence.world import Cells, Contact
+from planning.timing.path.path import JointPath
 from planning.values.deadline import Deadline
 from tests.planning.scenes import builtin
 from tests.planning.sequence import crate
@@ -36,20 +42,6 @@ def _find(targets: list[Target], *more: aw.Obstacle, deadline: Deadline = LATER)
 
 def _posed(number: int, *at: float) -> Target:
     return Target(number, aw.pose(at) @ crate.DOWN, None, None)
-
-
-def test_grasps_are_poses_of_the_tool_on_the_object_where_it_stands() -> None:
-    stage = Grasp("crate", GRIPS, ("panda_hand",), "table")
-    targets = stage_targets(stage, crate.world(), {})
-    assert (
-        [target.number for target in targets] == list(range(5)) == list(range(target_count(stage)))
-    )
-    for target, grip in zip(targets, GRIPS, strict=True):
-        assert target.T is not None
-        np.testing.assert_allclose(target.T, aw.pose([*crate.PICK, 0.15]) @ grip, atol=1e-12)
-        assert target.contact is not None
-        assert (target.contact.object, target.contact.support) == ("crate", ("table",))
-        np.testing.assert_array_equal(target.contact.T, grip)
 
 
 @pytest.mark.parametrize("reference", [None, "wall"])
@@ -162,3 +154,91 @@ def test_arms_without_a_closed_form_are_searched_and_answers_differ() -> None:
 def _poses_error(chain: Chain, joints: Array, T: Array) -> float:
     assert len(joints)
     return float(np.abs(forward(chain, joints) - T).max())
+
+
+def test_grasps_turn_about_the_axis_and_move_along_it() -> None:
+    base = aw.pose([0.03, 0.01, 0.02])
+    axis = (1.0, 2.0, 2.0)
+    grips = grasp_region(base, axis, (-0.5, 1.0), (0.0, 0.06), (4, 3))
+    assert grips.shape == (12, 4, 4)
+    unit = np.array(axis) / 3.0
+    for k, T in enumerate(grips):
+        angle = -0.5 + 0.5 * (k % 4)
+        R = Rotation.from_rotvec(angle * unit).as_matrix()
+        np.testing.assert_allclose(T[:3, :3], R, atol=1e-12)
+        at = R @ base[:3, 3] + 0.03 * (k // 4) * unit
+        np.testing.assert_allclose(T[:3, 3], at, atol=1e-12)
+
+
+def test_a_whole_turn_has_no_angle_twice() -> None:
+    grips = grasp_region(np.eye(4), (0, 0, 1), (0.0, 2.0 * np.pi), samples=(8, 1))
+    angles = Rotation.from_matrix(grips[:, :3, :3]).as_euler("zyx")[:, 0] % (2.0 * np.pi)
+    np.testing.assert_allclose(np.sort(angles), np.arange(8) * np.pi / 4.0, atol=1e-12)
+
+
+def test_places_lie_on_the_rectangle_the_middle_first() -> None:
+    base = aw.pose([0.5, 0.2, 0.3])
+    poses = place_region(base, (0.2, 0.4), (0.0, 0.0), (3, 3, 1))
+    offsets = poses[:, :3, 3] - base[:3, 3]
+    assert np.array_equal(offsets[0], np.zeros(3))
+    assert {tuple(np.round(row, 12)) for row in offsets} == {
+        (x, y, 0.0) for x in (-0.1, 0.0, 0.1) for y in (-0.2, 0.0, 0.2)
+    }
+
+
+@pytest.mark.parametrize(
+    ("axis", "angles", "samples"),
+    [((0, 0, 0), (0, 1), (2, 1)), ((0, 0, 1), (1, 0), (2, 1)), ((0, 0, 1), (0, 1), (0, 1))],
+)
+def test_empty_regions_are_refused(
+    axis: tuple[int, ...], angles: tuple[int, int], samples: tuple[int, int]
+) -> None:
+    with pytest.raises(InvalidOption):
+        grasp_region(np.eye(4), axis, angles, samples=samples)
+
+
+SOON = Deadline.after(1e6)
+
+
+def test_a_joint_path_backwards_passes_the_same_places() -> None:
+    random = np.random.default_rng(1)
+    path = JointPath(random.normal(size=(3, 2, 4)), np.array([0.2, 0.5, 0.3]))
+    back = path.reverse()
+    for piece in range(3):
+        u = np.linspace(0.0, path.lengths[piece], 7)
+        powers = u[:, None] ** np.arange(4)
+        reversed_u = (path.lengths[piece] - u)[:, None] ** np.arange(4)
+        there = powers @ path.coefficients[piece].T
+        again = reversed_u @ back.coefficients[2 - piece].T
+        np.testing.assert_allclose(there, again, atol=1e-12)
+
+
+@pytest.mark.parametrize(("kind", "sign"), [("approach", -1.0), ("retreat", 1.0)])
+def test_an_approach_ends_and_a_retreat_begins_at_the_configuration(kind: str, sign: float) -> None:
+    cell = Cells().cell(crate.world())
+    stage = Straight(kind, [0, 0, 1], "tool", 0.05, 0.1)  # type: ignore[arg-type]
+    led = lead_straight(cell, stage, crate.HOME, SOON)
+    assert isinstance(led, Line)
+    fixed, other = (led.end, led.start) if kind == "approach" else (led.start, led.end)
+    np.testing.assert_array_equal(fixed, crate.HOME)
+    chain = crate.panda().chain
+    T, T_other = forward(chain, fixed), forward(chain, other)
+    np.testing.assert_allclose(T_other[:3, 3], T[:3, 3] + sign * 0.1 * T[:3, 2], atol=1e-5)
+    np.testing.assert_allclose(T_other[:3, :3], T[:3, :3], atol=1e-4)
+    points = led.path.segments[0].path
+    assert points is not None
+    np.testing.assert_allclose(points.sample([0.0])[0], led.start, atol=1e-12)
+    np.testing.assert_allclose(points.sample([points.length])[0], led.end, atol=1e-12)
+
+
+def test_a_motion_that_meets_something_is_as_long_as_it_can_be() -> None:
+    tool = forward(crate.panda().chain, crate.HOME)[:3, 3]
+    floor = aw.Obstacle("floor", aw.Box((0.2, 0.2, 0.02)), aw.pose([tool[0], 0.0, tool[2] - 0.12]))
+    cell = Cells().cell(crate.world(floor))
+    led = lead_straight(cell, Straight("lift", [0, 0, -1], "root", 0.02, 0.3), crate.HOME, SOON)
+    assert isinstance(led, Line)
+    assert 0.05 < led.distance < 0.12
+    short = lead_straight(cell, Straight("lift", [0, 0, -1], "root", 0.2, 0.3), crate.HOME, SOON)
+    assert isinstance(short, LineStopped)
+    assert short.stop.reason == "collision"
+    assert short.distance < 0.12

@@ -23,7 +23,6 @@ from planning.sequence.search import plan_task
 from planning.sequence.stage import Grasp, Move, Stage, StageSettings, Straight
 from planning.sequence.task import Task
 from planning.timing.options import TimingOptions
-from planning.timing.rest_to_rest import passing_time
 from tests.planning.sequence import crate
 
 A = np.array([0.6, -0.5, 0.2, -2.2, 0.1, 1.8, 0.6])
@@ -163,18 +162,6 @@ def test_the_way_to_an_approach_is_passed_into_and_its_end_rests() -> None:
     plan = _plan(_via(over, 0.3), Move(), Straight("approach", [0, 0, 1], "tool", 0.05, 0.1), grasp)
     assert [stage.passes for stage in plan.stages] == [True, False, False, False]
     _assert_joined(plan)
-
-
-def test_the_least_time_of_a_stage_that_passes_is_no_more_than_it_takes() -> None:
-    plan = _plan(_via(A, 0.2), _via(B, 0.2), LAST)
-    ends = [crate.HOME, A, B, crate.HOME]
-    v = crate.panda().chain.limits.velocity
-    for stage, (start, end), slack in zip(
-        plan.stages, pairwise(ends), (0.2, 0.4, 0.2), strict=True
-    ):
-        least = passing_time(start, end, v, slack)
-        assert 0.0 < least <= stage.trajectory.duration
-    assert passing_time(A, B, v, 0.0) == pytest.approx((np.abs(B - A) / v).max())
 
 
 def test_limits_of_the_tool_speed_hold_where_the_end_is_passed() -> None:

@@ -12,10 +12,8 @@ from kinematics.arrays import Array
 from kinematics.errors import InvalidOption
 from kinematics.jacobian import geometric
 from kinematics.model.chain import Chain
-from kinematics.robots import builtin_urdf
+from kinematics.robots import builtin_chain
 from kinematics.trajectory.trajectory import Trajectory
-from kinematics.tree.serial_chain import serial_chain
-from kinematics.urdf.urdf import parse_urdf
 from planning.proof.limits.effort import effort_uses
 from planning.timing.failure import TimingFailed
 from planning.timing.method import JerkLimited, TimeOptimal, TimingMethod
@@ -23,10 +21,6 @@ from planning.timing.parametrization import TimeParametrization
 from planning.timing.path.blend import blend, largest_reaches
 from planning.timing.speed.minimum_time import time_path
 from planning.values.limits import EffortLimits
-
-
-def chain_of(name: str) -> Chain:
-    return serial_chain(parse_urdf(builtin_urdf(name)))
 
 
 def test_no_limit_is_exceeded_on_random_paths() -> None:
@@ -67,7 +61,7 @@ def sampled_uses(
 @pytest.mark.parametrize("timing", [TimeOptimal(), TimeOptimal("toppra"), JerkLimited()])
 @pytest.mark.parametrize("name", ["panda", "kr6_sixx", "stanford", "scara"])
 def test_torques_and_tool_speed_are_kept_and_used(name: str, timing: TimingMethod) -> None:
-    chain = with_payload(chain_of(name), 1.5, (0.0, 0.0, 0.05))
+    chain = with_payload(builtin_chain(name), 1.5, (0.0, 0.0, 0.05))
     rng = np.random.default_rng(1)
     waypoints = rng.uniform(-1.0, 1.0, (5, chain.n))
     path = blend(waypoints, largest_reaches(waypoints), smooth=timing.smooth)
@@ -97,7 +91,7 @@ def test_torques_and_tool_speed_are_kept_and_used(name: str, timing: TimingMetho
 
 
 def test_a_finer_grid_gains_little_under_loads() -> None:
-    chain = chain_of("ur5e")
+    chain = builtin_chain("ur5e")
     waypoints = np.random.default_rng(2).uniform(-1.0, 1.0, (5, 6))
     path = blend(waypoints, largest_reaches(waypoints))
     loads = EffortLimits(chain, chain.limits.effort, 0.7)
@@ -108,7 +102,7 @@ def test_a_finer_grid_gains_little_under_loads() -> None:
 
 
 def test_friction_is_paid_for() -> None:
-    chain = chain_of("planar_rr")
+    chain = builtin_chain("planar_rr")
     rough = with_motors(chain, viscous_friction=2.0)
     waypoints = np.array([[0.0, 0.0], [1.0, -0.5], [1.5, 0.7]])
     path = blend(waypoints, largest_reaches(waypoints))
@@ -126,7 +120,7 @@ def test_friction_is_paid_for() -> None:
 
 
 def test_a_joint_that_cannot_hold_itself_is_named() -> None:
-    chain = with_payload(chain_of("panda"), 40.0)
+    chain = with_payload(builtin_chain("panda"), 40.0)
     loads = EffortLimits(chain, chain.limits.effort)
     path = blend([[0.0, 0.5, 0.0, -1.0, 0.0, 1.5, 0.0], [0.5] * 7], [])
     with pytest.raises(TimingFailed, match=r"panda_joint2.*hold"):

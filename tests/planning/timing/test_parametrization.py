@@ -3,7 +3,6 @@
 import numpy as np
 import pytest
 from numpy.typing import ArrayLike
-from scipy.interpolate import CubicSpline
 
 from benchmarks.judges.ratios import worst_ratio
 from kinematics.arrays import Array
@@ -53,27 +52,6 @@ def test_corners_are_stops_where_a_narrow_curve_takes_longer() -> None:
         rounded = parametrization.time(blend(WAYPOINTS, reaches, smooth=True), JOINTS)
         timed = parametrization.time_polyline(WAYPOINTS, reaches, JOINTS)
         assert timed.trajectory.duration == min(stops, rounded.trajectory.duration)
-
-
-def test_splines_of_time_are_scipys_and_are_stretched_on_request_only() -> None:
-    times = np.array([0.0, 0.3, 0.6, 1.0])
-    spline = timing_by("spline")
-    given = spline.time_spline(WAYPOINTS, times, "natural", JOINTS)
-    dense = np.linspace(0.0, 1.0, 200)
-    expected = CubicSpline(times, WAYPOINTS, bc_type="natural")
-    np.testing.assert_allclose(given.trajectory.sample(dense), expected(dense), atol=1e-12)
-    assert given.factor == 1.0
-    exact = np.linspace(0.0, 1.0, 200_001)
-    ratios = (
-        np.abs(expected(exact, 1) / V).max(),
-        np.sqrt(np.abs(expected(exact, 2) / A).max()),
-    )
-    scaled = spline.time_spline(WAYPOINTS, times, "natural", JOINTS, scale=True)
-    assert scaled.factor == pytest.approx(max(ratios), rel=1e-6)
-    assert spline.needed_factor(given.trajectory) == pytest.approx(scaled.factor, rel=1e-9)
-    free = spline.time_spline(WAYPOINTS, None, "natural", JOINTS).trajectory
-    used = max((free.peaks(1).value / V).max(), (free.peaks(2).value / A).max())
-    assert used == pytest.approx(1.0, abs=1e-9)
 
 
 def test_boundary_velocities_of_splines_need_clamped_ends_and_times() -> None:

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from kinematics.arrays import Indices
+from kinematics.errors import InvalidGoal
 from planning.timing.rest_to_rest import Times
 from planning.tours.local_search import (
     choose_configurations,
@@ -17,7 +18,13 @@ from planning.tours.local_search import (
 )
 from planning.tours.lower_bound import lower_bound
 from planning.tours.network import Network, make_network, tour_state
-from planning.tours.problem import group_numbers, precedence_table
+from planning.tours.problem import (
+    check_order,
+    find_cycle,
+    goal_pairs,
+    group_numbers,
+    precedence_table,
+)
 
 GOALS, BRANCHES = 6, 3
 
@@ -103,15 +110,6 @@ def test_layers_choose_the_best_configurations(seed: int) -> None:
     assert after == pytest.approx(wanted)
 
 
-def test_a_window_leaves_the_other_stops_alone() -> None:
-    times, first = instance(1, goals=5)
-    network = make_network(times, first, precedence_table([], 7), 3)
-    state = tour_state(np.array([5, 3, 1, 0, 2, 4, 6]), first[:-1].copy())
-    value, back = np.zeros(len(times)), np.zeros(len(times), np.int64)
-    choose_configurations(network, state, 2, 3, value, back)
-    assert [int(state.choice[k]) for k in (5, 3, 2, 4, 6)] == [15, 9, 6, 12, 16]
-
-
 @pytest.mark.parametrize("seed", range(5))
 def test_the_bound_is_below_the_best_tour(seed: int) -> None:
     times, first = instance(seed)
@@ -128,10 +126,44 @@ def test_the_bound_of_single_configurations_is_tight() -> None:
     assert 0.97 * total <= lower_bound(times, first, total) <= total
 
 
-def test_the_same_seed_gives_the_same_tour() -> None:
-    times, first = instance(7, goals=30)
-    network = make_network(times, first, precedence_table([], 32), 10)
-    groups: list[str | None] = [None] * 30
-    assert search(network, [], groups, 5) == search(network, [], groups, 5)
-    totals = [search(network, [], groups, seed, 2000)[0] for seed in range(3)]
-    assert max(totals) <= 1.02 * min(totals)
+@pytest.mark.parametrize(
+    ("names", "groups", "pairs", "words"),
+    [
+        ("aba", (None, None, None), [], "goals[0] and goals[2] have the same id 'a'"),
+        ("abc", ("a", None, None), [], "name of a group"),
+        ("abc", (None, None, None), [("a", "z")], "precedence[0] names 'z'"),
+        ("abc", (None, None, None), [("a", "a")], "a before a"),
+        ("abc", (None, None, None), [("a", "b"), ("b", "c"), ("c", "a")], "before a"),
+        ("abc", ("g", None, "g"), [("a", "b"), ("b", "c")], "g before b before g"),
+        ("abc", ("g", None, "g"), [("g", "b"), ("b", "g")], "g before b before g"),
+    ],
+)
+def test_contradictions_are_named(
+    names: str, groups: tuple[str | None, ...], pairs: list[tuple[str, str]], words: str
+) -> None:
+    with pytest.raises(InvalidGoal) as refusal:
+        check_order(list(names), groups, pairs)
+    assert words in refusal.value.message
+
+
+def test_orders_that_exist_are_taken() -> None:
+    check_order(list("abcd"), ("g", None, "g", None), [("a", "c"), ("g", "b"), ("d", "a")])
+
+
+def test_the_cycle_is_one_of_the_rules() -> None:
+    followers = {"a": ["b"], "b": ["c", "d"], "c": [], "d": ["e"], "e": ["b"]}
+    cycle = find_cycle(followers)
+    assert sorted(cycle[:-1]) == ["b", "d", "e"]
+    assert cycle[0] == cycle[-1]
+    assert find_cycle({"a": ["b", "c"], "b": ["c"], "c": []}) == []
+
+
+def test_groups_stand_for_their_goals() -> None:
+    pairs = goal_pairs(list("abcd"), ("g", "g", None, None), [("g", "c"), ("c", "d")])
+    assert pairs == [(0, 2), (1, 2), (2, 3)]
+    table = precedence_table(pairs, 6)
+    assert table.first.tolist() == [0, 1, 2, 3, 3, 3, 3]
+    assert table.followers.tolist() == [2, 2, 3]
+    numbers = group_numbers(("g", None, "g", "h"))
+    assert numbers[0] == numbers[2]
+    assert len(np.unique(numbers)) == 3
