@@ -22,6 +22,7 @@ from planning.preflight.preflight import preflight
 from planning.preflight_result import Ready
 from planning.problem import JointGoal, PoseGoal, Problem
 from planning.result import Plan
+from planning.timing.rest_to_rest import motion_times
 from planning.values.goal_costs import GoalCosts
 from tests.planning.scenes import box, builtin
 
@@ -32,16 +33,6 @@ GOAL = np.array([-0.4, -1.1, 1.3, -1.2, -1.5, 0.1])
 def _share(chain: Chain, q: Array) -> float:
     low, high = chain.limits.lower, chain.limits.upper
     return float((np.minimum(q - low, high - q) / (high - low)).min())
-
-
-def _time(chain: Chain, start: Array, q: Array) -> float:
-    """Rest to rest by a trapezoid of speed, or a triangle."""
-    d, v, a = np.abs(q - start), chain.limits.velocity, chain.limits.acceleration
-    times = [
-        x / y + y / z if x >= y * y / z else 2.0 * (x / z) ** 0.5
-        for x, y, z in zip(d, v, a, strict=True)
-    ]
-    return float(max(times))
 
 
 def _plan(robot: str, start: Array, goal: Array, *around: Obstacle, **more: object) -> Plan:
@@ -67,7 +58,7 @@ def test_costs_are_those_of_the_configuration_that_the_plan_ends_in() -> None:
     turned = int((np.abs(last - START) > np.pi).sum())
     assert chosen.costs == pytest.approx(
         {
-            "motion_time": weights.motion_time * _time(arm.chain, START, last),
+            "motion_time": weights.motion_time * motion_times(arm.chain, START, last[None])[0],
             "joint_limits": weights.joint_limits * max(1.0 - share / 0.15, 0.0),
             "manipulability": chosen.costs["manipulability"],
             "turns": weights.turns * turned,

@@ -4,18 +4,25 @@ Half of the poses are of configurations with a joint at its limit; among the pro
 whose plans ended at one although another configuration was reached as soon.
 """
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
+from kinematics.arrays import Array
+from kinematics.model.chain import Chain
 from kinematics.robots import builtin_urdf
 from kinematics.tree.serial_chain import serial_chain
 from kinematics.urdf.urdf import parse_urdf
 from obstacles.robots.robot_geometry import robot_geometry
 from obstacles.scenes.scene import Scene
+from planning.goal_choice.goal_order import limit_shares, order_goals
 from planning.options import Options
 from planning.pipeline.pipeline import plan
 from planning.problem import JointGoal, Problem
 from planning.result import Plan
+from planning.timing.rest_to_rest import motion_times
+from planning.values.goal_costs import GoalCosts
 from tests.planning.goal_judge import judge, limit_share
 from tests.planning.scenes import HOME, builtin
 
@@ -72,3 +79,47 @@ def test_configurations_that_are_asked_for_are_kept() -> None:
     assert isinstance(answer, Plan)
     assert np.array_equal(answer.path.waypoints[-1], at_limit)
     assert limit_share(robot.chain, at_limit) < 0.02
+
+
+ONLY_TIME = GoalCosts(1.0, 0.0, 0.0, 0.0, 0.0)
+
+
+def panda() -> Chain:
+    return builtin("panda").chain
+
+
+def at_limit(share: float, joint: int = 1) -> Array:
+    """HOME with a joint so far from its upper limit, as a share of its range."""
+    limits, q = panda().limits, HOME.copy()
+    q[joint] = limits.upper[joint] - share * (limits.upper[joint] - limits.lower[joint])
+    return q
+
+
+def test_a_configuration_at_a_limit_comes_last_where_another_is_little_slower() -> None:
+    start, edge = at_limit(0.1), at_limit(0.01)
+    step = edge[1] - start[1]
+    for factor, first in ((1.05, "other"), (3.0, "edge")):
+        other = start.copy()
+        other[1] -= step * factor
+        goals, best = order_goals(panda(), start, [edge, other], [0.1, 0.1], ONLY_TIME)
+        assert np.array_equal(goals[0], other if first == "other" else edge)
+        assert best == 1
+
+
+def test_each_weight_can_decide() -> None:
+    chain, start = panda(), HOME
+    rng = np.random.default_rng(5)
+    low, high = chain.limits.lower, chain.limits.upper
+    goals = [low + (high - low) * rng.uniform(0.05, 0.95, 7) for _ in range(12)]
+    clearances = list(rng.uniform(0.0, 0.06, 12))
+    none = GoalCosts(0.0, 0.0, 0.0, 0.0, 0.0)
+    first = {
+        name: order_goals(chain, start, goals, clearances, replace(none, **{name: 1.0}))[0][0]
+        for name in ("motion_time", "joint_limits", "clearance")
+    }
+    quickest = min(goals, key=lambda q: motion_times(chain, start, q[None])[0])
+    assert np.array_equal(first["motion_time"], quickest)
+    most = limit_shares(chain, np.array(goals)).max()
+    assert limit_shares(chain, first["joint_limits"][None])[0] >= min(most, 0.15)
+    chosen = next(k for k, q in enumerate(goals) if np.array_equal(q, first["clearance"]))
+    assert clearances[chosen] >= min(max(clearances), 0.05)

@@ -4,6 +4,7 @@ from collections.abc import Callable
 
 import numpy as np
 import pytest
+import ruckig
 
 from kinematics.arrays import Array
 from obstacles.collision.checker import Checker
@@ -11,22 +12,25 @@ from obstacles.scenes.scene import Scene
 from planning.clearance import time_shortcut
 from planning.options import Options
 from planning.pipeline import path_search
+from planning.pipeline.diagnosis import diagnose
+from planning.pipeline.optimize_stage import _braking, first_touch
 from planning.pipeline.pipeline import plan
 from planning.problem import JointGoal, Problem
-from planning.result import Plan
+from planning.result import Failure, Plan
 from planning.search.shortcut import shortcut
+from planning.values.deadline import Deadline
 from planning.values.preferred_clearance import PreferredClearance
-from tests.planning.scenes import box
+from tests.planning.scenes import HOME, box, builtin, shelf
 from tests.planning.slider import slider
 
 #: A wall across the table with a gap 20 mm wider than the ball, off the straight way.
 LONG, SHORT = box("long", (0.1, 2.0, 0.3), (0, -0.76, 0)), box("short", (0.1, 1, 0.3), (0, 0.86, 0))
-START, GOAL = np.array([-0.6, 0.0]), np.array([0.6, -0.2])
+FROM, TO = np.array([-0.6, 0.0]), np.array([0.6, -0.2])
 
 
 def stages(scene: Scene) -> list[str]:
     """Names of the stages that looked for a path with 40 mm to spare, and then without."""
-    problem = Problem(slider(), scene, START, (JointGoal(GOAL),))
+    problem = Problem(slider(), scene, FROM, (JointGoal(TO),))
     answer = plan(problem, Options(clearance=PreferredClearance(0.04)))
     assert isinstance(answer, Plan)
     assert answer.certificate.verified
@@ -47,7 +51,7 @@ def test_where_what_was_looked_at_is_not_proved_all_is_done_again_with_proofs(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     monkeypatch.setattr(path_search, "path_is_free", lambda *_: False)
-    problem = Problem(slider(), Scene((LONG,)), START, (JointGoal(GOAL),))
+    problem = Problem(slider(), Scene((LONG,)), FROM, (JointGoal(TO),))
     answer = plan(problem, Options(clearance=PreferredClearance(0.04)))
     assert isinstance(answer, Plan)
     assert answer.certificate.verified
@@ -57,7 +61,7 @@ def test_where_what_was_looked_at_is_not_proved_all_is_done_again_with_proofs(
 
 
 def test_a_path_that_was_looked_at_is_proved_last() -> None:
-    problem = Problem(slider(), Scene((LONG,)), START, (JointGoal(GOAL),))
+    problem = Problem(slider(), Scene((LONG,)), FROM, (JointGoal(TO),))
     answer = plan(problem, Options(clearance=PreferredClearance(0.04)))
     assert isinstance(answer, Plan)
     proof = answer.stages[-3]
@@ -79,7 +83,7 @@ def test_corners_are_cut_only_where_the_path_is_not_made_quicker_next(
         return cut_and_note
 
     monkeypatch.setattr(path_search, "shortcut", note(shortcut))
-    problem = Problem(slider(), Scene((LONG,)), START, (JointGoal(GOAL),))
+    problem = Problem(slider(), Scene((LONG,)), FROM, (JointGoal(TO),))
     for preferred, planner in ((0.04, "auto"), (0.04, "rrt_connect"), (0.0, "auto")):
         options = Options(planner=planner, clearance=PreferredClearance(preferred))
         assert isinstance(plan(problem, options), Plan)
@@ -90,7 +94,7 @@ def test_a_path_of_too_many_waypoints_to_be_made_quicker_has_its_corners_cut(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     monkeypatch.setattr(path_search, "MAX_WAYPOINTS", 2)
-    problem = Problem(slider(), Scene((LONG,)), START, (JointGoal(GOAL),))
+    problem = Problem(slider(), Scene((LONG,)), FROM, (JointGoal(TO),))
     cut = shortcuts(problem)
     monkeypatch.undo()
     assert cut != shortcuts(problem)
@@ -131,3 +135,85 @@ def test_a_path_that_is_joined_to_its_ends_is_made_quicker_there(
     joined = plan(problem, options)
     assert isinstance(joined, Plan)
     assert answer.trajectory.duration < joined.trajectory.duration
+
+
+def walled() -> Scene:
+    """A wall across the whole table, and a pebble beside it that is in nobody's way."""
+    wall = box("wall", (0.1, 3.0, 0.4), (0.0, 0.0, 0.0))
+    return Scene((wall, box("pebble", (0.04, 0.04, 0.4), (-0.5, 0.4, 0.0))))
+
+
+@pytest.mark.parametrize("planner", ["auto", "straight_line", "rrt_connect"])
+def test_a_search_that_fails_names_what_is_in_the_way(planner: str) -> None:
+    goal = JointGoal(np.array([0.6, 0.1]))
+    problem = Problem(slider(), walled(), np.array([-0.6, 0.0]), (goal,))
+    answer = plan(problem, Options(planner=planner, timeout=2.0))
+    assert isinstance(answer, Failure)
+    assert answer.code in {"TIMED_OUT", "PLANNING_FAILED"}
+    details = answer.details
+    first = details["blocked_by"][0]
+    assert first["pair"] == ["ball", "wall"]
+    assert 0.5 < first["share"] <= 1.0
+    assert sum(item["share"] for item in details["blocked_by"]) == pytest.approx(1.0)
+    assert details["would_unblock"] == ["wall"]
+    assert details["tried_without"][0] == "wall"
+    assert 0.5 < details["start_freedom"] <= 1.0
+    assert answer.stages[-1].name == "diagnosis"
+    assert "wall" in answer.stages[-1].detail
+
+
+def test_a_start_that_is_shut_in_has_no_freedom() -> None:
+    sides = [
+        box("east", (0.02, 0.3, 0.4), (0.08, 0.0, 0.0)),
+        box("west", (0.02, 0.3, 0.4), (-0.08, 0.0, 0.0)),
+        box("north", (0.3, 0.02, 0.4), (0.0, 0.08, 0.0)),
+        box("south", (0.3, 0.02, 0.4), (0.0, -0.08, 0.0)),
+    ]
+    robot, scene = slider(), Scene(tuple(sides))
+    start, goals = np.zeros(2), [np.array([0.6, 0.6])]
+    checker = Checker.of(robot, scene)
+    found = diagnose(robot, scene, checker, start, goals, Deadline.after(2.0), seed=1)
+    assert found.start_freedom == 0.0
+    assert found.goal_freedom == 1.0
+    assert {name for pair, _ in found.blocked_by for name in pair} == {
+        "ball", "east", "west", "north", "south"}  # fmt: skip
+    assert set(found.would_unblock) == set(found.tried)
+    none = diagnose(robot, Scene(), Checker.of(robot, Scene()), start, goals, Deadline.after(1.0))
+    assert none.blocked_by == ()
+    assert none.sentence
+
+
+def test_it_looks_no_longer_than_it_may() -> None:
+    robot, scene = builtin("panda"), shelf()
+    checker = Checker.of(robot, scene)
+    deadline = Deadline.after(0.0)
+    found = diagnose(robot, scene, checker, HOME, [HOME + 0.1], deadline)
+    assert found.motions == 0
+    assert found.tried == ()
+
+
+VELOCITY = np.array([2.0, -0.3, 0.0])
+ACCELERATION = np.array([4.0, 2.0, 1.0])
+
+
+@pytest.mark.parametrize("jerk", [40.0, 5.0, np.inf])
+def test_joints_stop_as_ruckig_stops_them(jerk: float) -> None:
+    times, states = _braking(np.zeros(3), VELOCITY, ACCELERATION, np.full(3, jerk))
+    for joint in range(2):
+        asked = ruckig.InputParameter(1)
+        asked.control_interface = ruckig.ControlInterface.Velocity
+        asked.current_velocity = [float(VELOCITY[joint])]
+        asked.max_acceleration = [float(ACCELERATION[joint])]
+        asked.max_jerk = [jerk]
+        motion = ruckig.Trajectory(1)
+        ruckig.Ruckig(1).calculate(asked, motion)
+        for time, state in zip(times, states[:, joint], strict=True):
+            (place,), _, _ = motion.at_time(min(float(time), motion.duration))
+            assert state == pytest.approx(place, abs=1e-9)
+    assert not states[:, 2].any()
+
+
+def test_nothing_is_met_where_nothing_is() -> None:
+    robot = builtin("planar_rr")
+    checker = Checker.of(robot, Scene())
+    assert first_touch(checker, np.zeros(2), np.ones(2), np.ones(2)) is None

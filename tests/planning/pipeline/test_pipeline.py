@@ -123,15 +123,6 @@ def test_slide_and_few_joints() -> None:
     solved(Problem(arm, scene, np.array([-0.3, 0.2]), (JointGoal(np.array([2.0, 0.3])),)))
 
 
-def test_same_seed_same_trajectory() -> None:
-    robot = builtin("panda")
-    target = transform(from_rpy([np.pi, -np.pi / 2, 0.0]), [0.6, 0.1, 0.3])
-    problem = Problem(robot, shelf(), HOME, (PoseGoal(target),))
-    answers = [solved(problem, Options(timeout=60.0, seed=4)).trajectory for _ in range(2)]
-    assert answers[0].coefficients.tobytes() == answers[1].coefficients.tobytes()
-    assert answers[0].breaks.tobytes() == answers[1].breaks.tobytes()
-
-
 @pytest.mark.parametrize("planner", ["potential_field", "rrt_connect"])
 def test_one_planner_alone(planner: str) -> None:
     robot = builtin("panda")
@@ -160,18 +151,6 @@ def failed(problem: Problem, options: Options | None = None) -> Failure:
     assert answer.hint
     assert answer.stages
     return answer
-
-
-def test_start_in_collision_names_the_pair_and_depth() -> None:
-    robot = builtin("panda")
-    tip = forward(robot.chain, HOME)[:3, 3]
-    scene = Scene((box("crate", (0.2, 0.2, 0.2), tuple(tip)),))
-    answer = failed(Problem(robot, scene, HOME, (JointGoal(HOME + 0.5),)))
-    assert answer.code == "START_STATE_IN_COLLISION"
-    assert answer.details["pair"][1] == "crate"
-    assert 0.0 < answer.details["depth"] < 0.3
-    reversed_problem = Problem(robot, scene, HOME + 0.5, (JointGoal(HOME),))
-    assert failed(reversed_problem).code == "GOAL_IN_COLLISION"
 
 
 def test_limits_of_start_and_goal() -> None:

@@ -10,7 +10,16 @@ from kinematics.forward import forward
 from kinematics.pose import from_rpy, transform
 from obstacles.collision.checker import Checker
 from obstacles.scenes.scene import Scene
+from planning.preflight.failures import (
+    collision_failure,
+)
 from planning.preflight.goals import find_goals
+from planning.preflight.limits import (
+    goal_onto_limits,
+    moved_note,
+    rates_onto_limits,
+    snap_to_limits,
+)
 from planning.preflight.preflight import preflight, start_only
 from planning.preflight_result import ENOUGH, TOUCHING, Ready
 from planning.problem import JointGoal, PoseGoal, Problem
@@ -145,3 +154,87 @@ def test_a_pose_that_no_configuration_has_is_reached_within_its_tolerances(
         end = pin.SE3(T).actInv(pin.SE3(forward(robot.chain, candidate.joints)))
         assert np.linalg.norm(end.translation) <= (1e-3 if tilt else 1e-6)
         assert np.linalg.norm(pin.log3(end.rotation)) <= (tolerance if tilt else 1e-6)
+
+
+ROBOT = slider()
+AT, TO = np.array([-0.5, 0.0]), np.array([0.5, 0.0])
+SCENE = Scene(
+    (
+        box("near", (0.1, 0.1, 0.4), (-0.5, 0.08, 0.0)),
+        box("nearer", (0.1, 0.1, 0.4), (-0.5, -0.06, 0.0)),
+    )
+)
+
+
+def test_of_two_overlaps_both_are_told_and_the_deeper_first() -> None:
+    """The ball is 0.02 m inside one box and 0.04 m inside the other."""
+    problem = Problem(ROBOT, SCENE, AT, (JointGoal(TO),))
+    told = collision_failure(problem, "start", AT, ("ball", "near"), -1.0)
+    assert told.code == "START_STATE_IN_COLLISION"
+    pairs = {tuple(item["pair"]): item["depth"] for item in told.details["collisions"]}
+    assert pairs[("ball", "nearer")] == pytest.approx(0.04, abs=1e-6)
+    assert pairs[("ball", "near")] == pytest.approx(0.02, abs=1e-6)
+    assert told.details["pair"] == ["ball", "nearer"]
+    assert told.details["depth"] == pytest.approx(0.04, abs=1e-6)
+    assert "overlap by 0.04 m" in told.message
+    nearest = told.details["nearest_valid"]
+    assert Checker.of(ROBOT, SCENE).valid(np.array(nearest["joints"]))
+    assert nearest["distance"] >= 0.0399
+
+
+PANDA = builtin("panda").chain
+LOWER, UPPER = PANDA.limits.lower, PANDA.limits.upper
+
+
+@pytest.mark.parametrize("joint", range(7))
+@pytest.mark.parametrize("sign", [-1.0, 1.0])
+def test_hardly_outside_is_moved_onto_the_limit(joint: int, sign: float) -> None:
+    limit = (LOWER if sign < 0.0 else UPPER)[joint]
+    q = HOME.copy()
+    q[joint] = limit + sign * 1e-7
+    snapped, violation = snap_to_limits(PANDA, q, 1e-6)
+    assert violation is None
+    assert snapped[joint] == limit
+    np.testing.assert_array_equal(np.delete(snapped, joint), np.delete(HOME, joint))
+
+
+@pytest.mark.parametrize("sign", [-1.0, 1.0])
+def test_farther_outside_is_left_and_the_worst_joint_is_named(sign: float) -> None:
+    limits = LOWER if sign < 0.0 else UPPER
+    q = HOME.copy()
+    q[1], q[4] = limits[1] + sign * 1e-3, limits[4] + sign * 0.25
+    left, violation = snap_to_limits(PANDA, q, 1e-6)
+    np.testing.assert_array_equal(left, q)
+    assert violation is not None
+    assert violation.joint == PANDA.joint_names[4]
+    assert violation.limit == limits[4]
+    assert violation.value == q[4]
+    assert violation.excess == pytest.approx(0.25)
+    assert violation.details["excess"] == violation.excess
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_a_measured_start_may_miss_a_limit_by_a_ten_thousandth_of_it(seed: int) -> None:
+    random = np.random.default_rng(seed)
+    joint, limits = int(random.integers(7)), (LOWER, UPPER)[seed % 2]
+    larger = max(abs(LOWER[joint]), abs(UPPER[joint]))
+    for share, taken in ((1e-4, True), (1.2e-4, False)):
+        q = HOME.copy()
+        q[joint] = limits[joint] + (-1.0, 1.0)[seed % 2] * share * larger
+        snapped, violation = snap_to_limits(PANDA, q, None)
+        assert (violation is None) == taken
+        assert snapped[joint] == (limits[joint] if taken else q[joint])
+        # Nobody measures a goal, and a tolerance that is given is kept.
+        assert goal_onto_limits(PANDA, q, None)[1] is not None
+        assert snap_to_limits(PANDA, q, 1e-6)[1] is not None
+
+
+def test_measured_rates_may_miss_a_limit_by_a_ten_thousandth_of_it() -> None:
+    limits = np.array([2.0, 1.0, np.inf, 0.5])
+    rates = np.array([2.0002, -1.0001, 9.0, 0.501])
+    moved = rates_onto_limits(rates, limits)
+    assert moved.tolist() == [2.0, -1.0, 9.0, 0.501]
+    assert moved_note("velocity", rates, moved) == (
+        "The velocity was outside a limit by 0.0002 and was moved onto it.",
+    )
+    assert moved_note("velocity", moved, moved) == ()

@@ -1,15 +1,22 @@
 """Every planner by its name: proved paths, all goals, budgets, deadlines, repeatability."""
 
+import itertools
+import math
 import time
 
 import numpy as np
 import pytest
+from ompl import geometric, util
 
 from kinematics.arrays import Array
 from obstacles.collision.checker import Checker
 from planning.result import Attempt
+from planning.sampling import watch as module
 from planning.sampling.planners import PLANNERS, planner_by_name
+from planning.sampling.roadmap import Roadmap
 from planning.sampling.search import sample
+from planning.sampling.space import joint_space, problem, solution, state_of
+from planning.sampling.watch import Watch
 from planning.values.deadline import Deadline
 from tests.planning.sampling.world import ENCLOSED, GOAL, SHORTEST, START, WALL, plane
 from tests.planning.scenes import HOME, builtin, shelf
@@ -161,3 +168,191 @@ def test_an_arm_reaches_into_a_shelf(planner: str) -> None:
     assert checker.polyline(found.waypoints)[0].free
     limits = robot.chain.limits
     assert ((found.waypoints >= limits.lower) & (found.waypoints <= limits.upper)).all()
+
+
+def shortest_length(points: Array, edges: list[tuple[int, int]], goals: list[int]) -> float:
+    """Length of the shortest path from point 0 to any goal, by relaxing every edge n times."""
+    best = np.full(len(points), np.inf)
+    best[0] = 0.0
+    for _, (i, j) in itertools.product(range(len(points)), edges):
+        length = float(np.linalg.norm(points[i] - points[j]))
+        best[j] = min(best[j], best[i] + length)
+        best[i] = min(best[i], best[j] + length)
+    return float(best[goals].min())
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_the_shortest_path_to_any_goal(seed: int) -> None:
+    random = np.random.default_rng(seed)
+    points = random.uniform(-1.0, 1.0, (12, 3))
+    goals = [10, 11]
+    edges = [(int(i), int(j)) for i, j in random.integers(0, 12, (14, 2)) if i != j]
+    roadmap = Roadmap(points[0], [points[k] for k in goals])
+    for i, j in edges:
+        roadmap.add(points[i], points[j])
+    path, length = roadmap.shortest(), shortest_length(points, edges, goals)
+    if not np.isfinite(length):
+        assert path is None
+        return
+    assert path is not None
+    assert np.array_equal(path[0], points[0])
+    assert any(np.array_equal(path[-1], points[k]) for k in goals)
+    assert np.linalg.norm(np.diff(path, axis=0), axis=1).sum() == pytest.approx(length)
+    joined = {frozenset((points[i].tobytes(), points[j].tobytes())) for i, j in edges}
+    for a, b in itertools.pairwise(path):
+        assert frozenset((a.tobytes(), b.tobytes())) in joined
+
+
+def test_without_edges_there_is_no_path_and_repeated_edges_count_once() -> None:
+    a, b = np.zeros(2), np.ones(2)
+    roadmap = Roadmap(a, [b])
+    assert roadmap.shortest() is None
+    roadmap.add(a, a)
+    assert roadmap.shortest() is None
+    # A sparse matrix adds up entries that are given twice: the edge must not become longer.
+    for _ in range(3):
+        roadmap.add(a, b)
+        roadmap.add(b, a)
+    detour = np.array([0.0, 1.2])
+    roadmap.add(a, detour)
+    roadmap.add(detour, b)
+    path = roadmap.shortest()
+    assert path is not None
+    np.testing.assert_array_equal(path, [a, b])
+
+
+OVER = np.array([0.0, 1.0])
+
+
+def test_bounds_are_the_joint_limits() -> None:
+    space = joint_space(plane(), [START, GOAL])
+    lower, upper = plane().limits.lower, plane().limits.upper
+    bounds = space.getBounds()
+    np.testing.assert_allclose(list(bounds.low), np.where(np.isfinite(lower), lower, -7.2), atol=1)
+    np.testing.assert_allclose(list(bounds.high), np.where(np.isfinite(upper), upper, 7.2), atol=1)
+    assert space.getDimension() == 2
+    assert list(state_of(space, GOAL)[0:2]) == list(GOAL)
+
+
+def test_edges_are_counted_proved_and_kept() -> None:
+    information, _, edges = problem(plane(), WALL, START, [GOAL], Deadline.after(100.0))
+    space = information.getStateSpace()
+    start, goal, over = (state_of(space, q) for q in (START, GOAL, OVER))
+    assert not edges.checkMotion(start, goal), "the wall is between them"
+    assert edges.checkMotion(start, over)
+    edges.proved = []
+    assert edges.checkMotion(over, goal)
+    assert not edges.checkMotion(start, goal)
+    assert edges.count == 4
+    ((a, b),) = edges.proved
+    np.testing.assert_array_equal([a, b], [OVER, GOAL])
+    assert edges.state_valid(start)
+    assert not edges.state_valid(state_of(space, np.array([0.0, 0.0])))
+
+
+def test_after_the_deadline_nothing_is_proved() -> None:
+    information, _, edges = problem(plane(), WALL, START, [GOAL], Deadline.after(-1.0))
+    space = information.getStateSpace()
+    start, over = state_of(space, START), state_of(space, OVER)
+    assert not edges.checkMotion(start, over)
+    assert not edges.state_valid(start)
+    assert edges.count == 0
+
+
+def test_a_solution_is_a_path_that_ends_at_the_goal() -> None:
+    util.RNG.setSeed(1)
+    information, definition, _ = problem(plane(), WALL, START, [GOAL], Deadline.after(100.0))
+    assert solution(definition, 2) is None
+    states = [state_of(information.getStateSpace(), q) for q in (START, OVER, GOAL)]
+    path = geometric.PathGeometric(information)
+    for state in states:
+        path.append(state)
+    definition.addSolutionPath(path, True, 0.3, "approximate")
+    assert solution(definition, 2) is None, "a path that ends near the goal is none"
+    definition.clearSolutionPaths()
+    definition.addSolutionPath(path)
+    answer = solution(definition, 2)
+    assert answer is not None
+    np.testing.assert_array_equal(answer, [START, OVER, GOAL])
+
+
+LATER = 1000.0
+
+
+class Edges:
+    """A count of edges that a test sets."""
+
+    count = 0
+
+    def __call__(self) -> int:
+        return self.count
+
+
+def test_it_stops_when_time_is_up() -> None:
+    assert not Watch(Deadline.after(LATER), Edges())()
+    late = Watch(Deadline.after(-1.0), Edges())
+    assert late()
+    assert late.reason == "time"
+
+
+def test_it_stops_after_so_many_questions() -> None:
+    watch = Watch(Deadline.after(LATER), Edges(), max_iterations=3)
+    assert [watch() for _ in range(4)] == [False, False, True, True]
+    assert watch.reason == "iterations"
+    assert watch.iterations == 3, "a question after the end is not counted"
+
+
+def test_it_stops_after_so_many_edges() -> None:
+    edges = Edges()
+    watch = Watch(Deadline.after(LATER), edges, max_edges=10)
+    edges.count = 9
+    assert not watch()
+    edges.count = 10
+    assert watch()
+    assert watch.reason == "edges"
+
+
+@pytest.mark.parametrize("rule", ["share", "turn"])
+def test_a_run_without_a_path_ends_with_its_share(rule: str) -> None:
+    edges = Edges()
+    share, turn = (5.0, math.inf) if rule == "share" else (math.inf, 1.0)
+    watch = Watch(Deadline.after(LATER), edges, share=share, turn=turn)
+    edges.count = 5
+    assert watch()
+    assert watch.reason == "share"
+    going_on = Watch(Deadline.after(LATER), edges, share=share, turn=turn)
+    going_on.note(2.0)
+    assert not going_on(), "a run that has a path goes on for a shorter one"
+
+
+def test_progress_keeps_shorter_paths_only() -> None:
+    edges = Edges()
+    watch = Watch(Deadline.after(LATER), edges)
+    for count, length in enumerate((math.inf, 0.0, 3.0, 3.0, 3.0 * (1.0 - 1e-9), 2.0, 2.5, 1.0)):
+        edges.count = count
+        watch.note(length)
+    assert [item.length for item in watch.progress] == [3.0, 2.0, 1.0]
+    assert [item.edges for item in watch.progress] == [2, 5, 7]
+    assert all(item.milliseconds >= 0.0 for item in watch.progress)
+
+
+def test_a_watch_ends_with_a_path_that_is_short_enough() -> None:
+    lengths = iter((3.0, 2.0, 1.5))
+    watch = Watch(Deadline.after(LATER), Edges(), threshold=2.0, best=lambda: next(lengths))
+    assert [watch(), watch()] == [False, True]
+    assert watch.reason == "threshold"
+
+
+def test_memory_is_looked_at_now_and_then(monkeypatch: pytest.MonkeyPatch) -> None:
+    watch = Watch(Deadline.after(LATER), Edges())
+    full = watch.memory + module.MAX_MEMORY
+    monkeypatch.setattr(module, "resident", lambda: full)
+    assert not any(watch() for _ in range(2000)), "just full is not too full"
+    monkeypatch.setattr(module, "resident", lambda: full + 1)
+    asked = next(k for k in range(1, 2000) if watch())
+    assert asked <= 512
+    assert watch.reason == "memory"
+
+
+def test_memory_of_this_process() -> None:
+    assert 1 << 20 < module.resident() < 1 << 40

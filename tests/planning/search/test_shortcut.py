@@ -8,10 +8,16 @@ import pytest
 from kinematics.arrays import Array
 from obstacles.collision.checker import Checker
 from obstacles.collision.fcl_distance import FclWorld
+from obstacles.collision.model.kernel_work import workspace
 from obstacles.scenes.scene import Scene
-from planning.search.shortcut import path_is_free, shortcut
+from planning.search.sampled_check import Look, all_look_free, look_of, looks_free
+from planning.search.shortcut import (
+    _MAX_CHECKS,
+    path_is_free,
+    shortcut,
+)
 from planning.values.deadline import Deadline
-from tests.planning.scenes import HOME, box, builtin
+from tests.planning.scenes import HOME, box, builtin, shelf
 from tests.planning.slider import slider
 
 #: Of two links in the plane of x and z: a bar that the outer one meets on the straight way.
@@ -54,12 +60,6 @@ def test_what_comes_back_is_free_shorter_and_has_the_same_ends(seed: int) -> Non
     # The bar can't be gone through: no way round it is nearly as short as the straight one.
     assert length(short) > 1.02 * length(path[[0, -1]])
     assert length(short) < 0.5 * length(path)
-
-
-def test_without_obstacles_the_straight_way_is_left() -> None:
-    checker = Checker.of(builtin("planar_rr"), Scene())
-    path = detour(checker, np.random.default_rng(0))
-    np.testing.assert_array_equal(shortcut(checker, path, Deadline.after(60.0)), path[[0, -1]])
 
 
 @pytest.mark.parametrize("slack", [0.0, 0.02, 0.05])
@@ -148,3 +148,83 @@ def test_a_leg_that_cannot_be_proved_is_found_in_any_place() -> None:
     assert not path_is_free(checker, np.array([above, -far, far, above]))
     assert path_is_free(checker, np.array([-far, above, far]))
     assert path_is_free(checker, far[None])
+
+
+RADIUS, HALF = 0.05, 0.15
+#: A ball on a table, and a block that it goes around.
+BLOCKED = Checker.of(slider(), Scene((box("block", (0.3, 0.3, 0.3), (0.0, 0.0, 0.0)),)))
+OPEN = Checker.of(slider(), Scene())
+AROUND = np.array([[-0.6, 0.0], [-0.5, 0.5], [0.0, 0.7], [0.5, 0.5], [0.6, 0.0]])
+
+
+def gap(path: Array) -> float:
+    """The ball's distance from the block along a path, in closed form at many places."""
+    least = np.inf
+    for a, b in pairwise(path):
+        points = a + np.linspace(0.0, 1.0, 400)[:, None] * (b - a)
+        outside = np.maximum(np.abs(points) - HALF, 0.0)
+        least = min(least, float(np.linalg.norm(outside, axis=1).min()) - RADIUS)
+    return least
+
+
+def test_the_way_round_the_block_is_nearly_the_shortest() -> None:
+    """A taut string round the block's corners, wider by the ball's radius, can't be beaten."""
+    short = shortcut(BLOCKED, AROUND, Deadline.after(60.0))
+    assert np.array_equal(short[[0, -1]], AROUND[[0, -1]])
+    corner = np.hypot(0.6 - HALF, HALF)
+    tangent = np.sqrt(corner**2 - RADIUS**2)
+    turned = np.arctan2(HALF, 0.6 - HALF) + np.arcsin(RADIUS / corner)
+    taut = 2.0 * (tangent + RADIUS * turned) + 2.0 * HALF
+    assert taut < length(short) < 1.06 * taut
+
+
+@pytest.mark.parametrize("count", [1, 2, 3])
+def test_short_paths_keep_their_ends(count: int) -> None:
+    path = AROUND[:count]
+    short = shortcut(OPEN, path, Deadline.after(60.0))
+    np.testing.assert_array_equal(short, path[[0, -1]] if count > 1 else path)
+
+
+def test_a_path_through_one_point_twice_loses_its_loop() -> None:
+    loop = np.array([[-0.6, 0.0], [-0.6, 0.5], [-0.3, 0.5], [-0.6, 0.0], [-0.6, -0.5]])
+    short = shortcut(BLOCKED, loop, Deadline.after(60.0))
+    np.testing.assert_array_equal(short, loop[[0, -1]])
+
+
+def test_more_waypoints_than_checks_in_the_open_leave_the_ends() -> None:
+    """A bisection looks at the last waypoint first."""
+    many = np.random.default_rng(1).uniform(-0.9, 0.9, (2 * _MAX_CHECKS, 2))
+    np.testing.assert_array_equal(shortcut(OPEN, many, Deadline.after(60.0)), many[[0, -1]])
+
+
+def looks_at_each(checker: Checker, look: Look, points: Array, first: int, last: int) -> bool:
+    """Whether the legs from row ``first`` to ``last`` look free, and the waypoints between."""
+    arrays, work = checker.model.arrays, workspace(checker.model.arrays)
+    legs = (looks_free(arrays, work, look, points[k], points[k + 1]) for k in range(first, last))
+    return all(legs) and all(checker.valid(points[k]) for k in range(first + 1, last))
+
+
+def test_legs_look_free_together_where_each_does_and_the_waypoints_between() -> None:
+    checker = Checker.of(builtin("panda"), shelf(), 0.02)
+    look, arrays = look_of(checker), checker.model.arrays
+    random, told = np.random.default_rng(0), list[bool]()
+    for _ in range(400):
+        # Legs of very different lengths: other numbers of states are looked at on each.
+        steps = random.normal(size=(5, 7)) * random.choice([0.004, 0.05, 0.4, 1.2], size=(5, 1))
+        points = HOME + np.cumsum(random.choice([0.3, 1.0]) * steps, axis=0)
+        first, last = 0, int(random.integers(1, 5))
+        free = all_look_free(arrays, workspace(arrays), look, points, first, last)
+        assert free == looks_at_each(checker, look, points, first, last)
+        told.append(free)
+    assert 50 < sum(told) < 350
+
+
+def test_a_waypoint_between_legs_is_looked_at() -> None:
+    checker = Checker.of(builtin("panda"), shelf(), 0.02)
+    arrays, random = checker.model.arrays, np.random.default_rng(1)
+    low, high = checker.model.chain.sampling_bounds()
+    blocked = next(q for q in random.uniform(low, high, (200, 7)) if not checker.valid(q))
+    # Legs of no length at a state that is not free: none of their own states is another one.
+    assert not all_look_free(
+        arrays, workspace(arrays), look_of(checker), np.array([blocked] * 3), 0, 2
+    )

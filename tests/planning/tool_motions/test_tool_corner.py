@@ -10,7 +10,7 @@ from scipy.spatial.transform import Rotation
 
 from kinematics.arrays import Array
 from kinematics.pose import transform
-from planning.tool_motions.tool_corner import ToolCorner, ToolCurve, best_slope, rounded_corner
+from planning.tool_motions.tool_corner import ToolCorner, ToolCurve, rounded_corner
 from planning.tool_motions.tool_motion import ToolMotion, arc_via, line
 
 
@@ -60,18 +60,6 @@ def test_between_lines_it_is_a_bezier_curve_run_through_by_its_length(degrees: f
         place = quad(speed, 0.0, u, epsabs=1e-13)[0] / corner.length
         np.testing.assert_allclose(corner.pose(place)[:3, 3], curve(u), atol=1e-10)
         np.testing.assert_allclose(corner.direction(place), rate(u) / speed(u), atol=1e-7)
-
-
-def test_it_stays_within_the_triangle_of_its_ends_and_the_corner() -> None:
-    for degrees in (1.0, 45.0, 90.0, 135.0, 169.0):
-        corner = bend(math.radians(degrees))
-        start, tip, end = (T[:2, 3] for T in (corner.T_start, corner.T_corner, corner.T_end))
-        shares = np.linalg.solve(
-            np.array([start - tip, end - tip]).T,
-            (corner.poses(np.linspace(0.0, 1.0, 201))[:, :2, 3] - tip).T,
-        )
-        assert shares.min() >= -1e-9
-        assert shares.sum(axis=0).max() <= 1.0 + 1e-9
 
 
 def test_no_part_is_farther_from_the_corner_than_the_blend_begins() -> None:
@@ -145,15 +133,3 @@ def test_curvature_changes_little_faster_than_along_two_clothoids(degrees: float
     reach = x + y * math.tan(half)
     least = 2.0 * half * (reach / 0.1) ** 2
     assert curvature_change(bend(2.0 * half)) <= 1.2 * least
-
-
-def test_the_slope_is_nearly_the_best_one() -> None:
-    for degrees in (10.0, 60.0, 120.0, 160.0):
-        angle = math.radians(degrees)
-        corner = bend(angle)
-        found = [
-            curvature_change(ToolCorner(corner.first, corner.second, slope))
-            for slope in np.linspace(0.3, 2.5, 45)
-        ]
-        assert curvature_change(corner) <= 1.03 * min(found)
-        assert 0.0 < best_slope(angle) < 2.5

@@ -1,10 +1,12 @@
 """Lines and arcs of the tool against scipy's rotations, and what is no circle."""
 
+import math
+
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation, Slerp
 
-from kinematics.errors import InvalidGoal
+from kinematics.errors import InvalidGoal, InvalidOption
 from kinematics.pose import transform
 from planning.tool_motions.timed_tool_motions import TimedToolMotions, joined_spans
 from planning.tool_motions.tool_motion import (
@@ -13,6 +15,8 @@ from planning.tool_motions.tool_motion import (
     arc_via,
     line,
 )
+from planning.tool_motions.tool_path import ToolRun, run_of
+from planning.tool_motions.tool_tolerance import ToolTolerance, rotations, tilts
 
 RANDOM = np.random.default_rng(11)
 
@@ -121,3 +125,118 @@ def test_motions_in_time_follow_at_once_or_later() -> None:
 def test_spans_that_follow_at_once_are_joined() -> None:
     assert joined_spans([(0.0, 1.0), (1.0, 2.0), (2.5, 3.0)]) == ((0.0, 2.0), (2.5, 3.0))
     assert joined_spans([]) == ()
+
+
+TURN = Rotation.from_rotvec([0.0, 0.3, 0.4]).as_matrix()
+A = transform(None, [0.0, 0.0, 0.0])
+B = transform(TURN, [0.3, 0.0, 0.0])
+C = transform(TURN, [0.3, 0.2, 0.0])
+#: A line of 0.3 m, then half a circle of radius 0.1 m.
+RUN = ToolRun((line(A, B), arc_via(B, C, [0.4, 0.1, 0.0])), (3, 4), (False, True))
+HALF = 0.1 * np.pi
+BREAK = 0.3 / (0.3 + HALF)
+
+
+def test_places_are_proportional_to_the_length_of_the_whole() -> None:
+    assert RUN.length == pytest.approx(0.3 + HALF)
+    assert RUN.angle == pytest.approx(0.5)
+    np.testing.assert_allclose(RUN.breaks, [0.0, BREAK, 1.0])
+    assert RUN.kind == "lin"
+    single = run_of(RUN.motions[1], 7)
+    np.testing.assert_array_equal(single.breaks, [0.0, 1.0])
+    assert (single.asked, single.kind) == ((7,), "circ")
+    assert run_of(RUN) is RUN
+
+
+def test_poses_are_those_of_the_motion_at_the_place() -> None:
+    slerp = Slerp([0.0, BREAK], Rotation.from_matrix(np.stack([A[:3, :3], B[:3, :3]])))
+    places = np.linspace(0.0, 1.0, 41)
+    poses = RUN.poses(places)
+    for s, T in zip(places, poses, strict=True):
+        if s <= BREAK:
+            point, R = [0.3 * s / BREAK, 0.0, 0.0], slerp(s).as_matrix()
+        else:
+            angle = np.pi * (s - BREAK) / (1.0 - BREAK) - 0.5 * np.pi
+            point, R = [0.3 + 0.1 * np.cos(angle), 0.1 + 0.1 * np.sin(angle), 0.0], TURN
+        np.testing.assert_allclose(T[:3, 3], point, atol=1e-12)
+        np.testing.assert_allclose(T[:3, :3], R, atol=1e-12)
+        np.testing.assert_allclose(RUN.pose(float(s)), T, atol=1e-14)
+    motion, at = RUN.locate(BREAK + 0.25 * (1.0 - BREAK))
+    assert motion is RUN.motions[1]
+    assert at == pytest.approx(0.25)
+
+
+def test_parts_tell_what_was_asked_and_the_box() -> None:
+    box = ToolTolerance.of({"x": (-0.1, 0.1)})
+    run = ToolRun(RUN.motions, RUN.asked, RUN.blends, (box, ToolTolerance.of({})))
+    first, last = run.parts
+    assert (first.begin, first.end, first.asked, first.blends) == (0.0, first.end, 3, False)
+    assert (last.begin, last.end, last.asked, last.blends) == (first.end, 1.0, 4, True)
+    assert first.end == pytest.approx(BREAK)
+    assert first.tolerance is box
+    assert [part.tolerance for part in RUN.parts] == [None, None]
+
+
+DRAWS = np.random.default_rng(4)
+
+
+def poses(count: int) -> np.ndarray:
+    turns = Rotation.random(count, DRAWS).as_matrix()
+    places = DRAWS.normal(size=(count, 3))
+    return np.array([transform(R, p) for R, p in zip(turns, places, strict=True)])
+
+
+@pytest.mark.parametrize("fixed", [False, True])
+def test_deviations_are_those_that_poses_were_made_with(fixed: bool) -> None:
+    axes = Rotation.random(random_state=1).as_matrix() if fixed else None
+    box = ToolTolerance(
+        np.array([-0.5] * 3 + [-1.3] * 3), np.array([0.5] * 3 + [1.3] * 3), axes=axes
+    )
+    nominal, d = poses(40), DRAWS.uniform(box.lower, box.upper, (40, 6))
+    T = box.poses(nominal, d)
+    np.testing.assert_allclose(box.deviations(nominal, T), d, atol=1e-9)
+    D = Rotation.from_euler("XYZ", d[:, 3:]).as_matrix()
+    np.testing.assert_allclose(rotations(d[:, 3:]), D, atol=1e-12)
+    for k in range(40):
+        N = nominal[k]
+        A = N[:3, :3] if axes is None else axes
+        np.testing.assert_allclose(T[k, :3, 3], N[:3, 3] + A @ d[k, :3], atol=1e-12)
+        np.testing.assert_allclose(T[k, :3, :3], A @ D[k] @ A.T @ N[:3, :3], atol=1e-12)
+
+
+def test_clipping_brings_deviations_inside_and_leaves_those_that_are() -> None:
+    box = ToolTolerance.of({"x": (-0.1, 0.2)}, ("rz",), tilt=0.3)
+    d = DRAWS.uniform(-1.0, 1.0, (200, 6))
+    clipped = box.clip(d)
+    assert (tilts(clipped) <= 0.3 + 1e-9).all()
+    assert (clipped[:, 0] >= -0.1).all()
+    assert (clipped[:, 0] <= 0.2).all()
+    assert not clipped[:, 1:3].any()
+    np.testing.assert_array_equal(clipped[:, 5], d[:, 5])
+    np.testing.assert_allclose(box.clip(clipped), clipped, atol=1e-12)
+    assert (box.excess(clipped) < 1e-9).all()
+    assert box.excess(d)[:, 0].max() > 0.5
+
+
+def test_whole_turns_are_no_excess() -> None:
+    box = ToolTolerance.of({"rz": (3.0, 3.3)})
+    inside = np.array([[0.0, 0.0, 0.0, 0.0, 0.0, -math.pi + 0.05]])
+    assert box.excess(inside).max() < 1e-12
+    # Zero is nearer to the upper end, 3.3, by way of a whole turn.
+    assert box.excess(np.zeros((1, 6)))[0, 1] == pytest.approx(2.0 * math.pi - 3.3)
+
+
+def test_tolerances_that_make_no_sense_are_refused() -> None:
+    for ranges, free, tilt, words in (
+        ({"x": (0.1, -0.1)}, (), None, "above"),
+        ({"x": (-2.0, 2.0)}, (), None, "at most 1 m"),
+        ({}, ("x",), None, "can't be free"),
+        ({}, (), -0.1, "above|positive"),
+        ({"ry": (-1.5, 1.5)}, (), None, "not defined"),
+        ({}, ("ry",), None, "free all"),
+    ):
+        with pytest.raises(InvalidOption) as caught:
+            ToolTolerance.of(ranges, free, tilt)  # type: ignore[arg-type]
+        text = f"{caught.value.message} {caught.value.hint}"
+        assert any(word in text for word in words.split("|")), text
+    assert ToolTolerance.of({}, ("rx", "ry", "rz")).lower[4] == -np.inf
