@@ -13,7 +13,7 @@ from planning.search.sampled_check import look_of
 from planning.timing.estimate import estimate_limits
 from planning.values.preferred_clearance import PreferredClearance
 from tests.planning.scenes import box
-from tests.planning.search.test_shortcut_rounds import HALF, RADIUS, gap
+from tests.planning.search.test_shortcut import HALF, RADIUS, gap
 from tests.planning.slider import slider
 
 PREFERRED = 0.02
@@ -60,21 +60,6 @@ def test_skew_legs_are_made_longer_to_where_they_are_closest() -> None:
             np.testing.assert_allclose(found, 0.5 * (path[1] + s * a + path[2] + t * b), atol=1e-6)
             compared += 1
     assert compared > 20
-
-
-@pytest.mark.parametrize("n", [2, 7])
-def test_parallel_legs_and_legs_without_length_give_a_point_between(n: int) -> None:
-    random = np.random.default_rng(n)
-    along, aside = random.normal(size=(2, n))
-    for path in (
-        np.array([0.0 * along, along, along + aside, aside]),
-        np.array([along, along, aside, aside]),
-        np.array([along, along, along, along]),
-    ):
-        found = corner_outside(path, 1)
-        assert np.isfinite(found).all()
-        reach = 1.5 * np.linalg.norm(path[2] - path[1])
-        assert np.linalg.norm(found - path[1]) <= reach + 1e-12
 
 
 def around(chamfer: float, spare: float) -> Array:

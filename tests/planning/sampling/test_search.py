@@ -11,6 +11,7 @@ from ompl import geometric, util
 from kinematics.arrays import Array
 from obstacles.collision.checker import Checker
 from planning.result import Attempt
+from planning.sampling import search as search_module
 from planning.sampling import watch as module
 from planning.sampling.planners import PLANNERS, planner_by_name
 from planning.sampling.roadmap import Roadmap
@@ -19,7 +20,7 @@ from planning.sampling.space import joint_space, problem, solution, state_of
 from planning.sampling.watch import Watch
 from planning.values.deadline import Deadline
 from tests.planning.sampling.world import ENCLOSED, GOAL, SHORTEST, START, WALL, plane
-from tests.planning.scenes import HOME, builtin, shelf
+from tests.planning.scenes import HOME, builtin, pillar, shelf
 
 IMPROVING = [name for name in PLANNERS if planner_by_name(name).improves]
 
@@ -356,3 +357,42 @@ def test_memory_is_looked_at_now_and_then(monkeypatch: pytest.MonkeyPatch) -> No
 
 def test_memory_of_this_process() -> None:
     assert 1 << 20 < module.resident() < 1 << 40
+
+
+LEFT, RIGHT = HOME.copy(), HOME.copy()
+LEFT[0], RIGHT[0] = -0.9, 0.9
+POST = pillar(0.0, 0.4)
+
+
+def sampled(seed: int) -> np.ndarray:
+    robot = builtin("panda")
+    checker = Checker.of(robot, POST)
+    result = sample(
+        "rrt_connect", robot.chain, checker, LEFT, [RIGHT], {}, seed, Deadline.after(30.0)
+    )
+    assert result.waypoints is not None
+    assert "edges checked" in result.detail
+    return result.waypoints
+
+
+def test_seeds_differ() -> None:
+    assert len({sampled(seed).tobytes() for seed in range(4)}) > 1
+
+
+def test_trees_that_take_long_are_started_anew(monkeypatch: pytest.MonkeyPatch) -> None:
+    alone = [sampled(seed) for seed in range(3)]
+    monkeypatch.setattr(search_module, "_FIRST_BUDGET", 8)
+    robot = builtin("panda")
+    checker = Checker.of(robot, POST)
+    arguments = ("rrt_connect", robot.chain, checker, LEFT, [RIGHT])
+    results = [sample(*arguments, {}, seed, Deadline.after(30.0)) for seed in range(3)]
+    again = [sample(*arguments, {}, seed, Deadline.after(30.0)) for seed in range(3)]
+    for result, same in zip(results, again, strict=True):
+        assert result.waypoints is not None
+        assert same.waypoints is not None
+        assert np.array_equal(result.waypoints, same.waypoints)
+        assert checker.polyline(result.waypoints)[0].free
+    assert any(
+        result.waypoints is not None and not np.array_equal(result.waypoints, path)
+        for result, path in zip(results, alone, strict=True)
+    )

@@ -1,18 +1,16 @@
 """Options of an optimisation: what is taken, what is refused and how it is told."""
 
+import time
 from typing import Any
 
+import numpy as np
 import pytest
 
 from kinematics.errors import InvalidOption
+from planning.values.deadline import Deadline
+from planning.values.goal_costs import GoalCosts
 from planning.values.optimize_options import CONTROL_POINTS, DEGREES, MAX_ROUNDS, RefineOptions
-
-
-def test_by_default_time_counts_alone() -> None:
-    options = RefineOptions()
-    assert dict(options.weights) == {"time": 1.0}
-    assert options.fastest
-    assert options.least_degree == 3
+from planning.values.preferred_clearance import PreferredClearance
 
 
 @pytest.mark.parametrize(
@@ -39,20 +37,6 @@ def test_an_objective_is_a_name_or_weights_by_name() -> None:
     given = {"time": 1, "energy": 0.5, "jerk": 0}
     assert dict(RefineOptions.of({"objective": given}).weights) == {"time": 1.0, "energy": 0.5}
     assert RefineOptions.of({}).fastest
-
-
-def test_what_is_left_open_by_none_has_its_default() -> None:
-    open_ended = RefineOptions.of({"duration": None, "degree": None, "rounds": None})
-    assert (open_ended.duration, open_ended.degree, open_ended.rounds) == (None, None, 12)
-
-
-def test_weights_can_not_be_changed_afterwards() -> None:
-    given = {"time": 1.0}
-    options = RefineOptions(given)  # type: ignore[arg-type]
-    given["time"] = 5.0
-    assert options.weights["time"] == 1.0
-    with pytest.raises(TypeError):
-        options.weights["time"] = 2.0  # type: ignore[index]
 
 
 @pytest.mark.parametrize("name", ["degree", "control_points", "rounds"])
@@ -102,3 +86,46 @@ def test_unknown_options_and_solvers_are_named_with_those_there_are() -> None:
     with pytest.raises(InvalidOption, match="no solver 'simplex'") as refused:
         RefineOptions.of({"solver": "simplex"})
     assert "piqp, ipopt" in str(refused.value.hint)
+
+
+@pytest.mark.parametrize("value", [-1.0, np.inf, np.nan])
+def test_an_odd_weight_is_refused(value: float) -> None:
+    with pytest.raises(InvalidOption, match="turns"):
+        GoalCosts(turns=value)
+
+
+@pytest.mark.parametrize("distance", [-1e-9, 1.1, np.nan])
+def test_a_distance_out_of_range_is_refused(distance: float) -> None:
+    with pytest.raises(InvalidOption, match="preferred"):
+        PreferredClearance(distance)
+
+
+def test_time_that_remains_ends_nothing() -> None:
+    deadline = Deadline.after(60.0)
+    assert not deadline.passed
+    assert not deadline.sooner_than(1.0)
+    assert 59.0 < deadline.remaining <= 60.0
+    assert not deadline.interruptions.occurred
+
+
+def test_a_look_at_a_deadline_that_passed_is_recorded() -> None:
+    deadline = Deadline(time.monotonic() - 1.0)
+    assert deadline.remaining == 0.0
+    assert not deadline.interruptions.occurred  # nobody asked whether to stop
+    assert deadline.passed
+    assert deadline.interruptions.occurred
+
+
+def test_too_little_time_is_recorded() -> None:
+    deadline = Deadline.after(60.0)
+    assert deadline.sooner_than(120.0)
+    assert deadline.interruptions.occurred
+
+
+@pytest.mark.parametrize("seconds", [0.0, -1.0])
+def test_a_part_shares_the_record_of_the_whole(seconds: float) -> None:
+    whole = Deadline.after(60.0)
+    part = whole.within(seconds)
+    assert part.passed
+    assert whole.interruptions.occurred
+    assert not whole.passed
