@@ -1,12 +1,15 @@
 """Lines and arcs that requests ask for, one after the other."""
 
+from typing import NamedTuple
+
 import numpy as np
 import pytest
 
-from kinematics.errors import InvalidGoal, InvalidOption
+from kinematics.arrays import Array
+from kinematics.errors import InvalidGoal
 from kinematics.pose import transform
 from planning.options import CartesianOptions, ToolMotionOptions
-from planning.tool_paths.motions import tool_motions
+from planning.tool_paths.motions import repairs, tool_motion, tool_motions
 
 START = transform(None, [0.4, 0.0, 0.4])
 
@@ -35,14 +38,6 @@ def test_each_motion_begins_where_the_one_before_ends() -> None:
             assert np.linalg.norm(arc.pose(s)[:3, 3] - [0.4, 0.0, 0.4]) == pytest.approx(0.1)
 
 
-def test_without_motions_one_line_leads_to_the_goal() -> None:
-    (only,) = tool_motions(START, CartesianOptions(), at(0.4, 0.2))
-    assert only.kind == "lin"
-    np.testing.assert_allclose(only.pose(1.0), at(0.4, 0.2), atol=1e-15)
-    with pytest.raises(InvalidOption, match="no motion"):
-        tool_motions(START, CartesianOptions())
-
-
 def test_an_arc_that_is_none_is_named_by_its_number() -> None:
     asked = CartesianOptions(
         motions=(
@@ -53,3 +48,96 @@ def test_an_arc_that_is_none_is_named_by_its_number() -> None:
     with pytest.raises(InvalidGoal, match=r"motions\[1\]") as caught:
         tool_motions(START, asked)
     assert caught.value.details["motion"] == 1
+
+
+PLACES = np.linspace(0.0, 1.0, 33)
+SEEDS = pytest.mark.parametrize("seed", range(15))
+DECIMALS = pytest.mark.parametrize("decimals", [3, 4, 5, 6, 9])
+
+
+class Arc(NamedTuple):
+    """An exact arc about a centre, from a first spoke to a second one across it."""
+
+    center: Array
+    normal: Array
+    first: Array
+    second: Array
+    sweep: float
+
+    def points(self, places: Array) -> Array:
+        """Points at places from 0 to 1."""
+        angles = (self.sweep * places)[:, None]
+        return self.center + np.cos(angles) * self.first + np.sin(angles) * self.second
+
+
+def drawn(seed: int, decimals: int) -> Arc:
+    random = np.random.default_rng([seed, decimals])
+    normal, first = np.linalg.qr(random.normal(size=(3, 2)))[0].T
+    radius = random.uniform(0.05, 0.4)
+    sweep = (random.uniform(0.2, 2.8), np.pi, random.uniform(3.5, 5.0), 2.0 * np.pi)[seed % 4]
+    center = random.uniform(-0.5, 0.5, 3)
+    return Arc(center, normal, radius * first, radius * np.cross(normal, first), sweep)
+
+
+def asked(arc: Arc, decimals: int, shift: float = 0.0) -> ToolMotionOptions:
+    end = transform(None, np.round(arc.points(np.ones(1))[0], decimals))
+    side = (arc.first + arc.second) / np.linalg.norm(arc.first) / np.sqrt(2.0)
+    center = np.round(arc.center + shift * side, decimals).tolist()
+    normal = None if arc.sweep < 2.9 else np.round(arc.normal, decimals).tolist()
+    return ToolMotionOptions("circ", end, center=center, normal=normal)
+
+
+def first_pose(arc: Arc) -> Array:
+    return transform(None, arc.points(np.zeros(1))[0])
+
+
+@SEEDS
+@DECIMALS
+def test_an_arc_written_with_few_decimals_is_the_arc_that_was_meant(
+    seed: int, decimals: int
+) -> None:
+    arc, unit = drawn(seed, decimals), 10.0**-decimals
+    motion = tool_motion(first_pose(arc), asked(arc, decimals), 0, 1e-7)
+    assert motion.sweep == pytest.approx(arc.sweep, abs=0.05)
+    meant = arc.points(PLACES)
+    off = np.linalg.norm(motion.poses(PLACES)[:, :3, 3] - meant, axis=1)
+    assert off.max() <= 4.0 * unit
+    # It is a circle from the start to the end that it tells.
+    np.testing.assert_allclose(motion.pose(0.0), motion.T_start, atol=1e-12)
+    np.testing.assert_allclose(motion.pose(1.0), motion.T_end, atol=1e-9 + 1e-6 * motion.radius)
+
+
+@SEEDS
+@DECIMALS
+def test_a_centre_that_is_off_by_more_than_rounding_is_refused(seed: int, decimals: int) -> None:
+    arc = drawn(seed, decimals)
+    wrong = asked(arc._replace(sweep=1.5 if arc.sweep > 2.9 else arc.sweep), decimals)
+    error = max(12.0 * 10.0**-decimals, 1e-5)
+    center = np.array(wrong.center) + error * arc.first / 0.05
+    item = ToolMotionOptions("circ", wrong.T_base_tip, center=center.round(decimals).tolist())
+    with pytest.raises(InvalidGoal, match=r"motions\[0\]: .*center"):
+        tool_motion(first_pose(arc), item, 0, 1e-7)
+
+
+def test_a_deviation_that_is_allowed_is_used_and_what_was_moved_is_told() -> None:
+    arc = drawn(0, 16)
+    item = asked(arc, 16, shift=2e-4)
+    with pytest.raises(InvalidGoal, match="from its center"):
+        tool_motion(first_pose(arc), item, 0, 1e-5)
+    options = CartesianOptions((item,), max_deviation=1e-3)
+    motions = tool_motions(first_pose(arc), options)
+    assert len(repairs(options, motions)) == 1
+    assert "its center was moved by 9.5e-05 m" in repairs(options, motions)[0]
+    exact = CartesianOptions((asked(arc, 16),))
+    assert repairs(exact, tool_motions(first_pose(arc), exact)) == ()
+
+
+@pytest.mark.parametrize("decimals", [3, 4, 5, 6, 9])
+def test_half_a_circle_has_no_plane_however_its_centre_is_rounded(decimals: int) -> None:
+    for seed in range(1, 41, 4):
+        arc = drawn(seed, decimals)
+        assert arc.sweep == np.pi
+        given = asked(arc, decimals)
+        item = ToolMotionOptions("circ", given.T_base_tip, center=given.center)
+        with pytest.raises(InvalidGoal, match="half a circle has no plane"):
+            tool_motion(first_pose(arc), item, 0, 1e-4)

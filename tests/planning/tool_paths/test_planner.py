@@ -4,7 +4,6 @@ from dataclasses import replace
 from typing import Any
 
 import numpy as np
-import pinocchio
 import pytest
 from scipy.spatial.transform import Rotation
 
@@ -13,7 +12,7 @@ from kinematics.forward import forward
 from kinematics.ik.closed_form.analytic import branches
 from kinematics.jacobian import geometric
 from kinematics.pose import from_rpy, transform
-from kinematics.robots import builtin_chain, builtin_urdf
+from kinematics.robots import builtin_chain
 from kinematics.trajectory.trajectory import Trajectory
 from obstacles.robots.robot_geometry import robot_geometry
 from obstacles.scenes.scene import Scene
@@ -108,24 +107,6 @@ def test_lines_of_many_arms_are_straight(name: str, method: str) -> None:
         assert errors[:, 1].max() <= float(deviation.orientation or 0.0) + 1e-9
         # Sharp: not some bound, but about what is reached, or a tenth of what is allowed.
         assert deviation.position <= max(1.3 * errors[:, 0].max(), 1.01e-5)
-
-
-def test_pinocchio_sees_the_same_line() -> None:
-    chain = builtin_chain("panda")
-    model = pinocchio.buildModelFromXML(builtin_urdf("panda"))
-    data, tip = model.createData(), model.getFrameId(chain.tip_link)
-    T = forward(chain, HOME)
-    T_end = moved(T, [0.05, 0.35, -0.2], [0.3, 0.2, -0.4])
-    answer = led(
-        Problem(builtin("panda"), Scene(), HOME, (PoseGoal(T_end),)), options(max_deviation=1e-5)
-    )
-    for q in dense(answer.trajectory, 300):
-        full = pinocchio.neutral(model)
-        full[: chain.n] = q
-        pinocchio.framesForwardKinematics(model, data, full)
-        ((position, orientation),) = off_line(data.oMf[tip].homogeneous, T, T_end)
-        assert position <= 1e-5
-        assert orientation <= 1e-3
 
 
 @pytest.mark.parametrize("name", ["scara", "planar_rr"])
@@ -225,17 +206,6 @@ def off_circle(pose: np.ndarray, motion: ToolMotion) -> float:
     height = float(spoke @ motion.normal)
     across = float(np.linalg.norm(spoke - height * motion.normal))
     return float(np.hypot(across - motion.radius, height))
-
-
-def test_the_toppra_package_times_tool_motions_and_tells_what_that_cost() -> None:
-    chain = builtin("panda").chain
-    T = forward(chain, HOME)
-    problem = Problem(builtin("panda"), Scene(), HOME, (PoseGoal(moved(T, [0.0, 0.2, -0.1])),))
-    answer = led(problem, options("toppra", {"solver": "toppra"}))
-    assert [note for note in answer.notes if "toppra's answer" in note]
-    ours = led(problem, options())
-    assert not [note for note in ours.notes if "toppra's answer" in note]
-    assert answer.trajectory.duration == pytest.approx(ours.trajectory.duration, rel=0.1)
 
 
 def test_an_arm_stops_where_it_can_reach_no_farther() -> None:

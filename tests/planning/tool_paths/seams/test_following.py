@@ -1,15 +1,18 @@
 """Calmer ways along seams: shorter for the joints, within the tolerances, away from limits."""
 
+import math
+
 import numpy as np
 import pytest
 
 from kinematics.pose import transform
 from obstacles.collision.checker import Checker
 from obstacles.scenes.scene import Scene
-from planning.tool_motions.tool_tolerance import SeamOptions, SeamWaypoint, ToolTolerance
-from planning.tool_paths.seams.following import refine
-from planning.tool_paths.seams.path import seam_places, seam_runs
-from planning.tool_paths.seams.search import SeamSearch
+from planning.tool_motions.tool_tolerance import Axis, SeamOptions, SeamWaypoint, ToolTolerance
+from planning.tool_paths.seams.failure import explain_search
+from planning.tool_paths.seams.following import is_within_at_own_places, refine, with_fewer_ranges
+from planning.tool_paths.seams.path import SeamPlaces, seam_places, seam_runs
+from planning.tool_paths.seams.search import SeamGraph, SeamSearch
 from planning.values.deadline import Deadline
 from tests.planning.pinocchio_panda import PinocchioPanda
 from tests.planning.scenes import HOME, builtin
@@ -63,3 +66,153 @@ def test_a_way_near_a_limit_may_stay_as_near_to_it() -> None:
     errors = search.project(joints, 0.1)
     assert errors.max() < 1e-6
     assert joints[:, 6].max() <= search.chain.limits.upper[6] - 0.01 + 1e-9
+
+
+def layers(layer: int) -> tuple[SeamSearch, SeamGraph, np.ndarray]:
+    """A line, the layers along it, checked, and the configurations of one of them."""
+    points = tuple(SeamWaypoint(transform(DOWN, [0.5, y, 0.4])) for y in np.linspace(-0.2, 0.2, 9))
+    places = seam_places(seam_runs(SeamOptions(points, ToolTolerance.of({}, ("rz",))), 0.0))
+    checker = Checker.of(builtin("panda"), Scene())
+    search = SeamSearch(checker, places, np.array(HOME), (), Deadline.after(60.0))
+    graph = search.prepare(places.layers())
+    search.check_all(graph)
+    mine = np.arange(graph.nodes.firsts[layer], graph.nodes.firsts[layer + 1])
+    return search, graph, mine
+
+
+def leading_on(search: SeamSearch, graph: SeamGraph, layer: int) -> np.ndarray:
+    """Configurations of a layer that lead to the few that are kept of the next one."""
+    search.solve(graph)
+    after = np.arange(graph.nodes.firsts[layer + 1], graph.nodes.firsts[layer + 2])
+    kept = after[np.isfinite(graph.best[after])][:5]
+    graph.costs[np.setdiff1d(after, kept)] = np.inf
+    mine = np.arange(graph.nodes.firsts[layer], graph.nodes.firsts[layer + 1])
+    steps = np.abs(graph.nodes.joints[mine][:, None] - graph.nodes.joints[kept][None])
+    leads = (steps.max(axis=2).min(axis=1) <= graph.jump) & np.isfinite(graph.costs[mine])
+    assert leads.any()
+    assert (np.isfinite(graph.costs[mine]) & ~leads).any()
+    return np.asarray(mine[leads])
+
+
+@pytest.mark.parametrize(("in_the_way", "reason"), [(True, "collision"), (False, "branch")])
+def test_a_way_that_collides_is_no_matter_of_branches(in_the_way: bool, reason: str) -> None:
+    search, graph, _ = layers(4)
+    closed = leading_on(search, graph, 3)
+    graph.costs[closed] = np.inf
+    graph.collided[closed] = in_the_way
+    failure = explain_search(search, [graph])
+    assert failure.details["reason"] == reason
+    assert failure.details["waypoint"] == search.places.waypoint[graph.layers[4]]
+
+
+def test_steps_with_a_collision_on_the_way_are_told_as_one() -> None:
+    search, graph, _ = layers(4)
+    opened = leading_on(search, graph, 3)
+    after = np.arange(graph.nodes.firsts[4], graph.nodes.firsts[5])
+    steps = [(int(i), int(j)) for i in opened for j in after[np.isfinite(graph.costs[after])]]
+    graph.blocked += steps
+    assert explain_search(search, [graph]).details["reason"] == "branch"
+    graph.hits |= {step: graph.nodes.joints[step[0]] for step in steps}
+    assert explain_search(search, [graph]).details["reason"] == "collision"
+
+
+def test_the_look_that_comes_farthest_tells_where() -> None:
+    search, far, mine = layers(6)
+    _, near, few = layers(2)
+    for graph, closed in ((far, mine), (near, few)):
+        graph.costs[closed], graph.collided[closed] = np.inf, True
+    for graphs in ([far, near], [near, far]):
+        details = explain_search(search, graphs).details
+        assert details["waypoint"] == search.places.waypoint[far.layers[6]]
+        assert details["reason"] == "collision"
+
+
+def test_what_stands_on_a_seam_is_no_matter_of_branches() -> None:
+    search, graph, _ = layers(4)
+    closed = [np.arange(graph.nodes.firsts[k], graph.nodes.firsts[k + 1]) for k in (4, 5)]
+    for mine in closed:
+        graph.costs[mine], graph.collided[mine] = np.inf, True
+    failure = explain_search(search, [graph])
+    assert not failure.details["other_branches"]
+    at = search.places.waypoint[graph.layers]
+    last = len(search.places.runs[0].motions)
+    assert failure.details["followable"] == [
+        {"from_waypoint": 0, "to_waypoint": int(at[3])},
+        {"from_waypoint": int(at[5]) + 1, "to_waypoint": last},
+    ]
+    assert f"{int(at[5]) + 1} to {last} can be followed" in failure.hint
+
+
+HAIR = 1e-4
+
+
+def ranged(*axes: Axis) -> ToolTolerance:
+    return ToolTolerance.of(dict.fromkeys(axes, (-0.001, 0.001)))
+
+
+def along(tolerance: ToolTolerance, bends: bool) -> SeamPlaces:
+    """Places on a line along y, or on a half circle."""
+    if bends:
+        points = [[0.4, 0.1, 0.3], [0.4, -0.1, 0.3]]
+        via: list[np.ndarray | None] = [None, np.array([0.5, 0.0, 0.3])]
+    else:
+        points, via = [[0.4, -0.1, 0.3], [0.4, 0.1, 0.3]], [None, None]
+    waypoints = tuple(
+        SeamWaypoint(transform(DOWN, p), via=v) for p, v in zip(points, via, strict=True)
+    )
+    return seam_places(seam_runs(SeamOptions(waypoints, tolerance), 0.0))
+
+
+@pytest.mark.parametrize(
+    ("axes", "bends", "kept"),
+    [
+        ((), True, [((), False)]),
+        (("x", "z"), False, [(("x", "z"), False)]),
+        (("x", "y"), False, [(("x", "y"), True), (("x",), False), ((), False)]),
+        (("z",), True, [(("z",), False)]),
+        (("x",), True, [(("x",), True), ((), False)]),
+        (("x", "z"), True, [(("x", "z"), True), (("z",), False), ((), False)]),
+    ],
+)
+def test_ranges_across_the_path_are_kept_longest(
+    axes: tuple[Axis, ...], bends: bool, kept: list[tuple[tuple[Axis, ...], bool]]
+) -> None:
+    tried = list(with_fewer_ranges(along(ranged(*axes), bends), HAIR))
+    assert [looks for _, looks in tried] == [looks for _, looks in kept]
+    for (places, _), (names, _) in zip(tried, kept, strict=True):
+        want = ranged(*names)
+        for tolerance in (*places.tolerances, *places.runs[0].tolerances):
+            np.testing.assert_array_equal(tolerance.lower, want.lower)
+            np.testing.assert_array_equal(tolerance.upper, want.upper)
+        np.testing.assert_array_equal(
+            places.boxes[:, :3], np.tile(want.lower[:3], (len(places.s), 1))
+        )
+
+
+def test_a_deviation_is_seen_from_the_place_that_the_tool_is_at() -> None:
+    run = along(ranged("x"), True).runs[0]
+    poses = run.poses(np.linspace(0.0, 1.0, 50))
+    allowed = np.array([HAIR, 1e-3])
+    assert is_within_at_own_places(run, poses, allowed)
+    oblique = poses.copy()
+    # Along x by as much as is allowed: from the nearest place on the circle it is partly along y.
+    oblique[:, 0, 3] += 1e-3
+    radius = np.linalg.norm(oblique[:, :2, 3] - [0.4, 0.0], axis=1)
+    angle = np.arctan2(oblique[:, 1, 3], oblique[:, 0, 3] - 0.4)
+    off = np.abs((radius - 0.1) * np.sin(angle)).max()
+    assert math.isclose(off, 5e-4, rel_tol=0.02)
+    assert not is_within_at_own_places(run, oblique, np.array([0.9 * off, 0.1]))
+    assert is_within_at_own_places(run, oblique, np.array([1.1 * off, 0.1]))
+
+
+def test_a_point_outside_a_corner_belongs_to_the_motion_on_its_side() -> None:
+    corner = [[0.4, -0.1, 0.3], [0.4, 0.0, 0.3], [0.42, 0.1, 0.3]]
+    waypoints = tuple(SeamWaypoint(transform(DOWN, p)) for p in corner)
+    run = seam_runs(SeamOptions(waypoints, ranged("x")), 0.0)[0]
+    poses = run.poses(np.linspace(0.0, 1.0, 41))
+    poses[:, 0, 3] -= 1e-3
+    # The second line is oblique to x: along y it sees 1 mm sin cos of the angle.
+    angle = math.atan(0.2)
+    off = 1e-3 * math.sin(angle) * math.cos(angle)
+    assert not is_within_at_own_places(run, poses, np.array([0.9 * off, 0.1]))
+    assert is_within_at_own_places(run, poses, np.array([1.1 * off, 0.1]))

@@ -8,7 +8,7 @@ import pytest
 from kinematics.errors import InvalidGoal
 from kinematics.pose import from_axis_angle, transform
 from planning.tool_motions.tool_tolerance import SeamOptions, SeamWaypoint, ToolTolerance
-from planning.tool_paths.seams.path import FLAT_CORNER, pack_tolerance, seam_places, seam_runs
+from planning.tool_paths.seams.path import FLAT_CORNER, seam_places, seam_runs
 
 EXACT = ToolTolerance.of({})
 FREE = ToolTolerance.of({}, ("rz",), tilt=0.2)
@@ -43,13 +43,6 @@ def test_a_blend_joins_what_a_sharp_corner_parts() -> None:
     assert same.length == pytest.approx(run.length)
     # A circle of radius 0.05 / tan(0.6) for the two times 0.05 m.
     assert run.length == pytest.approx(0.3 + 1.2 * 0.05 / math.tan(0.6))
-
-
-def test_waypoints_have_their_own_tolerance_on_the_way_to_them() -> None:
-    first, second, third = bend(0.1)
-    own = SeamWaypoint(third.T_base_tip, tolerance=FREE)
-    (run,) = seam_runs(SeamOptions((first, second, own), EXACT), 0.0)
-    assert run.tolerances == (EXACT, FREE)
 
 
 def test_an_arc_goes_through_its_point() -> None:
@@ -114,17 +107,6 @@ def test_places_of_several_runs_share_the_corner() -> None:
     assert (places.run[corner - 1], places.run[corner]) == (0, 1)
     assert places.s[corner] == 0.0
     np.testing.assert_allclose(places.nominal[corner, :3, 3], [0.2, 0.0, 0.0], atol=1e-12)
-
-
-def test_a_tolerance_is_packed_for_the_kernels() -> None:
-    axes = from_axis_angle([0.0, 0.0, 1.0], 0.5)
-    box = pack_tolerance(ToolTolerance.of({"x": (-0.1, 0.2)}, ("rz",), 0.3, axes))
-    np.testing.assert_array_equal(box[:6], [-0.1, 0.0, 0.0, box[3], box[4], -np.inf])
-    np.testing.assert_array_equal(box[6:12], [0.2, 0.0, 0.0, -box[3], -box[4], np.inf])
-    assert box[12] == 0.3
-    assert box[13] == 1.0
-    np.testing.assert_array_equal(box[14:].reshape(3, 3), axes)
-    assert pack_tolerance(EXACT)[13] == 0.0
 
 
 def great_circle(a: np.ndarray, b: np.ndarray, share: float) -> np.ndarray:
