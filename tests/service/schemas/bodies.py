@@ -286,19 +286,6 @@ FULL: list[tuple[type[BaseModel], dict[str, Any]]] = [
         "timeout": 5.0}),
     (ConvertPoseRequest, {"pose": {"transform": np.eye(4).tolist()}, "inverse": True,
                           "angular_velocity": [0.0, 0.1, 0.2]}),
-    (ReachRequest, ABOUT | {
-        "poses": [POSE], "link": "tip", "scene": "table", "margin": 0.01, "choice": "clearance",
-        "clearance": False, "joints": True, "bases": [POSE], "format": "json", "timeout": 5.0,
-        "seed": 3, "tolerance": {"free": ["rz"], "x": [-0.1, 0.1], "y": [0.0, 0.1],
-                                 "z": [0.0, 0.1], "rx": [-0.1, 0.1], "ry": [0.0, 0.1],
-                                 "samples": 5}}),
-    (ReachRequest, {
-        "box": {"size": [1.0, 1.0, 0.0], "pose": POSE, "spacing": 0.1,
-                "orientations": [[1.0, 0.0, 0.0, 0.0]]},
-        "frame": "base", "tolerance": {"rz": [-0.1, 0.1]}}),
-    (ReachRequest, {
-        "poses": [POSE], "base_region": {"x": [-0.5, 0.5], "y": [-0.5, 0.5], "z": 0.1,
-                                         "spacing": 0.2, "yaws": 4}}),
     (ConvertPoseRequest, {"motions": [POSE | orientation | {"about": "fixed"}
                                       for orientation in ORIENTATIONS]}),
     (ConvertPoseRequest, {"motions": [{"transform": np.eye(4).tolist()}]}),
