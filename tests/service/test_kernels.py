@@ -1,4 +1,4 @@
-"""The list of kernels that requests reach, and their compilation."""
+"""Kernels that requests reach: listed, compiled beforehand, and never in a request."""
 
 import subprocess
 import sys
@@ -7,11 +7,154 @@ from pathlib import Path
 import pytest
 
 from compiled.compiler import build, kernel_list, machine_code, store
+from kinematics.robots import builtin_names
+from obstacles import kept_files
+from obstacles.collision.checker import Checker
+from obstacles.collision.model import brackets, collision_model, pair_grid
+from obstacles.collision.model.collision_model import _robot_part
+from obstacles.convex import sphere_set
+from obstacles.scenes.scene import Scene
 from service.cli import main
-from service.warm_up import kernels
+from service.storage.caches import worker_cache
+from service.storage.caches.cache_key import builtin_reference
+from service.warm_up import kernels, warm_requests
 from tests.compiled.programs import run
 
 ROOT = Path(__file__).parents[2]
+#: Run in a process of its own, since this one may have called anything by now.
+SCRIPT = """
+import gc, json, tempfile
+from numba.core.dispatcher import Dispatcher
+from service.warm_up import kernels
+
+
+def signatures():
+    # Compiled now or loaded from the cache on disk: neither may happen in a request.
+    kernels = [k for k in gc.get_objects() if isinstance(k, Dispatcher)]
+    return {(k.__module__, k.__name__, str(s)) for k in kernels for s in k.overloads}
+
+
+kernels.prepare(lambda *_: None)
+before = signatures()
+
+import numpy as np
+from obstacles.collision.checker import Checker
+from obstacles.scenes.scene import Scene
+from planning.values.deadline import Deadline
+from planning.search.rrt_connect import rrt_connect
+from service.storage.caches import worker_cache
+from service.endpoints.check import task as check
+from service.endpoints.dynamics import task as dynamics
+from service.endpoints.ik import task as inverse_kinematics
+from service.endpoints.kinematics import task as kinematics
+from service.endpoints.plan import task as plan
+from service.endpoints.potential import task as potential
+from service.endpoints.robots import task as robots
+from service.endpoints.simulate import task as simulate
+from service.workers import current
+from service.storage.caches.cache_key import builtin_reference
+from armwright_wire.robots.kinematics import FkRequest, JacobianRequest
+
+ROBOTS = {"ur5e": 6, "stanford": 6, "scara": 4, "iiwa14": 7}
+OBSTACLES = [
+    {"id": "a", "shape": {"type": "box", "size": [0.1, 0.1, 0.1]}, "margin": 0.01},
+    {"id": "b", "shape": {"type": "cylinder", "radius": 0.1, "height": 0.2}},
+    {"id": "c", "shape": {"type": "cone", "radius": 0.1, "height": 0.2}},
+    {"id": "d", "shape": {"type": "convex", "vertices": [[0, 0, 0], [0.1, 0, 0], [0, 0.1, 0], [0, 0, 0.1]]}},
+]
+SCENE = {"obstacles": [o | {"pose": {"position": [2.0, 0, i]}} for i, o in enumerate(OBSTACLES)]}
+
+
+def ask(task, name, body, seconds=20.0):
+    current.begin(Deadline.after(seconds), None)
+    return task(builtin_reference(name), None, json.dumps(body).encode())
+
+
+for name, n in ROBOTS.items():
+    lower = json.loads(worker_cache.robot(builtin_reference(name)).answer)["limits"]["lower"]
+    home = [0.2 + 0.9 * (value or 0.0) * 0.1 for value in lower]
+    near = [value + 0.1 for value in home]
+    chain = worker_cache.chain(builtin_reference(name))
+    body = {"joints": home, "link": chain.links[2].name}
+    kinematics.fk(chain, FkRequest.model_validate(body))
+    kinematics.jacobian(chain, JacobianRequest.model_validate(body | {"point": [0.1, 0, 0]}))
+    pose = {"position": [0.3, 0.1, 0.3]}
+    ask(inverse_kinematics.ik, name, {"pose": pose, "scene": SCENE, "all_solutions": True})
+    ask(inverse_kinematics.ik, name, {"poses": [pose, pose]})
+    ask(inverse_kinematics.ik, name, {"poses": [pose, pose], "method": "numeric"})
+    ask(check.check, name, {"robot": name, "scene": SCENE, "joints": [home, near]})
+    rod = {"id": "rod", "shape": {"type": "capsule", "radius": 0.01, "height": 0.02},
+           "pose": {"position": [0, 0, 0]}, "link": chain.tip_link, "touch_links": []}
+    problem = {"robot": name, "scene": SCENE, "start": {"joints": home}, "goal": {"joints": near},
+               "attached": [rod], "margin": 0.001}
+    for planner in ("auto", "rrt_connect", "potential_field"):
+        ask(plan.plan, name, problem | {"planner": planner}, 5.0)
+    checker = Checker.of(worker_cache.robot(builtin_reference(name)).geometry, Scene(), 0.001)
+    rrt_connect(checker, np.array(home), [np.array(near)], 0, Deadline.after(5.0), 100)
+    ask(potential.potential, name, {"joints": [home, near], "goal_joints": near, "scene": SCENE,
+                                          "options": {"attractive_weights": [1.0] * n}})
+    motion = {"samples": {"time": [0, 1, 3], "position": [home, near, home]}, "interpolation": "natural_spline"}
+    ask(plan.validate, name, {"robot": name, "scene": SCENE, "trajectory": motion}, 5.0)
+    state = {key: [home, near] for key in ("joints", "velocities", "accelerations")}
+    state["payload"] = {"mass": 1.0}
+    for task in (dynamics.dynamics_task, dynamics.regressor_task):
+        task(builtin_reference(name), json.dumps(state).encode())
+    for kind in ("independent_joint", "computed_torque", "pd_gravity", "passivity", "adaptive"):
+        loop = {"robot": name, "trajectory": motion, "scene": SCENE, "control_period": 0.01,
+                "controller": {"type": kind, "natural_frequency": 5.0}, "noise": {"position": 1e-5},
+                "model_error": {"mass_scale": 1.1}, "disturbance": {"wrench": [1, 0, 0, 0, 0, 0]}}
+        ask(simulate.simulate, name, loop, 20.0)
+from tests.service.robots import bench
+with tempfile.TemporaryDirectory() as folder:
+    robots.prepare_robot(json.dumps(bench("warm")).encode(), folder)
+assert len(before) > 20
+print(sorted(name for module, name, _ in signatures() - before))
+"""  # noqa: E501
+
+
+def test_no_request_compiles_anything() -> None:
+    ran = run(SCRIPT, ROOT)
+    assert ran.returncode == 0, ran.stderr[-3000:]
+    assert ran.stdout.strip() == "[]"
+
+
+def test_workers_find_the_spheres_of_each_built_in_robot() -> None:
+    steps = [step for step in warm_requests._requests() if "_keep_apart" in repr(step)]
+    assert len(steps) == len(builtin_names())
+    geometry = worker_cache.robot(builtin_reference("planar_rr")).geometry
+    for step in steps:
+        if "planar_rr" in repr(step):
+            step()
+    made = _robot_part.cache_info().misses
+    assert Checker.of(geometry, Scene()).clearance(geometry.chain.limits.lower)[0] > 0.0
+    assert _robot_part.cache_info().misses == made
+
+
+def test_the_next_server_finds_them_on_disk(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    in_memory = (
+        collision_model._robot_part, brackets.brackets, sphere_set._spheres, pair_grid._values,
+    )  # fmt: skip
+    monkeypatch.setattr(kept_files, "_directory", None)  # as it was, afterwards
+    monkeypatch.setattr(warm_requests, "_kept_solids", lambda: tmp_path)
+    for cache in in_memory:
+        cache.cache_clear()
+    warm_requests._keep_apart("scara")
+    files = {path.name for path in tmp_path.iterdir()}
+    assert files
+
+    def refuse(*_arguments: object) -> None:
+        pytest.fail("they are computed once more")
+
+    for cache in in_memory:
+        cache.cache_clear()
+    monkeypatch.setattr(sphere_set, "_sphere_rows", refuse)
+    monkeypatch.setattr(pair_grid, "_values", refuse)
+    warm_requests._keep_apart("scara")
+    assert {path.name for path in tmp_path.iterdir()} == files
+
+
 #: Kernels of modules that the service imports, and that no request reaches.
 UNREACHED = {
     # Of the library: controllers in Python, two ways to compute the same, derivatives of Jacobians.

@@ -1,7 +1,8 @@
-"""Plans and proofs over HTTP: against the domain, and against sampling of what came back."""
+"""Plans over HTTP: the domain's, as sampled, with a preferred clearance, and why there is none."""
 
 import hashlib
 import json
+import time
 from typing import Any
 
 import httpx
@@ -22,11 +23,14 @@ from service.storage.caches.cache_key import builtin_reference
 from service.translate import poses
 from tests.service.planning import BODY, PLACE, plan, world
 from tests.service.robots import (
+    ACCELERATIONS,
     ASIDE,
     FLOOR,
     HOME,
     POST,
     answer,
+    bench,
+    problem,
     scene,
 )
 
@@ -130,3 +134,138 @@ def test_margins_are_kept(client: httpx.Client) -> None:
         for k in range(len(exact.pairs)):
             if "post" in exact.pair_names(k):
                 assert exact.distance(k) >= 0.03 - 1e-6
+
+
+def test_a_start_in_collision_names_the_pair_and_the_depth(client: httpx.Client) -> None:
+    box = POST | {"id": "crate", "pose": {"position": [0.3, 0.0, 0.0]}}
+    document = problem(
+        client.post("/v1/plan", json=BODY | {"scene": scene(box)}), 422, "START_STATE_IN_COLLISION"
+    )
+    assert document["stage"] == "start"
+    assert "crate" in document["details"]["pair"]
+    exact = world(scene(box)).collisions(HOME)
+    assert document["details"]["depth"] == pytest.approx(exact[0].depth, abs=1e-9)
+    assert document["details"]["stages"][0]["outcome"] == "failed"
+
+
+def test_a_motion_lasts_as_long_as_its_pieces_do_whatever_duration_says(
+    client: httpx.Client,
+) -> None:
+    motion = plan(client, scene=None)["trajectory"]
+    answers = [
+        client.post("/v1/validate", json={"robot": "panda", "trajectory": motion | changed}).json()
+        for changed in ({}, {"duration": 2.0 * motion["duration"]})
+    ]
+    assert answers[0]["verified"] is True
+    assert answers[0] == answers[1]
+
+
+def test_a_missing_acceleration_limit_names_joints_and_remedy(client: httpx.Client) -> None:
+    answer(client.post("/v1/robots", json=bench("limitless", joint_limits=None)), 201)
+    body = {
+        "robot": "limitless",
+        "start": {"joints": [0.0, 0.0]},
+        "goal": {"joints": [0.5, 0.5]},
+    }
+    document = problem(client.post("/v1/plan", json=body), 422, "MISSING_LIMIT")
+    assert document["details"]["joints"] == ["shoulder", "elbow"]
+    assert document["details"]["quantity"] == "acceleration"
+    assert "joint_limits" in document["hint"]
+    motion = {"samples": {"time": [0, 9], "position": [[0, 0], [0.5, 0.5]]}}
+    body = {
+        "robot": "limitless",
+        "trajectory": motion | {"interpolation": "clamped_spline"},
+    }
+    problem(client.post("/v1/validate", json=body), 422, "MISSING_LIMIT")
+    body["limits"] = {"acceleration": [5.0, 5.0]}
+    assert answer(client.post("/v1/validate", json=body))["verified"]
+
+
+def test_uploaded_robots_plan(client: httpx.Client) -> None:
+    answer(client.post("/v1/robots", json=bench("bench", joint_limits=ACCELERATIONS)), 201)
+    ball = {"id": "ball", "shape": {"type": "sphere", "radius": 0.05}}
+    body = {
+        "robot": "bench",
+        "scene": scene(ball | {"pose": {"position": [0.0, 0.0, 0.65]}}),
+        "start": {"joints": [-0.8, 0.0]},
+        "goal": {"joints": [0.8, 0.0]},
+    }
+    found = answer(client.post("/v1/plan", json=body))
+    assert found["certificate"]["verified"]
+    assert found["certificate"]["clearance_pair"] == ["upper", "ball"]
+
+
+def test_no_way_at_all_is_told_in_time_with_what_was_tried(client: httpx.Client) -> None:
+    answer(client.post("/v1/robots", json=bench("stuck")), 201)
+    # The lower link has to pass through it: the shoulder can't turn the other way round.
+    ball = {"id": "ball", "shape": {"type": "sphere", "radius": 0.02}}
+    body = {
+        "robot": "stuck",
+        "scene": scene(ball | {"pose": {"position": [0.0, 0.0, 0.2]}}),
+        "start": {"joints": [-1.5, 0.0]},
+        "goal": {"joints": [1.5, 0.0]},
+        "timeout": 0.8,
+    }
+    start = time.monotonic()
+    document = problem(client.post("/v1/plan", json=body), 504, "TIMED_OUT")
+    assert 0.5 < time.monotonic() - start < 10.0, "no way would be looked for without end"
+    assert document["hint"]
+    tried = [stage["name"] for stage in document["details"]["stages"]]
+    cascade = ["straight_line", "rrt_connect"]
+    # With the preferred clearance first, then with half of it, then as near as the margin allows.
+    assert tried == ["preflight", *cascade, *cascade, *cascade, "diagnosis"]
+    assert document["details"]["blocked_by"][0]["pair"] == ["lower", "ball"]
+    assert document["details"]["would_unblock"] == ["ball"]
+
+
+def test_a_deadline_too_short_is_a_timeout(client: httpx.Client) -> None:
+    response = client.post("/v1/plan", json=BODY | {"timeout": 0.001, "planner": "rrt_connect"})
+    document = problem(response, 504, "TIMED_OUT")
+    assert document["hint"]
+
+
+def test_a_post_with_room_beside_it_is_passed_at_the_preferred_distance(
+    client: httpx.Client,
+) -> None:
+    exact = world()
+    nearest = {}
+    for preferred in (0.0, 0.02):
+        found = plan(client, clearance={"preferred": preferred})
+        rows = positions(found["trajectory"])
+        # The arm's own links may be nearer than the post at all times: then it is far enough.
+        nearest[preferred] = min(
+            (
+                near.distance
+                for near in (exact.clearance(q) for q in rows)
+                if near.pair is not None and near.pair[1] == "post"
+            ),
+            default=np.inf,
+        )
+        told = found["clearance"]
+        assert (told["preferred"], told["least"]) == (preferred, 0.0)
+        assert found["certificate"]["verified"] is True
+    assert nearest[0.0] < 0.01
+    # Legs keep 20 mm; the corner is blended with half of it, which is far quicker.
+    assert nearest[0.02] > 0.01
+
+
+def test_the_answer_tells_where_the_motion_is_nearer(client: httpx.Client) -> None:
+    found = plan(client, clearance={"preferred": 0.3})
+    told, duration = found["clearance"], found["trajectory"]["duration"]
+    assert told["own_links"] == 0.005
+    assert told["spans"]
+    for span in told["spans"]:
+        assert 0.0 <= span["begins"] < span["ends"] <= duration
+        assert 0.0 <= span["distance"] <= 0.3
+    total = sum(span["ends"] - span["begins"] for span in told["spans"])
+    assert told["time_below"] == pytest.approx(total)
+    least = min(span["distance"] for span in told["spans"])
+    assert least >= found["certificate"]["min_clearance"] - 1e-9
+
+
+def test_least_is_the_margin(client: httpx.Client) -> None:
+    by_name = plan(client, margin=0.004, clearance={"preferred": 0.0})
+    other = plan(client, clearance={"preferred": 0.0, "least": 0.004})
+    assert by_name["trajectory"] == other["trajectory"]
+    assert other["clearance"]["least"] == 0.004
+    assert other["certificate"]["min_obstacle_clearance"] >= 0.004
