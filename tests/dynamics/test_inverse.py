@@ -13,9 +13,7 @@ from kinematics.forward import forward
 from kinematics.jacobian import geometric
 from tests.dynamics.oracle import relative_error
 from tests.dynamics.samples import (
-    cart_pendulum,
     pinocchio_model,
-    planar_rr,
     random_chain,
     random_state,
 )
@@ -65,46 +63,6 @@ def test_is_the_sum_of_the_lagrangian_terms(seed: int) -> None:
         + geometric(chain, q).swapaxes(-1, -2) @ F
     )
     assert relative_error(inverse_dynamics(chain, q, qd, qdd, F), total) < 1e-12
-
-
-def test_planar_rr_closed_form() -> None:
-    m1, m2, l1, c1, c2, i1, i2, g = 2.0, 1.5, 0.7, 0.3, 0.2, 0.05, 0.02, 9.81
-    chain = planar_rr((m1, m2), (l1, 0.5), (c1, c2), (i1, i2))
-    q, qd, qdd = random_state(chain, 0, 50)
-    q1, q2 = q.T
-    h = -m2 * l1 * c2 * np.sin(q2)
-    d11 = m1 * c1**2 + m2 * (l1**2 + c2**2 + 2 * l1 * c2 * np.cos(q2)) + i1 + i2
-    d12 = m2 * (c2**2 + l1 * c2 * np.cos(q2)) + i2
-    d22 = i2 + m2 * c2**2
-    w1, w2 = qd.T
-    g2 = m2 * c2 * g * np.cos(q1 + q2)
-    expected = np.stack(
-        [
-            d11 * qdd[:, 0] + d12 * qdd[:, 1] + h * w2 * w1 + h * (w1 + w2) * w2
-            + (m1 * c1 + m2 * l1) * g * np.cos(q1) + g2,
-            d12 * qdd[:, 0] + d22 * qdd[:, 1] - h * w1 * w1 + g2,
-        ],
-        axis=-1,
-    )  # fmt: skip
-    np.testing.assert_allclose(inverse_dynamics(chain, q, qd, qdd), expected, atol=1e-12)
-
-
-def test_cart_pendulum_closed_form() -> None:
-    m1, m2, length, inertia, g = 1.3, 0.4, 0.6, 0.03, 9.81
-    chain = cart_pendulum(m1, m2, length, inertia)
-    q, qd, qdd = random_state(chain, 0, 50)
-    sine, cosine = np.sin(q[:, 1]), np.cos(q[:, 1])
-    coupling = m2 * length
-    expected = np.stack(
-        [
-            (m1 + m2) * qdd[:, 0] - coupling * cosine * qdd[:, 1] + coupling * sine * qd[:, 1] ** 2,
-            (inertia + coupling * length) * qdd[:, 1]
-            - coupling * cosine * qdd[:, 0]
-            - coupling * g * sine,
-        ],
-        axis=-1,
-    )
-    np.testing.assert_allclose(inverse_dynamics(chain, q, qd, qdd), expected, atol=1e-12)
 
 
 def test_batches_of_any_shape_broadcast() -> None:

@@ -28,22 +28,6 @@ from tests.dynamics.samples import (
 
 
 @pytest.mark.parametrize("seed", range(12))
-def test_equals_pinocchio(seed: int) -> None:
-    chain = random_chain(seed, 2 + seed % 7)
-    model = pinocchio_model(chain)
-    data = model.createData()
-    q, qd, qdd = random_state(chain, seed)
-    Y = regressor(chain, q, qd, qdd, motors=False)
-    for k in range(len(q)):
-        expected = pin.computeJointTorqueRegressor(model, data, q[k], qd[k], qdd[k])
-        assert relative_error(Y[k], expected) < 1e-12
-    parameters = np.concatenate([body.toDynamicParameters() for body in list(model.inertias)[1:]])
-    np.testing.assert_allclose(
-        standard_parameters(chain, motors=False), parameters, rtol=1e-12, atol=1e-13
-    )
-
-
-@pytest.mark.parametrize("seed", range(12))
 def test_reference_motion_has_the_christoffel_matrix(seed: int) -> None:
     chain = random_chain(seed, 1 + seed % 7, motors=True)
     q, qd, a = random_state(chain, seed)

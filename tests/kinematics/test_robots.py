@@ -10,7 +10,6 @@ import pytest
 from kinematics.arrays import Array
 from kinematics.errors import InvalidOption
 from kinematics.forward import forward, joint_frames
-from kinematics.model.chain import Chain
 from kinematics.robots import builtin_chain, builtin_srdf, builtin_urdf
 from kinematics.urdf.urdf import parse_urdf
 from tests.kinematics.builtin import NAMES, configurations, model, pin_configuration
@@ -181,17 +180,6 @@ def test_the_description_is_one_clean_chain(name: str) -> None:
     assert all(item.collisions for link, item in description.links.items() if link not in frames)
 
 
-@pytest.mark.parametrize("name", NAMES)
-def test_pinocchio_reads_the_same_robot(name: str) -> None:
-    chain, theirs = builtin_chain(name), model(name)
-    assert tuple(theirs.names[1:]) == chain.joint_names
-    data = theirs.createData()
-    for q in configurations(chain, 20):
-        pin.framesForwardKinematics(theirs, data, pin_configuration(chain, q))
-        expected = data.oMf[theirs.getFrameId(chain.tip_link)].homogeneous
-        np.testing.assert_allclose(forward(chain, q), expected, atol=1e-13)
-
-
 @pytest.mark.parametrize("name", [n for n in NAMES if n != "kr6_sixx"])
 def test_the_tip_is_where_the_published_table_has_it(name: str) -> None:
     chain = builtin_chain(name)
@@ -245,31 +233,6 @@ def test_the_puma_holds_itself_as_its_published_gravity_terms_say() -> None:
     assert abs(upright[1]) == pytest.approx(37.2 - 0.249, abs=0.05)
     assert abs(level[2]) == pytest.approx(8.44, abs=0.05)
     assert abs(level[1]) == pytest.approx(37.2 + 8.44, abs=0.1)
-
-
-def lines_of(chain: Chain, q: Array, joints: Sequence[int]) -> list[tuple[Array, Array]]:
-    frames = joint_frames(chain, q)
-    return [(frames[i, :3, 3], frames[i, :3, 2]) for i in joints]
-
-
-@pytest.mark.parametrize("name", ["kr6_sixx", "puma560", "stanford", "elbow_wrist"])
-def test_the_wrist_is_spherical(name: str) -> None:
-    chain = builtin_chain(name)
-    for q in configurations(chain, 20):
-        lines = lines_of(chain, q, (3, 4, 5))
-        # The point nearest to all three lines: sum of (1 - z z^T) (p - o) = 0.
-        across = [np.eye(3) - np.outer(z, z) for _, z in lines]
-        A = np.sum(across, axis=0)
-        pairs = [(P, origin) for P, (origin, _) in zip(across, lines, strict=True)]
-        point = np.linalg.solve(A, np.sum([P @ o for P, o in pairs], axis=0))
-        assert all(np.linalg.norm(P @ (point - o)) < 1e-12 for P, o in pairs)
-
-
-def test_the_ur5e_has_three_parallel_axes() -> None:
-    chain = builtin_chain("ur5e")
-    for q in configurations(chain, 20):
-        (_, first), (_, second), (_, third) = lines_of(chain, q, (1, 2, 3))
-        np.testing.assert_allclose([second, third], [first, first], atol=1e-14)
 
 
 def test_the_reach_is_the_published_one() -> None:

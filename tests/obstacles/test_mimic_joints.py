@@ -10,13 +10,6 @@ from kinematics.forward import link_poses
 from kinematics.tree.serial_chain import serial_chain
 from kinematics.urdf.urdf import parse_urdf
 from obstacles.collision.checker import Checker
-from obstacles.collision.model.kernel_work import (
-    meeting_body,
-    pair_shift,
-    place,
-    visit,
-    workspace,
-)
 from obstacles.robots.robot_geometry import RobotGeometry, robot_geometry
 from obstacles.scenes.scene import Obstacle, Scene
 from obstacles.shapes.shape import Box, Sphere
@@ -90,47 +83,6 @@ def test_fcl_finds_no_collision_on_a_proved_edge(robot: RobotGeometry, seed: int
         if least < 0.05:
             assert not any(judge.collides(q) for q in states)
     assert proved > 5
-
-
-def test_strays_of_two_links_bound_how_they_get_nearer(robot: RobotGeometry) -> None:
-    """Seen from the body that both hang on, whichever joints lead them."""
-    model, random = Checker.of(robot, Scene()).model.arrays, np.random.default_rng(5)
-    work, chain, branched, tight = workspace(model), robot.chain, 0, 0.0
-    carried = np.array([piece.bounding_sphere()[0] for piece in robot.pieces])
-    for _ in range(40):
-        q, delta = configurations(1, int(random.integers(0, 10**6)))[0], random.uniform(0.0, 0.3, 6)
-        work.joints[0], work.joints[1], work.joints[2], work.joints[3] = q, delta, delta, 0.0
-        visit(model, work)
-        for i in range(len(robot.pieces)):
-            place(model, work, i)
-        samples = np.vstack([q, q + delta * random.uniform(-1.0, 1.0, (60, 6))])
-        samples = np.vstack([samples, q + delta, q - delta])
-        poses = link_poses(chain, samples)
-        numbers = [chain.index[name] for name in robot.links]
-        inverses = np.linalg.inv([link.T_joint_link for link in chain.links])
-        frames = poses[:, numbers] @ inverses[numbers]
-        centers = np.einsum("skij,kj->ski", frames[..., :3, :3], carried) + frames[..., :3, 3]
-        for i, j in model.self_pairs:
-            gaps = np.linalg.norm(centers[:, i] - centers[:, j], axis=1)
-            stray = pair_shift(model.chain, model.joints, work.shifts, i, j)
-            nearer = float(gaps[0] - gaps.min())
-            assert nearer <= stray + 1e-12
-            meeting = meeting_body(model.chain, model.joints[i], model.joints[j])
-            branched += meeting != model.joints[i]
-            tight = max(tight, nearer / stray if stray > 0.0 else 0.0)
-    assert branched > 200
-    assert tight > 0.5
-
-
-def test_bodies_meet_where_both_hang(robot: RobotGeometry) -> None:
-    chain, body = robot.chain, {link.name: link.joint for link in robot.chain.links}
-    for one, other, meeting in (
-        ("turret", "crank", "turret"), ("crank", "rod", "crank"), ("rod", "fore", "turret"),
-        ("cover", "flange", "fore"), ("flap", "piston", "upper"), ("drum", "turret", "base"),
-        ("flap", "cover", "cover"), ("base", "rod", "base"),
-    ):  # fmt: skip
-        for a, b in ((one, other), (other, one)):
-            assert meeting_body(chain.model, body[a], body[b]) == body[meeting]
 
 
 def test_gradients_are_those_of_differences(robot: RobotGeometry) -> None:

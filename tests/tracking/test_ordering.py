@@ -81,43 +81,6 @@ def test_ordering_with_the_exact_model() -> None:
     assert 1e-4 < found["pd_gravity"] < found["independent_joint"]
 
 
-def test_more_gain_makes_up_for_a_wrong_model() -> None:
-    chain = builtin_chain("panda")
-    wrong = scale_masses(chain, 1.3)
-    path = smooth(chain, PANDA, PANDA + 0.5, 1.0)
-    worst = [
-        simulate(
-            ComputedTorque.by_pole_placement(wrong, w), path, FREE, robot=chain
-        ).max_tracking_error.max()
-        for w in (10.0, 20.0, 40.0)
-    ]
-    # The disturbance is the same: the error goes with 1 / k_p = 1 / w^2.
-    assert worst[0] / worst[1] == pytest.approx(4.0, rel=0.25)
-    assert worst[1] / worst[2] == pytest.approx(4.0, rel=0.25)
-
-
-@pytest.mark.parametrize("name", ["planar_rr", "scara"])
-def test_error_decays_at_the_placed_poles(name: str) -> None:
-    chain = builtin_chain(name)
-    q = np.full(chain.n, 0.1)
-    w, zeta = 12.0, 0.6
-    controller = ComputedTorque.by_pole_placement(chain, w, zeta)
-    options = SimulationOptions(
-        saturate=False, relative_tolerance=1e-10, absolute_tolerance=1e-12, duration=2.0
-    )
-    offset = np.linspace(0.1, 0.2, chain.n)
-    path = smooth(chain, q, q + 0.3)
-    result = simulate(controller, path, options, initial_position=q - offset)
-    damped = w * np.sqrt(1.0 - zeta**2)
-    envelope = np.exp(-zeta * w * result.times)
-    swing = np.cos(damped * result.times) + zeta * w / damped * np.sin(damped * result.times)
-    expected = (envelope * swing)[:, None] * offset
-    np.testing.assert_allclose(result.tracking_error, expected, atol=1e-8)
-    # Exponentially: the logarithm of the envelope falls along a line of slope -zeta w.
-    peaks = np.abs(result.tracking_error[:, 0]) / offset[0]
-    assert (peaks <= 1.3 * envelope + 1e-9).all()
-
-
 def test_set_point_under_wrong_weight_ends_beside_it() -> None:
     chain = builtin_chain("planar_rr")
     wrong = scale_masses(chain, 1.3)

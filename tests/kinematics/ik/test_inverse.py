@@ -1,13 +1,12 @@
 """Choosing a method and the best solution: options, grids of parameters, ranking and order."""
 
-from dataclasses import replace
 from typing import Any
 
 import numpy as np
 import pytest
 
 from kinematics.arrays import Array
-from kinematics.errors import InvalidOption, InvalidPose, InvalidRobotState, NotAvailable
+from kinematics.errors import InvalidOption, InvalidPose, InvalidRobotState
 from kinematics.forward import forward
 from kinematics.ik.closed_form.analytic import closed_form, parameter
 from kinematics.ik.inverse import METHODS, IkOptions, inverse_kinematics, parameter_grid
@@ -106,14 +105,6 @@ def test_every_method_reaches_the_pose_inside_the_limits(name: str, method: Any)
         assert best.within_limits
 
 
-def test_a_closed_form_that_does_not_exist_is_refused_or_done_without() -> None:
-    chain = builtin_chain("scara")
-    T = forward(chain, random_joints(chain, 1, 2)[0])
-    with pytest.raises(NotAvailable, match="no closed form"):
-        inverse_kinematics(chain, T, IkOptions(method="analytic"))
-    assert inverse_kinematics(chain, T).solutions[0].branch is None
-
-
 def test_axes_that_do_not_count_are_left_to_the_search() -> None:
     chain = builtin_chain("ur5e")
     T = forward(chain, random_joints(chain, 1, 3)[0])
@@ -146,38 +137,6 @@ def test_as_many_solutions_as_wanted_the_best_first(most: int) -> None:
     assert away == sorted(away)
     for one, other in zip(solutions, everything, strict=False):
         np.testing.assert_array_equal(one.joints, other.joints)
-
-
-def test_solutions_outside_the_limits_are_answered_only_where_wanted_and_last() -> None:
-    chain = builtin_chain("kr6_sixx")
-    lower = chain.limits.lower.copy()
-    lower[0] = -0.1
-    narrow = replace(chain, limits=replace(chain.limits, lower=lower))
-    T = forward(chain, np.array([0.3, -1.0, 1.2, 0.4, 0.8, -0.5]))
-    inside = inverse_kinematics(narrow, T, IkOptions(most=20)).solutions
-    both = inverse_kinematics(narrow, T, IkOptions(most=20, outside_limits=True)).solutions
-    assert all(s.within_limits for s in inside)
-    flags = [s.within_limits for s in both]
-    assert flags == sorted(flags, reverse=True)
-    assert sum(flags) == len(inside)
-    assert not all(flags)
-
-
-def test_copies_by_whole_turns_are_answered_where_wanted() -> None:
-    chain = builtin_chain("ur5e")
-    q = np.array([0.3, -1.2, 1.4, -0.8, -1.1, 0.4])
-    options = IkOptions(most=1000, all_turns=True)
-    copies = inverse_kinematics(chain, forward(chain, q), options, seed_joints=q).solutions
-    bare = inverse_kinematics(
-        chain, forward(chain, q), IkOptions(most=1000), seed_joints=q
-    ).solutions
-    assert len(copies) > len(bare)
-    turns = np.array([s.joints - q for s in copies]) / (2.0 * np.pi)
-    mine = turns[np.abs(turns - np.round(turns)).max(axis=1) < 1e-9]
-    # Limits of two turns let each joint but the elbow stand at two places.
-    assert len(mine) == 2 ** int(
-        (chain.limits.upper - chain.limits.lower > 4.0 * np.pi - 1e-9).sum()
-    )
 
 
 def test_a_given_parameter_is_the_solutions_own() -> None:

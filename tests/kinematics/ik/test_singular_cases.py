@@ -6,16 +6,12 @@ import numpy as np
 import pytest
 
 from kinematics.arrays import Array
-from kinematics.errors import InvalidOption
 from kinematics.forward import forward
 from kinematics.ik.closed_form.analytic import branches, parameter
 from kinematics.ik.inverse import IkOptions, inverse_kinematics
 from kinematics.ik.numeric.numeric import solve
-from kinematics.jacobian import analytic_zyz, geometric
 from kinematics.model.chain import Chain
-from kinematics.pose import from_zyz, to_zyz, transform
 from kinematics.robots import builtin_chain
-from kinematics.velocity import joint_velocities
 from tests.kinematics.ik.arms import apart
 
 
@@ -52,16 +48,6 @@ def test_target_on_axis_1() -> None:
     assert reached(chain, found.joints, T)
 
 
-def test_arm_stretched_is_one_branch_once() -> None:
-    chain = builtin_chain("ur5e")
-    q = np.array([0.3, -1.1, 0.0, 0.4, 0.8, 0.2])
-    T = forward(chain, q)
-    found = branches(chain, T)
-    near = apart(found.joints, q) < 1e-3
-    assert near.sum() == 1
-    assert reached(chain, found.joints, T)
-
-
 @pytest.mark.parametrize("along_axis_1", [False, True])
 def test_arm_angle_where_it_is_hard_to_tell(along_axis_1: bool) -> None:
     chain = builtin_chain("iiwa14")
@@ -72,16 +58,6 @@ def test_arm_angle_where_it_is_hard_to_tell(along_axis_1: bool) -> None:
     assert np.isfinite(value)
     assert len(found.table)
     assert reached(chain, found.joints, T)
-
-
-def test_beyond_reach_says_how_near() -> None:
-    chain = builtin_chain("ur5e")
-    T = transform(None, [3.0, 0.0, 0.0])
-    assert not len(branches(chain, T).table)
-    result = inverse_kinematics(chain, T)
-    assert not result.solutions
-    assert "beyond" in result.advice
-    assert result.nearest.position_error == pytest.approx(3.0, abs=1.2)
 
 
 @pytest.mark.parametrize("side", ["lower", "upper"])
@@ -124,52 +100,8 @@ def test_continuous_joints_turn_nearest_to_the_seed() -> None:
     assert {float(round((j[0] - q[0]) / (2.0 * np.pi))) for j in own} == {-1.0, 0.0, 1.0}
 
 
-def test_branch_without_a_turn_inside_limits_comes_last() -> None:
-    chain = builtin_chain("puma560")
-    q = np.array([2.7, -3.8, 3.8, 2.9, 1.7, -4.6])
-    T = forward(chain, q)
-    found = inverse_kinematics(chain, T, IkOptions(most=8, outside_limits=True)).solutions
-    flags = [item.within_limits for item in found]
-    assert flags == sorted(flags, reverse=True)
-    assert all(
-        item.within_limits for item in inverse_kinematics(chain, T, IkOptions(most=8)).solutions
-    )
-
-
-def test_zyz_angles_at_sin_theta_0() -> None:
-    for theta in (0.0, np.pi):
-        R = from_zyz([0.4, theta, 0.3])
-        angles = to_zyz(R)
-        assert angles[2] == 0.0
-        np.testing.assert_allclose(from_zyz(angles), R, atol=1e-15)
-        with pytest.raises(InvalidOption, match="zyz"):
-            analytic_zyz(geometric(builtin_chain("ur5e"), np.zeros(6)), R)
-
-
-def test_twist_in_a_singular_configuration_loses_what_is_lost() -> None:
-    chain = builtin_chain("ur5e")
-    q = np.array([0.3, -1.1, 0.9, 0.4, 0.0, 0.2])
-    J = geometric(chain, q)
-    lost = np.linalg.svd(J)[0][:, -1]
-    found = joint_velocities(chain, q, lost)
-    assert np.abs(found.joint_velocities).max() < 1e-6
-    np.testing.assert_allclose(found.residual, lost, atol=1e-6)
-
-
 def test_singular_start_of_the_numeric_method() -> None:
     chain = builtin_chain("kr6_sixx")
     T = forward(chain, np.clip([0.3, -1.2, 1.1, 0.4, 0.8, 0.2], *chain.sampling_bounds()))
     found = solve(chain, T, seed_joints=np.clip(np.zeros(6), *chain.sampling_bounds()))
     assert np.abs(forward(chain, found.solutions[0].joints) - T).max() < 3e-6
-
-
-def test_fewer_joints_than_six() -> None:
-    chain = builtin_chain("planar_rr")
-    q = np.array([0.3, 0.9])
-    twist = np.array([0.1, -0.2, 0.3, 0.4, 0.5, 0.6])
-    found = joint_velocities(chain, q, twist, damped_below=0.0)
-    J = geometric(chain, q)
-    np.testing.assert_allclose(
-        found.joint_velocities, np.linalg.lstsq(J, twist, rcond=None)[0], atol=1e-12
-    )
-    assert not solve(chain, transform(None, forward(chain, q)[:3, 3])).solutions

@@ -47,13 +47,6 @@ def test_only_what_is_needed_must_be_given() -> None:
         interpolate(NAMES, times, q, "quintic", v)
 
 
-def test_two_samples_are_enough() -> None:
-    for name in INTERPOLATIONS:
-        rows = [[0.0], [1.0]]
-        made = interpolate(("a",), [0.0, 2.0], rows, name, np.zeros((2, 1)), np.zeros((2, 1)))
-        np.testing.assert_allclose(made.sample([0.0, 1.0, 2.0])[:, 0], [0.0, 0.5, 1.0], atol=1e-15)
-
-
 @pytest.mark.parametrize(
     ("times", "positions", "match"),
     [

@@ -70,31 +70,6 @@ def test_extrema_agree_with_numpys_roots(degree: int) -> None:
         np.testing.assert_allclose(found.maximum, upper.max(axis=0), atol=1e-13 * scale)
 
 
-@pytest.mark.parametrize("order", [0, 1, 2, 3])
-def test_extrema_are_attained_and_never_exceeded(order: int) -> None:
-    rng = np.random.default_rng(7)
-    trajectory = random_trajectory(rng, 40, 6, 7)
-    found = trajectory.extrema(order)
-    dense = trajectory.sample(np.linspace(0.0, trajectory.duration, 40_001), order)
-    assert (dense.max(axis=0) <= found.maximum + 1e-12 * np.abs(dense).max()).all()
-    assert (dense.min(axis=0) >= found.minimum - 1e-12 * np.abs(dense).max()).all()
-    at_break = np.isin(found.time_of_maximum, trajectory.breaks)
-    for j in np.flatnonzero(~at_break):
-        value = trajectory.sample([found.time_of_maximum[j]], order)[0, j]
-        assert value == pytest.approx(found.maximum[j], rel=1e-12)
-    peaks = trajectory.peaks(order)
-    np.testing.assert_array_equal(peaks.value, np.maximum(found.maximum, -found.minimum))
-
-
-def test_time_of_an_extremum_is_sharp() -> None:
-    # (t - 0.1)^2 (t - 0.7): maximum at 0.1, minimum at 0.5.
-    c = power_basis.polyfromroots([0.1, 0.1, 0.7])
-    found = piece(c, 0.69).extrema()
-    assert found.time_of_minimum[0] == pytest.approx(0.5, abs=1e-14)
-    assert found.minimum[0] == pytest.approx(0.4**2 * -0.2, rel=1e-14)
-    assert found.time_of_maximum[0] == pytest.approx(0.1, abs=1e-14)
-
-
 @pytest.mark.parametrize(
     ("c", "h"),
     [
@@ -145,20 +120,6 @@ def test_extrema_of_thousands_of_pieces_with_chosen_stationary_points() -> None:
         assert found.maximum[0] == pytest.approx(values.max(), abs=2e-15 * 8 * size)
 
 
-def test_samples_agree_with_numpy() -> None:
-    rng = np.random.default_rng(1)
-    trajectory = random_trajectory(rng, 12, 3, 6)
-    times = rng.uniform(0.0, trajectory.duration, 500)
-    for order in range(7):
-        values = trajectory.sample(times, order)
-        for t, row in zip(times, values, strict=True):
-            i = int(np.searchsorted(trajectory.breaks, t, side="right")) - 1
-            c = power_basis.polyder(trajectory.coefficients[i].T, order)
-            expected = power_basis.polyval(t - trajectory.breaks[i], c)
-            np.testing.assert_allclose(row, expected, rtol=1e-12, atol=1e-12)
-        np.testing.assert_allclose(trajectory.derivative(order).sample(times), values, rtol=1e-12)
-
-
 def test_ends_are_sampled_and_times_beyond_them_refused() -> None:
     trajectory = made(
         ("a", "b"), [0.0, 0.1, 0.3], [[[0.0, 1.0], [1.0, 0.0]], [[0.1, 2.0], [1.0, 0.0]]]
@@ -181,39 +142,6 @@ def test_jumps_are_found() -> None:
     assert velocity == pytest.approx(0.25)
     assert acceleration == pytest.approx(2.0)
     assert piece(np.array([1.0, 2.0]), 1.0).continuity() == (0.0, 0.0, 0.0)
-
-
-@pytest.mark.parametrize("factor", [1.0, 1.7, 0.3])
-def test_dilation_scales_each_derivative_by_its_power(factor: float) -> None:
-    trajectory = random_trajectory(np.random.default_rng(5), 9, 4, 5)
-    slow = trajectory.dilate(factor)
-    assert slow.duration == pytest.approx(factor * trajectory.duration, rel=1e-15)
-    times = np.linspace(0.0, trajectory.duration, 77)[1:-1]
-    for order in range(4):
-        expected = trajectory.sample(times, order) / factor**order
-        np.testing.assert_allclose(slow.sample(times * factor, order), expected, rtol=1e-9)
-    for bad in (0.0, -1.0, np.inf, np.nan):
-        with pytest.raises(InvalidOption):
-            trajectory.dilate(bad)
-
-
-def test_split_and_concatenate_give_the_same_motion() -> None:
-    rng = np.random.default_rng(6)
-    trajectory = random_trajectory(rng, 8, 3, 5)
-    times = np.linspace(0.0, trajectory.duration, 301)
-    for at in [*rng.uniform(0.01, trajectory.duration - 0.01, 20), float(trajectory.breaks[3])]:
-        head, tail = trajectory.split(at)
-        assert head.duration == at
-        assert head.duration + tail.duration == pytest.approx(trajectory.duration, rel=1e-15)
-        joined = concatenate([head, tail])
-        inner = times[np.abs(times[:, None] - trajectory.breaks).min(axis=1) > 1e-9]
-        for order in range(3):
-            np.testing.assert_allclose(
-                joined.sample(inner, order), trajectory.sample(inner, order), atol=1e-11
-            )
-    for bad in (0.0, trajectory.duration, -1.0, np.nan):
-        with pytest.raises(InvalidOption):
-            trajectory.split(bad)
 
 
 def test_reversing_runs_the_same_motion_backwards() -> None:

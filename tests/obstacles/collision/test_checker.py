@@ -263,19 +263,6 @@ def test_a_cubic_is_followed_not_its_chord() -> None:
     assert back.at > 0.9
 
 
-def test_a_polyline_names_the_leg_that_is_blocked() -> None:
-    ours = checker()
-    corners = np.array([along(0), along(0.5), along(0.5, 1.0), along(1.5, 1.0), along(1.5, 2.0)])
-    motion, leg = ours.polyline(corners)
-    assert (motion.colliding, leg, motion.pair) == (True, 2, ("tool", "wall"))
-    assert 0.9 <= 0.5 + motion.at <= 1.3
-    assert ours.polyline(corners[:3])[0].free
-    assert ours.polyline(corners[:3])[0].clearance <= 0.4 + 1e-9
-    # Backwards it is the second of four.
-    assert ours.polyline(corners[::-1])[1] == 1
-    assert ours.polyline(corners[2:])[1] == 0
-
-
 def test_nothing_in_the_way_is_free_everywhere() -> None:
     ours = checker(Scene())
     assert ours.clearance(np.zeros(3)) == (np.inf, None)
@@ -304,22 +291,6 @@ def test_a_mesh_is_as_far_away_as_its_triangles() -> None:
     )
     for q in points[walls & inner]:
         assert small.valid(q) is not bool(in_cup(q[None])[0])
-
-
-def test_arrays_of_any_layout_are_taken() -> None:
-    """Rows of a transposed array and read-only ones."""
-    robot = builtin("ur5e")
-    ours = Checker.of(robot, arena(robot, 9))
-    table = np.asfortranarray(states(robot, 10, 5))
-    for row in table:
-        plain = row.copy()
-        frozen = plain.copy()
-        frozen.setflags(write=False)
-        for q in (row, frozen):
-            assert ours.valid(q) == ours.valid(plain)
-            assert ours.clearance(q) == ours.clearance(plain)
-            assert ours.free(q, q) == ours.free(plain, plain)
-            assert ours.segment(q, 0.9 * q) == ours.segment(plain, 0.9 * plain)
 
 
 def test_a_floor_is_felt_by_every_link_at_its_height() -> None:

@@ -3,8 +3,6 @@
 import numpy as np
 import pytest
 
-from kinematics.arrays import Array
-from kinematics.forward import joint_frames
 from kinematics.model.chain import Chain, Limits, Link
 from kinematics.pose import transform
 from kinematics.robots import builtin_names, builtin_srdf, builtin_urdf
@@ -20,10 +18,8 @@ from obstacles.collision.edge_check import (
     Cubic,
     certify_in,
 )
-from obstacles.collision.model.kernel_work import drift, place, visit, workspace
+from obstacles.collision.model.kernel_work import workspace
 from obstacles.convex.piece import Piece, PieceKind
-from obstacles.distance.gjk import allowance
-from obstacles.distance.piece_set import CENTER, RADIUS
 from obstacles.robots.robot_geometry import RobotGeometry, robot_geometry
 from obstacles.scenes.scene import Obstacle, Scene
 from obstacles.shapes.shape import Box, Cylinder, HalfSpace, Sphere
@@ -78,12 +74,6 @@ def test_slide_up_to_a_wall_is_free_until_it_touches() -> None:
     assert not touching.free
 
 
-def test_margin_is_kept() -> None:
-    checker, _ = slider()
-    assert Checker(checker.model, slack=0.2).segment(np.zeros(1), np.array([0.69])).free
-    assert not Checker(checker.model, slack=0.2).segment(np.zeros(1), np.array([0.71])).free
-
-
 @pytest.mark.parametrize("name", builtin_names())
 def test_proved_motions_stay_as_far_away_as_was_proved(name: str) -> None:
     robot = builtin(name)
@@ -110,109 +100,6 @@ def test_proved_motions_stay_as_far_away_as_was_proved(name: str) -> None:
                 assert checker.clearance(at)[0] <= (0.0 if motion.colliding else 1e-5)
     assert proved > 3
     assert refused > 3 or name in ("planar_rr", "cart_pendulum", "scara")
-
-
-def test_no_point_of_a_piece_moves_farther_than_its_bound() -> None:
-    robot = builtin("stanford")
-    chain = robot.chain
-    model = Checker.of(robot, Scene()).model.arrays
-    work = workspace(model)
-    random = np.random.default_rng(8)
-    lower, upper = chain.sampling_bounds()
-    tightest = 0.0
-    for _ in range(200):
-        q = random.uniform(lower, upper)
-        delta = random.uniform(0.0, 0.3, chain.n) * (random.random(chain.n) < 0.7)
-        moved = q + random.uniform(-1.0, 1.0, chain.n) * delta
-        work.joints[:] = q, delta, delta, 0.0 * q
-        visit(model, work)
-        before, after = joint_frames(chain, q), joint_frames(chain, moved)
-        for i, joint in enumerate(model.joints):
-            if joint < 0:
-                continue
-            place(model, work, i)
-            center, radius = model.robot[i, CENTER : CENTER + 3], model.robot[i, RADIUS]
-            points = _surface(random, center, radius)
-            steps = _apply(after[joint], points) - _apply(before[joint], points)
-            distance = np.linalg.norm(steps, axis=1)
-            bound = work.shifts[i, 0]
-            assert distance.max() <= bound + 1e-12
-            if bound > 0.0:
-                tightest = max(tightest, float(distance.max() / bound))
-    # A bound that is never nearly reached would prove nothing in time.
-    assert tightest > 0.6
-
-
-@pytest.mark.parametrize("name", ["panda", "stanford", "scara"])
-def test_no_point_gets_nearer_along_a_normal_than_is_allowed(name: str) -> None:
-    """Along random curves, seen from the base and from other links."""
-    chain = builtin(name).chain
-    robot = builtin(name)
-    model = Checker.of(robot, Scene()).model.arrays
-    work, random = workspace(model), np.random.default_rng(9)
-    lower, upper = chain.sampling_bounds()
-    gained, tightest = [], 0.0
-    for _ in range(150):
-        q, u = (
-            random.uniform(lower, upper),
-            random.normal(size=chain.n) * random.choice([0.01, 0.2]),
-        )
-        bend = np.abs(random.normal(size=chain.n)) * random.choice([0.0, 0.02])
-        work.joints[:] = q, np.abs(u) + bend, u, bend
-        visit(model, work)
-        i = int(random.choice(np.flatnonzero(model.joints > 0)))
-        last = int(model.joints[i])
-        still = int(random.integers(-1, last))
-        place(model, work, i)
-        moving = drift(work.twists, work.placed, work.shifts, i, last, still)
-        n = random.normal(size=3)
-        n /= np.linalg.norm(n)
-        allowed = allowance((n[0], n[1], n[2]), moving)
-        points = _surface(random, model.robot[i, CENTER : CENTER + 3], model.robot[i, RADIUS])
-        start = joint_frames(chain, q)
-        seen = np.eye(4) if still < 0 else start[still]
-        for t in np.linspace(-1.0, 1.0, 9):
-            moved = joint_frames(chain, q + t * u + t * t * random.uniform(-1.0, 1.0) * bend)
-            # As seen from the body that is taken to stand still.
-            back = seen @ np.linalg.inv(np.eye(4) if still < 0 else moved[still])
-            steps = _apply(back @ moved[last], points) - _apply(start[last], points)
-            along = float(np.abs(steps @ n).max())
-            assert along <= allowed + 1e-12
-            tightest = max(tightest, along / allowed)
-        gained.append(allowed / work.shifts[i, 3 * (still + 1)])
-    assert tightest > 0.8
-    assert np.median(gained) < 0.9
-
-
-def _surface(random: np.random.Generator, center: Array, radius: float) -> Array:
-    directions = random.normal(size=(40, 3))
-    directions /= np.linalg.norm(directions, axis=1, keepdims=True)
-    return np.asarray(center + radius * directions)
-
-
-def _apply(T: Array, points: Array) -> Array:
-    return np.asarray(points @ T[:3, :3].T + T[:3, 3])
-
-
-def test_allowed_pairs_and_what_stands_still_are_not_checked() -> None:
-    robot = builtin("panda")
-    q = np.array([0.0, -0.785, 0.0, -2.356, 0.0, 1.571, 0.785])
-    around_base = Obstacle("plinth", Box(np.array([0.3, 0.3, 0.1])))
-    assert Checker.of(robot, Scene((around_base,))).clearance(q)[1] != ("panda_link0", "plinth")
-    hand = Obstacle("grasped", Sphere(0.05), transform(None, [0.5, 0.0, 0.45]))
-    hit, pair = Checker.of(robot, Scene((hand,))).clearance(q)
-    assert pair is not None
-    if hit <= 0.0:
-        allowed = frozenset((link, "grasped") for link in robot.names)
-        assert Checker.of(robot, Scene((hand,), allowed)).clearance(q)[0] > 0.0
-
-
-def test_polyline_names_the_leg() -> None:
-    checker, _ = slider()
-    motion, leg = checker.polyline(np.array([[0.0], [0.5], [0.2], [2.0], [0.0]]))
-    assert motion.colliding
-    assert leg == 2
-    assert checker.polyline(np.array([[0.0], [0.5], [0.2]]))[0].free
 
 
 def test_proof_is_given_up_after_the_intervals_it_may_take() -> None:

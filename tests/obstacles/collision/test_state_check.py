@@ -12,8 +12,8 @@ from benchmarks.verdict import builtin, clutter, judge, wrong
 from kinematics.robots import builtin_names
 from obstacles.collision.checker import Checker
 from obstacles.collision.edge_check import COLLIDING, FREE
-from obstacles.collision.model.kernel_work import LAST_MET, workspace
-from obstacles.collision.state_check import blocked_at, verdict_in
+from obstacles.collision.model.kernel_work import workspace
+from obstacles.collision.state_check import blocked_at
 from obstacles.scenes.scene import Obstacle, Scene
 from obstacles.shapes.shape import PointCloud, Sphere
 
@@ -74,17 +74,6 @@ def test_a_hundred_thousand_points() -> None:
         assert pair is not None
 
 
-def test_the_same_motion_has_the_same_bits() -> None:
-    robot = builtin("panda")
-    random = np.random.default_rng(54)
-    scene = clutter(random, 0.9)
-    lower, upper = robot.chain.sampling_bounds()
-    ends = random.uniform(lower, upper, (20, 2, robot.chain.n))
-    first = [Checker.of(robot, scene).segment(a, a + 0.1 * (b - a)) for a, b in ends]
-    again = Checker.of(robot, scene)
-    assert [again.segment(a, a + 0.1 * (b - a)) for a, b in reversed(ends)][::-1] == first
-
-
 @pytest.mark.parametrize("parts", [1, 2])
 def test_a_motion_is_blocked_at_the_first_state_looked_at_that_is_not_free(parts: int) -> None:
     robot = builtin("ur5e")
@@ -103,22 +92,3 @@ def test_a_motion_is_blocked_at_the_first_state_looked_at_that_is_not_free(parts
         assert found == (blocked[0] if blocked else -1.0)
         outcomes.add(found)
     assert {-1.0, order[0], order[1]} <= outcomes
-
-
-def test_parts_of_a_model_share_a_workspace() -> None:
-    robot = builtin("panda")
-    random = np.random.default_rng(56)
-    arrays, asked = Checker.of(robot, clutter(random, 0.9)).model.arrays, np.zeros(1, np.int64)
-    count, work, met = len(arrays.bodies), workspace(arrays), set[float]()
-    parts = [
-        arrays._replace(bodies=arrays.bodies[k : k + size], groups=arrays.groups[:0])
-        for size in (count, 1)
-        for k in range(count + 1 - size)
-    ]
-    lower, upper = robot.chain.sampling_bounds()
-    for q in random.uniform(lower, upper, (40, robot.chain.n)):
-        for part in parts:  # whichever body met something last may be one of another part
-            own = verdict_in(part, workspace(arrays), q, 0.0, asked)
-            assert verdict_in(part, work, q, 0.0, asked) == own
-            met.add(work.tally[LAST_MET])
-    assert len(met) > 1

@@ -2,13 +2,10 @@
 
 import numpy as np
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
-from hypothesis.extra.numpy import arrays
 from scipy.spatial import ConvexHull, HalfspaceIntersection
 
 from kinematics.arrays import Array, Indices
-from obstacles.convex.sphere_cover import ascending_order, cut_cell
+from obstacles.convex.sphere_cover import cut_cell
 from tests.obstacles.polytopes import Polytope, polytope, random_polytope, volume
 
 CUBE = polytope(np.array([[x, y, z] for x in (0, 1) for y in (0, 1) for z in (0, 1)], dtype=float))
@@ -38,20 +35,6 @@ def is_a_cell(points: Array, edges: Indices) -> bool:
     return bool(edges.min() >= 0 and edges.max() < len(points)) and true_edges(points) <= named
 
 
-def test_a_plane_parts_a_cell_into_two_that_make_it_up() -> None:
-    random = np.random.default_rng(1)
-    for _ in range(40):
-        cell = random_polytope(random)
-        n, offset = random_plane(random, cell)
-        below, below_edges = cut_cell(cell.corners, cell.edges, n, offset)
-        above, above_edges = cut_cell(cell.corners, cell.edges, -n, -offset)
-        assert (below @ n).max() <= offset + 1e-12
-        assert (above @ n).min() >= offset - 1e-12
-        assert volume(below) + volume(above) == pytest.approx(cell.volume)
-        assert is_a_cell(below, below_edges)
-        assert is_a_cell(above, above_edges)
-
-
 def test_cut_after_cut_it_is_the_intersection_of_half_spaces() -> None:
     random = np.random.default_rng(2)
     compared = 0
@@ -75,16 +58,6 @@ def test_cut_after_cut_it_is_the_intersection_of_half_spaces() -> None:
     assert compared == 25
 
 
-def test_a_plane_beside_a_cell_leaves_all_or_nothing() -> None:
-    n = np.array([1.0, 0.0, 0.0])
-    whole, edges = cut_cell(CUBE.corners, CUBE.edges, n, 2.0)
-    np.testing.assert_array_equal(whole, CUBE.corners)
-    np.testing.assert_array_equal(edges, CUBE.edges)
-    nothing, none = cut_cell(CUBE.corners, CUBE.edges, n, -0.5)
-    assert nothing.shape == (0, 3)
-    assert none.shape == (0, 2)
-
-
 @pytest.mark.parametrize("offset", [0.0, 1.0])
 def test_a_plane_in_a_face_keeps_the_face_or_the_cell(offset: float) -> None:
     """Corners in the plane belong to the part: nothing is computed anew."""
@@ -92,33 +65,3 @@ def test_a_plane_in_a_face_keeps_the_face_or_the_cell(offset: float) -> None:
     expected = CUBE.corners[CUBE.corners[:, 2] <= offset]
     assert {tuple(p) for p in kept} == {tuple(p) for p in expected}
     assert len(edges) >= (4 if offset == 0.0 else 12)
-
-
-@pytest.mark.parametrize(
-    ("normal", "offset"),
-    [
-        ((1.0, -1.0, 0.0), 0.0),
-        ((0.0, 0.0, 1.0), 0.5),
-        ((1.0, 1.0, 1.0), 1.5),
-        ((1.0, 1.0, 1.0), 1.0),
-    ],
-    ids=["through edges", "through the middle", "hexagon", "through corners"],
-)
-def test_cuts_of_a_cube_can_be_cut_again(normal: tuple[float, ...], offset: float) -> None:
-    """Diagonals of its faces among the edges: what they leave in the plane does no harm."""
-    n = np.array(normal) / np.linalg.norm(normal)
-    offset /= float(np.linalg.norm(normal))
-    points, edges = cut_cell(CUBE.corners, CUBE.edges, n, offset)
-    grid = (np.stack(np.meshgrid(*[np.arange(60)] * 3), axis=-1).reshape(-1, 3) + 0.5) / 60.0
-    grid = grid[grid @ n <= offset]
-    assert volume(points) == pytest.approx(len(grid) / 60.0**3, abs=0.01)
-    for m in (np.array([0.6, 0.0, 0.8]), np.array([-0.6, 0.8, 0.0]), np.array([0.0, -1.0, 0.0])):
-        middle = float(m @ points.mean(axis=0))
-        half, _ = cut_cell(points, edges, m, middle)
-        expected = np.count_nonzero(grid @ m <= middle) / 60.0**3
-        assert volume(half) == pytest.approx(expected, abs=0.01)
-
-
-@given(arrays(np.float64, st.integers(0, 12), elements=st.sampled_from([-1.0, 0.0, 0.5, 2.0])))
-def test_the_order_is_ascending_and_keeps_equals_in_place(values: Array) -> None:
-    np.testing.assert_array_equal(ascending_order(values), np.argsort(values, kind="stable"))

@@ -39,12 +39,6 @@ def test_points_of_triangles_are_those_of_a_quadratic_program() -> None:
         np.testing.assert_allclose(nearest, expected, atol=1e-4)
 
 
-def test_triangles_without_area_are_segments_and_points() -> None:
-    a, b = (0.0, 0.0, 0.0), (1.0, 0.0, 0.0)
-    assert nearest_on_triangle((0.5, 1.0, 0.0), a, b, b) == pytest.approx((0.5, 0.0, 0.0))
-    assert nearest_on_triangle((0.5, 1.0, 0.0), a, a, a) == pytest.approx(a)
-
-
 def test_distances_of_meshes_and_hulls_are_the_least_of_their_triangles() -> None:
     random = np.random.default_rng(2)
     hull = convex_hull(random.normal(size=(20, 3)))

@@ -47,21 +47,6 @@ def test_its_volume_is_that_of_the_hull_and_never_shrinks(kind: str) -> None:
     assert compared > 120
 
 
-def test_its_faces_close_and_no_point_is_above_them() -> None:
-    random = np.random.default_rng(2)
-    for _ in range(50):
-        points = draw("normal", random)
-        hull, _ = grown(points)
-        alive = hull.planes[3, : hull.counts[0]] < 1e6
-        corners, planes = hull.corners[: len(alive)][alive], hull.planes[:, : len(alive)][:, alive]
-        assert (points @ planes[:3] - planes[3]).max() <= SIGHT
-        edges = corners[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2)
-        assert {tuple(edge) for edge in edges} == {tuple(edge) for edge in edges[:, ::-1]}
-        # Euler's formula: a sphere.
-        assert len(np.unique(corners)) - len(edges) // 2 + len(corners) == 2
-        assert set(np.unique(corners)) == set(ConvexHull(points).vertices)
-
-
 @pytest.mark.parametrize("rank", [0, 1, 2])
 def test_what_is_flat_has_no_volume(rank: int) -> None:
     random = np.random.default_rng(3)

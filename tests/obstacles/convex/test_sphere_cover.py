@@ -20,12 +20,6 @@ def finest(rows: Array) -> Array:
     return np.asarray(rows[rows[:, AFTER] == np.arange(len(rows)) + 1])
 
 
-def excess(rows: Array) -> float:
-    """How far the finest balls reach beyond the polytope at most [m]."""
-    leaves = finest(rows)
-    return float((leaves[:, RADIUS] - leaves[:, DEPTH]).max())
-
-
 def covered(rows: Array, points: Array) -> Array:
     """Whether some ball holds each of the points, with 1e-12 m for rounding."""
     away = np.linalg.norm(points[:, None] - rows[None, :, CENTER], axis=2)
@@ -78,63 +72,3 @@ def test_rows_are_a_tree_of_halves() -> None:
         return one + other
 
     assert leaves_below(0) == leaves
-
-
-def test_depths_are_distances_of_centres_from_the_faces() -> None:
-    random = np.random.default_rng(4)
-    for shape in [BAR, *(random_polytope(random) for _ in range(6))]:
-        rows = balls(shape, 8)
-        heights = rows[:, CENTER] @ shape.planes[:, :3].T - shape.planes[:, 3]
-        np.testing.assert_allclose(rows[:, DEPTH], -heights.max(axis=1), atol=1e-12)
-        # Centres are in the polytope, to rounding.
-        assert (rows[:, DEPTH] >= -1e-12).all()
-
-
-def test_more_balls_reach_less_far_beyond() -> None:
-    random = np.random.default_rng(5)
-    for shape in [BAR, *(random_polytope(random) for _ in range(4))]:
-        beyond = [excess(balls(shape, most)) for most in (1, 4, 16, 64)]
-        assert beyond == sorted(beyond, reverse=True)
-        assert beyond[-1] < 0.5 * beyond[0]
-
-
-def test_where_it_is_enough_no_more_balls_are_made() -> None:
-    wanted = 0.2
-    rows = balls(BAR, 64, wanted)
-    assert excess(rows) <= wanted
-    assert len(finest(rows)) < 64
-    assert excess(balls(BAR, len(finest(rows)) // 2)) > wanted
-
-
-def test_a_bar_is_covered_by_balls_along_it() -> None:
-    """Not by ever smaller ones at its corners: their excess is that of equal slices."""
-    leaves = finest(balls(BAR, 8))
-    assert len(leaves) == 8
-    middles = np.sort(leaves[:, 0])
-    np.testing.assert_allclose(middles, 0.25 + 0.5 * np.arange(8), atol=0.06)
-
-
-def test_a_triangle_without_inside_is_covered_flat() -> None:
-    corners = np.array([[0.0, 0.0, 0.3], [1.0, 0.0, 0.3], [0.0, 1.0, 0.3]])
-    edges = np.array([[0, 1], [1, 2], [2, 0]])
-    rows = np.asarray(cover(corners, edges, np.zeros((0, 4)), 8, 0.0))
-    points = inside(np.random.default_rng(6), corners, 500)
-    assert covered(finest(rows), points).all()
-    assert not rows[:, DEPTH].any()
-
-
-def test_a_point_is_one_ball_of_no_radius() -> None:
-    none = np.zeros((0, 4))
-    rows = cover(np.array([[1.0, 2.0, 3.0]]), np.zeros((0, 2), dtype=np.int64), none, 8, 0.0)
-    assert rows.tolist() == [[1.0, 2.0, 3.0, 0.0, 0.0, 1.0]]
-
-
-def test_moving_and_scaling_the_polytope_moves_and_scales_the_balls() -> None:
-    shape = random_polytope(np.random.default_rng(7))
-    shift = np.array([0.25, -0.5, 1.0])
-    planes = shape.planes.copy()
-    planes[:, 3] = 2.0 * (planes[:, 3] + planes[:, :3] @ shift)
-    moved = Polytope(2.0 * (shape.corners + shift), shape.edges, planes, 8.0 * shape.volume)
-    one, other = balls(shape, 6), balls(moved, 6)
-    assert excess(other) == pytest.approx(2.0 * excess(one), rel=0.05)
-    assert len(one) == len(other)

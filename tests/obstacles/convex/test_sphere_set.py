@@ -140,18 +140,6 @@ def test_blades_needles_and_discs() -> None:
             check(disc, sphere_set(disc), random)
 
 
-def test_more_spheres_are_tighter_and_enough_is_enough() -> None:
-    random = np.random.default_rng(9)
-    for kind in ("box", "hull", "cylinder", "cone", "capsule"):
-        piece, _ = random_solid(random, kind, np.eye(4))
-        excesses = [sphere_set(piece, most, 0.0).excess for most in (1, 8, 32, 64)]
-        assert excesses == sorted(excesses, reverse=True)
-        assert excesses[3] < 0.4 * excesses[0]
-        few = sphere_set(piece, 64, excesses[1])
-        assert few.excess <= excesses[1]
-        assert len(few.finest) <= 32
-
-
 def test_a_capsule_in_closed_form() -> None:
     ends = np.array([[0.0, 0.0, -0.2], [0.0, 0.0, 0.2]])
     found = sphere_set(Piece(PieceKind.POLYTOPE, np.eye(4), ends, offset_radius=0.05), 5, 0.0)

@@ -8,7 +8,7 @@ from obstacles.convex.piece import Piece, PieceKind
 from obstacles.distance.ball_distance import bound_from, closed_form
 from obstacles.distance.piece_set import PieceSet
 from obstacles.distance.signed_distance import signed_distance
-from tests.obstacles.solids import KINDS, NO_VERTICES, random_solid, random_transform
+from tests.obstacles.solids import KINDS, random_solid, random_transform
 
 #: FCL's iterations stop early enough in these units, hundredths of a millimetre.
 UNITS = 1e5
@@ -65,12 +65,3 @@ def test_signed_distances_inside_and_outside(kind: str) -> None:
         assert lower - 1e-7 <= ours or kind == "hull"
         inside += ours < 0.0
     assert inside > 3
-
-
-def test_halfspaces() -> None:
-    random = np.random.default_rng(3)
-    for _ in range(50):
-        T = random_transform(random)
-        wall, p = Piece(PieceKind.HALFSPACE, T, NO_VERTICES), random.normal(size=3)
-        rows, corners, _, _ = PieceSet.of([wall])
-        assert bound_from(rows, 0, corners, *p) == pytest.approx(float(T[:3, 2] @ (p - T[:3, 3])))

@@ -5,10 +5,9 @@ import itertools
 import numpy as np
 import pytest
 
-from obstacles.convex.piece import Piece, PieceKind
 from obstacles.distance.bounds import balls_apart, quick_bound
 from obstacles.distance.piece_set import PieceSet
-from tests.obstacles.solids import KINDS, NO_VERTICES, coal_distance, random_solid, random_transform
+from tests.obstacles.solids import KINDS, coal_distance, random_solid, random_transform
 
 
 @pytest.mark.parametrize(("one", "other"), list(itertools.combinations_with_replacement(KINDS, 2)))
@@ -27,26 +26,3 @@ def test_no_bound_is_above_the_distance(one: str, other: str) -> None:
         assert early <= bound + 1e-12
         if bound > 0.0:
             assert np.linalg.norm(n) == pytest.approx(1.0)
-
-
-def test_of_boxes_face_to_face_it_is_the_distance_from_the_ball_of_the_other() -> None:
-    corners = np.array(list(itertools.product((-1.0, 1.0), repeat=3))) * [0.5, 0.5, 0.1]
-    flat = Piece(PieceKind.POLYTOPE, np.eye(4), corners)
-    above = np.eye(4)
-    above[2, 3] = 1.0
-    ball = Piece(PieceKind.POLYTOPE, above, np.zeros((1, 3)), offset_radius=0.2)
-    rows = PieceSet.of([ball, flat]).rows
-    bound, n = quick_bound(rows, 0, rows, 1, np.inf)
-    assert bound == pytest.approx(0.7)
-    assert n == pytest.approx((0.0, 0.0, 1.0))
-
-
-def test_of_a_half_space_it_is_the_height_of_the_ball() -> None:
-    floor = Piece(PieceKind.HALFSPACE, np.eye(4), NO_VERTICES)
-    above = np.eye(4)
-    above[:3, 3] = 3.0, -2.0, 0.5
-    ball = Piece(PieceKind.POLYTOPE, above, np.zeros((1, 3)), offset_radius=0.2)
-    rows = PieceSet.of([floor, ball]).rows
-    bound, n = quick_bound(rows, 0, rows, 1, np.inf)
-    assert bound == pytest.approx(0.3)
-    assert n == pytest.approx((0.0, 0.0, -1.0))

@@ -1,6 +1,5 @@
 """Bounds of pairs of boxes and triangles, against their corners along the direction they tell."""
 
-import fcl
 import numpy as np
 import pytest
 
@@ -8,11 +7,9 @@ from kinematics.arrays import Array
 from obstacles.distance.box_pairs import (
     box_of,
     from_first,
-    gap_along,
     gap_in_first,
     gap_in_second,
     triangle_gap,
-    write_plane,
     write_view,
 )
 from obstacles.distance.piece_set import HALF, KIND, MIDDLE, POSE, WIDTH, CoreKind
@@ -65,40 +62,6 @@ def test_boxes_are_as_far_apart_as_is_told_along_the_direction_that_is_told() ->
                 assert np.linalg.norm(n) == pytest.approx(1.0, abs=1e-12)
                 assert parted(own, others, turned(desk[side], n)) >= gap - 1e-12
     assert positive > 300
-
-
-def test_upright_boxes_are_told_their_very_distance() -> None:
-    random = np.random.default_rng(4)
-    for _ in range(100):
-        desk, view = desk_of(random, 1.0)
-        desk[1, POSE : POSE + 12] = desk[0, POSE : POSE + 12]
-        desk[1, POSE + 3 :: 4][:3] += random.normal(size=3)
-        write_view(desk, view)
-        a, b = box_of(desk, 0, NODES, -1), box_of(desk, 1, NODES, -1)
-        boxes = [fcl.CollisionObject(fcl.Box(*np.maximum(2 * r[HALF : HALF + 3], 1e-9)),
-                                     fcl.Transform(r[POSE : POSE + 12].reshape(3, 4)[:, :3],
-                                                   placed(r, r[MIDDLE : MIDDLE + 3])))
-                 for r in desk]  # fmt: skip
-        truth = fcl.distance(*boxes, fcl.DistanceRequest(), fcl.DistanceResult())
-        gap, _ = gap_in_first(view, a, b)
-        other, _ = gap_in_second(view, a, b)
-        assert gap == pytest.approx(other, abs=1e-12)
-        if truth > 0.0:
-            assert gap == pytest.approx(truth, abs=1e-5)
-        else:
-            assert gap <= 1e-9
-
-
-def test_a_plane_parts_boxes_by_what_lies_between_their_corners() -> None:
-    random = np.random.default_rng(5)
-    for _ in range(100):
-        desk, view = desk_of(random, 0.7)
-        n = random.normal(size=3)
-        write_plane(desk, 0, 0, np.zeros((1, 3)), np.zeros(1, np.int32), tuple(n), view)
-        a, b = (box_of(desk, k, NODES, -1)._replace(whole=False) for k in range(2))
-        n /= np.linalg.norm(n)
-        truth = (corners_of(desk[0]) @ n).min() - (corners_of(desk[1]) @ n).max()
-        assert gap_along(view, a, b) == pytest.approx(truth, abs=1e-12)
 
 
 @pytest.mark.parametrize("thin", [1.0, 1e-3, 1e-9, 0.0])

@@ -1,7 +1,6 @@
 """Packed scenes: one row a piece, in the order of the obstacles, shared and read-only."""
 
 import numpy as np
-import pytest
 
 from kinematics.pose import transform
 from obstacles.distance.piece_set import CENTER, KIND, POSE, RADIUS, WIDTH, CoreKind
@@ -29,11 +28,3 @@ def test_rows_are_where_the_obstacles_are() -> None:
     np.testing.assert_allclose(rows[:, POSE + 3 : POSE + 12 : 4], middles, atol=1e-15)
     radii = np.array([0.1, 0.02, 0.02, float(np.linalg.norm([0.1, 0.2, 0.3]))])
     np.testing.assert_allclose(rows[:, RADIUS], radii, rtol=1e-12)
-
-
-def test_they_are_packed_once_and_nobody_can_change_them() -> None:
-    again = Scene(MIXED.obstacles)
-    assert scene_set(again) is scene_set(MIXED)
-    for array in scene_set(MIXED):
-        with pytest.raises(ValueError, match="read-only"):
-            array[...] = 0

@@ -14,9 +14,6 @@ from obstacles.meshes.plane_cut import triangle_areas
 from tests.obstacles.arms import cup, in_cup
 
 RING = trimesh.creation.annulus(0.5, 1.0, 0.4, sections=16)
-SIDE_BY_SIDE = [
-    trimesh.creation.box(bounds=[[k, 0.0, 0.0], [k + 0.5, 1.0, 1.0]]) for k in (0.0, 1.0, 2.0)
-]
 
 
 def parts_of(*bodies: trimesh.Trimesh, filled: bool = True) -> list[ConvexPart]:
@@ -86,24 +83,6 @@ def test_a_ring_is_cut_although_no_single_cut_helps() -> None:
     assert not covered(parts, np.zeros((1, 3))).any()
 
 
-def test_a_part_that_no_single_cut_helps_is_cut_twice_after_others_too() -> None:
-    """Beside a bar, which is cut off first, a thin ring is one part of two."""
-    thin = trimesh.creation.annulus(0.8, 1.0, 0.4, sections=16)
-    bar = trimesh.creation.box(bounds=[[1.0, -0.1, -0.1], [1.6, 0.1, 0.1]])
-    parts = parts_of(thin, bar)
-    assert total(parts) < 0.8 * (convex_hull(thin.vertices).volume + bar.volume)
-    assert not covered(parts, np.zeros((1, 3))).any()
-    points = np.vstack([thin.sample(300, seed=1), bar.sample(300, seed=2)])
-    assert covered(parts, points).all()
-
-
-def test_bodies_side_by_side_are_parted_between_them() -> None:
-    parts = parts_of(*SIDE_BY_SIDE)
-    assert total(parts) == pytest.approx(1.5, rel=1e-6)
-    gaps = np.random.default_rng(2).uniform([0.51, 0, 0], [0.99, 1, 1], (100, 3))
-    assert not covered(parts, gaps).any()
-
-
 def test_every_body_of_a_part_has_an_anchor_on_it() -> None:
     small = [
         trimesh.creation.box(bounds=[[0.01 * k, 0.0, 0.0], [0.01 * k + 0.009, 1.0, 1.0]])
@@ -116,13 +95,6 @@ def test_every_body_of_a_part_has_an_anchor_on_it() -> None:
         assert max(anchored) == 1
 
 
-def test_a_body_that_gains_nothing_stays_whole() -> None:
-    (part,) = parts_of(trimesh.creation.icosphere(subdivisions=1))
-    assert len(part.vertices) == 42
-    assert part.offset_radius == 0.0
-    assert len(part.triangles) == 80
-
-
 def test_a_hull_of_many_corners_is_thinned_and_grown_to_hold_them_all() -> None:
     ball = trimesh.creation.icosphere(subdivisions=2)
     (part,) = parts_of(ball)
@@ -132,13 +104,6 @@ def test_a_hull_of_many_corners_is_thinned_and_grown_to_hold_them_all() -> None:
     assert part.offset_radius > 0.0
     assert heights(part, np.array(ball.vertices)).max() <= 1e-9
     assert part.offset_radius < 0.06
-
-
-def test_what_is_cut_out_of_the_middle_of_a_solid_is_covered() -> None:
-    """A part need not have a triangle: then it is a box all of which is inside."""
-    parts = parts_of(cup(-0.6))
-    points = np.random.default_rng(3).uniform([-0.2, -0.2, -0.6], [0.2, 0.2, 0.2], (2000, 3))
-    assert covered(parts, points[in_cup(points, -0.6)]).all()
 
 
 def test_an_open_surface_is_covered_without_what_is_in_it() -> None:
@@ -155,10 +120,6 @@ def test_turning_the_mesh_changes_little() -> None:
     moved = points @ turn[:3, :3].T
     assert covered(parts, moved[in_cup(points)]).all()
     assert total(parts) < 2.0 * cup().volume
-
-
-def test_nothing_is_cut_to_nothing() -> None:
-    assert cut_bodies(np.zeros((0, 3)), [], 1.0, True) == []
 
 
 def test_the_part_of_a_hull_is_the_hull() -> None:

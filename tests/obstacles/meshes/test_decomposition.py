@@ -77,16 +77,6 @@ def test_a_convex_mesh_is_its_hull(body: trimesh.Trimesh) -> None:
     assert convex_hull(part.vertices).volume == pytest.approx(body.volume)
 
 
-def test_unmerged_and_turned_triangles_do_not_matter() -> None:
-    body = trimesh.creation.icosphere(2)
-    random = np.random.default_rng(0)
-    soup = np.array(body.vertices)[np.array(body.faces)]
-    soup[::2] = soup[::2, ::-1]
-    soup = random.permutation(soup)
-    (part,) = convex_pieces(soup.reshape(-1, 3), np.arange(3 * len(soup)).reshape(-1, 3))
-    assert convex_hull(part.vertices).volume == pytest.approx(body.volume)
-
-
 def test_a_fine_convex_mesh_is_covered_and_keeps_its_triangles() -> None:
     """One with more corners than a piece may have."""
     body = trimesh.creation.icosphere(5)
@@ -99,14 +89,6 @@ def test_a_fine_convex_mesh_is_covered_and_keeps_its_triangles() -> None:
         assert outside_of(point, part) <= 1e-7
 
 
-def test_a_convex_mesh_of_many_corners_is_its_hull() -> None:
-    for body in (trimesh.creation.icosphere(4), trimesh.creation.cylinder(0.1, 0.3, sections=600)):
-        (part,) = pieces_of(body)
-        assert part.offset_radius == 0.0
-        assert len(part.triangles) == 0
-        assert convex_hull(part.vertices).volume == pytest.approx(body.volume)
-
-
 @pytest.mark.parametrize("depth", [0.003, 0.02])
 def test_a_dent_in_a_mesh_of_many_corners_is_seen(depth: float) -> None:
     body = trimesh.creation.icosphere(4)
@@ -114,14 +96,6 @@ def test_a_dent_in_a_mesh_of_many_corners_is_seen(depth: float) -> None:
     vertices[100] *= 1.0 - depth
     parts = convex_pieces(vertices, np.array(body.faces))
     assert sum(len(part.triangles) for part in parts) > 0
-
-
-def test_closed_convex_bodies_are_a_hull_each() -> None:
-    body = table()
-    parts = pieces_of(body)
-    volumes = sorted(convex_hull(part.vertices).volume for part in parts)
-    np.testing.assert_allclose(volumes, [0.05 * 0.05 * 0.7] * 4 + [1.0 * 0.6 * 0.05])
-    assert max(part.offset_radius for part in parts) == 0.0
 
 
 def test_pieces_cover_a_mesh_that_is_not_convex_and_little_more() -> None:
@@ -197,13 +171,6 @@ def test_what_a_mesh_encloses_is_covered_and_its_triangles_are_all_there(
         )  # fmt: skip
 
 
-def test_a_ring_is_cut_open() -> None:
-    body = ring()
-    parts = pieces_of(body)
-    assert sum(convex_hull(part.vertices).volume for part in parts) < 1.4 * body.volume
-    assert min(outside_of(np.zeros(3), part) for part in parts) > 0.1
-
-
 @pytest.mark.parametrize(("body", "filled"), [
     (ring(), True),
     (room(), True),
@@ -225,27 +192,6 @@ def test_turned_triangles_of_a_body_that_is_not_convex_do_not_matter() -> None:
     triangles = np.vstack([part.triangles for part in parts])
     points = np.array([[0.5, 0.1, 0.1], [0.1, 0.5, 0.1], [0.5, 0.5, 0.1]])
     np.testing.assert_allclose(np.abs(windings(points, triangles)), [1.0, 1.0, 0.0], atol=1e-9)
-
-
-@pytest.mark.parametrize("part", [1, 40])
-def test_triangles_that_are_there_twice_or_are_none_do_not_open_a_body(part: int) -> None:
-    body = ring()
-    faces = np.array(body.faces)
-    again, slivers = faces[::part], np.column_stack([faces[:9, 0], faces[:9, 0], faces[:9, 1]])
-    for more in (again, again[:, ::-1], np.vstack([again, slivers])):
-        pieces = convex_pieces(np.array(body.vertices), np.vstack([faces, more]))
-        assert all(piece.filled for piece in pieces)
-        corners = {tuple(p) for piece in pieces for p in piece.triangles.reshape(-1, 3)}
-        assert corners >= {tuple(p) for p in np.array(body.vertices)}
-
-
-def test_the_same_mesh_gives_the_same_pieces() -> None:
-    body = ell(0.9)
-    first = pieces_of(body)
-    decomposition._stored_pieces.cache_clear()
-    for a, b in zip(first, pieces_of(body), strict=True):
-        np.testing.assert_array_equal(a.vertices, b.vertices)
-        assert a.offset_radius == b.offset_radius
 
 
 def test_pieces_that_were_kept_are_read_back(

@@ -38,13 +38,6 @@ def test_it_is_one_inside_of_a_hull_and_none_outside() -> None:
         np.testing.assert_allclose(backwards, -numbers, atol=1e-9)
 
 
-def test_a_triangle_seen_from_far_away_covers_its_area_over_the_sphere() -> None:
-    vertices = np.array([[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]])
-    far = np.array([[0.3, 0.3, -1e3]])
-    number = numbers_of(far, vertices, np.array([[0, 1, 2]]))[0]
-    assert abs(number) == pytest.approx(0.5 / 1e6 / (4.0 * np.pi), rel=1e-4)
-
-
 def test_triangles_are_turned_alike() -> None:
     random = np.random.default_rng(3)
     vertices, faces, _ = hull(random)

@@ -11,7 +11,7 @@ from kinematics.pose import inverse
 from obstacles.projection.fcl_projection import FclProjector
 from obstacles.projection.projection import Projector
 from obstacles.scenes.scene import Obstacle, Scene
-from obstacles.shapes.shape import Box, Capsule, HalfSpace, Mesh, PointCloud, Shape, Sphere
+from obstacles.shapes.shape import Box, Capsule, Mesh, Shape, Sphere
 from tests.obstacles.projection.test_projection import CONVEX
 from tests.obstacles.solids import random_transform
 
@@ -93,18 +93,6 @@ def test_both_engines_agree(kind: str) -> None:
     assert inside > 0 or kind in {"plate", "needle"}
 
 
-def test_the_cube_under_a_point_is_as_good_as_a_half_space() -> None:
-    random = np.random.default_rng(3)
-    for scale in (1e-3, 1.0, 100.0):
-        normal, offset = random.normal(size=3), random.normal()
-        shape = HalfSpace(normal, offset)
-        n, o = shape.normal, shape.offset
-        p = o * n + scale * np.abs(random.normal()) * n + scale * np.cross(n, random.normal(size=3))
-        projections, distances = FclProjector([Obstacle("floor", shape)])(p[None])
-        assert distances[0, 0] == pytest.approx(n @ p - o, abs=1e-8)
-        np.testing.assert_allclose(projections[0, 0], p - (n @ p - o) * n, atol=1e-8)
-
-
 def tube() -> Mesh:
     """A square tube, open at its ends: not convex."""
     inner, outer = 0.2, 0.3
@@ -139,15 +127,6 @@ def test_meshes_that_are_not_convex_are_asked_about_by_triangles() -> None:
     # In its hollow a point is outside, in its wall inside.
     assert distances[-2, 0] == pytest.approx(0.2, abs=_DISTANCE)
     assert distances[-1, 0] == pytest.approx(-0.05, abs=_DISTANCE)
-
-
-def test_a_cloud_is_answered_by_its_nearest_ball() -> None:
-    random = np.random.default_rng(5)
-    cloud = Obstacle("cloud", PointCloud(random.uniform(-1.0, 1.0, (300, 3)), 0.05))
-    points = random.uniform(-1.2, 1.2, (50, 3))
-    centers = np.linalg.norm(points[:, None] - cloud.balls().centers, axis=2)
-    _, distances = FclProjector([cloud])(points)
-    np.testing.assert_allclose(distances[:, 0], centers.min(axis=1) - 0.05, atol=_DISTANCE)
 
 
 def test_what_is_too_far_may_be_left_out() -> None:

@@ -20,7 +20,6 @@ from obstacles.shapes.shape import (
     Cylinder,
     HalfSpace,
     Mesh,
-    PointCloud,
     Shape,
     Sphere,
 )
@@ -148,14 +147,6 @@ def test_points_on_axes_edges_and_centres_have_an_answer(kind: str) -> None:
     )
 
 
-def test_a_cloud_is_answered_by_its_nearest_ball() -> None:
-    random = np.random.default_rng(8)
-    cloud, points = random.normal(size=(300, 3)), 2.0 * random.normal(size=(50, 3))
-    _, distance = project(points, [Obstacle("a", PointCloud(cloud, 0.05))])
-    expected = np.linalg.norm(points[:, None] - cloud[None], axis=2).min(axis=1) - 0.05
-    np.testing.assert_allclose(distance[:, 0], expected, atol=EXACT)
-
-
 def ring(points: Array) -> Array:
     across = np.hypot(points[:, 0], points[:, 1])
     return np.asarray((across > 0.15) & (across < 0.3) & (np.abs(points[:, 2]) < 0.05))
@@ -197,22 +188,6 @@ def test_hollows_of_meshes_are_not_filled(
     clear = np.abs(distance[:, 1]) > 1e-4
     assert np.array_equal(distance[clear, 1] < 0.0, inside(own)[clear])
     assert inside(own).sum() > 20
-
-
-def test_a_mesh_is_answered_by_its_nearest_piece() -> None:
-    """Two boxes side by side as one mesh: outside exact, inside a bound."""
-    signs = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)])
-    faces = np.array([[0, 1, 3], [0, 3, 2], [4, 6, 7], [4, 7, 5], [0, 4, 5], [0, 5, 1],
-                      [2, 3, 7], [2, 7, 6], [0, 2, 6], [0, 6, 4], [1, 5, 7], [1, 7, 3],
-                      ])  # fmt: skip
-    step = np.array([1.5, 0.0, 0.0])
-    two = Mesh(np.vstack([0.5 * signs, 0.5 * signs + step]), np.vstack([faces, faces + 8]))
-    box = Box(np.ones(3))
-    points = np.random.default_rng(9).uniform(-2.0, 3.0, (200, 3))
-    _, found = project(points, [Obstacle("a", two)])
-    _, left = project(points, [Obstacle("a", box)])
-    _, right = project(points - step, [Obstacle("a", box)])
-    np.testing.assert_allclose(found, np.minimum(left, right), atol=EXACT)
 
 
 def test_every_obstacle_of_a_scene_gets_its_column() -> None:

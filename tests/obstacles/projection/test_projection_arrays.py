@@ -9,7 +9,6 @@ import trimesh
 from kinematics.arrays import Array, Indices
 from obstacles.projection.projection_arrays import (
     ProjectionArrays,
-    convex_parts,
     pack_obstacles,
 )
 from obstacles.scenes.scene import Obstacle, Scene
@@ -54,32 +53,6 @@ def test_what_encloses_a_mesh_are_its_covers_together() -> None:
         own, faces = hull_of(arrays, i)
         area += trimesh.Trimesh(own, faces, process=False).area
     assert area == pytest.approx(cup().area, rel=1e-6)
-
-
-def test_an_open_mesh_encloses_nothing() -> None:
-    opened = cup()
-    opened.update_faces(np.arange(len(opened.faces)) > 1)
-    arrays, _ = packed(mesh_shape(opened))
-    assert arrays.enclosing[0, 0] == arrays.enclosing[0, 1]
-
-
-def test_parts_that_are_inside_of_others_are_left_out() -> None:
-    """Beside covers a mesh can have convex bodies: one in a wall is not looked at by itself."""
-    inside = trimesh.creation.box([0.02] * 3).apply_translation([0.0, 0.0, -0.3])
-    beside = trimesh.creation.box([0.02] * 3).apply_translation([0.0, 0.0, 0.3])
-    block = cup(-0.4)
-    for body, counted in ((inside, 0), (beside, 1)):
-        mesh = mesh_shape(trimesh.util.concatenate([block, body]))
-        pieces, filled = convex_parts(Obstacle("mesh", mesh))
-        assert all(piece.surface is not None for piece in pieces[:filled])
-        assert len(pieces) - filled == counted
-
-
-def test_nothing_packs_to_nothing() -> None:
-    arrays = pack_obstacles([])
-    assert len(arrays.kinds) == len(arrays.owners) == 0
-    assert arrays.enclosing.shape == (0, 2)
-    assert arrays.corner_starts.tolist() == [0]
 
 
 def test_loose_triangles_take_memory_by_their_number_not_its_square() -> None:

@@ -1,14 +1,13 @@
 """A robot's solid: where its pieces are, and which of them are checked."""
 
 import pickle
-from itertools import combinations
 from typing import Any
 
 import numpy as np
 import pytest
 import trimesh
 
-from kinematics.errors import InvalidLinkName, InvalidRobotDescription, InvalidScene
+from kinematics.errors import InvalidRobotDescription
 from kinematics.forward import link_poses
 from kinematics.model.chain import Chain
 from kinematics.pose import transform
@@ -21,8 +20,7 @@ from obstacles.collision.fcl_distance import FclWorld
 from obstacles.convex.piece import PieceKind
 from obstacles.distance.signed_distance import signed_distance
 from obstacles.robots.robot_geometry import RobotGeometry, robot_geometry
-from obstacles.scenes.scene import Obstacle, Scene
-from obstacles.shapes.shape import Sphere
+from obstacles.scenes.scene import Scene
 
 
 def link(name: str, *solids: str) -> str:
@@ -41,7 +39,6 @@ def joint(name: str, parent: str, child: str, kind: str = "revolute", xyz: str =
 
 
 BAR = '<box size="0.45 0.05 0.05"/>'
-STUB = '<box size="0.1 0.05 0.05"/>'
 BALL = '<sphere radius="0.03"/>'
 #: base - j1 - one - j2 - bare (no solid) - fixed - two - j3 - three - fixed - tool
 URDF = (
@@ -144,17 +141,6 @@ def test_defaults_of_an_srdf_say_the_same_as_its_pairs() -> None:
     assert geometry.allowed[("one", "two")] == "adjacent"
 
 
-def test_checked_pairs_are_all_that_are_not_allowed_and_can_move() -> None:
-    for semantics in (None, Semantics("snake", frozenset({("base", "one")}))):
-        geometry, _, _ = built(semantics=semantics)
-        checked = {tuple(pair) for pair in geometry.self_pairs.tolist()}
-        for i, j in combinations(range(len(geometry.pieces)), 2):
-            pair = (min(geometry.links[i], geometry.links[j]),
-                    max(geometry.links[i], geometry.links[j]))  # fmt: skip
-            moves = geometry.joints[i] != geometry.joints[j]
-            assert ((i, j) in checked) == (moves and pair not in geometry.allowed)
-
-
 def test_the_hash_follows_the_content() -> None:
     geometry, _, _ = built()
     again, _, _ = built()
@@ -166,33 +152,6 @@ def test_the_hash_follows_the_content() -> None:
     longer, _, _ = built(URDF.replace('length="0.4"', 'length="0.5"'))
     looser, _, _ = built(semantics=Semantics("snake", frozenset({("base", "two")})))
     assert len({geometry.content_hash, longer.content_hash, looser.content_hash}) == 3
-
-
-def test_an_attached_object_is_one_more_piece_of_its_link() -> None:
-    geometry, chain, _ = built()
-    held = Obstacle("can", Sphere(0.05), transform(None, [0.0, 0.0, 0.1]))
-    holding = geometry.attach(held, "tool", ["three"])
-    assert holding.links[-1] == "can"
-    assert holding.joints[-1] == 2
-    checked = {holding.links[i] for i, j in holding.self_pairs if holding.links[j] == "can"}
-    assert checked == {"base", "one", "two"}
-    assert holding.allowed[("can", "tool")] == "attached"
-    q = np.array([0.3, -0.7, 1.1])
-
-    world = FclWorld(holding, Scene())
-    world.set_configuration(q)
-    tool = link_poses(chain, q, ["tool"])[0]
-    np.testing.assert_allclose(world._poses[-1], tool @ held.T_world_obstacle, atol=1e-12)
-    assert holding != geometry
-    assert len(geometry.pieces) == len(holding.pieces) - 1
-    with pytest.raises(InvalidLinkName, match="hook"):
-        geometry.attach(held, "hook")
-    with pytest.raises(InvalidLinkName, match="hook"):
-        geometry.attach(held, "tool", ["hook"])
-    with pytest.raises(InvalidScene, match="name"):
-        geometry.attach(Obstacle("base", Sphere(0.05)), "tool")
-    with pytest.raises(InvalidScene, match="name"):
-        holding.attach(held, "tool")
 
 
 def mesh_urdf(uri: str, scale: str = "1 1 1") -> str:

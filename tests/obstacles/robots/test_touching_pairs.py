@@ -7,7 +7,7 @@ import numpy as np
 from kinematics.tree.serial_chain import serial_chain
 from kinematics.urdf.urdf import parse_urdf
 from obstacles.robots.robot_geometry import RobotGeometry, robot_geometry
-from obstacles.robots.touching_pairs import PlacedPieces, always_touching, suspected_pairs
+from obstacles.robots.touching_pairs import always_touching, suspected_pairs
 
 #: Three links of balls on a line: the first and the third touch where the elbow is bent enough.
 ARM = """<robot name="arm"><link name="base"/>
@@ -27,17 +27,6 @@ ARM = """<robot name="arm"><link name="base"/>
 def arm(one: float = 0.1, at: float = 1.0, low: float = -3.0) -> RobotGeometry:
     description = parse_urdf(ARM.format(one=one, at=at, low=low))
     return robot_geometry(serial_chain(description), description)
-
-
-def test_pieces_touch_where_their_centres_are_near() -> None:
-    robot = arm()
-    placed = PlacedPieces(robot)
-    for q in np.random.default_rng(0).uniform(-3.0, 3.0, (200, 3)):
-        placed.place(q)
-        # Law of cosines: both bars are 1 m, the centre of the third ball is at their end.
-        distance = 2.0 * abs(np.cos(0.5 * q[2]))
-        if abs(distance - 0.2) > 1e-6:
-            assert placed.touch([(0, 2)]) == (distance < 0.2)
 
 
 def test_a_pair_that_touches_in_the_zero_pose_is_suspected() -> None:

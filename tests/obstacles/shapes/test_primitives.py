@@ -7,10 +7,8 @@ import pytest
 from kinematics.pose import transform
 from obstacles.convex.piece import Piece, PieceArrays
 from obstacles.distance.piece_set import CENTER, RADIUS, PieceSet
-from obstacles.distance.scene_set import pack, primitive_rows, scene_set
-from obstacles.projection import projection_arrays
-from obstacles.projection.projection_arrays import pack_obstacles
-from obstacles.scenes.scene import AS_BALLS, AS_PIECES, Obstacle, Scene
+from obstacles.distance.scene_set import primitive_rows, scene_set
+from obstacles.scenes.scene import Obstacle, Scene
 from obstacles.shapes.primitives import Primitive
 from obstacles.shapes.shape import (
     Box,
@@ -19,7 +17,6 @@ from obstacles.shapes.shape import (
     Convex,
     Cylinder,
     HalfSpace,
-    PointCloud,
     Shape,
     Sphere,
 )
@@ -104,26 +101,6 @@ def test_among_other_solids_they_keep_their_places(seed: int) -> None:
     check_same(Scene(obstacle(random, k, shapes[at]) for k, at in enumerate(order)))
 
 
-def test_balls_of_clouds_stand_between_them() -> None:
-    random = np.random.default_rng(7)
-    points = random.normal(size=(5, 3))
-    first, last = random_scene(1, 4).obstacles, random_scene(2, 4).obstacles
-    cloud = Obstacle("cloud", PointCloud(points, 0.02), random_transform(random), 0.01)
-    renamed = [Obstacle(f"l{o.id}", o.shape, o.T_world_obstacle, o.margin) for o in last]
-    scene = Scene([*first, cloud, *renamed])
-    before, after = scene_set(Scene(first)).rows, scene_set(Scene(renamed)).rows
-    rows = scene_set(scene).rows
-    assert rows[:4].tobytes() == before.tobytes()
-    assert rows[9:].tobytes() == after.tobytes()
-    placed = points @ cloud.T_world_obstacle[:3, :3].T + cloud.T_world_obstacle[:3, 3]
-    np.testing.assert_allclose(rows[4:9, CENTER : CENTER + 3], placed, atol=1e-15)
-    assert (rows[4:9, RADIUS] == 0.02).all()
-    arrays, index, _ = scene.pieces()
-    assert index.tolist() == [0, 1, 2, 3, *5 * [4], 5, 6, 7, 8]
-    np.testing.assert_allclose(arrays.centers[4:9], placed, atol=1e-15)
-    assert len(pack(scene, [() for _ in scene.obstacles]).corners) == 0
-
-
 def test_their_balls_hold_what_coal_holds_of_them() -> None:
     random = np.random.default_rng(3)
     for k in range(80):
@@ -142,25 +119,3 @@ def _shape_of(kind: str, piece: Piece) -> Shape:
     if kind == "sphere":
         return Sphere(piece.offset_radius)
     return (Cylinder if kind == "cylinder" else Cone)(piece.radius, 2.0 * piece.half_height)
-
-
-@pytest.mark.parametrize("seed", range(20))
-def test_for_projections_they_are_packed_as_their_pieces_are(
-    seed: int, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    random = np.random.default_rng(200 + seed)
-    scene = random_scene(200 + seed, 1 + seed % 9)
-    if seed % 2:
-        others = [Capsule(0.1, 0.2), PointCloud(random.normal(size=(3, 3)), 0.1), CUP]
-        more = [obstacle(random, 20 + k, shape) for k, shape in enumerate(others)]
-        both = [*scene.obstacles, *more]
-        scene = Scene(both[k] for k in random.permutation(len(both)))
-    packed = pack_obstacles(scene.obstacles)
-    monkeypatch.setattr(
-        projection_arrays, "way_of_packing", lambda o: AS_BALLS if o.is_cloud else AS_PIECES
-    )
-    expected = pack_obstacles(scene.obstacles)
-    for name in type(packed)._fields:
-        found, wanted = getattr(packed, name), getattr(expected, name)
-        assert (found.dtype, found.shape) == (wanted.dtype, wanted.shape), name
-        np.testing.assert_array_equal(found, wanted, err_msg=name)

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from tests.dynamics.samples import planar_rr, random_chain
-from tests.tracking.samples import constant, linear_response, smooth
+from tests.dynamics.samples import random_chain
+from tests.tracking.samples import linear_response, smooth
 from tracking.controllers.computed_torque import ComputedTorque
 from tracking.simulation.simulation import SimulationOptions, simulate
 
@@ -33,19 +33,6 @@ def test_error_follows_the_placed_poles(seed: int) -> None:
         np.testing.assert_allclose(result.tracking_error[:, j], expected, atol=1e-8)
 
 
-def test_critically_damped_error_in_closed_form() -> None:
-    chain, w = planar_rr(), 8.0
-    result = simulate(
-        ComputedTorque(chain, np.array(w**2), np.array(2.0 * w)),
-        constant(chain, np.array([0.5, -0.4])),
-        FINE,
-        initial_position=[0.2, 0.1],
-    )
-    t = result.times[:, None]
-    expected = np.array([0.3, -0.5]) * (1.0 + w * t) * np.exp(-w * t)
-    np.testing.assert_allclose(result.tracking_error, expected, atol=1e-8)
-
-
 @pytest.mark.parametrize("tolerance", [1e-6, 1e-8, 1e-10])
 def test_an_exact_model_tracks_to_the_tolerance(tolerance: float) -> None:
     chain = random_chain(5, 6)
@@ -57,21 +44,3 @@ def test_an_exact_model_tracks_to_the_tolerance(tolerance: float) -> None:
     assert result.max_tracking_error.max() < 10.0 * tolerance
     assert result.settled
     assert result.settling_time == 0.0
-
-
-def test_lyapunov_function_decreases_as_its_derivative_says() -> None:
-    chain = random_chain(2, 3)
-    Kp, Kd = np.array([30.0, 60.0, 10.0]), np.array([3.0, 20.0, 5.0])
-    start = np.array([0.4, -0.3, 0.2])
-    options = SimulationOptions(sample_period=1e-3, saturate=False)
-    result = simulate(
-        ComputedTorque(chain, Kp, Kd),
-        smooth(chain, np.zeros(3), start),
-        options,
-        initial_position=start,
-    )
-    V = result.lyapunov
-    e, e_dot = result.tracking_error, result.reference_velocity - result.velocity
-    rate = -0.5 * np.sum(Kd * (e_dot**2 + Kp * e**2), axis=1)
-    assert (np.diff(V) < 0.0).all()
-    np.testing.assert_allclose(np.gradient(V, result.times)[1:-1], rate[1:-1], rtol=1e-3, atol=1e-6)

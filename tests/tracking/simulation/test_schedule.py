@@ -5,7 +5,7 @@ import pytest
 
 from kinematics.errors import InvalidOption
 from kinematics.trajectory.trajectory import Trajectory
-from tracking.simulation.disturbance import Disturbance, EncoderNoise
+from tracking.simulation.disturbance import EncoderNoise
 from tracking.simulation.options import SimulationOptions
 from tracking.simulation.references import ReferenceSignal
 from tracking.simulation.schedule import periods, schedule
@@ -17,37 +17,12 @@ def signal() -> ReferenceSignal:
     return ReferenceSignal(Trajectory(("slide",), breaks, np.zeros((3, 1, 2))))
 
 
-def test_pieces_of_the_reference_are_segments() -> None:
-    events = schedule(signal(), 1.2, SimulationOptions(), None, None)
-    assert events.times == pytest.approx([0.0, 0.3, 0.5, 1.0, 1.2])
-    assert events.pieces.tolist() == [0, 1, 2, 3]
-    assert not events.called.any()
-    assert not events.disturbed.any()
-    assert events.noise.shape == (1, 2, 1)
-
-
-def test_a_held_controller_is_called_once_a_period() -> None:
-    options = SimulationOptions(control_period=0.25)
-    events = schedule(signal(), 1.0, options, None, None)
-    assert events.times == pytest.approx([0.0, 0.25, 0.3, 0.5, 0.75, 1.0])
-    # At 0.5 s a break and a call are one event.
-    assert events.called.tolist() == [True, True, False, True, True]
-    assert events.noises.tolist() == [0, 1, 1, 2, 3]
-
-
 def test_noise_of_a_continuous_controller_changes_without_calls() -> None:
     events = schedule(signal(), 0.3, SimulationOptions(), None, EncoderNoise(1e-3, period=0.1))
     assert events.times == pytest.approx([0.0, 0.1, 0.2, 0.3])
     assert not events.called.any()
     assert events.noises.tolist() == [0, 1, 2]
     assert events.noise.shape == (3, 2, 1)
-
-
-def test_a_disturbance_acts_between_its_start_and_its_end() -> None:
-    disturbance = Disturbance(1.0, start=0.4, end=0.8)
-    events = schedule(signal(), 1.0, SimulationOptions(), disturbance, None)
-    assert events.times == pytest.approx([0.0, 0.3, 0.4, 0.5, 0.8, 1.0])
-    assert events.disturbed.tolist() == [False, False, True, True, False]
 
 
 def test_events_that_differ_by_rounding_are_one() -> None:

@@ -7,11 +7,10 @@ from typing import Any
 import numpy as np
 import pytest
 
-from kinematics.errors import InvalidOption, InvalidRobotState, MissingLimit
+from kinematics.errors import InvalidOption, InvalidRobotState
 from kinematics.robots import builtin_chain
 from kinematics.trajectory.trajectory import Trajectory
 from tests.tracking.samples import smooth
-from tracking.controllers.adaptive import Adaptive
 from tracking.controllers.computed_torque import ComputedTorque
 from tracking.simulation.disturbance import Disturbance, EncoderNoise
 from tracking.simulation.options import SimulationOptions
@@ -32,21 +31,6 @@ def made(
     return prepare(controller, motion, options, robot, (q, qd), None, None)
 
 
-def test_a_run_begins_at_the_reference_unless_it_is_told_otherwise() -> None:
-    np.testing.assert_allclose(made().start, [*START, 0.0, 0.0], atol=1e-15)
-    np.testing.assert_allclose(made(q=[1.0, 2.0]).start, [1.0, 2.0, 0.0, 0.0], atol=1e-15)
-    np.testing.assert_allclose(made(qd=[3.0, 4.0]).start, [*START, 3.0, 4.0], atol=1e-15)
-    moving = Trajectory(CHAIN.joint_names, np.array([0.0, 1.0]), np.array([[[0, 2.0], [1, -1.0]]]))
-    np.testing.assert_allclose(made(motion=moving).start, [0.0, 1.0, 2.0, -1.0])
-
-
-def test_an_estimate_is_carried_behind_the_state() -> None:
-    adaptive = Adaptive(CHAIN, np.array(1.0), np.array(1.0), np.array(1.0))
-    start = made(controller=adaptive).start
-    np.testing.assert_array_equal(start[4:], adaptive.estimate)
-    assert len(start) == 4 + adaptive.parameters.count
-
-
 @pytest.mark.parametrize(
     ("q", "qd", "words"),
     [([1.0], None, "initial_position"), (None, [1.0, 2.0, 3.0], "initial_velocity"),
@@ -56,30 +40,6 @@ def test_an_estimate_is_carried_behind_the_state() -> None:
 def test_a_state_that_is_none_is_refused(q: Any, qd: Any, words: str) -> None:
     with pytest.raises(InvalidRobotState, match=words):
         made(q=q, qd=qd)
-
-
-def test_samples_end_with_the_duration() -> None:
-    np.testing.assert_allclose(made(replace(FREE, sample_period=0.2)).times, [0.0, 0.2, 0.4, 0.5])
-    np.testing.assert_allclose(made(replace(FREE, sample_period=0.25)).times, [0.0, 0.25, 0.5])
-    longer = replace(FREE, sample_period=0.5, duration=1.25)
-    np.testing.assert_allclose(made(longer).times, [0.0, 0.5, 1.0, 1.25])
-    with pytest.raises(InvalidOption, match="sample_period"):
-        made(replace(FREE, sample_period=1e-9))
-
-
-def test_torques_are_limited_only_where_that_is_asked_for() -> None:
-    assert (made().limit == np.inf).all()
-    effort = replace(CHAIN, limits=replace(CHAIN.limits, effort=np.array([3.0, 4.0])))
-    np.testing.assert_array_equal(made(SimulationOptions(), robot=effort).limit, [3.0, 4.0])
-    unknown = replace(CHAIN, limits=replace(CHAIN.limits, effort=np.array([3.0, np.nan])))
-    with pytest.raises(MissingLimit, match=CHAIN.joint_names[1]):
-        made(SimulationOptions(), robot=unknown)
-    made(FREE, robot=unknown)
-
-
-def test_a_torque_is_held_where_there_is_a_control_period() -> None:
-    assert not made().zero_order_hold
-    assert made(replace(FREE, control_period=0.01)).zero_order_hold
 
 
 def test_model_trajectory_and_robot_have_the_same_joints() -> None:
@@ -148,14 +108,6 @@ def test_a_disturbance_is_one_number_or_one_a_joint() -> None:
 def test_disturbances_that_are_none_are_refused(fields: dict[str, Any]) -> None:
     with pytest.raises(InvalidOption):
         Disturbance(**fields)
-
-
-def test_a_disturbance_cuts_a_run_where_it_begins_and_ends() -> None:
-    acting = Disturbance(1.0, start=0.5, end=1.5)
-    assert acting.cuts(2.0) == [0.5, 1.5]
-    assert acting.cuts(1.5) == [0.5]
-    assert acting.cuts(0.5) == []
-    assert Disturbance(1.0).cuts(2.0) == []
 
 
 def test_noise_has_the_deviations_that_were_asked_for_and_comes_again() -> None:

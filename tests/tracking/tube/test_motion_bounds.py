@@ -1,26 +1,16 @@
 """Every instant of a motion is within its bounds, and the bounds are tight."""
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 from scipy.interpolate import BPoly, CubicHermiteSpline
 
-from dynamics.model.body import scale_masses
-from tests.dynamics.samples import planar_rr
 from tests.tracking.samples import constant, slider
-from tracking.controllers.computed_torque import ComputedTorque
 from tracking.controllers.independent_joint import IndependentJoint
-from tracking.simulation.references import sine
 from tracking.simulation.simulation import SimulationOptions, simulate
 from tracking.tube.motion_bounds import (
-    SHARES,
     Quantity,
-    bound_step,
-    empty_bounds,
     hermite_polynomials,
-    raise_peaks,
 )
 
 
@@ -113,57 +103,6 @@ def test_bounds_hold_over_implicit_steps() -> None:
         assert (high[:, quantity] - low[:, quantity]).max() < 0.01
 
 
-def test_a_polynomial_is_bounded_in_the_cells_it_passes_and_in_no_other() -> None:
-    bounds = empty_bounds(1.0, 1)
-    rng = np.random.default_rng(3)
-    motion, reference = rng.normal(size=(2, 8)), rng.normal(size=(1, 5))
-    t, h, start = 0.2, 0.31, 0.1
-    bound_step(bounds, reference, start, motion, t, h)
-    first, last = bounds.visited_cells()[[0, -1]]
-    assert (first, last) == (int(t / bounds.cell), int((t + h) / bounds.cell))
-    times = np.linspace(t, t + h, 5000)
-    u = (times - t) / h
-    position, velocity = (np.polynomial.polynomial.polyval(u, row) for row in motion)
-    error = np.polynomial.polynomial.polyval(times - start, reference[0]) - position
-    cells = np.clip((times / bounds.cell).astype(int), first, last)
-    for quantity, value in (
-        (Quantity.ERROR, error),
-        (Quantity.POSITION, position),
-        (Quantity.VELOCITY, velocity),
-    ):
-        low, high = bounds.lower[cells, quantity, 0], bounds.upper[cells, quantity, 0]
-        assert (low <= value + 1e-12).all()
-        assert (value <= high + 1e-12).all()
-        # Bounds are as wide as the polynomial changes in a cell, and little more.
-        change = np.abs(np.diff(value)).max() * 5000 * bounds.cell / h
-        assert (high - low).max() < 1.2 * change
-
-
-def test_long_and_short_motions_have_a_bounded_number_of_cells() -> None:
-    assert len(empty_bounds(0.01, 2).lower) == 1000
-    assert len(empty_bounds(5.0, 2).lower) == 5000
-    assert len(empty_bounds(1e5, 2).lower) == 20_000
-    assert (empty_bounds(1.0, 2).max_error == 0.0).all()
-
-
-def test_peaks_without_cells_are_those_with_cells() -> None:
-    chain = planar_rr()
-    wrong = scale_masses(chain, 1.2)
-    controller = ComputedTorque(wrong, np.array(100.0), np.array(12.0))
-    path = sine(chain, [0.1, 0.2], 0.4, [0.5, 1.3], 0.2, 2.0)
-    for period in (None, 2e-3):
-        options = SimulationOptions(saturate=False, control_period=period, sample_period=0.5)
-        whole = simulate(controller, path, options, robot=chain)
-        cells = simulate(controller, path, replace(options, tube=True), robot=chain)
-        assert not whole.bounds.has_cells
-        np.testing.assert_allclose(whole.max_tracking_error, cells.max_tracking_error, rtol=1e-4)
-        for quantity in Quantity:
-            low = cells.bounds.lower[cells.bounds.visited_cells(), quantity].min(axis=0)
-            high = cells.bounds.upper[cells.bounds.visited_cells(), quantity].max(axis=0)
-            one = whole.bounds.lower[0, quantity], whole.bounds.upper[0, quantity]
-            np.testing.assert_allclose(one, (low, high), rtol=2e-3, atol=1e-5)
-
-
 def test_hermite_polynomials_are_those_of_scipy() -> None:
     rng = np.random.default_rng(2)
     x, end, before, after = rng.normal(size=(4, 4))
@@ -178,20 +117,3 @@ def test_hermite_polynomials_are_those_of_scipy() -> None:
         cubic = CubicHermiteSpline([0.0, h], [x[2 + i], end[2 + i]], [before[2 + i], after[2 + i]])
         np.testing.assert_allclose(np.polynomial.polynomial.polyval(u, out[i]), quintic(u * h))
         np.testing.assert_allclose(np.polynomial.polynomial.polyval(u, out[2 + i]), cubic(u * h))
-
-
-def test_torques_are_bounded_between_the_points_of_a_step() -> None:
-    # Degree five through seven points: the bound holds, and is not twice what is reached.
-    rng = np.random.default_rng(4)
-    u = np.linspace(0.0, 1.0, 400)
-    for _ in range(50):
-        c = rng.normal(size=(6, 1))
-        peaks = np.zeros(1)
-        torques = np.array(np.polynomial.polynomial.polyval(SHARES, c).T, dtype=np.float64)
-        raise_peaks(torques, np.array([np.inf]), peaks)
-        true = np.abs(np.polynomial.polynomial.polyval(u, c[:, 0])).max()
-        assert true <= peaks[0] <= 2.5 * true
-    raise_peaks(torques, np.array([0.1]), peaks)
-    cut = np.zeros(1)
-    raise_peaks(torques, np.array([0.1]), cut)
-    assert cut[0] == 0.1

@@ -7,13 +7,12 @@ import pytest
 
 from kinematics.arrays import Array
 from kinematics.forward import forward, joint_frames
-from kinematics.ik.closed_form.analytic import branches, closed_form
+from kinematics.ik.closed_form.analytic import branches
 from kinematics.model.chain import Chain
-from kinematics.pose import inverse
 from kinematics.robots import builtin_chain
 from tests.kinematics.ik import symmetries
-from tests.kinematics.ik.arms import GENERAL, general_arm, reversed_arm
-from tests.kinematics.ik.symmetries import distance, labels, regular_cases, wrapped
+from tests.kinematics.ik.arms import GENERAL, general_arm
+from tests.kinematics.ik.symmetries import labels, regular_cases, wrapped
 
 KINDS = [kind for kind in GENERAL if kind.startswith("three parallel")]
 
@@ -22,28 +21,6 @@ def arms(seed: int) -> list[Chain]:
     """The UR5e and general arms with three parallel axes."""
     rng = np.random.default_rng(seed)
     return [builtin_chain("ur5e"), *(general_arm(rng, kind) for kind in KINDS)]
-
-
-@pytest.mark.parametrize("which", range(3))
-def test_branches_come_in_pairs_of_opposite_determinants(which: int) -> None:
-    chain = arms(1)[which]
-    assert closed_form(chain).kind == "three_parallel"
-    for q, _, table in regular_cases(chain, 1, 8):
-        assert np.sign(symmetries.determinants(chain, table.joints)).sum() == 0
-        assert np.abs(wrapped(table.joints - q)).max(axis=1).min() < 1e-8
-
-
-@pytest.mark.parametrize("which", range(2))
-def test_the_names_signs_multiply_to_that_of_the_determinant(which: int) -> None:
-    chain = arms(2)[which]
-    ratios = set()
-    for _, _, table in regular_cases(chain, 2, 8):
-        signs = np.sign(symmetries.determinants(chain, table.joints))
-        ratios |= {
-            int(sign) * symmetries.product_of_signs(name)
-            for sign, name in zip(signs, labels(table), strict=True)
-        }
-    assert len(ratios) == 1
 
 
 @pytest.mark.parametrize("which", range(3))
@@ -60,32 +37,6 @@ def test_the_sign_of_the_shoulder_is_the_side_that_joint_1_turned_to(which: int)
             # Where axes 5 and 6 miss each other the sign is counted the other way.
             behind = symmetries.first_lever(chain, row, 5) < 0.0
             assert ("shoulder+" in name) == (behind if which < 2 else not behind)
-
-
-@pytest.mark.parametrize("which", range(3))
-def test_turning_the_first_or_last_joint_turns_its_angle_in_every_branch(which: int) -> None:
-    chain = arms(3)[which]
-    for k, (_, T, table) in enumerate(regular_cases(chain, 3, 4)):
-        angle = -1.5 + k
-        for joint, pose in (
-            (0, symmetries.turned_before(chain, T, angle)),
-            (5, symmetries.turned_behind(chain, T, angle)),
-        ):
-            other = branches(chain, pose)
-            moved = table.joints.copy()
-            moved[:, joint] += angle
-            assert distance(other.joints, moved) < 1e-8
-            assert sorted(labels(other)) == sorted(labels(table))
-
-
-@pytest.mark.parametrize("which", range(3))
-def test_the_arm_from_tip_to_base_has_the_same_branches_backwards(which: int) -> None:
-    chain = arms(14)[which]
-    back = reversed_arm(chain)
-    assert closed_form(back).reverse
-    for _, T, table in regular_cases(chain, 4, 4):
-        other = branches(back, inverse(T))
-        assert distance(other.joints, -table.joints[:, ::-1]) < 1e-8
 
 
 @pytest.mark.parametrize("which", range(3))

@@ -1,4 +1,4 @@
-"""Arms with a spherical wrist: what symmetry, the Jacobian and decoupling demand of branches."""
+"""Branches as symmetry and the Jacobian demand them of any six joints, and a spherical wrist."""
 
 from dataclasses import replace
 
@@ -7,27 +7,37 @@ import pytest
 
 from kinematics.forward import forward, joint_frames
 from kinematics.ik.closed_form.analytic import branches, closed_form
+from kinematics.model.chain import Chain
 from kinematics.pose import inverse
+from kinematics.robots import builtin_chain
 from tests.kinematics.ik import symmetries
 from tests.kinematics.ik.arms import GENERAL, general_arm, reversed_arm
 from tests.kinematics.ik.symmetries import distance, labels, regular_cases, wrapped
 
 KINDS = [kind for kind in GENERAL if kind.startswith("spherical")]
+ALL = [*GENERAL, "ur5e"]
 
 
-@pytest.mark.parametrize("kind", KINDS)
+def arm(kind: str, seed: int) -> Chain:
+    """A random arm of a kind, or a built-in one."""
+    if kind in GENERAL:
+        return general_arm(np.random.default_rng(seed), kind)
+    return builtin_chain(kind)
+
+
+@pytest.mark.parametrize("kind", ALL)
 def test_branches_come_in_pairs_of_opposite_determinants(kind: str) -> None:
     # Far poses have none, and branches come and go in such pairs.
-    chain = general_arm(np.random.default_rng(1), kind)
+    chain = arm(kind, 1)
     for q, _, table in regular_cases(chain, 1, 8):
         signs = np.sign(symmetries.determinants(chain, table.joints))
         assert signs.sum() == 0
         assert np.abs(wrapped(table.joints - q)).max(axis=1).min() < 1e-8
 
 
-@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("kind", [kind for kind in ALL if kind != "three parallel"])
 def test_the_names_signs_multiply_to_that_of_the_determinant(kind: str) -> None:
-    chain = general_arm(np.random.default_rng(2), kind)
+    chain = arm(kind, 2)
     ratios = set()
     for _, _, table in regular_cases(chain, 2, 8):
         signs = np.sign(symmetries.determinants(chain, table.joints))
@@ -50,9 +60,9 @@ def test_the_sign_of_the_shoulder_is_the_side_of_the_wrist_that_joint_1_turned_t
             assert ("shoulder+" in name) == (lever < 0.0)
 
 
-@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("kind", ALL)
 def test_turning_the_first_or_last_joint_turns_its_angle_in_every_branch(kind: str) -> None:
-    chain = general_arm(np.random.default_rng(3), kind)
+    chain = arm(kind, 3)
     for k, (_, T, table) in enumerate(regular_cases(chain, 3, 4)):
         angle = -2.0 + k
         for joint, pose in (
@@ -66,9 +76,9 @@ def test_turning_the_first_or_last_joint_turns_its_angle_in_every_branch(kind: s
             assert sorted(labels(other)) == sorted(labels(table))
 
 
-@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("kind", ALL)
 def test_the_arm_from_tip_to_base_has_the_same_branches_backwards(kind: str) -> None:
-    chain = general_arm(np.random.default_rng(14), kind)
+    chain = arm(kind, 14)
     back = reversed_arm(chain)
     assert closed_form(back).reverse
     for _, T, table in regular_cases(chain, 4, 4):

@@ -6,20 +6,15 @@ import pytest
 from benchmarks.judges.fcl import FclJudge
 from benchmarks.verdict import clutter
 from compiled.kernel import kernel
-from compiled.simd import LANES
 from kinematics.arrays import Array
-from kinematics.forward import joint_frames
 from kinematics.robots import builtin_names
 from kinematics.tree.serial_chain import serial_chain
 from kinematics.urdf.urdf import parse_urdf
 from obstacles.collision.checker import Checker
 from obstacles.collision.edge_check import COLLIDING, FREE, MAX_INTERVALS, UNDECIDED
-from obstacles.collision.lanes.check import write_states
-from obstacles.collision.lanes.motion import open_stretches, place_stretches, shifts_of
 from obstacles.collision.line_check import certify_line, prove_line
-from obstacles.collision.model.kernel_work import Workspace, workspace
+from obstacles.collision.model.kernel_work import workspace
 from obstacles.collision.model.model_arrays import ModelArrays
-from obstacles.distance.piece_set import CENTER, RADIUS
 from obstacles.robots.robot_geometry import RobotGeometry, robot_geometry
 from obstacles.scenes.scene import Obstacle, Scene
 from obstacles.shapes.shape import HalfSpace, PointCloud, Sphere
@@ -32,23 +27,6 @@ _SAMPLES = 41
 
 
 @kernel
-def at_stretches(model: ModelArrays, a: Array, b: Array, shares: Array, half: float) -> Workspace:
-    """A workspace after ``place_stretches`` about shares (8,) of a motion, half as far each way."""
-    work = workspace(model)
-    write_states(work, a, b, shares, 0, LANES)
-    for j in range(a.shape[0]):
-        work.joints[1, j] = abs(b[j] - a[j]) * half
-    place_stretches(model, work)
-    return work
-
-
-@kernel
-def stray(work: Workspace, joint: int, still: int, number: int) -> float:
-    """How far a body gets on a stretch, seen from another one."""
-    return float(work.lanes[shifts_of(work, joint) + LANES * (still + 1) + number])
-
-
-@kernel
 def proof_of(model: ModelArrays, a: Array, b: Array, margin: float, outcome: Array) -> int:
     """``prove_line``."""
     return prove_line(model, workspace(model), a, b, margin, MAX_INTERVALS, outcome)
@@ -58,12 +36,6 @@ def proof_of(model: ModelArrays, a: Array, b: Array, margin: float, outcome: Arr
 def certificate_of(model: ModelArrays, a: Array, b: Array, margin: float, outcome: Array) -> int:
     """``certify_line``."""
     return certify_line(model, workspace(model), a, b, margin, MAX_INTERVALS, outcome)
-
-
-@kernel
-def intervals_of(model: ModelArrays, a: Array, b: Array) -> int:
-    """``open_stretches``."""
-    return open_stretches(model, workspace(model), a, b, 0.0)
 
 
 def mimic() -> RobotGeometry:
@@ -92,41 +64,6 @@ def lines(
     ends = random.uniform(lower, upper, (count, 2, robot.chain.n))
     lengths = np.geomspace(0.01, 1.0, count)
     return [(a, a + length * (b - a)) for (a, b), length in zip(ends, lengths, strict=True)]
-
-
-@pytest.mark.parametrize("name", ["stanford", "panda", "mimic joint"])
-def test_no_point_of_a_body_gets_farther_than_its_stray(name: str) -> None:
-    """Seen from the base and from every body that it hangs on."""
-    robot = robot_of(name)
-    chain, model = robot.chain, Checker.of(robot, Scene()).model.arrays
-    random, bodies = np.random.default_rng(71), chain.n + len(chain.mimic_joints)
-    before = [*range(-1, chain.n - 1), *(mimic.parent for mimic in chain.mimic_joints)]
-    tightest, half = 0.0, 0.04
-    for a, b in lines(robot, random, 25):
-        shares = np.sort(random.uniform(half, 1.0 - half, LANES))
-        work = at_stretches(model, a, b, shares, half)
-        for number, share in enumerate(shares.tolist()):
-            there = share + half * float(random.uniform(-1.0, 1.0))
-            frames = [joint_frames(chain, a + s * (b - a)) for s in (share, there)]
-            assert len(frames[0]) == bodies
-            for row in model.bodies[:, 0].tolist():
-                joint = still = int(model.joints[row])
-                ball = random.normal(size=(40, 3))
-                ball *= model.robot[row, RADIUS] / np.linalg.norm(ball, axis=1, keepdims=True)
-                ball += model.robot[row, CENTER : CENTER + 3]
-                while still >= 0:
-                    still = before[still]
-                    seen = [
-                        (np.eye(4) if still < 0 else np.linalg.inv(F[still])) @ F[joint]
-                        for F in frames
-                    ]
-                    gone = (seen[1] - seen[0])[:3] @ np.c_[ball, np.ones(40)].T
-                    bound, most = stray(work, joint, still, number), np.linalg.norm(gone, axis=0)
-                    assert most.max() <= bound + 1e-12
-                    if bound > 1e-6:
-                        tightest = max(tightest, float(most.max()) / bound)
-    # A bound that is never nearly reached would prove nothing in time.
-    assert tightest > 0.7
 
 
 @pytest.mark.parametrize("name", [*builtin_names(), "mimic joint", "cut"])
@@ -195,51 +132,6 @@ def test_a_motion_past_a_ball_is_free_to_a_hair(length: float) -> None:
         assert proof_of(model, start, end, 0.03 + 1e-5, found) == COLLIDING
         told += 1
     assert told > 8
-
-
-def test_two_links_that_come_towards_each_other_are_free_to_a_hair() -> None:
-    """Neither hangs on the other: how far both get counts, seen from what both hang on."""
-    solid = '<collision><geometry><sphere radius="0.1"/></geometry></collision>'
-    slide = """<joint name="{0}" type="prismatic"><parent link="base"/><child link="{1}"/>
-        <axis xyz="1 0 0"/><limit lower="-2" upper="2" velocity="1" effort="1"/>{2}</joint>"""
-    mimic = '<mimic joint="slide" multiplier="-1" offset="1"/>'
-    description = parse_urdf(
-        f'<robot name="gripper"><link name="base"/><link name="left">{solid}</link>'
-        f'<link name="right">{solid}</link>{slide.format("slide", "left", "")}'
-        f"{slide.format('other', 'right', mimic)}</robot>"
-    )
-    robot = robot_geometry(serial_chain(description, tip_link="left"), description)
-    model, found = Checker.of(robot, Scene()).model.arrays, np.empty(4)
-    for begin in (-1.0, 0.0, 0.3):
-        a, b = np.array([begin]), np.array([0.35])  # there the balls are 0.1 m apart
-        assert proof_of(model, a, b, 0.1 - 1e-5, found) == FREE
-        assert proof_of(model, a, b, 0.1 + 1e-5, found) == COLLIDING
-
-
-@pytest.mark.parametrize("value", [np.nan, np.inf])
-def test_what_is_no_number_is_not_proved(value: float) -> None:
-    robot, found = builtin("panda"), np.empty(4)
-    model = Checker.of(robot, Scene()).model.arrays
-    home = np.array([0.0, -0.785, 0.0, -2.356, 0.0, 1.571, 0.785])
-    assert proof_of(model, home, home, 0.0, found) == FREE
-    for joint in range(7):
-        wrong = home.copy()
-        wrong[joint] = value
-        for ends in ((home, wrong), (wrong, home), (wrong, wrong)):
-            assert proof_of(model, *ends, 0.0, found) != FREE
-
-
-def test_only_what_may_meet_is_left() -> None:
-    """Motions far from everything leave nothing, and those near something a few stretches."""
-    robot, random = builtin("panda"), np.random.default_rng(75)
-    empty = Checker.of(robot, Scene()).model.arrays
-    model = Checker.of(robot, around(robot, random)).model.arrays
-    counts = [[intervals_of(m, a, b) for m in (empty, model)] for a, b in lines(robot, random, 60)]
-    alone, among = np.array(counts).T
-    assert (alone >= 0).all()
-    assert (alone <= 1).all()
-    assert (among >= alone).all()
-    assert np.median(among) < 8
 
 
 def test_a_workspace_with_little_room_gives_the_same_verdict() -> None:

@@ -34,13 +34,3 @@ def test_no_state_of_any_number_differs_from_fcl(name: str) -> None:
         assert checker.each_valid(states).tolist() == truth
         outcomes |= set(truth)
     assert outcomes == {True, False}
-
-
-def test_states_that_are_not_contiguous_are_taken() -> None:
-    robot, random = robot_named("panda"), np.random.default_rng(72)
-    checker = Checker.of(robot, clutter(random, 0.9), 0.03)
-    lower, upper = robot.chain.sampling_bounds()
-    states = random.uniform(lower, upper, (40, robot.chain.n))
-    expected = [checker.valid(q) for q in states]
-    assert checker.each_valid(states[::-2]).tolist() == expected[::-2]
-    assert checker.each_valid(np.asfortranarray(states)).tolist() == expected

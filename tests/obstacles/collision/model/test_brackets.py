@@ -1,7 +1,5 @@
 """Brackets never contradict the exact verdict, which they make cheaper, and are soon made."""
 
-import time
-
 import numpy as np
 import pytest
 
@@ -12,9 +10,7 @@ from kinematics.arrays import Array
 from kinematics.robots import builtin_names
 from obstacles.collision.checker import Checker
 from obstacles.collision.edge_check import COLLIDING, FREE
-from obstacles.collision.model.brackets import Brackets, brackets
 from obstacles.convex.piece import Piece, PieceKind
-from obstacles.convex.sphere_set import _spheres
 from obstacles.robots.robot_geometry import RobotGeometry
 from obstacles.scenes.scene import Obstacle, Scene
 from obstacles.shapes.shape import Box, HalfSpace, Sphere
@@ -115,20 +111,6 @@ def test_most_states_need_no_exact_test() -> None:
     ours, edges, asked = verdicts(checker, states)
     assert (ours == edges).all()
     assert asked < 20 * len(states)
-
-
-def test_they_are_made_within_a_second_and_kept() -> None:
-    brackets(builtin("scara"))
-    for name in ("panda", "ur5e", "iiwa14"):
-        robot, spent = builtin(name), []
-        for _ in range(2):
-            brackets.cache_clear()
-            _spheres.cache_clear()
-            began = time.process_time()
-            made = Brackets.of(robot)
-            spent.append(time.process_time() - began)
-        assert min(spent) < 1.0
-        assert Brackets.of(builtin(name)) is made
 
 
 def test_a_link_without_volume() -> None:

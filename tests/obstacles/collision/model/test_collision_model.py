@@ -8,25 +8,13 @@ import pytest
 from kinematics.arrays import Array
 from kinematics.forward import joint_frames
 from obstacles.collision.checker import Checker
-from obstacles.collision.model.collision_model import CollisionModel, all_pieces, skipped_pairs
+from obstacles.collision.model.collision_model import CollisionModel
 from obstacles.convex.piece import Piece, PieceKind
-from obstacles.distance.bvh import FIRST, LAST
-from obstacles.distance.piece_set import (
-    CENTER,
-    GROUP,
-    GROUP_STOP,
-    MARGIN,
-    OWNER,
-    POSE,
-    RADIUS,
-    PieceSet,
-)
 from obstacles.distance.signed_distance import halfspace_distance, signed_distance
-from obstacles.distance.triangles.distance import touching
 from obstacles.robots.robot_geometry import RobotGeometry
 from obstacles.scenes.scene import Obstacle, Scene
-from obstacles.shapes.shape import Box, HalfSpace, PointCloud, Sphere
-from tests.obstacles.arms import builtin, cup, gantry, mesh_shape, obstacle
+from obstacles.shapes.shape import HalfSpace, PointCloud, Sphere
+from tests.obstacles.arms import builtin, gantry, obstacle
 from tests.obstacles.outline import convex_shapes
 from tests.obstacles.solids import random_transform
 
@@ -92,22 +80,6 @@ def test_near_pairs_are_all_that_are_near_with_their_margins_off(name: str, seed
 
 
 @pytest.mark.parametrize("name", ["planar_rr", "scara", "ur5e", "panda"])
-def test_every_pair_has_the_names_of_its_bodies(name: str) -> None:
-    robot, scene = builtin(name), mixed(3)
-    model, owners = CollisionModel(robot, scene), scene.pieces()[1]
-    p, m = len(robot.pieces), len(owners)
-    random = np.random.default_rng(3)
-    for i, k in zip(random.integers(p, size=60), random.integers(m, size=60), strict=True):
-        assert model.pair_name(int(i * m + k)) == (robot.links[i], scene.ids[owners[k]])
-    own = model.arrays.self_pairs
-    for s in random.integers(len(own), size=60 if len(own) else 0):
-        i, j = own[s]
-        assert model.pair_name(int(p * m + s)) == (robot.links[j], robot.links[i])
-        # The one that moves first is carried farther out.
-        assert robot.joints[j] > robot.joints[i]
-
-
-@pytest.mark.parametrize("name", ["planar_rr", "scara", "ur5e", "panda"])
 def test_own_pairs_are_those_of_the_robot_but_for_what_the_scene_allows(name: str) -> None:
     robot = builtin(name)
     all_own = {frozenset(map(int, pair)) for pair in robot.self_pairs}
@@ -126,32 +98,6 @@ def test_own_pairs_are_those_of_the_robot_but_for_what_the_scene_allows(name: st
         for first, last, *_ in fewer.groups:
             joints = robot.joints[fewer.self_pairs[first:last]]
             assert (joints == joints[0]).all()
-
-
-def test_the_grid_of_a_pair_stays_with_it_when_others_are_allowed() -> None:
-    robot = builtin("panda")
-    whole = CollisionModel(robot, Scene()).arrays
-    pairs = {tuple(pair): s for s, pair in enumerate(whole.self_pairs.tolist())}
-    allowed = {("panda_link5", "panda_link7"), ("panda_link1", "panda_link4")}
-    fewer = CollisionModel(robot, Scene((), allowed)).arrays
-    assert 0 < len(fewer.self_pairs) < len(whole.self_pairs)
-    for s, pair in enumerate(fewer.self_pairs.tolist()):
-        before = pairs[tuple(pair)]
-        np.testing.assert_array_equal(fewer.grid_axes[s], whole.grid_axes[before])
-        assert fewer.grid_starts[s] == whole.grid_starts[before]
-
-
-def test_skipped_pairs_are_those_of_the_base_and_those_allowed() -> None:
-    robot, scene = builtin("ur5e"), mixed(4)
-    # Names are sorted within a pair: one link comes before the obstacles, one behind them.
-    allowed = {("o1", "forearm_link"), ("forearm_link", "o5"), ("o2", "wrist_1_link"),
-               ("o2", "o3"), ("nobody", "o4")}  # fmt: skip
-    skipped = skipped_pairs(robot, Scene(scene.obstacles, allowed))
-    for i, link in enumerate(robot.links):
-        for k, name in enumerate(scene.ids):
-            may = {"forearm_link": ("o1", "o5"), "wrist_1_link": ("o2",)}.get(link, ())
-            assert skipped[i, k] == (robot.joints[i] < 0 or name in may)
-    assert skipped_pairs(robot, Scene()).shape == (len(robot.pieces), 0)
 
 
 def test_a_link_and_an_obstacle_of_one_name_are_two() -> None:
@@ -181,62 +127,6 @@ def test_a_margin_is_not_kept_between_links() -> None:
     clearances = [Checker.of(robot, Scene(), margin).clearance(q)[0] for margin in (0.0, 0.2)]
     assert clearances[0] == clearances[1] > 0.0
     assert Checker(Checker.of(robot, Scene()).model, 0.2).clearance(q)[0] < clearances[0]
-
-
-def test_the_order_of_obstacles_changes_no_verdict() -> None:
-    robot, scene = builtin("ur5e"), mixed(7)
-    random = np.random.default_rng(7)
-    shuffled = Scene(scene.obstacles[k] for k in random.permutation(len(scene.obstacles)))
-    one, other = Checker.of(robot, scene), Checker.of(robot, shuffled)
-    lower, upper = robot.chain.sampling_bounds()
-    for q in random.uniform(lower, upper, (60, 6)):
-        assert one.valid(q) == other.valid(q)
-        (a, pair), (b, same) = one.clearance(q), other.clearance(q)
-        assert (a > 0.0) == (b > 0.0)
-        if a > 0.0:
-            assert a == pytest.approx(b, abs=1e-9)
-            assert pair == same
-
-
-def test_balls_of_bodies_hold_their_pieces() -> None:
-    robot = builtin("panda")
-    arrays = CollisionModel(robot, mixed(8)).arrays
-    p = len(robot.pieces)
-    for row, joint in zip(arrays.robot[p:], arrays.joints[p:], strict=True):
-        for own in arrays.robot[:p][robot.joints == joint]:
-            away = np.linalg.norm(own[CENTER : CENTER + 3] - row[CENTER : CENTER + 3])
-            assert away + own[RADIUS] <= row[RADIUS] + 1e-12
-    moving = sorted({int(j) for j in robot.joints if j >= 0}, reverse=True)
-    assert arrays.joints[arrays.bodies[:, 0]].tolist() == moving
-    for row, first, last in arrays.bodies:
-        assert set(robot.joints[arrays.carried[first:last]]) <= {int(arrays.joints[row])}
-    assert sorted(arrays.carried.tolist()) == np.flatnonzero(robot.joints >= 0).tolist()
-
-
-def test_all_pieces_are_those_of_the_robot_and_behind_them_the_scene() -> None:
-    """Meshes and clouds mixed: each piece touches what it touches when packed by itself."""
-    robot = builtin("planar_rr")
-    random = np.random.default_rng(9)
-    T, points = random_transform(random, 0.3), random.normal(size=(6, 3)) * 0.3
-    scene = Scene((
-        obstacle("cloud", PointCloud(points, 0.1), np.zeros(3)),
-        Obstacle("cup", mesh_shape(cup()), T),
-        obstacle("box", Box(np.full(3, 0.2)), [0.1, 0.1, 0.1]),
-        Obstacle("twin", mesh_shape(cup()), np.linalg.inv(T)),
-    ))  # fmt: skip
-    packed = all_pieces(robot, scene)
-    count = len(scene.pieces()[1])
-    alone = PieceSet.of([*robot.pieces, *(scene.piece(k) for k in range(count))])
-    assert len(packed.rows) == len(alone.rows) == len(robot.pieces) + count
-    np.testing.assert_allclose(packed.rows[:, POSE : POSE + 12], alone.rows[:, POSE : POSE + 12])
-    groups = slice(GROUP, GROUP_STOP + 1)
-    np.testing.assert_array_equal(packed.rows[:, groups], alone.rows[:, groups])
-    verdicts = [
-        (touching(packed, i, j), touching(alone, i, j))
-        for i, j in itertools.combinations(range(len(alone.rows)), 2)
-    ]
-    assert all(one == other for one, other in verdicts)
-    assert 0 < sum(one for one, _ in verdicts) < len(verdicts)
 
 
 def test_a_bare_chain_hits_nothing() -> None:
@@ -271,46 +161,3 @@ def test_a_link_may_be_in_a_halfspace_that_it_is_allowed_to_touch() -> None:
     assert clearance == pytest.approx(0.8)
     assert pair == ("tool", "ball")
     assert Checker.of(robot, both).free(-below, below)
-
-
-@pytest.mark.parametrize("seed", range(6))
-def test_leaves_hold_the_corners_of_their_solids_with_margins(seed: int) -> None:
-    """Boxes along the axes about turned boxes, by their corners; half-spaces are in no leaf."""
-    scene = mixed(seed)
-    model = CollisionModel(builtin("planar_rr"), scene, 0.02).arrays
-    owners = model.scene[:, OWNER].astype(int)
-    np.testing.assert_array_equal(owners, scene.pieces()[1])
-    np.testing.assert_array_equal(model.scene[:, MARGIN], scene.pieces()[2])
-    walls = [k for k, i in enumerate(owners) if isinstance(scene.obstacles[i].shape, HalfSpace)]
-    assert model.halfspaces.tolist() == walls
-    assert sorted([*model.items.tolist(), *walls]) == list(range(len(owners)))
-    signs = np.array(list(itertools.product((-1.0, 1.0), repeat=3)))
-    for node in model.nodes[model.nodes[:, FIRST] >= 0.0]:
-        corners = []
-        for k in model.items[int(node[FIRST]) : int(node[LAST])]:
-            piece, margin = scene.piece(int(k)), float(model.scene[k, MARGIN])
-            T, box = piece.T_owner_piece, piece.local_box()
-            if len(piece.vertices) == 1:  # a ball needs no turn
-                T, box = np.eye(4), np.hstack([T[:3, :3] @ box[:3] + T[:3, 3], box[3:]])
-            turned = (box[:3] + signs * box[3:]) @ T[:3, :3].T + T[:3, 3]
-            corners += [turned - margin, turned + margin]
-        placed = np.vstack(corners)
-        np.testing.assert_allclose(node[:3], placed.min(axis=0), atol=1e-14)
-        np.testing.assert_allclose(node[3:6], placed.max(axis=0), atol=1e-14)
-
-
-def test_half_spaces_come_between_the_tree_and_own_pairs() -> None:
-    robot, scene = builtin("panda"), mixed(5)
-    packed = CollisionModel(robot, scene).arrays
-    walls = set(packed.halfspaces.tolist())
-    met = [i for i in np.argsort(-robot.joints, kind="stable") if robot.joints[i] >= 0]
-    expected = [(i, -1) for i in met] + [(i, k) for i in met for k in packed.halfspaces]
-    expected += [(-1 - g, 0) for g in range(len(packed.groups))]
-    assert [tuple(root) for root in packed.roots.tolist()] == expected
-    alone = CollisionModel(robot, Scene(o for o in scene.obstacles if is_halfspace(o))).arrays
-    assert {k for i, k in alone.roots.tolist() if i >= 0} == set(range(len(walls)))
-    assert not (alone.roots[:, 1] == -1).any()
-
-
-def is_halfspace(obstacle: Obstacle) -> bool:
-    return isinstance(obstacle.shape, HalfSpace)

@@ -40,31 +40,6 @@ def test_what_the_grid_proves_is_true(name: str) -> None:
     assert useful >= 0.6 * compared
 
 
-def test_outside_its_limits_a_grid_knows_nothing() -> None:
-    robot = builtin("panda")
-    arrays = Checker.of(robot, Scene()).model.arrays
-    (with_grid,) = np.nonzero(arrays.grid_axes[:, 0, 2])
-    assert len(with_grid)
-    s = int(with_grid[0])
-    still = int(arrays.joints[arrays.self_pairs[s, 0]])
-    for q in (robot.chain.limits.upper, robot.chain.limits.lower):
-        at = arrays.grid_axes, arrays.grid_starts, arrays.grid_values, s, still
-        assert np.isfinite(grid_bound(*at, q[None]))
-        assert grid_bound(*at, q[None] * 1.01) == -np.inf
-        assert grid_bound(*at, np.full((1, 7), np.nan)) == -np.inf
-
-
-def test_links_that_are_never_far_apart_get_theirs_first() -> None:
-    robot = builtin("panda")
-    arrays = Checker.of(robot, Scene()).model.arrays
-    wrist = 0
-    for s, (i, j) in enumerate(arrays.self_pairs):
-        if {robot.links[i], robot.links[j]} == {"panda_link5", "panda_link7"}:
-            wrist += arrays.grid_axes[s, 0, 2] > 0.0
-    assert wrist >= 12
-    assert (arrays.grid_axes[:, 0, 2] > 0.0).sum() <= 64
-
-
 @pytest.mark.parametrize("name", builtin_names())
 def test_pairs_that_get_a_grid_are_those_that_balls_do_not_part(name: str) -> None:
     """Against a look at each pair by itself, from frames of the whole chain."""

@@ -13,17 +13,13 @@ from obstacles.collision.fcl_distance import FclWorld
 from obstacles.collision.model.collision_model import CollisionModel
 from obstacles.collision.model.model_arrays import ModelArrays
 from obstacles.collision.model.pair_groups import (
-    BALL,
     FIRST_PAIR,
     GROUP_SIZE,
     LAST_PAIR,
-    OTHER_BALL,
     PARTED,
-    chosen_groups,
     whole_groups,
 )
 from obstacles.convex.piece import Piece
-from obstacles.distance.piece_set import CENTER, RADIUS
 from obstacles.scenes.scene import Scene
 from tests.obstacles.arms import cut_arm
 
@@ -89,33 +85,6 @@ def test_leaves_hold_every_pair_once_and_parents_what_is_in_them() -> None:
         assert end == pairs_of(groups, group)[1]
 
 
-def test_balls_of_a_group_hold_those_of_its_pieces() -> None:
-    model = arrays()
-    rows = model.robot
-    for group, (_, _, *balls) in enumerate(model.groups):
-        first, last = pairs_of(model.groups, group)
-        for side in range(2):
-            ball, pieces = balls[side], model.self_pairs[first:last, side]
-            assert set(model.joints[pieces]) == {model.joints[ball]}
-            away = rows[pieces, CENTER : CENTER + 3] - rows[ball, CENTER : CENTER + 3]
-            reach = np.linalg.norm(away, axis=1) + rows[pieces, RADIUS]
-            assert reach.max() <= rows[ball, RADIUS] + 1e-12
-
-
-def test_groups_of_chosen_pairs_hold_these() -> None:
-    groups, random = arrays().groups, np.random.default_rng(1)
-    for share in (0.0, 0.01, 0.5, 1.0):
-        chosen = random.random(len(ARM.self_pairs)) < share
-        kept = chosen_groups(groups, chosen)
-        leaves = kept[kept[:, PARTED] >= 0]
-        numbers = [k for a, b in leaves[:, : LAST_PAIR + 1] for k in range(a, b)]
-        assert numbers == list(range(int(chosen.sum())))
-        assert np.all(kept[:, BALL] != kept[:, OTHER_BALL])
-        tops = whole_groups(kept)
-        assert sum(size(kept, top) for top in tops.tolist()) == len(kept)
-        assert np.all(kept[kept[:, PARTED] < 0, GROUP_SIZE] > 1)
-
-
 def test_no_verdict_differs_from_fcl_and_from_a_look_at_all_pairs() -> None:
     checker, all_pairs, world = Checker.of(ARM, Scene()), flat(), FclWorld(ARM, Scene())
     drawn = states(400, 2)
@@ -127,23 +96,6 @@ def test_no_verdict_differs_from_fcl_and_from_a_look_at_all_pairs() -> None:
     for one in (checker, all_pairs):
         assert [one.valid(q) for q in drawn] == truth
         assert one.each_valid(drawn).tolist() == truth
-
-
-def test_verdicts_near_contact_are_those_of_a_look_at_all_pairs() -> None:
-    """With slack a hair less and more than the clearance, in one workspace after the other."""
-    checker, all_pairs = Checker.of(ARM, Scene()), flat()
-    free = [q for q in states(200, 3) if checker.valid(q)]
-    assert len(free) > 30
-    for q in free:
-        distance, pair = checker.clearance(q)
-        expected, same = all_pairs.clearance(q)
-        assert distance == pytest.approx(expected, abs=1e-12)
-        assert pair == same
-        for change, verdict in ((-2e-6, True), (2e-6, False)):
-            for one in (checker, all_pairs):
-                near = Checker(one.model, distance + change)
-                assert near.valid(q) == verdict
-                assert near.each_valid(np.array([*free[:9], q]))[-1] == verdict
 
 
 @cache
@@ -203,19 +155,6 @@ def test_distances_are_those_of_the_triangles_down_to_contact() -> None:
     assert contacts > 30
 
 
-def test_near_pairs_and_their_gradients_are_those_of_a_look_at_all_pairs() -> None:
-    checker, all_pairs = Checker.of(ARM, Scene()), flat()
-    found = 0
-    for q in states(60, 4):
-        a, b = checker.gradient(q, 0.05), all_pairs.gradient(q, 0.05)
-        one, other = np.argsort(a.pairs), np.argsort(b.pairs)
-        assert a.pairs[one].tolist() == b.pairs[other].tolist()
-        np.testing.assert_allclose(a.distances[one], b.distances[other], atol=1e-12)
-        np.testing.assert_allclose(a.gradients[one], b.gradients[other], atol=1e-9)
-        found += len(one)
-    assert found > 200
-
-
 @pytest.mark.parametrize("length", [0.1, 0.5, 2.0])
 def test_motions_are_judged_as_by_a_look_at_all_pairs(length: float) -> None:
     checker, all_pairs = Checker.of(ARM, Scene()), flat()
@@ -235,10 +174,3 @@ def test_motions_are_judged_as_by_a_look_at_all_pairs(length: float) -> None:
     assert True in outcomes
     if length > 0.2:
         assert False in outcomes
-
-
-def test_what_met_last_is_asked_first_and_no_verdict_hangs_on_it() -> None:
-    """The same states in two orders: each begins with another group remembered."""
-    checker, drawn = Checker.of(ARM, Scene()), states(300, 7)
-    order = np.random.default_rng(8).permutation(len(drawn))
-    assert checker.each_valid(drawn)[order].tolist() == checker.each_valid(drawn[order]).tolist()

@@ -1,7 +1,5 @@
 """Motion of meshes past each other: proved shares hold, and cost no more than intervals do."""
 
-import itertools
-
 import numpy as np
 import pytest
 import trimesh
@@ -12,7 +10,6 @@ from kinematics.model.chain import Chain, Limits, Link
 from kinematics.pose import from_axis_angle, transform
 from obstacles.collision.checker import Checker, Motion
 from obstacles.convex.piece import Piece
-from obstacles.distance.signed_distance import convex_distance
 from obstacles.robots.robot_geometry import RobotGeometry
 from obstacles.scenes.scene import Obstacle, Scene
 from tests.obstacles.collision.test_fcl_distance import slide
@@ -77,15 +74,6 @@ def test_motions_proved_free_keep_the_triangles_apart(name: str) -> None:
     assert (kinds > 2).all()
 
 
-def test_a_turn_of_the_axis_changes_no_verdict() -> None:
-    """What parts triangles is measured along their normals, wherever these point."""
-    turn = from_axis_angle(np.array([1.0, 0.0, 0.0]), 0.7)
-    body = torus()
-    body.apply_transform(transform(turn, np.zeros(3)))
-    assert motion_through(body, 0.25).free
-    assert motion_through(body, 0.36).colliding
-
-
 def turning(*pieces: Piece) -> RobotGeometry:
     """Solids at the end of an arm of two joints, half a metre from each other."""
     two = np.array([1.0, 1.0])
@@ -129,28 +117,3 @@ def test_turns_proved_free_keep_the_triangles_apart() -> None:
             assert apart(peg, hand_at(robot, q + motion.at * (end - q)), body, T) < 1e-6
     assert near_ones > 2
     assert colliding > 3
-
-
-def test_motions_too_short_to_be_halved_are_decided_by_triangles() -> None:
-    """Where covers all but touch and the triangles under them are millimetres apart."""
-    peg, body = spiky(5), ell(0.8)
-    peg.apply_scale(0.1)
-    own, obstacle = mesh(peg).pieces(), Obstacle("it", mesh(body), transform(None, [0.3, 0.03, 0]))
-    checker = Checker.of(slide(*own), Scene((obstacle,)))
-
-    def covers_apart(x: float) -> float:
-        T = transform(None, [x, 0.0, 0.0])
-        pairs = itertools.product(own, obstacle.pieces())
-        return min(convex_distance(a, T @ a.T_owner_piece, b, b.T_owner_piece) for a, b in pairs)
-
-    clear, met = 0.0, 0.3
-    assert covers_apart(clear) > 0.0 >= covers_apart(met)
-    for _ in range(50):
-        middle = 0.5 * (clear + met)
-        clear, met = (middle, met) if covers_apart(middle) > 0.0 else (clear, middle)
-    at = transform(None, [clear, 0.0, 0.0])
-    assert apart(peg, at, body, obstacle.T_world_obstacle) > 0.004
-    for before in (0.0, 1e-9, 1e-8, 2e-8, 5e-8, 1e-7, 3e-7):
-        for half in (1e-8, 3e-8, 1e-7, 3e-7, 9e-7):
-            ends = np.array([[clear - before - half], [clear - before + half]])
-            assert checker.segment(*ends).free

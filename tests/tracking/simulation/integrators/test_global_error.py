@@ -22,9 +22,6 @@ from tracking.simulation.compiled import _loop, _record
 from tracking.simulation.integrators.explicit import ALL_STAGES, POWERS, Steps
 from tracking.simulation.integrators.global_error import (
     LOST,
-    add_ellipsoid,
-    map_ellipsoid,
-    multiply,
 )
 from tracking.simulation.integrators.implicit import stages
 from tracking.simulation.integrators.integrate import run_kernel
@@ -164,26 +161,3 @@ def test_an_error_that_explodes_is_lost_not_infinite() -> None:
     options = replace(OPTIONS, relative_tolerance=1e-3, absolute_tolerance=1e-3)
     result = simulate(used, constant(chain, np.zeros(1), 20.0), options, initial_position=[1e-3])
     assert result.bounds.global_error.max() == LOST
-
-
-def test_ellipsoids_hold_the_sums_of_their_points() -> None:
-    rng = np.random.default_rng(1)
-    for _ in range(20):
-        A, B, C = rng.normal(size=(3, 3, 3))
-        P, L = A @ A.T, B @ B.T
-        whole = P.copy()
-        add_ellipsoid(whole, L, np.ones(3))
-        for _ in range(20):
-            u, v = (w / np.linalg.norm(w) for w in rng.normal(size=(2, 3)))
-            x = A @ u + B @ v
-            assert x @ np.linalg.solve(whole, x) <= 1.0 + 1e-12
-        mapped = P.copy()
-        map_ellipsoid(C, mapped, np.zeros((3, 3)))
-        np.testing.assert_allclose(mapped, C @ P @ C.T)
-        out = np.zeros((3, 3))
-        multiply(A, C, out)
-        np.testing.assert_allclose(out, A @ C)
-    same = 4.0 * P
-    add_ellipsoid(same, P, np.ones(3))
-    # Of one shape the axes add up: 2 + 1.
-    np.testing.assert_allclose(same, 9.0 * P)
