@@ -23,11 +23,11 @@ from planning.values.deadline import Deadline
 from service.problem import ProblemError, from_fields
 from service.settings import Settings
 from service.storage.caches import prepared_files, worker_cache
-from service.storage.caches.cache_key import Reference, builtin_reference
+from service.storage.caches.cache_key import NotPrepared, Reference, builtin_reference
 from service.storage.store import open_store
 from service.validation import validate_as
 from service.workers import current
-from service.workers.result import CacheMiss, PlanOutcome, TaskProblem
+from service.workers.result import PlanOutcome, TaskProblem
 
 #: Prepared robots of files take up to this many bytes of the user's cache.
 _CACHE_BYTES = 512 * 2**20
@@ -259,13 +259,15 @@ class LocalBackend:
         from service.endpoints.robots.task import prepare_robot  # noqa: PLC0415
 
         for _ in range(_ATTEMPTS):
-            result = task(*arguments)
+            try:
+                result = task(*arguments)
+            except NotPrepared as error:
+                reference = error.reference
+                prepare_robot(self._documents[reference.name], reference.folder)
+                continue
             if isinstance(result, TaskProblem):
                 raise from_fields(result.code, result.message, result.hint, result.details)
-            if not isinstance(result, CacheMiss):
-                return result
-            reference = result.reference
-            prepare_robot(self._documents[reference.name], reference.folder)
+            return result
         raise ProblemError("CRASH", f"the robot {reference.name!r} can't be prepared")
 
 

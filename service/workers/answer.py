@@ -1,8 +1,7 @@
-"""Wrappers of task functions: missing robots and scenes, and functions of a chain alone."""
+"""Tasks that are functions of a chain alone, and the frame that answers are in."""
 
 from collections.abc import Callable
-from functools import wraps
-from typing import ParamSpec, TypeVar
+from typing import TypeVar
 
 from numpy.typing import ArrayLike
 from pydantic import BaseModel
@@ -11,26 +10,11 @@ from kinematics.arrays import Array
 from kinematics.model.chain import Chain
 from kinematics.root_frame import frame_pose, root_notes
 from service.storage.caches import worker_cache
-from service.storage.caches.cache_key import NotPrepared, Reference
-from service.workers.result import CacheMiss, ChainTask
+from service.storage.caches.cache_key import Reference
+from service.workers.result import ChainTask
 from service.workers.task import Task, register
 
-_P = ParamSpec("_P")
-_T = TypeVar("_T")
 _Body = TypeVar("_Body", bound=BaseModel)
-
-
-def reports_cache_miss(function: Callable[_P, _T]) -> Callable[_P, _T | CacheMiss]:
-    """A function that returns `CacheMiss` where a robot or scene it loads is not prepared."""
-
-    @wraps(function)
-    def attempt(*args: _P.args, **kwargs: _P.kwargs) -> _T | CacheMiss:
-        try:
-            return function(*args, **kwargs)
-        except NotPrepared as error:
-            return CacheMiss(error.reference)
-
-    return attempt
 
 
 def in_frame(chain: Chain, frame: str | None = None) -> dict[str, str | None]:
@@ -70,7 +54,6 @@ def chain_task(function: Callable[[Chain, _Body], bytes], model: type[_Body]) ->
         model: Model of the request.
     """
 
-    @reports_cache_miss
     def run(robot: Reference, content: bytes) -> bytes:
         return function(worker_cache.chain(robot), model.model_validate_json(content))
 

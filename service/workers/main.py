@@ -19,7 +19,9 @@ from typing import Any
 
 from kinematics.errors import ArmwrightError
 from planning.values.deadline import Deadline
+from service.storage.caches.cache_key import NotPrepared
 from service.workers import current
+from service.workers.result import CacheMiss
 from service.workers.task import registered_task, unpack_job
 
 _LENGTH = struct.Struct("!Q")
@@ -175,6 +177,8 @@ def _reply(content: memoryview) -> tuple[Any, ...]:
             "Ask for less: fewer configurations, coarser meshes, shorter motions.",
             {"stage": "worker"},
         )
+    except NotPrepared as error:
+        return Reply.RESULT, CacheMiss(error.reference)
     except ArmwrightError as error:
         return Reply.FAULT, error.code, error.message, error.hint, dict(error.details)
     except Exception:  # noqa: BLE001  (whatever it is, it must not take the worker along)

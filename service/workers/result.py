@@ -14,7 +14,7 @@ _MALFORMED = "VALIDATION_ERROR"
 
 @dataclass(frozen=True, slots=True)
 class CacheMiss:
-    """The result of a task whose robot or scene is not prepared (any more)."""
+    """Result of a task that raised `NotPrepared`: its robot or scene is not prepared (any more)."""
 
     #: Nothing was computed, see `service.workers.supervisor`.
     is_refusal: ClassVar[bool] = True
@@ -85,7 +85,7 @@ class PlanOutcome:
 
 
 #: A task that answers the content of a request about a robot's chain.
-ChainTask = Task[[Reference, bytes], bytes | CacheMiss]
+ChainTask = Task[[Reference, bytes], bytes]
 
 
 @dataclass(frozen=True, slots=True)

@@ -17,12 +17,10 @@ from service.storage.caches.cache_key import Reference
 from service.translate.frames import names_frame
 from service.validation import fault_list, validation_problem
 from service.workers import current
-from service.workers.answer import reports_cache_miss
 from service.workers.chunk_sizes import TURN, Pace, chunk_sizes
 from service.workers.result import (
     BatchItem,
     BatchPart,
-    CacheMiss,
     PlannedPart,
     PlanOutcome,
     SplitBatch,
@@ -73,10 +71,9 @@ def cut(content: bytes, pace: Pace) -> tuple[BatchPart, ...]:
 
 
 @task(grace=GRACE + TURN)
-@reports_cache_miss
 def plan_part(
     robot: Reference, scene: Reference | None, content: bytes, timeout: float
-) -> PlannedPart | CacheMiss:
+) -> PlannedPart:
     """Plan the problems of a part of a batch one after another, for `TURN` or a little longer.
 
     Args:

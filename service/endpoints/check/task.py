@@ -18,8 +18,8 @@ from service.storage.caches.cache_key import Reference
 from service.translate.frames import first_configuration
 from service.translate.poses import notes_of
 from service.workers import current
-from service.workers.answer import in_frame, reports_cache_miss
-from service.workers.result import CacheMiss, TaskProblem
+from service.workers.answer import in_frame
+from service.workers.result import TaskProblem
 from service.workers.task import GRACE, task
 
 #: Projections of one answer: at 100 bytes each, a hundred megabytes.
@@ -29,10 +29,7 @@ _MAX_FCL_PROJECTIONS = 100_000
 
 
 @task(grace=GRACE)
-@reports_cache_miss
-def check(
-    robot: Reference, scene: Reference | None, content: bytes
-) -> bytes | TaskProblem | CacheMiss:
+def check(robot: Reference, scene: Reference | None, content: bytes) -> bytes | TaskProblem:
     """Answer a request for collision checks.
 
     Raises:
@@ -87,8 +84,7 @@ def _finite(value: float) -> float | None:
 
 
 @task
-@reports_cache_miss
-def project(scene: Reference, content: bytes) -> bytes | TaskProblem | CacheMiss:
+def project(scene: Reference, content: bytes) -> bytes | TaskProblem:
     """Answer a request for the orthogonal projections of points onto every obstacle."""
     body = ProjectRequest.model_validate_json(content)
     surroundings = worker_cache.scene(scene)

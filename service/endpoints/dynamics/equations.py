@@ -15,8 +15,6 @@ from kinematics.model.dh_table import DhTable
 from service.storage.caches import worker_cache
 from service.storage.caches.cache_key import Reference
 from service.translate.robots.robots import dh_table
-from service.workers.answer import reports_cache_miss
-from service.workers.result import CacheMiss
 from service.workers.task import task
 
 
@@ -87,10 +85,9 @@ _KEPT_ANSWERS = 16
 
 
 @task
-@reports_cache_miss
 def equations(
     robot: Reference, document: bytes | None, notation: Literal["latex", "text"]
-) -> bytes | CacheMiss:
+) -> bytes:
     """Answer a request for the formulas of a robot.
 
     Args:

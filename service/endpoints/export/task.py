@@ -11,16 +11,12 @@ from service.storage.caches import worker_cache
 from service.storage.caches.cache_key import Reference
 from service.translate import certificates, trajectories
 from service.workers import current
-from service.workers.answer import reports_cache_miss
-from service.workers.result import CacheMiss, TaskProblem
+from service.workers.result import TaskProblem
 from service.workers.task import GRACE, task
 
 
 @task(grace=GRACE)
-@reports_cache_miss
-def export(
-    robot: Reference, scene: Reference | None, content: bytes
-) -> bytes | TaskProblem | CacheMiss:
+def export(robot: Reference, scene: Reference | None, content: bytes) -> bytes | TaskProblem:
     """Answer a request to write a motion for a controller.
 
     Raises:

@@ -41,8 +41,8 @@ from service.translate.frames import (
     ik_in_root_frame,
     names_frame,
 )
-from service.workers.answer import in_frame, reports_cache_miss
-from service.workers.result import CacheMiss, TaskProblem
+from service.workers.answer import in_frame
+from service.workers.result import TaskProblem
 from service.workers.task import GRACE, task
 
 #: Methods that have batch kernels.
@@ -181,10 +181,7 @@ class _Query:
 
 
 @task(grace=GRACE)
-@reports_cache_miss
-def ik(
-    robot: Reference, scene: Reference | None, content: bytes
-) -> bytes | TaskProblem | CacheMiss:
+def ik(robot: Reference, scene: Reference | None, content: bytes) -> bytes | TaskProblem:
     """Answer a request for inverse kinematics.
 
     Args:

@@ -44,8 +44,8 @@ from service.translate.tool_motions import (
 )
 from service.version import VERSION
 from service.workers import current
-from service.workers.answer import in_frame, reports_cache_miss
-from service.workers.result import CacheMiss, PlanOutcome, TaskProblem, timed_out, validation_fault
+from service.workers.answer import in_frame
+from service.workers.result import PlanOutcome, TaskProblem, timed_out, validation_fault
 from service.workers.task import GRACE, task
 
 #: What a plan depends on beside the request.
@@ -65,10 +65,7 @@ _SEARCHING = 0.2
 
 
 @task(grace=GRACE)
-@reports_cache_miss
-def plan(
-    robot: Reference, scene: Reference | None, content: bytes
-) -> PlanOutcome | TaskProblem | CacheMiss:
+def plan(robot: Reference, scene: Reference | None, content: bytes) -> PlanOutcome | TaskProblem:
     """Answer a request for a plan.
 
     Args:
@@ -151,10 +148,7 @@ def _report_stage(stage: str) -> None:
 
 
 @task(grace=GRACE)
-@reports_cache_miss
-def validate(
-    robot: Reference, scene: Reference | None, content: bytes
-) -> bytes | TaskProblem | CacheMiss:
+def validate(robot: Reference, scene: Reference | None, content: bytes) -> bytes | TaskProblem:
     """Answer a request for the proof of a motion, with the certificate or the first violation.
 
     Raises:

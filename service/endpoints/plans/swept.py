@@ -21,16 +21,13 @@ from service.translate import trajectories
 from service.translate.frames import first_configuration
 from service.translate.states import with_states
 from service.viewer.timeline import Part
-from service.workers.answer import reports_cache_miss
-from service.workers.result import CacheMiss
 from service.workers.task import task
 
 
 @task
-@reports_cache_miss
 def swept(
     robot: Reference, scene: Reference | None, content: bytes, form: str, tolerance: float
-) -> bytes | CacheMiss:
+) -> bytes:
     """A mesh that holds every point of the moving arm, and of what it holds, at every instant.
 
     Args:

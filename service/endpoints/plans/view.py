@@ -54,8 +54,6 @@ from service.viewer.words import (
     unproved_sentences,
 )
 from service.workers import current
-from service.workers.answer import reports_cache_miss
-from service.workers.result import CacheMiss
 from service.workers.task import task
 
 #: Configurations that one page shows.
@@ -88,10 +86,7 @@ class _Shown(NamedTuple):
 
 
 @task
-@reports_cache_miss
-def view(
-    robot: Reference, scene: Reference | None, content: bytes, tree: bool = False
-) -> bytes | CacheMiss:
+def view(robot: Reference, scene: Reference | None, content: bytes, tree: bool = False) -> bytes:
     """The HTML page of a kept plan.
 
     Args:

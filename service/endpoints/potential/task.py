@@ -17,14 +17,11 @@ from service.endpoints.attached_objects import RobotInScene, requested_scene
 from service.storage.caches import worker_cache
 from service.storage.caches.cache_key import Reference
 from service.translate.frames import first_configuration
-from service.workers.answer import reports_cache_miss
-from service.workers.result import CacheMiss
 from service.workers.task import task
 
 
 @task
-@reports_cache_miss
-def potential(robot: Reference, scene: Reference | None, content: bytes) -> bytes | CacheMiss:
+def potential(robot: Reference, scene: Reference | None, content: bytes) -> bytes:
     """Answer a request for the potential, its slope and the forces that make it.
 
     Raises:

@@ -22,8 +22,8 @@ from service.endpoints.tasks.translation import reach_tolerance
 from service.storage.caches.cache_key import Reference
 from service.translate import poses
 from service.workers import current
-from service.workers.answer import in_frame, reports_cache_miss
-from service.workers.result import CacheMiss, TaskProblem
+from service.workers.answer import in_frame
+from service.workers.result import TaskProblem
 from service.workers.task import GRACE, task
 
 #: Corners of a cube's face at the upper end of an axis, in units of its half edges: along the next
@@ -84,10 +84,7 @@ _DIGITS = 6
 
 
 @task(grace=GRACE)
-@reports_cache_miss
-def reach(
-    robot: Reference, scene: Reference | None, content: bytes
-) -> bytes | TaskProblem | CacheMiss:
+def reach(robot: Reference, scene: Reference | None, content: bytes) -> bytes | TaskProblem:
     """Answer a request for the reach of an arm.
 
     Raises:

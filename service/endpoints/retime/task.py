@@ -14,8 +14,6 @@ from planning.retiming.state_motion import time_states
 from service.storage.caches import worker_cache
 from service.storage.caches.cache_key import Reference
 from service.translate import certificates, timings, trajectories
-from service.workers.answer import reports_cache_miss
-from service.workers.result import CacheMiss
 from service.workers.task import task
 
 #: Rows of one answer: at half a kilobyte each, fifty megabytes.
@@ -23,8 +21,7 @@ _MAX_ROWS = 100_000
 
 
 @task
-@reports_cache_miss
-def retime(robot: Reference | None, content: bytes) -> bytes | CacheMiss:
+def retime(robot: Reference | None, content: bytes) -> bytes:
     """Answer a request to time a path, or the motion between two states.
 
     Args:

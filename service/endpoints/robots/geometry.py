@@ -20,14 +20,11 @@ from service.endpoints.kinematics.task import fk_document
 from service.storage.caches import worker_cache
 from service.storage.caches.cache_key import Reference
 from service.viewer.bodies import Body, bodies
-from service.workers.answer import reports_cache_miss
-from service.workers.result import CacheMiss
 from service.workers.task import task
 
 
 @task
-@reports_cache_miss
-def finger_poses(robot: Reference, content: bytes) -> bytes | CacheMiss:
+def finger_poses(robot: Reference, content: bytes) -> bytes:
     """Answer a request for forward kinematics that says where fingers stand.
 
     Args:
@@ -75,10 +72,7 @@ def _positions(body: FkRequest, count: int) -> list[dict[str, float]]:
 
 
 @task
-@reports_cache_miss
-def robot_geometry(
-    robot: Reference, name: str, kind: GeometryKind = "collision"
-) -> bytes | CacheMiss:
+def robot_geometry(robot: Reference, name: str, kind: GeometryKind = "collision") -> bytes:
     """The collision geometry of a robot as triangles in the frames of its links, or its visual one.
 
     Args:

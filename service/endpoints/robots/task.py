@@ -26,8 +26,7 @@ from service.translate.robots.archive import read_archive
 from service.translate.robots.urdf import table_urdf
 from service.translate.robots.visuals import kept_meshes, robot_visuals
 from service.validation import validation_problem
-from service.workers.answer import reports_cache_miss
-from service.workers.result import CacheMiss, RobotModel
+from service.workers.result import RobotModel
 from service.workers.task import task
 
 #: Told of archives with MoveIt's limits in them.
@@ -143,18 +142,14 @@ def change_robot(document: bytes, content: bytes, folder: str) -> tuple[bytes, b
 
 
 @task
-@reports_cache_miss
-def robot_model(robot: Reference) -> RobotModel | CacheMiss:
+def robot_model(robot: Reference) -> RobotModel:
     """The model of a robot as it is answered, with the sizes that the server goes by."""
     prepared = worker_cache.robot(robot)
     return RobotModel(prepared.answer, prepared.chain.n, len(prepared.chain.links))
 
 
 @task
-@reports_cache_miss
-def robot_urdf(
-    robot: Reference, document: bytes | None, merge_limits: bool = False
-) -> bytes | CacheMiss:
+def robot_urdf(robot: Reference, document: bytes | None, merge_limits: bool = False) -> bytes:
     """The URDF of a robot: as it came, or written of its table.
 
     Args:
@@ -174,8 +169,7 @@ def robot_urdf(
 
 
 @task
-@reports_cache_miss
-def robot_srdf(robot: Reference) -> bytes | CacheMiss:
+def robot_srdf(robot: Reference) -> bytes:
     """The SRDF of a robot: its chain, its named states and the pairs that may touch."""
     geometry = worker_cache.robot(robot).geometry
     return srdf_text(geometry.chain, geometry.states, geometry.allowed).encode()

@@ -20,8 +20,7 @@ from service.storage.caches import worker_cache
 from service.storage.caches.cache_key import Reference
 from service.translate import trajectories
 from service.workers import current
-from service.workers.answer import reports_cache_miss
-from service.workers.result import CacheMiss, TaskProblem
+from service.workers.result import TaskProblem
 from service.workers.task import GRACE, task
 from tracking.simulation.references import hold, sine, spline, step
 from tracking.simulation.simulation import simulate as close_loop
@@ -68,10 +67,7 @@ def reference(body: SimulateRequest, chain: Chain) -> RequestReference:
 
 
 @task(grace=GRACE)
-@reports_cache_miss
-def simulate(
-    robot: Reference, scene: Reference | None, content: bytes
-) -> bytes | TaskProblem | CacheMiss:
+def simulate(robot: Reference, scene: Reference | None, content: bytes) -> bytes | TaskProblem:
     """Answer a request for a closed loop, and with a scene for its tracking tube.
 
     Args:

@@ -33,8 +33,8 @@ from service.storage.caches.cache_key import Reference
 from service.translate import certificates, poses, problems, trajectories
 from service.translate.tool_motions import reference_answer
 from service.workers import current
-from service.workers.answer import in_frame, reports_cache_miss
-from service.workers.result import CacheMiss, TaskProblem, timed_out
+from service.workers.answer import in_frame
+from service.workers.result import TaskProblem, timed_out
 from service.workers.task import GRACE, task
 
 #: Trials that are answered: at 100 bytes each, two hundred kilobytes.
@@ -42,10 +42,7 @@ _MAX_TRIALS = 2_000
 
 
 @task(grace=GRACE)
-@reports_cache_miss
-def plan_sequence(
-    robot: Reference, scene: Reference | None, content: bytes
-) -> bytes | TaskProblem | CacheMiss:
+def plan_sequence(robot: Reference, scene: Reference | None, content: bytes) -> bytes | TaskProblem:
     """Answer a request for the motions of all stages of a task.
 
     Args:

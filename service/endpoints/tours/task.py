@@ -22,16 +22,13 @@ from service.storage.caches.cache_key import Reference
 from service.translate import problems
 from service.translate.poses import rounding_notes
 from service.workers import current
-from service.workers.answer import in_frame, reports_cache_miss
-from service.workers.result import CacheMiss, TaskProblem, timed_out
+from service.workers.answer import in_frame
+from service.workers.result import TaskProblem, timed_out
 from service.workers.task import GRACE, task
 
 
 @task(grace=GRACE)
-@reports_cache_miss
-def tour(
-    robot: Reference, scene: Reference | None, content: bytes
-) -> bytes | TaskProblem | CacheMiss:
+def tour(robot: Reference, scene: Reference | None, content: bytes) -> bytes | TaskProblem:
     """Answer a request for a tour.
 
     Args:

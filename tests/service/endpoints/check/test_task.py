@@ -11,8 +11,8 @@ from obstacles.scenes.scene import Obstacle, Scene
 from obstacles.shapes.shape import Sphere
 from service.endpoints.check.task import check, project
 from service.storage.caches import worker_cache
-from service.storage.caches.cache_key import Reference
-from service.workers.result import CacheMiss, TaskProblem
+from service.storage.caches.cache_key import NotPrepared, Reference
+from service.workers.result import TaskProblem
 from tests.planning.scenes import HOME
 from tests.service.endpoints.ask import PANDA
 
@@ -20,8 +20,10 @@ from tests.service.endpoints.ask import PANDA
 def test_a_scene_that_is_not_prepared_is_missed() -> None:
     lost = Reference("scene", "lost", "0" * 64, "/nowhere")
     body = json.dumps({"robot": "panda", "joints": HOME.tolist(), "scene": "lost"}).encode()
-    assert check(PANDA, lost, body) == CacheMiss(lost)
-    assert project(lost, json.dumps({"points": [[0, 0, 0]]}).encode()) == CacheMiss(lost)
+    with pytest.raises(NotPrepared, match="lost"):
+        check(PANDA, lost, body)
+    with pytest.raises(NotPrepared, match="lost"):
+        project(lost, json.dumps({"points": [[0, 0, 0]]}).encode())
 
 
 STORED = Reference("scene", "stored", "1" * 64, "")
