@@ -3,9 +3,12 @@
 from collections.abc import Mapping
 from typing import Any, TypeVar
 
+import numpy as np
+
 from armwright_wire.goals.goal import SingleGoal, Start
 from armwright_wire.plans.plan import PlanRequest
 from kinematics.arrays import Array
+from kinematics.model.chain import Chain
 from kinematics.tree.srdf import state
 
 _Part = TypeVar("_Part", Start, SingleGoal)
@@ -43,3 +46,14 @@ def _looked_up(part: _Part, states: Mapping[str, Array], where: str) -> _Part:
 
 def _joints(name: str, states: Mapping[str, Array], where: str) -> dict[str, Any]:
     return {"joints": state(states, name, where).tolist(), "state": None}
+
+
+def configuration(body: Start, chain: Chain, states: Mapping[str, Array], where: str) -> Array:
+    """Configuration of a start or an end, shape (n,) [rad or m].
+
+    Raises:
+        InvalidRobotState: The robot has no such state, or the vector has the wrong length.
+    """
+    if body.state is not None:
+        return np.array(state(states, body.state, f"{where}.state"))
+    return np.asarray(chain.state(body.joints or (), f"{where}.joints"))

@@ -3,17 +3,20 @@
 import dataclasses
 import hashlib
 import platform
+from collections.abc import Mapping
 from dataclasses import asdict
 from functools import cache
 from importlib.metadata import PackageNotFoundError, version
+from types import MappingProxyType
 from typing import Any
 
 import numpy as np
 from pydantic import ValidationError
 from pydantic_core import to_json
 
-from armwright_wire.base import Keepable
 from armwright_wire.plans.plan import Collisions, PlanRequest, ValidateRequest
+from armwright_wire.plans.task import TaskRequest
+from armwright_wire.plans.tour import TourRequest
 from kinematics.errors import InvalidRobotDescription
 from obstacles.robots.robot_geometry import RobotGeometry
 from obstacles.scenes.scene import Scene
@@ -60,6 +63,10 @@ _PROGRESS = {
     "timing": 0.7,
     "certificate": 0.85,
 }
+_SOLIDS_HINT = (
+    'Give the robot solids ("visual_solids": true of a URDF, "geometry": {"capsules": radius} of a '
+    'DH table), leave the obstacles out, or say "collisions": "ignore".'
+)
 #: The same for every planner that searches.
 _SEARCHING = 0.2
 
@@ -106,7 +113,8 @@ def plan_outcome(
     options = problems.options(body, cell.robot.chain, deadline.remaining, _report_stage)
     outcome = pipeline.plan(problem, options)
     if isinstance(outcome, Failure):
-        return _refusal(outcome)
+        details = {"stages": problems.stages_answer(outcome.stages)}
+        return refusal(outcome, details)
     outcome = dataclasses.replace(outcome, notes=(*read, *cell.notes, *outcome.notes))
     content = to_json(_answer(outcome, body, cell), inf_nan_mode="null")
     stages = tuple((stage.name, 1e-3 * stage.milliseconds) for stage in outcome.stages)
@@ -194,23 +202,29 @@ def _collision_cell(cell: RobotInScene, collisions: Collisions) -> RobotInScene:
         none = np.zeros(0, dtype=np.int64)
         bare = RobotGeometry(robot.chain, (), (), none, none, {})
         return dataclasses.replace(cell, robot=bare, scene=Scene())
-    if cell.scene.obstacles and not has_solids(robot):
-        raise InvalidRobotDescription(
-            f"robot {robot.chain.name!r} has no collision geometry, so nothing could be proved of "
-            f"the {len(cell.scene.obstacles)} obstacle(s)",
-            hint='Give the robot solids ("visual_solids": true of a URDF, "geometry": {"capsules": '
-            'radius} of a DH table), leave the obstacles out, or say "collisions": "ignore".',
-            reason="no_collision_geometry",
-        )
+    check_solids(robot, cell.scene, _SOLIDS_HINT)
     return cell
 
 
-def _refusal(failure: Failure) -> TaskProblem:
-    details: dict[str, Any] = problems.plain(failure.details)
-    details["stages"] = problems.stages_answer(failure.stages)
-    return TaskProblem(
-        failure.code, failure.message, failure.hint, details | {"stage": failure.stage}
-    )
+def check_solids(robot: RobotGeometry, scene: Scene, hint: str) -> None:
+    """Check that a robot among obstacles has solids of which something can be proved.
+
+    Raises:
+        InvalidRobotDescription: It has none; with a hint.
+    """
+    if scene.obstacles and not has_solids(robot):
+        raise InvalidRobotDescription(
+            f"robot {robot.chain.name!r} has no collision geometry, so nothing could be proved of "
+            f"the {len(scene.obstacles)} obstacle(s)",
+            hint=hint,
+            reason="no_collision_geometry",
+        )
+
+
+def refusal(failure: Failure, more: Mapping[str, Any] = MappingProxyType({})) -> TaskProblem:
+    """Problem of a failure of planning, with more details."""
+    details = {**problems.plain(failure.details), **more, "stage": failure.stage}
+    return TaskProblem(failure.code, failure.message, failure.hint, details)
 
 
 def _answer(planned: Plan, body: PlanRequest, cell: RobotInScene) -> dict[str, Any]:
@@ -224,14 +238,9 @@ def _answer(planned: Plan, body: PlanRequest, cell: RobotInScene) -> dict[str, A
         "path": {"joints": planned.path.waypoints.tolist(), "length": planned.path.length},
         "trajectory": trajectories.trajectory_answer(planned.trajectory, body.timing.sample_period),
         "certificate": certificate,
-        "reproducibility": {
-            "seed": body.seed,
-            "deterministic": planned.deterministic,
-            "robot_hash": cell.robot.content_hash,
-            "scene_hash": cell.scene.content_hash,
-            "request_hash": request_hash(body),
-            "versions": versions(),
-        },
+        "reproducibility": reproducibility(
+            body, cell.robot, cell.scene, deterministic=planned.deterministic
+        ),
         "fraction": planned.fraction,
         "tool_motions": (tool_motions_answer(planned.tool_motions) if cartesian else None),
         "reference": reference_answer(cell.robot.chain, planned, body.seed),
@@ -257,14 +266,34 @@ def _descent(planned: Plan) -> dict[str, Any] | None:
     }
 
 
-def request_hash(body: Keepable) -> str:
-    """The hash of a request; whether its answer is kept does not change it."""
-    return hashlib.sha256(body.model_dump_json(exclude={"keep"}).encode()).hexdigest()
+def reproducibility(
+    body: PlanRequest | TaskRequest | TourRequest,
+    robot: RobotGeometry,
+    scene: Scene,
+    *,
+    deterministic: bool,
+) -> dict[str, Any]:
+    """Fields of an answer that say what it depends on.
+
+    Args:
+        body: The request; whether its answer is kept does not change its hash.
+        robot: The robot.
+        scene: The scene.
+        deterministic: Whether the same request has the same answer.
+    """
+    content = body.model_dump_json(exclude={"keep"}).encode()
+    return {
+        "seed": body.seed,
+        "deterministic": deterministic,
+        "robot_hash": robot.content_hash,
+        "scene_hash": scene.content_hash,
+        "request_hash": hashlib.sha256(content).hexdigest(),
+        "versions": _versions(),
+    }
 
 
 @cache
-def versions() -> dict[str, str]:
-    """Versions of everything that an answer depends on."""
+def _versions() -> dict[str, str]:
     answer = {"armwright": VERSION, "python": platform.python_version()}
     for package in _PACKAGES:
         try:

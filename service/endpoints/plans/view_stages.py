@@ -26,10 +26,10 @@ from service.endpoints.tasks.stage_cells import (
     task_objects,
     told_transform,
 )
-from service.endpoints.tours.translation import configuration
 from service.storage.caches import worker_cache
 from service.storage.caches.cache_key import Reference
 from service.translate import trajectories
+from service.translate.states import configuration
 from service.viewer.document import Carrier, carrier_document
 from service.viewer.timeline import Part, finger_tracks, joined, joined_curves
 from service.viewer.words import against
@@ -186,7 +186,9 @@ def tour_cell(robot: Reference, scene: Reference | None, body: TourRequest) -> R
         body: The request.
     """
     geometry = worker_cache.robot(robot).geometry
-    start = configuration(body.start, geometry.chain, geometry.states, "start")
+    start = None
+    if body.start is not None:
+        start = configuration(body.start, geometry.chain, geometry.states, "start")
     return robot_in_scene(robot, scene, body, start)
 
 

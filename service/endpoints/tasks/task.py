@@ -10,27 +10,25 @@ import numpy as np
 from pydantic_core import to_json
 
 from armwright_wire.plans.task import TaskRequest
-from armwright_wire.scenes.check import Attached
 from kinematics.arrays import Array
-from kinematics.errors import InvalidOption, InvalidRobotDescription
-from kinematics.tree.srdf import state
+from kinematics.errors import InvalidOption
 from obstacles.robots.finger_geometry import with_fingers
 from obstacles.robots.robot_geometry import RobotGeometry
 from obstacles.scenes.scene import Scene
 from planning.options import MAX_TIMEOUT
-from planning.proof.certificate import has_solids
 from planning.sequence.result import SequenceFailure, SequencePlan, StagePlan, TaskOptions, Trial
 from planning.sequence.search import plan_task
-from planning.sequence.stage import Load, describe_stage
+from planning.sequence.stage import describe_stage
 from planning.sequence.task import Task
 from planning.sequence.world import Held, World
 from service.endpoints.attached_objects import attachment, requested_scene, scene_notes
-from service.endpoints.plan.task import request_hash, versions
+from service.endpoints.plan.task import check_solids, reproducibility
 from service.endpoints.tasks import translation
 from service.endpoints.tasks.stage_cells import moved, stage_cells, task_objects
 from service.storage.caches import worker_cache
 from service.storage.caches.cache_key import Reference
 from service.translate import certificates, poses, problems, trajectories
+from service.translate.states import configuration
 from service.translate.tool_motions import reference_answer
 from service.workers import current
 from service.workers.answer import in_frame
@@ -39,6 +37,10 @@ from service.workers.task import GRACE, task
 
 #: Trials that are answered: at 100 bytes each, two hundred kilobytes.
 _MAX_TRIALS = 2_000
+_SOLIDS_HINT = (
+    'Give the robot solids: "visual_solids": true of a URDF, or "geometry": {"capsules": radius} '
+    "of a DH table."
+)
 
 
 @task(grace=GRACE)
@@ -89,12 +91,9 @@ def plan_sequence(robot: Reference, scene: Reference | None, content: bytes) -> 
 
 
 def _start(body: TaskRequest, robot: RobotGeometry) -> Array:
-    chain = robot.chain
     if body.start.velocities is not None or body.start.accelerations is not None:
         raise InvalidOption("a task begins at rest: start has no velocities or accelerations")
-    if body.start.state is not None:
-        return np.array(state(robot.states, body.start.state, "start.state"))
-    return np.asarray(chain.state(body.start.joints or [], "start.joints"))
+    return configuration(body.start, robot.chain, robot.states, "start")
 
 
 def _world(body: TaskRequest, robot: RobotGeometry, scene: Scene) -> World:
@@ -103,28 +102,15 @@ def _world(body: TaskRequest, robot: RobotGeometry, scene: Scene) -> World:
     Raises:
         InvalidRobotDescription: There are obstacles, and the robot has no collision geometry.
     """
-    if scene.obstacles and not has_solids(robot):
-        raise InvalidRobotDescription(
-            f"robot {robot.chain.name!r} has no collision geometry, so nothing could be proved of "
-            f"the {len(scene.obstacles)} obstacle(s)",
-            hint='Give the robot solids: "visual_solids": true of a URDF, or "geometry": '
-            '{"capsules": radius} of a DH table.',
-            reason="no_collision_geometry",
-        )
-    held = tuple(Held(attachment(robot, scene, item), _load(item)) for item in body.attached or ())
+    check_solids(robot, scene, _SOLIDS_HINT)
+    held = tuple(
+        Held(attachment(robot, scene, item), translation.load(item)) for item in body.attached or ()
+    )
     names = {item.name for item in held}
     if len(names) < len(held):
         raise InvalidOption("attached: an object is given twice", hint="Name each object once.")
     left = tuple(o for o in scene.obstacles if o.id not in names)
     return World(robot, replace(scene, obstacles=left), held)
-
-
-def _load(item: Attached) -> Load | None:
-    if item.mass is None:
-        return None
-    x, y, z = item.center_of_mass or (0.0, 0.0, 0.0)
-    tensor = None if item.inertia is None else np.array(item.inertia)
-    return Load(item.mass, (x, y, z), tensor)
 
 
 # --------------------------------------------------------------------------------- the answer
@@ -161,14 +147,12 @@ def _answer(outcome: SequencePlan, asked: Task, body: TaskRequest) -> dict[str, 
             "hint": failure.hint,
             "index": failure.stage,
         },
-        "reproducibility": {
-            "seed": body.seed,
-            "deterministic": outcome.deterministic,
-            "robot_hash": asked.world.robot.content_hash,
-            "scene_hash": asked.world.scene.content_hash,
-            "request_hash": request_hash(body),
-            "versions": versions(),
-        },
+        "reproducibility": reproducibility(
+            body,
+            asked.world.robot,
+            asked.world.scene,
+            deterministic=outcome.deterministic,
+        ),
     }
 
 

@@ -9,6 +9,7 @@ import numpy as np
 from armwright_wire.goals.goal import SingleGoal
 from armwright_wire.plans import task as schema
 from armwright_wire.robots.reach import ReachTolerance
+from armwright_wire.scenes.check import Attached
 from kinematics.arrays import Array
 from kinematics.errors import ArmwrightError, InvalidOption
 from kinematics.tree.srdf import state
@@ -102,7 +103,7 @@ class _Translator:
                     settings, touch_depth(body.touch_depth),
                 )  # fmt: skip
             case schema.AttachStage():
-                touching = tuple(body.touch_links), _load(body), settings
+                touching = tuple(body.touch_links), load(body), settings
                 depth = touch_depth(body.touch_depth)
                 return Attach(body.object, body.link, *touching, depth)
             case schema.DetachStage():
@@ -248,12 +249,13 @@ def _grasps(body: schema.GraspStage) -> Array:
     )
 
 
-def _load(body: schema.AttachStage) -> Load | None:
+def load(body: Attached | schema.AttachStage) -> Load | None:
+    """Load of an object that is held; None without a mass."""
     if body.mass is None:
         return None
     x, y, z = body.center_of_mass or (0.0, 0.0, 0.0)
-    inertia = None if body.inertia is None else np.array(body.inertia)
-    return Load(body.mass, (x, y, z), inertia)
+    tensor = None if body.inertia is None else np.array(body.inertia)
+    return Load(body.mass, (x, y, z), tensor)
 
 
 def reach_tolerance(given: ReachTolerance | None) -> Tolerance:

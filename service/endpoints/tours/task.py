@@ -1,7 +1,6 @@
 """Tours as requests ask for them, in workers."""
 
 from functools import partial
-from typing import Any
 
 from pydantic_core import to_json
 
@@ -9,18 +8,17 @@ from armwright_wire.plans.tour import TourRequest
 from planning.result import Failure
 from planning.tours.planner import plan_tour
 from planning.tours.result import Tour
-from service.endpoints.attached_objects import RobotInScene, robot_in_scene
-from service.endpoints.plan.task import request_hash, versions
+from service.endpoints.attached_objects import robot_in_scene
+from service.endpoints.plan.task import refusal, reproducibility
 from service.endpoints.tours.translation import (
-    configuration,
     tour_answer,
     tour_options,
     tour_problem,
 )
 from service.storage.caches import worker_cache
 from service.storage.caches.cache_key import Reference
-from service.translate import problems
 from service.translate.poses import rounding_notes
+from service.translate.states import configuration
 from service.workers import current
 from service.workers.answer import in_frame
 from service.workers.result import TaskProblem, timed_out
@@ -41,7 +39,9 @@ def tour(robot: Reference, scene: Reference | None, content: bytes) -> bytes | T
     """
     body = TourRequest.model_validate_json(content)
     geometry = worker_cache.robot(robot).geometry
-    start = configuration(body.start, geometry.chain, geometry.states, "start")
+    start = None
+    if body.start is not None:
+        start = configuration(body.start, geometry.chain, geometry.states, "start")
     cell = robot_in_scene(robot, scene, body, start)
     problem = tour_problem(body, cell.robot, cell.scene, start)
     deadline = current.deadline()
@@ -52,32 +52,13 @@ def tour(robot: Reference, scene: Reference | None, content: bytes) -> bytes | T
     def written(found: Tour) -> bytes:
         answer = tour_answer(found, problem, body.timing.sample_period, body.scene)
         answer["notes"] = [*rounding_notes(body), *cell.notes, *answer["notes"]]
-        surroundings = _surroundings(body, cell, deterministic=found.deterministic)
-        return to_json(answer | surroundings, inf_nan_mode="null")
+        answer |= in_frame(cell.robot.chain)
+        answer["reproducibility"] = reproducibility(
+            body, cell.robot, cell.scene, deterministic=found.deterministic
+        )
+        return to_json(answer, inf_nan_mode="null")
 
     outcome = plan_tour(
         problem, options, current.report, lambda found: current.offer(partial(written, found))
     )
-    return _refusal(outcome) if isinstance(outcome, Failure) else written(outcome)
-
-
-def _refusal(failure: Failure) -> TaskProblem:
-    details: dict[str, Any] = problems.plain(failure.details)
-    return TaskProblem(
-        failure.code, failure.message, failure.hint, details | {"stage": failure.stage}
-    )
-
-
-def _surroundings(body: TourRequest, cell: RobotInScene, *, deterministic: bool) -> dict[str, Any]:
-    """Fields of the answer that say what it is about."""
-    return {
-        **in_frame(cell.robot.chain),
-        "reproducibility": {
-            "seed": body.seed,
-            "deterministic": deterministic,
-            "robot_hash": cell.robot.content_hash,
-            "scene_hash": cell.scene.content_hash,
-            "request_hash": request_hash(body),
-            "versions": versions(),
-        },
-    }
+    return refusal(outcome) if isinstance(outcome, Failure) else written(outcome)

@@ -1,11 +1,10 @@
 """Tours from wire to domain and back."""
 
-from collections.abc import Mapping
 from typing import Any, Literal
 
 import numpy as np
 
-from armwright_wire.goals.goal import SingleGoal, Start
+from armwright_wire.goals.goal import SingleGoal
 from armwright_wire.plans import tour as schema
 from armwright_wire.scenes.scene import Scene as SceneBody
 from kinematics.arrays import Array
@@ -28,21 +27,7 @@ from service.translate.frames import (
     constraints_in_root_frame,
     single_goal_in_root_frame,
 )
-
-
-def configuration(
-    body: Start | None, chain: Chain, states: Mapping[str, Array], where: str
-) -> Array | None:
-    """The configuration of one end of a tour, shape (n,) [rad or m]; None where none is given.
-
-    Raises:
-        InvalidRobotState: The robot has no such state, or the vector has the wrong length.
-    """
-    if body is None:
-        return None
-    if body.state is not None:
-        return np.array(state(states, body.state, f"{where}.state"))
-    return chain.state(body.joints or (), f"{where}.joints")
+from service.translate.states import configuration
 
 
 def tour_problem(
@@ -75,9 +60,7 @@ def tour_problem(
     if isinstance(body.end, str):
         end = body.end
     else:
-        given = configuration(body.end, chain, robot.states, "end")
-        assert given is not None
-        end = given
+        end = configuration(body.end, chain, robot.states, "end")
     least = None if body.clearance is None else body.clearance.least
     return domain.TourProblem(
         robot,
