@@ -99,9 +99,9 @@ def create_app(
     ``request.app.state.store`` and ``request.app.state.supervisor``.
 
     Args:
-        settings: Those of the environment if left out.
+        settings: Settings of the service; those of the environment if left out.
         launched: A fork server with `RECIPE` that was started already.
-        is_agent: Whether it works on the jobs that a queue carries to agents.
+        is_agent: Whether the process works on the jobs that a queue carries to agents.
         tracing: Traces, in place of those that the settings ask for.
 
     Raises:

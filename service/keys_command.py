@@ -43,8 +43,8 @@ def make_first_key(store: Store, settings: Settings, *, is_needed: bool) -> str 
     It is the one of the settings, or a random one in a file that only this user may read.
 
     Args:
-        store: Where keys are kept.
-        settings: Those of the service.
+        store: Store of the keys.
+        settings: Settings of the service.
         is_needed: Whether others reach the service, who must not without a key.
 
     Raises:

@@ -62,7 +62,7 @@ class FloodGate(logging.Filter):
 
     Args:
         limit: Records of a kind in a period.
-        period: Its length [s].
+        period: Length of the period [s].
     """
 
     def __init__(self, limit: int = _MAX_RECORDS, period: float = _PERIOD) -> None:
@@ -91,7 +91,7 @@ def configure(log_format: LogFormat) -> None:
     """Have everything that this process logs written to its error stream.
 
     Args:
-        log_format: As lines for people, or as JSON for programs.
+        log_format: Format: lines for people, or JSON for programs.
     """
     handler = logging.StreamHandler()
     handler.addFilter(FloodGate())

@@ -16,8 +16,8 @@ class ProblemError(Exception):
 
     Args:
         code: The kind of problem, one of those that ``GET /v1/problems`` lists.
-        detail: What is wrong this time, and where.
-        hint: What to do about it.
+        detail: Fault of this one request, and its place.
+        hint: Advice on how to mend it.
         stage: The step that failed.
         status: Another HTTP status than that of the kind.
         retry_after: Seconds after which a new attempt makes sense.
@@ -52,8 +52,8 @@ def from_fields(
 
     Args:
         code: The kind of problem.
-        message: What is wrong and where.
-        hint: What to do about it.
+        message: Fault and its place.
+        hint: Advice on how to mend it.
         details: Values a program can use; those named ``stage`` and ``retry_after`` become the
             stage and the `retry_after` of the problem.
     """

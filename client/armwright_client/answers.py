@@ -10,14 +10,14 @@ from armwright_wire.scenes.check import Collision, LimitViolation
 
 
 class Health(Answer):
-    """That the service answers."""
+    """Health of the service: it answers."""
 
     status: str
     version: str | None = None
 
 
 class Readiness(Health):
-    """That work can be sent.
+    """Readiness of the service: work can be sent.
 
     Args:
         workers: Processes that live.

@@ -58,7 +58,7 @@ class Call(Generic[A]):
         method: Method of HTTP.
         path: Path below the base URL.
         read: Makes the answer of its body.
-        body: To be sent, a request as JSON.
+        body: Body to be sent, a request as JSON.
         query: Parameters of the URL.
         key: Key for the header Idempotency-Key.
         headers: More of them.
@@ -258,8 +258,8 @@ class Pending(Generic[A]):
     """The answer to a request that was accepted as a job.
 
     Args:
-        sender: Of the client.
-        job: As it was accepted.
+        sender: Sender of the client.
+        job: Job as it was accepted.
         call: The request, which knows how to read its answer.
     """
 

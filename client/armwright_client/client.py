@@ -116,7 +116,7 @@ class Jobs(JobEndpoints, Group):
         """A job once it has ended, whatever became of it.
 
         Args:
-            job: Its id.
+            job: Id of the job.
             timeout: How long to wait [s]; without end if left out.
 
         Raises:
@@ -195,8 +195,9 @@ class Client(ServiceEndpoints, Group):
     """A service at a URL; threads may share it.
 
     Args:
-        base_url: Where the service is, with a prefix if it has one.
-        transport: In place of the network, as in httpx: a proxy, certificates, an application.
+        base_url: URL of the service, with a prefix if it has one.
+        transport: Transport in place of the network, as in httpx: a proxy, certificates, an
+            application.
         options: `token`, `timeout` and `retry`, see `ClientOptions`.
 
     Raises:

@@ -1,4 +1,4 @@
-"""Everything that this library raises, as one tree.
+"""Errors of this library, as one tree.
 
 ::
 
@@ -68,7 +68,7 @@ class UnexpectedAnswer(ArmwrightError):
     """The answer is none of the service's, say a page of a proxy in between.
 
     Args:
-        message: What was asked and what came.
+        message: Request, and the answer that came.
         status: The HTTP status.
         excerpt: The beginning of the body.
     """
@@ -383,7 +383,7 @@ class Conflict(ApiError):
 
 
 class PreconditionFailed(ApiError):
-    """Something was changed meanwhile: it is not what the request expects."""
+    """Resource was changed meanwhile: it is not what the request expects."""
 
     code = "PRECONDITION_FAILED"
 

@@ -33,9 +33,9 @@ class JobEvent:
     """A server-sent event.
 
     Args:
-        event: Its kind.
-        data: Its text, usually JSON.
-        id: Its number, where it has one.
+        event: Kind of the event.
+        data: Text of the event, usually JSON.
+        id: Number of the event, where it has one.
     """
 
     event: str

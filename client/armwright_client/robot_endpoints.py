@@ -87,7 +87,7 @@ def compute(
     Args:
         robot: Name of the robot.
         action: Last segment of the path, such as "fk".
-        body: What to compute.
+        body: Request of what to compute.
         read: Reads the answer's body.
         timeout: Deadline in the service [s]; the service's default if None.
     """

@@ -44,7 +44,7 @@ class ClientOptions(TypedDict, total=False):
         token: Sent as ``Authorization: Bearer``.
         timeout: Longest wait for an answer [s], 60 if left out. A request with a `timeout` of its
             own is waited for as long as that allows, and some seconds more.
-        retry: When to ask again.
+        retry: Rule of when to ask again.
         compress: Whether answers may come compressed: for slow networks.
     """
 
@@ -266,8 +266,8 @@ class _Transport:
     """Context in which errors of httpx are raised again as those of the client.
 
     Args:
-        call: That is sent.
-        http: What sends it.
+        call: Call that is sent.
+        http: Client of httpx that sends it.
 
     Raises:
         TransportError: The client is closed, or something is wrong with the transport.

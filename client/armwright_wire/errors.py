@@ -2,15 +2,15 @@
 
 
 class ArmwrightError(Exception):
-    """Anything that goes wrong in this library."""
+    """Base of all errors of this library."""
 
 
 class InvalidArgument(ArmwrightError, ValueError):
     """An argument was refused before anything was sent.
 
     Args:
-        message: What is wrong and where.
-        hint: What to do about it.
+        message: Fault and its place.
+        hint: Advice on how to mend it.
     """
 
     def __init__(self, message: str, *, hint: str | None = None) -> None:

@@ -1,1 +1,1 @@
-"""Who may do what: API keys, scopes and limits."""
+"""API keys, scopes and limits of callers."""

@@ -14,12 +14,12 @@ CALLER = "armwright.caller"
 
 @dataclass(frozen=True, slots=True)
 class Caller:
-    """Whoever sent a request.
+    """Caller: the sender of a request.
 
     Args:
-        tenant: Whose robots, scenes and jobs there are for it.
+        tenant: Tenant whose robots, scenes and jobs it sees.
         api_key: Id of the key that was shown; None without keys.
-        scope: What it may do.
+        scope: Scope of what it may do.
         job_limit: Jobs that may wait or run; None for any number.
         storage_limit: Size of all documents of the tenant [byte]; None for any.
     """

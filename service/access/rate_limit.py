@@ -44,7 +44,7 @@ class RateLimiter:
         """Take a token of a key's bucket.
 
         Args:
-            key: Whose.
+            key: API key whose requests are counted.
             rate: Requests a window, and the size of the bucket.
         """
         now = self._clock()

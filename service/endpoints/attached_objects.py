@@ -45,7 +45,7 @@ class RobotInScene:
     Args:
         robot: The robot with the objects that it holds, their masses included.
         scene: The scene without attached objects, with all pairs that may touch.
-        notes: What is odd about the scene.
+        notes: Oddities of the scene, as sentences.
     """
 
     robot: RobotGeometry
@@ -98,7 +98,8 @@ def requested_scene(
         reference: Reference of the stored scene, where the request names one.
         body: The request.
         chain: The robot.
-        joints: Where the frame "tool" is meant, shape (n,) [rad or m]; None where nothing says so.
+        joints: Configuration of the frame "tool", shape (n,) [rad or m]; None where nothing names
+            one.
 
     Raises:
         NotPrepared: The document of a stored scene has to be prepared first.
@@ -138,7 +139,8 @@ def robot_in_scene(
         robot: The robot.
         scene: The stored scene, where the request names one.
         body: The request.
-        joints: Where the frame "tool" is meant, shape (n,) [rad or m]; None where nothing says so.
+        joints: Configuration of the frame "tool", shape (n,) [rad or m]; None where nothing names
+            one.
 
     Raises:
         NotPrepared: A robot or a stored scene has to be prepared first.

@@ -20,7 +20,8 @@ async def respond(request: Request, robot: str, task: ChainTask, *, is_brief: bo
         request: Request on whose behalf.
         robot: Name of the robot.
         task: Task that the body is for.
-        is_brief: Whether it takes a millisecond: it is done then whatever else is being computed.
+        is_brief: Whether the task takes a millisecond: it is done then whatever else is being
+            computed.
 
     Raises:
         ProblemError: As `answers.answer` and `answers.answer_at_once`.

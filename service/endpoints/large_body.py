@@ -23,7 +23,7 @@ def outline(model: str, content: bytes) -> BaseModel | TaskProblem:
     """Outline of a body that follows a model, or the reason why it does not.
 
     Args:
-        model: Where the model is, as ``"armwright_wire.plans.plan:PlanRequest"``.
+        model: Name of the model, as ``"armwright_wire.plans.plan:PlanRequest"``.
         content: JSON.
 
     Returns:

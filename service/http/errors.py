@@ -90,9 +90,9 @@ class HttpProblemError(ProblemError):
 
     Args:
         code: The kind of problem.
-        detail: What is wrong this time, and where.
+        detail: Fault of this one request, and its place.
         headers: Headers by name.
-        more: As `ProblemError` has it.
+        more: Further arguments of `ProblemError`.
     """
 
     def __init__(self, code: str, detail: str, headers: Mapping[str, str], **more: Any) -> None:
@@ -310,7 +310,7 @@ def response_to(
     Called while the error is handled.
 
     Args:
-        error: What was raised: of ours, a mistake, or the end of the service.
+        error: Exception that was raised: one of ours, a mistake, or the end of the service.
         scope: Scope of the request.
         started: Whether a response has begun: all that is left is to break the connection off.
 

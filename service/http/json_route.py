@@ -46,7 +46,7 @@ class JsonRequest(Request):
 
     Args:
         request: Request as the framework has it.
-        model: What the body must follow; a large one is answered as an instance of it.
+        model: Model that the body must follow; a large body is answered as an instance of it.
     """
 
     def __init__(self, request: Request, model: type[BaseModel] | None = None) -> None:

@@ -28,7 +28,7 @@ class Metrics:
     """The counters of one application.
 
     Args:
-        app: Whose workers are looked at when somebody asks.
+        app: Application whose workers are counted when somebody asks.
     """
 
     def __init__(self, app: FastAPI) -> None:
@@ -83,7 +83,7 @@ class Metrics:
             self._stages.labels(name).observe(seconds)
 
     def text(self, jobs: Mapping[Status, int], waiting: int | None = None) -> bytes:
-        """Everything in the text format.
+        """All metrics in the text format.
 
         Args:
             jobs: How many there are of each status.

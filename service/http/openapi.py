@@ -29,8 +29,8 @@ class Example(NamedTuple):
 
     Attributes:
         operation: Identifier of the operation.
-        title: What the example shows.
-        path: Where the request is sent, with its query.
+        title: Title of the example.
+        path: Path of the request, with its query.
         request: Body, None for none.
         status: HTTP status of the answer.
         answer: Body of the answer: JSON, or a text.
@@ -92,7 +92,7 @@ def describe_fields(schemas: dict[str, Schema]) -> None:
     """Give fields that say nothing of themselves the description of their type.
 
     Args:
-        schemas: By name, as the document has them; their fields are changed.
+        schemas: Schemas by name, as the document has them; their fields are changed.
     """
     for schema in schemas.values():
         for field in schema.get("properties", {}).values():
@@ -105,7 +105,7 @@ def describe_planner_options(schemas: dict[str, Schema]) -> None:
     """List the options of OMPL's planners, which planning has and the models have not.
 
     Args:
-        schemas: By name, as the document has them; their fields are changed.
+        schemas: Schemas by name, as the document has them; their fields are changed.
     """
     text = "".join(f"\n* `{name}`: {describe_options(name)}" for name in PLANNERS)
     for schema in schemas.values():
@@ -128,7 +128,7 @@ def bound_timeouts(schemas: dict[str, Schema], longest: float) -> None:
     """Publish the longest timeout that the service allows.
 
     Args:
-        schemas: By name, as the document has them; their fields are changed.
+        schemas: Schemas by name, as the document has them; their fields are changed.
         longest: The longest timeout [s].
     """
     for schema in schemas.values():

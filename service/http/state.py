@@ -116,10 +116,10 @@ class JobContext:
 
     Args:
         id: The job.
-        deadline: When it must be done, on the clock of `time.monotonic` [s].
+        deadline: Deadline of the job, on the clock of `time.monotonic` [s].
         on_start: Called when a worker begins with it.
         on_progress: Called with the progress, from 0 to 1, and the stage that a worker reports.
-        caller: Whose job it is.
+        caller: Caller who owns the job.
         first: Index of its first problem in the batch that it is a chunk of.
     """
 

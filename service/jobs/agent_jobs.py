@@ -39,8 +39,8 @@ class AgentJobs(Jobs):
     """Jobs that a queue carries to agents.
 
     Args:
-        app: What answers the requests.
-        store: Where jobs are kept, in PostgreSQL.
+        app: Application that answers the requests.
+        store: Store of the jobs, in PostgreSQL.
         settings: Limits and lifetimes.
         supervisor: The workers of this process.
         is_agent: Whether this process works on jobs.
@@ -113,8 +113,8 @@ class AgentJobs(Jobs):
 
         Args:
             request: The request.
-            told: What its idempotency key stands for from then on.
-            caller: Whose job it is.
+            told: Answer that the idempotency key of the request stands for from then on.
+            caller: Caller who owns the job.
 
         Raises:
             ProblemError: As `check_room`; STORAGE_UNAVAILABLE.

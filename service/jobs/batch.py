@@ -49,8 +49,8 @@ class Part:
     """Problems of a batch for one worker.
 
     Args:
-        indices: Which of the batch, at least one.
-        contents: What the batch says of each alone, JSON.
+        indices: Indices of the problems in the batch, at least one.
+        contents: Fields of each problem alone, JSON.
     """
 
     indices: Sequence[int]
@@ -132,7 +132,7 @@ class Batch:
 
     Args:
         request: The request for it.
-        context: Of the job that it has become.
+        context: Context of the job that the request has become.
     """
 
     def __init__(self, request: Request, context: JobContext) -> None:

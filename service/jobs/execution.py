@@ -49,8 +49,8 @@ class JobExecution:
     """The jobs that this process waits for or works on.
 
     Args:
-        app: What answers the requests.
-        store: Where jobs are kept.
+        app: Application that answers the requests.
+        store: Store of the jobs.
         settings: Limits and lifetimes.
     """
 

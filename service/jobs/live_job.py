@@ -52,9 +52,9 @@ class LiveJob:
     """A job that waits or runs.
 
     Args:
-        record: Where it stands.
-        deadline: When it must have ended, on the clock of `time.monotonic` [s].
-        size: Of its request [byte].
+        record: Record of the job: its status and progress.
+        deadline: Deadline of the job, on the clock of `time.monotonic` [s].
+        size: Size of the request [byte].
     """
 
     def __init__(self, record: JobRecord, deadline: float, size: int) -> None:

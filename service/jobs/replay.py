@@ -42,8 +42,8 @@ async def replay(app: ASGIApp, request: StoredRequest, context: JobContext) -> R
 
     Args:
         app: The whole application, so that errors become problem documents here too.
-        request: As it came.
-        context: Of the job that it belongs to.
+        request: Request as it came.
+        context: Context of the job that the request belongs to.
     """
     answered = Replayed()
     unread = [request.body]

@@ -39,8 +39,8 @@ class Jobs(JobExecution):
     """All jobs of the service.
 
     Args:
-        app: What answers the requests.
-        store: Where jobs are kept.
+        app: Application that answers the requests.
+        store: Store of the jobs.
         settings: Limits and lifetimes.
     """
 
@@ -117,8 +117,8 @@ class Jobs(JobExecution):
 
         Args:
             request: The request.
-            told: What its idempotency key stands for from then on.
-            caller: Whose job it is.
+            told: Answer that the idempotency key of the request stands for from then on.
+            caller: Caller who owns the job.
 
         Raises:
             ProblemError: As `check_room`; STORAGE_UNAVAILABLE.
@@ -148,10 +148,10 @@ class Jobs(JobExecution):
 
         Args:
             request: The request.
-            answer: Its answer.
-            location: What it created.
-            told: What its idempotency key stands for from then on.
-            caller: Whose job it is.
+            answer: Answer of the job.
+            location: Path of the resource that the job created.
+            told: Answer that the idempotency key of the request stands for from then on.
+            caller: Caller who owns the job.
 
         Raises:
             ProblemError: STORAGE_UNAVAILABLE; the service is about to end.

@@ -32,7 +32,7 @@ def install(database: Database, schema: str) -> None:
     """Make the tables of the engine, unless they are there.
 
     Args:
-        database: Of PostgreSQL.
+        database: Database of PostgreSQL.
         schema: The statements of the engine, SQL.
 
     Raises:
@@ -49,7 +49,7 @@ def add_messages(connection: Connection, ids: Sequence[str], priority: int) -> N
     """Tell agents of jobs, once the transaction of a connection is committed.
 
     Args:
-        connection: In a transaction.
+        connection: Connection in a transaction.
         ids: The jobs, the first one first.
         priority: Messages of a higher one go first.
     """

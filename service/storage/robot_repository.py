@@ -17,9 +17,9 @@ class KeptDocuments:
     """Documents by name: pinned ones as they were kept, all others as they are stored now.
 
     Args:
-        current: Those that are stored now.
-        plans: That hold the kept ones.
-        tenant: Whose.
+        current: Documents that are stored now.
+        plans: Store of the plans with the kept documents.
+        tenant: Tenant who owns them.
         pinned: Robots and scenes that mean the kept document of their hash.
     """
 
@@ -89,8 +89,8 @@ class RobotRepository:
     """The built-in robots, and the robots and scenes of a store. All methods but `recall` block.
 
     Args:
-        documents: Where their documents are.
-        folder: Where prepared robots and scenes are kept.
+        documents: Documents of robots and scenes.
+        folder: Folder of prepared robots and scenes.
     """
 
     def __init__(self, documents: Documents, folder: str) -> None:
@@ -102,7 +102,7 @@ class RobotRepository:
 
         Args:
             kind: "robot" or "scene".
-            name: Its name.
+            name: Name of the robot or scene.
         """
         if kind == "robot" and is_built_in(name):
             return builtin_reference(name, self._folder)

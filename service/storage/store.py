@@ -17,7 +17,7 @@ class Store:
     """The tables of one database, for one server or command.
 
     Args:
-        database: That is open; the store closes it.
+        database: Open database, which the store closes.
     """
 
     def __init__(self, database: Database) -> None:

@@ -106,7 +106,8 @@ class Tracing:
 
     Args:
         exporter: Takes the spans.
-        at_once: Whether it is given each span as it ends, in place of batches by a thread.
+        at_once: Whether the exporter is given each span as it ends, in place of batches by a
+            thread.
     """
 
     def __init__(self, exporter: SpanExporter, *, at_once: bool = False) -> None:

@@ -19,7 +19,7 @@ def certificate_answer(
 
     Args:
         certificate: The certificate.
-        begins: When its trajectory begins [s].
+        begins: Time of the trajectory's beginning [s].
         scene: Scene as the request names it.
     """
     answer: dict[str, Any] = {

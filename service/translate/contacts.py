@@ -20,7 +20,7 @@ def contacts(items: Sequence[AllowedItem] | None, reason: str) -> dict[Pair, All
 
     Args:
         items: Pairs of names, or such pairs with a depth.
-        reason: Who allows them.
+        reason: Reason: who allows the pairs.
     """
     made = {}
     for item in items or ():

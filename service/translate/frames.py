@@ -31,7 +31,8 @@ class Frames:
 
     Args:
         chain: The robot.
-        joints: Where "tool" is meant, shape (n,) [rad or m]; None where nothing says so.
+        joints: Configuration of the frame "tool", shape (n,) [rad or m]; None where nothing names
+            one.
         default: The frame of the request, for all that names none.
 
     Raises:
@@ -112,7 +113,7 @@ def single_goal_in_root_frame(goal: _Goal, frames: Frames, where: str) -> _Goal:
     Args:
         goal: A configuration or a pose.
         frames: The frames that the request names.
-        where: Its place in the request, for messages.
+        where: Place in the request, for messages.
 
     Raises:
         InvalidLinkName: A frame is unknown, or moves.

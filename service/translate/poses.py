@@ -48,7 +48,7 @@ def notes_of(body: BaseModel, more: Iterable[str] = ()) -> dict[str, list[str]]:
 
     Args:
         body: The request.
-        more: What else is told, of its scene for one.
+        more: Further notes, of the scene for one.
     """
     notes = [*rounding_notes(body), *more]
     return {"notes": notes} if notes else {}
@@ -59,7 +59,7 @@ def rounding_notes(body: Any, where: str = "") -> list[str]:
 
     Args:
         body: The request, or a part of it.
-        where: Its place in the request.
+        where: Place in the request.
     """
     items: Iterable[tuple[str, Any]] = ()
     if isinstance(body, BaseModel):

@@ -32,7 +32,7 @@ def seam_options(given: CartesianOptions, chain: Chain) -> SeamOptions:
     """The seam that options of the planner "cartesian" name.
 
     Args:
-        given: With waypoints, in the root frame.
+        given: Options with waypoints, in the root frame.
         chain: The robot, for frames of tolerances.
 
     Raises:
@@ -113,7 +113,7 @@ def tolerance(given: schema.ToolTolerance | None, chain: Chain, where: str) -> T
     """A tolerance as the domain has it; exact for none.
 
     Args:
-        given: As the request gives it.
+        given: Tolerance as the request gives it.
         chain: The robot, for its frame.
         where: Name of the field.
 

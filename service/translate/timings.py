@@ -179,7 +179,7 @@ def joint_state(body: retime_schema.JointStateBody | None, label: str) -> JointS
 
     Args:
         body: The state.
-        label: Its field in the request, for messages.
+        label: Field of the request, for messages.
 
     Raises:
         InvalidTrajectory: Its rows have different lengths.

@@ -36,7 +36,7 @@ def timed_tool_motions(
         body: Body as the request gives them, in the root frame.
         chain: The robot; its tip is the tool.
         motion: The trajectory.
-        begins: When it begins [s].
+        begins: Time of the motion's beginning [s].
 
     Raises:
         InvalidGoal: A circular motion that names no circle.

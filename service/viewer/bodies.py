@@ -28,7 +28,7 @@ class Body(NamedTuple):
         kind: "link", "visual" for what a link looks like, "held", "obstacle", or "moved" for what
             is carried by turns.
         joint: Index of the joint that carries it, -1 for what stands still.
-        surface: In the frame of that joint, or the root frame.
+        surface: Surface in the frame of that joint, or the root frame.
         simplified: Whether hulls stand for the triangles of its mesh, or it is thinned out.
         color: Red, green, blue, 0 to 1; None for the page's own.
     """
@@ -68,7 +68,7 @@ def visual_bodies(
 
     Args:
         chain: The robot.
-        looks: Of its links, in their frames.
+        looks: Visual surfaces of the links, in their frames.
         drawn: All other bodies.
 
     Returns:

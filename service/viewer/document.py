@@ -28,12 +28,12 @@ class Configuration(NamedTuple):
     """A configuration that a page shows by itself.
 
     Args:
-        label: What it is: "start", "IK solution 3".
+        label: Label: "start", "IK solution 3".
         joints: Shape (n,) [rad or m].
         verdict: "valid", "rejected" or "asked".
         reason: Why it was rejected, or what else is to be said.
         pair: The two bodies that collide or come closest there, if that is known.
-        cause: Of a rejection, by which it is coloured: "collision", "limits" or "other".
+        cause: Cause of a rejection, which gives the colour: "collision", "limits" or "other".
     """
 
     label: str
@@ -50,7 +50,7 @@ class Carrier(NamedTuple):
     Args:
         begins: The time [s].
         joint: Index of the joint that carries it, -1 where it stands.
-        T_joint_object: Its pose there, shape (4, 4).
+        T_joint_object: Pose of the object in the frame of the joint, shape (4, 4).
     """
 
     begins: float
@@ -62,7 +62,7 @@ def carrier_document(carrier: Carrier) -> dict[str, Any]:
     """A carrier as JSON.
 
     Args:
-        carrier: What carries an object.
+        carrier: Carrier of an object.
     """
     return {
         "begins": carrier.begins,
@@ -75,7 +75,7 @@ def rejected(label: str, joints: Sequence[float], reason: str) -> Configuration:
     """A configuration that was rejected, with the pair and the cause that its reason names.
 
     Args:
-        label: What it is.
+        label: Label of the body.
         joints: Shape (n,) [rad or m].
         reason: Reason in words, as the API answers it: bodies stand between quotes.
     """
@@ -153,7 +153,7 @@ def motion_document(
         robot: The robot with what it holds.
         scene: The obstacles.
         tool_speed: The limit of the tip's speed, if there is one [m/s].
-        curves: In place of those of this robot in this scene.
+        curves: Curves in place of those of this robot in this scene.
     """
     sampled = curves or {
         "torque": torque_curve(robot.chain, motion),
@@ -214,7 +214,7 @@ def tree_document(chain: Chain, explored: Explored) -> dict[str, Any]:
 
     Args:
         chain: The robot.
-        explored: Its edges.
+        explored: Edges of the tree or roadmap.
     """
     parts = sorted({edge.part for edge in explored.edges}, reverse=True)
     return {
@@ -233,7 +233,7 @@ def tree_sentence(explored: Explored) -> str:
     """A sentence about the tree that is drawn.
 
     Args:
-        explored: What was explored when the request was planned once more.
+        explored: Tree or roadmap that was explored when the request was planned once more.
     """
     if explored.planner is None:
         return "No planner with a tree or a roadmap had its turn when this was planned once more."

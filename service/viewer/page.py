@@ -27,7 +27,7 @@ def page(document: dict[str, Any]) -> bytes:
     """The page of a document, UTF-8.
 
     Args:
-        document: What is shown, see ``service.endpoints.plans.view``.
+        document: Document that is shown, see ``service.endpoints.plans.view``.
     """
     # A "<" in JSON can only be inside of a text: escaped, nothing in it can end the script element.
     data = to_json(document, inf_nan_mode="null").decode().replace("<", "\\u003c")

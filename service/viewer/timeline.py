@@ -33,9 +33,9 @@ class Part(NamedTuple):
     """A part of a timeline.
 
     Args:
-        label: What it is called.
-        begins: When [s].
-        motion: From its own time 0.
+        label: Label of the part.
+        begins: Time of the part's beginning [s].
+        motion: Motion from its own time 0.
         robot: Robot with what it holds in this part, its fingers where they stand at the beginning.
         scene: The obstacles in this part, and what may touch.
         fingers: Motion of the gripper's joints beside it; None where they stand still.

@@ -56,7 +56,7 @@ def allowed_sentences(told: Sequence[Mapping[str, Any]]) -> list[str]:
     """Sentences of the pairs that were not kept apart.
 
     Args:
-        told: As the API answers them.
+        told: Pairs as the API answers them.
     """
     measured = [item for item in told if item["overlap"] is not None]
     sentences = [

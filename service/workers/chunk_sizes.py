@@ -41,7 +41,7 @@ def chunk_sizes(count: int, pace: Pace) -> list[int]:
 
     Args:
         count: Problems of the batch.
-        pace: Of the agents.
+        pace: Pace of the agents.
     """
     rate = pace.workers / max(pace.mean, 1e-6)
     share = pace.workers / (_TURNS * max(pace.all_workers, pace.workers))

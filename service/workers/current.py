@@ -39,8 +39,8 @@ def report(progress: float, stage: str) -> None:
     """Tell the server how far the current job is.
 
     Args:
-        progress: From 0 to 1.
-        stage: What is being done, in a word.
+        progress: Progress from 0 to 1.
+        stage: Stage of the work, in a word.
     """
     if _Current.report is None:
         return
@@ -70,7 +70,7 @@ def begin(
     """Make a job the current one.
 
     Args:
-        deadline: When it must be done.
+        deadline: Deadline of the job.
         report: Receives its progress; None where nobody listens.
         silence: Time from now on in which nothing is reported [s].
         offer: Receives results that are the best so far; None where nobody keeps them.
@@ -85,7 +85,7 @@ def begin_part(number: int, deadline: Deadline) -> None:
 
     Args:
         number: Counts the parts that are done: the progress from then on is above it.
-        deadline: When this part must be done.
+        deadline: Deadline of this part.
     """
     _Current.deadline, _Current.parts_done, _Current.stage = deadline, number, None
     limit_preparation(deadline.at)

@@ -21,7 +21,7 @@ def was_ended_from_outside(exit_code: int | None) -> bool:
     Signals that native code gives itself are left out: the same job would end the next one, too.
 
     Args:
-        exit_code: As subprocess has it; None if it is not known.
+        exit_code: Exit code as subprocess has it; None if it is not known.
     """
     return exit_code is None or exit_code in (-signal.SIGKILL, -signal.SIGTERM)
 
@@ -31,7 +31,7 @@ class WorkerCrashed(ProblemError):
 
     Args:
         task: The name of the task.
-        exit_code: Of the worker, as subprocess has it; None if it is not known.
+        exit_code: Exit code of the worker, as subprocess has it; None if it is not known.
         earlier: How the workers of earlier attempts died.
     """
 

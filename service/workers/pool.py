@@ -77,8 +77,8 @@ class WorkerPool:
 
     Args:
         count: How many.
-        owner: Who is told of what happens to them.
-        recipe: What the fork server loads.
+        owner: Owner that is called when something happens to workers.
+        recipe: Recipe of what the fork server loads.
         launched: A fork server with this recipe that was started already.
         limits: Limits of each worker.
     """

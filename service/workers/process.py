@@ -28,7 +28,7 @@ class MemoryMeter:
     After every job of a worker: to open the file each time takes five times as long as to read it.
 
     Args:
-        pid: Of the process.
+        pid: Number of the process.
     """
 
     def __init__(self, pid: int) -> None:
@@ -118,23 +118,24 @@ class Ticket:
 
     Args:
         job: The call.
-        deadline: When the result must be there; of a background job set when a worker begins.
+        deadline: Deadline of the result; that of a background job is set when a worker begins.
         payload: The job, pickled.
         result: Result of the caller.
         on_progress: Called with the progress that the task reports.
         background: Given where nobody waits.
-        brief: Whether it takes a millisecond or so, for which a spare worker is good enough.
+        brief: Whether the job takes a millisecond or so, for which a spare worker is good enough.
         yields: How often it gave its worker away.
         timer: Fires when the ticket has overrun.
-        worker: Where it runs.
+        worker: Worker that runs the job.
         attempts: How often it was sent to a worker.
         arrived: Whether the worker has received it; of one that lives it is known only of jobs
             whose beginning is reported.
         client: Whom it is for: clients take turns.
-        has_share: Whether it runs as part of the share of background jobs, and gives way to nobody.
+        has_share: Whether the job runs as part of the share of background jobs, and gives way to
+            nobody.
         causes: How the workers died that it was given to.
         watch: Follows it, where somebody looks.
-        begun: When it was accepted or a worker received it, on the clock of `time.monotonic` [s].
+        begun: Time at which the job was accepted or a worker received it, on `time.monotonic` [s].
         offer: The best result so far that the worker has told; None before the first.
     """
 

@@ -28,8 +28,8 @@ class TaskProblem:
 
     Args:
         code: The kind of problem.
-        message: What is wrong and where.
-        hint: What to do about it.
+        message: Fault and its place.
+        hint: Advice on how to mend it.
         details: Values a program can use; one named ``stage`` is the step that failed.
     """
 
@@ -110,7 +110,7 @@ class BatchPart:
     Args:
         first: Index of the first one in the whole batch.
         size: How many they are.
-        content: Their request, JSON.
+        content: Request of the problems, JSON.
     """
 
     first: int
@@ -123,11 +123,11 @@ class BatchItem:
     """One problem of a batch.
 
     Args:
-        robot: Its name, perhaps that of all problems.
+        robot: Name of the robot, perhaps that of all problems.
         scene: The name of a stored scene, if it is in one.
-        shared: Whether it is in the scene that the batch gives inline.
+        shared: Whether the problem is in the scene that the batch gives inline.
         timeout: Timeout as the request names it [s].
-        content: What the batch says of this problem alone, JSON.
+        content: Fields of this problem alone, JSON.
     """
 
     robot: str
@@ -147,7 +147,7 @@ class SplitBatch:
     """A batch that was taken apart.
 
     Args:
-        items: Its problems, in order.
+        items: Problems of the batch, in order.
         head: The fields that stand beside them, without a scene given inline: JSON, each with a
             comma behind it.
         scene_hash: Hash of the document of a scene given inline; None where there is none.

@@ -180,10 +180,10 @@ class SupervisorState:
         Requests that are still being read count as if they waited.
 
         Args:
-            task: What it asks for.
+            task: Task that the request asks for.
             seconds: Time until its deadline [s].
             client: Whom it is from.
-            size: Of its body [byte]; 0 where it is not known.
+            size: Size of the body [byte]; 0 where it is not known.
         """
         now, changes = time.monotonic(), self._changes()
         until, known = self._early_state

@@ -72,7 +72,7 @@ class WorkerSupervisor(SupervisorState):
         queue_limit: Jobs that may wait while all workers are busy.
         kill_grace: How far a job may overrun its deadline and grace before its worker is killed
             [s].
-        recipe: What workers need, loaded once by the fork server.
+        recipe: Recipe of what workers need, loaded once by the fork server.
         launched: A fork server with this recipe that was started already.
         spares: Worker processes beyond that number. They are warm when a worker has to be replaced,
             and take brief jobs while all others have work.
@@ -130,7 +130,8 @@ class WorkerSupervisor(SupervisorState):
             on_progress: Called on the event loop with the progress that the task reports.
             background: Given where nobody waits. The queue has no limit for these; whoever
                 submits them minds their number.
-            brief: Whether it takes a millisecond or so. Brief jobs go first, and a spare worker
+            brief: Whether the job takes a millisecond or so. Brief jobs go first, and a spare
+                worker
                 takes them while all others have work.
             client: Whom it is for; clients take turns.
 

@@ -29,7 +29,7 @@ class Job(Generic[R_co]):
         task: The name of the task.
         args: Positional arguments, picklable.
         kwargs: Named arguments, picklable.
-        deadline: When the result must be there; the task reads it by `current.deadline`.
+        deadline: Deadline of the result; the task reads it by `current.deadline`.
         grace: How much later the worker is ended [s].
     """
 

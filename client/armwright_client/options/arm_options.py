@@ -24,7 +24,7 @@ class FkOptions(TypedDict, total=False):
         link: Link whose pose is answered first; the tip if left out.
         orientation: Form of the orientations; quaternions if left out.
         frame: A link that stands still, or "tool"; the root frame if left out.
-        fingers: Where joints of the gripper stand [rad or m], a list for one position with each
+        fingers: Positions of joints of the gripper [rad or m], a list for one position with each
             configuration; the others where the robot holds them.
     """
 
@@ -57,17 +57,19 @@ class IkOptions(SceneOptions, total=False):
 
     Args:
         link: The tip if left out.
-        seed_joints: Where to look first; solutions near it are better.
+        seed_joints: Configuration at which the search begins; solutions near it are better.
         method: "auto" if left out.
-        all_solutions: Also those that are outside limits or in collision, with the reason.
-        all_turns: Also copies by whole turns of joints inside the limits.
-        max_solutions: At most so many.
-        choice: What is best; "nearest" to the seed if left out.
+        all_solutions: Whether solutions outside limits or in collision are answered too, with the
+            reason.
+        all_turns: Whether copies by whole turns of joints inside the limits are answered too.
+        max_solutions: Largest number of solutions.
+        choice: Criterion of the best solution; "nearest" to the seed if left out.
         parameters: Arm angles or values of the locked joint of a seven-joint arm's closed form.
         axes: Axes of the pose's own frame that count; all if left out.
         gradient: Gradient of the method "gradient".
         constraints: Constraints beyond the pose, or in its place.
-        posture: With constraints: what is nearest; the seed if left out.
+        posture: Configuration that solutions under constraints are nearest to; the seed if left
+            out.
         seed: Seed of the random generator.
         keep: Whether request and answer are kept as a plan, see `Client.plans`.
     """
@@ -92,7 +94,7 @@ class VelocityOptions(TypedDict, total=False):
     """Options of velocity kinematics.
 
     Args:
-        joint_velocities: Whose twist is asked for [rad/s or m/s].
+        joint_velocities: Joint velocities whose twist is asked for [rad/s or m/s].
         twist: (linear, angular), whose joint velocities are asked for [m/s, rad/s].
         nullspace: Joint velocities of which the part that leaves the link at rest is added.
         link: The tip if left out.
@@ -114,7 +116,7 @@ class ModelOptions(TypedDict, total=False):
     """Changes of the robot's model: payload, motors, friction, gravity.
 
     Args:
-        gravity: In the frame [m/s²].
+        gravity: Acceleration of gravity in the frame [m/s²].
         frame: A link that stands still, or "tool"; the root frame if left out.
         payload: A load in addition.
         motor_inertia: J, one number or one a joint [kg m² or kg].
@@ -168,7 +170,8 @@ class WrenchOptions(TypedDict, total=False):
     Args:
         link: The tip if left out.
         point: Point in the link's frame [m]; its origin if left out.
-        frame: Whose axes the wrench is given along: a link that stands still, or "tool"; the root
+        frame: Frame along whose axes the wrench is given: a link that stands still, or "tool"; the
+            root
             frame if left out.
     """
 
@@ -214,7 +217,7 @@ class ReachOptions(SceneOptions, total=False):
         link: The link to bring to the poses; the tip if left out.
         tolerance: Deviation that is allowed.
         margin: Distance to be kept from obstacles [m].
-        choice: What makes the best configuration; the first one found will do with ``first``.
+        choice: Criterion of the best configuration; the first one found will do with ``first``.
         clearance: Measure clearances.
         joints: Answer the best configurations.
         bases: Candidates for the base.

@@ -22,7 +22,7 @@ class CheckOptions(SceneOptions, total=False):
     """Options of a collision check.
 
     Args:
-        fingers: Where joints of the gripper stand meanwhile [rad or m].
+        fingers: Positions of joints of the gripper meanwhile [rad or m].
         margin: Distance to be kept [m].
         depth: False leaves depths and clearance out, and nearly all of the time.
         keep: Whether request and answer are kept as a plan, see `Client.plans`.
@@ -42,7 +42,7 @@ class PlanOptions(PlanningOptions, total=False):
         planner_options: The planner's own.
         refine: Whether, or how, the motion that was found is optimised.
         constraints: Constraints that hold along the path.
-        fingers: Where joints of the gripper stand meanwhile [rad or m].
+        fingers: Positions of joints of the gripper meanwhile [rad or m].
         clearance: Distance to be kept wherever there is room.
         collisions: "ignore" looks at no collisions at all, and the certificate says so.
         start_state_tolerance: A start or goal so little outside a limit is moved onto it
@@ -65,12 +65,12 @@ class ValidateOptions(SceneOptions, total=False):
     Args:
         limits: Limits in place of the robot's.
         constraints: Constraints that hold along the path.
-        fingers: Where joints of the gripper stand meanwhile [rad or m].
+        fingers: Positions of joints of the gripper meanwhile [rad or m].
         margin: Distance to be kept [m].
         collisions: "ignore" looks at no collisions at all, and the certificate says so.
         tool_motions: Lines and arcs that the tool has to keep to.
         torque_limits: Whether the robot's effort limits hold too.
-        payload: What the tip carries, for torques.
+        payload: Payload that the tip carries, for torques.
         tool_speed: Largest speed of the tip [m/s].
         keep: Whether request and answer are kept as a plan, see `Client.plans`.
     """
@@ -92,15 +92,15 @@ class ExportOptions(SceneOptions, total=False):
 
     Args:
         sample_period: Time between points [s].
-        interpolation: Of messages and tables.
+        interpolation: Interpolation of messages and tables.
         path_tolerance: Distance of the motion from the legs of a path at most [rad].
         blend: How far from a point the corner may be cut: [m] URScript, [mm] RAPID, [%] KRL.
         speed: Share of the axes' largest speeds, for paths.
         name: Name of the program.
         frame_id: Frame id of the header of a ROS message.
         margin: Distance to be kept [m].
-        fingers: Where joints of the gripper stand meanwhile [rad or m].
-        premises: Those of the certificate that the motion has; other ones are refused.
+        fingers: Positions of joints of the gripper meanwhile [rad or m].
+        premises: Premises of the certificate that the motion has; other ones are refused.
         different_scene: Whether to export all the same, proved for what is given here.
     """
 
@@ -132,15 +132,15 @@ class SimulateOptions(SceneOptions, total=False):
         joint_stops: Stops of the joints: stiffness, dissipation; {} for the usual ones.
         model_error: Errors of the controller's model: mass_scale, inertias, payload, ...
         disturbance: Forces the controller does not know of: torque, amplitude, wrench, ...
-        initial_state: Where the robot is when the motion begins: joints, offset, ...
+        initial_state: State of the robot at the motion's beginning: joints, offset, ...
         noise: Standard deviations of the encoders: position, velocity.
         control_period: How long each torque is held [s]; a continuous controller if left out.
         duration: [s]; the trajectory's if left out.
         sample_period: Sample period of the answer [s].
         saturate: Whether torques are cut off at the effort limits.
         settling_tolerance: [rad or m].
-        relative_tolerance: Of the integrator.
-        absolute_tolerance: Of the integrator.
+        relative_tolerance: Relative tolerance of the integrator.
+        absolute_tolerance: Absolute tolerance of the integrator.
         seed: Seed of the noise.
     """
 
@@ -169,7 +169,7 @@ class TaskOptions(PlanningOptions, total=False):
 
     Args:
         objects: Obstacles that stand elsewhere than the scene says.
-        fingers: Where joints of the gripper stand at the start [rad or m].
+        fingers: Positions of joints of the gripper at the start [rad or m].
         improve: Time to look for a better answer after the first [s].
         allow_partial: Whether the first stages are an answer where not all can be done.
     """
@@ -184,14 +184,14 @@ class TourOptions(PlanningOptions, total=False):
     """Options of a tour beyond robot and goals.
 
     Args:
-        start: Where it begins; at any goal if left out.
+        start: Start of the tour; any goal if left out.
         end: "any" goal, back at the "start", or a configuration.
         precedence: Pairs of goals or groups: the first is visited before the second.
-        constraints: What every leg has to hold.
+        constraints: Constraints that every leg has to hold.
         clearance: Distance to be kept wherever there is room; none if left out.
         start_state_tolerance: A configuration so little outside a limit is moved onto it
             [rad or m]; if left out a start or end by 0.01 % of the limit, a goal by 1e-6.
-        rounds: Of search and proof after the first tour that is proved.
+        rounds: Rounds of search and proof after the first tour that is proved.
         leg_timeout: Longest that one leg is planned [s].
         allow_partial: Whether a tour that leaves goals out is an answer.
     """

@@ -21,16 +21,16 @@ class RobotOptions(TypedDict, total=False):
     """Options of any upload.
 
     Args:
-        base_link: Where the chain begins; poses are in the root frame all the same, unless this is
+        base_link: First link of the chain; poses are in the root frame all the same, unless this is
             work that a positioner moves beside the arm: then they are in its frame.
-        tip_link: Where it ends; the likely tip if left out.
+        tip_link: Last link of the chain; the likely tip if left out.
         joint_limits: Limits by the joint's name, "*" for all of the chain; or the text of a MoveIt
             `joint_limits.yaml`.
         default_limits: Rules for limits that nothing else gives.
         held: Positions of joints off the chain [rad or m].
         motors: Motors of a URDF, by joint; "*" for every joint that is not named.
         allow_suspected: Let pairs touch that `Robot.suspected_collisions` would tell.
-        visual_solids: Of a URDF: links without collision geometry collide as they look.
+        visual_solids: Whether links of a URDF without collision geometry collide as they look.
     """
 
     base_link: str
@@ -47,8 +47,8 @@ class ArchiveOptions(RobotOptions, total=False):
     """Options of an archive, with those of any upload.
 
     Args:
-        urdf_path: Which .urdf file is meant, by its path in the archive or the end of it.
-        srdf_path: Which .srdf file belongs to it, likewise.
+        urdf_path: Path in the archive of the .urdf file that is meant, or the end of it.
+        srdf_path: Path in the archive of the .srdf file that belongs to it, or the end of it.
     """
 
     urdf_path: str
@@ -76,11 +76,11 @@ class RobotUpload(RobotBody):
 
         Args:
             path: Path of the URDF file.
-            name: To be stored under; the name in the URDF if left out.
-            srdf: Of an SRDF file.
+            name: Name to be stored under; the name in the URDF if left out.
+            srdf: Text of an SRDF file.
             package_dirs: Folders of packages, or that hold folders of packages.
             visuals: Whether visual meshes are sent, too: up to 16 MiB of them, small ones first.
-            options: What the description leaves open.
+            options: Options that the description leaves open.
 
         Raises:
             OSError: A file can't be read.
@@ -107,9 +107,9 @@ class RobotArchive:
     """A .zip with a URDF, its meshes and perhaps an SRDF.
 
     Args:
-        name: To be stored under.
+        name: Name to be stored under.
         content: Content of the file.
-        options: What the description leaves open.
+        options: Options that the description leaves open.
     """
 
     name: str

@@ -34,7 +34,7 @@ class UrdfFile:
 
     Args:
         name: Name as the description says.
-        text: What to send.
+        text: Text to send.
         meshes: Files in base64 by the URI that the text names them by.
     """
 
@@ -51,7 +51,7 @@ def read_urdf(
     Args:
         path: Path of the URDF.
         package_dirs: Folders of packages, or that hold them.
-        max_visual_bytes: Of visual mesh files together; small ones go first.
+        max_visual_bytes: Largest size of visual mesh files together [byte]; small ones go first.
 
     Raises:
         OSError: A file can't be read.

@@ -351,7 +351,7 @@ class CartesianOptions(Body):
         )
 
     def _tolerance(self, report: "ToolMotionAnswer") -> ToolTolerance | None:
-        """That of the waypoint that a part of a seam leads to, where it has one of its own."""
+        """Tolerance of the waypoint that a part of a seam leads to, where it has one of its own."""
         if self.waypoints is None or report.part != "seam":
             return None
         waypoint = self.waypoints[report.motion + 1]

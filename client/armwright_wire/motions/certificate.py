@@ -83,7 +83,7 @@ class ProvedAnswer(Answer):
 
 
 class Premises(Body):
-    """What a certificate holds for: of another robot, scene or load it says nothing."""
+    """Premises of a certificate: of another robot, scene or load it says nothing."""
 
     robot: Label | None = Field(
         None, description="name of the robot; null for limits given without one"

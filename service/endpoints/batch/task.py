@@ -35,7 +35,7 @@ def split(content: bytes, folder: str, name: str) -> SplitBatch:
 
     Args:
         content: The request, which was found valid when it came.
-        folder: Where to keep the scene.
+        folder: Folder in which the scene is kept.
         name: Name for the scene, different from that of any that is stored.
 
     Raises:

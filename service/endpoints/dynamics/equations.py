@@ -23,7 +23,7 @@ def equations_answer(chain: Chain, sheet: Sheet) -> schema.EquationsAnswer:
 
     Args:
         chain: The robot.
-        sheet: Its formulas.
+        sheet: Formulas of the robot.
     """
     kinds = [row.type for row in sheet.table.rows]
     joints = zip(chain.joint_names, sheet.joints, kinds, strict=True)
@@ -92,7 +92,7 @@ def equations(
 
     Args:
         robot: The robot.
-        document: Its stored document; None for a built-in one.
+        document: Stored document of the robot; None for a built-in one.
         notation: How formulas are written.
 
     Raises:

@@ -66,7 +66,7 @@ def solve_batch(
     Args:
         chain: The robot.
         body: The request.
-        targets: Its poses.
+        targets: Poses of the request.
 
     Raises:
         InvalidPose: An orientation is no rotation.

@@ -99,7 +99,7 @@ def plan_outcome(
         robot: The robot.
         scene: The stored scene, where there is one.
         body: The request.
-        framed: Whether it may name a frame.
+        framed: Whether the request may name a frame.
 
     Raises:
         NotPrepared: The robot or the scene has to be prepared first.

@@ -29,7 +29,7 @@ class Replayed:
 
     Args:
         content: The answer or problem, JSON.
-        succeeded: Whether it is an answer.
+        succeeded: Whether the content is an answer, not a problem.
         plan_id: The kept plan that it became, if it was kept.
     """
 

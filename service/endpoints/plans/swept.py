@@ -35,7 +35,7 @@ def swept(
         scene: The scene, where the request names a stored one.
         content: The kept plan as ``GET /v1/plans/{id}`` answers it.
         form: "glb" or "stl".
-        tolerance: What the hulls may be grown by [m].
+        tolerance: Largest growth of the hulls [m].
 
     Raises:
         InvalidOption: The plan has no motion, or the tolerance asks for too many hulls.

@@ -73,7 +73,7 @@ class _Shown(NamedTuple):
         sentences: The certificate, or what else is to be said.
         extra: More fields of the document.
         moved: Objects that are carried from one place to another.
-        curves: Of the motion, where it is not that of one robot in one scene.
+        curves: Curves of the motion, where it is not that of one robot in one scene.
     """
 
     cell: RobotInScene

@@ -45,7 +45,7 @@ def of_plan(kept: Kept, body: PlanRequest) -> Iterator[Configuration]:
 
     Args:
         kept: The kept plan.
-        body: Its request, with the joints of named states.
+        body: Request of the plan, with the joints of named states.
     """
     stage, details = kept.problem.get("stage"), kept.problem.get("details") or {}
     detail = str(kept.problem["detail"])
@@ -72,7 +72,7 @@ def of_task(kept: Kept, body: TaskRequest) -> Iterator[Configuration]:
 
     Args:
         kept: The kept task.
-        body: Its request.
+        body: Request of the plan.
     """
     stage, detail = kept.problem.get("stage"), str(kept.problem["detail"])
     yield _end("start", task_start(kept.robot, body), detail if stage == "start" else None)
@@ -105,7 +105,7 @@ def of_tour(kept: Kept, body: TourRequest) -> Iterator[Configuration]:
 
     Args:
         kept: The kept tour.
-        body: Its request.
+        body: Request of the plan.
     """
     stage, detail = kept.problem.get("stage"), str(kept.problem["detail"])
     start = None if body.start is None else body.start.joints

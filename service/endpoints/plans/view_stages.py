@@ -45,7 +45,7 @@ class Timeline(NamedTuple):
         moved: Objects that are carried.
         extra: More fields of the document: ``stages`` with labels and times, ``carriers`` of the
             moved objects, ``fingers``.
-        sentences: About the whole and each part.
+        sentences: Sentences about the whole and each part.
     """
 
     cell: RobotInScene

@@ -31,7 +31,7 @@ def draw(grid: PoseGrid, found: Reach) -> str:
 
     Args:
         grid: Points with one orientation.
-        found: Their reach.
+        found: Reach of the points.
     """
     shape = grid.shape[:3]
     across = int(np.argmin(shape))

@@ -39,7 +39,7 @@ def draw(grid: PoseGrid, found: Reach) -> bytes:
 
     Args:
         grid: Points with one orientation, one of them at least reached.
-        found: Their reach.
+        found: Reach of the points.
     """
     shape = grid.shape[:3]
     reached = found.status.reshape(shape) == Status.REACHED.value

@@ -77,7 +77,7 @@ def robot_geometry(robot: Reference, name: str, kind: GeometryKind = "collision"
 
     Args:
         robot: The robot.
-        name: Its name.
+        name: Name of the robot.
         kind: "visual" for what it looks like; there, links that look like nothing that is known
             have their collision geometry, and a robot none of whose links does has no bodies.
     """

@@ -93,7 +93,7 @@ def prepare_robot(document: bytes, folder: str, notes: tuple[str, ...] = ()) -> 
 
     Args:
         document: Document of the robot.
-        folder: Where to keep it.
+        folder: Folder in which the result is kept.
         notes: Notes on what it was made of, for its lint.
 
     Returns:
@@ -124,9 +124,9 @@ def change_robot(document: bytes, content: bytes, folder: str) -> tuple[bytes, b
     """Build a stored robot with other limits, and keep it for all workers.
 
     Args:
-        document: Its stored document.
+        document: Stored document of the robot.
         content: The request.
-        folder: Where to keep it.
+        folder: Folder in which the result is kept.
 
     Returns:
         The JSON document to be stored, and the robot's model as it is answered.
@@ -154,7 +154,7 @@ def robot_urdf(robot: Reference, document: bytes | None, merge_limits: bool = Fa
 
     Args:
         robot: The robot.
-        document: Its stored document; None for a built-in one.
+        document: Stored document of the robot; None for a built-in one.
         merge_limits: Whether limits that were given beside the URDF are written into it.
     """
     if document is None:
@@ -182,7 +182,7 @@ def unpack_robot(content: bytes, fields: dict[str, object], folder: str) -> tupl
     Args:
         content: The archive.
         fields: Other fields of the robot's document.
-        folder: Where to keep it.
+        folder: Folder in which the result is kept.
 
     Returns:
         The robot's JSON document and its model as it is answered.

@@ -76,7 +76,7 @@ def simulation_notes(
         robot: The robot with its limits.
         used: The controller.
         result: The simulation.
-        begins: When the reference begins, in the request's time [s].
+        begins: Time of the reference's beginning, as the request counts [s].
         has_stops: Whether the joints have stops at their position limits.
     """
     notes = _reference_notes(motion, robot, begins)

@@ -31,8 +31,9 @@ class RequestReference(NamedTuple):
 
     Args:
         motion: Motion as a trajectory.
-        begins: When it begins, in the request's time [s].
-        rest: Where the robot rests before, shape (n,) [rad or m]; None at the motion's start.
+        begins: Time of the motion's beginning, as the request counts [s].
+        rest: Configuration of rest before the motion, shape (n,) [rad or m]; None at the motion's
+            start.
     """
 
     motion: Trajectory

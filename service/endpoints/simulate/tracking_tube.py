@@ -78,8 +78,8 @@ def tube_answer(
         arm: The robot with what it holds.
         scene: The obstacles.
         motion: The reference.
-        result: How it was tracked.
-        deadline: When to give up proving.
+        result: Result of the simulation that tracked the motion.
+        deadline: Deadline of all proofs.
     """
     # Only clearance matters here: /v1/validate holds motions to limits.
     chain = dataclasses.replace(arm.chain, limits=Limits.unlimited(arm.chain.n))
@@ -141,7 +141,7 @@ def own_clearance(
         motion: The reference.
         robot: The robot.
         pairs: Pairs of links, and the displacement of the second as the first one sees it.
-        deadline: When to give up proving.
+        deadline: Deadline of all proofs.
     """
     some = _only_pairs(robot, set(pairs))
     far = max(item.distance for item in pairs.values())

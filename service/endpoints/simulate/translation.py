@@ -168,7 +168,7 @@ def initial_state(
         body: The request's.
         chain: The robot.
         trajectory: The reference.
-        rest: Where the robot rests before the reference begins, shape (n,) [rad or m]; at the
+        rest: Configuration of rest before the reference begins, shape (n,) [rad or m]; at the
             start of the reference where it is not given.
 
     Raises:
@@ -198,7 +198,7 @@ def disturbance(
 
     Args:
         body: The request's, in the time of its trajectory.
-        begins: When the trajectory begins in that time [s].
+        begins: Time of the trajectory's beginning, as the request counts [s].
         duration: How long the simulation lasts [s].
 
     Raises:
@@ -295,7 +295,7 @@ def simulation_answer(
         result: The simulation.
         used: The controller.
         robot: The simulated robot.
-        begins: When the reference begins, in the request's time [s].
+        begins: Time of the reference's beginning, as the request counts [s].
         motors: The motors that drive the robot, one for each joint.
     """
     adaptive = used if isinstance(used, Adaptive) else None

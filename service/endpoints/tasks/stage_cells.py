@@ -24,8 +24,8 @@ class StageCell(NamedTuple):
     """The robot and its surroundings in one stage.
 
     Args:
-        first: With the fingers where they stand when it begins.
-        last: With the fingers where they stand when it ends.
+        first: Cell with the fingers as they stand at the stage's beginning.
+        last: Cell with the fingers as they stand at the stage's end.
     """
 
     first: RobotInScene
@@ -48,7 +48,7 @@ def stage_cells(
         stages: Stages as the answer tells them.
         robot: The robot alone, its fingers anywhere.
         around: The scene with all objects, see ``task_objects``.
-        fingers: Where the fingers stand when the task begins [rad or m].
+        fingers: Positions of the fingers at the task's beginning [rad or m].
     """
     cells = []
     for stage in stages:

@@ -53,7 +53,7 @@ def stages(
     Args:
         body: The request.
         robot: The robot alone.
-        start: Where it stands, shape (n,) [rad or m].
+        start: Configuration of the robot at the start, shape (n,) [rad or m].
         timeout: Timeout for all stages together [s].
 
     Raises:
@@ -218,7 +218,7 @@ class _Translator:
 
 
 def supports(given: str | list[str] | None) -> tuple[str, ...]:
-    """What an object stands on."""
+    """Names of the supports that an object stands on."""
     return (given,) if isinstance(given, str) else tuple(given or ())
 
 

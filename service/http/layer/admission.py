@@ -33,8 +33,8 @@ class Admission:
     """Admission of requests that compute.
 
     Args:
-        supervisor: Of the workers.
-        settings: With the timeout of a request that names none.
+        supervisor: Supervisor of the workers.
+        settings: Settings with the timeout of a request that names none.
     """
 
     def __init__(self, supervisor: WorkerSupervisor, settings: Settings) -> None:

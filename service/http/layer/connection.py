@@ -64,7 +64,7 @@ class Connection(HttpToolsProtocol):
 
     Args:
         limits: Limits of connections.
-        arguments: Of uvicorn.
+        arguments: Arguments of uvicorn.
     """
 
     def __init__(self, limits: ConnectionLimits, **arguments: Any) -> None:

@@ -82,7 +82,7 @@ class ServiceMiddleware:
 
     Args:
         app: The application behind it.
-        application: The same one, whose state holds authenticator and admission once it runs.
+        application: Application whose state holds authenticator and admission once it runs.
         settings: Limits, hosts, origins, and what anybody may ask.
         metrics: Counters of requests.
         health_only: Whether nothing but `HEALTH_PATHS` is answered, as by an agent.

@@ -127,7 +127,7 @@ def is_foreign(
         origin: The header Origin; None where there is none.
         site: The header Sec-Fetch-Site; None where there is none.
         host: The header Host.
-        origins: Whose pages may ask, "*" for all.
+        origins: Origins whose pages may ask, "*" for all.
     """
     if ANY_HOST in origins or origin in origins or site == "same-origin":
         return False
@@ -143,7 +143,7 @@ def check_host(scope: Scope, names: frozenset[str], origins: tuple[str, ...]) ->
     Args:
         scope: Scope of the request.
         names: Names as `allowed_host` has them.
-        origins: Whose pages may change things, "*" for all.
+        origins: Origins whose pages may change things, "*" for all.
 
     Raises:
         HttpProblemError: HOST_NOT_ALLOWED, FORBIDDEN.
@@ -191,7 +191,7 @@ async def read_body(scope: Scope, receive: Receive, limits: BodyLimits) -> bytes
 
     Args:
         scope: Scope of the request, with the instant `ARRIVAL`.
-        receive: Of the request.
+        receive: Channel of the request.
         limits: Limits of the body.
 
     Raises:

@@ -12,11 +12,11 @@ class Reference:
     """A robot or scene that a worker is to load.
 
     Args:
-        kind: Which of the two.
-        name: Its name.
+        kind: Kind: robot or scene.
+        name: Name of the robot or scene.
         hash: SHA-256 of its document; of a built-in robot its name.
-        folder: Where prepared robots and scenes are kept.
-        built_in: Whether it comes with the app, so that there is no document.
+        folder: Folder of prepared robots and scenes.
+        built_in: Whether the robot comes with the app, so that there is no document.
     """
 
     kind: Kind
@@ -37,7 +37,7 @@ def builtin_reference(name: str, folder: str = "") -> Reference:
 
 
 class NotPrepared(Exception):
-    """Nothing usable is kept for a reference: its document has to be prepared again."""
+    """Error of a reference without a usable file: its document has to be prepared again."""
 
     def __init__(self, reference: Reference) -> None:
         super().__init__(reference.name)

@@ -66,9 +66,9 @@ class PreparedRobot:
     """A robot that was built.
 
     Args:
-        answer: Its model as the service answers it, JSON.
-        packed_chain: Its chain, pickled; `chain` is the same as a value.
-        packed_geometry: Its solids, pickled; `geometry` is the same as a value.
+        answer: Model of the robot as the service answers it, JSON.
+        packed_chain: Chain of the robot, pickled; `chain` is the same as a value.
+        packed_geometry: Solids of the robot, pickled; `geometry` is the same as a value.
     """
 
     answer: bytes

@@ -105,7 +105,8 @@ def placed_scene(
         source: The scene.
         frame: Frame of obstacles that name none; None for the root frame.
         chain: The robot.
-        joints: Where the frame "tool" is meant, shape (n,) [rad or m]; None where nothing says so.
+        joints: Configuration of the frame "tool", shape (n,) [rad or m]; None where nothing names
+            one.
 
     Raises:
         NotPrepared: As `scene`.

@@ -11,10 +11,10 @@ from service.storage.tables import audit
 
 @dataclass(frozen=True, slots=True)
 class Actor:
-    """Whoever changes something.
+    """Actor: the caller who changes something.
 
     Args:
-        tenant: To whom it belongs.
+        tenant: Tenant of the actor.
         api_key: Id of the key that was shown; None without keys or at the command line.
     """
 
@@ -28,10 +28,10 @@ class AuditEntry:
 
     Args:
         time: Seconds since the epoch.
-        tenant: To whom that belongs which was changed.
+        tenant: Tenant who owns the changed thing.
         api_key: Id of the key that was shown, if there was one.
-        action: What was done, such as "create".
-        target: With what, such as "robot arm".
+        action: Action, such as "create".
+        target: Target of the action, such as "robot arm".
     """
 
     time: float

@@ -100,8 +100,9 @@ class DocumentStore:
     """Documents in a database; every method blocks and is safe in any thread.
 
     Args:
-        database: Where they are kept.
-        actor: On whose behalf; documents of other tenants are not seen.
+        database: Database of the table.
+        actor: Actor on whose behalf documents are read and changed; those of other tenants are not
+            seen.
         storage_limit: Size of all documents of the tenant [byte]; None for any.
         cache: Cache of records, where all that write to the database have the same one.
     """

@@ -37,7 +37,7 @@ class IdempotencyKey:
     Args:
         key: Key as the caller chose it.
         endpoint: Method and path of the request.
-        tenant: Whose request it is.
+        tenant: Tenant whose request it is.
     """
 
     key: str
@@ -73,8 +73,8 @@ class IdempotencyStore:
     """Idempotency keys in a database; every method blocks and is safe in any thread.
 
     Args:
-        database: Where they are kept.
-        server: Which server claims them.
+        database: Database of the table.
+        server: Server that claims the keys.
     """
 
     def __init__(self, database: Database, server: str) -> None:

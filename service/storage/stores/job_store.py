@@ -27,8 +27,8 @@ class StoredRequest:
     Args:
         method: Method of HTTP.
         path: Path that was asked.
-        content_type: Of the body.
-        body: As it came.
+        content_type: Content type of the body.
+        body: Body as it came.
     """
 
     method: str
@@ -43,22 +43,22 @@ class JobRecord:
 
     Args:
         id: Id by which it is asked for; later jobs sort after earlier ones.
-        method: Of its request.
-        path: Of its request.
+        method: Method of the request.
+        path: Path of the request.
         status: queued, running, succeeded, failed or cancelled.
-        progress: From 0 to 1.
-        stage: What is being done.
+        progress: Progress from 0 to 1.
+        stage: Stage of the work.
         event: The number of the last event.
         created: Seconds since the epoch, as the next two.
-        started: When a worker first took it up.
-        ended: When it succeeded, failed or was cancelled.
-        location: What it created.
-        tenant: Whose job it is.
+        started: Time at which a worker first took the job up.
+        ended: Time at which the job succeeded, failed or was cancelled.
+        location: Path of the resource that the job created.
+        tenant: Tenant who owns the job.
         api_key: Id of the key of its caller, if there was one.
         attempt: Counts the servers that have had it in work, from 1.
         carrier: "agents" if agents work on it, None if servers do.
         parent: Parent of a chunk, the batch that it is a part of.
-        first: Of a chunk, the index of its first problem in the batch.
+        first: Index of the first problem of a chunk in the batch.
         size: Problems of a chunk, or of a batch that was cut into chunks.
     """
 
@@ -134,8 +134,8 @@ class JobStore:
     """Jobs in a database; every method blocks and is safe in any thread.
 
     Args:
-        database: Where they are kept.
-        server: Which server works on jobs that are added or adopted.
+        database: Database of the table.
+        server: Server that works on jobs that are added or adopted.
     """
 
     def __init__(self, database: Database, server: str) -> None:
@@ -153,8 +153,8 @@ class JobStore:
 
         Args:
             record: The job.
-            content: Its request, or its answer if it has ended already.
-            told: What the idempotency key of the request stands for from then on.
+            content: Request of the job, or its answer if it has ended already.
+            told: Answer that the idempotency key of the request stands for from then on.
         """
         values = dataclasses.asdict(record)
         values["server"] = None if record.carrier else self._server
@@ -241,7 +241,7 @@ class JobStore:
         return sorted((JobRecord(*row) for row in rows), key=lambda record: record.id)
 
     def taken_away(self, ids: Sequence[str]) -> set[str]:
-        """Those of some jobs that have ended by another's hand, or that another server has."""
+        """Jobs, of those given, that ended by another's hand or that another server has."""
         mine = select(jobs.c.id).where(
             jobs.c.id.in_(ids), ~HAS_ENDED, jobs.c.server == self._server
         )

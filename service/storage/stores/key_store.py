@@ -22,14 +22,14 @@ class ApiKey:
     """An API key without its secret.
 
     Args:
-        id: Its public part.
-        name: What it is for.
+        id: Public part of the key.
+        name: Purpose of the key.
         digest: SHA-256 of its secret part, in hexadecimal digits.
-        scope: What it allows: to read, also to plan, or also to change robots and scenes.
-        tenant: Whose robots, scenes and jobs it shows.
+        scope: Scope: to read, also to plan, or also to change robots and scenes.
+        tenant: Tenant whose robots, scenes and jobs the key shows.
         created: Seconds since the epoch, as the next two.
-        expires: From when on it is refused; None for never.
-        revoked: Since when it is refused.
+        expires: Time from which the key is refused; None for never.
+        revoked: Time at which the key was revoked.
         rate: Requests a minute; None for any number.
         job_limit: Jobs that may wait or run; None for any number.
         storage_limit: Size of all documents of the tenant [byte]; None for any.

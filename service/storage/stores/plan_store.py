@@ -34,7 +34,7 @@ class PlanRecord:
         path: Path of the request.
         status: Status of HTTP: 200, or that of the problem.
         code: Code of the problem; None where there is an answer.
-        robot: Its name, if the request is about one.
+        robot: Name of the robot, if the request is about one.
         robot_hash: SHA-256 of its document; None for a built-in robot.
         scene: The name of the stored scene, if the request names one.
         scene_hash: SHA-256 of its document.
@@ -44,7 +44,7 @@ class PlanRecord:
         created: Seconds since the epoch.
         job: The job that it answered, if it was one.
         replay_of: The kept plan that it replays, if it does.
-        tenant: Whose it is.
+        tenant: Tenant who owns the plan.
         api_key: Id of the key of its caller, if there was one.
         proved_here: Whether this service came to the answer, and what it says is proved.
     """
@@ -108,7 +108,7 @@ class PlanStore:
     """Kept plans in a database; every method blocks and is safe in any thread.
 
     Args:
-        database: Where they are kept.
+        database: Database of the table.
     """
 
     def __init__(self, database: Database) -> None:
@@ -163,7 +163,7 @@ class PlanStore:
         Args:
             before: An id, or nothing.
             limit: How many at most.
-            tenant: Whose.
+            tenant: Tenant who owns them.
             robot: Only those of a robot of this name.
         """
         chosen = select(*_RECORD).where(plans.c.tenant == tenant)
@@ -194,7 +194,7 @@ class PlanStore:
 
         Args:
             now: Seconds since the epoch.
-            retention: What may stay of each tenant.
+            retention: Bounds of the plans that each tenant may keep.
         """
         ranked = select(
             plans.c.id,

@@ -26,7 +26,7 @@ class Chunk:
     Args:
         first: Index of the first one in the whole batch.
         size: How many they are.
-        body: Their request, JSON.
+        body: Request of the problems, JSON.
     """
 
     first: int
@@ -102,7 +102,7 @@ class QueueStore:
     """Jobs for agents in a PostgreSQL database; every method blocks and is safe in any thread.
 
     Args:
-        database: Where they are kept.
+        database: Database of the table.
         server: The agent that claims jobs.
     """
 
@@ -131,7 +131,7 @@ class QueueStore:
         """Jobs of all servers that wait for agents or that these work on.
 
         Args:
-            api_key: Whose are counted apart.
+            api_key: API key whose jobs are counted apart.
         """
         own = jobs.c.api_key.is_(None) if api_key is None else jobs.c.api_key == api_key
         counted = select(
@@ -148,7 +148,7 @@ class QueueStore:
 
         Args:
             record: The batch, which this agent has.
-            chunks: In order.
+            chunks: Chunks in order.
 
         Returns:
             False if another agent has the batch by now, or it has ended: nothing was kept.

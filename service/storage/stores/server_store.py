@@ -39,7 +39,7 @@ def is_abandoned(
     """Whether the server of a row is dead, or the row has none.
 
     Args:
-        database: Whose clock counts.
+        database: Database whose clock counts.
         server: The column that names the server.
         this_server: The server that asks, which is alive.
     """
@@ -60,7 +60,7 @@ class ServerStore:
         """Note a server that has started; the only one of a file puts an end to those before.
 
         Args:
-            server: Its name.
+            server: Name of the server.
             capacity: Jobs for agents that it works on at a time.
         """
         with self._database.transaction(durable=False) as connection:

@@ -66,9 +66,10 @@ def read_archive(
 
     Args:
         content: The archive.
-        urdf_path: Which .urdf file is meant, by its path or the end of it; needed where there are
+        urdf_path: Path of the .urdf file that is meant, or the end of it; needed where there are
             several.
-        srdf_path: Which .srdf file belongs to it; where there are several, by default the one
+        srdf_path: Path of the .srdf file that belongs to it; where there are several, by default
+            the one
             with the name of the .urdf file.
 
     Raises:

@@ -23,7 +23,7 @@ def joint_limits(
     """Limits of a request for the joints of a chain, and notes on what of it is not used.
 
     Args:
-        source: As requests give them; the text of a joint_limits.yaml is of a whole robot.
+        source: Limits as requests give them; the text of a joint_limits.yaml is of a whole robot.
         joints: Names of the joints of the chain.
         known: Names of all joints of the robot.
 
@@ -42,7 +42,7 @@ def with_rules(chain: Chain, rules: schema.DefaultLimits | None) -> tuple[Chain,
 
     Args:
         chain: The robot.
-        rules: Of a request.
+        rules: Rules of a request.
 
     Raises:
         InvalidRobotDescription: A rule is none.

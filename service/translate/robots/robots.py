@@ -267,9 +267,9 @@ def robot_answer(
 
     Args:
         geometry: The robot.
-        lint: What is odd about it.
-        name: Its name.
-        is_built_in: Whether it comes with the app.
+        lint: Oddities of the robot, as sentences.
+        name: Name of the robot.
+        is_built_in: Whether the robot comes with the app.
         body: The request that stored it.
     """
     chain = geometry.chain
@@ -355,7 +355,7 @@ def _row_answer(
     Args:
         row: The row; with a motor its motor_inertia and viscous_friction are the motor's.
         geometry: Solids of the link behind the joint.
-        motor: What drives the joint.
+        motor: Motor that drives the joint.
     """
     optional = ("lower", "upper", "velocity", "acceleration", "jerk", "effort")
     values = {name: getattr(row, name) for name in optional}

@@ -70,8 +70,8 @@ class WorkerProcess:
     """A worker process that was forked.
 
     Args:
-        pid: Its number.
-        exited: Its exit code once it has ended; None if nobody knows any more.
+        pid: Number of the process.
+        exited: Exit code once the process has ended; None if nobody knows it any more.
     """
 
     pid: int
