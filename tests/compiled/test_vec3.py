@@ -31,12 +31,6 @@ def test_a_scalar_product_is_right_to_its_rounding(a: Vector, b: Vector) -> None
     assert abs(dot(a, b) - float(exact)) <= 4 * np.finfo(float).eps * terms + 1e-300
 
 
-@pytest.mark.parametrize("k", range(3))
-def test_axes_turn_right_handed(k: int) -> None:
-    axes: list[Vector] = [(1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0)]
-    assert cross(axes[k], axes[(k + 1) % 3]) == axes[(k + 2) % 3]
-
-
 @pytest.mark.parametrize("at", [0, 1, 4])
 def test_a_vector_is_written_into_three_columns_and_read_from_them(at: int) -> None:
     row = np.arange(7.0)
@@ -45,16 +39,3 @@ def test_a_vector_is_written_into_three_columns_and_read_from_them(at: int) -> N
     expected[at : at + 3] = -1.0, -2.0, -3.0
     np.testing.assert_array_equal(row, expected)
     assert load(row, at) == (-1.0, -2.0, -3.0)
-
-
-@given(_vectors, _vectors, _vectors)
-def test_products_change_sign_where_their_factors_are_exchanged(
-    a: Vector, b: Vector, c: Vector
-) -> None:
-    assert cross(b, a) == tuple(-x for x in cross(a, b))
-    assert dot(a, b) == dot(b, a)
-    assert cross(a, a) == (0.0, 0.0, 0.0)
-    size = float(np.linalg.norm(a) * np.linalg.norm(b) * np.linalg.norm(c))
-    volume = dot(a, cross(b, c))
-    assert volume == pytest.approx(np.linalg.det([a, b, c]), abs=1e-13 * size + 1e-300)
-    assert dot(b, cross(c, a)) == pytest.approx(volume, abs=1e-14 * size + 1e-300)

@@ -5,10 +5,7 @@ import json
 from pathlib import Path
 from typing import Any
 
-import pytest
-
 from service.jobs.runner import Jobs
-from service.problem import ProblemError
 from service.storage.store import Store
 from service.storage.stores.job_store import JobAnswer
 from tests.service.jobs.loop import App, ended, run, until
@@ -40,34 +37,6 @@ def test_a_queued_job_is_cancelled_before_it_begins(tmp_path: Path) -> None:
         assert [context.id for context in app.contexts] == [first.id]
 
     run(tmp_path, scenario, workers=1)
-
-
-@pytest.mark.parametrize("status", [200, 422])
-def test_what_has_ended_can_not_be_cancelled(tmp_path: Path, status: int) -> None:
-    async def scenario(jobs: Jobs, app: App, store: Store) -> None:
-        app.status = status
-        app.open.set()
-        job = await jobs.accept(REQUEST)
-        done, _ = await ended(jobs, job.id)
-        await until(lambda: jobs.unfinished_count == 0)
-        with pytest.raises(ProblemError) as conflict:
-            await jobs.cancel(job.id)
-        assert conflict.value.code == "CONFLICT"
-        assert conflict.value.details["status_of_job"] == done.status
-        assert (await jobs.get(job.id))[0] == done
-
-    run(tmp_path, scenario)
-
-
-@pytest.mark.parametrize("name", ["", "nobody", "0" * 31, "0" * 33, "G" * 32, "0" * 32])
-def test_a_job_that_is_not_there_is_not_found(tmp_path: Path, name: str) -> None:
-    async def scenario(jobs: Jobs, app: App, store: Store) -> None:
-        for refused in (jobs.get(name), jobs.cancel(name), jobs.events(name, 0)):
-            with pytest.raises(ProblemError) as missing:
-                await refused
-            assert missing.value.code == "NOT_FOUND"
-
-    run(tmp_path, scenario)
 
 
 def test_a_job_that_does_not_end_in_time_is_ended(tmp_path: Path) -> None:
@@ -176,20 +145,5 @@ def test_a_request_that_is_answered_at_once_becomes_a_job_that_has_succeeded(
         assert await jobs.get(done.id) == (done, answer)
         assert jobs.unfinished_count == 0
         assert app.contexts == []
-
-    run(tmp_path, scenario)
-
-
-def test_later_jobs_sort_after_earlier_ones(tmp_path: Path) -> None:
-    async def scenario(jobs: Jobs, app: App, store: Store) -> None:
-        ids = []
-        for _ in range(5):
-            ids.append((await jobs.accept(REQUEST)).id)
-            await asyncio.sleep(0.003)
-        assert ids == sorted(ids)
-        assert [job.id for job in await jobs.list(None, "", 10)] == ids[::-1]
-        await until(lambda: len(app.contexts) == 2)
-        live = await jobs.list("queued", "", 10)
-        assert {job.id for job in live} >= set(ids[2:])
 
     run(tmp_path, scenario)
