@@ -5,9 +5,14 @@ its direction; a cover counter-rotates on the fore arm, with a flap that mimics 
 slides on the upper arm with the elbow; a drum turns behind the base.
 """
 
+from functools import cache
+
 import numpy as np
 
 from kinematics.arrays import Array
+from kinematics.tree.serial_chain import serial_chain
+from kinematics.urdf.urdf import parse_urdf
+from obstacles.robots.robot_geometry import RobotGeometry, robot_geometry
 
 #: Joints of the chain: name, parent, child, origin, axis, lowest and highest position.
 ARM = (
@@ -96,3 +101,10 @@ def configurations(count: int, seed: int) -> Array:
     """Configurations within the limits, shape (count, 6) [rad]."""
     lower, upper = np.array([joint[5] for joint in ARM]), np.array([joint[6] for joint in ARM])
     return np.random.default_rng(seed).uniform(lower, upper, (count, 6))
+
+
+@cache
+def mimic_robot() -> RobotGeometry:
+    """The arm with its solids, its tip the flange."""
+    description = parse_urdf(urdf())
+    return robot_geometry(serial_chain(description, tip_link="flange"), description)

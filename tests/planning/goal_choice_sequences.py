@@ -4,11 +4,9 @@ The rule: the arm rests within 2 % of a joint's range from its limit at no pose 
 where another configuration of it makes the motions beside it at most 1.2 times as long, those
 before and after it staying as they are. Poses are those of random free configurations of which
 two of three have a joint at its limit; every third problem has obstacles. Where an answer rests at
-a limit all configurations that are found apart (``goal_choice``) are planned to and from. Told is
-also the time of the answers, so that two versions of the code can be compared.
+a limit all configurations that are found apart (``goal_judge``) are planned to and from.
 """
 
-import time
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -17,7 +15,6 @@ from benchmarks.problems.mesh_scenes import own_scenes
 from kinematics.arrays import Array
 from kinematics.forward import forward
 from kinematics.ik.numeric import numeric
-from kinematics.robots import builtin_urdf
 from obstacles.collision.checker import Checker
 from obstacles.robots.robot_geometry import RobotGeometry
 from obstacles.scenes.scene import Scene
@@ -37,12 +34,12 @@ from planning.values.preferred_clearance import PreferredClearance
 from tests.planning.goal_judge import (
     LONGER,
     NEAR,
-    Frames,
     arm,
     configurations,
     least_time,
     limit_share,
 )
+from tests.planning.pinocchio_arm import PinocchioArm
 
 #: Poses of one task or tour.
 POSES = 3
@@ -73,26 +70,18 @@ class Tally:
 
     Args:
         solved: Answers.
-        rests: Poses that they visit.
-        at_limit: Those of them where the arm rests at a limit.
         broken: Times of better motions by those of the answer.
-        durations: Of the answers [s].
-        seconds: Processor time of each [s].
     """
 
     solved: int = 0
-    rests: int = 0
-    at_limit: int = 0
     broken: list[float] = field(default_factory=list)
-    durations: list[float] = field(default_factory=list)
-    seconds: list[float] = field(default_factory=list)
 
 
 def judge(name: str, kind: str, count: int, seed: int) -> Tally:
     """Plan the tasks or tours of a built-in arm, and to other configurations of their poses."""
     robot, tally = arm(name), Tally()
     chain = robot.chain
-    frames = Frames(builtin_urdf(name), chain)
+    frames = PinocchioArm(name)
     random = np.random.default_rng(seed)
     scenes = list(own_scenes(count, min(numeric.reach(chain)[1], 1.2), seed))
     for k in range(count):
@@ -100,17 +89,12 @@ def judge(name: str, kind: str, count: int, seed: int) -> Tally:
         checker = Checker.of(robot, scene)
         start = _free(robot, checker, random, at_limit=False)
         known = [_free(robot, checker, random, at_limit=i != 1) for i in range(POSES)]
-        began = time.process_time()
         answer = (_task if kind == "task" else _tour)(robot, scene, start, known)
-        tally.seconds.append(time.process_time() - began)
         if answer is None:
             continue
         tally.solved += 1
-        tally.durations.append(float(answer.times.sum()))
         for i in range(1, len(answer.joints)):
-            tally.rests += 1
             if limit_share(chain, answer.joints[i]) < NEAR:
-                tally.at_limit += 1
                 better = _better(robot, scene, frames, answer, i, kind)
                 if better is not None:
                     tally.broken.append(better)
@@ -160,7 +144,7 @@ def _options(kind: str) -> Options:
 
 
 def _better(
-    robot: RobotGeometry, scene: Scene, frames: Frames, answer: Rests, i: int, kind: str
+    robot: RobotGeometry, scene: Scene, frames: PinocchioArm, answer: Rests, i: int, kind: str
 ) -> float | None:
     """Time of motions by a configuration away from limits, by those of the answer; None: longer."""
     chain, checker = robot.chain, Checker.of(robot, scene)

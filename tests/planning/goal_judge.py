@@ -10,12 +10,10 @@ motion against the best of the configurations that straight motions reach soones
 """
 
 import itertools
-import time
 from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
 
 import numpy as np
-import pinocchio
 
 from benchmarks.problems.example_arms import ARMS
 from benchmarks.problems.mesh_scenes import own_scenes
@@ -32,6 +30,7 @@ from planning.options import Options
 from planning.pipeline.pipeline import plan
 from planning.problem import JointGoal, PoseGoal, Problem
 from planning.result import Plan
+from tests.planning.pinocchio_arm import PinocchioArm
 
 #: The rule.
 NEAR, LONGER = 0.02, 1.2
@@ -46,31 +45,6 @@ _TURN = 2.0 * np.pi
 def arm(name: str) -> RobotGeometry:
     """A built-in arm, or one of example-robot-data."""
     return builtin(name) if name in builtin_names() else ARMS[name].geometry(LIMITS)
-
-
-class Frames:
-    """Poses by pinocchio."""
-
-    def __init__(self, urdf: str, chain: Chain) -> None:
-        self._model = pinocchio.buildModelFromXML(urdf)
-        self._data = self._model.createData()
-        self._tip = self._model.getFrameId(chain.tip_link, pinocchio.FrameType.BODY)
-        self._base = self._model.getFrameId(chain.base_link, pinocchio.FrameType.BODY)
-        self._joints = [
-            self._model.joints[self._model.getJointId(joint)] for joint in chain.joint_names
-        ]
-
-    def pose(self, q: Array) -> Array:
-        """T_base_tip."""
-        whole = pinocchio.neutral(self._model)
-        for joint, value in zip(self._joints, q, strict=True):
-            if joint.nq == joint.nv:
-                whole[joint.idx_q] = value
-            else:
-                whole[joint.idx_q : joint.idx_q + 2] = np.cos(value), np.sin(value)
-        pinocchio.framesForwardKinematics(self._model, self._data, whole)
-        base, tip = self._data.oMf[self._base], self._data.oMf[self._tip]
-        return np.asarray((base.inverse() * tip).homogeneous)
 
 
 def limit_share(chain: Chain, q: Array) -> float:
@@ -144,35 +118,28 @@ class Tally:
 
     Args:
         planned: Plans.
-        at_limit: Plans that end at a limit.
         broken: Problems whose plan breaks the rule, and the time of a better one by that plan's.
         behind: Times of motions by those of the best other configuration that was planned to.
-        seconds: Processor time of each plan [s].
     """
 
     planned: int = 0
-    at_limit: int = 0
     broken: list[tuple[int, float]] = field(default_factory=list)
     behind: list[float] = field(default_factory=list)
-    seconds: list[float] = field(default_factory=list)
 
 
 def judge(robot: RobotGeometry, urdf: str, count: int, seed: int, timeout: float = 10.0) -> Tally:
     """Plan the problems of an arm, and to other configurations of their poses."""
-    tally, frames = Tally(), Frames(urdf, robot.chain)
+    tally, frames = Tally(), PinocchioArm(urdf=urdf, chain=robot.chain)
     options = Options(timeout=timeout)
     for k, (problem, known) in enumerate(problems(robot, count, seed)):
         if not k:
             plan(problem, options)
-        began = time.process_time()
         answer = plan(problem, options)
-        tally.seconds.append(time.process_time() - began)
         if not isinstance(answer, Plan):
             continue
         tally.planned += 1
         last, took = answer.path.waypoints[-1], answer.trajectory.duration
         at_limit = limit_share(robot.chain, last) < NEAR
-        tally.at_limit += at_limit
         best = _soonest(problem, known, frames, options, took, _PLANNED if at_limit else 1)
         if at_limit and best <= LONGER * took:
             tally.broken.append((k, round(best / took, 3)))
@@ -182,7 +149,7 @@ def judge(robot: RobotGeometry, urdf: str, count: int, seed: int, timeout: float
 
 
 def _soonest(
-    problem: Problem, known: Array, frames: Frames, options: Options, took: float, most: int
+    problem: Problem, known: Array, frames: PinocchioArm, options: Options, took: float, most: int
 ) -> float:
     """The least duration of plans to configurations away from limits; infinite without any."""
     robot, goal = problem.robot, problem.goals[0]

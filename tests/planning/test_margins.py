@@ -15,7 +15,7 @@ from planning.constraints.constraint_set import ConstraintSet
 from planning.constraints.kinds.limit import ClearanceConstraint
 from planning.options import Options
 from planning.pipeline.pipeline import plan
-from planning.preflight.preflight import preflight, start_only
+from planning.preflight.preflight import preflight
 from planning.preflight_result import Ready
 from planning.problem import JointGoal, Problem
 from planning.result import Failure, Plan
@@ -141,20 +141,6 @@ def test_a_gate_is_passed_where_it_is_wider_than_the_ball_with_its_margins(spare
 def gap_to_wall(path: Array, half: float, sign: float) -> float:
     outside = np.stack([np.abs(path[:, 0]) - 0.05, half - sign * path[:, 1]], axis=1)
     return float(np.linalg.norm(np.maximum(outside, 0.0), axis=1).min()) - RADIUS
-
-
-@pytest.mark.parametrize("spare", [1e-5, 5e-4, 0.1])
-def test_planning_keeps_half_of_what_the_ends_have_to_spare_a_millimetre_at_most(
-    spare: float,
-) -> None:
-    scene = Scene((post("post", float(START[0]), RADIUS + 0.05 + spare),))
-    ready = preflight(asked(scene), 0)
-    assert isinstance(ready, Ready)
-    assert ready.checkers[-1].slack == pytest.approx(min(1e-3, 0.5 * spare), abs=1e-7)
-    led = start_only(asked(scene))
-    assert isinstance(led, Ready)
-    assert led.goals == []
-    assert led.checkers[-1].slack == pytest.approx(min(1e-4, 0.5 * spare), abs=1e-7)
 
 
 def test_a_larger_margin_never_makes_a_motion_shorter() -> None:

@@ -11,7 +11,7 @@ from obstacles.scenes.scene import Scene
 from planning.constraints.constraint_set import ConstraintSet
 from planning.constraints.kinds.joint import JointConstraint
 from planning.constraints.kinds.limit import ClearanceConstraint
-from planning.problem import Goal, JointGoal, PoseGoal, Problem
+from planning.problem import JointGoal, PoseGoal, Problem
 from tests.planning.scenes import box
 from tests.planning.slider import slider
 
@@ -57,15 +57,6 @@ def test_whatever_changes_the_question_changes_its_hash(changes: dict[str, Any])
     changed = problem(**changes)
     assert changed.content_hash != PLAIN.content_hash
     assert changed.content_hash == problem(**changes).content_hash
-
-
-def test_all_these_hashes_differ_from_each_other() -> None:
-    poses = [PoseGoal(POSE), PoseGoal(POSE, 2e-4), PoseGoal(POSE, 1e-4, 2e-3)]
-    goals: list[tuple[Goal, ...]] = [(JointGoal(GOAL),), (JointGoal(START),)]
-    goals += [(pose,) for pose in poses]
-    goals += [(JointGoal(GOAL), poses[0]), (poses[0], JointGoal(GOAL))]
-    hashes = {problem(goals=goal).content_hash for goal in goals}
-    assert len(hashes) == len(goals)
 
 
 def test_goals_in_another_order_are_another_question() -> None:

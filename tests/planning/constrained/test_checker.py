@@ -13,12 +13,12 @@ from planning.constraints.constraint_set import ConstraintSet
 from planning.constraints.kinds.joint import JointConstraint
 from planning.constraints.kinds.orientation import ConeConstraint
 from planning.constraints.row import Column
-from tests.planning.pinocchio_panda import PinocchioPanda
+from tests.planning.pinocchio_arm import PinocchioArm
 from tests.planning.scenes import HOME, builtin, pillar
 
 ROBOT = builtin("panda")
 CHAIN = ROBOT.chain
-ORACLE = PinocchioPanda()
+ORACLE = PinocchioArm()
 TILT = 0.3
 UPRIGHT = ConeConstraint([0.0, 0.0, 1.0], [0.0, 0.0, -1.0], TILT)
 

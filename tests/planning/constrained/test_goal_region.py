@@ -17,11 +17,11 @@ from planning.options import Options
 from planning.pipeline.pipeline import plan
 from planning.problem import PoseGoal, Problem
 from planning.result import Plan
-from tests.planning.pinocchio_panda import PinocchioPanda
+from tests.planning.pinocchio_arm import PinocchioArm
 from tests.planning.scenes import HOME, box, builtin, pillar
 
 ROBOT = builtin("panda")
-ORACLE = PinocchioPanda()
+ORACLE = PinocchioArm()
 TURN = 0.05
 
 

@@ -4,9 +4,7 @@ import itertools
 import time
 from types import SimpleNamespace
 
-import casadi
 import numpy as np
-import pinocchio as pin
 import pytest
 import trimesh
 from scipy.optimize import fmin_slsqp
@@ -14,7 +12,6 @@ from scipy.optimize import fmin_slsqp
 from kinematics.arrays import Array
 from kinematics.errors import InvalidGoal, InvalidOption, InvalidRobotState
 from kinematics.forward import forward
-from kinematics.symbolic import symbolic_jacobian
 from obstacles.collision.checker import Checker, collision_model
 from obstacles.scenes.scene import Obstacle, Scene
 from obstacles.shapes.shape import Sphere
@@ -29,27 +26,24 @@ from planning.constraints.kinds.orientation import ConeConstraint
 from planning.constraints.kinds.position import PositionConstraint
 from planning.constraints.kinds.region import BoxRegion, SphereRegion
 from planning.constraints.kinds.relative_pose import RelativePoseConstraint
-from planning.constraints.solvers.active_set import COURSE, FEASIBLE, OVER, STAGE, descend, go_on
+from planning.constraints.solvers.active_set import FEASIBLE, descend
 from planning.constraints.solvers.active_set_program import (
     LEAST_GAIN,
-    LEFT,
-    linearise,
     make_goal,
-    make_work,
     search_arrays,
 )
-from planning.constraints.solvers.program import Program, _determinant, is_built, program
+from planning.constraints.solvers.program import Program, is_built, program
 from planning.values import deadline as deadlines
 from planning.values.deadline import Deadline
 from tests.obstacles.collision.test_fcl_distance import slide
 from tests.obstacles.distance.triangles.test_distance import apart, mesh
 from tests.obstacles.meshes.test_decomposition import ring
-from tests.planning.pinocchio_panda import PinocchioPanda
+from tests.planning.pinocchio_arm import PinocchioArm
 from tests.planning.scenes import HOME, builtin, pillar, shelf
 
 ROBOT = builtin("panda")
 CHAIN = ROBOT.chain
-ORACLE = PinocchioPanda()
+ORACLE = PinocchioArm()
 
 
 def draws(seed: int, count: int) -> Array:
@@ -134,22 +128,6 @@ def test_both_solvers_hold_everything_and_agree_with_a_third(solver: str) -> Non
         np.testing.assert_allclose(found.joints, best, atol=1e-4)
 
 
-def test_determinants_by_elimination_are_those_by_minors() -> None:
-    """Where nothing is nearly singular; elsewhere they stay finite, and so do their logarithms."""
-    q = casadi.SX.sym("q", CHAIN.n)
-    J = symbolic_jacobian(CHAIN, q)
-    gram = casadi.mtimes(J, J.T)
-    both = casadi.vertcat(casadi.det(gram), _determinant(gram))
-    slopes = casadi.Function("slopes", [q], [both, casadi.jacobian(both, q)])
-    for joints in draws(7, 20):
-        values, gradients = (np.array(part) for part in slopes(joints))
-        np.testing.assert_allclose(values[1], values[0], rtol=1e-6, atol=1e-12)
-        np.testing.assert_allclose(gradients[1], gradients[0], rtol=1e-5, atol=1e-9)
-    values, gradients = (np.array(part) for part in slopes(np.zeros(CHAIN.n)))
-    assert values[1] >= 0.0
-    assert np.isfinite(gradients).all()
-
-
 def test_no_program_is_begun_that_may_not_be_built_in_time(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
@@ -206,10 +184,7 @@ def test_objectives_pull_where_they_say() -> None:
         return np.array(constrained_ik(ROBOT, wanted, None, options).solutions[0].joints)
 
     def manipulability(q: Array) -> float:
-        model, frame = ORACLE.model, ORACLE.model.getFrameId(CHAIN.tip_link)
-        full = ORACLE.full(q)
-        J = pin.computeFrameJacobian(model, ORACLE.data, full, frame, pin.LOCAL_WORLD_ALIGNED)
-        J = J[:, ORACLE.index]
+        J = ORACLE.jacobian(q)
         return float(np.sqrt(np.linalg.det(J @ J.T)))
 
     middle = 0.5 * (CHAIN.limits.lower + CHAIN.limits.upper)
@@ -315,27 +290,6 @@ def test_few_steps_at_a_time_lead_where_one_descent_does() -> None:
         arrived += found[0] <= FEASIBLE
         np.testing.assert_allclose(sliced, whole, atol=1e-4 if found[0] <= FEASIBLE else 0.5)
     assert arrived >= 3
-
-
-@pytest.mark.parametrize("left", [1.0, 3.0, 7.0])
-def test_a_step_that_is_cut_is_not_taken(left: float) -> None:
-    """However few linearisations are allowed, violation and objective only ever fall."""
-    for start in starts(4):
-        work, q, course = make_work(MODEL, GOAL), start.copy(), np.zeros(COURSE)
-        last = np.array([0.0, np.inf, np.inf])
-        for _ in range(400):
-            work.pace[LEFT] = left
-            go_on(MODEL, GOAL, q, 2, work, course)
-            assert work.pace[LEFT] >= -8.0
-            _, _, violated = linearise(MODEL, GOAL, q, work)
-            stage = min(course[STAGE], 1.0)
-            inside = course[1] if stage else np.inf
-            assert stage >= last[0]
-            assert violated <= max(last[1], FEASIBLE**2 * 1e3)
-            assert inside <= last[2]
-            last = np.array([stage, violated, inside])
-            if course[STAGE] == OVER:
-                break
 
 
 def test_deadlines_are_kept_where_one_descent_takes_longer(monkeypatch: pytest.MonkeyPatch) -> None:

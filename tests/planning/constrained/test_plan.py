@@ -39,12 +39,12 @@ from planning.proof.certificate import certify
 from planning.result import Failure, Plan
 from planning.values.deadline import Deadline
 from tests.planning.dense import least_clearance, worst_ratio
-from tests.planning.pinocchio_panda import PinocchioPanda
+from tests.planning.pinocchio_arm import PinocchioArm
 from tests.planning.scenes import HOME, box, builtin, pillar
 
 ROBOT = builtin("panda")
 CHAIN = ROBOT.chain
-ORACLE = PinocchioPanda()
+ORACLE = PinocchioArm()
 UP, DOWN = np.array([0.0, 0.0, 1.0]), np.array([0.0, 0.0, -1.0])
 UPRIGHT = ConeConstraint(UP, DOWN, np.radians(10.0))
 

@@ -36,7 +36,7 @@ from planning.constraints.symbolic import smooth_rows, symbolic_residuals, symbo
 from tests.dynamics.samples import random_chain
 from tests.kinematics.samples import random_rotation
 from tests.planning.constraints.samples import some_of_each
-from tests.planning.pinocchio_panda import PinocchioPanda
+from tests.planning.pinocchio_arm import PinocchioArm
 
 CHAINS = [builtin_chain(name) for name in builtin_names()]
 CHAINS += [random_chain(seed, 3 + seed) for seed in range(4)]
@@ -46,7 +46,7 @@ def draw(chain: Chain, seed: int, count: int) -> Array:
     return np.random.default_rng(seed).uniform(*chain.sampling_bounds(), (count, chain.n))
 
 
-ORACLE = PinocchioPanda()
+ORACLE = PinocchioArm()
 LINK, SEEN_FROM = "panda_link6", "panda_link2"
 POINT = np.array([0.05, -0.1, 0.2])
 

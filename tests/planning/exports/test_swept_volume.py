@@ -13,7 +13,9 @@ from kinematics.forward import forward, joint_frames
 from kinematics.trajectory.trajectory import Trajectory
 from obstacles.convex.triangles import corners
 from obstacles.robots.robot_geometry import RobotGeometry
+from planning.exports.export import lever_arms
 from planning.exports.swept_volume import SweptVolume, swept_volume
+from tests.mimic_joints import configurations, mimic_robot
 
 ROUNDING = 1e-9
 
@@ -63,9 +65,9 @@ def depth(swept: SweptVolume, points: Array) -> Array:
     return best
 
 
-@pytest.mark.parametrize("name", ["planar_rr", "stanford"])
+@pytest.mark.parametrize("name", ["planar_rr", "stanford", "mimic joints"])
 def test_every_point_of_the_arm_is_in_a_hull_at_every_instant(name: str) -> None:
-    robot = aw.load_robot(name)
+    robot = mimic_robot() if name == "mimic joints" else aw.load_robot(name)
     motion = swing(robot, 0.8, seed=3)
     swept = swept_volume(motion, robot, tolerance=0.2)
     rng = np.random.default_rng(4)
@@ -112,3 +114,23 @@ def test_tolerances_that_can_not_be_kept_are_refused(tolerance: float) -> None:
     robot = aw.load_robot("planar_rr")
     with pytest.raises(InvalidOption):
         swept_volume(swing(robot, 1.5, seed=9), robot, tolerance=tolerance)
+
+
+def test_joints_that_are_off_move_no_point_farther_than_their_levers() -> None:
+    robot = mimic_robot()
+    weights, random, largest = lever_arms(robot), np.random.default_rng(5), 0.0
+    assert (weights[:4] > 0.5).all()
+    for q in configurations(40, 6):
+        off = random.uniform(-0.01, 0.01, 6)
+        one, other = joint_frames(robot.chain, q), joint_frames(robot.chain, q + off)
+        for piece, body in zip(robot.pieces, robot.joints, strict=True):
+            if body < 0:
+                continue
+            center, radius = piece.bounding_sphere()
+            points = center + radius * random.normal(size=(8, 3)) / 3.0
+            moved = [points @ T[:3, :3].T + T[:3, 3] for T in (one[body], other[body])]
+            inside = np.linalg.norm(points - center, axis=1) <= radius
+            far = np.linalg.norm(moved[1] - moved[0], axis=1)[inside]
+            share = float(far.max(initial=0.0)) / float(weights @ np.abs(off))
+            largest = max(largest, share)
+    assert 0.1 < largest <= 1.0

@@ -9,12 +9,10 @@ import pytest
 from kinematics.errors import InvalidOption
 from kinematics.model.dh import DhRow, DhTable
 from kinematics.pose import transform
-from kinematics.tree.serial_chain import serial_chain
-from kinematics.urdf.urdf import parse_urdf
 from obstacles.collision.checker import Checker
 from obstacles.projection.projection import Projector
 from obstacles.robots.dh_geometry import dh_robot_geometry
-from obstacles.robots.robot_geometry import RobotGeometry, robot_geometry
+from obstacles.robots.robot_geometry import RobotGeometry
 from obstacles.scenes.scene import Obstacle, Scene
 from obstacles.shapes.shape import Sphere
 from planning.field import planner as planner_module
@@ -26,7 +24,7 @@ from planning.field.potential import Field
 from planning.field.weights import FieldWeights
 from planning.result import Explanation
 from planning.values.deadline import Deadline
-from tests.mimic_joints import configurations, urdf
+from tests.mimic_joints import configurations, mimic_robot
 from tests.planning.field.test_potential import near_a_kink, slope
 from tests.planning.scenes import HOME, box, builtin, shelf
 from tests.planning.slider import slider
@@ -52,10 +50,11 @@ def turned(angle: float = 0.9) -> np.ndarray:
     return goal
 
 
+@pytest.mark.parametrize("engine", ["exact", "fcl"])
 @pytest.mark.parametrize("preset", list(PRESETS))
-def test_every_step_is_proved_and_ends_at_the_goal(preset: str) -> None:
+def test_every_step_is_proved_and_ends_at_the_goal(preset: str, engine: Any) -> None:
     goal = turned()
-    found, checker = descend(POST, PRESETS[preset], goal)
+    found, checker = descend(POST, replace(PRESETS[preset], engine=engine), goal)
     assert found.waypoints is not None, found.detail
     assert np.array_equal(found.waypoints[0], HOME)
     assert np.array_equal(found.waypoints[-1], goal)
@@ -301,18 +300,6 @@ def test_with_the_same_projections_it_takes_the_steps_of_the_kernel(
     assert (python.waypoints is None) == (kernel.waypoints is None)
 
 
-@pytest.mark.parametrize("preset", list(PRESETS))
-def test_with_projections_by_fcl_every_step_is_proved_and_ends_at_the_goal(preset: str) -> None:
-    robot, goal = builtin("panda"), turned()
-    checker = Checker.of(robot, POST)
-    options = replace(PRESETS[preset], engine="fcl")
-    descent = potential_field(robot, checker, POST, HOME, [goal], options, 0, Deadline.after(60.0))
-    assert descent.waypoints is not None, descent.detail
-    assert np.array_equal(descent.waypoints[0], HOME)
-    assert np.array_equal(descent.waypoints[-1], goal)
-    assert checker.polyline(descent.waypoints)[0].free
-
-
 def test_it_stops_in_time() -> None:
     robot = builtin("panda")
     checker = Checker.of(robot, POST)
@@ -400,10 +387,9 @@ def test_a_limit_in_the_way_names_the_joint() -> None:
 REACH = 0.3
 
 
-@pytest.fixture(scope="module")
+@pytest.fixture
 def robot() -> RobotGeometry:
-    description = parse_urdf(urdf())
-    return robot_geometry(serial_chain(description, tip_link="flange"), description)
+    return mimic_robot()
 
 
 def test_force_is_minus_the_slope_where_only_a_mimic_joint_is_near(robot: RobotGeometry) -> None:

@@ -4,7 +4,6 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
-from kinematics.robots import builtin_chain, builtin_urdf
 from obstacles.collision.checker import Checker
 from obstacles.scenes.scene import Scene
 from planning.goal_choice.goal_order import MAX_LONGER_IN_BRANCH
@@ -13,6 +12,7 @@ from planning.pipeline.pipeline import plan
 from planning.problem import PoseGoal, Problem
 from planning.result import Plan
 from planning.timing.rest_to_rest import motion_times
+from tests.planning.pinocchio_arm import PinocchioArm
 from tests.planning.scenes import builtin
 
 #: A joint that makes each arm singular at 0, and the share of starts drawn near that.
@@ -21,30 +21,8 @@ SINGULAR = {"panda": 5, "iiwa14": 5, "ur5e": 4, "kr6_sixx": 4}
 STEPS, NEWTON = 30, 30
 
 
-class Arm:
-    """Kinematics of an arm by pinocchio."""
-
-    def __init__(self, name: str) -> None:
-        self.chain = builtin_chain(name)
-        self.model = pin.buildModelFromXML(builtin_urdf(name))
-        self.data = self.model.createData()
-        joints = [self.model.joints[self.model.getJointId(j)] for j in self.chain.joint_names]
-        self.places, self.columns = [j.idx_q for j in joints], [j.idx_v for j in joints]
-        self.frame = self.model.getFrameId(self.chain.tip_link)
-
-    def full(self, q: np.ndarray) -> np.ndarray:
-        whole = pin.neutral(self.model)
-        whole[self.places] = q
-        return np.asarray(whole)
-
-    def pose(self, q: np.ndarray) -> np.ndarray:
-        pin.framesForwardKinematics(self.model, self.data, self.full(q))
-        return np.array(self.data.oMf[self.frame].homogeneous)
-
-    def jacobian(self, q: np.ndarray) -> np.ndarray:
-        kind = pin.ReferenceFrame.LOCAL_WORLD_ALIGNED
-        J = pin.computeFrameJacobian(self.model, self.data, self.full(q), self.frame, kind)
-        return np.asarray(J)[:, self.columns]
+class Arm(PinocchioArm):
+    """An arm that is led by its tool."""
 
     def led(self, q: np.ndarray, goal: np.ndarray) -> np.ndarray | None:
         """Where damped Newton steps lead the arm along the straight way; None where they fail."""

@@ -26,11 +26,11 @@ from planning.result import Plan
 from planning.values.deadline import Deadline
 from planning.values.limits import MotionLimits
 from planning.values.optimize_options import Objective, RefineOptions
-from tests.planning.pinocchio_panda import PinocchioPanda
+from tests.planning.pinocchio_arm import PinocchioArm
 from tests.planning.scenes import HOME, builtin
 
 ROBOT = builtin("panda")
-CHAIN, ORACLE = ROBOT.chain, PinocchioPanda()
+CHAIN, ORACLE = ROBOT.chain, PinocchioArm()
 UP, DOWN = np.array([0.0, 0.0, 1.0]), np.array([0.0, 0.0, -1.0])
 CONE = ConeConstraint(UP, DOWN, 0.03)
 

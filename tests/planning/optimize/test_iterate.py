@@ -117,18 +117,6 @@ def test_random_cubics_are_blocked_exactly_where_dense_samples_are() -> None:
     assert min(counts) > 5
 
 
-def test_two_cubics_a_piece_follow_a_quintic() -> None:
-    """A quintic that rises over a post and back: the cubics see it where it is."""
-    space = SplineSpace.uniform(5, 16)
-    x = np.linspace(-0.9, 0.1, 16)
-    for height, free in ((0.16, True), (0.04, False)):
-        bump = height * np.exp(-(((x + 0.4) / 0.25) ** 2))
-        at = Iterate(space, np.column_stack([x, bump]), 1.0)
-        least = float(distance(at.sample(np.linspace(0.0, 1.0, 4001))).min())
-        assert (least > 0.0) is free
-        assert (blocked_places(CHECKER, at) == []) is free
-
-
 NAMES = PANDA.joint_names
 CORNERS = HOME + np.array([[0.0] * 7, [0.4, 0.1, 0, 0.2, 0, 0, 0], [0.2, 0.4, 0, 0, 0.3, 0, 0]])
 

@@ -21,7 +21,7 @@ from planning.values.deadline import Deadline
 from planning.values.limits import EffortLimits
 from planning.values.optimize_options import Objective
 from tests.planning.optimize.motions import PANDA, SPACE, iterate, packed, task, unpacked
-from tests.planning.pinocchio_panda import PinocchioPanda
+from tests.planning.pinocchio_arm import PinocchioArm
 from tests.planning.scenes import HOME
 
 JERK = np.full(7, 300.0)
@@ -154,7 +154,7 @@ def test_loads_tell_how_much_slower() -> None:
     assert least_factor(asked, slower, places) == pytest.approx(1.0, abs=0.02)
 
 
-PINOCCHIO = PinocchioPanda()
+PINOCCHIO = PinocchioArm()
 PLACES = np.linspace(0.0, 1.0, 7)
 
 
@@ -213,7 +213,7 @@ def test_jerk_without_bound_is_infinite() -> None:
 
 
 def test_energy_is_the_integral_of_pinocchios_squared_torques() -> None:
-    motion, oracle = iterate(1).trajectory(NAMES), PinocchioPanda()
+    motion, oracle = iterate(1).trajectory(NAMES), PinocchioArm()
     times = np.linspace(0.0, motion.duration, 2001)
     states = zip(*(motion.sample(times, order) for order in range(3)), strict=True)
     tau = np.array([oracle.torque(*s) + PANDA.viscous_friction * s[1] for s in states])

@@ -34,17 +34,16 @@ from planning.proof.motion_bounds import (
     enclose,
     enclose_mimic_joints,
 )
-from tests.mimic_joints import configurations, mimic_positions, urdf
+from tests.mimic_joints import configurations, mimic_positions, mimic_robot, urdf
 from tests.obstacles.test_mimic_joints import scene
 
 #: Instants at which a motion is looked at.
 _SAMPLES = 120
 
 
-@pytest.fixture(scope="module")
+@pytest.fixture
 def robot() -> RobotGeometry:
-    description = parse_urdf(urdf())
-    return robot_geometry(serial_chain(description, tip_link="flange"), description)
+    return mimic_robot()
 
 
 def motion(robot: RobotGeometry, seed: int) -> Trajectory:

@@ -16,7 +16,7 @@ from planning.sampling import watch as module
 from planning.sampling.planners import PLANNERS, planner_by_name
 from planning.sampling.roadmap import Roadmap
 from planning.sampling.search import sample
-from planning.sampling.space import joint_space, problem, solution, state_of
+from planning.sampling.space import problem, solution, state_of
 from planning.sampling.watch import Watch
 from planning.values.deadline import Deadline
 from tests.planning.sampling.world import ENCLOSED, GOAL, SHORTEST, START, WALL, plane
@@ -225,16 +225,6 @@ def test_without_edges_there_is_no_path_and_repeated_edges_count_once() -> None:
 OVER = np.array([0.0, 1.0])
 
 
-def test_bounds_are_the_joint_limits() -> None:
-    space = joint_space(plane(), [START, GOAL])
-    lower, upper = plane().limits.lower, plane().limits.upper
-    bounds = space.getBounds()
-    np.testing.assert_allclose(list(bounds.low), np.where(np.isfinite(lower), lower, -7.2), atol=1)
-    np.testing.assert_allclose(list(bounds.high), np.where(np.isfinite(upper), upper, 7.2), atol=1)
-    assert space.getDimension() == 2
-    assert list(state_of(space, GOAL)[0:2]) == list(GOAL)
-
-
 def test_edges_are_counted_proved_and_kept() -> None:
     information, _, edges = problem(plane(), WALL, START, [GOAL], Deadline.after(100.0))
     space = information.getStateSpace()
@@ -249,15 +239,6 @@ def test_edges_are_counted_proved_and_kept() -> None:
     np.testing.assert_array_equal([a, b], [OVER, GOAL])
     assert edges.state_valid(start)
     assert not edges.state_valid(state_of(space, np.array([0.0, 0.0])))
-
-
-def test_after_the_deadline_nothing_is_proved() -> None:
-    information, _, edges = problem(plane(), WALL, START, [GOAL], Deadline.after(-1.0))
-    space = information.getStateSpace()
-    start, over = state_of(space, START), state_of(space, OVER)
-    assert not edges.checkMotion(start, over)
-    assert not edges.state_valid(start)
-    assert edges.count == 0
 
 
 def test_a_solution_is_a_path_that_ends_at_the_goal() -> None:
@@ -289,30 +270,6 @@ class Edges:
         return self.count
 
 
-def test_it_stops_when_time_is_up() -> None:
-    assert not Watch(Deadline.after(LATER), Edges())()
-    late = Watch(Deadline.after(-1.0), Edges())
-    assert late()
-    assert late.reason == "time"
-
-
-def test_it_stops_after_so_many_questions() -> None:
-    watch = Watch(Deadline.after(LATER), Edges(), max_iterations=3)
-    assert [watch() for _ in range(4)] == [False, False, True, True]
-    assert watch.reason == "iterations"
-    assert watch.iterations == 3, "a question after the end is not counted"
-
-
-def test_it_stops_after_so_many_edges() -> None:
-    edges = Edges()
-    watch = Watch(Deadline.after(LATER), edges, max_edges=10)
-    edges.count = 9
-    assert not watch()
-    edges.count = 10
-    assert watch()
-    assert watch.reason == "edges"
-
-
 @pytest.mark.parametrize("rule", ["share", "turn"])
 def test_a_run_without_a_path_ends_with_its_share(rule: str) -> None:
     edges = Edges()
@@ -326,24 +283,6 @@ def test_a_run_without_a_path_ends_with_its_share(rule: str) -> None:
     assert not going_on(), "a run that has a path goes on for a shorter one"
 
 
-def test_progress_keeps_shorter_paths_only() -> None:
-    edges = Edges()
-    watch = Watch(Deadline.after(LATER), edges)
-    for count, length in enumerate((math.inf, 0.0, 3.0, 3.0, 3.0 * (1.0 - 1e-9), 2.0, 2.5, 1.0)):
-        edges.count = count
-        watch.note(length)
-    assert [item.length for item in watch.progress] == [3.0, 2.0, 1.0]
-    assert [item.edges for item in watch.progress] == [2, 5, 7]
-    assert all(item.milliseconds >= 0.0 for item in watch.progress)
-
-
-def test_a_watch_ends_with_a_path_that_is_short_enough() -> None:
-    lengths = iter((3.0, 2.0, 1.5))
-    watch = Watch(Deadline.after(LATER), Edges(), threshold=2.0, best=lambda: next(lengths))
-    assert [watch(), watch()] == [False, True]
-    assert watch.reason == "threshold"
-
-
 def test_memory_is_looked_at_now_and_then(monkeypatch: pytest.MonkeyPatch) -> None:
     watch = Watch(Deadline.after(LATER), Edges())
     full = watch.memory + module.MAX_MEMORY
@@ -353,10 +292,6 @@ def test_memory_is_looked_at_now_and_then(monkeypatch: pytest.MonkeyPatch) -> No
     asked = next(k for k in range(1, 2000) if watch())
     assert asked <= 512
     assert watch.reason == "memory"
-
-
-def test_memory_of_this_process() -> None:
-    assert 1 << 20 < module.resident() < 1 << 40
 
 
 LEFT, RIGHT = HOME.copy(), HOME.copy()

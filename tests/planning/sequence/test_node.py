@@ -164,33 +164,6 @@ def _child(root: Node, number: int, stage: int) -> Node:
     return Node(root, 1, world, crate.HOME, {}, target, [step])
 
 
-def test_candidates_are_noted_with_their_reasons_and_stay_open_where_they_are_reached() -> None:
-    record = Record()
-    record.note_candidates((), 2, _candidates(
-        n0=Verdict(Outcome.REACHED), n1=Verdict(Outcome.OUT_OF_REACH),
-        n2=Verdict(Outcome.IN_COLLISION, ("arm", "lid"), np.ones(7)),
-    ))  # fmt: skip
-    outcomes = {trial.choices: (trial.stage, trial.outcome, trial.reasons)
-                for trial in record.trials}  # fmt: skip
-    assert outcomes == {
-        (0,): (2, "open", {}),
-        (1,): (2, "out_of_reach", {"out_of_reach": 1}),
-        (2,): (2, "in_collision", {"in collision: arm and lid": 1}),
-    }
-    shown = [trial.joints for trial in record.trials]
-    assert shown[:2] == [None, None]
-    np.testing.assert_array_equal(shown[2], np.ones(7))
-
-
-def test_an_outcome_only_comes_nearer_to_a_solution() -> None:
-    record = Record()
-    record.note_candidates((), 2, _candidates(n0=Verdict(Outcome.IN_COLLISION, ("arm", "lid"))))
-    record.note_candidates((), 2, _candidates(n0=Verdict(Outcome.OUT_OF_REACH)))
-    (trial,) = record.trials
-    assert trial.outcome == "in_collision"
-    assert trial.reasons == {"in collision: arm and lid": 1, "out_of_reach": 1}
-
-
 def test_the_last_check_that_was_reached_is_to_blame_with_its_most_frequent_reason() -> None:
     record, root = Record(), _root()
     assert record.blame() is None
@@ -215,17 +188,6 @@ def test_what_cuts_off_the_rest_is_to_blame_and_not_the_deepest_stage_looked_at(
     for _ in range(2):
         record.note_failure(_child(root, 3, 2), 0, "no path", Check.FREE)
     assert record.blame() == Blame(0, "no path", 2, {})
-
-
-def test_failures_and_solutions_belong_to_the_choices_of_their_node() -> None:
-    record, root = Record(), _root()
-    child = _child(root, 3, 2)
-    record.note_failure(child, 5, "no lift")
-    assert [(t.choices, t.stage, t.outcome) for t in record.trials] == [((3,), 2, "failed")]
-    record.note_solution(child)
-    record.note_failure(child, 5, "no lift")
-    (trial,) = record.trials
-    assert (trial.outcome, trial.reasons) == ("solved", {"no lift": 2})
 
 
 @pytest.mark.parametrize(

@@ -23,7 +23,7 @@ from planning.timing.method import (
     TimeOptimal,
     timing_method,
 )
-from planning.timing.options import METHODS, Method, Payload, TimingOptions
+from planning.timing.options import Method, Payload, TimingOptions
 from planning.timing.parametrization import TimeParametrization, timing_report
 from planning.timing.path.blend import blend
 from planning.timing.time_scaling import ScaledTime
@@ -162,12 +162,6 @@ PATH = blend([[0.0, 0.0], [1.0, 0.5]], [])
 
 def still(duration: float, factor: float) -> ScaledTime:
     return ScaledTime(Trajectory(("a",), np.array([0.0, duration]), np.zeros((1, 1, 2))), factor)
-
-
-def test_names_choose_methods() -> None:
-    assert [timing_method(name).name for name in METHODS] == list(METHODS)
-    assert timing_method("toppra") == TimeOptimal("reachability")
-    assert timing_method("toppra", "toppra") == TimeOptimal("toppra")
 
 
 def test_a_spline_does_not_follow_a_path() -> None:

@@ -5,7 +5,6 @@ import json
 from collections.abc import Iterator
 
 import numpy as np
-import pinocchio
 import pytest
 from scipy.interpolate import CubicSpline
 
@@ -15,7 +14,6 @@ from benchmarks.problems.mesh_scenes import own_scenes
 from kinematics.arrays import Array
 from kinematics.forward import forward
 from kinematics.pose import transform
-from kinematics.robots import builtin_urdf
 from kinematics.trajectory.trajectory import Trajectory
 from obstacles.collision.checker import Checker
 from obstacles.robots.robot_geometry import RobotGeometry
@@ -31,13 +29,8 @@ from planning.timing.motion_timing import motions
 from planning.timing.options import Payload, TimingOptions
 from planning.timing.parametrization import WORTH
 from planning.timing.spline.quintic_fit import even_parts, finer_parts, fit_pieces, fit_quintic
-from planning.timing.spline.span_loads import (
-    span_loads,
-    span_memory,
-    widen_for_loads_kernel,
-)
-from planning.values.limits import EffortLimits
 from service.translate.trajectories import trajectory_answer
+from tests.planning.pinocchio_arm import PinocchioArm
 from tests.planning.scenes import HOME, builtin, shelf
 
 
@@ -146,69 +139,10 @@ def test_parts_are_halved_where_a_spline_is_not_near_enough_and_it_is_nearer_the
     assert now < 0.7 * worst
 
 
-def _random_piece(n: int, seed: int) -> tuple[Array, Array]:
-    random = np.random.default_rng(seed)
-    piece = random.uniform(-1.0, 1.0, (2, 6, n)) / np.array([1, 1, 2, 6, 24, 120])[:, None]
-    return np.ascontiguousarray(piece), random.uniform(0.2, 0.5, 2)
-
-
-def _by_pinocchio(name: str, piece: Array, times: Array) -> tuple[Array, Array, Array]:
-    """Speeds of the tip, torques and torques at rest along a piece (k, n)."""
-    model = pinocchio.buildModelFromXML(builtin_urdf(name))
-    data = model.createData()
-    tip = model.getFrameId(builtin(name).chain.tip_link, pinocchio.FrameType.BODY)
-    columns = [
-        model.joints[model.getJointId(joint)].idx_q for joint in builtin(name).chain.joint_names
-    ]
-    speeds, torques, still = [], [], []
-    for t in times:
-        state = np.zeros((3, model.nq))
-        for order in range(3):
-            state[order, columns] = np.polynomial.polynomial.polyval(
-                t, np.polynomial.polynomial.polyder(piece, order)
-            )
-        pinocchio.forwardKinematics(model, data, state[0], state[1])
-        twist = pinocchio.getFrameVelocity(model, data, tip, pinocchio.LOCAL_WORLD_ALIGNED)
-        speeds.append(np.linalg.norm(twist.linear))
-        torques.append(pinocchio.rnea(model, data, *state)[columns])
-        still.append(pinocchio.computeGeneralizedGravity(model, data, state[0])[columns])
-    return np.array(speeds), np.array(torques), np.array(still)
-
-
-@pytest.mark.parametrize("name", ["panda", "ur5e", "kr6_sixx"])
-def test_factors_are_those_of_speeds_and_torques_by_pinocchio(name: str) -> None:
-    chain = builtin(name).chain
-    pieces, spans = _random_piece(chain.n, 3)
-    places = 9
-    looked = [np.linspace(0.0, span, places) for span in spans]
-    found = [_by_pinocchio(name, *each) for each in zip(pieces, looked, strict=True)]
-    speed = EffortLimits(chain, tool_speed=0.7)
-    excess = np.zeros(2)
-    widen_for_loads_kernel(pieces, spans, span_loads(speed), places, span_memory(chain.n), excess)
-    # The end of the last span is at rest in a motion, and is not looked at.
-    expected = [found[0][0][:-1].max() / 0.7, found[1][0][:-1].max() / 0.7]
-    ends = found[1][0][0] / 0.7
-    np.testing.assert_allclose(excess, [max(expected[0], ends), expected[1]], rtol=1e-9)
-    # Torques: with the factor the motion needs just what there is.
-    still = np.abs(np.concatenate([f[2] for f in found])).max(axis=0)
-    effort = 1.2 * still + 1.0
-    excess[:] = 0.0
-    loads = span_loads(EffortLimits(chain, effort=effort))
-    widen_for_loads_kernel(pieces, spans, loads, places, span_memory(chain.n), excess)
-    torques, gravity = (np.array([f[k][:-1] for f in found]) for k in (1, 2))
-    for i, factor in enumerate(excess):
-        slower = gravity[i] + (torques[i] - gravity[i]) / factor**2
-        use = np.abs(slower / loads.torques).max()
-        first = gravity[1][0] + (torques[1][0] - gravity[1][0]) / factor**2
-        use = max(use, np.abs(first / loads.torques).max()) if i == 0 else use
-        if not chain.viscous_friction.any():
-            assert use == pytest.approx(1.0, abs=1e-6)
-
-
 @pytest.mark.parametrize("name", ["panda", "ur5e", "kr6_sixx"])
 def test_motions_with_a_slow_tool_have_few_pieces_and_keep_all_limits(name: str) -> None:
     robot = builtin(name)
-    limits, judge = robot.chain.limits, Judge(builtin_urdf(name), robot, 0.0)
+    limits, arm = robot.chain.limits, PinocchioArm(name)
     rates = []
     for problem, options in random_problems(robot, 6, 0.0):
         answer = plan(problem, options)
@@ -220,7 +154,7 @@ def test_motions_with_a_slow_tool_have_few_pieces_and_keep_all_limits(name: str)
         jerk = np.where(np.isfinite(jerk), jerk, 10.0 * limits.acceleration)
         for order, bound in enumerate((limits.velocity, limits.acceleration, jerk), 1):
             assert worst_ratio(motion, bound, order) <= 1.0 + 1e-9
-        assert judge.uses(motion, limits.effort)[0] <= TOOL_SPEED * (1.0 + 1e-9)
+        assert arm.tip_speeds(motion, instants(motion)).max() <= TOOL_SPEED * (1.0 + 1e-9)
     assert np.median(rates) <= 20.5
 
 
@@ -254,7 +188,7 @@ def _assert_straight(motion: Trajectory, ends: Array) -> None:
 
 def test_a_heavy_load_is_carried_in_fewer_pieces_where_that_costs_little() -> None:
     robot = builtin("panda")
-    judge = Judge(builtin_urdf("panda"), robot, 5.0)
+    arm = PinocchioArm(load=5.0)
     taken = 0
     for problem, _ in random_problems(robot, 14, 5.0):
         timing = TimingOptions(torque_limits=True, payload=Payload(5.0))
@@ -267,7 +201,8 @@ def test_a_heavy_load_is_carried_in_fewer_pieces_where_that_costs_little() -> No
         assert answer.certificate.verified
         assert answer.timing is not None
         taken += answer.timing.solver == "quintic_spline"
-        strongest = judge.uses(answer.trajectory, robot.chain.limits.effort)[1]
+        torques = arm.torques(answer.trajectory, instants(answer.trajectory))
+        strongest = np.abs(torques / robot.chain.limits.effort).max()
         assert strongest <= 1.0 + 1e-9
     assert taken >= 2
 
@@ -282,7 +217,7 @@ def _joints(problem: Problem) -> Array:
 def test_short_straight_motions_with_a_slow_tool_have_few_pieces_too(name: str) -> None:
     """Ten spans a second are too few where all of a motion is ramps of speed: twenty in all do."""
     robot, random = builtin(name), np.random.default_rng(8)
-    chain, judge = robot.chain, Judge(builtin_urdf(name), robot, 0.0)
+    chain, arm = robot.chain, PinocchioArm(name)
     low, high = chain.sampling_bounds()
     few, count = 0, 0
     while count < 12:
@@ -298,7 +233,7 @@ def test_short_straight_motions_with_a_slow_tool_have_few_pieces_too(name: str) 
         count, motion = count + 1, answer.trajectory
         few += motion.pieces <= 20
         assert answer.timing is not None
-        assert judge.uses(motion, chain.limits.effort)[0] <= speed * (1.0 + 1e-9)
+        assert arm.tip_speeds(motion, instants(motion)).max() <= speed * (1.0 + 1e-9)
         _assert_straight(motion, np.array([start, goal]))
     assert few >= 10
 
@@ -310,8 +245,13 @@ MOST = 20.5
 #: Bytes of such a motion at most [-].
 BYTES = 8000.0
 #: Random motions: speed of the tool [m/s], largest angle of a joint, least clearance of ends [m],
-#: instants that are judged, and by how much a limit may be exceeded where it is reached.
-TOOL_SPEED, TURN, CLEAR, INSTANTS, ABOVE = 0.5, 2.6, 2e-3, 500, 1e-9
+#: and instants that are judged.
+TOOL_SPEED, TURN, CLEAR, INSTANTS = 0.5, 2.6, 2e-3, 500
+
+
+def instants(motion: Trajectory) -> Array:
+    """Instants that are judged."""
+    return np.linspace(0.0, motion.duration, INSTANTS)
 
 
 def size(motion: Trajectory) -> int:
@@ -321,46 +261,6 @@ def size(motion: Trajectory) -> int:
         for a, b, c in zip(motion.breaks, motion.breaks[1:], motion.coefficients, strict=False)
     ]
     return len(json.dumps(segments, separators=(",", ":")))
-
-
-class Judge:
-    """Speeds of a tool and torques by pinocchio.
-
-    Args:
-        urdf: The arm.
-        robot: The same.
-        load: Mass of a point at the tip [kg].
-    """
-
-    def __init__(self, urdf: str, robot: RobotGeometry, load: float) -> None:
-        chain = robot.chain
-        self._model = pinocchio.buildModelFromXML(urdf)
-        self._tip = self._model.getFrameId(chain.tip_link, pinocchio.FrameType.BODY)
-        if load:
-            frame = self._model.frames[self._tip]
-            inertia = pinocchio.Inertia(load, frame.placement.translation, np.zeros((3, 3)))
-            self._model.appendBodyToJoint(frame.parentJoint, inertia, pinocchio.SE3.Identity())
-        self._data = self._model.createData()
-        joints = self._model.joints
-        self._columns = [joints[self._model.getJointId(name)].idx_q for name in chain.joint_names]
-
-    def uses(self, motion: Trajectory, effort: Array) -> tuple[float, float]:
-        """Largest speed of the tool [m/s], and largest part of a torque limit that is used."""
-        times = np.linspace(0.0, motion.duration, INSTANTS)
-        q, v, a = (motion.sample(times, order) for order in range(3))
-        fastest, strongest = 0.0, 0.0
-        whole = np.zeros((3, self._model.nq))
-        for k in range(INSTANTS):
-            for row, values in enumerate((q[k], v[k], a[k])):
-                whole[row, self._columns] = values
-            pinocchio.forwardKinematics(self._model, self._data, whole[0], whole[1])
-            twist = pinocchio.getFrameVelocity(
-                self._model, self._data, self._tip, pinocchio.LOCAL_WORLD_ALIGNED
-            )
-            fastest = max(fastest, float(np.linalg.norm(twist.linear)))
-            torque = pinocchio.rnea(self._model, self._data, *whole)[self._columns]
-            strongest = max(strongest, float(np.abs(torque / effort).max()))
-        return fastest, strongest
 
 
 def random_problems(

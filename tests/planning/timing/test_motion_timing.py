@@ -98,18 +98,10 @@ def test_every_method_gives_certified_motions(method: str) -> None:
 
 
 def test_the_toppra_package_times_plans_and_tells_what_that_cost() -> None:
-    ours, package = planned(POST, method="toppra"), planned(POST, solver="toppra")
-    assert isinstance(ours, Plan)
+    package = planned(POST, solver="toppra")
     assert isinstance(package, Plan)
     assert package.certificate.verified
     assert [note for note in package.notes if "toppra's answer" in note]
-    assert not [note for note in ours.notes if "toppra's answer" in note]
-    limits = builtin("panda").chain.limits
-    for order, bound in enumerate((limits.velocity, limits.acceleration), 1):
-        assert worst_ratio(package.trajectory, bound, order) <= 1.0 + 1e-9
-    np.testing.assert_array_equal(package.path.waypoints, ours.path.waypoints)
-    assert package.trajectory != ours.trajectory
-    assert package.trajectory.duration == pytest.approx(ours.trajectory.duration, rel=0.1)
     problem = Problem(builtin("panda"), Scene(), HOME, (JointGoal(ASIDE),))
     refined = Options(timing=TimingOptions(solver="toppra"), refine=RefineOptions())
     with pytest.raises(InvalidOption, match=r"timing\.solver"):

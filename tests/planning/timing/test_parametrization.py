@@ -28,21 +28,6 @@ def timing_by(
     return TimeParametrization(method, V, A, jerk, None, start_velocity, end_velocity)
 
 
-@pytest.mark.parametrize("method", ["toppra", "jerk_limited"])
-def test_boundary_velocities_along_the_path_are_met(method: Method) -> None:
-    path = blend([[0.0, 0.0], [3.0, 1.5]], [])
-    tangent = np.array([2.0, 1.0]) / np.sqrt(5.0)
-    start, end = 0.3 * tangent, 0.4 * tangent
-    motion = timing_by(method, start_velocity=start, end_velocity=end).time(path, JOINTS).trajectory
-    rates = motion.sample([0.0, motion.duration], 1)
-    np.testing.assert_allclose(rates, [start, end], atol=1e-9)
-    assert (motion.peaks(1).value <= V).all()
-    assert (motion.peaks(2).value <= A).all()
-    for wrong in (-start, np.array([0.1, -0.2]), np.array([np.inf, 0.0])):
-        with pytest.raises(InvalidOption, match="start_velocity"):
-            timing_by(method, start_velocity=wrong).time(path, JOINTS)
-
-
 def test_corners_are_stops_where_a_narrow_curve_takes_longer() -> None:
     parametrization = timing_by("jerk_limited")
     none = np.zeros(2)

@@ -25,7 +25,7 @@ from planning.tool_paths.tool_deviation import piece_deviations, pieces_within
 from planning.tool_paths.tool_following import lead_tool
 from planning.tool_paths.tool_timing import time_tool_path
 from planning.values.deadline import Deadline
-from tests.planning.pinocchio_panda import PinocchioPanda
+from tests.planning.pinocchio_arm import PinocchioArm
 from tests.planning.scenes import HOME, builtin
 
 ROBOT = builtin("panda")
@@ -78,7 +78,7 @@ def parametrization(method: str) -> TimeParametrization:
 
 @pytest.mark.parametrize("method", ["toppra", "jerk_limited", "spline"])
 def test_the_tool_rests_at_the_corner_and_keeps_to_its_lines(method: str) -> None:
-    path, oracle = corner(), PinocchioPanda()
+    path, oracle = corner(), PinocchioArm()
     timed = time_tool_path(CHAIN, path, parametrization(method))
     motion = timed.trajectory(CHAIN)
     (first, second), turn = timed.reports, timed.parts[0].duration

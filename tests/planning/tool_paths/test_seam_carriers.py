@@ -3,7 +3,6 @@
 import math
 
 import numpy as np
-import pinocchio
 
 from kinematics.pose import transform
 from kinematics.robots import builtin_urdf
@@ -17,6 +16,7 @@ from planning.pipeline.pipeline import plan
 from planning.problem import PoseGoal, Problem
 from planning.result import Plan
 from planning.tool_motions.tool_tolerance import SeamOptions, SeamWaypoint, ToolTolerance
+from tests.planning.pinocchio_arm import PinocchioArm
 
 RAIL = """<link name="rail"/><joint name="carrier" type="prismatic"><parent link="rail"/>
 <child link="{base}"/><axis xyz="0 1 0"/>
@@ -61,20 +61,14 @@ def check(
     answer = plan(problem, Options(planner="cartesian", cartesian=how, timeout=20.0))
     assert isinstance(answer, Plan), answer
     assert answer.certificate.verified
-    model = pinocchio.buildModelFromXML(urdf)
-    data, frame = model.createData(), model.getFrameId(robot.chain.tip_link)
-    root = model.getFrameId(robot.chain.root_link)
-    order = [model.joints[model.getJointId(name)].idx_q for name in robot.chain.joint_names]
+    oracle = PinocchioArm(urdf=urdf, chain=robot.chain)
     ways = np.diff(points, axis=0)
     for time in np.linspace(answer.tool_motions[0].begins, answer.trajectory.duration, 201):
-        q = np.zeros(model.nq)
-        q[order] = answer.trajectory.sample([min(time, answer.trajectory.duration)])[0]
-        pinocchio.framesForwardKinematics(model, data, q)
-        T = data.oMf[root].actInv(data.oMf[frame])
-        off = T.translation - points[:-1]
+        T = oracle.pose(answer.trajectory.sample([min(time, answer.trajectory.duration)])[0])
+        off = T[:3, 3] - points[:-1]
         s = np.clip((off * ways).sum(axis=1) / (ways**2).sum(axis=1), 0.0, 1.0)
         assert np.linalg.norm(off - s[:, None] * ways, axis=1).min() <= 1.1e-4
-        assert -T.rotation[2, 2] >= math.cos(0.2 + 1.1e-3)
+        assert -T[2, 2] >= math.cos(0.2 + 1.1e-3)
     return answer
 
 

@@ -15,10 +15,10 @@ from planning.tool_motions.tool_path import Tolerances, ToolRun
 from planning.tool_paths.tool_deviation import piece_deviations
 from planning.tool_paths.tool_following import follow
 from planning.values.deadline import Deadline
-from tests.planning.pinocchio_panda import PinocchioPanda
+from tests.planning.pinocchio_arm import PinocchioArm
 from tests.planning.scenes import HOME
 
-ORACLE = PinocchioPanda()
+ORACLE = PinocchioArm()
 CHAIN = ORACLE.chain
 T = forward(CHAIN, HOME)
 TOLERANCES = Tolerances(1e-4, 1e-3)

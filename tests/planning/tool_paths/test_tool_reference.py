@@ -20,7 +20,7 @@ from planning.tool_motions.tool_motion import ToolMotion, arc_via, line
 from planning.tool_motions.tool_path import ToolRun
 from planning.tool_paths.blending import runs
 from planning.tool_paths.motions import INSTANTS, place_at, tool_reference
-from tests.planning.pinocchio_panda import PinocchioPanda
+from tests.planning.pinocchio_arm import PinocchioArm
 from tests.planning.scenes import HOME, builtin
 
 #: What the motions may deviate by [m], [rad].
@@ -57,7 +57,7 @@ def test_the_tool_is_within_its_deviation_of_the_reference(seed: int, blend: flo
     assert len(found) == INSTANTS
     assert {one.motion for one in found} >= {0, len(answer.tool_motions) - 1}
     assert [one.time for one in found] == sorted(one.time for one in found)
-    oracle = PinocchioPanda()
+    oracle = PinocchioArm()
     for one in found:
         report = answer.tool_motions[one.motion]
         assert report.begins <= one.time <= report.ends
@@ -196,7 +196,7 @@ def test_motions_that_go_on_in_each_other_are_blended_where_curvature_or_turning
 
 @pytest.mark.parametrize("method", ["toppra", "jerk_limited"])
 def test_the_tool_runs_through_rounded_corners_at_its_speed(method: str) -> None:
-    robot, oracle = builtin("panda"), PinocchioPanda()
+    robot, oracle = builtin("panda"), PinocchioArm()
     T = forward(robot.chain, HOME)
     places = [[0.0, 0.2, 0.0], [0.0, 0.2, -0.2], [0.0, 0.0, -0.2]]
     ways = tuple(ToolMotionOptions("lin", transform(T[:3, :3], T[:3, 3] + p)) for p in places)

@@ -1,13 +1,11 @@
 """Speed of the tool through rounded corners on several arms by pinocchio, and what limits it."""
 
 import numpy as np
-import pinocchio as pin
 import pytest
 
 from kinematics.arrays import Array
 from kinematics.forward import forward
 from kinematics.pose import from_axis_angle, transform
-from kinematics.robots import builtin_urdf
 from obstacles.scenes.scene import Scene
 from planning.options import CartesianOptions, Options, ToolMotionOptions
 from planning.pipeline.pipeline import plan
@@ -15,6 +13,7 @@ from planning.problem import PoseGoal, Problem
 from planning.result import Plan
 from planning.timing.options import TimingOptions
 from tests.planning.dense import worst_ratio
+from tests.planning.pinocchio_arm import PinocchioArm
 from tests.planning.scenes import HOME, builtin
 
 STARTS = {
@@ -23,21 +22,6 @@ STARTS = {
     "kr6_sixx": np.array([0.1, -1.2, 1.6, 0.2, 0.9, 0.0]),
     "iiwa14": np.array([0.2, 0.6, 0.1, -1.5, 0.1, 0.9, 0.0]),
 }
-
-
-def speeds(name: str, q: Array, rates: Array) -> Array:
-    """Speeds of the tip (k,) by pinocchio [m/s]."""
-    robot, model = builtin(name), pin.buildModelFromXML(builtin_urdf(name))
-    data, frame = model.createData(), model.getFrameId(robot.chain.tip_link)
-    index = [model.joints[model.getJointId(j)].idx_v for j in robot.chain.joint_names]
-    found = []
-    for state in zip(q, rates, strict=True):
-        wide = np.zeros((2, model.nv))
-        wide[:, index] = state
-        pin.forwardKinematics(model, data, *wide)
-        pin.updateFramePlacements(model, data)
-        found.append(float(np.linalg.norm(pin.getFrameVelocity(model, data, frame).linear)))
-    return np.array(found)
 
 
 def way(name: str, shifts: list[list[float]], turn: float = 0.0) -> tuple[ToolMotionOptions, ...]:
@@ -75,7 +59,7 @@ def test_the_tool_keeps_its_speed_through_sharp_flat_and_touching_corners(name: 
     assert [one.kind for one in reports].count("corner") == 5
     assert [one.speed_limit for one in reports] == [None] * len(reports)
     times = np.linspace(0.0, motion.duration, 3001)
-    found = speeds(name, motion.sample(times), motion.sample(times, 1)) / 0.05
+    found = PinocchioArm(name).tip_speeds(motion, times) / 0.05
     assert found.max() <= 1.0 + 1e-9
     steady = np.flatnonzero(found >= 0.99)
     assert np.ptp(steady) == len(steady) - 1
@@ -101,7 +85,7 @@ def test_the_joint_that_slows_the_tool_down_is_told() -> None:
         assert limit.speed < 0.2
         assert limit.joint in chain.joint_names
         times = np.linspace(one.begins, one.ends, 201)
-        found = speeds("ur5e", motion.sample(times), motion.sample(times, 1))
+        found = PinocchioArm("ur5e").tip_speeds(motion, times)
         assert found.min() < 0.99 * 0.2
     slowest = min(slow, key=lambda one: one.speed_limit.speed if one.speed_limit else np.inf)
     assert slowest.speed_limit is not None
@@ -139,12 +123,10 @@ def test_a_line_has_few_pieces_and_the_tool_keeps_to_it(name: str, step: list[fl
     assert len(motion.coefficients) <= 20
     assert answer.certificate.verified
     assert worst_ratio(motion, builtin(name)) <= 1.0 + 1e-9
-    model = pin.buildModelFromXML(builtin_urdf(name))
-    data, frame = model.createData(), model.getFrameId(builtin(name).chain.tip_link)
+    oracle = PinocchioArm(name)
     along, worst = (end - begin) / np.linalg.norm(end - begin), 0.0
     for q in motion.sample(np.linspace(0.0, motion.duration, 1500)):
-        pin.framesForwardKinematics(model, data, np.concatenate([q, np.zeros(model.nq - len(q))]))
-        away = data.oMf[frame].translation - begin
+        away = oracle.pose(q)[:3, 3] - begin
         worst = max(worst, float(np.linalg.norm(away - (away @ along) * along)))
     assert worst <= 1e-4
     assert answer.certificate.path_deviation is not None

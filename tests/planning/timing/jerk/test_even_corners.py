@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 
 from benchmarks.judges.ratios import worst_ratio
-from planning.timing.jerk.corner_reaches import CornerLimits, fastest_reaches_kernel
 from planning.timing.jerk.double_s import (
     CONVERGED,
     MAX_PHASES,
@@ -157,46 +156,17 @@ def test_speeds_are_the_largest_that_the_legs_leave_room_for(seed: int) -> None:
         assert raised[i] > caps[i] or not possible(raised)
 
 
-_ROUGH = 1e-4
+@pytest.mark.parametrize("seed", range(4))
+def test_reaches_are_nearly_the_fastest_of_a_fine_grid(seed: int) -> None:
+    points = np.cumsum(np.random.default_rng(seed).uniform(-0.5, 0.7, (4, 7)), axis=0)
+    limits, largest = _limits(10.0), largest_reaches(points)
 
+    def duration(reaches: np.ndarray) -> float:
+        path = blend(points, reaches, smooth=True)
+        return float(time_even_corners(path, names(7), limits).trajectory.duration)
 
-def _time(
-    legs: Legs, corners: CornerLimits, reaches: np.ndarray, window: tuple[int, int],
-    ends: tuple[float, float], tolerance: float,
-) -> tuple[float, np.ndarray]:  # fmt: skip
-    """Time of the legs of a window with the corners between, and speeds; by numbers alone."""
-    first, last = window
-    rest = legs.lengths - np.append(0.0, reaches)
-    rest = (rest - np.append(reaches, 0.0))[first:last]
-    inner = slice(first, last - 1)
-    speeds = np.empty(last - first + 1)
-    speeds[0], speeds[-1] = ends
-    for i, r in enumerate(reaches[inner]):
-        bent = np.sqrt(corners.acceleration[inner][i] * r)
-        jerk = float(corners.jerk[inner][i] * r * r) ** (1.0 / 3.0)
-        speeds[i + 1] = min(corners.speed[inner][i], bent, jerk)
-    part = Legs(np.ascontiguousarray(rest), np.ascontiguousarray(legs.limits[first:last]))
-    time = lower_speeds_kernel(part, speeds, tolerance)
-    if speeds[0] < (1.0 - _ROUGH) * ends[0] or speeds[-1] < (1.0 - _ROUGH) * ends[1]:
-        return np.inf, speeds
-    for r, v in zip(reaches[inner], speeds[1:-1], strict=True):
-        if r > 0.0:
-            time = time + 2.0 * r / v if v > 0.0 else np.inf
-    return time, speeds
-
-
-def test_reaches_are_nearly_the_fastest_of_a_fine_grid() -> None:
-    rng = np.random.default_rng(3)
-    legs = Legs(np.array([0.8, 0.5, 1.1]), rng.uniform(1.0, 8.0, (3, 3)) * [1.0, 1.0, 8.0])
-    corners = CornerLimits(rng.uniform(1, 2, 2), rng.uniform(1, 3, 2), rng.uniform(8, 30, 2))
-    largest = np.array([0.25, 0.25])
-
-    def time(reaches: np.ndarray) -> float:
-        return _time(legs, corners, reaches, (0, 3), (0.0, 0.0), CONVERGED)[0]
-
-    found = np.zeros(2)
-    fastest_reaches_kernel(legs, corners, largest, found)
-    grid = [time(largest * shares) for shares in itertools.product(np.linspace(0, 1, 41), repeat=2)]
-    assert (found <= largest).all()
-    assert time(found) <= 1.01 * min(grid)
-    assert time(found) < 0.97 * time(largest * 0.1)
+    shares = itertools.product(np.linspace(0.0, 1.0, 21), repeat=2)
+    least = min(duration(largest * share) for share in shares)
+    found = duration(fastest_reaches(points, limits, largest))
+    assert found <= 1.01 * least
+    assert found < 0.99 * duration(0.05 * largest)

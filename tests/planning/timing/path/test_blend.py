@@ -201,24 +201,6 @@ def test_the_kernel_blends_as_the_function_does(n: int) -> None:
         np.testing.assert_allclose(coefficients, path.coefficients, rtol=0.0, atol=close)
 
 
-def test_arrays_of_any_layout_are_merged_alike() -> None:
-    rng = np.random.default_rng(2)
-    points = np.cumsum(rng.uniform(-0.5, 0.7, (7, 5)), axis=0)
-    points[3], points[5] = points[2], 0.5 * (points[4] + points[6])
-    merged, largest = merge(points), largest_reaches(points)
-    assert len(merged) == 5
-    assert not np.shares_memory(merged, points)
-    for other in (points.tolist(), np.asfortranarray(points), np.repeat(points, 2, axis=1)[:, ::2]):
-        np.testing.assert_array_equal(merge(other), merged)
-        np.testing.assert_array_equal(largest_reaches(other), largest)
-    for number in (np.nan, np.inf, -np.inf):
-        points[4, 1] = number
-        for function in (merge, largest_reaches):
-            with pytest.raises(InvalidTrajectory, match="waypoint 4 is not finite"):
-                function(points)
-    assert len(largest_reaches(points[:1])) == len(largest_reaches(points[:2])) == 0
-
-
 #: Of two links in the plane of x and z: the way from BEFORE to BEHIND round the corner folds the
 #: outer link, so that its tip passes inside of a bar that the straight way would meet.
 BEFORE, CORNER, BEHIND = np.array([-0.9, 0.6]), np.array([0.0, 1.7]), np.array([0.9, 0.6])

@@ -11,7 +11,7 @@ from planning.timing.failure import TimingFailed
 from planning.timing.speed.effort_limits import knot_limits, slow_down
 from planning.timing.time_scaling import ScaledTime
 from planning.values.limits import EffortLimits
-from tests.planning.pinocchio_panda import PinocchioPanda
+from tests.planning.pinocchio_arm import PinocchioArm
 
 CHAIN = builtin_chain("panda")
 HOME = np.array([0.0, -0.785, 0.0, -2.356, 0.0, 1.571, 0.785])
@@ -19,7 +19,7 @@ HOME = np.array([0.0, -0.785, 0.0, -2.356, 0.0, 1.571, 0.785])
 HEADROOM = 2e-3
 
 
-ORACLE = PinocchioPanda()
+ORACLE = PinocchioArm()
 
 
 def draw(seed: int, count: int) -> tuple[Array, Array, Array]:

@@ -9,7 +9,7 @@ from benchmarks.judges.ratios import worst_ratio
 from kinematics.errors import InvalidOption, InvalidTrajectory
 from planning.timing.jerk.even_corners import fastest_reaches, time_even_corners
 from planning.timing.path.blend import blend, largest_reaches, merge
-from planning.timing.spline.quintic_basis import DEGREE, ROW, TABLE, write_bases, write_values
+from planning.timing.spline.quintic_basis import DEGREE
 from planning.timing.spline.quintic_fit import MIN_SPANS, fit_quintic, fit_spans_kernel
 from planning.timing.spline.span_loads import no_loads
 from planning.timing.spline.spline import Ends, chord_knots, spline_path, spline_trajectory
@@ -29,26 +29,6 @@ def _rounded(seed: int, corners: int = 3) -> tuple[np.ndarray, ScaledTime]:
     points = merge(np.cumsum(rng.uniform(-0.2, 0.6, (corners + 2, 7)), axis=0))
     reaches = fastest_reaches(points, LIMITS, largest_reaches(points))
     return points, time_even_corners(blend(points, reaches, smooth=True), names(7), LIMITS)
-
-
-@pytest.mark.parametrize("size", [6, 8, 13, 16])
-def test_basis_functions_are_those_of_scipy(size: int) -> None:
-    whole, shares = -(-size // 8) * 8, np.array([0.0, 0.3, 0.6, 0.999])
-    spans = np.random.default_rng(0).uniform(0.1, 1.0, whole)
-    tables, values = np.empty(whole // 8 * TABLE), np.zeros((4 * whole, ROW))
-    write_bases(spans, size, np.empty(whole + 2 * DEGREE + 1), tables)
-    write_values(tables, spans, shares, values)
-    bases = tables.reshape(whole // 8, 6, 6, 8).transpose(0, 3, 1, 2).reshape(whole, 6, 6)
-    knots = _knots(spans[:size])
-    for i in range(size):
-        begins = knots[DEGREE + i]
-        times = shares * spans[i]
-        expected = BSpline.design_matrix(begins + times, knots, DEGREE).toarray()[:, i : i + 6]
-        ours = np.stack([np.polynomial.polynomial.polyval(times, row) for row in bases[i]], axis=1)
-        np.testing.assert_allclose(ours, expected, atol=1e-12)
-        at_points = values[4 * i : 4 * i + 4]
-        np.testing.assert_allclose(at_points[:, DEGREE::-1], expected, atol=1e-12)
-        assert not at_points[:, 6:].any()
 
 
 @pytest.mark.parametrize("n", [1, 2, 7, 8, 14])

@@ -14,7 +14,7 @@ from planning.tool_paths.seams.following import is_within_at_own_places, refine,
 from planning.tool_paths.seams.path import SeamPlaces, seam_places, seam_runs
 from planning.tool_paths.seams.search import SeamGraph, SeamSearch
 from planning.values.deadline import Deadline
-from tests.planning.pinocchio_panda import PinocchioPanda
+from tests.planning.pinocchio_arm import PinocchioArm
 from tests.planning.scenes import HOME, builtin
 
 TILT = 0.2
@@ -39,7 +39,7 @@ def test_a_calmer_way_is_short_and_keeps_to_the_tolerance(reach: float) -> None:
     calm = refine(search, joints)
     rates, calm_rates = (float((np.diff(q, axis=0) ** 2).sum()) for q in (joints, calm))
     assert calm_rates < 0.35 * rates
-    oracle = PinocchioPanda()
+    oracle = PinocchioArm()
     for q, nominal in zip(calm, search.places.nominal, strict=True):
         T = oracle.pose(q)
         np.testing.assert_allclose(T[:3, 3], nominal[:3, 3], atol=2e-6)

@@ -1,7 +1,6 @@
 """Search in layers against Dijkstra's algorithm, and projections against scipy's Euler angles."""
 
 import numpy as np
-import pinocchio
 import pytest
 from scipy.sparse import csr_matrix
 from scipy.sparse.csgraph import dijkstra
@@ -9,16 +8,17 @@ from scipy.spatial.transform import Rotation
 
 from kinematics.forward import forward
 from kinematics.pose import transform
-from kinematics.robots import builtin_chain, builtin_urdf
 from planning.tool_motions.tool_tolerance import SeamOptions, SeamWaypoint, ToolTolerance
 from planning.tool_paths.seams.nodes import COARSE, nodes, sample_deviations
 from planning.tool_paths.seams.path import pack_tolerance, seam_places, seam_runs
 from planning.tool_paths.seams.search import Layers, Steps, Ways, layer_kernel, project_kernel
+from tests.planning.pinocchio_arm import PinocchioArm
 from tests.planning.scenes import HOME
 
 JUMP, CALM = 0.9, 0.2
 WEIGHTS = np.array([0.5, 1.0, 2.0])
-CHAIN = builtin_chain("panda")
+ORACLE = PinocchioArm()
+CHAIN = ORACLE.chain
 LIMITS = np.array([CHAIN.limits.lower, CHAIN.limits.upper])
 
 
@@ -79,14 +79,6 @@ def test_whole_turns_count_only_where_they_are_told_to() -> None:
     assert (near.before[1], near.origin[1]) == (0, 0)
 
 
-def panda_pose(q: np.ndarray) -> np.ndarray:
-    model = pinocchio.buildModelFromXML(builtin_urdf("panda"))
-    data = model.createData()
-    full = np.concatenate([q, np.zeros(model.nq - 7)])
-    pinocchio.framesForwardKinematics(model, data, full)
-    return np.array(data.oMf[model.getFrameId(CHAIN.tip_link)].homogeneous)
-
-
 @pytest.mark.parametrize("seed", range(5))
 def test_projections_end_inside_the_box_and_leave_alone_what_is_there(seed: int) -> None:
     random = np.random.default_rng(seed)
@@ -106,7 +98,7 @@ def test_projections_end_inside_the_box_and_leave_alone_what_is_there(seed: int)
     np.testing.assert_array_equal(joints[0], before[0])
     assert errors.max() < 1e-6
     for q, N in zip(joints, nominal, strict=True):
-        T = panda_pose(q)
+        T = ORACLE.pose(q)
         A = N[:3, :3] if axes is None else axes
         off = A.T @ (T[:3, 3] - N[:3, 3])
         angles = Rotation.from_matrix(A.T @ T[:3, :3] @ N[:3, :3].T @ A).as_euler("XYZ")
@@ -157,6 +149,6 @@ def test_configurations_of_a_place_reach_its_pose_within_the_tolerance() -> None
         assert 20 <= len(mine) <= COARSE.most
         assert ((mine >= LIMITS[0]) & (mine <= LIMITS[1])).all()
         for q in mine[:: len(mine) // 5]:
-            T = panda_pose(q)
+            T = ORACLE.pose(q)
             np.testing.assert_allclose(T[:3, 3], places.nominal[place, :3, 3], atol=1e-6)
             np.testing.assert_allclose(T[:3, 2], [0.0, 0.0, -1.0], atol=1e-6)

@@ -24,7 +24,7 @@ from planning.tool_motions.tool_tolerance import (
     StraightOffset,
     ToolTolerance,
 )
-from tests.planning.pinocchio_panda import PinocchioPanda
+from tests.planning.pinocchio_arm import PinocchioArm
 from tests.planning.scenes import HOME, box, builtin
 
 SPEED = 0.1
@@ -66,7 +66,7 @@ def followed(answer: Plan | Failure) -> Plan:
 
 def deviations(answer: Plan, count: int = 1500) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Distance [m], tilt and spin [rad] of the tool from a seam's polyline, by pinocchio."""
-    oracle = PinocchioPanda()
+    oracle = PinocchioArm()
     parts = [report for report in answer.tool_motions if report.part == "seam"]
     starts, ends = (
         np.array([getattr(part.motion, name) for part in parts]) for name in ("T_start", "T_end")
@@ -90,7 +90,7 @@ def deviations(answer: Plan, count: int = 1500) -> tuple[np.ndarray, np.ndarray,
 
 def tool_speeds(answer: Plan) -> np.ndarray:
     """Speeds of the tool along a seam by differences of pinocchio's kinematics [m/s]."""
-    oracle = PinocchioPanda()
+    oracle = PinocchioArm()
     parts = [report for report in answer.tool_motions if report.part == "seam"]
     times = np.linspace(parts[0].begins, parts[-1].ends, 2001)
     joints = answer.trajectory.sample(np.minimum(times, answer.trajectory.duration))
@@ -122,7 +122,7 @@ def test_each_part_of_a_seam_has_the_speed_that_is_asked_for_it() -> None:
     assert sum(band.length for band in use.bands) == pytest.approx(use.length)
     # What the arm does, by pinocchio: part by part no faster than its band, and within it inside.
     parts = [report for report in answer.tool_motions if report.part == "seam"]
-    oracle = PinocchioPanda()
+    oracle = PinocchioArm()
     for report in parts:
         asked = waypoints[report.asked + 1].tool_speed or SPEED
         times = np.linspace(report.begins, report.ends, 30)
@@ -220,7 +220,7 @@ def test_sharp_corners_are_rests_or_blends() -> None:
     assert [report.blends for report in rounded.tool_motions] == [False, True, True, False]
     rest = still.tool_motions[0].ends
     np.testing.assert_allclose(still.trajectory.sample([rest], 1), 0.0, atol=1e-6)
-    oracle, corner, h = PinocchioPanda(), rounded.tool_motions[1].ends, 1e-5
+    oracle, corner, h = PinocchioArm(), rounded.tool_motions[1].ends, 1e-5
     a, b = (oracle.pose(rounded.trajectory.sample([t])[0])[:3, 3] for t in (corner, corner + h))
     assert 0.9 * SPEED <= np.linalg.norm(b - a) / h <= 1.1 * SPEED
 
@@ -228,7 +228,7 @@ def test_sharp_corners_are_rests_or_blends() -> None:
 def test_a_box_in_fixed_axes_bounds_the_tool_there() -> None:
     yaw = ToolTolerance.of({"rz": (-0.4, 0.4)}, axes=np.eye(3))
     answer = followed(ask(on_cylinder(30, 0.6), yaw))
-    oracle = PinocchioPanda()
+    oracle = PinocchioArm()
     for report in answer.tool_motions[1:]:
         T = oracle.pose(answer.trajectory.sample([report.begins])[0])
         turn = T[:3, :3] @ report.motion.T_start[:3, :3].T
@@ -318,7 +318,7 @@ def test_ranges_of_position_are_proved_where_the_path_bends(
         points = (SeamWaypoint(first), SeamWaypoint(last, via=middle[:3, 3]))
     box = ToolTolerance.of(dict.fromkeys(axes, (-1e-3, 1e-3)), ("rz",), tilt=0.1)
     answer = followed(ask(points, box))
-    oracle, worst = PinocchioPanda(), 0.0
+    oracle, worst = PinocchioArm(), 0.0
     wide = box.widened(1e-4, 1e-3)
     for report in answer.tool_motions:
         if report.part != "seam":
@@ -357,7 +357,7 @@ def test_axes_that_are_asked_for_alone_are_kept_near_the_great_circle(seed: int)
     )
     answer = followed(ask(waypoints, ToolTolerance.of({}, ("rz",), tilt=tilt)))
     assert not answer.notes
-    oracle = PinocchioPanda()
+    oracle = PinocchioArm()
     parts = [report for report in answer.tool_motions if report.part == "seam"]
     for part in parts:
         start, end = places[part.asked], places[part.asked + 1]
