@@ -12,7 +12,7 @@ from compiled.kernel import direct
 from kinematics.arrays import Array, Indices
 from kinematics.model.chain import Chain, Limits, Link
 from obstacles.collision.edge_check import COLLIDING, FREE, certify_curve
-from obstacles.collision.lanes.check import any_blocked, mark_blocked
+from obstacles.collision.lanes.check import mark_blocked
 from obstacles.collision.line_check import certify_edge, certify_path, check_straight, round_corners
 from obstacles.collision.model.collision_model import CollisionModel, ModelArrays
 from obstacles.collision.model.kernel_work import workspace
@@ -57,9 +57,9 @@ def _check_straight() -> Callable[[ModelArrays, Array, Array, float, int, Array]
 
 
 @cache
-def _mark_blocked() -> Callable[[ModelArrays, Array, float, Array], None]:
+def _mark_blocked() -> Callable[[ModelArrays, Array, float, Array, bool], bool]:
     """``mark_blocked`` likewise."""
-    return direct(mark_blocked, any_model(), np.zeros((1, 1)), 0.0, np.zeros(1))
+    return direct(mark_blocked, any_model(), np.zeros((1, 1)), 0.0, np.zeros(1), False)
 
 
 @cache
@@ -72,12 +72,6 @@ def _closest_pair() -> Callable[[ModelArrays, Array], tuple[float, int]]:
 def _closest_state() -> Callable[[ModelArrays, Array, float], tuple[float, int, int]]:
     """``closest_state`` likewise."""
     return direct(closest_state, any_model(), np.zeros((1, 1)), 0.0)
-
-
-@cache
-def _any_blocked() -> Callable[[ModelArrays, Array, float], bool]:
-    """``any_blocked`` likewise."""
-    return direct(any_blocked, any_model(), np.zeros((1, 1)), 0.0)
 
 
 @cache
@@ -237,13 +231,14 @@ class Checker:
     def all_valid(self, states: Array) -> bool:
         """Whether all of the configurations (k, n) are ``valid``."""
         points = np.ascontiguousarray(states, _FLOAT)
-        return not _any_blocked()(self.model.arrays, points, float(self.slack))
+        blocked = np.empty(len(points))
+        return not _mark_blocked()(self.model.arrays, points, float(self.slack), blocked, True)
 
     def each_valid(self, states: Array) -> NDArray[np.bool_]:
         """Verdicts ``valid`` of configurations (k, n), shape (k,)."""
         points = np.ascontiguousarray(states, _FLOAT)
         blocked = np.empty(len(points))
-        _mark_blocked()(self.model.arrays, points, float(self.slack), blocked)
+        _mark_blocked()(self.model.arrays, points, float(self.slack), blocked, False)
         return np.asarray(blocked == 0.0)
 
     def bracket(self, q: Array) -> "Bracket":

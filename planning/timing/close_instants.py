@@ -217,4 +217,4 @@ def check_states_kernel(
         blocked: Filled with 1 for those that are not free, 0 for the others, shape (p,).
     """
     sample_kernel(breaks, coefficients, times, 0, states)
-    mark_blocked(model, states, slack, blocked)
+    mark_blocked(model, states, slack, blocked, False)

@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 
 from compiled.kernel import kernel
 from kinematics.arrays import Array
+from kinematics.trajectory.polynomial import shift_kernel
 
 #: Length of a cell [s]: the tracking error of an arm hardly changes within it.
 _CELL = 1e-3
@@ -119,11 +120,7 @@ def empty_bounds(duration: float, n: int, *, has_cells: bool = True) -> MotionBo
 def center_polynomial(c: Array, middle: float, radius: float, out: Array) -> None:
     """Write the coefficients of p(middle + radius w) in powers of w into out (k,), from c (k,)."""
     count = c.shape[0]
-    for k in range(count):
-        out[k] = c[k]
-    for k in range(count - 1):
-        for j in range(count - 2, k - 1, -1):
-            out[j] += middle * out[j + 1]
+    shift_kernel(c, middle, out)
     power = 1.0
     for k in range(count):
         out[k] *= power

@@ -24,7 +24,6 @@ from kinematics.ik.closed_form.spherical import (
     add_kernel,
     back_kernel,
     family_kernel,
-    flange_kernel,
 )
 from kinematics.ik.closed_form.structure import (
     GENERAL,
@@ -53,9 +52,8 @@ _BOTH = (0.0, 0.0)
 
 
 @kernel(allocates=False)
-def parallel_kernel(plan: Array, pose: Array, table: CandidateTable, count: int) -> int:
+def parallel_kernel(plan: Array, flange: Flange, table: CandidateTable, count: int) -> int:
     """Add the candidates for one pose from row ``count`` on; the new count."""
-    flange = flange_kernel(plan, pose)
     free, slack = table.free, table.slack
     z, o = flange.z, flange.origin
     A2, A3, A4, A5, A6 = plan[2], plan[3], plan[4], plan[5], plan[6]
@@ -252,7 +250,7 @@ def _add_elbows(
             code_j = code if state == ANY_ANGLE else code + 2.0 * j
             first = (c1, s1, c2, s2, c3, s3)
             last = (c4, s4, c5, s5, c6, s6)
-            count = add_kernel(table.rows, count, first, last, code_j, many)
+            count = add_kernel(table.rows, count, 3, first, (c4, s4), last, code_j, many)
         if state != SOLVED:
             break
     return count

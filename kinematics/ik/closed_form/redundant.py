@@ -14,8 +14,13 @@ from typing import NamedTuple
 from compiled.kernel import kernel
 from compiled.vec3 import Vector, cross, dot
 from kinematics.arrays import Array
-from kinematics.ik.closed_form.spherical import ThreeTurns, Turn, back_kernel, flange_kernel
-from kinematics.ik.closed_form.structure import BRANCH, FAMILY, SHOULDER, WRIST, CandidateTable
+from kinematics.ik.closed_form.spherical import (
+    Flange,
+    Turn,
+    add_hands_kernel,
+    back_kernel,
+)
+from kinematics.ik.closed_form.structure import SHOULDER, CandidateTable
 from kinematics.ik.closed_form.subproblem import (
     ANY_ANGLE,
     BOTH_SIDES,
@@ -124,10 +129,9 @@ def _turn(plan: Array, j: int, c: float, s: float, v: Vector) -> Vector:
 
 @kernel(allocates=False)
 def redundant_kernel(
-    plan: Array, pose: Array, table: CandidateTable, angle: float, count: int
+    plan: Array, flange: Flange, table: CandidateTable, angle: float, count: int
 ) -> int:
     """Add the candidates for one pose and arm angle [rad] from row ``count`` on; the new count."""
-    flange = flange_kernel(plan, pose)
     x, z, o = flange.x, flange.z, flange.origin
     r0, a, b = _reach(plan)
     square = dot(o, o)
@@ -199,7 +203,7 @@ def _add_shoulders(
         code: Bits of the branch so far.
         count: Rows that are taken.
     """
-    free = table.free
+    free, hand_axes = table.free, (forearm.x, forearm.z)
     for i in range(2):
         status, ca, sa, cb, sb, cc, sc = orient_kernel(
             plan[2], plan[3], plan[SHOULDER], m0, m2, 1.0 - 2.0 * i, table.slack
@@ -208,7 +212,9 @@ def _add_shoulders(
             break
         if status != ANY_ANGLE:
             first = (ca, sa, cb, sb, cc, sc)
-            count = _add_wrists(plan, table, forearm, first, code + 4.0 * i, 0.0, count)
+            count = add_hands_kernel(
+                plan, table, 4, hand_axes, first, forearm.turn, code + 4.0 * i, 0.0, count
+            )
             if status == BOTH_SIDES:
                 break
             continue
@@ -220,53 +226,8 @@ def _add_shoulders(
             a = free[half, 0] if k % 2 == 0 else same * (q3 - free[half, 2])
             c = q3 - same * a
             first = (math.cos(a), math.sin(a), cb, sb, math.cos(c), math.sin(c))
-            count = _add_wrists(plan, table, forearm, first, code, number, count)
+            count = add_hands_kernel(
+                plan, table, 4, hand_axes, first, forearm.turn, code, number, count
+            )
         break
     return count
-
-
-@kernel(allocates=False)
-def _add_wrists(
-    plan: Array, table: CandidateTable, forearm: _Forearm, first: ThreeTurns, code: float,
-    family: float, count: int,
-) -> int:  # fmt: skip
-    """Add both sides of the wrist behind the cosines and sines of the first three joints."""
-    free, w2 = table.free, forearm.z
-    for i in range(2):
-        status, ca, sa, cb, sb, cc, sc = orient_kernel(
-            plan[6], plan[7], plan[WRIST], forearm.x, w2, 1.0 - 2.0 * i, table.slack
-        )
-        if status == NO_SOLUTION:
-            break
-        if status != ANY_ANGLE:
-            last = (ca, sa, cb, sb, cc, sc)
-            count = _add(table.rows, count, first, forearm.turn, last, code + i, family)
-            if status == BOTH_SIDES:
-                break
-            continue
-        same = 1.0 if w2[2] > 0.0 else -1.0
-        q7, number = math.atan2(sc, cc), count + 1.0 if family == 0.0 else family
-        for k in range(2 * free.shape[0]):
-            half = k // 2
-            a = free[half, 4] if k % 2 == 0 else same * (q7 - free[half, 6])
-            c = q7 - same * a
-            last = (math.cos(a), math.sin(a), cb, sb, math.cos(c), math.sin(c))
-            count = _add(table.rows, count, first, forearm.turn, last, code, number)
-        break
-    return count
-
-
-@kernel(allocates=False)
-def _add(
-    candidates: Array, count: int, first: ThreeTurns, fourth: Turn, last: ThreeTurns, code: float,
-    family: float,
-) -> int:  # fmt: skip
-    """Write a candidate of seven joints into row ``count``, if there is one; the new count."""
-    if count >= candidates.shape[0]:
-        return count
-    row = candidates[count]
-    row[0], row[1], row[2], row[3], row[4], row[5] = first
-    row[6], row[7] = fourth
-    row[8], row[9], row[10], row[11], row[12], row[13] = last
-    row[BRANCH], row[FAMILY] = code, family
-    return count + 1

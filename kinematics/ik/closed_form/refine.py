@@ -30,10 +30,15 @@ from kinematics.arrays import Array
 from kinematics.frame import IDENTITY, Frame, compose_kernel, move_kernel, step_kernel, turn_kernel
 from kinematics.ik.closed_form.parallel import parallel_kernel
 from kinematics.ik.closed_form.redundant import arm_angle_kernel, redundant_kernel
-from kinematics.ik.closed_form.spherical import spherical_kernel
+from kinematics.ik.closed_form.spherical import (
+    add_general_arms_kernel,
+    add_parallel_arms_kernel,
+    flange_kernel,
+)
 from kinematics.ik.closed_form.structure import (
     BRANCH,
     FAMILY,
+    GENERAL,
     HEADER,
     HELD,
     INDEX,
@@ -329,14 +334,17 @@ def candidates_kernel(
     T = fold_kernel(plan, T, value)
     t[1], t[2], t[3], t[4], t[5], t[6] = T[0], T[1], T[2], T[3], T[4], T[5]
     t[7], t[8], t[9], t[10], t[11], t[12] = T[6], T[7], T[8], T[9], T[10], T[11]
-    start = count
+    start, flange = count, flange_kernel(plan, t)
     kind = int(plan[HEADER, KIND])
     if kind == SPHERICAL:
-        count = spherical_kernel(plan, t, table, count)
+        if plan[HEADER, GENERAL] == 0.0:
+            count = add_parallel_arms_kernel(plan, table, flange, count)
+        else:
+            count = add_general_arms_kernel(plan, table, flange, count)
     elif kind == THREE_PARALLEL:
-        count = parallel_kernel(plan, t, table, count)
+        count = parallel_kernel(plan, flange, table, count)
     else:
-        count = redundant_kernel(plan, t, table, value, count)
+        count = redundant_kernel(plan, flange, table, value, count)
     for k in range(start, count):
         table.rows[k, PARAMETER] = value
     return count

@@ -21,7 +21,6 @@ from kinematics.arrays import Array
 from kinematics.ik.closed_form.structure import (
     BRANCH,
     FAMILY,
-    GENERAL,
     HEADER,
     MISS,
     TIP,
@@ -101,15 +100,6 @@ def flange_kernel(plan: Array, t: Array) -> Flange:
 
 
 @kernel(allocates=False)
-def spherical_kernel(plan: Array, pose: Array, table: CandidateTable, count: int) -> int:
-    """Add the candidates for one pose from row ``count`` on; the new count."""
-    flange = flange_kernel(plan, pose)
-    if plan[HEADER, GENERAL] == 0.0:
-        return _add_parallel_arms(plan, table, flange, count)
-    return _add_general_arms(plan, table, flange, count)
-
-
-@kernel(allocates=False)
 def family_kernel(family: float, count: int) -> float:
     """The number of a family that begins at row ``count``, inside another or not (0).
 
@@ -137,7 +127,6 @@ def _add_wrists(
         count: Rows that are taken.
     """
     c1, s1, c2, s2, c3, s3 = arm
-    free = table.free
     A2, A3, A4 = plan[2], plan[3], plan[4]
     m0 = back_kernel(c1, s1, A2, x[0], x[1], x[2])
     m0 = back_kernel(c2, s2, A3, m0[0], m0[1], m0[2])
@@ -145,48 +134,75 @@ def _add_wrists(
     m2 = back_kernel(c1, s1, A2, z[0], z[1], z[2])
     m2 = back_kernel(c2, s2, A3, m2[0], m2[1], m2[2])
     m2 = back_kernel(c3, s3, A4, m2[0], m2[1], m2[2])
+    return add_hands_kernel(plan, table, 3, (m0, m2), arm, (1.0, 0.0), code, family, count)
+
+
+@kernel(allocates=False)
+def add_hands_kernel(
+    plan: Array, table: CandidateTable, before: int, axes: tuple[Vector, Vector], arm: ThreeTurns,
+    fourth: Turn, code: float, family: float, count: int,
+) -> int:  # fmt: skip
+    """Add both sides of a wrist that is the last three joints.
+
+    Args:
+        plan: The arm.
+        table: The candidates.
+        before: Number of joints before the wrist, 3 or 4.
+        axes: Directions x and z of the last joint's frame, seen from before the wrist.
+        arm: Cosines and sines of the first three joints.
+        fourth: Cosine and sine of the joint before the wrist where that is the fourth.
+        code: Bits of the branch so far.
+        family: Number of the family that the joints before are of, or 0.
+        count: Rows that are taken.
+    """
+    free, m0, m2 = table.free, axes[0], axes[1]
     for i in range(2):
         status, ca, sa, cb, sb, cc, sc = orient_kernel(
-            plan[5], plan[6], plan[WRIST], m0, m2, 1.0 - 2.0 * i, table.slack
+            plan[before + 2], plan[before + 3], plan[WRIST], m0, m2, 1.0 - 2.0 * i, table.slack
         )
         if status == NO_SOLUTION:
             break
         if status != ANY_ANGLE:
             hand = (ca, sa, cb, sb, cc, sc)
-            count = add_kernel(table.rows, count, arm, hand, code + i, family)
+            count = add_kernel(table.rows, count, before, arm, fourth, hand, code + i, family)
             if status == BOTH_SIDES:
                 break
             continue
-        # Axes 4 and 6 are one: only q4 + q6, or their difference, is determined.
+        # The outer axes are one: only the sum of their angles, or the difference, is determined.
         same = 1.0 if m2[2] > 0.0 else -1.0
-        number = count + 1.0 if family == 0.0 else family
-        q6 = math.atan2(sc, cc)
+        last, number = math.atan2(sc, cc), count + 1.0 if family == 0.0 else family
         for k in range(2 * free.shape[0]):
             half = k // 2
-            a = free[half, 3] if k % 2 == 0 else same * (q6 - free[half, 5])
-            c = q6 - same * a
+            a = free[half, before] if k % 2 == 0 else same * (last - free[half, before + 2])
+            c = last - same * a
             hand = (math.cos(a), math.sin(a), cb, sb, math.cos(c), math.sin(c))
-            count = add_kernel(table.rows, count, arm, hand, code, number)
+            count = add_kernel(table.rows, count, before, arm, fourth, hand, code, number)
         break
     return count
 
 
 @kernel(allocates=False)
 def add_kernel(
-    candidates: Array, count: int, arm: ThreeTurns, hand: ThreeTurns, code: float, family: float
-) -> int:
-    """Write a candidate of six joints into row ``count``, if there is one; the new count."""
+    candidates: Array, count: int, before: int, arm: ThreeTurns, fourth: Turn, hand: ThreeTurns,
+    code: float, family: float,
+) -> int:  # fmt: skip
+    """Write a candidate into row ``count``, if there is one; the new count.
+
+    Of six joints the hand is the last three, ``before`` is 3, and ``fourth`` means nothing.
+    """
     if count >= candidates.shape[0]:
         return count
     row = candidates[count]
     row[0], row[1], row[2], row[3], row[4], row[5] = arm
-    row[6], row[7], row[8], row[9], row[10], row[11] = hand
+    row[6], row[7] = fourth
+    for k in range(6):
+        row[2 * before + k] = hand[k]
     row[BRANCH], row[FAMILY] = code, family
     return count + 1
 
 
 @kernel(allocates=False)
-def _add_parallel_arms(plan: Array, table: CandidateTable, flange: Flange, count: int) -> int:
+def add_parallel_arms_kernel(plan: Array, table: CandidateTable, flange: Flange, count: int) -> int:
     """Arms whose axes 2 and 3 are parallel: q1 from the depth along them, then a triangle."""
     free, slack, p = table.free, table.slack, flange.origin
     A2, A3, A4 = plan[2], plan[3], plan[4]
@@ -230,7 +246,7 @@ def _add_parallel_arms(plan: Array, table: CandidateTable, flange: Flange, count
 
 
 @kernel(allocates=False)
-def _add_general_arms(plan: Array, table: CandidateTable, flange: Flange, count: int) -> int:
+def add_general_arms_kernel(plan: Array, table: CandidateTable, flange: Flange, count: int) -> int:
     """Arms of any three axes."""
     free, p = table.free, flange.origin
     A2, A3, A4 = plan[2], plan[3], plan[4]

@@ -56,8 +56,6 @@ from obstacles.distance.piece_set import (
 _THREE = 3 * LANES
 #: States from which on a check of eight costs less than one of each.
 _FEW = 4
-#: All lanes, as bits.
-_EVERY = (1 << LANES) - 1
 
 
 @kernel(allocates=False)
@@ -337,7 +335,9 @@ def _write_frame(work: Workspace, joint: int, number: int) -> None:
 
 
 @kernel
-def mark_blocked(model: ModelArrays, states: Array, margin: float, blocked: Array) -> None:
+def mark_blocked(
+    model: ModelArrays, states: Array, margin: float, blocked: Array, first_only: bool
+) -> bool:
     """Write which states are not free: 1 for those, 0 for the others.
 
     Args:
@@ -345,59 +345,33 @@ def mark_blocked(model: ModelArrays, states: Array, margin: float, blocked: Arra
         states: Shape (k, n) [rad or m].
         margin: Asked for on top of the pairs' own margins [m].
         blocked: Filled, shape (k,).
+        first_only: Whether to leave states behind the first that is not free as they are, and some
+            of those checked together with it.
+
+    Returns:
+        Whether any state is not free.
     """
-    work, k = workspace(model), states.shape[0]
+    work, k, asked, is_any = workspace(model), states.shape[0], on_stack(1).view(np.int64), False
     for first in range(0, k, LANES):
         count = min(LANES, k - first)
-        found = _blocked_among(model, work, states, first, count, margin, 0)
-        for number in range(count):
-            blocked[first + number] = float(found >> number & 1)
-
-
-@kernel
-def any_blocked(model: ModelArrays, states: Array, margin: float) -> bool:
-    """Whether any of states (k, n) is not free; those behind the first such are not checked.
-
-    Args:
-        model: The packed robot and scene.
-        states: Shape (k, n) [rad or m].
-        margin: Asked for on top of the pairs' own margins [m].
-    """
-    work, k = workspace(model), states.shape[0]
-    for first in range(0, k, LANES):
-        count = min(LANES, k - first)
-        if _blocked_among(model, work, states, first, count, margin, _EVERY) != 0:
+        if count >= _FEW:
+            for j in range(states.shape[1]):
+                for number in range(LANES):
+                    # Lanes that are not asked about hold the last state once more.
+                    work.lanes[LANES * j + number] = states[first + min(number, count - 1), j]
+            every = (1 << count) - 1
+            found = blocked_lanes(model, work, margin, every, every if first_only else 0, 0)
+            for number in range(count):
+                blocked[first + number] = float(found >> number & 1)
+            is_any = is_any or found != 0
+        else:
+            for number in range(count):
+                verdict = verdict_in(model, work, states[first + number], margin, asked)
+                blocked[first + number] = 0.0 if verdict == FREE else 1.0
+                is_any = is_any or verdict != FREE
+                if is_any and first_only:
+                    return True
+        if is_any and first_only:
             return True
-    return False
-
-
-@kernel(allocates=False)
-def _blocked_among(
-    model: ModelArrays, work: Workspace, states: Array, first: int, count: int, margin: float,
-    vital: int,
-) -> int:  # fmt: skip
-    """Verdicts on up to eight states: bits of those that are not free, some if a vital one is not.
-
-    Args:
-        model: The packed robot and scene.
-        work: A workspace of the model.
-        states: Shape (k, n) [rad or m].
-        first: The first of those asked about.
-        count: How many are.
-        margin: Asked for on top of the pairs' own margins [m].
-        vital: States, as bits, of which one that is not free will do.
-    """
-    if count >= _FEW:
-        for j in range(states.shape[1]):
-            for number in range(LANES):
-                # Lanes that are not asked about hold the last state once more.
-                work.lanes[LANES * j + number] = states[first + min(number, count - 1), j]
-        every = (1 << count) - 1
-        return blocked_lanes(model, work, margin, every, every & vital, 0)
-    blocked, asked = 0, on_stack(1).view(np.int64)
-    for number in range(count):
-        if verdict_in(model, work, states[first + number], margin, asked) != FREE:
-            blocked |= 1 << number
-            if blocked & vital != 0:
-                return blocked
+    return is_any
     return blocked
