@@ -80,12 +80,6 @@ def combine(a: float, b: float, c: float, v: Vector) -> Enclosure:
     return add(add(scale(a, v[0]), scale(b, v[1])), scale(c, v[2]))
 
 
-@kernel
-def constant(a: float, b: float, c: float) -> Vector:
-    """A vector that does not change."""
-    return (a, 0.0, 0.0), (b, 0.0, 0.0), (c, 0.0, 0.0)
-
-
 @kernel(allocates=False)
 def cross_constant(v: Vector, a: float, b: float, c: float) -> Vector:
     """The cross product v x (a, b, c) for numbers a, b, c."""
@@ -167,7 +161,7 @@ def enclosure_kernel(
     still = (zero, zero, zero)
     w, dw, v = still, still, still
     g = bodies.gravity
-    a = constant(-g[0], -g[1], -g[2])
+    a = ((-g[0], 0.0, 0.0), (-g[1], 0.0, 0.0), (-g[2], 0.0, 0.0))
     for i in range(n):
         A = bodies.offsets[i]
         q, qd, qdd = _load(motions[i])
@@ -179,8 +173,11 @@ def enclosure_kernel(
             a = plus(a, plus(cross_constant(dw, px, py, pz), cross(w, arm_speed)))
         else:
             s, c = zero, (1.0, 0.0, 0.0)
-            slide = (scale(A[0, 2], q), scale(A[1, 2], q), scale(A[2, 2], q))
-            arm = plus(constant(px, py, pz), slide)
+            arm = (
+                add((px, 0.0, 0.0), scale(A[0, 2], q)),
+                add((py, 0.0, 0.0), scale(A[1, 2], q)),
+                add((pz, 0.0, 0.0), scale(A[2, 2], q)),
+            )
             arm_speed = cross(w, arm)
             a = plus(a, plus(cross(dw, arm), cross(w, arm_speed)))
         v = to_joint(A, s, c, plus(v, arm_speed))
@@ -243,7 +240,7 @@ def _torques_kernel(bodies: Bodies, motions: Array, vectors: Array, out: Array) 
         else:
             s, c = zero, (1.0, 0.0, 0.0)
         force, moment = to_parent(A, s, c, force), to_parent(A, s, c, moment)
-        arm = constant(A[0, 3], A[1, 3], A[2, 3])
+        arm = ((A[0, 3], 0.0, 0.0), (A[1, 3], 0.0, 0.0), (A[2, 3], 0.0, 0.0))
         if not turns:
             arm = plus(arm, (scale(A[0, 2], q), scale(A[1, 2], q), scale(A[2, 2], q)))
         moment = plus(moment, cross(arm, force))

@@ -94,9 +94,15 @@ def verdict_in(model: ModelArrays, work: Workspace, q: Array, margin: float, ask
         last = 0
     many, apart = work.tally[LAST_GROUP] >= 0.0, model.own_margin + margin
     if many:
-        verdict = asked_again(model, work, apart, asked)
-        if verdict == COLLIDING:
-            return verdict
+        # The group that met twice in turn, if one did, comes first of all.
+        group = int(work.tally[LAST_GROUP]) - 1
+        # A workspace may be shared by parts of a model, whose groups have other numbers.
+        if group < 0 or group >= model.groups.shape[0] or model.groups[group, PARTED] < 0:
+            work.tally[LAST_GROUP], work.tally[MET_TWICE] = 0.0, 0.0
+        elif work.tally[MET_TWICE] != 0.0:
+            verdict = _whole_verdict(model, work, group, apart, asked)
+            if verdict == COLLIDING:
+                return verdict
     for turn in range(count):
         body = last if turn == 0 else turn - 1 if turn <= last else turn
         found = _around_body(model, work, body, model.margin + margin, asked)
@@ -344,7 +350,7 @@ def verdict_on(model: ModelArrays, q: Array, margin: float) -> int:
 
 @kernel(allocates=False)
 def group_verdict(model: ModelArrays, work: Workspace, apart: float, asked: Indices) -> int:
-    """The verdict on all groups but the one that was ``asked_again``."""
+    """The verdict on all groups but the one that ``verdict_in`` asked first."""
     groups, group, verdict, tally = model.groups, 0, FREE, work.tally
     asked_before = int(tally[LAST_GROUP]) - 1 if tally[MET_TWICE] > 0.0 else -1
     while group < groups.shape[0]:
@@ -365,19 +371,6 @@ def group_verdict(model: ModelArrays, work: Workspace, apart: float, asked: Indi
             return found
         verdict = max(verdict, found)
     return verdict
-
-
-@kernel(allocates=False)
-def asked_again(model: ModelArrays, work: Workspace, apart: float, asked: Indices) -> int:
-    """The verdict on the group that met twice in turn, if one did."""
-    group = int(work.tally[LAST_GROUP]) - 1
-    # A workspace may be shared by parts of a model, whose groups have other numbers.
-    if group < 0 or group >= model.groups.shape[0] or model.groups[group, PARTED] < 0:
-        work.tally[LAST_GROUP], work.tally[MET_TWICE] = 0.0, 0.0
-        return FREE
-    if work.tally[MET_TWICE] == 0.0:
-        return FREE
-    return int(_whole_verdict(model, work, group, apart, asked))
 
 
 @kernel(allocates=False)

@@ -16,7 +16,7 @@ import math
 import numpy as np
 
 from compiled.kernel import kernel
-from compiled.vec3 import Vector, cross, dot, row, subtract
+from compiled.vec3 import Vector, cross, dot, row, store, subtract
 from kinematics.arrays import Array
 from obstacles.distance.piece_set import (
     KIND,
@@ -119,26 +119,20 @@ def support(rows: Array, i: int, corners: Array, tables: Lists, d: Vector) -> Ve
 
 
 @kernel(allocates=False)
-def set_row(S: Array, i: int, p: Vector) -> None:
-    """Write p into row i of S (k, 3)."""
-    S[i, 0], S[i, 1], S[i, 2] = p[0], p[1], p[2]
-
-
-@kernel(allocates=False)
 def nearest_on_segment(a: Vector, b: Vector, S: Array) -> tuple[Vector, int]:
     """Point of segment ab nearest to the origin; the corners it needs are left in S."""
     ab = subtract(b, a)
     length = dot(ab, ab)
     t = -dot(a, ab)
     if t <= 0.0 or length == 0.0:
-        set_row(S, 0, a)
+        store(S[0], 0, a)
         return a, 1
     if t >= length:
-        set_row(S, 0, b)
+        store(S[0], 0, b)
         return b, 1
     t /= length
-    set_row(S, 0, a)
-    set_row(S, 1, b)
+    store(S[0], 0, a)
+    store(S[1], 0, b)
     return (a[0] + t * ab[0], a[1] + t * ab[1], a[2] + t * ab[2]), 2
 
 
@@ -151,15 +145,15 @@ def nearest_on_triangle(a: Vector, b: Vector, c: Vector, S: Array) -> tuple[Vect
     ab, ac = subtract(b, a), subtract(c, a)
     d1, d2 = -dot(ab, a), -dot(ac, a)
     if d1 <= 0.0 and d2 <= 0.0:
-        set_row(S, 0, a)
+        store(S[0], 0, a)
         return a, 1
     d3, d4 = -dot(ab, b), -dot(ac, b)
     if d3 >= 0.0 and d4 <= d3:
-        set_row(S, 0, b)
+        store(S[0], 0, b)
         return b, 1
     d5, d6 = -dot(ab, c), -dot(ac, c)
     if d6 >= 0.0 and d5 <= d6:
-        set_row(S, 0, c)
+        store(S[0], 0, c)
         return c, 1
     vc = d1 * d4 - d3 * d2
     if vc <= 0.0 and d1 >= 0.0 and d3 <= 0.0:
@@ -175,9 +169,9 @@ def nearest_on_triangle(a: Vector, b: Vector, c: Vector, S: Array) -> tuple[Vect
         # A sliver without area: the longest edge stands for it.
         return nearest_on_segment(a, b if dot(ab, ab) > dot(ac, ac) else c, S)
     v, w = vb / total, vc / total
-    set_row(S, 0, a)
-    set_row(S, 1, b)
-    set_row(S, 2, c)
+    store(S[0], 0, a)
+    store(S[1], 0, b)
+    store(S[2], 0, c)
     return (
         a[0] + ab[0] * v + ac[0] * w,
         a[1] + ab[1] * v + ac[1] * w,
@@ -220,7 +214,7 @@ def nearest_on_tetrahedron(S: Array, scratch: Array, apart: bool) -> tuple[Vecto
         if distance < best:
             best, count, nearest = distance, k, v
             for i in range(k):
-                set_row(S, i, row(scratch, i))
+                store(S[i], 0, row(scratch, i))
     return nearest, count
 
 
@@ -326,7 +320,7 @@ def separation(
             repeated |= S[k, 0] == w[0] and S[k, 1] == w[1] and S[k, 2] == w[2]
         if repeated:
             break
-        set_row(S, count, w)
+        store(S[count], 0, w)
         v, count = nearest_on_simplex(S, count + 1, scratch, lower > -rounding)
         before, square = square, dot(v, v)
         if count == 4 or square <= _CONTACT * _CONTACT:

@@ -258,9 +258,9 @@ def tangent_kernel(
         for a in range(JOINTS):
             t[a] = b[a] / size
         if moving:
-            _border(J, joints, u, t, M.T)
+            _border(J, joints, u, t, M)
             b[:6], b[6] = 0.0, 1.0
-            if not solve_kernel(M, b, SINGULAR):
+            if not solve_kernel(np.ascontiguousarray(M.T), b, SINGULAR):
                 return False, 0.0
             size = math.sqrt(np.sum(b[:6] * b[:6]))
             for i in range(6):

@@ -12,7 +12,7 @@ import math
 from typing import NamedTuple
 
 from compiled.kernel import kernel
-from compiled.vec3 import Vector, cross, dot
+from compiled.vec3 import Vector, add, cross, dot, scale
 from kinematics.arrays import Array
 from kinematics.ik.closed_form.spherical import (
     Flange,
@@ -158,23 +158,14 @@ def redundant_kernel(
         )
         g3 = cross(s, g2)
         # R = [s g2 g3] [e1 e2 e3]^T by columns.
-        m0 = _mix(s, g2, g3, e1[0], e2[0], e3[0])
-        m1 = _mix(s, g2, g3, e1[1], e2[1], e3[1])
-        m2 = _mix(s, g2, g3, e1[2], e2[2], e3[2])
+        m0 = add(add(scale(e1[0], s), scale(e2[0], g2)), scale(e3[0], g3))
+        m1 = add(add(scale(e1[1], s), scale(e2[1], g2)), scale(e3[1], g3))
+        m2 = add(add(scale(e1[2], s), scale(e2[2], g2)), scale(e3[2], g3))
         w0 = _behind(plan, c4, s4, m0, m1, m2, x)
         w2 = _behind(plan, c4, s4, m0, m1, m2, z)
         forearm = _Forearm(w0, w2, (c4, s4))
         count = _add_shoulders(plan, table, m0, m2, forearm, 2.0 * j, count)
     return count
-
-
-@kernel(allocates=False)
-def _mix(a: Vector, b: Vector, c: Vector, x: float, y: float, z: float) -> Vector:
-    return (
-        a[0] * x + b[0] * y + c[0] * z,
-        a[1] * x + b[1] * y + c[1] * z,
-        a[2] * x + b[2] * y + c[2] * z,
-    )
 
 
 @kernel(allocates=False)
@@ -213,7 +204,7 @@ def _add_shoulders(
         if status != ANY_ANGLE:
             first = (ca, sa, cb, sb, cc, sc)
             count = add_hands_kernel(
-                plan, table, 4, hand_axes, first, forearm.turn, code + 4.0 * i, 0.0, count
+                plan, table, hand_axes, first, forearm.turn, code + 4.0 * i, 0.0, count
             )
             if status == BOTH_SIDES:
                 break
@@ -227,7 +218,7 @@ def _add_shoulders(
             c = q3 - same * a
             first = (math.cos(a), math.sin(a), cb, sb, math.cos(c), math.sin(c))
             count = add_hands_kernel(
-                plan, table, 4, hand_axes, first, forearm.turn, code, number, count
+                plan, table, hand_axes, first, forearm.turn, code, number, count
             )
         break
     return count

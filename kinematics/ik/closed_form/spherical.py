@@ -22,7 +22,9 @@ from kinematics.ik.closed_form.structure import (
     BRANCH,
     FAMILY,
     HEADER,
+    KIND,
     MISS,
+    REDUNDANT,
     TIP,
     WRIST,
     CandidateTable,
@@ -134,20 +136,19 @@ def _add_wrists(
     m2 = back_kernel(c1, s1, A2, z[0], z[1], z[2])
     m2 = back_kernel(c2, s2, A3, m2[0], m2[1], m2[2])
     m2 = back_kernel(c3, s3, A4, m2[0], m2[1], m2[2])
-    return add_hands_kernel(plan, table, 3, (m0, m2), arm, (1.0, 0.0), code, family, count)
+    return add_hands_kernel(plan, table, (m0, m2), arm, (1.0, 0.0), code, family, count)
 
 
 @kernel(allocates=False)
 def add_hands_kernel(
-    plan: Array, table: CandidateTable, before: int, axes: tuple[Vector, Vector], arm: ThreeTurns,
-    fourth: Turn, code: float, family: float, count: int,
+    plan: Array, table: CandidateTable, axes: tuple[Vector, Vector], arm: ThreeTurns, fourth: Turn,
+    code: float, family: float, count: int,
 ) -> int:  # fmt: skip
     """Add both sides of a wrist that is the last three joints.
 
     Args:
         plan: The arm.
         table: The candidates.
-        before: Number of joints before the wrist, 3 or 4.
         axes: Directions x and z of the last joint's frame, seen from before the wrist.
         arm: Cosines and sines of the first three joints.
         fourth: Cosine and sine of the joint before the wrist where that is the fourth.
@@ -156,6 +157,7 @@ def add_hands_kernel(
         count: Rows that are taken.
     """
     free, m0, m2 = table.free, axes[0], axes[1]
+    before = 4 if plan[HEADER, KIND] == REDUNDANT else 3
     for i in range(2):
         status, ca, sa, cb, sb, cc, sc = orient_kernel(
             plan[before + 2], plan[before + 3], plan[WRIST], m0, m2, 1.0 - 2.0 * i, table.slack

@@ -103,14 +103,6 @@ def _begin_segment(
 
 
 @kernel(allocates=False)
-def _shrunk_step(h: float, error: float, power: float) -> float:
-    """The step to try after one of length h with an error too large."""
-    if not np.isfinite(error):
-        return 0.25 * h
-    return float(h * max(_MAX_SHRINK, _SAFETY * error**-power))
-
-
-@kernel(allocates=False)
 def _has_run_away(x: Array) -> bool:
     """Whether a state (N,) is beyond every robot's, or not a number."""
     for i in range(x.shape[0]):  # noqa: SIM110  compiled, without a generator
@@ -196,7 +188,8 @@ def run_kernel(  # noqa: C901, PLR0912, PLR0915  one loop over segments and step
             if loop.flags[FAILED] > 0:
                 return SINGULAR_MASS_MATRIX
             if not error <= 1.0:
-                rejected, h = True, _shrunk_step(tried, error, power)
+                shrink = max(_MAX_SHRINK, _SAFETY * error**-power) if np.isfinite(error) else 0.25
+                rejected, h = True, tried * shrink
                 continue
             is_last = tried >= left
             after = stop if is_last else t + tried
