@@ -3,9 +3,11 @@ import json
 import pytest
 import typer
 
+from command_line.exit_codes import UNREACHABLE, ExitCode, exit_code
 from command_line.problems import invalid_value, negative, shows_problems
 from kinematics.errors import InvalidOption
 from kinematics.model.chain import Limits
+from service.http.errors import KINDS
 
 
 def test_an_unexpected_fault_is_told_without_a_traceback(
@@ -63,3 +65,18 @@ def test_hints_name_the_options_of_commands(capsys: pytest.CaptureFixture[str]) 
     assert (
         "Name --tip-link, or allow more time with the field --timeout." in capsys.readouterr().err
     )
+
+
+def test_every_kind_of_problem_has_the_exit_code_of_its_class() -> None:
+    classes = {code: int(exit_code(code)) for code in KINDS}
+    assert classes["VALIDATION_ERROR"] == classes["NOT_FOUND"] == 3
+    assert classes["PLANNING_FAILED"] == classes["NO_IK_SOLUTION"] == 4
+    assert classes["TIMED_OUT"] == 5
+    assert classes["UNAUTHENTICATED"] == classes["FORBIDDEN"] == 6
+    assert classes["OVERLOADED"] == int(exit_code(UNREACHABLE)) == 7
+    assert classes["CRASH"] == 8
+
+
+def test_problems_that_another_attempt_may_solve_are_told_from_faults() -> None:
+    unavailable = {code for code in KINDS if exit_code(code) is ExitCode.UNAVAILABLE}
+    assert unavailable == {"OVERLOADED", "NOT_READY", "STORAGE_UNAVAILABLE"}

@@ -35,8 +35,11 @@ def url(client: httpx.Client) -> str:
     return str(client.base_url)
 
 
-def test_a_service_answers_as_this_process_does(run: Run, url: str) -> None:
+def test_a_service_answers_as_this_process_does(run: Run, url: str, tmp_path: Path) -> None:
+    floor = tmp_path / "floor.json"
+    floor.write_text(json.dumps({"obstacles": [FLOOR]}))
     for words in (
+        ("project", str(floor), "--points", "0.1,0.2,0.3", "--json"),
         ("fk", "panda", "-q", "home", "--json"),
         ("ik", "ur5e", "--pose", "0.4,0.1,0.5,3.14159,0,0", "--json"),
         ("check", "panda", "-q", "home", "--json"),
@@ -46,6 +49,7 @@ def test_a_service_answers_as_this_process_does(run: Run, url: str) -> None:
         assert there.code == here.code == 0, there.err
         for name, value in there.json.items():
             assert here.json[name] == value, name
+    assert not run("scenes", "--json", "--url", url).json["scenes"], "the file's is forgotten"
 
 
 def test_a_stored_scene_is_named(run: Run, client: httpx.Client, url: str, tmp_path: Path) -> None:
@@ -199,20 +203,3 @@ def test_pages_come_from_a_service_and_from_its_bundles(
     assert bodies[1] is not None
     assert bodies[0][0] == bodies[1][0]
     assert run("view", "0" * 32, "--url", url).code == 3
-
-
-def test_points_are_projected_by_a_service(
-    run: Run, client: httpx.Client, url: str, tmp_path: Path
-) -> None:
-    place = {"obstacles": [FLOOR]}
-    file = tmp_path / "floor.json"
-    file.write_text(json.dumps(place))
-    assert client.put("/v1/scenes/floor", json=place).is_success
-    answers = [
-        run("project", source, "--points", "0.1,0.2,0.3", "--url", url, "--json")
-        for source in ("floor", str(file))
-    ]
-    here = run("project", str(file), "--points", "0.1,0.2,0.3", "--json")
-    assert [answer.code for answer in answers] == [0, 0], answers[1].err
-    assert answers[0].json == answers[1].json == here.json
-    assert "file-" not in client.get("/v1/scenes").text

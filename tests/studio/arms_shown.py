@@ -4,8 +4,7 @@ The arm is packed into a .zip as it lies, uploaded, drawn, moved, planned for an
 edited.
 """
 
-import time
-from dataclasses import asdict, dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -23,40 +22,27 @@ TRIES, SEED = 20, 0
 SPREAD = 0.25
 
 
-@dataclass(frozen=True)
-class Row:
+class Shown(NamedTuple):
     """One arm in the studio.
 
-    Args:
-        name: Of the arm.
-        joints: Of its chain.
-        triangles: Of its collision geometry.
-        looks: Links that are drawn by their visual meshes.
-        shown: Time from the upload to the drawing [s].
-        lint: Remarks about its description.
-        branches: Configurations that reach the goal, valid and all.
-        planner: That found the motion; empty where there is none.
-        duration: Of the motion [s].
-        frames: That play it.
-        verified: Whether its certificate is complete.
-        failure: Why there is no motion; empty where there is one.
+    Attributes:
+        joints: number of joints of its chain.
+        triangles: number of triangles of its collision geometry.
+        looks: number of links that are drawn by their visual meshes.
+        branches: numbers of configurations that reach the goal, valid and all.
+        outcome: the motion, or why there is none.
+        frames: number of frames that play the motion.
     """
 
-    name: str
     joints: int
     triangles: int
     looks: int
-    shown: float
-    lint: int
     branches: tuple[int, int]
-    planner: str = ""
-    duration: float = 0.0
-    frames: int = 0
-    verified: bool = False
-    failure: str = ""
+    outcome: Planned | Failure | None
+    frames: int
 
 
-def show(page: StudioPage, name: str) -> Row:
+def show(page: StudioPage, name: str) -> Shown:
     """Upload, draw, plan and play one arm.
 
     Args:
@@ -68,31 +54,18 @@ def show(page: StudioPage, name: str) -> Row:
     """
     workbench = page.workbench
     file_name = f"example_{name.lower().replace(' ', '_').replace(',', '')}.zip"
-    began = time.perf_counter()
     urdf, fields = UPLOADS[name]
     workbench.upload_robot(file_name, archive(urdf), fields)
     page.rebuild()
-    shown = time.perf_counter() - began
-    meshes = workbench.geometry().bodies
-    triangles = sum(len(body.triangles()) for body in meshes)
+    triangles = sum(len(body.triangles()) for body in workbench.geometry().bodies)
     looks = len({body.link for body in workbench.geometry("visual").bodies} & _seen(name))
-    joints, lint = len(workbench.model.joint_names), len(workbench.model.lint)
-    counts, outcome = _plan(workbench)
-    row = Row(name, joints, triangles, looks, shown, lint, counts)
-    if not isinstance(outcome, Planned):
-        detail = outcome.detail if isinstance(outcome, Failure) else "no goal was free"
-        return Row(**asdict(row) | {"failure": detail})
-    page.show_outcome()
-    frames = motion_frames(workbench, outcome)
-    return Row(
-        **asdict(row)
-        | {
-            "planner": outcome.plan.planner,
-            "duration": outcome.plan.trajectory.duration,
-            "frames": len(frames.times),
-            "verified": outcome.plan.certificate.verified,
-        }
-    )
+    branches, outcome = _plan(workbench)
+    frames = 0
+    if isinstance(outcome, Planned):
+        page.show_outcome()
+        frames = len(motion_frames(workbench, outcome).times)
+    joints = len(workbench.model.joint_names)
+    return Shown(joints, triangles, looks, branches, outcome, frames)
 
 
 def _seen(name: str) -> set[str]:

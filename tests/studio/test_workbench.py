@@ -384,13 +384,15 @@ def test_a_motion_is_exported(workbench: Workbench) -> None:
 def test_public_arms_are_shown_and_planned_for(workbench: Workbench) -> None:
     page = StudioPage(serve_page(0), workbench)
     try:
-        rows = [show(page, name) for name in ("UR5", "PR2, left")]
+        arms = [show(page, name) for name in ("UR5", "PR2, left")]
     finally:
         page.close()
-    assert [(row.name, row.joints) for row in rows] == [("UR5", 6), ("PR2, left", 8)]
-    for row in rows:
-        assert row.triangles > 1_000
-        assert row.looks > 6
-        assert row.verified, row.failure
-        assert row.frames == pytest.approx(30.0 * row.duration + 1.0, abs=1.0)
-        assert 0 < row.branches[0] <= row.branches[1]
+    assert [arm.joints for arm in arms] == [6, 8]
+    for arm in arms:
+        assert arm.triangles > 1_000
+        assert arm.looks > 6
+        assert isinstance(arm.outcome, Planned), arm.outcome
+        assert arm.outcome.plan.certificate.verified
+        duration = arm.outcome.plan.trajectory.duration
+        assert arm.frames == pytest.approx(30.0 * duration + 1.0, abs=1.0)
+        assert 0 < arm.branches[0] <= arm.branches[1]

@@ -93,9 +93,7 @@ def refusal(raw: bytes, status: int, code: str) -> dict[str, Any]:
 
 @pytest.mark.parametrize(
     "sent",
-    [b"NONSENSE\r\n\r\n", b"\x16\x03\x01\x02\x00\x01\x00\r\n\r\n", b"GET / HTTP/1.1\r\n\r\n",
-     b"GET / HTTP/1.1\r\nHost: x\r\nContent-Length: 1, 2\r\n\r\n",
-     b"GET / HTTP/1.1\r\nHost: x\r\nTransfer-Encoding: gzip\r\n\r\n",
+    [b"NONSENSE\r\n\r\n", b"\x16\x03\x01\x02\x00\x01\x00\r\n\r\n",
      b"GET / HTTP/1.1\r\nHost: x\r\nX: " + b"x" * 70_000],
 )  # fmt: skip
 def test_what_is_no_http_is_answered_by_a_problem(running: Running, sent: bytes) -> None:
@@ -246,34 +244,6 @@ def test_a_server_with_too_much_work_refuses_before_it_parses(running: Running) 
             return took
 
     assert quickest(attempt, 0.5) < 0.5
-
-
-def test_a_crowd_that_arrives_at_once_is_answered_each_in_its_order(running: Running) -> None:
-    """Two requests a connection, the second sent while the first waits for its turn."""
-
-    def asked(joint: float) -> bytes:
-        body = json.dumps({"joints": [joint] * 6}).encode()
-        head = f"POST /v1/robots/ur5e/fk HTTP/1.1\r\nHost: x\r\nContent-Length: {len(body)}\r\n"
-        return head.encode() + b"Content-Type: application/json\r\n\r\n" + body
-
-    with ExitStack() as held:
-        connections = [held.enter_context(running.connect()) for _ in range(12)]
-        for connection in connections:
-            connection.sendall(asked(0.0))
-            connection.sendall(asked(0.5)[:40])
-        for connection in connections:
-            connection.sendall(asked(0.5)[40:] + asked(1.0)[:10])
-        expected = [
-            running.client.post("/v1/robots/ur5e/fk", json={"joints": [joint] * 6}).content
-            for joint in (0.0, 0.5)
-        ]
-        assert expected[0] != expected[1]
-        for connection in connections:
-            answer = b""
-            while answer.count(b"HTTP/1.1 ") < 2 or not answer.endswith(expected[1]):
-                answer += connection.recv(65536)
-            assert answer.count(b"HTTP/1.1 200 OK") == 2
-            assert answer.index(expected[0]) < answer.index(expected[1])
 
 
 def test_hosts_and_origins(running: Running) -> None:
