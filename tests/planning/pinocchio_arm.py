@@ -88,4 +88,4 @@ class PinocchioArm:
     def tip_speeds(self, motion: Trajectory, times: Array) -> Array:
         """Speeds of the tip of a motion at instants, shape (k,) [m/s]."""
         states = zip(motion.sample(times), motion.sample(times, 1), strict=True)
-        return np.linalg.norm([self.tip_velocity(*state) for state in states], axis=1)
+        return np.asarray(np.linalg.norm([self.tip_velocity(*s) for s in states], axis=1))

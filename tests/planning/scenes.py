@@ -12,6 +12,10 @@ from kinematics.urdf.urdf import parse_urdf
 from obstacles.robots.robot_geometry import RobotGeometry, robot_geometry
 from obstacles.scenes.scene import Obstacle, Scene
 from obstacles.shapes.shape import Box, Cylinder
+from planning.options import Options
+from planning.pipeline.pipeline import plan
+from planning.problem import Problem
+from planning.result import Failure, Plan
 
 HOME = np.array([0.0, -0.785, 0.0, -2.356, 0.0, 1.571, 0.785])
 
@@ -47,3 +51,17 @@ def pillar(angle: float = 0.4, distance: float = 0.5) -> Scene:
     """A post in the way of an arm that turns its base."""
     at = transform(None, [distance * np.cos(angle), distance * np.sin(angle), 0.5])
     return Scene((Obstacle("post", Cylinder(0.05, 1.2), at),))
+
+
+def planned_motion(problem: Problem, options: Options | None = None) -> Plan:
+    """A plan where one is expected."""
+    answer = plan(problem, options or Options())
+    assert isinstance(answer, Plan), answer
+    return answer
+
+
+def planning_failure(problem: Problem, options: Options | None = None) -> Failure:
+    """A failure where one is expected."""
+    answer = plan(problem, options or Options())
+    assert isinstance(answer, Failure)
+    return answer

@@ -20,6 +20,7 @@ from planning.preflight_result import Ready
 from planning.problem import JointGoal, Problem
 from planning.result import Failure, Plan
 from planning.values.preferred_clearance import DEFAULT_PREFERRED
+from tests.planning.scenes import planned_motion
 from tests.planning.slider import slider
 
 ROBOT, RADIUS = slider(), 0.05
@@ -78,8 +79,7 @@ def test_a_start_is_valid_beyond_all_margins_together_and_no_nearer(
 @pytest.mark.parametrize("margin", [0.0, 0.02, 0.05])
 def test_each_obstacle_is_passed_at_its_own_margin_and_the_requests(margin: float) -> None:
     obstacles = (post("west", -0.25, 0.03, 0.04), post("east", 0.25, -0.03))
-    answer = plan(asked(Scene(obstacles), margin), Options(timeout=20.0))
-    assert isinstance(answer, Plan), answer
+    answer = planned_motion(asked(Scene(obstacles), margin), Options(timeout=20.0))
     path = answer.trajectory.sample(np.linspace(0.0, answer.trajectory.duration, 4001))
     for obstacle in obstacles:
         assert gap(obstacle, path).min() >= margin + obstacle.margin
@@ -87,8 +87,7 @@ def test_each_obstacle_is_passed_at_its_own_margin_and_the_requests(margin: floa
     # Not much farther round than is needed: quick ways have fewer corners than the shortest one.
     problem, lengths = asked(Scene(obstacles), margin), list[float]()
     for seed in range(16):
-        answer = plan(problem, Options(timeout=20.0, seed=seed))
-        assert isinstance(answer, Plan)
+        answer = planned_motion(problem, Options(timeout=20.0, seed=seed))
         lengths.append(answer.path.length)
     shortest = shortest_way(obstacles, max(margin, DEFAULT_PREFERRED))
     assert np.mean(lengths) < 1.08 * shortest
@@ -147,8 +146,7 @@ def test_a_larger_margin_never_makes_a_motion_shorter() -> None:
     scene = Scene((post("post", 0.0, 0.02),))
     lengths = []
     for margin in (0.0, 0.05, 0.1):
-        answer = plan(asked(scene, margin), Options(timeout=20.0))
-        assert isinstance(answer, Plan)
+        answer = planned_motion(asked(scene, margin), Options(timeout=20.0))
         lengths.append(answer.path.length)
     assert lengths == sorted(lengths)
     assert lengths[0] > 1.2

@@ -9,7 +9,6 @@ import pytest
 
 from planning.options import Options
 from planning.sequence.result import SequencePlan, TaskOptions
-from planning.sequence.search import plan_task
 from planning.sequence.stage import Stage
 from planning.sequence.task import Task
 from planning.tours.planner import plan_tour
@@ -43,9 +42,9 @@ def patient(stage: Stage) -> Stage:
 
 def task(timeout: float, improve: float = 0.0) -> SequencePlan:
     stages = tuple(map(patient, crate.stages()))
-    plan = plan_task(Task(crate.world(), crate.HOME, stages), TaskOptions(timeout, improve))
-    assert isinstance(plan, SequencePlan)
-    return plan
+    return crate.planned_task(
+        Task(crate.world(), crate.HOME, stages), TaskOptions(timeout, improve)
+    )
 
 
 def tour(problem: TourProblem, timeout: float) -> Tour:

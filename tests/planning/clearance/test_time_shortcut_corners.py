@@ -28,21 +28,6 @@ def corner_outside(path: Array, k: int) -> Array:
     return np.asarray(trial[k])
 
 
-@pytest.mark.parametrize("seed", range(40))
-def test_legs_that_would_meet_are_made_longer_to_where_they_meet(seed: int) -> None:
-    random = np.random.default_rng(seed)
-    n, k = int(random.integers(2, 8)), int(random.integers(1, 4))
-    corner = random.normal(size=n)
-    angle = random.uniform(1.1, 3.0)
-    first, other = np.linalg.qr(random.normal(size=(n, 2)))[0].T
-    second = np.cos(angle) * first + np.sin(angle) * other
-    near, path = random.uniform(0.02, 0.9), random.normal(size=(k + 4, n))
-    # At more than a sixth of a turn the corner is nearer than the waypoints are to each other.
-    path[k], path[k + 1] = corner + near * first, corner + near * second
-    path[k - 1], path[k + 2] = corner + first, corner + 2.0 * second
-    np.testing.assert_allclose(corner_outside(path, k), corner, atol=1e-6)
-
-
 def test_skew_legs_are_made_longer_to_where_they_are_closest() -> None:
     """As bounded least squares have it, wherever no bound is met or both legs are at theirs."""
     random, compared = np.random.default_rng(0), 0

@@ -14,11 +14,9 @@ from planning.constraints.constraint_set import ConstraintSet
 from planning.constraints.kinds.joint import JointConstraint
 from planning.constraints.kinds.orientation import OrientationConstraint
 from planning.options import Options
-from planning.pipeline.pipeline import plan
 from planning.problem import PoseGoal, Problem
-from planning.result import Plan
 from tests.planning.pinocchio_arm import PinocchioArm
-from tests.planning.scenes import HOME, box, builtin, pillar
+from tests.planning.scenes import HOME, box, builtin, pillar, planned_motion
 
 ROBOT = builtin("panda")
 ORACLE = PinocchioArm()
@@ -64,8 +62,7 @@ def test_a_branch_that_the_start_is_not_in_keeps_no_pose_from_being_reached() ->
     held = ConstraintSet(ROBOT.chain, (OrientationConstraint(T[:3, :3], TURN),))
     for seed in range(3):
         problem = Problem(ROBOT, Scene(()), start, (PoseGoal(goal),), constraints=held)
-        answer = plan(problem, Options(timeout=30.0, seed=seed))
-        assert isinstance(answer, Plan), answer
+        answer = planned_motion(problem, Options(timeout=30.0, seed=seed))
         reached = forward(ROBOT.chain, answer.trajectory.end)
         np.testing.assert_allclose(reached, goal, atol=1e-3)
         assert answer.certificate.path_constraint_residual == 0.0

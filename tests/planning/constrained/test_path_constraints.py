@@ -66,18 +66,6 @@ def test_goals_that_violate_are_left_out_and_the_checker_knows_the_constraints()
     assert not checker.free(BEGIN, np.array([0.5, 0.0981]))
 
 
-def test_start_and_goals_that_violate_say_by_how_much() -> None:
-    _, start = applied(band(0.3, 0.1), (0.5, 0.3))
-    assert isinstance(start, Failure)
-    assert start.code == "START_STATE_VIOLATES_PATH_CONSTRAINTS"
-    assert start.details["residual"] == pytest.approx(0.2)
-    assert (start.details["constraint"], start.stage) == (0, "start")
-    _, goal = applied(band(0.0, 0.1), (0.5, 0.7), (0.5, -0.3))
-    assert isinstance(goal, Failure)
-    assert goal.code == "GOAL_VIOLATES_PATH_CONSTRAINTS"
-    assert goal.details["residual"] == pytest.approx(0.2), "that of the goal that violates least"
-
-
 def slab(half: float, weight: float | None = None) -> ConstraintSet:
     """The ball stays within ``half`` of a plane."""
     plane = PlaneRegion([0.0, 0.0, 0.0], [0.0, 1.0, 0.0], half)

@@ -40,7 +40,7 @@ from planning.result import Failure, Plan
 from planning.values.deadline import Deadline
 from tests.planning.dense import least_clearance, worst_ratio
 from tests.planning.pinocchio_arm import PinocchioArm
-from tests.planning.scenes import HOME, box, builtin, pillar
+from tests.planning.scenes import HOME, box, builtin, pillar, planned_motion, planning_failure
 
 ROBOT = builtin("panda")
 CHAIN = ROBOT.chain
@@ -66,8 +66,7 @@ def planned(start: Array, goal: Array, scene: Scene, *constraints: Constraint) -
     problem = Problem(
         ROBOT, scene, start, (JointGoal(goal),), constraints=ConstraintSet(CHAIN, constraints)
     )
-    answer = plan(problem, Options(timeout=60.0))
-    assert isinstance(answer, Plan), answer
+    answer = planned_motion(problem, Options(timeout=60.0))
     assert answer.certificate.verified
     assert answer.certificate.path_constraint_residual is not None
     assert answer.certificate.path_constraint_residual <= 1e-6
@@ -128,8 +127,9 @@ def test_pose_goals_and_a_soft_wish() -> None:
     goal = PoseGoal(transform(np.diag([1.0, -1.0, -1.0]), [0.4, 0.3, 0.4]))
     wish = JointConstraint(CHAIN.joint_names[6], 0.0, 0.01, 0.01, weight=1.0)
     wanted = ConstraintSet(CHAIN, (UPRIGHT, wish))
-    answer = plan(Problem(ROBOT, Scene(), start, (goal,), constraints=wanted), Options(timeout=60))
-    assert isinstance(answer, Plan), answer
+    answer = planned_motion(
+        Problem(ROBOT, Scene(), start, (goal,), constraints=wanted), Options(timeout=60)
+    )
     hard, soft = answer.certificate.path_constraints
     assert (hard.hard, soft.hard) == (True, False)
     assert soft.residual > 0.0
@@ -143,8 +143,7 @@ def test_limits_of_the_motion_come_with_constraints() -> None:
         constraints=ConstraintSet(CHAIN, wanted),
     )  # fmt: skip
     assert problem.margin == 0.03
-    answer = plan(problem, Options(timeout=60.0))
-    assert isinstance(answer, Plan), answer
+    answer = planned_motion(problem, Options(timeout=60.0))
     assert answer.certificate.limits["tool_speed"].worst_ratio <= 1.0 + 1e-9
     assert answer.certificate.limits["torque"].worst_ratio <= 1.0 + 1e-9
     assert answer.certificate.path_constraint_residual is None
@@ -152,11 +151,9 @@ def test_limits_of_the_motion_come_with_constraints() -> None:
 
 def failed(start: Array, goal: Array, *constraints: Constraint) -> Failure:
     wanted = ConstraintSet(CHAIN, constraints)
-    answer = plan(
+    return planning_failure(
         Problem(ROBOT, Scene(), start, (JointGoal(goal),), constraints=wanted), Options(timeout=30)
     )
-    assert isinstance(answer, Failure)
-    return answer
 
 
 def test_start_and_goal_that_violate_say_by_how_much() -> None:
@@ -189,8 +186,7 @@ def test_a_constraint_that_bars_the_way_is_named() -> None:
     wall = Scene((box("wall", (0.2, 0.05, 0.3), (0.4, 0.0, 0.45)),))
     wanted = ConstraintSet(CHAIN, (line,))
     problem = Problem(ROBOT, wall, start, (JointGoal(goal),), constraints=wanted)
-    answer = plan(problem, Options(timeout=3.0))
-    assert isinstance(answer, Failure)
+    answer = planning_failure(problem, Options(timeout=3.0))
     assert answer.details["constraints_that_unblock"] == [0]
     (wider,) = answer.details["relaxations"]
     assert 5e-3 < wider < 1.5
@@ -212,8 +208,9 @@ def test_a_locked_joint_stays_where_it_is_around_a_post() -> None:
     assert np.abs(answer.trajectory.sample(times)[:, 2] - HOME[2]).max() <= 1e-9
     pose = PoseGoal(forward(CHAIN, goal), 1e-3, 1e-3)
     locked = ConstraintSet(CHAIN, (lock,))
-    reached = plan(Problem(ROBOT, Scene(), start, (pose,), constraints=locked), Options(timeout=60))
-    assert isinstance(reached, Plan), reached
+    reached = planned_motion(
+        Problem(ROBOT, Scene(), start, (pose,), constraints=locked), Options(timeout=60)
+    )
     assert abs(reached.trajectory.end[2] - HOME[2]) <= 1e-9
 
 
@@ -248,14 +245,12 @@ def test_a_slide_is_locked_too() -> None:
     lock = JointConstraint(chain.joint_names[slide], float(start[slide]))
     wanted = ConstraintSet(chain, (lock,))
     reached = Problem(robot, Scene(), start, (JointGoal(goal),), constraints=wanted)
-    answer = plan(reached, Options(timeout=60.0))
-    assert isinstance(answer, Plan), answer
+    answer = planned_motion(reached, Options(timeout=60.0))
     moved = answer.trajectory.sample(np.linspace(0.0, answer.trajectory.duration, 500))
     assert np.abs(moved[:, slide] - start[slide]).max() <= 1e-9
     goal[slide] += 0.05
     away = Problem(robot, Scene(), start, (JointGoal(goal),), constraints=wanted)
-    refused = plan(away, Options(timeout=60.0))
-    assert isinstance(refused, Failure)
+    refused = planning_failure(away, Options(timeout=60.0))
     assert refused.code == "GOAL_VIOLATES_PATH_CONSTRAINTS"
     assert "by 0.05 m" in refused.message
 

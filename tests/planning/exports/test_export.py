@@ -22,12 +22,10 @@ from planning.exports.export import Export, export, joint_tolerance, lever_arms
 from planning.exports.options import PATH_FORMATS, ExportFormat, ExportOptions
 from planning.exports.statement import _plain
 from planning.options import Options
-from planning.pipeline.pipeline import plan
 from planning.problem import JointGoal, Problem
-from planning.result import Plan
 from planning.timing.options import Solver, TimingOptions
 from planning.timing.path.simplification import kept_waypoints
-from tests.planning.scenes import builtin, pillar
+from tests.planning.scenes import builtin, pillar, planned_motion
 
 FORMATS = list(ExportFormat)
 UR = builtin("ur5e")
@@ -170,8 +168,7 @@ def test_points_at_jumps_of_the_acceleration_keep_its_limit() -> None:
 def test_motions_of_bounded_jerk_keep_their_limits(solver: Solver, period: float) -> None:
     """Quintics across two pieces exceeded the jerk of planned motions by a third."""
     options = Options(timing=TimingOptions("jerk_limited", solver=solver))
-    planned = plan(Problem(UR, SCENE, START, (JointGoal(END),)), options)
-    assert isinstance(planned, Plan)
+    planned = planned_motion(Problem(UR, SCENE, START, (JointGoal(END),)), options)
     made = write(ExportFormat.ROS2_CONTROL, planned.trajectory, sample_period=period)
     assert made.rule == "quintic"
     assert made.certificate.verified, made.unproved
@@ -343,8 +340,7 @@ def test_every_file_says_what_it_is_proved_against(format_: ExportFormat) -> Non
 
 
 def test_a_motion_is_not_exported_for_another_scene_unless_told() -> None:
-    planned = plan(Problem(UR, SCENE, START, (JointGoal(END),)), Options())
-    assert isinstance(planned, Plan)
+    planned = planned_motion(Problem(UR, SCENE, START, (JointGoal(END),)), Options())
     premises, options = planned.certificate.premises, ExportOptions(ExportFormat.CSV)
     motion = planned.trajectory
     assert export(motion, UR, SCENE, options, premises=premises).proved

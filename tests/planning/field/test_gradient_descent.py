@@ -132,20 +132,6 @@ def test_it_goes_on_where_it_stopped(engine: str) -> None:
     np.testing.assert_array_equal(parts.potentials, whole.potentials)
 
 
-def test_the_line_to_the_goal_is_looked_at_again_when_its_block_is_gone(engine: str) -> None:
-    slide = Slide(engine, [-0.9, 0.19], [0.9, 0.19], WALL, longest_step=0.05)
-    assert slide.go(3) == Outcome.GOING
-    share = slide.track.gauges[Gauge.LINE_BLOCKED]
-    # Blocked at the wall's face: where the ball is between x = 0.4 and 0.6.
-    x = 0.9 + share * (slide.visited[-1, 0] - 0.9)
-    assert 0.39 < x < 0.61
-    # Stepped aside, the line is free: it arrives with the first look.
-    aside = Slide(engine, [0.0, 0.6], [0.9, 0.6], WALL)
-    aside.track.gauges[Gauge.LINE_BLOCKED] = 0.5
-    assert aside.go(3) == Outcome.ARRIVED
-    assert len(aside.visited) == 2
-
-
 def test_a_walk_goes_across_by_longest_steps_before_the_descent(engine: str) -> None:
     slide = Slide(
         engine, [0.3, 0.0], [0.9, 0.0], WALL, connect=False, longest_step=0.05, tolerance=1e-6
@@ -185,34 +171,6 @@ def test_constraints_are_held_by_every_step(engine: str) -> None:
     assert direct.go(5) == Outcome.BLOCKED
     free = Slide(engine, [0.0, 0.0], [0.3, 0.05], rows=rows)
     assert free.go(5) == Outcome.ARRIVED
-
-
-def test_the_potential_written_down_is_that_of_each_configuration(engine: str) -> None:
-    slide = Slide(
-        engine, [-0.3, 0.25], [0.9, 0.0], WALL, connect=False, longest_step=0.07, patience=5
-    )
-    slide.go(40)
-    values = [slide.field.value(q)[0] for q in slide.visited]
-    np.testing.assert_allclose(slide.potentials, values, rtol=1e-12)
-    np.testing.assert_allclose(
-        slide.track.force, slide.field.value(slide.visited[-1])[1], rtol=1e-9
-    )
-    assert len(slide.visited) == 1 + slide.iterations
-    for a, b in zip(slide.visited[:-1], slide.visited[1:], strict=True):
-        assert slide.checker.free(a, b)
-
-
-def test_after_a_walk_it_has_all_its_patience_and_its_longest_step_again(engine: str) -> None:
-    slide = Slide(
-        engine, [0.3, 0.0], [0.9, 0.0], WALL, connect=False, patience=3, halvings=30,
-        longest_step=0.01, progress=0.01,
-    )  # fmt: skip
-    assert slide.go(200) == Outcome.STALLED
-    taken = slide.iterations
-    assert slide.go(taken + 2, ACROSS, 1) == Outcome.GOING
-    assert slide.iterations == taken + 2
-    assert slide.track.counts[Count.STALE] < 3
-    np.testing.assert_allclose(slide.steps[taken], 0.01)
 
 
 _CAPACITY = 500

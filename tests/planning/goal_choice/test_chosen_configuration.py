@@ -16,7 +16,6 @@ from obstacles.scenes.scene import Obstacle, Scene
 from planning.goal_choice.chosen_configuration import plan_configuration
 from planning.options import Options
 from planning.pipeline import pipeline
-from planning.pipeline.pipeline import plan
 from planning.preflight.goals import pose_goals
 from planning.preflight.preflight import preflight
 from planning.preflight_result import Ready
@@ -24,7 +23,7 @@ from planning.problem import JointGoal, PoseGoal, Problem
 from planning.result import Plan
 from planning.timing.rest_to_rest import motion_times
 from planning.values.goal_costs import GoalCosts
-from tests.planning.scenes import box, builtin
+from tests.planning.scenes import box, builtin, planned_motion
 
 START = np.array([0.3, -1.4, 1.6, -1.5, -1.4, 0.5])
 GOAL = np.array([-0.4, -1.1, 1.3, -1.2, -1.5, 0.1])
@@ -38,9 +37,7 @@ def _share(chain: Chain, q: Array) -> float:
 def _plan(robot: str, start: Array, goal: Array, *around: Obstacle, **more: object) -> Plan:
     arm = builtin(robot)
     goals = (PoseGoal(forward(arm.chain, goal)),)
-    answer = plan(Problem(arm, Scene(around), start, goals), Options(timeout=20.0, **more))  # type: ignore[arg-type]
-    assert isinstance(answer, Plan)
-    return answer
+    return planned_motion(Problem(arm, Scene(around), start, goals), Options(timeout=20.0, **more))  # type: ignore[arg-type]
 
 
 def test_costs_are_those_of_the_configuration_that_the_plan_ends_in() -> None:
@@ -71,12 +68,10 @@ def test_costs_are_those_of_the_configuration_that_the_plan_ends_in() -> None:
 def test_goals_that_are_joints_leave_no_choice() -> None:
     arm = builtin("ur5e")
     both = (JointGoal(GOAL), PoseGoal(forward(arm.chain, START + 0.8)))
-    answer = plan(Problem(arm, Scene(), START, both[:1]), Options(timeout=20.0))
-    assert isinstance(answer, Plan)
+    answer = planned_motion(Problem(arm, Scene(), START, both[:1]), Options(timeout=20.0))
     assert answer.configuration is None
     near = JointGoal(START + 0.05)
-    answer = plan(Problem(arm, Scene(), START, (near, both[1])), Options(timeout=20.0))
-    assert isinstance(answer, Plan)
+    answer = planned_motion(Problem(arm, Scene(), START, (near, both[1])), Options(timeout=20.0))
     assert np.array_equal(answer.path.waypoints[-1], near.joints)
     assert answer.configuration is None
 
@@ -137,8 +132,7 @@ def test_a_plan_that_ends_off_its_pose_says_how_far(tilt: float) -> None:
     robot, start = builtin("scara"), np.zeros(4)
     T = forward(robot.chain, np.array([0.3, 0.6, 0.05, 0.2]))
     T = T @ transform(from_rpy([tilt, 0.0, 0.0]), [0.0, 0.0, 0.0])
-    answer = plan(Problem(robot, Scene(), start, (PoseGoal(T, 1e-3, 0.2),)), Options())
-    assert isinstance(answer, Plan)
+    answer = planned_motion(Problem(robot, Scene(), start, (PoseGoal(T, 1e-3, 0.2),)), Options())
     notes = [note for note in answer.notes if "off, within the goal's tolerances" in note]
     if tilt == 0.0:
         assert not notes
@@ -149,6 +143,5 @@ def test_a_plan_that_ends_off_its_pose_says_how_far(tilt: float) -> None:
     assert float(angle) == pytest.approx(np.linalg.norm(pin.log3(error.rotation)), rel=0.01)
     # To the joints that it ended in, nothing is off.
     joints = Problem(robot, Scene(), start, (JointGoal(answer.path.waypoints[-1]), PoseGoal(T)))
-    known = plan(joints, Options())
-    assert isinstance(known, Plan)
+    known = planned_motion(joints, Options())
     assert not any("off" in note for note in known.notes)

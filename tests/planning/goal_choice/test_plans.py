@@ -18,13 +18,11 @@ from obstacles.robots.robot_geometry import robot_geometry
 from obstacles.scenes.scene import Scene
 from planning.goal_choice.goal_order import limit_shares, order_goals
 from planning.options import Options
-from planning.pipeline.pipeline import plan
 from planning.problem import JointGoal, Problem
-from planning.result import Plan
 from planning.timing.rest_to_rest import motion_times
 from planning.values.goal_costs import GoalCosts
 from tests.planning.goal_judge import judge, limit_share
-from tests.planning.scenes import HOME, builtin
+from tests.planning.scenes import HOME, builtin, planned_motion
 
 
 @pytest.mark.parametrize(
@@ -75,8 +73,7 @@ def test_configurations_that_are_asked_for_are_kept() -> None:
     robot, at_limit = builtin("panda"), HOME.copy()
     at_limit[6] = 0.999 * robot.chain.limits.upper[6]
     problem = Problem(robot, Scene(), HOME, (JointGoal(at_limit),))
-    answer = plan(problem, Options(timeout=20.0))
-    assert isinstance(answer, Plan)
+    answer = planned_motion(problem, Options(timeout=20.0))
     assert np.array_equal(answer.path.waypoints[-1], at_limit)
     assert limit_share(robot.chain, at_limit) < 0.02
 

@@ -15,7 +15,6 @@ from planning.goal_choice.goal_order import limit_shares
 from planning.options import Options
 from planning.problem import JointGoal, PoseGoal
 from planning.sequence.result import SequencePlan, TaskOptions
-from planning.sequence.search import plan_task
 from planning.sequence.stage import Move, StageSettings, Straight
 from planning.sequence.task import Task
 from planning.sequence.world import World
@@ -26,6 +25,7 @@ from planning.values.goal_costs import GoalCosts
 from planning.values.preferred_clearance import PreferredClearance
 from tests.planning.goal_choice_sequences import judge
 from tests.planning.scenes import builtin
+from tests.planning.sequence import crate
 
 NEAR = 0.02
 
@@ -67,9 +67,7 @@ def _at_limit_and_beside() -> tuple[Array, Array, Array]:
 def _task(*stages: Move | Straight, costs: GoalCosts | None = None) -> SequencePlan:
     world = World(builtin("kr6_sixx"), Scene(()))
     task = Task(world, _at_limit_and_beside()[0], stages)
-    answer = plan_task(task, TaskOptions(20.0, goal_costs=costs or GoalCosts()))
-    assert isinstance(answer, SequencePlan)
-    return answer
+    return crate.planned_task(task, TaskOptions(20.0, goal_costs=costs or GoalCosts()))
 
 
 def test_configurations_that_are_asked_for_are_kept_and_cost_nothing() -> None:
@@ -100,8 +98,7 @@ def test_the_rests_that_follow_from_a_choice_count_as_well() -> None:
             continue  # The line leads out of reach, which half a second of search would tell.
         line = Straight("retreat", direction, "root", 0.08, 0.08)
         task = Task(World(robot, Scene(())), q - 0.2 * np.sign(q), (Move((PoseGoal(T),)), line))
-        answer = plan_task(task, TaskOptions(20.0))
-        assert isinstance(answer, SequencePlan)
+        answer = crate.planned_task(task, TaskOptions(20.0))
         rests = np.array([stage.trajectory.end for stage in answer.stages])
         chosen = answer.stages[0].configuration
         assert chosen is not None

@@ -8,12 +8,10 @@ from obstacles.collision.checker import Checker
 from obstacles.scenes.scene import Scene
 from planning.goal_choice.goal_order import MAX_LONGER_IN_BRANCH
 from planning.options import Options
-from planning.pipeline.pipeline import plan
 from planning.problem import PoseGoal, Problem
-from planning.result import Plan
 from planning.timing.rest_to_rest import motion_times
 from tests.planning.pinocchio_arm import PinocchioArm
-from tests.planning.scenes import builtin
+from tests.planning.scenes import builtin, planned_motion
 
 #: A joint that makes each arm singular at 0, and the share of starts drawn near that.
 SINGULAR = {"panda": 5, "iiwa14": 5, "ur5e": 4, "kr6_sixx": 4}
@@ -72,8 +70,7 @@ def test_a_small_move_never_turns_the_arm_over(name: str) -> None:
         if not checker.free(q, own) or min(checker.clearance(x)[0] for x in (q, own)) < 1e-3:
             continue
         problem = Problem(builtin(name), Scene(), q, (PoseGoal(goal),))
-        answer = plan(problem, Options(timeout=10.0))
-        assert isinstance(answer, Plan), answer
+        answer = planned_motion(problem, Options(timeout=10.0))
         end = answer.trajectory.end
         least, taken = motion_times(arm.chain, q, np.array([own, end]))
         assert taken <= MAX_LONGER_IN_BRANCH * least + 1e-3, (seed, own - q, end - q)

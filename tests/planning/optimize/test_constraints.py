@@ -19,15 +19,13 @@ from planning.optimize.scp import Descent
 from planning.optimize.spline import SplineSpace
 from planning.optimize.task import End, Task
 from planning.options import Options
-from planning.pipeline.pipeline import plan
 from planning.problem import JointGoal, Problem
 from planning.proof.certificate import certify
-from planning.result import Plan
 from planning.values.deadline import Deadline
 from planning.values.limits import MotionLimits
 from planning.values.optimize_options import Objective, RefineOptions
 from tests.planning.pinocchio_arm import PinocchioArm
-from tests.planning.scenes import HOME, builtin
+from tests.planning.scenes import HOME, builtin, planned_motion
 
 ROBOT = builtin("panda")
 CHAIN, ORACLE = ROBOT.chain, PinocchioArm()
@@ -76,8 +74,7 @@ def test_a_wish_is_paid_for_with_time() -> None:
     def strayed(weight: float | None) -> tuple[float, float]:
         wish = None if weight is None else ConstraintSet(CHAIN, (replace(line, weight=weight),))
         asked = Problem(ROBOT, Scene(), start, (JointGoal(goal),), constraints=wish)
-        answer = plan(asked, Options("optimize", timeout=60.0))
-        assert isinstance(answer, Plan), answer
+        answer = planned_motion(asked, Options("optimize", timeout=60.0))
         motion = answer.trajectory
         times = np.linspace(0.0, motion.duration, 2001)
         over = []

@@ -16,7 +16,7 @@ from planning.optimize.spline import SplineSpace
 from planning.optimize.task import End, Task
 from planning.timing.path.blend import blend
 from planning.timing.speed.minimum_time import time_path
-from tests.planning.optimize.motions import PANDA, SPACE, iterate, task
+from tests.planning.optimize.motions import PANDA, iterate, task
 from tests.planning.scenes import HOME, box
 from tests.planning.slider import slider
 
@@ -31,19 +31,6 @@ def rates(at: Iterate, place: float, order: int) -> Array:
     """A derivative with respect to time, by scipy."""
     spline = BSpline(at.space.knots, at.points, at.space.degree)
     return np.asarray(spline(place, nu=order) / at.duration**order)
-
-
-def test_samples_and_trajectory_are_scipys_spline_in_time() -> None:
-    at, u = iterate(1), np.linspace(0.0, 1.0, 41)
-    motion = at.trajectory(PANDA.joint_names)
-    assert motion.duration == pytest.approx(at.duration, rel=1e-15)
-    for order in range(4):
-        wanted = BSpline(SPACE.knots, at.points, SPACE.degree)(u, nu=order)
-        scale = 1e-10 * np.abs(wanted).max()
-        np.testing.assert_allclose(at.sample(u, order), wanted, atol=scale)
-        times = np.minimum(u * at.duration, motion.duration)
-        timed = wanted / at.duration**order
-        np.testing.assert_allclose(motion.sample(times, order), timed, atol=2.0 * scale)
 
 
 @pytest.mark.parametrize("accelerations", [False, True])

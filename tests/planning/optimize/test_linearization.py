@@ -8,13 +8,11 @@ import pytest
 from kinematics.arrays import Array
 from obstacles.collision.checker import Checker
 from obstacles.scenes.scene import Scene
-from planning.constrained.checker import ConstrainedChecker
 from planning.constraints.constraint_set import ConstraintSet
 from planning.constraints.kinds.joint import JointConstraint
 from planning.optimize.iterate import Iterate
 from planning.optimize.linearization import (
     DEPTH,
-    RESIDUAL,
     SHARE,
     Checkpoints,
     Linearization,
@@ -25,7 +23,6 @@ from planning.optimize.rows import stack_rows
 from planning.optimize.task import Task
 from planning.values.deadline import Deadline
 from planning.values.limits import EffortLimits
-from tests.planning.optimize import motions
 from tests.planning.optimize.table import BLOCK, ROBOT, gap, line, task
 
 NONE = Scene()
@@ -97,33 +94,6 @@ def test_when_time_is_up_nothing_good_is_known() -> None:
     assert "time was up" in late.obstruction.message
 
 
-def test_constraints_are_violated_by_their_residuals() -> None:
-    at = line(0.3)
-    held = ConstraintSet(ROBOT.chain, (JointConstraint("jy", 0.0, 0.25, 0.5),))
-    found = see(replace(task(NONE), constraints=held), at)
-    highest = at.sample(checkpoints(at).at)[:, 1].max()
-    assert found.violation == pytest.approx((highest - 0.25) / RESIDUAL)
-    assert found.obstruction is not None
-    assert held.label(0) in found.obstruction.message
-    rows = stack_rows(found.rows)
-    lower = unknowns(replace(at, points=np.minimum(at.points, [1.0, 0.25])))
-    assert (rows.A @ unknowns(at) > rows.upper).any()
-    assert (rows.A @ lower <= rows.upper + 1e-12).all()
-
-
-def test_narrowed_rows_of_a_constrained_checker_are_aimed_at() -> None:
-    at, spare = line(0.24), np.array([0.02])
-    held = ConstraintSet(ROBOT.chain, (JointConstraint("jy", 0.0, 0.25, 0.5),))
-    model = Checker.of(ROBOT, NONE).model
-    narrow = ConstrainedChecker(model, 0.0, constraints=held, spare=spare)
-    inwards = 0.25 - float(narrow.rows[0, 16])
-    assert inwards == pytest.approx(0.002)  # no more than 2 mm of a tolerance is kept back
-    plain = see(replace(task(NONE), constraints=held), at)
-    aimed = see(replace(task(NONE), constraints=held, checker=narrow), at)
-    rooms = [(r.upper - r.A @ unknowns(at)).min() for r in (plain.rows[0], aimed.rows[0])]
-    assert rooms[0] - rooms[1] == pytest.approx(inwards)
-
-
 @pytest.mark.parametrize("speed", [0.2, 5.0])
 def test_the_tools_speed_is_violated_by_its_share(speed: float) -> None:
     at = line(0.02, duration=2.0)
@@ -166,12 +136,3 @@ def test_the_worst_of_all_is_told() -> None:
     assert "block" in alone.obstruction.message
     assert found.violation > alone.violation > 1.0
     assert len(found.rows) == 3
-
-
-def test_the_torque_that_exceeds_its_limit_is_named() -> None:
-    at = replace(motions.iterate(1), duration=0.4)
-    chain = motions.PANDA
-    found = see(motions.task(EffortLimits(chain, chain.limits.effort)), at)
-    assert found.obstruction is not None
-    assert "the torque of joint 'panda_joint" in found.obstruction.message
-    assert found.violation > 1.0

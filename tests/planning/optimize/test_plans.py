@@ -30,7 +30,7 @@ from planning.values.deadline import Deadline
 from planning.values.optimize_options import RefineOptions
 from tests.planning.dense import least_clearance, worst_ratio
 from tests.planning.pinocchio_arm import PinocchioArm
-from tests.planning.scenes import HOME, box, builtin
+from tests.planning.scenes import HOME, box, builtin, planned_motion, planning_failure
 
 OPTIMIZE = Options(planner="optimize", timeout=300.0)
 ASIDE = HOME + np.array([1.1, 0.3, -0.2, 0.4, 0.2, 0.1, 0.3])
@@ -47,8 +47,7 @@ def problem(name: str, start: Array, goal: JointGoal | Array, **more: Any) -> Pr
 
 
 def solved(asked: Problem, how: Options = OPTIMIZE) -> Plan:
-    answer = plan(asked, how)
-    assert isinstance(answer, Plan), answer
+    answer = planned_motion(asked, how)
     assert answer.certificate.verified
     assert worst_ratio(answer.trajectory, asked.robot) <= 1.0 + 1e-9
     np.testing.assert_allclose(answer.trajectory.start, asked.start, atol=1e-9)
@@ -66,9 +65,7 @@ def behind_a_post() -> Problem:
 @cache
 def known_behind_a_post() -> Plan:
     """The plan that the others are measured by."""
-    answer = plan(behind_a_post(), Options(timeout=300.0))
-    assert isinstance(answer, Plan)
-    return answer
+    return planned_motion(behind_a_post(), Options(timeout=300.0))
 
 
 @cache
@@ -237,8 +234,7 @@ def test_ends_may_move(method: Any) -> None:
 
 def test_ends_too_fast_are_told() -> None:
     asked = problem("panda", HOME, ASIDE, start_velocity=np.full(7, 9.0))
-    answer = plan(asked, OPTIMIZE)
-    assert isinstance(answer, Failure)
+    answer = planning_failure(asked, OPTIMIZE)
     assert answer.code == "START_STATE_INVALID"
     assert answer.details["joint"] in asked.robot.chain.joint_names
 
@@ -254,8 +250,7 @@ def test_a_wall_ahead_can_not_be_braked_from() -> None:
     near[0] = chain.limits.upper[0] - 0.01
     v = np.zeros(7)
     v[0] = chain.limits.velocity[0]
-    answer = plan(problem("panda", near, ASIDE, start_velocity=v), OPTIMIZE)
-    assert isinstance(answer, Failure)
+    answer = planning_failure(problem("panda", near, ASIDE, start_velocity=v), OPTIMIZE)
     assert (answer.code, answer.stage) == ("START_STATE_INVALID", "start")
     assert "can't stop in time" in answer.message
     assert answer.details["joint"] == chain.joint_names[0]
@@ -298,8 +293,7 @@ def test_an_obstacle_ahead_can_not_be_braked_from() -> None:
 
 
 def test_too_short_a_duration_says_what_is_needed() -> None:
-    answer = plan(problem("panda", HOME, ASIDE), options(duration=0.05))
-    assert isinstance(answer, Failure)
+    answer = planning_failure(problem("panda", HOME, ASIDE), options(duration=0.05))
     assert answer.code == "INVALID_MOTION_PLAN"
     assert "takes" in answer.message
     assert "duration" in answer.hint

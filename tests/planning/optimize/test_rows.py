@@ -12,13 +12,10 @@ from planning.constraints.constraint_set import ConstraintSet
 from planning.constraints.kinds.joint import JointConstraint
 from planning.optimize import objective
 from planning.optimize.iterate import Iterate
-from planning.optimize.linearization import Checkpoints, least_factor, linearize
 from planning.optimize.response import tool_speed, torques
 from planning.optimize.rows import end_rows, limit_rows, local_matrix, stack_rows
 from planning.optimize.spline import SplineSpace
 from planning.optimize.task import End, Task
-from planning.values.deadline import Deadline
-from planning.values.limits import EffortLimits
 from planning.values.optimize_options import Objective
 from tests.planning.optimize.motions import PANDA, SPACE, iterate, packed, task, unpacked
 from tests.planning.pinocchio_arm import PinocchioArm
@@ -30,23 +27,6 @@ JERK = np.full(7, 300.0)
 def limited() -> Task:
     asked = task()
     return replace(asked, bounds={**asked.bounds, "jerk": JERK})
-
-
-@pytest.mark.parametrize("order", [1, 2, 3])
-def test_rows_are_tangent_to_the_limits_in_points_and_duration(order: int) -> None:
-    """Of D P - limit T^r, in units of the limit and of T^r where it was linearised."""
-    at, asked, rng = iterate(2), limited(), np.random.default_rng(order)
-    block = limit_rows(asked, at, 0.0)[2 * (order - 1)]
-    limits, T = asked.orders[order], at.duration
-    direction = np.append(rng.normal(size=len(packed(at)) - 1), 0.0)
-
-    def excess(step: float) -> Array:
-        moved = unpacked(packed(at) + step * direction)
-        rate = (moved.space.differences[order - 1] @ moved.points / limits).ravel()
-        return np.asarray((rate - moved.duration**order) / T**order)
-
-    slope = (excess(1e-6) - excess(-1e-6)) / 2e-6
-    np.testing.assert_allclose(block.A @ direction, slope, atol=1e-6 * np.abs(slope).max())
 
 
 @pytest.mark.parametrize("start", [True, False])
@@ -142,18 +122,6 @@ def test_limit_rows_lie_on_the_safe_side() -> None:
     assert kept > 20
 
 
-def test_loads_tell_how_much_slower() -> None:
-    chain = with_payload(PANDA, 3.0)
-    loads = EffortLimits(chain, PANDA.limits.effort, 0.4)
-    at, asked = iterate(11), task(loads)
-    places = Checkpoints.uniform(SPACE.breaks, 3, 0.0)
-    factor = least_factor(asked, at, places)
-    assert factor > 1.0
-    slower = Iterate(SPACE, at.points, at.duration * factor)
-    assert linearize(asked, slower, places, 0.1, Deadline.after(60.0)).violation == 0.0
-    assert least_factor(asked, slower, places) == pytest.approx(1.0, abs=0.02)
-
-
 PINOCCHIO = PinocchioArm()
 PLACES = np.linspace(0.0, 1.0, 7)
 
@@ -170,18 +138,6 @@ def test_values_are_pinocchios_in_time(duration: float) -> None:
         np.testing.assert_allclose(tau.values[k], wanted, atol=1e-9 * np.abs(wanted).max())
         fastest = float(np.linalg.norm(PINOCCHIO.tip_velocity(q, qd)))
         assert speed.values[k, 0] == pytest.approx(fastest, abs=1e-4)
-
-
-def test_at_rest_the_tool_stands_and_its_speed_still_has_a_slope() -> None:
-    at = Iterate(SPACE, np.tile(iterate(3).points[:1], (SPACE.count, 1)), 1.0)
-    found = tool_speed(PANDA, at, PLACES)
-    assert found.values.max() < 1e-4
-    assert all(np.isfinite(gradient).all() for gradient in found.gradients)
-    assert np.isfinite(found.in_time).all()
-    held = torques(PANDA, at, PLACES)
-    still = PINOCCHIO.torque(at.points[0], np.zeros(7), np.zeros(7))
-    np.testing.assert_allclose(held.values, np.tile(still, (len(PLACES), 1)), atol=1e-9)
-    np.testing.assert_allclose(held.in_time, 0.0, atol=1e-9)
 
 
 NAMES = PANDA.joint_names

@@ -113,16 +113,6 @@ def test_a_leisurely_motion_of_least_length_is_the_straight_line() -> None:
     assert work.best.trajectory.duration <= 5.0
 
 
-def test_haste_runs_a_motion_as_fast_as_the_limits_allow_and_leisure_leaves_it() -> None:
-    hasty = Descent(task(NONE), RefineOptions(), line(0.2, duration=50.0), np.inf, SOON)
-    calm = RefineOptions.of({"objective": "path_length"})
-    leisurely = Descent(task(NONE), calm, line(0.2, duration=50.0), np.inf, SOON)
-    assert hasty.iterate.duration < 5.0
-    assert leisurely.iterate.duration == 50.0
-    hurried = Descent(task(NONE), calm, line(0.2, duration=0.1), np.inf, SOON)
-    assert hurried.iterate.duration == pytest.approx(hasty.iterate.duration, rel=1e-9)
-
-
 @pytest.mark.parametrize("speed", [0.3, 0.6])
 def test_the_tools_speed_is_kept_where_it_is_the_tightest_limit(speed: float) -> None:
     loads = EffortLimits(ROBOT.chain, tool_speed=speed)

@@ -16,11 +16,11 @@ from planning.pipeline.diagnosis import diagnose
 from planning.pipeline.optimize_stage import _braking, first_touch
 from planning.pipeline.pipeline import plan
 from planning.problem import JointGoal, Problem
-from planning.result import Failure, Plan
+from planning.result import Plan
 from planning.search.shortcut import shortcut
 from planning.values.deadline import Deadline
 from planning.values.preferred_clearance import PreferredClearance
-from tests.planning.scenes import HOME, box, builtin, shelf
+from tests.planning.scenes import HOME, box, builtin, planned_motion, planning_failure, shelf
 from tests.planning.slider import slider
 
 #: A wall across the table with a gap 20 mm wider than the ball, off the straight way.
@@ -31,8 +31,7 @@ FROM, TO = np.array([-0.6, 0.0]), np.array([0.6, -0.2])
 def stages(scene: Scene) -> list[str]:
     """Names of the stages that looked for a path with 40 mm to spare, and then without."""
     problem = Problem(slider(), scene, FROM, (JointGoal(TO),))
-    answer = plan(problem, Options(clearance=PreferredClearance(0.04)))
-    assert isinstance(answer, Plan)
+    answer = planned_motion(problem, Options(clearance=PreferredClearance(0.04)))
     assert answer.certificate.verified
     names = [stage.name for stage in answer.stages]
     return names[1 : names.index("shortcut")]
@@ -52,8 +51,7 @@ def test_where_what_was_looked_at_is_not_proved_all_is_done_again_with_proofs(
 ) -> None:
     monkeypatch.setattr(path_search, "path_is_free", lambda *_: False)
     problem = Problem(slider(), Scene((LONG,)), FROM, (JointGoal(TO),))
-    answer = plan(problem, Options(clearance=PreferredClearance(0.04)))
-    assert isinstance(answer, Plan)
+    answer = planned_motion(problem, Options(clearance=PreferredClearance(0.04)))
     assert answer.certificate.verified
     names = ["straight_line", "rrt_connect", "shortcut", "clearance"]
     told = [stage.name for stage in answer.stages][1:-2]
@@ -62,8 +60,7 @@ def test_where_what_was_looked_at_is_not_proved_all_is_done_again_with_proofs(
 
 def test_a_path_that_was_looked_at_is_proved_last() -> None:
     problem = Problem(slider(), Scene((LONG,)), FROM, (JointGoal(TO),))
-    answer = plan(problem, Options(clearance=PreferredClearance(0.04)))
-    assert isinstance(answer, Plan)
+    answer = planned_motion(problem, Options(clearance=PreferredClearance(0.04)))
     proof = answer.stages[-3]
     assert (proof.name, proof.outcome) == ("path_proof", "succeeded")
     assert proof.detail == f"{len(answer.path.waypoints) - 1} legs are proved free."
@@ -102,8 +99,7 @@ def test_a_path_of_too_many_waypoints_to_be_made_quicker_has_its_corners_cut(
 
 def shortcuts(problem: Problem) -> str:
     """Result of the shortcut on the way to a plan with 40 mm to spare."""
-    answer = plan(problem, Options(clearance=PreferredClearance(0.04)))
-    assert isinstance(answer, Plan)
+    answer = planned_motion(problem, Options(clearance=PreferredClearance(0.04)))
     return next(stage.detail for stage in answer.stages if stage.name == "shortcut")
 
 
@@ -117,8 +113,7 @@ def test_a_path_that_is_joined_to_its_ends_is_made_quicker_there(
 ) -> None:
     problem = Problem(slider(), BLOCK, NEAR, (JointGoal(BEHIND),))
     options = Options(clearance=PreferredClearance(0.04))
-    answer = plan(problem, options)
-    assert isinstance(answer, Plan)
+    answer = planned_motion(problem, options)
     assert answer.certificate.verified
     assert answer.clearance is not None
     # It is still too near next to its start alone.
@@ -132,8 +127,7 @@ def test_a_path_that_is_joined_to_its_ends_is_made_quicker_there(
         return path if np.array_equal(path[0], NEAR) else quicken(levels, path, *rest, **how)  # type: ignore[arg-type]
 
     monkeypatch.setattr(path_search, "quicken", only_between)
-    joined = plan(problem, options)
-    assert isinstance(joined, Plan)
+    joined = planned_motion(problem, options)
     assert answer.trajectory.duration < joined.trajectory.duration
 
 
@@ -147,8 +141,7 @@ def walled() -> Scene:
 def test_a_search_that_fails_names_what_is_in_the_way(planner: str) -> None:
     goal = JointGoal(np.array([0.6, 0.1]))
     problem = Problem(slider(), walled(), np.array([-0.6, 0.0]), (goal,))
-    answer = plan(problem, Options(planner=planner, timeout=2.0))
-    assert isinstance(answer, Failure)
+    answer = planning_failure(problem, Options(planner=planner, timeout=2.0))
     assert answer.code in {"TIMED_OUT", "PLANNING_FAILED"}
     details = answer.details
     first = details["blocked_by"][0]

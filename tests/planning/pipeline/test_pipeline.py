@@ -26,13 +26,20 @@ from planning.problem import JointGoal, PoseGoal, Problem
 from planning.result import Failure, Plan
 from planning.timing.options import TimingOptions
 from tests.planning.dense import least_clearance, worst_ratio
-from tests.planning.scenes import HOME, box, builtin, pillar, shelf
+from tests.planning.scenes import (
+    HOME,
+    box,
+    builtin,
+    pillar,
+    planned_motion,
+    planning_failure,
+    shelf,
+)
 from tests.times import quickest
 
 
 def solved(problem: Problem, options: Options | None = None) -> Plan:
-    answer = plan(problem, options or Options(timeout=20.0))
-    assert isinstance(answer, Plan), answer
+    answer = planned_motion(problem, options or Options(timeout=20.0))
     check(problem, answer)
     return answer
 
@@ -146,8 +153,7 @@ def test_scaled_limits_take_longer() -> None:
 
 
 def failed(problem: Problem, options: Options | None = None) -> Failure:
-    answer = plan(problem, options or Options(timeout=5.0))
-    assert isinstance(answer, Failure), answer
+    answer = planning_failure(problem, options or Options(timeout=5.0))
     assert answer.hint
     assert answer.stages
     return answer
@@ -170,8 +176,7 @@ def test_limits_of_start_and_goal() -> None:
     barely = HOME.copy()
     barely[3] = robot.chain.limits.upper[3] + 1e-7
     goal = HOME.copy()
-    snapped = plan(Problem(robot, Scene(), barely, (JointGoal(goal),)), Options())
-    assert isinstance(snapped, Plan)
+    snapped = planned_motion(Problem(robot, Scene(), barely, (JointGoal(goal),)), Options())
     assert "moved onto it" in snapped.notes[0]
 
 

@@ -27,12 +27,9 @@ from planning.result import Attempt, Failure, Plan
 from planning.sampling.planners import PLANNERS as OMPL_PLANNERS
 from planning.search.rrt_connect import RrtConnect
 from planning.timing.options import TimingOptions
-from planning.tool_motions.tool_motion import line
-from planning.tool_motions.tool_path import Tolerances, ToolPath
 from planning.tool_paths.planner import Cartesian
-from planning.tool_paths.tool_following import lead_tool
 from planning.values.deadline import Deadline
-from tests.planning.scenes import HOME, box, builtin
+from tests.planning.scenes import HOME, box, builtin, planning_failure
 from tests.planning.slider import slider
 
 START, GOAL = np.array([-0.6, 0.0]), np.array([0.6, 0.1])
@@ -164,8 +161,7 @@ def test_a_bound_ends_trees_along_constraints() -> None:
 
 
 def test_a_bounded_search_is_not_diagnosed() -> None:
-    failure = plan(problem(SHUT), Options(max_edges=400))
-    assert isinstance(failure, Failure)
+    failure = planning_failure(problem(SHUT), Options(max_edges=400))
     assert failure.code == "PLANNING_FAILED"
     assert "diagnosis" not in [stage.name for stage in failure.stages]
 
@@ -301,56 +297,3 @@ def test_goals_are_looked_for_only_where_a_planner_needs_them(
     other = run(monkeypatch, blocked, Given(path(START, MIDDLE), needs_goals=False))
     assert isinstance(other, Plan)
     np.testing.assert_allclose(other.trajectory.end, MIDDLE, atol=1e-9)
-
-
-def led(
-    monkeypatch: pytest.MonkeyPatch, *, method: str = "toppra", off: float = 0.0
-) -> Plan | Failure:
-    """Two motions of the panda's tool; the path of the second claims another line by ``off``."""
-    robot = builtin("panda")
-    T = forward(robot.chain, HOME)
-    first, second = T.copy(), T.copy()
-    first[1, 3] += 0.1
-    second[1:3, 3] += [0.1, 0.1]
-    motions = (line(T, first), line(first, second))
-    checker = Checker.of(robot, Scene())
-    whole = lead_tool(
-        robot.chain, checker, HOME, motions, Tolerances(1e-4, 1e-3), Deadline.after(30.0)
-    )
-    moved = second.copy()
-    moved[0, 3] += off
-    tool_path = ToolPath(
-        (motions[0], line(first, moved)), whole.segments, whole.fraction, None, whole.tolerances
-    )
-    attempt = Attempt(tool_path.waypoints, "Led.", tool_path=tool_path)
-    planners = (Given(attempt, needs_goals=False),)
-    monkeypatch.setattr(pipeline, "choose_planners", lambda problem, options: planners)
-    problem = Problem(robot, Scene(), HOME, (JointGoal(whole.segments[-1].end),))
-    timing = TimingOptions(method)  # type: ignore[arg-type]
-    return pipeline.plan(problem, Options(timeout=30.0, timing=timing))
-
-
-@pytest.mark.parametrize("method", ["toppra", "spline", "jerk_limited"])
-def test_tool_paths_are_timed_from_rest_to_rest_and_not_shortened(
-    monkeypatch: pytest.MonkeyPatch, method: str
-) -> None:
-    answer = led(monkeypatch, method=method)
-    assert isinstance(answer, Plan), answer
-    assert names(answer) == ["preflight", "given", "timing", "certificate"]
-    first, second = answer.tool_motions
-    assert first.begins == 0.0
-    assert first.ends == second.begins
-    assert second.ends == pytest.approx(answer.trajectory.duration)
-    corner = answer.trajectory.sample([first.ends], 1)
-    assert np.abs(corner).max() < 1e-9
-    assert answer.certificate.path_deviation is not None
-    assert answer.certificate.path_deviation.position <= 1e-4
-    assert answer.fraction == 1.0
-
-
-def test_a_tool_that_is_off_its_motion_is_not_answered(monkeypatch: pytest.MonkeyPatch) -> None:
-    answer = led(monkeypatch, off=0.005)
-    assert isinstance(answer, Failure)
-    assert answer.details["kind"] == "path_deviation"
-    assert "max_deviation" in answer.hint
-    assert isinstance(led(monkeypatch, off=1e-6), Plan)

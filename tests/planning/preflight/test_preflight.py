@@ -23,7 +23,7 @@ from planning.preflight.nearest_free import nearest_free
 from planning.preflight_result import TOUCHING
 from planning.problem import JointGoal, PoseGoal, Problem
 from planning.result import Failure, Plan
-from tests.planning.scenes import HOME, box, builtin, shelf
+from tests.planning.scenes import HOME, box, builtin, planned_motion, planning_failure, shelf
 from tests.planning.slider import slider
 
 AWAY = HOME + np.array([0.6, 0.0, 0.0, 0.1, 0.0, 0.0, 0.0])
@@ -46,8 +46,9 @@ def with_ball(gap: float, margin: float = 0.0) -> tuple[RobotGeometry, Scene]:
 def test_contact_is_told_with_pair_and_depth(gap: float, backwards: bool) -> None:
     robot, scene = with_ball(gap)
     start, goal = (AWAY, HOME) if backwards else (HOME, AWAY)
-    answer = plan(Problem(robot, scene, start, (JointGoal(goal),)), Options(timeout=10.0))
-    assert isinstance(answer, Failure)
+    answer = planning_failure(
+        Problem(robot, scene, start, (JointGoal(goal),)), Options(timeout=10.0)
+    )
     which = "goal" if backwards else "start"
     assert answer.code == ("GOAL_IN_COLLISION" if backwards else "START_STATE_IN_COLLISION")
     assert answer.stage == which
@@ -62,15 +63,17 @@ def test_contact_is_told_with_pair_and_depth(gap: float, backwards: bool) -> Non
 def test_just_clear_is_planned_and_proved() -> None:
     robot, scene = with_ball(1e-6)
     upward = HOME + np.array([0.0, -0.3, 0.0, 0.0, 0.0, 0.0, 0.0])
-    answer = plan(Problem(robot, scene, HOME, (JointGoal(upward),)), Options(timeout=10.0))
-    assert isinstance(answer, Plan), answer
+    answer = planned_motion(
+        Problem(robot, scene, HOME, (JointGoal(upward),)), Options(timeout=10.0)
+    )
     assert 0.0 < answer.certificate.min_clearance <= 1e-6 + 1e-9
 
 
 def test_a_margin_has_no_depth() -> None:
     robot, scene = with_ball(0.004, margin=0.003)
-    answer = plan(Problem(robot, scene, HOME, (JointGoal(AWAY),), margin=0.002), Options())
-    assert isinstance(answer, Failure)
+    answer = planning_failure(
+        Problem(robot, scene, HOME, (JointGoal(AWAY),), margin=0.002), Options()
+    )
     assert answer.code == "START_STATE_IN_COLLISION"
     assert answer.details["depth"] == 0.0
     assert answer.details["collisions"] == []
@@ -112,8 +115,7 @@ def test_goals_are_looked_at_until_time_is_up() -> None:
         PoseGoal(transform(np.diag([1.0, -1.0, -1.0]), [0.5 + 1e-4 * k, 0.4, 0.4]))
         for k in range(1000)
     )
-    answer = plan(Problem(robot, Scene((crate,)), HOME, goals), Options(timeout=0.5))
-    assert isinstance(answer, Failure)
+    answer = planning_failure(Problem(robot, Scene((crate,)), HOME, goals), Options(timeout=0.5))
     assert (answer.code, answer.stage) == ("TIMED_OUT", "goal")
     looked_at = re.search(r"when (\d+) of 1000 goals", answer.message)
     assert looked_at is not None
@@ -175,8 +177,7 @@ def test_a_start_in_collision_tells_where_it_would_be_free() -> None:
     robot, scene = slider(), Scene((box("crate", (0.2, 0.2, 0.2), (0.0, 0.0, 0.0)),))
     away = JointGoal(np.array([0.5, 0.5]))
     problem = Problem(robot, scene, np.array([0.09, 0.0]), (away,))
-    answer = plan(problem, Options())
-    assert isinstance(answer, Failure)
+    answer = planning_failure(problem, Options())
     nearest = answer.details["nearest_valid"]
     assert nearest["joints"] == pytest.approx([0.151, 0.0], abs=2e-3)
     assert nearest["distance"] == pytest.approx(0.061, abs=2e-3)

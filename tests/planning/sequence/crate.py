@@ -8,7 +8,7 @@ import armwright as aw
 from kinematics.arrays import Array
 from obstacles.robots.robot_geometry import RobotGeometry
 from planning.problem import JointGoal
-from planning.sequence.result import SequencePlan, TaskOptions
+from planning.sequence.result import SequenceFailure, SequencePlan, TaskOptions
 from planning.sequence.search import plan_task
 from planning.sequence.stage import (
     Attach,
@@ -93,4 +93,18 @@ def plan() -> SequencePlan:
     """The whole task, planned."""
     answer = plan_task(Task(world(), HOME, stages()), TaskOptions(30.0))
     assert isinstance(answer, SequencePlan)
+    return answer
+
+
+def planned_task(task: Task, options: TaskOptions) -> SequencePlan:
+    """A plan of a task where one is expected."""
+    answer = plan_task(task, options)
+    assert isinstance(answer, SequencePlan), answer
+    return answer
+
+
+def task_failure(task: Task, options: TaskOptions) -> SequenceFailure:
+    """A failure of a task where one is expected."""
+    answer = plan_task(task, options)
+    assert isinstance(answer, SequenceFailure)
     return answer

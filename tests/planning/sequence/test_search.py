@@ -11,8 +11,7 @@ from kinematics.forward import forward
 from obstacles.collision.checker import Checker
 from planning.options import Options
 from planning.problem import JointGoal, PoseGoal
-from planning.sequence.result import SequenceFailure, SequencePlan, TaskOptions
-from planning.sequence.search import plan_task
+from planning.sequence.result import SequenceFailure, TaskOptions
 from planning.sequence.stage import Detach, Grasp, Gripper, Move, StageSettings, Straight, Wait
 from planning.sequence.step import scaled_limits
 from planning.sequence.task import Task
@@ -101,16 +100,14 @@ def test_straight_stages_are_straight_and_as_long_as_asked() -> None:
 
 
 def test_the_same_task_has_the_same_answer() -> None:
-    again = plan_task(Task(crate.world(), crate.HOME, crate.stages()), TIME)
-    assert isinstance(again, SequencePlan)
+    again = crate.planned_task(Task(crate.world(), crate.HOME, crate.stages()), TIME)
     for one, other in zip(crate.plan().stages, again.stages, strict=True):
         assert np.array_equal(one.trajectory.coefficients, other.trajectory.coefficients)
 
 
 def test_a_place_that_is_blocked_is_told_before_any_path_is_planned() -> None:
     lid = aw.Obstacle("lid", aw.Box((0.3, 0.3, 0.02)), aw.pose([*crate.PLACE, 0.2]))
-    answer = plan_task(Task(crate.world(lid), crate.HOME, crate.stages()), TIME)
-    assert isinstance(answer, SequenceFailure)
+    answer = crate.task_failure(Task(crate.world(lid), crate.HOME, crate.stages()), TIME)
     assert (answer.code, answer.stage) == ("PLANNING_FAILED", 8)
     assert not answer.prefix
     assert "lid" in answer.details["pair"]
@@ -130,8 +127,7 @@ def test_a_place_beside_a_neighbour_is_told_by_the_pair_and_how_deep(overlap: fl
     neighbour = aw.Obstacle("neighbour", aw.Box((0.05, 0.05, 0.06)), beside)
     place = aw.pose([x, y, 0.15])[None]
     task = Task(crate.world(neighbour), crate.HOME, crate.stages(poses=place))
-    answer = plan_task(task, TIME)
-    assert isinstance(answer, SequenceFailure)
+    answer = crate.task_failure(task, TIME)
     assert (answer.code, answer.stage) == ("PLANNING_FAILED", 8)
     assert set(answer.details["pair"]) == {"crate", "neighbour"}
     assert answer.details["depth"] == pytest.approx(overlap, abs=1e-6)
@@ -144,8 +140,7 @@ def test_grasps_that_do_not_serve_are_left_for_one_that_does() -> None:
     below = aw.pose([0.0, 0.0, -0.04])
     far = aw.pose([0.0, 0.0, 2.0])
     grips = np.array([below, far, crate.grasps()[3]])
-    answer = plan_task(Task(crate.world(), crate.HOME, crate.stages(grips)), TIME)
-    assert isinstance(answer, SequencePlan)
+    answer = crate.planned_task(Task(crate.world(), crate.HOME, crate.stages(grips)), TIME)
     assert answer.stages[2].target == 2
     outcomes = {t.choices[0]: t.outcome for t in answer.trials if t.stage == 2}
     assert outcomes == {0: "in_collision", 1: "out_of_reach", 2: "solved"}
@@ -155,8 +150,7 @@ def test_the_scene_after_a_task_begins_the_next_one() -> None:
     plan = crate.plan()
     back = crate.scene().obstacle("crate").T_world_obstacle[None]
     after = plan.stages[-1].after
-    answer = plan_task(Task(after, crate.HOME, crate.stages(poses=back)), TIME)
-    assert isinstance(answer, SequencePlan)
+    answer = crate.planned_task(Task(after, crate.HOME, crate.stages(poses=back)), TIME)
     T = answer.stages[-1].after.scene.obstacle("crate").T_world_obstacle
     np.testing.assert_allclose(T, back[0], atol=1e-12)
 
@@ -166,16 +160,14 @@ def test_a_move_goes_back_to_the_end_of_an_earlier_stage() -> None:
     above = PoseGoal(aw.pose([0.5, 0.2, 0.5]) @ crate.DOWN)
     there = Move((JointGoal(goal),), settings=StageSettings("there"))
     tasks = (there, Wait(0.25), Move((above,)), Move(to_end_of=0))
-    answer = plan_task(Task(crate.world(), crate.HOME, tasks), TIME)
-    assert isinstance(answer, SequencePlan)
+    answer = crate.planned_task(Task(crate.world(), crate.HOME, tasks), TIME)
     np.testing.assert_allclose(answer.stages[3].trajectory.end, goal, atol=1e-12)
     assert answer.stages[1].trajectory.duration == 0.25
 
 
 def test_an_object_that_is_left_in_the_air_stands_where_it_was_let_go() -> None:
     above = (*crate.stages()[:6], Detach(), Gripper("open"))
-    answer = plan_task(Task(crate.world(), crate.HOME, above), TIME)
-    assert isinstance(answer, SequencePlan)
+    answer = crate.planned_task(Task(crate.world(), crate.HOME, above), TIME)
     lifted = answer.stages[-1].after.scene.obstacle("crate").T_world_obstacle
     way = answer.stages[5].plan
     assert way is not None
@@ -186,8 +178,7 @@ def test_what_touches_must_be_allowed() -> None:
     # The crate stands on the table: without support its attachment is refused, with the pair.
     bare = [*crate.stages()]
     bare[2] = Grasp("crate", crate.grasps(2), ("panda_hand",))
-    answer = plan_task(Task(crate.world(), crate.HOME, tuple(bare)), TaskOptions(5.0))
-    assert isinstance(answer, SequenceFailure)
+    answer = crate.task_failure(Task(crate.world(), crate.HOME, tuple(bare)), TaskOptions(5.0))
     assert "table" in answer.message
     assert "crate" in answer.message
     assert "support" in answer.hint
@@ -197,11 +188,9 @@ def test_first_stages_are_an_answer_only_where_that_is_asked_for() -> None:
     first = crate.stages(crate.grasps(2))[:5]
     stages = (*first, Straight("lift", [0, 0, 1], "root", 2.0, 2.0))
     task = Task(crate.world(), crate.HOME, stages)
-    refused = plan_task(task, TIME)
-    assert isinstance(refused, SequenceFailure)
+    refused = crate.task_failure(task, TIME)
     assert (refused.code, refused.stage) == ("PLANNING_FAILED", 5)
-    partial = plan_task(task, TaskOptions(30.0, allow_partial=True))
-    assert isinstance(partial, SequencePlan)
+    partial = crate.planned_task(task, TaskOptions(30.0, allow_partial=True))
     assert not partial.complete
     assert partial.failure is not None
     assert partial.failure.stage == 5
@@ -210,23 +199,22 @@ def test_first_stages_are_an_answer_only_where_that_is_asked_for() -> None:
 
 
 def test_time_that_is_up_is_told() -> None:
-    answer = plan_task(Task(crate.world(), crate.HOME, crate.stages()), TaskOptions(1e-4))
-    assert isinstance(answer, SequenceFailure)
+    answer = crate.task_failure(Task(crate.world(), crate.HOME, crate.stages()), TaskOptions(1e-4))
     assert answer.code == "TIMED_OUT"
 
 
 def test_ten_thousand_grasps_keep_the_deadline() -> None:
     many = np.tile(crate.grasps(), (556, 1, 1))[:10_000].copy()
     many[:, 2, 3] += 3.0
-    answer = plan_task(Task(crate.world(), crate.HOME, crate.stages(many)), TaskOptions(1.0))
-    assert isinstance(answer, SequenceFailure)
+    answer = crate.task_failure(
+        Task(crate.world(), crate.HOME, crate.stages(many)), TaskOptions(1.0)
+    )
     assert len(answer.trials) <= 10_000
 
 
 def test_a_shorter_answer_replaces_the_first() -> None:
     task = Task(crate.world(), crate.HOME, crate.stages())
-    answer = plan_task(task, TaskOptions(30.0, improve=0.5))
-    assert isinstance(answer, SequencePlan)
+    answer = crate.planned_task(task, TaskOptions(30.0, improve=0.5))
     durations = [step.duration for step in answer.improvements]
     assert durations == sorted(durations, reverse=True)
     assert answer.duration == durations[-1] <= crate.plan().duration
@@ -238,8 +226,7 @@ def test_raised_limits_of_a_stage_raise_what_counts_as_its_least_time() -> None:
     quick = StageSettings(options=Options(limits=limits))
     goals = tuple(JointGoal(crate.HOME + np.array([turn, 0, 0, 0, 0, 0, 0])) for turn in (0.9, 0.5))
     task = Task(crate.world(), crate.HOME, (Move(goals, settings=quick), Wait(0.1)))
-    answer = plan_task(task, TaskOptions(30.0, improve=1.0))
-    assert isinstance(answer, SequencePlan)
+    answer = crate.planned_task(task, TaskOptions(30.0, improve=1.0))
     assert answer.exhausted
     assert answer.stages[0].target == 1
     chain, end = crate.panda().chain, goals[1].joints[None]
@@ -262,8 +249,7 @@ def colliding_joints(name: str, seed: int) -> tuple[np.ndarray, np.ndarray]:
 
 def refused(task: Task) -> SequenceFailure:
     began = time.monotonic()
-    answer = plan_task(task, TaskOptions(30.0))
-    assert isinstance(answer, SequenceFailure)
+    answer = crate.task_failure(task, TaskOptions(30.0))
     assert time.monotonic() - began < 0.5 * 30.0
     return answer
 
@@ -292,8 +278,7 @@ def test_what_is_carried_away_is_not_in_the_way_of_a_later_goal() -> None:
     plan = crate.plan()
     at_pick = plan.stages[2].trajectory.end
     stages = (*crate.stages()[:-1], Move((JointGoal(at_pick),)))
-    answer = plan_task(Task(crate.world(), crate.HOME, stages), TaskOptions(30.0))
-    assert isinstance(answer, SequencePlan), answer
+    crate.planned_task(Task(crate.world(), crate.HOME, stages), TaskOptions(30.0))
 
 
 def test_the_free_motion_that_no_alternative_passes_is_blamed() -> None:

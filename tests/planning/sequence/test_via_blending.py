@@ -19,7 +19,6 @@ from planning.problem import JointGoal
 from planning.proof.certificate import Certificate, certify
 from planning.sequence import via_blending
 from planning.sequence.result import SequencePlan, TaskOptions
-from planning.sequence.search import plan_task
 from planning.sequence.stage import Grasp, Move, Stage, StageSettings, Straight
 from planning.sequence.task import Task
 from planning.timing.options import TimingOptions
@@ -32,8 +31,7 @@ LAST = Move((JointGoal(crate.HOME),))
 
 
 def _plan(*stages: Stage, more: tuple[aw.Obstacle, ...] = ()) -> SequencePlan:
-    answer = plan_task(Task(crate.world(*more), crate.HOME, stages), TaskOptions(30.0))
-    assert isinstance(answer, SequencePlan)
+    answer = crate.planned_task(Task(crate.world(*more), crate.HOME, stages), TaskOptions(30.0))
     assert all(stage.certificate.verified for stage in answer.stages)
     return answer
 

@@ -6,11 +6,9 @@ import pytest
 from kinematics.trajectory.trajectory import Trajectory
 from obstacles.collision.checker import Checker
 from planning.options import Options
-from planning.pipeline.pipeline import plan
 from planning.problem import JointGoal, Problem
-from planning.result import Plan
 from planning.timing.close_instants import close_instants, not_beside, spans_beside
-from tests.planning.scenes import HOME, builtin, pillar
+from tests.planning.scenes import HOME, builtin, pillar, planned_motion
 
 GOAL = np.array([1.2, -0.3, 0.0, -2.0, 0.0, 1.8, 0.785])
 POST = pillar(0.6, 0.505)
@@ -19,8 +17,7 @@ POST = pillar(0.6, 0.505)
 @pytest.fixture(scope="module")
 def motion() -> Trajectory:
     """Past a post, which most of it is near by 30 cm."""
-    answer = plan(Problem(builtin("panda"), POST, HOME, (JointGoal(GOAL),)), Options())
-    assert isinstance(answer, Plan)
+    answer = planned_motion(Problem(builtin("panda"), POST, HOME, (JointGoal(GOAL),)), Options())
     return answer.trajectory
 
 

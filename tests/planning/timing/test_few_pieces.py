@@ -31,7 +31,7 @@ from planning.timing.parametrization import WORTH
 from planning.timing.spline.quintic_fit import even_parts, finer_parts, fit_pieces, fit_quintic
 from service.translate.trajectories import trajectory_answer
 from tests.planning.pinocchio_arm import PinocchioArm
-from tests.planning.scenes import HOME, builtin, shelf
+from tests.planning.scenes import HOME, builtin, planned_motion, shelf
 
 
 def few(motion: Trajectory) -> bool:
@@ -90,7 +90,7 @@ def test_a_tool_motion_at_a_constant_speed_has_few_pieces(name: str) -> None:
     T = forward(robot.chain, start)
     shifts = [[0.0, 0.12, 0.0], [0.0, 0.12, -0.12], [0.0, 0.0, -0.12]]
     ways = tuple(ToolMotionOptions("lin", transform(T[:3, :3], T[:3, 3] + s)) for s in shifts)
-    answer = plan(
+    answer = planned_motion(
         Problem(robot, Scene(), start, (PoseGoal(ways[-1].T_base_tip),)),
         Options(
             planner="cartesian",
@@ -99,7 +99,6 @@ def test_a_tool_motion_at_a_constant_speed_has_few_pieces(name: str) -> None:
             timeout=30.0,
         ),
     )
-    assert isinstance(answer, Plan)
     assert few(answer.trajectory)
 
 
@@ -145,8 +144,7 @@ def test_motions_with_a_slow_tool_have_few_pieces_and_keep_all_limits(name: str)
     limits, arm = robot.chain.limits, PinocchioArm(name)
     rates = []
     for problem, options in random_problems(robot, 6, 0.0):
-        answer = plan(problem, options)
-        assert isinstance(answer, Plan)
+        answer = planned_motion(problem, options)
         motion = answer.trajectory
         rates.append(motion.pieces * 1.6 / max(motion.duration, 1.6))
         assert answer.certificate.verified

@@ -27,7 +27,7 @@ from planning.timing.motion_timing import motions
 from planning.timing.options import Payload, TimingOptions
 from planning.values.deadline import Deadline
 from planning.values.optimize_options import RefineOptions
-from tests.planning.scenes import HOME, builtin, pillar, shelf
+from tests.planning.scenes import HOME, builtin, pillar, planned_motion, shelf
 
 #: In the straight line's way.
 POST = pillar(0.6, 0.505)
@@ -246,8 +246,7 @@ def test_a_spline_that_would_leave_the_limits_of_a_joint_is_not_sent_to_the_proo
 ) -> None:
     """The fifth joint of both goals is at its limit, which splines near the path swing over."""
     problem = Problem(builtin("panda"), scene, HOME, (JointGoal(np.array(goal)),))
-    answer = plan(problem, Options())
-    assert isinstance(answer, Plan)
+    answer = planned_motion(problem, Options())
     assert [stage.outcome for stage in answer.stages if stage.name == "certificate"] == [
         "succeeded"
     ]

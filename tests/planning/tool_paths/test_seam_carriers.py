@@ -12,11 +12,11 @@ from obstacles.robots.robot_geometry import RobotGeometry, robot_geometry
 from obstacles.scenes.scene import Obstacle, Scene
 from obstacles.shapes.shape import Cylinder
 from planning.options import CartesianOptions, Options
-from planning.pipeline.pipeline import plan
 from planning.problem import PoseGoal, Problem
 from planning.result import Plan
 from planning.tool_motions.tool_tolerance import SeamOptions, SeamWaypoint, ToolTolerance
 from tests.planning.pinocchio_arm import PinocchioArm
+from tests.planning.scenes import planned_motion
 
 RAIL = """<link name="rail"/><joint name="carrier" type="prismatic"><parent link="rail"/>
 <child link="{base}"/><axis xyz="0 1 0"/>
@@ -58,8 +58,7 @@ def check(
     seam = SeamOptions(waypoints, FREE_SPIN, tool_speed=0.2)
     problem = Problem(robot, scene or Scene(), start, (PoseGoal(waypoints[-1].T_base_tip),))
     how = CartesianOptions(seam=seam)
-    answer = plan(problem, Options(planner="cartesian", cartesian=how, timeout=20.0))
-    assert isinstance(answer, Plan), answer
+    answer = planned_motion(problem, Options(planner="cartesian", cartesian=how, timeout=20.0))
     assert answer.certificate.verified
     oracle = PinocchioArm(urdf=urdf, chain=robot.chain)
     ways = np.diff(points, axis=0)

@@ -11,7 +11,6 @@ from kinematics.forward import forward
 from kinematics.pose import from_axis_angle, transform
 from obstacles.scenes.scene import Scene
 from planning.options import CartesianOptions, Options, ToolMotionOptions
-from planning.pipeline.pipeline import plan
 from planning.problem import PoseGoal, Problem
 from planning.result import Plan
 from planning.timing.options import TimingOptions
@@ -21,7 +20,7 @@ from planning.tool_motions.tool_path import ToolRun
 from planning.tool_paths.blending import runs
 from planning.tool_paths.motions import INSTANTS, place_at, tool_reference
 from tests.planning.pinocchio_arm import PinocchioArm
-from tests.planning.scenes import HOME, builtin
+from tests.planning.scenes import HOME, builtin, planned_motion
 
 #: What the motions may deviate by [m], [rad].
 AWAY, TURNED = 1e-4, 1e-3
@@ -44,9 +43,7 @@ def mixed_motions(seed: int, blend: float) -> Plan:
         motions=tuple(motions), blend=blend, max_deviation=AWAY, max_orientation_deviation=TURNED
     )
     problem = Problem(builtin("panda"), Scene(), HOME, (PoseGoal(T),))
-    answer = plan(problem, Options(planner="cartesian", cartesian=how, timeout=30.0))
-    assert isinstance(answer, Plan), answer
-    return answer
+    return planned_motion(problem, Options(planner="cartesian", cartesian=how, timeout=30.0))
 
 
 @pytest.mark.parametrize("blend", [0.0, 0.02])
@@ -203,8 +200,9 @@ def test_the_tool_runs_through_rounded_corners_at_its_speed(method: str) -> None
     asked = CartesianOptions(motions=ways, blend=0.03)
     problem = Problem(robot, Scene(), HOME, (PoseGoal(ways[-1].T_base_tip),))
     timing = TimingOptions(method, tool_speed=SPEED)  # type: ignore[arg-type]
-    answer = plan(problem, Options(planner="cartesian", cartesian=asked, timing=timing, timeout=30))
-    assert isinstance(answer, Plan), answer
+    answer = planned_motion(
+        problem, Options(planner="cartesian", cartesian=asked, timing=timing, timeout=30)
+    )
     assert answer.certificate.verified
     motion, reports = answer.trajectory, answer.tool_motions
     assert [report.blends for report in reports].count(True) == 2

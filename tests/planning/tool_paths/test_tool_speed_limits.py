@@ -8,13 +8,12 @@ from kinematics.forward import forward
 from kinematics.pose import from_axis_angle, transform
 from obstacles.scenes.scene import Scene
 from planning.options import CartesianOptions, Options, ToolMotionOptions
-from planning.pipeline.pipeline import plan
 from planning.problem import PoseGoal, Problem
 from planning.result import Plan
 from planning.timing.options import TimingOptions
 from tests.planning.dense import worst_ratio
 from tests.planning.pinocchio_arm import PinocchioArm
-from tests.planning.scenes import HOME, builtin
+from tests.planning.scenes import HOME, builtin, planned_motion
 
 STARTS = {
     "panda": HOME,
@@ -41,8 +40,7 @@ def led(name: str, ways: tuple[ToolMotionOptions, ...], speed: float, blend: flo
     problem = Problem(builtin(name), Scene(), STARTS[name], (PoseGoal(ways[-1].T_base_tip),))
     timing = TimingOptions("jerk_limited", tool_speed=speed)
     options = Options(planner="cartesian", cartesian=asked, timing=timing, timeout=60.0)
-    answer = plan(problem, options)
-    assert isinstance(answer, Plan), answer
+    answer = planned_motion(problem, options)
     assert answer.certificate.verified
     return answer
 
@@ -110,8 +108,7 @@ def stepped(
         planner="cartesian", timeout=60.0, timing=timing or TimingOptions(),
         cartesian=CartesianOptions(max_deviation=1e-4),
     )  # fmt: skip
-    answer = plan(problem, options)
-    assert isinstance(answer, Plan), answer
+    answer = planned_motion(problem, options)
     return answer, ends
 
 

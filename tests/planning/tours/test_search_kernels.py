@@ -1,6 +1,6 @@
 """Local search, layers and bound beside all orders tried one by one."""
 
-from itertools import pairwise, permutations, product
+from itertools import pairwise, permutations
 
 import numpy as np
 import pytest
@@ -9,7 +9,6 @@ from kinematics.arrays import Indices
 from kinematics.errors import InvalidGoal
 from planning.timing.rest_to_rest import Times
 from planning.tours.local_search import (
-    choose_configurations,
     enqueue,
     nearest_neighbour_tour,
     search_kernel,
@@ -17,7 +16,7 @@ from planning.tours.local_search import (
     tour_time,
 )
 from planning.tours.lower_bound import lower_bound
-from planning.tours.network import Network, make_network, tour_state
+from planning.tours.network import Network, make_network
 from planning.tours.problem import (
     check_order,
     find_cycle,
@@ -91,23 +90,6 @@ def test_the_search_finds_the_best_tour_of_a_few_goals(seed: int, rules: int) ->
     borders = 100.0 * len({*groups, None} - {None}) + 200.0 if rules == 2 else 0.0
     wanted = best_by_enumeration(times, pairs, groups)
     assert total - borders == pytest.approx(wanted, abs=1e-4)
-
-
-@pytest.mark.parametrize("seed", range(4))
-def test_layers_choose_the_best_configurations(seed: int) -> None:
-    times, first = instance(seed, goals=5)
-    network = make_network(times, first, precedence_table([], 7), 3)
-    state = tour_state(np.array([5, 3, 1, 0, 2, 4, 6]), first[:-1].copy())
-    before = tour_time(network, state)
-    value, back = np.zeros(len(times)), np.zeros(len(times), np.int64)
-    change = choose_configurations(network, state, 1, 5, value, back)
-    after = tour_time(network, state)
-    assert after - before == pytest.approx(change, abs=1e-6)
-    rows = [first[k] + np.arange(BRANCHES) for k in (3, 1, 0, 2, 4)]
-    wanted = min(
-        sum(float(times[a, b]) for a, b in pairwise([15, *choice, 16])) for choice in product(*rows)
-    )
-    assert after == pytest.approx(wanted)
 
 
 @pytest.mark.parametrize("seed", range(5))

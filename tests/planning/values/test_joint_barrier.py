@@ -17,10 +17,10 @@ from obstacles.scenes.scene import Scene
 from planning.options import Options
 from planning.pipeline.pipeline import plan
 from planning.problem import JointGoal, Problem
-from planning.result import Failure, Plan
+from planning.result import Plan
 from planning.values.deadline import Deadline
 from planning.values.joint_barrier import joint_barrier
-from tests.planning.scenes import HOME, builtin
+from tests.planning.scenes import HOME, builtin, planning_failure
 
 NEVER = Deadline(math.inf)
 START = np.array([0.0, -1.2, 1.5, -1.5, -1.57, 0.0])
@@ -47,8 +47,7 @@ def test_an_elbow_beyond_its_own_collision_is_no_matter_of_time(elbow: float) ->
     robot = long_elbow()
     assert Checker.of(robot, Scene()).all_valid(np.array([START, goal]))
     problem = Problem(robot, Scene(), START, (JointGoal(goal),))
-    answer = plan(problem, Options(timeout=3.0))
-    assert isinstance(answer, Failure)
+    answer = planning_failure(problem, Options(timeout=3.0))
     assert answer.code in ("PLANNING_FAILED", "TIMED_OUT")
     assert "elbow_joint" in answer.message
     assert "likely none exists" in answer.message

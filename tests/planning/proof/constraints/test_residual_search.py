@@ -13,7 +13,7 @@ import pinocchio as pin
 import pytest
 
 from kinematics.arrays import Array
-from kinematics.robots import builtin_chain, builtin_urdf
+from kinematics.robots import builtin_chain
 from kinematics.trajectory.trajectory import Trajectory
 from planning.constraints.constraint_set import ConstraintSet
 from planning.constraints.edge_bounds import edge_holds
@@ -33,28 +33,19 @@ from planning.proof.constraints.residual_search import (
     bound_residuals,
 )
 from tests.planning.constraints.samples import some_of_each
+from tests.planning.pinocchio_arm import PinocchioArm
 
 #: What dense samples may miss of a maximum [m or rad].
 MISSED = 2e-5
 SAMPLES = 1501
 
 
-class Frames:
+class Frames(PinocchioArm):
     """Poses of links by pinocchio."""
-
-    def __init__(self, name: str) -> None:
-        model = pin.buildModelFromXML(builtin_urdf(name))
-        fingers = [j for j, joint in enumerate(model.names) if "finger" in joint]
-        self.model = pin.buildReducedModel(model, fingers, pin.neutral(model))
-        self.data = self.model.createData()
 
     def poses(self, configurations: Array, link: str) -> Array:
         """Of one link in many configurations, (k, 4, 4)."""
-        frame, found = self.model.getFrameId(link), []
-        for q in configurations:
-            pin.framesForwardKinematics(self.model, self.data, q)
-            found.append(self.data.oMf[frame].homogeneous)
-        return np.array(found)
+        return np.array([self.pose(q, link) for q in configurations])
 
 
 @dataclass(frozen=True)

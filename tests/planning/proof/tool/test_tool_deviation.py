@@ -1,7 +1,6 @@
 """Deviations of the tool, against dense samples of pinocchio's poses and closed forms."""
 
 import numpy as np
-import pinocchio as pin
 import pytest
 from scipy.spatial import cKDTree
 from scipy.spatial.transform import Rotation
@@ -12,7 +11,7 @@ from kinematics.forward import forward
 from kinematics.ik.numeric import numeric
 from kinematics.model.chain import Chain
 from kinematics.pose import transform
-from kinematics.robots import builtin_chain, builtin_urdf
+from kinematics.robots import builtin_chain
 from kinematics.trajectory.trajectory import Trajectory
 from planning.proof.tool.tool_deviation import check_tool_motions, path_deviation
 from planning.tool_motions.timed_tool_motions import TimedToolMotions
@@ -21,19 +20,13 @@ from planning.tool_motions.tool_motion import ToolMotion, arc_about, arc_via, li
 from planning.tool_motions.tool_path import Tolerances, ToolRun
 from planning.tool_paths.tool_following import follow
 from planning.values.deadline import Deadline
+from tests.planning.pinocchio_arm import PinocchioArm
 
 
 def poses(name: str, chain: Chain, q: Array) -> Array:
     """Tip poses (k, 4, 4) by pinocchio."""
-    model = pin.buildModelFromXML(builtin_urdf(name))
-    data, frame = model.createData(), model.getFrameId(chain.tip_link)
-    found = []
-    for row in q:
-        pin.framesForwardKinematics(
-            model, data, np.concatenate([row, np.zeros(model.nq - len(row))])
-        )
-        found.append(data.oMf[frame].homogeneous)
-    return np.array(found)
+    arm = PinocchioArm(name, chain=chain)
+    return np.array([arm.pose(row) for row in q])
 
 
 def off_line(T: Array, motion: ToolMotion) -> Array:

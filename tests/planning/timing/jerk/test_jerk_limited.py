@@ -27,7 +27,6 @@ from planning.timing.jerk.ruckig import line_phases
 from planning.timing.path.blend import blend, largest_reaches, reach_for_deviation
 from planning.timing.path.path import JointPath
 from planning.timing.speed.effort_limits import effort_rows
-from planning.timing.spline.spline import chord_knots, spline_path
 from planning.values.limits import EffortLimits
 from tests.planning.scenes import HOME, builtin
 
@@ -120,19 +119,6 @@ def test_it_is_within_a_twentieth_of_the_optimum() -> None:
         path = blend(waypoints, part * largest_reaches(waypoints), smooth=True)
         least = optimum(path, limits, 12)
         assert 0.95 * least <= timed(path, *limits).duration <= 1.05 * least
-
-
-@pytest.mark.parametrize("ends", ["natural", "clamped"])
-def test_splines_are_followed(ends: str) -> None:
-    waypoints = np.random.default_rng(7).uniform(-1.0, 1.0, (7, 7))
-    kind = "natural" if ends == "natural" else "clamped"
-    path = spline_path(waypoints, chord_knots(waypoints), kind)  # type: ignore[arg-type]
-    motion = timed(path, VELOCITY, ACCELERATION, JERK / 10.0)
-    for order, limit in enumerate((VELOCITY, ACCELERATION, JERK / 10.0), 1):
-        assert worst_ratio(motion, limit, order) <= 1.0 + 1e-9
-    for waypoint in waypoints:
-        times = np.linspace(0.0, motion.duration, 20_000)
-        assert np.linalg.norm(motion.sample(times) - waypoint, axis=1).min() < 1e-3
 
 
 @pytest.mark.parametrize("speed", [0.05, 0.3, 0.72])

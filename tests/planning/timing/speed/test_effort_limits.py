@@ -78,15 +78,6 @@ def test_caps_are_those_of_pinocchios_tip_velocity() -> None:
         assert speed == pytest.approx(0.7, rel=1e-9)
 
 
-def test_a_joint_that_cannot_hold_the_robot_is_named() -> None:
-    q, q1, q2 = draw(5, 10)
-    held = np.abs([ORACLE.torque(row, 0.0 * row, 0.0 * row) for row in q]).max(axis=0)
-    effort = held * 1.1 + 1.0
-    effort[1] = 0.9 * held[1]
-    with pytest.raises(TimingFailed, match="panda_joint2"):
-        knot_limits(EffortLimits(CHAIN, effort), q, q1, q2)
-
-
 def cubic(duration: float) -> Trajectory:
     """From rest to rest in a cubic of time."""
     step = np.array([1.0, 0.6, -0.5, 0.7, 0.3, 0.4, 0.2])

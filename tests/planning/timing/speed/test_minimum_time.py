@@ -9,6 +9,7 @@ from numpy.polynomial import polynomial as power_basis
 from scipy.optimize import linprog
 
 from benchmarks.judges.ratios import worst_ratio
+from kinematics.arrays import Array
 from kinematics.errors import InvalidOption, InvalidTrajectory
 from planning.timing.failure import TimingFailed
 from planning.timing.options import TOPPRA_SOLVERS, Solver
@@ -21,7 +22,6 @@ from planning.timing.spline.spline import chord_knots, spline_path
 from tests.planning.timing.timed_paths import (
     PANDA_ACCELERATION,
     PANDA_VELOCITY,
-    Array,
     names,
     package_duration,
     random_path,
@@ -91,45 +91,6 @@ def test_durations_are_those_of_the_toppra_package_or_less(part: float) -> None:
         other = package_duration(path, PANDA_VELOCITY, PANDA_ACCELERATION, 1000)
         assert mine <= 1.003 * other
         assert mine >= 0.97 * other
-
-
-def test_the_package_with_its_own_constraints_is_slowed_down_into_the_limits() -> None:
-    rng = np.random.default_rng(8)
-    factors, ratios = [], []
-    for _ in range(40):
-        n = int(rng.integers(1, 10))
-        path = random_path(rng, n)
-        v, a = 10.0 ** rng.uniform(-0.5, 0.5, n), 10.0 ** rng.uniform(-0.5, 1.0, n)
-        scaled = time_path(path, names(n), v, a, solver="toppra")
-        ratios += [worst_ratio(scaled.trajectory, limit, i) for i, limit in ((1, v), (2, a))]
-        answered = scaled.trajectory.dilate(1.0 / scaled.factor)
-        broken = max(worst_ratio(answered, v, 1), worst_ratio(answered, a, 2) ** 0.5)
-        # Slowed down by what it breaks the limits by, and by no more.
-        assert scaled.factor == pytest.approx(max(broken, 1.0), rel=1e-9)
-        factors.append(scaled.factor)
-        assert scaled.trajectory.duration >= (1.0 - 1e-3) * timed(path, v, a).duration
-    assert max(ratios) <= 1.0 + 1e-9
-    assert max(factors) > 1.0 + 1e-6
-
-
-def test_the_package_meets_the_speeds_at_the_ends() -> None:
-    rng = np.random.default_rng(21)
-    slowed = 0
-    for _ in range(10):
-        points = rng.uniform(-1.0, 1.0, (6, 3))
-        path = spline_path(points, chord_knots(points), "natural")
-        scaled = time_path(
-            path, names(3), np.ones(3), np.full(3, 4.0), solver="toppra", end_speeds=(0.2, 0.1)
-        )
-        motion = scaled.trajectory
-        slowed += scaled.factor > 1.0 + 1e-6
-        tangents = path.sample([0.0, path.breaks[-1]], 1)
-        np.testing.assert_allclose(
-            motion.sample([0.0, motion.duration], 1), [[0.2], [0.1]] * tangents, rtol=1e-8
-        )
-        assert (motion.peaks(1).value <= 1.0).all()
-        assert (motion.peaks(2).value <= 4.0).all()
-    assert slowed
 
 
 def distance_to_path(path: JointPath, points: Array) -> Array:
@@ -216,26 +177,6 @@ def test_the_scale_of_a_path_does_not_matter(solver: Solver, size: float) -> Non
     scaled = timed(small, v, a / size, solver)
     assert scaled.duration == pytest.approx(size * whole.duration, rel=1e-6)
     assert (scaled.peaks(2).value <= a / size).all()
-
-
-@pytest.mark.parametrize("solver", TOPPRA_SOLVERS)
-def test_odd_paths_are_timed(solver: Solver) -> None:
-    rng = np.random.default_rng(15)
-    v, a = np.array([1e-3, 1e3, 1.0, np.inf]), np.array([1e4, 1e-2, 1.0, 5.0])
-    waypoints = rng.uniform(-1.0, 1.0, (6, 4))
-    waypoints[:, 2] = 0.7
-    repeated = np.repeat(waypoints, 2, axis=0)
-    reversal = np.array([waypoints[0], waypoints[1], waypoints[0], waypoints[2]])
-    for points in (waypoints, repeated, reversal, waypoints[:, ::-1]):
-        for part in (0.0, 1e-5, 0.4, 1.0):
-            path = blend(points, part * largest_reaches(points))
-            trajectory = timed(path, v, a, solver)
-            assert (trajectory.peaks(1).value <= v).all()
-            assert (trajectory.peaks(2).value <= a).all()
-            assert trajectory.continuity().position < 1e-12
-            np.testing.assert_allclose(trajectory.end, points[-1], atol=1e-12)
-    still = timed(blend(waypoints, largest_reaches(waypoints)), v, a, solver)
-    assert np.abs(still.sample(np.linspace(0, still.duration, 50))[:, 2] - 0.7).max() < 1e-15
 
 
 def test_a_crawl_between_stops_takes_its_time() -> None:

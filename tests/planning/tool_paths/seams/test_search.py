@@ -15,6 +15,7 @@ from planning.pipeline.pipeline import plan
 from planning.problem import PoseGoal, Problem
 from planning.result import Failure, Plan
 from planning.tool_motions.tool_tolerance import SeamOptions, SeamWaypoint, ToolTolerance
+from tests.planning.scenes import planned_motion
 
 #: A seam over a ball, of 1 m: of its last 5 mm a tilt of nearly all 15 degrees is all that is left.
 _NUMBER = 38
@@ -34,8 +35,7 @@ def test_the_end_of_reach_is_found_from_the_layers_beside_it(
     goal = PoseGoal(waypoints[-1].T_base_tip)
     problem = Problem(arm.robot, scene, np.array(STARTS["panda"]), (goal,))
     how = CartesianOptions(seam=asked)
-    answer = plan(problem, Options(planner="cartesian", cartesian=how, timeout=30.0))
-    assert isinstance(answer, Plan), answer
+    answer = planned_motion(problem, Options(planner="cartesian", cartesian=how, timeout=30.0))
     verdict = judge(arm, scene, waypoints, answer)
     assert verdict.away <= 1e-4
     assert verdict.tilt <= tilt + 1e-3
