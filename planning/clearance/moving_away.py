@@ -33,24 +33,14 @@ from planning.search.sampled_check import Look, distance, look_of, looks_free
 from planning.search.shortcut import Held, is_free, path_length, skip_waypoints
 from planning.values.deadline import Deadline
 
-#: Legs are cut no shorter than this, Euclidean in joint space.
-_LEAST_LEG = 0.18
 #: Waypoints that a path is cut into at most: more are left as they are.
 _MAX_WAYPOINTS = 60
 #: Steps of a waypoint away from what is too near.
 _STEPS = 4
-#: How often an end takes so many.
-_RETREATS = 3
-#: Longest of them, Euclidean in joint space.
-_LONGEST_STEP = 0.1
-#: Distance that a step gains beyond what is missing, for the legs beside it [m].
-_BEYOND = 5e-3
 #: Directions in which distances change by less than this share of what they do in all are damped.
 _DAMPING = 1e-2
 #: Near pairs that a step takes into account.
 _NEAR_PAIRS = 64
-#: A path longer than so many times the one before is not taken.
-_MAX_DETOUR = 1.07
 #: Places on the legs next to an end that are tried as corners, farthest first: the leg, and how far
 #: along it.
 _PLACES = ((2, 0.0), (1, 0.5), (1, 0.0), (0, 0.5), (0, 0.25))
@@ -234,7 +224,8 @@ def keep_clear_kernel(model: ModelArrays, levels: _Levels, waypoints: Array) -> 
     _prove(model, work, levels, points, count)
     _rate(model, work, levels, points, count)
     count = _skip_stretches(model, work, levels, points, count)
-    if path_length(points.after, count) > _MAX_DETOUR * path_length(waypoints, waypoints.shape[0]):
+    # The path is not to become longer by more than 7 %.
+    if path_length(points.after, count) > 1.07 * path_length(waypoints, waypoints.shape[0]):
         return waypoints[:0].copy()
     return points.after[:count].copy()
 
@@ -247,7 +238,8 @@ def retreat_kernel(model: ModelArrays, look: Look, limits: Array, q: Array) -> b
         np.empty(_NEAR_PAIRS, dtype=np.int64), np.empty(_NEAR_PAIRS), np.empty((_NEAR_PAIRS, n))
     )
     normal = np.empty((n, n))
-    for _ in range(_RETREATS):
+    # Three times the steps of a waypoint are enough for an end.
+    for _ in range(3):
         if not _retreat(model, work, levels, near, normal, q):
             return False
         if _keeps(model, work, look, q):
@@ -303,7 +295,8 @@ def _split(
             count, waiting = count + 1, waiting - 1
             continue
         spacious = False
-        short = distance(a, b) < 2.0 * _LEAST_LEG
+        # Legs are cut no shorter than 0.18, Euclidean in joint space.
+        short = distance(a, b) < 2.0 * 0.18
         if count + waiting >= _MAX_WAYPOINTS or (short and not both):
             _copy(b, before[count])
             level[count - 1] = 0
@@ -356,7 +349,8 @@ def _retreat(
         square = 0.0
         for j in range(n):
             square += step[j] * step[j]
-        share = min(1.0, _LONGEST_STEP / max(math.sqrt(square), 1e-12))
+        # A step is at most 0.1 long, Euclidean in joint space.
+        share = min(1.0, 0.1 / max(math.sqrt(square), 1e-12))
         for j in range(n):
             q[j] = min(max(q[j] + share * step[j], levels.limits[0, j]), levels.limits[1, j])
     _copy(best, q)
@@ -374,7 +368,8 @@ def _write_normal_equations(near: NearPairs, count: int, normal: Array, step: Ar
                 normal[i, j] += near.gradients[row, i] * near.gradients[row, j]
         step[i] = 0.0
         for row in range(count):
-            step[i] += near.gradients[row, i] * (_BEYOND - near.distances[row])
+            # 5 mm more than is missing, for the legs beside it.
+            step[i] += near.gradients[row, i] * (5e-3 - near.distances[row])
         total += normal[i, i]
     for i in range(n):
         normal[i, i] += _DAMPING * _DAMPING * total + 1e-12

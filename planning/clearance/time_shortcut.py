@@ -56,8 +56,6 @@ _STEPS = len(Step)
 
 #: How far a waypoint is drawn in, as part of the way to the line between its neighbours.
 _HALF_WAY, _LESS = 0.5, 0.2
-#: A step that lowers the cost by less than this share is none.
-_LEAST_GAIN = 5e-3
 #: Edge checks after which the path stays as it is.
 _MAX_CHECKS = 60
 #: Paths with more waypoints stay as they are.
@@ -206,7 +204,8 @@ def _quicken(model: ModelArrays, work: Workspace, bounds: _Bounds, way: _Way, co
     checks[0] = 0
     cost = _cost(bounds, way.points, way.shortfall, way.legs, count)
     while checks[0] < _MAX_CHECKS:
-        enough = (1.0 - _LEAST_GAIN) * cost
+        # A step that lowers the cost by less than 0.5 % is none.
+        enough = 0.995 * cost
         _write_costs(bounds, way, count)
         after = enough
         while checks[0] < _MAX_CHECKS:

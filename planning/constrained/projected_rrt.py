@@ -33,16 +33,6 @@ from planning.values.search_trees import Explored
 
 #: Longest step of a tree, Euclidean in joint space [rad or m].
 _LONGEST = 0.5
-#: Steps that would have to be shorter than this end an extension [rad or m].
-_SHORTEST = 0.01
-#: A step that was taken may be longer next time by this factor.
-_STEP_GROWTH = 1.6
-#: A step has to come nearer to the target by this share of its length.
-_LEAST_PROGRESS = 0.1
-#: A projected step may be longer than the step asked for by this factor.
-_MAX_STRETCH = 2.0
-#: Iterations of Newton's method on a step.
-_PROJECTIONS = 12
 #: Extensions after which a pair of trees is given up for a fresh one: most pairs that meet do so
 #: within these, and those that do not take many times as many.
 _FIRST_BUDGET = 60
@@ -339,13 +329,14 @@ def extend_kernel(
             trial[j] = q[j] + share * (end[j] - q[j])
         good = True
         if not arrives:
-            good = make_feasible(None, goal, trial, _PROJECTIONS, work, scratch, dq) <= FEASIBLE
+            # Twelve iterations of Newton's method project a step or never will.
+            good = make_feasible(None, goal, trial, 12, work, scratch, dq) <= FEASIBLE
         left = np.sqrt(np.sum((end - trial) ** 2))
         moved = np.sqrt(np.sum((trial - q) ** 2))
-        # A projection that leads back or far aside is no step towards the end.
+        # A step comes nearer to the end by a tenth of its length, and is not twice as long as was
+        # asked for: else the projection leads back or far aside.
         if good and not arrives:
-            progress = left < away - _LEAST_PROGRESS * length
-            good = progress and moved < _MAX_STRETCH * length
+            good = left < away - 0.1 * length and moved < 2.0 * length
         if good:
             for j in range(n):
                 line[j, 0], line[j, 1] = q[j], trial[j] - q[j]
@@ -357,7 +348,8 @@ def extend_kernel(
                 return count, False
         if not good:
             length = 0.5 * min(length, away)
-            if length < _SHORTEST:
+            # So short a step ends the extension [rad or m].
+            if length < 0.01:
                 return count, False
             continue
         steps[count] = trial
@@ -366,5 +358,6 @@ def extend_kernel(
             return count, True
         q[:] = trial
         away = left
-        length = min(_STEP_GROWTH * length, _LONGEST)
+        # A step that was taken may be longer next time.
+        length = min(1.6 * length, _LONGEST)
     return count, False

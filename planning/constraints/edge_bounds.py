@@ -57,8 +57,6 @@ _LOOK = int(RowKind.LOOK)
 _DEPTH = 60
 #: Halvings in search of the first violation at most.
 _SEARCH_DEPTH = 40
-#: A cell with a smaller half is not halved again: rounding decides there.
-_SMALLEST_HALF = 1e-13
 #: Cells spent on an edge of a planner.
 EDGE_CELLS = 4_000
 
@@ -113,7 +111,8 @@ def edge_kernel(chain: Array, packed: Array, curve: Array, max_cells: int) -> tu
             continue
         if worst > TOLERANCE:
             violated, top = middle, 0
-        smallest = half <= _SMALLEST_HALF * (1.0 + abs(middle))
+        # So small a cell is not halved again: rounding decides there.
+        smallest = half <= 1e-13 * (1.0 + abs(middle))
         if depth + 2 > _DEPTH or cells >= max_cells or smallest:
             return (
                 (EdgeVerdict.VIOLATED, violated)

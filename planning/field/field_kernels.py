@@ -11,8 +11,6 @@ from obstacles.projection.projection import project_kernel
 from obstacles.projection.projection_arrays import ProjectionArrays
 from planning.field.control_points import control_points_kernel
 
-#: A joint force below this share of forces times levers is their rounding.
-_ROUNDING = 1e-12
 #: On a surface nothing points out of it: there the distance itself is differentiated [m].
 ON_SURFACE = 1e-9
 #: Step of that numerical derivative [m].
@@ -163,7 +161,8 @@ def smallest_force_kernel(
             lever += length * math.sqrt(F[0] ** 2 + F[1] ** 2 + F[2] ** 2)
             lever += length * math.sqrt(G[0] ** 2 + G[1] ** 2 + G[2] ** 2)
         terms, levers = max(terms, term), max(levers, lever)
-    return max(tolerance * terms, _ROUNDING * levers)
+    # A joint force below a trillionth of forces times levers is their rounding.
+    return max(tolerance * terms, 1e-12 * levers)
 
 
 class FieldModel(NamedTuple):

@@ -38,10 +38,6 @@ class Outcome(IntEnum):
     KINK = 5
 
 
-#: A step whose proof needs more intervals grazes something all along: it is not taken.
-_MAX_INTERVALS = 800
-#: Parts of the straight line to the goal at whose ends it is looked at before it is proved.
-_LOOKS = 8
 #: An adaptive step that was taken whole may be longer next time by this factor.
 GROWTH = 1.5
 #: An adaptive step is not halved below this: it could not lower the potential by its rounding
@@ -204,7 +200,8 @@ def is_free_kernel(proof: Proof, work: Workspace, a: Array, b: Array, outcome: A
         if holds != EdgeVerdict.HOLDS:
             return False
     line = Cubic(a, b - a, zero, zero)
-    verdict = certify_in(proof.model, work, line, proof.slack, _MAX_INTERVALS, outcome)
+    # A step whose proof needs more than 800 intervals grazes something all along.
+    verdict = certify_in(proof.model, work, line, proof.slack, 800, outcome)
     return bool(verdict == FREE)
 
 
@@ -234,7 +231,8 @@ def _reaches_goal(
         if not _is_free_state(proof, work, blocked):
             return False
     asked = np.empty(1, dtype=np.int64)
-    blocked_share = blocked_at(proof.model, work, q, goal, proof.slack, 2, _LOOKS, asked)
+    # The straight line to the goal is checked at the ends of its eighths before it is proved.
+    blocked_share = blocked_at(proof.model, work, q, goal, proof.slack, 2, 8, asked)
     if blocked_share >= 0.0:
         track.gauges[Gauge.LINE_BLOCKED] = 1.0 - blocked_share
         return False

@@ -42,32 +42,12 @@ from planning.values.optimize_options import RefineOptions
 #: Half width of the trust region in the first round: control points move at most this far
 #: [rad or m].
 _REACH = 0.3
-#: Half width below which another round is not worth its time [rad or m].
-_LEAST_REACH = 0.002
-#: Factor by which the trust region shrinks after a round that was rejected [-].
-_SHRINK = 0.4
-#: Checkpoints in each piece, at most.
-_EACH = 3
-#: Checkpoints in all, about.
-_PLACES = 64
 #: Distance kept at checkpoints beyond the margins, since there is motion between them [m].
 _SPARE = 1e-3
-#: Factor by which a violation may grow from round to round [-].
-_GROWTH = 2.0
-#: Violation up to which it may grow by more (1 is much) [-].
-_TOLERATED = 1.0
-#: The slack costs so many times the objective.
-_PENALTY = 20.0
 #: A round that gains less than this part of the objective is the last [-].
 _GAIN = 2e-3
-#: Least duration of a round's motion, as a multiple of the last one [-].
-_FASTER = 0.3
-#: Largest duration of a round's motion, as a multiple of the last one [-].
-_SLOWER = 3.0
 #: The first round takes about so many times as long as the look before it.
 _FIRST = 3.0
-#: Motions that are not at rest at an end can't be slowed down: limits are aimed at from below.
-_HAIR = 1e-5
 #: Ratios to limits that are equal to 1 but for rounding.
 _ROUNDING = 1e-9
 
@@ -109,7 +89,8 @@ class Descent:
     def __post_init__(self) -> None:
         self.most_rounds = self.options.rounds
         space = self.iterate.space
-        each = int(np.clip(np.ceil(_PLACES / space.pieces), 1, _EACH))
+        # About 64 checkpoints in all, three in each piece at most.
+        each = int(np.clip(np.ceil(64 / space.pieces), 1, 3))
         self.places = Checkpoints.uniform(space.breaks, each, _SPARE)
         began = time.monotonic()
         if self.task.still:
@@ -151,7 +132,8 @@ class Descent:
         following = self._next_iterate(z)
         linearized = self._linearize(following)
         before, after = self._value(self.iterate), self._value(following)
-        worse = linearized.violation > max(_GROWTH * self.linearization.violation, _TOLERATED)
+        # A violation may double from round to round, and more up to 1, which is much.
+        worse = linearized.violation > max(2.0 * self.linearization.violation, 1.0)
         shortened = excess - self._duration_excess(following)
         no_better = linearized.violation >= self.linearization.violation and shortened <= 0.0
         if worse or (after > before * (1.0 + _GAIN) and no_better):
@@ -171,8 +153,9 @@ class Descent:
         return linearize(self.task, iterate, self.places, self.reach, self.deadline)
 
     def _shrink(self) -> bool:
-        self.reach *= _SHRINK
-        return self.reach >= _LEAST_REACH
+        self.reach *= 0.4
+        # With a narrower trust region another round is not worth its time [rad or m].
+        return self.reach >= 0.002
 
     def _solve_round(self) -> tuple[Quadratic, Array | None]:
         """The problem of a round, and the unknowns that solve it if any were found."""
@@ -180,8 +163,11 @@ class Descent:
         H, g = objective.model(task, self.options.weights, iterate)
         scale = max(self._value(iterate), np.finfo(float).tiny)
         g = g / scale
-        g[-1] = _PENALTY
-        hair = 0.0 if task.still else _HAIR
+        # The slack costs 20 times the objective.
+        g[-1] = 20.0
+        # Motions that are not at rest at an end can't be slowed down: limits are aimed at from
+        # below.
+        hair = 0.0 if task.still else 1e-5
         others = [
             *end_rows(iterate, task.start, task.end),
             *self._time_row(),
@@ -217,9 +203,10 @@ class Descent:
             fixed = given.order + 1 if given.still else 1
             least[own][:fixed] = most[own][:fixed] = given.position
         T = self.iterate.duration
+        # The duration stays within 0.3 and 3 times the last one.
         return (
-            np.append(np.minimum(least, most).ravel(), [_FASTER * T, 0.0]),
-            np.append(np.maximum(least, most).ravel(), [_SLOWER * T, np.inf]),
+            np.append(np.minimum(least, most).ravel(), [0.3 * T, 0.0]),
+            np.append(np.maximum(least, most).ravel(), [3.0 * T, np.inf]),
         )
 
     def _next_iterate(self, z: Array) -> Iterate:

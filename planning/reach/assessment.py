@@ -66,8 +66,6 @@ class Measure(IntEnum):
 
 #: A clearance that is larger by less than this is as good as the best [m].
 GAIN = 1e-6
-#: Numbers of a Gram matrix.
-_GRAM = 36
 #: Beside verdicts: not checked, since it is no better than the best.
 NO_BETTER = -1
 
@@ -305,7 +303,7 @@ def volume_kernel(J: Array) -> float:
     """Product of the singular values of J (6, n), the root of its smaller Gram determinant."""
     n = J.shape[1]
     size = min(6, n)
-    A = on_stack(_GRAM).reshape((6, 6))
+    A = on_stack(36).reshape((6, 6))
     for i in range(size):
         for j in range(i + 1):
             total = 0.0

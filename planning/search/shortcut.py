@@ -33,16 +33,10 @@ from planning.values.deadline import Deadline
 
 #: Edge checks, in all rounds together, after which it does.
 _MAX_CHECKS = 250
-#: Intervals of a check beyond which it counts as another one.
-_INTERVALS_A_CHECK = 40
 #: A cut that needs more intervals is not worth its proof.
 _MAX_INTERVALS = 800
-#: A round that gains less than this share of the length was the last.
-_LEAST_ROUND = 0.01
 #: Cuts tried at a corner: the whole of it, a half, a quarter, an eighth of its legs.
 _CUTS = 4
-#: A corner that is worth less than this share of the length is left as it is.
-_LEAST_GAIN = 5e-4
 
 
 class Held(NamedTuple):
@@ -166,10 +160,12 @@ def _shorten(
     count, before = skip_waypoints(model, work, held, points, count, corners.checks), np.inf
     for _ in range(rounds):
         length = path_length(points, count)
-        if count < 3 or before - length < _LEAST_ROUND * before:
+        # A round that gains less than 1 % of the length was the last.
+        if count < 3 or before - length < 0.01 * before:
             break
         before = length
-        count = cut_corners(model, work, held, corners, count, _LEAST_GAIN * length)
+        # A corner that is worth less than 0.05 % of the length is left as it is.
+        count = cut_corners(model, work, held, corners, count, 5e-4 * length)
     return thin_waypoints(model, work, held, corners, count)
 
 
@@ -185,8 +181,8 @@ def is_free(
         return True
     outcome = on_stack(4)
     verdict = prove_line(model, work, a, b, held.slack, _MAX_INTERVALS, outcome)
-    # A motion that grazes takes thousands of intervals: it counts as many checks.
-    checks[0] += int(outcome[2]) // _INTERVALS_A_CHECK
+    # A motion that grazes takes thousands of intervals: every 40 count as another check.
+    checks[0] += int(outcome[2]) // 40
     return bool(verdict == FREE)
 
 

@@ -46,11 +46,6 @@ _LOOKS, _LOOKS_BEFORE_PROOF = 4, 2
 _UNKNOWN = -1
 #: Cuts after which every step is proved before it is taken.
 _MAX_CUTS = 3
-#: Failed steps in a row after which the larger tree has a turn: it may come by where the smaller
-#: one can't get out at random.
-_PATIENCE = 3
-#: Draws in a row that may be rejected because the nearest node has met something.
-_MAX_DRAWS = 100
 #: Parent of a node that was cut off; that of a root is -1.
 _CUT = -2
 
@@ -69,11 +64,6 @@ class Tally(IntEnum):
     THERE = 4
     #: Steps of this pair that were cut off.
     CUTS = 5
-
-
-#: A path so many times as long as the straight line is worth another pair of trees: shortening does
-#: for the others what that would do.
-_LONG = 3.0
 
 
 class Trees(NamedTuple):
@@ -221,7 +211,9 @@ def _grow(
     target, tally, failed = vectors[0], trees.tally, 0
     while tally[Tally.EDGES] < until:
         side = 0 if trees.sizes[0] <= trees.sizes[1] else 1
-        if failed == _PATIENCE:
+        # After three failed steps in a row the larger tree has a turn: it may come by where the
+        # smaller one can't get out at random.
+        if failed == 3:
             side, failed = 1 - side, 0
         near = 0
         if tally[Tally.EDGES] == 0:
@@ -259,7 +251,8 @@ def _grow(
 def _draw(trees: Trees, side: int, draws: Draws, target: Array) -> int:
     """Draw a configuration (n,) to grow towards; the node that is nearest to it."""
     low, high, guide, near = draws.low, draws.high, draws.guide, 0
-    for _ in range(_MAX_DRAWS):
+    # Draws are rejected where the nearest node has met something, a hundred in a row at most.
+    for _ in range(100):
         beside = uniform_kernel(trees.random) < draws.beside
         along = (guide.shape[0] - 1) * uniform_kernel(trees.random) if beside else 0.0
         leg = min(int(along), guide.shape[0] - 2)
@@ -437,9 +430,8 @@ def write_step(origin: Array, target: Array, step: float, end: Array) -> None:
 @kernel(allocates=False)
 def is_detour(path: Array, count: int) -> bool:
     """Whether a path of so many waypoints (k, n) is a detour that is worth another search."""
-    return path_length(path, 0, count) > _LONG * math.sqrt(
-        square_distance(path, 0, path[count - 1])
-    )
+    # Of shorter paths, shortening does what another pair of trees would do.
+    return path_length(path, 0, count) > 3.0 * math.sqrt(square_distance(path, 0, path[count - 1]))
 
 
 @kernel(allocates=False)

@@ -30,20 +30,10 @@ from planning.constraints.solvers.least_distance import least_distance
 
 #: Residuals that count as none [unit of the row].
 FEASIBLE = 1e-9
-#: Longest step of a joint [rad or m].
-_LONGEST = 0.6
-#: Steps into the feasible set at most.
-_FEASIBLE_STEPS = 40
-#: Steps down the objective at most.
-_BETTER_STEPS = 40
-#: Corrections after a step down the objective.
-_CORRECTIONS = 4
+#: Steps into the feasible set at most, and down the objective in it.
+_MAX_STEPS = 40
 #: How often a step is shortened.
 _SHORTENINGS = 5
-#: Damping of least squares, times the sum of squared violations.
-_DAMPING = 0.1
-#: Damping of least squares at least.
-_MIN_DAMPING = 1e-9
 #: Columns of a descent's course: its worst violation, its objective, whether it is inside the
 #: feasible set (1) or over (2), and its steps there.
 WORST, OBJECTIVE, STAGE, TAKEN = range(4)
@@ -63,7 +53,8 @@ def damped_step(work: Work, count: int, total: float, dq: Array) -> None:
                 for k in range(n):
                     H[j, k] += work.A[i, j] * work.A[i, k]
     for j in range(n):
-        H[j, j] += _DAMPING * total + _MIN_DAMPING
+        # Damping by the sum of squared violations, and a little where there are none.
+        H[j, j] += 0.1 * total + 1e-9
     dq[:] = np.linalg.solve(H, g)
 
 
@@ -73,7 +64,8 @@ def _shortened_step(goal: Goal, q: Array, dq: Array, share: float, trial: Array)
     longest = 0.0
     for j in range(q.shape[0]):
         longest = max(longest, abs(dq[j]))
-    scale = share * min(1.0, _LONGEST / max(longest, 1e-300))
+    # A joint steps 0.6 rad or m at most.
+    scale = share * min(1.0, 0.6 / max(longest, 1e-300))
     for j in range(q.shape[0]):
         trial[j] = min(max(q[j] + scale * dq[j], goal.lower[j]), goal.upper[j])
     return scale * longest
@@ -153,7 +145,8 @@ def improve(
         for _ in range(_SHORTENINGS):
             longest = _shortened_step(goal, best, dq, share, trial)
             q[:] = trial
-            worst = make_feasible(model, goal, q, _CORRECTIONS, work, trial, y)
+            # Four corrections after a step down the objective.
+            worst = make_feasible(model, goal, q, 4, work, trial, y)
             if worst <= FEASIBLE:
                 gained = value - objective_kernel(goal, q, work)
                 if gained > 0.0:
@@ -191,7 +184,6 @@ def go_on(
         course: Zeros at first, shape (COURSE,).
     """
     trial, dq = np.empty(q.shape[0]), np.empty(q.shape[0])
-    limit = _FEASIBLE_STEPS if course[STAGE] == _OUTSIDE else _BETTER_STEPS
     course[TAKEN] += steps
     if course[STAGE] == _OUTSIDE:
         course[WORST] = make_feasible(model, goal, q, steps, work, trial, dq)
@@ -200,7 +192,7 @@ def go_on(
             work.pace[SHARE], work.pace[ENDED] = 1.0, 0.0
     else:
         improve(model, goal, q, steps, work, trial, dq)
-    if work.pace[ENDED] > 0.0 or course[TAKEN] >= limit:
+    if work.pace[ENDED] > 0.0 or course[TAKEN] >= _MAX_STEPS:
         course[STAGE] = OVER
     course[OBJECTIVE] = objective_kernel(goal, q, work)
 
@@ -213,5 +205,5 @@ def descend(model: ModelArrays | None, goal: Goal, q: Array, found: Array) -> No
     """
     work, course = make_work(model, goal), np.zeros(COURSE)
     while course[STAGE] != OVER:
-        go_on(model, goal, q, _FEASIBLE_STEPS, work, course)
+        go_on(model, goal, q, _MAX_STEPS, work, course)
     found[0], found[1] = course[WORST], course[OBJECTIVE]

@@ -21,8 +21,6 @@ from planning.constraints.constraint_set import ConstraintSet, RowWork, evaluate
 from planning.constraints.row import Column
 from planning.constraints.row_value import covector_kernel, sideways_kernel
 
-#: Pairs farther apart than this do not shape a step [m].
-_NEAR = 0.04
 #: Near pairs that a step has room for; what a cloud has beyond it the exact check sees in the end.
 _MAX_NEAR_PAIRS = 512
 #: Step of the finite difference that the slope of the manipulability is taken by [rad or m].
@@ -180,7 +178,8 @@ def linearise(
             total += residual * residual
     # Where nothing is there to collide with, the compiler leaves this out.
     if model is not None:
-        near = near_pairs(model, q, _NEAR, work.pairs, work.distances, work.gradients)
+        # Pairs more than 4 cm apart do not shape a step.
+        near = near_pairs(model, q, 0.04, work.pairs, work.distances, work.gradients)
         for i in range(min(near, _MAX_NEAR_PAIRS)):
             for j in range(n):
                 A[count, j] = -work.gradients[i, j]

@@ -15,13 +15,6 @@ import numpy as np
 from compiled.kernel import kernel
 from kinematics.arrays import Array, Indices
 
-#: Inequalities are kept to this (their rows have the length of about a metre, or 1).
-_FEASIBLE = 1e-11
-#: Squared part of a unit row that no other row explains, below which they explain it all.
-_DEPENDENT = 1e-16
-#: Changes of the active set a row, after which rounding is going round in circles.
-_ROUNDS = 20
-
 
 @kernel
 def least_distance(A: Array, b: Array, count: int, d: Array, x: Array) -> bool:
@@ -37,7 +30,8 @@ def least_distance(A: Array, b: Array, count: int, d: Array, x: Array) -> bool:
     duals, r, z = np.zeros(n + 1), np.zeros(n), np.empty(n)
     gram = np.empty((n, n))
     size = 0
-    for _ in range(_ROUNDS * (count + 1)):
+    # More changes of the active set are rounding that goes round in circles.
+    for _ in range(20 * (count + 1)):
         p, worst = _most_violated_row(A, b, count, x)
         if p < 0:
             return True
@@ -47,7 +41,8 @@ def least_distance(A: Array, b: Array, count: int, d: Array, x: Array) -> bool:
             left, square = _residual_normal(A, active, size, p, r, z)
             partial, leaving = _longest_dual_step(duals, r, size)
             whole = math.inf
-            if left > _DEPENDENT * square and size < n:
+            # Below 1e-16 of a row's square, the other rows explain all of it.
+            if left > 1e-16 * square and size < n:
                 whole = worst / left
             step = min(partial, whole)
             if math.isinf(step):
@@ -72,7 +67,8 @@ def least_distance(A: Array, b: Array, count: int, d: Array, x: Array) -> bool:
 @kernel(allocates=False)
 def _most_violated_row(A: Array, b: Array, count: int, x: Array) -> tuple[int, float]:
     """The row that x violates most and by how much; -1 where it violates none."""
-    p, worst = -1, _FEASIBLE
+    # Inequalities are kept to 1e-11 (their rows have the length of about a metre, or 1).
+    p, worst = -1, 1e-11
     for i in range(count):
         excess = -b[i]
         for j in range(x.shape[0]):

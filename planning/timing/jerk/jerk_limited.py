@@ -113,7 +113,6 @@ _NEARLY_INSIDE = 0.95
 # Barrier parameter at the start from a guess that is nearly right [-].
 _NEAR = 0.03
 _ROUNDS = 2
-_HAIR = 1e-9
 
 
 def time_path_with_jerk(
@@ -166,7 +165,7 @@ def time_path_with_jerk(
         needed = fitting_factor(motion, *limits)
         if needed <= factor:
             return ScaledTime(motion.dilate(factor), factor)
-        factor = needed * (1.0 + _HAIR)
+        factor = needed * (1.0 + 1e-9)
     raise TimingFailed(
         "the boundary velocities can't be kept within all limits",
         hint="Give lower boundary velocities, or higher limits.",
