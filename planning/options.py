@@ -17,11 +17,6 @@ from planning.values.optimize_options import RefineOptions
 from planning.values.preferred_clearance import PreferredClearance
 from planning.values.search_trees import Explored
 
-#: Least deviation of the tool that can be asked for [m], [rad]: inverse kinematics and the bounds
-#: have three digits to spare below it.
-LEAST_DEVIATION = 1e-7
-#: Widest blend of a corner [m].
-MAX_BLEND = 10.0
 #: Longest a single plan may take [s].
 MAX_TIMEOUT = 600.0
 
@@ -64,9 +59,11 @@ class ToolMotionOptions:
 
 
 def _check_blend(blend: float) -> None:
-    if not 0.0 <= blend <= MAX_BLEND:
+    # Widest blend of a corner [m].
+    max_blend = 10.0
+    if not 0.0 <= blend <= max_blend:
         raise InvalidOption(
-            f"blend is {blend:g} m; it must be from 0 to {MAX_BLEND:g}",
+            f"blend is {blend:g} m; it must be from 0 to {max_blend:g}",
             hint="Give the distance from the corner at which the tool may leave its motion.",
         )
 
@@ -101,10 +98,13 @@ class CartesianOptions:
         _check_blend(self.blend)
         if self.seam is not None and self.motions:
             raise InvalidOption("give motions or waypoints, not both")
+        # Least deviation of the tool that can be asked for [m], [rad]: inverse kinematics and the
+        # bounds have three digits to spare below it.
+        least_deviation = 1e-7
         for name in ("max_deviation", "max_orientation_deviation"):
-            if not LEAST_DEVIATION <= getattr(self, name) <= 1.0:
+            if not least_deviation <= getattr(self, name) <= 1.0:
                 raise InvalidOption(
-                    f"planner_options.{name} must be from {LEAST_DEVIATION:g} to 1",
+                    f"planner_options.{name} must be from {least_deviation:g} to 1",
                     hint="Metres and radians; a tenth of a millimetre is a usual one.",
                 )
 

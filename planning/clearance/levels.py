@@ -30,8 +30,6 @@ MANY_EDGES, FEW_EDGES = 2000, 500
 #: Distance that paths keep beyond the preferred clearance where they can, for rounded corners and
 #: splines: a share of it, and at most so much [m].
 _RESERVE = 0.16, 5e-3
-#: Distance that motions keep beyond it, so that bounds of the certificate show it, likewise.
-_SPARE = 0.06, 1.5e-3
 #: Shares of a straight leg at which its states are checked, shape (24, 1).
 _SHARES = np.linspace(0.0, 1.0, 24)[:, None]
 
@@ -115,7 +113,9 @@ def path_levels(levels: Sequence[Checker]) -> Iterator[ClearanceLevel]:
 
 
 def _path_level(level: Checker) -> ClearanceLevel:
-    return ClearanceLevel(_with_more(level, *_RESERVE), _with_more(level, *_SPARE), level)
+    # Motions keep somewhat more too, so that bounds of the certificate show it.
+    spare = 0.06, 1.5e-3
+    return ClearanceLevel(_with_more(level, *_RESERVE), _with_more(level, *spare), level)
 
 
 def _with_more(level: Checker, share: float, most: float) -> Checker:

@@ -35,10 +35,6 @@ from planning.values.deadline import Deadline
 
 #: Waypoints that a path is cut into at most: more are left as they are.
 _MAX_WAYPOINTS = 60
-#: Steps of a waypoint away from what is too near.
-_STEPS = 4
-#: Directions in which distances change by less than this share of what they do in all are damped.
-_DAMPING = 1e-2
 #: Near pairs that a step takes into account.
 _NEAR_PAIRS = 64
 #: Places on the legs next to an end that are tried as corners, farthest first: the leg, and how far
@@ -331,7 +327,9 @@ def _retreat(
     best, step = on_stack(MAX_JOINTS)[:n], on_stack(MAX_JOINTS)[:n]
     _copy(q, best)
     moved = False
-    for attempt in range(_STEPS + 1):
+    # Steps of a waypoint away from what is too near.
+    steps = 4
+    for attempt in range(steps + 1):
         work.joints[:] = 0.0
         stand_in(model, work, q)
         count = min(near_pairs_in(looked, work, 0.0, near), _NEAR_PAIRS)
@@ -341,7 +339,7 @@ def _retreat(
         if missing < least:
             least, moved = missing, attempt > 0
             _copy(q, best)
-        if count == 0 or attempt == _STEPS:
+        if count == 0 or attempt == steps:
             break
         _write_normal_equations(near, count, normal, step)
         if cholesky_solve_kernel(normal, step, n) >= 0:
@@ -371,8 +369,11 @@ def _write_normal_equations(near: NearPairs, count: int, normal: Array, step: Ar
             # 5 mm more than is missing, for the legs beside it.
             step[i] += near.gradients[row, i] * (5e-3 - near.distances[row])
         total += normal[i, i]
+    # Directions in which distances change by less than this share of what they do in all are
+    # damped.
+    damping = 1e-2
     for i in range(n):
-        normal[i, i] += _DAMPING * _DAMPING * total + 1e-12
+        normal[i, i] += damping * damping * total + 1e-12
 
 
 @kernel(allocates=False)

@@ -54,8 +54,6 @@ class Step(IntEnum):
 _STEPS = len(Step)
 
 
-#: How far a waypoint is drawn in, as part of the way to the line between its neighbours.
-_HALF_WAY, _LESS = 0.5, 0.2
 #: Edge checks after which the path stays as it is.
 _MAX_CHECKS = 60
 #: Paths with more waypoints stay as they are.
@@ -281,10 +279,12 @@ def _step(way: _Way, count: int, k: int, step: int) -> int:
             expected[i] = way.shortfall[source]
         else:
             expected[i] = 0.0
+    # How far a waypoint is drawn in, as part of the way to the line between its neighbours.
+    half_way, less = 0.5, 0.2
     if step == Step.DRAWN_IN:
-        _draw_in(points, k, _HALF_WAY, trial)
+        _draw_in(points, k, half_way, trial)
     elif step == Step.DRAWN_LESS:
-        _draw_in(points, k, _LESS, trial)
+        _draw_in(points, k, less, trial)
     elif step == Step.JOINED:
         for j in range(points.shape[1]):
             trial[k, j] = 0.5 * (points[k, j] + points[k + 1, j])

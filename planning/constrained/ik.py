@@ -43,11 +43,6 @@ OBJECTIVES: tuple[Objective, ...] = get_args(Objective)
 HELD = 1e-6
 #: Kept beyond the margins, so that a configuration driven to them does not touch them [m].
 _HEADROOM = 1e-6
-#: One start of so many keeps triangles apart; the others keep what covers them apart, which costs a
-#: tenth of the time and leaves out what lies in hollows.
-_EXACT_STARTS = 4
-#: Solutions nearer than this in every joint [rad or m] are one.
-_SAME = 1e-3
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -277,7 +272,9 @@ class _Search:
         """Solids that start ``number`` keeps apart: covers, or triangles where those do not do."""
         if self.checker is None or self.covers is self.exact:
             return self.exact
-        in_turn = number % _EXACT_STARTS == _EXACT_STARTS - 1
+        # Every fourth start keeps triangles apart; the others keep what covers them apart, which
+        # costs a tenth of the time and leaves out what lies in hollows.
+        in_turn = number % 4 == 3
         return self.exact if in_turn or (number == 0 and self._in_hollow(start)) else self.covers
 
     def _in_hollow(self, q: Array) -> bool:
@@ -334,9 +331,11 @@ class _Search:
         elif self.checker is not None:
             clearance = 0.0
         solution = ConstrainedSolution(q, residuals, clearance, pair, self._cost(q), solver)
+        # Solutions nearer than this in every joint [rad or m] are one.
+        same = 1e-3
         if self.violation(solution) > 0.0:
             self.attempts.append(solution)
-        elif all(float(np.abs(q - other.joints).max()) > _SAME for other in self.found):
+        elif all(float(np.abs(q - other.joints).max()) > same for other in self.found):
             self.found.append(solution)
 
     def _worst(self, residuals: Array) -> float:

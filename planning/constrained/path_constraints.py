@@ -17,11 +17,6 @@ from planning.problem import PoseGoal, Problem
 from planning.result import Failure
 from planning.values.deadline import Deadline
 
-#: Half a row's width along a path is at least this [m or rad]: the motion of a tool along a line
-#: is made of joint motions that leave it, and a set without thickness can be left at no instant.
-#: Bounds of a joint need none: straight joint motions do not leave them, so it may be locked.
-LEAST_TOLERANCE = 1e-4
-
 
 def check_widths(constraints: ConstraintSet) -> None:
     """Refuse rows that are too thin for a motion.
@@ -29,18 +24,22 @@ def check_widths(constraints: ConstraintSet) -> None:
     Raises:
         InvalidGoal: A tolerance is below 1e-4 m or rad.
     """
+    # Half a row's width along a path is at least this [m or rad]: the motion of a tool along a line
+    # is made of joint motions that leave it, and a set without thickness can be left at no instant.
+    # Bounds of a joint need none: straight joint motions do not leave them, so it may be locked.
+    least_tolerance = 1e-4
     for i, row in enumerate(constraints.rows):
         if not np.isinf(constraints.weights[i]) or row.kind == RowKind.JOINT:
             continue
         half = row.width if np.isinf(row.lower) else 0.5 * row.width
-        if half < LEAST_TOLERANCE * (1.0 - 1e-9):
+        if half < least_tolerance * (1.0 - 1e-9):
             raise InvalidGoal(
                 f"{constraints.label(i)} has a tolerance of {half:.3g} {row.unit}: along a path "
-                f"{LEAST_TOLERANCE:g} {row.unit} at least are needed",
+                f"{least_tolerance:g} {row.unit} at least are needed",
                 hint="Widen its tolerance or region; a millimetre is easily held.",
                 constraint=int(constraints.owners[i]),
                 tolerance=half,
-                relaxation=LEAST_TOLERANCE - half,
+                relaxation=least_tolerance - half,
                 unit=row.unit,
             )
 

@@ -31,8 +31,6 @@ from planning.values.deadline import Deadline
 from planning.values.search_box import search_box
 from planning.values.search_trees import Explored
 
-#: Longest step of a tree, Euclidean in joint space [rad or m].
-_LONGEST = 0.5
 #: Extensions after which a pair of trees is given up for a fresh one: most pairs that meet do so
 #: within these, and those that do not take many times as many.
 _FIRST_BUDGET = 60
@@ -321,7 +319,9 @@ def extend_kernel(
     q, zero = start.copy(), np.zeros(n)
     line, found = np.empty((n, 2)), np.empty(4)
     away = np.sqrt(np.sum((end - q) ** 2))
-    length, count = _LONGEST, 0
+    # Longest step of a tree, Euclidean in joint space [rad or m].
+    longest = 0.5
+    length, count = longest, 0
     while count < steps.shape[0]:
         arrives = away <= length
         share = 1.0 if arrives else length / away
@@ -359,5 +359,5 @@ def extend_kernel(
         q[:] = trial
         away = left
         # A step that was taken may be longer next time.
-        length = min(1.6 * length, _LONGEST)
+        length = min(1.6 * length, longest)
     return count, False

@@ -55,8 +55,6 @@ _ANGLE = int(RowKind.ANGLE)
 _LOOK = int(RowKind.LOOK)
 #: Halvings of an edge at most.
 _DEPTH = 60
-#: Halvings in search of the first violation at most.
-_SEARCH_DEPTH = 40
 #: Cells spent on an edge of a planner.
 EDGE_CELLS = 4_000
 
@@ -92,6 +90,8 @@ def edge_kernel(chain: Array, packed: Array, curve: Array, max_cells: int) -> tu
     depths = np.empty(_DEPTH + 2, dtype=np.int64)
     lows[0], highs[0], depths[0] = 0.0, 1.0, 0
     top, cells, violated = 1, 0, math.inf
+    # Halvings in search of the first violation at most.
+    search_depth = 40
     while top > 0:
         top -= 1
         low, high, depth = lows[top], highs[top], depths[top]
@@ -123,7 +123,7 @@ def edge_kernel(chain: Array, packed: Array, curve: Array, max_cells: int) -> tu
         if violated == math.inf:
             lows[top], highs[top], depths[top] = middle, high, depth + 1
             top += 1
-        elif depth >= _SEARCH_DEPTH:
+        elif depth >= search_depth:
             break
         lows[top], highs[top], depths[top] = low, middle, depth + 1
         top += 1

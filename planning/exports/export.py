@@ -23,9 +23,6 @@ from planning.proof.premises import Premises
 from planning.values.deadline import Deadline
 from planning.values.limits import RATIO_TOLERANCE, MotionLimits
 
-#: Excesses of limits that are called rounding, as a share of the duration, and how often a motion
-#: is slowed down for them.
-_ROUNDING, _ROUNDS = 1e-3, 4
 #: Endings of the files.
 ENDINGS = {
     ExportFormat.JOINT_TRAJECTORY_JSON: "json",
@@ -151,12 +148,15 @@ def _within_limits(
     the jerk beyond its limit by 1e-8 to 1e-5 of it, where the motion uses all of the limit.
     """
     slower = 1.0
-    for _ in range(_ROUNDS):
+    # Excesses of limits that are called rounding, as a share of the duration, and how often a
+    # motion is slowed down for them.
+    rounding, rounds = 1e-3, 4
+    for _ in range(rounds):
         given = trajectory if slower == 1.0 else trajectory.dilate(slower)
         points = export_points(given, options)
         motion = controller_motion(trajectory.joint_names, points)
         excess = 0.0 if options.is_path else _excess(trajectory, motion, limits, points.rule)
-        if not 0.0 < excess <= _ROUNDING:
+        if not 0.0 < excess <= rounding:
             break
         slower *= 1.0 + 2.0 * excess
     return points, motion

@@ -12,9 +12,6 @@ from planning.exports.options import ExportFormat, ExportOptions, Rule
 from planning.timing.path.simplification import kept_waypoints
 from planning.values.limits import JERK_JUMP
 
-#: Points of one file: at half a kilobyte each, fifty megabytes.
-MAX_POINTS = 100_000
-
 
 class ExportPoints(NamedTuple):
     """Points with what a file gives of them.
@@ -52,11 +49,13 @@ def export_points(trajectory: Trajectory, options: ExportOptions) -> ExportPoint
         InvalidOption: The period gives too many points.
     """
     period = options.sample_period
-    if trajectory.duration / period > MAX_POINTS:
+    # Points of one file: at half a kilobyte each, fifty megabytes.
+    max_points = 100_000
+    if trajectory.duration / period > max_points:
         raise InvalidOption(
             f"sample_period: {period:g} s over {trajectory.duration:g} s gives more than "
-            f"{MAX_POINTS} points",
-            hint=f"Give at least {trajectory.duration / MAX_POINTS:.3g} s.",
+            f"{max_points} points",
+            hint=f"Give at least {trajectory.duration / max_points:.3g} s.",
         )
     trajectory = _in_whole_nanoseconds(trajectory)
     times, rule = trajectory.uniform_samples(period), _rule(trajectory, options)

@@ -23,8 +23,6 @@ from obstacles.convex.hull import Hull, convex_hull
 from obstacles.convex.triangles import Triangles, corners, join
 from obstacles.robots.robot_geometry import RobotGeometry
 
-#: Cells of time times moving pieces: a hull of each takes about 0.3 ms and 5 kB.
-_MAX_HULLS = 50_000
 #: Points about a ball of radius 1 whose hull holds it: an octahedron.
 _ABOUT_A_BALL = np.sqrt(3.0) * np.vstack([np.eye(3), -np.eye(3)])
 
@@ -67,10 +65,12 @@ def swept_volume(
         raise InvalidOption("tolerance must be positive", hint="Give 0.005 for 5 mm.")
     moving = [i for i in range(len(robot.pieces)) if robot.joints[i] >= 0]
     times = _cells(motion, robot, tolerance)
-    if len(times) * len(moving) > _MAX_HULLS:
+    # Cells of time times moving pieces: a hull of each takes about 0.3 ms and 5 kB.
+    max_hulls = 50_000
+    if len(times) * len(moving) > max_hulls:
         raise InvalidOption(
             f"a tolerance of {tolerance:g} m asks for {len(times) * len(moving)} hulls, at most "
-            f"{_MAX_HULLS} are made",
+            f"{max_hulls} are made",
             hint="Allow a larger tolerance: halves of it take 1.4 times as many.",
         )
     frames = np.stack([joint_frames(robot.chain, q) for q in motion.sample(times)])

@@ -18,8 +18,6 @@ CONTROL_POINTS = ("origins", "links")
 ENGINES = ("exact", "fcl")
 #: Largest number of steps, and of steps without progress.
 MAX_ITERATIONS = 100_000
-#: Longest sequence of step sizes.
-_MAX_STEP_SIZES = 10_000
 #: So large an alpha_k makes every step the longest: cheaper than looking for a lower potential, and
 #: strides over small ridges of it.
 _ALWAYS_LONGEST = 1e6
@@ -143,8 +141,10 @@ class FieldOptions:
         several = isinstance(sizes, Sequence) and not isinstance(sizes, str)
         for size in sizes if several else [sizes]:  # type: ignore[union-attr]
             positive("step_sizes", size)
-        if several and not 0 < len(sizes) <= _MAX_STEP_SIZES:  # type: ignore[arg-type]
-            raise InvalidOption(f"step_sizes must be 1 to {_MAX_STEP_SIZES} numbers")
+        # Longest sequence of step sizes.
+        max_step_sizes = 10_000
+        if several and not 0 < len(sizes) <= max_step_sizes:  # type: ignore[arg-type]
+            raise InvalidOption(f"step_sizes must be 1 to {max_step_sizes} numbers")
 
     @classmethod
     def of(cls, options: Mapping[str, Any]) -> "FieldOptions":

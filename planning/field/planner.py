@@ -47,10 +47,6 @@ from planning.planner import Query
 from planning.result import Attempt, Descent, Explanation
 from planning.values.deadline import Deadline
 
-#: Steps between two looks at the clock.
-_STEPS_A_LOOK = 8
-#: Configurations that a track has room for at first.
-_CAPACITY = 64
 #: Names of the outcomes of a descent on the wire.
 _ENDINGS: dict[int | None, str] = {
     None: "timed_out",
@@ -231,9 +227,11 @@ class _Descent:
         self._options = options
         self._rules = options.rules(limits.lower, limits.upper)
         self._random = np.random.default_rng(seed)
+        # Configurations that a track has room for at first.
+        capacity = 64
         self._track = Track(
-            visited=np.empty((_CAPACITY, n)),
-            potentials=np.empty(_CAPACITY),
+            visited=np.empty((capacity, n)),
+            potentials=np.empty(capacity),
             force=np.empty(n),
             gauges=np.array([options.longest_step, np.inf, -1.0, -1.0]),
             counts=np.zeros(3, dtype=np.int64),
@@ -304,9 +302,11 @@ class _Descent:
     def _descend_until(self, deadline: Deadline, across: Array, walk: int) -> int | None:
         """Walk, then descend until that ends; None where the time does."""
         max_iterations = self._options.max_iterations
+        # Steps between two looks at the clock.
+        steps_a_look = 8
         while not deadline.passed:
-            self._reserve(_STEPS_A_LOOK + walk)
-            until = min(self.iterations + _STEPS_A_LOOK, max_iterations)
+            self._reserve(steps_a_look + walk)
+            until = min(self.iterations + steps_a_look, max_iterations)
             outcome = self._descend(until, across, walk)
             if outcome != Outcome.GOING or self.iterations >= max_iterations:
                 return outcome

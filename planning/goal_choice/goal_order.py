@@ -30,8 +30,6 @@ MAX_PLANNED = 6
 MAX_EDGES = 2000
 #: Clearance beyond which clearance costs nothing [m].
 FAR_FROM_OBSTACLES = 0.05
-#: A move is small in which no joint turns further [rad or m], or of the tool no further [m], [rad].
-_SMALL, _SMALL_WAY, _SMALL_TURN = 0.5, 0.05, 0.25
 #: A small move may take this many times the time of the quickest and stay in its branch.
 MAX_LONGER_IN_BRANCH = 1.2
 
@@ -96,12 +94,15 @@ def own_branch(chain: Chain, start: Array, joints: Array, times: Array) -> int |
     nearest = int(turns.argmin())
     if times[nearest] > MAX_LONGER_IN_BRANCH * times.min():
         return None
-    if turns[nearest] <= _SMALL:
+    # A move is small in which no joint turns further [rad or m], or of the tool no further [m],
+    # [rad].
+    small, small_way, small_turn = 0.5, 0.05, 0.25
+    if turns[nearest] <= small:
         return nearest
     here, there = forward(chain, np.array([start, joints[nearest]]))
     way = float(np.linalg.norm(there[:3, 3] - here[:3, 3]))
     turn = float(np.linalg.norm(rotation_error(here[:3, :3], there[:3, :3])))
-    return nearest if way <= _SMALL_WAY and turn <= _SMALL_TURN else None
+    return nearest if way <= small_way and turn <= small_turn else None
 
 
 def ends_off_limits(

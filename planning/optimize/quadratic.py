@@ -16,9 +16,6 @@ from scipy import sparse
 
 from kinematics.arrays import Array
 
-#: How far off constraints a solution may be, in their own (relative) units.
-_TOLERANCE = 1e-6
-
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Quadratic:
@@ -71,9 +68,11 @@ class Quadratic:
         if not np.isfinite(z).all():
             return False
         rows = self.A @ z
-        scale = _TOLERANCE * (1.0 + np.abs(rows))
+        # How far off constraints a solution may be, in their own (relative) units.
+        tolerance = 1e-6
+        scale = tolerance * (1.0 + np.abs(rows))
         within = (rows >= self.lower - scale) & (rows <= self.upper + scale)
-        size = _TOLERANCE * (1.0 + np.abs(z))
+        size = tolerance * (1.0 + np.abs(z))
         inside = (z >= self.least - size) & (z <= self.most + size)
         return bool(within.all() and inside.all())
 

@@ -44,8 +44,6 @@ from planning.values.optimize_options import RefineOptions
 _REACH = 0.3
 #: Distance kept at checkpoints beyond the margins, since there is motion between them [m].
 _SPARE = 1e-3
-#: A round that gains less than this part of the objective is the last [-].
-_GAIN = 2e-3
 #: The first round takes about so many times as long as the look before it.
 _FIRST = 3.0
 #: Ratios to limits that are equal to 1 but for rounding.
@@ -127,7 +125,9 @@ class Descent:
             return self._shrink()
         excess = self._duration_excess(self.iterate)
         here = np.append(self.iterate.points.ravel(), [self.iterate.duration, excess])
-        if self.linearization.violation == 0.0 and problem.value(here) - problem.value(z) < _GAIN:
+        # A round that gains less than this part of the objective is the last [-].
+        gain = 2e-3
+        if self.linearization.violation == 0.0 and problem.value(here) - problem.value(z) < gain:
             return False
         following = self._next_iterate(z)
         linearized = self._linearize(following)
@@ -136,14 +136,14 @@ class Descent:
         worse = linearized.violation > max(2.0 * self.linearization.violation, 1.0)
         shortened = excess - self._duration_excess(following)
         no_better = linearized.violation >= self.linearization.violation and shortened <= 0.0
-        if worse or (after > before * (1.0 + _GAIN) and no_better):
+        if worse or (after > before * (1.0 + gain) and no_better):
             return self._shrink()
         self.iterate, self.linearization = following, linearized
         if linearized.violation > 0.0:
             self.obstruction = linearized.obstruction
             return True
         places = self._keep_if_better(following)
-        return bool(places) or shortened > _GAIN or before - after > _GAIN * abs(before)
+        return bool(places) or shortened > gain or before - after > gain * abs(before)
 
     def _duration_excess(self, iterate: Iterate) -> float:
         """Share of the longest duration by which a motion exceeds it; 0 where it does not."""

@@ -22,8 +22,6 @@ from planning.sampling.search import sample
 from planning.search.straight_line import straight_line
 from planning.values.deadline import Deadline
 
-#: Length of the motions along the straight line, as part of it.
-_STRETCH = 0.2
 #: Options of that search: edges as long as those of a plan [rad].
 _SEARCH_OPTIONS = {"range": 0.5}
 
@@ -165,8 +163,10 @@ def _random_motion(
     line = goal - start
     # Standard deviation of motions beside the straight line, as part of its length.
     aside = 0.15 * float(np.linalg.norm(line)) * random.normal(size=len(line)) / len(line) ** 0.5
-    at = random.uniform(0.0, 1.0 - _STRETCH)
-    ends = np.array([start + at * line + aside, start + (at + _STRETCH) * line + aside])
+    # Length of the motions along the straight line, as part of it.
+    stretch = 0.2
+    at = random.uniform(0.0, 1.0 - stretch)
+    ends = np.array([start + at * line + aside, start + (at + stretch) * line + aside])
     a, b = np.clip(ends, chain.limits.lower, chain.limits.upper)
     return a, b
 

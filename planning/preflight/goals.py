@@ -30,11 +30,6 @@ from planning.values.goal_costs import GoalCosts
 #: Free configurations of a pose at most, of those away from limits, of those at one, and copies of
 #: them with a joint a turn further than it need be.
 _MOST_INSIDE, _MOST_AT_LIMIT, _MOST_TURNED = 10, 2, 4
-#: Free configurations differ by this much in a joint at least [rad or m]: those of a redundant arm
-#: would else be neighbours of the cheapest.
-_APART = 0.3
-#: Configurations of a pose that are checked together, and how many at most.
-_TOGETHER, _MAX_LOOKS = 8, 192
 
 
 def find_goals(
@@ -160,11 +155,16 @@ def configurations_off_limits(
 def _free_configurations(checker: Checker, joints: Array, most: int) -> list[Candidate]:
     """The first free ones of configurations (k, n) that are apart from each other."""
     chosen: list[Candidate] = []
-    left = joints[:_MAX_LOOKS]
+    # Configurations of a pose that are checked together, and how many at most.
+    together, max_looks = 8, 192
+    left = joints[:max_looks]
+    # Free configurations differ by this much in a joint at least [rad or m]: those of a redundant
+    # arm would else be neighbours of the cheapest.
+    apart = 0.3
     while len(left):
-        rows, left = left[:_TOGETHER], left[_TOGETHER:]
+        rows, left = left[:together], left[together:]
         for q in rows[checker.each_valid(rows)]:
-            if any(np.abs(q - other.joints).max() < _APART for other in chosen):
+            if any(np.abs(q - other.joints).max() < apart for other in chosen):
                 continue
             clearance = checker.clearance(q)[0]
             if clearance <= TOUCHING:
@@ -172,7 +172,7 @@ def _free_configurations(checker: Checker, joints: Array, most: int) -> list[Can
             chosen.append(Candidate(clearance, q))
             if len(chosen) == most:
                 return chosen
-            left = left[np.abs(left - q).max(axis=1) >= _APART]
+            left = left[np.abs(left - q).max(axis=1) >= apart]
     return chosen
 
 

@@ -11,8 +11,6 @@ from obstacles.collision.checker import Checker
 
 #: Clearance that a configuration found to be free has at least, margins taken off [m].
 _CLEARANCE = 1e-3
-#: Random configurations about the one that is not free, if the descent fails.
-_DRAWS = 240
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -106,10 +104,12 @@ def _draw(spacious: Checker, q: Array, random: np.random.Generator) -> Array | N
     chain = spacious.model.chain
     low, high = chain.sampling_bounds()
     best: Array | None = None
-    for k in range(_DRAWS):
+    # Random configurations about the one that is not free, if the descent fails.
+    draws = 240
+    for k in range(draws):
         # Half-width of the first draw's box, as part of the joints' ranges; the last has all of
         # them.
-        share = 0.02 ** (1.0 - k / _DRAWS)
+        share = 0.02 ** (1.0 - k / draws)
         drawn = q + share * (high - low) * random.uniform(-1.0, 1.0, chain.n)
         drawn = np.clip(drawn, chain.limits.lower, chain.limits.upper)
         if best is not None and np.linalg.norm(drawn - q) >= np.linalg.norm(best - q):

@@ -33,10 +33,6 @@ from planning.values.deadline import Deadline
 
 Choice = Literal["manipulability", "clearance", "limits", "first"]
 CHOICES: tuple[Choice, ...] = get_args(Choice)
-#: Rounds of the numeric search, each from other starts.
-_ROUNDS = 4
-#: Values of a redundant arm's parameter that are tried.
-_PARAMETERS = 16
 _PLAN, _ROW = frozen(np.zeros((1, PLAN_COLUMNS))), frozen([0.0])
 #: Values of the types that all arms and settings have.
 _ARM = Arm(_PLAN, _PLAN, 0, _ROW, _ROW)
@@ -277,8 +273,10 @@ def _by_search(query: _Query, targets: Array, results: Array, joints: Array) -> 
     """Reach of a few poses with all their deviations (m, s, 4, 4), by the numeric method."""
     m, s = targets.shape[:2]
     flat = np.ascontiguousarray(targets.reshape(-1, 4, 4))
-    rows = np.zeros((m, s * _ROUNDS, query.chain.n + MORE))
-    for k in range(_ROUNDS):
+    # Rounds of the numeric search, each from other starts.
+    rounds = 4
+    rows = np.zeros((m, s * rounds, query.chain.n + MORE))
+    for k in range(rounds):
         # Starts of each round.
         found = numeric.solve_many(
             query.chain,
@@ -300,7 +298,7 @@ def _by_search(query: _Query, targets: Array, results: Array, joints: Array) -> 
     shared(share, m, query.options.threads)
     # Several rounds find the same configuration: only whether there is one is known.
     results[:, assessment.Column.BRANCHES] = np.minimum(results[:, assessment.Column.BRANCHES], 1.0)
-    solved = rows[..., query.chain.n + INSIDE].reshape(m, _ROUNDS, s)
+    solved = rows[..., query.chain.n + INSIDE].reshape(m, rounds, s)
     results[:, assessment.Column.SAMPLES] = np.minimum(
         results[:, assessment.Column.SAMPLES], solved.any(axis=1).sum(1)
     )
@@ -316,10 +314,12 @@ def _start(chain: Chain, seed: int) -> Array:
 
 def parameter_values(chain: Chain, form: Structure) -> Array:
     """Values of a redundant arm's parameter, all around it, shape (v,) [rad or m]."""
+    # Values of a redundant arm's parameter that are tried.
+    parameters = 16
     if form.locked is None:
-        return np.asarray(np.arange(_PARAMETERS) * 2.0 * np.pi / _PARAMETERS - np.pi)
+        return np.asarray(np.arange(parameters) * 2.0 * np.pi / parameters - np.pi)
     low, high = chain.sampling_bounds()
-    return np.linspace(low[form.locked], high[form.locked], _PARAMETERS)
+    return np.linspace(low[form.locked], high[form.locked], parameters)
 
 
 def _answer(results: Array, joints: Array, options: ReachOptions) -> Reach:

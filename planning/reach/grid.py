@@ -7,9 +7,6 @@ import numpy as np
 from kinematics.arrays import Array, frozen, numbers
 from kinematics.errors import InvalidOption
 
-#: The most poses of one grid.
-MAX_POSES = 1_000_000
-
 
 @dataclass(frozen=True, slots=True, eq=False)
 class PoseGrid:
@@ -39,9 +36,11 @@ class PoseGrid:
         if min(self.size) < 0.0:
             raise InvalidOption(f"size is {list(self.size)} m; no edge may be negative")
         count = int(np.prod([float(k) for k in self.shape]))
-        if count > MAX_POSES:
+        # The most poses of one grid.
+        max_poses = 1_000_000
+        if count > max_poses:
             raise InvalidOption(
-                f"the grid has {count} poses, at most {MAX_POSES} are looked at",
+                f"the grid has {count} poses, at most {max_poses} are looked at",
                 hint="Take a wider spacing or fewer orientations.",
             )
 

@@ -13,8 +13,6 @@ from kinematics.errors import InvalidOption
 
 Axis = Literal["x", "y", "z", "rx", "ry", "rz"]
 AXES: tuple[Axis, ...] = get_args(Axis)
-#: The most deviations that one pose is tried at.
-MAX_SAMPLES = 1_000
 
 
 @dataclass(frozen=True, slots=True)
@@ -46,9 +44,11 @@ class Tolerance:
                     hint="Name the axis in free where any angle will do.",
                 )
         count = math.prod(len(self._values(axis)) for axis in AXES)
-        if count > MAX_SAMPLES:
+        # The most deviations that one pose is tried at.
+        max_samples = 1_000
+        if count > max_samples:
             raise InvalidOption(
-                f"the tolerance has {count} deviations of each pose, at most {MAX_SAMPLES} "
+                f"the tolerance has {count} deviations of each pose, at most {max_samples} "
                 "are tried",
                 hint="Ask for fewer samples, or for fewer axes.",
             )

@@ -24,8 +24,6 @@ from planning.timing.spline.spline import Ends, chord_knots, led_by, spline_path
 from planning.timing.time_scaling import ScaledTime
 from planning.values.limits import MotionLimits
 
-#: Legs shorter than this are reported: their direction has lost digits.
-TINY = 1e-9
 _SIZES = "Look for limits or lengths of very different sizes."
 
 
@@ -339,9 +337,11 @@ def _notes(points: Array) -> tuple[str, ...]:
     """Notes on waypoints that repeat others, by their numbers."""
     steps = np.linalg.norm(np.diff(points, axis=0), axis=1)
     notes = [f"Waypoint {i + 1} repeats waypoint {i}." for i in np.flatnonzero(steps == 0.0)]
+    # Legs shorter than this are reported: their direction has lost digits.
+    tiny = 1e-9
     notes += [
         f"Waypoint {i + 1} is only {steps[i]:.3g} from waypoint {i}."
-        for i in np.flatnonzero((steps > 0.0) & (steps < TINY))
+        for i in np.flatnonzero((steps > 0.0) & (steps < tiny))
     ]
     return tuple(notes)
 

@@ -35,8 +35,6 @@ from planning.values.deadline import Deadline
 _MAX_CHECKS = 250
 #: A cut that needs more intervals is not worth its proof.
 _MAX_INTERVALS = 800
-#: Cuts tried at a corner: the whole of it, a half, a quarter, an eighth of its legs.
-_CUTS = 4
 
 
 class Held(NamedTuple):
@@ -267,12 +265,14 @@ def cut_corners(
     n = points.shape[1]
     a, b = on_stack(MAX_JOINTS)[:n], on_stack(MAX_JOINTS)[:n]
     k = 1
+    # Cuts tried at a corner: the whole of it, a half, a quarter, an eighth of its legs.
+    cuts = 4
     while k < count - 1:
         before, after = distance(points[k - 1], points[k]), distance(points[k], points[k + 1])
         if before + after - distance(points[k - 1], points[k + 1]) < worth:
             k += 1
             continue
-        while tried[k] < _CUTS:
+        while tried[k] < cuts:
             if checks[0] >= _MAX_CHECKS:
                 return count
             share = 0.5 ** tried[k]
@@ -286,7 +286,7 @@ def cut_corners(
             if is_free(model, work, held, a, b, checks):
                 break
             tried[k] += 1
-        if tried[k] == _CUTS:
+        if tried[k] == cuts:
             k += 1
             continue
         tried[k - 1] = tried[k + 1] = 0

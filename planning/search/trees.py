@@ -46,8 +46,6 @@ _LOOKS, _LOOKS_BEFORE_PROOF = 4, 2
 _UNKNOWN = -1
 #: Cuts after which every step is proved before it is taken.
 _MAX_CUTS = 3
-#: Parent of a node that was cut off; that of a root is -1.
-_CUT = -2
 
 
 class Tally(IntEnum):
@@ -369,10 +367,12 @@ def _proves(
 def _cut(trees: Trees, side: int, first: int) -> None:
     """Take a node out of a tree, and all that grew from it: nothing is nearest to it any more."""
     points, parents = trees.points[side], trees.parents[side]
+    # Parent of a node that was cut off; that of a root is -1.
+    cut = -2
     for node in range(first, trees.sizes[side]):
         above = parents[node]
-        if node == first or (above >= 0 and parents[above] == _CUT):
-            parents[node] = _CUT
+        if node == first or (above >= 0 and parents[above] == cut):
+            parents[node] = cut
             for j in range(points.shape[1]):
                 points[node, j] = np.inf
             place_node(trees.blocks[side], node, points[node])

@@ -25,8 +25,6 @@ DirectionFrame = Literal["tool", "root"]
 
 #: Duration of a stage in which the gripper opens or closes, unless told otherwise [s].
 GRIPPER_DURATION = 0.5
-#: Most candidates of one stage.
-MAX_TARGETS = 10_000
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -322,9 +320,11 @@ def _poses(poses: ArrayLike, what: str) -> Array:
     T = np.asarray(poses, dtype=np.float64)
     if T.ndim != 3 or T.shape[1:] != (4, 4) or not np.isfinite(T).all():
         raise InvalidPose(f"{what} must be finite 4x4 transforms, shape (k, 4, 4)")
-    if not 0 < len(T) <= MAX_TARGETS:
+    # Most candidates of one stage.
+    max_targets = 10_000
+    if not 0 < len(T) <= max_targets:
         raise InvalidOption(
             f"there are {len(T)} {what}",
-            hint=f"Give 1 to {MAX_TARGETS}.",
+            hint=f"Give 1 to {max_targets}.",
         )
     return frozen(T)

@@ -27,10 +27,6 @@ from planning.sequence.stage import Grasp, Move, Place, Stage
 from planning.sequence.world import Contact, World
 from planning.values.deadline import Deadline
 
-#: Values of a redundant arm's parameter that are tried.
-_PARAMETERS = 12
-#: Poses whose branches are tabulated at once.
-_CHUNK = 64
 #: Starts of the search away from limits, and configurations that it searches for.
 _INNER_STARTS, _INNER = 60, 8
 
@@ -165,10 +161,12 @@ def find_candidates(
     outcomes: dict[int, Verdict] = {}
     colliding: list[Array] = []
     form = structure(chain)
-    for first in range(0, len(targets), _CHUNK):
+    # Poses whose branches are tabulated at once.
+    chunk = 64
+    for first in range(0, len(targets), chunk):
         if deadline.passed:
             break
-        part = targets[first : first + _CHUNK]
+        part = targets[first : first + chunk]
         for target, (reached, joints) in zip(
             part, _solutions(chain, form, part, seed), strict=True
         ):
@@ -259,10 +257,12 @@ def _away_from_limits(chain: Chain, T: Array, found: Array, seed: int) -> Array:
 
 def _parameters(chain: Chain, form: Structure) -> Array:
     """Values of a redundant arm's parameter, all around it."""
+    # Values of a redundant arm's parameter that are tried.
+    parameters = 12
     if form.locked is None:
-        return np.asarray(np.arange(_PARAMETERS) * 2.0 * np.pi / _PARAMETERS - np.pi)
+        return np.asarray(np.arange(parameters) * 2.0 * np.pi / parameters - np.pi)
     low, high = chain.sampling_bounds()
-    return np.linspace(low[form.locked], high[form.locked], _PARAMETERS + 2)[1:-1]
+    return np.linspace(low[form.locked], high[form.locked], parameters + 2)[1:-1]
 
 
 def _inside(chain: Chain, joints: Array) -> Array:

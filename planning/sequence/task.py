@@ -37,8 +37,6 @@ from planning.values.finger_motion import FingerMotion, least_duration
 
 #: Names of the states that a stage means which names none, by its kind.
 _STATES = {"open": ("open", "opened"), "close": ("close", "closed")}
-#: Names that an error tells.
-_MAX_NAMES = 60
 
 
 class Segment(NamedTuple):
@@ -281,7 +279,9 @@ def _unknown(
 ) -> ArmwrightError:
     where, name = entry
     some = sorted(known)
-    listed = ", ".join(some[:_MAX_NAMES]) + (", …" if len(some) > _MAX_NAMES else "")
+    # Names that an error tells.
+    max_names = 60
+    listed = ", ".join(some[:max_names]) + (", …" if len(some) > max_names else "")
     return error(
         f"{describe_stage(stages, k)}: {where} names {name!r}, which there is not",
         hint=f"There are: {listed or 'none'}.",

@@ -47,9 +47,6 @@ from planning.values.limits import RATIO_TOLERANCE
 
 # Instants of a piece of a spline at which its clearance is checked before it is proved.
 _INSTANTS = 3
-# Splines swing over by milliradians. So near to a limit of a joint [rad or m] they are held to it
-# before they are proved, at so many instants of a piece.
-_AT_LIMIT, _LIMIT_INSTANTS = 0.02, 8
 
 
 def motions(
@@ -324,9 +321,12 @@ class _RoundedMotion:
         """Instants at which a spline is outside the joints' limits that its path comes to, (k,)."""
         limits = self.checker.model.chain.limits
         low, high = limits.lower, limits.upper
-        if is_inside(self.points, low, high, _AT_LIMIT):
+        # Splines swing over by milliradians. So near to a limit of a joint [rad or m] they are held
+        # to it before they are proved, at so many instants of a piece.
+        at_limit, limit_instants = 0.02, 8
+        if is_inside(self.points, low, high, at_limit):
             return np.empty(0)
-        count = _LIMIT_INSTANTS * motion.pieces
+        count = limit_instants * motion.pieces
         return outside_instants(motion.breaks, motion.coefficients, count, low, high)
 
     def _close_on_path(self, number: int, rounded: Pieces, shares: Array) -> Array:

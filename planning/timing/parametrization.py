@@ -31,9 +31,6 @@ from planning.values.limits import EffortLimits, MotionLimits
 
 #: A spline that takes longer than this part of the motion that it is near to is not worth it.
 WORTH = 1.1
-#: Spans for each second of a motion within loads that are tried in turn [1/s]: 16 and 19 pieces in
-#: 1.6 s. Loads bind here and there, and more spans follow that more closely.
-_SPAN_RATES_WITHIN_LOADS = (10.0, 12.0)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -133,8 +130,11 @@ class TimeParametrization:
         """
         if self.loads is None or not (self.method.near_path and self.few_pieces):
             return
+        # Spans for each second of a motion within loads that are tried in turn [1/s]: 16 and 19
+        # pieces in 1.6 s. Loads bind here and there, and more spans follow that more closely.
+        span_rates_within_loads = (10.0, 12.0)
         # Spans that shorter motions are tried with then: 20, since this is rounded up.
-        rates, few = [*_SPAN_RATES_WITHIN_LOADS], 19.99 / motion.duration
+        rates, few = [*span_rates_within_loads], 19.99 / motion.duration
         # The last rate [1/s]: more than few pieces, and mostly fewer than the motion has.
         rates += [rate for rate in (few, 20.0) if rate > rates[-1]]
         pieces = Pieces(motion.breaks, motion.coefficients)

@@ -22,9 +22,6 @@ Kind = Literal["lin", "circ"]
 #: Three points of which one is nearer to the line through the others than this part of their
 #: distance name no plane: a thousandth of it would already be a matter of rounding in the text.
 _COLLINEAR = 1e-6
-#: Start and end may be this much unequally far from the centre of an arc, as part of its radius;
-#: the arc then has the start's radius and the end is off by so much.
-_ROUND = 1e-6
 #: Below these a way has no length [m] and a turn no axis [rad].
 _NO_LENGTH = 1e-9
 _NO_ANGLE = 1e-12
@@ -260,7 +257,10 @@ def arc_about(
     p, r, c = T_start[:3, 3], T_end[:3, 3], _point(center, "center")
     near, far = float(np.linalg.norm(p - c)), float(np.linalg.norm(r - c))
     told = {"start": p.tolist(), "center": c.tolist(), "end": r.tolist()}
-    if near < _NO_LENGTH or abs(far - near) > _ROUND * near:
+    # Start and end may be this much unequally far from the centre of an arc, as part of its radius;
+    # the arc then has the start's radius and the end is off by so much.
+    unequal = 1e-6
+    if near < _NO_LENGTH or abs(far - near) > unequal * near:
         raise InvalidGoal(
             f"a circular motion starts {near:.6g} m from its center and ends {far:.6g} m from it",
             hint="Give a center that is equally far from both and not on them, with more decimals, "
@@ -284,7 +284,7 @@ def arc_about(
         raise InvalidGoal("the normal of a circular motion has no direction")
     axis = axis / size
     tilt = max(abs(float(axis @ (p - c))), abs(float(axis @ (r - c))))
-    if tilt > _ROUND * near:
+    if tilt > unequal * near:
         raise InvalidGoal(
             f"the start or end of a circular motion is {tilt:.6g} m off the plane across its "
             "normal through its center",

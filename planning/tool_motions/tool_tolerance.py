@@ -24,8 +24,6 @@ Axis = Literal["x", "y", "z", "rx", "ry", "rz"]
 AXES: tuple[Axis, ...] = get_args(Axis)
 #: Angles that orientations have, of which rx and rz are not defined at a right angle of ry.
 ROTATIONS: tuple[Axis, ...] = ("rx", "ry", "rz")
-#: Largest bound of ry where not all rotations are free [rad].
-MAX_RY = 1.4
 #: Largest deviation of position that can be asked for [m].
 MAX_POSITION = 1.0
 # Columns of deviations.
@@ -82,9 +80,11 @@ class ToolTolerance:
             raise InvalidOption("tilt must be positive", hint="Leave it out for no tilt at all.")
         angles = max(abs(self.lower[RY]), abs(self.upper[RY]))
         bounded = np.isfinite([self.lower[RX:], self.upper[RX:]]).any()
-        if angles > MAX_RY and (bounded or self.tilt < math.pi):
+        # Largest bound of ry where not all rotations are free [rad].
+        max_ry = 1.4
+        if angles > max_ry and (bounded or self.tilt < math.pi):
             raise InvalidOption(
-                f"tolerance of ry: beyond {MAX_RY:g} rad, where rx and rz are not defined",
+                f"tolerance of ry: beyond {max_ry:g} rad, where rx and rz are not defined",
                 hint="Keep ry within it, or free all of rx, ry and rz.",
             )
 

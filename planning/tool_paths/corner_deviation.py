@@ -67,8 +67,6 @@ class Cell(IntEnum):
 
 
 CELL_SIZE = 10
-#: Looks along a corner for the part of it that is nearest to the tool.
-_LOOKS = 16
 
 
 @kernel(allocates=False)
@@ -198,11 +196,13 @@ def _point(m: Array, u: float, curve: Array) -> None:
 def _nearest(m: Array, p: Array, curve: Array) -> float:
     """Parameter of the curve nearest to a point; the curve's rows are left there."""
     nearest, u = np.inf, 0.0
-    for i in range(_LOOKS + 1):
-        _point(m, i / _LOOKS, curve)
+    # Looks along a corner for the part of it that is nearest to the tool.
+    looks = 16
+    for i in range(looks + 1):
+        _point(m, i / looks, curve)
         away = norm(p[0] - curve[0, 0], p[1] - curve[0, 1], p[2] - curve[0, 2])
         if away < nearest:
-            nearest, u = away, i / _LOOKS
+            nearest, u = away, i / looks
     # Steps of Gauss and Newton from the nearest of them.
     for _ in range(12):
         _point(m, u, curve)

@@ -21,8 +21,6 @@ from planning.tool_motions.tool_motion import ToolMotion, arc_about, arc_via, li
 
 #: Instants that are drawn over all motions together.
 INSTANTS = 64
-#: Places of a corner that are checked in each round, and rounds of ever nearer ones.
-_LOOKS, _ROUNDS = 65, 5
 
 
 @dataclass(frozen=True, slots=True)
@@ -264,9 +262,11 @@ def place_at(motion: ToolCurve, T: Array) -> float:
 
 def _place_on_corner(corner: ToolCorner, point: Array) -> float:
     low, high = 0.0, 1.0
-    for _ in range(_ROUNDS):
-        places = np.linspace(low, high, _LOOKS)
+    # Places of a corner that are checked in each round, and rounds of ever nearer ones.
+    looks, rounds = 65, 5
+    for _ in range(rounds):
+        places = np.linspace(low, high, looks)
         apart = np.linalg.norm(corner.poses(places)[:, :3, 3] - point, axis=1)
         k = int(apart.argmin())
-        low, high = places[max(k - 1, 0)], places[min(k + 1, _LOOKS - 1)]
+        low, high = places[max(k - 1, 0)], places[min(k + 1, looks - 1)]
     return float(places[k])

@@ -54,18 +54,7 @@ from planning.tool_paths.corner_deviation import (
     norm,
 )
 
-#: Places of pieces and motions that differ by less are the same.
-_SAME_PLACE = 1e-12
-#: A bound is sharp that is at most this much above what was found, or below this share of what is
-#: allowed.
-_SHARP = 1.25
-_SMALL = 0.1
-# ``Chain.model``: the row of the first joint, and the column of a joint's type.
-_FIRST_JOINT = 1
-_TYPE = 0
 _REVOLUTE = float(JointType.REVOLUTE)
-#: Halvings of a piece; a cell of a millionth of a second has told all there is.
-_MAX_DEPTH = 40
 
 
 def pieces_within(
@@ -91,9 +80,11 @@ def pieces_within(
         Shape (m,).
     """
     within = np.zeros(len(breaks) - 1, dtype=np.bool_)
+    # Places of pieces and motions that differ by less are the same.
+    same_place = 1e-12
     for part in run.parts:
-        first = int(np.searchsorted(places, part.begin - _SAME_PLACE))
-        last = int(np.searchsorted(places[:-1], part.end - _SAME_PLACE))
+        first = int(np.searchsorted(places, part.begin - same_place))
+        last = int(np.searchsorted(places[:-1], part.end - same_place))
         if first < last:
             _, within[first:last], _ = piece_deviations(
                 chain,
@@ -164,7 +155,9 @@ def deviation_kernel(
     state = np.zeros(CELL_SIZE)
     work = np.empty((8, max(n, 4)))
     frames = np.empty((n, 4, 4))
-    stack = np.empty((_MAX_DEPTH + 2, 3))
+    # Halvings of a piece; a cell of a millionth of a second has told all there is.
+    max_depth = 40
+    stack = np.empty((max_depth + 2, 3))
     for piece in range(count):
         length = breaks[piece + 1] - breaks[piece]
         stack[0, 0], stack[0, 1], stack[0, 2] = 0.0, length, 0.0
@@ -189,8 +182,10 @@ def deviation_kernel(
                 worst_p, worst_r = max(worst_p, now_p), max(worst_r, now_r)
                 where[piece] = breaks[piece] + at
                 break
-            enough_p = max(_SMALL * tolerances[0], _SHARP * max(now_p, worst_p))
-            enough_r = max(_SMALL * tolerances[1], _SHARP * max(now_r, worst_r))
+            # A bound is sharp that is at most a quarter above what was found, or below a tenth of
+            # what is allowed.
+            enough_p = max(0.1 * tolerances[0], 1.25 * max(now_p, worst_p))
+            enough_r = max(0.1 * tolerances[1], 1.25 * max(now_r, worst_r))
             sharp = upper_p <= enough_p and upper_r <= enough_r
             allowed = upper_p <= tolerances[0] and upper_r <= tolerances[1]
             if sharp and allowed:
@@ -199,7 +194,7 @@ def deviation_kernel(
                 if share > highest:
                     highest, where[piece] = share, breaks[piece] + at
                 continue
-            if depth >= _MAX_DEPTH:
+            if depth >= max_depth:
                 fine[piece] = 0.0
                 worst_p, worst_r = max(worst_p, upper_p), max(worst_r, upper_r)
                 where[piece] = breaks[piece] + at
@@ -286,15 +281,18 @@ def tip_motion_kernel(
                 for k in range(3):
                     R[row, column] += F[row, k] * T_joint_tip[k, column]
     second, turning, moved = 0.0, 0.0, 0.0
+    # ``Chain.model``: the row of the first joint, and the column of a joint's type.
+    first_joint = 1
+    kind_column = 0
     for j in range(last, -1, -1):
         F = frames[j]
         zx, zy, zz = F[0, 2], F[1, 2], F[2, 2]
         speed = c[j, 1] if size > 1 else 0.0
         before = 0.0
         for i in range(j):
-            if model[_FIRST_JOINT + i, _TYPE] == _REVOLUTE:
+            if model[first_joint + i, kind_column] == _REVOLUTE:
                 before += V[i]
-        if model[_FIRST_JOINT + j, _TYPE] != _REVOLUTE:
+        if model[first_joint + j, kind_column] != _REVOLUTE:
             second += A[j] + 2.0 * V[j] * before
             moved += V[j] * h
             v[0] += speed * zx

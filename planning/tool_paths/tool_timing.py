@@ -27,10 +27,6 @@ from planning.values.limits import MotionLimits
 
 #: Spans for each second that are tried in turn [1/s], and spans at least.
 _SPANS = ((12.0, 10), (16.0, 13), (24.0, 17))
-#: A spline that takes longer than the motion by this factor is only taken if no other is faster.
-_FAST = 1.05
-#: Of the deviation allowed, what a spline may use: the rest is for the proof's bounds.
-_SHARE = 0.5
 _QUANTITIES: tuple[Literal["velocity", "acceleration", "jerk"], ...] = (
     "velocity", "acceleration", "jerk",
 )  # fmt: skip
@@ -373,8 +369,12 @@ def spline_near(
     motion = timed.trajectory
     if parametrization.loads is not None or run.tolerances or run.tool_speeds:
         return timed
-    allowed = (_SHARE * tolerances.pair[0], _SHARE * tolerances.pair[1])
+    # Of the deviation allowed, what a spline may use: the rest is for the proof's bounds.
+    share = 0.5
+    allowed = (share * tolerances.pair[0], share * tolerances.pair[1])
     best = timed
+    # A spline that takes longer than the motion by this factor is only taken if no other is faster.
+    fast = 1.05
     for rate, least in _SPANS:
         count = max(least, math.ceil(rate * motion.duration))
         if count >= len(motion.breaks) - 1:
@@ -384,7 +384,7 @@ def spline_near(
         )
         found = spline.trajectory
         longer = found.duration / motion.duration
-        if longer > WORTH or (best is not timed and longer > _FAST):
+        if longer > WORTH or (best is not timed and longer > fast):
             continue
         if len(run.motions) == 1:
             _, within, _ = piece_deviations(
@@ -394,6 +394,6 @@ def spline_near(
                 continue
         if best is timed or found.duration < best.trajectory.duration:
             best = spline
-        if longer <= _FAST:
+        if longer <= fast:
             break
     return best

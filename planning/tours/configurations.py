@@ -23,9 +23,6 @@ from planning.result import Failure
 from planning.tours.problem import MAX_CONFIGURATIONS, TourGoal, TourProblem
 from planning.values.deadline import Deadline
 
-#: Deviations from a pose that such arms try: each takes milliseconds.
-_SEARCHED_DEVIATIONS = 4
-
 
 class Configurations(NamedTuple):
     """Free configurations of one goal.
@@ -146,9 +143,11 @@ def _of_pose(
         return [*rows, *_turned_inwards(chain, rows)]
     # Starts of inverse kinematics spent on them.
     options = numeric.SearchOptions(seed=seed, starts=60)
-    step = max(len(targets) // _SEARCHED_DEVIATIONS, 1)
+    # Deviations from a pose that such arms try: each takes milliseconds.
+    searched_deviations = 4
+    step = max(len(targets) // searched_deviations, 1)
     rows = []
-    for T in targets[::step][:_SEARCHED_DEVIATIONS]:
+    for T in targets[::step][:searched_deviations]:
         found = _searched(chain, T, options, near)
         if found and is_at_limit(chain, np.array(found)).any():
             found += _searched(with_inner_limits(chain), T, options, near)

@@ -21,22 +21,15 @@ from planning.tours.problem import TourProblem
 from planning.tours.result import Leg
 from planning.values.deadline import Deadline
 
-#: Time of a leg that was planned in vain: no tour takes it that has another choice [s].
-IMPOSSIBLE = 2e4
 #: Time added between groups, so that a tour leaves each group only once: more than moves of the
 #: search can save [s].
 _BETWEEN_GROUPS = 500.0
-#: A straight motion that is blocked is expected to take this many times as long, and so much more
-#: [s], until it is planned.
-_DETOUR, _DETOUR_TIME = 1.5, 0.1
 #: Times that differ by less are equal [s].
 SAME_TIME = 1e-5
 
 #: Edges that a planner of one leg may check: seconds. Counted in edges, not in time, the tour
 #: depends on the seed alone.
 _MAX_EDGES = 200_000
-#: Rows of a table between two checks the clock: milliseconds.
-_ROWS_AT_ONCE = 32
 
 Pair = tuple[int, int]
 
@@ -60,10 +53,12 @@ def least_times(
     m = len(joints)
     times: Times = np.empty((m, m), dtype=np.float32)
     velocity, acceleration = np.array(limits.velocity), np.array(limits.acceleration)
-    for begin in range(0, m, _ROWS_AT_ONCE):
+    # Rows of a table between two checks the clock: milliseconds.
+    rows_at_once = 32
+    for begin in range(0, m, rows_at_once):
         if deadline.passed:
             return None
-        rows = np.array([begin, min(begin + _ROWS_AT_ONCE, m)])
+        rows = np.array([begin, min(begin + rows_at_once, m)])
         rest_to_rest_kernel(joints, velocity, acceleration, np.array(jerk), straight, rows, times)
     loads = limits.loads
     if loads is not None and loads.tool_speed is not None:
@@ -173,7 +168,10 @@ class LegTable:
             self.free.add(pair)
             return True
         self.blocked.add(pair)
-        self.set_time(a, b, _DETOUR * self.time(a, b) + _DETOUR_TIME)
+        # A straight motion that is blocked is expected to take this many times as long, and so much
+        # more [s], until it is planned.
+        detour, detour_time = 1.5, 0.1
+        self.set_time(a, b, detour * self.time(a, b) + detour_time)
         return False
 
     def _checker(self, a: int, b: int) -> Checker:
@@ -213,9 +211,11 @@ class LegTable:
                 self.legs[a, b] = leg
                 return leg
         found = self.plan_motion(self.joints[a], self.joints[b], deadline)
+        # Time of a leg that was planned in vain: no tour takes it that has another choice [s].
+        impossible = 2e4
         if isinstance(found, Failure):
             self.failures[a, b] = found
-            self.set_time(a, b, IMPOSSIBLE)
+            self.set_time(a, b, impossible)
             return found
         self.note((a, b), found)
         return found

@@ -16,8 +16,6 @@ from planning.tours.network import Network, TourState, tour_state
 
 #: Gains below this are rounding of single precision [s].
 _GAIN = 1e-6
-#: Stops on either side of a move that choose their configurations anew.
-_WINDOW = 2
 
 
 def nearest_neighbour_tour(
@@ -415,6 +413,8 @@ def improve(network: Network, state: TourState, work: SearchWork) -> float:
     """Improve a tour until no move from a stop in the queue does; the time saved."""
     count = state.order.shape[0]
     saved = 0.0
+    # Stops on either side of a move that choose their configurations anew.
+    window = 2
     while work.ends[0] != work.ends[1]:
         stop = work.queue[work.ends[0]]
         work.ends[0] = (work.ends[0] + 1) % work.queue.shape[0]
@@ -423,7 +423,7 @@ def improve(network: Network, state: TourState, work: SearchWork) -> float:
         if gain == 0.0:
             gain = improve_by_reversal(network, state, stop, work)
         place = state.position[stop]
-        low, high = max(place - _WINDOW, 1), min(place + _WINDOW, count - 2)
+        low, high = max(place - window, 1), min(place + window, count - 2)
         chosen = -choose_configurations(network, state, low, high, work.value, work.back)
         if gain + chosen > 0.0:
             enqueue_around(work, state, place)

@@ -19,10 +19,6 @@ from planning.tours.network import Precedence
 from planning.values.preferred_clearance import PreferredClearance
 
 Pairs = Sequence[tuple[str, str]]
-#: Goals of one tour.
-MAX_GOALS = 500
-#: Rounds of search and proof that can be asked for.
-MAX_ROUNDS = 1_000
 #: Configurations of all goals together: tables of their times take 130 megabytes.
 MAX_CONFIGURATIONS = 4_000
 
@@ -92,9 +88,11 @@ class TourProblem:
         chain = self.robot.chain
         if self.constraints is not None:
             object.__setattr__(self, "margin", max(self.margin, self.constraints.margin))
-        if not 2 <= len(self.goals) <= MAX_GOALS:
+        # Goals of one tour.
+        max_goals = 500
+        if not 2 <= len(self.goals) <= max_goals:
             raise InvalidGoal(
-                f"a tour has {len(self.goals)} goal(s); it takes 2 to {MAX_GOALS}",
+                f"a tour has {len(self.goals)} goal(s); it takes 2 to {max_goals}",
                 hint="Plan a single motion by plan, and split longer tours by groups.",
             )
         if self.start is not None:
@@ -153,8 +151,10 @@ class TourOptions:
     allow_partial: bool = False
 
     def __post_init__(self) -> None:
-        if not 0 <= self.rounds <= MAX_ROUNDS:
-            raise InvalidGoal(f"rounds is {self.rounds}; it must be from 0 to {MAX_ROUNDS}")
+        # Rounds of search and proof that can be asked for.
+        max_rounds = 1_000
+        if not 0 <= self.rounds <= max_rounds:
+            raise InvalidGoal(f"rounds is {self.rounds}; it must be from 0 to {max_rounds}")
         if not self.leg_timeout > 0.0:
             raise InvalidGoal(f"leg_timeout is {self.leg_timeout}; it must be positive")
 

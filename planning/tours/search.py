@@ -41,15 +41,9 @@ from planning.tours.result import (
 )
 from planning.values.deadline import Deadline
 
-#: Kicks for each goal before the first legs are planned and in each round.
-_KICKS = 30
-#: Kicks between two checks the clock.
-_KICKS_AT_ONCE = 100
 #: Shares of the remaining time, at most, for the first order, for checks of its straight motions
 #: before any leg is planned, and for the bound.
 _ORDER_SHARE, _CHECKS_SHARE, _BOUND_SHARE = 0.15, 0.25, 0.25
-#: Rounds without a shorter tour after which the search ends.
-_PATIENCE = 3
 #: Searches in one round at most, for straight motions that are blocked, and for legs that took
 #: longer than expected.
 _MAX_CHECKS, _MAX_REPAIRS = 60, 20
@@ -146,26 +140,30 @@ class TourSearch:
     def run(self) -> Tour | UnreachableGoal | Failure:
         """Search and prove until the rounds or the time are over, or nothing gets better."""
         everywhere = range(len(self.stops.goals) + 2)
-        self._improve(everywhere, _KICKS, self._share(_ORDER_SHARE))
+        # Kicks for each goal before the first legs are planned and in each round.
+        kicks = 30
+        self._improve(everywhere, kicks, self._share(_ORDER_SHARE))
         rounds, since, stopped = 0, 0, "finished"
+        # Rounds without a shorter tour after which the search ends.
+        patience = 3
         while True:
             since = 0 if self._settle(rounds) else since + 1
             if self.deadline.passed:
                 stopped = "deadline"
                 break
-            unreachable = self._unreachable_goal(given_up=self.best is None and since >= _PATIENCE)
+            unreachable = self._unreachable_goal(given_up=self.best is None and since >= patience)
             if unreachable is not None:
                 return unreachable
-            if self.best is not None and since >= _PATIENCE:
+            if self.best is not None and since >= patience:
                 break
             if self.best is not None and rounds >= self.options.rounds:
                 stopped = "rounds"
                 break
             rounds += 1
-            self.report(0.5 + 0.5 * rounds / (rounds + _PATIENCE), "improve")
+            self.report(0.5 + 0.5 * rounds / (rounds + patience), "improve")
             if self.best is not None:
                 set_state(self.state, self.best)
-            self._improve((), _KICKS)
+            self._improve((), kicks)
         if self.best is None:
             return self._timed_out(rounds)
         set_state(self.state, self.best)
@@ -254,9 +252,11 @@ class TourSearch:
         for stop in stops:
             enqueue(self.work, stop)
         left = kicks * len(self.stops.goals)
+        # Kicks between two checks the clock.
+        kicks_at_once = 100
         while True:
-            search_kernel(self.network, self.state, self.work, min(left, _KICKS_AT_ONCE))
-            left -= _KICKS_AT_ONCE
+            search_kernel(self.network, self.state, self.work, min(left, kicks_at_once))
+            left -= kicks_at_once
             if left <= 0 or until.passed:
                 return
 

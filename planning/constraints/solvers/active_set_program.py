@@ -23,8 +23,6 @@ from planning.constraints.row_value import covector_kernel, sideways_kernel
 
 #: Near pairs that a step has room for; what a cloud has beyond it the exact check sees in the end.
 _MAX_NEAR_PAIRS = 512
-#: Step of the finite difference that the slope of the manipulability is taken by [rad or m].
-_DIFFERENCE = 1e-5
 #: Columns of ``Work.pace``: linearisations that are left, whether the last steps ended for good,
 #: the share of a step down the objective that is tried first, and the gain that is none.
 LEFT, ENDED, SHARE, GAIN = range(4)
@@ -256,13 +254,15 @@ def slope_kernel(goal: Goal, q: Array, work: Work, H: Array) -> None:
     for j in range(n):
         H[j, j] = max(goal.metric[j], 1e-2)
         work.slope[j] = goal.metric[j] * (q[j] - goal.posture[j])
+    # Step of the finite difference that the slope of the manipulability is taken by [rad or m].
+    difference = 1e-5
     if goal.link > -2:
         here = log_manipulability(goal, q, work.J)
         for j in range(n):
             H[j, j] = 1.0
             kept = q[j]
-            q[j] = kept + _DIFFERENCE
-            work.slope[j] -= (log_manipulability(goal, q, work.J) - here) / _DIFFERENCE
+            q[j] = kept + difference
+            work.slope[j] -= (log_manipulability(goal, q, work.J) - here) / difference
             q[j] = kept
     if goal.soft.shape[0] > 0:
         evaluate_kernel(goal.chain, goal.soft, q, work.rows)

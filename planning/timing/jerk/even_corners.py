@@ -25,9 +25,6 @@ from planning.timing.path.merging import kept_waypoints_kernel, largest_reaches_
 from planning.timing.path.path import JointPath, compose_kernel
 from planning.timing.time_scaling import ScaledTime, dilate
 
-# Degree of q(t): straight pieces in phases of constant jerk, cubics at constant speed.
-_DEGREE = 3
-
 
 class Pieces(NamedTuple):
     """Cubic pieces of a motion, not yet checked.
@@ -147,7 +144,9 @@ def pieces_kernel(coefficients: Array, lengths: Array, limits: Array) -> Pieces:
     path_speeds_kernel(coefficients, lengths, limits, straight, along, speeds)
     phases, owners = np.empty((MAX_PHASES * count, 5)), np.empty(MAX_PHASES * count, dtype=np.int64)
     used = polyline_phases_kernel(lengths, straight, along, speeds, phases, owners)
-    breaks, pieces = np.zeros(used + 1), np.empty((used, n, _DEGREE + 1))
+    # Degree of q(t): straight pieces in phases of constant jerk, cubics at constant speed.
+    degree = 3
+    breaks, pieces = np.zeros(used + 1), np.empty((used, n, degree + 1))
     shifted, product, inner = np.empty(4), np.empty(10), np.empty(3)
     whole, made = np.zeros(10), 0
     for i in range(used):
@@ -162,18 +161,18 @@ def pieces_kernel(coefficients: Array, lengths: Array, limits: Array) -> Pieces:
             c, out = coefficients[owner, joint], pieces[made - 1, joint]
             if straight[owner]:
                 out[0] = c[0] + start * c[1]
-                for k in range(_DEGREE):
+                for k in range(degree):
                     # Not minus 0.
                     out[k + 1] = 0.0 + c[1] * inner[k]
                 continue
             # At constant speed a curve stays a cubic.
             shift_kernel(c, start, shifted)
-            top = _DEGREE
+            top = degree
             while top > 0 and shifted[top] == 0.0:
                 top -= 1
             whole[:] = 0.0
             compose_kernel(shifted, top, inner, product, whole)
-            for k in range(_DEGREE + 1):
+            for k in range(degree + 1):
                 out[k] = whole[k]
     return Pieces(breaks[: made + 1], pieces[:made])
 

@@ -27,7 +27,6 @@ from planning.timing.jerk.limits import (
     weight_kernel,
 )
 
-_MAX_STEPS = 60
 # Weight that ties the ends to their neighbours, beside which all else is nothing.
 _STIFF = 1e6
 
@@ -71,7 +70,8 @@ def least_time_kernel(rows: JerkLimits, z: Array, centrality: float, tolerance: 
     mu = centrality * time / count
     most = mu
     _start_kernel(rows, z, mu, duals)
-    for steps in range(_MAX_STEPS):
+    max_steps = 60
+    for steps in range(max_steps):
         if not _step_kernel(rows, z, mu, duals, step, band):
             return -steps
         length = _length_kernel(rows, z, step, trial)
@@ -89,7 +89,7 @@ def least_time_kernel(rows: JerkLimits, z: Array, centrality: float, tolerance: 
         if time < 0.9 * before:
             centering = max(centering, 0.8)
         mu = min(max(centering * mu, 0.2 * tolerance * time / count), most)
-    return _MAX_STEPS
+    return max_steps
 
 
 @kernel

@@ -105,13 +105,7 @@ def ratios_kernel(
 
 #: What the time found may exceed the least one on the grid by, as a part of it.
 TOLERANCE = 3e-3
-# On a path of a higher degree the pieces of time would be of a degree above 9: too many digits go.
-_MAX_DEGREE = 3
-# First guesses are these powers of the highest speeds place by place, as fast as stays inside.
-_POWERS = (1.0, 0.7, 0.4, 0.0)
 _NEARLY_INSIDE = 0.95
-# Barrier parameter at the start from a guess that is nearly right [-].
-_NEAR = 0.03
 _ROUNDS = 2
 
 
@@ -240,11 +234,13 @@ def _faster(rows: JerkLimits, z: Array, enough: float) -> Array:
     # out.
     decisive = decisive_kernel(rows, z, 0.3)
     found = _scale_into_limits(decisive, z, _NEARLY_INSIDE)
-    least_time_kernel(decisive, found, _NEAR, TOLERANCE)
+    # Barrier parameter at the start from a guess that is nearly right [-].
+    near = 0.03
+    least_time_kernel(decisive, found, near, TOLERANCE)
     if inside_kernel(rows, enough * found):
         return found
     z = _scale_into_limits(rows, z, _NEARLY_INSIDE)
-    least_time_kernel(rows, z, _NEAR, TOLERANCE)
+    least_time_kernel(rows, z, near, TOLERANCE)
     return z
 
 
@@ -255,7 +251,9 @@ def _start(rows: JerkLimits) -> Array:
     shape[1:-1] = np.minimum(caps[:-1], caps[1:])
     shape[[0, -1]] = shape[[1, -2]]
     envelope_kernel(rows.lengths, rises, shape)
-    candidates = [_scale_into_limits(rows, shape**power, 0.7) for power in _POWERS]
+    # First guesses are these powers of the highest speeds place by place, as fast as stays inside.
+    powers = (1.0, 0.7, 0.4, 0.0)
+    candidates = [_scale_into_limits(rows, shape**power, 0.7) for power in powers]
     return min(candidates, key=lambda z: time_kernel(rows, z))
 
 
@@ -381,8 +379,11 @@ def _limits(path: JointPath, *given: ArrayLike) -> Array:
 
 def _check_smooth(path: JointPath) -> None:
     """Refuse what no bounded jerk can follow."""
-    if path.coefficients.shape[2] - 1 > _MAX_DEGREE:
-        raise InvalidOption(f"a path of a degree above {_MAX_DEGREE} can't be timed with its jerk")
+    # On a path of a higher degree the pieces of time would be of a degree above 9: too many digits
+    # go.
+    max_degree = 3
+    if path.coefficients.shape[2] - 1 > max_degree:
+        raise InvalidOption(f"a path of a degree above {max_degree} can't be timed with its jerk")
     c, u = path.coefficients, path.lengths[:, None]
     powers = np.arange(c.shape[2])
     bends = c * powers * (powers - 1)

@@ -41,11 +41,6 @@ from planning.values.deadline import Deadline
 # A reach below this part of the shorter leg would let the corner be passed at a thousandth of the
 # leg's speed: a stop costs no more.
 _LEAST_REACH = 1e-6
-# Two parabolas that meet in the middle of a leg leave this part of it: rounding, no piece.
-_NOTHING = 1e-15
-# A straight piece between two parabolas has at least this part of its leg. On a shorter one the
-# rounding of a speed would count as an acceleration, x eps / length, and phases of it take no time.
-_LEAST_STRAIGHT = 1e-3
 
 
 def merge(waypoints: ArrayLike) -> Array:
@@ -241,11 +236,17 @@ def blend_kernel(
         spans: Lengths of the pieces, shape (>= 3 k - 5,).
     """
     n, used = corners.shape[1], 0
+    # Two parabolas that meet in the middle of a leg leave this part of it: rounding, no piece.
+    nothing = 1e-15
+    # A straight piece between two parabolas has at least this part of its leg. On a shorter one the
+    # rounding of a speed would count as an acceleration, x eps / length, and phases of it take no
+    # time.
+    least_straight = 1e-3
     for i in range(lengths.shape[0]):
         straight = lengths[i] - reaches[i] - reaches[i + 1]
-        if _NOTHING * lengths[i] < straight < _LEAST_STRAIGHT * lengths[i]:
+        if nothing * lengths[i] < straight < least_straight * lengths[i]:
             larger = i if reaches[i] > reaches[i + 1] else i + 1
-            reaches[larger] -= _LEAST_STRAIGHT * lengths[i]
+            reaches[larger] -= least_straight * lengths[i]
     for i in range(lengths.shape[0]):
         r = reaches[i]
         if r > 0.0:
@@ -268,7 +269,7 @@ def blend_kernel(
                 spans[used] = r
                 used += 1
         straight = lengths[i] - r - reaches[i + 1]
-        if straight > _NOTHING * lengths[i]:
+        if straight > nothing * lengths[i]:
             for joint in range(n):
                 u = directions[i, joint]
                 coefficients[used, joint, 0] = corners[i, joint] + r * u

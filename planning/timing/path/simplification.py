@@ -20,10 +20,6 @@ from compiled.kernel import kernel
 from kinematics.arrays import Array, Indices
 from planning.timing.path.blend import corner_indices, largest_reaches, reach_for_deviation
 
-# Numbers with at most so many decimals are meant as they stand, with more than the other they are
-# not rounded [-].
-_FEW_DECIMALS, _MANY_DECIMALS = 2, 12
-
 
 class Polyline(NamedTuple):
     """Corners that stand for a path.
@@ -102,14 +98,17 @@ def written_unit(points: Array) -> float:
     It is 0 where they are not: with few decimals, with many, or with decimals that are coarse for
     the way that they describe.
     """
-    for decimals in range(_FEW_DECIMALS, _MANY_DECIMALS + 1):
+    # Numbers with at most so many decimals are meant as they stand, with more than the other they
+    # are not rounded [-].
+    few_decimals, many_decimals = 2, 12
+    for decimals in range(few_decimals, many_decimals + 1):
         if np.array_equal(np.round(points, decimals), points):
             unit = 10.0**-decimals
             # Part of the way of the joint that goes farthest that a unit of the last decimal is at
             # most: where hardly more than one digit changes, numbers tell steps and not a rounded
             # path [-].
             is_fine = unit <= 0.005 * float(np.ptp(points, axis=0).max())
-            return unit if decimals > _FEW_DECIMALS and is_fine else 0.0
+            return unit if decimals > few_decimals and is_fine else 0.0
     return 0.0
 
 

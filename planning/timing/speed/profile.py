@@ -12,11 +12,6 @@ from kinematics.arrays import Array
 from planning.timing.path.path import JointPath, composed_pieces
 from planning.timing.speed.constraints import Cells
 
-# A phase of a straight cell (speeding up, cruising, slowing down) that changes x by a smaller part,
-# or leaves a smaller part of the length, is joined to its neighbour, which then runs at a hair
-# less than the limit.
-_LEAST_PHASE = 1e-9
-
 
 def timed_pieces(
     path: JointPath, cells: Cells, squares: Array, limits: Array
@@ -91,10 +86,14 @@ def _inner_kernel(
     rising = min((peak - x0) / (2.0 * rate), length)
     falling = min((peak - x1) / (2.0 * rate), length - rising)
     cruise = length - rising - falling
-    least = _LEAST_PHASE * length
+    # A phase of a straight cell (speeding up, cruising, slowing down) that changes x by a smaller
+    # part, or leaves a smaller part of the length, is joined to its neighbour, which then runs at a
+    # hair less than the limit.
+    least_phase = 1e-9
+    least = least_phase * length
     # A phase that changes the speed by next to nothing, or leaves no room for another, is none.
-    rises = peak - x0 > _LEAST_PHASE * peak and length - rising > least
-    falls = peak - x1 > _LEAST_PHASE * peak and length - falling > least
+    rises = peak - x0 > least_phase * peak and length - rising > least
+    falls = peak - x1 > least_phase * peak and length - falling > least
     used = 0
     if rises:
         inner[used, 0], inner[used, 1] = rising, peak

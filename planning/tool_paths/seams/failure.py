@@ -23,8 +23,6 @@ from planning.tool_paths.seams.search import SeamGraph, SeamSearch
 _NAME = "cartesian"
 #: Tilts that are tried [rad].
 _TILTS = tuple(math.radians(angle) for angle in (5.0, 15.0, 30.0, 45.0))
-#: Ranges of position that are tried, on either side [m].
-_POSITIONS = (0.005, 0.02)
 
 #: What to try, by the reason.
 _HINTS: dict[Reason, str] = {
@@ -297,10 +295,12 @@ def _helpful_tolerances(search: SeamSearch) -> Iterator[dict[str, Any]]:
     # Share of the time that is left which is spent on tolerances that would help.
     # Time that is spent on that at most [s].
     deadline = search.deadline.within(min(0.5 * search.deadline.remaining, 3.0))
+    # Ranges of position that are tried, on either side [m].
+    positions = (0.005, 0.02)
     kinds = (
         [({"free": ["rz"]}, _with_free_spin)],
         [({"tilt": tilt}, lambda t, tilt=tilt: _with_tilt(t, tilt)) for tilt in _TILTS],
-        [({"position": size}, lambda t, size=size: _with_position(t, size)) for size in _POSITIONS],
+        [({"position": size}, lambda t, size=size: _with_position(t, size)) for size in positions],
     )
     for kind in kinds:
         for change, widen in kind:

@@ -29,8 +29,6 @@ from planning.values.deadline import Deadline
 _REACHED = 1e-6
 #: Samples of each piece of a spline.
 _LOOKS = 6
-#: Knots of a spline at least.
-_LEAST_KNOTS = 6
 
 
 def refine(search: SeamSearch, joints: Array) -> Array:
@@ -122,8 +120,10 @@ def _knots(places: SeamPlaces, first: int, last: int) -> NDArray[np.int64]:
     for k in range(first + 1, last):
         if measure[k + 1] - measure[chosen[-1]] > 1.0:
             chosen.append(k)
-    if last - first >= _LEAST_KNOTS > len(chosen):
-        chosen = np.linspace(first, last, _LEAST_KNOTS).round().astype(int)[:-1].tolist()
+    # Knots of a spline at least.
+    least_knots = 6
+    if last - first >= least_knots > len(chosen):
+        chosen = np.linspace(first, last, least_knots).round().astype(int)[:-1].tolist()
     return np.array([*chosen, last])
 
 

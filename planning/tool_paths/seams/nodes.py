@@ -17,8 +17,6 @@ from kinematics.pose import from_axis_angle, inverse, transform
 from planning.tool_motions.tool_tolerance import RX, RY, SIZE, ToolTolerance, tilts
 from planning.tool_paths.seams.path import SeamPlaces
 
-#: Deviations of one place at most.
-_MAX_DEVIATIONS = 48
 #: Angle between neighbouring samples of a rotation [rad].
 _ANGLE = math.radians(15.0)
 _FULL_TURN = 2.0 * math.pi
@@ -68,9 +66,11 @@ def sample_deviations(tolerance: ToolTolerance, is_redundant: bool) -> Array:
         is_redundant: Whether the arm has a parameter of its own, so that fewer will do.
     """
     coarse = _ANGLE
+    # Deviations of one place at most.
+    max_deviations = 48
     while True:
         values = [_values(tolerance, k, coarse, is_redundant) for k in range(SIZE)]
-        if math.prod(len(v) for v in values) <= _MAX_DEVIATIONS or coarse > math.pi:
+        if math.prod(len(v) for v in values) <= max_deviations or coarse > math.pi:
             break
         coarse *= 1.3
     grid = np.array(list(product(*values)))
@@ -78,7 +78,7 @@ def sample_deviations(tolerance: ToolTolerance, is_redundant: bool) -> Array:
     grid = grid[within] if within.any() else grid[:1]
     size = np.abs(grid)
     size[:, RX:] = np.minimum(size[:, RX:], _FULL_TURN - size[:, RX:])
-    return np.asarray(grid[np.argsort(size.sum(axis=1), kind="stable")][:_MAX_DEVIATIONS])
+    return np.asarray(grid[np.argsort(size.sum(axis=1), kind="stable")][:max_deviations])
 
 
 def _values(tolerance: ToolTolerance, column: int, step: float, few: bool) -> Array:

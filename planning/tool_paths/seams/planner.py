@@ -32,8 +32,6 @@ from planning.tool_paths.seams.path import seam_places, seam_runs
 from planning.tool_paths.seams.search import SeamJoints, SeamSearch
 from planning.tool_paths.tool_following import follow, free_part
 
-#: Waypoints before the last one reached at which a change is tried too.
-_STEPS_BACK = (0, 1, 2, 4, 8)
 #: Reasons for which another branch may go on.
 _OTHER_BRANCH = {"branch", "limit", "singularity", "collision", "unreachable"}
 #: Name of the planner.
@@ -289,7 +287,9 @@ def _plan_parts(
     if offset is None or most <= 1 or last is None:
         return whole
     back = replace(offset, direction=-offset.direction)
-    for step in _STEPS_BACK:
+    # Waypoints before the last one reached at which a change is tried too.
+    steps_back = (0, 1, 2, 4, 8)
+    for step in steps_back:
         cut = min(last, len(seam.waypoints) - 2) - step
         if cut < 1 or query.deadline.passed:
             break

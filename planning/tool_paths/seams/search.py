@@ -28,8 +28,6 @@ _LAYER_JUMP = 0.9
 _JUMP = 0.45
 #: Error of a place that counts as reached [m], [rad].
 _REACHED = 1e-6
-#: Distance to the joint limits that is kept, for the spline between the places [rad or m].
-_INSET = 2e-3
 _FULL_TURN = 2.0 * np.pi
 
 
@@ -595,4 +593,6 @@ class SeamSearch:
 
 def _narrow(chain: Chain) -> tuple[Array, Array]:
     """Joint limits with a little kept for the spline between places."""
-    return chain.limits.lower + _INSET, chain.limits.upper - _INSET
+    # Distance to the joint limits that is kept, for the spline between the places [rad or m].
+    inset = 2e-3
+    return chain.limits.lower + inset, chain.limits.upper - inset
