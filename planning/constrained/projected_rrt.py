@@ -16,6 +16,7 @@ import math
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from itertools import pairwise
+from typing import ClassVar
 
 import numpy as np
 
@@ -24,9 +25,15 @@ from kinematics.arrays import Array
 from obstacles.collision.edge_check import FREE, certify_curve
 from obstacles.collision.model.collision_model import ModelArrays
 from planning.constrained.checker import ConstrainedChecker, narrow_rows
+from planning.constrained.pose_goals import pose_constraint
+from planning.constraints.constraint_set import ConstraintSet
 from planning.constraints.edge_bounds import EDGE_CELLS, EdgeVerdict, edge_kernel
 from planning.constraints.solvers.active_set import FEASIBLE, make_feasible
 from planning.constraints.solvers.active_set_program import Goal, make_goal, make_work
+from planning.planner import Query
+from planning.preflight_result import TOUCHING
+from planning.problem import PoseGoal
+from planning.result import Attempt
 from planning.values.deadline import Deadline
 from planning.values.search_box import search_box
 from planning.values.search_trees import Explored
@@ -293,6 +300,78 @@ def _cut(
             return None
         between = list(steps[:-1])
     return [*points[: i + 1], a, *between, b, *points[j + 1 :]]
+
+
+@dataclass(frozen=True, slots=True)
+class ProjectedRrt:
+    """The planner of paths under constraints; goals that are poses are regions to it.
+
+    Args:
+        name: Name of the planner in whose place it plans.
+    """
+
+    name: str
+    needs_goals: ClassVar[bool] = True
+
+    def plan(self, query: Query) -> Attempt:
+        """Grow two trees along the allowed set; the query's checker has the constraints."""
+        checker, ready = query.checker, query.ready
+        assert isinstance(checker, ConstrainedChecker)
+        # Edges of trees without constraints that take as long as one extension along constraints.
+        waypoints, extensions = projected_rrt(
+            Manifold(checker),
+            ready.start,
+            ready.goals,
+            query.seed,
+            query.deadline,
+            _more_goals(checker, query),
+            query.explored,
+            None if query.bound is None else query.bound // 20,
+        )
+        return Attempt(waypoints, f"{extensions} extensions along the constraints.")
+
+
+def _more_goals(checker: ConstrainedChecker, query: Query) -> MoreGoals | None:
+    poses = tuple(goal for goal in query.problem.goals if isinstance(goal, PoseGoal))
+    return GoalRegion(checker, poses).goal_near if poses else None
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class GoalRegion:
+    """Goal poses of which any configuration will do.
+
+    Args:
+        checker: The robot in its scene with its constraints.
+        poses: The poses, at least one.
+    """
+
+    checker: ConstrainedChecker
+    poses: tuple[PoseGoal, ...]
+    goals: tuple[Goal, ...] = field(init=False)
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "goals", tuple(self._goal(pose) for pose in self.poses))
+
+    def _goal(self, pose: PoseGoal) -> Goal:
+        """The pose beside the constraints of the path, as a target of Newton's method."""
+        chain, path = self.checker.model.chain, self.checker.constraints
+        zero = np.zeros(chain.n)
+        of_pose = ConstraintSet(chain, (pose_constraint(pose),)).packed
+        return make_goal(path, zero, zero, rows=np.vstack([self.checker.rows, of_pose]))
+
+    def goal_near(self, q: Array, number: int) -> Array | None:
+        """Find a free configuration of a pose by Newton's method from q; None where it fails.
+
+        Args:
+            q: Configuration to begin at, shape (n,) [rad or m].
+            number: Number of the pose, modulo how many there are.
+        """
+        projected = np.array(q)
+        goal = self.goals[number % len(self.goals)]
+        # Iterations of Newton's method from a configuration to a pose.
+        if project_kernel(goal, projected, 40) > FEASIBLE:
+            return None
+        return projected if self.checker.clearance(projected)[0] > TOUCHING else None
 
 
 @kernel

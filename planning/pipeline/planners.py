@@ -8,7 +8,7 @@ from typing import Any
 
 from kinematics.errors import InvalidOption
 from planning.constrained.checker import ConstrainedChecker
-from planning.constrained.planner import ProjectedRrt
+from planning.constrained.projected_rrt import ProjectedRrt
 from planning.field.options import FieldOptions
 from planning.field.planner import PotentialField
 from planning.options import Options

@@ -8,8 +8,8 @@ from obstacles.collision.checker import Checker
 from obstacles.collision.fcl_distance import FclWorld
 from obstacles.scenes.scene import Scene
 from planning.constrained.checker import ConstrainedChecker
-from planning.constrained.planner import GoalRegion
 from planning.constrained.pose_goals import goal_configurations, pose_constraint
+from planning.constrained.projected_rrt import GoalRegion
 from planning.constraints.constraint_set import ConstraintSet
 from planning.constraints.kinds.joint import JointConstraint
 from planning.constraints.kinds.orientation import OrientationConstraint

@@ -7,6 +7,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 import trimesh
+from planning.constrained.descent import Descents
 from scipy.optimize import fmin_slsqp
 
 from kinematics.arrays import Array
@@ -16,7 +17,6 @@ from obstacles.collision.checker import Checker, collision_model
 from obstacles.scenes.scene import Obstacle, Scene
 from obstacles.shapes.shape import Sphere
 from planning.constrained import descent
-from planning.constrained.descent import Descents
 from planning.constrained.ik import IkOptions, constrained_ik
 from planning.constraints.constraint_set import ConstraintSet
 from planning.constraints.kinds.joint import JointConstraint

@@ -13,7 +13,7 @@ from kinematics.forward import forward
 from obstacles.collision.checker import Checker
 from obstacles.scenes.scene import Scene
 from planning.constrained.checker import ConstrainedChecker
-from planning.constrained.planner import ProjectedRrt
+from planning.constrained.projected_rrt import ProjectedRrt
 from planning.constraints.constraint_set import ConstraintSet
 from planning.constraints.kinds.joint import JointConstraint
 from planning.options import CartesianOptions, Options, ToolMotionOptions
