@@ -52,12 +52,9 @@ MIN_SOURCE_LINES = 60
 #: Files that are exempt from lint rules in pyproject.toml.
 MAX_EXEMPTIONS = 8
 #: Kernels that are slower with tuples, see their modules: a call of ``plane_bound`` from Python
-#: takes 2.2 us for 0.9 us, deviations of a tool 1.03 times as long, a stiff simulation likewise.
+#: takes 2.2 us for 0.9 us, a stiff simulation 1.03 times as long.
 MANY_ARGUMENTS = {
     "plane_bound": 9,
-    "deviation_kernel": 10,
-    "cell_kernel": 9,
-    "tip_motion_kernel": 9,
     "implicit_step": 9,
     "load_robot": 9,
 }

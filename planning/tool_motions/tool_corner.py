@@ -25,27 +25,11 @@ from typing import Literal
 import numpy as np
 
 from kinematics.arrays import Array, frozen
-from planning.tool_motions.tool_motion import CORNER, KIND, SIZE, ToolMotion
+from planning.tool_motions.tool_motion import ToolMotion
 
 #: Stretches on which the length is summed up, and points of Gauss and Legendre on each.
 _STRETCHES = 64
 _POINTS = 8
-# Entries of ``ToolCorner.numbers``.
-#: Numbers of the first leg, shape (SIZE,).
-FIRST_LEG = KIND + 1
-#: Numbers of the second leg.
-SECOND_LEG = FIRST_LEG + SIZE
-#: Orientation at the corner, row by row.
-CORNER_ROTATION = SECOND_LEG + SIZE
-#: Slope a of h at 0.
-SLOPE = CORNER_ROTATION + 9
-#: Bounds of |dp/du| and |d2p/du2| [m].
-RATE = SLOPE + 1
-BEND = SLOPE + 2
-#: Bounds of the angular velocity by u and of its change [rad].
-TURN_RATE = SLOPE + 3
-TURN_BEND = SLOPE + 4
-CORNER_SIZE = SLOPE + 5
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -122,32 +106,18 @@ class ToolCorner:
         T[:, :3, :3] = other[:, :3, :3] @ self.T_corner[:3, :3].T @ one[:, :3, :3]
         return T
 
-    @property
-    def numbers(self) -> Array:
-        """Corner packed for kernels, shape (CORNER_SIZE,)."""
-        m = np.empty(CORNER_SIZE)
-        m[KIND] = CORNER
-        m[FIRST_LEG:SECOND_LEG] = self.first.numbers
-        m[SECOND_LEG:CORNER_ROTATION] = self.second.numbers
-        m[CORNER_ROTATION:SLOPE] = self.T_corner[:3, :3].ravel()
-        m[SLOPE:] = self.slope, *self._bounds()
-        return m
-
-    def _bounds(self) -> tuple[float, float, float, float]:
-        """Bounds over all u, by the control points of h as a Bezier curve: those of its hull."""
-        rate = max(self.slope, 5.0 - 2.0 * self.slope)
-        bend = max(abs(20.0 - 12.0 * self.slope), 20.0 - 8.0 * self.slope)
-        legs = self.first, self.second
-        lengths = sum(leg.length for leg in legs)
-        curved = sum(leg.length * leg.sweep for leg in legs)
-        angles = [leg.angle for leg in legs]
-        turned = sum(angles)
-        return (
-            rate * lengths,
-            bend * lengths + rate * rate * curved,
-            rate * turned,
-            bend * turned + rate * rate * angles[0] * angles[1],
-        )
+    def places(self, points: Array) -> Array:
+        """The place from 0 to 1 that is nearest to each of some points (k, 3), shape (k,)."""
+        grid = np.linspace(0.0, 1.0, 129)
+        apart = points[:, None] - self.poses(grid)[None, :, :3, 3]
+        s = grid[np.einsum("kgi,kgi->kg", apart, apart).argmin(axis=1)]
+        # From there along the tangent: what is left is a part of the distance times the curvature.
+        for _ in range(4):
+            rates = self._rates(self._parameters(s))
+            tangents = rates / np.linalg.norm(rates, axis=1)[:, None]
+            ahead = np.einsum("ki,ki->k", points - self.poses(s)[:, :3, 3], tangents)
+            s = np.clip(s + ahead / self.length, 0.0, 1.0)
+        return np.asarray(s)
 
     def _rates(self, u: Array) -> Array:
         """dp/du at parameters (k,), shape (k, 3)."""

@@ -25,34 +25,6 @@ _COLLINEAR = 1e-6
 #: Below these a way has no length [m] and a turn no axis [rad].
 _NO_LENGTH = 1e-9
 _NO_ANGLE = 1e-12
-# Entries of ``ToolMotion.numbers``; vectors and matrices by the first of theirs.
-#: LINE or ARC.
-KIND = 0
-#: Place at the start [m].
-START = 1
-#: Rotation at the start, row by row.
-ROTATION = 4
-#: Axis a that the orientation turns about.
-AXIS = 13
-#: Angle theta that the orientation turns by [rad].
-TURN = 16
-#: Direction of a line; of an arc the first axis, from the centre towards its start.
-ALONG = 17
-#: Second axis of an arc, in the direction of motion at its start.
-SIDE = 20
-#: Normal of an arc.
-NORMAL = 23
-#: Centre of an arc [m].
-CENTER = 26
-#: Length of a line, radius of an arc [m].
-LENGTH = 29
-#: Angle that an arc sweeps [rad].
-SWEEP = 30
-SIZE = 31
-# Kinds of motion.
-LINE = 0.0
-ARC = 1.0
-CORNER = 2.0
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -156,25 +128,6 @@ class ToolMotion:
         middle = 0.5 * self.sweep
         angle -= 2.0 * np.pi * np.round((angle - middle) / (2.0 * np.pi))
         return np.clip(angle / self.sweep, 0.0, 1.0)
-
-    @property
-    def numbers(self) -> Array:
-        """Motion packed for kernels, shape (SIZE,)."""
-        m = np.zeros(SIZE)
-        start, turn = self.T_start[:3, 3], self.turn
-        theta = float(np.linalg.norm(turn))
-        m[START : START + 3], m[ROTATION:AXIS] = start, self.T_start[:3, :3].ravel()
-        if theta > _NO_ANGLE:
-            m[AXIS:TURN], m[TURN] = turn / theta, theta
-        if self.kind == "lin":
-            if (length := self.length) > _NO_LENGTH:
-                m[ALONG:SIDE], m[LENGTH] = (self.T_end[:3, 3] - start) / length, length
-            return m
-        first = (start - self.center) / self.radius
-        m[KIND], m[ALONG:SIDE], m[SIDE:NORMAL] = ARC, first, np.cross(self.normal, first)
-        m[NORMAL:CENTER], m[CENTER:LENGTH] = self.normal, self.center
-        m[LENGTH], m[SWEEP] = self.radius, self.sweep
-        return m
 
 
 def line(T_start: Array, T_end: Array) -> ToolMotion:

@@ -11,13 +11,13 @@ from kinematics.arrays import Array
 from kinematics.errors import InvalidGoal, InvalidOption
 from kinematics.forward import forward
 from kinematics.model.chain import Chain
-from kinematics.pose import rotation_error, transform
+from kinematics.pose import transform
 from kinematics.rounding import TOLD, rounding
 from kinematics.trajectory.trajectory import Trajectory
 from planning.options import CartesianOptions, ToolMotionOptions
 from planning.result import ToolMotionReport
-from planning.tool_motions.tool_corner import ToolCorner, ToolCurve
 from planning.tool_motions.tool_motion import ToolMotion, arc_about, arc_via, line
+from planning.tool_paths.tool_deviation import places_at
 
 #: Instants that are drawn over all motions together.
 INSTANTS = 64
@@ -242,31 +242,6 @@ def tool_reference(
     times = np.minimum(begins[owners] + drawn - (sums - spans)[owners], trajectory.duration)
     poses = forward(chain, trajectory.sample(times))
     return tuple(
-        ReferencePose(time, k, reports[k].motion.pose(place_at(reports[k].motion, T)))
+        ReferencePose(time, k, reports[k].motion.pose(places_at(reports[k].motion, T[None])[0]))
         for time, k, T in zip(times.tolist(), owners.tolist(), poses, strict=True)
     )
-
-
-def place_at(motion: ToolCurve, T: Array) -> float:
-    """The place from 0 to 1 on a motion that the tool is at with its pose T (4, 4)."""
-    if isinstance(motion, ToolCorner):
-        return _place_on_corner(motion, T[:3, 3])
-    # A motion that is shorter is a turn on the spot [m].
-    if motion.length < 1e-9:
-        angle = motion.angle
-        turned = rotation_error(motion.T_start[:3, :3], T[:3, :3])
-        share = float(turned @ motion.turn) / angle**2 if angle > 0.0 else 0.0
-        return min(max(share, 0.0), 1.0)
-    return float(motion.places(T[None, :3, 3])[0])
-
-
-def _place_on_corner(corner: ToolCorner, point: Array) -> float:
-    low, high = 0.0, 1.0
-    # Places of a corner that are checked in each round, and rounds of ever nearer ones.
-    looks, rounds = 65, 5
-    for _ in range(rounds):
-        places = np.linspace(low, high, looks)
-        apart = np.linalg.norm(corner.poses(places)[:, :3, 3] - point, axis=1)
-        k = int(apart.argmin())
-        low, high = places[max(k - 1, 0)], places[min(k + 1, looks - 1)]
-    return float(places[k])

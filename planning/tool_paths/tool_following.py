@@ -34,8 +34,6 @@ _JUMP = 0.35
 _LEAST_STEP = 1e-5
 #: The solver keeps this far inside the joint limits [rad or m], for the spline between its answers.
 _INSET = 1e-4
-#: Share of the deviation allowed that the spline may use; timing adds rounding to it.
-_SHARE = 0.98
 #: Least singular value, as part of the largest, below which an arm counts as singular.
 _SINGULAR = 1e-2
 
@@ -239,7 +237,8 @@ class _Following:
         """Pieces on which the tool is off its motion, or a joint beyond its limit."""
         chain, breaks = self._chain, path.breaks
         position, orientation = self._tolerances.pair
-        share = (_SHARE * position, _SHARE * orientation)
+        # A tenth of the deviation allowed is left to what lies between samples.
+        share = (0.9 * position, 0.9 * orientation)
         fine = pieces_within(
             chain, self._run, np.array(self.places), breaks, path.coefficients, share
         )

@@ -9,6 +9,7 @@ from typing import Literal
 import numpy as np
 
 from kinematics.arrays import Array
+from kinematics.forward import forward
 from kinematics.jacobian import geometric
 from kinematics.model.chain import Chain
 from kinematics.trajectory.trajectory import Trajectory, concatenate, stay
@@ -22,7 +23,7 @@ from planning.tool_motions.passing_times import passing_times
 from planning.tool_motions.timed_tool_motions import SpeedBand, TimedToolMotions
 from planning.tool_motions.tool_motion import ToolMotion
 from planning.tool_motions.tool_path import RunPart, Tolerances, ToolPath, ToolRun, run_of
-from planning.tool_paths.tool_deviation import piece_deviations, pieces_within
+from planning.tool_paths.tool_deviation import pieces_within, tool_deviations
 from planning.values.limits import MotionLimits
 
 #: Spans for each second that are tried in turn [1/s], and spans at least.
@@ -215,13 +216,14 @@ def _time_motion(
     if parametrization.method.follows_path:
         return parametrization.time(path, chain.joint_names)
     knots = path.breaks
+    # A tenth of the deviation allowed is left to what lies between samples.
+    position, orientation = tool_path.tolerances.pair
+    allowed = 0.9 * position, 0.9 * orientation
     # How often a spline of time is given twice as many waypoints to keep nearer to its motion.
     for _ in range(6):
         timed = parametrization.time_spline(path.sample(knots), None, "clamped", chain.joint_names)
         spline = timed.trajectory
-        fine = pieces_within(
-            chain, run, knots, spline.breaks, spline.coefficients, tool_path.tolerances.pair
-        )
+        fine = pieces_within(chain, run, knots, spline.breaks, spline.coefficients, allowed)
         if fine.all():
             break
         knots = np.sort(np.concatenate([knots, 0.5 * (knots[1:] + knots[:-1])]))
@@ -369,7 +371,8 @@ def spline_near(
     motion = timed.trajectory
     if parametrization.loads is not None or run.tolerances or run.tool_speeds:
         return timed
-    # Of the deviation allowed, what a spline may use: the rest is for the proof's bounds.
+    # Of the deviation allowed, what a spline may use at samples: the rest is for what lies between
+    # and for the proof's bounds.
     share = 0.5
     allowed = (share * tolerances.pair[0], share * tolerances.pair[1])
     best = timed
@@ -387,10 +390,9 @@ def spline_near(
         if longer > WORTH or (best is not timed and longer > fast):
             continue
         if len(run.motions) == 1:
-            _, within, _ = piece_deviations(
-                chain, found.breaks, found.coefficients, run.motions[0], allowed
-            )
-            if not np.all(within):
+            times = np.linspace(0.0, found.duration, 8 * found.pieces + 1)
+            off = tool_deviations(run.motions[0], forward(chain, found.sample(times)))
+            if not (off <= allowed).all():
                 continue
         if best is timed or found.duration < best.trajectory.duration:
             best = spline

@@ -7,7 +7,6 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 import trimesh
-from planning.constrained.descent import Descents
 from scipy.optimize import fmin_slsqp
 
 from kinematics.arrays import Array
@@ -16,8 +15,8 @@ from kinematics.forward import forward
 from obstacles.collision.checker import Checker, collision_model
 from obstacles.scenes.scene import Obstacle, Scene
 from obstacles.shapes.shape import Sphere
-from planning.constrained import descent
-from planning.constrained.ik import IkOptions, constrained_ik
+from planning.constrained import ik
+from planning.constrained.ik import Descents, IkOptions, constrained_ik
 from planning.constraints.constraint_set import ConstraintSet
 from planning.constraints.kinds.joint import JointConstraint
 from planning.constraints.kinds.limit import ClearanceConstraint, ToolSpeedConstraint
@@ -296,7 +295,7 @@ def test_deadlines_are_kept_where_one_descent_takes_longer(monkeypatch: pytest.M
     """Among rings of many triangles."""
     clock = SimpleNamespace(monotonic=time.process_time, thread_time=time.process_time)
     monkeypatch.setattr(deadlines, "time", clock)
-    monkeypatch.setattr(descent, "time", clock)
+    monkeypatch.setattr(ik, "time", clock)
     places = [forward(CHAIN, q) for q in starts(4)]
     rings = tuple(Obstacle(f"ring{k}", mesh(ring()), T) for k, T in enumerate(places))
     scene = Scene(rings)

@@ -21,7 +21,7 @@ from planning.tool_motions.passing_times import passing_times
 from planning.tool_motions.tool_motion import ToolMotion, line
 from planning.tool_motions.tool_path import Stop, Tolerances, ToolPath, ToolRun, ToolSegment
 from planning.tool_motions.tool_tolerance import ToolTolerance
-from planning.tool_paths.tool_deviation import piece_deviations, pieces_within
+from planning.tool_paths.tool_deviation import pieces_within, tool_deviations
 from planning.tool_paths.tool_following import lead_tool
 from planning.tool_paths.tool_timing import time_tool_path
 from planning.values.deadline import Deadline
@@ -104,10 +104,8 @@ def test_a_spline_of_time_gets_more_waypoints_until_it_keeps_to_its_line() -> No
     for (motion, path), part in zip(tight.moving, timed.parts, strict=True):
         assert isinstance(motion, ToolMotion)
         assert part.pieces >= 2 * len(path.lengths)
-        _, fine, _ = piece_deviations(
-            CHAIN, part.breaks, part.coefficients, motion, tight.tolerances.pair
-        )
-        assert fine.all()
+        poses = forward(CHAIN, part.sample(np.linspace(0.0, part.duration, 1000)))
+        assert (tool_deviations(motion, poses) <= tight.tolerances.pair).all()
 
 
 def test_a_motion_on_the_spot_takes_no_time() -> None:

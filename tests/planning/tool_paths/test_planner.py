@@ -23,9 +23,8 @@ from planning.proof.tool.tool_deviation import path_deviation
 from planning.result import Failure, Plan
 from planning.timing.options import TimingOptions
 from planning.tool_motions.timed_tool_motions import TimedToolMotions
-from planning.tool_motions.tool_motion import ToolMotion, arc_about, line
+from planning.tool_motions.tool_motion import line
 from planning.tool_motions.tool_path import Tolerances
-from planning.tool_paths.tool_deviation import piece_deviations
 from planning.tool_paths.tool_following import follow
 from planning.values.deadline import Deadline
 from tests.planning.scenes import HOME, box, builtin, planned_motion, planning_failure
@@ -162,49 +161,6 @@ def test_a_line_an_arc_and_a_full_circle(method: str) -> None:
     # Corners are met: the tool is at rest where one motion ends.
     for item in reports:
         assert np.abs(answer.trajectory.sample([item.ends], 1)).max() < 1e-9
-
-
-@pytest.mark.parametrize("case", range(6))
-def test_bounds_hold_between_samples(case: int) -> None:
-    """Random polynomials against random motions: the bound is above any sample, and sharp."""
-    random = np.random.default_rng(case)
-    chain = builtin_chain(["panda", "stanford", "scara"][case % 3])
-    low, high = chain.sampling_bounds()
-    q = low + (high - low) * random.uniform(0.3, 0.7, chain.n)
-    c = np.zeros((4, chain.n, 5))
-    c[:, :, 0], c[:, :, 1:] = q, random.normal(0.0, 0.05, (4, chain.n, 4))
-    breaks = np.array([0.0, 0.5, 0.8, 1.0, 1.6])
-    T = forward(chain, q)
-    turned = Rotation.from_rotvec(random.normal(0.0, 0.3, 3)).as_matrix()
-    T_end = transform(turned @ T[:3, :3], T[:3, 3] + random.normal(0.0, 0.1, 3))
-    motion = line(T, T_end)
-    if case >= 3:
-        spoke = random.normal(size=3)
-        motion = arc_about(T, moved(T, [0.0, 0.0, 0.0], [0.1, 0.0, 0.0]), T[:3, 3] + 0.3 * spoke,
-                           np.cross(spoke, [0.3, -0.2, 0.9]))  # fmt: skip
-    bounds, fine, _ = piece_deviations(chain, breaks, c, motion, (10.0, 10.0))
-    assert fine.all()
-    motion_in_time = Trajectory(chain.joint_names, breaks, c)
-    for piece in range(4):
-        times = np.linspace(breaks[piece], breaks[piece + 1] - 1e-9, 400)
-        poses = forward(chain, motion_in_time.sample(times))
-        if case < 3:
-            errors = off_line(poses, T, T_end)
-            assert errors[:, 1].max() <= bounds[piece, 1] + 0.2
-        else:
-            errors = np.array([[off_circle(pose, motion), 0.0] for pose in poses])
-        assert errors[:, 0].max() <= bounds[piece, 0] + 1e-9
-        # What is far below the tolerance need not be sharp.
-    tight, _, _ = piece_deviations(chain, breaks, c, motion, (0.2, 10.0))
-    assert (tight[:, 0] <= bounds[:, 0] + 0.3).all()
-
-
-def off_circle(pose: np.ndarray, motion: ToolMotion) -> float:
-    """Distance of a pose's origin from a whole circle: at most that from an arc of it."""
-    spoke = pose[:3, 3] - motion.center
-    height = float(spoke @ motion.normal)
-    across = float(np.linalg.norm(spoke - height * motion.normal))
-    return float(np.hypot(across - motion.radius, height))
 
 
 def test_an_arm_stops_where_it_can_reach_no_farther() -> None:

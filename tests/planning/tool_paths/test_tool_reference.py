@@ -18,7 +18,8 @@ from planning.tool_motions.tool_corner import ToolCorner, ToolCurve
 from planning.tool_motions.tool_motion import ToolMotion, arc_via, line
 from planning.tool_motions.tool_path import ToolRun
 from planning.tool_paths.blending import runs
-from planning.tool_paths.motions import INSTANTS, place_at, tool_reference
+from planning.tool_paths.motions import INSTANTS, tool_reference
+from planning.tool_paths.tool_deviation import places_at
 from tests.planning.pinocchio_arm import PinocchioArm
 from tests.planning.scenes import HOME, builtin, planned_motion
 
@@ -79,7 +80,8 @@ def test_a_place_on_any_motion_is_found_again(place: float) -> None:
     answer = mixed_motions(1, 0.02)
     assert {report.kind for report in answer.tool_motions} == {"lin", "circ", "corner"}
     for report in answer.tool_motions:
-        assert place_at(report.motion, report.motion.pose(place)) == pytest.approx(place, abs=1e-6)
+        (found,) = places_at(report.motion, report.motion.pose(place)[None])
+        assert found == pytest.approx(place, abs=1e-6)
 
 
 SPEED = 0.1
