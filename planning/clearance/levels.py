@@ -11,7 +11,6 @@ find a way around.
 """
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, field
 from typing import NamedTuple
 
 import numpy as np
@@ -21,7 +20,6 @@ from kinematics.caches.bounded_cache import bounded_cache
 from obstacles.collision.checker import Checker
 from obstacles.robots.robot_geometry import RobotGeometry
 from obstacles.scenes.scene import Scene
-from planning.preflight_result import Ready
 from planning.values.preferred_clearance import PreferredClearance
 
 #: Edges that a search may check after which others follow: most paths are found within many, and
@@ -124,102 +122,41 @@ def _with_more(level: Checker, share: float, most: float) -> Checker:
     return Checker(level.model.with_margins(margin, own), level.slack)
 
 
-def highest_level(
-    levels: Sequence[Checker], start: Array, goals: Sequence[Array]
-) -> tuple[Checker, list[Array]] | None:
-    """The highest level above the last that the start and a goal keep, with the goals that do.
-
-    Args:
-        levels: As ``clearance_levels`` gives them.
-        start: Shape (n,) [rad or m].
-        goals: Configurations (n,).
-    """
-    for level in levels[:-1]:
-        if len(goals) == 1:
-            if level.all_valid(np.array([start, goals[0]])):
-                return level, list(goals)
-        elif level.valid(start):
-            kept = [np.asarray(goal) for goal in goals if level.valid(goal)]
-            if kept:
-                return level, kept
-    return None
-
-
 class ClearanceTrial(NamedTuple):
     """Search for a path that keeps a clearance all along.
 
     Args:
         level: The clearance.
         max_edges: Edges that trees may check.
-        keeps_start: Whether the start is known to keep the clearance.
-        keeps_goal: Whether the first goal is.
     """
 
     level: ClearanceLevel
     max_edges: int
-    keeps_start: bool = False
-    keeps_goal: bool = False
 
 
-@dataclass(slots=True)
-class ClearanceSearch:
-    """Searches for a path that keeps the preferred clearance all along, in turn until one finds it.
+def clearance_trials(
+    levels: Sequence[Checker], start: Array, goal: Array
+) -> Iterator[ClearanceTrial]:
+    """Searches for a path that keeps the preferred clearance all along, until one finds it.
+
+    Where self-collision pairs are too near on the straight way between ends at which they are not,
+    they are mostly so on every way: such pairs move by a joint or two.
 
     Args:
-        ready: Start and goals.
         levels: As ``clearance_levels`` gives them, two at least.
+        start: Shape (n,) [rad or m].
+        goal: Shape (n,).
     """
-
-    ready: Ready
-    levels: tuple[Checker, ...]
-    _tried: list[ClearanceLevel] = field(default_factory=list, init=False)
-    _choices: Iterator[ClearanceLevel] = field(init=False)
-    _pairs_are_near: bool = field(default=False, init=False)
-
-    def __post_init__(self) -> None:
-        self._choices = path_levels(self.levels)
-
-    def first(self) -> Iterator[ClearanceTrial]:
-        """Searches before one for a path that comes nearer.
-
-        Where self-collision pairs are too near on the straight way between ends at which they are
-        not, they are mostly so on every way: such pairs move by a joint or two.
-        """
-        ready, level = self.ready, next(self._choices)
-        self._tried.append(level)
-        states = leg_states(np.array([ready.start, ready.goals[0]]))
-        kept = level.planned.each_valid(states)
-        ends = bool(kept[0]), bool(kept[-1])
-        if kept.all():
-            yield ClearanceTrial(level, MANY_EDGES, *ends)
-            return
-        close = states[~kept]
-        max_edges = FEW_EDGES if self.levels[-1].all_valid(close) else MANY_EDGES
-        lower = self._lower()
-        self._pairs_are_near = lower is not None and bool(lower.planned.each_valid(close).any())
-        if lower is None or not self._pairs_are_near:
-            yield ClearanceTrial(level, max_edges, *ends)
-            return
-        yield ClearanceTrial(level, FEW_EDGES, *ends)
-        yield ClearanceTrial(lower, max_edges)
-
-    def later(self, path: Array) -> Iterator[ClearanceTrial]:
-        """Searches after those, when a path was found that comes nearer, shape (k, n)."""
-        lower = self._lower()
-        if lower is not None and not self._pairs_are_near and self._has_pairs_near(path):
-            yield ClearanceTrial(lower, FEW_EDGES)
-
-    def _lower(self) -> ClearanceLevel | None:
-        """The level with what self-collision pairs need alone, where it is another one."""
-        if len(self._tried) < 2:
-            self._tried.extend(self._choices)
-        return self._tried[1] if len(self._tried) > 1 else None
-
-    def _has_pairs_near(self, path: Array) -> bool:
-        """Whether self-collision pairs are nearer than preferred somewhere on a path."""
-        least, own = self.levels[-1], self._tried[0].planned.model.own_margin
-        apart = Checker(least.model.with_margins(least.model.margin, own), least.slack)
-        return not apart.all_valid(leg_states(path))
+    level, *lower = path_levels(levels)
+    states = leg_states(np.array([start, goal]))
+    close = states[~level.planned.each_valid(states)]
+    is_free = len(close) > 0 and levels[-1].all_valid(close)
+    max_edges = FEW_EDGES if is_free else MANY_EDGES
+    if len(close) and lower and lower[0].planned.each_valid(close).any():
+        yield ClearanceTrial(level, FEW_EDGES)
+        yield ClearanceTrial(lower[0], max_edges)
+    else:
+        yield ClearanceTrial(level, max_edges)
 
 
 def leg_states(path: Array) -> Array:

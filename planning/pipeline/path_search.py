@@ -1,6 +1,6 @@
 """The search for a path: planners in turn, shortcuts, and the distance from what is passed."""
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from dataclasses import asdict, dataclass, replace
 from functools import partial
 from typing import NamedTuple
@@ -10,12 +10,10 @@ import numpy as np
 from kinematics.arrays import Array
 from obstacles.collision.checker import Checker
 from planning.clearance.levels import (
-    FEW_EDGES,
     MANY_EDGES,
-    ClearanceSearch,
     ClearanceTrial,
     clearance_levels,
-    highest_level,
+    clearance_trials,
     leg_states,
 )
 from planning.clearance.moving_away import join_ends, keep_clear, retreat
@@ -136,10 +134,9 @@ class PathSearch:
         """Search under ever weaker conditions: the first path is the answer.
 
         Where no planner is named, the conditions are: the preferred clearance all along, or between
-        retreats from ends that are too near; a half of it; what is needed, to the best goals. Then
-        every planner searches for a path to any goal. All of this is done with the robot in its
-        solids' hulls first, if it can be. A path that comes nearer than preferred is left for one
-        that is only near between the robot's own links, where there is one.
+        retreats from ends that are too near; what is needed, to the best goals. Then every planner
+        searches for a path to any goal. All of this is done with the robot in its solids' hulls
+        first, if it can be.
         """
         reserved = min(_RESERVED_SHARE * self.options.timeout, _MAX_RESERVED)
         deadline = Deadline(self.deadline.at - reserved, self.deadline.interruptions)
@@ -148,25 +145,18 @@ class PathSearch:
         for checker in ready.checkers:
             levels = clearance_levels(checker, self.options.clearance)
             until = deadline.within(_DEMANDING_SHARE * deadline.remaining)
-            clear, found = self._clearance_search(best, levels), None
-            if clear is not None:
-                found = self._find_clear(clear, clear.first(), until, proves=proves)
-                if found is not None:
-                    return found
-                found = self._find_at_half(best, levels, until, proves=proves)
+            found = None
+            if checker is ready.checkers[0] and self._prefers_clearance(levels):
+                found = self._find_clear(best, levels, until, proves=proves)
             if found is None and best is not ready:
-                found, attempt = self._ask_planners(
-                    self._query(best, checker, until, MANY_EDGES), levels
-                )
+                query = self._query(best, checker, until, MANY_EDGES)
+                found, attempt = self._ask_planners(query, levels)
             if found is None:
                 share = 1.0 if checker is ready.checkers[-1] else _DEMANDING_SHARE
                 last = deadline.within(share * deadline.remaining)
                 found, attempt = self._ask_planners(self._query(ready, checker, last), levels)
             if found is not None:
-                if clear is None:
-                    return found
-                later = clear.later(found.waypoints)
-                return self._find_clear(clear, later, until, proves=proves) or found
+                return found
         if attempt.failure is not None:
             return attempt.failure
         return self._explain(ready, self._no_path(attempt, deadline))
@@ -204,57 +194,37 @@ class PathSearch:
         levels = clearance_levels(checker, self.options.clearance)
         return self._ask_planners(query, levels)[0]
 
-    def _clearance_search(
-        self, ready: Ready, levels: tuple[Checker, ...]
-    ) -> ClearanceSearch | None:
-        """The cascade's searches for a path that keeps the preferred clearance, if any."""
-        checker = levels[-1]
-        is_later = checker is not ready.checkers[0]
-        is_plain = not isinstance(checker, ConstrainedChecker) and len(levels) > 1
-        if self.planners is not CASCADE or is_later or not is_plain:
-            return None
-        return ClearanceSearch(ready, levels)
-
-    def _find_at_half(
-        self, ready: Ready, levels: tuple[Checker, ...], until: Deadline, *, proves: bool
-    ) -> FoundPath | None:
-        """A short search for a path that keeps half of the preferred clearance."""
-        highest = highest_level(levels[1:], ready.start, ready.goals)
-        if highest is None:
-            return None
-        level, goals = highest
-        kept = replace(ready, goals=goals)
-        query = self._query(kept, level, until, FEW_EDGES, proves=proves)
-        return self._ask_planners(query, levels)[0]
+    def _prefers_clearance(self, levels: tuple[Checker, ...]) -> bool:
+        """Whether the cascade searches for a path that keeps the preferred clearance."""
+        is_constrained = isinstance(levels[-1], ConstrainedChecker)
+        return self.planners is CASCADE and not is_constrained and len(levels) > 1
 
     def _find_clear(
-        self,
-        search: ClearanceSearch,
-        trials: Iterator[ClearanceTrial],
-        until: Deadline,
-        *,
-        proves: bool,
+        self, ready: Ready, levels: tuple[Checker, ...], until: Deadline, *, proves: bool
     ) -> FoundPath | None:
-        """The path of the first trial that finds one."""
-        paths = (self._try_clearance(search, trial, until, proves=proves) for trial in trials)
+        """The first path that keeps a clearance."""
+        trials = clearance_trials(levels, ready.start, ready.goals[0])
+        paths = (self._try_clearance(ready, levels, one, until, proves=proves) for one in trials)
         return next((path for path in paths if path is not None), None)
 
     def _try_clearance(
-        self, search: ClearanceSearch, trial: ClearanceTrial, until: Deadline, *, proves: bool
+        self,
+        ready: Ready,
+        levels: tuple[Checker, ...],
+        trial: ClearanceTrial,
+        until: Deadline,
+        *,
+        proves: bool,
     ) -> FoundPath | None:
         """A path that keeps the preferred clearance all along, or between retreats from its ends.
 
         Where both ends keep it, all of the path and of its motion is held to it.
         """
-        ready, level, least = search.ready, trial.level, search.levels[-1]
-        start = ready.start if trial.keeps_start else retreat(level.planned, least, ready.start)
+        level, least = trial.level, levels[-1]
+        start = retreat(level.planned, least, ready.start)
         if start is None:
             return None
-        known = [trial.keeps_goal and k == 0 for k in range(len(ready.goals))]
-        goals = [
-            (goal, goal if keeps else retreat(level.planned, least, goal))
-            for goal, keeps in zip(ready.goals, known, strict=True)
-        ]
+        goals = [(goal, retreat(level.planned, least, goal)) for goal in ready.goals]
         kept = [goal for goal, end in goals if end is not None]
         ends = [end for _, end in goals if end is not None]
         if not kept:
@@ -266,7 +236,7 @@ class PathSearch:
             return None
         if start is ready.start and all(a is b for a, b in zip(kept, ends, strict=True)):
             return found._replace(motion_levels=(level.kept, level.preferred, level.preferred))
-        lower = (level.kept, *search.levels[1:])
+        lower = (level.kept, *levels[1:])
         return found._replace(motion_levels=lower, ends=Ends(ready.start, kept, ends, least))
 
     def _query(

@@ -5,7 +5,6 @@ import itertools
 import numpy as np
 import pytest
 
-from kinematics.arrays import Array
 from kinematics.tree.serial_chain import serial_chain
 from kinematics.urdf.urdf import parse_urdf
 from obstacles.collision.checker import Checker
@@ -13,15 +12,13 @@ from obstacles.collision.fcl_distance import FclWorld
 from obstacles.robots.robot_geometry import RobotGeometry, robot_geometry
 from obstacles.scenes.scene import Scene
 from planning.clearance.levels import (
-    ClearanceSearch,
     clearance_levels,
-    highest_level,
+    clearance_trials,
     leg_states,
     path_levels,
 )
-from planning.preflight_result import Ready
 from planning.values.preferred_clearance import PreferredClearance
-from tests.planning.scenes import HOME, box, builtin, pillar
+from tests.planning.scenes import box, builtin, pillar
 from tests.planning.slider import slider
 
 RNG = np.random.default_rng(3)
@@ -95,73 +92,20 @@ def test_a_margin_above_the_preferred_distance_leaves_no_other_level() -> None:
     assert [level.model.margin for level in between] == [0.08, 0.05]
 
 
-def test_the_highest_level_keeps_only_goals_that_keep_it() -> None:
-    robot = builtin("panda")
-    levels = clearance_levels(Checker.of(robot, Scene()), PreferredClearance())
-    folded = np.array([0.0, 0.0, 0.0, -3.06, 0.0, 0.0, 0.0])
-    goals = [folded, HOME + 0.1]
-    answer = highest_level(levels, HOME, goals)
-    assert answer is not None
-    level, kept = answer
-    assert level is levels[0]
-    assert [list(q) for q in kept] == [list(q) for q in goals if level.valid(q)]
-    assert highest_level(levels[-1:], HOME, goals) is None
-
-
 #: A block of 0.3 m; the ball of the slider has a radius of 0.05 m.
 BLOCK = Scene((box("block", (0.3, 0.3, 0.3), (0.0, 0.0, 0.0)),))
-PREFERRED = 0.04
 
 
-def trials(start: Array, goal: Array) -> ClearanceSearch:
-    """Those of the slider that passes the block."""
-    checker = Checker.of(slider(), BLOCK)
-    levels = clearance_levels(checker, PreferredClearance(PREFERRED))
-    return ClearanceSearch(Ready(start, [goal], (checker,), ()), levels)
+@pytest.mark.parametrize(("y", "edges"), [(0.0, 2000), (0.22, 500), (0.4, 2000)])
+def test_a_straight_motion_that_is_free_but_for_the_clearance_has_a_short_search(
+    y: float, edges: int
+) -> None:
+    levels = clearance_levels(Checker.of(slider(), BLOCK), PreferredClearance(0.04))
+    (trial,) = clearance_trials(levels, np.array([-0.6, y]), np.array([0.6, y]))
+    assert trial.max_edges == edges
 
 
-def edges(found: ClearanceSearch) -> list[int]:
-    """Edges that the first searches may look at."""
-    return [trial.max_edges for trial in found.first()]
-
-
-def test_a_straight_motion_that_is_free_but_for_the_clearance_has_a_short_search() -> None:
-    through, beside, far = (
-        edges(trials(np.array([-0.6, y]), np.array([0.6, y]))) for y in (0.0, 0.22, 0.4)
-    )
-    assert through == far == [2000]
-    assert beside == [500]
-
-
-def test_where_own_links_are_never_near_there_is_no_second_level() -> None:
-    found = trials(np.array([-0.6, 0.0]), np.array([0.6, 0.0]))
-    list(found.first())
-    assert not list(found.later(np.array([[-0.6, 0.0], [-0.6, 0.6], [0.6, 0.6], [0.6, 0.0]])))
-
-
-def test_less_is_asked_of_own_links_where_a_path_that_was_found_has_them_near() -> None:
-    robot, random = builtin("ur5e"), np.random.default_rng(0)
-    checker = Checker.of(robot, Scene())
-    levels = clearance_levels(checker, PreferredClearance(0.02))
-    states = random.uniform(-2.5, 2.5, (1500, 6))
-    roomy = Checker(levels[0].model.with_margins(0.025, 0.006)).each_valid(states)
-    near = states[checker.each_valid(states) & ~levels[0].each_valid(states)]
-    straight = next(
-        (a, b)
-        for a, b in itertools.pairwise(states[roomy])
-        if levels[0].each_valid(leg_states(np.array([a, b]))).all()
-    )
-    found = ClearanceSearch(Ready(straight[0], [straight[1]], (checker,), ()), levels)
-    (first,) = found.first()
-    assert first.max_edges == 2000
-    assert not list(found.later(np.array(straight)))
-    (later,) = found.later(np.array([straight[0], near[0], straight[1]]))
-    assert later.max_edges == 500
-    assert later.level.planned.model.margin == first.level.planned.model.margin
-    assert later.level.planned.model.own_margin < first.level.planned.model.own_margin
-
-
-def test_where_own_links_are_in_the_way_most_of_the_search_asks_less_of_them() -> None:
+def test_where_own_links_are_in_the_way_a_second_level_asks_less_of_them() -> None:
     robot, random = builtin("kr6_sixx"), np.random.default_rng(0)
     checker = Checker.of(robot, Scene())
     levels = clearance_levels(checker, PreferredClearance(0.02))
@@ -172,12 +116,11 @@ def test_where_own_links_are_in_the_way_most_of_the_search_asks_less_of_them() -
         on_way = leg_states(np.array([start, goal]))
         if not checker.each_valid(on_way).all():
             continue
-        searches = list(ClearanceSearch(Ready(start, [goal], (checker,), ()), levels).first())
-        told.add(tuple(trial.max_edges for trial in searches))
-        if len(searches) == 2:
-            assert searches[1].level.planned.each_valid(on_way).any()
-            assert (
-                searches[1].level.planned.model.own_margin
-                < searches[0].level.planned.model.own_margin
-            )
+        trials = list(clearance_trials(levels, start, goal))
+        told.add(tuple(trial.max_edges for trial in trials))
+        if len(trials) == 2:
+            first, second = (trial.level.planned for trial in trials)
+            assert second.each_valid(on_way).any()
+            assert second.model.margin == first.model.margin
+            assert second.model.own_margin < first.model.own_margin
     assert told == {(2000,), (500, 500)}
