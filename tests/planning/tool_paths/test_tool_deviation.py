@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from kinematics.arrays import Array
@@ -46,7 +47,9 @@ def led(motion: ToolCurve) -> JointPath:
     return segment.path
 
 
-def within(motion: ToolCurve, path: JointPath, tolerances: tuple[float, float]) -> Array:
+def within(
+    motion: ToolCurve, path: JointPath, tolerances: tuple[float, float]
+) -> NDArray[np.bool_]:
     """Whether each piece of a path keeps to a motion."""
     run = ToolRun((motion,), (0,), (False,))
     places = path.breaks / path.length
