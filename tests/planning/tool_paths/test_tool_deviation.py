@@ -1,6 +1,7 @@
 """Deviation of the tool from its motions, against pinocchio and a fine grid of places."""
 
 import numpy as np
+import pinocchio as pin
 import pytest
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
@@ -104,17 +105,67 @@ def test_a_turn_on_the_spot_is_measured_about_its_axis() -> None:
     assert tool_deviations(spot, poses) == pytest.approx(np.tile([1e-3, 2e-3], (20, 1)), rel=1e-4)
 
 
-def test_where_the_orientation_is_free_it_may_turn() -> None:
-    path = led(TURNING)
-    straight = line(T, transform(T[:3, :3], T[:3, 3] + [0.0, 0.15, 0.05]))
-    assert within(straight, path, (1e-3, np.inf)).all()
-    held = within(straight, path, (1e-3, 1e-3))
-    assert not held[-1]
-
-
 def test_the_parameter_may_be_time_or_any_other() -> None:
     path, run = led(ARC), ToolRun((ARC,), (0,), (False,))
     scaled = path.coefficients / 3.0 ** np.arange(path.coefficients.shape[2])
     for allowed in (TOLERANCES.pair, (1e-9, 1e-9)):
         three = pieces_within(CHAIN, run, path.breaks, 3.0 * path.breaks, scaled, allowed)
         np.testing.assert_array_equal(within(ARC, path, allowed), three)
+
+
+NARROW = Tolerances(1e-5, 1e-4)
+
+
+def test_every_place_of_the_path_is_within_the_tolerances() -> None:
+    end = shifted(0.05, 0.3, -0.1)
+    segment = follow(CHAIN, line(T, end), HOME, NARROW, Deadline.after(30.0))
+    path = segment.path
+    assert path is not None
+    assert (segment.stop, segment.reached) == (None, 1.0)
+    np.testing.assert_array_equal(segment.start, HOME)
+    way = end[:3, 3] - T[:3, 3]
+    for s in np.linspace(0.0, path.length, 300):
+        M = ORACLE.pose(path.sample([s])[0])
+        off = M[:3, 3] - T[:3, 3]
+        off = off - way * (off @ way) / (way @ way)
+        assert np.linalg.norm(off) <= 1e-5
+        assert np.linalg.norm(pin.log3(T[:3, :3].T @ M[:3, :3])) <= 1e-4
+
+
+def test_the_joints_never_jump_and_the_path_is_smooth() -> None:
+    segment = follow(CHAIN, line(T, shifted(0.0, 0.3, 0.0)), HOME, NARROW, Deadline.after(30.0))
+    path = segment.path
+    assert path is not None
+    places = path.breaks[1:-1]
+    for order in (0, 1, 2):
+        before, after = path.sample(places - 1e-9, order), path.sample(places + 1e-9, order)
+        np.testing.assert_allclose(before, after, atol=1e-4)
+    steps = np.diff(path.sample(np.linspace(0.0, path.length, 200)), axis=0)
+    assert np.abs(steps).max() < 0.05
+
+
+@pytest.mark.parametrize(
+    ("shift", "tolerances", "reasons"),
+    [
+        ((1.5, 0.0, 0.0), Tolerances(1e-4, None), {"unreachable", "singularity", "limit"}),
+        ((0.0, 0.0, -1.2), Tolerances(1e-4, 1e-3), {"limit", "unreachable", "singularity"}),
+    ],
+)
+def test_where_the_arm_ends_so_does_the_path(
+    shift: tuple[float, ...], tolerances: Tolerances, reasons: set[str]
+) -> None:
+    motion = line(T, shifted(*shift))
+    segment = follow(CHAIN, motion, HOME, tolerances, Deadline.after(60.0))
+    assert segment.stop is not None
+    assert segment.stop.reason in reasons
+    assert 0.0 < segment.reached < 1.0
+    reached = forward(CHAIN, segment.end)[:3, 3]
+    np.testing.assert_allclose(reached, motion.pose(segment.reached)[:3, 3], atol=1e-4)
+    limits = CHAIN.limits
+    assert ((segment.end >= limits.lower) & (segment.end <= limits.upper)).all()
+
+
+def test_time_is_a_reason_too() -> None:
+    segment = follow(CHAIN, line(T, shifted(1.5, 0.0, 0.0)), HOME, NARROW, Deadline.after(0.0))
+    assert segment.stop is not None
+    assert segment.stop.reason == "time"
