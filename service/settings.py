@@ -1,6 +1,7 @@
 """Settings of the service, each also an environment variable ``ARMWRIGHT_<NAME>``."""
 
 import os
+from functools import cached_property
 from pathlib import Path
 from typing import Annotated, Literal
 
@@ -129,12 +130,12 @@ class Settings(BaseSettings):
             raise ValueError("default_timeout must not exceed max_timeout")
         return self
 
-    @property
+    @cached_property
     def host_names(self) -> frozenset[str]:
         """Names of this service beside those that are always allowed, in lower case."""
         return frozenset(name.lower() for name in _parts(self.allowed_hosts))
 
-    @property
+    @cached_property
     def origins(self) -> tuple[str, ...]:
         """Origins whose pages may ask."""
         return _parts(self.cors_origins)

@@ -1,6 +1,5 @@
 """Certificates as answers give them."""
 
-import math
 from dataclasses import asdict
 from typing import Any
 
@@ -30,14 +29,14 @@ def certificate_answer(
             "reasons": list(certificate.proved.reasons),
         },
         "premises": premises_answer(certificate.premises, scene),
-        "min_clearance": _finite(certificate.min_clearance),
+        "min_clearance": certificate.min_clearance,
         "clearance_pair": certificate.clearance_pair,
-        "min_obstacle_clearance": _finite(certificate.min_obstacle_clearance),
-        "min_self_clearance": _finite(certificate.min_self_clearance),
+        "min_obstacle_clearance": certificate.min_obstacle_clearance,
+        "min_self_clearance": certificate.min_self_clearance,
         "method": certificate.method,
         "limits": {
             name: {
-                "worst_ratio": _finite(report.worst_ratio),
+                "worst_ratio": report.worst_ratio,
                 "joint": report.joint,
                 "time": report.time + begins,
             }
@@ -94,7 +93,3 @@ def premises_answer(premises: Premises, scene: str | Scene | None) -> dict[str, 
 
 def _speed_answer(use: SpeedUse) -> dict[str, float]:
     return {name: getattr(use, name) for name in ("share", "least", "most", "low", "high")}
-
-
-def _finite(value: float) -> float | None:
-    return value if math.isfinite(value) else None

@@ -51,8 +51,9 @@ def check(robot: Reference, scene: Reference | None, content: bytes) -> bytes | 
     told = cell.overlaps(rows) if body.depth else cell.pairs
     same = {"allowed_collisions": told, **in_frame(chain), **notes_of(body, cell.notes)}
     if joints.ndim == 1:
-        return to_json(verdicts[0] | same)
-    return to_json({name: [one[name] for one in verdicts] for name in verdicts[0]} | same)
+        return to_json(verdicts[0] | same, inf_nan_mode="null")
+    together = {name: [one[name] for one in verdicts] for name in verdicts[0]}
+    return to_json(together | same, inf_nan_mode="null")
 
 
 def _late(done: int, count: int, *, depth: bool) -> TaskProblem:
@@ -70,17 +71,11 @@ def _verdict(report: ConfigurationReport) -> dict[str, Any]:
     pair = report.clearance_pair
     return {
         "valid": report.valid,
-        "clearance": _finite(report.clearance),
+        "clearance": report.clearance,
         "clearance_pair": None if pair is None else list(pair),
-        "collisions": [
-            {"pair": list(c.pair), "depth": _finite(c.depth)} for c in report.collisions
-        ],
+        "collisions": [{"pair": list(c.pair), "depth": c.depth} for c in report.collisions],
         "limit_violations": [asdict(violation) for violation in report.limit_violations],
     }
-
-
-def _finite(value: float) -> float | None:
-    return value if np.isfinite(value) else None
 
 
 @task

@@ -111,8 +111,8 @@ def tube_answer(
         "joint_error": around.joint_error.tolist(),
         "reach": around.reach.tolist(),
         "displacement": around.displacement,
-        "reference_clearance": _finite(certificate.min_clearance),
-        "remaining_clearance": _finite(min(obstacles.distance, own_links.distance)),
+        "reference_clearance": certificate.min_clearance,
+        "remaining_clearance": min(obstacles.distance, own_links.distance),
         "obstacles": _remaining_answer(obstacles),
         "own_links": _remaining_answer(own_links),
         "limits": {
@@ -287,17 +287,13 @@ def _numbers(left: Remaining) -> str:
 
 def _remaining_answer(left: Remaining) -> dict[str, Any]:
     return {
-        "clearance": _finite(left.clearance),
+        "clearance": left.clearance,
         "pair": left.pair,
         "displacement": left.displacement,
         "displaced_link": left.displaced,
         "seen_from": left.seen_from,
-        "remaining": _finite(left.distance),
+        "remaining": left.distance,
     }
-
-
-def _finite(value: float) -> float | None:
-    return value if math.isfinite(value) else None
 
 
 def _tracked_clearance(

@@ -70,6 +70,8 @@ _SENT = [
 ]  # fmt: skip
 #: Key in the scope of a request, with the `ApiKey` that it has shown.
 _KEY = "armwright.api_key"
+#: Key in the scope of a request, with the headers to add to its answer.
+_ADDED = "armwright.added_headers"
 _CHALLENGE = 'Bearer realm="armwright"'
 #: For refusals that leave the body unread: the connection can't be used again.
 _CLOSE = {"Connection": "close"}
@@ -130,6 +132,7 @@ class ServiceMiddleware:
         request_token = logs.request_id.set(identity)
         job_token = logs.job_id.set(None if job is None else job.id)
         added = [*_SECURITY_FIELDS, (b"x-request-id", identity.encode("latin-1"))]
+        scope[_ADDED] = added
         if offers_upgrade(scope):  # the parser drops what was sent behind the offer
             added.append((b"connection", b"close"))
 
@@ -155,13 +158,10 @@ class ServiceMiddleware:
     async def _answer_checked(self, scope: Scope, receive: Receive, send: Send) -> None:
         """Answer a request that passes all checks, and others with a problem document."""
         started = False
-        added = list[tuple[bytes, bytes]]()
 
         async def send_and_note(message: Message) -> None:
             nonlocal started
-            if message["type"] == "http.response.start":
-                started = True
-                _add_headers(message, added)
+            started = True
             await send(message)
 
         try:
@@ -170,7 +170,7 @@ class ServiceMiddleware:
             else:
                 self._check_head(scope)
                 await self._check_access(scope)
-                added += self._take_rate(scope)
+                scope[_ADDED] += self._take_rate(scope)
                 await self._answer_admitted(scope, receive, send_and_note)
         except (Exception, asyncio.CancelledError) as error:  # noqa: BLE001  (raised again or told)
             response = response_to(error, scope, started=started)

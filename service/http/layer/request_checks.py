@@ -24,7 +24,7 @@ from starlette.requests import ClientDisconnect
 from starlette.types import Message, Receive, Scope
 
 from service.http.errors import HttpProblemError
-from service.http.request_headers import field
+from service.http.request_headers import field, values
 
 #: Key in the scope of a request with the instant at which it began to arrive, on the clock of
 #: `time.monotonic` [s].
@@ -72,9 +72,9 @@ def check_head(scope: Scope) -> None:
 
 def offers_upgrade(scope: Scope) -> bool:
     """Whether a request offers to go on in another protocol, of which none is served."""
-    return any(
-        name == b"connection" and b"upgrade" in value.lower() for name, value in scope["headers"]
-    ) and any(name == b"upgrade" for name, _ in scope["headers"])
+    if field(scope, b"upgrade") is None:
+        return False
+    return any("upgrade" in value.lower() for value in values(scope, b"connection"))
 
 
 def _malformed(detail: str) -> HttpProblemError:
