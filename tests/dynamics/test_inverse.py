@@ -65,18 +65,6 @@ def test_is_the_sum_of_the_lagrangian_terms(seed: int) -> None:
     assert relative_error(inverse_dynamics(chain, q, qd, qdd, F), total) < 1e-12
 
 
-def test_batches_of_any_shape_broadcast() -> None:
-    chain = random_chain(4)
-    q, qd, qdd = random_state(chain, 0, 6)
-    flat = inverse_dynamics(chain, q, qd, qdd)
-    cube = inverse_dynamics(chain, *(x.reshape(2, 3, -1) for x in (q, qd, qdd)))
-    np.testing.assert_array_equal(cube.reshape(flat.shape), flat)
-    one = inverse_dynamics(chain, q[0], qd, qdd)
-    np.testing.assert_array_equal(one[0], flat[0])
-    np.testing.assert_array_equal(inverse_dynamics(chain, q[0], qd[0], qdd[0]), flat[0])
-    assert inverse_dynamics(chain, q[:0], qd[:0], qdd[:0]).shape == (0, chain.n)
-
-
 def test_without_gravity_a_robot_at_rest_needs_no_torque() -> None:
     chain = random_chain(4)
     zero = np.zeros(chain.n)

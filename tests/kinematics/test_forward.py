@@ -74,19 +74,6 @@ def test_poses_are_written_where_asked() -> None:
         link_poses(chain, q, ["base"], out=out)
 
 
-@pytest.mark.parametrize("shape", [(), (1,), (4,), (2, 3), (3, 7), (0,)])
-def test_batches_keep_their_shape(shape: tuple[int, ...]) -> None:
-    rng = np.random.default_rng(6)
-    chain = random_chain(rng, 4)
-    q = rng.uniform(-3, 3, (*shape, 4))
-    frames, poses = joint_frames(chain, q), link_poses(chain, q)
-    assert frames.shape == (*shape, 4, 4, 4)
-    assert poses.shape == (*shape, 5, 4, 4)
-    assert forward(chain, q, "link_2").shape == (*shape, 4, 4)
-    for index in np.ndindex(*shape):
-        np.testing.assert_array_equal(poses[index], link_poses(chain, q[index]))
-
-
 def test_frames_stay_rigid_far_out() -> None:
     rng = np.random.default_rng(7)
     for _ in range(20):

@@ -55,17 +55,6 @@ def test_columns_beyond_the_link_are_zero() -> None:
         assert not geometric(chain, q, link.name)[:, i:].any()
 
 
-@pytest.mark.parametrize("shape", [(), (3,), (2, 2), (3, 7), (0,)])
-def test_batches_keep_their_shape(shape: tuple[int, ...]) -> None:
-    rng = np.random.default_rng(13)
-    chain = random_chain(rng, 4)
-    q = rng.uniform(-3, 3, (*shape, 4))
-    J = geometric(chain, q, point=[0.1, 0.2, 0.3])
-    assert J.shape == (*shape, 6, 4)
-    for index in np.ndindex(*shape):
-        np.testing.assert_array_equal(J[index], geometric(chain, q[index], point=[0.1, 0.2, 0.3]))
-
-
 @pytest.mark.parametrize("point", [[0, 0], [0, 0, np.nan], [[0, 0, 0]], 1.0])
 def test_points_refused(point: object) -> None:
     chain = random_chain(np.random.default_rng(14), 2)

@@ -8,7 +8,7 @@ import pytest
 
 from kinematics.arrays import Array
 from kinematics.errors import InvalidLinkName, InvalidOption, InvalidRobotDescription
-from kinematics.forward import forward, joint_frames, link_poses
+from kinematics.forward import forward, link_poses
 from kinematics.ik.inverse import inverse_kinematics
 from kinematics.jacobian import geometric, geometric_rate, pose_and_jacobian
 from kinematics.model.chain import Chain
@@ -124,41 +124,12 @@ def test_poses_and_jacobians_against_pinocchio(chain: Chain, oracle: Oracle, lin
         np.testing.assert_allclose(Jd, oracle.jacobian_rate(q, rates, link), atol=1e-11)
 
 
-def test_a_point_on_a_carried_link(chain: Chain, oracle: Oracle) -> None:
-    point, h = np.array([0.1, -0.2, 0.3]), 1e-6
-    for q in configurations(5, 2):
-        J = geometric(chain, q, "flap", point)
-        for j in range(6):
-            step = h * np.eye(6)[j]
-            a, b = (oracle.pose(q + s, "flap") for s in (-step, step))
-            moved = (b[:3, :3] @ point + b[:3, 3] - a[:3, :3] @ point - a[:3, 3]) / (2.0 * h)
-            np.testing.assert_allclose(J[:3, j], moved, atol=1e-8)
-
-
-def test_frames_of_bodies_are_those_of_their_links(chain: Chain) -> None:
-    q = configurations(1, 4)[0]
-    frames = joint_frames(chain, q)
-    assert frames.shape == (12, 4, 4)
-    np.testing.assert_array_equal(frames[:, 3], np.tile([0.0, 0.0, 0.0, 1.0], (12, 1)))
-    for link in chain.links:
-        if link.joint >= 0:
-            T = frames[link.joint] @ link.T_joint_link
-            np.testing.assert_allclose(T, forward(chain, q, link.name), atol=1e-14)
-
-
 def test_a_pickled_chain_keeps_its_mimic_joints(chain: Chain) -> None:
     again = pickle.loads(pickle.dumps(chain))
     assert again == chain
     np.testing.assert_array_equal(again.model, chain.model)
     other = serial_chain(parse_urdf(urdf().replace('"0.08"', '"0.09"')), tip_link="flange")
     assert other.content_hash != chain.content_hash
-
-
-def test_without_mimic_joints_nothing_is_added() -> None:
-    chain = serial_chain(parse_urdf(urdf(())))
-    assert chain.mimic_joints == ()
-    assert chain.model.shape == (1 + 6 + 7, 14)
-    assert chain.body_count == 6
 
 
 def test_a_multiplier_of_zero_holds_the_joint() -> None:

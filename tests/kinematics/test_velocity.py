@@ -156,25 +156,6 @@ def test_rank_and_singular_directions() -> None:
     assert singular_directions(geometric(builtin_chain("scara"), np.zeros(4))).rank <= 4
 
 
-def test_batches_equal_single_calls() -> None:
-    chain = builtin_chain("panda")
-    rng = np.random.default_rng(4)
-    lower, upper = chain.sampling_bounds()
-    q = rng.uniform(lower, upper, (3, 2, 7))
-    xi, b = rng.normal(size=(3, 2, 6)), rng.normal(size=(3, 2, 7))
-    batch = joint_velocities(chain, q, xi, nullspace=b, link="panda_link6", point=[0.1, 0.0, 0.2])
-    for i in np.ndindex(3, 2):
-        one = joint_velocities(
-            chain, q[i], xi[i], nullspace=b[i], link="panda_link6", point=[0.1, 0.0, 0.2]
-        )
-        np.testing.assert_allclose(batch.joint_velocities[i], one.joint_velocities, atol=1e-9)
-        np.testing.assert_allclose(batch.residual[i], one.residual, atol=1e-9)
-        np.testing.assert_allclose(
-            link_twist(chain, q[i], b[i], "panda_link6", [0.1, 0.0, 0.2]),
-            geometric(chain, q[i], "panda_link6", [0.1, 0.0, 0.2]) @ b[i],
-        )
-
-
 def test_pose_and_jacobian_are_those_of_the_single_calls() -> None:
     rng = np.random.default_rng(5)
     for _ in range(20):

@@ -7,7 +7,6 @@ import pytest
 import trimesh
 from scipy.spatial.transform import Rotation
 
-import armwright as aw
 from kinematics.arrays import Array
 from kinematics.errors import InvalidScene
 from kinematics.pose import transform
@@ -24,11 +23,9 @@ from obstacles.shapes.shape import (
     Sphere,
 )
 from planning.configuration_check import configuration_checker
-from planning.proof.certificate import certify
-from tests.planning.scenes import HOME, builtin
+from tests.planning.scenes import builtin
 
 ROBOT = builtin("panda")
-ASIDE = HOME + np.array([1.2, 0.4, 0.0, 0.3, 0.0, 0.2, 0.0])
 RING = trimesh.creation.annulus(0.05, 0.12, 0.2)
 
 
@@ -103,19 +100,6 @@ def test_a_configuration_is_free_of_it_where_it_is_free_of_its_solids(seed: int)
         assert {tuple(c.pair) for c in one.collisions} == pairs
         if one.clearance > 0.0:
             assert one.clearance == pytest.approx(many.clearance, abs=1e-9)
-
-
-@pytest.mark.parametrize("seed", range(3))
-def test_a_proof_meets_the_object_where_it_meets_a_solid(seed: int) -> None:
-    mug, _ = drawn_object(seed)
-    motion = aw.retime([HOME, ASIDE], ROBOT).trajectory
-    one, many = (certify(motion, ROBOT, scene) for scene in (Scene([mug]), Scene(mug.solids())))
-    assert one.verified == many.verified
-    if one.verified:
-        assert one.min_clearance == pytest.approx(many.min_clearance, rel=0.1, abs=1e-3)
-    else:
-        assert one.violation is not None
-        assert "mug" in one.violation.details["pair"]
 
 
 def test_it_is_told_from_others_by_all_that_it_is_made_of() -> None:

@@ -48,15 +48,6 @@ def test_every_joint_without_the_limit_is_named(quantity: str) -> None:
     assert f'"a": {{"{quantity}"' in (caught.value.hint or "")
 
 
-def test_limits_keep_their_own_copy() -> None:
-    lower = np.array([-1.0])
-    limits = replace(Limits.unlimited(1), lower=lower)
-    lower[0] = 5.0
-    assert limits.lower.tolist() == [-1.0]
-    with pytest.raises(ValueError, match="read-only"):
-        limits.upper[0] = 0.0
-
-
 def test_sampling_bounds_are_the_limits_or_one_turn() -> None:
     base = random_chain(np.random.default_rng(1), 4)
     lower = np.array([-np.inf, -1.0, np.nan, -0.5])
@@ -133,35 +124,7 @@ def test_malformed_configurations_are_refused(chain: Chain, q: ArrayLike, words:
     assert caught.value.message.startswith("start ")
 
 
-def test_configurations_outside_the_limits_are_not_refused_here() -> None:
-    panda = builtin_chain("panda")
-    assert (panda.configuration(np.full(7, 100.0)) == 100.0).all()
-
-
 # ------------------------------------------------------------------------------- the model
-
-
-def test_the_packed_model_has_every_frame(chain: Chain) -> None:
-    model, n = chain.model, chain.n
-    assert model.shape == (1 + n + len(chain.links), 14)
-    assert model[0, 0] == n
-    assert chain.links[int(model[0, 1])].name == chain.tip_link
-    for i in range(n):
-        assert model[1 + i, 0] == chain.joint_types[i]
-        np.testing.assert_array_equal(model[1 + i, 1:13].reshape(3, 4), chain.offsets[i, :3])
-    for k, link in enumerate(chain.links):
-        row = model[1 + n + k]
-        assert row[0] == link.joint
-        np.testing.assert_array_equal(row[1:13].reshape(3, 4), link.T_joint_link[:3])
-
-
-def test_the_last_column_orders_links_from_base_to_tip() -> None:
-    base = random_chain(np.random.default_rng(2), 3)
-    shuffled = replace(base, links=tuple(base.links[k] for k in (3, 0, 2, 1)))
-    order = shuffled.model[1 + shuffled.n :, 13].astype(int)
-    carriers = [shuffled.links[k].joint for k in order]
-    assert carriers == [-1, 0, 1, 2]
-    assert sorted(order) == [0, 1, 2, 3]
 
 
 def test_motors_gravity_and_friction_have_defaults(chain: Chain) -> None:

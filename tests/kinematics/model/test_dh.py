@@ -270,30 +270,6 @@ def test_classical_numbers_suffice_but_for_near_parallels(convention: Convention
         np.testing.assert_allclose(product(table, q)[-1], forward(chain, q), atol=1e-11)
 
 
-def test_axes_of_standard_frames_lie_on_the_joints() -> None:
-    """DH1 and DH2: x_i is orthogonal to z_{i-1} and meets it; z_{i-1} is the axis of joint i."""
-    rng = np.random.default_rng(34)
-    for _ in range(50):
-        chain = random_chain(rng)
-        table = dh_from_chain(chain)
-        if max(abs(row.d) for row in table.rows) > 1e3:
-            continue
-        frames = product(table, np.zeros(chain.n))
-        T = np.eye(4)
-        for i in range(chain.n):
-            T = T @ chain.offsets[i]
-            before, after = frames[i], frames[i + 1]
-            between = after[:3, 3] - before[:3, 3]
-            x, z = after[:3, 0], before[:3, 2]
-            assert abs(x @ z) < 1e-12
-            assert abs(between @ np.cross(z, x)) < 1e-11
-            # The tilt that beta makes up for is in no classical frame.
-            if not any(row.beta for row in table.rows):
-                np.testing.assert_allclose(z, T[:3, 2], atol=1e-12)
-                apart = np.cross(T[:3, 3] - before[:3, 3], z)
-                np.testing.assert_allclose(apart, 0, atol=1e-11)
-
-
 @pytest.mark.parametrize("convention", CONVENTIONS)
 def test_textbook_table_comes_back(convention: Convention) -> None:
     """An elbow arm with a spherical wrist: every case of the notes but the skew one."""

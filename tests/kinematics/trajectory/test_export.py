@@ -59,25 +59,6 @@ def test_times_are_nanoseconds_that_strictly_increase_to_the_end(
     assert np.abs(found - expected).max() <= 0.5 + 1e-6
 
 
-def test_points_of_less_than_a_nanosecond_are_still_apart() -> None:
-    short = stay(("a",), [0.0], 2e-9)
-    assert ticks(joint_trajectory(short, 0.25e-9)) == list(range(9))
-    shortest = stay(("a",), [0.0], 1e-12)
-    assert ticks(joint_trajectory(shortest, 1.0)) == [0, 1]
-
-
-def test_seconds_carry_over() -> None:
-    message = joint_trajectory(stay(("a",), [0.0], 3.25), 0.75)
-    assert [point["time_from_start"] for point in message["points"]] == [
-        {"sec": 0, "nanosec": 0},
-        {"sec": 0, "nanosec": 750_000_000},
-        {"sec": 1, "nanosec": 500_000_000},
-        {"sec": 2, "nanosec": 250_000_000},
-        {"sec": 3, "nanosec": 0},
-        {"sec": 3, "nanosec": 250_000_000},
-    ]
-
-
 def test_the_message_is_plain_json_with_its_header() -> None:
     message = joint_trajectory(stay(("a", "b"), [0.5, -1.0], 1.0), 0.5, "base_link")
     assert message["header"] == {"stamp": {"sec": 0, "nanosec": 0}, "frame_id": "base_link"}

@@ -112,33 +112,6 @@ def test_a_polynomial_of_its_degree_is_reproduced(name: str, degree: int, rows: 
     np.testing.assert_allclose(made.sample(between), expected, atol=1e-8 * np.abs(expected).max())
 
 
-@settings(max_examples=25)
-@given(samples(), st.sampled_from(INTERPOLATIONS), st.floats(-3.0, 3.0))
-def test_joints_do_not_influence_each_other_and_scale(
-    rows: Samples, name: str, factor: float
-) -> None:
-    times, q, v, a = rows
-    made = through(rows, name)
-    swapped = interpolate(("b", "a"), times, q[:, ::-1], name, v[:, ::-1], a[:, ::-1])
-    np.testing.assert_allclose(
-        swapped.coefficients, made.coefficients[:, ::-1], rtol=1e-12, atol=1e-12
-    )
-    scaled = interpolate(NAMES, times, factor * q, name, factor * v, factor * a)
-    size = float(np.abs(made.coefficients).max())
-    np.testing.assert_allclose(
-        scaled.coefficients, factor * made.coefficients, rtol=1e-9, atol=1e-9 * size
-    )
-
-
-@settings(max_examples=25)
-@given(samples(), st.sampled_from(INTERPOLATIONS))
-def test_the_clock_of_the_samples_does_not_matter(rows: Samples, name: str) -> None:
-    times, q, v, a = rows
-    made, later = through(rows, name), interpolate(NAMES, times + 1024.0, q, name, v, a)
-    at = np.linspace(0.0, min(made.duration, later.duration), 20)
-    np.testing.assert_allclose(later.sample(at), made.sample(at), atol=1e-7)
-
-
 @pytest.mark.parametrize("name", ["velocities", "accelerations"])
 @pytest.mark.parametrize("bad", [np.zeros((2, 2)), np.zeros(3), np.full((3, 1), np.nan), "x"])
 def test_malformed_derivatives_are_named(name: str, bad: Array) -> None:

@@ -139,11 +139,6 @@ def test_wrong_limits(
 # ------------------------------------------------------------------------------ base and tip
 
 
-def test_only_leaf_is_the_tip() -> None:
-    chain = serial_chain(parse_urdf(arm()))
-    assert (chain.base_link, chain.tip_link) == ("base", "tip")
-
-
 def test_likely_tip_is_told(tree: RobotDescription) -> None:
     chosen = select(tree)
     assert (chosen.base_link, chosen.tip_link) == ("world", "hand")
@@ -173,11 +168,6 @@ def test_group_called_arm_is_the_chain(tree: RobotDescription) -> None:
     chosen = select(tree, semantics=two)
     assert (chosen.base_link, chosen.tip_link) == ("rail", "hand")
     assert any("mast" in line and "group" in line for line in chosen.lint)
-
-
-def test_chain_of_a_missing_link_is_not_used(tree: RobotDescription) -> None:
-    some = Semantics("tree", chains={"arm": ("rail", "hook"), "whole": ("rail", "hand")})
-    assert select(tree, semantics=some).tip_link == "hand"
 
 
 @pytest.mark.parametrize(
@@ -262,11 +252,6 @@ def test_held_joints_stand_nearest_to_zero(tree: RobotDescription) -> None:
     assert dict(chosen.held) == {
         "mast_joint": 0.2, "left_finger_joint": 0.0, "right_finger_joint": 0.01}  # fmt: skip
     assert any("'mast_joint'" in line and "0.2" in line for line in chosen.lint)
-
-
-def test_mimic_follows_what_is_held(tree: RobotDescription) -> None:
-    chosen = select(tree, tip_link="hand", held={"left_finger_joint": 0.04})
-    assert chosen.held["right_finger_joint"] == pytest.approx(0.03)
 
 
 def test_mimic_of_a_mimic() -> None:

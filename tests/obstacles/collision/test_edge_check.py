@@ -3,8 +3,6 @@
 import numpy as np
 import pytest
 
-from kinematics.model.chain import Chain, Limits, Link
-from kinematics.pose import transform
 from kinematics.robots import builtin_names, builtin_srdf, builtin_urdf
 from kinematics.tree.serial_chain import serial_chain
 from kinematics.tree.srdf import parse_srdf
@@ -19,7 +17,6 @@ from obstacles.collision.edge_check import (
     certify_in,
 )
 from obstacles.collision.model.kernel_work import workspace
-from obstacles.convex.piece import Piece, PieceKind
 from obstacles.robots.robot_geometry import RobotGeometry, robot_geometry
 from obstacles.scenes.scene import Obstacle, Scene
 from obstacles.shapes.shape import Box, Cylinder, HalfSpace, Sphere
@@ -41,37 +38,6 @@ def clutter(random: np.random.Generator, count: int = 6) -> Scene:
         shape = [Box(random.uniform(0.05, 0.3, 3)), Sphere(0.1), Cylinder(0.05, 0.4)][k % 3]
         obstacles.append(Obstacle(f"thing_{k}", shape, T, margin=0.01 * (k % 2)))
     return Scene(tuple(obstacles))
-
-
-def slider() -> tuple[Checker, Chain]:
-    """A ball of 0.1 m on a rail along z, in front of a wall whose face is at z = 1."""
-    limits = Limits(*(np.array([x]) for x in (-5.0, 5.0, 1.0, 1.0, np.nan, np.nan)))
-    links = (Link("base", -1, np.eye(4)), Link("tip", 0, np.eye(4)))
-    chain = Chain(
-        "slider", ("slide",), np.array([1]), np.eye(4)[None], links, "base", "tip", limits,
-        np.zeros(1, dtype=bool),
-    )  # fmt: skip
-    ball = Piece(PieceKind.POLYTOPE, np.eye(4), np.zeros((1, 3)), offset_radius=0.1)
-    one = np.zeros(1, dtype=np.int64)
-    robot = RobotGeometry(chain, (ball,), ("tip",), one, one, {})
-    wall = Box(np.array([2.0, 2.0, 0.5]))
-    scene = Scene((Obstacle("wall", wall, transform(None, [0.0, 0.0, 1.25])),))
-    return Checker.of(robot, scene), chain
-
-
-def test_slide_up_to_a_wall_is_free_until_it_touches() -> None:
-    checker, _ = slider()
-    start = np.array([0.0])
-    for gap in (0.5, 1e-3, 1e-5):
-        motion = checker.segment(start, np.array([0.9 - gap]))
-        assert motion.free
-        assert 0.0 < motion.clearance <= gap + 1e-9
-    assert checker.segment(start, np.array([0.9 + 1e-4])).colliding
-    through = checker.segment(start, np.array([3.0]))
-    assert through.colliding
-    assert through.pair == ("tip", "wall")
-    touching = checker.segment(start, np.array([0.9]))
-    assert not touching.free
 
 
 @pytest.mark.parametrize("name", builtin_names())

@@ -176,16 +176,6 @@ def test_the_halfspace_is_exact() -> None:
         assert distance(shape, floor, np.eye(4)) == pytest.approx(expected, abs=1e-12)
 
 
-def test_margins_are_taken_off() -> None:
-    T = transform(None, [0.0, 1.0, 0.0])
-    assert distance(Sphere(0.3), Sphere(0.2), T, 0.1) == pytest.approx(0.4, abs=1e-7)
-    assert distance(Sphere(0.3), HalfSpace(UP, -1.0), np.eye(4), 0.2) == pytest.approx(0.5)
-    scene = Scene((Obstacle("it", Sphere(0.2), T, 0.6),))
-    (collision,) = FclWorld(alone(Sphere(0.3)), scene).collisions(np.zeros(1))
-    assert collision.pair == ("car", "it")
-    assert collision.depth == pytest.approx(0.1, abs=1e-7)
-
-
 def test_collisions_name_each_pair_once_deepest_first() -> None:
     cloud = PointCloud(np.array([[0.0, 0.3, 0], [0, 0.35, 0], [0, 9, 0]]), 0.1)
     scene = Scene((
@@ -232,23 +222,6 @@ def test_clearance_is_the_least_over_all_pairs() -> None:
         assert bool(collisions) == (every.min() <= 0.0)
         if collisions:
             assert collisions[0].depth == pytest.approx(-every.min(), abs=1e-12)
-
-
-def test_the_base_is_not_compared_with_obstacles() -> None:
-    robot = panda()
-    world = FclWorld(robot, Scene((Obstacle("floor", HalfSpace(UP, 0.0)),)))
-    named = {world.pair_names(k) for k in range(len(world.pairs))}
-    assert ("panda_link0", "floor") not in named
-    assert ("panda_link7", "floor") in named
-
-
-def test_nothing_to_collide_with() -> None:
-    world = FclWorld(alone(Sphere(0.3)), Scene())
-    assert world.clearance(np.zeros(1)).distance == np.inf
-    assert world.clearance(np.zeros(1)).pair is None
-    assert world.collisions(np.zeros(1)) == []
-    ghost = slide()
-    assert FclWorld(ghost, Scene((Obstacle("a", Sphere(1.0)),))).clearance([0.0]).pair is None
 
 
 @pytest.mark.parametrize("q", [[np.nan], [np.inf], [0.0, 0.0], []])

@@ -8,16 +8,15 @@ import pytest
 
 from kinematics.arrays import Array
 from kinematics.pose import transform
-from obstacles.convex.piece import Piece, PieceKind
+from obstacles.convex.piece import Piece
 from obstacles.distance.fcl_solid import (
     UNITS,
     FclSolid,
-    fcl_point,
     fcl_solid,
     separation,
 )
 from obstacles.distance.signed_distance import signed_distance
-from obstacles.shapes.shape import Box, HalfSpace
+from obstacles.shapes.shape import HalfSpace
 from tests.obstacles.outline import convex_pieces
 
 
@@ -25,12 +24,6 @@ def moved(piece: Piece, T: Array | None = None) -> FclSolid:
     solid = fcl_solid(piece)
     solid.move(piece.T_owner_piece if T is None else T)
     return solid
-
-
-def apart(a: FclSolid, b: FclSolid) -> float:
-    found = separation(a, b)
-    assert found is not None
-    return found.distance
 
 
 @pytest.mark.parametrize("seed", range(3))
@@ -56,29 +49,6 @@ def test_distances_are_those_of_the_pieces(seed: int) -> None:
 
 def fcl_length(a: Piece, b: Piece) -> float:
     return float(fcl.distance(moved(a).object, moved(b).object)) / UNITS
-
-
-def test_points_segments_and_triangles_have_solids() -> None:
-    """FCL knows none of them: balls and capsules a nanometre thick, and two-sided triangles."""
-    point = fcl_point()
-    for corners in (
-        [[0.0, 0, 0]],
-        [[0.0, 0, -1], [0, 0, 1]],
-        [[0.0, 0, -1], [0, 0, 1], [0, -1, 0]],
-    ):
-        piece = Piece(PieceKind.POLYTOPE, np.eye(4), np.array(corners))
-        point.move(transform(None, [0.3, 0.4, 0.0]))
-        assert apart(moved(piece), point) == pytest.approx(0.5, abs=1e-6)
-    triangle = Piece(PieceKind.POLYTOPE, np.eye(4), np.array([[0.0, 0, 0], [1, 0, 0], [0, 1, 0]]))
-    for height in (0.2, -0.2):
-        point.move(transform(None, [0.2, 0.2, height]))
-        assert apart(moved(triangle), point) == pytest.approx(0.2, abs=1e-6)
-
-
-def test_what_touches_has_no_separation() -> None:
-    (box,) = Box(np.full(3, 0.2)).pieces()
-    for shift in (0.0, 0.1, 0.19):
-        assert separation(moved(box), moved(box, transform(None, [shift, 0, 0]))) is None
 
 
 def test_a_halfspace_is_refused() -> None:

@@ -9,7 +9,7 @@ import trimesh
 
 from kinematics.arrays import Array
 from obstacles.convex.hull import convex_hull
-from obstacles.meshes.convex_cover import ConvexPart, cut_bodies, hull_part
+from obstacles.meshes.convex_cover import ConvexPart, cut_bodies
 from obstacles.meshes.plane_cut import triangle_areas
 from tests.obstacles.arms import cup, in_cup
 
@@ -111,20 +111,3 @@ def test_an_open_surface_is_covered_without_what_is_in_it() -> None:
     assert not any(part.filled for part in parts)
     corners = np.array(cup().triangles).reshape(-1, 3)
     assert covered(parts, corners).all()
-
-
-def test_turning_the_mesh_changes_little() -> None:
-    turn = trimesh.transformations.rotation_matrix(0.3, [1.0, 2.0, 3.0])
-    parts = parts_of(cup().apply_transform(turn))
-    points = np.random.default_rng(4).uniform(-0.2, 0.2, (2000, 3))
-    moved = points @ turn[:3, :3].T
-    assert covered(parts, moved[in_cup(points)]).all()
-    assert total(parts) < 2.0 * cup().volume
-
-
-def test_the_part_of_a_hull_is_the_hull() -> None:
-    hull = convex_hull(np.random.default_rng(5).normal(size=(20, 3)))
-    part = hull_part(hull)
-    np.testing.assert_array_equal(part.vertices, hull.vertices)
-    assert (part.offset_radius, part.filled) == (0.0, False)
-    assert len(part.triangles) == len(part.anchors) == 0

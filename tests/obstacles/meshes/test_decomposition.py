@@ -181,19 +181,6 @@ def test_only_what_is_closed_is_filled(body: trimesh.Trimesh, filled: bool) -> N
     assert [part.filled for part in pieces_of(body)] == [filled] * len(pieces_of(body))
 
 
-def test_turned_triangles_of_a_body_that_is_not_convex_do_not_matter() -> None:
-    body = ell()
-    random = np.random.default_rng(0)
-    soup = np.array(body.triangles)
-    soup[::2] = soup[::2, ::-1]
-    soup = random.permutation(soup).reshape(-1, 3)
-    parts = convex_pieces(soup, np.arange(len(soup)).reshape(-1, 3))
-    assert all(part.filled for part in parts)
-    triangles = np.vstack([part.triangles for part in parts])
-    points = np.array([[0.5, 0.1, 0.1], [0.1, 0.5, 0.1], [0.5, 0.5, 0.1]])
-    np.testing.assert_allclose(np.abs(windings(points, triangles)), [1.0, 1.0, 0.0], atol=1e-9)
-
-
 def test_pieces_that_were_kept_are_read_back(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -217,13 +204,6 @@ def test_pieces_that_were_kept_are_read_back(
         assert len(pieces_of(body)) == len(first)
     finally:
         keep_files_in(None)
-
-
-def test_a_flat_mesh_is_its_flat_hull() -> None:
-    square = np.array([[0.0, 0, 1], [1, 0, 1], [1, 1, 1], [0, 1, 1]])
-    (part,) = convex_pieces(square, np.array([[0, 1, 2], [0, 2, 3]]))
-    assert len(part.vertices) == 4
-    assert part.offset_radius == 0.0
 
 
 def test_overhang_is_what_the_hull_has_too_much() -> None:

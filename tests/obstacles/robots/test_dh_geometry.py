@@ -14,7 +14,7 @@ from obstacles.collision.fcl_distance import FclWorld
 from obstacles.robots.dh_geometry import LinkSolid, dh_robot_geometry
 from obstacles.robots.robot_geometry import RobotGeometry
 from obstacles.scenes.scene import Obstacle, Scene
-from obstacles.shapes.shape import Box, HalfSpace, Sphere
+from obstacles.shapes.shape import HalfSpace, Sphere
 
 RADIUS = 0.05
 
@@ -156,28 +156,6 @@ def axis_distance(ends: tuple[Array, Array], point: Array) -> float:
     a, b = ends
     share = np.clip((point - a) @ (b - a) / ((b - a) @ (b - a)), 0.0, 1.0)
     return float(np.linalg.norm(point - a - share * (b - a)))
-
-
-def test_shapes_move_with_the_frames_of_their_rows() -> None:
-    random = np.random.default_rng(3)
-    for convention in ("standard", "modified"):
-        table = random_table(random, convention, prismatic=True)
-        pose = turn("x", 0.3) @ shift(0.1, -0.2, 0.05)
-        solids = [[], [LinkSolid(Box((0.1, 0.2, 0.3)), pose)], [], [LinkSolid(Sphere(0.07))]]
-        robot = dh_robot_geometry("arm", table, solids)
-        assert robot.links == ("link_2", "link_4")
-        q = np.array([0.3, -1.0, 0.2, 0.8])
-        frames, _ = skeleton(table, q)
-        ball = frames[4][:3, 3] + [0.0, 0.0, 0.5]
-        scene = Scene((Obstacle("ball", Sphere(0.1), shift(*ball)),))
-        world = FclWorld(robot, scene)
-        world.set_configuration(q)
-        box = frames[2] @ pose
-        local = box[:3, :3].T @ (ball - box[:3, 3])
-        outside = np.maximum(np.abs(local) - [0.05, 0.1, 0.15], 0.0)
-        pairs = {tuple(world.pair_names(k)): world.distance(k) for k in range(len(world.pairs))}
-        assert pairs["link_2", "ball"] == pytest.approx(np.linalg.norm(outside) - 0.1, abs=1e-7)
-        assert pairs["link_4", "ball"] == pytest.approx(0.5 - 0.17, abs=1e-7)
 
 
 def test_neighbours_may_touch_and_the_others_may_not() -> None:

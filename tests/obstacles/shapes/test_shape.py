@@ -97,12 +97,6 @@ def test_refuses_faces(faces: Any) -> None:
         Mesh(TETRAHEDRON, faces)
 
 
-def test_box_is_its_corners() -> None:
-    (piece,) = Box(np.array([1.0, 2.0, 3.0])).pieces()
-    np.testing.assert_allclose(np.ptp(piece.vertices, axis=0), [1, 2, 3])
-    assert ConvexHull(piece.vertices).volume == pytest.approx(6.0)
-
-
 def test_capsule_is_longer_than_its_height_by_both_ends() -> None:
     (piece,) = Capsule(0.2, 1.0).pieces()
     center, radius = piece.bounding_sphere()
@@ -149,9 +143,3 @@ def test_convex_may_have_no_inside(points: Array, corners: int) -> None:
     for T in (np.eye(3), np.linalg.qr(np.random.default_rng(2).normal(size=(3, 3)))[0]):
         (piece,) = Convex(np.array(points) @ T).pieces()
         assert len(piece.vertices) == corners
-
-
-def test_point_cloud_is_one_ball_a_point() -> None:
-    pieces = PointCloud(TETRAHEDRON, 0.1).pieces()
-    np.testing.assert_allclose([piece.bounding_sphere()[0] for piece in pieces], TETRAHEDRON)
-    assert {piece.offset_radius for piece in pieces} == {0.1}

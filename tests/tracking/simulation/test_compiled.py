@@ -10,7 +10,7 @@ from scipy.integrate import solve_ivp
 from dynamics.model.body import scale_masses
 from dynamics.model.payload import Motor, attach_motors, with_motors, with_payload
 from kinematics.arrays import Array
-from kinematics.errors import InvalidOption, InvalidRobotState, MissingInertia
+from kinematics.errors import MissingInertia
 from kinematics.model.chain import Chain, Inertia
 from kinematics.robots import builtin_chain
 from tests.dynamics.samples import planar_rr, random_chain
@@ -229,14 +229,3 @@ def test_a_massless_joint_is_named() -> None:
     fine = with_motors(massless, [0.0, 0.1])
     result = simulate(controller, constant(chain, np.zeros(2)), FREE, robot=fine)
     assert result.outcome is SimulationOutcome.COMPLETED
-
-
-def test_faults_are_named() -> None:
-    for wrong in ({"wrench": [1.0]}, {"frequency": -1.0}, {"start": 2.0, "end": 1.0}):
-        with pytest.raises(InvalidOption):
-            Disturbance(**wrong)
-    for bad in ({"position": -1.0}, {"velocity": np.nan}, {"period": 0.0}, {"seed": -1}):
-        with pytest.raises(InvalidOption):
-            EncoderNoise(**bad)
-    with pytest.raises(InvalidRobotState, match="batch"):
-        Disturbance([[1.0, 2.0]]).parts(planar_rr())

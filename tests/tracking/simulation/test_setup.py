@@ -1,7 +1,6 @@
 """What a run of a closed loop needs: states, samples, limits, options, disturbances and noise."""
 
 import math
-from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -9,47 +8,11 @@ import pytest
 
 from kinematics.errors import InvalidOption, InvalidRobotState
 from kinematics.robots import builtin_chain
-from kinematics.trajectory.trajectory import Trajectory
-from tests.tracking.samples import smooth
-from tracking.controllers.computed_torque import ComputedTorque
 from tracking.simulation.disturbance import Disturbance, EncoderNoise
 from tracking.simulation.options import SimulationOptions
 from tracking.simulation.result import settling_time
-from tracking.simulation.setup import Setup, prepare
 
 CHAIN = builtin_chain("planar_rr")
-FREE = SimulationOptions(saturate=False)
-START, END = np.array([0.1, 0.2]), np.array([0.5, 0.9])
-MOTION = smooth(CHAIN, START, END, 0.5)
-CONTROLLER = ComputedTorque(CHAIN, np.array(4.0), np.array(4.0))
-
-
-def made(
-    options: SimulationOptions = FREE, controller: Any = CONTROLLER, robot: Any = CHAIN,
-    motion: Trajectory = MOTION, q: Any = None, qd: Any = None,
-) -> Setup:  # fmt: skip
-    return prepare(controller, motion, options, robot, (q, qd), None, None)
-
-
-@pytest.mark.parametrize(
-    ("q", "qd", "words"),
-    [([1.0], None, "initial_position"), (None, [1.0, 2.0, 3.0], "initial_velocity"),
-     ([math.nan, 0.0], None, "initial_position"), ([[0.0, 0.0]], None, "not at a batch"),
-     (None, [[0.0, 0.0], [0.0, 0.0]], "not at a batch")],
-)  # fmt: skip
-def test_a_state_that_is_none_is_refused(q: Any, qd: Any, words: str) -> None:
-    with pytest.raises(InvalidRobotState, match=words):
-        made(q=q, qd=qd)
-
-
-def test_model_trajectory_and_robot_have_the_same_joints() -> None:
-    swapped = replace(MOTION, joint_names=CHAIN.joint_names[::-1])
-    with pytest.raises(InvalidOption, match="the trajectory has the joints"):
-        made(motion=swapped)
-    with pytest.raises(InvalidOption, match="the robot has the joints"):
-        made(robot=replace(CHAIN, joint_names=("a", "b")))
-
-
 # ---------------------------------------------------------------------------------- options
 
 

@@ -238,20 +238,3 @@ def test_faults_are_named() -> None:
         simulate(controller, still, replace(FREE, sample_period=1e-9))
     with pytest.raises(MissingInertia):
         simulate(controller, still, FREE, robot=bare)
-
-
-@pytest.mark.parametrize(
-    "wrong",
-    [
-        {"duration": 0.0},
-        {"sample_period": -1.0},
-        {"control_period": np.nan},
-        {"relative_tolerance": 0.1},
-        {"absolute_tolerance": 0.0},
-        {"settling_tolerance": np.inf},
-        {"max_evaluations": 0},
-    ],
-)
-def test_wrong_options_are_refused(wrong: dict[str, float]) -> None:
-    with pytest.raises(InvalidOption, match=next(iter(wrong))):
-        replace(FREE, **wrong)  # type: ignore[arg-type]
