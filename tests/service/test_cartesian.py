@@ -59,23 +59,6 @@ def test_a_goal_alone_is_one_line(client: httpx.Client) -> None:
     assert plan(client, timing={"sample_period": 0.01, "tool_speed": 0.2})["path"] == found["path"]
 
 
-def test_the_client_says_the_same(client: httpx.Client) -> None:
-    options = ClientOptions(
-        motions=[
-            ToolMotion.lin(ClientPose.model_validate(pose(0.0, 0.1, 0.0))),
-            ToolMotion.circ(
-                ClientPose.model_validate(pose(0.0, 0.2, 0.0)),
-                via=(TIP[:3, 3] + [0.0, 0.15, 0.05]).tolist(),
-            ),
-        ],
-        max_deviation=1e-5,
-    )
-    found = plan(client, planner_options=options.as_options())
-    assert [motion["type"] for motion in found["tool_motions"]] == ["lin", "circ"]
-    assert found["tool_motions"][1]["length"] == pytest.approx(0.05 * np.pi)
-    assert found["certificate"]["path_deviation"]["position"] <= 1e-5
-
-
 def test_a_way_that_ends_early(client: httpx.Client) -> None:
     wall = {
         "id": "wall",
@@ -96,26 +79,6 @@ def test_a_way_that_ends_early(client: httpx.Client) -> None:
     assert partial["stopped"]["reason"] == "collision"
     assert partial["notes"]
     assert partial["certificate"]["verified"]
-
-
-@pytest.mark.parametrize(
-    ("center", "radius", "code"),
-    [
-        ([0.0, 0.2, 0.0], 0.15, "START_STATE_VIOLATES_PATH_CONSTRAINTS"),
-        ([0.0, 0.0, 0.0], 0.15, "GOAL_VIOLATES_PATH_CONSTRAINTS"),
-        ([0.1, 0.1, 0.0], 0.1415, None),
-    ],
-)
-def test_ends_that_violate_constraints_are_told_as_such(
-    client: httpx.Client, center: list[float], radius: float, code: str | None
-) -> None:
-    region = {"type": "sphere", "center": pose(*center)["position"], "radius": radius}
-    body = BODY | {"constraints": [{"type": "position", "region": region}]}
-    response = client.post("/v1/plan", json=body)
-    if code is None:
-        assert answer(response)["certificate"]["path_constraint_residual"] == 0.0
-    else:
-        assert problem(response, 422, code)["details"]["residual"] == pytest.approx(0.05, abs=1e-3)
 
 
 def test_what_breaks_a_constraint_on_the_way_is_told(client: httpx.Client) -> None:

@@ -70,17 +70,6 @@ def test_a_pose_with_a_margin(client: httpx.Client, method: str) -> None:
     assert best["constraints"][-1]["name"] == "pose of the tip seen from the base"
 
 
-def test_free_axes_wishes_and_postures(client: httpx.Client) -> None:
-    pose = {"position": [0.4, -0.2, 0.4], "rpy": [np.pi, 0, 0]}
-    wish = {"type": "joint", "joint": "panda_joint7", "position": 0.3, "weight": 10.0}
-    options = {"pose": pose, "axes": ["x", "y", "z"], "posture": HOME}
-    (best,) = ik(client, **options, constraints=[wish])
-    assert best["position_error"] < 1e-6
-    assert abs(best["joints"][6] - 0.3) < 0.05
-    several = ik(client, pose=pose, max_solutions=3, choice="manipulability")
-    assert 1 <= len(several) <= 3
-
-
 def test_a_plan_holds_them_for_every_instant(client: httpx.Client) -> None:
     body = {
         "robot": "panda", "scene": scene(POST), "start": {"joints": at(client, -0.3)},
@@ -149,12 +138,6 @@ def test_impossible_sets_name_their_conflict(client: httpx.Client) -> None:
     np.testing.assert_allclose(document["details"]["relaxations"], 0.38, atol=1e-3)
 
 
-def test_own_links_are_looked_at_without_a_scene(client: httpx.Client) -> None:
-    (best,) = ik(client, constraints=[UPRIGHT, PLACE])
-    assert best["collision_free"] is True
-    assert best["clearance"] > 0.0
-
-
 @pytest.mark.parametrize("timeout", [0.02, 0.1])
 def test_an_impossible_set_costs_no_more_than_its_timeout(timeout: float) -> None:
     """Twelve planes of which no two go together: who excludes whom takes a second to find out."""
@@ -173,27 +156,3 @@ def test_a_search_that_time_ended_says_so(client: httpx.Client) -> None:
     body = {"method": "constrained", "constraints": [UPRIGHT, PLACE], "timeout": 1e-6}
     late = problem_of(task.ik, PANDA, body)
     assert late.details["deterministic"] is False
-
-
-def test_no_room_is_told_with_what_is_in_the_way(client: httpx.Client) -> None:
-    wall = {"id": "wall", "shape": {"type": "box", "size": [0.4, 0.4, 0.4]},
-            "pose": {"position": [0.4, 0.3, 0.4]}}  # fmt: skip
-    body = {"method": "constrained", "constraints": [PLACE], "scene": scene(wall), "timeout": 4}
-    refused = client.post("/v1/robots/panda/ik", json=body)
-    document = problem(refused, 422, "NO_IK_SOLUTION")
-    assert document["stage"] == "ik"
-    assert document["hint"]
-
-
-def test_trees_find_the_way_around_a_wall_with_the_tool_upright(client: httpx.Client) -> None:
-    wall = {
-        "id": "wall", "shape": {"type": "box", "size": [0.5, 0.05, 0.5]},
-        "pose": {"position": [0.45, 0.0, 0.25]},
-    }  # fmt: skip
-    body = {
-        "robot": "panda", "scene": scene(wall), "planner": "rrt_connect", "timeout": 20.0,
-        "start": {"joints": [-0.6, *HOME[1:]]}, "goal": {"joints": [0.6, *HOME[1:]]},
-        "constraints": [UPRIGHT | {"cone_angle": 0.1}],
-    }  # fmt: skip
-    plan = answer(client.post("/v1/plan", json=body))
-    assert plan["certificate"]["verified"] is True

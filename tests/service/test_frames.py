@@ -269,20 +269,6 @@ def test_named_states(client: httpx.Client, mounted: dict[str, Any]) -> None:
     assert "home" in refusal["hint"]
 
 
-@pytest.mark.parametrize(
-    ("path", "body"),
-    [
-        ("plan", {"start": {"joints": Q, "state": "home"}, "goal": {"joints": Q}}),
-        ("plan", {"start": {}, "goal": {"joints": Q}}),
-        ("plan", {"start": {"joints": Q}, "goal": {"joints": Q, "frame": "base"}}),
-        ("check", {"joints": Q, "attached": [{"id": "a", "link": "tool0", "shape": BALL,
-                                              "pose": {"position": [0, 0, 0], "frame": "base"}}]}),
-    ],
-)  # fmt: skip
-def test_forms_that_are_refused(client: httpx.Client, path: str, body: dict[str, Any]) -> None:
-    problem(client.post(f"/v1/{path}", json={"robot": "mounted", **body}), 422, "VALIDATION_ERROR")
-
-
 def test_one_configuration_says_where_the_tool_is(client: httpx.Client) -> None:
     body = {"robot": "mounted", "joints": [Q, Q], "scene": at([0.0, 0.0, 0.2], frame="tool")}
     problem(client.post("/v1/check", json=body), 422, "INVALID_LINK_NAME")

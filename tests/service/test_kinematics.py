@@ -1,6 +1,5 @@
 """Kinematics over HTTP against the domain called directly."""
 
-from collections.abc import Callable
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
@@ -15,10 +14,7 @@ from kinematics.forward import forward, link_poses
 from kinematics.jacobian import geometric
 from kinematics.pose import (
     from_quaternion,
-    to_axis_angle,
     to_quaternion,
-    to_rpy,
-    to_zyz,
     transform,
 )
 from kinematics.robots import builtin_chain
@@ -120,32 +116,6 @@ def test_a_large_batch_goes_to_a_worker(client: httpx.Client) -> None:
     np.testing.assert_allclose(
         matrix(found["pose"][-1]), forward(builtin_chain("panda"), q[-1]), atol=1e-12
     )
-
-
-FORMS: dict[str, Callable[[Any], Any]] = {
-    "quaternion_xyzw": to_quaternion,
-    "rotation_matrix": np.array,
-    "euler_zyz": to_zyz,
-    "rpy": to_rpy,
-    "axis_angle": lambda R: [*(turn := to_axis_angle(R))[0], turn[1]],
-}
-
-
-@pytest.mark.parametrize("form", FORMS)
-def test_poses_in_every_form_there_and_back(client: httpx.Client, form: str) -> None:
-    chain = builtin_chain("ur5e")
-    # At q5 = 0 the tool's z is level; the second has zyz angles with sin(theta) = 0.
-    q = [[0.3, -1.0, 1.4, -0.7, -1.3, 0.2], [0.1, -1.2, 1.0, 0.2 - np.pi / 2, -np.pi / 2, 0.3]]
-    request = {"joints": q, "orientation": form}
-    found = answer(client.post("/v1/robots/ur5e/fk", json=request))
-    FkAnswer.model_validate(found)
-    for pose, row in zip(found["pose"], q, strict=True):
-        assert set(pose) == {"position", form}
-        T = forward(chain, row)
-        np.testing.assert_allclose(pose[form], FORMS[form](T[:3, :3]), atol=1e-12)
-        body = {"pose": pose, "seed_joints": row, "method": "analytic"}
-        (best,) = answer(client.post("/v1/robots/ur5e/ik", json=body))["solutions"]
-        np.testing.assert_allclose(forward(chain, best["joints"]), T, atol=3e-9)
 
 
 @pytest.mark.parametrize("field", ["joints", "joint_velocities", "nullspace"])

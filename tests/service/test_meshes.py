@@ -6,6 +6,7 @@ from typing import Any
 import httpx
 import numpy as np
 import pytest
+import trimesh
 
 from tests.service.robots import HOME, answer, bench, scene
 
@@ -24,35 +25,16 @@ def elbow() -> Mesh:
     return vertices, faces
 
 
-def grid(point: Any, rows: int, columns: int) -> Mesh:
-    """A surface that closes on itself in both directions, from points at two angles."""
-    turns = [2.0 * np.pi * np.arange(count) / count for count in (rows, columns)]
-    vertices = [list(map(float, point(u, v))) for u in turns[0] for v in turns[1]]
-    faces = []
-    for i in range(rows):
-        for j in range(columns):
-            a, b = i * columns + j, i * columns + (j + 1) % columns
-            c, d = (a + columns) % (rows * columns), (b + columns) % (rows * columns)
-            faces += [[a, c, b], [b, c, d]]
-    return vertices, faces
-
-
 def ring(radius: float, rows: int = 24, columns: int = 12) -> Mesh:
     """A torus about z."""
-
-    def point(u: float, v: float) -> tuple[float, float, float]:
-        r = radius + 0.3 * radius * np.cos(v)
-        return r * np.cos(u), r * np.sin(u), 0.3 * radius * np.sin(v)
-
-    return grid(point, rows, columns)
+    made = trimesh.creation.torus(radius, 0.3 * radius, rows, columns)
+    return made.vertices.tolist(), made.faces.tolist()
 
 
-def ball(radius: float, count: int) -> list[list[float]]:
+def ball(radius: float, subdivisions: int) -> list[list[float]]:
     """Points of a sphere, spread evenly."""
-    k = np.arange(count) + 0.5
-    polar, turn = np.arccos(1.0 - 2.0 * k / count), np.pi * (1.0 + 5.0**0.5) * k
-    points = np.stack([np.cos(turn) * np.sin(polar), np.sin(turn) * np.sin(polar), np.cos(polar)])
-    return (radius * points.T).tolist()  # type: ignore[no-any-return]
+    points: list[list[float]] = trimesh.creation.icosphere(subdivisions, radius).vertices.tolist()
+    return points
 
 
 def sheet() -> Mesh:
@@ -76,9 +58,9 @@ OBSTACLES = {
     "ring": mesh(ring(0.1), "ring", [0.0, 0.0, 0.0]),
     "fine ring": mesh(ring(0.1, 60, 30), "ring", [0.0, 0.0, 0.0]),
     "sheet": mesh(sheet(), "sheet", [0.0, 0.0, 0.0]),
-    "pebble": {"id": "pebble", "shape": {"type": "convex", "vertices": ball(0.1, 300)},
+    "pebble": {"id": "pebble", "shape": {"type": "convex", "vertices": ball(0.1, 2)},
                "pose": {"position": [0.0, 0.0, 0.0]}},
-    "cloud": {"id": "cloud", "shape": {"type": "point_cloud", "points": ball(0.1, 3000),
+    "cloud": {"id": "cloud", "shape": {"type": "point_cloud", "points": ball(0.1, 4),
                                        "radius": 0.005}, "pose": {"position": [0.0, 0.0, 0.0]}},
     "dome": {"id": "dome", "shape": {"type": "cone", "radius": 0.1, "height": 0.2},
              "pose": {"position": [0.0, 0.0, 0.0]}},
@@ -125,22 +107,6 @@ def test_solids_in_each_other_collide_and_apart_have_a_clearance(
     assert 1.0 < apart["clearance"] < 2.0
     nearer = check(client, bent, at(name, 1.9), list(pose.values()))
     assert nearer["clearance"] == pytest.approx(apart["clearance"] - 0.1, abs=0.02)
-
-
-def test_a_mesh_sinks_into_a_half_space_as_deep_as_its_lowest_corner(
-    client: httpx.Client, bent: str
-) -> None:
-    (item,) = check(client, bent, at("floor", 0.1), [0.0, 0.0])["collisions"]
-    assert item["depth"] == pytest.approx(0.1, abs=1e-6)
-
-
-@pytest.mark.parametrize("name", ["elbow", "ring", "sheet", "pebble", "cloud"])
-def test_points_are_projected_onto_every_mesh(client: httpx.Client, name: str) -> None:
-    place = {"name": f"projected-{name.replace(' ', '-')}"} | at(name, 0.0)
-    answer(client.post("/v1/scenes", json=place), 201)
-    body = {"points": [[0.0, 0.0, 1.0], [0.5, 0.1, 0.05]]}
-    found = answer(client.post(f"/v1/scenes/{place['name']}/project", json=body))
-    assert all(0.3 < row["distance"] < 1.1 for rows in found["projections"] for row in rows)
 
 
 @pytest.mark.parametrize("name", ["elbow", "ring", "sheet", "pebble", "cloud"])

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from tests.kinematics.test_mimic_joints import Oracle
-from tests.mimic_joints import configurations, urdf
-from tests.service.robots import answer, problem
+from tests.mimic_joints import urdf
+from tests.service.robots import answer
 
 START, GOAL = [-0.9, 0.2, -0.5, 0.4, 0.5, 0.0], [0.9, 0.2, -0.5, -1.2, 0.5, 0.0]
 
@@ -27,18 +27,6 @@ def test_what_follows_is_told(palletiser: dict[str, Any]) -> None:
     lint = "\n".join(palletiser["lint"])
     assert "'rod_joint' moves with 'j2', which it mimics: -1 x" in lint
     assert "forces and torques are not known" in lint
-
-
-def test_poses_and_jacobians(client: httpx.Client) -> None:
-    oracle = Oracle()
-    for q in configurations(3, 9):
-        for link in ("rod", "flap"):
-            body = {"joints": q.tolist(), "link": link}
-            pose = answer(client.post("/v1/robots/palletiser/fk", json=body))["pose"]
-            np.testing.assert_allclose(pose["position"], oracle.pose(q, link)[:3, 3], atol=1e-9)
-        body = {"joints": q.tolist(), "link": "flap"}
-        J = answer(client.post("/v1/robots/palletiser/jacobian", json=body))["jacobian"]
-        np.testing.assert_allclose(J, oracle.jacobian(q, "flap"), atol=1e-9)
 
 
 def test_a_plan_passes_what_only_the_drum_would_hit(client: httpx.Client) -> None:
@@ -69,10 +57,3 @@ def test_dynamics_are_refused_by_name(client: httpx.Client) -> None:
     assert refused.status_code == 422
     assert "rod_joint" in refused.text
     assert "mimic" in refused.text
-
-
-def test_goals_on_what_follows_are_refused(client: httpx.Client) -> None:
-    pose = {"position": [0.5, 0.0, 0.5], "quaternion_xyzw": [0.0, 0.0, 0.0, 1.0]}
-    body = {"pose": pose, "link": "flap"}
-    told = problem(client.post("/v1/robots/palletiser/ik", json=body), 422, "VALIDATION_ERROR")
-    assert "mimics" in str(told)

@@ -1,6 +1,5 @@
 """Every planner by its name over HTTP: goals of every form, options, what it tells of itself."""
 
-import time
 from typing import Any
 
 import httpx
@@ -79,15 +78,6 @@ def test_planners_that_improve_tell_their_progress(client: httpx.Client) -> None
     assert any("looked for shorter" in note for note in late["notes"])
 
 
-def test_the_field_projects_by_fcl_where_it_is_asked_to(client: httpx.Client) -> None:
-    goal = {"joints": [0.4, *HOME[1:]]}
-    found = plan(
-        client, "potential_field", goal=goal, planner_options={"engine": "fcl"}, scene=scene(FLOOR)
-    )
-    assert found["certificate"]["verified"]
-    assert found["path"]["joints"][-1] == pytest.approx(goal["joints"])
-
-
 def test_the_field_tells_where_it_went(client: httpx.Client) -> None:
     goal = {"joints": [0.4, *HOME[1:]]}
     found = plan(client, "potential_field", goal=goal, planner_options={}, scene=scene(FLOOR))
@@ -135,28 +125,6 @@ def test_the_fields_own_path_is_timed_and_proved_where_it_is_to_be_kept(
     assert steps.max() <= 0.05 + 1e-12
 
 
-@pytest.mark.parametrize("preset", ["notes", "quick", "thorough"])
-def test_the_potential_of_a_preset_is_that_of_its_descent(
-    client: httpx.Client, preset: str
-) -> None:
-    goal = [0.4, *HOME[1:]]
-    options = {"preset": preset, "connect": False, "max_iterations": 4, "fallback": None}
-    body = BODY | {
-        "planner": "potential_field", "planner_options": options, "goal": {"joints": goal},
-    }  # fmt: skip
-    stuck = problem(client.post("/v1/plan", json=body), 422, "PLANNING_FAILED")
-    way = stuck["details"]["potential_field"]
-    asked = {
-        "joints": way["joints"], "goal_joints": goal, "scene": BODY["scene"],
-        "options": {"preset": preset},
-    }  # fmt: skip
-    found = answer(client.post("/v1/robots/panda/potential", json=asked))
-    assert found["potential"] == pytest.approx(way["potentials"], rel=1e-9)
-    assert found["joint_force"][-1] == pytest.approx(stuck["details"]["joint_force"], rel=1e-9)
-    radii = [point["radius"] for point in found["control_points"][0]]
-    assert (max(radii) > 0.0) == (preset != "notes")
-
-
 def test_names_as_ompl_writes_them(client: httpx.Client) -> None:
     for written, name in (("RRTConnect", "rrt_connect"), ("PRM", "prm"), ("KPIECE1", "kpiece1")):
         body = BODY | {"planner": written}
@@ -172,27 +140,6 @@ def test_openapi_names_every_planner_and_option(client: httpx.Client) -> None:
     for name in SAMPLING:
         for option in planner_by_name(name).options:
             assert option in fields["planner_options"]["description"]
-
-
-def test_deadlines_hold_for_every_planner(client: httpx.Client) -> None:
-    # The first link can't pass the post, whatever the second does.
-    post = {"id": "post", "shape": {"type": "sphere", "radius": 0.1}}
-    place = scene(post | {"pose": {"position": [0.0, 0.0, 0.5]}})
-    for planner in SAMPLING:
-        body = {
-            "robot": "planar_rr",
-            "planner": planner,
-            "scene": place,
-            "start": {"joints": [0.0, 0.0]},
-            "goal": {"joints": [2.8, 0.0]},
-            "timeout": 0.5,
-        }
-        began = time.monotonic()
-        document = client.post("/v1/plan", json=body).json()
-        spent = time.monotonic() - began
-        assert document["code"] == "TIMED_OUT", (planner, document)
-        # Other processes may take the processor in between.
-        assert spent < 3.0, planner
 
 
 def test_a_path_to_be_kept_is_the_fields_own_or_none(client: httpx.Client) -> None:

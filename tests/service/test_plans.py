@@ -114,12 +114,6 @@ def test_a_kept_plan_has_all_that_it_came_from(here: httpx.Client, plan: dict[st
     assert kept["id"] in [item["id"] for item in listed["plans"]]
 
 
-def test_whether_it_is_kept_changes_no_answer(here: httpx.Client, plan: dict[str, Any]) -> None:
-    unkept = answer(here.post("/v1/plan", json=PLAN))
-    for field in ("path", "trajectory", "reproducibility"):
-        assert unkept[field] == plan[field]
-
-
 def test_inverse_kinematics_and_proofs_are_kept(here: httpx.Client, plan: dict[str, Any]) -> None:
     body = {"robot": ARM, "trajectory": plan["trajectory"], "keep": True}
     proof = answer(here.post("/v1/validate", json=body))
@@ -131,19 +125,6 @@ def test_inverse_kinematics_and_proofs_are_kept(here: httpx.Client, plan: dict[s
     assert kept["robot"]["name"] == ARM
     assert kept["operation"] == f"POST /v1/robots/{ARM}/ik"
     assert replay(here, kept["id"])["same"]
-
-
-def test_a_task_is_kept_and_has_a_page(here: httpx.Client) -> None:
-    stage = {"kind": "move", "goal": {"joints": [0.5, 0.5]}}
-    body = {"robot": "planar_rr", "start": {"joints": [0.0, 0.0]}, "stages": [stage], "keep": True}
-    task = answer(here.post("/v1/tasks", json=body))
-    kept = stored(here, task["plan_id"])
-    assert kept["operation"] == "POST /v1/tasks"
-    assert kept["answer"]["duration"] == task["duration"]
-    assert replay(here, kept["id"])["same"]
-    page = here.get(f"/v1/plans/{kept['id']}/view")
-    assert page.status_code == 200, page.text
-    assert "stages proved: 1 of 1" in page.text
 
 
 def test_the_space_of_a_kept_motion_is_a_mesh(here: httpx.Client, plan: dict[str, Any]) -> None:

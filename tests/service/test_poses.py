@@ -6,8 +6,6 @@ import httpx
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-HALF_TURN = np.pi / 2
-
 
 def converted(client: httpx.Client, **body: Any) -> dict[str, Any]:
     response = client.post("/v1/poses/convert", json=body)
@@ -34,24 +32,6 @@ def test_every_form_is_converted_to_every_other(client: httpx.Client) -> None:
     again = converted(client, pose={"transform": forms["transform"]}, inverse=True)
     np.testing.assert_allclose(again["pose"]["transform"], np.linalg.inv(expected), atol=1e-14)
     np.testing.assert_allclose(again["inverse"]["transform"], expected, atol=1e-14)
-
-
-def test_motions_and_the_rate_of_their_rotation(client: httpx.Client) -> None:
-    answer = converted(
-        client,
-        motions=[
-            {"axis_angle": [0.0, 0.0, 1.0, HALF_TURN]},
-            {"axis_angle": [1.0, 0.0, 0.0, HALF_TURN], "about": "current"},
-            {"position": [0.0, 0.0, 0.5], "about": "fixed"},
-        ],
-        angular_velocity=[0.0, 0.0, 2.0],
-    )
-    turned = [[0.0, 0.0, 1.0, 0.0], [1.0, 0.0, 0.0, 0.0], [0.0, 1.0, 0.0, 0.0]]
-    np.testing.assert_allclose(answer["poses"][1][:3], turned, atol=1e-15)
-    np.testing.assert_allclose(answer["pose"]["position"], [0.0, 0.0, 0.5], atol=1e-15)
-    assert answer["skew"] == [[0.0, -2.0, 0.0], [2.0, 0.0, 0.0], [0.0, 0.0, 0.0]]
-    rate = np.array(answer["skew"]) @ np.array(answer["pose"]["rotation_matrix"])
-    np.testing.assert_allclose(answer["rotation_rate"], rate, atol=1e-15)
 
 
 def test_a_singular_orientation_is_told(client: httpx.Client) -> None:

@@ -26,33 +26,6 @@ def potential(client: httpx.Client, joints: Any, robot: str = "panda", **more: A
     return found
 
 
-def test_the_gradient_is_the_slope_of_the_potential(client: httpx.Client) -> None:
-    random = np.random.default_rng(0)
-    step = 1e-6
-    felt = 0
-    for _ in range(12):
-        q = np.array(HOME) + random.normal(0.0, 0.4, 7)
-        tip = potential(client, q.tolist())["control_points"][-1]["origin"]
-        place = scene(
-            POST,
-            *(
-                {"id": f"b{i}", "shape": BALL, "pose": {"position": (tip + offset).tolist()}}
-                for i, offset in enumerate(random.normal(0.0, 0.15, (2, 3)))
-            ),
-        )
-        rows = [q, *(q + d for d in step * np.eye(7)), *(q - d for d in step * np.eye(7))]
-        found = potential(client, [row.tolist() for row in rows], scene=place, options=OPTIONS)
-        distances = [point["distance"] for point in found["control_points"][0]]
-        if min(distances) < 0.01:
-            continue
-        felt += min(distances) < OPTIONS["influence_distance"]
-        u = np.array(found["potential"])
-        slope = (u[1:8] - u[8:]) / (2.0 * step)
-        assert found["gradient"][0] == pytest.approx(slope, rel=1e-4, abs=1e-5)
-        assert found["joint_force"][0] == pytest.approx(-slope, rel=1e-4, abs=1e-5)
-    assert felt >= 6
-
-
 def test_with_projections_by_fcl_it_is_the_same_field(client: httpx.Client) -> None:
     exact = potential(client, [HOME, GOAL], options=OPTIONS)
     fcl = potential(client, [HOME, GOAL], options=OPTIONS, engine="fcl")

@@ -7,8 +7,6 @@ import numpy as np
 import pytest
 
 from armwright_wire.plans.plan import PlanAnswer
-from kinematics.forward import forward
-from kinematics.robots import builtin_chain
 from tests.service.robots import ASIDE, FLOOR, HOME, POST, answer, scene
 
 BODY: dict[str, Any] = {
@@ -52,43 +50,5 @@ def test_any_planner_is_refined(client: httpx.Client, refine: Any) -> None:
     assert "rrt_connect" in [stage["name"] for stage in better["stages"]]
 
 
-def test_ipopt_is_asked_for_by_name(client: httpx.Client) -> None:
-    options = {"planner": "rrt_connect", "seed": 1}
-    usual = plan(client, **options, refine={"solver": "piqp"})["trajectory"]["duration"]
-    other = plan(client, **options, refine={"solver": "ipopt"})["trajectory"]["duration"]
-    np.testing.assert_allclose(other, usual, rtol=0.03)
-
-
-def test_wishes_cost(client: httpx.Client) -> None:
-    chain = builtin_chain("panda")
-    here, there = (forward(chain, q)[:3, 3] for q in (HOME, ASIDE))
-    region = {"type": "line", "point": here.tolist(), "direction": (there - here).tolist(),
-              "tolerance": 0.005}  # fmt: skip
-    strayed = []
-    for weight in (1e-3, 1e4):
-        wish = {"type": "position", "region": region, "weight": weight}
-        # Nothing but the wish keeps the motion from the line.
-        found = plan(client, planner="optimize", constraints=[wish], clearance={"preferred": 0.0})
-        (use,) = found["certificate"]["path_constraints"]
-        assert use["hard"] is False
-        strayed.append(use["residual"])
-    assert strayed[1] < 0.5 * strayed[0]
-
-
 def test_refine_false_is_none(client: httpx.Client) -> None:
     assert plan(client, refine=False)["trajectory"] == plan(client)["trajectory"]
-
-
-def test_ends_that_move(client: httpx.Client) -> None:
-    v = [0.2, -0.1, 0.1, 0.0, 0.1, 0.0, -0.2]
-    start = {"joints": HOME, "velocities": v, "accelerations": [0.0] * 7}
-    goal = {"joints": ASIDE, "velocities": [-x for x in v]}
-    found = plan(client, start=start, goal=goal, planner="optimize")
-    segments = found["trajectory"]["segments"]
-    np.testing.assert_allclose([row[1] for row in segments[0]["coefficients"]], v, atol=1e-8)
-    last = segments[-1]
-    h = last["t1"] - last["t0"]
-    ends = [
-        sum(k * c * h ** (k - 1) for k, c in enumerate(row) if k) for row in last["coefficients"]
-    ]
-    np.testing.assert_allclose(ends, [-x for x in v], atol=1e-8)

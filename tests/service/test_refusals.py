@@ -6,6 +6,7 @@ import httpx
 import numpy as np
 import pytest
 
+from armwright_wire.plans.task import TaskRequest
 from kinematics.forward import forward
 from kinematics.pose import to_quaternion
 from kinematics.robots import builtin_chain, builtin_urdf
@@ -77,6 +78,13 @@ def segments(*spans: tuple[float, float], n: int = 7) -> dict[str, Any]:
     return {"trajectory": {"segments": rows}}
 
 
+def stages(k: int, **change: Any) -> dict[str, Any]:
+    """The stages of the example of a task, one of them changed."""
+    made = [dict(stage) for stage in TASK["stages"]]
+    made[k] = {name: value for name, value in (made[k] | change).items() if value is not None}
+    return {"stages": made}
+
+
 ROW: dict[str, Any] = {
     "type": "revolute", "a": 0.5, "alpha": 0.0, "d": 0.0, "theta": 0.0, "lower": -3.0,
     "upper": 3.0, "velocity": 3.0, "acceleration": 20.0, "mass": 1.0,
@@ -105,6 +113,7 @@ HOLES = [
     {"id": f"hole_{k}", "pose": {"position": [0.45, y, 0.4], "quaternion_xyzw": DOWN}}
     for k, y in enumerate((-0.35, 0.08, -0.1))
 ]
+TASK: Any = TaskRequest.model_json_schema()["examples"][0]
 HOLD = {"type": "hold", "joints": [0.3, -0.4], "duration": 0.5}
 TORQUE = {"type": "computed_torque", "natural_frequency": 10.0}
 LEARNER = {
@@ -348,6 +357,21 @@ TABLE: dict[str, tuple[str, dict[str, Any], list[Change]]] = {
              "START_STATE_IN_COLLISION", "at the start"),
         ],
     ),
+    "tasks": ("/v1/tasks", TASK, [
+        (stages(2, region=None, grasps=[]), FORM, "stages[2].grasps"),
+        (stages(2, region=None, grasps=[{"position": [0, 0, 0]}] * 10_001), FORM,
+         "stages[2].grasps"),
+        (stages(2, region=None), FORM, "stages[2]"),
+        (stages(2, region=None, grasps=[{"position": [0, 0, 0], "frame": "moon"}]), FORM,
+         "stages[2].grasps[0].frame"),
+        (stages(8, region=None, poses=[]), FORM, "stages[8].poses"),
+        (stages(8, region={"pose": {"position": [0.5, 0, 0.2]}, "samples": [0, 1, 1]}), FORM,
+         "samples"),
+        (stages(0, kind="fly"), FORM, "stages[0]"),
+        (stages(5, distance=[0.1]), FORM, "stages[5].distance"),
+        (stages(0, blend=0.1), FORM, "stages[0]"),
+        (stages(12, blend=0.0), FORM, "stages[12].blend"),
+    ]),
     "dynamics": ("/v1/robots/panda/dynamics", {"joints": HOME}, [
         ({"joints": [0.0]}, STATE, "7"),
         ({"joints": [HOME] * 3, "velocities": [HOME] * 2}, STATE, "velocities"),

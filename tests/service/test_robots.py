@@ -11,9 +11,6 @@ import pytest
 import trimesh
 
 from armwright_wire.robots.robot import GeometryAnswer, RobotAnswer
-from kinematics.arrays import Array
-from kinematics.forward import forward
-from kinematics.pose import from_quaternion, transform
 from kinematics.robots import builtin_chain, builtin_names
 from tests.service.conftest import Served
 from tests.service.robots import ACCELERATIONS, BOX_OBJ, LOOKS, answer, bench, problem, urdf
@@ -21,25 +18,7 @@ from tests.service.robots import ACCELERATIONS, BOX_OBJ, LOOKS, answer, bench, p
 RANGE = {"lower": -2, "upper": 2}
 TABLE: dict[str, Any] = {
     "convention": "standard",
-    "rows": [
-        {"type": "revolute", "a": 0.4, "alpha": 0.3, "d": 0.1, "theta": 0.2, **RANGE},
-        {"type": "prismatic", "a": 0.1, "alpha": 1.2, "d": 0.2, "theta": 0.1, **RANGE},
-        {
-            "type": "revolute",
-            "a": 0.2,
-            "alpha": 0.0,
-            "d": 0.0,
-            "theta": 0.0,
-            **RANGE,
-            "velocity": 1.5,
-            "mass": 2.0,
-            "center_of_mass": [0.1, 0, 0],
-            "inertia": [[0.01, 0, 0], [0, 0.02, 0], [0, 0, 0.02]],
-        },
-    ],
-    "base": {"position": [0.1, 0.2, 0.3], "rpy": [0.1, 0.2, 0.3]},
-    "tool": {"position": [0.0, 0.0, 0.1]},
-    "gravity": [0, 0, -9.80665],
+    "rows": [{"type": "revolute", "a": 0.4, "alpha": 0.3, "d": 0.1, "theta": 0.2, **RANGE}],
 }
 
 
@@ -49,30 +28,6 @@ def archive(files: dict[str, str]) -> bytes:
         for name, content in files.items():
             made.writestr(name, content)
     return stream.getvalue()
-
-
-def rows_pose(dh: dict[str, Any], q: list[float]) -> Array:
-    """The tip's pose from the rows of an answer, by the textbook product."""
-    T = pose_matrix(dh["base"])
-    for row, value in zip(dh["rows"], q, strict=True):
-        revolute = row["type"] == "revolute"
-        theta = row["theta"] + (value if revolute else 0.0)
-        d = row["d"] + (0.0 if revolute else value)
-        ct, st, ca, sa = np.cos(theta), np.sin(theta), np.cos(row["alpha"]), np.sin(row["alpha"])
-        assert row["beta"] == 0.0
-        T = T @ np.array(
-            [
-                [ct, -st * ca, st * sa, row["a"] * ct],
-                [st, ct * ca, -ct * sa, row["a"] * st],
-                [0, sa, ca, d],
-                [0, 0, 0, 1],
-            ]
-        )
-    return np.asarray(T @ pose_matrix(dh["tool"]))
-
-
-def pose_matrix(pose: dict[str, Any]) -> Array:
-    return transform(from_quaternion(pose["quaternion_xyzw"]), pose["position"])
 
 
 def test_every_built_in_robot_is_listed_and_told(client: httpx.Client) -> None:
@@ -93,16 +48,6 @@ def test_every_built_in_robot_is_listed_and_told(client: httpx.Client) -> None:
         pairs = list(map(tuple, model["allowed_collisions"]))
         assert len(set(pairs)) == len(pairs) == len(model["allowed_collision_reasons"])
         assert pairs, name
-
-
-@pytest.mark.parametrize("name", ["panda", "ur5e", "puma560", "stanford", "scara", "kr6_sixx"])
-def test_the_rows_told_are_the_robot(client: httpx.Client, name: str) -> None:
-    dh = answer(client.get(f"/v1/robots/{name}"))["dh"]
-    chain = builtin_chain(name)
-    random = np.random.default_rng(3)
-    lower, upper = chain.sampling_bounds()
-    for q in random.uniform(lower, upper, (5, chain.n)):
-        np.testing.assert_allclose(rows_pose(dh, q.tolist()), forward(chain, q), atol=1e-9)
 
 
 def test_wrists(client: httpx.Client) -> None:
@@ -316,10 +261,6 @@ def test_frames_are_links_of_forward_kinematics(client: httpx.Client) -> None:
     assert body["bodies"]
     assert {item["frame"] for item in body["bodies"]} <= set(links)
     assert {item["link"] for item in body["bodies"]} <= set(model["links"])
-
-
-def test_an_unknown_robot_has_none(client: httpx.Client) -> None:
-    problem(client.get("/v1/robots/nobody/geometry"), 404, "NOT_FOUND")
 
 
 def test_what_a_robot_looks_like(served: Served) -> None:

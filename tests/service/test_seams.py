@@ -173,38 +173,3 @@ def test_a_seam_out_of_reach_says_where_and_by_how_much(client: httpx.Client) ->
     assert 0.2 < details["longest"]["fraction"] < 0.8
     assert details["reason"] in {"unreachable", "limit", "branch"}
     assert isinstance(details["would_help"], list)
-
-
-def test_waypoints_have_free_axes_and_speeds_of_their_own(client: httpx.Client) -> None:
-    waypoints = [
-        Waypoint(point=tuple(p), normal=(0.0, 0.0, 1.0), direction=(1.0, 0.0, 0.0), free=["rz"])
-        for p in POINTS
-    ]
-    waypoints[10:] = [one.model_copy(update={"tool_speed": 0.05}) for one in waypoints[10:]]
-    # Along its own z axis the tool may be anywhere: it has to be on the seam across it only.
-    waypoints[10:] = [one.model_copy(update={"free": ["rz", "z"]}) for one in waypoints[10:]]
-    asked = CartesianOptions(waypoints=waypoints, tool_speed=0.1)
-    found = answer(client.post("/v1/plan", json=BODY | {"planner_options": asked.as_options()}))
-    plan = ClientPlan.model_validate(found)
-    use = plan.certificate.tool_speed
-    assert plan.certificate.verified
-    assert use is not None
-    assert use.bands is not None
-    assert [band.high for band in use.bands] == pytest.approx([0.11, 0.055])
-    assert all(band.share > 0.6 and band.most <= band.high for band in use.bands)
-    assert plan.tool_motions is not None
-    held = asked.seam_in_time(plan.tool_motions).model_dump(mode="json", exclude_none=True)
-    body = {"robot": "panda", "trajectory": found["trajectory"], "tool_motions": held}
-    again = answer(client.post("/v1/validate", json=body))
-    assert again["verified"]
-    for told, now in zip(
-        found["certificate"]["tool_speed"]["bands"], again["tool_speed"]["bands"], strict=True
-    ):
-        assert now == pytest.approx(told, rel=1e-3)
-    # Half of the speed is too fast for the second part.
-    for motion in held["motions"]:
-        if motion.get("tool_speed") == 0.05:
-            motion["tool_speed"] = 0.04
-    slow = answer(client.post("/v1/validate", json=body))
-    assert not slow["verified"]
-    assert slow["violation"]["kind"] == "tool_speed"

@@ -7,19 +7,8 @@ import numpy as np
 import pytest
 
 from armwright_client import (
-    ApproachStage,
-    AttachStage,
     Client,
     CloseStage,
-    DetachStage,
-    Goal,
-    GraspRegion,
-    GraspStage,
-    LiftStage,
-    MoveStage,
-    PlaceStage,
-    Pose,
-    RetreatStage,
     Scene,
 )
 from armwright_wire.plans.task import TaskAnswer, TaskRequest
@@ -155,42 +144,6 @@ def test_what_is_wrong_is_told_with_stage_and_cure(
     assert told["hint"]
 
 
-@pytest.mark.parametrize(
-    ("change", "where"),
-    [
-        ((2, {"region": None, "grasps": []}), "stages[2].grasps"),
-        ((2, {"region": None, "grasps": [{"position": [0, 0, 0]}] * 10_001}), "stages[2].grasps"),
-        ((2, {"region": None}), "stages[2]"),
-        (
-            (2, {"region": None, "grasps": [{"position": [0, 0, 0], "frame": "moon"}]}),
-            "stages[2].grasps[0].frame",
-        ),
-        ((8, {"region": None, "poses": []}), "stages[8].poses"),
-        ((8, {"region": {"pose": {"position": [0.5, 0, 0.2]}, "samples": [0, 1, 1]}}), "samples"),
-        ((0, {"kind": "fly"}), "stages[0]"),
-        ((5, {"distance": [0.1]}), "stages[5].distance"),
-        ((0, {"blend": 0.1}), "stages[0]"),
-        ((12, {"blend": 0.0}), "stages[12].blend"),
-    ],
-)
-def test_malformed_stages_are_refused_where_they_stand(
-    client: httpx.Client, change: tuple[int, dict[str, Any]], where: str
-) -> None:
-    told = problem(
-        client.post("/v1/tasks", json=TASK | {"stages": stages(change)}), 422, "VALIDATION_ERROR"
-    )
-    assert where in str(told)
-
-
-def test_the_deadline_holds_for_ten_thousand_grasps(client: httpx.Client) -> None:
-    far = [{"position": [0.0, 0.0, 3.0 + 1e-4 * k]} for k in range(10_000)]
-    changed = stages((2, {"region": None, "grasps": far}))
-    asked = TASK | {"stages": changed, "timeout": 20.0}
-    told = problem(client.post("/v1/tasks", json=asked), 422, "PLANNING_FAILED")
-    assert told["details"]["index"] == 2
-    assert told["details"]["trials_omitted"] > 0
-
-
 def test_the_deadline_of_a_task_is_told(client: httpx.Client) -> None:
     told = problem(client.post("/v1/tasks", json=TASK | {"timeout": 0.01}), 504, "TIMED_OUT")
     assert told["hint"]
@@ -206,59 +159,6 @@ def test_the_first_stages_are_answered_only_where_that_is_asked_for(client: http
     assert partial["status"] == "partial"
     assert [stage["index"] for stage in partial["stages"]] == [0, 1, 2, 3, 4]
     assert partial["failure"]["index"] == 5
-
-
-def test_the_client_plans_a_task(client: httpx.Client) -> None:
-    top = Pose.from_rpy([0.0, 0.0, 0.02], np.pi, 0.0, 0.0)
-    with Client(str(client.base_url)) as connected:
-        planned = connected.plan_task(
-            "panda",
-            HOME,
-            [
-                MoveStage(),
-                ApproachStage(distance=[0.05, 0.1]),
-                GraspStage(
-                    object="crate",
-                    region=GraspRegion(pose=top, angles=[0.0, 3.0]),
-                    touch_links=["panda_hand"],
-                    support="table",
-                ),
-                AttachStage(object="crate", mass=0.4),
-                LiftStage(distance=[0.05, 0.15], name="up"),
-                MoveStage(),
-                ApproachStage(distance=[0.05, 0.1], direction=[0, 0, -1], frame="root"),
-                PlaceStage(poses=[Pose.at(0.5, 0.25, 0.15)], support="table"),
-                DetachStage(),
-                RetreatStage(distance=[0.05, 0.1]),
-                MoveStage(goal=Goal.at_joints(HOME)),
-            ],
-            scene=Scene.model_validate(TASK["scene"]),
-            timeout=30.0,
-        )
-    assert planned.status == "success"
-    assert all(stage.certificate.verified for stage in planned.stages)
-    (placed,) = planned.stages[-1].after.objects
-    assert placed.pose.position == pytest.approx([0.5, 0.25, 0.15])
-    assert planned.stages[5].after.as_options()["attached"][0].id == "crate"
-
-
-def test_a_goal_that_is_passed_joins_two_motions_in_speed(client: httpx.Client) -> None:
-    there = Goal.at_joints([0.6, -0.5, 0.2, -2.2, 0.1, 1.8, 0.6])
-    on = Goal.at_joints([-0.6, -0.4, 0.0, -2.0, 0.3, 1.7, 0.9])
-    with Client(str(client.base_url)) as connected:
-        asked = [MoveStage(goal=there, blend=0.3), MoveStage(goal=on)]
-        planned = connected.plan_task("panda", HOME, asked)
-    assert [stage.passes for stage in planned.stages] == [True, False]
-    assert all(stage.certificate.verified for stage in planned.stages)
-    before, after = (stage.trajectory.segments for stage in planned.stages)
-    t = before[-1].t1 - before[-1].t0
-    end = [np.polynomial.polynomial.Polynomial(row) for row in before[-1].coefficients]
-    start = [np.polynomial.polynomial.Polynomial(row) for row in after[0].coefficients]
-    for order in range(3):
-        left = [p.deriv(order)(t) if order else p(t) for p in end]
-        right = [p.deriv(order)(0.0) if order else p(0.0) for p in start]
-        np.testing.assert_allclose(left, right, atol=1e-9)
-    assert max(abs(p.deriv()(0.0)) for p in start) > 0.05
 
 
 @pytest.fixture

@@ -128,35 +128,6 @@ def test_a_norm_that_is_off_is_told(client: httpx.Client) -> None:
     assert answer["notes"] == ["pose.quaternion_xyzw has norm 1.0008: it was normalised."]
 
 
-@pytest.mark.parametrize("decimals", [4, 6])
-def test_an_arc_about_a_rounded_centre_is_planned_and_told(
-    client: httpx.Client, decimals: int
-) -> None:
-    start = [0.3, -0.5, 0.0, -2.2, 0.0, 1.7, 0.785]
-    tip = client.post("/v1/robots/panda/fk", json={"joints": start}).json()["pose"]
-    center, up = np.array(tip["position"]) - [0.0, 0.06, 0.0], np.array([0.0, 0.0, 1.0])
-    end = {
-        "position": (center + 0.06 * up).round(decimals).tolist(),
-        "quaternion_xyzw": tip["quaternion_xyzw"],
-    }
-    circle = {"type": "circ", "pose": end, "center": center.round(decimals).tolist()}
-    body = {
-        "robot": "panda",
-        "planner": "cartesian",
-        "start": {"joints": start},
-        "goal": {"pose": end},
-        "planner_options": {"motions": [circle]},
-    }
-    answer = client.post("/v1/plan", json=body).json()
-    assert answer["certificate"]["verified"], answer
-    assert decimals > 4 or "its center was moved by" in answer["notes"][0]
-    told = answer["tool_motions"][0]
-    assert np.linalg.norm(np.array(told["center"]) - center) <= 2.0 * 10.0**-decimals
-    circle["center"] = (center + 0.004 * up).round(decimals).tolist()
-    refused = problem(client.post("/v1/plan", json=body), 422, "INVALID_GOAL_CONSTRAINTS")
-    assert "with more decimals" in refused["hint"]
-
-
 def test_a_start_measured_hardly_above_a_limit_is_moved_onto_it(client: httpx.Client) -> None:
     limits = client.get("/v1/robots/panda").json()["limits"]
     start = list(HOME)

@@ -8,8 +8,10 @@ import pytest
 from pydantic import TypeAdapter
 
 from armwright_wire.goals.constraint import Constraints, ConstraintUse
+from kinematics.arrays import Array
 from kinematics.errors import InvalidGoal, InvalidLinkName
 from kinematics.forward import forward
+from kinematics.pose import from_axis_angle, to_quaternion
 from kinematics.robots import builtin_chain
 from planning.constraints.kinds.joint import JointConstraint
 from service.translate.constraints import constraint_set, uses
@@ -53,88 +55,73 @@ def beside(x: float, y: float, z: float) -> list[float]:
     return at(P + np.array([x, y, z]))
 
 
-@pytest.mark.parametrize(
-    ("above", "below", "expected"), [(0.2, 0.1, 0.1 - 0.2), (0.05, 0.5, 0.05), (0.1, 0.1, 0.0)]
-)
-def test_a_joint_has_its_own_tolerance_above_and_below(
-    above: float, below: float, expected: float
-) -> None:
-    body = {"type": "joint", "joint": "panda_joint2", "position": HOME[1] - 0.1,
+#: A frame turned by half a radian, whose origin is beside the tip.
+Z = from_axis_angle([0.0, 0.0, 1.0], 0.5)
+BOX = {
+    "type": "box", "size": [0.2, 0.4, 0.0],
+    "pose": {"position": at(P - Z @ [0.3, 0.1, 0.0]), "rpy": [0.0, 0.0, 0.5]},
+}  # fmt: skip
+LINE: dict[str, Any] = {
+    "type": "line", "point": beside(2.0, 0.04, 0.0), "direction": [3.0, 0.0, 0.0],
+    "tolerance": 0.01,
+}  # fmt: skip
+LINK = CHAIN.links[3].name
+T_LINK = forward(CHAIN, HOME, LINK)
+TURNED = at(to_quaternion(R @ from_axis_angle([0.0, 0.0, 1.0], -0.3)))
+
+
+def tilted(angle: float) -> Array:
+    """A direction at an angle to the tool's axis [rad]."""
+    return np.asarray(R @ np.array([math.sin(angle), 0.0, math.cos(angle)]))
+
+
+def joint(above: float, below: float) -> dict[str, Any]:
+    return {"type": "joint", "joint": "panda_joint2", "position": HOME[1] - 0.1,
             "tolerance_above": above, "tolerance_below": below}  # fmt: skip
-    np.testing.assert_allclose(residuals(body), max(expected, -0.1 - below), atol=1e-12)
 
 
-def test_a_sphere_measures_the_distance_from_its_center() -> None:
-    region = {"type": "sphere", "center": beside(0.0, 0.3, 0.0), "radius": 0.1}
-    np.testing.assert_allclose(residuals({"type": "position", "region": region}), 0.2, atol=1e-9)
+def inside(region: dict[str, Any], **more: Any) -> dict[str, Any]:
+    return {"type": "position", "region": region} | more
 
 
-def test_a_plane_measures_the_distance_along_its_normal() -> None:
-    region = {"type": "plane", "point": beside(5.0, 7.0, 0.03), "normal": [0.0, 0.0, 2.0],
-              "tolerance": 0.01}  # fmt: skip
-    np.testing.assert_allclose(residuals({"type": "position", "region": region}), 0.02, atol=1e-9)
-
-
-def test_a_line_measures_the_distance_from_it_and_from_its_ends() -> None:
-    line = {"type": "line", "point": beside(2.0, 0.04, 0.0), "direction": [3.0, 0.0, 0.0],
-            "tolerance": 0.01}  # fmt: skip
-    np.testing.assert_allclose(residuals({"type": "position", "region": line}), 0.03, atol=1e-9)
-    short = line | {"length": 1.0}
-    rows = residuals({"type": "position", "region": short})
-    np.testing.assert_allclose(sorted(rows), [0.03, 1.5], atol=1e-9)
-
-
-def test_a_box_measures_along_the_axes_of_its_pose() -> None:
-    c, s = math.cos(0.5), math.sin(0.5)
-    turned = np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
-    off = np.array([0.3, 0.1, 0.0])
-    pose = {"position": at(P - turned @ off), "rpy": [0.0, 0.0, 0.5]}
-    region = {"type": "box", "pose": pose, "size": [0.2, 0.4, 0.0]}
-    rows = residuals({"type": "position", "region": region})
-    np.testing.assert_allclose(rows, [0.2, -0.1, 0.0], atol=1e-9)
-
-
-def test_a_point_of_a_link_is_held_in_place_of_the_tip() -> None:
-    link = CHAIN.links[3].name
-    T = forward(CHAIN, HOME, link)
-    point = np.array([0.1, 0.2, 0.3])
-    region = {"type": "sphere", "center": at(T[:3, :3] @ point + T[:3, 3]), "radius": 0.25}
-    body = {"type": "position", "region": region, "link": link, "point": at(point)}
-    np.testing.assert_allclose(residuals(body), -0.25, atol=1e-9)
-
-
-def test_a_cone_measures_the_angle_of_an_axis() -> None:
-    axis = np.array([0.0, 0.0, 1.0])
-    tilted = R @ np.array([math.sin(0.3), 0.0, math.cos(0.3)])
-    body = {"type": "orientation", "axis": at(axis), "direction": at(tilted), "cone_angle": 0.1}
-    np.testing.assert_allclose(residuals(body), 0.2, atol=1e-7)
-
-
-def test_an_orientation_measures_the_turn_about_each_axis() -> None:
-    from kinematics.pose import from_axis_angle, to_quaternion
-
-    turned = R @ from_axis_angle([0.0, 0.0, 1.0], -0.3)
-    body = {"type": "orientation", "quaternion_xyzw": at(to_quaternion(turned)),
-            "axis_tolerances": [0.1, 0.2, 0.05]}  # fmt: skip
-    np.testing.assert_allclose(residuals(body), [-0.1, -0.2, 0.25], atol=1e-7)
-    with pytest.raises(InvalidGoal, match=r"constraints\[0\] \(orientation\)"):
-        residuals(body | {"quaternion_xyzw": [0.0, 0.0, 0.0, 0.0]})
-
-
-def test_looking_at_a_target_measures_the_angle_towards_it() -> None:
-    target = P + R @ np.array([math.sin(0.4), 0.0, math.cos(0.4)])
-    body = {"type": "look_at", "axis": [0.0, 0.0, 1.0], "target": at(target), "angle": 0.1}
-    np.testing.assert_allclose(residuals(body), 0.3, atol=1e-7)
+@pytest.mark.parametrize(
+    ("body", "expected"),
+    [
+        (joint(0.2, 0.1), [-0.1]),
+        (joint(0.05, 0.5), [0.05]),
+        (joint(0.1, 0.1), [0.0]),
+        (inside({"type": "sphere", "center": beside(0.0, 0.3, 0.0), "radius": 0.1}), [0.2]),
+        (inside({"type": "sphere", "radius": 0.25, "center": at(T_LINK[:3] @ [0.1, 0.2, 0.3, 1])},
+                link=LINK, point=[0.1, 0.2, 0.3]), [-0.25]),
+        (inside({"type": "plane", "point": beside(5.0, 7.0, 0.03), "normal": [0.0, 0.0, 2.0],
+                 "tolerance": 0.01}), [0.02]),
+        (inside(LINE), [0.03]),
+        (inside(LINE | {"length": 1.0}), [0.03, 1.5]),
+        (inside(BOX), [-0.1, 0.0, 0.2]),
+        ({"type": "orientation", "axis": [0, 0, 1], "direction": at(tilted(0.3)),
+          "cone_angle": 0.1}, [0.2]),
+        ({"type": "orientation", "quaternion_xyzw": TURNED, "axis_tolerances": [0.1, 0.2, 0.05]},
+         [-0.2, -0.1, 0.25]),
+        ({"type": "look_at", "axis": [0, 0, 1], "target": at(P + tilted(0.4)), "angle": 0.1},
+         [0.3]),
+    ],
+)  # fmt: skip
+def test_a_form_measures_what_it_names(body: dict[str, Any], expected: list[float]) -> None:
+    np.testing.assert_allclose(np.sort(residuals(body)), expected, atol=1e-7)
 
 
 def test_a_relative_pose_measures_position_and_turn() -> None:
     pose = {"position": beside(0.02, 0.0, 0.0), "rotation_matrix": R.tolist()}
     body = {"type": "relative_pose", "pose": pose, "position_tolerance": 0.01,
             "orientation_tolerance": 0.1}  # fmt: skip
-    worst = residuals(body)
-    np.testing.assert_allclose(
-        np.max(worst), np.abs(R.T @ [0.02, 0.0, 0.0]).max() - 0.01, atol=1e-7
-    )
+    off = np.abs(R.T @ [0.02, 0.0, 0.0]).max()
+    np.testing.assert_allclose(np.max(residuals(body)), off - 0.01, atol=1e-7)
+
+
+def test_an_orientation_that_is_none_is_refused() -> None:
+    body = {"type": "orientation", "quaternion_xyzw": [0.0, 0.0, 0.0, 0.0], "axis_tolerances": 0.1}
+    with pytest.raises(InvalidGoal, match=r"constraints\[0\] \(orientation\)"):
+        residuals(body)
 
 
 def test_limits_of_motions_have_no_rows() -> None:

@@ -7,7 +7,6 @@ from typing import Any
 import numpy as np
 import pytest
 
-from armwright_wire.motions.certificate import CertificateAnswer
 from armwright_wire.plans.plan import PlanAnswer
 from kinematics.errors import InvalidRobotDescription
 from obstacles.robots.robot_geometry import RobotGeometry
@@ -86,38 +85,6 @@ def test_a_method_that_does_not_limit_jerk_says_that_it_is_not_proved() -> None:
 
 
 # ------------------------------------------------------------------------------- validation
-
-
-def certificate(**changes: Any) -> Any:
-    return answer_of(validate, PLANAR, MOTION | {"limits": SLOW} | changes, CertificateAnswer)
-
-
-def test_a_jump_of_the_acceleration_makes_no_answer_better() -> None:
-    def segments(jerk: float) -> list[dict[str, Any]]:
-        # From rest; at 0.01 s the acceleration falls from jerk / 100 to 0.
-        t = 0.01
-        first = [[0.1, 0.0, 0.0, jerk / 6.0], [0.2]]
-        second = [[0.1 + jerk * t**3 / 6.0, jerk * t**2 / 2.0], [0.2]]
-        return [{"t0": 0.0, "t1": t, "coefficients": first},
-                {"t0": t, "t1": 2.0 * t, "coefficients": second}]  # fmt: skip
-
-    def ask(parts: list[dict[str, Any]], **limits: Any) -> Any:
-        allowed = SLOW | {"acceleration": [9.0] * 2} | limits
-        return certificate(trajectory={"segments": parts}, limits=allowed)
-
-    # The robot's jerk limit is 251.
-    for parts in (segments(300.0)[:1], segments(300.0)):
-        refused = ask(parts)
-        assert not refused["verified"]
-        assert refused["violation"]["kind"] == "jerk"
-    told = ask(segments(200.0))
-    assert told["verified"]
-    assert not told["proved"]["limits"]
-    assert "limits are proved but for jerk" in told["proved"]["reasons"][0]
-    assert "jerk" not in told["limits"]
-    named = ask(segments(200.0), jerk=[1e6, 1e6])
-    assert not named["verified"]
-    assert named["violation"]["jump"] == pytest.approx(2.0)
 
 
 def test_obstacles_need_a_robot_that_can_hit_them() -> None:
