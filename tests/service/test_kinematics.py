@@ -1,5 +1,6 @@
-"""Kinematics over HTTP against the domain called directly."""
+"""Kinematics over HTTP against the domain, of joints that mimic others too, and poses converted."""
 
+from collections.abc import Iterator
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
@@ -8,6 +9,7 @@ import httpx
 import numpy as np
 import pinocchio
 import pytest
+from scipy.spatial.transform import Rotation
 
 from armwright_wire.robots.kinematics import FkAnswer, JacobianAnswer, VelocityAnswer
 from kinematics.forward import forward, link_poses
@@ -18,6 +20,8 @@ from kinematics.pose import (
     transform,
 )
 from kinematics.robots import builtin_chain
+from tests.kinematics.test_mimic_joints import Oracle
+from tests.mimic_joints import urdf
 from tests.planning.sequence import fingers
 from tests.service.poses import draws
 from tests.service.robots import ASIDE, HOME, answer, problem
@@ -160,3 +164,90 @@ def test_poses_with_fingers_elsewhere(client: httpx.Client) -> None:
     for wrong in ({"claw_left": 0.1}, {"claw_right": 0.01}, {"claw_left": [0.01]}):
         refused = client.post(where, json={"joints": HOME, "fingers": wrong})
         assert "claw" in problem(refused, 422, "VALIDATION_ERROR")["detail"]
+
+
+START, GOAL = [-0.9, 0.2, -0.5, 0.4, 0.5, 0.0], [0.9, 0.2, -0.5, -1.2, 0.5, 0.0]
+
+
+@pytest.fixture
+def palletiser(client: httpx.Client) -> Iterator[dict[str, Any]]:
+    body = {"name": "palletiser", "urdf": urdf(), "tip_link": "flange"}
+    yield answer(client.post("/v1/robots", json=body), 201)
+    client.delete("/v1/robots/palletiser")
+
+
+def test_what_follows_is_told(palletiser: dict[str, Any]) -> None:
+    assert palletiser["joint_names"] == ["j1", "j2", "j3", "j4", "j5", "j6"]
+    assert {"rod", "flap", "drum"} <= set(palletiser["links"])
+    lint = "\n".join(palletiser["lint"])
+    assert "'rod_joint' moves with 'j2', which it mimics: -1 x" in lint
+    assert "forces and torques are not known" in lint
+
+
+def test_a_plan_passes_what_only_the_drum_would_hit(
+    client: httpx.Client, palletiser: dict[str, Any]
+) -> None:
+    """A post that the arm itself never comes near, in the way of what turns behind the base."""
+    oracle = Oracle()
+    tip = oracle.pose(np.array([0.0, *START[1:]]), "drum")
+    post = tip[:3, 3] + 0.22 * tip[:3, 0]
+    shape = {"type": "sphere", "radius": 0.04}
+    scene = {"obstacles": [{"id": "post", "shape": shape, "pose": {"position": post.tolist()}}]}
+    body = {"robot": "palletiser", "scene": scene, "joints": [[0.0, *START[1:]]]}
+    checked = answer(client.post("/v1/check", json=body))
+    assert "drum" in str(checked)
+    problem_body = {
+        "robot": "palletiser", "scene": scene, "start": {"joints": START},
+        "goal": {"joints": GOAL}, "timeout": 20.0,
+    }  # fmt: skip
+    # All ways turn the drum, which follows the first joint, past the post.
+    refused = client.post("/v1/plan", json=problem_body | {"timeout": 2.0})
+    blocked = refused.json()["details"]["blocked_by"]
+    assert ["drum", "post"] in [item["pair"] for item in blocked], refused.text
+    free = {"obstacles": [scene["obstacles"][0] | {"pose": {"position": [0.6, 1.4, 0.4]}}]}
+    plan = answer(client.post("/v1/plan", json=problem_body | {"scene": free}))
+    assert plan["certificate"]["verified"]
+
+
+def test_dynamics_are_refused_by_name(client: httpx.Client, palletiser: dict[str, Any]) -> None:
+    refused = client.post("/v1/robots/palletiser/dynamics", json={"joints": START})
+    assert refused.status_code == 422
+    assert "rod_joint" in refused.text
+    assert "mimic" in refused.text
+
+
+def converted(client: httpx.Client, **body: Any) -> dict[str, Any]:
+    response = client.post("/v1/poses/convert", json=body)
+    assert response.status_code == 200, response.text
+    answer: dict[str, Any] = response.json()
+    return answer
+
+
+def test_every_form_is_converted_to_every_other(client: httpx.Client) -> None:
+    turn = Rotation.from_euler("ZYZ", [0.3, 0.7, -1.1])
+    expected = np.eye(4)
+    expected[:3, :3], expected[:3, 3] = turn.as_matrix(), [1.0, 2.0, 3.0]
+    forms = converted(client, pose={"position": [1.0, 2.0, 3.0], "euler_zyz": [0.3, 0.7, -1.1]})[
+        "pose"
+    ]
+    np.testing.assert_allclose(forms["transform"], expected, atol=1e-15)
+    np.testing.assert_allclose(forms["quaternion_xyzw"], turn.as_quat(canonical=True), atol=1e-15)
+    np.testing.assert_allclose(forms["rpy"], turn.as_euler("xyz"), atol=1e-14)
+    *axis, angle = forms["axis_angle"]
+    np.testing.assert_allclose(np.multiply(axis, angle), turn.as_rotvec(), atol=1e-14)
+    for name in ("quaternion_xyzw", "rotation_matrix", "rpy", "axis_angle"):
+        again = converted(client, pose={"position": [1.0, 2.0, 3.0], name: forms[name]})
+        np.testing.assert_allclose(again["pose"]["transform"], expected, atol=1e-14)
+    again = converted(client, pose={"transform": forms["transform"]}, inverse=True)
+    np.testing.assert_allclose(again["pose"]["transform"], np.linalg.inv(expected), atol=1e-14)
+    np.testing.assert_allclose(again["inverse"]["transform"], expected, atol=1e-14)
+
+
+def test_a_singular_orientation_is_told(client: httpx.Client) -> None:
+    answer = converted(client, pose={"euler_zyz": [0.3, 0.0, 0.4]})
+    assert answer["singular"] == [
+        {"form": "euler_zyz", "determined": "theta = 0: only phi + psi is determined",
+         "choice": "psi = 0"}
+    ]  # fmt: skip
+    np.testing.assert_allclose(answer["pose"]["euler_zyz_branches"], [[0.7, 0.0, 0.0]], atol=1e-15)
+    assert len(answer["pose"]["rpy_branches"]) == 2

@@ -1,4 +1,4 @@
-"""Every planner by its name over HTTP: goals of every form, options, what it tells of itself."""
+"""Every planner by its name over HTTP, plans that are optimised, and the potential of the field."""
 
 from typing import Any
 
@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from armwright_wire.plans.plan import PlanAnswer
+from armwright_wire.robots.potential import PotentialAnswer
 from kinematics.forward import forward
 from kinematics.robots import builtin_chain
 from planning.pipeline.planners import PLANNERS
@@ -152,3 +153,102 @@ def test_a_path_to_be_kept_is_the_fields_own_or_none(client: httpx.Client) -> No
     assert answer(client.post("/v1/plan", json=body))["planner"] == "rrt_connect"
     kept = client.post("/v1/plan", json=body | {"planner_options": {"keep_path": True}})
     assert problem(kept, 422, "PLANNING_FAILED")["stage"] == "potential_field"
+
+
+WAY: dict[str, Any] = {
+    "robot": "panda",
+    "scene": scene(POST, FLOOR),
+    "start": {"joints": HOME},
+    "goal": {"joints": ASIDE},
+    "timeout": 300.0,
+}
+
+
+def refined(client: httpx.Client, **changes: Any) -> dict[str, Any]:
+    found = answer(client.post("/v1/plan", json=WAY | changes))
+    PlanAnswer.model_validate(found)
+    assert found["certificate"]["verified"]
+    return found
+
+
+def test_the_planner_optimize_is_no_worse_than_the_ladder(client: httpx.Client) -> None:
+    known, better = refined(client), refined(client, planner="optimize")
+    assert better["trajectory"]["duration"] <= known["trajectory"]["duration"]
+    smooth = refined(client, planner="optimize", planner_options={"objective": "jerk"})
+    assert smooth["planner"] == "optimize"
+    assert smooth["certificate"]["limits"]["jerk"]["worst_ratio"] <= 1.0
+    names = [stage["name"] for stage in better["stages"]]
+    # What is known is proved before it is optimised, and again what came of that.
+    first, *more = [i for i, name in enumerate(names) if name == "certificate"]
+    assert names.index("timing") < first < names.index("optimize")
+    assert bool(more) == (better["planner"] == "optimize")
+    np.testing.assert_allclose(better["path"]["joints"][0], HOME, atol=1e-9)
+    np.testing.assert_allclose(better["path"]["joints"][-1], ASIDE, atol=1e-9)
+
+
+@pytest.mark.parametrize(
+    "refine", [True, {"objective": "jerk"}, {"objective": {"time": 1.0, "energy": 1e-4}}]
+)
+def test_any_planner_is_refined(client: httpx.Client, refine: Any) -> None:
+    # The path of this seed leaves something to be gained.
+    better = refined(client, planner="rrt_connect", refine=refine, seed=1)
+    assert better["planner"] == "optimize"
+    assert "rrt_connect" in [stage["name"] for stage in better["stages"]]
+
+
+def test_refine_false_is_none(client: httpx.Client) -> None:
+    assert refined(client, refine=False)["trajectory"] == refined(client)["trajectory"]
+
+
+GOAL = [0.6, -0.3, 0.0, -2.0, 0.0, 1.8, 0.785]
+BALL = {"type": "sphere", "radius": 0.06}
+OPTIONS = {
+    "attractive_weights": [1.0, 0.5, 2.0, 1.0, 1.0, 0.7, 1.5],
+    "attractive_cap": 0.15,
+    "repulsive_weights": 0.002,
+    "influence_distance": 0.25,
+}
+
+
+def potential(client: httpx.Client, joints: Any, robot: str = "panda", **more: Any) -> Any:
+    body = {"joints": joints, "goal_joints": GOAL, "scene": scene(POST, FLOOR)} | more
+    found = answer(client.post(f"/v1/robots/{robot}/potential", json=body))
+    PotentialAnswer.model_validate(found)
+    return found
+
+
+def test_with_projections_by_fcl_it_is_the_same_field(client: httpx.Client) -> None:
+    exact = potential(client, [HOME, GOAL], options=OPTIONS)
+    fcl = potential(client, [HOME, GOAL], options=OPTIONS, engine="fcl")
+    assert fcl["potential"] == pytest.approx(exact["potential"], rel=1e-6)
+    for row, expected in zip(fcl["joint_force"], exact["joint_force"], strict=True):
+        assert row == pytest.approx(expected, rel=1e-5, abs=1e-6)
+    ball = scene({"id": "ball", "shape": BALL, "pose": {"position": [0.4, 0.1, 0.6]}})
+    near = potential(client, HOME, scene=ball, options=OPTIONS, engine="fcl")
+    for point in near["control_points"]:
+        away = np.linalg.norm(np.array(point["origin"]) - [0.4, 0.1, 0.6])
+        assert point["distance"] == pytest.approx(away - 0.06, abs=1e-9)
+
+
+def test_nearest_obstacle_is_that_of_the_projection(client: httpx.Client) -> None:
+    place = scene(POST, FLOOR)
+    found = potential(client, HOME, scene=place)
+    answer(client.put("/v1/scenes/field", json=place), 201)
+    points = [point["origin"] for point in found["control_points"]]
+    projected = answer(client.post("/v1/scenes/field/project", json={"points": points}))
+    for point, all_of in zip(found["control_points"], projected["projections"], strict=True):
+        nearest = min(all_of, key=lambda item: item["distance"])
+        assert point["obstacle"] == nearest["obstacle"]
+        assert point["distance"] == pytest.approx(nearest["distance"])
+        assert point["projection"] == pytest.approx(nearest["projection"])
+    again = potential(client, HOME, scene="field")
+    assert again == found
+
+
+def test_at_the_goal_nothing_pulls(client: httpx.Client) -> None:
+    found = potential(client, GOAL, scene=None)
+    assert found["potential"] == 0.0
+    assert found["gradient"] == [0.0] * 7
+    assert found["control_points"][0]["projection"] is None
+    assert found["control_points"][0]["distance"] is None
+    assert found["control_points"][0]["obstacle"] is None

@@ -1,17 +1,149 @@
 """The same request is answered alike, however busy the workers are and whichever takes it."""
 
 import json
+import math
 import re
 import time
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from concurrent.futures import ThreadPoolExecutor
 from functools import partial
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, TypeAlias
 
 import httpx
 import pytest
 
-from tests.service.repeatable_requests import PATIENT, Request
+from tests.service.robots import ASIDE, FLOOR, HOME, POST, scene
+
+#: Path and body.
+Request: TypeAlias = "tuple[str, dict[str, Any]]"
+#: Of all patient requests [s]: many times what they take on a machine that is busy.
+_TIMEOUT = 280.0
+
+_PLACE = scene(POST, FLOOR)
+_TURN = [1.0, 0.0, 0.0, 0.0]
+_ABOVE = {"position": [0.5, -0.2, 0.5], "quaternion_xyzw": _TURN}
+_ACROSS = {"position": [0.4, -0.3, 0.3], "quaternion_xyzw": _TURN}
+_UPRIGHT = {
+    "type": "orientation", "axis": [0, 0, 1], "direction": [0, 0, -1], "cone_angle": 0.3,
+}  # fmt: skip
+_PLAN: dict[str, Any] = {
+    "robot": "panda", "scene": _PLACE, "start": {"joints": HOME}, "goal": {"joints": ASIDE},
+    "timeout": _TIMEOUT, "seed": 5,
+}  # fmt: skip
+#: Back past the post to a pose.
+_POSE_PLAN = _PLAN | {"start": {"joints": ASIDE}, "goal": {"pose": _ABOVE}}
+_BOXES = {
+    "table": ([0.6, 1.0, 0.04], [0.6, 0.0, 0.08]),
+    "wall": ([0.4, 0.03, 0.15], [0.6, 0.0, 0.175]),
+    "crate": ([0.05, 0.05, 0.1], [0.5, -0.25, 0.15]),
+}
+_CRATE = scene(
+    *(
+        {"id": name, "shape": {"type": "box", "size": size}, "pose": {"position": position}}
+        for name, (size, position) in _BOXES.items()
+    )
+)
+
+
+def _planned_by(planner: str, **options: Any) -> Request:
+    return "/v1/plan", _PLAN | {"planner": planner, "planner_options": options}
+
+
+def _seam() -> list[dict[str, Any]]:
+    """Waypoints round the upper side of a pipe of 15 cm."""
+    waypoints = []
+    for k in range(24):
+        angle = -0.7 + 1.4 * k / 23
+        normal = [0.0, math.sin(angle), math.cos(angle)]
+        point = [0.5 + 0.02 * angle, 0.15 * normal[1], 0.2 + 0.15 * normal[2]]
+        waypoints.append({"point": point, "normal": normal})
+    return waypoints
+
+
+def _task() -> Request:
+    """Pick a crate whichever way, and put it behind a wall."""
+    down = {"position": [0.0, 0.0, 0.02], "rpy": [math.pi, 0.0, 0.0]}
+    around = [0.0, 2.0 * math.pi]
+    place = {"pose": {"position": [0.5, 0.25, 0.15]}, "size": [0.1, 0.1], "angles": around}
+    stages = [
+        {"kind": "move"},
+        {"kind": "approach", "distance": [0.05, 0.1]},
+        {"kind": "grasp", "object": "crate", "region": {"pose": down, "angles": around},
+         "touch_links": ["panda_hand"], "support": "table"},
+        {"kind": "attach", "object": "crate"},
+        {"kind": "lift", "distance": [0.05, 0.15]},
+        {"kind": "move"},
+        {"kind": "approach", "distance": [0.05, 0.1], "direction": [0, 0, -1], "frame": "root"},
+        {"kind": "place", "region": place, "support": "table"},
+        {"kind": "detach"},
+        {"kind": "retreat", "distance": [0.05, 0.1]},
+        {"kind": "move", "goal": {"joints": HOME}},
+    ]  # fmt: skip
+    body = {
+        "robot": "panda", "start": {"joints": HOME}, "scene": _CRATE, "stages": stages,
+        "improve": 0.0, "timeout": _TIMEOUT,
+    }  # fmt: skip
+    return "/v1/tasks", body
+
+
+def _tour() -> Request:
+    """Six poses with a free spin, a configuration, and a post between them."""
+    goals: list[dict[str, Any]] = [
+        {
+            "pose": {"position": [x, y, 0.35], "quaternion_xyzw": _TURN},
+            "tolerance": {"free": ["rz"], "samples": 4},
+        }
+        for x in (0.4, 0.5, 0.55)
+        for y in (-0.35, -0.1)
+    ]
+    body = {
+        "robot": "panda", "scene": _PLACE, "start": {"joints": HOME},
+        "goals": [{"joints": ASIDE}, *goals], "rounds": 3, "leg_timeout": _TIMEOUT,
+        "timeout": _TIMEOUT, "seed": 2,
+    }  # fmt: skip
+    return "/v1/tours", body
+
+
+def _ik(**changes: Any) -> Request:
+    body = {"pose": _ACROSS, "timeout": _TIMEOUT}
+    return "/v1/robots/panda/ik", body | changes
+
+
+_HELD = {
+    "pose": {"position": [0.45, 0.1, 0.5]}, "method": "constrained", "axes": ["x", "y", "z"],
+    "constraints": [_UPRIGHT, {"type": "clearance", "margin": 0.02}], "scene": _PLACE,
+}  # fmt: skip
+_HARD_PLAN = _POSE_PLAN | {"constraints": [_UPRIGHT]}
+_FREE = {"waypoints": _seam(), "tool_speed": 0.05, "tolerance": {"tilt": 0.1}}
+
+PATIENT: Mapping[str, Request] = {
+    "auto": ("/v1/plan", _PLAN),
+    "potential_field": _planned_by("potential_field"),
+    "bit_star": _planned_by("bit_star", max_edges=300),
+    "constrained": ("/v1/plan", _HARD_PLAN),
+    "refine": ("/v1/plan", _PLAN | {"refine": {}}),
+    "seam": (
+        "/v1/plan",
+        {name: _PLAN[name] for name in ("robot", "start", "timeout")}
+        | {"planner": "cartesian", "planner_options": _FREE},
+    ),
+    "batch": (
+        "/v1/plan/batch",
+        {name: _PLAN[name] for name in ("robot", "scene", "start", "timeout")}
+        | {"problems": [{"goal": {"joints": ASIDE}, "seed": n} for n in range(4)]},
+    ),
+    "task": _task(),
+    "tour": _tour(),
+    "bases": (
+        "/v1/robots/ur5e/reach",
+        {
+            "poses": [_ABOVE, _ACROSS],
+            "bases": [{"position": [0.0, 0.1 * n, 0.0]} for n in range(5)],
+        },
+    ),
+    "ik numeric": _ik(method="numeric", all_solutions=True, scene=_PLACE),
+    "ik constrained": _ik(**_HELD),
+}  # fmt: skip
 
 #: Enough that each worker answers several times with the other one busy.
 _REPEATS = 8
