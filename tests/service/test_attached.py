@@ -6,8 +6,6 @@ import httpx
 import numpy as np
 import pytest
 
-from dynamics.model.payload import with_payload
-from dynamics.terms import gravity_vector
 from kinematics.forward import forward
 from kinematics.robots import builtin_chain
 from tests.service.robots import HOME, answer, problem, scene
@@ -109,29 +107,6 @@ def test_plan_validate_and_ik_know_what_is_held(client: httpx.Client) -> None:
     assert by_request(answer(client.post("/v1/robots/panda/ik", json=through))) == [
         ["pole", "table"]
     ]
-
-
-def test_a_mass_is_held_against_gravity(client: httpx.Client) -> None:
-    held = HELD | {"touch_links": [*FINGERS, "table"], "mass": 2.0, "center_of_mass": [0, 0, 0.02]}
-    trajectory = {
-        "segments": [{"t0": 0.0, "t1": 0.5, "coefficients": [[value] for value in DOWN]}],
-        "joint_names": list(CHAIN.joint_names),
-    }
-    body = {
-        "robot": "panda",
-        "scene": PLACE,
-        "trajectory": trajectory,
-        "controller": {"type": "computed_torque", "natural_frequency": 20.0},
-        "attached": [held],
-    }
-    found = answer(client.post("/v1/simulate", json=body))
-    hand = forward(CHAIN, DOWN, "panda_hand")
-    crate = np.array([*TIP[:2], TIP[2] + 0.02])
-    loaded = with_payload(CHAIN, 2.0, hand[:3, :3].T @ (crate - hand[:3, 3]), link="panda_hand")
-    np.testing.assert_allclose(
-        found["torque"][0], gravity_vector(loaded, np.array(DOWN)), atol=1e-6
-    )
-    assert found["max_tracking_error"] < 1e-6
 
 
 @pytest.mark.parametrize("where", ["scene", "request"])

@@ -128,33 +128,6 @@ def test_ik_out_of_reach_says_how_far_and_why(
     np.testing.assert_allclose(off, details["position_error"], atol=1e-9)
 
 
-@pytest.mark.parametrize("rule", ["pseudo_inverse", "transpose"])
-def test_gradients_are_traced(client: httpx.Client, rule: str) -> None:
-    chain = builtin_chain("panda")
-    q = np.array(HOME)
-    pose = as_pose(forward(chain, q + 0.1))
-    body: dict[str, Any] = {"pose": pose, "method": "gradient", "seed_joints": q.tolist()}
-    body["gradient"] = {"rule": rule, "trace": True, "trace_points": 500}
-    found = answer(client.post("/v1/robots/panda/ik", json=body))
-    IkAnswer.model_validate(found)
-    trace = found["trace"]
-    assert len(trace["time"]) == len(trace["joints"]) == len(trace["position_error"])
-    np.testing.assert_array_equal(trace["joints"][0], q)
-    assert len(trace["time"]) <= 500
-    for e, position, turn in zip(
-        trace["error"], trace["position_error"], trace["orientation_error"], strict=True
-    ):
-        assert np.linalg.norm(e[:3]) == pytest.approx(position, abs=1e-15)
-        assert np.linalg.norm(e[3:]) == pytest.approx(turn, abs=1e-15)
-    assert trace["position_error"][-1] <= 1e-6
-    assert trace["joints"][-1] == found["solutions"][0]["joints"]
-    body["gradient"]["steps"] = 2
-    document = problem(client.post("/v1/robots/panda/ik", json=body), 422, "NO_IK_SOLUTION")
-    assert len(document["details"]["trace"]["time"]) == 3
-    body |= {"method": "auto"}
-    problem(client.post("/v1/robots/panda/ik", json=body), 422, "VALIDATION_ERROR")
-
-
 def test_out_of_reach_is_told_at_once_and_by_how_much(client: httpx.Client) -> None:
     chain = builtin_chain("elbow_wrist")
     frames = joint_frames(chain, np.zeros(6))[:, :3, 3]
