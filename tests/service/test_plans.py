@@ -15,7 +15,7 @@ from service.http.keeping import answer_digest
 from service.settings import Settings
 from tests.service.processes import wait_until
 from tests.service.robots import FLOOR, HOME, answer, bench, problem, scene
-from tests.service.schemas.kept_bodies import BUNDLE
+from tests.service.schemas.bodies import BUNDLE
 from tests.service.server import serving
 
 ARM = "kept_arm"

@@ -9,7 +9,10 @@ from armwright_wire.motions.export import ExportRequest
 from armwright_wire.motions.retime import ConvertRequest, RetimeRequest
 from armwright_wire.motions.simulation import SimulateRequest
 from armwright_wire.plans.batch import BatchRequest
+from armwright_wire.plans.kept_plan import Bundle, ReplayRequest
 from armwright_wire.plans.plan import PlanRequest, ValidateRequest
+from armwright_wire.plans.task import TaskRequest
+from armwright_wire.plans.tour import TourRequest
 from armwright_wire.pose import ConvertPoseRequest
 from armwright_wire.robots.dynamics import (
     DynamicsRequest,
@@ -24,16 +27,183 @@ from armwright_wire.robots.reach import ReachRequest
 from armwright_wire.robots.robot import ArchiveFields, RobotBody, RobotChanges
 from armwright_wire.scenes.check import CheckRequest
 from armwright_wire.scenes.scene import NamedScene, ProjectRequest
-from tests.service.schemas.kept_bodies import KEPT_PLANS
-from tests.service.schemas.simulation_bodies import CONTROLLERS, MOTOR, REFERENCES, SIMULATE
-from tests.service.schemas.task_stages import tasks
-from tests.service.schemas.tour_bodies import TOURS
+
+IDENTITY = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]]
+PAYLOAD = {"mass": 1.5, "center_of_mass": [0.0, 0.0, 0.1], "inertia": IDENTITY, "link": "hand"}
+MOTOR = {
+    "inertia": 1e-4, "friction": 1e-5, "torque_constant": 0.1, "back_emf": 0.1, "resistance": 1.0,
+    "gear_ratio": 100.0, "voltage_limit": 24.0,
+}  # fmt: skip
+#: What `POST /v1/simulate` takes beside the motion, the controller and what is around the robot.
+SIMULATE: dict[str, Any] = {
+    "robot": "panda", "scene": "table", "frame": "base",
+    "model_error": {
+        "mass_scale": 1.2, "payload": PAYLOAD, "motor_inertia": 0.1,
+        "viscous_friction": [0.1, 0.2], "coulomb_friction": 0.1, "gravity": [0.0, 0.0, -9.0],
+        "inertias": {"hand": {"mass": 1.0, "center_of_mass": [0.0] * 3, "inertia": IDENTITY}},
+    },
+    "disturbance": {"torque": 1.0, "amplitude": [1.0, 2.0], "frequency": 2.0, "wrench": [1.0] * 6,
+                    "start": 0.1, "end": 0.5},
+    "initial_state": {"joints": [0.1, 0.2], "velocities": [0.1, 0.2], "offset": [0.01, 0.02],
+                      "velocity_offset": [0.01, 0.02]},
+    "noise": {"position": 1e-4, "velocity": 1e-3, "period": 0.001},
+    "control_period": 0.001, "duration": 2.0, "sample_period": 0.01, "saturate": False,
+    "settling_tolerance": 1e-3, "relative_tolerance": 1e-8, "absolute_tolerance": 1e-10,
+    "timeout": 5.0, "seed": 3, "motor_inertia": 0.1, "viscous_friction": [0.1, 0.2],
+    "coulomb_friction": 0.3, "effort_limits": 20.0,
+    "joint_stops": {"stiffness": 1e4, "dissipation": 2.0},
+}  # fmt: skip
+REFERENCES: list[dict[str, Any]] = [
+    {"type": "hold", "joints": [0.1, 0.2], "duration": 2.0},
+    {"type": "step", "from": [0.1, 0.2], "to": [0.3, 0.4], "at": 0.5, "duration": 2.0},
+    {"type": "sine", "center": [0.1, 0.2], "amplitude": 0.3, "frequency": [0.5, 1.0],
+     "phase": 0.1, "duration": 2.0},
+    {"type": "spline", "points": [[0.1, 0.2], [0.3, 0.4]], "times": [0.0, 1.0],
+     "interpolation": "natural_spline"},
+]  # fmt: skip
+_GAINS = {"natural_frequency": 10.0, "damping": 1.0}
+CONTROLLERS: list[dict[str, Any]] = [
+    {"type": "independent_joint", "Kp": 1.0, "Kd": [1.0, 2.0], "inertia": 0.1,
+     "motors": [MOTOR]} | _GAINS,
+    {"type": "computed_torque", "Kp": 1.0, "Kd": 2.0} | _GAINS,
+    {"type": "pd_gravity", "Kp": [[1.0, 0.0], [0.0, 1.0]], "Kd": 2.0} | _GAINS,
+    {"type": "passivity", "Lambda": 1.0, "K": 2.0} | _GAINS,
+    {"type": "adaptive", "Lambda": 1.0, "K": 2.0, "Gamma": 0.5, "estimate": [0.1, 0.2],
+     "motors": True, "known_zeros": True, "parameters": ["m1"]} | _GAINS,
+]  # fmt: skip
+
+
+_POSE = {"position": [0.4, 0.0, 0.3], "frame": "base"}
+_BOX = {"type": "box", "size": [0.1, 0.1, 0.1]}
+_GOALS: list[dict[str, Any]] = [
+    {"id": "a", "joints": [0.1, 0.2], "dwell": 0.5, "group": "left"},
+    {"pose": _POSE, "frame": "tool", "position_tolerance": 1e-3, "orientation_tolerance": 1e-2,
+     "tolerance": {"free": ["rz"], "samples": 4}},
+    {"state": "home"},
+    {"any_of": [{"joints": [0.3, 0.4]}, {"pose": _POSE}]},
+]  # fmt: skip
+
+TOURS: list[tuple[type[BaseModel], dict[str, Any]]] = [
+    (TourRequest, {
+        "robot": "arm", "scene": "table", "frame": "base", "start": {"joints": [0.0, 0.1]},
+        "end": {"state": "home"}, "goals": _GOALS, "precedence": [["a", "1"], ["left", "3"]],
+        "attached": [{"id": "drill", "shape": _BOX, "pose": {"position": [0.0, 0.0, 0.1]},
+                      "link": "hand"}],
+        "allowed_collisions": [["hand", "table"]], "margin": 0.01,
+        "clearance": {"preferred": 0.02, "least": 0.01}, "start_state_tolerance": 1e-5,
+        "timing": {"method": "jerk_limited", "velocity_scaling": 0.5},
+        "limits": {"velocity": [1.0, 1.0]}, "rounds": 3, "leg_timeout": 1.0,
+        "goal_costs": {"turns": 1.0},
+        "allow_partial": True, "timeout": 5.0, "seed": 7, "keep": True,
+        "constraints": [{"type": "clearance", "margin": 0.01}]}),
+    (TourRequest, {"robot": "arm", "start": {"state": "home"}, "end": "start",
+                   "goals": _GOALS[:2]}),
+]  # fmt: skip
+
+
+BUNDLE: dict[str, Any] = {
+    "armwright_bundle": 1,
+    "operation": "POST /v1/plan",
+    "version": "0.1.0",
+    "status": "succeeded",
+    "seed": 1,
+    "digest": "0" * 64,
+    "robot": "arm",
+    "robot_document": "{}",
+    "scene": "table",
+    "scene_document": "{}",
+    "request": "{}",
+    "answer": "{}",
+}
+KEPT_PLANS: list[tuple[type[BaseModel], Any]] = [
+    (ReplayRequest, {"changes": {"margin": 0.1}, "documents": "current", "keep_replay": True}),
+    (Bundle, BUNDLE),
+]
+
+
+def task_stages(pose: dict[str, Any], constraints: list[dict[str, Any]]) -> list[dict[str, Any]]:
+    """Stages of every kind, as requests have them.
+
+    Args:
+        pose: Any pose.
+        constraints: Any constraints.
+    """
+    common: dict[str, Any] = {
+        "margin": 0.01,
+        "allowed_collisions": [["hand", "crate"]],
+        "constraints": constraints,
+        "timing": {"velocity_scaling": 0.5},
+        "limits": {"velocity": [1.0]},
+    }
+    way = {
+        "distance": [0.05, 0.1],
+        "direction": [0.0, 0.0, 1.0],
+        "frame": "tool",
+        "max_deviation": 1e-3,
+        "max_orientation_deviation": 1e-2,
+    }
+    turns = {"pose": pose, "angles": [0.0, 1.0], "angle_samples": 2}
+    stages: list[dict[str, Any]] = [
+        {"kind": "move"},
+        {"kind": "approach", **way},
+        {"kind": "grasp", "object": "crate", "grasps": [pose], "touch_links": ["hand"],
+         "support": "table", "touch_depth": 0.002},
+        {"kind": "close", "joints": {"claw": 0.01}, "duration": 0.2},
+        {"kind": "attach", "object": "crate", "link": "hand", "touch_links": ["table"],
+         "touch_depth": 0.002, "mass": 0.4, "center_of_mass": [0.0, 0.0, 0.01],
+         "inertia": [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]]},
+        {"kind": "lift", **way},
+        {"kind": "move", "goal": {"pose": pose}, "tolerance": {"free": ["rz"]}, "planner": "auto",
+         "blend": 0.1},
+        {"kind": "place", "object": "crate", "poses": [pose | {"frame": "base"}],
+         "support": ["table", "shelf"], "touch_depth": 0.002},
+        {"kind": "open", "state": "wide", "duration": 0.2},
+        {"kind": "detach", "object": "crate", "touch_links": ["hand"],
+         "touch_depth": 0.002},
+        {"kind": "retreat", **way},
+        {"kind": "grasp", "object": "crate", "region": turns | {
+            "axis": [0.0, 0.0, 1.0], "offsets": [0.0, 0.1], "offset_samples": 2}},
+        {"kind": "place", "relative_to": "table", "region": turns | {
+            "size": [0.1, 0.1], "samples": [2, 2]}},
+        {"kind": "close", "state": "shut"},
+        {"kind": "open", "joints": {"claw": 0.02}},
+        {"kind": "wait", "duration": 1.0},
+        {"kind": "move", "end_of": "#1"},
+    ]  # fmt: skip
+    return [common | {"name": f"#{k}"} | stage for k, stage in enumerate(stages)]
+
+
+def tasks(
+    pose: dict[str, Any], constraints: list[dict[str, Any]]
+) -> list[tuple[type[BaseModel], Any]]:
+    """The schema of tasks, with a task that has every field and stages of every kind."""
+    body = {
+        "robot": "panda",
+        "scene": "table",
+        "frame": "base",
+        "start": {"joints": [0.1]},
+        "stages": task_stages(pose, constraints),
+        "objects": [{"id": "crate", "pose": pose}],
+        "attached": [{"id": "held", "link": "hand", "pose": pose}],
+        "fingers": {"claw": 0.02},
+        "allowed_collisions": [["hand", "crate"]],
+        "margin": 0.01,
+        "timing": {"velocity_scaling": 0.5},
+        "limits": {"velocity": [1.0]},
+        "improve": 0.5,
+        "goal_costs": {"joint_limits": 1.0},
+        "allow_partial": True,
+        "timeout": 2.0,
+        "seed": 1,
+        "keep": True,
+    }
+    return [(TaskRequest, body)]
+
 
 PREMISES = {"robot": "panda", "robot_hash": "0a" * 32, "scene": "table", "scene_hash": "1b" * 32,
             "obstacles": 2, "attached": ["part"], "tool": "hand", "margin": 0.01,
             "open_meshes": ["sheet"]}  # fmt: skip
 POSE = {"position": [0.4, 0.0, 0.3]}
-IDENTITY = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]]
 CORNERS = [[0.0, 0.0, 0.0], [0.1, 0.0, 0.0], [0.0, 0.1, 0.0], [0.0, 0.0, 0.1]]
 SHAPES: list[dict[str, Any]] = [
     {"type": "box", "size": [0.1, 0.2, 0.3]},
@@ -96,7 +266,6 @@ CONSTRAINTS: list[dict[str, Any]] = [
     {"type": "tool_speed", "limit": 0.25},
     {"type": "torque", "limits": [10.0, 20.0]},
 ]  # fmt: skip
-PAYLOAD = {"mass": 1.5, "center_of_mass": [0.0, 0.0, 0.1], "inertia": IDENTITY, "link": "hand"}
 MODEL: dict[str, Any] = {
     "gravity": [0.0, 0.0, -9.81],
     "payload": PAYLOAD,

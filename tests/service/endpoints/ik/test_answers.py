@@ -1,18 +1,26 @@
-"""Solutions of inverse kinematics as answers: limits, collisions, order, traces and many poses."""
+"""Solutions of inverse kinematics as answers: traces, collisions, order, hints and many poses."""
 
+import json
 from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
+import pinocchio as pin
 import pytest
 
 from armwright_wire.robots.kinematics import GradientTrace, IkRequest
+from kinematics.forward import forward
+from kinematics.ik import inverse
 from kinematics.ik.gradient import Trace
 from kinematics.ik.solution import IkSolution
-from kinematics.robots import builtin_chain
+from kinematics.robots import builtin_chain, builtin_urdf
 from obstacles.scenes.scene import Obstacle, Scene
 from obstacles.shapes.shape import Sphere
+from planning.constrained.ik import ConstrainedSolution
+from planning.constraints.constraint_set import ConstraintSet
+from planning.constraints.kinds.limit import ClearanceConstraint
 from service.endpoints.attached_objects import RobotInScene
+from service.endpoints.ik import task
 from service.endpoints.ik.answers import (
     all_in_collision,
     combined_answer,
@@ -20,9 +28,12 @@ from service.endpoints.ik.answers import (
     solution_answer,
     trace_answer,
 )
+from service.endpoints.ik.constrained import _too_near
 from service.endpoints.ik.task import CollisionCheck
+from service.storage.caches.cache_key import builtin_reference
 from service.workers.result import TaskProblem
-from tests.planning.scenes import HOME, builtin
+from tests.planning.scenes import HOME, box, builtin
+from tests.service.poses import as_pose, draws
 
 CHAIN = builtin_chain("panda")
 SOLUTION = IkSolution(HOME, 1e-9, 2e-9, 7, "elbow up")
@@ -143,3 +154,91 @@ def test_only_some_depths_are_measured(
     reasons = [item["rejected_because"] for item in ordered]
     assert reasons[:8] == ["'ball' and 'hand' overlap by 0.5 m"] * 8
     assert all(reason.endswith(" overlap") for reason in reasons[8:])
+
+
+BESIDE = "widen the constraints, move the obstacle, or try another seed."
+WALL = box("wall", (0.1, 0.1, 0.1), (0.4, 0.3, 0.4))
+
+
+@pytest.mark.parametrize(
+    ("margin", "clearance", "other", "cures"),
+    [
+        (0.0, -0.05, "wall", BESIDE.capitalize()),
+        (0.02, -0.05, "wall", BESIDE.capitalize()),
+        (
+            0.1,
+            -0.05,
+            "wall",
+            f"Lower the margin by 0.05 m, {BESIDE}",
+        ),
+        (0.1, -0.05, "panda_link2", "Widen the constraints, or try another seed."),
+    ],
+)  # fmt: skip
+def test_only_what_is_there_is_to_be_changed(
+    margin: float, clearance: float, other: str, cures: str
+) -> None:
+    """A margin of less than the overlap is no cure, and own links know none."""
+    wanted = ConstraintSet(CHAIN, (ClearanceConstraint(margin),) if margin else ())
+    pair = ("panda_hand", other)
+    nearest = ConstrainedSolution(np.zeros(7), np.zeros(0), clearance, pair, 0.0, "descent")
+    what, hint = _too_near(wanted, nearest, RobotInScene(builtin("panda"), Scene((WALL,))))
+    assert "closer than they may be by 0.05 m" in what
+    assert hint == cures
+
+
+def test_what_touches_is_not_closer_by_nothing() -> None:
+    nearest = ConstrainedSolution(np.zeros(7), np.zeros(0), -1e-9, ("a", "b"), 0.0, "descent")
+    what, hint = _too_near(ConstraintSet(CHAIN, (ClearanceConstraint(0.1),)), nearest, None)
+    assert what == "has 'a' and 'b' touching"
+    assert "margin" not in hint
+
+
+@pytest.mark.parametrize(
+    ("robot", "more"),
+    [
+        ("panda", {}),
+        ("ur5e", {}),
+        ("ur5e", {"method": "numeric"}),
+        ("panda", {"axes": ["x", "y", "z", "rx", "ry"]}),
+        ("ur5e", {"choice": "limits"}),
+    ],
+)
+def test_many_poses_are_solved_in_one_call_of_the_batch_kernels(
+    robot: str, more: dict[str, Any], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    chain = builtin_chain(robot)
+    targets = [forward(chain, q) for q in draws(robot, 40, seed=8)]
+    unreachable = {"position": [9.0, 0.0, 0.0]}
+    body = {"poses": [*map(as_pose, targets), unreachable], **more}
+    calls = []
+
+    def counted(*args: Any, **kwargs: Any) -> Any:
+        calls.append(args)
+        return inverse.inverse_kinematics(*args, **kwargs)
+
+    monkeypatch.setattr("service.endpoints.ik.task.inverse_kinematics", counted)
+    answer = task.ik(builtin_reference(robot), None, json.dumps(body).encode())
+    assert isinstance(answer, bytes)
+    assert len(calls) == 1, "the pose out of reach alone is looked at by itself"
+    found = json.loads(answer)
+    assert [item["index"] for item in found["unsolved"]] == [40]
+    assert found["unsolved"][0]["code"] == "NO_IK_SOLUTION"
+    assert found["solutions"][40] == []
+    model = pin.buildModelFromXML(builtin_urdf(robot))
+    data, frame = model.createData(), model.getFrameId(chain.tip_link)
+    tolerance = 1e-6 if more.get("method") == "numeric" or "axes" in more else 1e-8
+    for T, solutions in zip(targets, found["solutions"], strict=False):
+        (solution,) = solutions
+        q = np.array(solution["joints"])
+        assert solution["within_limits"]
+        assert (q >= chain.limits.lower).all()
+        assert (q <= chain.limits.upper).all()
+        full = pin.neutral(model)
+        for name, value in zip(chain.joint_names, q, strict=True):
+            full[model.joints[model.getJointId(name)].idx_q] = value
+        pin.framesForwardKinematics(model, data, full)
+        reached = data.oMf[frame].homogeneous
+        np.testing.assert_allclose(reached[:3, 3], T[:3, 3], atol=tolerance)
+        compared = reached[:3, :3] if "axes" not in more else reached[:3, 2]
+        expected = T[:3, :3] if "axes" not in more else T[:3, 2]
+        np.testing.assert_allclose(compared, expected, atol=2 * tolerance)
