@@ -218,8 +218,9 @@ TABLE: dict[str, tuple[str, dict[str, Any], list[Change]]] = {
         ({"start": {"joints": HOME, "velocities": [9.0] * 7}}, "START_STATE_INVALID", ""),
         ({"goal": {"joints": ASIDE, "velocities": [9.0] * 7}}, "GOAL_STATE_INVALID", ""),
         ({"refine": True}, FORM, "refine"),
-        *(({"refine": refine, "planner": "auto"}, FORM, "refine")
-          for refine in ({"objective": "fun"}, {"objective": {}}, {"solver": "snopt"})),
+        ({"refine": {"objective": "fun"}, "planner": "auto"}, FORM, "refine"),
+        ({"refine": {"objective": {}}, "planner": "auto"}, FORM, "refine"),
+        ({"refine": {"solver": "snopt"}, "planner": "auto"}, FORM, "refine"),
         ({"refine": {"objective": {"time": 0.0}}, "planner": "auto"}, FORM, "no positive weight"),
         ({"refine": {"duration": 0.01}, "planner": "auto"}, MOTION, ""),
     ]),

@@ -52,6 +52,7 @@ TRANSFORM = [[1, 0, 0, 0.3], [0, -1, 0, 0.2], [0, 0, -1, 0.4], [0, 0, 0, 1]]
 SEAM = {"motions": [LINE | {"part": "seam"}]}
 FREE, SLOW = {"tolerance": {"free": ["rz"]}}, {"tool_speed": 0.1}
 CIRC = "belong to motions of type circ"
+ONE_POSE = "exactly one of pose, poses"
 WHOLE = "give axis, direction and cone_angle"
 
 
@@ -193,9 +194,9 @@ RULES: dict[str, Rule] = {
         IkRequest,
         [{"pose": POSE}, {"poses": [POSE]}, {"constraints": CONSTRAINTS},
          {"constraints": CONSTRAINTS, "pose": POSE}],
-        [(body, "exactly one of pose, poses") for body in (
-            {}, {"constraints": []}, {"pose": POSE, "poses": [POSE]},
-            {"constraints": CONSTRAINTS, "pose": POSE, "poses": [POSE]})],
+        [({}, ONE_POSE), ({"constraints": []}, ONE_POSE),
+         ({"pose": POSE, "poses": [POSE]}, ONE_POSE),
+         ({"constraints": CONSTRAINTS, "pose": POSE, "poses": [POSE]}, ONE_POSE)],
     ),
     "a goal is one thing": (
         Goal,
