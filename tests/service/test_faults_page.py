@@ -21,7 +21,9 @@ def test_the_test_of_a_fault_is_there(row: tuple[str, str, str]) -> None:
     assert named is not None, row
     tree = ast.parse((TESTS / named[1]).read_text())
     found = [
-        node for node in tree.body if isinstance(node, ast.FunctionDef) and node.name == named[2]
+        node
+        for node in tree.body
+        if isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef) and node.name == named[2]
     ]
     assert len(found) == 1, row[2]
     assert not any("skip" in ast.unparse(mark) for mark in found[0].decorator_list)

@@ -22,7 +22,8 @@ def test_a_file_that_is_named_is_there_and_has_tests(name: str) -> None:
     tests = [
         node
         for node in ast.parse(files[0].read_text()).body
-        if isinstance(node, ast.FunctionDef) and node.name.startswith("test_")
+        if isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef)
+        and node.name.startswith("test_")
     ]
     assert tests
     for test in tests:
