@@ -1,14 +1,20 @@
-"""Signed distances and their gradients: against the expanding hull of Qhull, coal, differences."""
+"""Signed distances and their gradients against Qhull, coal and differences; what margins lack."""
 
 import itertools
+from itertools import pairwise
 
 import numpy as np
 import pytest
 
+from compiled.kernel import kernel
 from kinematics.arrays import Array
 from kinematics.pose import transform
 from kinematics.robots import builtin_names
 from obstacles.collision.checker import Checker
+from obstacles.collision.fcl_distance import FclWorld
+from obstacles.collision.model.collision_model import ModelArrays
+from obstacles.collision.model.kernel_work import workspace
+from obstacles.collision.proximity import line_deficit
 from obstacles.convex.piece import Piece, PieceKind
 from obstacles.distance.epa import contact
 from obstacles.distance.piece_set import CENTER, PieceSet
@@ -17,6 +23,7 @@ from obstacles.scenes.scene import Obstacle, Scene
 from obstacles.shapes.shape import HalfSpace
 from tests.obstacles.collision.test_edge_check import builtin, clutter
 from tests.obstacles.solids import KINDS, NO_VERTICES, random_solid, random_transform
+from tests.planning.scenes import box
 
 
 def found(a: Piece, b: Piece) -> tuple[float, Array, Array]:
@@ -130,3 +137,51 @@ def test_only_what_is_near_is_answered() -> None:
     names = {checker.model.pair_name(int(pair)) for pair in everything.pairs}
     assert any("floor" in pair for pair in names)
     assert everything.gradients.shape == (len(everything.pairs), 6)
+
+
+PREFERRED, SPACING = 0.3, 0.2
+SCENE = Scene(
+    (box("bar", (0.1, 1.0, 0.1), (1.3, 0.0, 0.4)), box("post", (0.1, 0.1, 0.6), (-1.2, 0.0, 0.3)))
+)
+
+
+@kernel
+def shortfall_on(model: ModelArrays, a: Array, b: Array, spacing: float, most: float) -> float:
+    return line_deficit(model, workspace(model), a, b, spacing, most)
+
+
+def lines(count: int) -> Array:
+    return np.random.default_rng(3).uniform(-2.5, 2.5, (count + 1, 2))
+
+
+def test_it_is_the_mean_of_what_the_distances_lack() -> None:
+    robot = builtin("planar_rr")
+    model = Checker.of(robot, SCENE, PREFERRED).model.with_margins(PREFERRED, 0.0).arrays
+    world, told, expected = FclWorld(robot, SCENE), [], []
+    for a, b in pairwise(lines(40)):
+        parts = max(1, int(np.ceil(np.linalg.norm(b - a) / SPACING)))
+        states = a + ((np.arange(parts) + 0.5) / parts)[:, None] * (b - a)
+        nearest = np.array([max(world.clearance(q).distance, 0.0) for q in states])
+        if not (nearest > 0.0).all():
+            continue  # how deep things overlap is not told exactly
+        expected.append(np.maximum(PREFERRED - nearest, 0.0).mean())
+        told.append(shortfall_on(model, a, b, SPACING, np.inf))
+    assert len(told) > 10
+    assert max(told) > 0.05
+    np.testing.assert_allclose(told, expected, atol=1e-6)
+
+
+@pytest.mark.parametrize("share", [0.5, 0.99])
+def test_more_than_asked_for_is_infinite(share: float) -> None:
+    model = Checker.of(builtin("planar_rr"), SCENE, PREFERRED).model.arrays
+    for a, b in pairwise(lines(20)):
+        lacks = shortfall_on(model, a, b, SPACING, np.inf)
+        if lacks > 0.0:
+            assert shortfall_on(model, a, b, SPACING, share * lacks) == np.inf
+            assert shortfall_on(model, a, b, SPACING, lacks / share) == lacks
+
+
+def test_a_spacious_motion_lacks_nothing() -> None:
+    model = Checker.of(builtin("planar_rr"), Scene(), PREFERRED).model.arrays
+    a, b = lines(1)
+    assert shortfall_on(model, a, b, SPACING, 0.0) == 0.0

@@ -1,16 +1,28 @@
-"""Separation of convex pieces, against coal and closed forms."""
+"""Distances and contacts of solids beside coal, closed forms and Qhull, wrong proposals too."""
 
 import itertools
 
 import coal
 import numpy as np
 import pytest
+from scipy.spatial import ConvexHull
 
 from kinematics.arrays import Array
 from kinematics.pose import transform
 from obstacles.convex.piece import Piece, PieceKind
+from obstacles.distance.fcl_solid import Separation, fcl_solid
+from obstacles.distance.fcl_solid import separation as fcl_separation
 from obstacles.distance.gjk import BETWEEN, CLOSER, FARTHER, STILL, separation
 from obstacles.distance.piece_set import CENTER, Pair, PieceSet
+from obstacles.distance.signed_distance import (
+    ACCURACY,
+    convex_distance,
+    proved_distance,
+    signed_distance,
+)
+from obstacles.shapes.shape import Box, Capsule, Convex, Cylinder, HalfSpace, Shape, Sphere
+from tests.obstacles.collision.test_proximity import found as contact
+from tests.obstacles.outline import convex_pieces
 from tests.obstacles.solids import (
     KINDS,
     NO_VERTICES,
@@ -128,3 +140,198 @@ def test_flat_and_segment_like_polytopes() -> None:
     assert compare(square, segment)[1:] == pytest.approx((0.3, 0.3))
     crossing = Piece(PieceKind.POLYTOPE, np.eye(4), np.array([[0, 0, -1.0], [0, 0, 1.0]]))
     assert compare(square, crossing, near=0.0, far=1.0)[0] == CLOSER
+
+
+def at(shape: Shape, place: list[float] | Array, T: Array | None = None) -> Piece:
+    (piece,) = shape.pieces()
+    return piece.placed(transform(None, place) @ (np.eye(4) if T is None else T))
+
+
+def polytope_depth(a: Array, b: Array) -> float:
+    """Signed distance of hulls that overlap, by all faces of their Minkowski difference."""
+    differences = (a[:, None] - b[None]).reshape(-1, 3)
+    return float(ConvexHull(differences).equations[:, 3].max())
+
+
+@pytest.mark.parametrize("distance", [0.05, 0.2, 0.29, 0.31, 1.0])
+def test_balls(distance: float) -> None:
+    random = np.random.default_rng(1)
+    for _ in range(10):
+        towards = random.normal(size=3)
+        towards /= np.linalg.norm(towards)
+        place = random.normal(size=3)
+        value, n, point = contact(
+            at(Sphere(0.1), place + distance * towards), at(Sphere(0.2), place)
+        )
+        assert value == pytest.approx(distance - 0.3, abs=1e-9)
+        np.testing.assert_allclose(n, towards, atol=1e-7)
+        np.testing.assert_allclose(point, place + 0.2 * towards, atol=1e-7)
+
+
+@pytest.mark.parametrize("axis", [0, 1, 2])
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+def test_boxes_part_along_their_shallowest_side(axis: int, sign: float) -> None:
+    shift = np.array([0.05, -0.03, 0.02])
+    shift[axis] = sign * 0.9
+    value, n, point = contact(at(Box(np.ones(3)), shift), at(Box(np.ones(3)), np.zeros(3)))
+    assert value == pytest.approx(-0.1)
+    np.testing.assert_allclose(n, sign * np.eye(3)[axis], atol=1e-9)
+    assert point[axis] == pytest.approx(0.5 * sign)
+
+
+def test_polytopes_are_as_deep_as_their_minkowski_difference() -> None:
+    random = np.random.default_rng(2)
+    for _ in range(20):
+        a = at(Convex(random.normal(size=(12, 3))), random.normal(size=3) * 0.3)
+        b = at(Convex(random.normal(size=(9, 3))), np.zeros(3), random_transform(random, 0.1))
+        corners = [p.vertices @ p.T_owner_piece[:3, :3].T + p.T_owner_piece[:3, 3] for p in (a, b)]
+        assert contact(a, b)[0] == pytest.approx(polytope_depth(*corners), abs=1e-9)
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_moved_out_by_its_depth_it_touches_no_more(seed: int) -> None:
+    random = np.random.default_rng(10 + seed)
+    overlaps = 0
+    for a, b in itertools.combinations(convex_pieces(random), 2):
+        near = a.placed(transform(None, 0.6 * (b.T_owner_piece[:3, 3] - a.T_owner_piece[:3, 3])))
+        depth, n, _ = contact(near, b)
+        if depth > -1e-3:
+            continue
+        overlaps += 1
+        out = near.placed(transform(None, (-depth + 1e-6) * n))
+        assert contact(out, b)[0] > -1e-9
+        # Half of the way is not enough.
+        assert contact(near.placed(transform(None, -0.5 * depth * n)), b)[0] < 0.0
+    assert overlaps > 3
+
+
+def test_concentric_solids_part_by_the_shortest_way() -> None:
+    box, ball = Box(np.array([0.2, 0.4, 0.6])), Sphere(0.05)
+    value, n, _ = contact(at(ball, np.zeros(3)), at(box, np.zeros(3)))
+    assert value == pytest.approx(-0.15)
+    assert np.abs(n) == pytest.approx([1.0, 0.0, 0.0])
+    assert contact(at(ball, np.zeros(3)), at(ball, np.zeros(3)))[0] == pytest.approx(-0.1)
+
+
+def test_crossing_capsules_part_across_both() -> None:
+    turn = np.eye(4)
+    turn[:3, :3] = [[0.0, 0.0, 1.0], [0.0, 1.0, 0.0], [-1.0, 0.0, 0.0]]
+    along_z, along_x = at(Capsule(0.1, 1.0), np.zeros(3)), at(Capsule(0.1, 1.0), [0, 0.05, 0], turn)
+    value, n, _ = contact(along_x, along_z)
+    assert value == pytest.approx(-0.15)
+    np.testing.assert_allclose(n, [0.0, 1.0, 0.0], atol=1e-7)
+
+
+@pytest.mark.parametrize("height", [-0.05, 0.0, 0.05])
+def test_a_halfspace_is_left_upwards(height: float) -> None:
+    floor = at(HalfSpace(np.array([0.0, 0.0, 1.0]), 0.0), np.zeros(3))
+    for shape in (Sphere(0.1), Box(np.full(3, 0.2)), Cylinder(0.1, 0.2)):
+        solid = at(shape, [0.3, 0.2, 0.1 + height])
+        value, n, point = contact(solid, floor)
+        assert value == pytest.approx(height, abs=1e-12)
+        np.testing.assert_allclose(n, [0.0, 0.0, 1.0])
+        assert point[2] == pytest.approx(0.0, abs=1e-12)
+        value, n, point = contact(floor, solid)
+        assert value == pytest.approx(height, abs=1e-12)
+        np.testing.assert_allclose(n, [0.0, 0.0, -1.0])
+        # The point is always of the second solid: its lowest one.
+        assert point[2] == pytest.approx(height, abs=1e-12)
+
+
+def test_flat_pieces_have_a_depth_where_their_difference_has_one() -> None:
+    """A segment through a square is left sideways; a square in its own plane at once."""
+    square = at(Convex(np.array([[0.0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]])), np.zeros(3))
+    needle = Convex(np.array([[0.4, 0.5, -1.0], [0.4, 0.5, 1.0]]))
+    assert contact(at(needle, np.zeros(3)), square)[0] == pytest.approx(-0.4)
+    assert contact(at(needle, [0, 0, 0.9]), square)[0] == pytest.approx(-0.1)
+    assert contact(at(needle, [0, 0, 1.5]), square)[0] == pytest.approx(0.5)
+    assert contact(square, square)[0] == pytest.approx(0.0, abs=1e-9)
+
+
+def test_the_deepest_point_lies_on_the_surface_around_the_core() -> None:
+    """A box holds the axis of a capsule: its way out is the axis' depth and the radius."""
+    capsule = at(Capsule(0.1, 0.4), np.zeros(3))
+    value, n, point = contact(at(Box(np.ones(3)), [0.45, 0.0, 0.0]), capsule)
+    assert value == pytest.approx(-0.15)
+    np.testing.assert_allclose(n, [1.0, 0.0, 0.0], atol=1e-9)
+    assert point[0] == pytest.approx(0.1)
+    assert abs(point[2]) <= 0.2 + 1e-9
+
+
+def distance(a: Piece, b: Piece) -> float:
+    return convex_distance(a, a.T_owner_piece, b, b.T_owner_piece)
+
+
+@pytest.mark.parametrize(("one", "other"), list(itertools.combinations_with_replacement(KINDS, 2)))
+def test_it_is_the_distance_of_coal(one: str, other: str) -> None:
+    random = np.random.default_rng(1)
+    apart = 0
+    for _ in range(12):
+        T_a, T_b = random_transform(random, 0.6), random_transform(random, 0.6)
+        a, coal_a = random_solid(random, one, T_a)
+        b, coal_b = random_solid(random, other, T_b)
+        expected = coal_distance(coal_a, T_a, coal_b, T_b)
+        if expected <= 1e-6:
+            assert convex_distance(a, T_a, b, T_b) <= 1e-6
+            continue
+        apart += 1
+        assert convex_distance(a, T_a, b, T_b) == pytest.approx(expected, abs=1e-6)
+    assert apart > 2
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_it_is_a_lower_bound_whichever_comes_first(seed: int) -> None:
+    for a, b in itertools.combinations(convex_pieces(np.random.default_rng(seed)), 2):
+        _, upper = signed_distance(a, a.T_owner_piece, b, b.T_owner_piece)
+        assert distance(a, b) <= upper + 1e-12
+        assert distance(a, b) == pytest.approx(distance(b, a), abs=1e-6)
+
+
+def test_a_wrong_proposal_costs_time_and_no_truth() -> None:
+    """Too large, in a wrong direction, or none: our own distance is answered instead."""
+    (a,), (b,) = Sphere(0.1).pieces(), Box(np.full(3, 0.2)).pieces()
+    T_a, T_b = np.eye(4), transform(None, [0.5, 0.0, 0.0])
+    one, other = fcl_solid(a), fcl_solid(b)
+    one.move(T_a)
+    other.move(T_b)
+    right = fcl_separation(one, other)
+    assert right is not None
+    lies = [
+        right,
+        None,
+        right._replace(distance=right.distance + 0.1),
+        Separation(right.distance, right.other, right.nearest),
+        Separation(right.distance, np.zeros(3), np.array([0.0, 1.0, 0.0])),
+        Separation(0.0, np.zeros(3), np.array([1.0, 1.0, 1.0])),
+    ]
+    for lie in lies:
+        answer = proved_distance(lie, a, T_a, b, T_b)
+        assert answer <= 0.3 + 1e-12
+        assert answer == pytest.approx(0.3, abs=ACCURACY) or lie is lies[-1]
+    # A distance that is proposed too small is believed where a plane proves as much: it is true.
+    assert proved_distance(lies[-1], a, T_a, b, T_b) > 0.0
+
+
+@pytest.mark.parametrize("axis", [0, 1, 2])
+def test_boxes_right_beside_each_other_are_as_far_apart_as_their_faces(axis: int) -> None:
+    """FCL may take two corners for the nearest points, 7 mm too far apart at 2.8 m."""
+    (box,) = Box(np.full(3, 0.2)).pieces()
+    moved = box.placed(transform(None, 3.0 * np.eye(3)[axis]))
+    assert distance(box, moved) == pytest.approx(2.8, abs=1e-9)
+    assert distance(moved, box) == pytest.approx(2.8, abs=1e-9)
+
+
+@pytest.mark.parametrize("gap", [0.2, 1e-5, -0.05])
+def test_halfspaces_have_a_closed_form(gap: float) -> None:
+    (floor,) = HalfSpace(np.array([0.0, 0.0, 1.0]), 0.5).pieces()
+    (capsule,) = Capsule(0.1, 0.4).pieces()
+    raised = capsule.placed(transform(None, [1.0, 2.0, 0.5 + 0.3 + gap]))
+    assert distance(raised, floor) == pytest.approx(gap, abs=1e-12)
+    assert distance(floor, raised) == pytest.approx(gap, abs=1e-12)
+
+
+def test_overlaps_are_negative_by_their_depth() -> None:
+    (box,) = Box(np.full(3, 1.0)).pieces()
+    for depth in (0.01, 0.2, 0.5):
+        moved = box.placed(transform(None, [1.0 - depth, 0.0, 0.1]))
+        assert distance(box, moved) == pytest.approx(-depth, abs=1e-6)

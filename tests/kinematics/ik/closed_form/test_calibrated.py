@@ -1,17 +1,27 @@
-"""Arms that miss their closed form: branches by symmetry, by degree, and near the exact arm's."""
+"""Arms that miss their closed form: branches by symmetry, at folds, near the exact arm's."""
+
+from dataclasses import replace
 
 import numpy as np
 import pytest
 from scipy.optimize import brentq
 
-from kinematics.arrays import Array
+from kinematics.arrays import Array, Indices
 from kinematics.forward import forward
 from kinematics.ik.closed_form.analytic import branches, closed_form
+from kinematics.ik.closed_form.continuation import joint_direction_kernel, weakest_kernel
+from kinematics.ik.inverse import inverse_kinematics
+from kinematics.ik.numeric.numeric import SearchOptions, solve, solve_many
 from kinematics.jacobian import geometric
 from kinematics.model.chain import Chain
 from kinematics.robots import builtin_chain
 from tests.kinematics.ik import symmetries
-from tests.kinematics.ik.arms import arm_of, calibrated
+from tests.kinematics.ik.arms import (
+    apart,
+    arm_of,
+    calibrated,
+    edge_configuration,
+)
 from tests.kinematics.ik.symmetries import distance, regular, regular_cases, wrapped
 
 NAMES = ("ur5e", "kr6_sixx")
@@ -132,3 +142,201 @@ def test_out_of_reach_no_branch_is_invented() -> None:
         T = forward(chain, np.array([0.3, -1.2, 1.4, -0.8, -1.1, 0.4]))
         T[:3, 3] *= 5.0
         assert len(branches(chain, T).table) == 0
+
+
+@pytest.mark.parametrize("size", [1e-12, 1e-7, 1e-4, 3e-3])
+@pytest.mark.parametrize("name", ["ur5e", "kr6_sixx"])
+def test_calibrated_arms_keep_their_branches(name: str, size: float) -> None:
+    rng = np.random.default_rng(4)
+    nominal = builtin_chain(name)
+    compared = 0
+    for _ in range(3):
+        chain = calibrated(nominal, size, rng)
+        form = closed_form(chain)
+        assert form.kind == closed_form(nominal).kind
+        for k in range(12):
+            q = rng.uniform(-np.pi, np.pi, 6)
+            T = forward(chain, q)
+            found = branches(chain, T)
+            assert found.position_error.max() < 1e-9
+            assert found.orientation_error.max() < 1e-9
+            assert apart(found.joints, q).min() < 1e-6
+            if k > 1:
+                continue
+            for other in solve(chain, T, SearchOptions(seed=k, starts=60), solutions=16).solutions:
+                if np.linalg.svd(geometric(chain, other.joints), compute_uv=False)[-1] < 1e-2:
+                    continue
+                compared += 1
+                assert apart(found.joints, other.joints).min() < 1e-3
+    assert compared > 20
+
+
+@pytest.mark.parametrize("size", [1e-7, 1e-5, 1e-3])
+@pytest.mark.parametrize("name", ["ur5e", "elbow_wrist"])
+def test_calibrated_arms_keep_both_sides_of_a_fold(name: str, size: float) -> None:
+    rng = np.random.default_rng(8)
+    whole = np.full(6, np.pi)
+    twins = 0
+    for _ in range(4):
+        chain = calibrated(builtin_chain(name), size, rng)
+        chain = replace(chain, limits=replace(chain.limits, lower=-whole, upper=whole))
+        for _ in range(4):
+            q = rng.uniform(-np.pi, np.pi, 6)
+            # Hardly bent: where the form has one branch, the true arm may have two.
+            q[2] = (0.0 if name == "ur5e" else 0.5 * np.pi) + 10.0 ** rng.uniform(-4.0, -1.0)
+            T = forward(chain, q)
+            found = branches(chain, T).joints
+            seeds = np.clip(q + rng.normal(size=(60, 6)) * 0.3, -np.pi, np.pi)
+            search = solve_many(
+                chain, np.tile(T, (60, 1, 1)), SearchOptions(0, 1, 1e-10, 1e-10),
+                seed_joints=seeds, threads=1,
+            )  # fmt: skip
+            for other in search.joints[search.solved]:
+                if np.linalg.svd(geometric(chain, other), compute_uv=False)[-1] > 1e-5:
+                    assert apart(found, other).min() < 1e-4
+                    twins += bool(1e-4 < apart(other[None], q)[0] < 0.3)
+    assert twins > 20
+
+
+@pytest.mark.parametrize("size", [1e-9, 1e-5, 1e-3])
+@pytest.mark.parametrize("name", ["ur5e", "kr6_sixx", "iiwa14"])
+def test_calibrated_arms_answer_edge_poses(name: str, size: float) -> None:
+    rng = np.random.default_rng(12)
+    for _ in range(3):
+        chain = calibrated(builtin_chain(name), size, rng)
+        for k in range(40):
+            q = edge_configuration(chain, rng, k)
+            T = forward(chain, q)
+            found = inverse_kinematics(chain, T, seed_joints=q)
+            assert found.solutions, q
+            assert np.abs(forward(chain, found.solutions[0].joints) - T).max() < 3e-6
+
+
+def twice_singular(rng: np.random.Generator) -> Array:
+    """Three joints within 1e-9 to 0.1 rad of a right angle: wrist, shoulder, elbow at once."""
+    q = rng.uniform(-np.pi, np.pi, 6)
+    near = np.round(q / (np.pi / 2)) * np.pi / 2
+    near += rng.choice([-1.0, 1.0], 6) * 10.0 ** rng.uniform(-9.0, -1.0, 6)
+    which = rng.permutation(6)[:3]
+    q[which] = near[which]
+    return np.array(q)
+
+
+@pytest.mark.parametrize("size", [1e-7, 1e-5, 1e-4, 1e-3, 3e-3])
+@pytest.mark.parametrize("name", ["ur5e", "puma560", "elbow_wrist"])
+def test_calibrated_arms_keep_their_branches_where_several_things_are_singular(
+    name: str, size: float
+) -> None:
+    rng = np.random.default_rng(11)
+    compared = 0
+    for _ in range(5):
+        chain = calibrated(builtin_chain(name), size, rng)
+        for _ in range(6):
+            q = twice_singular(rng)
+            T = forward(chain, q)
+            found = branches(chain, T).joints
+            assert len(found), q
+            assert np.abs(forward(chain, found) - T).max() < 3e-9
+            J = geometric(chain, np.vstack([q, found]))
+            least = np.linalg.svd(J, compute_uv=False)[:, -1]
+            away = apart(found, q).min()
+            # Nearer than its singular value can tell, two branches are one within 1e-9.
+            if least[0] > 3e-7 and not (away < 0.02 and 0.25 * away * least[0] < 1.5e-9):
+                assert away < 3e-5, q
+            # Branches come and go in pairs whose determinants have opposite signs; two that are one
+            # within 1e-9 have singular values below 1e-4.
+            if least.min() > 1e-4:
+                compared += 1
+                assert np.sign(np.linalg.det(J[1:])).sum() == 0.0, q
+    assert compared > 4
+
+
+ALL: Indices = np.arange(6)
+
+
+def matrix(rng: np.random.Generator, values: list[float]) -> tuple[Array, Array, Array]:
+    """A matrix of singular values with its left and right vectors."""
+    U, _ = np.linalg.qr(rng.normal(size=(6, 6)))
+    V, _ = np.linalg.qr(rng.normal(size=(6, 6)))
+    return np.asarray(U * values @ V.T), U, V
+
+
+def weakest(
+    J: Array, joints: Indices = ALL, across: Array | None = None
+) -> tuple[float, Array, Array]:
+    """The least singular value and its vectors by the kernel."""
+    u, v = np.empty((2, 6))
+    value = weakest_kernel(J, joints, u, v, np.zeros(6) if across is None else across)
+    return value, u, v
+
+
+@pytest.mark.parametrize("least", [0.3, 1e-2, 1e-4, 1e-6, 1e-8, 1e-12])
+def test_the_least_singular_value_and_its_vectors_are_numpys(least: float) -> None:
+    rng = np.random.default_rng(0)
+    for _ in range(10):
+        J, U, V = matrix(rng, [2.0, 1.5, 1.2, 1.0, 0.8, least])
+        value, u, v = weakest(J)
+        assert value == pytest.approx(least, rel=2e-2, abs=1e-15)
+        assert np.linalg.norm(u) == pytest.approx(1.0)
+        assert np.linalg.norm(v) == pytest.approx(1.0)
+        near = 1e-6 + (least / 0.8) ** 10
+        assert abs(u @ U[:, 5]) == pytest.approx(1.0, abs=near)
+        assert abs(v @ V[:, 5]) == pytest.approx(1.0, abs=near)
+
+
+def test_the_second_weakest_is_found_across_the_weakest() -> None:
+    rng = np.random.default_rng(1)
+    for second in (0.1, 1e-3, 1e-5):
+        J, U, V = matrix(rng, [2.0, 1.5, 1.2, 1.0, second, 1e-3 * second])
+        _, u, _ = weakest(J)
+        value, w, v = weakest(J, across=u)
+        assert value == pytest.approx(second, rel=1e-2)
+        assert abs(w @ u) < 1e-12
+        assert abs(w @ U[:, 4]) == pytest.approx(1.0, abs=1e-4)
+        if second > 1e-6:
+            assert abs(v @ V[:, 4]) == pytest.approx(1.0, abs=1e-4)
+
+
+def test_only_the_columns_of_the_joints_that_move_count() -> None:
+    rng = np.random.default_rng(2)
+    J, _, _ = matrix(rng, [2.0, 1.5, 1.2, 1.0, 0.8, 1e-3])
+    wide = rng.normal(size=(6, 8))
+    joints = np.array([7, 0, 3, 1, 6, 4])
+    wide[:, joints] = J
+    value, u, v = weakest(wide, joints)
+    expected = weakest(J)
+    assert value == pytest.approx(expected[0], rel=1e-9)
+    np.testing.assert_allclose(u, expected[1], atol=1e-9)
+    np.testing.assert_allclose(v, expected[2], atol=1e-9)
+
+
+@pytest.mark.parametrize("least", [1.0, 1e-3])
+def test_a_direction_of_the_pose_is_reached_by_its_direction_of_the_joints(least: float) -> None:
+    rng = np.random.default_rng(3)
+    for _ in range(10):
+        J, _, _ = matrix(rng, [2.0, 1.5, 1.2, 1.0, 0.8, least])
+        w = rng.normal(size=6)
+        expected = np.linalg.solve(J, w)
+        found = joint_direction_kernel(J, ALL, w / np.linalg.norm(w))
+        np.testing.assert_allclose(found, expected / np.linalg.norm(expected), atol=1e-6)
+        np.testing.assert_allclose(found, joint_direction_kernel(J, ALL, 5.0 * w), atol=1e-9)
+
+
+@pytest.mark.parametrize("least", [1e-5, 1e-8])
+def test_along_a_lost_direction_the_joints_move_where_nothing_else_moves(least: float) -> None:
+    rng = np.random.default_rng(4)
+    J, U, V = matrix(rng, [2.0, 1.5, 1.2, 1.0, 0.8, least])
+    for w in (U[:, 5], 0.8 * U[:, 5] + 0.6 * U[:, 4]):
+        found = joint_direction_kernel(J, ALL, w.copy())
+        assert abs(found @ V[:, 5]) == pytest.approx(1.0, abs=1e-3)
+
+
+def test_a_jacobian_that_lost_a_row_is_singular_along_it() -> None:
+    J, _, _ = matrix(np.random.default_rng(5), [2.0, 1.5, 1.2, 1.0, 0.8, 0.5])
+    for row in range(6):
+        lost = J.copy()
+        lost[row] = 0.0
+        value, u, v = weakest(lost)
+        assert value < 1e-12
+        assert abs(u[row]) == pytest.approx(1.0, abs=1e-9)
+        assert np.linalg.norm(lost @ v) < 1e-9

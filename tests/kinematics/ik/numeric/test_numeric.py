@@ -1,12 +1,16 @@
-"""Numeric inverse kinematics, verified by pinocchio and by limits."""
+"""Numeric inverse kinematics, verified by pinocchio and by limits, and where it gives up."""
 
 import numpy as np
 import pinocchio as pin
 import pytest
+from scipy.spatial.transform import Rotation
 
+from compiled.kernel import kernel
 from kinematics.arrays import Array
 from kinematics.errors import InvalidLinkName, InvalidOption, InvalidPose, InvalidRobotState
 from kinematics.forward import forward
+from kinematics.frame import frame_kernel
+from kinematics.ik.numeric.dls_step import error_kernel
 from kinematics.ik.numeric.numeric import (
     AXES,
     POSITION,
@@ -17,9 +21,9 @@ from kinematics.ik.numeric.numeric import (
     solve_many,
 )
 from kinematics.model.chain import Chain, Limits
-from kinematics.pose import from_axis_angle, inverse, rotation_error, transform
+from kinematics.pose import from_axis_angle, inverse, rotation_error, rotation_z, transform
 from kinematics.robots import builtin_chain, builtin_names, builtin_urdf
-from tests.kinematics.samples import random_chain
+from tests.kinematics.samples import random_chain, random_rotation
 
 SIX = ("panda", "ur5e", "iiwa14", "kr6_sixx", "puma560", "stanford", "elbow_wrist")
 
@@ -246,3 +250,111 @@ def test_an_arm_of_four_joints_is_told_of_axes() -> None:
     axes: tuple[Axis, ...] = ("x", "y", "z", "rz")
     assert str(list(axes)) in failed.advice
     assert solve(chain, T, SearchOptions(axes=axes)).solutions
+
+
+# ----------------------------------------------------------------------------------- by the door
+
+
+def pose_of(chain: Chain, seed: int) -> tuple[Array, Array]:
+    """A configuration well inside the limits and its pose."""
+    lower, upper = chain.sampling_bounds()
+    q = np.random.default_rng(seed).uniform(0.7 * lower, 0.7 * upper)
+    return q, forward(chain, q)
+
+
+def test_a_start_at_the_goal_costs_no_step() -> None:
+    chain = builtin_chain("panda")
+    q, T = pose_of(chain, 2)
+    result = solve(chain, T, seed_joints=q)
+    assert result.solutions[0].iterations == 0
+    assert result.starts == 1
+    np.testing.assert_array_equal(result.solutions[0].joints, q)
+
+
+def test_a_start_near_the_goal_takes_a_few_steps_and_no_restart() -> None:
+    chain = builtin_chain("panda")
+    q, T = pose_of(chain, 3)
+    result = solve(chain, T, seed_joints=q + 0.01)
+    assert result.starts == 1
+    assert 1 <= result.solutions[0].iterations <= 10
+    assert np.abs(result.solutions[0].joints - q).max() < 0.1
+
+
+@pytest.mark.parametrize("starts", [1, 2, 7])
+def test_no_more_starts_are_spent_than_allowed(starts: int) -> None:
+    chain = builtin_chain("ur5e")
+    result = solve(chain, transform(None, [9.0, 0.0, 0.0]), SearchOptions(starts=starts))
+    assert result.solutions == ()
+    assert result.starts == starts
+
+
+@pytest.mark.parametrize("tolerance", [1e-3, 1e-6, 1e-9])
+def test_a_solution_is_as_good_as_asked_for_and_tells_its_errors(tolerance: float) -> None:
+    chain = builtin_chain("iiwa14")
+    options = SearchOptions(position_tolerance=tolerance, orientation_tolerance=10 * tolerance)
+    for seed in range(4):
+        _, T = pose_of(chain, seed)
+        solution = solve(chain, T, options).solutions[0]
+        reached = forward(chain, solution.joints)
+        away = float(np.linalg.norm(reached[:3, 3] - T[:3, 3]))
+        turn = float(np.linalg.norm(rotation_error(reached[:3, :3], T[:3, :3])))
+        assert away <= tolerance
+        assert turn <= 10 * tolerance
+        assert solution.position_error == pytest.approx(away, abs=1e-13)
+        assert solution.orientation_error == pytest.approx(turn, abs=1e-13)
+
+
+@pytest.mark.parametrize("turned", [0.5, 2.0, 3.1])
+def test_a_turn_that_does_not_count_does_not_matter(turned: float) -> None:
+    chain = builtin_chain("ur5e")
+    q, T = pose_of(chain, 5)
+    options = SearchOptions(axes=("x", "y", "z", "rx", "ry"))
+    result = solve(chain, T @ transform(rotation_z(turned)), options, seed_joints=q)
+    np.testing.assert_array_equal(result.solutions[0].joints, q)
+
+
+ANGLES = [0.0, 1e-12, 1e-8, 1e-4, 0.1, 1.0, 0.5 * np.pi, 2.0, 3.0, np.pi - 1e-3, np.pi - 1e-6]
+
+
+@kernel
+def pose_error_kernel(B: Array, T: Array, out: Array) -> None:
+    """The error from B to T, both (4, 4)."""
+    out[0], out[1], out[2], out[3], out[4], out[5] = error_kernel(frame_kernel(B), frame_kernel(T))
+
+
+def error(B: Array, T: Array) -> Array:
+    """The error from one pose to another, shape (6,)."""
+    out = np.full(6, np.nan)
+    pose_error_kernel(B, T, out)
+    return out
+
+
+def pose(rng: np.random.Generator) -> Array:
+    """Any pose."""
+    return transform(random_rotation(rng), rng.normal(size=3))
+
+
+@pytest.mark.parametrize("angle", ANGLES)
+def test_the_error_is_the_difference_and_scipys_rotation_vector(angle: float) -> None:
+    rng = np.random.default_rng(0)
+    for _ in range(20):
+        B, axis = pose(rng), rng.normal(size=3)
+        axis /= np.linalg.norm(axis)
+        shift = rng.normal(size=3)
+        turn = Rotation.from_rotvec(angle * axis).as_matrix()
+        T = transform(turn @ B[:3, :3], B[:3, 3] + shift)
+        found = error(B, T)
+        np.testing.assert_allclose(found[:3], shift, atol=1e-14)
+        # Near half a turn the axis is known by the square root of the digits.
+        tolerance = 1e-13 if angle < 3.0 else 1e-14 / (np.pi - angle) + 1e-12
+        np.testing.assert_allclose(found[3:], angle * axis, rtol=0.0, atol=max(tolerance, 1e-15))
+
+
+@pytest.mark.parametrize("axis", [*np.eye(3), np.ones(3), [1.0, -2.0, 0.5], [0.0, 1.0, -1.0]])
+def test_half_a_turn_is_about_its_axis_either_way(axis: Array) -> None:
+    unit = np.asarray(axis) / np.linalg.norm(axis)
+    B = pose(np.random.default_rng(1))
+    T = transform(Rotation.from_rotvec(np.pi * unit).as_matrix() @ B[:3, :3], B[:3, 3])
+    found = error(B, T)[3:]
+    assert np.linalg.norm(found) == pytest.approx(np.pi, abs=1e-7)
+    assert abs(found @ unit) == pytest.approx(np.pi, abs=1e-7)

@@ -1,4 +1,4 @@
-"""Motions that are proved with eight stretches abreast are free, and none is missed by it."""
+"""Eight states or stretches at once: proved motions and verdicts are FCL's."""
 
 import numpy as np
 import pytest
@@ -12,6 +12,7 @@ from kinematics.tree.serial_chain import serial_chain
 from kinematics.urdf.urdf import parse_urdf
 from obstacles.collision.checker import Checker
 from obstacles.collision.edge_check import COLLIDING, FREE, MAX_INTERVALS, UNDECIDED
+from obstacles.collision.lanes.check import blocked_between
 from obstacles.collision.line_check import certify_line, prove_line
 from obstacles.collision.model.kernel_work import workspace
 from obstacles.collision.model.model_arrays import ModelArrays
@@ -149,3 +150,51 @@ def test_a_workspace_with_little_room_gives_the_same_verdict() -> None:
         assert prove_line(model, small, a, b, 0.0, MAX_INTERVALS, found) == verdict
         verdicts.add(verdict)
     assert verdicts >= {FREE, COLLIDING}
+
+
+@kernel
+def between(model: ModelArrays, a: Array, b: Array, parts: int, looks: int) -> bool:
+    """``blocked_between``."""
+    return blocked_between(model, workspace(model), a, b, 0.0, parts, looks)
+
+
+@pytest.mark.parametrize("parts", [1, 2])
+@pytest.mark.parametrize("looks", [2, 4, 16])
+def test_a_motion_is_blocked_where_a_state_is_that_is_looked_at(parts: int, looks: int) -> None:
+    robot = builtin("ur5e")
+    random = np.random.default_rng(63)
+    checker = Checker.of(robot, clutter(random, 1.2))
+    lower, upper = robot.chain.sampling_bounds()
+    shares = [k / looks for k in range(1, looks + (parts == 1))]
+    outcomes = set()
+    for _ in range(60):
+        a, b = random.uniform(lower, upper, (2, robot.chain.n))
+        b = a + 0.2 * (b - a)
+        blocked = any(not checker.valid(a + share * (b - a)) for share in shares)
+        assert between(checker.model.arrays, a, b, parts, looks) == blocked
+        outcomes.add(blocked)
+    assert outcomes == {True, False}
+
+
+def robot_named(name: str) -> RobotGeometry:
+    """A built-in robot, or an arm with links on joints that mimic others."""
+    if name != "mimic joint":
+        return builtin(name)
+    description = parse_urdf(urdf())
+    return robot_geometry(serial_chain(description, tip_link="flange"), description)
+
+
+@pytest.mark.parametrize("name", ["panda", "ur5e", "mimic joint"])
+def test_no_state_of_any_number_differs_from_fcl(name: str) -> None:
+    robot, random = robot_named(name), np.random.default_rng(71)
+    reach = float(np.linalg.norm(robot.chain.offsets[:, :3, 3], axis=1).sum()) + 0.1
+    scene = clutter(random, reach)
+    checker, judge = Checker.of(robot, scene), FclJudge(robot, scene)
+    lower, upper = robot.chain.sampling_bounds()
+    outcomes = set()
+    for count in (*range(20), 64, 65, 71):
+        states = random.uniform(lower, upper, (count, robot.chain.n))
+        truth = [not judge.collides(q) for q in states]
+        assert checker.each_valid(states).tolist() == truth
+        outcomes |= set(truth)
+    assert outcomes == {True, False}
