@@ -7,10 +7,8 @@ import pinocchio as pin
 import pytest
 
 from dynamics.inverse import inverse_dynamics
-from dynamics.terms import augmented_mass_matrix, coriolis_matrix, gravity_vector
 from kinematics.errors import InvalidOption, InvalidRobotState
 from kinematics.forward import forward
-from kinematics.jacobian import geometric
 from tests.dynamics.oracle import relative_error
 from tests.dynamics.samples import (
     pinocchio_model,
@@ -48,21 +46,6 @@ def test_a_wrench_on_the_surroundings_is_minus_a_wrench_on_the_tip(seed: int) ->
         expected = pin.rnea(model, data, q, qd, qdd, forces)
         torque = inverse_dynamics(chain, q, qd, qdd, wrench=np.concatenate([f, n]))
         assert relative_error(torque, expected) < 1e-11
-
-
-@pytest.mark.parametrize("seed", range(10))
-def test_is_the_sum_of_the_lagrangian_terms(seed: int) -> None:
-    chain = random_chain(seed, 2 + seed % 6, motors=True)
-    q, qd, qdd = random_state(chain, seed)
-    F = np.array([1.0, -2.0, 3.0, 0.5, 0.4, -0.3])
-    total = (
-        np.einsum("...ij,...j->...i", augmented_mass_matrix(chain, q), qdd)
-        + np.einsum("...ij,...j->...i", coriolis_matrix(chain, q, qd), qd)
-        + chain.viscous_friction * qd
-        + gravity_vector(chain, q)
-        + geometric(chain, q).swapaxes(-1, -2) @ F
-    )
-    assert relative_error(inverse_dynamics(chain, q, qd, qdd, F), total) < 1e-12
 
 
 def test_without_gravity_a_robot_at_rest_needs_no_torque() -> None:

@@ -111,24 +111,6 @@ def test_extrema_of_degenerate_pieces(c: list[float], h: float) -> None:
         assert dense.min() >= found.minimum[0] - 1e-13 * size
 
 
-def test_extrema_of_thousands_of_pieces_with_chosen_stationary_points() -> None:
-    rng = np.random.default_rng(3)
-    for _ in range(3000):
-        degree = int(rng.integers(1, 6))
-        # Roots of the derivative within, at the ends of, beyond and upon each other.
-        stationary = rng.choice([0.0, 1.0, 0.5, *rng.uniform(-0.5, 1.5, 4)], size=degree)
-        derivative = power_basis.polyfromroots(stationary) * rng.choice([-1.0, 1.0])
-        h = float(10.0 ** rng.uniform(-4, 3))
-        scale = 10.0 ** rng.uniform(-8, 8)
-        unit = power_basis.polyint(derivative) * scale
-        inside = [0.0, 1.0, *stationary[(stationary > 0.0) & (stationary < 1.0)]]
-        values = power_basis.polyval(np.array(inside), unit)
-        found = piece(unit / h ** np.arange(len(unit)), h).extrema()
-        size = float(np.abs(unit).max())
-        assert found.minimum[0] == pytest.approx(values.min(), abs=2e-15 * 8 * size)
-        assert found.maximum[0] == pytest.approx(values.max(), abs=2e-15 * 8 * size)
-
-
 def test_ends_are_sampled_and_times_beyond_them_refused() -> None:
     trajectory = made(
         ("a", "b"), [0.0, 0.1, 0.3], [[[0.0, 1.0], [1.0, 0.0]], [[0.1, 2.0], [1.0, 0.0]]]
@@ -463,18 +445,6 @@ def test_samples_at_a_break_are_of_the_piece_that_begins_there() -> None:
     np.testing.assert_allclose(values[:, 0], [1.0, 2.0, 1.0, 2.0, 2.0, 1.0, 2.0])
     sample_kernel(breaks, coefficients, times, 2, values)
     assert not values.any()
-
-
-@given(st.integers(0, 10_000))
-def test_the_order_of_times_does_not_matter(seed: int) -> None:
-    rng = np.random.default_rng(seed)
-    breaks = np.concatenate([[0.0], np.cumsum(rng.uniform(0.1, 1.0, 4))])
-    coefficients, times = rng.normal(size=(4, 2, 3)), rng.uniform(0.0, breaks[-1], 12)
-    order = rng.permutation(12)
-    values, shuffled = np.empty((2, 12, 2))
-    sample_kernel(breaks, coefficients, times, 0, values)
-    sample_kernel(breaks, coefficients, times[order], 0, shuffled)
-    np.testing.assert_array_equal(shuffled, values[order])
 
 
 @given(numbers((1, 1, 6), 3.0), st.floats(0.05, 4.0), st.integers(0, 3))

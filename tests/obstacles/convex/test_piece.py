@@ -4,18 +4,12 @@ import numpy as np
 import pytest
 from scipy.optimize import minimize_scalar
 
-from kinematics.arrays import Array
-from kinematics.pose import from_axis_angle, transform
-from obstacles.convex.piece import Piece
 from obstacles.shapes.shape import (
     Capsule,
     Cone,
-    Convex,
-    Cylinder,
     HalfSpace,
 )
 from tests.obstacles.outline import convex_pieces, offset, owned, points_inside, rim
-from tests.obstacles.solids import random_transform
 
 FLOOR = HalfSpace(np.array([0.0, 0.0, 1.0]), -0.3).pieces()[0]
 
@@ -75,35 +69,3 @@ def test_a_halfspace_is_in_no_ball_and_ends_at_its_face() -> None:
     assert radius == np.inf
     assert center[2] == pytest.approx(-0.3)
     assert np.isinf(FLOOR.local_box()[3:]).all()
-
-
-def test_placing_moves_and_keeps_all_else() -> None:
-    random = np.random.default_rng(4)
-    for piece in [*convex_pieces(random), FLOOR]:
-        A, B = random_transform(random), random_transform(random)
-        moved = piece.placed(B).placed(A)
-        np.testing.assert_allclose(moved.T_owner_piece, A @ B @ piece.T_owner_piece, atol=1e-12)
-        assert moved.vertices is piece.vertices
-        assert (moved.kind, moved.radius, moved.half_height) == (
-            piece.kind, piece.radius, piece.half_height
-        )  # fmt: skip
-        np.testing.assert_array_equal(moved.local_box(), piece.local_box())
-        assert moved.surface is piece.surface
-        center, radius = piece.bounding_sphere()
-        new_center, new_radius = piece.placed(A).bounding_sphere()
-        assert new_radius == radius
-        np.testing.assert_allclose(new_center, A[:3, :3] @ center + A[:3, 3], atol=1e-12)
-
-
-def test_equal_cores_at_other_places_do_not_mix() -> None:
-    """Cores are shared by their content: a cone and a cylinder of the same sizes are two."""
-    cone, cylinder = Cone(0.2, 0.3).pieces()[0], Cylinder(0.2, 0.3).pieces()[0]
-    assert cone.bounding_sphere()[1] != cylinder.bounding_sphere()[1]
-    turned = transform(from_axis_angle(np.array([1.0, 0.0, 0.0]), np.pi), [0.0, 0.0, 1.0])
-    up, down = cone.bounding_sphere()[0], cone.placed(turned).bounding_sphere()[0]
-    assert down == pytest.approx(turned[:3, :3] @ up + [0.0, 0.0, 1.0])
-    assert turned_bounds(Convex(np.eye(3)).pieces()[0]) == pytest.approx([1.0, 1.0, 1.0])
-
-
-def turned_bounds(piece: Piece) -> Array:
-    return np.asarray(piece.vertices.max(axis=0))

@@ -64,28 +64,6 @@ def test_the_rate_is_the_slope_of_the_function(kind: Kind, is_disturbed: bool) -
     np.testing.assert_allclose(found.lyapunov_rate[2:-2], slope, rtol=0.0, atol=1e-6 * size)
 
 
-@kinds
-def test_compiled_rates_equal_those_in_python(kind: Kind) -> None:
-    used: Any = controller(kind, scale_masses(ARM, 1.3))
-    rng = np.random.default_rng(3)
-    compiled_law = used.compiled_law(ARM)
-    for _ in range(5):
-        q, qd, qdd, *reference = rng.uniform(-2.0, 2.0, (6, N))
-        estimate = np.array(getattr(used, "estimate", np.zeros(0)))
-        change = rng.uniform(-1.0, 1.0, len(estimate))
-        value = lyapunov_rate_kernel(
-            compiled_law,
-            space(N, compiled_law),
-            np.array([q, qd]),
-            np.array(reference),
-            estimate,
-            np.concatenate([qd, qdd, change]),
-        )
-        flow = Flow(q, qd, qdd, change)
-        expected = used.lyapunov_rate(flow, Reference(*reference), ARM)
-        np.testing.assert_allclose(value, expected, rtol=1e-10)
-
-
 def test_where_the_assumptions_hold_the_rates_are_those_of_the_proofs() -> None:
     motion = smooth(ARM, START, END, 0.4)
     for kind in (Kind.COMPUTED_TORQUE, Kind.PASSIVITY, Kind.ADAPTIVE):

@@ -135,23 +135,6 @@ def test_a_motion_past_a_ball_is_free_to_a_hair(length: float) -> None:
     assert told > 8
 
 
-def test_a_workspace_with_little_room_gives_the_same_verdict() -> None:
-    robot, random, found = builtin("panda"), np.random.default_rng(76), np.empty(4)
-    model = Checker.of(robot, around(robot, random)).model.arrays
-    work, verdicts = workspace(model), set[int]()
-    small = work._replace(
-        entries=work.entries[:, :2].copy(),
-        hints=np.zeros((3, len(model.roots), 3)),
-        spans=work.spans[:, :2].copy(),
-        lists=work.lists[:, :2].copy(),
-    )
-    for a, b in lines(robot, random, 40):
-        verdict = prove_line(model, work, a, b, 0.0, MAX_INTERVALS, found)
-        assert prove_line(model, small, a, b, 0.0, MAX_INTERVALS, found) == verdict
-        verdicts.add(verdict)
-    assert verdicts >= {FREE, COLLIDING}
-
-
 @kernel
 def between(model: ModelArrays, a: Array, b: Array, parts: int, looks: int) -> bool:
     """``blocked_between``."""

@@ -1,12 +1,9 @@
 """Groups of own pairs hold every pair once and change no answer; grids prove what is true."""
 
 import itertools
-from functools import cache
 
-import fcl
 import numpy as np
 import pytest
-import trimesh
 
 from kinematics.forward import joint_frames
 from kinematics.robots import builtin_names
@@ -22,7 +19,6 @@ from obstacles.collision.model.pair_groups import (
     PARTED,
     whole_groups,
 )
-from obstacles.convex.piece import Piece
 from obstacles.scenes.scene import Scene
 from tests.obstacles.arms import cut_arm
 from tests.obstacles.collision.test_edge_check import builtin
@@ -100,63 +96,6 @@ def test_no_verdict_differs_from_fcl_and_from_a_look_at_all_pairs() -> None:
     for one in (checker, all_pairs):
         assert [one.valid(q) for q in drawn] == truth
         assert one.each_valid(drawn).tolist() == truth
-
-
-@cache
-def surfaces() -> list[fcl.CollisionObject]:
-    """The triangles of all pieces of each link, base first, in units of a millimetre."""
-    objects = []
-    for joint in range(-1, ARM.chain.n):
-        own = [ARM.pieces[k] for k in np.flatnonzero(ARM.joints == joint)]
-        hulls = [trimesh.convex.convex_hull(corners(piece)) for piece in own]
-        joined = trimesh.util.concatenate(hulls)
-        bvh = fcl.BVHModel()
-        bvh.beginModel(len(joined.vertices), len(joined.faces))
-        bvh.addSubModel(1e3 * np.array(joined.vertices), np.array(joined.faces))
-        bvh.endModel()
-        objects.append(fcl.CollisionObject(bvh))
-    return objects
-
-
-def corners(piece: Piece) -> np.ndarray:
-    """Corners of a piece in the frame of its link."""
-    T = piece.T_owner_piece
-    return np.asarray(piece.vertices @ T[:3, :3].T + T[:3, 3])
-
-
-def distance_of_triangles(q: np.ndarray) -> float:
-    """Least distance of two links that must stay apart, by FCL [m]; 0 where triangles meet."""
-    frames = joint_frames(ARM.chain, q)
-    for body, T in zip(surfaces()[1:], frames, strict=True):
-        body.setTransform(fcl.Transform(T[:3, :3], 1e3 * T[:3, 3]))
-    least = np.inf
-    for a, b in ((0, 2), (0, 3), (1, 3), (2, 3)):
-        one, other = surfaces()[a], surfaces()[b]
-        if fcl.collide(one, other, fcl.CollisionRequest(), fcl.CollisionResult()):
-            return 0.0
-        found = fcl.distance(one, other, fcl.DistanceRequest(), fcl.DistanceResult())
-        least = min(least, 1e-3 * float(found))
-    return least
-
-
-def test_distances_are_those_of_the_triangles_down_to_contact() -> None:
-    """Halving motions between free and colliding states ends where triangles begin to touch."""
-    checker, drawn = Checker.of(ARM, Scene()), states(160, 9)
-    free = [q for q in drawn if checker.valid(q)]
-    blocked = [q for q in drawn if not checker.valid(q)]
-    contacts = 0
-    for q, end in zip(free, blocked, strict=False):
-        assert checker.clearance(q)[0] == pytest.approx(distance_of_triangles(q), abs=1e-6)
-        low, high = q, end
-        while np.abs(high - low).max() > 1e-9:
-            middle = 0.5 * (low + high)
-            low, high = (middle, high) if checker.valid(middle) else (low, middle)
-        # No piece is deep in another here: what begins to touch does so by its surface.
-        assert distance_of_triangles(low) == pytest.approx(checker.clearance(low)[0], abs=1e-6)
-        assert distance_of_triangles(low) < 1e-6
-        assert distance_of_triangles(high + 1e-4 * (high - q)) == 0.0
-        contacts += 1
-    assert contacts > 30
 
 
 @pytest.mark.parametrize("length", [0.1, 0.5, 2.0])
