@@ -197,32 +197,23 @@ def test_a_constraint_that_bars_the_way_is_named() -> None:
     assert isinstance(plan(problem, Options(timeout=60.0)), Plan)
 
 
-def test_a_locked_joint_stays_where_it_is_around_a_post() -> None:
-    lock = JointConstraint(CHAIN.joint_names[2], HOME[2])
+@pytest.mark.parametrize("locked", [[2], [2, 4, 6]])
+def test_locked_joints_stay_where_they_are_around_a_post(locked: list[int]) -> None:
     start, goal = HOME.copy(), HOME.copy()
     start += np.array([-0.8, 0.3, 0.0, 0.2, 0.3, 0.2, 0.3])
     goal += np.array([1.2, 0.3, 0.0, 0.2, 0.3, 0.2, 0.3])
-    answer = planned(start, goal, pillar(0.0, 0.5), lock)
-    assert answer.planner == "rrt_connect"
-    times = np.linspace(0.0, answer.trajectory.duration, 500)
-    assert np.abs(answer.trajectory.sample(times)[:, 2] - HOME[2]).max() <= 1e-9
-    pose = PoseGoal(forward(CHAIN, goal), 1e-3, 1e-3)
-    locked = ConstraintSet(CHAIN, (lock,))
-    reached = planned_motion(
-        Problem(ROBOT, Scene(), start, (pose,), constraints=locked), Options(timeout=60)
-    )
-    assert abs(reached.trajectory.end[2] - HOME[2]) <= 1e-9
-
-
-def test_several_joints_are_locked_at_once_around_a_post() -> None:
-    start, goal = HOME.copy(), HOME.copy()
-    start += np.array([-0.8, 0.3, 0.0, 0.2, 0.3, 0.2, 0.3])
-    goal += np.array([1.2, 0.3, 0.0, 0.2, 0.3, 0.2, 0.3])
-    locked = [2, 4, 6]
     locks = [JointConstraint(CHAIN.joint_names[j], float(start[j])) for j in locked]
     answer = planned(start, goal, pillar(0.0, 0.5), *locks)
-    moved = answer.trajectory.sample(np.linspace(0.0, answer.trajectory.duration, 500))
+    assert answer.planner == "rrt_connect"
+    times = np.linspace(0.0, answer.trajectory.duration, 500)
+    moved = answer.trajectory.sample(times)
     assert np.abs(moved[:, locked] - start[locked]).max() <= 1e-9
+    pose = PoseGoal(forward(CHAIN, goal), 1e-3, 1e-3)
+    held = ConstraintSet(CHAIN, tuple(locks))
+    reached = planned_motion(
+        Problem(ROBOT, Scene(), start, (pose,), constraints=held), Options(timeout=60)
+    )
+    assert np.abs(reached.trajectory.end[locked] - start[locked]).max() <= 1e-9
 
 
 def test_a_goal_that_turns_a_locked_joint_is_refused_by_its_name() -> None:
