@@ -1,4 +1,4 @@
-"""Goals found while a tree grows: of the pose, held, free, and near where they came from."""
+"""Configurations of goal poses, before a search and while a tree grows, by pinocchio and FCL."""
 
 import numpy as np
 import pinocchio as pin

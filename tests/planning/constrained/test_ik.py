@@ -1,4 +1,4 @@
-"""Configurations under constraints: held by pinocchio's frames, clear by the checker, and best."""
+"""Configurations under constraints: held, clear, best, and found within a deadline."""
 
 import itertools
 import time

@@ -1,4 +1,4 @@
-"""Path constraints at the start and the goals of a ball that slides: closed forms."""
+"""Path constraints of a ball that slides: ends, widths, and by how much they have to give."""
 
 import numpy as np
 import pytest

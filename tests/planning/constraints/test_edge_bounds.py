@@ -1,4 +1,4 @@
-"""Verdicts on edges agree with dense samples, and are sharp."""
+"""Bounds over cells of time and verdicts on edges beside dense samples, and sharp."""
 
 import numpy as np
 import pytest

@@ -1,4 +1,4 @@
-"""Residuals against pinocchio's frames and scipy's rotations, Jacobians against differences."""
+"""Residuals beside pinocchio and scipy, Jacobians by differences, and what is no constraint."""
 
 import math
 from collections.abc import Callable

@@ -1,4 +1,4 @@
-"""Descent on the potential: the rule of its steps, proof of each, minima noticed and left."""
+"""Descent on the potential in both engines: steps, proof of each, ends and the reasons told."""
 
 from dataclasses import replace
 from typing import Any

@@ -1,4 +1,4 @@
-"""The potential: closed forms, slopes against finite differences, rules inside and for unions."""
+"""The potential and its control points: closed forms, slopes by differences, where points are."""
 
 import numpy as np
 import pytest

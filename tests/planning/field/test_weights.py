@@ -1,4 +1,4 @@
-"""Weights of a field: one for all points or one each, shared among them, in range."""
+"""Weights and options of a field: ranges, presets, refusals."""
 
 from dataclasses import fields
 from functools import partial

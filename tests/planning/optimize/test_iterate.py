@@ -1,4 +1,4 @@
-"""Motions while they are optimised: values by scipy, ends as given."""
+"""Motions while they are optimised, and their splines: values by scipy, ends as given."""
 
 from dataclasses import replace
 

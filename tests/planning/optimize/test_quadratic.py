@@ -1,4 +1,4 @@
-"""Convex quadratic problems: optimality conditions by scipy, and what counts as a solution."""
+"""Convex quadratic problems and rounds by IPOPT: optimality by scipy."""
 
 import numpy as np
 import pytest

@@ -1,4 +1,4 @@
-"""Linear rows of limits, ends and what is seen along a motion."""
+"""Linear rows, responses and objectives of the optimisation, by differences and pinocchio."""
 
 from dataclasses import replace
 

@@ -1,4 +1,4 @@
-"""The search for a path with the preferred clearance first, and then with less."""
+"""The search for a path with its clearances, diagnoses of failures, and braking."""
 
 from collections.abc import Callable
 

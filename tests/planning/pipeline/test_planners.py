@@ -1,4 +1,4 @@
-"""Planners by name, the cascade, and what each of them answers a query."""
+"""Planners by name, the cascade, and what the pipeline makes of each kind of attempt."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace

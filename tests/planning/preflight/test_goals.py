@@ -1,4 +1,4 @@
-"""Goal configurations of a ball that slides, whose clearances have closed forms, and of an arm."""
+"""Goal configurations, limits hardly missed, and failures of starts and goals."""
 
 import pickle
 

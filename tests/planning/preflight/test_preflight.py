@@ -1,4 +1,4 @@
-"""Starts and goals that touch, or nearly: told with pair and depth, never hidden."""
+"""Starts and goals that touch, or nearly, and free configurations near them."""
 
 import re
 import time

@@ -159,7 +159,11 @@ def test_torques_payload_and_tool_speed_of_a_robot() -> None:
     rng = np.random.default_rng(1)
     points = rng.uniform(-0.5, 0.5, (5, 7)) + np.array([0.0, 0.0, 0.0, -1.5, 0.0, 1.5, 0.0])
     path = PathToTime(chain.joint_names, points)
-    ways = ({"method": "toppra"}, {"method": "jerk_limited"}, {"solver": "toppra"})
+    ways: tuple[dict[str, Any], ...] = (
+        {"method": "toppra"},
+        {"method": "jerk_limited"},
+        {"solver": "toppra"},
+    )
     for how in ways:
         options = TimingOptions(
             **how, blend_tolerance=0.1, torque_limits=True,

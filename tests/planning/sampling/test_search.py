@@ -1,4 +1,4 @@
-"""Every planner by its name: proved paths, all goals, budgets, deadlines, repeatability."""
+"""Every planner by its name: proved paths, goals, budgets, deadlines, repeatability; roadmaps."""
 
 import itertools
 import math

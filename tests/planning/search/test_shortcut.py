@@ -1,4 +1,4 @@
-"""Shortened paths: every leg free by FCL, ends kept, never longer, and worth the trouble."""
+"""Shortened paths: every leg free by FCL, ends kept, never longer; looks at legs together."""
 
 from itertools import pairwise
 

@@ -1,4 +1,4 @@
-"""The kernels of RRT-Connect: what is between the states they look at is proved, or cut off."""
+"""Kernels of RRT-Connect: proved between looks, and nearest nodes as scipy finds them."""
 
 from itertools import pairwise
 

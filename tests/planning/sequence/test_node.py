@@ -1,4 +1,4 @@
-"""Nodes of the search: what is tried first, what failures cost, and what follows from choices."""
+"""Nodes, record, candidates and steps of the search for a task."""
 
 from dataclasses import replace
 from typing import Any

@@ -1,4 +1,4 @@
-"""The whole task: joined, proved, with what is held and where the crate stands after each stage."""
+"""The whole task: joined, proved, what is held after each stage; joints that a task gives."""
 
 import time
 

@@ -1,4 +1,4 @@
-"""Configurations at targets: the tool is there, FCL finds them free, the rest is told why not."""
+"""Targets of stages: configurations, regions of grasps and places, straight motions."""
 
 import numpy as np
 import pytest

@@ -1,4 +1,4 @@
-"""The world between stages: what is held, where objects stand, what may touch and until when."""
+"""The world between stages, and contradictions among stages."""
 
 from typing import Any
 

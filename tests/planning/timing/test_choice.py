@@ -1,4 +1,4 @@
-"""The parametrization that options choose: which limits count, and which are missed."""
+"""Timings that options choose: limits that count or are missed, methods, and the account of one."""
 
 from dataclasses import replace
 

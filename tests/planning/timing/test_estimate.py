@@ -1,4 +1,4 @@
-"""Estimated times: closed forms, their scaling, and that they go with the times of motions."""
+"""Estimated times, and times from rest to rest beside ruckig's."""
 
 from dataclasses import replace
 

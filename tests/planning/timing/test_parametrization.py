@@ -1,4 +1,4 @@
-"""Time parametrizations: boundary velocities, stops or curves, splines at given times."""
+"""Time parametrizations, uniform dilation, and worst ratios to limits beside the roots of numpy."""
 
 import numpy as np
 import pytest

@@ -1,4 +1,4 @@
-"""Lines and arcs of the tool against scipy's rotations, and what is no circle."""
+"""Lines, arcs, runs and tolerances of the tool beside scipy's rotations."""
 
 import math
 

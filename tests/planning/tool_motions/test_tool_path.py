@@ -1,4 +1,4 @@
-"""Joint paths of tool motions: where they are cut, what is reported, how they are timed."""
+"""Joint paths of tool motions: cuts, reports, timing, and when they pass their ends."""
 
 from dataclasses import replace
 from itertools import pairwise

@@ -1,4 +1,4 @@
-"""Lines and arcs that requests ask for, one after the other."""
+"""Lines and arcs that requests ask for, written with few decimals too."""
 
 from typing import NamedTuple
 

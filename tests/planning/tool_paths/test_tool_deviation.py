@@ -1,4 +1,4 @@
-"""Deviation of the tool from its motions, against pinocchio and a fine grid of places."""
+"""Paths that follow the tool's motions and bounds of their deviation, beside pinocchio."""
 
 import numpy as np
 import pinocchio as pin

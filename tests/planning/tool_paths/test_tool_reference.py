@@ -1,4 +1,4 @@
-"""Reference of tool motions: pinocchio's kinematics of the trajectory is near it."""
+"""References of tool motions and rounded corners, beside closed forms and pinocchio."""
 
 import itertools
 import math

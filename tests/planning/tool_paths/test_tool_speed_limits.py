@@ -1,4 +1,4 @@
-"""Speed of the tool through rounded corners on several arms by pinocchio, and what limits it."""
+"""Speed of the tool through rounded corners, and splines of few pieces near its motions."""
 
 import numpy as np
 import pytest

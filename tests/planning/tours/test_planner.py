@@ -1,4 +1,4 @@
-"""Tours of arms: every leg proved once more, order and times recomputed, goals that can't be."""
+"""Tours of arms: every leg proved once more, constraints, deadlines, goals that can't be."""
 
 from dataclasses import replace
 from itertools import pairwise

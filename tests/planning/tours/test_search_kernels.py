@@ -1,4 +1,4 @@
-"""Local search, layers and bound beside all orders tried one by one."""
+"""Local search and bound beside all orders tried one by one, and rules about the order of goals."""
 
 from itertools import pairwise, permutations
 

@@ -1,4 +1,4 @@
-"""Options of an optimisation: what is taken, what is refused and how it is told."""
+"""Options of an optimisation, weights, preferred distances and deadlines."""
 
 import time
 from typing import Any

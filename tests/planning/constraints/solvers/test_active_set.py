@@ -1,4 +1,4 @@
-"""Descents of constrained inverse kinematics: feasible first, then as good as scipy finds."""
+"""Programs of constrained inverse kinematics beside those of scipy, and conflicts."""
 
 import time
 from collections.abc import Callable

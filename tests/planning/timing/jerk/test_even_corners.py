@@ -1,4 +1,4 @@
-"""Rounded polylines at even corners: exact limits, continuous acceleration, on the path."""
+"""Rounded polylines at even corners, their reaches, and double-S legs beside ruckig."""
 
 import itertools
 

@@ -1,4 +1,4 @@
-"""Motion with bounded jerk along paths: limits, optimality, exactness, odd input."""
+"""Motion with bounded jerk along paths: limits, optimality by scipy and ruckig, odd input."""
 
 from typing import Any
 

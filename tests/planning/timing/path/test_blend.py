@@ -1,4 +1,4 @@
-"""Rounded polylines: continuity, deviation, merging, reversals, bad input."""
+"""Rounded polylines: continuity, deviation, merging, bad input, and corners that FCL finds free."""
 
 import itertools
 from collections.abc import Iterator

@@ -1,4 +1,4 @@
-"""Minimum-time motion along given paths: limits, optimality, exactness, degenerate input."""
+"""Minimum-time motion along paths: limits, optimality by scipy and toppra, odd paths, refusals."""
 
 import itertools
 

@@ -1,4 +1,4 @@
-"""Calmer ways along seams: shorter for the joints, within the tolerances, away from limits."""
+"""Calmer ways along seams, ranges of position, and reasons why a seam is not followed."""
 
 import math
 
