@@ -16,7 +16,6 @@ if TYPE_CHECKING:
     import service.endpoints.dynamics.task
     import service.endpoints.export.task
     import service.endpoints.ik.task
-    import service.endpoints.kinematics.poses_task
     import service.endpoints.kinematics.task
     import service.endpoints.large_body
     import service.endpoints.lyapunov.task
@@ -53,7 +52,7 @@ if TYPE_CHECKING:
     lyapunov = service.endpoints.lyapunov.task.lyapunov
     plan = service.endpoints.plan.task.plan
     validate = service.endpoints.plan.task.validate
-    convert_pose = service.endpoints.kinematics.poses_task.convert_pose
+    convert_pose = service.endpoints.kinematics.task.convert_pose
     potential = service.endpoints.potential.task.potential
     reach = service.endpoints.reach.task.reach
     convert = service.endpoints.retime.task.convert
@@ -94,7 +93,7 @@ else:
     lyapunov = TaskReference("service.endpoints.lyapunov.task:lyapunov")
     plan = TaskReference("service.endpoints.plan.task:plan", GRACE)
     validate = TaskReference("service.endpoints.plan.task:validate", GRACE)
-    convert_pose = TaskReference("service.endpoints.kinematics.poses_task:convert_pose")
+    convert_pose = TaskReference("service.endpoints.kinematics.task:convert_pose")
     potential = TaskReference("service.endpoints.potential.task:potential")
     reach = TaskReference("service.endpoints.reach.task:reach", GRACE)
     convert = TaskReference("service.endpoints.retime.task:convert")

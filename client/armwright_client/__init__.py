@@ -110,12 +110,12 @@ from armwright_client.options.plan_options import SimulateOptions as SimulateOpt
 from armwright_client.options.plan_options import TaskOptions as TaskOptions
 from armwright_client.options.plan_options import TourOptions as TourOptions
 from armwright_client.options.plan_options import ValidateOptions as ValidateOptions
-from armwright_client.retry import Retry as Retry
 from armwright_client.robots.robot import ArchiveOptions as ArchiveOptions
 from armwright_client.robots.robot import RobotArchive as RobotArchive
 from armwright_client.robots.robot import RobotOptions as RobotOptions
 from armwright_client.robots.robot import RobotUpload as RobotUpload
 from armwright_client.session import ClientOptions as ClientOptions
+from armwright_client.session import Retry as Retry
 from armwright_client.version import VERSION
 from armwright_wire.base import ArrayLike as ArrayLike
 from armwright_wire.base import RowsLike as RowsLike

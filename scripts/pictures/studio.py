@@ -8,8 +8,7 @@ from playwright.sync_api import Page, ViewportSize, expect
 from armwright_client import Box, Client, Obstacle, Pose
 from service.app import create_app
 from service.settings import Settings
-from studio.page.local_server import serve_page
-from studio.page.studio_page import StudioPage
+from studio.page.studio_page import StudioPage, serve_page
 from studio.stages import pick_stages, place_stages
 from studio.workbench import Workbench
 from tests.service.server import serving

@@ -11,8 +11,7 @@ import numpy as np
 from armwright_client import Pose
 from studio.code import path_code, tour_code
 from studio.motion_frames import motion_frames, tour_frames
-from studio.page.local_server import serve_page
-from studio.page.studio_page import StudioPage
+from studio.page.studio_page import StudioPage, serve_page
 from studio.result import Failure, Planned, TaskPlanned, TourPlanned
 from studio.stages import goal_entry, pose_entry
 from studio.workbench import Workbench

@@ -16,8 +16,7 @@ from kinematics.forward import forward
 from kinematics.robots import builtin_chain
 from studio.code import ik_code, plan_code, task_code
 from studio.motion_frames import LinkPoses, motion_frames, task_frames
-from studio.page.local_server import serve_page
-from studio.page.studio_page import StudioPage
+from studio.page.studio_page import StudioPage, serve_page
 from studio.pose import rotation
 from studio.result import Failure, Planned, TaskPlanned, Verdict, compare
 from studio.stages import pick_stages, place_stages

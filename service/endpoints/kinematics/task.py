@@ -1,26 +1,37 @@
-"""Forward and inverse kinematics and Jacobians as requests ask for them.
+"""Kinematics of a robot, and conversion of poses, as requests ask for them.
 
 What is cheap is called by the server itself, on chains it keeps; all else runs in workers.
 """
 
 from collections.abc import Callable, Mapping
+from dataclasses import asdict
 from typing import Any
 
 import numpy as np
 from pydantic_core import to_json
 
-from armwright_wire.pose import Orientation
+from armwright_wire.pose import ConvertPoseRequest, Orientation
 from armwright_wire.robots.kinematics import (
     FkRequest,
     JacobianRequest,
     VelocityRequest,
 )
+from kinematics import pose as rotation
 from kinematics.arrays import Array
 from kinematics.errors import InvalidOption
 from kinematics.forward import forward, link_poses
 from kinematics.jacobian import analytic_zyz, geometric
 from kinematics.model.chain import Chain
-from kinematics.pose import to_axis_angle, to_quaternions, to_rpy, to_zyz
+from kinematics.pose import (
+    compose,
+    rpy_branches,
+    singular_forms,
+    to_axis_angle,
+    to_quaternions,
+    to_rpy,
+    to_zyz,
+    zyz_branches,
+)
 from kinematics.velocity import (
     DAMPED_BELOW,
     JointVelocities,
@@ -31,7 +42,53 @@ from kinematics.velocity import (
 )
 from service.storage.caches import worker_cache
 from service.storage.caches.cache_key import builtin_reference
+from service.translate.poses import rounding_notes, transform
 from service.workers.answer import chain_task, frame_transform, in_frame
+from service.workers.task import task
+
+
+@task
+def convert_pose(content: bytes) -> bytes:
+    """Answer a request to convert or compose poses.
+
+    Raises:
+        InvalidPose: An orientation is no rotation.
+    """
+    body = ConvertPoseRequest.model_validate_json(content)
+    answer: dict[str, Any] = {}
+    if body.motions is not None:
+        poses = compose([(transform(motion), motion.about) for motion in body.motions])
+        answer["poses"] = poses.tolist()
+        T = poses[-1]
+    else:
+        assert body.pose is not None
+        T = transform(body.pose)
+    T = rotation.inverse(T) if body.inverse else T
+    if body.angular_velocity is not None:
+        S = rotation.skew(body.angular_velocity)
+        answer |= {"skew": S.tolist(), "rotation_rate": (S @ T[:3, :3]).tolist()}
+    singular = [asdict(form) for form in singular_forms(T[:3, :3])]
+    answer |= {"pose": _forms(T), "inverse": _forms(rotation.inverse(T)), "singular": singular}
+    answer["notes"] = rounding_notes(body)
+    return to_json(answer)
+
+
+def _forms(T: Array) -> dict[str, Any]:
+    """A transform (4, 4) in every form."""
+    R = T[:3, :3]
+    axis, angle = rotation.to_axis_angle(R)
+    zyz, rpy = zyz_branches(R).tolist(), rpy_branches(R).tolist()
+    return {
+        "position": T[:3, 3].tolist(),
+        "quaternion_xyzw": rotation.to_quaternion(R).tolist(),
+        "rotation_matrix": R.tolist(),
+        "euler_zyz": zyz[0],
+        "rpy": rpy[0],
+        "axis_angle": [*axis.tolist(), angle],
+        "transform": T.tolist(),
+        "euler_zyz_branches": zyz,
+        "rpy_branches": rpy,
+    }
 
 
 def fk(chain: Chain, body: FkRequest) -> bytes:

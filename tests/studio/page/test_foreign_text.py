@@ -12,9 +12,9 @@ import studio
 from armwright_client import Client
 from studio.code import all_code
 from studio.page import entries_panel, goal_panel, plan_panel
-from studio.page.local_server import serve_page
 from studio.page.markdown import Text, escaped
 from studio.page.robot_panel import facts
+from studio.page.studio_page import serve_page
 from studio.result import Branch, Failure, Verdict
 from studio.settings_form import EntryForms
 from studio.workbench import Workbench

@@ -12,8 +12,7 @@ from websockets.exceptions import InvalidStatus
 from websockets.sync.client import connect
 
 from armwright_client import Box, Client, Pose
-from studio.page.local_server import is_own, serve_page
-from studio.page.studio_page import StudioPage
+from studio.page.studio_page import StudioPage, is_own, serve_page
 from studio.pose import rotation
 from studio.result import TaskPlanned
 from studio.workbench import Workbench
