@@ -26,7 +26,7 @@ class Leg(IntEnum):
     CORNER = 4
 
 
-LEG_ROWS = 5
+LEG_ROWS = len(Leg)
 #: Legs shorter than this count as no motion, turns smaller than this as none.
 _STILL = 1e-9
 #: Limits are at most this.

@@ -27,9 +27,7 @@ ROTATIONS: tuple[Axis, ...] = ("rx", "ry", "rz")
 #: Largest deviation of position that can be asked for [m].
 MAX_POSITION = 1.0
 # Columns of deviations.
-#: Deviation of position along three axes, the first of three columns [m].
-POSITION = 0
-#: Angle about x [rad].
+#: Angle about x [rad], behind deviations of position along three axes [m].
 RX = 3
 #: Angle about y [rad].
 RY = 4
