@@ -4,13 +4,11 @@ import contextlib
 import gc
 import importlib
 import os
-import pickle
 import sys
 from collections import Counter
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
-from unittest.mock import patch
 
 import pytest
 from hypothesis import settings
@@ -79,32 +77,6 @@ def _import_share(config: pytest.Config) -> None:
     for path in sorted(folder.rglob("test_*.py"))[number::count]:
         with contextlib.suppress(Exception):  # which is told when it is collected
             importlib.import_module(".".join(path.relative_to(folder.parent).with_suffix("").parts))
-
-
-@pytest.fixture(scope="session", autouse=True)
-def _documents_are_made_once() -> Iterator[None]:
-    """What the framework makes of the same routes for the OpenAPI document is made once.
-
-    It takes two seconds, and the applications of a dozen tests are asked for theirs. What this
-    service does with it is done each time.
-    """
-    module = sys.modules.get("service.http.openapi")
-    if module is None:  # nothing that was collected has an application
-        yield
-        return
-    made: dict[str, bytes] = {}
-    make = module.get_openapi
-
-    def get_openapi(*, routes: Any, **given: Any) -> Any:
-        # Routers are those of modules, the same in each application.
-        of_routers = [id(getattr(route, "original_router", None)) for route in routes]
-        key = f"{given} {of_routers} {[getattr(route, 'path', None) for route in routes]}"
-        if key not in made:
-            made[key] = pickle.dumps(make(routes=routes, **given))
-        return pickle.loads(made[key])
-
-    with patch.object(module, "get_openapi", get_openapi):
-        yield
 
 
 @pytest.hookimpl(wrapper=True, tryfirst=True)

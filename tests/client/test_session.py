@@ -2,6 +2,7 @@
 
 import asyncio
 from collections.abc import Callable
+from dataclasses import dataclass
 from datetime import UTC, datetime, timedelta
 from email.utils import format_datetime
 from typing import Any
@@ -11,6 +12,7 @@ import pytest
 
 import armwright_client as ours
 from armwright_client import Client, Retry, session
+from armwright_client.client import items, items_async
 from tests.client.calls import URL, asked_async, once
 from tests.client.pauses import noted_pauses
 from tests.client.scripted import Answer, Scripted, health, problem
@@ -43,6 +45,9 @@ def test_both_clients_send_the_same() -> None:
     assert waited.headers["content-type"] == "application/json"
     assert waited.headers["user-agent"] == f"armwright-client/{ours.__version__}"
     assert "authorization" not in waited.headers
+    assert waited.headers["accept-encoding"] == "identity"
+    packed = asked(Scripted([httpx.Response(201, json=summary)]), ask, compress=True)
+    assert packed.headers["accept-encoding"] == "gzip"
 
 
 def test_a_prefix_of_the_base_url_is_kept() -> None:
@@ -223,3 +228,48 @@ def test_retries_can_be_chosen(pauses: list[float]) -> None:
         once([busy()], lambda client: client.healthz(), retry=Retry(attempts=1))
     once([busy("60"), health()], lambda client: client.healthz(), retry=Retry(2, 60.0))
     assert pauses == [60.0]
+
+
+@dataclass
+class Numbers:
+    """A page of numbers."""
+
+    numbers: list[int]
+    next: str | None
+
+
+PAGES = {None: Numbers([1, 2], "b"), "b": Numbers([], "c"), "c": Numbers([3], None)}
+
+
+def test_all_items_come_once_and_pages_when_needed() -> None:
+    asked: list[str | None] = []
+
+    def read(after: str | None) -> Numbers:
+        asked.append(after)
+        return PAGES[after]
+
+    numbers = items(read, lambda page: page.numbers)
+    assert (next(numbers), next(numbers), asked) == (1, 2, [None])
+    assert list(numbers) == [3]
+    assert asked == [None, "b", "c"]
+
+
+def test_awaited_pages_are_the_same() -> None:
+    async def read(after: str | None) -> Numbers:
+        return PAGES[after]
+
+    async def collect() -> list[int]:
+        return [one async for one in items_async(read, lambda page: page.numbers)]
+
+    assert asyncio.run(collect()) == [1, 2, 3]
+
+
+def test_the_client_asks_for_page_after_page() -> None:
+    def answer(request: httpx.Request) -> httpx.Response:
+        after = request.url.params.get("after")
+        names = ["a", "b"] if after is None else ["c"]
+        robots = [{"name": name, "built_in": True, "joints": 6} for name in names]
+        return httpx.Response(200, json={"robots": robots, "next": None if after else "b"})
+
+    with Client(transport=httpx.MockTransport(answer)) as client:
+        assert [robot.name for robot in client.robots.iterate()] == ["a", "b", "c"]

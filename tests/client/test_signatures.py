@@ -1,16 +1,23 @@
-"""Signatures: what comes back, names that shadow nothing, planners that type checkers know."""
+"""Signatures: answers, options that are fields, names that shadow nothing, planners."""
 
 import importlib
 from collections.abc import AsyncIterator, Awaitable, Iterator
 from inspect import signature
-from typing import Any, get_args
+from typing import Any, get_args, get_type_hints
 
 import pytest
 
 import armwright_client
 from armwright_client import AsyncClient, AsyncPending, BatchAnswer, Client, JobEvent, Pending, Plan
+from armwright_client.options import arm_options, plan_options
+from armwright_client.robots import robot as uploads
+from armwright_wire.base import Body
+from armwright_wire.motions import export, simulation
+from armwright_wire.plans import plan, task, tour
 from armwright_wire.plans.plan import PLANNERS as ALL
 from armwright_wire.plans.plan import OmplPlanner
+from armwright_wire.robots import dynamics, kinematics, potential, reach, robot
+from armwright_wire.scenes import check
 from planning.pipeline.planners import PLANNERS
 from tests.client.scripted import Scripted, problem
 
@@ -67,3 +74,46 @@ def test_a_misspelt_planner_is_found_before_it_runs() -> None:
         with pytest.raises(armwright_client.InvalidArgument, match="planer"):
             client.plan("panda", [0.0], [1.0], planer="rrt")  # type: ignore[call-arg]
     assert len(transport.requests) == 1
+
+
+#: Options, their request, and fields that methods take by themselves.
+OPTIONS: list[tuple[type, type[Body], set[str]]] = [
+    (plan_options.CheckOptions, check.CheckRequest, {"robot", "joints"}),
+    (plan_options.PlanOptions, plan.PlanRequest, {"robot", "start", "goal"}),
+    (plan_options.ValidateOptions, plan.ValidateRequest, {"robot", "trajectory"}),
+    (plan_options.ExportOptions, export.ExportRequest, {"robot", "trajectory", "format"}),
+    (
+        plan_options.SimulateOptions,
+        simulation.SimulateRequest,
+        {"robot", "trajectory", "reference", "controller"},
+    ),
+    (plan_options.TaskOptions, task.TaskRequest, {"robot", "start", "stages"}),
+    (plan_options.TourOptions, tour.TourRequest, {"robot", "goals"}),
+    (arm_options.FkOptions, kinematics.FkRequest, {"joints"}),
+    (arm_options.JacobianOptions, kinematics.JacobianRequest, {"joints"}),
+    (arm_options.IkOptions, kinematics.IkRequest, {"pose", "poses"}),
+    (arm_options.VelocityOptions, kinematics.VelocityRequest, {"joints"}),
+    (arm_options.DynamicsOptions, dynamics.DynamicsRequest, {"joints"}),
+    (arm_options.ForwardDynamicsOptions, dynamics.ForwardDynamicsRequest, {"joints"}),
+    (arm_options.WrenchOptions, dynamics.WrenchRequest, {"joints", "wrench"}),
+    (
+        arm_options.RegressorOptions,
+        dynamics.RegressorRequest,
+        {"joints", "velocities", "accelerations"},
+    ),
+    (
+        arm_options.PotentialSettings,
+        potential.PotentialRequest,
+        {"joints", "goal_joints", "scene"},
+    ),
+    (arm_options.ReachOptions, reach.ReachRequest, {"poses", "box", "format"}),
+    (uploads.RobotOptions, robot.RobotFields, {"name"}),
+    (uploads.ArchiveOptions, robot.ArchiveFields, {"name"}),
+]
+
+
+@pytest.mark.parametrize(("options", "request_", "own"), OPTIONS)
+def test_options_are_the_fields_of_a_request(
+    options: type, request_: type[Body], own: set[str]
+) -> None:
+    assert set(get_type_hints(options)) | own == set(request_.model_fields)

@@ -1,4 +1,4 @@
-"""Types of kernels' arguments as text, and made from that text again."""
+"""Types of kernels as text, made from that text again; settings of a compilation."""
 
 from typing import Any, NamedTuple
 
@@ -6,7 +6,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from numba import types
+from numba.core import compiler
 
+from compiled.compiler.dispatcher import Flags
 from compiled.compiler.signature import named_tuples, type_of_text, type_text
 from compiled.simd import TYPES
 
@@ -103,3 +105,36 @@ def test_text_of_no_type_is_refused(text: str) -> None:
 def test_a_named_tuple_of_another_number_of_fields_is_refused(given_types: str) -> None:
     with pytest.raises(ValueError, match="2 fields"):
         type_of_text(f"{Inner.__module__}.Inner({given_types})")
+
+
+def test_flags_are_equal_where_numbas_are() -> None:
+    ours, other = Flags(), Flags()
+    assert ours == other
+    ours.nrt = True
+    assert ours != other
+    other.nrt = True
+    assert ours == other
+    ours.discard("nrt")
+    assert ours != other
+    del other.nrt
+    assert ours == other
+    ours.release_gil = False  # as it is where nothing is set
+    assert ours == other
+
+
+def test_numbas_flags_find_ours_in_a_table() -> None:
+    ours, theirs = Flags(), compiler.Flags()
+    ours.nrt = theirs.nrt = True
+    assert {theirs: 1}[ours] == 1
+    assert ours == theirs
+    theirs.forceinline = True
+    assert ours != theirs
+
+
+def test_copies_change_by_themselves() -> None:
+    ours = Flags()
+    assert ours == Flags()  # compared, and so remembered
+    copy = ours.copy()
+    copy.nrt = True
+    assert copy != ours
+    assert isinstance(copy, Flags)

@@ -25,15 +25,9 @@ def post(client: httpx.Client, content: bytes | str, path: str = "/v1/scenes") -
     return client.post(path, content=content, headers=JSON)
 
 
-@pytest.mark.parametrize("number", ["NaN", "Infinity", "-Infinity"])
+@pytest.mark.parametrize("number", ["NaN", "Infinity", "-Infinity", "1e999"])
 def test_numbers_that_json_does_not_have(client: httpx.Client, number: str) -> None:
     text = json.dumps({"name": "n", "obstacles": [BOX]}).replace("[0, 0, 1]", f"[0, 0, {number}]")
-    document = problem(post(client, text), 422, "VALIDATION_ERROR")
-    assert document["details"]["errors"][0]["path"] == "obstacles[0].pose.position[2]"
-
-
-def test_a_number_too_large_for_a_float(client: httpx.Client) -> None:
-    text = json.dumps({"name": "n", "obstacles": [BOX]}).replace("[0, 0, 1]", "[0, 0, 1e999]")
     document = problem(post(client, text), 422, "VALIDATION_ERROR")
     assert document["details"]["errors"][0]["path"] == "obstacles[0].pose.position[2]"
 
@@ -43,13 +37,8 @@ def test_a_number_too_large_for_a_float(client: httpx.Client) -> None:
     [
         ({"shap": 1}, "obstacles[0].shap"),
         ({"shape": {"type": "box", "size": [1, 1]}}, "obstacles[0].shape.size"),
-        ({"shape": {"type": "box", "size": [1, True, 1]}}, "obstacles[0].shape.size[1]"),
-        ({"shape": {"type": "box", "size": [1, "1", 1]}}, "obstacles[0].shape.size[1]"),
         ({"shape": {"type": "box", "size": [1, 0, 1]}}, "obstacles[0].shape.size[1]"),
-        ({"shape": {"type": "box"}}, "obstacles[0].shape.size"),
         ({"shape": {"type": "blob"}}, "obstacles[0].shape"),
-        ({"shape": {"type": ["box"]}}, "obstacles[0].shape"),
-        ({"shape": None}, "obstacles[0].shape"),
         (
             {"pose": {"position": [0, 0, 0], "quaternion_xyzw": [0, 0, 0, 2]}},
             "obstacles[0].pose.quaternion_xyzw",
@@ -114,12 +103,6 @@ def test_encoded_bodies_are_refused_as_such(client: httpx.Client, path: str) -> 
     assert "gzip" in document["detail"]
     plain = headers | {"Content-Encoding": "identity"}
     problem(client.post(path, content=b"{}", headers=plain), 422, "VALIDATION_ERROR")
-
-
-def test_json_with_a_charset_is_json(client: httpx.Client) -> None:
-    headers = {"Content-Type": "Application/JSON; charset=utf-8"}
-    body = b'{"name": "charset", "obstacles": []}'
-    assert client.post("/v1/scenes", content=body, headers=headers).status_code == 201
 
 
 def test_a_body_that_is_announced_too_large(client: httpx.Client) -> None:

@@ -13,7 +13,6 @@ import pytest
 from fastapi import FastAPI, Response
 from starlette.middleware import gzip as middleware_module
 
-from armwright_client import Client
 from service.http.layer.middleware import ServiceMiddleware
 from service.http.metrics import Metrics
 from service.http.request_headers import accepts_gzip
@@ -105,16 +104,3 @@ def test_a_quality_of_zero_refuses_it(accepted: bytes, taken: bool) -> None:
 def test_short_answers_stay_as_they_are(client: httpx.Client) -> None:
     answer = client.get("/healthz", headers={"Accept-Encoding": "gzip"})
     assert "content-encoding" not in answer.headers
-
-
-@pytest.mark.parametrize(("compress", "header"), [(True, "gzip"), (False, "identity")])
-def test_the_client_asks_for_it_only_if_told(compress: bool, header: str) -> None:
-    seen = []
-
-    def handle(request: httpx.Request) -> httpx.Response:
-        seen.append(request.headers["Accept-Encoding"])
-        return httpx.Response(200, json={"status": "ok"})
-
-    with Client("http://test", compress=compress, transport=httpx.MockTransport(handle)) as service:
-        service.healthz()
-    assert seen == [header]

@@ -1,9 +1,13 @@
-"""Parts of a batch: every problem once, alike within a part, small at the end."""
+"""Parts of a batch, and its answer: every problem once, joined in order."""
+
+import json
+from typing import Any
 
 from hypothesis import given
 from hypothesis import strategies as st
 
-from service.jobs.batch import Parts
+from service.jobs.batch import Parts, joined_answer
+from service.storage.stores.queue_store import ChunkAnswer
 from service.workers.result import BatchItem
 
 
@@ -68,3 +72,29 @@ def test_a_part_is_a_batch_of_its_own_and_not_larger_than_is_sent_at_once() -> N
     assert part is not None
     assert list(part.indices) == [0]
     assert Parts(()).take(1) is None
+
+
+def answered(first: int, results: list[Any], failed: int = 0) -> ChunkAnswer:
+    counts = {"succeeded": len(results) - failed, "failed": failed}
+    text = json.dumps({"results": results} | counts, separators=(",", ":"))
+    return ChunkAnswer(first, len(results), True, text.encode())
+
+
+def test_results_go_in_as_they_are_and_in_order() -> None:
+    # A result may itself end like an answer.
+    nested = {"results": [1], "succeeded": 7, "failed": 9}
+    chunks = [answered(0, [{"a": 1}, nested], 1), answered(2, [[nested]]), answered(3, ["x"], 1)]
+    answer = joined_answer(chunks)
+    assert answer.content_type == "application/json"
+    assert answer.content == answered(0, [{"a": 1}, nested, [nested], "x"], 2).content
+
+
+def test_a_chunk_that_failed_fails_for_each_of_its_problems() -> None:
+    problem = {"code": "CRASH", "status": 500, "instance": "/v1/plan/batch"}
+    chunks = [answered(0, ["x"]), ChunkAnswer(1, 2, False, json.dumps(problem).encode())]
+    body = json.loads(joined_answer(chunks).content)
+    assert (body["succeeded"], body["failed"]) == (1, 2)
+    assert body["results"][1:] == [
+        problem | {"instance": "/v1/plan/batch#/problems/1"},
+        problem | {"instance": "/v1/plan/batch#/problems/2"},
+    ]

@@ -70,28 +70,6 @@ def test_what_is_not_json_is_told_as_text(client: httpx.Client) -> None:
     assert job["result"] == client.post("/v1/convert", json=body).text
 
 
-@pytest.mark.parametrize(
-    ("value", "status"),
-    [
-        ("respond-async", 202),
-        ("Respond-Async, wait=10", 202),
-        ("return=minimal, respond-async; x=1", 202),
-        ("respond-asynchronously", 200),
-        ("wait=100", 200),
-    ],
-)
-def test_the_preference_is_read_as_its_standard_has_it(
-    client: httpx.Client, value: str, status: int
-) -> None:
-    body = {"joints": [0.1, 0.2]}
-    response = client.post("/v1/robots/planar_rr/fk", json=body, headers={"Prefer": value})
-    answer(response, status)
-    assert response.headers.get("preference-applied") == (
-        "respond-async" if status == 202 else None
-    )
-    assert client.get("/v1/robots/planar_rr", headers={"Prefer": value}).status_code == 200
-
-
 def test_what_is_wrong_with_a_request_is_told_at_once(client: httpx.Client) -> None:
     def refused(body: Any, status: int, code: str) -> dict[str, Any]:
         return problem(client.post("/v1/plan", json=body, headers=ASYNC), status, code)

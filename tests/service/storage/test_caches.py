@@ -1,9 +1,12 @@
-"""Prepared robots and scenes on disk: every bit comes back, and nothing unusable is trusted."""
+"""Caches: prepared values on disk, values used last, records never older than what was written."""
 
+from collections import OrderedDict
 from pathlib import Path
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
 from obstacles.scenes.scene import Obstacle, Scene
@@ -12,6 +15,9 @@ from service.storage.caches import disk_cache, prepared_files
 from service.storage.caches.cache_key import NotPrepared, Reference
 from service.storage.caches.disk_cache import PreparedRobot
 from service.storage.caches.recent import Recent
+from service.storage.caches.record_cache import RecordCache
+from service.storage.store import Store
+from service.storage.stores.document_store import DocumentStore
 from tests.planning.scenes import builtin
 
 
@@ -85,16 +91,77 @@ def test_forgetting_removes_the_file_and_may_be_repeated(tmp_path: Path) -> None
     assert disk_cache.read_scene(stored(tmp_path, "other")).ids
 
 
-def test_the_values_used_last_are_kept() -> None:
-    made: list[str] = []
+COUNT, BYTES = 4, 100
 
-    def value(key: str) -> str:
-        made.append(key)
-        return key.upper()
 
-    recent = Recent(2)
-    for key in ("a", "b", "a", "c", "a", "b"):
-        assert recent.get(key, lambda key=key: value(key)) == key.upper()  # type: ignore[misc]
-    assert made == ["a", "b", "c", "b"]
-    assert "a" in recent
-    assert "c" not in recent
+def test_what_was_asked_for_last_stays() -> None:
+    cache = Recent(2)
+    for key in "ab":
+        cache.put(key, key.upper())
+    assert cache.get("a", lambda: "made anew") == "A"
+    cache.put("c", "C")
+    assert [key in cache for key in "abc"] == [True, False, True]
+
+
+@given(st.lists(st.tuples(st.integers(0, 9), st.integers(0, 150)), max_size=60))
+def test_bytes_and_numbers_are_bounded(puts: list[tuple[int, int]]) -> None:
+    cache = Recent(COUNT, BYTES, int)
+    model: OrderedDict[int, int] = OrderedDict()
+    for key, size in puts:
+        cache.put(key, size)
+        model[key] = size
+        model.move_to_end(key)
+        while len(model) > COUNT or (len(model) > 1 and sum(model.values()) > BYTES):
+            model.popitem(last=False)
+        assert key in cache, "the last one stays, whatever it has"
+        assert {k for k in range(10) if k in cache} == set(model)
+        assert cache.weight == sum(model.values())
+
+
+def test_what_was_looked_up_is_known_until_something_is_written() -> None:
+    cache: RecordCache[str] = RecordCache()
+    assert cache.recall("a") is None
+    assert cache.read("a", lambda: "first") == "first"
+    assert cache.recall("a") == cache.read("a", lambda: "second") == "first"
+    cache.forget()
+    assert cache.recall("a") is None
+    assert cache.read("a", lambda: "second") == cache.recall("a") == "second"
+
+
+def test_what_was_read_before_a_write_is_not_kept_after_it() -> None:
+    cache: RecordCache[str] = RecordCache()
+
+    def read_slowly() -> str:
+        cache.forget()  # another thread writes while this one has the old record in its hands
+        return "old"
+
+    assert cache.read("a", read_slowly) == "old"
+    assert cache.recall("a") is None
+
+
+def test_records_are_bounded_by_their_bytes() -> None:
+    cache: RecordCache[str] = RecordCache()
+    long = "x" * 2**20
+    for number in range(8):
+        cache.read(number, lambda: long)
+    assert [cache.recall(number) is None for number in range(8)] == [True] * 5 + [False] * 3
+
+
+def test_documents_are_known_as_they_were_written_last(store: Store) -> None:
+    documents = DocumentStore(store.database, cache=RecordCache())
+    first = documents.create("scene", "a", b"one")
+    assert documents.recall("scene", "a") is None
+    assert documents.record("scene", "a") == documents.recall("scene", "a") == first
+    second = documents.replace("scene", "a", b"two")
+    assert documents.recall("scene", "a") is None
+    assert documents.record("scene", "a") == documents.recall("scene", "a") == second
+    assert documents.recall("robot", "a") is None
+    documents.delete("scene", "a")
+    assert documents.recall("scene", "a") is None
+
+
+def test_a_store_that_others_share_remembers_nothing(store: Store) -> None:
+    assert store.records is None
+    store.documents.create("scene", "a", b"one")
+    store.documents.record("scene", "a")
+    assert store.documents.recall("scene", "a") is None
