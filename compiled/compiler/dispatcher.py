@@ -67,7 +67,7 @@ _HASH = hash(compiler.Flags())
 
 
 #: Count up with every change of how kernels are compiled that does not show in their functions.
-_REVISION = 11
+_REVISION = 12
 #: Count up with every change of how doors alone are made, for which no kernel is compiled again.
 _DOOR_REVISION = 2
 

@@ -1,5 +1,6 @@
 """Digest of everything that the machine code of a kernel is made from."""
 
+import dis
 import hashlib
 import uuid
 from collections.abc import Callable, Iterator
@@ -12,6 +13,8 @@ import numpy as np
 from numba import types
 from numba.core.dispatcher import Dispatcher
 
+#: Instructions that read a constant by its index.
+_READS_CONSTANT = frozenset(dis.hasconst)
 #: What a function is made from by itself, and the kernels that it names.
 _Own = tuple[bytes, tuple[FunctionType, ...]]
 _Known = WeakKeyDictionary[FunctionType, _Own]
@@ -24,7 +27,7 @@ def fingerprint(function: Callable[..., Any]) -> str:
     """Digest of all that the machine code of a kernel is made from, as loaded in this process.
 
     That is its byte code, the constants it reads from its module and others, and the same of every
-    kernel that it calls.
+    kernel that it calls; docstrings do not enter it.
     """
     return _whole(cast(FunctionType, getattr(function, "py_func", function)), WeakKeyDictionary())
 
@@ -137,7 +140,7 @@ def _own(function: FunctionType, known: _Known) -> _Own:
 def _add_function(digest: Any, function: FunctionType, callees: dict[FunctionType, None]) -> None:
     digest.update(f"{function.__module__}.{function.__qualname__}{function.__defaults__}".encode())
     names: list[str] = []
-    for code in _nested(function.__code__):
+    for code in _nested(_without_docstring(function)):
         digest.update(code.co_code)
         digest.update(repr((_constants(code), code.co_names, code.co_varnames)).encode())
         names.extend(code.co_names)
@@ -147,6 +150,19 @@ def _add_function(digest: Any, function: FunctionType, callees: dict[FunctionTyp
     for name in names:
         if name in function.__globals__:
             _add_value(digest, function.__globals__[name], names, seen, callees)
+
+
+def _without_docstring(function: FunctionType) -> CodeType:
+    """Code of a function, its docstring left out where no instruction reads the same constant."""
+    code, docstring = function.__code__, function.__doc__
+    if docstring is None or code.co_consts[:1] != (docstring,):
+        return code
+    if any(
+        op in _READS_CONSTANT and k == 0
+        for op, k in zip(code.co_code[::2], code.co_code[1::2], strict=True)
+    ):
+        return code
+    return code.replace(co_consts=(None, *code.co_consts[1:]))
 
 
 def _nested(code: CodeType) -> Iterator[CodeType]:

@@ -242,6 +242,19 @@ def test_fingerprint_tells_kernels_apart_and_repeats() -> None:
     assert fingerprint(ratio) != fingerprint(total)
 
 
+@pytest.mark.parametrize(
+    ("body", "is_same"), [("return 2.0 * x", True), ("return len(DOC) * x", False)]
+)
+def test_a_docstring_does_not_enter_a_fingerprint(body: str, is_same: bool) -> None:
+    made = []
+    for docstring in ("Double of a number.", "Twice a number."):
+        names: dict[str, Any] = {}
+        text = body.replace("DOC", repr(docstring))
+        exec(f"def scaled(x):\n    {docstring!r}\n    {text}\n", names)
+        made.append(fingerprint(names["scaled"]))
+    assert (made[0] == made[1]) is is_same
+
+
 @kernel
 def winding(first: Array, unread: Array, second: Array) -> float:
     y = z = float(first[0])
