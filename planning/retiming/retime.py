@@ -125,7 +125,7 @@ def retime(
         ends = _ends(interpolation)
         shifted = None if times is None else times - times[0]
         timed = parametrization.time_spline(points, shifted, ends, names, timing.scale_times)
-        notes += _spline_notes(timed.trajectory, ends)
+        notes += _spline_notes(timed.trajectory, ends, timing)
         attempts, shape = [lambda: timed], timed.trajectory
     elif interpolation == "linear":
         _refuse_knots(path)
@@ -287,10 +287,11 @@ def _known_limits(limits: Limits, overrides: Mapping[str, Array]) -> dict[str, A
     return unlimited | dict(overrides)
 
 
-def _spline_notes(motion: Trajectory, ends: Ends) -> tuple[str, ...]:
-    """Note on the velocities of a natural spline at its ends."""
+def _spline_notes(motion: Trajectory, ends: Ends, timing: TimingOptions) -> tuple[str, ...]:
+    """Note on the velocities of a natural spline at its ends, where not both were asked for."""
     start, end = motion.sample([0.0, motion.duration], 1)
-    if ends == "clamped" or not (start.any() or end.any()):
+    are_given = timing.start_velocity is not None and timing.end_velocity is not None
+    if ends == "clamped" or are_given or not (start.any() or end.any()):
         return ()
     begins, stops = (", ".join(f"{value:.6g}" for value in row) for row in (start, end))
     note = f"The natural spline begins with velocity [{begins}] and ends with [{stops}]: "

@@ -25,7 +25,12 @@ from planning.timing.path.path import JointPath
 from planning.timing.speed.effort_limits import slow_down
 from planning.timing.spline.quintic_fit import even_parts, fit_pieces
 from planning.timing.spline.span_loads import SpanLoads, span_loads
-from planning.timing.spline.spline import Ends, chord_knots, spline_trajectory
+from planning.timing.spline.spline import (
+    Ends,
+    EndVelocities,
+    chord_knots,
+    spline_trajectory,
+)
 from planning.timing.time_scaling import ScaledTime, dilate, fit, fitting_factor
 from planning.values.limits import EffortLimits, MotionLimits
 
@@ -275,7 +280,7 @@ class TimeParametrization:
             waypoints: Shape (k, n).
             times: Times at the waypoints, shape (k,) [s]. Where none are given they are
                 proportional to the joint-space distance, and as small as the limits allow.
-            ends: "natural", or "clamped": at rest or at the boundary velocities.
+            ends: "natural", or "clamped": at rest. An end with a boundary velocity has that.
             joint_names: n names.
             scale: Whether given times are stretched by the least factor that keeps all limits.
 
@@ -284,10 +289,10 @@ class TimeParametrization:
 
         Raises:
             InvalidTrajectory: Waypoints and times do not fit.
-            InvalidOption: Boundary velocities were given for natural ends, or without times.
+            InvalidOption: Boundary velocities were given without times that stay as given.
             TimingFailed: No slowing down keeps the loads.
         """
-        velocities = self._spline_velocities(ends, times is not None and not scale)
+        velocities = self._spline_velocities(times is not None and not scale)
         if times is None:
             points = merge_repeated(waypoints)
             knots = chord_knots(points)
@@ -319,18 +324,14 @@ class TimeParametrization:
         """
         return scaled if self.loads is None else slow_down(self.loads, scaled)
 
-    def _spline_velocities(self, ends: Ends, timed: bool) -> tuple[Array, Array] | None:
+    def _spline_velocities(self, timed: bool) -> EndVelocities:
         given = (self.start_velocity, self.end_velocity)
-        if all(value is None for value in given):
-            return None
-        if ends != "clamped" or not timed:
+        if not timed and any(value is not None for value in given):
             raise InvalidOption(
-                "boundary velocities of a spline need clamped ends and times that stay as given",
-                hint="Ask for clamped_spline and give times, without scaling, or leave them out.",
+                "boundary velocities of a spline need times that stay as given",
+                hint="Give times, without scaling, or leave the velocities out.",
             )
-        none = np.zeros_like(self.velocity)
-        start, end = (none if value is None else value for value in given)
-        return start, end
+        return given
 
     def _end_speeds(self, path: JointPath) -> tuple[float, float]:
         length = float(path.breaks[-1])

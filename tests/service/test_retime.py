@@ -188,3 +188,16 @@ def test_times_from_any_number_need_no_limits(client: httpx.Client) -> None:
     known = {"path": {"joints": joints}, "timing": timing, "limits": {"velocity": [0.5, 9.0]}}
     certificate = client.post("/v1/retime", json=known).json()["certificate"]
     assert certificate["violation"]["time"] >= 5.0
+
+
+def test_a_natural_spline_takes_the_velocity_of_one_end(client: httpx.Client) -> None:
+    times, points = [1.1, 1.5, 2.0], np.array([[0.93], [0.82], [-0.18]])
+    timing = {"method": "spline", "times": times, "interpolation": "natural_spline"}
+    timing |= {"end_velocity": [-0.65]}
+    response = client.post(
+        "/v1/retime", json={"path": {"joints": points.tolist()}, "timing": timing}
+    )
+    found = response.json()
+    expected = CubicSpline(times, points, bc_type=((2, [0.0]), (1, [-0.65]))).c[::-1]
+    segments = [segment["coefficients"] for segment in found["trajectory"]["segments"]]
+    np.testing.assert_allclose(segments, np.moveaxis(expected, 0, 2), atol=1e-12)

@@ -73,11 +73,11 @@ class RetimeTiming(Timing):
         "Limits that are not known are not needed then: the motion's peaks are reported",
     )
     start_velocity: JointVector | None = Field(
-        None, description="along the path; at rest if left out"
+        None,
+        description="along the path; at rest if left out. A spline with times takes any: this end "
+        "is clamped to it, of natural_spline too, whose other end stays natural",
     )
-    end_velocity: JointVector | None = Field(
-        None, description="along the path; at rest if left out"
-    )
+    end_velocity: JointVector | None = Field(None, description="likewise, at the end")
 
 
 class JointStateBody(Body):

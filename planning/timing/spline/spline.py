@@ -9,14 +9,13 @@ derivative continuous; that the first one is too asks at the inner knots
 
     h_(i-1) m_(i-1) + 2 (h_(i-1) + h_i) m_i + h_i m_(i+1) = 6 (d_i - d_(i-1)),
 
-and each end adds one equation: m = 0 (natural: no acceleration) or, with zero velocity there
-(clamped), 2 h_0 m_0 + h_0 m_1 = 6 d_0 and its mirror image; with a velocity v it is d_0 - v in the
-place of d_0. The system is tridiagonal and
+and each end adds one equation: m = 0 (natural: no acceleration) or, with a velocity v there
+(clamped), 2 h_0 m_0 + h_0 m_1 = 6 (d_0 - v) and its mirror image. The system is tridiagonal and
 diagonally dominant, so it always has one solution.
 """
 
 from collections.abc import Sequence
-from typing import Literal
+from typing import Literal, TypeAlias, get_args
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -28,6 +27,8 @@ from kinematics.trajectory.trajectory import Trajectory
 from planning.timing.path.path import JointPath
 
 Ends = Literal["natural", "clamped"]
+#: Velocities at the start and the end, each (n,); None at an end that has none of its own.
+EndVelocities: TypeAlias = tuple[Array | None, Array | None]
 
 
 def spline_trajectory(
@@ -35,7 +36,7 @@ def spline_trajectory(
     waypoints: ArrayLike,
     times: ArrayLike,
     ends: Ends = "natural",
-    velocities: tuple[Array, Array] | None = None,
+    velocities: EndVelocities = (None, None),
 ) -> Trajectory:
     """The cubic spline q(t) that is at each waypoint at its time.
 
@@ -44,7 +45,7 @@ def spline_trajectory(
         waypoints: Shape (k, n), k >= 2.
         times: Shape (k,), strictly increasing from 0 [s].
         ends: "natural" for zero acceleration at both ends, "clamped" for zero velocity.
-        velocities: Velocities at the two ends if they are clamped, each (n,), in place of zero.
+        velocities: Velocities at the ends: an end that is given one is clamped to it.
 
     Raises:
         InvalidTrajectory: Waypoints and times do not fit, or times do not increase from 0.
@@ -140,14 +141,19 @@ def _check_samples(waypoints: ArrayLike, knots: ArrayLike) -> tuple[Array, Array
 
 
 def _coefficients(
-    points: Array, knots: Array, ends: Ends, velocities: tuple[Array, Array] | None = None
+    points: Array, knots: Array, ends: Ends, velocities: EndVelocities = (None, None)
 ) -> Array:
+    if ends not in get_args(Ends):
+        raise InvalidOption(
+            f"there are no spline ends {ends!r}", hint="Choose from natural, clamped."
+        )
     h = np.diff(knots)[:, None]
     d = np.diff(points, axis=0) / h
-    start, end = velocities or (np.zeros(points.shape[1]), np.zeros(points.shape[1]))
-    if start.shape != points.shape[1:] or end.shape != points.shape[1:]:
+    rest = np.zeros(points.shape[1]) if ends == "clamped" else None
+    start, end = (rest if given is None else given for given in velocities)
+    if any(given is not None and given.shape != points.shape[1:] for given in (start, end)):
         raise InvalidTrajectory(f"boundary velocities must be {points.shape[1]} numbers each")
-    m = _second_derivatives(h[:, 0], d, ends, (start, end))
+    m = _second_derivatives(h[:, 0], d, (start, end))
     before, after = m[:-1], m[1:]
     coefficients = np.stack(
         [
@@ -158,13 +164,13 @@ def _coefficients(
         ],
         axis=-1,
     )
-    if ends == "clamped":
+    if start is not None:
         # Exactly, not but for what solving the system rounds off.
         coefficients[0, :, 1] = start
     return coefficients
 
 
-def _second_derivatives(h: Array, d: Array, ends: Ends, velocities: tuple[Array, Array]) -> Array:
+def _second_derivatives(h: Array, d: Array, velocities: EndVelocities) -> Array:
     """The m_i at all k knots, shape (k, n), from the tridiagonal system."""
     count = len(h) + 1
     # Rows of ``bands`` as in scipy: above, on and below the diagonal.
@@ -174,15 +180,12 @@ def _second_derivatives(h: Array, d: Array, ends: Ends, velocities: tuple[Array,
     bands[1, 1:-1] = 2.0 * (h[:-1] + h[1:])
     bands[2, :-2] = h[:-1]
     right[1:-1] = 6.0 * np.diff(d, axis=0)
-    if ends == "natural":
-        bands[1, [0, -1]] = 1.0
-    elif ends == "clamped":
-        bands[1, [0, -1]] = 2.0 * h[[0, -1]]
-        bands[0, 1], bands[2, -2] = h[0], h[-1]
-        right[0] = 6.0 * (d[0] - velocities[0])
-        right[-1] = 6.0 * (velocities[1] - d[-1])
-    else:
-        raise InvalidOption(
-            f"there are no spline ends {ends!r}", hint="Choose from natural, clamped."
-        )
+    bands[1, [0, -1]] = 1.0
+    start, end = velocities
+    if start is not None:
+        bands[1, 0], bands[0, 1] = 2.0 * h[0], h[0]
+        right[0] = 6.0 * (d[0] - start)
+    if end is not None:
+        bands[1, -1], bands[2, -2] = 2.0 * h[-1], h[-1]
+        right[-1] = 6.0 * (end - d[-1])
     return np.asarray(solve_banded((1, 1), bands, right))

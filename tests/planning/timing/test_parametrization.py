@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 from numpy.typing import ArrayLike
+from scipy.interpolate import CubicSpline
 
 from benchmarks.judges.ratios import worst_ratio
 from kinematics.arrays import Array
@@ -13,6 +14,7 @@ from planning.timing.method import timing_method
 from planning.timing.options import Method
 from planning.timing.parametrization import TimeParametrization, merge_repeated
 from planning.timing.path.blend import blend, largest_reaches
+from planning.timing.spline.spline import Ends
 from planning.timing.time_scaling import dilate, fit, peak_ratios
 
 JOINTS = ("a", "b")
@@ -39,18 +41,33 @@ def test_corners_are_stops_where_a_narrow_curve_takes_longer() -> None:
         assert timed.trajectory.duration == min(stops, rounded.trajectory.duration)
 
 
-def test_boundary_velocities_of_splines_need_clamped_ends_and_times() -> None:
+def test_boundary_velocities_of_splines_need_times() -> None:
     spline = timing_by("spline", start_velocity=np.array([0.1, 0.2]))
     times = np.arange(4.0)
     motion = spline.time_spline(WAYPOINTS, times, "clamped", JOINTS).trajectory
     np.testing.assert_allclose(motion.sample([0.0, 3.0], 1), [[0.1, 0.2], [0.0, 0.0]], atol=1e-12)
-    for given, ends, scale in (
-        (times, "natural", False),
-        (times, "clamped", True),
-        (None, "clamped", False),
-    ):
+    for given, scale in ((times, True), (None, False)):
         with pytest.raises(InvalidOption, match="boundary velocities of a spline"):
-            spline.time_spline(WAYPOINTS, given, ends, JOINTS, scale)  # type: ignore[arg-type]
+            spline.time_spline(WAYPOINTS, given, "natural", JOINTS, scale)
+
+
+@pytest.mark.parametrize("ends", ["natural", "clamped"])
+@pytest.mark.parametrize("given", [(True, False), (False, True), (True, True), (False, False)])
+def test_a_spline_end_with_a_velocity_is_clamped_to_it(
+    ends: Ends, given: tuple[bool, bool]
+) -> None:
+    rng = np.random.default_rng(sum(given))
+    points, times = rng.normal(size=(5, 2)), np.cumsum([0.0, 0.4, 0.9, 0.3, 1.1])
+    speeds = [v if use else None for v, use in zip(rng.normal(size=(2, 2)), given, strict=True)]
+    timed = timing_by("spline", start_velocity=speeds[0], end_velocity=speeds[1])
+    motion = timed.time_spline(points, times, ends, JOINTS).trajectory
+    free = (2 if ends == "natural" else 1, np.zeros(2))
+    expected = CubicSpline(
+        times, points, bc_type=tuple(free if v is None else (1, v) for v in speeds)
+    )
+    for order in range(3):
+        at = np.linspace(0.0, times[-1], 23)
+        np.testing.assert_allclose(motion.sample(at, order), expected(at, order), atol=1e-12)
 
 
 def test_repeated_waypoints_are_merged_and_collinear_ones_stay() -> None:
