@@ -24,7 +24,8 @@ MOTORS: list[dict[str, float]] = [
 ]  # fmt: skip
 #: Dry friction F [N m] and the speed v of F tanh(q' / v) [rad/s].
 DRY, SMOOTH = np.array([0.4, 0.2]), 0.01
-KP, KD, LAMBDA, K = np.array([90.0, 60.0]), np.array([25.0, 12.0]), 5.0, np.array([9.0, 6.0])
+KP, KD = np.array([90.0, 60.0]), np.array([25.0, 12.0])
+LAMBDA, K = np.array([5.0, 5.0]), np.diag([9.0, 6.0])
 GAMMA = 2.0
 J = np.array([m["gear_ratio"] ** 2 * m["inertia"] for m in MOTORS])
 B = np.array([
@@ -38,8 +39,8 @@ CONTROLLERS: dict[str, dict[str, Any]] = {
     "independent_joint": {"Kp": KP.tolist(), "Kd": KD.tolist()},
     "computed_torque": {"Kp": KP.tolist(), "Kd": KD.tolist()},
     "pd_gravity": {"Kp": KP.tolist(), "Kd": KD.tolist()},
-    "passivity": {"Lambda": LAMBDA, "K": K.tolist()},
-    "adaptive": {"Lambda": LAMBDA, "K": K.tolist(), "Gamma": GAMMA, "known_zeros": True,
+    "passivity": {"Lambda": LAMBDA.tolist(), "K": K.tolist()},
+    "adaptive": {"Lambda": LAMBDA.tolist(), "K": K.tolist(), "Gamma": GAMMA, "known_zeros": True,
                  "estimate": "zero"},
 }  # fmt: skip
 #: q_r = [0.5 - 0.4 t², -0.6 + 0.9 t² - 0.3 t³].
@@ -110,9 +111,9 @@ def torque(kind: str, t: float, q: Any, qd: Any, estimate: Any, leaders: Any) ->
         return KP * e + KD * ed + gravity, rest
     r, v, a = ed + LAMBDA * e, vr + LAMBDA * e, ar + LAMBDA * ed
     if kind == "passivity":
-        return M @ a + C @ v + B * qd + dry + gravity + K * r, rest
+        return M @ a + C @ v + B * qd + dry + gravity + K @ r, rest
     Y = np.column_stack([column(leader, q, qd, v, a) for leader in leaders])
-    return Y @ estimate + K * r, GAMMA * Y.T @ r
+    return Y @ estimate + K @ r, GAMMA * Y.T @ r
 
 
 def integrate(kind: str, times: Any, leaders: Any, limit: Any = np.inf) -> Any:
@@ -146,6 +147,20 @@ def test_every_closed_loop_is_that_of_scipy(service: httpx.Client, kind: str) ->
     assert found["motor_inertia"] == pytest.approx(J.tolist())
     assert found["viscous_friction"] == pytest.approx(B.tolist())
     assert found["coulomb_friction"] == DRY.tolist()
+
+
+@pytest.mark.parametrize("kind", ["passivity", "adaptive"])
+def test_gains_that_do_not_commute_are_simulated_as_they_are(
+    service: httpx.Client, kind: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    gains = {"LAMBDA": np.array([2.0, 5.0]), "K": np.array([[6.0, 2.0], [2.0, 5.0]])}
+    for name, value in gains.items():
+        monkeypatch.setitem(globals(), name, value)
+    sent = {"Lambda": gains["LAMBDA"].tolist(), "K": gains["K"].tolist()}
+    found = simulate(service, kind, controller={"type": kind} | CONTROLLERS[kind] | sent)
+    exact = integrate(kind, np.array(found["time"]), leaders_of(found))
+    np.testing.assert_allclose(found["position"], exact[:, :2], rtol=0.0, atol=1e-10)
+    assert any("Lambda and K do not commute" in note for note in found["notes"])
 
 
 def test_voltages_are_cut_off_at_the_motors_limits(service: httpx.Client) -> None:

@@ -32,7 +32,7 @@ class Adaptive(AdaptiveController):
         chain: The model that the estimate starts from; its kinematics are taken as exact.
         Lambda: Positive, the diagonal of Lambda, shape (n,) or () for all joints [1/s].
         K: Symmetric positive definite, (n, n), (n,) or () [N m s/rad or N s/m]; the proof needs
-            Lambda K symmetric, so K couples only joints of equal Lambda.
+            one that commutes with Lambda, so that K couples only joints of equal Lambda.
         Gamma: Symmetric positive definite, (b, b), (b,) or (): how fast each parameter is learned.
         estimate: Theta_hat at the start, shape (b,); the model's own where none is given.
         motors: Whether motor inertias and viscous frictions are learned too; by default where the
@@ -44,8 +44,8 @@ class Adaptive(AdaptiveController):
         learned: Names of the base parameters that are learned; all where none are named.
 
     Raises:
-        InvalidOption: A gain has the wrong shape, is not (symmetric) positive (definite), Lambda K
-            is not symmetric, or the estimate has the wrong length.
+        InvalidOption: A gain has the wrong shape, is not (symmetric) positive (definite), or the
+            estimate has the wrong length.
         MissingInertia: The model lacks an inertia.
     """
 
@@ -155,7 +155,8 @@ class Adaptive(AdaptiveController):
         """V = r^T M r / 2 + q_tilde^T Lambda K q_tilde + off^T Gamma^-1 off / 2.
 
         With off = Theta_hat - Theta and the true robot's M and Theta,
-        V_dot = -q_tilde_dot^T K q_tilde_dot - q_tilde^T Lambda K Lambda q_tilde.
+        V_dot = -q_tilde_dot^T K q_tilde_dot - q_tilde^T Lambda K Lambda q_tilde
+        where Lambda and K commute. V has the symmetric part of Lambda K in any case.
 
         Raises:
             InvalidRobotState: The state has the wrong length or is not finite.
@@ -169,7 +170,10 @@ class Adaptive(AdaptiveController):
         return float(V + 0.5 * off @ np.linalg.solve(self.Gamma, off))
 
     def lyapunov_rate(self, flow: Flow, reference: Reference, robot: Chain | None = None) -> float:
-        """V_dot = r^T (M r_dot + C r) + 2 q_tilde^T Lambda K q_tilde_dot + off^T Gamma^-1 off_dot.
+        """Rate V_dot of ``lyapunov``.
+
+        V_dot = r^T (M r_dot + C r) + q_tilde^T (Lambda K + K Lambda) q_tilde_dot
+        + off^T Gamma^-1 off_dot.
 
         Raises:
             InvalidRobotState: The state has the wrong length or is not finite.
@@ -180,7 +184,8 @@ class Adaptive(AdaptiveController):
         e, e_dot = reference.position - q, reference.velocity - qd
         r_dot = reference.acceleration - flow.acceleration + self.Lambda * e_dot
         kinetic = kinetic_rate(true, q, qd, e_dot + self.Lambda * e, r_dot)
-        V_dot = kinetic + 2.0 * (self.Lambda * e) @ self.K @ e_dot
+        bend = (self.Lambda * e) @ self.K @ e_dot + e @ self.K @ (self.Lambda * e_dot)
+        V_dot = kinetic + bend
         off = self.estimate - self.parameters.of(true)
         return float(V_dot + off @ np.linalg.solve(self.Gamma, flow.estimate_rate))
 

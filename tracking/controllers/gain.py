@@ -54,16 +54,14 @@ def filtered_gains(chain: Chain, Lambda: ArrayLike, K: ArrayLike) -> tuple[Array
     """Lambda (n,) and K (n, n) of the filtered error r = q_tilde_dot + Lambda q_tilde.
 
     Raises:
-        InvalidOption: A gain has the wrong shape, is not (symmetric) positive (definite), or
-            Lambda K is not symmetric.
+        InvalidOption: A gain has the wrong shape, or is not (symmetric) positive (definite).
     """
-    rates, damping = gain_vector(chain, "Lambda", Lambda), gain_matrix(chain, "K", K)
-    if not is_symmetric(rates[:, None] * damping):
-        raise InvalidOption(
-            "Lambda K is not symmetric, so nothing is proved of this controller",
-            hint="Give K as one number a joint, or equal Lambda to the joints that K couples.",
-        )
-    return rates, damping
+    return gain_vector(chain, "Lambda", Lambda), gain_matrix(chain, "K", K)
+
+
+def commute(Lambda: Array, K: Array) -> bool:
+    """Whether Lambda (n,) and K (n, n) commute: Lambda K is symmetric, as the proof needs it."""
+    return is_symmetric(Lambda[:, None] * K)
 
 
 def placed_gains(

@@ -26,11 +26,10 @@ class Passivity(Controller):
         chain: The model.
         Lambda: Positive, the diagonal of Lambda, shape (n,) or () for all joints [1/s].
         K: Symmetric positive definite, (n, n), (n,) or () [N m s/rad or N s/m]; the proof needs
-            Lambda K symmetric, so K couples only joints of equal Lambda.
+            one that commutes with Lambda, so that K couples only joints of equal Lambda.
 
     Raises:
-        InvalidOption: A gain has the wrong shape, is not (symmetric) positive (definite), or
-            Lambda K is not symmetric.
+        InvalidOption: A gain has the wrong shape, or is not (symmetric) positive (definite).
     """
 
     chain: Chain
@@ -63,7 +62,8 @@ class Passivity(Controller):
     ) -> float:
         """Energy of the filtered error and a spring, V = r^T M r / 2 + q_tilde^T Lambda K q_tilde.
 
-        V_dot = -q_tilde_dot^T K q_tilde_dot - q_tilde^T Lambda K Lambda q_tilde.
+        V_dot = -q_tilde_dot^T K q_tilde_dot - q_tilde^T Lambda K Lambda q_tilde
+        where Lambda and K commute. V has the symmetric part of Lambda K in any case.
 
         Raises:
             InvalidRobotState: The state has the wrong length or is not finite.
@@ -74,7 +74,7 @@ class Passivity(Controller):
         return float(0.5 * r @ M @ r + (self.Lambda * e) @ self.K @ e)
 
     def lyapunov_rate(self, flow: Flow, reference: Reference, robot: Chain | None = None) -> float:
-        """V_dot = r^T (M r_dot + C r) + 2 q_tilde^T Lambda K q_tilde_dot.
+        """V_dot = r^T (M r_dot + C r) + q_tilde^T (Lambda K + K Lambda) q_tilde_dot.
 
         Raises:
             InvalidRobotState: The state has the wrong length or is not finite.
@@ -84,7 +84,8 @@ class Passivity(Controller):
         e, e_dot = reference.position - q, reference.velocity - qd
         r_dot = reference.acceleration - flow.acceleration + self.Lambda * e_dot
         kinetic = kinetic_rate(robot or self.chain, q, qd, e_dot + self.Lambda * e, r_dot)
-        return float(kinetic + 2.0 * (self.Lambda * e) @ self.K @ e_dot)
+        bend = (self.Lambda * e) @ self.K @ e_dot + e @ self.K @ (self.Lambda * e_dot)
+        return float(kinetic + bend)
 
     def compiled_law(self, robot: Chain) -> Law:
         """The controller as arrays for the compiled loop."""

@@ -237,7 +237,10 @@ def lyapunov_rate_kernel(
     V_dot = kinetic_rate(law, space, state, r, bend)
     for i in range(n):
         bend[i] = law.Lambda[i] * e[i]
-    V_dot += 2.0 * quadratic(law.Kd, bend, e_rate)
+    V_dot += quadratic(law.Kd, bend, e_rate)
+    for i in range(n):
+        bend[i] = law.Lambda[i] * e_rate[i]
+    V_dot += quadratic(law.Kd, e, bend)
     if law.kind == Kind.ADAPTIVE:
         for j in range(estimate.shape[0]):
             for k in range(estimate.shape[0]):

@@ -146,7 +146,12 @@ class Passivity(ControllerBody):
     Lambda: Gain | None = Field(
         None, description="Λ [1/s]", validation_alias=AliasChoices("Lambda", "lambda")
     )
-    K: GainMatrix | None = Field(None, validation_alias=AliasChoices("K", "k"))
+    K: GainMatrix | None = Field(
+        None,
+        description="one number, one a joint, or a matrix; the proof needs one that couples joints "
+        "of equal Λ only, and a note says where it does not hold",
+        validation_alias=AliasChoices("K", "k"),
+    )
 
 
 class Adaptive(ControllerBody):
@@ -156,7 +161,12 @@ class Adaptive(ControllerBody):
     Lambda: Gain | None = Field(
         None, description="Λ [1/s]", validation_alias=AliasChoices("Lambda", "lambda")
     )
-    K: GainMatrix | None = Field(None, validation_alias=AliasChoices("K", "k"))
+    K: GainMatrix | None = Field(
+        None,
+        description="one number, one a joint, or a matrix; the proof needs one that couples joints "
+        "of equal Λ only, and a note says where it does not hold",
+        validation_alias=AliasChoices("K", "k"),
+    )
     Gamma: GainMatrix = Field(
         1.0,
         description="Γ, one number, one a base parameter, or a matrix",

@@ -6,8 +6,11 @@ from armwright_wire.motions.simulation import SimulateRequest
 from kinematics.arrays import Array
 from kinematics.model.chain import Chain
 from kinematics.trajectory.trajectory import Trajectory
+from tracking.controllers.adaptive import Adaptive
 from tracking.controllers.controller import Controller
+from tracking.controllers.gain import commute
 from tracking.controllers.independent_joint import IndependentJoint
+from tracking.controllers.passivity import Passivity
 from tracking.controllers.pd_gravity import PdGravity
 from tracking.simulation.result import SimulationResult
 from tracking.tube.limit_use import limit_uses
@@ -102,6 +105,11 @@ def simulation_notes(
         notes.append(
             "PD control with gravity compensation has a proof of stability for a constant "
             "reference only: for a moving one V may grow and an error remains"
+        )
+    if isinstance(used, Passivity | Adaptive) and not commute(used.Lambda, used.K):
+        notes.append(
+            "Lambda and K do not commute, so the proof of this controller, which needs Lambda K "
+            "symmetric, does not cover it: V has the symmetric part of Lambda K, and may grow"
         )
     return notes + _lyapunov_notes(result, begins)
 

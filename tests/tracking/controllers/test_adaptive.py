@@ -141,8 +141,6 @@ def test_faults_are_named() -> None:
         Adaptive(chain, one, one, -np.eye(6))
     with pytest.raises(InvalidOption, match="6 finite numbers"):
         Adaptive(chain, one, one, one, np.ones(5))
-    with pytest.raises(InvalidOption, match="Lambda K"):
-        Adaptive(chain, np.array([1.0, 2.0]), np.array([[2.0, 1.0], [1.0, 2.0]]), one)
 
 
 ARM = planar_rr()

@@ -18,8 +18,10 @@ from tracking.controllers.controller import Controller, Flow, Reference
 from tracking.controllers.independent_joint import IndependentJoint
 from tracking.controllers.passivity import Passivity
 from tracking.controllers.pd_gravity import PdGravity
+from tracking.simulation import callback
 from tracking.simulation.loop import lyapunov_rate_kernel
 from tracking.simulation.result import SimulationResult
+from tracking.simulation.setup import prepare
 from tracking.simulation.simulation import Disturbance, SimulationOptions, simulate
 
 ARM = random_chain(11, 3, motors=True)
@@ -44,6 +46,15 @@ def controller(kind: Kind, model: Chain = ARM) -> Any:
     if kind is Kind.PASSIVITY:
         return Passivity(model, LAMBDA, K)
     return Adaptive(model, LAMBDA, K, np.array(2.0))
+
+
+#: A K that does not commute with Lambda: no proof covers the controllers that have it.
+RATES, COUPLED = np.array([2.0, 5.0, 3.0]), np.diag([6.0, 5.0, 7.0]) + 2.0
+coupled = pytest.mark.parametrize(
+    "used",
+    [Passivity(ARM, RATES, COUPLED), Adaptive(ARM, RATES, COUPLED, np.array(2.0))],
+    ids=["passivity", "adaptive"],
+)
 
 
 def run(used: Controller, motion: Any, **options: Any) -> SimulationResult:
@@ -78,6 +89,26 @@ def test_where_the_assumptions_hold_the_rates_are_those_of_the_proofs() -> None:
     still = run(controller(Kind.PD_GRAVITY), constant(ARM, END, 0.5))
     energy = -((B + float(KD)) * still.velocity**2).sum(axis=1)
     np.testing.assert_allclose(still.lyapunov_rate, energy, atol=1e-8)
+
+
+@coupled
+def test_gains_that_do_not_commute_leave_a_term_without_sign(used: Any) -> None:
+    found = run(used, smooth(ARM, START, END, 0.4))
+    e, e_dot = found.tracking_error, found.reference_velocity - found.velocity
+    proved = np.einsum("ti,ij,tj->t", e_dot, COUPLED, e_dot)
+    proved += np.einsum("ti,ij,tj->t", RATES * e, COUPLED, RATES * e)
+    odd = COUPLED * RATES - (COUPLED * RATES).T
+    expected = np.einsum("ti,ij,tj->t", e, odd, e_dot) - proved
+    np.testing.assert_allclose(found.lyapunov_rate, expected, atol=1e-8)
+    assert np.abs(expected + proved).max() > 0.01 * np.abs(expected).max()
+    slope = np.convolve(found.lyapunov, WEIGHTS[::-1], "valid") / TIGHT.sample_period
+    size = np.abs(found.lyapunov_rate).max()
+    np.testing.assert_allclose(found.lyapunov_rate[2:-2], slope, rtol=0.0, atol=1e-6 * size)
+    motion, few = smooth(ARM, START, END, 0.2), replace(TIGHT, sample_period=0.05)
+    slow = callback.run(prepare(used, motion, few, ARM, (START + 0.1, None), None, None))
+    fast = simulate(used, motion, few, robot=ARM, initial_position=START + 0.1)
+    for name in ("position", "velocity", "torque", "estimate", "lyapunov", "lyapunov_rate"):
+        np.testing.assert_allclose(getattr(fast, name), getattr(slow, name), atol=1e-8)
 
 
 def test_dry_friction_adds_to_the_fall() -> None:
