@@ -1,5 +1,6 @@
 """Kinematics and dynamics of a robot: frames, Jacobians, equations of motion."""
 
+from collections.abc import Sequence
 from typing import Literal, NamedTuple
 
 import numpy as np
@@ -110,18 +111,21 @@ def dynamics(robot: Robot, joints: ArrayLike, velocities: ArrayLike | None = Non
 
 
 @typed
-def equations(robot: Robot, notation: Literal["latex", "text"] = "latex") -> Sheet:
+def equations(
+    robot: Robot, notation: Literal["latex", "text"] = "latex", axes: Sequence[str] = ()
+) -> Sheet:
     """Kinematics and dynamics of a robot as formulas.
 
     Args:
         robot: The robot or its chain.
         notation: LaTeX, or text that Python can evaluate.
+        axes: Names of rows of the Jacobian, as many as joints, whose determinant is written.
 
     Raises:
         InvalidRobotDescription: The tip does not move with the last joint.
-        InvalidOption: The formulas are too long to be read.
+        InvalidOption: The formulas are too long to be read, or the axes are not as many as joints.
     """
-    return write_sheet(textbook_table(chain_of(robot)), Notation(notation))
+    return write_sheet(textbook_table(chain_of(robot)), Notation(notation), axes)
 
 
 @typed

@@ -50,7 +50,13 @@ from armwright_wire.robots.dynamics import (
     RegressorRequest,
     WrenchRequest,
 )
-from armwright_wire.robots.kinematics import FkRequest, IkRequest, JacobianRequest, VelocityRequest
+from armwright_wire.robots.kinematics import (
+    Axis,
+    FkRequest,
+    IkRequest,
+    JacobianRequest,
+    VelocityRequest,
+)
 from armwright_wire.robots.potential import PotentialRequest
 from armwright_wire.robots.reach import ReachAnswer, ReachBox, ReachRequest
 from armwright_wire.robots.robot import (
@@ -160,6 +166,7 @@ class RobotEndpoints:
         name: str,
         notation: Literal["latex", "text"] = "latex",
         *,
+        axes: Sequence[Axis] = (),
         timeout: float | None = None,
     ) -> Call[EquationsAnswer]:
         """Kinematics and dynamics of a robot as formulas, in LaTeX or plain text.
@@ -167,9 +174,12 @@ class RobotEndpoints:
         Args:
             name: The robot.
             notation: How formulas are written.
+            axes: Rows of the Jacobian, as many as joints, whose determinant is answered.
             timeout: [s]; the service's default if left out.
         """
         query: dict[str, str | float] = {"format": notation}
+        if axes:
+            query["axes"] = ",".join(axes)
         if timeout is not None:
             query["timeout"] = timeout
         where = path("robots", name, "equations")

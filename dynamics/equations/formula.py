@@ -102,6 +102,33 @@ def formula(table: SymbolicTable, value: Polynomial, collect: Collect) -> Sum:
     return _nest(real_terms(table, value), collect)
 
 
+def factored(table: SymbolicTable, value: Polynomial) -> Sum:
+    """A polynomial as a product: sines and cosines of single joints that divide it come first.
+
+    Args:
+        table: The robot, which knows the angles that add.
+        value: The polynomial.
+
+    Raises:
+        TooManyTerms: The formula would be too long to be read.
+    """
+    if not value:
+        return Sum(())
+    powers: Counter[Factor] = Counter()
+    plain = [q for q in table.joints if q in table.variables.angles]
+    for name, function in [(q, f) for q in plain if not _is_offset(table, q) for f in Function]:
+        while part := table.variables.divide(value, name, by_sine=function is Function.SIN):
+            value = part
+            powers[Angle(function, ((name, 1),))] += 1
+    rest = formula(table, value, Collect.ANGLES)
+    return Sum((_product(1.0, tuple(powers.items()), rest),)) if powers else rest
+
+
+def _is_offset(table: SymbolicTable, joint: str) -> bool:
+    """Whether a joint's angle enters with a constant one added."""
+    return joint.replace("q", "theta") in table.variables.names
+
+
 def sum_of_terms(terms: Sequence[Term], collect: Collect) -> Sum:
     """A sum of products as a nested sum.
 

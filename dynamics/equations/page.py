@@ -25,6 +25,8 @@ def _latex(sheet: Sheet) -> Iterator[str]:
         yield _latex_matrix(f"H_{{{i}}}^{{{i - 1}}}", step)
     yield _latex_matrix(r"\begin{bmatrix} R & O \end{bmatrix}", sheet.frame)
     yield _latex_matrix("J(q)", sheet.jacobian)
+    if sheet.determinant is not None:
+        yield rf"\[ \det J = {sheet.determinant} \]"
     if sheet.motion is None:
         return
     motion = sheet.motion
@@ -56,6 +58,8 @@ def _text(sheet: Sheet) -> Iterator[str]:
         yield from _entries(f"H_{i}", step)
     yield from _entries("T", sheet.frame)
     yield from _entries("Jacobian", sheet.jacobian)
+    if sheet.determinant is not None:
+        yield f"det_J = {sheet.determinant}"
     if sheet.motion is not None:
         yield from _text_motion(sheet.motion)
 

@@ -142,6 +142,27 @@ class Variables:
                 total[key - step] = power * coefficient
         return _clean(total)
 
+    def divide(self, value: Polynomial, name: str, *, by_sine: bool) -> Polynomial | None:
+        """A polynomial divided by the sine or cosine of an angle; None where that leaves a rest.
+
+        Args:
+            value: The polynomial.
+            name: Name of the angle.
+            by_sine: By the sine; by the cosine otherwise.
+        """
+        step, place = self._key(name), self.names.index(name)
+        sign, size = (-1.0, 2.0j) if by_sine else (1.0, 2.0)
+        left, quotient = dict(value.terms), {}
+        # From the highest power of z = exp(i angle) down: z + 1/z divides it, or z - 1/z.
+        lowest = min((self.exponents(key)[place] for key in left), default=0)
+        for key in sorted(left, key=lambda key: -self.exponents(key)[place]):
+            at = key
+            while self.exponents(at)[place] > lowest + 1 and (term := left.pop(at, 0.0)):
+                quotient[at - step] = size * term
+                at -= 2 * step
+                left[at] = left.get(at, 0.0) - sign * term
+        return None if any(left.values()) else Polynomial(quotient)
+
     def exponents(self, key: int) -> tuple[int, ...]:
         """Exponents of all variables in the key of a term."""
         powers = []
@@ -167,3 +188,14 @@ def matrix(rows: Iterable[Iterable["Polynomial | float"]]) -> Polynomials:
     array = np.empty((len(values), len(values[0])), dtype=np.object_)
     array[:] = values
     return array
+
+
+def determinant(M: Polynomials) -> Polynomial:
+    """The determinant of a small matrix, by its first column."""
+    if not len(M):
+        return constant(1.0)
+    total, minors = constant(0.0), M[:, 1:]
+    for i, entry in enumerate(M[:, 0]):
+        if entry:
+            total = total + entry * determinant(np.delete(minors, i, axis=0)) * (-1.0) ** i
+    return total

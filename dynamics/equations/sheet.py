@@ -1,12 +1,12 @@
 """All formulas of a robot, written in one notation."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from itertools import product
 
 import numpy as np
 
-from dynamics.equations.formula import Collect, formula, numeric_value
+from dynamics.equations.formula import Collect, factored, formula, numeric_value
 from dynamics.equations.motion import (
     MAX_ENTRY_TERMS,
     MAX_JOINTS,
@@ -16,7 +16,7 @@ from dynamics.equations.motion import (
     tool_jacobian,
 )
 from dynamics.equations.parameters import Parameter
-from dynamics.equations.polynomial import Polynomials, TooManyTerms
+from dynamics.equations.polynomial import Polynomials, TooManyTerms, determinant
 from dynamics.equations.regressor import symbolic_regressor
 from dynamics.equations.table import SymbolicTable, symbolic_table
 from dynamics.equations.writing import Notation, Writer
@@ -26,6 +26,10 @@ from kinematics.model.dh_table import DhTable
 
 #: Arms with more joints get no Christoffel symbols and no regressor: those fill hundreds of pages.
 MAX_REGRESSOR_JOINTS = 4
+#: Arms with more joints get no determinant.
+MAX_DETERMINANT_JOINTS = 4
+#: Names of the rows of the Jacobian.
+AXES = ("x", "y", "z", "rx", "ry", "rz")
 #: How the symbols of motor inertias and frictions begin.
 _DRIVES = ("J_", "B_", "F_")
 _NO_MASSES = "the equations of motion are left out: no link has a mass"
@@ -36,6 +40,10 @@ _TOO_LONG = (
 _NO_REGRESSOR = (
     f"Christoffel symbols and regressor are left out beyond {MAX_REGRESSOR_JOINTS} joints; the "
     "dynamics and regressor endpoints answer their values"
+)
+_NO_DETERMINANT = (
+    f"the determinant is left out: beyond {MAX_DETERMINANT_JOINTS} joints, or thousands of terms, "
+    "nobody reads it; the jacobian endpoint answers values"
 )
 
 Matrix = tuple[tuple[str, ...], ...]
@@ -92,6 +100,7 @@ class Sheet:
         transformations: H_1 ... H_n, each 4 x 4.
         frame: Pose of the tool in the base frame, 3 x 4.
         jacobian: 6 x n, linear rows first.
+        determinant: Determinant of the rows of the Jacobian that were named; None for none.
         motion: The equations of motion; None where they are left out.
         notes: Notes on what is left out, with the reasons.
     """
@@ -104,22 +113,32 @@ class Sheet:
     transformations: tuple[Matrix, ...]
     frame: Matrix
     jacobian: Matrix
+    determinant: str | None
     motion: Motion | None
     notes: tuple[str, ...]
 
 
-def write_sheet(table: DhTable, notation: Notation) -> Sheet:
+def write_sheet(table: DhTable, notation: Notation, axes: Sequence[str] = ()) -> Sheet:
     """The formulas of a table.
 
     Args:
         table: The robot.
         notation: Notation of the formulas.
+        axes: Names of rows of the Jacobian, as many as joints, for a determinant.
 
     Raises:
-        InvalidOption: The poses have more terms than a reader can use.
+        InvalidOption: The poses have more terms than a reader can use, or the axes make no square
+            matrix.
     """
+    n, rows = len(table.rows), [AXES.index(axis) for axis in axes if axis in AXES]
+    if axes and not len(axes) == len(rows) == len(set(rows)) == n:
+        raise InvalidOption(
+            f"axes {', '.join(axes)}: a determinant needs as many rows of the Jacobian as there "
+            f"are joints, {n}",
+            hint=f"Name {n} different ones of {', '.join(AXES)}." if n <= len(AXES) else None,
+        )
     try:
-        return _write(symbolic_table(table), notation)
+        return _write(symbolic_table(table), notation, rows)
     except TooManyTerms:
         raise InvalidOption(
             f"the formulas of this arm of {len(table.rows)} joints are too long to be read",
@@ -129,7 +148,7 @@ def write_sheet(table: DhTable, notation: Notation) -> Sheet:
         ) from None
 
 
-def _write(symbols: SymbolicTable, notation: Notation) -> Sheet:
+def _write(symbols: SymbolicTable, notation: Notation, rows: Sequence[int]) -> Sheet:
     known = {parameter.symbol for parameter in symbols.parameters}
     offsets = {q: f"theta_{i}" for i, q in enumerate(symbols.joints, start=1)}
     writer = Writer(notation, {q: theta for q, theta in offsets.items() if theta in known})
@@ -137,8 +156,12 @@ def _write(symbols: SymbolicTable, notation: Notation) -> Sheet:
     T = tool_frame(symbols)
     transformations = tuple(pen.matrix(step, Collect.ANGLES) for step in symbols.steps)
     frame = pen.matrix(T[:3], Collect.ANGLES)
-    J = pen.matrix(tool_jacobian(symbols), Collect.ANGLES)
+    jacobian = tool_jacobian(symbols)
+    J = pen.matrix(jacobian, Collect.ANGLES)
+    det = _determinant(pen, jacobian[rows]) if rows else None
     motion, notes = _motion(pen)
+    if rows and det is None:
+        notes = (_NO_DETERMINANT, *notes)
     abbreviations = (*writer.abbreviations(), *_friction_functions(symbols, writer))
     return Sheet(
         notation,
@@ -153,6 +176,7 @@ def _write(symbols: SymbolicTable, notation: Notation) -> Sheet:
         transformations,
         frame,
         J,
+        det,
         motion,
         notes,
     )
@@ -170,6 +194,16 @@ class _Pen:
 
     def vector(self, values: Polynomials, collect: Collect) -> tuple[str, ...]:
         return tuple(self.writer.write(formula(self.table, v, collect)) for v in values)
+
+
+def _determinant(pen: _Pen, J: Polynomials) -> str | None:
+    """The determinant of a square Jacobian; None where nobody could read it."""
+    if len(J) > MAX_DETERMINANT_JOINTS:
+        return None
+    try:
+        return pen.writer.write(factored(pen.table, determinant(J)))
+    except TooManyTerms:
+        return None
 
 
 def _friction_functions(table: SymbolicTable, writer: Writer) -> Iterator[tuple[str, str]]:

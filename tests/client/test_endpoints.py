@@ -92,6 +92,8 @@ CALLS: list[tuple[str, Callable[[Any], Any], str, str, dict[str, Any] | None]] =
     ("robots.geometry", lambda c: c.robots.geometry("a"), "GET", "/v1/robots/a/geometry", None),
     ("robots.equations", lambda c: c.robots.equations("a", "text"), "GET",
      "/v1/robots/a/equations?format=text", None),
+    ("robots.equations", lambda c: c.robots.equations("a", "text", axes=["x", "rz"]), "GET",
+     "/v1/robots/a/equations?format=text&axes=x%2Crz", None),
     ("robots.equations", lambda c: c.robots.equations("a", timeout=20.0), "GET",
      "/v1/robots/a/equations?format=latex&timeout=20.0", None),
     ("robots.delete", lambda c: c.robots.delete("a"), "DELETE", "/v1/robots/a", None),

@@ -36,3 +36,14 @@ def test_deadlines_out_of_range_are_refused(client: httpx.Client) -> None:
         assert "timeout" in document["detail"]
     document = problem(client.get(where, params={"timeout": 400.0}), 422, "VALIDATION_ERROR")
     assert "longer than the 300 s allowed here" in document["detail"]
+
+
+def test_the_determinant_of_named_rows_is_that_of_the_jacobian(client: httpx.Client) -> None:
+    where = "/v1/robots/planar_rr/equations"
+    found = answer(client.get(where, params={"format": "text", "axes": "x,z"}))
+    assert found["determinant"] == "l_1 * l_2 * s_2"
+    assert "det_J = l_1 * l_2 * s_2" in found["document"]
+    assert answer(client.get(where))["determinant"] is None
+    wrong = problem(client.get(where, params={"axes": "x,y,z"}), 422, "VALIDATION_ERROR")
+    assert "as many rows of the Jacobian as there are joints, 2" in wrong["detail"]
+    problem(client.get(where, params={"axes": "x,up"}), 422, "VALIDATION_ERROR")

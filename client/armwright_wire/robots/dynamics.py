@@ -282,6 +282,9 @@ class EquationsAnswer(Answer):
     jacobian: FormulaMatrix = Field(
         description="of the origin of that link, 6 x n, linear rows first"
     )
+    determinant: str | None = Field(
+        None, description="of the rows of the Jacobian that `axes` names: 0 at the singularities"
+    )
     dynamics: MotionFormulas | None = Field(
         None, description="null where the formulas would be too long or there are no inertias"
     )

@@ -46,6 +46,7 @@ def equations_answer(chain: Chain, sheet: Sheet) -> schema.EquationsAnswer:
             rotation_matrix=[list(row[:3]) for row in sheet.frame],
         ),
         jacobian=_rows(sheet.jacobian),
+        determinant=sheet.determinant,
         dynamics=None if sheet.motion is None else _motion(sheet.motion),
         notes=list(sheet.notes),
         document=write_page(sheet),
@@ -86,7 +87,10 @@ _KEPT_ANSWERS = 16
 
 @task
 def equations(
-    robot: Reference, document: bytes | None, notation: Literal["latex", "text"]
+    robot: Reference,
+    document: bytes | None,
+    notation: Literal["latex", "text"],
+    axes: tuple[str, ...] = (),
 ) -> bytes:
     """Answer a request for the formulas of a robot.
 
@@ -94,17 +98,21 @@ def equations(
         robot: The robot.
         document: Stored document of the robot; None for a built-in one.
         notation: How formulas are written.
+        axes: Names of the rows of the Jacobian whose determinant is asked for.
 
     Raises:
         InvalidRobotDescription: The tip does not move with the last joint.
-        InvalidOption: The robot has so many joints that its formulas are too long to be read.
+        InvalidOption: The robot has so many joints that its formulas are too long to be read, or
+            the axes are not as many as joints.
     """
-    return _equations(worker_cache.chain(robot), document, Notation(notation))
+    return _equations(worker_cache.chain(robot), document, Notation(notation), axes)
 
 
 @bounded_cache(maxsize=_KEPT_ANSWERS)
-def _equations(chain: Chain, document: bytes | None, notation: Notation) -> bytes:
-    sheet = write_sheet(_table(chain, document), notation)
+def _equations(
+    chain: Chain, document: bytes | None, notation: Notation, axes: tuple[str, ...]
+) -> bytes:
+    sheet = write_sheet(_table(chain, document), notation, axes)
     return equations_answer(chain, sheet).model_dump_json().encode()
 
 

@@ -29,6 +29,8 @@ router = json_router("dynamics", "/v1/robots/{name}")
 
 #: States that are computed within a millisecond; a request for more of them waits for its turn.
 _BRIEF_STATES = 10
+#: Pattern of the name of a row of the Jacobian.
+_AXIS = "r?[xyz]"
 
 
 @router.post("/wrench", summary="Torques that hold a wrench", response_model=WrenchAnswer)
@@ -78,6 +80,13 @@ async def equations(
         Literal["latex", "text"],
         Query(alias="format", description="LaTeX, or plain text that Python evaluates"),
     ] = "latex",
+    axes: Annotated[
+        str,
+        Query(
+            pattern=f"^({_AXIS}(,{_AXIS})*)?$",
+            description="rows of the Jacobian, as many as joints, for a determinant, as `x,y,z`",
+        ),
+    ] = "",
     timeout: Annotated[
         Timeout | None, Query(description="[s]; the service's `default_timeout` if left out")
     ] = None,
@@ -85,13 +94,15 @@ async def equations(
     """Forward kinematics, Jacobian, D, C, G and the regressor of a robot as readable formulas.
 
     Symbols are named as in textbooks: q_1, c_12, m_2, l_1, l_c2, I_2. Their values are answered
-    too. The dynamics of long arms are left out where nobody could read them; `notes` says so.
+    too. The dynamics of long arms are left out where nobody could read them; `notes` says so. With
+    `axes` the determinant of these rows of the Jacobian is answered, for arms of up to four joints.
     Slow arms take some seconds. A GET never becomes a job: `Prefer: respond-async` has no effect.
     """
     document = await answers.robot_document(request, name)
+    rows = tuple(filter(None, axes.split(",")))
     content = await answers.answer(
         request,
-        lambda robot, _: equations_task.job(robot, document, notation),
+        lambda robot, _: equations_task.job(robot, document, notation, rows),
         name,
         timeout=timeout,
     )
