@@ -95,6 +95,7 @@ class JsonRoute(APIRoute):
         annotation = None if self.body_field is None else self.body_field.field_info.annotation
         model = annotation if _is_model(annotation) else None
         takes_json, is_kept = self._takes_json, takes_keep(model)
+        known = {parameter.alias for parameter in self.dependant.query_params}
 
         async def handle_json(request: Request) -> Response:
             # The framework would hide what is wrong with the JSON behind a message of its own.
@@ -106,6 +107,8 @@ class JsonRoute(APIRoute):
 
         async def handle_checked(request: Request) -> Response:
             strict = JsonRequest(request, model)
+            if request.method == "GET" and self.path.startswith("/v1"):
+                _require_known(request, known)
             if takes_json and await strict.body():
                 require_json(field(strict.scope, b"content-type"))
                 require_plain(field(strict.scope, b"content-encoding"))
@@ -168,6 +171,23 @@ def require_plain(content_encoding: str | None) -> None:
             stage="request",
             hint="Send the JSON as it is, without Content-Encoding; answers are compressed "
             "for Accept-Encoding: gzip.",
+        )
+
+
+def _require_known(request: Request, known: set[str]) -> None:
+    """Refuse query parameters that a GET does not take.
+
+    Raises:
+        ProblemError: VALIDATION_ERROR, with their names.
+    """
+    unknown = [name for name in request.query_params if name not in known]
+    if unknown:
+        taken = ", ".join(sorted(known)) or "none"
+        raise ProblemError(
+            "VALIDATION_ERROR",
+            "; ".join(f"{name[:40]}: unknown query parameter" for name in unknown[:5]),
+            stage="request",
+            hint=f"Query parameters that this endpoint takes: {taken}.",
         )
 
 

@@ -47,3 +47,10 @@ def test_the_determinant_of_named_rows_is_that_of_the_jacobian(client: httpx.Cli
     wrong = problem(client.get(where, params={"axes": "x,y,z"}), 422, "VALIDATION_ERROR")
     assert "as many rows of the Jacobian as there are joints, 2" in wrong["detail"]
     problem(client.get(where, params={"axes": "x,up"}), 422, "VALIDATION_ERROR")
+
+
+def test_query_parameters_that_a_get_does_not_take_are_refused(client: httpx.Client) -> None:
+    for where in ("/v1/robots/planar_rr/equations", "/v1/robots/planar_rr", "/v1/jobs"):
+        document = problem(client.get(where, params={"axis": "x,y"}), 422, "VALIDATION_ERROR")
+        assert "axis: unknown query parameter" in document["detail"]
+    assert client.get("/healthz", params={"verbose": "1"}).status_code == 200
