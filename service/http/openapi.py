@@ -194,7 +194,7 @@ Robot, scene, start and goal in; a certified, timed trajectory out.
 * JSON in UTF-8; metre, radian, second, kilogram, newton.
 * Quaternions are `[x, y, z, w]`. Frames are the robot's root frame unless `frame` says otherwise.
 * Joint vectors are in the order of the robot's `joint_names`.
-* NaN, infinity, unknown fields and wrong lengths are refused.
+* NaN, infinity, unknown fields, unknown query parameters of a GET and wrong lengths are refused.
 * Every error is a problem document (RFC 9457) with `code`, `stage`, `hint` and `details`.
 * `timeout` [s] in a body covers every stage; `seed` makes an answer reproducible.
 * `Prefer: respond-async` on anything that computes gives 202 and a job (`/v1/jobs`).
