@@ -105,6 +105,7 @@ from armwright_client.options.arm_options import VelocityOptions as VelocityOpti
 from armwright_client.options.arm_options import WrenchOptions as WrenchOptions
 from armwright_client.options.plan_options import CheckOptions as CheckOptions
 from armwright_client.options.plan_options import ExportOptions as ExportOptions
+from armwright_client.options.plan_options import LyapunovOptions as LyapunovOptions
 from armwright_client.options.plan_options import PlanOptions as PlanOptions
 from armwright_client.options.plan_options import SimulateOptions as SimulateOptions
 from armwright_client.options.plan_options import TaskOptions as TaskOptions
@@ -276,8 +277,9 @@ from armwright_wire.robots.kinematics import IkSolution as IkSolution
 from armwright_wire.robots.kinematics import JacobianRequest as JacobianRequest
 from armwright_wire.robots.kinematics import Unsolved as Unsolved
 from armwright_wire.robots.kinematics import VelocityRequest as VelocityRequest
-from armwright_wire.robots.lyapunov import FormAnswer, LyapunovAnswer
+from armwright_wire.robots.lyapunov import FormAnswer, LasalleAnswer, LyapunovAnswer
 from armwright_wire.robots.lyapunov import LyapunovRequest as LyapunovRequest
+from armwright_wire.robots.lyapunov import PendulumParameters as PendulumParameters
 from armwright_wire.robots.lyapunov import Pole as Pole
 from armwright_wire.robots.potential import ControlPoint as ControlPoint
 from armwright_wire.robots.potential import PotentialOptions as PotentialOptions
@@ -350,6 +352,7 @@ Gradient = GradientOptions
 Improvement = ImprovementAnswer
 JointPath = PathAnswer
 JointState = JointStateBody
+Lasalle = LasalleAnswer
 Leg = LegAnswer
 LimitValues = LimitsBody
 Lyapunov = LyapunovAnswer

@@ -20,6 +20,7 @@ from armwright_client.job import Job, JobList
 from armwright_client.options.plan_options import (
     CheckOptions,
     ExportOptions,
+    LyapunovOptions,
     PlanOptions,
     SimulateOptions,
     TaskOptions,
@@ -408,12 +409,16 @@ class ServiceEndpoints:
     @Endpoint
     def lyapunov(
         self,
-        A: RowsLike,
+        A: RowsLike | None = None,
         P: RowsLike | None = None,
         *,
         Q: RowsLike | None = None,
         x: VectorLike | RowsLike | None = None,
+        **options: Unpack[LyapunovOptions],
     ) -> Call[Lyapunov]:
-        """V = x'Px as a Lyapunov function of dx/dt = A x; with Q in place of P it is solved for."""
-        body = LyapunovRequest.of(A=A, P=P, Q=Q, x=x)
+        """V = x'Px as a Lyapunov function of dx/dt = A x; with Q in place of P it is solved for.
+
+        In place of A formulas f and V, or a system by name, are examined; see `LyapunovOptions`.
+        """
+        body = LyapunovRequest.of(A=A, P=P, Q=Q, x=x, **options)
         return Call("POST", path("lyapunov"), Lyapunov.read, body)

@@ -69,6 +69,8 @@ CALLS: list[tuple[str, Callable[[Any], Any], str, str, dict[str, Any] | None]] =
     ("lyapunov", lambda c: c.lyapunov([[0, 1], [-1, -1]], Q=[[1, 0], [0, 1]], x=[1, 0]), "POST",
      "/v1/lyapunov", {"A": [[0.0, 1.0], [-1.0, -1.0]], "Q": [[1.0, 0.0], [0.0, 1.0]],
                       "x": [1.0, 0.0]}),
+    ("lyapunov", lambda c: c.lyapunov(f=["-x1"], V="x1**2", x=[1]), "POST",
+     "/v1/lyapunov", {"f": ["-x1"], "V": "x1**2", "x": [1.0]}),
     ("simulate", lambda c: c.simulate("r", MOTION, {"type": "passivity"}, duration=2.0), "POST",
      "/v1/simulate", {"robot": "r", "trajectory": SENT_MOTION, "controller": {"type": "passivity"},
                       "duration": 2.0}),

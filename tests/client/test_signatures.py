@@ -16,7 +16,7 @@ from armwright_wire.motions import export, simulation
 from armwright_wire.plans import plan, task, tour
 from armwright_wire.plans.plan import PLANNERS as ALL
 from armwright_wire.plans.plan import OmplPlanner
-from armwright_wire.robots import dynamics, kinematics, potential, reach, robot
+from armwright_wire.robots import dynamics, kinematics, lyapunov, potential, reach, robot
 from armwright_wire.scenes import check
 from planning.pipeline.planners import PLANNERS
 from tests.client.scripted import Scripted, problem
@@ -88,6 +88,7 @@ OPTIONS: list[tuple[type, type[Body], set[str]]] = [
         {"robot", "trajectory", "reference", "controller"},
     ),
     (plan_options.TaskOptions, task.TaskRequest, {"robot", "start", "stages"}),
+    (plan_options.LyapunovOptions, lyapunov.LyapunovRequest, {"A", "P", "Q", "x"}),
     (plan_options.TourOptions, tour.TourRequest, {"robot", "goals"}),
     (arm_options.FkOptions, kinematics.FkRequest, {"joints"}),
     (arm_options.JacobianOptions, kinematics.JacobianRequest, {"joints"}),

@@ -1,7 +1,7 @@
 """Options of requests that plan, prove or follow motions: fields of `armwright_wire`'s requests."""
 
 from collections.abc import Mapping, Sequence
-from typing import Literal
+from typing import Literal, TypedDict
 
 from armwright_client.options.scene_options import Options, PlanningOptions, SceneOptions
 from armwright_wire.base import VectorLike
@@ -13,6 +13,7 @@ from armwright_wire.motions.trajectory import LimitsBody
 from armwright_wire.plans.plan import PlannerName, Refine
 from armwright_wire.plans.task import MovedObject
 from armwright_wire.robots.dynamics import Payload
+from armwright_wire.robots.lyapunov import PendulumParameters
 from armwright_wire.scenes.check import (
     FingerPositions,
 )
@@ -115,6 +116,22 @@ class ExportOptions(SceneOptions, total=False):
     fingers: FingerPositions
     premises: Premises
     different_scene: bool
+
+
+class LyapunovOptions(TypedDict, total=False):
+    """Options of a Lyapunov function that is a formula.
+
+    Args:
+        f: Formulas of dx/dt = f(x) in x1 ... xn, one a state, for example "-sin(x1) - x2".
+        V: Formula of V(x), beside f.
+        system: "pendulum", in place of f and V: its V is the energy.
+        parameters: Parameters of that system: mass, length, gravity, damping.
+    """
+
+    f: Sequence[str]
+    V: str
+    system: Literal["pendulum"]
+    parameters: PendulumParameters | Options
 
 
 class SimulateOptions(SceneOptions, total=False):

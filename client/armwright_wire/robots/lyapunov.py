@@ -1,39 +1,84 @@
-"""Quadratic Lyapunov functions of linear systems on the wire."""
+"""Lyapunov functions of linear and nonlinear systems on the wire."""
 
 from typing import Annotated, ClassVar, Literal
 
 from pydantic import ConfigDict, Field, model_validator
 from pydantic.config import JsonDict
 
-from armwright_wire.base import MAX_BATCH, Answer, Body, Matrix, Number, exactly_one
+from armwright_wire.base import (
+    MAX_BATCH,
+    Answer,
+    Beside,
+    Body,
+    Matrix,
+    NonNegative,
+    Number,
+    Positive,
+    check_company,
+    exactly_one,
+)
 
 #: States of a linear system: more than any loop of an arm has.
 MAX_STATES = 128
 
 _Row = Annotated[list[Number], Field(min_length=1, max_length=MAX_STATES)]
 SquareMatrix = Annotated[list[_Row], Field(min_length=1, max_length=MAX_STATES)]
+#: A formula of x1 ... xn.
+Formula = Annotated[str, Field(min_length=1, max_length=500)]
 
-_EXAMPLE: JsonDict = {
-    "A": [[0.0, 1.0], [-1.0, -1.0]],
-    "P": [[1.0, 0.5], [0.5, 1.0]],
-    "x": [0.5, 0.0],
-}
+_EXAMPLES: list[JsonDict] = [
+    {"A": [[0.0, 1.0], [-1.0, -1.0]], "P": [[1.0, 0.5], [0.5, 1.0]], "x": [0.5, 0.0]},
+    {
+        "f": ["x2", "-0.8*x2 - 4.9*sin(x1)"],
+        "V": "x2**2/2 + 4.9*(1 - cos(x1))",
+        "x": [0.6, -0.4],
+    },
+]
+
+
+class PendulumParameters(Body):
+    """A point mass on a rod: m l² dω/dt = −m g l sin θ − b ω, with x1 = θ and x2 = ω."""
+
+    mass: Positive = Field(description="m [kg]")
+    length: Positive = Field(description="l [m]")
+    gravity: Positive = Field(9.81, description="g [m/s²]")
+    damping: NonNegative = Field(0.0, description="b [N m s/rad]")
 
 
 class LyapunovRequest(Body):
-    """A linear system dx/dt = A x, with P of V = xᵀ P x or with Q of dV/dt = −xᵀ Q x."""
+    """A linear system dx/dt = A x with P of V = xᵀ P x or Q of dV/dt = −xᵀ Q x, or f and V.
 
-    one_of: ClassVar[tuple[str, ...]] = ("P", "Q")
+    Formulas are made of numbers, x1 … xn, + - * / ** and sin, cos, tan, exp, log, sqrt, tanh.
+    """
 
-    model_config = ConfigDict(json_schema_extra={"examples": [_EXAMPLE]})
+    one_of: ClassVar[tuple[str, ...]] = ("P", "Q", "V", "system")
+    only_beside: ClassVar[Beside] = {
+        "A": ("P", "Q"),
+        "P": ("A",),
+        "Q": ("A",),
+        "f": ("V",),
+        "V": ("f",),
+        "system": ("parameters",),
+        "parameters": ("system",),
+    }
 
-    A: SquareMatrix = Field(description="rows")
+    model_config = ConfigDict(json_schema_extra={"examples": [*_EXAMPLES]})
+
+    A: SquareMatrix | None = Field(None, description="rows")
     P: SquareMatrix | None = Field(
         None, description="rows; of one that is not symmetric the symmetric part is taken"
     )
     Q: SquareMatrix | None = Field(
         None, description="rows, symmetric, in place of P: Aᵀ P + P A = −Q is solved for P"
     )
+    f: Annotated[list[Formula], Field(min_length=1, max_length=8)] | None = Field(
+        None, description="formulas of dx/dt = f(x), one a state, in place of A; f(0) = 0"
+    )
+    V: Formula | None = Field(None, description="formula of V(x), with V(0) = 0, beside f")
+    system: Literal["pendulum"] | None = Field(
+        None, description="by name, in place of f and V: its V is the energy"
+    )
+    parameters: PendulumParameters | None = Field(None, description="of that system")
     x: _Row | Annotated[list[_Row], Field(min_length=1, max_length=MAX_BATCH)] | None = Field(
         None, description="a state, or a list of them, at which V and dV/dt are answered"
     )
@@ -41,6 +86,7 @@ class LyapunovRequest(Body):
     @model_validator(mode="after")
     def _check_form(self) -> "LyapunovRequest":
         exactly_one(self, self.one_of)
+        check_company(self)
         return self
 
 
@@ -69,9 +115,19 @@ class Pole(Answer):
     imaginary: float = Field(description="part")
 
 
-class LyapunovAnswer(Answer):
-    """V = xᵀ P x with dV/dt = −xᵀ Q x, Q = −(Aᵀ P + P A)."""
+class LasalleAnswer(Answer):
+    """The set where dV/dt = 0, and what holds along motions that stay there."""
 
+    set: list[str] = Field(description="formulas that are 0 together where dV/dt = 0")
+    invariant: list[str] = Field(
+        description="formulas that are 0 too on motions that stay there: their derivatives along f"
+    )
+
+
+class LyapunovAnswer(Answer):
+    """V = xᵀ P x with dV/dt = −xᵀ Q x, Q = −(Aᵀ P + P A); of formulas P and Q of second order."""
+
+    f: list[str] | None = Field(None, description="formulas of the system, where it has them")
     P: FormAnswer
     Q: FormAnswer
     V: str = Field(description="as a formula", examples=["x1² + x1 x2 + x2²"])
@@ -80,7 +136,10 @@ class LyapunovAnswer(Answer):
         description="what this V proves of the origin"
     )
     reason: str = Field(description="the verdict as a sentence, with the theorem's conditions")
-    poles: list[Pole] = Field(description="eigenvalues of A, for comparison")
+    lasalle: LasalleAnswer | None = Field(
+        None, description="of a nonlinear V with dV/dt ≤ 0 that is not negative definite"
+    )
+    poles: list[Pole] = Field(description="eigenvalues of A, of formulas the Jacobian of f at 0")
     values: list[float] | float | None = Field(None, description="V at the states x")
     rates: list[float] | float | None = Field(None, description="dV/dt at the states x")
     notes: list[str] = Field(description="a P that is not symmetric")

@@ -1,1 +1,1 @@
-"""Quadratic Lyapunov functions of linear systems."""
+"""Lyapunov functions of linear systems and of formulas."""

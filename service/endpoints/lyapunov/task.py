@@ -1,13 +1,15 @@
-"""Quadratic Lyapunov functions as requests ask for them, in workers."""
+"""Lyapunov functions as requests ask for them, in workers."""
 
 from typing import Any
 
+import numpy as np
 from pydantic_core import to_json
 
-from armwright_wire.robots.lyapunov import LyapunovRequest
+from armwright_wire.robots.lyapunov import LyapunovRequest, PendulumParameters
 from kinematics.errors import InvalidOption
 from service.workers.task import task
 from tracking.controllers.quadratic_form import (
+    Poles,
     QuadraticLyapunov,
     SymmetricForm,
     Verdict,
@@ -28,12 +30,15 @@ _VERDICTS = {
 
 @task
 def lyapunov(content: bytes) -> bytes:
-    """Answer a request to examine V = x^T P x, or to solve for P.
+    """Answer a request to examine V = x^T P x, to solve for P, or to examine a formula.
 
     Raises:
-        InvalidOption: Sizes do not fit, a matrix is not what it must be, or P is not determined.
+        InvalidOption: Sizes do not fit, a matrix is not what it must be, P is not determined, or a
+            formula can't be read.
     """
     body = LyapunovRequest.model_validate_json(content)
+    if body.A is None:
+        return to_json(_nonlinear(body))
     for name in ("A", "P", "Q"):
         _check_rows(name, getattr(body, name))
     if body.P is not None:
@@ -43,21 +48,70 @@ def lyapunov(content: bytes) -> bytes:
         examined = solve_lyapunov(body.A, body.Q)
     answer = _answer(examined)
     if body.x is not None:
-        _check_states(body.x, len(body.A))
+        _check_states(body.x, len(body.A), f"A has {len(body.A)} rows")
         V, V_dot = examined.values(body.x)
         answer |= {"values": V.tolist(), "rates": V_dot.tolist()}
     return to_json(answer)
 
 
-def _check_states(x: list[Any], n: int) -> None:
-    """Refuse states that have not one number for each row of A."""
+def _nonlinear(body: LyapunovRequest) -> dict[str, Any]:
+    """The answer of a V that is a formula.
+
+    Raises:
+        InvalidOption: A formula can't be read or is not 0 at x = 0, or a state does not fit.
+    """
+    # sympy takes half a second to load: only requests that need it wait for it.
+    from tracking.controllers.nonlinear_form import nonlinear_lyapunov  # noqa: PLC0415
+    from tracking.controllers.state_formulas import read_formula, write  # noqa: PLC0415
+
+    texts, V = (body.f, body.V) if body.parameters is None else _pendulum(body.parameters)
+    assert texts is not None
+    assert V is not None
+    n = len(texts)
+    f = [read_formula(f"f[{i}]", text, n) for i, text in enumerate(texts)]
+    examined = nonlinear_lyapunov(f, read_formula("V", V, n))
+    answer = {
+        "f": [write(one) for one in f],
+        "P": _form(examined.P),
+        "Q": _form(examined.Q),
+        "V": write(examined.V),
+        "V_dot": write(examined.V_dot),
+        "verdict": examined.verdict,
+        "reason": examined.reason,
+        "lasalle": None,
+        "poles": _poles(examined.poles),
+        "values": None,
+        "rates": None,
+        "notes": [],
+    }
+    if examined.zeros is not None:
+        answer["lasalle"] = {
+            "set": [write(one) for one in examined.zeros],
+            "invariant": [write(one) for one in examined.invariant],
+        }
+    if body.x is not None:
+        _check_states(body.x, n, f"f has {n} formulas")
+        values, rates = examined.values(np.array(body.x))
+        answer |= {"values": values.tolist(), "rates": rates.tolist()}
+    return answer
+
+
+def _pendulum(of: PendulumParameters) -> tuple[list[str], str]:
+    """System and energy of a pendulum, as formulas."""
+    m, l, g, b = of.mass, of.length, of.gravity, of.damping  # noqa: E741
+    f = ["x2", f"-{g}/{l}*sin(x1) - {b}/({m}*{l}**2)*x2"]
+    return f, f"{m}*{l}**2*x2**2/2 + {m}*{g}*{l}*(1 - cos(x1))"
+
+
+def _check_states(x: list[Any], n: int, size: str) -> None:
+    """Refuse states that have not one number for each row of A, or each formula."""
     rows = x if isinstance(x[0], list) else [x]
     wrong = next((i for i, row in enumerate(rows) if len(row) != n), None)
     if wrong is not None:
         name = f"x[{wrong}]" if rows is x else "x"
         raise InvalidOption(
-            f"{name} has {len(rows[wrong])} number(s), A has {n} rows",
-            hint="Give one number for each row of A.",
+            f"{name} has {len(rows[wrong])} number(s), {size}",
+            hint="Give one number for each of them.",
         )
 
 
@@ -78,17 +132,23 @@ def _answer(examined: QuadraticLyapunov) -> dict[str, Any]:
             "P is not symmetric: its symmetric part (P + Pᵀ)/2, which has the same V, was taken"
         )
     return {
+        "f": None,
         "P": _form(examined.P),
         "Q": _form(examined.Q),
         "V": form_text(examined.P.matrix),
         "V_dot": form_text(-examined.Q.matrix),
         "verdict": _VERDICTS[examined.verdict],
         "reason": examined.verdict.value,
-        "poles": [{"real": p.real, "imaginary": p.imag} for p in examined.poles.tolist()],
+        "lasalle": None,
+        "poles": _poles(examined.poles),
         "values": None,
         "rates": None,
         "notes": notes,
     }
+
+
+def _poles(poles: Poles) -> list[dict[str, float]]:
+    return [{"real": pole.real, "imaginary": pole.imag} for pole in poles.tolist()]
 
 
 def _form(form: SymmetricForm) -> dict[str, Any]:
