@@ -121,7 +121,7 @@ def nonlinear_lyapunov(f: Sequence[Formula], V: Formula) -> NonlinearLyapunov:
     scale = 2.0 * float(np.abs(A).max() * np.abs(second).max())
     poles = np.linalg.eigvals(A).astype(np.complex128)
     poles = poles[np.lexsort((poles.imag, poles.real))]
-    P, Q = symmetric_form(second), symmetric_form(-rates, scale)
+    P, Q = symmetric_form(second), symmetric_form(0.0 - rates, scale)
     known = V, V_dot, P, Q, poles
     is_flat = bool(np.abs(gradient).max() <= _ZERO)
     is_positive = is_flat and _is_definite(V, P, x)
