@@ -1,5 +1,7 @@
 """Formulas of states: what is read, what is refused with its place, values."""
 
+from typing import Any
+
 import numpy as np
 import pytest
 import sympy
@@ -22,7 +24,7 @@ x1, x2 = X.T
         ("(((3)))", np.full(20, 3.0)),
     ],
 )
-def test_formulas_have_the_values_of_numpy(text: str, expected: object) -> None:
+def test_formulas_have_the_values_of_numpy(text: str, expected: Any) -> None:
     formula = read_formula("V", text, 2)
     np.testing.assert_allclose(np.broadcast_to(values(formula, X), 20), expected, rtol=1e-13)
     again = sympy.lambdify(sympy.symbols("x1 x2"), sympy.sympify(write(formula)))
