@@ -11,10 +11,13 @@ from kinematics.arrays import Array, frozen
 from kinematics.errors import InvalidOption, InvalidPose
 from kinematics.ik.closed_form.analytic import Branches, branches, closed_form, middle, parameter
 from kinematics.ik.closed_form.arm_reach import out_of_reach
+from kinematics.ik.closed_form.decoupled import decoupled
+from kinematics.ik.closed_form.decoupled import solutions as decoupled_solutions
+from kinematics.ik.closed_form.refine import GROUP
 from kinematics.ik.closed_form.structure import Structure, structure
 from kinematics.ik.closed_form.subproblem import EXACT
 from kinematics.ik.numeric import numeric
-from kinematics.ik.numeric.numeric import AXES, Axis
+from kinematics.ik.numeric.numeric import AXES, POSITION, Axis
 from kinematics.ik.ranking import Ranking, check_ranking, order, whole_turns
 from kinematics.ik.solution import IkResult, IkSolution
 from kinematics.model.chain import Chain
@@ -77,15 +80,21 @@ class IkOptions:
         check_ranking(self.ranking)
         if self.most < 1:
             raise InvalidOption("most must be 1 at least")
-        if self.method == "analytic" and not self.all_axes:
+        if self.method == "analytic" and not self.all_axes and not self.position_alone:
             raise InvalidOption(
-                "a closed form needs all axes of the target", hint='Take "numeric".'
+                "a closed form needs all axes of the target, or x, y and z of three joints",
+                hint='Take "numeric".',
             )
 
     @property
     def all_axes(self) -> bool:
         """Whether all axes of the target's frame count."""
         return set(self.axes) == set(AXES)
+
+    @property
+    def position_alone(self) -> bool:
+        """Whether the position counts and no turn."""
+        return set(self.axes) == set(POSITION)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -129,15 +138,33 @@ def inverse_kinematics(
     if np.shape(target) != (4, 4):
         raise InvalidPose("the target must be a finite 4x4 transform")
     query = _Query(chain, target, link, near, how)
-    form = closed_form(chain, link) if how.method == "analytic" else structure(chain, link)
-    if not how.all_axes:
-        form = None
+    form = structure(chain, link) if how.all_axes else None
+    arm = None
+    if form is None and (how.all_axes or how.position_alone):
+        arm = decoupled(chain, link, position=how.position_alone)
+    if form is None and arm is None and how.method == "analytic":
+        closed_form(chain, link)
     solutions: list[IkSolution] = []
-    if form is not None and how.method != "numeric":
-        solutions = _closed_form_solutions(query, form, how.parameters)
+    complete = False
+    if how.method != "numeric" and form is not None:
+        solutions, complete = _closed_form_solutions(query, form, how.parameters)
+    elif how.method != "numeric" and arm is not None:
+        branches, complete = decoupled_solutions(
+            chain, arm, np.asarray(target, dtype=np.float64), near, link=link,
+            position=how.position_alone,
+        )  # fmt: skip
+        solutions = [item for item in branches if item.within_limits or how.outside_limits]
     if any(solution.within_limits for solution in solutions):
-        return _best_first(query, solutions)
+        return _best_first(query, solutions, complete=complete)
     return _search(query, form, solutions)
+
+
+def has_closed_form(chain: Chain, link: str | None = None, axes: Collection[Axis] = AXES) -> bool:
+    """Whether inverse kinematics has a closed form up to a link (the tip) for these axes."""
+    every, position = set(axes) == set(AXES), set(axes) == set(POSITION)
+    if every and structure(chain, link) is not None:
+        return True
+    return (every or position) and decoupled(chain, link, position=position) is not None
 
 
 def _search(query: _Query, form: Structure | None, outside: list[IkSolution]) -> IkResult:
@@ -155,7 +182,7 @@ def _search(query: _Query, form: Structure | None, outside: list[IkSolution]) ->
     if result.solutions and form is not None and form.redundant and how.parameters is None:
         # The parameter's window was narrower than the grid: the numeric method hit it.
         value = parameter(chain, result.solutions[0].joints, query.link)
-        more = _closed_form_solutions(query, form, [value])
+        more, _ = _closed_form_solutions(query, form, [value])
         solutions = [*more, *outside] if how.method != "numeric" else outside
     if not any(solution.within_limits for solution in solutions) and how.method != "analytic":
         solutions = [*result.solutions, *solutions]
@@ -192,7 +219,8 @@ def _beyond(gap: float) -> str:
 
 def _closed_form_solutions(
     query: _Query, form: Structure, parameters: ArrayLike | None
-) -> list[IkSolution]:
+) -> tuple[list[IkSolution], bool]:
+    """Branches of the closed form, and whether there are no others."""
     chain, link, how = query.chain, query.link, query.options
     values = parameters
     if parameters is None and form.redundant:
@@ -202,7 +230,9 @@ def _closed_form_solutions(
         chain, query.target, link=link, seed_joints=query.near, parameters=values, enough=enough,
         tolerance=CLOSE,
     )  # fmt: skip
-    return _solutions(table, how.outside_limits)
+    free = table.table[:, table.n + GROUP].any()
+    complete = not form.redundant and form.miss <= EXACT and not free
+    return _solutions(table, how.outside_limits), complete
 
 
 def _solutions(table: Branches, outside_limits: bool) -> list[IkSolution]:
@@ -231,7 +261,9 @@ def parameter_grid(chain: Chain, form: Structure, value: float) -> Array:
     return np.asarray(values[np.argsort(away, kind="stable")])
 
 
-def _best_first(query: _Query, solutions: list[IkSolution], starts: int = 0) -> IkResult:
+def _best_first(
+    query: _Query, solutions: list[IkSolution], starts: int = 0, *, complete: bool = False
+) -> IkResult:
     """The best of the solutions inside the limits, then those outside."""
     chain, how = query.chain, query.options
     inside = [solution for solution in solutions if solution.within_limits]
@@ -244,5 +276,6 @@ def _best_first(query: _Query, solutions: list[IkSolution], starts: int = 0) -> 
     joints = np.array([solution.joints for solution in inside]).reshape(-1, chain.n)
     ranked = [inside[i] for i in order(chain, joints, how.ranking, query.near, query.link)]
     rest = [solution for solution in solutions if not solution.within_limits]
-    best = (*ranked, *rest)[: how.most]
-    return IkResult(best, best[0], starts)
+    every = (*ranked, *rest)
+    best = every[: how.most]
+    return IkResult(best, best[0], starts, complete=complete, found=len(every))

@@ -111,6 +111,14 @@ def whole_turns(chain: Chain, q: Array, most: int, seed: Array | None = None) ->
     return copies
 
 
+def distance(chain: Chain, a: Array, b: Array) -> float:
+    """Largest difference of a joint between two configurations, whole turns left out [rad or m]."""
+    d = np.abs(a - b)
+    turns = chain.joint_types == JointType.REVOLUTE
+    d[turns] = np.abs(np.remainder(d[turns] + np.pi, 2.0 * np.pi) - np.pi)
+    return float(d.max())
+
+
 def outside(chain: Chain, q: Array) -> str | None:
     """Limit violation of a configuration, in words; None inside the limits."""
     low, high = chain.limits.lower, chain.limits.upper

@@ -35,6 +35,9 @@ class IkResult(NamedTuple):
         advice: Meaning and remedy where nothing was found.
         out_of_reach: Distance by which the wrist centre is too far away or too near [m]; None where
             that is not known.
+        complete: Whether every branch inside the limits was found, none of which can move within
+            the pose. A search and the closed form of a redundant arm never know.
+        found: Solutions before the cut to as many as are asked for.
     """
 
     solutions: tuple[IkSolution, ...]
@@ -42,3 +45,5 @@ class IkResult(NamedTuple):
     starts: int
     advice: str = ""
     out_of_reach: float | None = None
+    complete: bool = False
+    found: int = 0

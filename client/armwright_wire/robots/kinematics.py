@@ -250,7 +250,7 @@ class IkSolution(Answer):
     )
     branch: str | None = Field(None, description="name of the closed form's branch")
     sides: ArmSides | None = Field(
-        None, description="of arms with six joints, axes 2 and 3 parallel and a closed form"
+        None, description="of arms whose axes make a shoulder, an elbow or a wrist"
     )
     singular: list[Literal["shoulder", "elbow", "wrist"]] = Field(
         default_factory=list, description="parts of these arms that are singular there"
@@ -302,6 +302,12 @@ class IkAnswer(InFrame):
 
     solutions: list[IkSolution] | list[list[IkSolution]] = Field(
         description="configurations that reach the pose, best first"
+    )
+    complete: bool | None = Field(
+        None,
+        description="where several are asked for: whether these are all inside the limits; false "
+        "after a search, where a joint is free within the pose, or where max_solutions left some "
+        "out; null where one is asked for",
     )
     unsolved: list[Unsolved] = Field(
         default_factory=list, description="with many poses: those without a solution, and why"

@@ -7,6 +7,7 @@ With unit axes z_i through O_i, and W the wrist centre:
         elbow      the elbow's offset from the line of shoulder and wrist, along z_1
         wrist      (z_4 x z_6) . z_5                the sine of joint 5
     two revolute joints, a slide and a spherical wrist: the same shoulder and wrist, no elbow
+    a spherical wrist behind any other three joints: its wrist alone
     seven revolute joints, axes 1 to 3 through one point S
         shoulder   (z_1 x z_3) . z_2                the sine of joint 2
         elbow      ((O_4 - S) x (W - O_4)) . z_4    the sine of the bend at axis 4
@@ -108,6 +109,7 @@ class ArmShape(Enum):
     SPHERICAL_SHOULDER = "seven joints, spherical shoulder"
     ARTICULATED = "three joints, axes 2 and 3 parallel"
     PLANAR = "parallel axes, the first two of joints that turn"
+    WRIST_ALONE = "six joints, the last three axes through one point"
 
 
 class Part(NamedTuple):
@@ -168,7 +170,10 @@ def arm_shape(chain: Chain, link: str | None = None) -> ArmShape | None:
     if turns == _SLIDING_ELBOW:
         bent = not _parallel(z[0], z[1]) and abs(float(z[1] @ z[2])) <= SINGULAR
         return ArmShape.SLIDING_ELBOW if bent and _meet(z[3:], origins[3:]) else None
-    return _shape_of_form(structure(chain, link), z, origins)
+    shape = _shape_of_form(structure(chain, link), z, origins)
+    if shape is None and count == 6 and all(turns[3:]) and _meet(z[3:], origins[3:]):
+        return ArmShape.WRIST_ALONE
+    return shape
 
 
 def _shape_of_form(form: Structure | None, z: Array, origins: Array) -> ArmShape | None:
@@ -205,14 +210,15 @@ def arm_parts(shape: ArmShape, axes: Lines) -> Mapping[str, Part]:
         return {"elbow": _planar_elbow(axes)}
     if shape in (ArmShape.TWO_SPHERES, ArmShape.SPHERICAL_SHOULDER):
         return _seven_joints(shape, axes)
+    wrist = {"wrist": _part(dot(cross(z[:, 3], z[:, 5]), z[:, 4]), _SINE)} if z.shape[1] > 5 else {}
+    if shape is ArmShape.WRIST_ALONE:
+        return wrist
     shoulder_end, elbow_end = wrist_centers(shape, axes)
     parts = {"shoulder": _part(dot(shoulder_end - o[:, 1], cross(z[:, 0], z[:, 1])), _RAISES)}
     if shape is not ArmShape.SLIDING_ELBOW:
         height, bend = _elbow(z[:, 0], z[:, 1], o[:, 2] - o[:, 1], elbow_end - o[:, 1])
         parts["elbow"] = Part(height, bend, _HEIGHT)
-    if shape is not ArmShape.ARTICULATED:
-        parts["wrist"] = _part(dot(cross(z[:, 3], z[:, 5]), z[:, 4]), _SINE)
-    return parts
+    return parts | wrist
 
 
 def wrist_centers(shape: ArmShape, axes: Lines) -> tuple[Array, Array]:

@@ -51,7 +51,7 @@ def out_of_reach(
         InvalidLinkName: No such link.
     """
     shape = arm_shape(chain, link)
-    if shape is None:
+    if shape is None or shape is ArmShape.WRIST_ALONE:
         return None
     home = lines(chain, np.zeros((1, chain.n)), link)
     T = np.asarray(target) @ _home_inverse(chain, link)

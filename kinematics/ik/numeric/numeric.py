@@ -36,6 +36,7 @@ from kinematics.ik.numeric.levenberg_marquardt import (
     table_kernel,
 )
 from kinematics.ik.numeric.simd import solve_batch_kernel
+from kinematics.ik.ranking import distance
 from kinematics.ik.solution import IkResult, IkSolution
 from kinematics.model.chain import Chain, JointType
 
@@ -49,7 +50,7 @@ ORIENTATION_TOLERANCE = 1e-6
 STARTS = 2000
 #: Starts that are spent to find out whether at least the position can be reached.
 _ADVICE_STARTS = 100
-#: Solutions nearer than this in every joint [rad or m] are one.
+#: Solutions nearer than this in every joint [rad or m], whole turns left out, are one.
 _SAME = 1e-3
 _FLOAT = np.dtype(np.float64)
 _empty, _contiguous = np.empty, np.ascontiguousarray
@@ -231,12 +232,12 @@ def solve(
             return answer
         if nearest is None or _error(solution) < _error(nearest):
             nearest = solution
-        if done and all(np.abs(best - other.joints).max() > _SAME for other in distinct):
+        if done and all(distance(chain, best, other.joints) > _SAME for other in distinct):
             distinct.append(solution)
     assert nearest is not None
     distinct.sort(key=lambda solution: float(np.linalg.norm(solution.joints - begin)))
     advice = "" if distinct else _advice(chain, link, T, nearest, how.axes)
-    return IkResult(tuple(distinct), nearest, spent, advice)
+    return IkResult(tuple(distinct), nearest, spent, advice, found=len(distinct))
 
 
 def raise_start(chain: Chain, begin: Array) -> None:

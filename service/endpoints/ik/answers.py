@@ -45,6 +45,19 @@ def add_sides(chain: Chain, link: str | None, answers: list[dict[str, Any]]) -> 
         item["singular"] = list(side.singular)
 
 
+def completeness(result: IkResult, found: int, count: int) -> dict[str, Any]:
+    """Whether solutions are all there are, with a note on those that are left out.
+
+    Args:
+        result: The solutions.
+        found: Number of them that fit what the request asks for.
+        count: Number of them that the answer has at most.
+    """
+    left = max(result.found, found) - count
+    notes = [f"max_solutions leaves out {left} of the solutions found"] if left > 0 else []
+    return {"complete": result.complete and left <= 0} | ({"notes": notes} if notes else {})
+
+
 def trace_answer(trace: Trace, body: IkRequest) -> dict[str, Any]:
     """The course of a gradient method: all points, or as many as are asked for.
 
@@ -129,6 +142,11 @@ def combined_answer(answers: list[dict[str, Any] | TaskProblem]) -> dict[str, An
             if isinstance(answer, TaskProblem)
         ],
     }
+    solved = [answer for answer in answers if isinstance(answer, dict)]
+    if any("complete" in answer for answer in solved):
+        combined["complete"] = all(answer.get("complete", False) for answer in solved)
+    if notes := sorted({note for answer in solved for note in answer.get("notes", [])}):
+        combined["notes"] = notes
     if not all(map(_is_deterministic, answers)):
         combined["deterministic"] = False
     for answer in answers:

@@ -13,7 +13,7 @@ from armwright_wire.robots.kinematics import GradientOptions as RequestedGradien
 from kinematics.errors import InvalidOption
 from kinematics.ik.closed_form.structure import structure
 from kinematics.ik.gradient import GradientOptions, Trace, follow
-from kinematics.ik.inverse import IkOptions, Method, inverse_kinematics
+from kinematics.ik.inverse import IkOptions, Method, has_closed_form, inverse_kinematics
 from kinematics.ik.inverse_batch import inverse_kinematics_batch
 from kinematics.ik.numeric.numeric import AXES
 from kinematics.ik.solution import IkResult
@@ -26,6 +26,7 @@ from service.endpoints.ik.answers import (
     add_sides,
     all_in_collision,
     combined_answer,
+    completeness,
     convergence_problem,
     solution_answer,
     trace_answer,
@@ -203,14 +204,19 @@ def ik(robot: Reference, scene: Reference | None, content: bytes) -> bytes | Tas
     check = None
     if body.scene is not None or body.attached:
         check = CollisionCheck(robot_in_scene(robot, scene, body, seed))
-    notes = poses.notes_of(body, () if check is None else check.cell.notes)
+    notes = poses.notes_of(body, () if check is None else check.cell.notes).get("notes", [])
     if names_frame(content):
         body = ik_in_root_frame(body, Frames(chain, seed, body.frame))
     query = _Query(body, robot, chain, chain.link(body.link or chain.tip_link).name, check)
     if body.poses is not None:
-        return to_json(combined_answer(_many(query, body.poses)) | in_frame(chain) | notes)
-    answer = _one(query, body.pose)
-    return answer if isinstance(answer, TaskProblem) else to_json(answer | in_frame(chain) | notes)
+        answer: dict[str, Any] | TaskProblem = combined_answer(_many(query, body.poses))
+    else:
+        answer = _one(query, body.pose)
+    if isinstance(answer, TaskProblem):
+        return answer
+    if notes := [*notes, *answer.get("notes", [])]:
+        answer["notes"] = notes
+    return to_json(answer | in_frame(chain))
 
 
 def _many(query: _Query, targets: Sequence[Pose]) -> list[dict[str, Any] | TaskProblem]:
@@ -252,6 +258,8 @@ def _one(query: _Query, pose: Pose | None) -> dict[str, Any] | TaskProblem:
     if not body.all_solutions:
         answers = [item for item in answers if item["rejected_because"] is None] or answers[:1]
     answer: dict[str, Any] = {"solutions": answers[:count]}
+    if body.all_solutions or body.all_turns or count > 1:
+        answer |= completeness(result, len(answers), count)
     if check is not None:
         answer["allowed_collisions"] = check.told(answer["solutions"])
     if body.gradient is not None and body.gradient.trace and trace is not None:
@@ -303,9 +311,7 @@ def _solve(query: _Query, pose: Pose) -> IkResult:
     """The solutions of the closed form or of the search."""
     body, chain = query.body, query.chain
     _check_parameters(chain, body)
-    closed = (
-        body.method != "numeric" and body.axes is None and structure(chain, body.link) is not None
-    )
+    closed = body.method != "numeric" and has_closed_form(chain, body.link, body.axes or AXES)
     count = body.max_solutions or 1
     if body.max_solutions is None and (body.all_solutions or body.all_turns):
         count = _ALL_CLOSED if closed else _ALL_SEARCHED
