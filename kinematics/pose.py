@@ -24,6 +24,8 @@ _FREE_AXIS = 1e-12
 Matrix = NDArray[np.float64]
 _NO_TURN = [0.0, 0.0, 0.0, 1.0]
 _IDENTITY = np.eye(4)
+#: Symmetric part of dR/dt R^T, relative to it, that rounding of six digits leaves.
+RATE_TOLERANCE = 1e-5
 
 #: Below this value of sin(theta) the two outer zyz angles can't be told apart.
 _SINGULAR_SINE = 1e-12
@@ -54,6 +56,30 @@ def skew(w: ArrayLike) -> Matrix:
     """The matrix S(w) with S(w) v = w x v, shape (3, 3)."""
     x, y, z = _finite(w, (3,), "vector")
     return np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
+
+
+def angular_velocity(rotation: Matrix, rate: Matrix) -> Matrix:
+    """Angular velocity w of a rotation that changes: S(w) = dR/dt R^T.
+
+    Args:
+        rotation: R, shape (3, 3).
+        rate: dR/dt, shape (3, 3) [1/s].
+
+    Returns:
+        Shape (3,), in the outer frame [rad/s].
+
+    Raises:
+        InvalidPose: dR/dt R^T is not skew-symmetric: no rotation changes so.
+    """
+    S = rate @ rotation.T
+    off = float(np.abs(S + S.T).max())
+    if off > RATE_TOLERANCE * max(1.0, float(np.abs(S).max())):
+        raise InvalidPose(
+            f"rotation_rate is no rate of this rotation: dR/dt R^T + R (dR/dt)^T has an entry of "
+            f"{off:.3g} and must be 0",
+            hint="Give dR/dt of the same instant as R, with more digits.",
+        )
+    return np.array([S[2, 1] - S[1, 2], S[0, 2] - S[2, 0], S[1, 0] - S[0, 1]]) / 2.0
 
 
 def transform(rotation: ArrayLike | None = None, position: ArrayLike | None = None) -> Matrix:

@@ -33,8 +33,8 @@ class SingularDirections:
     """Singular value decomposition J = U diag(s) V^T at configurations of any leading dimensions.
 
     Args:
-        values: s, largest first, shape (..., k) with k = min(6, n).
-        twists: Column i is u_i, the twist that singular value i gives, shape (..., 6, k).
+        values: s, largest first, shape (..., k) with k = min(m, n).
+        twists: Column i is u_i, the twist that singular value i gives, shape (..., m, k).
         motions: Row i is v_i, the joint velocities that give it, shape (..., n, n); the rows from
             ``rank`` on leave the link at rest.
         rank: Number of directions the link can move in, shape (...).
@@ -52,7 +52,7 @@ class JointVelocities:
 
     Args:
         joint_velocities: q_dot, shape (..., n) [rad/s or m/s].
-        residual: xi - J q_dot, shape (..., 6) [m/s, rad/s].
+        residual: xi - J q_dot, shape (..., m) [m/s, rad/s].
         gains: a_i of every singular value, 1 where it is not damped, shape (..., k).
         directions: The singular values and directions they belong to.
     """
@@ -96,7 +96,7 @@ def link_twist(
 
 
 def singular_directions(J: Array) -> SingularDirections:
-    """Decompose Jacobians (..., 6, n) into the twists they give and the motions that give them.
+    """Decompose Jacobians (..., m, n) into the twists they give and the motions that give them.
 
     The rank counts singular values above the rounding of a walk along the arm. Metres and radians
     are added as they are: a change of the unit of length changes the values, not the rank.
@@ -136,12 +136,32 @@ def joint_velocities(
         InvalidOption: The twist is not six finite numbers, ``damped_below`` is negative, or the
             batches do not fit each other.
     """
-    xi = _twist(twist)
+    b = None if nullspace is None else chain.configuration(nullspace, "nullspace")
+    J = geometric(chain, q, link, point)
+    return rates_of_task(J, _twist(twist), nullspace=b, damped_below=damped_below)
+
+
+def rates_of_task(
+    J: Array,
+    xi: Array,
+    *,
+    nullspace: Array | None = None,
+    damped_below: float = DAMPED_BELOW,
+) -> JointVelocities:
+    """Joint velocities for a task of any rows: J may be some rows of a Jacobian in any frame.
+
+    Args:
+        J: Jacobian of the task, shape (..., m, n).
+        xi: Velocities that are asked for, shape (..., m) [m/s, rad/s].
+        nullspace: b, shape (..., n) [rad/s or m/s].
+        damped_below: Singular values below it are damped; 0 for the plain pseudo-inverse.
+
+    Raises:
+        InvalidOption: ``damped_below`` is negative, or the batches do not fit each other.
+    """
     if not 0.0 <= damped_below < np.inf:
         raise InvalidOption(f"damped_below must be 0 or more, got {damped_below}")
-    J = geometric(chain, q, link, point)
-    b = None if nullspace is None else chain.configuration(nullspace, "nullspace")
-    found = singular_directions(J)
+    b, found = nullspace, singular_directions(J)
     gains = _gains(found, damped_below)
     try:
         rates = _rates(found, gains, xi, b)
@@ -183,6 +203,32 @@ def _twist(twist: ArrayLike) -> Array:
     if xi.ndim == 0 or xi.shape[-1] != 6 or not np.isfinite(xi).all():
         raise InvalidOption("twist must be six finite numbers [vx, vy, vz, wx, wy, wz]")
     return xi
+
+
+def wrenches_of_torques(J: Array, torques: Array) -> tuple[Array, Array]:
+    """Wrenches F of least length with J^T F = tau as nearly as can be, and what is left of tau.
+
+    Args:
+        J: Jacobian of the rows of the wrench that may differ from 0, shape (..., m, n).
+        torques: tau, shape (..., n) [N m or N].
+
+    Returns:
+        F, shape (..., m) [N, N m], and tau - J^T F, shape (..., n) [N m or N].
+
+    Raises:
+        InvalidOption: The batches do not fit each other.
+    """
+    found = singular_directions(J)
+    k = found.values.shape[-1]
+    inside = np.arange(k) < found.rank[..., None]
+    inverse = np.divide(1.0, found.values, out=np.zeros_like(found.values), where=inside)
+    try:
+        along = np.einsum("...kn,...n->...k", found.motions[..., :k, :], torques)
+        F = np.einsum("...mk,...k->...m", found.twists, inverse * along)
+        left = torques - np.einsum("...mn,...m->...n", J, F)
+    except ValueError:
+        raise _misfit(joints=J.shape[:-2], torques=torques.shape[:-1]) from None
+    return np.asarray(F), np.asarray(left)
 
 
 def _misfit(**leads: tuple[int, ...]) -> InvalidOption:

@@ -252,6 +252,14 @@ class RobotEndpoints:
         return compute(robot, "wrench", body, WrenchAnswer.read)
 
     @Endpoint
+    def wrench_of_torques(
+        self, robot: str, joints: VectorLike, torques: VectorLike, **options: Unpack[WrenchOptions]
+    ) -> Call[WrenchAnswer]:
+        """The wrench of least length that joint torques hold, Jᵀ F = τ; see `WrenchOptions`."""
+        body = WrenchRequest.of(joints=joints, torques=torques, **options)
+        return compute(robot, "wrench", body, WrenchAnswer.read)
+
+    @Endpoint
     def wrench_batch(
         self, robot: str, joints: RowsLike, wrench: VectorLike, **options: Unpack[WrenchOptions]
     ) -> Call[WrenchBatch]:

@@ -318,10 +318,15 @@ class ConvertPoseRequest(Body):
     angular_velocity: Vector3 | None = Field(
         None, description="ω in the outer frame [rad/s]; S(ω) and the rotation's rate S(ω) R follow"
     )
+    rotation_rate: Matrix3 | None = Field(
+        None, description="dR/dt [1/s] in place of ω, which follows: S(ω) = dR/dt Rᵀ"
+    )
 
     @model_validator(mode="after")
     def _check_form(self) -> "ConvertPoseRequest":
         exactly_one(self, self.one_of)
+        if self.angular_velocity is not None and self.rotation_rate is not None:
+            raise ValueError("give angular_velocity or rotation_rate: one follows from the other")
         return self
 
 
@@ -369,4 +374,5 @@ class ConvertPoseAnswer(Answer):
         None, description="of motions: the 4x4 transform after each"
     )
     skew: list[list[float]] | None = Field(None, description="S(ω), with S(ω) v = ω × v")
+    angular_velocity: list[float] | None = Field(None, description="ω of that rate [rad/s]")
     rotation_rate: list[list[float]] | None = Field(None, description="dR/dt = S(ω) R [1/s]")

@@ -42,12 +42,14 @@ class JacobianOptions(TypedDict, total=False):
         point: A point fixed to the link, in its frame [m]; its origin if left out.
         kind: "geometric" if left out.
         frame: A link that stands still, or "tool"; the root frame if left out.
+        axes: Rows that count, of velocities along x, y, z and about rx, ry, rz; all if left out.
     """
 
     link: str
     point: VectorLike
     kind: Literal["geometric", "analytic_zyz"]
     frame: str
+    axes: Sequence[Axis]
 
 
 class IkOptions(SceneOptions, total=False):
@@ -101,6 +103,7 @@ class VelocityOptions(TypedDict, total=False):
         point: A point fixed to the link, in its frame [m]; its origin if left out.
         damped_below: Singular values below it are damped; 0 for the plain pseudo-inverse.
         frame: Frame of the twist: a link that stands still, or "tool"; the root frame if left out.
+        axes: Rows that count, in the order of the twist's numbers; all six if left out.
     """
 
     joint_velocities: VectorLike
@@ -110,6 +113,7 @@ class VelocityOptions(TypedDict, total=False):
     point: VectorLike
     damped_below: float
     frame: str
+    axes: Sequence[Axis]
 
 
 class ModelOptions(TypedDict, total=False):
@@ -173,11 +177,14 @@ class WrenchOptions(TypedDict, total=False):
         frame: Frame along whose axes the wrench is given: a link that stands still, or "tool"; the
             root
             frame if left out.
+        axes: Parts of the wrench that may differ from 0, in the order of its numbers; all six if
+            left out.
     """
 
     link: str
     point: VectorLike
     frame: str
+    axes: Sequence[Axis]
 
 
 class RegressorOptions(ModelOptions, total=False):

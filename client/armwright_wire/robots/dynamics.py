@@ -1,8 +1,8 @@
 """Equations of motion, their linear parametrisation, statics and formulas, on the wire."""
 
-from typing import Annotated, Literal
+from typing import Annotated, ClassVar, Literal, Self
 
-from pydantic import Field
+from pydantic import Field, model_validator
 
 from armwright_wire.base import (
     JOINTS_EXAMPLE,
@@ -19,7 +19,9 @@ from armwright_wire.base import (
     Positive,
     Vector3,
     Vector6,
+    exactly_one,
 )
+from armwright_wire.robots.kinematics import TaskAxes, TaskVector, check_task_vectors
 
 RATES_EXAMPLE = [0.1, -0.2, 0.3, 0.1, 0.0, -0.1, 0.2]
 
@@ -60,21 +62,50 @@ class Model(Body):
 
 
 class WrenchRequest(Body):
-    """A wrench that the tip exerts on its surroundings, along the axes of the frame."""
+    """A wrench that the tip exerts on its surroundings, or the joint torques that it takes."""
+
+    one_of: ClassVar[tuple[str, ...]] = ("wrench", "torques")
 
     joints: Joints = Field(examples=[JOINTS_EXAMPLE])
-    wrench: Wrenches = Field(
-        description="force [N] and moment [N m]", examples=[[0.0, 0.0, -10.0, 0.0, 0.0, 0.5]]
+    wrench: (
+        TaskVector | Annotated[list[TaskVector], Field(min_length=1, max_length=MAX_BATCH)] | None
+    ) = Field(
+        None,
+        description="force [N] and moment [N m] along the axes of the frame, a number for each",
+        examples=[[0.0, 0.0, -10.0, 0.0, 0.0, 0.5]],
+    )
+    torques: Joints | None = Field(
+        None, description="torques or forces of the joints whose wrench is asked for [N m or N]"
+    )
+    axes: TaskAxes | None = Field(
+        None,
+        description="parts of the wrench that may differ from 0: forces along x, y, z and moments "
+        "about rx, ry, rz of the frame; all six if left out",
+        examples=[["x", "y", "z"]],
     )
     link: Label | None = Field(None, description="the tip if left out")
     point: Point | None = Field(None, description="where on the link, in its frame [m]")
     frame: Frame | None = None
+
+    @model_validator(mode="after")
+    def _one_of_two(self) -> Self:
+        exactly_one(self, self.one_of)
+        check_task_vectors(self.wrench, self.axes, "wrench")
+        return self
 
 
 class WrenchAnswer(InFrame):
     """τ = Jᵀ F; with many configurations a list of them."""
 
     torques: list[float] | Matrix = Field(description="[N m or N]")
+    wrench: list[float] | Matrix | None = Field(
+        None,
+        description="of torques: the wrench of least length with Jᵀ F = τ, as nearly as can be, a "
+        "number for each axis that counts [N, N m]",
+    )
+    residual: list[float] | Matrix | None = Field(
+        None, description="of torques: τ − Jᵀ F, which no wrench at this point causes [N m or N]"
+    )
 
 
 class DynamicsRequest(Model):

@@ -1,6 +1,7 @@
 """Forward and inverse kinematics and Jacobians on the wire."""
 
-from typing import Annotated, ClassVar, Literal, Self
+from collections.abc import Sequence
+from typing import Annotated, Any, ClassVar, Literal, Self
 
 from pydantic import ConfigDict, Field, model_validator
 from pydantic.config import JsonDict
@@ -25,8 +26,8 @@ from armwright_wire.base import (
     Positive,
     Seed,
     Timeout,
-    Vector6,
     check_company,
+    distinct,
     exactly_one,
     is_given,
 )
@@ -77,6 +78,27 @@ class FkAnswer(InFrame):
     )
 
 
+Axis = Literal["x", "y", "z", "rx", "ry", "rz"]
+#: Rows of a Jacobian, each named once.
+TaskAxes = Annotated[list[Axis], Field(min_length=1, max_length=6)]
+TaskVector = Annotated[list[Number], Field(min_length=1, max_length=6)]
+
+
+def check_task_vectors(vectors: Any, axes: Sequence[str] | None, name: str) -> None:
+    """Check that vectors have a number for each axis that counts, and that each is named once.
+
+    Raises:
+        ValueError: They do not.
+    """
+    if axes is not None:
+        distinct(axes, "axis")
+    count = 6 if axes is None else len(axes)
+    if vectors is not None:
+        rows = vectors if isinstance(vectors[0], list) else [vectors]
+        if any(len(row) != count for row in rows):
+            raise ValueError(f"{name} needs {count} numbers, one for each axis that counts")
+
+
 class JacobianRequest(Body):
     """Configurations whose Jacobians are asked for."""
 
@@ -88,18 +110,28 @@ class JacobianRequest(Body):
         description="rows of the angular velocity, or of the rates of the ZYZ Euler angles",
     )
     frame: Frame | None = None
+    axes: TaskAxes | None = Field(
+        None,
+        description="rows that count, of velocities along x, y, z and about rx, ry, rz of the "
+        "frame; all six if left out. rank, singular values and manipulability are of these",
+        examples=[["x", "y", "z"]],
+    )
+
+    @model_validator(mode="after")
+    def _named_once(self) -> Self:
+        check_task_vectors(None, self.axes, "axes")
+        return self
 
 
 class JacobianAnswer(InFrame):
     """6 x n, linear rows first; with many configurations each field is a list."""
 
-    jacobian: Matrix | list[Matrix] = Field(description="J, 6 x n: J q̇ = [v; ω]")
+    jacobian: Matrix | list[Matrix] = Field(
+        description="J, a row for each axis that counts, 6 x n for all: J q̇ = [v; ω]"
+    )
     rank: int | list[int] = Field(description="of J")
     singular_values: list[float] | list[list[float]] = Field(description="of J, largest first")
     manipulability: float | list[float] = Field(description="product of the singular values")
-
-
-Axis = Literal["x", "y", "z", "rx", "ry", "rz"]
 
 
 #: A gain by rows, for as many axes as a pose has.
@@ -330,12 +362,18 @@ class VelocityRequest(Body):
 
     joints: Joints = Field(examples=[JOINTS_EXAMPLE])
     joint_velocities: Joints | None = Field(None, examples=[[0.1] * 7])
-    twist: Vector6 | Annotated[list[Vector6], Field(min_length=1, max_length=MAX_TWISTS)] | None = (
-        Field(None, description="[v; w] in the frame [m/s, rad/s]")
-    )
+    twist: (
+        TaskVector | Annotated[list[TaskVector], Field(min_length=1, max_length=MAX_TWISTS)] | None
+    ) = Field(None, description="[v; w] in the frame, a number for each axis [m/s, rad/s]")
     frame: Frame | None = None
+    axes: TaskAxes | None = Field(
+        None,
+        description="rows that count, of velocities along x, y, z and about rx, ry, rz of the "
+        "frame, in the order of the twist's numbers; all six if left out",
+        examples=[["x", "y"]],
+    )
     nullspace: Joints | None = Field(
-        None, description="b: (I − J⁺J) b is added, which leaves the link at rest"
+        None, description="b: (I − J⁺J) b is added, which leaves the axes that count at rest"
     )
     link: Label | None = Field(None, description="the tip if left out")
     point: Point | None = Field(None, description="a point fixed to the link, in its frame [m]")
@@ -347,6 +385,7 @@ class VelocityRequest(Body):
     def _one_of_two(self) -> Self:
         exactly_one(self, self.one_of)
         check_company(self)
+        check_task_vectors(self.twist, self.axes, "twist")
         return self
 
 

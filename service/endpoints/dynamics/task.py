@@ -32,7 +32,8 @@ from dynamics.terms import (
 from kinematics.arrays import Array
 from kinematics.errors import InvalidOption, InvalidRobotState
 from kinematics.model.chain import Chain
-from kinematics.velocity import holding_torques
+from kinematics.velocity import wrenches_of_torques
+from service.endpoints.kinematics.task import task_jacobian
 from service.storage.caches import worker_cache
 from service.storage.caches.cache_key import builtin_reference
 from service.translate.payload import loaded_chain
@@ -69,17 +70,25 @@ def model(chain: Chain, body: Model, R: Array | None = None) -> Chain:
 
 
 def wrench(chain: Chain, body: WrenchRequest) -> bytes:
-    """Answer a request for torques that hold a wrench.
+    """Answer a request for torques that hold a wrench, or for the wrench of torques.
 
     Raises:
         InvalidRobotState: Wrong length.
         InvalidLinkName: No such link.
     """
-    q, F = chain.configuration(body.joints), np.array(body.wrench)
-    _check_rows(q, F)
-    F = _in_root(_rotation(chain, body), F)
-    torques = holding_torques(chain, q, F, body.link, body.point)
-    return to_json({"torques": torques.tolist(), **in_frame(chain, body.frame)})
+    q = chain.configuration(body.joints)
+    J = task_jacobian(chain, body)
+    if body.wrench is not None:
+        F = np.array(body.wrench)
+        _check_rows(q, F)
+        answer: dict[str, Any] = {"torques": np.einsum("...mn,...m->...n", J, F).tolist()}
+    else:
+        assert body.torques is not None
+        tau = chain.configuration(body.torques, "torques")
+        _check_rows(q, tau)
+        F, left = wrenches_of_torques(J, tau)
+        answer = {"torques": tau.tolist(), "wrench": F.tolist(), "residual": left.tolist()}
+    return to_json(answer | in_frame(chain, body.frame))
 
 
 def dynamics(chain: Chain, body: DynamicsRequest) -> bytes:
@@ -156,7 +165,7 @@ def _wrench(
     return _in_root(R, F)
 
 
-def _rotation(chain: Chain, body: Model | WrenchRequest) -> Array | None:
+def _rotation(chain: Chain, body: Model) -> Array | None:
     """R_root_frame of a request's frame, shape (3, 3), of the tool (..., 3, 3); None for none."""
     T = frame_transform(chain, body.joints, body.frame)
     return None if T is None else T[..., :3, :3]

@@ -3,7 +3,7 @@
 What is cheap is called by the server itself, on chains it keeps; all else runs in workers.
 """
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict
 from typing import Any
 
@@ -11,6 +11,7 @@ import numpy as np
 from pydantic_core import to_json
 
 from armwright_wire.pose import ConvertPoseRequest, Orientation
+from armwright_wire.robots.dynamics import WrenchRequest
 from armwright_wire.robots.kinematics import (
     FkRequest,
     JacobianRequest,
@@ -20,6 +21,7 @@ from kinematics import pose as rotation
 from kinematics.arrays import Array
 from kinematics.errors import InvalidOption
 from kinematics.forward import forward, link_poses
+from kinematics.ik.numeric.numeric import AXES, Axis
 from kinematics.jacobian import analytic_zyz, geometric
 from kinematics.model.chain import Chain
 from kinematics.pose import (
@@ -36,8 +38,7 @@ from kinematics.velocity import (
     DAMPED_BELOW,
     JointVelocities,
     SingularDirections,
-    joint_velocities,
-    link_twist,
+    rates_of_task,
     singular_directions,
 )
 from service.storage.caches import worker_cache
@@ -64,9 +65,13 @@ def convert_pose(content: bytes) -> bytes:
         assert body.pose is not None
         T = transform(body.pose)
     T = rotation.inverse(T) if body.inverse else T
-    if body.angular_velocity is not None:
-        S = rotation.skew(body.angular_velocity)
-        answer |= {"skew": S.tolist(), "rotation_rate": (S @ T[:3, :3]).tolist()}
+    omega = body.angular_velocity
+    if body.rotation_rate is not None:
+        omega = rotation.angular_velocity(T[:3, :3], np.array(body.rotation_rate)).tolist()
+    if omega is not None:
+        S = rotation.skew(omega)
+        rate = (S @ T[:3, :3]).tolist()
+        answer |= {"angular_velocity": omega, "skew": S.tolist(), "rotation_rate": rate}
     singular = [asdict(form) for form in singular_forms(T[:3, :3])]
     answer |= {"pose": _forms(T), "inverse": _forms(rotation.inverse(T)), "singular": singular}
     answer["notes"] = rounding_notes(body)
@@ -195,6 +200,7 @@ def jacobian(chain: Chain, body: JacobianRequest) -> bytes:
         J = np.array([analytic_zyz(*pair) for pair in zip(flat, turns, strict=True)]).reshape(
             J.shape
         )
+    J = _rows(J, body.axes)
     found = singular_directions(J)
     answer = {
         "jacobian": J.tolist(),
@@ -203,6 +209,19 @@ def jacobian(chain: Chain, body: JacobianRequest) -> bytes:
         "manipulability": found.values.prod(axis=-1).tolist(),
     }
     return to_json(answer | in_frame(chain, body.frame))
+
+
+def task_jacobian(chain: Chain, body: JacobianRequest | VelocityRequest | WrenchRequest) -> Array:
+    """The rows of a request's Jacobian that count, in its frame, shape (..., m, n)."""
+    J = geometric(chain, body.joints, body.link, body.point)
+    T = frame_transform(chain, body.joints, body.frame)
+    if T is not None:
+        J = _turn(T, J)
+    return _rows(J, body.axes)
+
+
+def _rows(J: Array, axes: Sequence[Axis] | None) -> Array:
+    return J if axes is None else J[..., [AXES.index(axis) for axis in axes], :]
 
 
 def velocity(chain: Chain, body: VelocityRequest) -> bytes:
@@ -214,38 +233,26 @@ def velocity(chain: Chain, body: VelocityRequest) -> bytes:
         InvalidOption: Lists of different lengths.
     """
     joints = chain.configuration(body.joints)
-    T = frame_transform(chain, body.joints, body.frame)
+    J = task_jacobian(chain, body)
     if body.twist is None:
         assert body.joint_velocities is not None
         rates = chain.configuration(body.joint_velocities, "joint_velocities")
         _check_rows(joints, rates, "joint_velocities")
-        twist = link_twist(chain, joints, rates, body.link, body.point)
-        found = singular_directions(geometric(chain, joints, body.link, body.point))
+        twist = (J @ rates[..., None])[..., 0]
+        found = singular_directions(J)
         rates = np.broadcast_to(rates, (*twist.shape[:-1], chain.n))
         gains = np.ones_like(found.values)
         solved = JointVelocities(rates, np.zeros_like(twist), gains, found)
     else:
-        _check_rows(joints, np.array(body.twist), "twist")
+        asked = np.array(body.twist, dtype=np.float64)
+        _check_rows(joints, asked, "twist")
         nullspace = None
         if body.nullspace is not None:
             nullspace = chain.configuration(body.nullspace, "nullspace")
             _check_rows(joints, nullspace, "nullspace")
         below = DAMPED_BELOW if body.damped_below is None else body.damped_below
-        asked = np.array(body.twist, dtype=np.float64)
-        if T is not None:
-            asked = _turn(_inverse(T), asked[..., None])[..., 0]
-        solved = joint_velocities(
-            chain,
-            joints,
-            asked,
-            nullspace=nullspace,
-            link=body.link,
-            point=body.point,
-            damped_below=below,
-        )
+        solved = rates_of_task(J, asked, nullspace=nullspace, damped_below=below)
         twist = asked - solved.residual
-    if T is not None:
-        twist, solved = _turned_velocities(T, twist, solved)
     return to_json(
         {
             "twist": twist.tolist(),
@@ -257,22 +264,6 @@ def velocity(chain: Chain, body: VelocityRequest) -> bytes:
             **in_frame(chain, body.frame),
         }
     )
-
-
-def _turned_velocities(
-    T: Array, twist: Array, solved: JointVelocities
-) -> tuple[Array, JointVelocities]:
-    """Twists of the root frame, seen in the frame T_root_frame."""
-    directions = solved.directions
-    seen = JointVelocities(
-        solved.joint_velocities,
-        _turn(T, solved.residual[..., None])[..., 0],
-        solved.gains,
-        SingularDirections(
-            directions.values, _turn(T, directions.twists), directions.motions, directions.rank
-        ),
-    )
-    return _turn(T, twist[..., None])[..., 0], seen
 
 
 def _check_rows(joints: Array, others: Array, name: str) -> None:
