@@ -95,6 +95,8 @@ class Problem:
         constraints: What the whole motion has to hold; its clearance raises the margin.
         start_velocity: At the start, shape (n,); at rest where none is given.
         start_acceleration: At the start, shape (n,); None where any will do.
+        field_cell: Robot and scene of a potential field where collisions of bodies are left out:
+            obstacles push control points, solids or none.
 
     Raises:
         InvalidGoal: There is no goal, or the margin is negative.
@@ -110,6 +112,7 @@ class Problem:
     constraints: ConstraintSet | None = None
     start_velocity: Array | None = None
     start_acceleration: Array | None = None
+    field_cell: tuple[RobotGeometry, Scene] | None = None
 
     def __post_init__(self) -> None:
         if not isinstance(self.robot, RobotGeometry):
@@ -117,6 +120,9 @@ class Problem:
         chain = self.robot.chain
         object.__setattr__(self, "start", frozen(chain.state(self.start, "start.joints")))
         object.__setattr__(self, "scene", place(self.scene, chain, self.start))
+        if self.field_cell is not None:
+            body, scene = self.field_cell
+            object.__setattr__(self, "field_cell", (body, place(scene, chain, self.start)))
         for name in ("start_velocity", "start_acceleration"):
             if getattr(self, name) is not None:
                 object.__setattr__(self, name, frozen(getattr(self, name)))

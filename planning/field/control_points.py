@@ -53,16 +53,45 @@ def origin_points(chain: Chain, radii: float | Sequence[float] = 0.0) -> Control
     Raises:
         InvalidOption: There is another number of radii.
     """
+    return ControlPoints(np.arange(chain.n), frame_origins(chain), _radii(radii, chain.n))
+
+
+def named_points(
+    chain: Chain, points: Sequence[tuple[str, Array]], radii: float | Sequence[float] = 0.0
+) -> ControlPoints:
+    """Points of one's own: a link that moves, and a place in its frame, each.
+
+    Args:
+        chain: The robot.
+        points: Names of links, and positions in their frames, shape (3,) [m].
+        radii: Radius of the arm about each, one for all or one each [m].
+
+    Raises:
+        InvalidLinkName: No such link.
+        InvalidOption: A link does not move, or there is another number of radii.
+    """
+    joints, places = [], []
+    for name, point in points:
+        link = chain.link(name)
+        if link.joint < 0:
+            raise InvalidOption(
+                f"control_points: link {name!r} does not move, so no force moves a point of it",
+                hint="Name links that joints carry.",
+            )
+        joints.append(link.joint)
+        places.append(link.T_joint_link[:3, :3] @ point + link.T_joint_link[:3, 3])
+    return ControlPoints(np.array(joints), np.array(places), _radii(radii, len(points)))
+
+
+def _radii(radii: float | Sequence[float], count: int) -> Array:
     about = np.array(radii, dtype=np.float64)
-    if about.ndim == 1 and len(about) != chain.n:
+    if about.ndim == 1 and len(about) != count:
         raise InvalidOption(
-            f"point_radii has {len(about)} value(s), there are {chain.n} control points",
+            f"point_radii has {len(about)} value(s), there are {count} control points",
             hint="Give one number for all of them, or one for each, base to tip.",
-            control_points=chain.n,
+            control_points=count,
         )
-    return ControlPoints(
-        np.arange(chain.n), frame_origins(chain), np.array(np.broadcast_to(about, chain.n))
-    )
+    return np.array(np.broadcast_to(about, count))
 
 
 @bounded_cache(maxsize=32)

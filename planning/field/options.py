@@ -18,6 +18,10 @@ CONTROL_POINTS = ("origins", "links")
 ENGINES = ("exact", "fcl")
 #: Largest number of steps, and of steps without progress.
 MAX_ITERATIONS = 100_000
+#: Fields of a control point of one's own.
+_PARTS = {"link", "point"}
+#: Control points of one's own at most.
+_MAX_POINTS = 64
 #: So large an alpha_k makes every step the longest: cheaper than looking for a lower potential, and
 #: strides over small ridges of it.
 _ALWAYS_LONGEST = 1e6
@@ -34,10 +38,11 @@ class FieldOptions:
         repulsive_weights: eta_i [N m^3], likewise.
         influence_distance: rho_0, distance within which an obstacle is felt [m].
         least_distance: rho_m, nearer than this an obstacle pushes as it does here [m].
-        control_points: "origins" O_i of the DH frames, or points along the "links".
-        point_radii: Radius of the arm about the origins [m]: one for all, or one each; None for
-            bare origins. Obstacles push from where they are felt by balls of these radii. Points
-            along links have those of the links.
+        control_points: "origins" O_i of the DH frames, points along the "links", or points of one's
+            own, {"link": name, "point": [x, y, z] in its frame [m]} each.
+        point_radii: Radius of the arm about origins or own points [m]: one for all, or one each;
+            None for bare points. Obstacles push from where they are felt by balls of these radii.
+            Points along links have those of the links.
         joint_weight: Pull in joint space beside that on the control points [N m].
         step_sizes: alpha_k: one for all steps, or a sequence whose last one is kept; None for the
             longest steps that are proved and lower the potential.
@@ -67,7 +72,7 @@ class FieldOptions:
     repulsive_weights: float | Sequence[float] = 2e-4
     influence_distance: float = 0.1
     least_distance: float = 1e-3
-    control_points: str = "origins"
+    control_points: str | Sequence[Mapping[str, Any]] = "origins"
     point_radii: float | Sequence[float] | None = None
     joint_weight: float = 0.0
     step_sizes: float | Sequence[float] | None = None
@@ -102,12 +107,12 @@ class FieldOptions:
             whole(name, getattr(self, name), least, most)
         for name in ("progress", "force_tolerance"):
             share(name, getattr(self, name))
-        for name, choices in (("control_points", CONTROL_POINTS), ("engine", ENGINES)):
-            if getattr(self, name) not in choices:
-                raise InvalidOption(
-                    f"{name} can't be {getattr(self, name)!r}",
-                    hint=f"Choose one of: {', '.join(choices)}.",
-                )
+        if self.engine not in ENGINES:
+            raise InvalidOption(
+                f"engine can't be {self.engine!r}", hint=f"Choose one of: {', '.join(ENGINES)}."
+            )
+        if self.control_points not in CONTROL_POINTS:
+            self.named_points  # noqa: B018 - refuses what is neither
         for name in ("connect", "keep_path"):
             if not isinstance(getattr(self, name), bool):
                 raise InvalidOption(f"{name} must be true or false, not {getattr(self, name)!r}")
@@ -118,12 +123,41 @@ class FieldOptions:
             positive("joint_weight", self.joint_weight)
         self._check_step_sizes()
 
+    @property
+    def named_points(self) -> tuple[tuple[str, Array], ...]:
+        """Names of links, and positions in their frames, of control points of one's own.
+
+        Raises:
+            InvalidOption: They are none.
+        """
+        given: Any = self.control_points
+        points = []
+        items = given if isinstance(given, Sequence) and not isinstance(given, str) else [None]
+        for item in items:
+            parts: Any = item if isinstance(item, Mapping) and set(item) == _PARTS else {}
+            link, point = parts.get("link"), parts.get("point")
+            try:
+                place = np.array(point, dtype=np.float64)
+            except (TypeError, ValueError):
+                place = np.zeros(0)
+            if not isinstance(link, str) or place.shape != (3,) or not np.isfinite(place).all():
+                raise InvalidOption(
+                    f"control_points can't be {given!r:.80}",
+                    hint=f"Choose {' or '.join(CONTROL_POINTS)}, or give a list of "
+                    '{"link": name, "point": [x, y, z]}.',
+                )
+            points.append((link, place))
+        if not 0 < len(points) <= _MAX_POINTS:
+            raise InvalidOption(f"control_points must be 1 to {_MAX_POINTS} points")
+        return tuple(points)
+
     def _check_radii(self) -> None:
         if self.point_radii is None:
             return
         if self.control_points == "links":
             raise InvalidOption(
-                "point_radii are those of origins; points along links have the links' own",
+                "point_radii are those of origins and own points; points along links have the "
+                "links' own",
                 hint='Take control_points "origins", or leave point_radii out.',
             )
         several = isinstance(self.point_radii, Sequence) and not isinstance(self.point_radii, str)

@@ -13,7 +13,7 @@ Robotics Research, 1991.
 """
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from typing import ClassVar
 
@@ -28,7 +28,12 @@ from obstacles.robots.robot_geometry import RobotGeometry
 from obstacles.scenes.scene import Scene
 from planning.constrained.checker import ConstrainedChecker
 from planning.constraints.row import WIDTH
-from planning.field.control_points import ControlPoints, along_links, origin_points
+from planning.field.control_points import (
+    ControlPoints,
+    along_links,
+    named_points,
+    origin_points,
+)
 from planning.field.field_kernels import value_kernel, vanishing_force_kernel
 from planning.field.gradient_descent import (
     Count,
@@ -140,13 +145,18 @@ class PotentialField:
     def plan(self, query: Query) -> Attempt:
         """Descend to the first goal that can be reached so."""
         problem, ready = query.problem, query.ready
+        robot, scene = problem.field_cell or (problem.robot, problem.scene)
+        options = self.options
+        if problem.field_cell is not None:
+            # No straight motion is refused where no body is looked at: the way is the field's own.
+            options = replace(options, keep_path=True)
         result = potential_field(
-            problem.robot,
+            robot,
             query.checker,
-            problem.scene,
+            scene,
             ready.start,
             ready.goals,
-            self.options,
+            options,
             query.seed,
             query.deadline,
         )
@@ -156,7 +166,7 @@ class PotentialField:
                 result.waypoints,
                 result.detail,
                 descent=descent,
-                keep_path=self.options.keep_path,
+                keep_path=options.keep_path,
             )
         details = {
             "joints": result.visited[-1].tolist(),
@@ -193,11 +203,11 @@ def _weighted_points(
     """The control points that the options ask for, and their weights."""
     if options.control_points == "links":
         where = along_links(robot)
-        weights = options.weights.with_share(1.0 / len(where))
-    else:
-        radii = 0.0 if options.point_radii is None else options.point_radii
-        where, weights = origin_points(robot.chain, radii), options.weights
-    return where, weights
+        return where, options.weights.with_share(1.0 / len(where))
+    radii = 0.0 if options.point_radii is None else options.point_radii
+    if options.control_points == "origins":
+        return origin_points(robot.chain, radii), options.weights
+    return named_points(robot.chain, options.named_points, radii), options.weights
 
 
 @bounded_cache(maxsize=16, weigh=lambda projector: array_bytes(projector.arrays))

@@ -46,8 +46,9 @@ Tolerance = Annotated[Positive, Field(le=10.0)]
 Collisions = Annotated[
     Literal["check", "ignore"],
     Field(
-        description="ignore: neither obstacles nor the robot's own links are looked at, and the "
-        "certificate says so; needed for a robot without collision geometry among obstacles"
+        description="ignore: collisions of bodies are not looked at, and the certificate says so; "
+        "needed for a robot without collision geometry among obstacles. They still push the "
+        "control points of the planner potential_field"
     ),
 ]
 

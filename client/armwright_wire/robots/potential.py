@@ -14,8 +14,10 @@ from armwright_wire.base import (
     Frame,
     Joints,
     JointVector,
+    Label,
     Matrix,
     NonNegative,
+    Point,
     Positive,
     Timeout,
 )
@@ -31,6 +33,13 @@ else:
     Radii = NonNegative | Annotated[list[NonNegative], Field(min_length=1, max_length=MAX_JOINTS)]
 #: Fields answered at once: with all their control points about a megabyte a thousand.
 MAX_FIELDS = MAX_BATCH
+
+
+class OwnPoint(Body):
+    """A point that the field acts on."""
+
+    link: Label = Field(description="link that carries it", examples=["panda_link4"])
+    point: Point = Field(description="position in that link's frame [m]")
 
 
 class PotentialOptions(Body):
@@ -61,13 +70,19 @@ class PotentialOptions(Body):
         description="the planner's preset that options left out are taken from: quick and thorough "
         "have points along the links and a pull in joint space",
     )
-    control_points: Literal["origins", "links"] | None = Field(
-        None, description="origins O_i of the DH frames, or points along the links' solids"
+    control_points: (
+        Literal["origins", "links"]
+        | Annotated[list[OwnPoint], Field(min_length=1, max_length=MAX_JOINTS)]
+        | None
+    ) = Field(
+        None,
+        description="origins O_i of the DH frames, points along the links' solids, or points of "
+        "one's own",
     )
     point_radii: Radii | None = Field(
         None,
-        description="radius of the arm about the origins [m]: one number, or one for each; 0 if "
-        "left out",
+        description="radius of the arm about origins or own points [m]: one number, or one for "
+        "each; 0 if left out",
         examples=[0.05],
     )
     joint_weight: NonNegative | None = Field(

@@ -148,7 +148,10 @@ def _posed(
     if framed:
         body = plan_in_root_frame(body, geometry.chain)
     cell = _collision_cell(around, body.collisions)
-    return body, cell, problems.problem(body, cell.robot, cell.scene)
+    problem = problems.problem(body, cell.robot, cell.scene)
+    if body.collisions == "ignore":
+        problem = dataclasses.replace(problem, field_cell=(around.robot, around.scene))
+    return body, cell, problem
 
 
 def _report_stage(stage: str) -> None:
