@@ -18,10 +18,10 @@ count, such as its position. Neither rule knows joint limits.
 import math
 from collections.abc import Collection
 from dataclasses import dataclass
-from typing import Literal, get_args
+from typing import Any, Literal, get_args
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from kinematics.arrays import Array, frozen
 from kinematics.errors import InvalidOption, InvalidPose
@@ -50,8 +50,16 @@ COORDINATES: tuple[Coordinates, ...] = get_args(Coordinates)
 _STEP = 0.1
 #: Steps of the flow by the transpose, in units of 1 / (K s^2), with s the largest singular value.
 _TRANSPOSE_STEP = 0.1
-#: J J^T + this: without it a singular start would throw the arm anywhere.
+#: J J^T + this where J loses rank: without it a singular start would throw the arm anywhere.
 _DAMPING = 1e-9
+#: Smallest singular value of J, relative to the largest, down to which nothing is damped.
+_FULL_RANK = 1e-5
+#: |J^T K e| relative to its factors below which a point is stationary.
+_STATIONARY = 1e-7
+#: Steps of a flow with a duration are this part of the others: q(t) is asked for, not its end.
+_FINE = 0.1
+#: Steps of a flow with a duration at most.
+_MOST_STEPS = 100_000
 #: Steps that are traced and taken at most.
 STEPS = {"pseudo_inverse": 400, "transpose": 20_000}
 #: The form of each rule where none is asked for.
@@ -68,6 +76,7 @@ class GradientOptions:
         gain: K [1/s]: a number, or a matrix (r, r) for the r axes that count; gamma of the
             transpose. None for 1, and for the best of each step of the transpose.
         steps: Steps at most; None for 400 (pseudo-inverse) and 20,000 (transpose).
+        duration: Time at which a flow ends, wherever it is then [s]; None to go on to the pose.
         form: "flow" or "step"; None for the flow of the pseudo-inverse and the step of the
             transpose.
         axes: Axes of the target that count. Where all three of position or of rotation do, their
@@ -84,6 +93,7 @@ class GradientOptions:
     steps: int | None = None
     form: Form | None = None
     axes: Collection[Axis] = AXES
+    duration: float | None = None
 
     def __post_init__(self) -> None:
         if self.rule not in RULES:
@@ -109,6 +119,14 @@ class GradientOptions:
             )
         if self.gain is not None:
             _check_gain(self.gain, self.rule, len(self.rows))
+        if self.duration is not None:
+            if not 0.0 < self.duration < math.inf:
+                raise InvalidOption(f"duration must be positive, got {self.duration}")
+            if not self.is_flow or self.steps is not None:
+                raise InvalidOption(
+                    "duration is that of a flow; steps are counted",
+                    hint='Take the form "flow" and leave steps out, or leave duration out.',
+                )
 
     @property
     def rows(self) -> list[int]:
@@ -170,6 +188,8 @@ class Trace:
         position_error: Norm of its positions, shape (k + 1,) [m].
         orientation_error: Norm of its rotation vector, shape (k + 1,) [rad].
         converged: Whether the last point is inside the tolerances.
+        stationary: Whether J^T K e vanishes at the last point, which neither rule leaves.
+        damped: Whether J^+ was damped on the way, where J lost rank.
     """
 
     times: Array
@@ -178,6 +198,8 @@ class Trace:
     position_error: Array
     orientation_error: Array
     converged: bool
+    stationary: bool = False
+    damped: bool = False
 
     @property
     def solution(self) -> IkSolution:
@@ -200,7 +222,10 @@ def follow(
     position_tolerance: float = POSITION_TOLERANCE,
     orientation_tolerance: float = ORIENTATION_TOLERANCE,
 ) -> Trace:
-    """Follow the gradient from a configuration until the tolerances are met or the steps are spent.
+    """Follow the gradient from a configuration until it meets the tolerances or can't go on.
+
+    It ends where the error is inside the tolerances, the gradient vanishes, or the steps are spent;
+    a flow with a duration ends there alone.
 
     Args:
         chain: The robot.
@@ -226,17 +251,33 @@ def follow(
     K = how.matrix
     system = _System(chain, T, link, how, K, float(np.abs(np.linalg.eigvals(K)).max()))
     points, times, told = [q], [0.0], [system.errors(q)]
-    while not _done(told[-1], position_tolerance, orientation_tolerance):
-        if len(points) > (how.steps or STEPS[how.rule]):
+    most = _MOST_STEPS if how.duration else how.steps or STEPS[how.rule]
+    still, damped = False, False
+    while len(points) <= most:
+        left = math.inf if how.duration is None else how.duration - times[-1]
+        if how.duration is None:
+            still = system.is_stationary(q)
+            if still or _done(told[-1], position_tolerance, orientation_tolerance):
+                break
+        elif left <= 0.0:
             break
-        q, interval = _runge_kutta(system, q) if how.is_flow else (_step(system, q), 1.0)
+        damped = damped or system.is_damped(q)
+        q, interval = _runge_kutta(system, q, left) if how.is_flow else (_step(system, q), 1.0)
         points.append(q)
-        times.append(times[-1] + interval)
+        times.append(how.duration if how.duration and interval == left else times[-1] + interval)
         told.append(system.errors(q))
+    if how.duration and times[-1] < how.duration:
+        raise InvalidOption(
+            f"the flow takes more than {most} steps to {how.duration:g} s: it is too stiff",
+            hint="Ask for a shorter duration or a smaller gain.",
+        )
     done = _done(told[-1], position_tolerance, orientation_tolerance)
     norms = np.array([item[:2] for item in told])
     errors = np.array([item[2] for item in told])
-    return Trace(np.array(times), np.array(points), errors, norms[:, 0], norms[:, 1], done)
+    return Trace(
+        np.array(times), np.array(points), errors, norms[:, 0], norms[:, 1], done,
+        still and not done, damped,
+    )  # fmt: skip
 
 
 #: ‖e‖ of positions and of the rotation vector, and e of the axes that count.
@@ -276,6 +317,19 @@ class _System:
             seen = np.array([*e[:positions], *turn])
         norms = float(np.linalg.norm(seen[:positions])), float(np.linalg.norm(seen[positions:]))
         return (*norms, e)
+
+    def is_stationary(self, q: Array) -> bool:
+        """Whether J^T K e is nothing but rounding at q (n,)."""
+        J, e = self.jacobian(q)
+        pull = self.K @ e
+        size = float(np.linalg.norm(J) * np.linalg.norm(pull))
+        return float(np.linalg.norm(J.T @ pull)) <= _STATIONARY * size
+
+    def is_damped(self, q: Array) -> bool:
+        """Whether J^+ is damped at q (n,)."""
+        if self.options.rule == "transpose":
+            return False
+        return _loses_rank(np.linalg.svd(self.jacobian(q)[0], compute_uv=False))
 
     def jacobian(self, q: Array) -> tuple[Array, Array]:
         """J (r, n) and e (r,) of the axes that count, at q (n,)."""
@@ -317,15 +371,22 @@ def _rate(system: _System, q: Array) -> Array:
     K = system.K
     if system.options.rule == "transpose":
         return np.asarray(J.T @ (K @ e))
-    return np.asarray(J.T @ np.linalg.solve(J @ J.T + _DAMPING * np.eye(len(e)), K @ e))
+    U, s, V = np.linalg.svd(J, full_matrices=False)
+    inverse = s / (s * s + _DAMPING) if _loses_rank(s) else 1.0 / s
+    return np.asarray(V.T @ (inverse * (U.T @ (K @ e))))
 
 
-def _runge_kutta(system: _System, q: Array) -> tuple[Array, float]:
-    """The next point of the flow, and the time to it [s]."""
+def _loses_rank(s: NDArray[np.floating[Any]]) -> bool:
+    return bool(s[-1] <= _FULL_RANK * s[0])
+
+
+def _runge_kutta(system: _System, q: Array, left: float) -> tuple[Array, float]:
+    """The next point of the flow, and the time to it [s], no more than what is left."""
     h = _STEP / system.fastest
     if system.options.rule == "transpose":
         stretch = float(np.linalg.norm(system.jacobian(q)[0], 2))
         h = _TRANSPOSE_STEP / (system.fastest * max(stretch, _DAMPING) ** 2)
+    h = min(h if math.isinf(left) else _FINE * h, left)
     k1 = _rate(system, q)
     k2 = _rate(system, q + 0.5 * h * k1)
     k3 = _rate(system, q + 0.5 * h * k2)

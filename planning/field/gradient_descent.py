@@ -30,7 +30,7 @@ class Outcome(IntEnum):
     BLOCKED = 1
     #: Its steps were used up.
     GOING = 2
-    #: The force vanishes: a local minimum, or a saddle.
+    #: The force vanishes, but for joints at their limits: a local minimum, or a saddle.
     MINIMUM = 3
     #: As many steps as it has patience for did not lower the potential.
     STALLED = 4
@@ -247,13 +247,27 @@ def _reaches_goal(
 
 
 @kernel
+def free_force_kernel(force: Array, q: Array, rules: Rules) -> Array:
+    """The joint force (n,) without what pushes joints of q (n,) beyond limits they stand at."""
+    free = force.copy()
+    for j in range(q.shape[0]):
+        held = (q[j] <= rules.lower[j] and force[j] < 0.0) or (
+            q[j] >= rules.upper[j] and force[j] > 0.0
+        )
+        if held:
+            free[j] = 0.0
+    return free
+
+
+@kernel
 def _descend(proof: Proof, work: Workspace, rules: Rules, field: FieldModel, track: Track) -> int:
     """Take one step along the force: GOING, or why there is none."""
-    force, gauges, counts = track.force, track.gauges, track.counts
+    gauges, counts = track.gauges, track.counts
+    q = track.visited[counts[Count.VISITED] - 1]
+    force = free_force_kernel(track.force, q, rules)
     strength = 0.0
     for j in range(force.shape[0]):
         strength = max(strength, abs(force[j]))
-    q = track.visited[counts[Count.VISITED] - 1]
     if gauges[Gauge.NO_FORCE] < 0.0:
         gauges[Gauge.NO_FORCE] = vanishing_force_kernel(field, q, rules.force_tolerance)
     if strength <= gauges[Gauge.NO_FORCE]:

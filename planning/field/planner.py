@@ -41,6 +41,7 @@ from planning.field.gradient_descent import (
     Proof,
     Track,
     descend_kernel,
+    free_force_kernel,
     keep_kernel,
 )
 from planning.field.options import FieldOptions
@@ -359,13 +360,13 @@ class _Descent:
         return text if outcome == Outcome.MINIMUM else f"{text} It is no local minimum."
 
     def _is_at_minimum(self) -> bool:
-        """Whether the force vanishes at the last configuration."""
+        """Whether the force vanishes at the last configuration, but for joints at their limits."""
         q, tolerance = self.visited[-1], self._options.force_tolerance
         if self._model is None:
             force = self._field.vanishing_force(q, tolerance)
         else:
             force = vanishing_force_kernel(self._model, q, tolerance)
-        return float(np.abs(self.joint_force).max()) <= force
+        return float(np.abs(free_force_kernel(self.joint_force, q, self._rules)).max()) <= force
 
     def _direction_across(self) -> tuple[Array, int]:
         """A random direction across the force, and how many steps to take in it."""

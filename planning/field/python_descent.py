@@ -23,6 +23,7 @@ from planning.field.gradient_descent import (
     Proof,
     Rules,
     Track,
+    free_force_kernel,
     is_free_kernel,
     keep_kernel,
 )
@@ -103,9 +104,9 @@ class PythonDescent:
     def _take_step(self, work: Workspace, track: Track) -> int:
         """Take one step along the force: GOING, or why there is none."""
         rules, gauges, counts = self.rules, track.gauges, track.counts
-        force = track.force.copy()
-        strength = float(np.abs(force).max())
         q = track.visited[counts[Count.VISITED] - 1].copy()
+        force = free_force_kernel(track.force, q, rules)
+        strength = float(np.abs(force).max())
         if strength <= self.vanishing_force(q, rules.force_tolerance):
             return Outcome.MINIMUM
         if counts[Count.STALE] >= rules.patience:

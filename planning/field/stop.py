@@ -40,8 +40,8 @@ def explain_stop(
 
     Returns:
         In its details ``force``, the largest joint force [N m or N]; ``repelled``, the point that
-        obstacles push most; ``next_contact``, the pair, or the joints at a limit, that the next
-        step runs into.
+        obstacles push most; ``at_limit``, joints held by a limit; ``next_contact``, the pair, or
+        the joints at a limit, that the next step runs into.
     """
     value = field.at(q)
     strength = float(np.abs(value.joint_force).max())
@@ -68,9 +68,20 @@ def explain_stop(
     if ending in ("blocked", "kink"):
         text, details["next_contact"] = _obstruction(chain, checker, q, value.joint_force, options)
         return Explanation(f"{text} {push}{_advice(ending, options)}", details)
+    held = _held(chain, q, value.joint_force)
+    if held:
+        details["at_limit"] = held
+        push = f"The force pushes {', '.join(map(repr, held))} against a limit. {push}"
     return Explanation(
         f"The largest joint force is {strength:.3g}. {push}{_advice(ending, options)}", details
     )
+
+
+def _held(chain: Chain, q: Array, force: Array) -> list[str]:
+    """Names of joints that stand at a limit and are pushed beyond it."""
+    limits = chain.limits
+    held = ((q <= limits.lower) & (force < 0.0)) | ((q >= limits.upper) & (force > 0.0))
+    return [chain.joint_names[int(i)] for i in np.flatnonzero(held)]
 
 
 def _obstruction(

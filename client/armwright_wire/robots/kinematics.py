@@ -165,6 +165,11 @@ class GradientOptions(Body):
     steps: Annotated[int, Field(ge=1, le=100_000)] | None = Field(
         None, description="400 or 20,000 if left out"
     )
+    duration: Annotated[Positive, Field(le=1e6)] | None = Field(
+        None,
+        description="of a flow: answer where it is then, at the pose or not [s]; left out, it goes "
+        "on to the pose",
+    )
     trace: bool = Field(False, description="also answer where it went")
     trace_points: Annotated[int, Field(ge=2, le=100_000)] | None = Field(
         None, description="points of the trace at most; all of them if left out"

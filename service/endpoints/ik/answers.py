@@ -84,16 +84,18 @@ def trace_answer(trace: Trace, body: IkRequest) -> dict[str, Any]:
 def convergence_problem(link: str, trace: Trace, body: IkRequest) -> TaskProblem:
     """The refusal of a gradient that ended away from the pose."""
     last = trace.solution
+    end = ", where it is stationary: Jᵀ K e = 0" if trace.stationary else ""
     return TaskProblem(
         "NO_IK_SOLUTION",
         f"after {last.iterations} steps the gradient has brought {link!r} to "
-        f"{last.position_error:.4g} m and {last.orientation_error:.4g} rad from the pose",
+        f"{last.position_error:.4g} m and {last.orientation_error:.4g} rad from the pose{end}",
         "Start elsewhere (seed_joints), allow more steps, or take the method auto.",
         {
             "stage": "ik",
             "position_error": last.position_error,
             "orientation_error": last.orientation_error,
             "nearest_joints": last.joints.tolist(),
+            "stationary": trace.stationary,
             "trace": trace_answer(trace, body),
         },
     )

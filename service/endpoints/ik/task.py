@@ -241,7 +241,8 @@ def _one(query: _Query, pose: Pose | None) -> dict[str, Any] | TaskProblem:
     trace = None
     if body.method == "gradient":
         trace = _follow_gradient(chain, body, pose)
-        if not trace.converged:
+        flows = body.gradient is not None and body.gradient.duration is not None
+        if not trace.converged and not flows:
             return convergence_problem(query.link, trace, body)
         result = IkResult((trace.solution,), trace.solution, 1)
     else:
@@ -250,6 +251,8 @@ def _one(query: _Query, pose: Pose | None) -> dict[str, Any] | TaskProblem:
         return unreachable(chain, query.link, result)
     answers = [solution_answer(chain, solution) for solution in result.solutions]
     add_sides(chain, body.link, answers)
+    if trace is not None and not trace.converged:
+        answers[0]["rejected_because"] = "the flow is not at the pose at the end of its duration"
     if check is not None:
         answers = check.apply(answers, everything=body.all_solutions)
         if not body.all_solutions and not answers[0]["collision_free"]:
@@ -264,6 +267,8 @@ def _one(query: _Query, pose: Pose | None) -> dict[str, Any] | TaskProblem:
         answer["allowed_collisions"] = check.told(answer["solutions"])
     if body.gradient is not None and body.gradient.trace and trace is not None:
         answer["trace"] = trace_answer(trace, body)
+    if trace is not None and trace.damped:
+        answer["notes"] = ["the inverse of the Jacobian was damped where the Jacobian loses rank"]
     return answer
 
 
@@ -341,6 +346,7 @@ def _follow_gradient(chain: Chain, body: IkRequest, pose: Pose) -> Trace:
         gain=given.gain,
         steps=given.steps,
         form=given.form,
+        duration=given.duration,
         axes=AXES if body.axes is None else body.axes,
     )
     return follow(

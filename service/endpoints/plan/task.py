@@ -51,6 +51,10 @@ from service.workers.answer import in_frame
 from service.workers.result import PlanOutcome, TaskProblem, timed_out, validation_fault
 from service.workers.task import GRACE, task
 
+#: Note on a descent of points in place of bodies.
+_BODILESS = (
+    "the robot has no solids: obstacles push its control points, and no collision is proved absent"
+)
 #: What a plan depends on beside the request.
 _PACKAGES = ("numpy", "scipy", "numba", "ompl", "python-fcl")
 #: How far a plan is when a stage begins, by how long the stages before it usually take.
@@ -116,6 +120,12 @@ def plan_outcome(
         details = {"stages": problems.stages_answer(outcome.stages)}
         return refusal(outcome, details)
     outcome = dataclasses.replace(outcome, notes=(*read, *cell.notes, *outcome.notes))
+    if problem.field_cell is not None and body.collisions == "check":
+        outcome = dataclasses.replace(
+            outcome,
+            certificate=dataclasses.replace(outcome.certificate, verified=False),
+            notes=(*outcome.notes, _BODILESS),
+        )
     content = to_json(_answer(outcome, body, cell), inf_nan_mode="null")
     stages = tuple((stage.name, 1e-3 * stage.milliseconds) for stage in outcome.stages)
     return PlanOutcome(content, outcome.planner, stages)
@@ -147,9 +157,19 @@ def _posed(
     around = with_surroundings(geometry, scene, body, start)
     if framed:
         body = plan_in_root_frame(body, geometry.chain)
-    cell = _collision_cell(around, body.collisions)
+    collisions = body.collisions
+    if (
+        body.planner == "potential_field"
+        and around.scene.obstacles
+        and not has_solids(around.robot)
+    ):
+        # The field acts on points, which need no solids; a fallback has nothing to keep clear.
+        collisions = "ignore"
+        given: dict[str, Any] = {"fallback": None, **(body.planner_options or {})}
+        body = body.model_copy(update={"planner_options": given})
+    cell = _collision_cell(around, collisions)
     problem = problems.problem(body, cell.robot, cell.scene)
-    if body.collisions == "ignore":
+    if collisions == "ignore":
         problem = dataclasses.replace(problem, field_cell=(around.robot, around.scene))
     return body, cell, problem
 

@@ -20,6 +20,7 @@ from kinematics.ik.gradient import (
 from kinematics.ik.numeric.numeric import POSITION
 from kinematics.jacobian import geometric
 from kinematics.model.chain import Chain
+from kinematics.model.dh import DhRow, DhTable, chain_from_dh
 from kinematics.pose import from_zyz, rotation_error, transform
 from kinematics.robots import builtin_chain
 
@@ -181,3 +182,62 @@ def test_bad_input_is_named() -> None:
             transform(from_zyz([0.1, 0.2, 0.3]), [0.3, 0.1, 0.1]),
             options=GradientOptions(coordinates="zyz"),
         )
+
+
+@pytest.mark.parametrize("rule", RULES)
+def test_a_flow_with_a_duration_ends_there(rule: Rule) -> None:
+    chain, duration = builtin_chain("ur5e"), 0.3
+    start = np.array([0.2, -1.0, 1.2, -0.8, 0.5, 0.3])
+    target = forward(chain, start + 0.3)
+
+    def flow(_: float, q: Array) -> Array:
+        T, J = forward(chain, q), geometric(chain, q)
+        turn = rotation_error(T[:3, :3], target[:3, :3])
+        e = 2.0 * np.concatenate([target[:3, 3] - T[:3, 3], turn])
+        return np.asarray(J.T @ e if rule == "transpose" else np.linalg.solve(J, e))
+
+    expected = solve_ivp(flow, (0.0, duration), start, rtol=1e-11, atol=1e-12).y[:, -1]
+    options = GradientOptions(rule, gain=2.0, form="flow", duration=duration)
+    trace = follow(chain, target, seed_joints=start, options=options)
+    assert trace.times[-1] == duration
+    assert not trace.converged
+    np.testing.assert_allclose(trace.joints[-1], expected, atol=1e-7)
+
+
+def test_a_flow_near_a_singular_start_is_not_damped() -> None:
+    rows = tuple(DhRow("revolute", a) for a in (0.5, 0.4))
+    chain = chain_from_dh("planar", DhTable("standard", rows))
+    start, target = np.array([0.4, 2e-3]), forward(chain, [0.4, 0.01])
+    turn = target[:2, :2].T
+
+    def flow(_: float, q: Array) -> Array:
+        e = turn @ (target[:2, 3] - forward(chain, q)[:2, 3])
+        return np.asarray(np.linalg.solve(turn @ geometric(chain, q)[:2], e))
+
+    expected = solve_ivp(flow, (0.0, 0.1), start, rtol=1e-11, atol=1e-13).y[:, -1]
+    assert np.linalg.svd(geometric(chain, start)[:2])[1][-1] < 1e-3
+    options = GradientOptions(axes=("x", "y"), form="flow", duration=0.1)
+    trace = follow(chain, target, seed_joints=start, options=options)
+    np.testing.assert_allclose(trace.joints[-1], expected, atol=1e-7)
+    assert not trace.damped
+    folded = follow(chain, target, seed_joints=[0.4, 0.0], options=options)
+    assert folded.damped
+
+
+@pytest.mark.parametrize("rule", RULES)
+def test_a_stationary_start_is_told_at_once(rule: Rule) -> None:
+    rows = tuple(DhRow("revolute", a) for a in (0.5, 0.4))
+    chain = chain_from_dh("planar", DhTable("standard", rows))
+    target = np.eye(4)
+    target[0, 3] = 0.3  # on the line of the stretched arm: no joint moves the tip along it
+    options = GradientOptions(rule, axes=POSITION)
+    trace = follow(chain, target, seed_joints=[0.0, 0.0], options=options)
+    assert trace.stationary
+    assert len(trace.times) == 1
+    assert not trace.converged
+
+
+def test_durations_are_those_of_flows() -> None:
+    for options in ({"rule": "transpose"}, {"steps": 5}, {"duration": -1.0}):
+        with pytest.raises(InvalidOption, match="duration"):
+            GradientOptions(**{"duration": 1.0, **options})  # type: ignore[arg-type]

@@ -82,7 +82,10 @@ def test_obstacles_push_the_points_of_an_arm_without_solids() -> None:
     bare = RobotGeometry(chain, (), (), none, none, {})
     tip = forward(chain, [0.9, 0.4])[:3, 3]
     ball = Scene((Obstacle("ball", Sphere(0.04), transform(None, 1.08 * tip)),))
-    options = {"fallback": None, "max_iterations": 5000}
+    options = {
+        "fallback": None, "max_iterations": 5000, "repulsive_weights": 5e-3,
+        "influence_distance": 0.3,
+    }  # fmt: skip
     ways = []
     for scene in (Scene(), ball):
         problem = Problem(
@@ -94,8 +97,8 @@ def test_obstacles_push_the_points_of_an_arm_without_solids() -> None:
         assert isinstance(result, Plan)
         assert not result.certificate.proved.collisions
         ways.append(result.path.waypoints)
-    free, pushed = ways
-    gap = [np.linalg.norm(forward(chain, q)[:3, 3] - 1.08 * tip) - 0.04 for q in pushed]
-    assert min(gap) > 0.01
-    bent = np.abs(pushed[:, 1] - 0.4).max()
-    assert bent > 0.02 > np.abs(free[:, 1] - 0.4).max()
+    near = [
+        min(float(np.linalg.norm(forward(chain, q)[:3, 3] - 1.08 * tip)) for q in way)
+        for way in ways
+    ]
+    assert near[1] > near[0] + 0.02

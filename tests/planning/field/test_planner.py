@@ -375,10 +375,10 @@ def test_a_step_into_an_obstacle_names_the_pair() -> None:
 def test_a_limit_in_the_way_names_the_joint() -> None:
     """The pull over the top leads past the lower limit."""
     result, why = stopped(Scene(()), [-0.99, 0.0], [3.0, 0.0], attractive_cap=10.0)
-    assert result.ending in ("blocked", "kink")
-    assert "joint_1" in why.details["next_contact"]
+    assert result.ending == "local_minimum"
+    assert "joint_1" in why.details["at_limit"]
     end = dict(zip(("joint_1", "joint_2"), result.visited[-1], strict=True))
-    assert all(end[joint] in (-1.0, 3.0) for joint in why.details["next_contact"])
+    assert all(end[joint] in (-1.0, 3.0) for joint in why.details["at_limit"])
     assert "'joint_1'" in why.hint
     assert "against a limit" in why.hint
     assert "repelled" not in why.details
@@ -435,3 +435,32 @@ def test_the_descent_stops_before_what_a_mimic_joint_would_hit(robot: RobotGeome
         )
         assert (result.waypoints is not None) == is_free
         assert checker.each_valid(result.visited).all()
+
+
+@pytest.mark.parametrize("engine", ["exact", "fcl"])
+@pytest.mark.parametrize("sizes", [None, 0.05])
+def test_a_minimum_at_a_joint_limit_is_no_kink(engine: str, sizes: float | None) -> None:
+    # The ball beside the goal pushes joint 2 against its limit, where joint 1 balances alone.
+    rows = (
+        DhRow("revolute", 0.5, lower=-3.0, upper=3.0, velocity=1.0),
+        DhRow("revolute", 0.4, lower=-0.1, upper=3.0, velocity=1.0),
+    )
+    robot = dh_robot_geometry("planar", DhTable("standard", rows))
+    ball = Obstacle("ball", Sphere(0.1), transform(None, [0.85, 0.15, 0.0]))
+    scene = Scene((ball,))
+    checker = Checker.of(robot, scene)
+    options = FieldOptions(
+        engine=engine, step_sizes=sizes, connect=False, repulsive_weights=1e-3,
+        influence_distance=0.3, max_iterations=5000, fallback=None,
+    )  # fmt: skip
+    found = potential_field(
+        robot, checker, scene, np.array([-0.6, 0.0]), [np.array([0.9, 0.3])], options, 0,
+        Deadline.after(60.0),
+    )  # fmt: skip
+    q, force = found.visited[-1], found.joint_force
+    assert q[1] == -0.1
+    assert force[1] < -1e-3
+    assert abs(force[0]) < 0.02 * abs(force[1])
+    assert found.ending == "local_minimum", found.detail
+    assert found.explain is not None
+    assert found.explain().details["at_limit"] == ["joint_2"]
