@@ -85,7 +85,7 @@ TaskVector = Annotated[list[Number], Field(min_length=1, max_length=6)]
 
 
 def check_task_vectors(vectors: Any, axes: Sequence[str] | None, name: str) -> None:
-    """Check that vectors have a number for each axis that counts, and that each is named once.
+    """Check that vectors have a number for each axis that counts, or six, and names no twins.
 
     Raises:
         ValueError: They do not.
@@ -95,8 +95,8 @@ def check_task_vectors(vectors: Any, axes: Sequence[str] | None, name: str) -> N
     count = 6 if axes is None else len(axes)
     if vectors is not None:
         rows = vectors if isinstance(vectors[0], list) else [vectors]
-        if any(len(row) != count for row in rows):
-            raise ValueError(f"{name} needs {count} numbers, one for each axis that counts")
+        if any(len(row) not in (count, 6) for row in rows):
+            raise ValueError(f"{name} needs {count} numbers, one for each axis that counts, or six")
 
 
 class JacobianRequest(Body):

@@ -33,7 +33,7 @@ from kinematics.arrays import Array
 from kinematics.errors import InvalidOption, InvalidRobotState
 from kinematics.model.chain import Chain
 from kinematics.velocity import wrenches_of_torques
-from service.endpoints.kinematics.task import task_jacobian
+from service.endpoints.kinematics.task import task_jacobian, task_vectors
 from service.storage.caches import worker_cache
 from service.storage.caches.cache_key import builtin_reference
 from service.translate.payload import loaded_chain
@@ -79,7 +79,7 @@ def wrench(chain: Chain, body: WrenchRequest) -> bytes:
     q = chain.configuration(body.joints)
     J = task_jacobian(chain, body)
     if body.wrench is not None:
-        F = np.array(body.wrench)
+        F = task_vectors(body.wrench, body.axes)
         _check_rows(q, F)
         answer: dict[str, Any] = {"torques": np.einsum("...mn,...m->...n", J, F).tolist()}
     else:

@@ -220,6 +220,14 @@ def task_jacobian(chain: Chain, body: JacobianRequest | VelocityRequest | Wrench
     return _rows(J, body.axes)
 
 
+def task_vectors(values: Any, axes: Sequence[Axis] | None) -> Array:
+    """The numbers of vectors (..., m) or (..., 6) for the axes that count, in their order."""
+    array = np.array(values, dtype=np.float64)
+    if axes is None or array.shape[-1] == len(axes):
+        return array
+    return array[..., [AXES.index(axis) for axis in axes]]
+
+
 def _rows(J: Array, axes: Sequence[Axis] | None) -> Array:
     return J if axes is None else J[..., [AXES.index(axis) for axis in axes], :]
 
@@ -244,7 +252,7 @@ def velocity(chain: Chain, body: VelocityRequest) -> bytes:
         gains = np.ones_like(found.values)
         solved = JointVelocities(rates, np.zeros_like(twist), gains, found)
     else:
-        asked = np.array(body.twist, dtype=np.float64)
+        asked = task_vectors(body.twist, body.axes)
         _check_rows(joints, asked, "twist")
         nullspace = None
         if body.nullspace is not None:

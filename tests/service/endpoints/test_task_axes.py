@@ -53,6 +53,9 @@ def test_joint_velocities_of_a_linear_velocity_are_the_inverse() -> None:
     np.testing.assert_allclose(answer["joint_velocities"], np.linalg.solve(J, v), rtol=1e-9)
     np.testing.assert_allclose(answer["twist"], v, atol=1e-12)
     assert answer["rank"] == 3
+    six = [*v, 7.0, 8.0, 9.0]  # those of axes that do not count
+    same = asked(velocity, chain, VelocityRequest, joints=q, twist=six, axes=axes, damped_below=0)
+    assert same == answer
 
 
 def test_stretched_arm_has_lost_a_direction_of_its_position() -> None:
@@ -108,6 +111,7 @@ def test_force_of_torques_is_that_which_they_hold() -> None:
     ("schema", "body"),
     [
         (VelocityRequest, {"twist": [0.1, 0.2], "axes": ["x"]}),
+        (VelocityRequest, {"twist": [[0.1], [0.2, 0.3]], "axes": ["x"]}),
         (VelocityRequest, {"twist": [0.1, 0.2]}),
         (VelocityRequest, {"twist": [0.1, 0.2], "axes": ["x", "x"]}),
         (JacobianRequest, {"axes": ["x", "x"]}),
