@@ -3,8 +3,9 @@
     python scripts/reference.py [--check]
 
 Pages: one of the HTTP API for each group of operations, with an example request and its real answer
-for each; settings; problems with their cures; metrics. With --check nothing is written, and the
-exit code is 1 where a page is stale.
+for each; the objects that requests are made of, with all their fields and values; settings;
+problems with their cures; metrics. With --check nothing is written, and the exit code is 1 where a
+page is stale.
 """
 
 import argparse
@@ -31,6 +32,8 @@ from service.settings import Settings  # noqa: E402
 FOLDER = ROOT / "docs/reference"
 #: Longest line of an example [characters].
 _WIDTH = 100
+#: Page of the objects that requests are made of.
+_OBJECTS = "http_objects.md"
 _MADE = "<!-- Made by scripts/reference.py. -->\n\n"
 #: Methods in the order in which a page shows them.
 _METHODS = ("post", "get", "put", "patch", "delete")
@@ -51,6 +54,7 @@ def pages() -> dict[str, str]:
     return {
         "README.md": _index(sorted(groups)),
         **http,
+        _OBJECTS: _objects_page(document),
         "settings.md": _settings(),
         "problems.md": _problems(),
         "metrics.md": _metrics(app),
@@ -61,13 +65,13 @@ def _index(tags: list[str]) -> str:
     lines = [f"- [HTTP: {tag}](http_{tag.replace(' ', '_')}.md)" for tag in tags]
     return (
         "# Reference\n\n" + _MADE + "\n".join(lines) + "\n"
+        f"- [HTTP: objects of requests]({_OBJECTS}), every option with its values\n"
         "- [Settings](settings.md) of the service\n"
         "- [Problems](problems.md), their codes and cures\n"
         "- [Metrics](metrics.md) for Prometheus\n"
         "- [The library](../library.md), [the client](../../client/README.md), "
         "[the command line](../command_line.md)\n\n"
-        "A running service shows the same at `/docs`, with every field of every request; "
-        "`/openapi.json` is for programs.\n"
+        "A running service shows the same at `/docs`; `/openapi.json` is for programs.\n"
     )
 
 
@@ -85,18 +89,117 @@ def _http_page(tag: str, group: list[tuple[str, str, Any]], document: dict[str, 
 
 
 def _fields(operation: dict[str, Any], document: dict[str, Any]) -> str:
-    """Fields of the request with their descriptions, required ones first."""
+    """Fields of the request with their values and descriptions, required ones first."""
     content = operation.get("requestBody", {}).get("content", {})
     reference = content.get("application/json", {}).get("schema", {}).get("$ref", "")
-    schema = document["components"]["schemas"].get(reference.rpartition("/")[2], {})
+    return _table(document["components"]["schemas"].get(_name(reference), {}), full=False)
+
+
+def _table(schema: dict[str, Any], *, full: bool) -> str:
+    """Fields of an object as a table.
+
+    Args:
+        schema: Schema of the object.
+        full: Whether descriptions are whole, not their first lines.
+    """
     required = set(schema.get("required", ()))
-    rows = [
-        f"| `{name}`{' (required)' if name in required else ''} | {_meaning(field)} |"
-        for name, field in sorted(
-            schema.get("properties", {}).items(), key=lambda item: item[0] not in required
+    rows = []
+    for name, field in sorted(
+        schema.get("properties", {}).items(), key=lambda item: item[0] not in required
+    ):
+        text = _cell(field.get("description", "")) if full else _meaning(field)
+        default = field.get("default")
+        if default is not None:
+            text += f"; `{json.dumps(default, ensure_ascii=False)}` if left out"
+        label = f"`{name}`{' (required)' if name in required else ''}"
+        rows.append(f"| {label} | {_values(field)} | {text.removeprefix('; ')} |")
+    return (
+        "\n".join(["| field | values | meaning |", "|---|---|---|", *rows]) + "\n" if rows else ""
+    )
+
+
+def _name(reference: str) -> str:
+    return reference.rpartition("/")[2]
+
+
+#: Bounds of numbers and lengths, as they are written.
+_BOUNDS = {
+    "exclusiveMinimum": "> {}", "minimum": ">= {}", "exclusiveMaximum": "< {}", "maximum": "<= {}",
+}  # fmt: skip
+
+
+def _values(schema: dict[str, Any]) -> str:
+    """The values that a schema allows, in words, with links to objects."""
+    if "$ref" in schema:
+        name = _name(schema["$ref"])
+        return f"[{name}]({_OBJECTS}#{name.lower()})"
+    if "const" in schema or "enum" in schema:
+        values = schema.get("enum", [schema.get("const")])
+        return ", ".join(f"`{json.dumps(value)}`" for value in values)
+    for key in ("anyOf", "oneOf"):
+        if key in schema:
+            parts = [_values(part) for part in schema[key]]
+            return " or ".join(dict.fromkeys(part for part in parts if part != "null"))
+    kind = schema.get("type", "")
+    if kind == "array":
+        low, high = schema.get("minItems"), schema.get("maxItems")
+        count = f"{low} " if low is not None and low == high else ""
+        return f"list of {count}{_values(schema.get('items', {})) or 'values'}"
+    if kind == "object":
+        inner = schema.get("additionalProperties")
+        return f"object of {_values(inner)} by name" if isinstance(inner, dict) else "object"
+    if kind in ("number", "integer"):
+        bounds = [text.format(schema[key]) for key, text in _BOUNDS.items() if key in schema]
+        return (
+            " ".join([kind, ", ".join(bounds)]).strip()
+            if abs(schema.get("maximum", 0)) < 1e6
+            else kind
         )
-    ]
-    return "\n".join(["| field | meaning |", "|---|---|", *rows]) + "\n" if rows else ""
+    return str(kind)
+
+
+def _objects_page(document: dict[str, Any]) -> str:
+    """The objects that requests are made of, and those that are parts of them."""
+    schemas = document["components"]["schemas"]
+    waiting = sorted(
+        {
+            _name(reference)
+            for operations in document["paths"].values()
+            for operation in operations.values()
+            for reference in _references(operation.get("requestBody", {}))
+        }
+    )
+    shown: dict[str, str] = {}
+    while waiting:
+        name = waiting.pop()
+        if name in shown or name not in schemas:
+            continue
+        schema = schemas[name]
+        table = _table(schema, full=True) or f"{_values(schema)}\n"
+        shown[name] = f"## {name}\n\n{schema.get('description', '').strip()}\n\n{table}"
+        waiting += [_name(reference) for reference in _references(schema)]
+    parts = [shown[name] for name in sorted(shown)]
+    head = "# HTTP: objects of requests\n\n" + _MADE
+    return (
+        head
+        + "Every field with the values it may have. `joints` and the like are vectors.\n\n"
+        + "\n".join(parts)
+    )
+
+
+def _references(part: Any) -> Iterator[str]:
+    """All references in a part of the document."""
+    if isinstance(part, dict):
+        for key, value in part.items():
+            if key == "$ref":
+                yield value
+            elif key == "mapping":
+                yield from value.values()
+            else:
+                yield from _references(value)
+    elif isinstance(part, list):
+        for item in part:
+            yield from _references(item)
 
 
 def _example(method: str, example: Example) -> str:
