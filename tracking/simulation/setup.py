@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from kinematics.arrays import Array
-from kinematics.errors import InvalidOption, InvalidRobotState
+from kinematics.errors import InvalidOption, InvalidRobotState, MissingLimit
 from kinematics.model.chain import Chain
 from kinematics.trajectory.trajectory import Trajectory
 from tracking.controllers.controller import AdaptiveController, Controller
@@ -70,7 +70,7 @@ def prepare(
     samples = list(periods(duration, options.sample_period, "sample_period"))
     limit = np.full(robot.n, np.inf)
     if options.saturate:
-        limit = robot.limits.require("effort", robot.joint_names)
+        limit = _effort_limits(robot)
     signal = ReferenceSignal(trajectory)
     start = signal.at(0.0)
     q = start.position if initial[0] is None else initial[0]
@@ -95,6 +95,19 @@ def prepare(
         disturbance,
         np.concatenate(state),
     )
+
+
+def _effort_limits(robot: Chain) -> Array:
+    """Largest torques of the motors, shape (n,).
+
+    Raises:
+        MissingLimit: One is not known.
+    """
+    try:
+        return robot.limits.require("effort", robot.joint_names)
+    except MissingLimit as error:
+        hint = f'{error.hint} Or let the motors give any torque: "saturate": false.'
+        raise MissingLimit(error.message, hint=hint, **error.details) from None
 
 
 def _check_joints(model: Chain, trajectory: Trajectory, robot: Chain) -> None:

@@ -152,8 +152,12 @@ _OPTIONS = (
     "max_orientation_deviation, orientation, allow_partial, blend; or waypoints [{pose | point, "
     "normal, direction; via, tolerance, free, blend, tool_speed}], tolerance {x, y, z, rx, ry, rz, "
     "free, tilt, frame}, tool_speed, speed_band, approach, retreat {direction, distance, frame}\n"
-    "* `potential_field`: preset, the options of the potential and of the descent, engine, and "
-    "fallback: the planner of OMPL's that plans where the field is stuck, null for none"
+    "* `potential_field`: the fields of PotentialOptions; of the descent step_sizes (α_k: a number "
+    "or a list whose last is kept; if left out the longest steps that lower U), longest_step "
+    "(0.05), halvings (6), tolerance (0.01), connect (true), keep_path (false), max_iterations "
+    "(1000), patience (50), progress (0.0), force_tolerance (0.001), escapes (0), escape_steps "
+    "(6); engine (`exact`, `fcl`); fallback: OMPL's planner that plans where the field is stuck "
+    "(`rrt_connect`), null for none"
 )
 
 

@@ -1,11 +1,15 @@
 """Control points of one's own, and fields of robots whose bodies are left out, by hand."""
 
+import json
 import math
+from dataclasses import fields
 from typing import Any
 
 import numpy as np
 import pytest
 
+from armwright_wire.plans.plan import PlanRequest
+from armwright_wire.robots.potential import PotentialOptions
 from kinematics.errors import InvalidLinkName, InvalidOption
 from kinematics.forward import forward
 from kinematics.jacobian import geometric
@@ -102,3 +106,12 @@ def test_obstacles_push_the_points_of_an_arm_without_solids() -> None:
         for way in ways
     ]
     assert near[1] > near[0] + 0.02
+
+
+def test_options_of_the_descent_are_documented_with_their_defaults() -> None:
+    described = {item.name: item.default for item in fields(FieldOptions) if item.init}
+    names = set(described) - set(PotentialOptions.model_fields)
+    text = PlanRequest.model_fields["planner_options"].description or ""
+    for name in names - {"step_sizes", "engine", "fallback"}:
+        assert f"{name} ({json.dumps(described[name])})" in text
+    assert all(name in text for name in names)
