@@ -61,6 +61,5 @@ def ik(
         InvalidPose: The pose is not a finite rigid transform.
         InvalidOption: An option has an invalid value.
     """
-    return inverse_kinematics(
-        chain_of(robot), T_base_link, IkOptions(**options), link=link, seed_joints=seed_joints
-    )
+    how = IkOptions(**options) if options else None
+    return inverse_kinematics(chain_of(robot), T_base_link, how, link=link, seed_joints=seed_joints)

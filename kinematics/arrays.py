@@ -43,33 +43,61 @@ def typed(function: _F) -> _F:
     parameters = tuple(signature(function).parameters)
 
     @cache
-    def hints() -> dict[str, Any]:
-        return get_type_hints(function)
+    def checks() -> dict[str, Callable[[object], None]]:
+        hints = get_type_hints(function)
+        return {name: _check(function.__name__, name, hints[name]) for name in hints}
 
     @wraps(function)
     def checked(*args: Any, **kwargs: Any) -> Any:
-        known = hints()
-        for name, value in (*zip(parameters, args, strict=False), *kwargs.items()):
+        known = checks()
+        for name, value in zip(parameters, args, strict=False):
             if name in known:
-                _check(function.__name__, name, value, known[name])
+                known[name](value)
+        for name, value in kwargs.items():
+            if name in known:
+                known[name](value)
         return function(*args, **kwargs)
 
     return cast(_F, checked)
 
 
-def _check(function: str, name: str, value: object, hint: Any) -> None:
+def _check(function: str, name: str, hint: Any) -> Callable[[object], None]:
+    """The check of one argument, which refuses what its annotation does not name."""
     parts = get_args(hint) if get_origin(hint) in (Union, UnionType) else (hint,)
-    if hint == ArrayLike or (value is not None and hint == ArrayLike | None):
-        as_numbers(cast(Any, value), name)
-    elif get_origin(hint) is Literal:
+    optional, kinds = hint == ArrayLike | None, _classes(parts)
+
+    def numbers_alone(value: object) -> None:
+        exact = type(value) is np.ndarray and value.dtype == np.float64
+        if not exact and not (optional and value is None):
+            as_numbers(cast(Any, value), name)
+
+    def choice(value: object) -> None:
         if value not in parts and value not in get_args(hint):
             choices = ", ".join(map(str, get_args(hint)))
             message = f"{function}: there is no {name} {value!r}"
             raise InvalidOption(message, hint=f"One of: {choices}.")
-    elif get_origin(hint) in (Iterable, Sequence) and isinstance(value, str):
-        raise InvalidOption(f"{function}: {name} is the text {value!r}", hint="Give a list.")
-    elif (kinds := _classes(parts)) and not _fits(value, kinds):
-        raise _refusal(function, name, value, kinds)
+
+    def no_text(value: object) -> None:
+        if isinstance(value, str):
+            raise InvalidOption(f"{function}: {name} is the text {value!r}", hint="Give a list.")
+        if kinds and not _fits(value, kinds):
+            raise _refusal(function, name, value, kinds)
+
+    def instance(value: object) -> None:
+        if not _fits(value, kinds):
+            raise _refusal(function, name, value, kinds)
+
+    if hint == ArrayLike or optional:
+        return numbers_alone
+    if get_origin(hint) is Literal:
+        return choice
+    if get_origin(hint) in (Iterable, Sequence):
+        return no_text
+    return instance if kinds else _accept
+
+
+def _accept(_value: object) -> None:
+    """Accept any value: the function checks it itself."""
 
 
 def _classes(parts: tuple[Any, ...]) -> tuple[type, ...]:

@@ -2,12 +2,13 @@
 
 from collections.abc import Collection
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import Literal, get_args
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from kinematics.arrays import Array, frozen
+from kinematics.arrays import Array, Indices, frozen
 from kinematics.errors import InvalidOption, InvalidPose
 from kinematics.ik.closed_form.analytic import Branches, branches, closed_form, middle, parameter
 from kinematics.ik.closed_form.arm_reach import out_of_reach
@@ -18,7 +19,7 @@ from kinematics.ik.closed_form.structure import Structure, structure
 from kinematics.ik.closed_form.subproblem import EXACT
 from kinematics.ik.numeric import numeric
 from kinematics.ik.numeric.numeric import AXES, POSITION, Axis
-from kinematics.ik.ranking import Ranking, check_ranking, order, whole_turns
+from kinematics.ik.ranking import Ranking, check_ranking, nearest, order, whole_turns
 from kinematics.ik.solution import IkResult, IkSolution
 from kinematics.model.chain import Chain
 
@@ -89,12 +90,15 @@ class IkOptions:
     @property
     def all_axes(self) -> bool:
         """Whether all axes of the target's frame count."""
-        return set(self.axes) == set(AXES)
+        return self.axes is AXES or set(self.axes) == set(AXES)
 
     @property
     def position_alone(self) -> bool:
         """Whether the position counts and no turn."""
-        return set(self.axes) == set(POSITION)
+        return self.axes is not AXES and set(self.axes) == set(POSITION)
+
+
+_DEFAULT = IkOptions()
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -133,7 +137,7 @@ def inverse_kinematics(
         InvalidRobotState: ``seed_joints`` has the wrong length or is not finite.
         InvalidLinkName: No such link.
     """
-    how = options or IkOptions()
+    how = options or _DEFAULT
     near = middle(chain) if seed_joints is None else chain.state(seed_joints, "seed_joints")
     if np.shape(target) != (4, 4):
         raise InvalidPose("the target must be a finite 4x4 transform")
@@ -147,7 +151,11 @@ def inverse_kinematics(
     solutions: list[IkSolution] = []
     complete = False
     if how.method != "numeric" and form is not None:
-        solutions, complete = _closed_form_solutions(query, form, how.parameters)
+        table, complete = _closed_form_branches(query, form, how.parameters)
+        inside = table.within_limits.nonzero()[0]
+        if inside.size and not how.all_turns:
+            return _best_branches(query, table, inside, complete=complete)
+        solutions = _solutions(table, how.outside_limits)
     elif how.method != "numeric" and arm is not None:
         branches, complete = decoupled_solutions(
             chain, arm, np.asarray(target, dtype=np.float64), near, link=link,
@@ -182,7 +190,7 @@ def _search(query: _Query, form: Structure | None, outside: list[IkSolution]) ->
     if result.solutions and form is not None and form.redundant and how.parameters is None:
         # The parameter's window was narrower than the grid: the numeric method hit it.
         value = parameter(chain, result.solutions[0].joints, query.link)
-        more, _ = _closed_form_solutions(query, form, [value])
+        more = _solutions(_closed_form_branches(query, form, [value])[0], how.outside_limits)
         solutions = [*more, *outside] if how.method != "numeric" else outside
     if not any(solution.within_limits for solution in solutions) and how.method != "analytic":
         solutions = [*result.solutions, *solutions]
@@ -217,9 +225,9 @@ def _beyond(gap: float) -> str:
     )
 
 
-def _closed_form_solutions(
+def _closed_form_branches(
     query: _Query, form: Structure, parameters: ArrayLike | None
-) -> tuple[list[IkSolution], bool]:
+) -> tuple[Branches, bool]:
     """Branches of the closed form, and whether there are no others."""
     chain, link, how = query.chain, query.link, query.options
     values = parameters
@@ -230,23 +238,47 @@ def _closed_form_solutions(
         chain, query.target, link=link, seed_joints=query.near, parameters=values, enough=enough,
         tolerance=CLOSE,
     )  # fmt: skip
-    free = table.table[:, table.n + GROUP].any()
-    complete = not form.redundant and form.miss <= EXACT and not free
-    return _solutions(table, how.outside_limits), complete
+    exact = how.most > 1 and not form.redundant and form.miss <= EXACT
+    complete = exact and not table.table[:, table.n + GROUP].any()
+    return table, complete
 
 
 def _solutions(table: Branches, outside_limits: bool) -> list[IkSolution]:
-    rows = zip(
-        table.joints, table.position_error, table.orientation_error, table.within_limits,
-        strict=True,
-    )  # fmt: skip
-    return [
-        IkSolution(frozen(q), float(p), float(r), 0, table.label(i), bool(inside))
-        for i, (q, p, r, inside) in enumerate(rows)
-        if inside or outside_limits
-    ]
+    inside = table.within_limits
+    return [_solution(table, i) for i in range(len(inside)) if inside[i] or outside_limits]
 
 
+def _solution(table: Branches, row: int) -> IkSolution:
+    q = table.joints[row].copy()
+    q.setflags(write=False)
+    position, orientation, inside = table.table[row, table.n : table.n + 3].tolist()
+    return IkSolution(q, position, orientation, 0, table.label(row), inside != 0.0)
+
+
+def _best_branches(query: _Query, table: Branches, inside: Indices, *, complete: bool) -> IkResult:
+    """The best of a table's branches inside the limits, then those outside, if they are asked for.
+
+    Only those that are answered become solutions with names.
+
+    Args:
+        query: The pose and what is asked.
+        table: All branches.
+        inside: Rows of those inside the limits, at least one.
+        complete: Whether there are no others.
+    """
+    how, joints = query.options, table.joints[inside]
+    found = len(table.table) if how.outside_limits else len(inside)
+    if how.most == 1 and how.ranking == "nearest":
+        best: tuple[IkSolution, ...] = (_solution(table, int(inside[nearest(joints, query.near)])),)
+    else:
+        ranked = inside[order(query.chain, joints, how.ranking, query.near, query.link)]
+        rows = ranked.tolist()
+        rows += (~table.within_limits).nonzero()[0].tolist() if how.outside_limits else []
+        best = tuple(_solution(table, row) for row in rows[: how.most])
+    return IkResult(best, best[0], 0, complete=complete, found=found)
+
+
+@lru_cache(maxsize=256)
 def parameter_grid(chain: Chain, form: Structure, value: float) -> Array:
     """Values of the parameter, nearest to ``value`` first."""
     if form.locked is None:
@@ -258,7 +290,7 @@ def parameter_grid(chain: Chain, form: Structure, value: float) -> Array:
         grid = np.linspace(low[form.locked], high[form.locked], _GRID)
         values = np.array([np.clip(value, grid[0], grid[-1]), *grid])
         away = np.abs(values - value)
-    return np.asarray(values[np.argsort(away, kind="stable")])
+    return frozen(values[np.argsort(away, kind="stable")])
 
 
 def _best_first(

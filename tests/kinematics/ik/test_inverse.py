@@ -36,7 +36,7 @@ def random_joints(chain: Chain, count: int, seed: int) -> Array:
         ({"ranking": "best"}, "best"),
         ({"most": 0}, "most must be 1"),
         ({"most": -3}, "most must be 1"),
-        ({"method": "analytic", "axes": ("x", "y", "z")}, "needs all axes"),
+        ({"method": "analytic", "axes": ("x", "y")}, "needs all axes"),
     ],
 )
 def test_wrong_options_are_refused(values: dict[str, Any], words: str) -> None:

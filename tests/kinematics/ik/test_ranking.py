@@ -127,7 +127,7 @@ def test_methods_and_their_refusals() -> None:
     chain = builtin_chain("scara")
     T = forward(chain, np.array([0.3, 0.5, 0.1, 0.2]))
     with pytest.raises(NotAvailable):
-        inverse_kinematics(chain, T, IkOptions(method="analytic"))
+        inverse_kinematics(builtin_chain("cart_pendulum"), T, IkOptions(method="analytic"))
     with pytest.raises(InvalidOption, match="magic"):
         IkOptions(method="magic")  # type: ignore[arg-type]
     with pytest.raises(InvalidOption, match="ranking 'best'"):
