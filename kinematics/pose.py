@@ -75,8 +75,8 @@ def angular_velocity(rotation: Matrix, rate: Matrix) -> Matrix:
     off = float(np.abs(S + S.T).max())
     if off > RATE_TOLERANCE * max(1.0, float(np.abs(S).max())):
         raise InvalidPose(
-            f"rotation_rate is no rate of this rotation: dR/dt R^T + R (dR/dt)^T has an entry of "
-            f"{off:.3g} and must be 0",
+            f"rotation_rate is no rate of this rotation: dR/dt R^T is not skew-symmetric, its "
+            f"symmetric part is up to {0.5 * off:.3g}",
             hint="Give dR/dt of the same instant as R, with more digits.",
         )
     return np.array([S[2, 1] - S[1, 2], S[0, 2] - S[2, 0], S[1, 0] - S[0, 1]]) / 2.0

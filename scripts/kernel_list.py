@@ -22,7 +22,7 @@ from compiled.compiler.dispatcher import FROZEN  # noqa: E402
 from service.warm_up import kernels  # noqa: E402
 
 #: What sends requests of every kind.
-_TESTS = ("tests/service", "tests/client", "tests/test_readme.py")
+_TESTS = ("tests/service", "tests/client", "tests/course", "tests/test_readme.py")
 #: Kernels take their time to be compiled in the middle of a request [s].
 _TIMEOUT = 900
 _FIRST_HEAD = """\

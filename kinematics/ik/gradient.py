@@ -22,6 +22,7 @@ from typing import Any, Literal, get_args
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
+from scipy.integrate import solve_ivp
 
 from kinematics.arrays import Array, frozen
 from kinematics.errors import InvalidOption, InvalidPose
@@ -56,10 +57,8 @@ _DAMPING = 1e-9
 _FULL_RANK = 1e-5
 #: |J^T K e| relative to its factors below which a point is stationary.
 _STATIONARY = 1e-7
-#: Steps of a flow with a duration are this part of the others: q(t) is asked for, not its end.
-_FINE = 0.1
-#: Steps of a flow with a duration at most.
-_MOST_STEPS = 100_000
+#: Evaluations of a flow with a duration at most: some seconds.
+_MOST_EVALUATIONS = 50_000
 #: Steps that are traced and taken at most.
 STEPS = {"pseudo_inverse": 400, "transpose": 20_000}
 #: The form of each rule where none is asked for.
@@ -251,26 +250,19 @@ def follow(
     K = how.matrix
     system = _System(chain, T, link, how, K, float(np.abs(np.linalg.eigvals(K)).max()))
     points, times, told = [q], [0.0], [system.errors(q)]
-    most = _MOST_STEPS if how.duration else how.steps or STEPS[how.rule]
-    still, damped = False, False
-    while len(points) <= most:
-        left = math.inf if how.duration is None else how.duration - times[-1]
-        if how.duration is None:
-            still = system.is_stationary(q)
-            if still or _done(told[-1], position_tolerance, orientation_tolerance):
-                break
-        elif left <= 0.0:
+    still = False
+    while how.duration is None and len(points) <= (how.steps or STEPS[how.rule]):
+        still = system.is_stationary(q)
+        if still or _done(told[-1], position_tolerance, orientation_tolerance):
             break
-        damped = damped or system.is_damped(q)
-        q, interval = _runge_kutta(system, q, left) if how.is_flow else (_step(system, q), 1.0)
+        q, interval = _runge_kutta(system, q) if how.is_flow else (_step(system, q), 1.0)
         points.append(q)
-        times.append(how.duration if how.duration and interval == left else times[-1] + interval)
+        times.append(times[-1] + interval)
         told.append(system.errors(q))
-    if how.duration and times[-1] < how.duration:
-        raise InvalidOption(
-            f"the flow takes more than {most} steps to {how.duration:g} s: it is too stiff",
-            hint="Ask for a shorter duration or a smaller gain.",
-        )
+    if how.duration is not None:
+        times, points = _flow_until(system, q, how.duration)
+        told = [system.errors(q) for q in points]
+    damped = any(system.is_damped(q) for q in points)
     done = _done(told[-1], position_tolerance, orientation_tolerance)
     norms = np.array([item[:2] for item in told])
     errors = np.array([item[2] for item in told])
@@ -380,13 +372,30 @@ def _loses_rank(s: NDArray[np.floating[Any]]) -> bool:
     return bool(s[-1] <= _FULL_RANK * s[0])
 
 
-def _runge_kutta(system: _System, q: Array, left: float) -> tuple[Array, float]:
-    """The next point of the flow, and the time to it [s], no more than what is left."""
+def _flow_until(system: _System, q: Array, duration: float) -> tuple[list[float], list[Array]]:
+    """Times and points of the flow up to a time [s], its steps as near a singularity demands."""
+    count = 0
+
+    def rate(_: float, at: Array) -> Array:
+        nonlocal count
+        count += 1
+        if count > _MOST_EVALUATIONS:
+            raise InvalidOption(
+                f"the flow to {duration:g} s takes too many steps: it is too stiff",
+                hint="Ask for a shorter duration or a smaller gain.",
+            )
+        return _rate(system, at)
+
+    flow = solve_ivp(rate, (0.0, duration), q, method="DOP853", rtol=1e-9, atol=1e-11)
+    return flow.t.tolist(), list(flow.y.T)
+
+
+def _runge_kutta(system: _System, q: Array) -> tuple[Array, float]:
+    """The next point of the flow, and the time to it [s]."""
     h = _STEP / system.fastest
     if system.options.rule == "transpose":
         stretch = float(np.linalg.norm(system.jacobian(q)[0], 2))
         h = _TRANSPOSE_STEP / (system.fastest * max(stretch, _DAMPING) ** 2)
-    h = min(h if math.isinf(left) else _FINE * h, left)
     k1 = _rate(system, q)
     k2 = _rate(system, q + 0.5 * h * k1)
     k3 = _rate(system, q + 0.5 * h * k2)

@@ -169,7 +169,8 @@ def arm_shape(chain: Chain, link: str | None = None) -> ArmShape | None:
         return ArmShape.ARTICULATED if all(turns) and _parallel(z[1], z[2]) else None
     if turns == _SLIDING_ELBOW:
         bent = not _parallel(z[0], z[1]) and abs(float(z[1] @ z[2])) <= SINGULAR
-        return ArmShape.SLIDING_ELBOW if bent and _meet(z[3:], origins[3:]) else None
+        if bent and _meet(z[3:], origins[3:]):
+            return ArmShape.SLIDING_ELBOW
     shape = _shape_of_form(structure(chain, link), z, origins)
     if shape is None and count == 6 and all(turns[3:]) and _meet(z[3:], origins[3:]):
         return ArmShape.WRIST_ALONE

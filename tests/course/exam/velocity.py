@@ -127,7 +127,7 @@ def tasks(rng: np.random.Generator) -> Iterator[Question]:
         right = np.prod(np.linalg.svd(J)[1])
         yield at(16, "task: manipulability", "jacobian", "manipulability", right, **more)
         if arm.n == len(axes):
-            tau, force = J.T @ v, lambda found, rows=rows: np.array(found["wrench"])[rows]
+            tau, force = J.T @ v, lambda found: np.array(found["wrench"])
             yield at(17, "task: force from torques", "wrench", force, v, torques=tau, **more)
             path = "robots/{}/equations?format=text&axes=" + ",".join(axes)
             pick, right = partial(evaluated, "determinant", q), np.linalg.det(J)
