@@ -2,21 +2,21 @@
 
 from collections.abc import Collection
 from dataclasses import dataclass
-from functools import lru_cache
 from typing import Literal, get_args
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from kinematics.arrays import Array, Indices, frozen
+from kinematics.caches.bounded_cache import bounded_cache
 from kinematics.errors import InvalidOption, InvalidPose
 from kinematics.ik.closed_form.analytic import Branches, branches, closed_form, middle, parameter
 from kinematics.ik.closed_form.arm_reach import out_of_reach
-from kinematics.ik.closed_form.decoupled import decoupled
-from kinematics.ik.closed_form.decoupled import solutions as decoupled_solutions
 from kinematics.ik.closed_form.refine import GROUP
 from kinematics.ik.closed_form.structure import Structure, structure
 from kinematics.ik.closed_form.subproblem import EXACT
+from kinematics.ik.decoupled import decoupled
+from kinematics.ik.decoupled import solutions as decoupled_solutions
 from kinematics.ik.numeric import numeric
 from kinematics.ik.numeric.numeric import AXES, POSITION, Axis
 from kinematics.ik.ranking import Ranking, check_ranking, nearest, order, whole_turns
@@ -278,7 +278,7 @@ def _best_branches(query: _Query, table: Branches, inside: Indices, *, complete:
     return IkResult(best, best[0], 0, complete=complete, found=found)
 
 
-@lru_cache(maxsize=256)
+@bounded_cache(maxsize=256)
 def parameter_grid(chain: Chain, form: Structure, value: float) -> Array:
     """Values of the parameter, nearest to ``value`` first."""
     if form.locked is None:

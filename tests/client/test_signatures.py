@@ -96,7 +96,7 @@ OPTIONS: list[tuple[type, type[Body], set[str]]] = [
     (arm_options.VelocityOptions, kinematics.VelocityRequest, {"joints"}),
     (arm_options.DynamicsOptions, dynamics.DynamicsRequest, {"joints"}),
     (arm_options.ForwardDynamicsOptions, dynamics.ForwardDynamicsRequest, {"joints"}),
-    (arm_options.WrenchOptions, dynamics.WrenchRequest, {"joints", "wrench"}),
+    (arm_options.WrenchOptions, dynamics.WrenchRequest, {"joints", "wrench", "torques"}),
     (
         arm_options.RegressorOptions,
         dynamics.RegressorRequest,

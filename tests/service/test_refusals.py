@@ -159,7 +159,7 @@ TABLE: dict[str, tuple[str, dict[str, Any], list[Change]]] = {
     ]),
     "ik of others": ("/v1/robots/scara/ik", {"pose": POSE}, [
         ({"parameters": [0.5]}, FORM, "parameter"),
-        ({"method": "analytic"}, FORM, "numeric"),
+        ({"method": "analytic", "axes": ["x", "y"]}, FORM, "numeric"),
     ]),
     "check": ("/v1/check", {"robot": "panda", "scene": scene(POST), "joints": HOME}, [
         ({"scene": "nowhere"}, "NOT_FOUND", "nowhere"),

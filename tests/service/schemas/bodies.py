@@ -369,7 +369,7 @@ IK: dict[str, Any] = ABOUT | {
     "parameters": [0.1], "axes": ["x", "rz"], "scene": "table", "constraints": CONSTRAINTS,
     "posture": [0.1, 0.2], "timeout": 5.0, "seed": 3, "keep": True,
     "gradient": {"rule": "transpose", "coordinates": "zyz", "gain": 0.5, "steps": 100,
-                 "form": "flow", "trace": True, "trace_points": 50},
+                 "form": "flow", "trace": True, "trace_points": 50, "duration": 0.3},
 }  # fmt: skip
 
 FULL: list[tuple[type[BaseModel], dict[str, Any]]] = [
@@ -384,13 +384,15 @@ FULL: list[tuple[type[BaseModel], dict[str, Any]]] = [
                  "frame": "base", "fingers": {"claw": 0.01}}),
     (FkRequest, {"joints": [[0.0, 0.1], [0.2, 0.3]], "fingers": {"claw": [0.0, 0.01]}}),
     (JacobianRequest, {"joints": [0.0, 0.1], "link": "hand", "point": [0.0, 0.0, 0.1],
-                       "kind": "analytic_zyz", "frame": "tool"}),
+                       "kind": "analytic_zyz", "frame": "tool", "axes": ["x", "rz"]}),
     (IkRequest, IK),
     (IkRequest, {"poses": [POSE | orientation for orientation in ORIENTATIONS]}),
     (VelocityRequest, {"joints": [0.0, 0.1], "joint_velocities": [0.1, 0.2]}),
     (VelocityRequest, {"joints": [0.0, 0.1], "twist": [0.1] * 6, "nullspace": [0.1, 0.2],
                        "link": "hand", "point": [0.0, 0.0, 0.1], "damped_below": 0.01,
                        "frame": "tool"}),
+    (VelocityRequest, {"joints": [0.0, 0.1], "twist": [0.1, 0.2], "axes": ["x", "y"]}),
+    (WrenchRequest, {"joints": [0.0, 0.1], "torques": [1.0, 2.0], "axes": ["x", "y"]}),
     (WrenchRequest, {"joints": [0.0, 0.1], "wrench": [1.0] * 6, "link": "hand",
                      "point": [0.0, 0.0, 0.1], "frame": "tool"}),
     (DynamicsRequest, MODEL | FRAME | RATES | {"joints": [0.0, 0.1], "wrench": [1.0] * 6,
@@ -428,6 +430,8 @@ FULL: list[tuple[type[BaseModel], dict[str, Any]]] = [
                                     "least_distance": 1e-3, "preset": "notes",
                                     "control_points": "origins", "point_radii": [0.1, 0.2],
                                     "joint_weight": 0.1}}),
+    (PotentialRequest, {"joints": [0.0, 0.1], "goal_joints": [0.5, 0.6], "options": {
+        "control_points": [{"link": "hand", "point": [0.0, 0.0, 0.1]}]}}),
     (PlanRequest, PLAN),
     (PlanRequest, BRIEF | {"goal": {"any_of": [POSE_GOAL, {"joints": [0.5, 0.6]}]}}),
     (PlanRequest, BRIEF | {"start": {"state": "home"}, "goal": {"state": "away"}}),
@@ -457,7 +461,8 @@ FULL: list[tuple[type[BaseModel], dict[str, Any]]] = [
                           "angular_velocity": [0.0, 0.1, 0.2]}),
     (ConvertPoseRequest, {"motions": [POSE | orientation | {"about": "fixed"}
                                       for orientation in ORIENTATIONS]}),
-    (ConvertPoseRequest, {"motions": [{"transform": np.eye(4).tolist()}]}),
+    (ConvertPoseRequest, {"motions": [{"transform": np.eye(4).tolist()}],
+                          "rotation_rate": np.zeros((3, 3)).tolist()}),
     (LyapunovRequest, {"A": [[0.0, 1.0], [-1.0, -1.0]], "P": [[1.0, 0.5], [0.5, 1.0]],
                        "x": [0.5, 0.0]}),
     (LyapunovRequest, {"A": [[-1.0]], "Q": [[1.0]], "x": [[1.0], [2.0]]}),

@@ -12,7 +12,7 @@ from scipy.spatial.transform import Rotation
 
 from kinematics.errors import NotAvailable
 from kinematics.forward import forward
-from kinematics.ik.closed_form.decoupled import decoupled
+from kinematics.ik.decoupled import decoupled
 from kinematics.ik.inverse import IkOptions, inverse_kinematics
 from kinematics.ik.numeric.numeric import AXES, POSITION
 from kinematics.model.chain import Chain
