@@ -39,7 +39,7 @@ class Step(IntEnum):
     """Change at one waypoint of a path.
 
     It is left out, drawn in, put together with the next half-way or where the legs beside both
-    meet, cut off at the half or at the quarter of its legs.
+    meet, cut off at the half and at the quarter of its legs, drawn in by less.
     """
 
     LEFT_OUT = 0
@@ -48,6 +48,7 @@ class Step(IntEnum):
     MET = 3
     CUT_AT_HALF = 4
     CUT_AT_QUARTER = 5
+    DRAWN_LESS = 6
 
 
 _STEPS = len(Step)
@@ -258,7 +259,7 @@ def _sizes(step: int) -> tuple[int, int]:
     """Numbers of waypoints that a step takes out and brings in their place."""
     if step == Step.LEFT_OUT:
         return 1, 0
-    if step == Step.DRAWN_IN:
+    if step in (Step.DRAWN_IN, Step.DRAWN_LESS):
         return 1, 1
     return (2, 1) if Step.JOINED <= step <= Step.MET else (1, 2)
 
@@ -278,8 +279,12 @@ def _step(way: _Way, count: int, k: int, step: int) -> int:
             expected[i] = way.shortfall[source]
         else:
             expected[i] = 0.0
+    # How far a waypoint is drawn in, as part of the way to the line between its neighbours.
+    half_way, less = 0.5, 0.2
     if step == Step.DRAWN_IN:
-        _draw_in(points, k, trial)
+        _draw_in(points, k, half_way, trial)
+    elif step == Step.DRAWN_LESS:
+        _draw_in(points, k, less, trial)
     elif step == Step.JOINED:
         for j in range(points.shape[1]):
             trial[k, j] = 0.5 * (points[k, j] + points[k + 1, j])
@@ -294,8 +299,8 @@ def _step(way: _Way, count: int, k: int, step: int) -> int:
 
 
 @kernel(allocates=False)
-def _draw_in(points: Array, k: int, trial: Array) -> None:
-    """Write waypoint k half-way to its place on the line between its neighbours."""
+def _draw_in(points: Array, k: int, part: float, trial: Array) -> None:
+    """Write waypoint k a part of the way to its place on the line between its neighbours."""
     before, after = 0.0, 0.0
     for j in range(points.shape[1]):
         before += (points[k, j] - points[k - 1, j]) ** 2
@@ -304,7 +309,7 @@ def _draw_in(points: Array, k: int, trial: Array) -> None:
     share = before / max(before + after, 1e-12)
     for j in range(points.shape[1]):
         on_line = points[k - 1, j] + share * (points[k + 1, j] - points[k - 1, j])
-        trial[k, j] = points[k, j] + 0.5 * (on_line - points[k, j])
+        trial[k, j] = points[k, j] + part * (on_line - points[k, j])
 
 
 @kernel(allocates=False)

@@ -86,13 +86,16 @@ def rrt_connect(
 ) -> RrtResult:
     """Grow trees from a configuration and from the goals until they meet.
 
+    Where the path is long, another pair of trees has as many edges as it took; the shorter path is
+    the answer.
+
     Args:
         checker: The robot in its scene.
         start: Valid configuration, shape (n,) [rad or m].
         goals: Valid configurations (n,).
         seed: Seed of the draws: the same one gives the same path.
         deadline: Instant at which the search stops.
-        max_edges: Edges after which to stop.
+        max_edges: Edges after which to stop; the last pair may take as many again.
         explored: Keeps the edges of the last pair of trees.
         proves: Whether the path is proved; otherwise states of it are checked.
     """

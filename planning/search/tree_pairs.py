@@ -98,11 +98,13 @@ class TreePairs:
             # Edges looked at between two checks of the clock.
             until += 250
             outcome = grow(checker.model.arrays, trees, draws, roots, budget, until)
-        nodes = int(trees.tally[Tally.PATH])
-        self.edges += int(trees.tally[Tally.EDGES])
-        self.runs += 1
+        before, nodes = int(trees.tally[Tally.EDGES_BEFORE]), int(trees.tally[Tally.PATH])
+        runs = 2 if before else 1
+        self.edges += before + int(trees.tally[Tally.EDGES])
+        self.runs += runs
         if self.explored is not None:
-            self.explored.begin("rrt_connect")
+            for _ in range(runs):
+                self.explored.begin("rrt_connect")
             if options.penetration == 0.0:
                 _keep(trees, checker, self.explored)
         return trees.path[:nodes].copy() if nodes > 0 else None

@@ -31,9 +31,9 @@ class Growth(IntEnum):
 
     #: The clock is to be looked at.
     GOING = 0
-    #: The pair has had its edges and has not met.
+    #: The first pair has had its edges and has not met.
     SPENT = 1
-    #: There is a path.
+    #: There is a path, and another pair has looked for a shorter one.
     FOUND = 2
 
 
@@ -51,15 +51,17 @@ _MAX_CUTS = 3
 class Tally(IntEnum):
     """Entry of ``Trees.tally``."""
 
-    #: Edges that were checked.
+    #: Edges that were checked, by this pair.
     EDGES = 0
+    #: By the pair before it, if that has met.
+    EDGES_BEFORE = 1
     #: Nodes of the path, 0 where there is none.
-    PATH = 1
+    PATH = 2
     #: Node of the start's tree at which the trees meet, and that of the goals' tree.
-    HERE = 2
-    THERE = 3
-    #: Steps that were cut off.
-    CUTS = 4
+    HERE = 3
+    THERE = 4
+    #: Steps of this pair that were cut off.
+    CUTS = 5
 
 
 class Trees(NamedTuple):
@@ -73,8 +75,8 @@ class Trees(NamedTuple):
         proved: Whether the step to a node is proved, shape (2, c).
         sizes: Number of nodes, shape (2,).
         random: State of the random generator, shape (1,).
-        tally: Edges that were checked, and more, shape (5,).
-        path: The path on which the trees meet, shape (2 c, n).
+        tally: Edges that were checked, and more, shape (6,).
+        path: The shortest path so far, shape (2 c, n).
     """
 
     points: Array
@@ -133,7 +135,7 @@ def new_trees(size: int, n: int, budget: int, random: State) -> Trees:
         proved=np.empty((2, capacity), dtype=np.bool_),
         sizes=np.zeros(2, dtype=np.int64),
         random=random,
-        tally=np.zeros(len(Tally), dtype=np.int64),
+        tally=np.zeros(6, dtype=np.int64),
         path=np.empty((2 * capacity, n)),
     )
 
@@ -142,14 +144,14 @@ def new_trees(size: int, n: int, budget: int, random: State) -> Trees:
 def grow_kernel(
     model: ModelArrays, trees: Trees, draws: Draws, roots: Array, budget: int, until: int
 ) -> int:
-    """Grow a pair of trees until they meet.
+    """Grow a pair of trees until they meet; if the path is long, another one with as many edges.
 
     Args:
         model: The packed robot and scene.
         trees: Changed in place.
         draws: Parameters of draws and steps.
         roots: The start and the goals, shape (1 + g, n).
-        budget: Edges that the pair may check.
+        budget: Edges that the first pair may look at.
         until: Edges of a pair after which the clock is looked at, those of earlier calls counted.
 
     Returns:
@@ -157,12 +159,30 @@ def grow_kernel(
     """
     work, vectors, tally = workspace(model), np.empty((3, roots.shape[1])), trees.tally
     if trees.sizes[0] == 0:
-        for root in range(roots.shape[0]):
-            _add(trees, min(root, 1), roots[root], -1)
-    if _grow(model, work, draws, trees, vectors, min(until, budget)):
-        _write_path(trees)
-        return Growth.FOUND
-    return Growth.SPENT if tally[Tally.EDGES] >= budget else Growth.GOING
+        _plant(trees, roots)
+    while True:
+        # The second pair has as many edges as the first path took.
+        most = tally[Tally.EDGES_BEFORE] if tally[Tally.PATH] > 0 else budget
+        if _grow(model, work, draws, trees, vectors, min(until, most)):
+            first = tally[Tally.PATH] == 0
+            _keep_path(trees)
+            if not first or not is_detour(trees.path, tally[Tally.PATH]):
+                return Growth.FOUND
+            tally[Tally.EDGES_BEFORE] = tally[Tally.EDGES]
+            _plant(trees, roots)
+        elif tally[Tally.EDGES] >= most:
+            return Growth.FOUND if tally[Tally.PATH] > 0 else Growth.SPENT
+        else:
+            return Growth.GOING
+
+
+@kernel(allocates=False)
+def _plant(trees: Trees, roots: Array) -> None:
+    """Begin anew with roots (1 + g, n): the start, and the goals."""
+    trees.sizes[0], trees.sizes[1] = 0, 0
+    trees.tally[Tally.EDGES], trees.tally[Tally.CUTS] = 0, 0
+    for root in range(roots.shape[0]):
+        _add(trees, min(root, 1), roots[root], -1)
 
 
 @kernel(allocates=False)
@@ -359,25 +379,31 @@ def _cut(trees: Trees, side: int, first: int) -> None:
 
 
 @kernel(allocates=False)
-def _write_path(trees: Trees) -> None:
-    """Write the way on which the trees meet."""
+def _keep_path(trees: Trees) -> None:
+    """Keep the way on which the trees meet, if it is shorter than the one before."""
     points, parents, tally, path = trees.points, trees.parents, trees.tally, trees.path
-    end, below = 0, tally[Tally.HERE]
+    count, below = 0, tally[Tally.HERE]
     while below >= 0:
-        end, below = end + 1, parents[0, below]
-    node, at = tally[Tally.HERE], end
+        count, below = count + 1, parents[0, below]
+    # Written behind the path before. Where the trees meet, both have a node, which counts once.
+    begin = tally[Tally.PATH]
+    node, at = tally[Tally.HERE], begin + count
     while node >= 0:
         at -= 1
         for j in range(path.shape[1]):
             path[at, j] = points[0, node, j]
         node = parents[0, node]
-    # Where the trees meet, both have a node, which counts once.
-    node = parents[1, tally[Tally.THERE]]
+    node, end = parents[1, tally[Tally.THERE]], begin + count
     while node >= 0:
         for j in range(path.shape[1]):
             path[end, j] = points[1, node, j]
         node, end = parents[1, node], end + 1
-    tally[Tally.PATH] = end
+    if begin > 0 and path_length(path, begin, end) >= path_length(path, 0, begin):
+        return
+    for row in range(begin, end):
+        for j in range(path.shape[1]):
+            path[row - begin, j] = path[row, j]
+    tally[Tally.PATH] = end - begin
 
 
 @kernel(allocates=False, inline="always")
@@ -399,6 +425,22 @@ def write_step(origin: Array, target: Array, step: float, end: Array) -> None:
     share = 1.0 if arrives else step / math.sqrt(square)
     for j in range(target.shape[0]):
         end[j] = target[j] if arrives else origin[j] + share * (target[j] - origin[j])
+
+
+@kernel(allocates=False)
+def is_detour(path: Array, count: int) -> bool:
+    """Whether a path of so many waypoints (k, n) is a detour that is worth another search."""
+    # Of shorter paths, shortening does what another pair of trees would do.
+    return path_length(path, 0, count) > 3.0 * math.sqrt(square_distance(path, 0, path[count - 1]))
+
+
+@kernel(allocates=False)
+def path_length(path: Array, begin: int, end: int) -> float:
+    """Length of the rows from ``begin`` to before ``end`` of a path (k, n)."""
+    length = 0.0
+    for row in range(begin + 1, end):
+        length += math.sqrt(square_distance(path, row - 1, path[row]))
+    return length
 
 
 @kernel(allocates=False)

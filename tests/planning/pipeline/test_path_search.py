@@ -105,7 +105,7 @@ def shortcuts(problem: Problem) -> str:
 
 #: A block between a start that is 15 mm from it, and a goal.
 BLOCK = Scene((box("block", (0.3, 0.3, 0.3), (0.0, 0.0, 0.0)),))
-NEAR, BEHIND = np.array([-0.215, 0.02]), np.array([0.4, 0.05])
+NEAR, BEHIND = np.array([-0.215, 0.02]), np.array([0.3, -0.2])
 
 
 def test_a_path_that_is_joined_to_its_ends_is_made_quicker_there(
