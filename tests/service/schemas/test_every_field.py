@@ -126,7 +126,8 @@ def test_a_text_that_is_a_number_is_refused_where_it_stands(
             continue
         # A tag decides what its object is, so that the object is at fault.
         places = {written(path), *([written(path[:-1])] if path[-1] in ("type", "kind") else [])}
-        lists = [] if path[-1] == "support" else [["text"]]
+        # What may be a list of objects blames the entry that is none.
+        lists = [] if path[-1] in ("support", "control_points") else [["text"]]
         for wrong in (7, *lists, False):
             assert places & refusals(model, changed(body, path, wrong)).keys(), (path, wrong)
 
