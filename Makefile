@@ -27,7 +27,7 @@ SEED ?= 1
 MARGINS ?= 0
 
 .DEFAULT_GOAL := help
-.PHONY: install demo studio studio-packages test check bench bench-timing bench-arms bench-verdict bench-mbm bench-http serve clients site wheels kernel-list \
+.PHONY: install demo studio studio-packages test check bench bench-timing bench-arms bench-verdict bench-mbm bench-course bench-http serve clients site wheels kernel-list \
 	docker-steps audit contract clean help
 
 install: $(KERNELS) $(TOOLS)  ## Install the app, the client and the developers' tools into .venv
@@ -112,6 +112,9 @@ bench-verdict: $(TOOLS)  ## Hold a hundred thousand collision verdicts against F
 bench-mbm: $(TOOLS)  ## Measure on MotionBenchMaker's: make bench-mbm PROBLEMS=dir SEEDS="0 1 2"
 	@test -n "$(PROBLEMS)" || { echo "Say where the problems are: make $@ PROBLEMS=dir" >&2; exit 1; }
 	$(BIN)/python -m benchmarks.mbm $(PROBLEMS) --seeds $(SEEDS) --margins $(MARGINS)
+
+bench-course: $(TOOLS)  ## Sit the exam of the course's methods over HTTP
+	$(BIN)/python -m benchmarks.server.course_exam
 
 bench-http: $(TOOLS)  ## Measure what HTTP costs on some of them: make bench-http PROBLEMS=dir
 	@test -n "$(PROBLEMS)" || { echo "Say where the problems are: make $@ PROBLEMS=dir" >&2; exit 1; }
