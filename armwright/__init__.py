@@ -25,7 +25,7 @@ if TYPE_CHECKING:
         jacobian,
         pose,
     )
-    from armwright.motion import certify, plan, plan_seam, retime, retime_states, simulate
+    from armwright.motion import certify, plan, plan_seam, retime, retime_states, simulate, stop
     from armwright.robot import load_robot
     from kinematics.errors import ArmwrightError
     from kinematics.ik.solution import IkResult, IkSolution
@@ -90,6 +90,8 @@ if TYPE_CHECKING:
     from planning.sequence.target import grasp_region, place_region
     from planning.sequence.task import Task
     from planning.sequence.world import Held, World
+    from planning.stops.certificate import StopCertificate, Surroundings
+    from planning.stops.stop_motion import Stop
     from planning.timing.jerk.state_to_state import JointState
     from planning.timing.options import TimingOptions
     from planning.tool_motions.tool_tolerance import (
@@ -189,8 +191,11 @@ _MODULES = {
     "SphereRegion": "planning.constraints.kinds.region",
     "StagePlan": "planning.sequence.result",
     "StageSettings": "planning.sequence.stage",
+    "Stop": "planning.stops.stop_motion",
+    "StopCertificate": "planning.stops.certificate",
     "Straight": "planning.sequence.stage",
     "StraightOffset": "planning.tool_motions.tool_tolerance",
+    "Surroundings": "planning.stops.certificate",
     "SweptVolume": "planning.exports.swept_volume",
     "Task": "planning.sequence.task",
     "TaskOptions": "planning.sequence.result",
@@ -236,6 +241,7 @@ _MODULES = {
     "scene_from_moveit": "obstacles.scenes.moveit",
     "simulate": "armwright.motion",
     "solve_lyapunov": "tracking.controllers.quadratic_form",
+    "stop": "armwright.motion",
     "swept_volume": "planning.exports.swept_volume",
 }
 
@@ -315,8 +321,11 @@ __all__ = [
     "SphereRegion",
     "StagePlan",
     "StageSettings",
+    "Stop",
+    "StopCertificate",
     "Straight",
     "StraightOffset",
+    "Surroundings",
     "SweptVolume",
     "Task",
     "TaskOptions",
@@ -362,6 +371,7 @@ __all__ = [
     "scene_from_moveit",
     "simulate",
     "solve_lyapunov",
+    "stop",
     "swept_volume",
 ]
 

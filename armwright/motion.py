@@ -23,12 +23,14 @@ from planning.result import Failure, Plan
 from planning.retiming import retime as timing
 from planning.retiming.retime import PathToTime, Retimed
 from planning.retiming.state_motion import time_states
+from planning.stops.stop_motion import Stop, stop_motion
 from planning.timing.jerk.state_to_state import JointState, Synchronization
 from planning.timing.options import TimingOptions
 from planning.tool_motions.tool_tolerance import SeamOptions
+from planning.values.stop_kind import StopKind, StopKinds
 from tracking.simulation.simulation import simulate
 
-__all__ = ["certify", "plan", "plan_seam", "retime", "retime_states", "simulate"]
+__all__ = ["certify", "plan", "plan_seam", "retime", "retime_states", "simulate", "stop"]
 
 
 @typed
@@ -107,6 +109,27 @@ def plan_seam(
     return plan(robot, scene, start, end, how, margin=margin)
 
 
+@typed
+def stop(plan: Plan, at: float, kind: StopKind = "path") -> Stop:
+    """The stop of a plan from an instant on, with its certificate, which may find a collision.
+
+    Args:
+        plan: The plan, as ``plan`` or ``plan_seam`` answers it.
+        at: Instant of its motion at which braking begins [s].
+        kind: "path" to rest along its own path, "joints" for every joint braking by itself.
+
+    Raises:
+        InvalidOption: The instant is outside the motion, there is no such kind, or the motion has
+            no stop along its path since it ends without rest.
+        MissingLimit: The acceleration of a joint has no limit.
+    """
+    if plan.surroundings is None:
+        raise InvalidOption(
+            "this plan does not know its robot and scene", hint="Give a plan that aw.plan answers."
+        )
+    return stop_motion(plan.trajectory, plan.surroundings, at, kind)
+
+
 def _goals(goal: ArrayLike | Goal | Sequence[Goal]) -> tuple[Goal, ...]:
     if isinstance(goal, JointGoal | PoseGoal):
         return (goal,)
@@ -130,6 +153,7 @@ def retime(
     *,
     timing_options: TimingOptions | None = None,
     limits: Mapping[str, ArrayLike] | None = None,
+    stops: StopKinds = "none",
 ) -> Retimed:
     """Time a path of joint waypoints within limits; nothing is proved of collisions.
 
@@ -139,6 +163,7 @@ def retime(
         timing_options: Method and scaling.
         limits: Limits by quantity ("velocity", "acceleration", "jerk"), each shape (n,), in place
             of the robot's.
+        stops: "path" to bound the longest stop along the path too.
 
     Raises:
         MissingLimit: A limit that is needed is not known.
@@ -152,7 +177,8 @@ def retime(
     names = _names(points.shape[1]) if chain is None else chain.joint_names
     given = {name: frozen(value) for name, value in (limits or {}).items()}
     path = PathToTime(names, points)
-    return timing.retime(path, timing_options or TimingOptions(), given, chain)
+    timed = timing.retime(path, timing_options or TimingOptions(), given, chain)
+    return timing.with_path_stops(timed, stops, chain, given)
 
 
 @typed

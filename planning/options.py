@@ -3,7 +3,7 @@
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from types import MappingProxyType
-from typing import Any, Literal
+from typing import Any, Literal, get_args
 
 import numpy as np
 
@@ -16,6 +16,7 @@ from planning.values.goal_costs import GoalCosts
 from planning.values.optimize_options import RefineOptions
 from planning.values.preferred_clearance import PreferredClearance
 from planning.values.search_trees import Explored
+from planning.values.stop_kind import StopKinds
 
 #: Longest a single plan may take [s].
 MAX_TIMEOUT = 600.0
@@ -128,6 +129,8 @@ class Options:
         explored: Keeps the tree or roadmap of the last planner; None for not at all.
         max_edges: Edges that each planner may check, for one motion of many: the search then ends
             alike on every machine, and why it failed is not looked into; None for no such bound.
+        stops: Stops that the motion is to have from every instant: it is slowed down until they are
+            proved, or refused.
 
     Raises:
         InvalidOption: The timeout is not in (0, 600].
@@ -146,8 +149,14 @@ class Options:
     goal_costs: GoalCosts = field(default_factory=GoalCosts)
     explored: Explored | None = field(default=None, repr=False, compare=False)
     max_edges: int | None = None
+    stops: StopKinds = "none"
 
     def __post_init__(self) -> None:
+        if self.stops not in get_args(StopKinds):
+            raise InvalidOption(
+                f"there are no stops of kind {self.stops!r}",
+                hint=f"Name one of: {', '.join(get_args(StopKinds))}.",
+            )
         if not 0.0 < self.timeout <= MAX_TIMEOUT:
             raise InvalidOption(f"timeout must be in (0, {MAX_TIMEOUT:g}] seconds")
 

@@ -11,6 +11,7 @@ from kinematics.arrays import Array, frozen
 from kinematics.trajectory.trajectory import Trajectory
 from planning.clearance_report import ClearanceReport
 from planning.proof.certificate import Certificate
+from planning.stops.certificate import StopCertificate, Surroundings
 from planning.timing.parametrization import TimingReport
 from planning.tool_motions.tool_corner import ToolCurve
 from planning.tool_motions.tool_path import PartName, ToolPath
@@ -250,6 +251,8 @@ class Plan:
         timing: Method and limits that the motion was timed by.
         deterministic: Whether the same request gives the same plan again: neither time nor memory
             ended a search.
+        stops: The proof of its stops, where these were asked for.
+        surroundings: Robot, scene, margin and limits that its stops are found for.
     """
 
     planner: str
@@ -267,3 +270,5 @@ class Plan:
     configuration: ChosenConfiguration | None = None
     timing: TimingReport | None = None
     deterministic: bool = True
+    stops: StopCertificate | None = None
+    surroundings: Surroundings | None = field(default=None, repr=False, compare=False)

@@ -28,6 +28,7 @@ from planning.pipeline.optimize_stage import (
 )
 from planning.pipeline.path_search import FoundPath, PathSearch
 from planning.pipeline.planners import choose_fallback, choose_planners
+from planning.pipeline.stoppable import Stoppable, surroundings, with_stops
 from planning.planner import Planner
 from planning.preflight.goals import pose_goals
 from planning.preflight.limits import moved_note, rates_onto_limits
@@ -38,6 +39,7 @@ from planning.proof.certificate import Certificate, certify
 from planning.proof.violation import Violation
 from planning.result import Failure, Path, Plan
 from planning.stages import Stages
+from planning.stops.certificate import StopCertificate
 from planning.timing.choice import chosen_parametrization
 from planning.timing.failure import TimingFailed
 from planning.timing.method import TimingMethod
@@ -143,11 +145,15 @@ class _Timed(NamedTuple):
 
 
 class _Proved(NamedTuple):
-    """A motion with its proof; the waypoints of its own path, where it left the one given."""
+    """A motion with its proof; the waypoints of its own path, where it left the one given.
+
+    ``stops`` is the proof of its stops, where these are asked for.
+    """
 
     timed: _Timed
     certificate: Certificate
     waypoints: Array | None = None
+    stops: StopCertificate | None = None
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -259,7 +265,9 @@ class _Pipeline:
             return Failure("INVALID_MOTION_PLAN", error.message, hint, "timing")
         if isinstance(proved, Failure):
             return proved
-        return self._assemble(ready, found, proved)
+        if self.options.stops != "none":
+            proved = self._with_stops(proved)
+        return proved if isinstance(proved, Failure) else self._assemble(ready, found, proved)
 
     def _prepare(self) -> Ready | Failure:
         problem, seed = self.problem, self.options.seed
@@ -362,6 +370,31 @@ class _Pipeline:
             deadline=self.deadline,
         )
 
+    def _with_stops(self, proved: _Proved) -> _Proved | Failure:
+        """Prove the stops of a motion, which is slowed down where they need it."""
+        timed = proved.timed
+
+        def prove(slow: Trajectory) -> Certificate:
+            return self._certify(timed._replace(trajectory=slow))
+
+        # Times of tool motions and rates at the ends are the request's.
+        fixed = timed.tool_path is not None or self.problem.moving
+        found = self.stages.run(
+            "stops",
+            lambda: with_stops(
+                (timed.trajectory, proved.certificate),
+                surroundings(self.asked, self.options),
+                self.options,
+                self.deadline,
+                None if fixed else prove,
+            ),
+            _describe_stops,
+        )
+        if isinstance(found, Failure):
+            return found
+        timed = timed._replace(trajectory=found.trajectory)
+        return proved._replace(timed=timed, certificate=found.certificate, stops=found.stops)
+
     def _refine(self, checker: Checker, known: Trajectory) -> _Proved | Failure | None:
         """Optimise a motion and prove the result; None where the motion itself is to be taken."""
         work = OptimizeStage(self.problem, checker, self.options, self.parametrization, known)
@@ -413,6 +446,8 @@ class _Pipeline:
             clearance=clearance,
             timing=replace(timing, solver=None) if optimised else timing,
             deterministic=not self.deadline.interruptions.occurred,
+            stops=proved.stops,
+            surroundings=surroundings(self.asked, self.options),
         )
 
 
@@ -454,6 +489,13 @@ def _describe_ready(answer: Ready | Failure) -> tuple[bool, str]:
 
 def _describe_timing(timed: _Timed) -> tuple[bool, str]:
     return True, f"{timed.trajectory.duration:.3f} s, {timed.trajectory.pieces} pieces."
+
+
+def _describe_stops(found: Stoppable | Failure) -> tuple[bool, str]:
+    if isinstance(found, Failure):
+        return False, found.message
+    slowed = f", slowed down by {found.stops.slowed:.3f} s" if found.stops.slowed else ""
+    return True, f"At rest within {found.stops.longest:.3f} s{slowed}."
 
 
 def _describe_certificate(certificate: Certificate) -> tuple[bool, str]:

@@ -12,6 +12,7 @@ from kinematics.model.chain import Chain, Limits
 from kinematics.trajectory.trajectory import REST, Trajectory, stay
 from planning.proof.certificate import Certificate, certify_limits
 from planning.proof.violation import Violation
+from planning.stops.certificate import StopCertificate, certify_path_stops
 from planning.timing.choice import chosen_parametrization, require_limits, required_limits
 from planning.timing.failure import TimingFailed
 from planning.timing.method import JerkLimited, JerkUse, timing_method
@@ -23,6 +24,7 @@ from planning.timing.path.simplification import Polyline, simplified_polyline
 from planning.timing.spline.spline import Ends, chord_knots, led_by, spline_path
 from planning.timing.time_scaling import ScaledTime
 from planning.values.limits import MotionLimits
+from planning.values.stop_kind import StopKinds
 
 _SIZES = "Look for limits or lengths of very different sizes."
 
@@ -56,6 +58,7 @@ class Retimed:
         notes: Notes on the path: waypoints left out, stops.
         begins: Time at which the motion begins, the first of given times [s].
         timing: Method and limits that it was timed by.
+        stops: The proof of its stops along the path, where these were asked for.
     """
 
     trajectory: Trajectory
@@ -65,6 +68,7 @@ class Retimed:
     notes: tuple[str, ...]
     begins: float = 0.0
     timing: TimingReport | None = None
+    stops: StopCertificate | None = None
 
     @property
     def peaks(self) -> dict[str, Array]:
@@ -152,6 +156,35 @@ def retime(
     if method.jerk is JerkUse.UNUSED and "jerk" in overrides:
         notes += ("The method toppra does not limit jerk: jerk_limited does.",)
     return _report(timed, certificate, parametrization, chain, notes, begins)
+
+
+def with_path_stops(
+    timed: Retimed, kind: StopKinds, chain: Chain | None, overrides: Mapping[str, Array]
+) -> Retimed:
+    """A timed path with the proof of its stops along the path, where these are asked for.
+
+    Args:
+        timed: The timed path.
+        kind: Stops that it is to have.
+        chain: The robot, if there is one.
+        overrides: Limits (n,) by quantity, in place of the robot's.
+
+    Raises:
+        InvalidOption: Stops are asked for that leave the path.
+        MissingLimit: The acceleration of a joint has no limit.
+    """
+    if kind == "none":
+        return timed
+    if kind != "path":
+        raise InvalidOption(
+            f"stops {kind!r} leave the path, and timing looks at no collisions",
+            hint='Ask for stops "path" here; plan and validate prove those of single joints.',
+        )
+    motion = timed.trajectory
+    limits = Limits.unlimited(motion.n) if chain is None else chain.limits
+    names = ("velocity", "acceleration", "jerk")
+    wanted = MotionLimits({name: row for name, row in overrides.items() if name in names})
+    return replace(timed, stops=certify_path_stops(motion, timed.certificate, limits, wanted))
 
 
 def _with_method(timing: TimingOptions) -> TimingOptions:

@@ -1,0 +1,144 @@
+"""Certificate of the stops of a motion: from every instant of it the arm can come to rest."""
+
+from dataclasses import dataclass, field, replace
+from typing import NamedTuple
+
+import numpy as np
+
+from kinematics.errors import InvalidOption
+from kinematics.model.chain import Limits
+from kinematics.trajectory.trajectory import Trajectory
+from obstacles.robots.robot_geometry import RobotGeometry
+from obstacles.scenes.scene import Scene
+from planning.proof.certificate import Certificate
+from planning.stops.braking import BrakingLimits
+from planning.stops.family_proof import Worst, prove_family
+from planning.stops.path_stops import prove_path_stops
+from planning.stops.stop_family import StopFamily
+from planning.values.deadline import Deadline
+from planning.values.limits import MotionLimits
+from planning.values.stop_kind import StopKinds
+
+#: Parts of a motion on which the longest stop with all joints braking is bounded [s].
+_PART = 0.01
+
+
+class Surroundings(NamedTuple):
+    """Robot and surroundings that stops are proved for.
+
+    Args:
+        robot: The arm with its geometry.
+        scene: The obstacles.
+        margin: Distance to keep from obstacles beyond their own margins [m].
+        limits: Limits of acceleration and jerk to brake at in place of the robot's.
+    """
+
+    robot: RobotGeometry
+    scene: Scene
+    margin: float = 0.0
+    limits: MotionLimits = MotionLimits()
+
+    @property
+    def braking(self) -> BrakingLimits:
+        """Limits that the joints brake at.
+
+        Raises:
+            MissingLimit: The acceleration of a joint has no limit.
+        """
+        chain = self.robot.chain
+        return BrakingLimits.of(chain.limits, chain.joint_names, self.limits)
+
+
+@dataclass(frozen=True, slots=True)
+class StopCertificate:
+    """Certificate of the stops of a motion.
+
+    Args:
+        kind: "path", "joints" or "both".
+        proved: Whether a stop of each kind is proved from every instant.
+        worst: The stop that comes nearest to something, or the one at fault; of stops along the
+            path alone the longest, whose clearance is that of the motion.
+        longest: Bound of the longest time to rest [s]; infinite where no end is known.
+        message: Sentence on the fault, "" where there is none.
+        slowed: Time that the motion takes longer so that its stops are proved [s].
+        late: Whether time was up before all was proved.
+    """
+
+    kind: StopKinds
+    proved: bool
+    worst: Worst = field(default_factory=lambda: Worst(0.0, 0.0, None, np.inf))
+    longest: float = np.inf
+    message: str = ""
+    slowed: float = 0.0
+    late: bool = False
+
+
+def certify_stops(
+    trajectory: Trajectory,
+    certificate: Certificate,
+    around: Surroundings,
+    kind: StopKinds,
+    deadline: Deadline | None = None,
+) -> StopCertificate:
+    """Prove that a motion can be stopped at every instant, or say where it can't.
+
+    Args:
+        trajectory: The motion.
+        certificate: Its own proof: stops of a motion that is not proved are not either.
+        around: Robot, scene, margin and limits.
+        kind: "path", "joints" or "both".
+        deadline: Instant at which the proof is given up.
+
+    Raises:
+        InvalidOption: The kind is none of these.
+        MissingLimit: The acceleration of a joint has no limit.
+    """
+    _check_kind(kind)
+    braking = around.braking
+    along = _along_path(trajectory, certificate, braking)
+    if kind == "path" or (not along.proved and (kind == "both" or not certificate.verified)):
+        return replace(along, kind=kind)
+    family = StopFamily(trajectory, braking)
+    margin = max(around.margin, certificate.premises.margin)
+    found = prove_family(family, around.robot, around.scene, margin, deadline)
+    longest = float(family.durations(family.cells(_PART)).max())
+    if kind == "both":
+        longest = max(longest, along.longest)
+    return StopCertificate(kind, found.proved, found.worst, longest, found.message, late=found.late)
+
+
+def certify_path_stops(
+    trajectory: Trajectory, certificate: Certificate, limits: Limits, wanted: MotionLimits
+) -> StopCertificate:
+    """Prove that a motion of which limits alone are known can be stopped along its path.
+
+    Args:
+        trajectory: The motion.
+        certificate: Its proof.
+        limits: Limits of its joints.
+        wanted: Limits in place of them.
+
+    Raises:
+        MissingLimit: The acceleration of a joint has no limit.
+    """
+    braking = BrakingLimits.of(limits, trajectory.joint_names, wanted)
+    return _along_path(trajectory, certificate, braking)
+
+
+def _along_path(
+    trajectory: Trajectory, certificate: Certificate, braking: BrakingLimits
+) -> StopCertificate:
+    if not certificate.verified:
+        time = certificate.violation.time if certificate.violation else 0.0
+        worst = Worst(time, 0.0, None, certificate.min_clearance)
+        return StopCertificate("path", False, worst, message="the motion itself is not proved")
+    found = prove_path_stops(trajectory, braking)
+    worst = Worst(found.time, 0.0, certificate.clearance_pair, certificate.min_clearance)
+    return StopCertificate("path", found.proved, worst, found.longest, found.message)
+
+
+def _check_kind(kind: str) -> None:
+    if kind not in ("path", "joints", "both"):
+        raise InvalidOption(
+            f"there are no stops of kind {kind!r}", hint='Name "path", "joints" or "both".'
+        )

@@ -1,0 +1,336 @@
+"""Proof that no member of a family of stops touches anything or leaves the joints' ranges.
+
+Cells of the two times are settled by the proof's own check of an interval
+(``proof.collision.interval_check``), on exact geometry: it is given all joints of a cell as a
+motion with what members of the family may be off it. Cells that are not settled are halved, along
+the time that moves the joints more; a pair that is nearer than its margin in the middle of a cell
+is the end of the proof.
+"""
+
+from collections.abc import Callable
+from functools import cache
+from typing import NamedTuple
+
+import numpy as np
+
+from compiled.kernel import direct
+from kinematics.arrays import Array, Indices
+from obstacles.distance.signed_distance import convex_distance
+from obstacles.robots.robot_geometry import RobotGeometry
+from obstacles.scenes.scene import Scene
+from planning.proof.collision.interval_check import check_interval
+from planning.proof.collision.pair_table import PairArrays, PairTable, any_pairs
+from planning.proof.collision.sweep_state import (
+    DEPTH,
+    HALF,
+    OBSTACLE,
+    OPEN,
+    OWN,
+    REFERRED,
+    SHARP,
+    VISITS,
+    Sweep,
+    enlarge,
+    start_kernel,
+)
+from planning.proof.motion_bounds import (
+    ACCELERATION,
+    BOW,
+    BOW_ROUNDING,
+    JERK,
+    RADIUS,
+    RATE,
+    ROUNDING,
+    SPEED,
+    VALUE,
+)
+from planning.stops.stop_family import Cells, StopFamily
+from planning.values.deadline import Deadline
+from planning.values.limits import RATIO_TOLERANCE
+
+#: Parts of the motion to begin with are no longer than this [s].
+_FIRST_PART = 0.05
+#: Halvings after which what is open is not proved: a cell is then a millionth of a second.
+_MAX_HALVINGS = 30
+#: Cells after which the clearance need be only half as sharp, and again after as many.
+_SHARP_CELLS = 3_000
+#: Cells looked at after which the proof is given up.
+_MAX_CELLS = 400_000
+
+
+class Worst(NamedTuple):
+    """The stop that comes nearest to something, or the first found that is not free.
+
+    Args:
+        time: Instant of the motion at which braking begins [s].
+        after: Time since then [s].
+        pair: The two bodies; the joint twice where its range is left; None where nothing was met.
+        clearance: Distance of the two, a lower bound where it is proved [m]; for a joint how far it
+            is within its range, negative outside [rad or m].
+    """
+
+    time: float
+    after: float
+    pair: tuple[str, str] | None
+    clearance: float
+
+
+class FamilyProof(NamedTuple):
+    """Result of the proof.
+
+    Args:
+        proved: Whether all members of the family are free and within the joints' ranges.
+        worst: The nearest stop, or the one at fault.
+        message: Sentence on the fault, "" where there is none.
+        cells: Cells looked at.
+        late: Whether time was up.
+    """
+
+    proved: bool
+    worst: Worst
+    message: str = ""
+    cells: int = 0
+    late: bool = False
+
+
+def prove_family(
+    family: StopFamily,
+    robot: RobotGeometry,
+    scene: Scene,
+    margin: float,
+    deadline: Deadline | None = None,
+) -> FamilyProof:
+    """Prove all stops of a motion, which is itself proved, so that nothing is inside anything.
+
+    Args:
+        family: The stops.
+        robot: The arm with its geometry.
+        scene: The obstacles.
+        margin: Distance to keep from obstacles beyond their own margins [m].
+        deadline: Instant at which the proof is given up.
+    """
+    outside = _outside(family, robot)
+    if outside is not None:
+        return outside
+    opened: frozenset[int] | None = frozenset()
+    while True:
+        sweep = _FamilySweep(family, PairTable.of(robot, scene, margin, opened), deadline)
+        more = sweep.run()
+        if sweep.found is not None:
+            return sweep.found
+        # Covers of meshes that come so near that their triangles have to be looked at.
+        opened = None if opened is None or len(opened) > _MOST_COVERS else opened | more
+
+
+#: Covers opened one by one, before all are.
+_MOST_COVERS = 8
+
+
+class _FamilySweep:
+    """Sweep over the cells of a family with some covers of meshes opened.
+
+    Args:
+        family: The stops.
+        table: The pairs.
+        deadline: Instant at which the proof is given up.
+    """
+
+    def __init__(self, family: StopFamily, table: PairTable, deadline: Deadline | None) -> None:
+        self._family, self._table, self._deadline = family, table, deadline
+        self.found: FamilyProof | None = None
+        self._looked_at = 0
+        self._nearest = Worst(0.0, 0.0, None, np.inf)
+        arrays = table.arrays
+        motion = family.trajectory
+        sizes = arrays.bodies.shape[1], arrays.joints.shape[0], arrays.moving
+        self._sweep: Sweep = start_kernel(motion.breaks, motion.coefficients, arrays.roots, sizes)
+        self._sweep.counters[DEPTH], self._sweep.counters[SHARP] = 0, 1
+        self._sweep.interval[HALF] = 1.0
+
+    def run(self) -> frozenset[int]:
+        """Settle all cells, or find one that is not free; else the covers to be opened first."""
+        roots = self._table.arrays.roots
+        cells = self._family.cells(_FIRST_PART)
+        open_pairs: list[tuple[Indices, Array]] = [
+            (roots, np.zeros((len(roots), 3))) for _ in cells.piece
+        ]
+        if not len(roots):
+            self.found = FamilyProof(True, self._nearest)
+            return frozenset()
+        for _ in range(_MAX_HALVINGS):
+            more, left, pairs, by_begin = self._level(cells, open_pairs)
+            if more or self.found is not None:
+                return more
+            if not left:
+                self.found = FamilyProof(True, self._nearest, "", self._looked_at)
+                return frozenset()
+            cells = cells.chosen(np.array(left)).halves(np.array(by_begin))
+            open_pairs = pairs + pairs
+        self._give_up(cells, open_pairs)
+        return frozenset()
+
+    def _level(
+        self, cells: Cells, open_pairs: list[tuple[Indices, Array]]
+    ) -> tuple[frozenset[int], list[int], list[tuple[Indices, Array]], list[bool]]:
+        """Look at cells with the pairs that are open on each; what stays open, cell by cell."""
+        enclosed, times = self._family.enclose(cells), self._family.time(cells)
+        left: list[int] = []
+        pairs: list[tuple[Indices, Array]] = []
+        by_begin: list[bool] = []
+        n = enclosed.middle.shape[1]
+        columns = np.zeros((len(times), n, int(self._sweep.joints.shape[1])))
+        columns[..., VALUE], columns[..., RADIUS] = enclosed.middle, enclosed.radius
+        # A motion by the rate without acceleration, and what members are off it.
+        columns[..., RATE], columns[..., SPEED] = enclosed.rate, np.abs(enclosed.rate)
+        columns[..., ROUNDING] = columns[..., BOW_ROUNDING] = enclosed.off
+        columns[..., ACCELERATION] = columns[..., BOW] = columns[..., JERK] = 0.0
+        for k, (time, after) in enumerate(zip(times.tolist(), cells.after[:, 0], strict=True)):
+            if self._looked_at % 256 == 0 and self._is_over(time):
+                return frozenset(), [], [], []
+            self._looked_at += 1
+            if self._looked_at % _SHARP_CELLS == 0:
+                # Bounds are sharp beyond a share of the least distance met.
+                self._sweep.nearest[:] *= 0.5
+            self._sweep.joints[:n] = columns[k]
+            self._check(*open_pairs[k])
+            self._note_nearest(time, float(after))
+            more = self._judge_referred(time, float(after))
+            if more or self.found is not None:
+                return more, [], [], []
+            count = int(self._sweep.counters[OPEN] + self._sweep.counters[REFERRED])
+            if count:
+                left.append(k)
+                pairs.append(self._still_open(len(open_pairs[k][0])))
+                by_begin.append(bool(enclosed.moves[k, 0] >= enclosed.moves[k, 1]))
+        return frozenset(), left, pairs, by_begin
+
+    def _check(self, pairs: Indices, directions: Array) -> None:
+        """Let the proof settle what it can of one cell."""
+        while len(pairs) >= len(self._sweep.pairs):
+            self._sweep = enlarge(self._sweep)
+        while True:
+            sweep = self._sweep
+            sweep.pairs[: len(pairs)], sweep.directions[: len(pairs)] = pairs, directions
+            sweep.starts[0], sweep.counts[0] = 0, len(pairs)
+            sweep.counters[VISITS] += 1
+            if _check()(self._table.arrays, sweep):
+                return
+            self._sweep = enlarge(sweep)
+
+    def _still_open(self, first: int) -> tuple[Indices, Array]:
+        """Pairs that stay open after the last check, with directions to try first."""
+        sweep = self._sweep
+        stop = first + int(sweep.counters[OPEN])
+        referred = sweep.referred[: sweep.counters[REFERRED]]
+        pairs = np.concatenate([sweep.pairs[first:stop], referred])
+        directions = np.concatenate([sweep.directions[first:stop], np.zeros((len(referred), 3))])
+        return pairs, directions
+
+    def _judge_referred(self, time: float, after: float) -> frozenset[int]:
+        """Measure pairs that are nearer than their margin in the middle of the last cell."""
+        sweep, arrays, table = self._sweep, self._table.arrays, self._table
+        for i, j in sweep.referred[: sweep.counters[REFERRED]].tolist():
+            closed = {table.closed_cover(i), table.closed_cover(j)} - {None}
+            if closed:
+                return frozenset(row for row in closed if row is not None)
+            apart = 0.0 if i < arrays.moving else float(arrays.margins[i]) + arrays.margin
+            distance = convex_distance(table.solid(i), self._pose(i), table.solid(j), self._pose(j))
+            if distance <= apart:
+                self._note_fault(time, after, (i, j), distance, apart)
+                return frozenset()
+        return frozenset()
+
+    def _pose(self, k: int) -> Array:
+        """Pose of element k in the middle of the last cell."""
+        joint, T = int(self._table.arrays.joints[k]), self._table.arrays.poses[k]
+        return np.asarray(self._sweep.frames[joint] @ T) if joint >= 0 else T
+
+    def _note_nearest(self, time: float, after: float) -> None:
+        """Note where the proved clearance is least."""
+        sweep = self._sweep
+        against = OBSTACLE if sweep.clearance[OBSTACLE] <= sweep.clearance[OWN] else OWN
+        least = float(sweep.clearance[against])
+        if least < self._nearest.clearance:
+            i, j = sweep.closest[against].tolist()
+            self._nearest = Worst(time, after, self._table.names(i, j), least)
+
+    def _note_fault(
+        self, time: float, after: float, pair: tuple[int, int], distance: float, apart: float
+    ) -> None:
+        names = self._table.names(*pair)
+        far = f"overlap by {-distance:.6g} m" if distance < 0.0 else f"are {distance:.6g} m apart"
+        message = (
+            f"with all joints braking from {time:.6g} s on {names[0]!r} and {names[1]!r} {far} "
+            f"after {after:.3g} s"
+        )
+        message += f", {apart:.6g} m are asked for" if apart > 0.0 else ""
+        worst = Worst(time, after, names, distance)
+        self.found = FamilyProof(False, worst, message, self._looked_at)
+
+    def _is_over(self, time: float) -> bool:
+        """Whether time or cells are used up, which proves nothing."""
+        late = self._deadline is not None and self._deadline.passed
+        if not late and self._looked_at < _MAX_CELLS:
+            return False
+        message = "time was up before all stops were proved"
+        message = message if late else f"{_MAX_CELLS} cells did not settle the stops"
+        worst = self._nearest._replace(time=time)
+        self.found = FamilyProof(False, worst, message, self._looked_at, late)
+        return True
+
+    def _give_up(self, cells: Cells, open_pairs: list[tuple[Indices, Array]]) -> None:
+        """Note the first pair that halving does not settle: it keeps its margin to rounding."""
+        i, j = open_pairs[0][0][0].tolist()
+        time, names = float(self._family.time(cells)[0]), self._table.names(i, j)
+        message = f"{names[0]!r} and {names[1]!r} keep their margin to rounding at best"
+        self.found = FamilyProof(
+            False, Worst(time, float(cells.after[0, 0]), names, 0.0), message, self._looked_at
+        )
+
+
+@cache
+def _check() -> Callable[[PairArrays, Sweep], bool]:
+    """``check_interval`` without the look at its arguments' types, which are many."""
+    model = any_pairs()
+    sweep = start_kernel(np.zeros(2), np.zeros((1, 1, 1)), model.roots, (1, 1, 1))
+    return direct(check_interval, model, sweep)
+
+
+def _outside(family: StopFamily, robot: RobotGeometry) -> FamilyProof | None:
+    """The first stop found that takes a joint out of its range; None where none does."""
+    limits, names = robot.chain.limits, robot.chain.joint_names
+    lower, upper = limits.lower - RATIO_TOLERANCE, limits.upper + RATIO_TOLERANCE
+    cells = family.cells(_FIRST_PART)
+    cells = cells._replace(after=np.zeros_like(cells.after))
+    looked_at = 0
+    while len(cells.piece):
+        looked_at += len(cells.piece)
+        low, high = family.farthest(cells)
+        out = ((low < lower) | (high > upper)).any(axis=1)
+        cells = cells.chosen(np.flatnonzero(out))
+        if not len(cells.piece):
+            return None
+        still = cells._replace(begin=cells.begin * [1.0, 0.0])
+        low, high = family.farthest(still)
+        room = np.minimum(low - lower, upper - high)
+        k, j = np.unravel_index(int(np.argmin(room)), room.shape)
+        surely = room[k, j] < -_ROUNDED_ROOM
+        if surely or looked_at > _MAX_RANGE_CELLS:
+            time, name = float(family.time(cells)[k]), names[j]
+            what = "takes" if surely else "may take"
+            excess = max(-float(room[k, j]), 0.0)
+            message = (
+                f"braking all joints from {time:.6g} s on {what} {name!r} out of its range"
+                + (f" by {excess:.6g}" if surely else "")
+            )
+            after = float(family.durations(still)[k])
+            worst = Worst(time, after, (name, name), float(room[k, j]))
+            return FamilyProof(False, worst, message, looked_at)
+        cells = cells.halves(np.ones(len(cells.piece), dtype=np.bool_))
+    return None
+
+
+#: What the enclosure of a single instant is wide by [rad or m].
+_ROUNDED_ROOM = 1e-10
+#: Cells of the begins alone, all joints at once, after which a range is taken as left.
+_MAX_RANGE_CELLS = 50_000
