@@ -20,6 +20,7 @@ if TYPE_CHECKING:
     import service.endpoints.large_body
     import service.endpoints.lyapunov.task
     import service.endpoints.plan.task
+    import service.endpoints.plans.stop
     import service.endpoints.plans.swept
     import service.endpoints.plans.view
     import service.endpoints.potential.task
@@ -68,6 +69,7 @@ if TYPE_CHECKING:
     unpack_robot = service.endpoints.robots.task.unpack_robot
     plan_sequence = service.endpoints.tasks.task.plan_sequence
     simulate = service.endpoints.simulate.task.simulate
+    stop = service.endpoints.plans.stop.stop
     swept = service.endpoints.plans.swept.swept
     view = service.endpoints.plans.view.view
     tour = service.endpoints.tours.task.tour
@@ -109,6 +111,7 @@ else:
     unpack_robot = TaskReference("service.endpoints.robots.task:unpack_robot")
     plan_sequence = TaskReference("service.endpoints.tasks.task:plan_sequence", GRACE)
     simulate = TaskReference("service.endpoints.simulate.task:simulate", GRACE)
+    stop = TaskReference("service.endpoints.plans.stop:stop", GRACE)
     swept = TaskReference("service.endpoints.plans.swept:swept")
     view = TaskReference("service.endpoints.plans.view:view")
     tour = TaskReference("service.endpoints.tours.task:tour", GRACE)

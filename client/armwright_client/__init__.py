@@ -163,13 +163,16 @@ from armwright_wire.motions.certificate import (
     CertificateAnswer,
     PathDeviationAnswer,
     ProvedAnswer,
+    StopsAnswer,
     ToolSpeedAnswer,
     ToolSpeedBandAnswer,
     ToolToleranceAnswer,
+    WorstStopAnswer,
 )
 from armwright_wire.motions.certificate import LimitUse as LimitUse
 from armwright_wire.motions.certificate import LimitUses as LimitUses
 from armwright_wire.motions.certificate import Premises as Premises
+from armwright_wire.motions.certificate import Stops as Stops
 from armwright_wire.motions.export import ExportAnswer
 from armwright_wire.motions.export import ExportRequest as ExportRequest
 from armwright_wire.motions.retime import JointStateBody, RetimeAnswer
@@ -202,6 +205,8 @@ from armwright_wire.plans.kept_plan import KeptPlanSummary as KeptPlanSummary
 from armwright_wire.plans.kept_plan import PlanList as PlanList
 from armwright_wire.plans.kept_plan import ReplayAnswer as ReplayAnswer
 from armwright_wire.plans.kept_plan import ReplayRequest as ReplayRequest
+from armwright_wire.plans.kept_plan import StopAnswer
+from armwright_wire.plans.kept_plan import StopRequest as StopRequest
 from armwright_wire.plans.plan import DescentAnswer, PathAnswer, PlanAnswer, ProgressAnswer
 from armwright_wire.plans.plan import PlannerName as PlannerName
 from armwright_wire.plans.plan import PlanRequest as PlanRequest
@@ -371,6 +376,8 @@ Simulation = SimulateAnswer
 SimulationReference = ReferenceAnswer
 SingularForm = SingularFormAnswer
 SpeedLimit = SpeedLimitAnswer
+Stop = StopAnswer
+StopsReport = StopsAnswer
 TaskPlan = TaskAnswer
 TaskStage = StageUnion
 TaskStageReport = TaskStageAnswer
@@ -391,3 +398,4 @@ Trial = TrialAnswer
 Tube = TubeAnswer
 Unvisited = UnvisitedAnswer
 Visit = VisitAnswer
+WorstStop = WorstStopAnswer

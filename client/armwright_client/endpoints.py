@@ -52,7 +52,9 @@ from armwright_wire.plans.kept_plan import (
     PlanList,
     ReplayAnswer,
     ReplayRequest,
+    StopRequest,
 )
+from armwright_wire.plans.kept_plan import StopAnswer as Stop
 from armwright_wire.plans.plan import PlanAnswer as Plan
 from armwright_wire.plans.plan import PlanRequest, ValidateRequest
 from armwright_wire.plans.task import StageUnion as TaskStage
@@ -207,6 +209,19 @@ class PlanEndpoints:
         query: dict[str, str | float] = {"format": format, "tolerance": tolerance}
         return Call("GET", path("plans", plan, "swept"), bytes, query=query)
 
+    @Endpoint
+    def stop(
+        self,
+        plan: str,
+        at: float,
+        *,
+        kind: Literal["path", "joints"] = "path",
+        timeout: float | None = None,
+    ) -> Call[Stop]:
+        """The stop of a kept motion from an instant on [s], with its certificate."""
+        body = StopRequest.of(at=at, kind=kind, timeout=timeout)
+        return Call("POST", path("plans", plan, "stop"), Stop.read, body, deadline=timeout)
+
     # Last, since it hides the built-in type from what follows.
     @Endpoint
     def list(
@@ -352,6 +367,7 @@ class ServiceEndpoints:
         robot: str | None = None,
         limits: LimitValues | None = None,
         timing: RetimeTiming | None = None,
+        stops: Literal["none", "path"] | None = None,
         timeout: float | None = None,
     ) -> Call[Retimed]:
         """Time a path within the limits of a robot, or within those given."""
@@ -360,6 +376,7 @@ class ServiceEndpoints:
             robot=robot,
             limits=limits,
             timing=timing,
+            stops=stops,
             timeout=timeout,
         )
         return Call("POST", path("retime"), Retimed.read, body, deadline=timeout)

@@ -30,6 +30,9 @@ _CONTROLLER = '{"type": "computed_torque", "natural_frequency": 20.0, "damping":
 Motion = Annotated[
     Path, typer.Argument(help="JSON file of a trajectory, or of an answer that holds one.")
 ]
+Stops = Annotated[
+    str | None, typer.Option(help="Prove stops at every instant: path, joints or both.")
+]
 
 
 def _ask(
@@ -75,6 +78,7 @@ def plan(
     scene: Scene = None,
     margin: Margin = 0.0,
     planner: Annotated[str, typer.Option(help="As the API names them.")] = "auto",
+    stops: Stops = None,
 ) -> None:
     """Plan a timed motion that is proved free of collision and inside all limits."""
     body = {
@@ -83,6 +87,7 @@ def plan(
         "scene": values.scene(scene),
         "margin": margin,
         "planner": planner,
+        "stops": stops,
     }
     answer = json.loads(_ask(connection, PLAN, robot, request, body))
     if connection.as_json:
@@ -145,17 +150,19 @@ def validate(
     request: Request,
     scene: Scene = None,
     margin: Margin = 0.0,
+    stops: Stops = None,
 ) -> None:
-    """Prove a motion for every instant; exit with 1 where it is not proved."""
+    """Prove a motion, and perhaps its stops, for every instant; exit with 1 where it is not."""
     body = {
         "trajectory": values.motion(motion),
         "scene": values.scene(scene),
         "margin": margin,
+        "stops": stops,
     }
     certificate = json.loads(_ask(connection, VALIDATE, robot, request, body))
     if not connection.as_json:
         _show_certificate(certificate)
-    if not certificate["verified"]:
+    if not certificate["verified"] or not (certificate.get("stops") or {"proved": True})["proved"]:
         raise negative()
 
 
@@ -171,6 +178,12 @@ def _show_certificate(certificate: dict[str, Any]) -> None:
         print_line(f"not proved: {reason}", "yellow")
     for sentence in allowed_sentences(certificate["allowed_collisions"]):
         print_line(sentence)
+    stops = certificate.get("stops")
+    if stops is not None:
+        told = stops["message"] or f"at rest within {word(stops['longest'])} s at every instant"
+        print_line(f"stops {'proved' if stops['proved'] else 'not proved'}: {told}")
+    if stops is not None and stops["slowed"]:
+        print_line(f"{stops['slowed']:.4f} s longer for its stops")
     violation = certificate["violation"]
     if violation is not None:
         rows = ((name, json.dumps(value)) for name, value in violation.items())
@@ -191,11 +204,15 @@ def retime(
     scaling: Annotated[
         float, typer.Option(help="Share of the velocity limits that is used.", min=0.001, max=1.0)
     ] = 1.0,
+    stops: Annotated[
+        str | None, typer.Option(help="path: bound the longest stop along the path too.")
+    ] = None,
 ) -> None:
     """Time a path of waypoints within the robot's limits; collisions are not looked at."""
     document = read_json(path)
     waypoints = {"joints": document["path"]["joints"]} if "path" in document else document
-    body = {"path": waypoints, "timing": {"method": method, "velocity_scaling": scaling}}
+    timing = {"method": method, "velocity_scaling": scaling}
+    body = {"path": waypoints, "timing": timing, "stops": stops}
     answer = json.loads(_ask(connection, RETIME, robot, request, body))
     if connection.as_json:
         return

@@ -447,7 +447,9 @@ class _Pipeline:
             timing=replace(timing, solver=None) if optimised else timing,
             deterministic=not self.deadline.interruptions.occurred,
             stops=proved.stops,
-            surroundings=surroundings(self.asked, self.options),
+            surroundings=surroundings(self.asked, self.options)._replace(
+                margin=certificate.premises.margin
+            ),
         )
 
 

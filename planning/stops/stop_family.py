@@ -52,7 +52,7 @@ class Enclosed(NamedTuple):
     """Joints on cells, each of shape (b, n).
 
     Args:
-        middle: Values in the middle of the interval that holds them [rad or m].
+        middle: Values of the member of the family in the middle of the cell [rad or m].
         radius: How far they are off that at most [rad or m].
         rate: What they move by from the middle of a cell to its end, begun later [rad or m].
         off: How far they are off a motion by ``rate`` at most [rad or m].
@@ -138,7 +138,9 @@ class StopFamily:
             least.append(low.moved(at[0]))
             most.append(high.moved(at[1]))
         lowest, highest = np.min(least, axis=0), np.max(most, axis=0)
-        way, spread = 0.5 * (lowest + highest), 0.5 * (highest - lowest)
+        # A member of the family: a fault there is one of a stop.
+        way = Braking.of(c[..., 1], 2.0 * c[..., 2], self.limits).moved(middle + 0.0 * first)
+        spread = np.maximum(highest - way, way - lowest)
         radius, bend = _spread(c, h, 0), _spread(c, h, 0, linear=False)
         value = c[..., 0] + way
         rounded = _ROUNDED * (1.0 + np.abs(value) + radius + spread)

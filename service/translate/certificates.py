@@ -7,6 +7,7 @@ from armwright_wire.scenes.scene import Scene
 from planning.proof.certificate import Certificate
 from planning.proof.premises import Premises
 from planning.proof.tool.tool_speed_band import SpeedUse
+from planning.stops.certificate import StopCertificate
 from service.translate.contacts import allowed_answer
 from service.translate.problems import plain
 
@@ -83,6 +84,20 @@ def certificate_answer(
             **plain(violation.details),
         }
     return answer
+
+
+def stops_answer(stops: StopCertificate | None, begins: float = 0.0) -> dict[str, Any]:
+    """Field of a certificate for the proof of stops; none where there is none.
+
+    Args:
+        stops: The proof.
+        begins: Time of the trajectory's beginning [s].
+    """
+    if stops is None:
+        return {}
+    worst = stops.worst._asdict() | {"time": stops.worst.time + begins}
+    answer = {name: getattr(stops, name) for name in ("kind", "proved", "longest", "slowed")}
+    return {"stops": answer | {"worst": worst, "message": stops.message or None}}
 
 
 def premises_answer(premises: Premises, scene: str | Scene | None) -> dict[str, Any]:

@@ -158,6 +158,7 @@ def options(
         seed=body.seed,
         observer=observer,
         refine=_refine(body.refine),
+        stops=body.stops,
         goal_costs=goal_costs(body.goal_costs),
         clearance=_USUAL_CLEARANCE
         if body.clearance is None

@@ -179,6 +179,8 @@ CALLS: list[tuple[str, Callable[[Any], Any], str, str, dict[str, Any] | None]] =
     ("plans.view", lambda c: c.plans.view("7"), "GET", "/v1/plans/7/view", None),
     ("plans.view", lambda c: c.plans.view("7", tree=True), "GET", "/v1/plans/7/view?tree=true",
      None),
+    ("plans.stop", lambda c: c.plans.stop("7", 0.5, kind="joints"), "POST", "/v1/plans/7/stop",
+     {"at": 0.5, "kind": "joints"}),
     ("plans.swept", lambda c: c.plans.swept("7", format="stl"), "GET",
      "/v1/plans/7/swept?format=stl&tolerance=0.005", None),
 ]  # fmt: skip

@@ -8,7 +8,7 @@ from armwright_wire.base import VectorLike
 from armwright_wire.goals.constraint import Constraints
 from armwright_wire.goals.goal import Clearance, Start
 from armwright_wire.goals.tool_motion import TimedToolMotions
-from armwright_wire.motions.certificate import Premises
+from armwright_wire.motions.certificate import Premises, Stops
 from armwright_wire.motions.trajectory import LimitsBody
 from armwright_wire.plans.plan import PlannerName, Refine
 from armwright_wire.plans.task import MovedObject
@@ -48,6 +48,7 @@ class PlanOptions(PlanningOptions, total=False):
         collisions: "ignore" looks at no collisions at all, and the certificate says so.
         start_state_tolerance: A start or goal so little outside a limit is moved onto it
             [rad or m]; if left out a start by 0.01 % of the limit, a goal by 1e-6.
+        stops: Stops that the motion is proved to have from every instant; it is slowed down for it.
     """
 
     planner: PlannerName
@@ -58,6 +59,7 @@ class PlanOptions(PlanningOptions, total=False):
     clearance: Clearance
     collisions: Literal["check", "ignore"]
     start_state_tolerance: float
+    stops: Stops
 
 
 class ValidateOptions(SceneOptions, total=False):
@@ -73,6 +75,7 @@ class ValidateOptions(SceneOptions, total=False):
         torque_limits: Whether the robot's effort limits hold too.
         payload: Payload that the tip carries, for torques.
         tool_speed: Largest speed of the tip [m/s].
+        stops: Stops that the motion is proved to have from every instant.
         keep: Whether request and answer are kept as a plan, see `Client.plans`.
     """
 
@@ -85,6 +88,7 @@ class ValidateOptions(SceneOptions, total=False):
     torque_limits: bool
     payload: Payload
     tool_speed: float
+    stops: Stops
     keep: bool
 
 

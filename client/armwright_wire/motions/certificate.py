@@ -1,6 +1,6 @@
 """Timed trajectories and certificates in answers."""
 
-from typing import Annotated, Any
+from typing import Annotated, Any, Literal, TypeAlias
 
 from pydantic import Field
 
@@ -112,6 +112,49 @@ class Premises(Body):
     )
 
 
+#: Kinds of stops; "none" proves none.
+Stops: TypeAlias = Annotated[
+    Literal["none", "path", "joints", "both"],
+    Field(
+        description="prove that the arm can come to rest from every instant: along its own path, "
+        "with every joint braking by itself at its limits, which leaves the path, or both"
+    ),
+]
+
+
+class WorstStopAnswer(Answer):
+    """Stop that comes nearest to something, or the first found that is not proved."""
+
+    time: float = Field(description="of the motion, at which braking begins [s]")
+    after: float = Field(description="since then [s]")
+    pair: NamePair | None = Field(
+        None, description="the two bodies; a joint twice where its range is left"
+    )
+    clearance: float | None = Field(
+        None,
+        description="of the two, a lower bound where it is proved [m]; of a joint how far it is "
+        "within its range, negative outside [rad or m]; null with nothing to hit",
+    )
+
+
+class StopsAnswer(Answer):
+    """The proof that a motion can be stopped at every instant."""
+
+    kind: Literal["path", "joints", "both"] = Field(description="of the stops")
+    proved: bool = Field(description="from every instant, each kind")
+    worst: WorstStopAnswer = Field(
+        description="the nearest stop, or the one at fault; of stops along the path alone the "
+        "longest, with the clearance of the motion"
+    )
+    longest: float | None = Field(
+        description="a bound of the longest time to rest [s]; null where none is known"
+    )
+    message: str | None = Field(None, description="on what is not proved")
+    slowed: float = Field(
+        0.0, description="what the motion takes longer so that its stops are proved [s]"
+    )
+
+
 class CertificateAnswer(Answer):
     """The proof that a motion is valid at every instant, or the first violation."""
 
@@ -162,4 +205,5 @@ class CertificateAnswer(Answer):
     )
     notes: list[str] = Field(default_factory=list, description="what was done to the request")
     allowed_collisions: AllowedAnswers = Field(default_factory=list)
+    stops: StopsAnswer | None = Field(None, description="of its stops; null if not asked for")
     plan_id: PlanId = None

@@ -141,6 +141,11 @@ class RetimeRequest(Body):
     )
     limits: LimitsBody | None = None
     timing: RetimeTiming = Field(default_factory=RetimeTiming)
+    stops: Literal["none", "path"] = Field(
+        "none",
+        description="path: prove that the arm can come to rest along its path from every instant; "
+        "stops of single joints leave it, plan and validate prove these",
+    )
     timeout: Timeout | None = None
 
     @model_validator(mode="after")

@@ -5,7 +5,9 @@ from typing import Annotated, Any, Literal
 from pydantic import ConfigDict, Field
 from pydantic.config import JsonDict
 
-from armwright_wire.base import Answer, Body, FreeForm, Instant, Label
+from armwright_wire.base import Answer, Body, FreeForm, Instant, Label, Number, Timeout
+from armwright_wire.motions.certificate import CertificateAnswer
+from armwright_wire.motions.trajectory import TrajectoryAnswer
 from armwright_wire.plans.job import Problem
 
 #: Longest text of a request, robot or scene in a bundle [characters]; bodies are bounded too.
@@ -114,6 +116,33 @@ class ReplayAnswer(Answer):
     plan_id: str | None = Field(None, description="the replay as a kept plan, if it was kept")
     answer: Any = Field(None, description="of the request, if it has one")
     problem: Problem | None = Field(None, description="if it has none")
+
+
+class StopRequest(Body):
+    """A stop of the motion of a kept plan."""
+
+    model_config = ConfigDict(json_schema_extra={"examples": [{"at": 0.5, "kind": "path"}]})
+
+    at: Number = Field(
+        examples=[0.5], description="instant of its trajectory at which braking begins [s]"
+    )
+    kind: Literal["path", "joints"] = Field(
+        "path",
+        description="path: to rest along its own path; joints: every joint by itself, which leaves "
+        "the path",
+    )
+    timeout: Timeout | None = None
+
+
+class StopAnswer(Answer):
+    """A stop as a motion of its own."""
+
+    kind: Literal["path", "joints"] = Field(description="of the stop")
+    at: float = Field(description="instant of the kept motion that it leaves [s]")
+    trajectory: TrajectoryAnswer = Field(description="from that instant on, which is its time 0")
+    certificate: CertificateAnswer = Field(
+        description="of the stop; not verified where it meets something"
+    )
 
 
 class Bundle(Body):

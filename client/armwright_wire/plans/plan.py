@@ -35,7 +35,7 @@ from armwright_wire.goals.tool_motion import (
     ToolMotionAnswer,
     cartesian_options,
 )
-from armwright_wire.motions.certificate import CertificateAnswer
+from armwright_wire.motions.certificate import CertificateAnswer, Stops
 from armwright_wire.motions.timing import Timing, TimingAnswer
 from armwright_wire.motions.trajectory import LimitsBody, TrajectoryAnswer, TrajectoryBody
 from armwright_wire.robots.dynamics import Payload
@@ -197,6 +197,7 @@ class PlanRequest(WithFingers, Keepable):
     )
     timing: Timing = Field(default_factory=Timing)
     limits: LimitsBody | None = None
+    stops: Stops = "none"
     timeout: Timeout | None = Field(None, description="for all stages together [s]")
     seed: Seed = 0
 
@@ -244,6 +245,7 @@ class ValidateRequest(WithFingers, Keepable):
     torque_limits: bool | None = Field(None, description="hold it to the robot's effort limits too")
     payload: Payload | None = Field(None, description="what the tip carries, for torques")
     tool_speed: Positive | None = Field(None, description="largest speed of the tip [m/s]")
+    stops: Stops = "none"
     timeout: Timeout | None = None
 
 

@@ -18,12 +18,14 @@ from armwright_wire.plans.plan import Collisions, PlanRequest, ValidateRequest
 from armwright_wire.plans.task import TaskRequest
 from armwright_wire.plans.tour import TourRequest
 from kinematics.errors import InvalidRobotDescription
+from kinematics.trajectory.trajectory import Trajectory
 from obstacles.robots.robot_geometry import RobotGeometry
 from obstacles.scenes.scene import Scene
 from planning.pipeline import pipeline
 from planning.problem import Problem
 from planning.proof.certificate import certify, has_solids
 from planning.result import Failure, Plan
+from planning.stops.certificate import Surroundings, certify_stops
 from planning.values.limits import MotionLimits
 from service.endpoints.attached_objects import RobotInScene, robot_in_scene, with_surroundings
 from service.storage.caches import worker_cache
@@ -66,6 +68,7 @@ _PROGRESS = {
     "path_proof": 0.68,
     "timing": 0.7,
     "certificate": 0.85,
+    "stops": 0.9,
 }
 _SOLIDS_HINT = (
     'Give the robot solids ("visual_solids": true of a URDF, "geometry": {"capsules": radius} of a '
@@ -187,9 +190,7 @@ def validate(robot: Reference, scene: Reference | None, content: bytes) -> bytes
     """
     body = ValidateRequest.model_validate_json(content)
     chain = worker_cache.chain(robot)
-    motion, begins = trajectories.trajectory(body.trajectory, chain)
-    around = robot_in_scene(robot, scene, body, motion.start)
-    cell = _collision_cell(around, body.collisions)
+    motion, begins, cell = proof_question(robot, scene, body)
     arm = cell.robot
     frames = Frames(chain, motion.start, body.frame)
     limits = MotionLimits(
@@ -211,7 +212,31 @@ def validate(robot: Reference, scene: Reference | None, content: bytes) -> bytes
     if violation is not None and violation.kind == "time":
         return timed_out("the work was done", "certificate")
     answer = certificates.certificate_answer(certificate, begins, body.scene)
+    if body.stops != "none":
+        around = Surroundings(arm, cell.scene, body.margin, limits)
+        stops = certify_stops(motion, certificate, around, body.stops, current.deadline())
+        if stops.late:
+            return timed_out("the work was done", "stops")
+        answer |= certificates.stops_answer(stops, begins)
     return to_json(answer | in_frame(chain) | notes_of(body, cell.notes), inf_nan_mode="null")
+
+
+def proof_question(
+    robot: Reference, scene: Reference | None, body: ValidateRequest
+) -> tuple[Trajectory, float, RobotInScene]:
+    """A request for a proof as a question: the motion, when it begins [s], and the cell.
+
+    Args:
+        robot: The robot.
+        scene: The scene, where the request names a stored one.
+        body: The request.
+
+    Raises:
+        ArmwrightError: The request is at fault.
+    """
+    motion, begins = trajectories.trajectory(body.trajectory, worker_cache.chain(robot))
+    around = robot_in_scene(robot, scene, body, motion.start)
+    return motion, begins, _collision_cell(around, body.collisions)
 
 
 def _collision_cell(cell: RobotInScene, collisions: Collisions) -> RobotInScene:
@@ -252,6 +277,7 @@ def refusal(failure: Failure, more: Mapping[str, Any] = MappingProxyType({})) ->
 
 def _answer(planned: Plan, body: PlanRequest, cell: RobotInScene) -> dict[str, Any]:
     certificate = certificates.certificate_answer(planned.certificate, scene=body.scene)
+    certificate |= certificates.stops_answer(planned.stops)
     cartesian = planned.fraction is not None
     return {
         "status": "success",

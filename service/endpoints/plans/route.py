@@ -19,6 +19,8 @@ from armwright_wire.plans.kept_plan import (
     PlanList,
     ReplayAnswer,
     ReplayRequest,
+    StopAnswer,
+    StopRequest,
 )
 from kinematics.errors import ArmwrightError
 from service.access.caller import caller_of
@@ -37,6 +39,7 @@ from service.http.keeping import answer_digest, differences, named_robot, new_pl
 from service.http.state import REPLAY, Replay, retention, settings_of, store_of
 from service.problem import ProblemError
 from service.storage.stores.plan_store import PlanContent, PlanRecord, document_hash
+from service.task_references import stop as stop_task
 from service.task_references import swept as swept_task
 from service.task_references import view as view_task
 from service.validation import parse_json
@@ -213,6 +216,25 @@ async def swept_plan(
     )
     name = f'attachment; filename="armwright-swept-{record.id}.{format}"'
     return Response(result, media_type=_MESH, headers={"Content-Disposition": name})
+
+
+@router.post("/{id}/stop", summary="Stop the motion of a kept plan", response_model=StopAnswer)
+async def stop_plan(id: str, body: StopRequest, request: Request) -> Response:  # noqa: A002
+    """The stop of a kept motion from an instant on, as a trajectory with its own certificate.
+
+    For kept plans and proofs. Where the stop meets something its certificate says what, and where.
+    """
+    record, content = await _plan(id, request)
+    document = plan_document(record, content, settings_of(request).plan_lifetime)
+    request.scope[REPLAY] = Replay(record.id, pinned_references(request, record))
+    result = await answers.answer(
+        request,
+        lambda robot, scene: stop_task.job(robot, scene, document, body.at, body.kind),
+        record.robot or "",
+        record.scene,
+        timeout=body.timeout,
+    )
+    return Response(result, media_type="application/json")
 
 
 @router.post("/{id}/replay", summary="Replay a kept plan", response_model=ReplayAnswer)

@@ -8,7 +8,7 @@ from armwright_wire.motions.retime import ConvertRequest, RetimeRequest
 from kinematics.errors import InvalidOption
 from kinematics.model.chain import Chain
 from kinematics.trajectory.export import csv_text, joint_trajectory
-from planning.retiming.retime import Retimed
+from planning.retiming.retime import Retimed, with_path_stops
 from planning.retiming.retime import retime as time_again
 from planning.retiming.state_motion import time_states
 from service.storage.caches import worker_cache
@@ -34,10 +34,13 @@ def retime(robot: Reference | None, content: bytes) -> bytes:
     body = RetimeRequest.model_validate_json(content)
     chain = None if robot is None else worker_cache.robot(robot).chain
     timed = _time_path(body, chain) if body.path is not None else _time_states(body, chain)
+    limits = timings.given_limits(body.limits, timed.trajectory.joint_names)
+    timed = with_path_stops(timed, body.stops, chain, limits)
     answer = timings.retimed_answer(
         timed,
         trajectories.trajectory_answer(timed.trajectory, body.timing.sample_period, timed.begins),
-        certificates.certificate_answer(timed.certificate, timed.begins),
+        certificates.certificate_answer(timed.certificate, timed.begins)
+        | certificates.stops_answer(timed.stops, timed.begins),
     )
     return to_json(answer, inf_nan_mode="null")
 

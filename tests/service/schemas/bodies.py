@@ -9,7 +9,7 @@ from armwright_wire.motions.export import ExportRequest
 from armwright_wire.motions.retime import ConvertRequest, RetimeRequest
 from armwright_wire.motions.simulation import SimulateRequest
 from armwright_wire.plans.batch import BatchRequest
-from armwright_wire.plans.kept_plan import Bundle, ReplayRequest
+from armwright_wire.plans.kept_plan import Bundle, ReplayRequest, StopRequest
 from armwright_wire.plans.plan import PlanRequest, ValidateRequest
 from armwright_wire.plans.task import TaskRequest
 from armwright_wire.plans.tour import TourRequest
@@ -116,6 +116,7 @@ BUNDLE: dict[str, Any] = {
     "answer": "{}",
 }
 KEPT_PLANS: list[tuple[type[BaseModel], Any]] = [
+    (StopRequest, {"at": 0.5, "kind": "joints", "timeout": 5.0}),
     (ReplayRequest, {"changes": {"margin": 0.1}, "documents": "current", "keep_replay": True}),
     (Bundle, BUNDLE),
 ]
@@ -314,7 +315,7 @@ PLAN: dict[str, Any] = ABOUT | {
     "goal_costs": {"motion_time": 2.0, "joint_limits": 0.4, "manipulability": 0.3,
                    "clearance": 0.2, "turns": 0.1},
     "collisions": "ignore", "start_state_tolerance": 1e-5, "timing": TIMING, "limits": LIMITS,
-    "timeout": 5.0, "seed": 3,
+    "stops": "both", "timeout": 5.0, "seed": 3,
     "refine": {"objective": {"time": 1.0, "jerk": 1e-6}, "duration": 3.0, "degree": 5,
                "control_points": 16, "rounds": 12, "solver": "ipopt"},
 }  # fmt: skip
@@ -445,11 +446,11 @@ FULL: list[tuple[type[BaseModel], dict[str, Any]]] = [
         "limits": LIMITS, "keep": True,
         "constraints": CONSTRAINTS[:1], "margin": 0.01, "collisions": "ignore",
         "tool_motions": TOOL_MOTIONS, "torque_limits": True, "payload": PAYLOAD, "tool_speed": 0.5,
-        "timeout": 5.0}),
+        "stops": "joints", "timeout": 5.0}),
     (RetimeRequest, {
         "path": {"joints": [[0.0, 0.1], [0.2, 0.3]], "knots": [0.0, 1.0],
                  "joint_names": ["a", "b"]},
-        "robot": "panda", "limits": LIMITS, "timeout": 5.0,
+        "robot": "panda", "limits": LIMITS, "stops": "path", "timeout": 5.0,
         "timing": TIMING | {"start_velocity": [0.1, 0.2], "end_velocity": [0.1, 0.2]}}),
     (RetimeRequest, {
         "from": {"position": [0.0, 0.1], "velocity": [0.1, 0.2], "acceleration": [0.0, 0.1]},

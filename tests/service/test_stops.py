@@ -1,0 +1,117 @@
+"""Stops over HTTP: proved with plans, proofs and timings, and as motions of kept plans."""
+
+from typing import Any
+
+import httpx
+import numpy as np
+import pytest
+
+from armwright_client import Client
+from armwright_wire.plans.kept_plan import StopAnswer
+from kinematics.trajectory.trajectory import Trajectory
+from tests.service.planning import BODY, PLACE, plan
+from tests.service.robots import answer, problem
+
+#: Limits of weak brakes: with these stops take a fifth of a radian and more.
+WEAK = {"acceleration": [1.5] * 7}
+
+
+@pytest.fixture(scope="module")
+def here(served: Any) -> httpx.Client:
+    client: httpx.Client = served.client
+    return client
+
+
+@pytest.fixture(scope="module")
+def kept(here: httpx.Client) -> dict[str, Any]:
+    """A plan with proved stops, which was kept."""
+    return plan(here, stops="both", limits=WEAK, keep=True)
+
+
+def trajectory(motion: dict[str, Any]) -> Trajectory:
+    """A trajectory of an answer."""
+    segments = motion["segments"]
+    breaks = [segments[0]["t0"], *(one["t1"] for one in segments)]
+    pieces = [one["coefficients"] for one in segments]
+    return Trajectory(tuple(motion["joint_names"]), np.array(breaks), np.array(pieces))
+
+
+def test_a_plan_tells_of_its_stops_only_where_they_are_asked_for(
+    here: httpx.Client, kept: dict[str, Any]
+) -> None:
+    assert plan(here)["certificate"].get("stops") is None
+    stops = kept["certificate"]["stops"]
+    assert stops["kind"] == "both"
+    assert stops["proved"]
+    assert stops["message"] is None
+    assert 0.0 < stops["longest"] < kept["trajectory"]["duration"]
+    assert stops["worst"]["clearance"] > 0.0
+    assert [stage["name"] for stage in kept["stages"]][-1] == "stops"
+
+
+def test_a_motion_whose_joints_can_not_stop_in_time_is_slowed_down(here: httpx.Client) -> None:
+    fast = plan(here, limits={"acceleration": [15.0] * 7}, margin=0.0)
+    about = {"robot": "panda", "scene": PLACE, "trajectory": fast["trajectory"]}
+    weak = {"velocity": [9.0] * 7, "acceleration": [15.0] * 7, "jerk": [1e5] * 7}
+    sound = answer(here.post("/v1/validate", json=about | {"limits": weak, "stops": "joints"}))
+    assert sound["verified"]
+    assert sound["stops"]["kind"] == "joints"
+    # Of a proof nothing is slowed down.
+    assert sound["stops"]["slowed"] == 0.0
+
+
+@pytest.mark.parametrize("kind", ["path", "joints"])
+def test_a_stop_of_a_kept_plan_begins_on_it_and_ends_at_rest(
+    here: httpx.Client, kept: dict[str, Any], kind: Any
+) -> None:
+    motion, at = trajectory(kept["trajectory"]), 0.4 * kept["trajectory"]["duration"]
+    with Client(str(here.base_url)) as client:
+        told = client.plans.stop(kept["plan_id"], at, kind=kind)
+    assert isinstance(told, StopAnswer)
+    assert told.certificate.verified
+    assert told.kind == kind
+    stop = trajectory(told.trajectory.model_dump())
+    for order in range(2):
+        np.testing.assert_allclose(
+            stop.sample([0.0], order), motion.sample([at], order), atol=1e-12
+        )
+    np.testing.assert_allclose(stop.sample([stop.duration], 1), 0.0, atol=1e-9)
+    assert stop.duration <= kept["certificate"]["stops"]["longest"] + 1e-9
+
+
+def test_a_kept_proof_has_stops_too(here: httpx.Client, kept: dict[str, Any]) -> None:
+    body = {"robot": "panda", "scene": PLACE, "trajectory": kept["trajectory"], "keep": True}
+    proof = answer(here.post("/v1/validate", json=body | {"limits": WEAK, "stops": "path"}))
+    assert proof["stops"]["proved"]
+    body = {"at": 0.3, "kind": "joints"}
+    stops = [
+        answer(here.post(f"/v1/plans/{of['plan_id']}/stop", json=body)) for of in (proof, kept)
+    ]
+    assert stops[0]["trajectory"] == stops[1]["trajectory"]
+
+
+def test_what_has_no_stop_is_refused(here: httpx.Client, kept: dict[str, Any]) -> None:
+    url = f"/v1/plans/{kept['plan_id']}/stop"
+    late = problem(here.post(url, json={"at": 1e3}), 422, "VALIDATION_ERROR")
+    assert "outside the motion" in late["detail"]
+    problem(here.post(url, json={"at": 0.1, "kind": "both"}), 422, "VALIDATION_ERROR")
+    problem(here.post("/v1/plans/none/stop", json={"at": 0.1}), 404, "NOT_FOUND")
+    checked = {"robot": "panda", "joints": BODY["start"]["joints"], "keep": True}
+    still = answer(here.post("/v1/check", json=checked))["plan_id"]
+    told = problem(here.post(f"/v1/plans/{still}/stop", json={"at": 0.0}), 422, "VALIDATION_ERROR")
+    assert "no single motion" in told["detail"]
+    problem(here.post("/v1/plan", json=BODY | {"stops": "any"}), 422, "VALIDATION_ERROR")
+
+
+def test_a_timed_path_has_a_bound_of_its_longest_stop(here: httpx.Client) -> None:
+    body = {
+        "path": {"joints": [[0.0, 0.0], [1.0, 0.2], [1.2, 1.0]]},
+        "limits": {"velocity": [1.0, 1.0], "acceleration": [4.0, 4.0]},
+        "timing": {"method": "toppra"},
+        "stops": "path",
+    }
+    stops = answer(here.post("/v1/retime", json=body))["certificate"]["stops"]
+    assert stops["proved"]
+    # At full speed a joint alone takes v / a.
+    assert stops["longest"] >= 1.0 / 4.0
+    problem(here.post("/v1/retime", json=body | {"stops": "joints"}), 422, "VALIDATION_ERROR")
