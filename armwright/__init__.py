@@ -25,7 +25,16 @@ if TYPE_CHECKING:
         jacobian,
         pose,
     )
-    from armwright.motion import certify, plan, plan_seam, retime, retime_states, simulate, stop
+    from armwright.motion import (
+        certify,
+        certify_stops,
+        plan,
+        plan_seam,
+        retime,
+        retime_states,
+        simulate,
+        stop,
+    )
     from armwright.robot import load_robot
     from kinematics.errors import ArmwrightError
     from kinematics.ik.solution import IkResult, IkSolution
@@ -213,6 +222,7 @@ _MODULES = {
     "World": "planning.sequence.world",
     "builtin_names": "kinematics.robots",
     "certify": "armwright.motion",
+    "certify_stops": "armwright.motion",
     "check": "armwright.configuration",
     "dynamics": "armwright.model",
     "equations": "armwright.model",
@@ -343,6 +353,7 @@ __all__ = [
     "World",
     "builtin_names",
     "certify",
+    "certify_stops",
     "check",
     "dynamics",
     "equations",

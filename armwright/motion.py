@@ -23,6 +23,8 @@ from planning.result import Failure, Plan
 from planning.retiming import retime as timing
 from planning.retiming.retime import PathToTime, Retimed
 from planning.retiming.state_motion import time_states
+from planning.stops.certificate import StopCertificate, Surroundings
+from planning.stops.certificate import certify_stops as prove_stops
 from planning.stops.stop_motion import Stop, stop_motion
 from planning.timing.jerk.state_to_state import JointState, Synchronization
 from planning.timing.options import TimingOptions
@@ -30,7 +32,16 @@ from planning.tool_motions.tool_tolerance import SeamOptions
 from planning.values.stop_kind import StopKind, StopKinds
 from tracking.simulation.simulation import simulate
 
-__all__ = ["certify", "plan", "plan_seam", "retime", "retime_states", "simulate", "stop"]
+__all__ = [
+    "certify",
+    "certify_stops",
+    "plan",
+    "plan_seam",
+    "retime",
+    "retime_states",
+    "simulate",
+    "stop",
+]
 
 
 @typed
@@ -110,6 +121,21 @@ def plan_seam(
 
 
 @typed
+def certify_stops(plan: Plan, kind: StopKinds = "both") -> StopCertificate:
+    """Prove that a plan can be stopped at every instant, or say where it can't.
+
+    Args:
+        plan: The plan, as ``plan`` or ``plan_seam`` answers it.
+        kind: "path", "joints" or "both".
+
+    Raises:
+        InvalidOption: There are no such stops.
+        MissingLimit: The acceleration of a joint has no limit.
+    """
+    return prove_stops(plan.trajectory, plan.certificate, _surroundings(plan), kind)
+
+
+@typed
 def stop(plan: Plan, at: float, kind: StopKind = "path") -> Stop:
     """The stop of a plan from an instant on, with its certificate, which may find a collision.
 
@@ -123,11 +149,15 @@ def stop(plan: Plan, at: float, kind: StopKind = "path") -> Stop:
             no stop along its path since it ends without rest.
         MissingLimit: The acceleration of a joint has no limit.
     """
+    return stop_motion(plan.trajectory, _surroundings(plan), at, kind)
+
+
+def _surroundings(plan: Plan) -> Surroundings:
     if plan.surroundings is None:
         raise InvalidOption(
             "this plan does not know its robot and scene", hint="Give a plan that aw.plan answers."
         )
-    return stop_motion(plan.trajectory, plan.surroundings, at, kind)
+    return plan.surroundings
 
 
 def _goals(goal: ArrayLike | Goal | Sequence[Goal]) -> tuple[Goal, ...]:

@@ -19,8 +19,11 @@ from planning.optimize.refinement import Offer, Refinement
 from planning.optimize.task import End, Task
 from planning.options import Options
 from planning.problem import JointGoal, Problem
-from planning.proof.certificate import Certificate
+from planning.proof.certificate import Certificate, certify
+from planning.proof.violation import Violation
 from planning.result import Failure
+from planning.stops.braking import BrakingLimits
+from planning.stops.stop_family import joint_stop
 from planning.timing.options import TimingOptions
 from planning.timing.parametrization import TimeParametrization
 from planning.values.deadline import Deadline
@@ -157,9 +160,12 @@ class OptimizeStage:
         velocity = self.problem.start_velocity
         if velocity is None or not velocity.any():
             return None
-        limits = self.parametrization.acceleration, self.parametrization.jerk
-        exact = Checker.of(self.problem.robot, self.problem.scene, self.problem.margin)
-        touch = first_touch(exact, self.known.start, velocity, *limits)
+        jerk = self.parametrization.jerk
+        unlimited = np.full_like(velocity, np.inf)
+        limits = BrakingLimits(
+            self.parametrization.acceleration, unlimited if jerk is None else jerk
+        )
+        touch = first_touch(self.problem, self.known.start, limits)
         if touch is None:
             return None
         link, other = touch.pair
@@ -304,57 +310,43 @@ class Touch:
     share: float
 
 
-def first_touch(
-    checker: Checker, start: Array, velocity: Array, acceleration: Array, jerk: Array | None = None
-) -> Touch | None:
+def first_touch(problem: Problem, start: Array, limits: BrakingLimits) -> Touch | None:
     """First contact of a start that moves while all joints brake as hard as they can, if any.
 
-    Acceleration begins at 0 where jerk is limited, else braking is at full strength at once. Joints
-    keep to their own ways: another motion may get around what is met.
+    Joints keep to their own ways: another motion may get around what is met.
 
     Args:
-        checker: The robot in its scene with its margins.
+        problem: The robot in its scene, with velocity and acceleration of its start.
         start: Shape (n,).
-        velocity: At the start, shape (n,) [rad/s or m/s].
-        acceleration: Limits, shape (n,) [rad/s^2 or m/s^2].
-        jerk: Limits, shape (n,), inf where there is none; None where jerk is not limited.
+        limits: Limits that the joints brake at.
     """
-    limits = acceleration, np.full_like(acceleration, np.inf) if jerk is None else jerk
-    times, states = _braking(start, velocity, *limits)
-    valid = checker.each_valid(states)
-    if valid.all():
+    velocity = problem.start_velocity
+    assert velocity is not None
+    given = problem.start_acceleration
+    acceleration = np.zeros_like(velocity) if given is None else given
+
+    def violation(share: float) -> Violation | None:
+        state = np.stack([start, share * velocity, 0.5 * share * acceleration], axis=1)[None]
+        begun = Trajectory(problem.robot.chain.joint_names, np.array([0.0, 1.0]), state)
+        stop = joint_stop(begun, 0.0, limits)
+        proof = certify(stop, problem.robot, problem.scene, margin=problem.margin)
+        met = proof.violation
+        return met if met is not None and not proof.proved.collisions else None
+
+    met = violation(1.0)
+    if met is None or "pair" not in met.details:
         return None
-    at = int(np.argmin(valid))
-    pair = checker.clearance(states[at])[1]
-    if pair is None:
-        return None
+    link, other = met.details["pair"]
+    checker = Checker.of(problem.robot, problem.scene, problem.margin)
     near = checker.gradient(start, np.inf)
     names = [checker.model.pair_name(int(k)) for k in near.pairs]
-    apart = [d for d, name in zip(near.distances.tolist(), names, strict=True) if name == pair]
+    apart = [d for d, name in zip(near.distances.tolist(), names, strict=True)
+             if set(name) == {link, other}]  # fmt: skip
     low, high = 0.0, 1.0
     # Halvings that find the share of the velocity with which braking is in time.
     for _ in range(8):
         middle = 0.5 * (low + high)
-        slower = _braking(start, middle * velocity, *limits)[1]
-        low, high = (middle, high) if checker.each_valid(slower).all() else (low, middle)
+        low, high = (middle, high) if violation(middle) is None else (low, middle)
     # Hundredths are enough to tell a person.
     share = np.floor(100.0 * low) / 100.0
-    return Touch(pair, float(times[at]), max(min(apart, default=0.0), 0.0), float(share))
-
-
-def _braking(start: Array, velocity: Array, a: Array, j: Array) -> tuple[Array, Array]:
-    """Instants (k,) and states (k, n) of braking, each joint as hard as it can.
-
-    The acceleration grows to its limit, or as far as the velocity lets it, stays and falls to 0.
-    """
-    speed = np.abs(velocity)
-    ramp = np.minimum(a / j, np.sqrt(speed / j))
-    stop = ramp + np.where(ramp > 0.0, np.maximum(speed / a, ramp), speed / a)
-    # Instants of a braking motion that are checked.
-    times = np.linspace(0.0, float(stop.max()), 200)
-    since = [np.maximum(times[:, None] - t, 0.0) for t in (0.0, ramp, stop - ramp, stop)]
-    begun, full, eased, ended = since
-    with np.errstate(invalid="ignore"):
-        bounded = j / 6.0 * (begun**3 - full**3 - eased**3 + ended**3)
-    braked = np.where(np.isfinite(j), bounded, 0.5 * a * (begun**2 - ended**2))
-    return times, start + velocity * times[:, None] - np.sign(velocity) * braked
+    return Touch((link, other), met.time, max(min(apart, default=0.0), 0.0), float(share))

@@ -8,6 +8,7 @@ from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from kinematics.arrays import Array, Indices
 from kinematics.trajectory.trajectory import Trajectory, stay
@@ -34,7 +35,7 @@ class Cells(NamedTuple):
         """Some of the cells, by number."""
         return Cells(self.piece[rows], self.begin[rows], self.after[rows])
 
-    def halves(self, by_begin: Array) -> "Cells":
+    def halves(self, by_begin: NDArray[np.bool_]) -> "Cells":
         """Both halves of each cell, the first ones first, along the time chosen (b,)."""
         cut = np.where(by_begin, 0.5, 0.0)[:, None], np.where(by_begin, 0.0, 0.5)[:, None]
         parts: list[list[Array]] = []

@@ -285,8 +285,8 @@ def test_an_obstacle_ahead_can_not_be_braked_from() -> None:
     # FCL: apart at the start by as much as is told, touching then, and not with the share told.
     assert found["distance"] == pytest.approx(world.clearance(start).distance, abs=1e-6)
     turned = v[0] * time_of_touch - 0.5 * a * time_of_touch**2
-    turns = [(turned, False)]
-    turns += [((part * v[0]) ** 2 / (2.0 * a), part == share) for part in (share, share + 0.02)]
+    assert world.clearance(np.array([turned, 0.0])).distance == pytest.approx(0.0, abs=1e-6)
+    turns = [((part * v[0]) ** 2 / (2.0 * a), part == share) for part in (share, share + 0.02)]
     for turn, free in turns:
         assert (world.clearance(np.array([turn, 0.0])).distance > 0.0) is free
     assert isinstance(ask(0.9 * share), Plan)

@@ -1,10 +1,9 @@
-"""The search for a path with its clearances, diagnoses of failures, and braking."""
+"""The search for a path with its clearances, diagnoses of failures, and a start that moves."""
 
 from collections.abc import Callable
 
 import numpy as np
 import pytest
-import ruckig
 
 from kinematics.arrays import Array
 from obstacles.collision.checker import Checker
@@ -13,11 +12,12 @@ from planning.clearance import time_shortcut
 from planning.options import Options
 from planning.pipeline import path_search
 from planning.pipeline.diagnosis import diagnose
-from planning.pipeline.optimize_stage import _braking, first_touch
+from planning.pipeline.optimize_stage import first_touch
 from planning.pipeline.pipeline import plan
 from planning.problem import JointGoal, Problem
 from planning.result import Plan
 from planning.search.shortcut import shortcut
+from planning.stops.braking import BrakingLimits
 from planning.values.deadline import Deadline
 from planning.values.preferred_clearance import PreferredClearance
 from tests.planning.scenes import HOME, box, builtin, planned_motion, planning_failure, shelf
@@ -185,28 +185,10 @@ def test_it_looks_no_longer_than_it_may() -> None:
     assert found.tried == ()
 
 
-VELOCITY = np.array([2.0, -0.3, 0.0])
-ACCELERATION = np.array([4.0, 2.0, 1.0])
-
-
-@pytest.mark.parametrize("jerk", [40.0, 5.0, np.inf])
-def test_joints_stop_as_ruckig_stops_them(jerk: float) -> None:
-    times, states = _braking(np.zeros(3), VELOCITY, ACCELERATION, np.full(3, jerk))
-    for joint in range(2):
-        asked = ruckig.InputParameter(1)
-        asked.control_interface = ruckig.ControlInterface.Velocity
-        asked.current_velocity = [float(VELOCITY[joint])]
-        asked.max_acceleration = [float(ACCELERATION[joint])]
-        asked.max_jerk = [jerk]
-        motion = ruckig.Trajectory(1)
-        ruckig.Ruckig(1).calculate(asked, motion)
-        for time, state in zip(times, states[:, joint], strict=True):
-            (place,), _, _ = motion.at_time(min(float(time), motion.duration))
-            assert state == pytest.approx(place, abs=1e-9)
-    assert not states[:, 2].any()
-
-
 def test_nothing_is_met_where_nothing_is() -> None:
     robot = builtin("planar_rr")
-    checker = Checker.of(robot, Scene())
-    assert first_touch(checker, np.zeros(2), np.ones(2), np.ones(2)) is None
+    problem = Problem(
+        robot, Scene(), np.zeros(2), (JointGoal(np.ones(2)),), start_velocity=np.ones(2)
+    )
+    limits = BrakingLimits(np.ones(2), np.full(2, np.inf))
+    assert first_touch(problem, np.zeros(2), limits) is None

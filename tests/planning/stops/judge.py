@@ -58,7 +58,7 @@ class Brakes:
     def stops(self, trajectory: Trajectory, starts: Array, count: int) -> tuple[Array, Array]:
         """States (len(starts), count, n) of stops, and how long each takes (len(starts),) [s]."""
         rows = [trajectory.sample(starts, order) for order in range(3)]
-        found = [self.states(*row, count) for row in zip(*rows, strict=True)]
+        found = [self.states(q, v, a, count) for q, v, a in zip(*rows, strict=True)]
         return np.array([one for one, _ in found]), np.array([time for _, time in found])
 
 
@@ -129,4 +129,4 @@ def _solid(shape: Shape) -> coal.CollisionGeometry:
     if isinstance(shape, Sphere):
         return coal.Sphere(shape.radius)
     assert isinstance(shape, Cylinder), shape
-    return coal.Cylinder(shape.radius, shape.length)
+    return coal.Cylinder(shape.radius, shape.height)

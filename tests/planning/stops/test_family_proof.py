@@ -133,7 +133,7 @@ def test_stops_of_a_motion_that_is_not_proved_are_not() -> None:
     certificate = certify(fast, moved.around.robot, moved.around.scene, limits=moved.around.limits)
     assert not certificate.verified
     for kind in ("path", "joints", "both"):
-        stops = certify_stops(fast, certificate, moved.around, kind)  # type: ignore[arg-type]
+        stops = certify_stops(fast, certificate, moved.around, kind)
         assert not stops.proved
         assert "not proved" in stops.message
 

@@ -82,7 +82,9 @@ def curved(seed: int) -> tuple[Trajectory, BrakingLimits]:
     for _ in range(3):
         curve = np.polynomial.Polynomial([0.0, *random.normal(size=2)])
         rows.append(np.pad(curve(shape).coef, (0, 11))[:11])
-    motion = Trajectory(("a", "b", "c"), np.array([0.0, 1.0]), np.array(rows)[None])
+    motion = Trajectory(
+        ("a", "b", "c"), np.array([0.0, 1.0]), np.array(rows, dtype=np.float64)[None]
+    )
     return motion, BrakingLimits(1.001 * motion.peaks(2).value, np.full(3, np.inf))
 
 
