@@ -2,7 +2,7 @@
 
 import json
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, NamedTuple
 
 import typer
 
@@ -33,6 +33,15 @@ Motion = Annotated[
 Stops = Annotated[
     str | None, typer.Option(help="Prove stops at every instant: path, joints or both.")
 ]
+
+
+class Ends(NamedTuple):
+    """Start and goal of a motion."""
+
+    start: Annotated[str, typer.Option(help="Joints between commas, or a named state.")]
+    goal: Annotated[
+        str, typer.Option(help="Joints, a named state, a pose as JSON, or the API's own JSON.")
+    ]
 
 
 def _ask(
@@ -70,10 +79,7 @@ def _ask(
 def plan(
     connection: Connection,
     robot: RobotSource,
-    start: Annotated[str, typer.Option(help="Joints between commas, or a named state.")],
-    goal: Annotated[
-        str, typer.Option(help="Joints, a named state, a pose as JSON, or the API's own JSON.")
-    ],
+    ends: Ends,
     request: Request,
     scene: Scene = None,
     margin: Margin = 0.0,
@@ -82,8 +88,8 @@ def plan(
 ) -> None:
     """Plan a timed motion that is proved free of collision and inside all limits."""
     body = {
-        "start": values.goal("--start", start),
-        "goal": values.goal("--goal", goal),
+        "start": values.goal("--start", ends.start),
+        "goal": values.goal("--goal", ends.goal),
         "scene": values.scene(scene),
         "margin": margin,
         "planner": planner,

@@ -42,10 +42,14 @@ def test_a_plan_is_proved_timed_followed_and_converted(run: Run, scene: str, pla
     assert "not proved" in refused.out
     assert "post" in refused.out
 
+    stoppable = run("validate", "panda", str(plan), "--scene", scene, "--stops", "both")
+    assert stoppable.code == 0
+    assert "stops proved: at rest within" in stoppable.out
+
     half = run("retime", "panda", str(plan), "--scaling", "0.5", "--json").json
     assert half["trajectory"]["duration"] > 1.5 * duration
     assert max(half["peaks"]["velocity"]) <= 0.5 * 2.61 + 1e-9
-    assert "duration" in run("retime", "panda", str(plan)).out
+    assert "stops proved" in run("retime", "panda", str(plan), "--stops", "path").out
 
     tracked = run("simulate", "panda", str(plan), "--json").json
     assert tracked["outcome"] == "completed"
@@ -148,3 +152,15 @@ def test_a_plan_is_exported_for_its_own_scene_alone(
     changed["obstacles"][0]["margin"] = 0.001
     other.write_text(json.dumps(changed))
     assert run(*words, "--scene", str(other)).code == 3
+
+
+def test_a_plan_says_what_its_stops_cost(run: Run, scene: str, tmp_path: Path) -> None:
+    fields = tmp_path / "weak.json"
+    fields.write_text(json.dumps({"limits": {"acceleration": [1.0] * 7}}))
+    words = ("--start", "home", "--goal", GOAL, "--scene", scene, "--timeout", "60")
+    answer = run("plan", "panda", *words, "--fields", str(fields), "--stops", "joints")
+    assert answer.code == 0, answer.err
+    assert "stops proved: at rest within" in answer.out
+    refused = run("plan", "panda", *words, "--stops", "sometimes")
+    assert refused.code == 3
+    assert "stops" in refused.err
