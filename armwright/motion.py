@@ -129,7 +129,7 @@ def certify_stops(plan: Plan, kind: StopKinds = "both") -> StopCertificate:
         kind: "path", "joints" or "both".
 
     Raises:
-        InvalidOption: There are no such stops.
+        InvalidOption: There are no such stops, or nothing is known of the robot's collisions.
         MissingLimit: The acceleration of a joint has no limit.
     """
     return prove_stops(plan.trajectory, plan.certificate, _surroundings(plan), kind)

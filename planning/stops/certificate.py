@@ -90,7 +90,8 @@ def certify_stops(
         deadline: Instant at which the proof is given up.
 
     Raises:
-        InvalidOption: The kind is none of these.
+        InvalidOption: The kind is none of these, or stops leave the path of a motion that was not
+            compared with anything.
         MissingLimit: The acceleration of a joint has no limit.
     """
     _check_kind(kind)
@@ -98,6 +99,11 @@ def certify_stops(
     along = _along_path(trajectory, certificate, braking)
     if kind == "path" or (not along.proved and (kind == "both" or not certificate.verified)):
         return replace(along, kind=kind)
+    if not certificate.proved.collisions:
+        raise InvalidOption(
+            f"stops {kind!r} leave the path, and nothing is known of collisions of this robot",
+            hint='Give the robot solids, look at collisions, or ask for stops "path".',
+        )
     family = StopFamily(trajectory, braking)
     margin = max(around.margin, certificate.premises.margin)
     found = prove_family(family, around.robot, around.scene, margin, deadline)

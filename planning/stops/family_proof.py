@@ -312,7 +312,8 @@ def _outside(family: StopFamily, robot: RobotGeometry) -> FamilyProof | None:
             return None
         still = cells._replace(begin=cells.begin * [1.0, 0.0])
         low, high = family.farthest(still)
-        room = np.minimum(low - lower, upper - high)
+        # Joints without a range have room.
+        room = np.nan_to_num(np.minimum(low - lower, upper - high), nan=np.inf)
         k, j = np.unravel_index(int(np.argmin(room)), room.shape)
         surely = room[k, j] < -_ROUNDED_ROOM
         if surely or looked_at > _MAX_RANGE_CELLS:

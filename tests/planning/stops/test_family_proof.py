@@ -6,13 +6,16 @@ import numpy as np
 import pytest
 
 from kinematics.arrays import Array
+from kinematics.errors import InvalidOption, MissingLimit
 from kinematics.trajectory.trajectory import Trajectory
+from obstacles.robots.robot_geometry import RobotGeometry
 from obstacles.scenes.scene import Scene
 from planning.proof.certificate import certify
 from planning.stops.braking import BrakingLimits
-from planning.stops.certificate import Surroundings, certify_stops
+from planning.stops.certificate import StopCertificate, Surroundings, certify_stops
 from planning.stops.stop_family import Cells, Enclosed, StopFamily
 from planning.values.limits import MotionLimits
+from tests.planning.scenes import box
 from tests.planning.slider import slider
 from tests.planning.stops.judge import Brakes
 from tests.planning.stops.motions import ARMS, arm, judge, motions
@@ -138,35 +141,78 @@ def test_stops_of_a_motion_that_is_not_proved_are_not() -> None:
         assert "not proved" in stops.message
 
 
+#: Weaker brakes of the slides than their own [m/s^2].
+BRAKE = 0.6
+
+
+def slid(begin: float) -> tuple[Trajectory, float]:
+    """A slide by 20 cm in a second from ``begin`` [m] on, and where its stops end at the farthest.
+
+    From s on a joint with velocity v needs v^2 / 2 a.
+    """
+    t = np.linspace(0.0, 1.0, 200_001)
+    s, v = 0.2 * t * t * (3.0 - 2.0 * t), 1.2 * t * (1.0 - t)
+    shape = np.zeros((1, 2, 4))
+    shape[0, 0] = [begin, 0.0, 0.6, -0.4]
+    motion = Trajectory(slider().chain.joint_names, np.array([0.0, 1.0]), shape)
+    return motion, begin + float((s + 0.5 * v * v / BRAKE).max())
+
+
+def stops_of_slide(motion: Trajectory, scene: Scene, margin: float, jerk: float) -> StopCertificate:
+    """The certificate of stops of a slide by weak brakes."""
+    robot = slider()
+    sound = MotionLimits({"acceleration": np.full(2, 2.0), "jerk": np.full(2, np.inf)})
+    certificate = certify(motion, robot, scene, limits=sound, margin=margin)
+    assert certificate.verified
+    weak = MotionLimits({"acceleration": np.full(2, BRAKE), "jerk": np.full(2, jerk)})
+    return certify_stops(motion, certificate, Surroundings(robot, scene, margin, weak), "joints")
+
+
 @pytest.mark.parametrize("beyond", [-1e-3, 1e-3])
 @pytest.mark.parametrize("jerk", [np.inf, 1e4])
 def test_a_range_is_left_where_the_braking_distance_is_longer_than_the_way_to_it(
     beyond: float, jerk: float
 ) -> None:
-    """Weaker brakes than the motion's own: from s on a joint with velocity v needs v^2 / 2 a."""
-    robot, n = slider(), slider().chain.n
-    upper = robot.chain.limits.upper[0]
-    # q = s (3 - 2 s) s of a second, to 0.2: the farthest rest is that of max s + v^2 / 2 a.
-    t = np.linspace(0.0, 1.0, 200_001)
-    s, v = 0.2 * t * t * (3.0 - 2.0 * t), 1.2 * t * (1.0 - t)
-    brake = 0.6
-    assert np.isinf(jerk) or jerk > 1e3
-    shape = np.zeros((1, n, 4))
-    farthest = float((s + 0.5 * v * v / brake).max())
-    shape[0, 0] = [upper - farthest + beyond, 0.0, 0.6, -0.4]
-    motion = Trajectory(robot.chain.joint_names, np.array([0.0, 1.0]), shape)
-    sound = MotionLimits({"acceleration": np.full(n, 2.0), "jerk": np.full(n, np.inf)})
-    certificate = certify(motion, robot, Scene(), limits=sound)
-    assert certificate.verified
-    weak = MotionLimits({"acceleration": np.full(n, brake), "jerk": np.full(n, jerk)})
-    stops = certify_stops(motion, certificate, Surroundings(robot, Scene(), 0.0, weak), "joints")
+    upper = float(slider().chain.limits.upper[0])
+    motion, _ = slid(upper - (slid(0.0)[1] - beyond))
+    # Slides alone: nothing to be hit, nothing that is known of it either.
+    wall = Scene((box("far", (0.1, 0.1, 0.1), (0.0, 0.0, 3.0)),))
+    stops = stops_of_slide(motion, wall, 0.0, jerk)
     assert stops.proved == (beyond < 0.0)
     if beyond > 0.0:
         assert stops.worst.pair == (motion.joint_names[0],) * 2
         assert -1.1 * beyond <= stops.worst.clearance < 0.0
 
 
+@pytest.mark.parametrize("spare", [-2e-4, 2e-4])
+@pytest.mark.parametrize("margin", [0.0, 0.02])
+def test_a_wall_is_kept_away_from_by_the_margin_and_no_more(spare: float, margin: float) -> None:
+    """The ball of 5 cm brakes towards a wall."""
+    motion, farthest = slid(-0.3)
+    face = farthest + 0.05 + margin + spare
+    wall = Scene((box("wall", (0.1, 0.4, 0.4), (face + 0.05, 0.0, 0.0)),))
+    stops = stops_of_slide(motion, wall, margin, np.inf)
+    assert stops.proved == (spare > 0.0)
+    assert stops.worst.pair == ("ball", "wall")
+    assert stops.worst.clearance <= margin + abs(spare) + 1e-6
+    if spare < 0.0:
+        assert stops.worst.clearance <= margin
+        assert f"{margin:g} m are asked for" in stops.message or margin == 0.0
+
+
+def test_stops_that_leave_the_path_are_refused_where_collisions_are_unknown() -> None:
+    moved = next(motions("panda", 1, 3.0))
+    robot = moved.around.robot
+    none = np.zeros(0, dtype=np.int64)
+    bare = RobotGeometry(robot.chain, (), (), none, none, {})
+    proof = certify(moved.trajectory, bare, Scene(), limits=moved.around.limits)
+    around = moved.around._replace(robot=bare, scene=Scene())
+    assert certify_stops(moved.trajectory, proof, around, "path").proved
+    with pytest.raises(InvalidOption, match="nothing is known of collisions"):
+        certify_stops(moved.trajectory, proof, around, "joints")
+
+
 def test_the_limits_of_a_family_have_to_be_known() -> None:
     chain = arm("meshes").chain
-    with pytest.raises(Exception, match="no acceleration limit is known for joint"):
+    with pytest.raises(MissingLimit, match="no acceleration limit is known for joint"):
         BrakingLimits.of(chain.limits, chain.joint_names, MotionLimits())
