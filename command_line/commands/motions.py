@@ -22,7 +22,7 @@ from command_line.output import print_json, print_line, print_table, save, word
 from command_line.parameters import Connection, Margin, Request, RobotSource, Scene, command
 from command_line.problems import negative
 from command_line.robot_files import read_json
-from service.viewer.words import against, allowed_sentences
+from service.viewer.words import against, allowed_sentences, stops_sentences
 
 #: Poles of the error dynamics at 20 rad/s, critically damped: a tenth of a second to settle.
 _CONTROLLER = '{"type": "computed_torque", "natural_frequency": 20.0, "damping": 1.0}'
@@ -184,12 +184,8 @@ def _show_certificate(certificate: dict[str, Any]) -> None:
         print_line(f"not proved: {reason}", "yellow")
     for sentence in allowed_sentences(certificate["allowed_collisions"]):
         print_line(sentence)
-    stops = certificate.get("stops")
-    if stops is not None:
-        told = stops["message"] or f"at rest within {word(stops['longest'])} s at every instant"
-        print_line(f"stops {'proved' if stops['proved'] else 'not proved'}: {told}")
-    if stops is not None and stops["slowed"]:
-        print_line(f"{stops['slowed']:.4f} s longer for its stops")
+    for sentence in stops_sentences(certificate):
+        print_line(sentence)
     violation = certificate["violation"]
     if violation is not None:
         rows = ((name, json.dumps(value)) for name, value in violation.items())

@@ -48,8 +48,28 @@ def certificate_sentences(certificate: Mapping[str, Any]) -> list[str]:
         f"{item['residual']:.3g} {item['unit']}."
         for item in certificate.get("path_constraints", ())
     ]
-    sentences += unproved_sentences(certificate)
+    sentences += stops_sentences(certificate) + unproved_sentences(certificate)
     return sentences + allowed_sentences(certificate.get("allowed_collisions") or ())
+
+
+def stops_sentences(certificate: Mapping[str, Any]) -> list[str]:
+    """Sentences of the stops that a certificate was asked for.
+
+    Args:
+        certificate: Certificate as the API answers it.
+    """
+    stops = certificate.get("stops")
+    if not stops:
+        return []
+    kind = {"path": "along the path", "joints": "of single joints"}.get(
+        stops["kind"], "of both kinds"
+    )
+    if not stops["proved"]:
+        return [f"Stops {kind} are not proved: {stops['message']}."]
+    slowed = (
+        f" The motion takes {stops['slowed']:.3f} s longer for them." if stops["slowed"] else ""
+    )
+    return [f"Stops {kind} are proved: at rest within {stops['longest']:.3f} s.{slowed}"]
 
 
 def allowed_sentences(told: Sequence[Mapping[str, Any]]) -> list[str]:

@@ -24,6 +24,7 @@ CUP = aw.Obstacle("cup", aw.Sphere(0.1), aw.pose([0.0, 0.0, 1.0]), frame="tool")
 SCENE = aw.Scene([BALL])
 T = aw.fk(ROBOT, GOAL)
 MOTION = aw.retime(STATES, ROBOT).trajectory
+PLAN = aw.plan(ROBOT, aw.Scene(), Q, GOAL)
 HELD = aw.Attachment(BALL, "link_2")
 TOLERANCE = aw.ToolTolerance(-np.full(6, 0.01), np.full(6, 0.01))
 SEAM = aw.SeamOptions((aw.SeamWaypoint(T), aw.SeamWaypoint(aw.fk(ROBOT, GOAL + 0.1))), TOLERANCE)
@@ -56,6 +57,7 @@ OWN: dict[str, dict[str, Any]] = {
         "waypoints": np.stack([Q, GOAL, Q]), "reaches": np.full(1, 0.01), "halvings": 1,
         "keep": False, "smooth": True,
     },
+    "certify_stops": {"plan": PLAN},
     "export": {"options": aw.ExportOptions(aw.ExportFormat.CSV)},
     "place": {"scene": aw.Scene([CUP])},
     "place_region": {"size": (0.1, 0.1)},
@@ -63,6 +65,7 @@ OWN: dict[str, dict[str, Any]] = {
     "release": {"scene": aw.Scene()},
     "retime": {"limits": {"velocity": np.ones(2), "acceleration": np.ones(2)}},
     "retime_states": {"start": aw.JointState(Q), "end": aw.JointState(GOAL)},
+    "stop": {"plan": PLAN, "at": 0.1},
     "simulate": {"controller": aw.PdGravity(CHAIN, Q, Q)},
 }  # fmt: skip
 #: Arguments that are left out, though they have a value.

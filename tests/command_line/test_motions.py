@@ -44,12 +44,12 @@ def test_a_plan_is_proved_timed_followed_and_converted(run: Run, scene: str, pla
 
     stoppable = run("validate", "panda", str(plan), "--scene", scene, "--stops", "both")
     assert stoppable.code == 0
-    assert "stops proved: at rest within" in stoppable.out
+    assert "Stops of both kinds are proved: at rest within" in stoppable.out
 
     half = run("retime", "panda", str(plan), "--scaling", "0.5", "--json").json
     assert half["trajectory"]["duration"] > 1.5 * duration
     assert max(half["peaks"]["velocity"]) <= 0.5 * 2.61 + 1e-9
-    assert "stops proved" in run("retime", "panda", str(plan), "--stops", "path").out
+    assert "Stops along the path" in run("retime", "panda", str(plan), "--stops", "path").out
 
     tracked = run("simulate", "panda", str(plan), "--json").json
     assert tracked["outcome"] == "completed"
@@ -160,7 +160,7 @@ def test_a_plan_says_what_its_stops_cost(run: Run, scene: str, tmp_path: Path) -
     words = ("--start", "home", "--goal", GOAL, "--scene", scene, "--timeout", "60")
     answer = run("plan", "panda", *words, "--fields", str(fields), "--stops", "joints")
     assert answer.code == 0, answer.err
-    assert "stops proved: at rest within" in answer.out
+    assert "Stops of single joints are proved: at rest within" in answer.out
     refused = run("plan", "panda", *words, "--stops", "sometimes")
     assert refused.code == 3
     assert "stops" in refused.err

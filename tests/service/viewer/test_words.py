@@ -57,3 +57,14 @@ def test_a_problem_is_said_with_its_cure() -> None:
         "Move it.",
         "hand and post overlap by 20.0 mm.",
     ]
+
+
+def test_stops_are_said_where_they_were_asked_for() -> None:
+    assert "Stops" not in " ".join(certificate_sentences(CERTIFICATE | {"stops": None}))
+    stops = {"kind": "both", "proved": True, "longest": 0.5, "slowed": 0.25, "message": None}
+    words = " ".join(certificate_sentences(CERTIFICATE | {"stops": stops}))
+    assert "Stops of both kinds are proved: at rest within 0.500 s." in words
+    assert "takes 0.250 s longer" in words
+    stops |= {"kind": "joints", "proved": False, "message": "the hand would hit the post"}
+    words = " ".join(certificate_sentences(CERTIFICATE | {"stops": stops}))
+    assert "Stops of single joints are not proved: the hand would hit the post." in words
