@@ -7,44 +7,47 @@ the time that moves the joints more; a pair that is nearer than its margin in th
 is the end of the proof.
 """
 
-from collections.abc import Callable
-from functools import cache
 from typing import NamedTuple
 
 import numpy as np
 
-from compiled.kernel import direct
 from kinematics.arrays import Array, Indices
 from obstacles.distance.signed_distance import convex_distance
 from obstacles.robots.robot_geometry import RobotGeometry
 from obstacles.scenes.scene import Scene
-from planning.proof.collision.interval_check import check_interval
-from planning.proof.collision.pair_table import PairArrays, PairTable, any_pairs
+from planning.proof.collision.pair_table import PairTable
 from planning.proof.collision.sweep_state import (
     DEPTH,
     HALF,
     OBSTACLE,
-    OPEN,
     OWN,
     REFERRED,
     SHARP,
-    VISITS,
     Sweep,
     enlarge,
     start_kernel,
 )
 from planning.proof.motion_bounds import (
-    ACCELERATION,
-    BOW,
     BOW_ROUNDING,
-    JERK,
+    JOINT_COLUMNS,
     RADIUS,
     RATE,
     ROUNDING,
     SPEED,
     VALUE,
 )
-from planning.stops.stop_family import Cells, StopFamily
+from planning.stops.cell_check import (
+    ASKING,
+    CROWDED,
+    DONE,
+    FULL,
+    LOOKED_AT,
+    NEAREST,
+    NEXT,
+    CellRows,
+    checker,
+)
+from planning.stops.stop_family import Cells, Enclosed, StopFamily
 from planning.values.deadline import Deadline
 from planning.values.limits import RATIO_TOLERANCE
 
@@ -52,8 +55,8 @@ from planning.values.limits import RATIO_TOLERANCE
 _FIRST_PART = 0.05
 #: Halvings after which what is open is not proved: a cell is then a millionth of a second.
 _MAX_HALVINGS = 30
-#: Cells after which the clearance need be only half as sharp, and again after as many.
-_SHARP_CELLS = 3_000
+#: Cells between two looks at the clock.
+_CELLS_A_CALL = 512
 #: Cells looked at after which the proof is given up.
 _MAX_CELLS = 400_000
 
@@ -151,80 +154,62 @@ class _FamilySweep:
         """Settle all cells, or find one that is not free; else the covers to be opened first."""
         roots = self._table.arrays.roots
         cells = self._family.cells(_FIRST_PART)
-        open_pairs: list[tuple[Indices, Array]] = [
-            (roots, np.zeros((len(roots), 3))) for _ in cells.piece
-        ]
         if not len(roots):
             self.found = FamilyProof(True, self._nearest)
             return frozenset()
+        b = len(cells.piece)
+        pairs, directions = np.tile(roots, (b, 1)), np.zeros((b * len(roots), 3))
+        starts = np.arange(b + 1) * len(roots)
         for _ in range(_MAX_HALVINGS):
-            more, left, pairs, by_begin = self._level(cells, open_pairs)
+            enclosed = self._family.enclose(cells)
+            rows = CellRows.of(self._columns(enclosed), pairs, directions, starts)
+            more, rows = self._level(cells, rows)
             if more or self.found is not None:
                 return more
-            if not left:
+            counts = np.diff(rows.kept_starts)
+            left, size = np.flatnonzero(counts), int(rows.kept_starts[-1])
+            if not len(left):
                 self.found = FamilyProof(True, self._nearest, "", self._looked_at)
                 return frozenset()
-            cells = cells.chosen(np.array(left)).halves(np.array(by_begin))
-            open_pairs = pairs + pairs
-        self._give_up(cells, open_pairs)
+            by_begin = enclosed.moves[left, 0] >= enclosed.moves[left, 1]
+            cells = cells.chosen(left).halves(by_begin)
+            pairs = np.concatenate([rows.kept[:size], rows.kept[:size]])
+            directions = np.concatenate([rows.kept_directions[:size], rows.kept_directions[:size]])
+            starts = np.concatenate([[0], np.cumsum(np.tile(counts[left], 2))])
+        self._give_up(cells, pairs)
         return frozenset()
 
-    def _level(
-        self, cells: Cells, open_pairs: list[tuple[Indices, Array]]
-    ) -> tuple[frozenset[int], list[int], list[tuple[Indices, Array]], list[bool]]:
-        """Look at cells with the pairs that are open on each; what stays open, cell by cell."""
-        enclosed, times = self._family.enclose(cells), self._family.time(cells)
-        left: list[int] = []
-        pairs: list[tuple[Indices, Array]] = []
-        by_begin: list[bool] = []
-        n = enclosed.middle.shape[1]
-        columns = np.zeros((len(times), n, int(self._sweep.joints.shape[1])))
+    def _columns(self, enclosed: Enclosed) -> Array:
+        """Joints of cells as the proof encloses them: a motion by the rate, and what is off it."""
+        columns = np.zeros((*enclosed.middle.shape, JOINT_COLUMNS))
         columns[..., VALUE], columns[..., RADIUS] = enclosed.middle, enclosed.radius
-        # A motion by the rate without acceleration, and what members are off it.
         columns[..., RATE], columns[..., SPEED] = enclosed.rate, np.abs(enclosed.rate)
         columns[..., ROUNDING] = columns[..., BOW_ROUNDING] = enclosed.off
-        columns[..., ACCELERATION] = columns[..., BOW] = columns[..., JERK] = 0.0
-        for k, (time, after) in enumerate(zip(times.tolist(), cells.after[:, 0], strict=True)):
-            if self._looked_at % 256 == 0 and self._is_over(time):
-                return frozenset(), [], [], []
-            self._looked_at += 1
-            if self._looked_at % _SHARP_CELLS == 0:
-                # Bounds are sharp beyond a share of the least distance met.
-                self._sweep.nearest[:] *= 0.5
-            self._sweep.joints[:n] = columns[k]
-            self._check(*open_pairs[k])
-            self._note_nearest(time, float(after))
-            more = self._judge_referred(time, float(after))
-            if more or self.found is not None:
-                return more, [], [], []
-            count = int(self._sweep.counters[OPEN] + self._sweep.counters[REFERRED])
-            if count:
-                left.append(k)
-                pairs.append(self._still_open(len(open_pairs[k][0])))
-                by_begin.append(bool(enclosed.moves[k, 0] >= enclosed.moves[k, 1]))
-        return frozenset(), left, pairs, by_begin
+        return columns
 
-    def _check(self, pairs: Indices, directions: Array) -> None:
-        """Let the proof settle what it can of one cell."""
-        while len(pairs) >= len(self._sweep.pairs):
-            self._sweep = enlarge(self._sweep)
-        while True:
-            sweep = self._sweep
-            sweep.pairs[: len(pairs)], sweep.directions[: len(pairs)] = pairs, directions
-            sweep.starts[0], sweep.counts[0] = 0, len(pairs)
-            sweep.counters[VISITS] += 1
-            if _check()(self._table.arrays, sweep):
-                return
-            self._sweep = enlarge(sweep)
-
-    def _still_open(self, first: int) -> tuple[Indices, Array]:
-        """Pairs that stay open after the last check, with directions to try first."""
-        sweep = self._sweep
-        stop = first + int(sweep.counters[OPEN])
-        referred = sweep.referred[: sweep.counters[REFERRED]]
-        pairs = np.concatenate([sweep.pairs[first:stop], referred])
-        directions = np.concatenate([sweep.directions[first:stop], np.zeros((len(referred), 3))])
-        return pairs, directions
+    def _level(self, cells: Cells, rows: CellRows) -> tuple[frozenset[int], CellRows]:
+        """Look at cells; covers to be opened first, and the cells with what stays open."""
+        times, after = self._family.time(cells), cells.after[:, 0]
+        state = DONE
+        while rows.progress[NEXT] < len(times) or state != DONE:
+            before = int(rows.progress[LOOKED_AT])
+            if self._is_over(float(times[min(rows.progress[NEXT], len(times) - 1)])):
+                return frozenset(), rows
+            state = checker()(self._table.arrays, self._sweep, rows, _CELLS_A_CALL)
+            self._looked_at += int(rows.progress[LOOKED_AT]) - before
+            if state == FULL:
+                self._sweep = enlarge(self._sweep)
+            elif state == CROWDED:
+                rows = rows.enlarged()
+            nearest, last = int(rows.progress[NEAREST]), int(rows.progress[NEXT]) - 1
+            if nearest >= 0:
+                self._note_nearest(float(times[nearest]), float(after[nearest]))
+            if state == ASKING:
+                more = self._judge_referred(float(times[last]), float(after[last]))
+                state = DONE
+                if more or self.found is not None:
+                    return more, rows
+        return frozenset(), rows
 
     def _judge_referred(self, time: float, after: float) -> frozenset[int]:
         """Measure pairs that are nearer than their margin in the middle of the last cell."""
@@ -278,22 +263,14 @@ class _FamilySweep:
         self.found = FamilyProof(False, worst, message, self._looked_at, late)
         return True
 
-    def _give_up(self, cells: Cells, open_pairs: list[tuple[Indices, Array]]) -> None:
+    def _give_up(self, cells: Cells, pairs: Indices) -> None:
         """Note the first pair that halving does not settle: it keeps its margin to rounding."""
-        i, j = open_pairs[0][0][0].tolist()
+        i, j = pairs[0].tolist()
         time, names = float(self._family.time(cells)[0]), self._table.names(i, j)
         message = f"{names[0]!r} and {names[1]!r} keep their margin to rounding at best"
         self.found = FamilyProof(
             False, Worst(time, float(cells.after[0, 0]), names, 0.0), message, self._looked_at
         )
-
-
-@cache
-def _check() -> Callable[[PairArrays, Sweep], bool]:
-    """``check_interval`` without the look at its arguments' types, which are many."""
-    model = any_pairs()
-    sweep = start_kernel(np.zeros(2), np.zeros((1, 1, 1)), model.roots, (1, 1, 1))
-    return direct(check_interval, model, sweep)
 
 
 def _outside(family: StopFamily, robot: RobotGeometry) -> FamilyProof | None:
