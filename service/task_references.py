@@ -29,6 +29,7 @@ if TYPE_CHECKING:
     import service.endpoints.robots.task
     import service.endpoints.simulate.task
     import service.endpoints.tasks.task
+    import service.endpoints.tools.task
     import service.endpoints.tours.task
 
     cut = service.endpoints.batch.task.cut
@@ -71,6 +72,7 @@ if TYPE_CHECKING:
     swept = service.endpoints.plans.swept.swept
     view = service.endpoints.plans.view.view
     tour = service.endpoints.tours.task.tour
+    make_tool = service.endpoints.tools.task.make_tool
 else:
     cut = TaskReference("service.endpoints.batch.task:cut")
     plan_part = TaskReference("service.endpoints.batch.task:plan_part", GRACE + TURN)
@@ -112,6 +114,7 @@ else:
     swept = TaskReference("service.endpoints.plans.swept:swept")
     view = TaskReference("service.endpoints.plans.view:view")
     tour = TaskReference("service.endpoints.tours.task:tour", GRACE)
+    make_tool = TaskReference("service.endpoints.tools.task:make_tool")
 
 #: Modules that workers load: those that define the tasks.
 MODULES = tuple(

@@ -20,11 +20,11 @@ from kinematics.model.chain import Chain, Inertia, Link
 from kinematics.root_frame import TOOL
 from kinematics.tree.description import JointDescription
 from kinematics.tree.fingers import Finger, Fingers
-from obstacles.convex.piece import Piece, PieceKind
+from obstacles.convex.piece import Piece
 from obstacles.robots.allowed_pairs import sorted_pair
 from obstacles.robots.robot_geometry import RobotGeometry
 from obstacles.scenes.scene import Obstacle
-from obstacles.shapes.shape import Shape
+from obstacles.shapes.shape import HalfSpace, Shape
 
 #: Between the name of a tool and that of a part of it.
 PART = "/"
@@ -41,25 +41,28 @@ class Solid:
     Args:
         shape: Shape of the solid.
         T_part_solid: Pose in the frame of the tool or jaw, shape (4, 4).
+
+    Raises:
+        InvalidOption: The shape is a half-space.
     """
 
     shape: Shape
     T_part_solid: Array = field(default_factory=lambda: np.eye(4))
 
+    def __post_init__(self) -> None:
+        if isinstance(self.shape, HalfSpace):
+            raise InvalidOption(
+                "a solid of a tool is a half-space: what an arm carries has an end",
+                hint="Give a box.",
+            )
+
     def pieces(self, name: str) -> tuple[Piece, ...]:
         """Convex pieces in the frame of the tool or jaw.
 
         Raises:
-            InvalidOption: It is a half-space.
-            InvalidScene: The pose is no rigid motion.
+            InvalidScene: The pose is no rigid motion, or the mesh is none.
         """
-        pieces = Obstacle(name, self.shape, self.T_part_solid).pieces()
-        if any(piece.kind == PieceKind.HALFSPACE for piece in pieces):
-            raise InvalidOption(
-                f"tool {name!r} has a half-space among its solids: what an arm carries has an end",
-                hint="Give a box.",
-            )
-        return pieces
+        return Obstacle(name, self.shape, self.T_part_solid).pieces()
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -198,7 +201,6 @@ def mount(robot: RobotGeometry, tool: Tool, tcp: str | None = None) -> RobotGeom
     Raises:
         InvalidLinkName: The robot has no such link or it stands still, the tool no such tip, or a
             name is a link's already.
-        InvalidOption: A solid has no end.
         InvalidScene: A solid has no place.
     """
     tip = tool.part(tool.tip(tcp))

@@ -46,6 +46,7 @@ from armwright_wire.scenes.check import (
     TouchDepth,
 )
 from armwright_wire.scenes.scene import SceneReference
+from armwright_wire.scenes.tool import WithTool
 
 MAX_STAGES = 200
 #: Grasps or places of one stage.
@@ -374,7 +375,7 @@ _EXAMPLE: JsonDict = {
 }
 
 
-class TaskRequest(Keepable):
+class TaskRequest(WithTool, Keepable):
     """A sequence of stages to be planned as one."""
 
     model_config = ConfigDict(json_schema_extra={"examples": [_EXAMPLE]})

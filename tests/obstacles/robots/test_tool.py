@@ -189,6 +189,8 @@ def test_unknown_forms_and_sizes_are_refused() -> None:
         built_in("torch", "it", opening=0.1)
     with pytest.raises(InvalidScene, match="cylinder height"):
         built_in("spindle", "it", length=0.0)
+    with pytest.raises(InvalidOption, match="half-space"):
+        Solid(HalfSpace([0.0, 0.0, 1.0], 0.0))
 
 
 JAW = Jaw(np.eye(4), np.array([1.0, 0.0, 0.0]))
@@ -222,7 +224,6 @@ def test_odd_tools_are_refused(changes: dict[str, Any], told: str) -> None:
         ({"link": "nowhere"}, "tip", "no link 'nowhere'"),
         ({"link": "base"}, "tip", "'base', which no joint"),
         ({"name": "tool0"}, "tip", "has a link, joint or attached object 'tool0'"),
-        ({"solids": (Solid(HalfSpace([0.0, 0.0, 1.0], 0.0)),)}, "tip", "half-space"),
     ],
 )
 def test_odd_mounts_are_refused(changes: dict[str, Any], tcp: str | None, told: str) -> None:
