@@ -34,7 +34,10 @@ if TYPE_CHECKING:
     from kinematics.robots import builtin_names
     from kinematics.trajectory.trajectory import Trajectory
     from obstacles.robots.attachment import Attachment, Holding, grasp, hold, release
+    from obstacles.robots.finger_geometry import with_fingers
     from obstacles.robots.robot_geometry import RobotGeometry
+    from obstacles.robots.tool import Jaw, Solid, Tool, mount, with_tip
+    from obstacles.robots.tool_forms import built_in_tool
     from obstacles.scenes.moveit import scene_from_moveit
     from obstacles.scenes.placement import place
     from obstacles.scenes.scene import AllowedContact, Obstacle, Scene
@@ -127,8 +130,8 @@ _MODULES = {
     "Chain": "kinematics.model.chain",
     "Checker": "armwright.checker",
     "ClearanceConstraint": "planning.constraints.kinds.limit",
-    "ComputedTorque": "tracking.controllers.computed_torque",
     "Compound": "obstacles.shapes.shape",
+    "ComputedTorque": "tracking.controllers.computed_torque",
     "Cone": "obstacles.shapes.shape",
     "ConeConstraint": "planning.constraints.kinds.orientation",
     "ConfigurationReport": "planning.configuration_check",
@@ -138,10 +141,10 @@ _MODULES = {
     "DhRow": "kinematics.model.dh_table",
     "DhTable": "kinematics.model.dh_table",
     "Dynamics": "armwright.model",
+    "Explored": "planning.values.search_trees",
     "Export": "planning.exports.export",
     "ExportFormat": "planning.exports.options",
     "ExportOptions": "planning.exports.options",
-    "Explored": "planning.values.search_trees",
     "Failure": "planning.result",
     "GoalCosts": "planning.values.goal_costs",
     "Grasp": "planning.sequence.stage",
@@ -152,6 +155,7 @@ _MODULES = {
     "IkResult": "kinematics.ik.solution",
     "IkSolution": "kinematics.ik.solution",
     "IndependentJoint": "tracking.controllers.independent_joint",
+    "Jaw": "obstacles.robots.tool",
     "JointConstraint": "planning.constraints.kinds.joint",
     "JointGoal": "planning.problem",
     "JointState": "planning.timing.jerk.state_to_state",
@@ -185,6 +189,7 @@ _MODULES = {
     "SeamWaypoint": "planning.tool_motions.tool_tolerance",
     "SequenceFailure": "planning.sequence.result",
     "SequencePlan": "planning.sequence.result",
+    "Solid": "obstacles.robots.tool",
     "Sphere": "obstacles.shapes.shape",
     "SphereRegion": "planning.constraints.kinds.region",
     "StagePlan": "planning.sequence.result",
@@ -196,6 +201,7 @@ _MODULES = {
     "TaskOptions": "planning.sequence.result",
     "TimingOptions": "planning.timing.options",
     "Tolerance": "planning.reach.tolerance",
+    "Tool": "obstacles.robots.tool",
     "ToolSpeedConstraint": "planning.constraints.kinds.limit",
     "ToolTolerance": "planning.tool_motions.tool_tolerance",
     "TorqueConstraint": "planning.constraints.kinds.limit",
@@ -206,6 +212,7 @@ _MODULES = {
     "Trajectory": "kinematics.trajectory.trajectory",
     "Wait": "planning.sequence.stage",
     "World": "planning.sequence.world",
+    "built_in_tool": "obstacles.robots.tool_forms",
     "builtin_names": "kinematics.robots",
     "certify": "armwright.motion",
     "check": "armwright.configuration",
@@ -220,6 +227,7 @@ _MODULES = {
     "inverse_dynamics": "armwright.model",
     "jacobian": "armwright.model",
     "load_robot": "armwright.robot",
+    "mount": "obstacles.robots.tool",
     "place": "obstacles.scenes.placement",
     "place_base": "planning.reach.evaluation",
     "place_region": "planning.sequence.target",
@@ -237,6 +245,8 @@ _MODULES = {
     "simulate": "armwright.motion",
     "solve_lyapunov": "tracking.controllers.quadratic_form",
     "swept_volume": "planning.exports.swept_volume",
+    "with_fingers": "obstacles.robots.finger_geometry",
+    "with_tip": "obstacles.robots.tool",
 }
 
 __all__ = [
@@ -278,6 +288,7 @@ __all__ = [
     "IkResult",
     "IkSolution",
     "IndependentJoint",
+    "Jaw",
     "JointConstraint",
     "JointGoal",
     "JointState",
@@ -311,6 +322,7 @@ __all__ = [
     "SeamWaypoint",
     "SequenceFailure",
     "SequencePlan",
+    "Solid",
     "Sphere",
     "SphereRegion",
     "StagePlan",
@@ -322,6 +334,7 @@ __all__ = [
     "TaskOptions",
     "TimingOptions",
     "Tolerance",
+    "Tool",
     "ToolSpeedConstraint",
     "ToolTolerance",
     "TorqueConstraint",
@@ -332,6 +345,7 @@ __all__ = [
     "Trajectory",
     "Wait",
     "World",
+    "built_in_tool",
     "builtin_names",
     "certify",
     "check",
@@ -346,6 +360,7 @@ __all__ = [
     "inverse_dynamics",
     "jacobian",
     "load_robot",
+    "mount",
     "place",
     "place_base",
     "place_region",
@@ -363,6 +378,8 @@ __all__ = [
     "simulate",
     "solve_lyapunov",
     "swept_volume",
+    "with_fingers",
+    "with_tip",
 ]
 
 

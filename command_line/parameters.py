@@ -65,6 +65,22 @@ class RobotSource(NamedTuple):
     ] = False
 
 
+class Mounted(NamedTuple):
+    """The tool that the robot works with."""
+
+    tool: Annotated[
+        str | None,
+        typer.Option(
+            help="Tool on the robot: a built-in one (parallel_jaw, three_jaw, suction_cup, torch, "
+            "spindle), JSON or its file; with --url also a stored one."
+        ),
+    ] = None
+    tcp: Annotated[
+        str | None,
+        typer.Option(help='Its tip, or that of a held object: {"object": id, "pose": ...}.'),
+    ] = None
+
+
 class Request(NamedTuple):
     """Deadline of a request, and any further fields of it."""
 

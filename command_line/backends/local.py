@@ -134,7 +134,9 @@ class LocalBackend:
             stored = self._stored(scene, scene["name"])
         with stored as reference:
             content = json.dumps(self._proved(robot, reference, plan)).encode()
-            return bytes(self._run(view, [self._reference(robot), reference, content, tree]))
+            mount = mount_of(plan["request"], _no_tool)
+            shown = replace(self._reference(robot), mount=mount)
+            return bytes(self._run(view, [shown, reference, content, tree]))
 
     def _proved(self, robot: str, scene: Reference | None, plan: dict[str, Any]) -> dict[str, Any]:
         """A kept plan that is proved here where the answer of here is its own."""

@@ -10,7 +10,7 @@ from command_line import values
 from command_line.backends.backend import connect
 from command_line.backends.endpoints import FK, IK, REACH
 from command_line.output import print_json, print_line, print_table
-from command_line.parameters import Connection, Margin, RobotSource, Scene, command
+from command_line.parameters import Connection, Margin, Mounted, RobotSource, Scene, command
 from command_line.robot_files import read_json
 
 
@@ -21,6 +21,7 @@ def reach(
     request: Annotated[
         Path, typer.Argument(help='JSON file with {"poses": [...]} or {"box": ...}.')
     ],
+    mounted: Mounted,
     scene: Scene = None,
     margin: Margin = 0.0,
     timeout: Annotated[float | None, typer.Option(help="Deadline [s]; 10 if left out.")] = None,
@@ -30,7 +31,7 @@ def reach(
     ] = None,
 ) -> None:
     """Say which poses an arm reaches in a scene, and how well."""
-    body: dict[str, Any] = read_json(request) | {"margin": margin}
+    body: dict[str, Any] = read_json(request) | {"margin": margin} | values.mounted(mounted)
     body |= {} if scene is None else {"scene": values.scene(scene)}
     body |= {} if timeout is None else {"timeout": timeout}
     with connect(connection) as backend:
@@ -73,6 +74,7 @@ def fk(
     connection: Connection,
     robot: RobotSource,
     joints: Joints,
+    mounted: Mounted,
     link: Annotated[str | None, typer.Option(help="Only this link.")] = None,
 ) -> None:
     """Show the poses of a robot's links at a configuration."""
@@ -80,6 +82,7 @@ def fk(
         name = backend.robot_name(robot)
         states = backend.robot_model(name)["states"]
         body: dict[str, Any] = {"joints": values.configuration("--joints", joints, states)}
+        body |= values.mounted(mounted)
         if link is not None:
             body["link"] = link
         answer = backend.answer(FK, name, body)
@@ -103,6 +106,7 @@ def ik(
         str,
         typer.Option(help="x,y,z,roll,pitch,yaw or x,y,z,qx,qy,qz,qw [m, rad], JSON, or a file."),
     ],
+    mounted: Mounted,
     link: Annotated[str | None, typer.Option(help="The link; the tip if left out.")] = None,
     seed_joints: Annotated[str | None, typer.Option(help="Where nearest is counted from.")] = None,
     scene: Annotated[str | None, typer.Option(help="A scene file, or a stored scene.")] = None,
@@ -120,6 +124,7 @@ def ik(
             "scene": values.scene(scene),
         }
         body = {field: value for field, value in given.items() if value is not None}
+        body |= values.mounted(mounted)
         if seed_joints is not None:
             states = backend.robot_model(name)["states"]
             body["seed_joints"] = values.configuration("--seed-joints", seed_joints, states)

@@ -19,7 +19,15 @@ from command_line.backends.endpoints import (
 )
 from command_line.commands.kinematics import Joints
 from command_line.output import print_json, print_line, print_table, save, word
-from command_line.parameters import Connection, Margin, Request, RobotSource, Scene, command
+from command_line.parameters import (
+    Connection,
+    Margin,
+    Mounted,
+    Request,
+    RobotSource,
+    Scene,
+    command,
+)
 from command_line.problems import negative
 from command_line.robot_files import read_json
 from service.viewer.words import against, allowed_sentences
@@ -72,12 +80,13 @@ def plan(
         str, typer.Option(help="Joints, a named state, a pose as JSON, or the API's own JSON.")
     ],
     request: Request,
+    mounted: Mounted,
     scene: Scene = None,
     margin: Margin = 0.0,
     planner: Annotated[str, typer.Option(help="As the API names them.")] = "auto",
 ) -> None:
     """Plan a timed motion that is proved free of collision and inside all limits."""
-    body = {
+    body = values.mounted(mounted) | {
         "start": values.goal("--start", start),
         "goal": values.goal("--goal", goal),
         "scene": values.scene(scene),
@@ -104,13 +113,14 @@ def check(
     robot: RobotSource,
     joints: Joints,
     request: Request,
+    mounted: Mounted,
     scene: Scene = None,
     margin: Margin = 0.0,
 ) -> None:
     """Check one configuration for limits and collisions; exit with 1 where it is not valid."""
     with connect(connection) as backend:
         states = backend.robot_model(backend.robot_name(robot))["states"]
-    body = {
+    body = values.mounted(mounted) | {
         "joints": values.configuration("--joints", joints, states),
         "scene": values.scene(scene),
         "margin": margin,
@@ -143,11 +153,12 @@ def validate(
     robot: RobotSource,
     motion: Motion,
     request: Request,
+    mounted: Mounted,
     scene: Scene = None,
     margin: Margin = 0.0,
 ) -> None:
     """Prove a motion for every instant; exit with 1 where it is not proved."""
-    body = {
+    body = values.mounted(mounted) | {
         "trajectory": values.motion(motion),
         "scene": values.scene(scene),
         "margin": margin,
@@ -185,6 +196,7 @@ def retime(
         Path, typer.Argument(help='JSON file with {"joints": [[...], ...]}, or a plan.')
     ],
     request: Request,
+    mounted: Mounted,
     method: Annotated[
         str | None, typer.Option(help="jerk_limited, toppra or spline; left out: bounded jerk.")
     ] = None,
@@ -195,7 +207,10 @@ def retime(
     """Time a path of waypoints within the robot's limits; collisions are not looked at."""
     document = read_json(path)
     waypoints = {"joints": document["path"]["joints"]} if "path" in document else document
-    body = {"path": waypoints, "timing": {"method": method, "velocity_scaling": scaling}}
+    body = values.mounted(mounted) | {
+        "path": waypoints,
+        "timing": {"method": method, "velocity_scaling": scaling},
+    }
     answer = json.loads(_ask(connection, RETIME, robot, request, body))
     if connection.as_json:
         return
@@ -212,6 +227,7 @@ def simulate(
     robot: RobotSource,
     motion: Motion,
     request: Request,
+    mounted: Mounted,
     scene: Scene = None,
     controller: Annotated[
         str, typer.Option(help="Controller with its gains, JSON or a file.")
@@ -220,7 +236,7 @@ def simulate(
     """Follow a motion with a controller; with a scene, say what tracking leaves of clearance."""
     value = values.read_value("--controller", controller)
     trajectory = values.motion(motion)
-    body = {
+    body = values.mounted(mounted) | {
         "trajectory": trajectory,
         "controller": {"type": value} if isinstance(value, str) else value,
         "scene": values.scene(scene),

@@ -12,7 +12,15 @@ from command_line import values
 from command_line.backends.backend import connect
 from command_line.backends.endpoints import TASK, TOUR, Endpoint
 from command_line.output import print_json, print_line, print_premises, print_table, save
-from command_line.parameters import Connection, Margin, Request, RobotSource, Scene, command
+from command_line.parameters import (
+    Connection,
+    Margin,
+    Mounted,
+    Request,
+    RobotSource,
+    Scene,
+    command,
+)
 from command_line.robot_files import read_json
 from service.viewer.words import allowed_sentences
 
@@ -57,13 +65,14 @@ def tour(
         Path, typer.Argument(help='JSON file with {"goals": [...]} and further fields of a tour.')
     ],
     request: Request,
+    mounted: Mounted,
     scene: Scene = None,
     margin: Margin = 0.0,
     start: Annotated[str | None, typer.Option(help="Joints between commas, or a state.")] = None,
     end: Annotated[str | None, typer.Option(help='"any", "start", joints or a state.')] = None,
 ) -> None:
     """Visit many goals in the order that takes the least time, every leg proved."""
-    given: dict[str, Any] = {
+    given: dict[str, Any] = values.mounted(mounted) | {
         "scene": None if scene is None else values.scene(scene),
         "margin": margin or None,
         "start": None if start is None else values.goal("--start", start),
@@ -99,6 +108,7 @@ def task(
         Path, typer.Argument(help='JSON file with {"stages": [...]} and further fields of a task.')
     ],
     request: Request,
+    mounted: Mounted,
     scene: Scene = None,
     margin: Margin = 0.0,
     start: Annotated[str | None, typer.Option(help="Joints between commas, or a state.")] = None,
@@ -107,7 +117,7 @@ def task(
     ] = None,
 ) -> None:
     """Plan the stages of a task as one: grasps, places and motions, every stage proved."""
-    given: dict[str, Any] = {
+    given: dict[str, Any] = values.mounted(mounted) | {
         "scene": None if scene is None else values.scene(scene),
         "margin": margin or None,
         "start": None if start is None else values.goal("--start", start),

@@ -13,10 +13,12 @@ from types import MappingProxyType
 from typing import Literal
 
 import numpy as np
+from numpy.typing import ArrayLike
 
-from kinematics.arrays import Array, frozen, typed
-from kinematics.errors import InvalidLinkName, InvalidOption
+from kinematics.arrays import Array, numbers, typed
+from kinematics.errors import InvalidLinkName, InvalidOption, InvalidPose
 from kinematics.model.chain import Chain, Inertia, Link
+from kinematics.pose import from_matrix, transform
 from kinematics.root_frame import TOOL
 from kinematics.tree.description import JointDescription
 from kinematics.tree.fingers import Finger, Fingers
@@ -83,6 +85,10 @@ class Jaw:
     travel: float = 0.5
     turns: bool = False
 
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "T_tool_jaw", rigid(self.T_tool_jaw, "the frame of a jaw"))
+        object.__setattr__(self, "axis", numbers(self.axis, "the axis of a jaw", (3,)))
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Tool:
@@ -119,6 +125,8 @@ class Tool:
         for name in ("tcp", "jaws"):
             object.__setattr__(self, name, MappingProxyType(dict(getattr(self, name))))
         _check_names(self)
+        tips = {name: rigid(T, f"tip {name!r} of {self.name!r}") for name, T in self.tcp.items()}
+        object.__setattr__(self, "tcp", MappingProxyType(tips))
         if (self.opening is None) != (not self.jaws):
             raise InvalidOption(
                 f"tool {self.name!r}: jaws move with an opening: give both or neither",
@@ -228,7 +236,8 @@ def mount(robot: RobotGeometry, tool: Tool, tcp: str | None = None) -> RobotGeom
     return _with_solids(replace(robot, chain=chain, fingers=moved), groups, carrier)
 
 
-def with_tip(robot: RobotGeometry, name: str, link: str, T_link_tip: Array) -> RobotGeometry:
+@typed
+def with_tip(robot: RobotGeometry, name: str, link: str, T_link_tip: ArrayLike) -> RobotGeometry:
     """The robot with another tip, such as a point of an object that it holds.
 
     Args:
@@ -239,15 +248,30 @@ def with_tip(robot: RobotGeometry, name: str, link: str, T_link_tip: Array) -> R
 
     Raises:
         InvalidLinkName: There is no such link, it stands still, or the name is a link's already.
+        InvalidPose: The frame is no rigid motion.
     """
     chain = robot.chain
+    T_link_tip = rigid(T_link_tip, "T_link_tip")
     carrier = _moving(chain, chain.link(link), f"tip {name!r}")
     if name in chain.index:
         raise InvalidLinkName(
             f"{name!r} is a link of robot {chain.name!r}: no tip can be called so", link=name
         )
-    tip = Link(name, carrier.joint, carrier.T_joint_link @ frozen(T_link_tip))
+    tip = Link(name, carrier.joint, carrier.T_joint_link @ T_link_tip)
     return replace(robot, chain=replace(chain, links=(*chain.links, tip), tip_link=name))
+
+
+def rigid(T: ArrayLike, what: str) -> Array:
+    """A checked frame, shape (4, 4).
+
+    Raises:
+        InvalidNumbers: It is no array of 4 x 4 finite numbers.
+        InvalidPose: It is no rigid motion.
+    """
+    matrix = numbers(T, what, (4, 4))
+    if matrix[3].tolist() != [0.0, 0.0, 0.0, 1.0]:
+        raise InvalidPose(f"{what}: the last row is not [0, 0, 0, 1]")
+    return transform(from_matrix(matrix[:3, :3]), matrix[:3, 3])
 
 
 def parts_of(name: str, names: Iterable[str]) -> list[str]:

@@ -9,7 +9,7 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from kinematics.arrays import Array
+from kinematics.arrays import Array, typed
 from kinematics.errors import InvalidOption
 from kinematics.model.chain import Inertia
 from kinematics.pose import rotation_y, rotation_z, transform
@@ -122,7 +122,8 @@ def spindle(name: str, link: str | None, size: Sizes) -> Tool:
 FORMS = {form.__name__: form for form in (parallel_jaw, three_jaw, suction_cup, torch, spindle)}
 
 
-def built_in(form: str, name: str, link: str | None = None, **sizes: float) -> Tool:
+@typed
+def built_in_tool(form: str, name: str, link: str | None = None, **sizes: float) -> Tool:
     """A built-in tool.
 
     Args:

@@ -110,7 +110,7 @@ BUILTIN_TOOLS = ("parallel_jaw", "three_jaw", "suction_cup", "torch", "spindle")
 class Solid(Body):
     """A shape and where it is."""
 
-    shape: Shape
+    shape: Shape = Field(description="in its own frame; no half-space")
     pose: Pose = Field(description="in the frame of the tool or finger")
 
 

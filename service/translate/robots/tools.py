@@ -12,7 +12,7 @@ from kinematics.errors import ArmwrightError, InvalidOption
 from kinematics.model.chain import Inertia
 from obstacles.robots.robot_geometry import RobotGeometry
 from obstacles.robots.tool import PART, Jaw, Solid, Tool, mount, with_tip
-from obstacles.robots.tool_forms import built_in
+from obstacles.robots.tool_forms import built_in_tool
 from service.storage.caches.cache_key import Mount
 from service.translate import poses
 
@@ -56,7 +56,7 @@ def tool(body: schema.NamedTool) -> Tool:
 def _tool(body: schema.NamedTool) -> Tool:
     if body.form is not None:
         sizes = {name: float(x) for name, x in vars(body.form).items() if name != "type"}
-        return built_in(body.form.type, body.name, body.link, **sizes)
+        return built_in_tool(body.form.type, body.name, body.link, **sizes)
     fingers = body.fingers or {}
     opening = None
     if body.opening is not None:

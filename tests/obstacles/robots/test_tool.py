@@ -25,7 +25,7 @@ from obstacles.robots.attachment import Attachment, hold
 from obstacles.robots.finger_geometry import with_fingers
 from obstacles.robots.robot_geometry import RobotGeometry
 from obstacles.robots.tool import Jaw, Solid, Tool, mount, with_tip
-from obstacles.robots.tool_forms import FORMS, SIZES, built_in
+from obstacles.robots.tool_forms import FORMS, SIZES, built_in_tool
 from obstacles.scenes.scene import Obstacle, Scene
 from obstacles.shapes.shape import Box, Cylinder, HalfSpace, Sphere
 
@@ -132,7 +132,7 @@ def test_solids_collide_where_coal_says_so() -> None:
 
 
 def test_jaws_stand_as_far_apart_as_the_opening() -> None:
-    arm = mount(load_robot("ur5e"), built_in("parallel_jaw", "jaw_a", opening=0.08))
+    arm = mount(load_robot("ur5e"), built_in_tool("parallel_jaw", "jaw_a", opening=0.08))
     assert arm.fingers.positions == {"jaw_a/opening": 0.08}
     assert arm.fingers.states["jaw_a/closed"] == {"jaw_a/opening": 0.0}
     for opening in (0.0, 0.03, 0.08):
@@ -150,7 +150,7 @@ def test_jaws_stand_as_far_apart_as_the_opening() -> None:
 
 
 def test_a_tool_stands_for_its_jaws_where_it_is_named() -> None:
-    arm = mount(load_robot("ur5e"), built_in("parallel_jaw", "jaw_a"))
+    arm = mount(load_robot("ur5e"), built_in_tool("parallel_jaw", "jaw_a"))
     part = Obstacle("part", Sphere(0.02), transform(None, [0.0, 0.0, 0.145]))
     held = hold(arm, Scene(), [Attachment(part, "jaw_a/tip", ("jaw_a",))])
     assert {("jaw_a", "part"), ("jaw_a/left", "part")} <= held.scene.allowed_collisions
@@ -170,25 +170,25 @@ def test_a_point_of_a_held_object_can_be_the_tip() -> None:
 
 @pytest.mark.parametrize("form", FORMS)
 def test_built_in_tools_end_in_their_tips(form: str) -> None:
-    made = built_in(form, "it")
+    made = built_in_tool(form, "it")
     arm = mount(load_robot("ur5e"), made)
     assert pickle.loads(pickle.dumps(arm)) == arm
     assert Checker.of(arm, Scene()).valid(np.array([0.0, -1.2, 1.2, -1.5, -1.5, 0.0]))
     assert made.inertia is not None
     assert made.inertia.mass == SIZES[form]["mass"]
-    assert built_in(form, "it", mass=0.0).inertia is None
+    assert built_in_tool(form, "it", mass=0.0).inertia is None
     bigger = {size: 1.1 * value for size, value in SIZES[form].items() if size != "angle"}
-    grown = built_in(form, "it", None, **bigger).tcp["tip"][:3, 3]
+    grown = built_in_tool(form, "it", None, **bigger).tcp["tip"][:3, 3]
     np.testing.assert_allclose(grown, 1.1 * made.tcp["tip"][:3, 3], rtol=1e-12)
 
 
 def test_unknown_forms_and_sizes_are_refused() -> None:
     with pytest.raises(InvalidOption, match="no built-in tool 'claw'"):
-        built_in("claw", "it")
+        built_in_tool("claw", "it")
     with pytest.raises(InvalidOption, match="a torch has no size 'opening'"):
-        built_in("torch", "it", opening=0.1)
+        built_in_tool("torch", "it", opening=0.1)
     with pytest.raises(InvalidScene, match="cylinder height"):
-        built_in("spindle", "it", length=0.0)
+        built_in_tool("spindle", "it", length=0.0)
     with pytest.raises(InvalidOption, match="half-space"):
         Solid(HalfSpace([0.0, 0.0, 1.0], 0.0))
 
