@@ -265,7 +265,7 @@ def rigid(T: ArrayLike, what: str) -> Array:
     """A checked frame, shape (4, 4).
 
     Raises:
-        InvalidNumbers: It is no array of 4 x 4 finite numbers.
+        InvalidOption: It is no array of 4 x 4 finite numbers.
         InvalidPose: It is no rigid motion.
     """
     matrix = numbers(T, what, (4, 4))
