@@ -297,6 +297,12 @@ class CloseStage(GripperStage):
     """The gripper closes."""
 
     kind: Literal["close"] = "close"
+    until: Literal["contact"] | None = Field(
+        None,
+        description="contact: the fingers stop where they touch the object of the grasp right "
+        "before, for each grasp of its list where that is; joints or state say how far they may "
+        "close. A grasp that fewer than two fingers touch is not taken",
+    )
 
 
 StageUnion = Annotated[

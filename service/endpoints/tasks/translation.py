@@ -112,7 +112,8 @@ class _Translator:
             case schema.WaitStage():
                 return WaitStage(body.duration, settings)
             case _:
-                return Gripper(body.kind, self._fingers(body), body.duration, settings)
+                until = body.until if isinstance(body, schema.CloseStage) else None
+                return Gripper(body.kind, self._fingers(body), body.duration, settings, until)
 
     def _settings(self, body: schema.StageUnion) -> StageSettings:
         task = self._body

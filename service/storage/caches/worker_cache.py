@@ -62,7 +62,9 @@ def _mounted(reference: Reference, mount: Mount | None) -> PreparedRobot:
     """The robot of a reference with a tool or a tip."""
     assert mount is not None
     alone = robot(replace(reference, mount=None))
-    return PreparedRobot.of(tools.mounted(alone.geometry, mount), alone.answer)
+    return PreparedRobot.of(
+        tools.mounted(alone.geometry, mount.tool, mount.tcp, mount.held), alone.answer
+    )
 
 
 def visuals(reference: Reference) -> VisualGeometry:

@@ -13,24 +13,30 @@ from kinematics.model.chain import Inertia
 from obstacles.robots.robot_geometry import RobotGeometry
 from obstacles.robots.tool import PART, Jaw, Solid, Tool, mount, with_tip
 from obstacles.robots.tool_forms import built_in_tool
-from service.storage.caches.cache_key import Mount
 from service.translate import poses
 
 
-def mounted(robot: RobotGeometry, asked: Mount) -> RobotGeometry:
+def mounted(
+    robot: RobotGeometry, document: bytes | None, tcp: str | None, held: bytes | None
+) -> RobotGeometry:
     """The robot with the tool and the tip of a request.
+
+    Args:
+        robot: The robot alone.
+        document: The tool, JSON; None for none.
+        tcp: Name of its tip; None where it has one, or the tip is another.
+        held: An attached object with the pose of the tip on it, JSON; None for no object's tip.
 
     Raises:
         ArmwrightError: The tool is malformed, or can't be mounted on the robot.
     """
-    if asked.tool is not None:
-        wanted = schema.NamedTool.model_validate_json(asked.tool)
+    if document is not None:
+        made = tool(schema.NamedTool.model_validate_json(document))
         # The tip of an object takes the place of the tool's.
-        made = tool(wanted)
-        robot = mount(robot, made, next(iter(made.tcp)) if asked.held else asked.tcp)
-    if asked.held is None:
+        robot = mount(robot, made, next(iter(made.tcp)) if held is not None else tcp)
+    if held is None:
         return robot
-    told: dict[str, Any] = from_json(asked.held)
+    told: dict[str, Any] = from_json(held)
     item = told["attached"]
     T = poses.transform(Pose.model_validate(item["pose"]))
     if told["pose"] is not None:

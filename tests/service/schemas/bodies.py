@@ -167,7 +167,7 @@ def task_stages(pose: dict[str, Any], constraints: list[dict[str, Any]]) -> list
             "axis": [0.0, 0.0, 1.0], "offsets": [0.0, 0.1], "offset_samples": 2}},
         {"kind": "place", "relative_to": "table", "region": turns | {
             "size": [0.1, 0.1], "samples": [2, 2]}},
-        {"kind": "close", "state": "shut"},
+        {"kind": "close", "state": "shut", "until": "contact"},
         {"kind": "open", "joints": {"claw": 0.02}},
         {"kind": "wait", "duration": 1.0},
         {"kind": "move", "end_of": "#1"},
