@@ -214,3 +214,119 @@ def test_odd_tools_are_refused_by_name(
     asked = {"robot": "ur5e", "joints": HOME} | body
     refused = problem(client.post("/v1/check", json=asked), status, code)
     assert told in refused["detail"] + str(refused.get("errors", ""))
+
+
+def test_tours_exports_and_simulations_work_with_the_tool(
+    client: httpx.Client, gripper: str
+) -> None:
+    mounted = {"robot": "ur5e", "tool": gripper, "tcp": "tip"}
+    ends = [HOME, [0.5, -1.0, 1.0, -1.5, -1.5, 0.3]]
+    poses = [ask(client, "fk", joints=q, tool=gripper, tcp="tip")["pose"] for q in ends]
+    tour = answer(client.post("/v1/tours", json=mounted | {"goals": [{"pose": p} for p in poses]}))
+    reached = ask(client, "fk", joints=tour["visits"][0]["joints"], tool=gripper, tcp="tip")["pose"]
+    wanted = poses[int(tour["visits"][0]["id"])]
+    np.testing.assert_allclose(matrix(reached), matrix(wanted), atol=1e-5)
+    leg = tour["legs"][-1]
+    assert leg["certificate"]["premises"]["tool"] == "gripper_a/tip"
+    body = {"trajectory": leg["trajectory"], "format": "csv"}
+    told = answer(client.post("/v1/export", json=mounted | body))
+    assert told["certificate"]["premises"]["tool"] == "gripper_a/tip"
+    premises = {"premises": leg["certificate"]["premises"], "tool": "spindle", "tcp": None}
+    assert client.post("/v1/export", json=mounted | body | premises).status_code == 422
+    follow = {
+        "reference": {"type": "hold", "joints": HOME, "duration": 0.2},
+        "controller": {"type": "pd_gravity", "Kp": 100.0, "Kd": 20.0},
+    }
+    torques = [
+        answer(client.post("/v1/simulate", json=follow | robot))["torque"][0]
+        for robot in (mounted, {"robot": "ur5e"})
+    ]
+    gravity = [
+        ask(client, "dynamics", joints=HOME, **tool)["gravity"]
+        for tool in ({"tool": gripper, "tcp": "tip"}, {})
+    ]
+    np.testing.assert_allclose(torques, gravity, atol=1e-6)
+
+
+def test_a_task_picks_with_a_built_in_jaw(client: httpx.Client) -> None:
+    crate = {
+        "id": "crate",
+        "shape": {"type": "box", "size": [0.03, 0.06, 0.08]},
+        "pose": {"position": [-0.5, 0.1, 0.04]},
+    }
+    table = {
+        "id": "table",
+        "shape": {"type": "box", "size": [0.8, 1.2, 0.04]},
+        "pose": {"position": [-0.6, 0.0, -0.02]},
+    }
+    grasp = {"position": [0.0, 0.0, 0.02], "rpy": [3.141592653589793, 0.0, 0.0]}
+    stages = [
+        {"kind": "move"},
+        {"kind": "approach", "distance": [0.04, 0.08]},
+        {"kind": "grasp", "object": "crate", "grasps": [grasp], "touch_links": ["parallel_jaw"],
+         "support": "table"},
+        {"kind": "close", "until": "contact"},
+        {"kind": "attach", "object": "crate"},
+        {"kind": "lift", "distance": [0.05, 0.1]},
+        {"kind": "open", "state": "parallel_jaw/open"},
+    ]  # fmt: skip
+    body = {
+        "robot": "ur5e", "tool": "parallel_jaw", "start": {"joints": HOME},
+        "scene": {"obstacles": [crate, table]}, "stages": stages, "keep": True,
+    }  # fmt: skip
+    plan = answer(client.post("/v1/tasks", json=body))
+    assert plan["status"] == "success"
+    assert all(stage["certificate"]["verified"] for stage in plan["stages"])
+    openings = [stage["after"]["fingers"]["parallel_jaw/opening"] for stage in plan["stages"]]
+    assert openings[3] == pytest.approx(0.03, abs=1e-5)
+    assert (openings[0], openings[-1]) == (0.085, 0.085)
+    page = client.get(f"/v1/plans/{plan['plan_id']}/view")
+    assert page.status_code == 200
+    swept = client.get(f"/v1/plans/{plan['plan_id']}/swept?tolerance=0.2")
+    assert swept.status_code == 200
+
+
+def test_a_tool_of_a_large_request_is_mounted_whole(client: httpx.Client) -> None:
+    """Such a body is validated by a worker, and the server has an outline of it."""
+    corners = np.random.default_rng(1).normal(size=(1_500, 3))
+    corners *= 0.04 / np.linalg.norm(corners, axis=1)[:, None]
+    ball = {"type": "convex", "vertices": corners.tolist()}
+    tool = GRIPPER | {
+        "name": "ball_a",
+        "solids": [
+            {"shape": ball, "pose": {"position": [0.0, 0.0, z]}} for z in (0.05, 0.15)
+        ],
+    }  # fmt: skip
+    peg = {
+        "id": "peg", "link": "ball_a", "shape": ball, "touch_links": ["ball_a"],
+        "pose": {"position": [0.0, 0.0, 0.2]}, "touch_depth": None,
+    }  # fmt: skip
+    other = peg | {"id": "other", "link": "tool0", "pose": {"position": [0.0, 0.0, -0.5]}}
+    flange = matrix(ask(client, "fk", joints=HOME)["pose"])
+    far = (flange @ [0.0, 0.0, 0.15, 1.0])[:3].tolist()
+    dot = {
+        "id": "dot", "shape": {"type": "sphere", "radius": 0.001}, "pose": {"position": far},
+    }  # fmt: skip
+    told = answer(client.post("/v1/check", json={
+        "robot": "ur5e", "joints": HOME, "tool": tool, "tcp": "tip",
+        "scene": {"obstacles": [dot]},
+    }))  # fmt: skip
+    assert ["ball_a", "dot"] in [sorted(hit["pair"]) for hit in told["collisions"]]
+    target = {"position": [0.4, 0.1, 0.4], "rpy": [3.14159, 0.0, 0.0]}
+    held = {"tool": tool, "tcp": {"object": "peg"}, "attached": [other, peg]}
+    found = ask(client, "ik", pose=target, seed_joints=HOME, all_solutions=True, **held)
+    tip = ask(client, "fk", joints=found["solutions"][0]["joints"])["pose"]
+    end = matrix(tip) @ np.array([0.0, 0.0, 0.2, 1.0])
+    np.testing.assert_allclose(end[:3], target["position"], atol=1e-6)
+
+
+def test_a_job_works_with_its_tool(client: httpx.Client, gripper: str) -> None:
+    body = plan_body(gripper)
+    headers = {"Prefer": "respond-async"}
+    job = answer(client.post("/v1/plan", json=body, headers=headers), 202)
+    place = f"/v1/jobs/{job['id']}"
+    assert wait_until(lambda: answer(client.get(place))["status"] == "succeeded", 30.0)
+    result = answer(client.get(place))["result"]
+    assert result["certificate"]["premises"]["tool"] == "gripper_a/tip"
+    refused = body | {"tool": "nothing_such"}
+    problem(client.post("/v1/plan", json=refused, headers=headers), 404, "NOT_FOUND")
