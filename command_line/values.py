@@ -5,7 +5,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from command_line.parameters import Mounted
+from command_line.parameters import Cell, Mounted
 from command_line.problems import invalid_value
 from command_line.robot_files import read_json
 
@@ -112,7 +112,7 @@ def scene(text: str | None) -> dict[str, Any] | str | None:
     return value if isinstance(value, str) else dict(value)
 
 
-def mounted(given: Mounted) -> dict[str, Any]:
+def mounted(given: Mounted | Cell) -> dict[str, Any]:
     """The fields of a request that mount a tool.
 
     Args:

@@ -19,15 +19,7 @@ from command_line.backends.endpoints import (
 )
 from command_line.commands.kinematics import Joints
 from command_line.output import print_json, print_line, print_table, save, word
-from command_line.parameters import (
-    Connection,
-    Margin,
-    Mounted,
-    Request,
-    RobotSource,
-    Scene,
-    command,
-)
+from command_line.parameters import Cell, Connection, Mounted, Request, RobotSource, Scene, command
 from command_line.problems import negative
 from command_line.robot_files import read_json
 from service.viewer.words import against, allowed_sentences
@@ -80,17 +72,15 @@ def plan(
         str, typer.Option(help="Joints, a named state, a pose as JSON, or the API's own JSON.")
     ],
     request: Request,
-    mounted: Mounted,
-    scene: Scene = None,
-    margin: Margin = 0.0,
+    cell: Cell,
     planner: Annotated[str, typer.Option(help="As the API names them.")] = "auto",
 ) -> None:
     """Plan a timed motion that is proved free of collision and inside all limits."""
-    body = values.mounted(mounted) | {
+    body = values.mounted(cell) | {
         "start": values.goal("--start", start),
         "goal": values.goal("--goal", goal),
-        "scene": values.scene(scene),
-        "margin": margin,
+        "scene": values.scene(cell.scene),
+        "margin": cell.margin,
         "planner": planner,
     }
     answer = json.loads(_ask(connection, PLAN, robot, request, body))
@@ -113,17 +103,15 @@ def check(
     robot: RobotSource,
     joints: Joints,
     request: Request,
-    mounted: Mounted,
-    scene: Scene = None,
-    margin: Margin = 0.0,
+    cell: Cell,
 ) -> None:
     """Check one configuration for limits and collisions; exit with 1 where it is not valid."""
     with connect(connection) as backend:
         states = backend.robot_model(backend.robot_name(robot))["states"]
-    body = values.mounted(mounted) | {
+    body = values.mounted(cell) | {
         "joints": values.configuration("--joints", joints, states),
-        "scene": values.scene(scene),
-        "margin": margin,
+        "scene": values.scene(cell.scene),
+        "margin": cell.margin,
     }
     answer = json.loads(_ask(connection, CHECK, robot, request, body))
     if not connection.as_json:
@@ -153,15 +141,13 @@ def validate(
     robot: RobotSource,
     motion: Motion,
     request: Request,
-    mounted: Mounted,
-    scene: Scene = None,
-    margin: Margin = 0.0,
+    cell: Cell,
 ) -> None:
     """Prove a motion for every instant; exit with 1 where it is not proved."""
-    body = values.mounted(mounted) | {
+    body = values.mounted(cell) | {
         "trajectory": values.motion(motion),
-        "scene": values.scene(scene),
-        "margin": margin,
+        "scene": values.scene(cell.scene),
+        "margin": cell.margin,
     }
     certificate = json.loads(_ask(connection, VALIDATE, robot, request, body))
     if not connection.as_json:
