@@ -215,7 +215,9 @@ from armwright_wire.plans.task import ApproachStage as ApproachStage
 from armwright_wire.plans.task import AttachStage as AttachStage
 from armwright_wire.plans.task import CloseStage as CloseStage
 from armwright_wire.plans.task import DetachStage as DetachStage
+from armwright_wire.plans.task import FoundGrasps as FoundGrasps
 from armwright_wire.plans.task import GraspRegion as GraspRegion
+from armwright_wire.plans.task import GraspSearch as GraspSearch
 from armwright_wire.plans.task import GraspStage as GraspStage
 from armwright_wire.plans.task import HeldObject as HeldObject
 from armwright_wire.plans.task import (

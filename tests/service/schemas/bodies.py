@@ -169,6 +169,9 @@ def task_stages(pose: dict[str, Any], constraints: list[dict[str, Any]]) -> list
             "size": [0.1, 0.1], "samples": [2, 2]}},
         {"kind": "close", "state": "shut", "until": "contact"},
         {"kind": "open", "joints": {"claw": 0.02}},
+        *({"kind": "grasp", "object": "crate", "grasps": {kind: {
+            "count": 8, "angles": 4, "friction": 0.3, "depth": 0.01, "radius": 0.01, "seed": 2}}}
+          for kind in ("antipodal", "top", "side", "suction")),
         {"kind": "wait", "duration": 1.0},
         {"kind": "move", "end_of": "#1"},
     ]  # fmt: skip
