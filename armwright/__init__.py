@@ -35,6 +35,7 @@ if TYPE_CHECKING:
     from kinematics.trajectory.trajectory import Trajectory
     from obstacles.robots.attachment import Attachment, Holding, grasp, hold, release
     from obstacles.robots.finger_geometry import with_fingers
+    from obstacles.robots.grasps import GraspSearch, JawSpan, find_grasps, jaw_span
     from obstacles.robots.robot_geometry import RobotGeometry
     from obstacles.robots.tool import Jaw, Solid, Tool, mount, with_tip
     from obstacles.robots.tool_forms import built_in_tool
@@ -148,6 +149,7 @@ _MODULES = {
     "Failure": "planning.result",
     "GoalCosts": "planning.values.goal_costs",
     "Grasp": "planning.sequence.stage",
+    "GraspSearch": "obstacles.robots.grasps",
     "Gripper": "planning.sequence.stage",
     "HalfSpace": "obstacles.shapes.shape",
     "Held": "planning.sequence.world",
@@ -156,6 +158,7 @@ _MODULES = {
     "IkSolution": "kinematics.ik.solution",
     "IndependentJoint": "tracking.controllers.independent_joint",
     "Jaw": "obstacles.robots.tool",
+    "JawSpan": "obstacles.robots.grasps",
     "JointConstraint": "planning.constraints.kinds.joint",
     "JointGoal": "planning.problem",
     "JointState": "planning.timing.jerk.state_to_state",
@@ -219,6 +222,7 @@ _MODULES = {
     "dynamics": "armwright.model",
     "equations": "armwright.model",
     "export": "planning.exports.export",
+    "find_grasps": "obstacles.robots.grasps",
     "fk": "armwright.model",
     "grasp": "obstacles.robots.attachment",
     "grasp_region": "planning.sequence.target",
@@ -226,6 +230,7 @@ _MODULES = {
     "ik": "armwright.configuration",
     "inverse_dynamics": "armwright.model",
     "jacobian": "armwright.model",
+    "jaw_span": "obstacles.robots.grasps",
     "load_robot": "armwright.robot",
     "mount": "obstacles.robots.tool",
     "place": "obstacles.scenes.placement",
@@ -281,6 +286,7 @@ __all__ = [
     "Failure",
     "GoalCosts",
     "Grasp",
+    "GraspSearch",
     "Gripper",
     "HalfSpace",
     "Held",
@@ -289,6 +295,7 @@ __all__ = [
     "IkSolution",
     "IndependentJoint",
     "Jaw",
+    "JawSpan",
     "JointConstraint",
     "JointGoal",
     "JointState",
@@ -352,6 +359,7 @@ __all__ = [
     "dynamics",
     "equations",
     "export",
+    "find_grasps",
     "fk",
     "grasp",
     "grasp_region",
@@ -359,6 +367,7 @@ __all__ = [
     "ik",
     "inverse_dynamics",
     "jacobian",
+    "jaw_span",
     "load_robot",
     "mount",
     "place",

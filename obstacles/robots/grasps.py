@@ -10,8 +10,9 @@ from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
+from numpy.typing import ArrayLike
 
-from kinematics.arrays import Array
+from kinematics.arrays import Array, numbers, typed
 from kinematics.errors import InvalidOption
 from kinematics.pose import align_z, inverse, rotation_z
 from obstacles.convex.triangles import Triangles, join, piece_triangles
@@ -68,6 +69,7 @@ class JawSpan:
     widest: float
 
 
+@typed
 def jaw_span(robot: RobotGeometry) -> JawSpan:
     """The span of a gripper, by the two fingers that move farthest apart.
 
@@ -97,7 +99,8 @@ def jaw_span(robot: RobotGeometry) -> JawSpan:
     return JawSpan(across / max(float(np.linalg.norm(across)), 1e-12), widest)
 
 
-def find_grasps(shape: Shape, down: Array, search: GraspSearch, span: JawSpan | None) -> Array:
+@typed
+def find_grasps(shape: Shape, down: ArrayLike, search: GraspSearch, span: JawSpan | None) -> Array:
     """Poses T_object_tool of grasps, the most central first, shape (k, 4, 4); k may be 0.
 
     The tool comes along its z.
@@ -111,6 +114,11 @@ def find_grasps(shape: Shape, down: Array, search: GraspSearch, span: JawSpan | 
     Raises:
         InvalidOption: The shape is a half-space.
     """
+    below = numbers(down, "down", (3,))
+    length = float(np.linalg.norm(below))
+    if not length > 0.0:
+        raise InvalidOption("down has no length", hint="Give the direction of gravity.")
+    down = below / length
     if isinstance(shape, HalfSpace):
         raise InvalidOption("a half-space can't be grasped")
     surface = _triangles(shape)
