@@ -29,7 +29,6 @@ if TYPE_CHECKING:
     import service.endpoints.robots.task
     import service.endpoints.simulate.task
     import service.endpoints.tasks.task
-    import service.endpoints.tools.task
     import service.endpoints.tours.task
 
     cut = service.endpoints.batch.task.cut
@@ -61,6 +60,7 @@ if TYPE_CHECKING:
     change_robot = service.endpoints.robots.task.change_robot
     make_robot = service.endpoints.robots.task.make_robot
     make_scene = service.endpoints.robots.task.make_scene
+    make_tool = service.endpoints.robots.task.make_tool
     prepare_robot = service.endpoints.robots.task.prepare_robot
     prepare_scene = service.endpoints.robots.task.prepare_scene
     robot_model = service.endpoints.robots.task.robot_model
@@ -72,7 +72,6 @@ if TYPE_CHECKING:
     swept = service.endpoints.plans.swept.swept
     view = service.endpoints.plans.view.view
     tour = service.endpoints.tours.task.tour
-    make_tool = service.endpoints.tools.task.make_tool
 else:
     cut = TaskReference("service.endpoints.batch.task:cut")
     plan_part = TaskReference("service.endpoints.batch.task:plan_part", GRACE + TURN)
@@ -103,6 +102,7 @@ else:
     change_robot = TaskReference("service.endpoints.robots.task:change_robot")
     make_robot = TaskReference("service.endpoints.robots.task:make_robot")
     make_scene = TaskReference("service.endpoints.robots.task:make_scene")
+    make_tool = TaskReference("service.endpoints.robots.task:make_tool")
     prepare_robot = TaskReference("service.endpoints.robots.task:prepare_robot")
     prepare_scene = TaskReference("service.endpoints.robots.task:prepare_scene")
     robot_model = TaskReference("service.endpoints.robots.task:robot_model")
@@ -114,7 +114,6 @@ else:
     swept = TaskReference("service.endpoints.plans.swept:swept")
     view = TaskReference("service.endpoints.plans.view:view")
     tour = TaskReference("service.endpoints.tours.task:tour", GRACE)
-    make_tool = TaskReference("service.endpoints.tools.task:make_tool")
 
 #: Modules that workers load: those that define the tasks.
 MODULES = tuple(

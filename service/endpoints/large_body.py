@@ -52,9 +52,7 @@ def outline(model: str, content: bytes) -> BaseModel | TaskProblem:
 def _outline(body: BaseModel) -> BaseModel:
     # Fields that were left out are small, and a batch has thirty of them in each problem.
     parts = {name: getattr(body, name) for name in body.model_fields_set}
-    whole = _MOUNTED if isinstance(body, WithTool) else ()
-    if whole and not isinstance(parts.get("tcp"), HeldTip):
-        whole = _MOUNTED[:1]
+    whole = _MOUNTED[: isinstance(body, WithTool) + isinstance(parts.get("tcp"), HeldTip)]
     return body.model_copy(
         update={n: value if n in whole else _part(n, value) for n, value in parts.items()}
     )
