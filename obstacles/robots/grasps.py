@@ -22,6 +22,8 @@ from obstacles.shapes.shape import HalfSpace, Mesh, Shape
 GraspKind = Literal["antipodal", "top", "side", "suction"]
 #: Points drawn for each grasp that is asked for, most of which have no opposite.
 _DRAWN = 12
+#: Cosine of the angle within which two fingers move against each other.
+_OPPOSITE = 0.99
 #: Approaches this near to a direction count as of it: 30 degrees.
 _NEAR = math.cos(math.pi / 6.0)
 #: The rim of a cup may be so far off the plane that it sits on [m], looked at from above.
@@ -77,7 +79,7 @@ def jaw_span(robot: RobotGeometry) -> JawSpan:
         robot: The arm with its gripper.
 
     Raises:
-        InvalidOption: No two fingers with solids move apart.
+        InvalidOption: No two fingers with solids move against each other.
     """
     fingers, chain = robot.fingers, robot.chain
     low, high = dict(fingers.positions), dict(fingers.positions)
@@ -86,17 +88,19 @@ def jaw_span(robot: RobotGeometry) -> JawSpan:
         if math.isfinite(limits.lower) and math.isfinite(limits.upper):
             low[name], high[name] = limits.lower, limits.upper
     ends = [fingers.link_poses(chain, positions) for positions in (low, high)]
-    ways = [ends[1][k][:3, 3] - ends[0][k][:3, 3] for k in ends[0] if k in robot.names]
-    apart = max((a - b for a in ways for b in ways), key=np.linalg.norm, default=np.zeros(3))
-    widest = float(np.linalg.norm(apart))
-    if not widest > 0.0:
+    R = chain.tip.T_joint_link[:3, :3].T * np.array([[1.0], [1.0], [0.0]])  # across the tool
+    ways = [R @ (ends[1][k] - ends[0][k])[:3, 3] for k in ends[0] if k in robot.names]
+    pairs = ((a, b) for a in ways for b in ways)
+    one, other = max(pairs, key=lambda ab: np.linalg.norm(ab[0] - ab[1]), default=(_Z, _Z))
+    widest = float(np.linalg.norm(one - other))
+    # Of three jaws no two move against each other.
+    against = one @ other <= -_OPPOSITE * np.linalg.norm(one) * np.linalg.norm(other)
+    if not widest > 0.0 or not against:
         raise InvalidOption(
-            "grasps can't be found: no two fingers of the robot move apart",
+            "grasps can't be found: no two fingers of the robot move against each other",
             hint='Mount a tool with jaws, such as "tool": "parallel_jaw", or give poses.',
         )
-    across = chain.tip.T_joint_link[:3, :3].T @ (apart / widest)
-    across -= across[2] * _Z
-    return JawSpan(across / max(float(np.linalg.norm(across)), 1e-12), widest)
+    return JawSpan((one - other) / widest, widest)
 
 
 @typed

@@ -46,8 +46,9 @@ def test_the_span_is_that_of_the_jaws_in_the_frame_of_the_tip() -> None:
     span = jaw_span(mount(robot, built_in_tool("parallel_jaw", "jaw", opening=0.06)))
     assert span.widest == pytest.approx(0.06, abs=1e-12)
     np.testing.assert_allclose(np.abs(span.axis), [1.0, 0.0, 0.0], atol=1e-12)
-    with pytest.raises(InvalidOption, match="no two fingers"):
-        jaw_span(robot)
+    for arm in (robot, mount(robot, built_in_tool("three_jaw", "three"))):
+        with pytest.raises(InvalidOption, match="no two fingers"):
+            jaw_span(arm)
 
 
 @pytest.mark.parametrize("kind", ["antipodal", "top", "side"])
