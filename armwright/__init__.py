@@ -43,7 +43,11 @@ if TYPE_CHECKING:
     from kinematics.robots import builtin_names
     from kinematics.trajectory.trajectory import Trajectory
     from obstacles.robots.attachment import Attachment, Holding, grasp, hold, release
+    from obstacles.robots.finger_geometry import with_fingers
+    from obstacles.robots.grasps import GraspSearch, JawSpan, find_grasps, jaw_span
     from obstacles.robots.robot_geometry import RobotGeometry
+    from obstacles.robots.tool import Jaw, Solid, Tool, mount, with_tip
+    from obstacles.robots.tool_forms import built_in_tool
     from obstacles.scenes.moveit import scene_from_moveit
     from obstacles.scenes.placement import place
     from obstacles.scenes.scene import AllowedContact, Obstacle, Scene
@@ -138,8 +142,8 @@ _MODULES = {
     "Chain": "kinematics.model.chain",
     "Checker": "armwright.checker",
     "ClearanceConstraint": "planning.constraints.kinds.limit",
-    "ComputedTorque": "tracking.controllers.computed_torque",
     "Compound": "obstacles.shapes.shape",
+    "ComputedTorque": "tracking.controllers.computed_torque",
     "Cone": "obstacles.shapes.shape",
     "ConeConstraint": "planning.constraints.kinds.orientation",
     "ConfigurationReport": "planning.configuration_check",
@@ -149,13 +153,14 @@ _MODULES = {
     "DhRow": "kinematics.model.dh_table",
     "DhTable": "kinematics.model.dh_table",
     "Dynamics": "armwright.model",
+    "Explored": "planning.values.search_trees",
     "Export": "planning.exports.export",
     "ExportFormat": "planning.exports.options",
     "ExportOptions": "planning.exports.options",
-    "Explored": "planning.values.search_trees",
     "Failure": "planning.result",
     "GoalCosts": "planning.values.goal_costs",
     "Grasp": "planning.sequence.stage",
+    "GraspSearch": "obstacles.robots.grasps",
     "Gripper": "planning.sequence.stage",
     "HalfSpace": "obstacles.shapes.shape",
     "Held": "planning.sequence.world",
@@ -163,6 +168,8 @@ _MODULES = {
     "IkResult": "kinematics.ik.solution",
     "IkSolution": "kinematics.ik.solution",
     "IndependentJoint": "tracking.controllers.independent_joint",
+    "Jaw": "obstacles.robots.tool",
+    "JawSpan": "obstacles.robots.grasps",
     "JointConstraint": "planning.constraints.kinds.joint",
     "JointGoal": "planning.problem",
     "JointState": "planning.timing.jerk.state_to_state",
@@ -196,6 +203,7 @@ _MODULES = {
     "SeamWaypoint": "planning.tool_motions.tool_tolerance",
     "SequenceFailure": "planning.sequence.result",
     "SequencePlan": "planning.sequence.result",
+    "Solid": "obstacles.robots.tool",
     "Sphere": "obstacles.shapes.shape",
     "SphereRegion": "planning.constraints.kinds.region",
     "StagePlan": "planning.sequence.result",
@@ -210,6 +218,7 @@ _MODULES = {
     "TaskOptions": "planning.sequence.result",
     "TimingOptions": "planning.timing.options",
     "Tolerance": "planning.reach.tolerance",
+    "Tool": "obstacles.robots.tool",
     "ToolSpeedConstraint": "planning.constraints.kinds.limit",
     "ToolTolerance": "planning.tool_motions.tool_tolerance",
     "TorqueConstraint": "planning.constraints.kinds.limit",
@@ -220,6 +229,7 @@ _MODULES = {
     "Trajectory": "kinematics.trajectory.trajectory",
     "Wait": "planning.sequence.stage",
     "World": "planning.sequence.world",
+    "built_in_tool": "obstacles.robots.tool_forms",
     "builtin_names": "kinematics.robots",
     "certify": "armwright.motion",
     "certify_stops": "armwright.motion",
@@ -227,6 +237,7 @@ _MODULES = {
     "dynamics": "armwright.model",
     "equations": "armwright.model",
     "export": "planning.exports.export",
+    "find_grasps": "obstacles.robots.grasps",
     "fk": "armwright.model",
     "grasp": "obstacles.robots.attachment",
     "grasp_region": "planning.sequence.target",
@@ -234,7 +245,9 @@ _MODULES = {
     "ik": "armwright.configuration",
     "inverse_dynamics": "armwright.model",
     "jacobian": "armwright.model",
+    "jaw_span": "obstacles.robots.grasps",
     "load_robot": "armwright.robot",
+    "mount": "obstacles.robots.tool",
     "place": "obstacles.scenes.placement",
     "place_base": "planning.reach.evaluation",
     "place_region": "planning.sequence.target",
@@ -253,6 +266,8 @@ _MODULES = {
     "solve_lyapunov": "tracking.controllers.quadratic_form",
     "stop": "armwright.motion",
     "swept_volume": "planning.exports.swept_volume",
+    "with_fingers": "obstacles.robots.finger_geometry",
+    "with_tip": "obstacles.robots.tool",
 }
 
 __all__ = [
@@ -287,6 +302,7 @@ __all__ = [
     "Failure",
     "GoalCosts",
     "Grasp",
+    "GraspSearch",
     "Gripper",
     "HalfSpace",
     "Held",
@@ -294,6 +310,8 @@ __all__ = [
     "IkResult",
     "IkSolution",
     "IndependentJoint",
+    "Jaw",
+    "JawSpan",
     "JointConstraint",
     "JointGoal",
     "JointState",
@@ -327,6 +345,7 @@ __all__ = [
     "SeamWaypoint",
     "SequenceFailure",
     "SequencePlan",
+    "Solid",
     "Sphere",
     "SphereRegion",
     "StagePlan",
@@ -341,6 +360,7 @@ __all__ = [
     "TaskOptions",
     "TimingOptions",
     "Tolerance",
+    "Tool",
     "ToolSpeedConstraint",
     "ToolTolerance",
     "TorqueConstraint",
@@ -351,6 +371,7 @@ __all__ = [
     "Trajectory",
     "Wait",
     "World",
+    "built_in_tool",
     "builtin_names",
     "certify",
     "certify_stops",
@@ -358,6 +379,7 @@ __all__ = [
     "dynamics",
     "equations",
     "export",
+    "find_grasps",
     "fk",
     "grasp",
     "grasp_region",
@@ -365,7 +387,9 @@ __all__ = [
     "ik",
     "inverse_dynamics",
     "jacobian",
+    "jaw_span",
     "load_robot",
+    "mount",
     "place",
     "place_base",
     "place_region",
@@ -384,6 +408,8 @@ __all__ = [
     "solve_lyapunov",
     "stop",
     "swept_volume",
+    "with_fingers",
+    "with_tip",
 ]
 
 

@@ -84,6 +84,33 @@ Scene = Annotated[
     str | None, typer.Option(help="JSON or MoveIt YAML file; with --url also a stored scene.")
 ]
 Margin = Annotated[float, typer.Option(help="Distance to keep from obstacles [m].", min=0.0)]
+Tool = Annotated[
+    str | None,
+    typer.Option(
+        help="Tool on the robot: a built-in one (parallel_jaw, three_jaw, suction_cup, torch, "
+        "spindle), JSON or its file; with --url also a stored one."
+    ),
+]
+Tip = Annotated[
+    str | None,
+    typer.Option(help='Its tip, or that of a held object: {"object": id, "pose": ...}.'),
+]
+
+
+class Mounted(NamedTuple):
+    """The tool that the robot works with."""
+
+    tool: Tool = None
+    tcp: Tip = None
+
+
+class Cell(NamedTuple):
+    """The tool that the robot works with, and what is around it."""
+
+    tool: Tool = None
+    tcp: Tip = None
+    scene: Scene = None
+    margin: Margin = 0.0
 
 
 def command(function: Callable[..., None]) -> Callable[..., None]:

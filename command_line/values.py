@@ -5,6 +5,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
+from command_line.parameters import Cell, Mounted
 from command_line.problems import invalid_value
 from command_line.robot_files import read_json
 
@@ -109,6 +110,26 @@ def scene(text: str | None) -> dict[str, Any] | str | None:
     if isinstance(value, list):
         raise invalid_value("--scene", "a JSON object is needed")
     return value if isinstance(value, str) else dict(value)
+
+
+def mounted(given: Mounted | Cell) -> dict[str, Any]:
+    """The fields of a request that mount a tool.
+
+    Args:
+        given: Options of the command.
+
+    Raises:
+        ProblemError: A file is not there or is not JSON.
+    """
+    fields: dict[str, Any] = {}
+    if given.tool is not None:
+        tool = read_value("--tool", given.tool)
+        if isinstance(tool, dict) and given.tool.endswith(".json"):
+            tool = {"name": Path(given.tool).stem} | tool
+        fields["tool"] = tool
+    if given.tcp is not None:
+        fields["tcp"] = read_value("--tcp", given.tcp)
+    return fields
 
 
 def motion(path: Path) -> dict[str, Any]:

@@ -30,6 +30,7 @@ from service.endpoints.robots import route as robots
 from service.endpoints.scenes import route as scenes
 from service.endpoints.simulate import route as simulate
 from service.endpoints.tasks import route as sequence
+from service.endpoints.tools import route as tools
 from service.endpoints.tours import route as tours
 from service.housekeeping import keep_house, watch_storage
 from service.http import errors, openapi
@@ -69,6 +70,7 @@ _ROUTERS = (
     kinematics.router,
     poses_route.router,
     scenes.router,
+    tools.router,
     check.router,
     plan.router,
     plans.router,

@@ -61,6 +61,7 @@ if TYPE_CHECKING:
     change_robot = service.endpoints.robots.task.change_robot
     make_robot = service.endpoints.robots.task.make_robot
     make_scene = service.endpoints.robots.task.make_scene
+    make_tool = service.endpoints.robots.task.make_tool
     prepare_robot = service.endpoints.robots.task.prepare_robot
     prepare_scene = service.endpoints.robots.task.prepare_scene
     robot_model = service.endpoints.robots.task.robot_model
@@ -103,6 +104,7 @@ else:
     change_robot = TaskReference("service.endpoints.robots.task:change_robot")
     make_robot = TaskReference("service.endpoints.robots.task:make_robot")
     make_scene = TaskReference("service.endpoints.robots.task:make_scene")
+    make_tool = TaskReference("service.endpoints.robots.task:make_tool")
     prepare_robot = TaskReference("service.endpoints.robots.task:prepare_robot")
     prepare_scene = TaskReference("service.endpoints.robots.task:prepare_scene")
     robot_model = TaskReference("service.endpoints.robots.task:robot_model")

@@ -164,8 +164,6 @@ _OTHER_KINDS = frozenset(
 #: Fields by which people ask for a tool on the tip, or for a point of what is held.
 _TOOL_FIELDS = frozenset(
     {
-        "tool",
-        "tcp",
         "tool_frame",
         "tool_offset",
         "tool_pose",
@@ -177,10 +175,9 @@ _TOOL_FIELDS = frozenset(
 )
 #: What to do instead.
 _TOOL_HINT = (
-    "Poses are of the robot's tip_link. To lead the tip of a tool that is held, give the pose "
-    "T_base_tip = T_base_tool T_tip_tool^-1, with T_tip_tool the tool's tip in the frame of "
-    "tip_link; the tool itself is an attached object. Or create the robot with the tool's tip as "
-    "a link of its URDF, on a fixed joint, and name it tip_link."
+    'Poses are of the tip. A tool with a tip of its own is "tool": a stored or built-in one '
+    '(GET /v1/tools), or {"name", "tcp": {"tip": pose}}; "tcp" names its tip, or that of what is '
+    'held: {"object": id, "pose": pose}.'
 )
 
 _Model = TypeVar("_Model", bound=BaseModel)

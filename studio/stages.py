@@ -124,7 +124,9 @@ def aimed(stage: dict[str, Any], state: StudioState, tip: Pose) -> dict[str, Any
     inverse = rotation(found[0].pose).inv()
     offset = inverse.apply(np.array(tip.position) - np.array(found[0].pose.position))
     rest = {name: item for name, item in stage.items() if name != "region"}
-    return rest | {"grasps": [*stage.get("grasps", ()), _pose(offset, inverse * rotation(tip))]}
+    before = stage.get("grasps", ())  # found ones give way to those that are set
+    listed = [*before] if isinstance(before, list | tuple) else []
+    return rest | {"grasps": [*listed, _pose(offset, inverse * rotation(tip))]}
 
 
 def _wire(pose: Pose) -> dict[str, Any]:

@@ -32,12 +32,14 @@ from armwright_client.client import AsyncLater as AsyncLater
 from armwright_client.client import AsyncPlans as AsyncPlans
 from armwright_client.client import AsyncRobots as AsyncRobots
 from armwright_client.client import AsyncScenes as AsyncScenes
+from armwright_client.client import AsyncTools as AsyncTools
 from armwright_client.client import Client as Client
 from armwright_client.client import Jobs as Jobs
 from armwright_client.client import Later as Later
 from armwright_client.client import Plans as Plans
 from armwright_client.client import Robots as Robots
 from armwright_client.client import Scenes as Scenes
+from armwright_client.client import Tools as Tools
 from armwright_client.errors import BY_CODE as BY_CODE
 from armwright_client.errors import ApiError as ApiError
 from armwright_client.errors import Conflict as Conflict
@@ -218,7 +220,9 @@ from armwright_wire.plans.task import ApproachStage as ApproachStage
 from armwright_wire.plans.task import AttachStage as AttachStage
 from armwright_wire.plans.task import CloseStage as CloseStage
 from armwright_wire.plans.task import DetachStage as DetachStage
+from armwright_wire.plans.task import FoundGrasps as FoundGrasps
 from armwright_wire.plans.task import GraspRegion as GraspRegion
+from armwright_wire.plans.task import GraspSearch as GraspSearch
 from armwright_wire.plans.task import GraspStage as GraspStage
 from armwright_wire.plans.task import HeldObject as HeldObject
 from armwright_wire.plans.task import (
@@ -337,6 +341,20 @@ from armwright_wire.scenes.scene import SceneReference as SceneReference
 from armwright_wire.scenes.scene import SceneSummary as SceneSummary
 from armwright_wire.scenes.scene import Shape as Shape
 from armwright_wire.scenes.scene import Sphere as Sphere
+from armwright_wire.scenes.tool import HeldTip as HeldTip
+from armwright_wire.scenes.tool import NamedTool as NamedTool
+from armwright_wire.scenes.tool import ParallelJaw as ParallelJaw
+from armwright_wire.scenes.tool import Solid as Solid
+from armwright_wire.scenes.tool import Spindle as Spindle
+from armwright_wire.scenes.tool import SuctionCup as SuctionCup
+from armwright_wire.scenes.tool import ThreeJaw as ThreeJaw
+from armwright_wire.scenes.tool import TipReference as TipReference
+from armwright_wire.scenes.tool import Tool as Tool
+from armwright_wire.scenes.tool import ToolFinger as ToolFinger
+from armwright_wire.scenes.tool import ToolList as ToolList
+from armwright_wire.scenes.tool import ToolReference as ToolReference
+from armwright_wire.scenes.tool import ToolSummary as ToolSummary
+from armwright_wire.scenes.tool import Torch as Torch
 
 __version__ = VERSION
 

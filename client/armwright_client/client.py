@@ -19,12 +19,14 @@ from armwright_client.endpoints import (
     RobotEndpoints,
     SceneEndpoints,
     ServiceEndpoints,
+    ToolEndpoints,
 )
 from armwright_client.job import Job
 from armwright_client.session import AsyncSession, ClientOptions, Session, Wire
 from armwright_wire.plans.kept_plan import KeptPlanSummary
 from armwright_wire.robots.robot import RobotSummary
 from armwright_wire.scenes.scene import SceneSummary
+from armwright_wire.scenes.tool import ToolSummary
 
 
 class Page(Protocol):
@@ -103,6 +105,22 @@ class AsyncScenes(SceneEndpoints, AsyncGroup):
     def iterate(self) -> AsyncIterator[SceneSummary]:
         """All stored scenes by name, page after page."""
         return items_async(lambda after: self.list(after=after), lambda page: page.scenes)
+
+
+class Tools(ToolEndpoints, Group):
+    """Tools: what robots work with."""
+
+    def iterate(self) -> Iterator[ToolSummary]:
+        """All tools by name, page after page."""
+        return items(lambda after: self.list(after=after), lambda page: page.tools)
+
+
+class AsyncTools(ToolEndpoints, AsyncGroup):
+    """`Tools` to be awaited."""
+
+    def iterate(self) -> AsyncIterator[ToolSummary]:
+        """All tools by name, page after page."""
+        return items_async(lambda after: self.list(after=after), lambda page: page.tools)
 
 
 class Jobs(JobEndpoints, Group):
@@ -215,6 +233,7 @@ class Client(ServiceEndpoints, Group):
         super().__init__(self._session)
         self.robots = Robots(self._session)
         self.scenes = Scenes(self._session)
+        self.tools = Tools(self._session)
         self.jobs = Jobs(self._session)
         self.plans = Plans(self._session)
         self.later = Later(self._session)
@@ -244,6 +263,7 @@ class AsyncClient(ServiceEndpoints, AsyncGroup):
         super().__init__(self._session)
         self.robots = AsyncRobots(self._session)
         self.scenes = AsyncScenes(self._session)
+        self.tools = AsyncTools(self._session)
         self.jobs = AsyncJobs(self._session)
         self.plans = AsyncPlans(self._session)
         self.later = AsyncLater(self._session)

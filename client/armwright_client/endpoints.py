@@ -27,7 +27,7 @@ from armwright_client.options.plan_options import (
     TourOptions,
     ValidateOptions,
 )
-from armwright_client.options.scene_options import Options
+from armwright_client.options.scene_options import Options, ToolOptions
 from armwright_client.robot_endpoints import RobotEndpoints, page
 from armwright_wire.base import RowsLike, VectorLike
 from armwright_wire.goals.goal import GoalLike, Start, as_goal
@@ -76,8 +76,16 @@ from armwright_wire.scenes.scene import (
     SceneList,
     SceneSummary,
 )
+from armwright_wire.scenes.tool import NamedTool, Tool, ToolList, ToolSummary
 
-__all__ = ["JobEndpoints", "PlanEndpoints", "RobotEndpoints", "SceneEndpoints", "ServiceEndpoints"]
+__all__ = [
+    "JobEndpoints",
+    "PlanEndpoints",
+    "RobotEndpoints",
+    "SceneEndpoints",
+    "ServiceEndpoints",
+    "ToolEndpoints",
+]
 
 
 class SceneEndpoints:
@@ -125,6 +133,45 @@ class SceneEndpoints:
     def list(self, *, after: str | None = None, limit: int | None = None) -> Call[SceneList]:
         """A page of the stored scenes, by name."""
         return Call("GET", path("scenes"), SceneList.read, query=page(after, limit))
+
+
+class ToolEndpoints:
+    """Tools: what robots work with, mounted by the options `tool` and `tcp`."""
+
+    @Endpoint
+    def create(self, tool: Tool, *, idempotency_key: str | None = None) -> Call[ToolSummary]:
+        """Store a tool under its name, which must be free."""
+        return Call(
+            "POST",
+            path("tools"),
+            ToolSummary.read,
+            tool,
+            key=idempotency_key,
+            repeatable=False,
+        )
+
+    @Endpoint
+    def get(self, name: str) -> Call[NamedTool]:
+        """A tool as it was stored, or a built-in one."""
+        return Call("GET", path("tools", name), NamedTool.read)
+
+    @Endpoint
+    def replace(self, name: str, tool: Tool) -> Call[ToolSummary]:
+        """Store a tool under a name, whether there is one or not."""
+        body = tool.model_copy(update={"name": None})
+        body.model_fields_set.discard("name")
+        return Call("PUT", path("tools", name), ToolSummary.read, body)
+
+    @Endpoint
+    def delete(self, name: str) -> Call[None]:
+        """Forget a tool."""
+        return Call("DELETE", path("tools", name), read_nothing)
+
+    # Last, since it hides the built-in type from what follows.
+    @Endpoint
+    def list(self, *, after: str | None = None, limit: int | None = None) -> Call[ToolList]:
+        """A page of the built-in and stored tools, by name."""
+        return Call("GET", path("tools"), ToolList.read, query=page(after, limit))
 
 
 class JobEndpoints:
@@ -369,6 +416,7 @@ class ServiceEndpoints:
         timing: RetimeTiming | None = None,
         stops: Literal["none", "path"] | None = None,
         timeout: float | None = None,
+        **tool: Unpack[ToolOptions],
     ) -> Call[Retimed]:
         """Time a path within the limits of a robot, or within those given."""
         body = RetimeRequest.of(
@@ -378,6 +426,7 @@ class ServiceEndpoints:
             timing=timing,
             stops=stops,
             timeout=timeout,
+            **tool,
         )
         return Call("POST", path("retime"), Retimed.read, body, deadline=timeout)
 
@@ -392,6 +441,7 @@ class ServiceEndpoints:
         synchronization: str | None = None,
         timing: RetimeTiming | None = None,
         timeout: float | None = None,
+        **tool: Unpack[ToolOptions],
     ) -> Call[Retimed]:
         """Time the motion between two states with bounded jerk, in the least time."""
         body = RetimeRequest.of(
@@ -402,6 +452,7 @@ class ServiceEndpoints:
             synchronization=synchronization,
             timing=timing,
             timeout=timeout,
+            **tool,
         )
         return Call("POST", path("retime"), Retimed.read, body, deadline=timeout)
 

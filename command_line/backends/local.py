@@ -3,6 +3,7 @@
 import json
 from collections.abc import Iterator
 from contextlib import AbstractContextManager, contextmanager, nullcontext
+from dataclasses import replace
 from importlib import import_module
 from pathlib import Path
 from typing import Any
@@ -12,6 +13,7 @@ from rich.console import Console
 
 from armwright_wire.robots.robot import RobotBody
 from armwright_wire.scenes.scene import ProjectRequest, Scene
+from armwright_wire.scenes.tool import BUILTIN_TOOLS
 from command_line.backends.endpoints import Endpoint, answering
 from command_line.parameters import RobotSource
 from command_line.robot_files import is_file, robot_document
@@ -24,6 +26,7 @@ from service.problem import ProblemError, from_fields
 from service.settings import Settings
 from service.storage.caches import prepared_files, worker_cache
 from service.storage.caches.cache_key import NotPrepared, Reference, builtin_reference
+from service.storage.caches.mounts import mount_of
 from service.storage.store import open_store
 from service.validation import validate_as
 from service.workers import current
@@ -131,7 +134,9 @@ class LocalBackend:
             stored = self._stored(scene, scene["name"])
         with stored as reference:
             content = json.dumps(self._proved(robot, reference, plan)).encode()
-            return bytes(self._run(view, [self._reference(robot), reference, content, tree]))
+            mount = mount_of(plan["request"], _no_tool)
+            shown = replace(self._reference(robot), mount=mount)
+            return bytes(self._run(view, [shown, reference, content, tree]))
 
     def _proved(self, robot: str, scene: Reference | None, plan: dict[str, Any]) -> dict[str, Any]:
         """A kept plan that is proved here where the answer of here is its own."""
@@ -232,7 +237,8 @@ class LocalBackend:
         validate_as(_load(endpoint.model), body)
         arguments: list[Any] = []
         if endpoint.takes_robot:
-            arguments.append(None if robot is None else self._reference(robot))
+            found = None if robot is None else self._reference(robot)
+            arguments.append(found and replace(found, mount=mount_of(body, _no_tool)))
         if endpoint.takes_scene:
             arguments.append(scene)
         arguments.append(json.dumps(body).encode())
@@ -269,6 +275,15 @@ class LocalBackend:
                 raise from_fields(result.code, result.message, result.hint, result.details)
             return result
         raise ProblemError("CRASH", f"the robot {reference.name!r} can't be prepared")
+
+
+def _no_tool(name: str) -> bytes:
+    raise ProblemError(
+        "NOT_FOUND",
+        f"there is no built-in tool and no tool file {name!r}",
+        hint=f"Give a JSON file, or one of {', '.join(BUILTIN_TOOLS)}; other names are those of a "
+        "service (--url).",
+    )
 
 
 def _load(name: str) -> Any:

@@ -16,7 +16,15 @@ from command_line.backends.local import LocalBackend
 from command_line.backends.remote import remote_backend
 from command_line.commands.motions import Motion
 from command_line.output import print_json, print_line, print_table, save
-from command_line.parameters import Connection, Margin, Request, RobotSource, Scene, command
+from command_line.parameters import (
+    Connection,
+    Margin,
+    Mounted,
+    Request,
+    RobotSource,
+    Scene,
+    command,
+)
 from command_line.problems import invalid_value, negative
 from command_line.robot_files import read_json
 from planning.exports.swept_volume import swept_volume
@@ -109,11 +117,12 @@ def export(
         ),
     ],
     request: Request,
+    mounted: Mounted,
     around: Surroundings,
     sample_period: Annotated[float, typer.Option(help="Time between points [s].")] = 0.01,
 ) -> None:
     """Write a motion for a robot controller, with a proof; exit with 1 where it is not proved."""
-    body: dict[str, Any] = {
+    body: dict[str, Any] = values.mounted(mounted) | {
         "trajectory": values.motion(motion),
         "format": form,
         "scene": values.scene(around.scene),

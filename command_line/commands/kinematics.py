@@ -2,7 +2,7 @@
 
 import json
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, NamedTuple
 
 import typer
 
@@ -10,7 +10,7 @@ from command_line import values
 from command_line.backends.backend import connect
 from command_line.backends.endpoints import FK, IK, REACH
 from command_line.output import print_json, print_line, print_table
-from command_line.parameters import Connection, Margin, RobotSource, Scene, command
+from command_line.parameters import Cell, Connection, Mounted, RobotSource, command
 from command_line.robot_files import read_json
 
 
@@ -21,8 +21,7 @@ def reach(
     request: Annotated[
         Path, typer.Argument(help='JSON file with {"poses": [...]} or {"box": ...}.')
     ],
-    scene: Scene = None,
-    margin: Margin = 0.0,
+    cell: Cell,
     timeout: Annotated[float | None, typer.Option(help="Deadline [s]; 10 if left out.")] = None,
     output: Annotated[
         Path | None,
@@ -30,8 +29,8 @@ def reach(
     ] = None,
 ) -> None:
     """Say which poses an arm reaches in a scene, and how well."""
-    body: dict[str, Any] = read_json(request) | {"margin": margin}
-    body |= {} if scene is None else {"scene": values.scene(scene)}
+    body: dict[str, Any] = read_json(request) | {"margin": cell.margin} | values.mounted(cell)
+    body |= {} if cell.scene is None else {"scene": values.scene(cell.scene)}
     body |= {} if timeout is None else {"timeout": timeout}
     with connect(connection) as backend:
         name = backend.robot_name(robot)
@@ -73,6 +72,7 @@ def fk(
     connection: Connection,
     robot: RobotSource,
     joints: Joints,
+    mounted: Mounted,
     link: Annotated[str | None, typer.Option(help="Only this link.")] = None,
 ) -> None:
     """Show the poses of a robot's links at a configuration."""
@@ -80,6 +80,7 @@ def fk(
         name = backend.robot_name(robot)
         states = backend.robot_model(name)["states"]
         body: dict[str, Any] = {"joints": values.configuration("--joints", joints, states)}
+        body |= values.mounted(mounted)
         if link is not None:
             body["link"] = link
         answer = backend.answer(FK, name, body)
@@ -95,6 +96,15 @@ def fk(
     )
 
 
+class Shown(NamedTuple):
+    """Solutions that are shown."""
+
+    most: Annotated[int, typer.Option("--count", help="Solutions shown at most.")] = 8
+    all_solutions: Annotated[
+        bool, typer.Option("--all", help="Also those that are rejected, with the reason.")
+    ] = False
+
+
 @command
 def ik(
     connection: Connection,
@@ -103,13 +113,11 @@ def ik(
         str,
         typer.Option(help="x,y,z,roll,pitch,yaw or x,y,z,qx,qy,qz,qw [m, rad], JSON, or a file."),
     ],
+    mounted: Mounted,
+    shown: Shown,
     link: Annotated[str | None, typer.Option(help="The link; the tip if left out.")] = None,
     seed_joints: Annotated[str | None, typer.Option(help="Where nearest is counted from.")] = None,
     scene: Annotated[str | None, typer.Option(help="A scene file, or a stored scene.")] = None,
-    count: Annotated[int, typer.Option(help="Solutions shown at most.")] = 8,
-    all_solutions: Annotated[
-        bool, typer.Option("--all", help="Also those that are rejected, with the reason.")
-    ] = False,
 ) -> None:
     """Find the configurations that bring a link to a pose, best first."""
     with connect(connection) as backend:
@@ -120,11 +128,12 @@ def ik(
             "scene": values.scene(scene),
         }
         body = {field: value for field, value in given.items() if value is not None}
+        body |= values.mounted(mounted)
         if seed_joints is not None:
             states = backend.robot_model(name)["states"]
             body["seed_joints"] = values.configuration("--seed-joints", seed_joints, states)
         answer = backend.answer(
-            IK, name, body | {"all_solutions": all_solutions, "max_solutions": count}
+            IK, name, body | {"all_solutions": shown.all_solutions, "max_solutions": shown.most}
         )
     if connection.as_json:
         print_json(answer)

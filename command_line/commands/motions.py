@@ -2,7 +2,7 @@
 
 import json
 from pathlib import Path
-from typing import Annotated, Any, NamedTuple
+from typing import Annotated, Any
 
 import typer
 
@@ -19,7 +19,7 @@ from command_line.backends.endpoints import (
 )
 from command_line.commands.kinematics import Joints
 from command_line.output import print_json, print_line, print_table, save, word
-from command_line.parameters import Connection, Margin, Request, RobotSource, Scene, command
+from command_line.parameters import Cell, Connection, Mounted, Request, RobotSource, Scene, command
 from command_line.problems import negative
 from command_line.robot_files import read_json
 from service.viewer.words import against, allowed_sentences, stops_sentences
@@ -33,15 +33,6 @@ Motion = Annotated[
 Stops = Annotated[
     str | None, typer.Option(help="Prove stops at every instant: path, joints or both.")
 ]
-
-
-class Ends(NamedTuple):
-    """Start and goal of a motion."""
-
-    start: Annotated[str, typer.Option(help="Joints between commas, or a named state.")]
-    goal: Annotated[
-        str, typer.Option(help="Joints, a named state, a pose as JSON, or the API's own JSON.")
-    ]
 
 
 def _ask(
@@ -79,19 +70,21 @@ def _ask(
 def plan(
     connection: Connection,
     robot: RobotSource,
-    ends: Ends,
+    start: Annotated[str, typer.Option(help="Joints between commas, or a named state.")],
+    goal: Annotated[
+        str, typer.Option(help="Joints, a named state, a pose as JSON, or the API's own JSON.")
+    ],
     request: Request,
-    scene: Scene = None,
-    margin: Margin = 0.0,
+    cell: Cell,
     planner: Annotated[str, typer.Option(help="As the API names them.")] = "auto",
     stops: Stops = None,
 ) -> None:
     """Plan a timed motion that is proved free of collision and inside all limits."""
-    body = {
-        "start": values.goal("--start", ends.start),
-        "goal": values.goal("--goal", ends.goal),
-        "scene": values.scene(scene),
-        "margin": margin,
+    body = values.mounted(cell) | {
+        "start": values.goal("--start", start),
+        "goal": values.goal("--goal", goal),
+        "scene": values.scene(cell.scene),
+        "margin": cell.margin,
         "planner": planner,
         "stops": stops,
     }
@@ -115,16 +108,15 @@ def check(
     robot: RobotSource,
     joints: Joints,
     request: Request,
-    scene: Scene = None,
-    margin: Margin = 0.0,
+    cell: Cell,
 ) -> None:
     """Check one configuration for limits and collisions; exit with 1 where it is not valid."""
     with connect(connection) as backend:
         states = backend.robot_model(backend.robot_name(robot))["states"]
-    body = {
+    body = values.mounted(cell) | {
         "joints": values.configuration("--joints", joints, states),
-        "scene": values.scene(scene),
-        "margin": margin,
+        "scene": values.scene(cell.scene),
+        "margin": cell.margin,
     }
     answer = json.loads(_ask(connection, CHECK, robot, request, body))
     if not connection.as_json:
@@ -154,15 +146,14 @@ def validate(
     robot: RobotSource,
     motion: Motion,
     request: Request,
-    scene: Scene = None,
-    margin: Margin = 0.0,
+    cell: Cell,
     stops: Stops = None,
 ) -> None:
     """Prove a motion, and perhaps its stops, for every instant; exit with 1 where it is not."""
-    body = {
+    body = values.mounted(cell) | {
         "trajectory": values.motion(motion),
-        "scene": values.scene(scene),
-        "margin": margin,
+        "scene": values.scene(cell.scene),
+        "margin": cell.margin,
         "stops": stops,
     }
     certificate = json.loads(_ask(connection, VALIDATE, robot, request, body))
@@ -200,6 +191,7 @@ def retime(
         Path, typer.Argument(help='JSON file with {"joints": [[...], ...]}, or a plan.')
     ],
     request: Request,
+    mounted: Mounted,
     method: Annotated[
         str | None, typer.Option(help="jerk_limited, toppra or spline; left out: bounded jerk.")
     ] = None,
@@ -213,8 +205,11 @@ def retime(
     """Time a path of waypoints within the robot's limits; collisions are not looked at."""
     document = read_json(path)
     waypoints = {"joints": document["path"]["joints"]} if "path" in document else document
-    timing = {"method": method, "velocity_scaling": scaling}
-    body = {"path": waypoints, "timing": timing, "stops": stops}
+    body = values.mounted(mounted) | {
+        "path": waypoints,
+        "timing": {"method": method, "velocity_scaling": scaling},
+        "stops": stops,
+    }
     answer = json.loads(_ask(connection, RETIME, robot, request, body))
     if connection.as_json:
         return
@@ -231,6 +226,7 @@ def simulate(
     robot: RobotSource,
     motion: Motion,
     request: Request,
+    mounted: Mounted,
     scene: Scene = None,
     controller: Annotated[
         str, typer.Option(help="Controller with its gains, JSON or a file.")
@@ -239,7 +235,7 @@ def simulate(
     """Follow a motion with a controller; with a scene, say what tracking leaves of clearance."""
     value = values.read_value("--controller", controller)
     trajectory = values.motion(motion)
-    body = {
+    body = values.mounted(mounted) | {
         "trajectory": trajectory,
         "controller": {"type": value} if isinstance(value, str) else value,
         "scene": values.scene(scene),

@@ -12,7 +12,7 @@ from command_line import values
 from command_line.backends.backend import connect
 from command_line.backends.endpoints import TASK, TOUR, Endpoint
 from command_line.output import print_json, print_line, print_premises, print_table, save
-from command_line.parameters import Connection, Margin, Request, RobotSource, Scene, command
+from command_line.parameters import Cell, Connection, Request, RobotSource, command
 from command_line.robot_files import read_json
 from service.viewer.words import allowed_sentences
 
@@ -57,15 +57,14 @@ def tour(
         Path, typer.Argument(help='JSON file with {"goals": [...]} and further fields of a tour.')
     ],
     request: Request,
-    scene: Scene = None,
-    margin: Margin = 0.0,
+    cell: Cell,
     start: Annotated[str | None, typer.Option(help="Joints between commas, or a state.")] = None,
     end: Annotated[str | None, typer.Option(help='"any", "start", joints or a state.')] = None,
 ) -> None:
     """Visit many goals in the order that takes the least time, every leg proved."""
-    given: dict[str, Any] = {
-        "scene": None if scene is None else values.scene(scene),
-        "margin": margin or None,
+    given: dict[str, Any] = values.mounted(cell) | {
+        "scene": None if cell.scene is None else values.scene(cell.scene),
+        "margin": cell.margin or None,
         "start": None if start is None else values.goal("--start", start),
         "end": end if end in {None, "any", "start"} else values.goal("--end", str(end)),
         "timeout": request.timeout,
@@ -99,17 +98,16 @@ def task(
         Path, typer.Argument(help='JSON file with {"stages": [...]} and further fields of a task.')
     ],
     request: Request,
-    scene: Scene = None,
-    margin: Margin = 0.0,
+    cell: Cell,
     start: Annotated[str | None, typer.Option(help="Joints between commas, or a state.")] = None,
     improve: Annotated[
         float | None, typer.Option(help="Time to look for a shorter answer [s].")
     ] = None,
 ) -> None:
     """Plan the stages of a task as one: grasps, places and motions, every stage proved."""
-    given: dict[str, Any] = {
-        "scene": None if scene is None else values.scene(scene),
-        "margin": margin or None,
+    given: dict[str, Any] = values.mounted(cell) | {
+        "scene": None if cell.scene is None else values.scene(cell.scene),
+        "margin": cell.margin or None,
         "start": None if start is None else values.goal("--start", start),
         "improve": improve,
         "timeout": request.timeout,

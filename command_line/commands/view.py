@@ -10,7 +10,7 @@ import typer
 from command_line import values
 from command_line.backends.local import LocalBackend
 from command_line.output import print_line, save
-from command_line.parameters import Connection, RobotSource, Scene, command
+from command_line.parameters import Connection, Mounted, RobotSource, Scene, command
 from command_line.problems import invalid_value
 from command_line.robot_files import read_json
 
@@ -23,6 +23,7 @@ _VALIDATE = "POST /v1/validate"
 @command
 def view(
     connection: Connection,
+    mounted: Mounted,
     source: Annotated[
         str,
         typer.Argument(
@@ -50,7 +51,7 @@ def view(
     if not is_file and file.suffix:
         raise invalid_value("FILE|ID", f"there is no file {source!r}")
     if is_file:
-        content = _of_file(file, robot, scene, tree=tree)
+        content = _of_file(file, robot, scene, values.mounted(mounted), tree=tree)
     else:
         content = _of_service(connection, source, tree=tree)
     page = output or (file.with_suffix(".html") if is_file else Path(f"{source}.html"))
@@ -71,7 +72,9 @@ def _of_service(connection: Connection, plan_id: str, *, tree: bool) -> bytes:
         backend.close()
 
 
-def _of_file(file: Path, robot: str | None, scene: str | None, *, tree: bool) -> bytes:
+def _of_file(
+    file: Path, robot: str | None, scene: str | None, tool: dict[str, Any], *, tree: bool
+) -> bytes:
     document = read_json(file)
     backend = LocalBackend()
     try:
@@ -84,6 +87,7 @@ def _of_file(file: Path, robot: str | None, scene: str | None, *, tree: bool) ->
                                     "Name the robot with --robot.")  # fmt: skip
             name = backend.robot_name(RobotSource(source))
             plan, place = _plan(document, name, scene)
+            plan["request"] = plan["request"] | tool
         return backend.page(name, plan, place, tree=tree)
     finally:
         backend.close()

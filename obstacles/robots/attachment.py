@@ -8,6 +8,7 @@ is held; to release it is to plan without the attachment, with the obstacle put 
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from itertools import product
 
 from numpy.typing import ArrayLike
 
@@ -17,10 +18,13 @@ from kinematics.forward import forward
 from kinematics.pose import inverse
 from obstacles.robots.allowed_pairs import TOUCH_DEPTH, contacts_of, sorted_pair
 from obstacles.robots.robot_geometry import RobotGeometry
+from obstacles.robots.tool import PART, parts_of
 from obstacles.scenes.scene import AllowedContact, Obstacle, Scene
 
 #: Links, obstacles and attached objects that an error names.
 _TOLD = 60
+#: In a pair that may touch: whatever there is.
+ANYTHING = "*"
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -131,20 +135,47 @@ def hold(
     left = tuple(obstacle for obstacle in scene.obstacles if obstacle.id not in taken)
     contacts, arm = dict(scene.contacts), robot
     for attachment in attachments:
-        links = [name for name in attachment.touches if name in robot.chain.index]
+        touches = [part for name in attachment.touches for part in parts_of(name, robot.names)]
+        links = [name for name in touches if name in robot.chain.index]
         contact = AllowedContact("touch_links", attachment.touch_depth)
-        contacts |= {sorted_pair(attachment.held.id, name): contact for name in attachment.touches}
+        contacts |= {sorted_pair(attachment.held.id, name): contact for name in touches}
         arm = arm.attach(attachment.held, attachment.link, links)
     known = dict.fromkeys([*arm.chain.index, *arm.names, *(obstacle.id for obstacle in left)])
     for attachment in attachments:
         what = f"touch_links of attached object {attachment.held.id!r}"
         _check_names(attachment.touches, what, known, InvalidLinkName)
     for pair, contact in contacts_of(allowed, "request").items():
-        _check_names(pair, "allowed_collisions", known, InvalidObjectName)
+        named = [name for name in pair if name != ANYTHING]
+        _check_names(named, "allowed_collisions", known, InvalidObjectName)
         contacts[pair] = contact
-    scene = replace(scene, obstacles=left, contacts=contacts)
+    scene = with_parts(arm, replace(scene, obstacles=left, contacts=contacts))
     check_allowed(arm, scene)
     return Holding(arm, scene)
+
+
+def with_parts(robot: RobotGeometry, scene: Scene) -> Scene:
+    """The scene with pairs that may touch spelled out: of all parts of a tool, and of ``*``.
+
+    Args:
+        robot: The arm with its tool and with what it holds.
+        scene: Scene whose pairs may name a tool, which stands for its jaws as well, or ``*``, which
+            stands for all links, obstacles and attached objects.
+    """
+    tools = {name.partition(PART)[0] for name in robot.names if PART in name}
+    wide = {p: c for p, c in scene.contacts.items() if ANYTHING in p or not tools.isdisjoint(p)}
+    if not wide:
+        return scene
+    own = set(robot.names)
+    every = [*robot.names, *scene.ids]
+    contacts = {pair: c for pair, c in scene.contacts.items() if ANYTHING not in pair}
+    for pair, contact in wide.items():
+        first, second = (
+            every if name == ANYTHING else parts_of(name, robot.names) for name in pair
+        )
+        for a, b in product(first, second):
+            if a != b and (a in own or b in own):
+                contacts.setdefault(sorted_pair(a, b), contact)
+    return replace(scene, allowed_collisions=frozenset(contacts), contacts=contacts)
 
 
 def check_allowed(robot: RobotGeometry, scene: Scene) -> None:

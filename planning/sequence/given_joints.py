@@ -67,6 +67,8 @@ def _goal_failure(task: Task, k: int, stage: Stage, deadline: Deadline) -> Failu
         return None
     if not all(isinstance(goal, JointGoal) for goal in stage.goals):
         return None
+    if any(isinstance(one, Gripper) and one.until is not None for one in task.stages[:k]):
+        return None  # where its fingers are goes by the grasp
     robot, scene = _surroundings(task, k)
     margin = stage.settings.margin
     problem = Problem(robot, scene, task.start, stage.goals, margin)

@@ -1,7 +1,7 @@
 """Nodes of the search: the choices made so far, with the steps they lead to."""
 
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from heapq import heappop, heappush
 from typing import NamedTuple
 
@@ -40,8 +40,8 @@ from planning.sequence.target import (
     stage_targets,
     target_count,
 )
-from planning.sequence.task import Segment, Task
-from planning.sequence.world import Cell, Cells, World
+from planning.sequence.task import Segment, Task, with_motion
+from planning.sequence.world import Cell, Cells, World, contact_positions
 from planning.timing.rest_to_rest import motion_times
 from planning.values.deadline import Deadline
 
@@ -266,14 +266,40 @@ def changed(world: World, stage: Stage, q: Array) -> World:
         return world.after_attach(stage.object, stage.link, touching, stage.load, q)
     if isinstance(stage, Detach):
         return world.after_detach(str(stage.object), (stage.touches, stage.touch_depth), q)
-    if isinstance(stage, Gripper) and stage.robot is not None:
-        return world.with_robot(stage.robot)
+    if isinstance(stage, Gripper):
+        moved = moved_gripper(world, stage)
+        if isinstance(moved, Gripper) and moved.robot is not None:
+            return world.with_robot(moved.robot)
     return world
+
+
+def moved_gripper(world: World, stage: Gripper) -> Gripper | str:
+    """A stage of the gripper from where its fingers are; or why they do not hold the object.
+
+    Args:
+        world: The world before the stage.
+        stage: The stage as if all fingers went all the way in all stages before.
+    """
+    if stage.motion is None or stage.robot is None:
+        return stage
+    last = stage.robot.fingers.positions
+    if stage.until is not None:
+        if world.grasped is None:
+            return "nothing is between the fingers"
+        stands = world.scene.obstacle(world.grasped.object)
+        grasp = np.ascontiguousarray(world.grasped.T).tobytes()
+        found = contact_positions(world.robot, stands, grasp, tuple(last.items()))
+        if isinstance(found, str):
+            return found
+        return with_motion(world.robot, replace(stage, fingers=found, until=None))
+    if world.robot.fingers.positions == stage.motion.first:
+        return stage
+    return with_motion(world.robot, stage)
 
 
 def onward_steps(
     task: Task, cells: Cells, node: Node, segment: Segment, deadline: Deadline
-) -> tuple[int, LineStopped] | None:
+) -> tuple[int, LineStopped | str] | None:
     """Put the steps into a node that follow without a choice.
 
     Args:
@@ -284,7 +310,8 @@ def onward_steps(
         deadline: Time at which to give up.
 
     Returns:
-        The stage whose straight motion is too short, and why; None where all can be done.
+        The stage whose straight motion is too short, or whose fingers hold nothing, and why; None
+        where all can be done.
     """
     world, q = node.world, node.joints
     for k in segment.forward:
@@ -302,6 +329,11 @@ def onward_steps(
             )
             world, q = after, led.end
         else:
+            if isinstance(stage, Gripper):
+                moved = moved_gripper(world, stage)
+                if isinstance(moved, str):
+                    return k, moved
+                stage = moved
             world = changed(world, stage, q)
             node.onward.append(
                 Step(k, stage, "none", world, world, allowed, q, q, bound=still_time(stage))

@@ -227,6 +227,8 @@ def search_failure(
     return SequenceFailure(code, message, hint, k, details, record.trials, prefix)
 
 
-def describe_stop(led: LineStopped) -> str:
-    """Why a straight motion is too short, in words."""
+def describe_stop(led: LineStopped | str) -> str:
+    """Why a straight motion is too short, or fingers hold nothing, in words."""
+    if isinstance(led, str):
+        return led
     return f"the tool comes {led.distance:.3g} m straight: {led.stop.message}"

@@ -269,6 +269,8 @@ class Gripper:
             name "open" or "close", where it has one. The others stay.
         duration: [s]; None for half a second, or longer where the fingers' speeds need it.
         settings: StageSettings of the stage.
+        until: "contact" for fingers that stop where they touch the object of the grasp before;
+            None for fingers that go all the way.
         motion: Motion of the fingers; a task puts it in, None where none moves.
         robot: The robot with its fingers there; a task puts it in, None where none moves.
     """
@@ -277,6 +279,7 @@ class Gripper:
     fingers: Positions | None = None
     duration: float | None = None
     settings: StageSettings = field(default_factory=StageSettings)
+    until: Literal["contact"] | None = None
     motion: FingerMotion | None = None
     robot: RobotGeometry | None = None
 

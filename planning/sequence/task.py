@@ -26,6 +26,7 @@ from planning.sequence.stage import (
     Place,
     Stage,
     Straight,
+    Wait,
     describe_stage,
     is_target,
     passing_distance,
@@ -319,7 +320,9 @@ def with_finger_motions(
     for k, stage in enumerate(stages):
         if isinstance(stage, Gripper):
             try:
-                new = _with_motion(robot, stage)
+                if stage.until is not None:
+                    _check_contact(stages, k)
+                new = with_motion(robot, stage)
             except InvalidOption as error:
                 where = {"index": k, "kind": stage.kind, "name": stage.settings.name or None}
                 message = f"{describe_stage(stages, k)}: {error.message}"
@@ -332,7 +335,30 @@ def with_finger_motions(
     return tuple(done)
 
 
-def _with_motion(robot: RobotGeometry, stage: Gripper) -> Gripper:
+def _check_contact(stages: Sequence[Stage], k: int) -> None:
+    """A grasp stands before fingers that close until they touch its object.
+
+    Raises:
+        InvalidOption: None does.
+    """
+    before = next((s for s in reversed(stages[:k]) if not isinstance(s, Wait | Gripper)), None)
+    if not isinstance(before, Grasp):
+        raise InvalidOption(
+            "it closes until contact, and no grasp says with what",
+            hint="Put it right after a grasp, or give joints or state alone.",
+        )
+
+
+def with_motion(robot: RobotGeometry, stage: Gripper) -> Gripper:
+    """A stage of the gripper with where its fingers go.
+
+    Args:
+        robot: The robot with its fingers where they are before.
+        stage: The stage.
+
+    Raises:
+        InvalidOption: A joint or a position is none of the gripper, or there is too little time.
+    """
     asked = _wanted_positions(robot.fingers, stage)
     first, last = robot.fingers.positions, robot.fingers.with_positions(asked)
     least = least_duration(robot.fingers, first, last)

@@ -1,17 +1,19 @@
 """The world between stages: what the robot holds, where the objects stand, what may touch."""
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import NamedTuple
 
 import numpy as np
 
 from kinematics.arrays import Array
+from kinematics.caches.bounded_cache import bounded_cache
 from kinematics.forward import forward
 from kinematics.pose import inverse
 from obstacles.collision.checker import Checker
 from obstacles.robots.allowed_pairs import TOUCH_DEPTH, contacts_of, sorted_pair
 from obstacles.robots.attachment import Attachment, hold
+from obstacles.robots.finger_geometry import moved_links, swept_cover, with_fingers
 from obstacles.robots.robot_geometry import RobotGeometry
 from obstacles.scenes.scene import AllowedContact, Obstacle, Scene
 from planning.sequence.stage import Load, Pair
@@ -211,6 +213,77 @@ class World:
         holder, tip = chain.link(attachment.link), chain.link(chain.tip_link)
         T_tool_link = inverse(tip.T_joint_link) @ holder.T_joint_link
         return np.asarray(T_tool_link @ attachment.held.T_world_obstacle)
+
+
+#: Fingers this near to an object touch it; of two that hold it one may be so far away [m].
+_TOUCHING, _GAP = 1e-6, 1e-3
+#: Steps towards a contact: fingers that slide take two, those of a linkage some dozen.
+_MOST_STEPS = 200
+#: Fingers that hold something between them.
+_HOLDING = 2
+
+
+# The same few grasps come again with every combination of choices.
+@bounded_cache(maxsize=256)
+def contact_positions(
+    robot: RobotGeometry,
+    stands: Obstacle,
+    T_object_tool: bytes,
+    last: tuple[tuple[str, float], ...],
+) -> dict[str, float] | str:
+    """Positions at which closing fingers first touch an object; or why they do not hold it.
+
+    By conservative advancement: no point of a finger goes farther than a bound on the whole way, so
+    the share of the way that their distance takes at least is free.
+
+    Args:
+        robot: The robot alone, its fingers where they begin to close.
+        stands: The object.
+        T_object_tool: Pose of the tool in its frame, the bytes of 16 numbers.
+        last: Positions of all that lead at the end of the way [rad or m].
+    """
+    first, end = dict(robot.fingers.positions), dict(last)
+    moved = moved_links(robot, frozenset(name for name in first if first[name] != end[name]))
+    links = [name for name in robot.names if name in moved]
+    if not links:
+        return "no finger with solids moves"
+    chain, q = robot.chain, np.zeros(robot.chain.n)
+    T = forward(chain, q) @ inverse(np.frombuffer(T_object_tool).reshape(4, 4))
+    scene = Scene((Obstacle(stands.id, stands.shape, T),))
+    way = 2.0 * swept_cover(robot, first, end, (0.0, 1.0))[1]
+    share = 0.0
+    for _ in range(_MOST_STEPS):
+        at = {name: first[name] + share * (end[name] - first[name]) for name in first}
+        closed = with_fingers(robot, at)
+        gap = _distance(closed, links, scene, q)
+        if gap <= _TOUCHING or share == 1.0:
+            break
+        share = min(share + gap / way, 1.0)
+    if gap > _TOUCHING:
+        return f"the fingers close without touching {stands.id!r}: {gap:.3g} m are left"
+    if share == 0.0:
+        return f"the fingers touch {stands.id!r} before they close"
+    gaps = {link: _distance(closed, [link], scene, q) for link in links}
+    near = sorted(gaps, key=lambda link: gaps[link])[:_HOLDING]
+    if len(near) == _HOLDING and gaps[near[1]] > _GAP:
+        return (
+            f"{near[1]!r} is {gaps[near[1]]:.3g} m away from {stands.id!r} where {near[0]!r} "
+            "touches it: the grasp is not in its middle"
+        )
+    return at
+
+
+def _distance(robot: RobotGeometry, links: Sequence[str], scene: Scene, q: Array) -> float:
+    """Distance of some links from a scene [m]; 0 where they touch."""
+    own = [i for i, link in enumerate(robot.links) if link in links]
+    alone = replace(
+        robot,
+        pieces=tuple(robot.pieces[i] for i in own),
+        links=tuple(robot.links[i] for i in own),
+        joints=robot.joints[own],
+        solids=robot.solids[own],
+    )
+    return max(Checker.of(alone, scene).clearance(q)[0], 0.0)
 
 
 class Cell(NamedTuple):

@@ -58,8 +58,8 @@ def client_of(scope: Mapping[str, Any]) -> str:
 _PUBLIC = re.compile(r"/|/docs(/.*)?|/openapi\.json|/v1/problems(/.*)?")
 _HEALTH = frozenset({"/healthz", "/readyz"})
 _METRICS = "/metrics"
-#: Robots and scenes themselves, not what is computed about them.
-_DOCUMENTS = re.compile(r"/v1/(robots|scenes)(/[^/]*)?")
+#: Robots, scenes and tools themselves, not what is computed about them.
+_DOCUMENTS = re.compile(r"/v1/(robots|scenes|tools)(/[^/]*)?")
 _READING = frozenset({"GET", "HEAD"})
 
 

@@ -17,7 +17,7 @@ from kinematics.forward import link_number
 from kinematics.model.chain import Chain
 from kinematics.root_frame import check_default_frame
 from obstacles.collision.fcl_distance import OverlapMeter
-from obstacles.robots.attachment import Attachment, check_allowed, grasp, hold
+from obstacles.robots.attachment import ANYTHING, Attachment, check_allowed, grasp, hold, with_parts
 from obstacles.robots.finger_geometry import with_fingers
 from obstacles.robots.robot_geometry import RobotGeometry
 from obstacles.scenes.placement import with_objects
@@ -200,8 +200,9 @@ def attach(
     """
     pairs = contacts(allowed, "request")
     if not attached and not pairs:
-        check_allowed(robot, scene)
-        return RobotInScene(robot, scene, scene_notes(robot, scene))
+        around = with_parts(robot, scene)
+        check_allowed(robot, around)
+        return RobotInScene(robot, around, scene_notes(robot, scene))
     objects = [(item, attachment(robot, scene, item)) for item in attached or ()]
     grasped = hold(robot, scene, [held for _, held in objects], pairs)
     chain = robot.chain
@@ -221,7 +222,7 @@ def scene_notes(robot: RobotGeometry, scene: Scene, held: Sequence[str] = ()) ->
         scene: The scene as it came.
         held: Names of objects that a request has the robot hold.
     """
-    known = {*robot.chain.index, *robot.names, *scene.ids, *held}
+    known = {*robot.chain.index, *robot.names, *scene.ids, *held, ANYTHING}
     unknown = sorted({name for pair in scene.allowed_collisions for name in pair} - known)
     if not unknown:
         return scene.notes

@@ -5,6 +5,7 @@ from typing import Any
 
 from pydantic import BaseModel, TypeAdapter, ValidationError
 
+from armwright_wire.scenes.tool import HeldTip, WithTool
 from service.problem import ProblemError
 from service.validation import fault_list, parse_json, validation_problem
 from service.workers.result import TaskProblem
@@ -12,6 +13,8 @@ from service.workers.task import task
 
 #: Lists of models whose items the server inspects.
 _INSPECTED = ("problems",)
+#: What the server itself reads to mount a tool, the latter for the tip of an object.
+_MOUNTED = ("tool", "attached")
 #: Longer texts are cut; names and the like are far shorter.
 _LONG = 4096
 #: What is left of them.
@@ -49,7 +52,10 @@ def outline(model: str, content: bytes) -> BaseModel | TaskProblem:
 def _outline(body: BaseModel) -> BaseModel:
     # Fields that were left out are small, and a batch has thirty of them in each problem.
     parts = {name: getattr(body, name) for name in body.model_fields_set}
-    return body.model_copy(update={name: _part(name, value) for name, value in parts.items()})
+    whole = _MOUNTED[: isinstance(body, WithTool) + isinstance(parts.get("tcp"), HeldTip)]
+    return body.model_copy(
+        update={n: value if n in whole else _part(n, value) for n, value in parts.items()}
+    )
 
 
 def _part(name: str, value: Any) -> Any:

@@ -3,23 +3,28 @@
 Answers to requests for plans are counted, too.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
 from typing import Protocol, TypeVar
 
 from fastapi import Request, Response
 from starlette.concurrency import run_in_threadpool
 
 from armwright_wire.scenes.scene import Scene
+from armwright_wire.scenes.tool import WithTool
 from service.http.compute import compute, compute_at_once
 from service.http.metrics import Metrics
 from service.http.state import (
+    STORED_TOOL,
+    documents_of,
     models_of,
     note_reference,
     repository_of,
     settings_of,
 )
 from service.problem import ProblemError, from_fields
-from service.storage.caches.cache_key import Kind, Reference
+from service.storage.caches.cache_key import Kind, Mount, Reference
+from service.storage.caches.mounts import Asked, mount_of
 from service.storage.robot_repository import is_built_in
 from service.task_references import plan, prepare_robot, prepare_scene, robot_model
 from service.workers.process import OnProgress
@@ -48,6 +53,43 @@ async def _look_up(request: Request, *names: tuple[Kind, str | None]) -> list[Re
         if reference is not None:
             note_reference(request, reference)
     return found
+
+
+async def tool_mount(request: Request, asked: Asked | None = None) -> Mount | None:
+    """The tool and tip that a request has its robot work with; None for the robot's own.
+
+    Args:
+        request: Request on whose behalf.
+        asked: What says so; the body of the request if left out.
+
+    Raises:
+        ProblemError: NOT_FOUND, there is no such tool.
+        ArmwrightError: A tip is named without its tool or object.
+    """
+    if asked is None:
+        asked = await request.json() if await request.body() else {}
+    if isinstance(asked, Mapping):
+        tool, tip = asked.get("tool"), asked.get("tcp")
+    elif isinstance(asked, WithTool):
+        tool, tip = asked.tool, asked.tcp
+    else:
+        return None
+    if tool is None and tip is None:
+        return None
+    if not isinstance(tool, str):
+        return mount_of(asked, _no_document)
+    documents = documents_of(request)
+
+    def stored(name: str) -> bytes:
+        content = documents.get("tool", name).content
+        request.scope[STORED_TOOL] = content
+        return content
+
+    return await run_in_threadpool(mount_of, asked, stored)
+
+
+def _no_document(name: str) -> bytes:
+    raise AssertionError(name)
 
 
 async def robot(request: Request, name: str) -> Reference:
@@ -82,7 +124,7 @@ async def model(request: Request, name: str) -> RobotModel:
     reference = await robot(request, name)
     key = reference.hash, reference.built_in
     if key not in models:
-        described = await answer_at_once(request, robot_model.job, name)
+        described = await answer_at_once(request, robot_model.job, name, {})
         # It may have been replaced meanwhile: kept under its key only if it was not.
         if await robot(request, name) != reference:
             return described
@@ -99,6 +141,7 @@ async def answer(
     *,
     timeout: float | None = None,
     on_progress: OnProgress | None = None,
+    asked: Asked | None = None,
 ) -> _R:
     """The result of a job about a robot and perhaps a scene, computed in a worker.
 
@@ -109,27 +152,37 @@ async def answer(
         scene_source: The scene as the request gives it.
         timeout: Timeout as the request names it [s].
         on_progress: Told of progress in place of the job that the request belongs to.
+        asked: What says which tool is mounted; the body of the request if left out.
 
     Raises:
         ProblemError: NOT_FOUND; what the task refused; all of `compute`.
     """
     scene_name = scene_source if isinstance(scene_source, str) else None
     names: list[tuple[Kind, str | None]] = [("robot", robot_name), ("scene", scene_name)]
-    return await _answer(request, make_job, names, timeout, on_progress)
+    mount = await tool_mount(request, asked)
+    return await _answer(request, make_job, names, timeout, on_progress, mount)
 
 
 async def answer_at_once(
     request: Request,
     make_job: Callable[[Reference], Job[_R | CacheMiss]],
     robot_name: str,
+    asked: Asked | None = None,
 ) -> _R:
     """The result of a job about a robot that takes a millisecond, whatever else is being computed.
+
+    Args:
+        request: Request on whose behalf.
+        make_job: Makes the job from the reference of the robot.
+        robot_name: The robot.
+        asked: What says which tool is mounted; the body of the request if left out.
 
     Raises:
         ProblemError: NOT_FOUND; what the task refused; all of `compute_at_once`.
     """
+    mount = await tool_mount(request, asked)
     for _ in range(_ATTEMPTS):
-        job = make_job(await robot(request, robot_name))
+        job = make_job(replace(await robot(request, robot_name), mount=mount))
         result = await compute_at_once(request, job)
         if not isinstance(result, CacheMiss):
             return result
@@ -149,7 +202,8 @@ async def answer_with(
     Raises:
         ProblemError: As `answer`.
     """
-    return await _answer(request, make_job, [("robot", robot_name)], timeout)
+    mount = None if robot_name is None else await tool_mount(request)
+    return await _answer(request, make_job, [("robot", robot_name)], timeout, None, mount)
 
 
 async def answer_scene(
@@ -171,9 +225,13 @@ async def _answer(
     names: Sequence[tuple[Kind, str | None]],
     timeout: float | None,
     on_progress: OnProgress | None = None,
+    mount: Mount | None = None,
 ) -> _R:
     for _ in range(_ATTEMPTS):
-        job = make_job(*await _look_up(request, *names))
+        found = await _look_up(request, *names)
+        if mount is not None and found[0] is not None:
+            found[0] = replace(found[0], mount=mount)
+        job = make_job(*found)
         result = await compute(request, job, timeout, on_progress)
         if isinstance(result, CacheMiss):
             await _prepare(request, result.reference)

@@ -16,6 +16,7 @@ from typing import Any
 
 from fastapi import Request, Response
 from pydantic import BaseModel
+from pydantic_core import from_json, to_json
 from starlette.concurrency import run_in_threadpool
 
 from armwright_wire.base import Keepable
@@ -25,6 +26,7 @@ from service.http.errors import document, from_domain, status_of, with_headers
 from service.http.state import (
     DRY_RUN,
     REPLAY,
+    STORED_TOOL,
     USED_REFERENCES,
     Replay,
     job_context,
@@ -134,7 +136,11 @@ async def _keep(request: Request, outcome: _Outcome) -> str | None:
 
     An answer is worth more than its record: it is given either way.
     """
-    content = PlanContent(await request.body(), outcome.content)
+    body = await request.body()
+    if STORED_TOOL in request.scope:  # which may be another one when it is replayed
+        tool = from_json(request.scope[STORED_TOOL])
+        body = to_json({**from_json(body), "tool": tool})
+    content = PlanContent(body, outcome.content)
     record = await run_in_threadpool(_record, request, content, outcome)
     plans = store_of(request).plans
     try:

@@ -20,6 +20,8 @@ from service.workers.supervisor import WorkerSupervisor
 
 #: Key in the scope of a request, with the references that it was answered for, by their kind.
 USED_REFERENCES = "armwright.used_references"
+#: Key in the scope of a request, with the document of the stored tool that it names, JSON.
+STORED_TOOL = "armwright.stored_tool"
 #: Key in the scope of a replayed request, with its `Replay`.
 REPLAY = "armwright.replay"
 

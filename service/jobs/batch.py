@@ -115,11 +115,9 @@ class Parts:
 
     def _begin_alike(self, one: int, other: int) -> bool:
         first, second = self._items[one], self._items[other]
-        return (first.robot, first.scene, first.shared, first.timeout) == (
-            second.robot,
-            second.scene,
-            second.shared,
-            second.timeout,
+        return all(
+            getattr(first, name) == getattr(second, name)
+            for name in ("robot", "scene", "shared", "timeout", "mounted")
         )
 
 
@@ -237,6 +235,7 @@ class Batch:
             item.scene,
             timeout=item.timeout,
             on_progress=on_progress,
+            asked=item.mounted,
         )
 
     # ------------------------------------------------------------------------------ outcomes

@@ -1,7 +1,7 @@
 """Results of tasks that are no plain answer; the server reads them, so imports are small."""
 
-from dataclasses import dataclass
-from typing import ClassVar
+from dataclasses import dataclass, field
+from typing import Any, ClassVar
 
 from pydantic import ValidationError
 
@@ -128,6 +128,7 @@ class BatchItem:
         shared: Whether the problem is in the scene that the batch gives inline.
         timeout: Timeout as the request names it [s].
         content: Fields of this problem alone, JSON.
+        mounted: Fields that say which tool is mounted.
     """
 
     robot: str
@@ -135,10 +136,11 @@ class BatchItem:
     shared: bool
     timeout: float | None
     content: bytes
+    mounted: dict[str, Any] = field(default_factory=dict)
 
     def __reduce__(self) -> tuple[type["BatchItem"], tuple[object, ...]]:
         # There may be ten thousand of them.
-        fields = (self.robot, self.scene, self.shared, self.timeout, self.content)
+        fields = (self.robot, self.scene, self.shared, self.timeout, self.content, self.mounted)
         return BatchItem, fields
 
 

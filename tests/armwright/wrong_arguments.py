@@ -47,7 +47,10 @@ RIGHT: dict[str, Any] = {
     "robot": ROBOT, "rotations": np.eye(3)[None], "scene": SCENE, "seam": SEAM,
     "seed_joints": Q, "shape": aw.Sphere(1.0), "size": np.ones(3), "spacing": 0.5, "start": Q,
     "states": STATES, "text": "name: s\nworld: {}\n", "time": 0.1, "times": np.array([0.0, 0.1]),
-    "tolerance": 0.05, "trajectory": MOTION, "upper": np.full(6, 0.01), "velocities": Q,
+    "down": -np.eye(3)[2], "search": aw.GraspSearch("top"),
+    "span": aw.JawSpan(np.eye(3)[0], 0.5), "form": "torch", "tcp": "tip", "tolerance": 0.05,
+    "tool": aw.built_in_tool("torch", "torch_a"), "trajectory": MOTION,
+    "upper": np.full(6, 0.01), "velocities": Q,
     "velocity": Q, "vertices": CUBE, "waypoints": STATES, "within": 1.0,
 }  # fmt: skip
 #: Right values where the name tells another one, or none.
@@ -76,7 +79,7 @@ CLASSES = (
     "Trajectory",
 )  # fmt: skip
 #: Functions that nothing wrong is given to: what they take is tested where it is read.
-ELSEWHERE = {"builtin_names", "load_robot", "plan_task", "plan_tour"}
+ELSEWHERE = {"jaw_span", "builtin_names", "load_robot", "plan_task", "plan_tour", "with_fingers"}
 #: Arguments of which arrays of other lengths or dimensions are right as well.
 ANY_SHAPE = {
     "Chain.configuration": {"q"}, "Convex": {"vertices"}, "Mesh": {"vertices", "faces"},
@@ -89,6 +92,7 @@ ANY_SHAPE = {
 ANY_VALUE = {
     "BoxRegion": {"size"}, "Checker.closest": {"within"}, "Checker.gradient": {"within"},
     "HalfSpace": {"offset"}, "Obstacle": {"id"}, "retime": {"limits"},
+    "built_in_tool": {"name", "link"}, "with_tip": {"name"},
 }  # fmt: skip
 
 

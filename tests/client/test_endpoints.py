@@ -16,6 +16,7 @@ URL = "http://robots.example"
 POSE = ours.Pose.at(1, 2, 3)
 AT = {"position": [1.0, 2.0, 3.0]}
 SCENE = ours.Scene(name="s", obstacles=[])
+TOOL = ours.NamedTool(name="t", form=ours.Torch(angle=0.3))
 DH = ours.DhTable(
     convention="standard", rows=[ours.DhRow(type="revolute", a=1, alpha=0, d=0, theta=0)]
 )
@@ -165,6 +166,16 @@ CALLS: list[tuple[str, Callable[[Any], Any], str, str, dict[str, Any] | None]] =
     ("scenes.list", lambda c: c.scenes.list(limit=1), "GET", "/v1/scenes?limit=1", None),
     ("scenes.project", lambda c: c.scenes.project("s", [[0, 0, 1]], engine="fcl"), "POST",
      "/v1/scenes/s/project", {"points": [[0.0, 0.0, 1.0]], "engine": "fcl"}),
+    ("tools.create", lambda c: c.tools.create(TOOL), "POST", "/v1/tools",
+     {"name": "t", "form": {"type": "torch", "angle": 0.3}}),
+    ("tools.get", lambda c: c.tools.get("t"), "GET", "/v1/tools/t", None),
+    ("tools.replace", lambda c: c.tools.replace("u", TOOL), "PUT", "/v1/tools/u",
+     {"form": {"type": "torch", "angle": 0.3}}),
+    ("tools.delete", lambda c: c.tools.delete("t"), "DELETE", "/v1/tools/t", None),
+    ("tools.list", lambda c: c.tools.list(after="t"), "GET", "/v1/tools?after=t", None),
+    ("check", lambda c: c.check("r", [0.0], tool=TOOL, tcp=ours.HeldTip(object="peg")), "POST",
+     "/v1/check", {"tool": {"name": "t", "form": {"type": "torch", "angle": 0.3}},
+                   "tcp": {"object": "peg"}}),
     ("jobs.get", lambda c: c.jobs.get("7"), "GET", "/v1/jobs/7", None),
     ("jobs.cancel", lambda c: c.jobs.cancel("7"), "DELETE", "/v1/jobs/7", None),
     ("jobs.list", lambda c: c.jobs.list(status="running", after="6"), "GET",
@@ -240,7 +251,7 @@ def test_what_computes_can_be_asked_for_later(
     transport = refused()
     with Client(URL, transport=transport) as client:
         group = name.partition(".")[0]
-        if group in ("jobs", "plans"):
+        if group in ("jobs", "plans", "tools"):
             assert not hasattr(client.later, group)
             return
         if method not in ("POST", "PUT"):
@@ -258,9 +269,10 @@ def test_what_computes_can_be_asked_for_later(
 def test_every_method_is_in_the_table() -> None:
     listed = {call[0] for call in CALLS} | {"jobs.events", "jobs.wait"}
     listed |= {"plans.import_bundle"}
-    listed |= {f"{group}.iterate" for group in ("robots", "scenes", "jobs", "plans")}
+    listed |= {f"{group}.iterate" for group in ("robots", "scenes", "tools", "jobs", "plans")}
     with Client(URL) as client:
         groups = {"": client, "robots.": client.robots, "scenes.": client.scenes,
+                  "tools.": client.tools,
                   "jobs.": client.jobs, "plans.": client.plans}  # fmt: skip
         methods = {
             prefix + name

@@ -80,3 +80,24 @@ def test_faults_are_told_without_a_traceback(
     assert said in answer.err
     assert "Traceback" not in answer.err
     assert answer.out == ""
+
+
+def test_a_tool_leads_its_tip(run: Run, tmp_path: Path) -> None:
+    bare = run("fk", "ur5e", "-q", "0,0,0,0,0,0", "--json").json["pose"]
+    spindle = ("--tool", "spindle", "--tcp", "tip")
+    told = run("fk", "ur5e", "-q", "0,0,0,0,0,0", *spindle, "--json").json
+    apart = np.subtract(told["pose"]["position"], bare["position"])
+    np.testing.assert_allclose(np.linalg.norm(apart), 0.23, atol=1e-12)
+    file = tmp_path / "long_bit.json"
+    file.write_text(json.dumps({"form": {"type": "spindle", "bit_length": 0.1}}))
+    longer = run("fk", "ur5e", "-q", "0,0,0,0,0,0", "--tool", str(file), "--json").json
+    apart = np.subtract(longer["pose"]["position"], bare["position"])
+    np.testing.assert_allclose(np.linalg.norm(apart), 0.28, atol=1e-12)
+    assert "long_bit/tip" in longer["links"]
+    pose = ",".join(map(repr, told["pose"]["position"] + told["pose"]["quaternion_xyzw"]))
+    found = run("ik", "ur5e", "--pose", pose, *spindle, "--json").json["solutions"]
+    assert any(np.allclose(np.exp(1j * np.array(one["joints"])), 1.0, atol=1e-6) for one in found)
+    assert (
+        "no built-in tool and no tool file 'drill'"
+        in run("fk", "ur5e", "-q", "0,0,0,0,0,0", "--tool", "drill").err
+    )

@@ -17,7 +17,8 @@ from tests.service.conftest import Served
 
 #: Operations whose whole answer tells what happens to run or to be stored.
 STATE = {
-    "metrics", "job_events", "list_jobs", "list_plans", "list_robots", "list_scenes", "plan_batch",
+    "metrics", "job_events", "list_jobs", "list_plans", "list_robots", "list_scenes", "list_tools",
+    "plan_batch",
 }  # fmt: skip
 #: What the files of these operations begin with; the rest changes with the code that makes them.
 FILES = {"view_plan": "<!doctype html>\n<html lang=", "swept_plan": r"glTF\x02\x00\x00\x00"}

@@ -1,9 +1,9 @@
 """Options of requests about one robot: fields of `armwright_wire`'s requests."""
 
 from collections.abc import Mapping, Sequence
-from typing import Generic, Literal, TypedDict, TypeVar
+from typing import Generic, Literal, TypeVar
 
-from armwright_client.options.scene_options import SceneOptions
+from armwright_client.options.scene_options import SceneOptions, ToolOptions
 from armwright_wire.base import VectorLike
 from armwright_wire.goals.constraint import Constraints
 from armwright_wire.pose import Orientation, Pose
@@ -17,7 +17,7 @@ from armwright_wire.scenes.scene import Engine
 V = TypeVar("V")
 
 
-class FkOptions(TypedDict, total=False):
+class FkOptions(ToolOptions, total=False):
     """Options of forward kinematics.
 
     Args:
@@ -34,7 +34,7 @@ class FkOptions(TypedDict, total=False):
     fingers: Mapping[str, float | Sequence[float]] | None
 
 
-class JacobianOptions(TypedDict, total=False):
+class JacobianOptions(ToolOptions, total=False):
     """Options of a Jacobian.
 
     Args:
@@ -92,7 +92,7 @@ class IkOptions(SceneOptions, total=False):
     keep: bool
 
 
-class VelocityOptions(TypedDict, total=False):
+class VelocityOptions(ToolOptions, total=False):
     """Options of velocity kinematics.
 
     Args:
@@ -116,7 +116,7 @@ class VelocityOptions(TypedDict, total=False):
     axes: Sequence[Axis]
 
 
-class ModelOptions(TypedDict, total=False):
+class ModelOptions(ToolOptions, total=False):
     """Changes of the robot's model: payload, motors, friction, gravity.
 
     Args:
@@ -168,7 +168,7 @@ class ForwardDynamicsOptions(ModelOptions, Generic[V], total=False):
     wrench: VectorLike | None
 
 
-class WrenchOptions(TypedDict, total=False):
+class WrenchOptions(ToolOptions, total=False):
     """Options of a wrench: where it is exerted.
 
     Args:
@@ -201,7 +201,7 @@ class RegressorOptions(ModelOptions, total=False):
     known_zeros: bool
 
 
-class PotentialSettings(TypedDict, total=False):
+class PotentialSettings(ToolOptions, total=False):
     """Settings of the potential field and of its computation.
 
     Args:

@@ -8,12 +8,25 @@ from armwright_wire.motions.timing import Timing
 from armwright_wire.motions.trajectory import LimitsBody
 from armwright_wire.scenes.check import AllowedCollisions, Attached
 from armwright_wire.scenes.scene import SceneReference
+from armwright_wire.scenes.tool import TipReference, ToolReference
 
 #: An object whose fields the models of requests check.
 Options: TypeAlias = Mapping[str, Any]
 
 
-class SceneOptions(TypedDict, total=False):
+class ToolOptions(TypedDict, total=False):
+    """Options of any request about a robot with a tool.
+
+    Args:
+        tool: Tool that is mounted meanwhile: name of a stored or built-in one, or a tool.
+        tcp: Tip of it, or that of an attached object; may be left out where the tool has one.
+    """
+
+    tool: ToolReference | None
+    tcp: TipReference | None
+
+
+class SceneOptions(ToolOptions, total=False):
     """Options of any request about a robot among obstacles.
 
     Args:

@@ -10,6 +10,7 @@ from armwright_wire.motions.certificate import CertificateAnswer, Premises
 from armwright_wire.motions.trajectory import TrajectoryBody
 from armwright_wire.scenes.check import AllowedCollisions, AttachedObjects, Margin, WithFingers
 from armwright_wire.scenes.scene import SceneReference
+from armwright_wire.scenes.tool import WithTool
 
 Format = Literal[
     "joint_trajectory_json",
@@ -41,7 +42,7 @@ _EXAMPLE: JsonDict = {
 }
 
 
-class ExportRequest(WithFingers):
+class ExportRequest(WithTool, WithFingers):
     """A motion to be written for a controller, and proved as the controller interpolates it."""
 
     model_config = ConfigDict(json_schema_extra={"examples": [_EXAMPLE]})

@@ -19,6 +19,7 @@ from armwright_wire.base import (
 from armwright_wire.motions.certificate import CertificateAnswer
 from armwright_wire.motions.timing import Timing, TimingAnswer
 from armwright_wire.motions.trajectory import LimitsBody, TrajectoryAnswer, TrajectoryBody
+from armwright_wire.scenes.tool import WithTool
 
 #: A path of so many waypoints takes some seconds.
 MAX_WAYPOINTS = 5_000
@@ -109,7 +110,7 @@ _OF_STATES: JsonDict = {
 }
 
 
-class RetimeRequest(Body):
+class RetimeRequest(WithTool):
     """A path, or two states, to be timed within a robot's limits or those given."""
 
     model_config = ConfigDict(

@@ -29,6 +29,7 @@ from armwright_wire.robots.dynamics import Payload, Tensor
 from armwright_wire.robots.robot import Motor
 from armwright_wire.scenes.check import AllowedCollisions, AttachedObjects
 from armwright_wire.scenes.scene import SceneReference
+from armwright_wire.scenes.tool import WithTool
 
 Vector = Number | JointVector
 
@@ -296,7 +297,7 @@ _EXAMPLE: JsonDict = {
 }
 
 
-class SimulateRequest(Body):
+class SimulateRequest(WithTool):
     """A motion to be followed under a controller."""
 
     one_of: ClassVar[tuple[str, ...]] = ("trajectory", "reference")

@@ -41,6 +41,7 @@ from armwright_wire.motions.trajectory import LimitsBody, TrajectoryAnswer, Traj
 from armwright_wire.robots.dynamics import Payload
 from armwright_wire.scenes.check import AllowedCollisions, AttachedObjects, Margin, WithFingers
 from armwright_wire.scenes.scene import SceneReference
+from armwright_wire.scenes.tool import WithTool
 
 Tolerance = Annotated[Positive, Field(le=10.0)]
 Collisions = Annotated[
@@ -161,7 +162,7 @@ _OPTIONS = (
 )
 
 
-class PlanRequest(WithFingers, Keepable):
+class PlanRequest(WithTool, WithFingers, Keepable):
     """A motion to be planned."""
 
     model_config = ConfigDict(json_schema_extra={"examples": [_EXAMPLE, _CARTESIAN]})
@@ -226,7 +227,7 @@ class PlanRequest(WithFingers, Keepable):
         return self
 
 
-class ValidateRequest(WithFingers, Keepable):
+class ValidateRequest(WithTool, WithFingers, Keepable):
     """A motion to be proved valid, whoever made it."""
 
     robot: Name = Field(examples=["panda"], description="name of a stored or built-in robot")

@@ -1,8 +1,9 @@
 """Tasks of several stages on the wire, and their answers."""
 
-from typing import Annotated, Any, ClassVar, Literal
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, TypeAlias
 
-from pydantic import ConfigDict, Field, model_validator
+from pydantic import ConfigDict, Discriminator, Field, Tag, model_validator
 from pydantic.config import JsonDict
 
 from armwright_wire.base import (
@@ -14,6 +15,7 @@ from armwright_wire.base import (
     InFrame,
     Keepable,
     Label,
+    Length,
     Matrix3,
     Name,
     NonNegative,
@@ -46,6 +48,7 @@ from armwright_wire.scenes.check import (
     TouchDepth,
 )
 from armwright_wire.scenes.scene import SceneReference
+from armwright_wire.scenes.tool import WithTool
 
 MAX_STAGES = 200
 #: Grasps or places of one stage.
@@ -160,6 +163,57 @@ class GraspRegion(Body):
     offset_samples: Samples = Field(1, description="offsets that are tried")
 
 
+class GraspSearch(Body):
+    """How grasps are looked for on the surface of an object."""
+
+    count: Annotated[int, Field(ge=1, le=500)] = Field(24, description="most grasps that are tried")
+    angles: Annotated[int, Field(ge=1, le=72)] = Field(
+        8, description="approaches about the line between the fingers, or turns of a cup"
+    )
+    friction: Annotated[Positive, Field(le=10.0)] = Field(
+        0.4, description="coefficient of friction at the fingers"
+    )
+    depth: Annotated[Number, Field(ge=-1.0, le=1.0)] = Field(
+        0.0, description="how far the tip goes beyond the middle of what is gripped [m]"
+    )
+    radius: Length = Field(0.01, description="in which a surface is flat under a cup [m]")
+    seed: Seed = 0
+
+
+class FoundGrasps(Body):
+    """Grasps found from the shape of the object, with the fingers of the robot or its tool."""
+
+    one_of: ClassVar[tuple[str, ...]] = ("antipodal", "top", "side", "suction")
+
+    antipodal: GraspSearch | None = Field(None, description="two fingers, from anywhere")
+    top: GraspSearch | None = Field(
+        None, description="two fingers from above, as the object stands at the start"
+    )
+    side: GraspSearch | None = Field(None, description="two fingers, level")
+    suction: GraspSearch | None = Field(None, description="a cup on a flat place")
+
+    @model_validator(mode="after")
+    def _check_form(self) -> "FoundGrasps":
+        exactly_one(self, self.one_of)
+        return self
+
+
+def _form_of_grasps(value: object) -> str:
+    named = isinstance(value, dict) and not FoundGrasps.model_fields.keys().isdisjoint(value)
+    return "found" if named or isinstance(value, FoundGrasps) else "list"
+
+
+if TYPE_CHECKING:
+    # Tuples may be given.
+    Grasps: TypeAlias = Sequence[Pose] | FoundGrasps
+else:
+    Grasps = Annotated[
+        Annotated[list[Pose], Field(min_length=1, max_length=MAX_TARGETS), Tag("list")]
+        | Annotated[FoundGrasps, Tag("found")],
+        Discriminator(_form_of_grasps),
+    ]
+
+
 class GraspStage(StageBody):
     """A choice among grasps of an object; without an approach before it, a free motion there."""
 
@@ -167,8 +221,9 @@ class GraspStage(StageBody):
 
     kind: Literal["grasp"] = "grasp"
     object: Label = Field(description="name of the obstacle", examples=["crate"])
-    grasps: Annotated[list[Pose], Field(min_length=1, max_length=MAX_TARGETS)] | None = Field(
-        None, description="poses of the tool in the object's frame"
+    grasps: Grasps | None = Field(
+        None,
+        description="poses of the tool in the object's frame, or how they are found from its shape",
     )
     region: GraspRegion | None = Field(None, description="of grasps, in place of a list")
     touch_links: Labels = Field(
@@ -296,6 +351,12 @@ class CloseStage(GripperStage):
     """The gripper closes."""
 
     kind: Literal["close"] = "close"
+    until: Literal["contact"] | None = Field(
+        None,
+        description="contact: the fingers stop where they touch the object of the grasp right "
+        "before, for each grasp of its list where that is; joints or state say how far they may "
+        "close. A grasp that fewer than two fingers touch is not taken",
+    )
 
 
 StageUnion = Annotated[
@@ -374,7 +435,7 @@ _EXAMPLE: JsonDict = {
 }
 
 
-class TaskRequest(Keepable):
+class TaskRequest(WithTool, Keepable):
     """A sequence of stages to be planned as one."""
 
     model_config = ConfigDict(json_schema_extra={"examples": [_EXAMPLE]})

@@ -44,6 +44,7 @@ from armwright_wire.pose import PoseInFrame
 from armwright_wire.robots.reach import ReachTolerance
 from armwright_wire.scenes.check import AllowedAnswers, AllowedCollisions, AttachedObjects, Margin
 from armwright_wire.scenes.scene import SceneReference
+from armwright_wire.scenes.tool import WithTool
 
 MAX_GOALS = 500
 MAX_ROUNDS = 1_000
@@ -122,7 +123,7 @@ _EXAMPLE: JsonDict = {
 }
 
 
-class TourRequest(Keepable):
+class TourRequest(WithTool, Keepable):
     """Goals to be visited in the order that takes the least time."""
 
     model_config = ConfigDict(json_schema_extra={"examples": [_EXAMPLE]})

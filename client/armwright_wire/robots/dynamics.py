@@ -22,6 +22,7 @@ from armwright_wire.base import (
     exactly_one,
 )
 from armwright_wire.robots.kinematics import TaskAxes, TaskVector, check_task_vectors
+from armwright_wire.scenes.tool import WithTool
 
 RATES_EXAMPLE = [0.1, -0.2, 0.3, 0.1, 0.0, -0.1, 0.2]
 
@@ -41,7 +42,7 @@ class Payload(Body):
     link: Label | None = Field(None, description="the tip if left out")
 
 
-class Model(Body):
+class Model(WithTool):
     """Configurations, and changes of the robot's model: payload, motors, friction, gravity."""
 
     joints: Joints = Field(examples=[JOINTS_EXAMPLE])
@@ -61,7 +62,7 @@ class Model(Body):
     )
 
 
-class WrenchRequest(Body):
+class WrenchRequest(WithTool):
     """A wrench that the tip exerts on its surroundings, or the joint torques that it takes."""
 
     one_of: ClassVar[tuple[str, ...]] = ("wrench", "torques")

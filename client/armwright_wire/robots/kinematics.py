@@ -40,6 +40,7 @@ from armwright_wire.scenes.check import (
     AttachedObjects,
 )
 from armwright_wire.scenes.scene import SceneReference
+from armwright_wire.scenes.tool import WithTool
 
 MAX_SOLUTIONS = 1_000
 MAX_POSES = 1_000
@@ -51,7 +52,7 @@ MAX_TWISTS = 10_000
 FingerTrack = Annotated[list[Number], Field(min_length=1, max_length=MAX_BATCH)]
 
 
-class FkRequest(Body):
+class FkRequest(WithTool):
     """Configurations whose link poses are asked for."""
 
     joints: Joints = Field(examples=[JOINTS_EXAMPLE])
@@ -99,7 +100,7 @@ def check_task_vectors(vectors: Any, axes: Sequence[str] | None, name: str) -> N
             raise ValueError(f"{name} needs {count} numbers, one for each axis that counts, or six")
 
 
-class JacobianRequest(Body):
+class JacobianRequest(WithTool):
     """Configurations whose Jacobians are asked for."""
 
     joints: Joints = Field(examples=[JOINTS_EXAMPLE])
@@ -193,7 +194,7 @@ _POSES: JsonDict = {
 }
 
 
-class IkRequest(Keepable):
+class IkRequest(WithTool, Keepable):
     """A pose to be reached, or many of them, each for itself."""
 
     model_config = ConfigDict(json_schema_extra={"allOf": [_POSES]})
@@ -359,7 +360,7 @@ class IkAnswer(InFrame):
     plan_id: PlanId = None
 
 
-class VelocityRequest(Body):
+class VelocityRequest(WithTool):
     """Joint velocities, or the twist (linear, angular) that they are to cause."""
 
     one_of: ClassVar[tuple[str, ...]] = ("joint_velocities", "twist")

@@ -23,6 +23,7 @@ from armwright_wire.base import (
 )
 from armwright_wire.scenes.check import AllowedAnswers
 from armwright_wire.scenes.scene import Engine, SceneReference
+from armwright_wire.scenes.tool import WithTool
 
 Weight = Annotated[float, Field(ge=0.0, le=1e9)]
 if TYPE_CHECKING:
@@ -90,7 +91,7 @@ class PotentialOptions(Body):
     )
 
 
-class PotentialRequest(Body):
+class PotentialRequest(WithTool):
     """Configurations on the way to a goal, and what is in the way."""
 
     joints: Joints = Field(examples=[JOINTS_EXAMPLE])

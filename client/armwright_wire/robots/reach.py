@@ -21,6 +21,7 @@ from armwright_wire.base import (
 from armwright_wire.pose import Pose, PoseAnswer, Quaternion, check_quaternion_norm
 from armwright_wire.scenes.check import AllowedAnswers, AllowedCollisions, AttachedObjects
 from armwright_wire.scenes.scene import SceneReference
+from armwright_wire.scenes.tool import WithTool
 
 #: Poses that are listed one by one: at 100 bytes each, ten megabytes.
 MAX_POSES = 100_000
@@ -101,7 +102,7 @@ class BaseRegion(Body):
     )
 
 
-class ReachRequest(Body):
+class ReachRequest(WithTool):
     """Task poses and what stands around; with candidates for the base also where to stand."""
 
     one_of: ClassVar[tuple[str, ...]] = ("poses", "box")

@@ -30,6 +30,7 @@ from armwright_wire.base import (
 )
 from armwright_wire.pose import Pose
 from armwright_wire.scenes.scene import AllowedItem, SceneReference, Shape
+from armwright_wire.scenes.tool import WithTool
 
 MAX_ATTACHED = 100
 MAX_ALLOWED = 10_000
@@ -152,7 +153,7 @@ Margin = Annotated[
 ]
 
 
-class CheckRequest(WithFingers, Keepable):
+class CheckRequest(WithTool, WithFingers, Keepable):
     """Configurations to be checked against limits, themselves and a scene."""
 
     robot: Name = Field(examples=["panda"], description="name of a stored or built-in robot")

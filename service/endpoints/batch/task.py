@@ -123,11 +123,15 @@ def _item(head: dict[str, Any], problem: dict[str, Any], *, is_shared: bool) -> 
         value = problem.get(name)
         return head.get(name) if value is None else value
 
-    scene = field("scene")
+    scene, tip = field("scene"), field("tcp")
+    mounted = {"tool": field("tool"), "tcp": tip}
+    if isinstance(tip, dict):
+        mounted["attached"] = field("attached")
     return BatchItem(
         field("robot"),
         scene if isinstance(scene, str) else None,
         is_shared and problem.get("scene") is None,
         field("timeout"),
         to_json(problem),
+        mounted if any(mounted.values()) else {},
     )

@@ -325,12 +325,13 @@ def reproducibility(
     """Fields of an answer that say what it depends on.
 
     Args:
-        body: The request; whether its answer is kept does not change its hash.
+        body: The request; whether its answer is kept does not change its hash, nor does its tool,
+            which is a part of the robot.
         robot: The robot.
         scene: The scene.
         deterministic: Whether the same request has the same answer.
     """
-    content = body.model_dump_json(exclude={"keep"}).encode()
+    content = body.model_dump_json(exclude={"keep", "tool", "tcp"}).encode()
     return {
         "seed": body.seed,
         "deterministic": deterministic,

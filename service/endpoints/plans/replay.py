@@ -12,13 +12,14 @@ from starlette.types import Message
 from kinematics.errors import ArmwrightError
 from service.http.errors import document, from_domain, status_of
 from service.http.keeping import KEPT_PLAN
-from service.http.state import REPLAY, USED_REFERENCES, Replay, prepared_folder
+from service.http.state import REPLAY, STORED_TOOL, USED_REFERENCES, Replay, prepared_folder
 from service.problem import ProblemError
 from service.storage.caches.cache_key import Reference
 from service.storage.stores.plan_store import PlanContent, PlanRecord
 
 #: Keys of a scope that belong to the request around the replay.
-_OUTER = ("route", "endpoint", "path_params", "starlette.exception_handlers", "router", KEPT_PLAN)
+_OUTER = ("route", "endpoint", "path_params", "starlette.exception_handlers", "router", KEPT_PLAN,
+          STORED_TOOL)  # fmt: skip
 #: Statuses of problems that answer a request; all others end the replay.
 _ANSWERING = (422, 504)
 

@@ -174,6 +174,7 @@ async def view_plan(
         lambda robot, scene: view_task.job(robot, scene, document, tree),
         record.robot or "",
         record.scene,
+        asked=parse_json(content.request),
         timeout=min(_VIEW_TIMEOUT, settings_of(request).max_timeout),
     )
     return HTMLResponse(result, headers={"Content-Security-Policy": content_security_policy()})
@@ -212,6 +213,7 @@ async def swept_plan(
         lambda robot, scene: swept_task.job(robot, scene, document, format, tolerance),
         record.robot or "",
         record.scene,
+        asked=parse_json(content.request),
         timeout=min(_VIEW_TIMEOUT, settings_of(request).max_timeout),
     )
     name = f'attachment; filename="armwright-swept-{record.id}.{format}"'

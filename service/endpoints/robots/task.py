@@ -7,6 +7,7 @@ from pydantic import ValidationError
 from armwright_wire.robots.robot import RobotBody, RobotChanges
 from armwright_wire.scenes.scene import NamedScene
 from armwright_wire.scenes.scene import Scene as SceneBody
+from armwright_wire.scenes.tool import NamedTool, Tool
 from kinematics.errors import InvalidRobotDescription
 from kinematics.robots import builtin_urdf
 from kinematics.tree.description import MeshGeometry
@@ -21,7 +22,7 @@ from service.storage.caches import disk_cache, prepared_files, worker_cache
 from service.storage.caches.cache_key import Reference
 from service.storage.caches.disk_cache import PreparedRobot
 from service.translate import poses
-from service.translate.robots import limits, robots
+from service.translate.robots import limits, robots, tools
 from service.translate.robots.archive import read_archive
 from service.translate.robots.urdf import table_urdf
 from service.translate.robots.visuals import kept_meshes, robot_visuals
@@ -70,6 +71,27 @@ def prepare_scene(document: bytes, folder: str, name: str) -> str:
     disk_cache.write(reference, scene)
     prepared_files.note_meshes(reference, written)
     return scene.content_hash
+
+
+@task
+def make_tool(content: bytes, name: str) -> bytes:
+    """Check a tool that is to be stored.
+
+    Args:
+        content: The request.
+        name: Name of the tool.
+
+    Returns:
+        The JSON document to be stored.
+
+    Raises:
+        ArmwrightError: The tool can't be made; the message says why.
+    """
+    body = NamedTool.model_validate(Tool.model_validate_json(content).__dict__ | {"name": name})
+    made = tools.tool(body)
+    for solid in (*made.solids, *(item for jaw in made.jaws.values() for item in jaw.solids)):
+        solid.pieces(name)
+    return body.model_dump_json(exclude_none=True).encode()
 
 
 @task

@@ -64,7 +64,7 @@ def plan_sequence(robot: Reference, scene: Reference | None, content: bytes) -> 
     remaining = min(current.deadline().remaining, MAX_TIMEOUT)
     if not remaining > 0.0:
         return timed_out("the search began", "task")
-    stages = translation.stages(body, geometry, start, remaining)
+    stages = translation.stages(body, geometry, world.scene, start, remaining)
     asked = Task(world, start, stages, body.seed)
     told = scene_notes(alone, around, [item.id for item in body.attached or ()])
 

@@ -2,7 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from typing import Literal
+from typing import Literal, cast
 
 import numpy as np
 
@@ -13,7 +13,9 @@ from armwright_wire.scenes.check import Attached
 from kinematics.arrays import Array
 from kinematics.errors import ArmwrightError, InvalidOption
 from kinematics.tree.srdf import state
+from obstacles.robots.grasps import GraspKind, GraspSearch, find_grasps, jaw_span, object_down
 from obstacles.robots.robot_geometry import RobotGeometry
+from obstacles.scenes.scene import Scene
 from planning.options import CartesianOptions, Options
 from planning.problem import Goal, JointGoal, PoseGoal
 from planning.reach.tolerance import Axis, Tolerance
@@ -46,13 +48,14 @@ _DIRECTIONS: Mapping[str, tuple[Literal["tool", "root"], tuple[float, float, flo
 
 
 def stages(
-    body: schema.TaskRequest, robot: RobotGeometry, start: Array, timeout: float
+    body: schema.TaskRequest, robot: RobotGeometry, scene: Scene, start: Array, timeout: float
 ) -> tuple[Stage, ...]:
     """The stages of a request, all poses in the root frame.
 
     Args:
         body: The request.
         robot: The robot alone.
+        scene: The objects that are not held at the start.
         start: Configuration of the robot at the start, shape (n,) [rad or m].
         timeout: Timeout for all stages together [s].
 
@@ -60,7 +63,7 @@ def stages(
         ArmwrightError: A stage is malformed; the message and the details say which.
     """
     frames = Frames(robot.chain, start, body.frame)
-    translator = _Translator(body, robot, frames, timeout)
+    translator = _Translator(body, robot, scene, frames, timeout)
     return tuple(translator.stage(k) for k in range(len(body.stages)))
 
 
@@ -68,9 +71,10 @@ class _Translator:
     """Translates the stages of one request."""
 
     def __init__(
-        self, body: schema.TaskRequest, robot: RobotGeometry, frames: Frames, timeout: float
-    ) -> None:
-        self._body, self._robot, self._frames = body, robot, frames
+        self, body: schema.TaskRequest, robot: RobotGeometry, scene: Scene, frames: Frames,
+        timeout: float,
+    ) -> None:  # fmt: skip
+        self._body, self._robot, self._scene, self._frames = body, robot, scene, frames
         self._timeout = timeout
         self._names = {s.name: k for k, s in enumerate(body.stages) if s.name is not None}
 
@@ -92,7 +96,7 @@ class _Translator:
             case schema.ApproachStage() | schema.RetreatStage() | schema.LiftStage():
                 return _straight(body, settings)
             case schema.GraspStage():
-                grips = _grasps(body)
+                grips = self._grasps(body)
                 return Grasp(
                     body.object, grips, tuple(body.touch_links), supports(body.support), settings,
                     touch_depth(body.touch_depth),
@@ -112,7 +116,8 @@ class _Translator:
             case schema.WaitStage():
                 return WaitStage(body.duration, settings)
             case _:
-                return Gripper(body.kind, self._fingers(body), body.duration, settings)
+                until = body.until if isinstance(body, schema.CloseStage) else None
+                return Gripper(body.kind, self._fingers(body), body.duration, settings, until)
 
     def _settings(self, body: schema.StageUnion) -> StageSettings:
         task = self._body
@@ -180,6 +185,25 @@ class _Translator:
         pose = self._frames.pose(item.pose, item.frame, f"goal.any_of[{i}]")
         return PoseGoal(poses.transform(pose))
 
+    def _grasps(self, body: schema.GraspStage) -> Array:
+        found = body.grasps
+        if not isinstance(found, schema.FoundGrasps):
+            return _grasps(body)
+        kind = next(name for name in found.one_of if getattr(found, name) is not None)
+        asked: schema.GraspSearch = getattr(found, kind)
+        stands = self._scene.obstacle(body.object)
+        down = object_down(stands.T_world_obstacle)
+        span = None if kind == "suction" else jaw_span(self._robot)
+        search = GraspSearch(cast(GraspKind, kind), **vars(asked))
+        grasps = find_grasps(stands.shape, down, search, span)
+        if not len(grasps):
+            widest = "" if span is None else f"; the fingers open {span.widest:.4g} m"
+            raise InvalidOption(
+                f"grasps: no {kind} grasp of {body.object!r} was found{widest}",
+                hint="Ask for another kind, more of them, or a wider tool; or give poses.",
+            )
+        return grasps
+
     def _fingers(self, body: schema.OpenStage | schema.CloseStage) -> Mapping[str, float] | None:
         states = self._robot.fingers.states
         if body.state is None:
@@ -239,7 +263,9 @@ def _straight(
 def _grasps(body: schema.GraspStage) -> Array:
     region = body.region
     if region is None:
-        return np.array([poses.transform(pose) for pose in body.grasps or ()])
+        given = body.grasps
+        assert isinstance(given, list)
+        return np.array([poses.transform(pose) for pose in given])
     return grasp_region(
         poses.transform(region.pose),
         region.axis,

@@ -8,6 +8,22 @@ Kind = Literal["robot", "scene"]
 
 
 @dataclass(frozen=True, slots=True)
+class Mount:
+    """What a request has the robot work with.
+
+    Args:
+        tool: The tool, JSON; None where there is none.
+        tcp: Name of its tip; None where it has one, or the tip is another.
+        held: An attached object with the pose of the tip on it, JSON; None where the tip is no
+            object's.
+    """
+
+    tool: bytes | None
+    tcp: str | None = None
+    held: bytes | None = None
+
+
+@dataclass(frozen=True, slots=True)
 class Reference:
     """A robot or scene that a worker is to load.
 
@@ -17,6 +33,7 @@ class Reference:
         hash: SHA-256 of its document; of a built-in robot its name.
         folder: Folder of prepared robots and scenes.
         built_in: Whether the robot comes with the app, so that there is no document.
+        mount: The tool and tip of the robot; None for those of its own.
     """
 
     kind: Kind
@@ -24,10 +41,12 @@ class Reference:
     hash: str
     folder: str
     built_in: bool = False
+    mount: Mount | None = None
 
     def __reduce__(self) -> tuple[type["Reference"], tuple[object, ...]]:
         # Every job carries two: their fields are not looked up one by one for each.
-        return Reference, (self.kind, self.name, self.hash, self.folder, self.built_in)
+        fields = (self.kind, self.name, self.hash, self.folder, self.built_in, self.mount)
+        return Reference, fields
 
 
 @lru_cache(64)

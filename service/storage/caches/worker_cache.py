@@ -1,6 +1,7 @@
 """Robots and scenes loaded in this process, so that a request does not build them again."""
 
 import hashlib
+from dataclasses import replace
 
 from armwright_wire.scenes import scene as scene_schema
 from dynamics.model.payload import Motor
@@ -12,11 +13,11 @@ from obstacles.robots.visual_geometry import VisualGeometry
 from obstacles.scenes.placement import in_frame, place
 from obstacles.scenes.scene import Scene
 from service.storage.caches import disk_cache, prepared_files
-from service.storage.caches.cache_key import Reference
+from service.storage.caches.cache_key import Mount, Reference
 from service.storage.caches.disk_cache import PreparedRobot
 from service.storage.caches.recent import Recent
 from service.translate import poses
-from service.translate.robots import robots
+from service.translate.robots import robots, tools
 from service.translate.robots.motors import answered_motors
 
 _MEBIBYTE = 2**20
@@ -42,15 +43,28 @@ _SCENES = Recent(256, 256 * _MEBIBYTE, _scene_bytes)
 
 
 def robot(reference: Reference) -> PreparedRobot:
-    """The robot of a reference, with its solids.
+    """The robot of a reference, with its solids and the tool that is mounted.
 
     Raises:
         NotPrepared: Its document has to be prepared first.
+        ArmwrightError: The tool is malformed, or can't be mounted on the robot.
     """
     _keep_decompositions(reference)
+    if reference.mount is not None:
+        key = reference.hash, reference.built_in, reference.mount
+        return _ROBOTS.get(key, lambda: _mounted(reference, reference.mount))
     if reference.built_in:
         return _ROBOTS.get(("built-in", reference.name), lambda: _built_in(reference.name))
     return _ROBOTS.get(reference.hash, lambda: disk_cache.read_robot(reference))
+
+
+def _mounted(reference: Reference, mount: Mount | None) -> PreparedRobot:
+    """The robot of a reference with a tool or a tip."""
+    assert mount is not None
+    alone = robot(replace(reference, mount=None))
+    return PreparedRobot.of(
+        tools.mounted(alone.geometry, mount.tool, mount.tcp, mount.held), alone.answer
+    )
 
 
 def visuals(reference: Reference) -> VisualGeometry:

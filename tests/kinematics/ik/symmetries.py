@@ -12,7 +12,7 @@ from kinematics.model.chain import Chain
 from kinematics.pose import inverse, rotation_z, transform
 
 
-def wrapped(q: Array) -> Array:
+def wrapped(q: Array | float) -> Array:
     """Angles without whole turns, in (-pi, pi]."""
     return np.asarray(np.pi - (np.pi - q) % (2.0 * np.pi))
 

@@ -1,5 +1,7 @@
 """Time parametrizations, uniform dilation, and worst ratios to limits beside the roots of numpy."""
 
+from typing import Any
+
 import numpy as np
 import pytest
 from numpy.typing import ArrayLike
@@ -62,9 +64,8 @@ def test_a_spline_end_with_a_velocity_is_clamped_to_it(
     timed = timing_by("spline", start_velocity=speeds[0], end_velocity=speeds[1])
     motion = timed.time_spline(points, times, ends, JOINTS).trajectory
     free = (2 if ends == "natural" else 1, np.zeros(2))
-    expected = CubicSpline(
-        times, points, bc_type=tuple(free if v is None else (1, v) for v in speeds)
-    )
+    conditions: Any = tuple(free if v is None else (1, v) for v in speeds)
+    expected = CubicSpline(times, points, bc_type=conditions)
     for order in range(3):
         at = np.linspace(0.0, times[-1], 23)
         np.testing.assert_allclose(motion.sample(at, order), expected(at, order), atol=1e-12)

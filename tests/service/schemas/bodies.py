@@ -27,6 +27,7 @@ from armwright_wire.robots.reach import ReachRequest
 from armwright_wire.robots.robot import ArchiveFields, RobotBody, RobotChanges
 from armwright_wire.scenes.check import CheckRequest
 from armwright_wire.scenes.scene import NamedScene, ProjectRequest
+from armwright_wire.scenes.tool import NamedTool, Tool
 
 IDENTITY = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]]
 PAYLOAD = {"mass": 1.5, "center_of_mass": [0.0, 0.0, 0.1], "inertia": IDENTITY, "link": "hand"}
@@ -85,6 +86,7 @@ _GOALS: list[dict[str, Any]] = [
 
 TOURS: list[tuple[type[BaseModel], dict[str, Any]]] = [
     (TourRequest, {
+        "tool": "gripper_a", "tcp": "tip",
         "robot": "arm", "scene": "table", "frame": "base", "start": {"joints": [0.0, 0.1]},
         "end": {"state": "home"}, "goals": _GOALS, "precedence": [["a", "1"], ["left", "3"]],
         "attached": [{"id": "drill", "shape": _BOX, "pose": {"position": [0.0, 0.0, 0.1]},
@@ -166,8 +168,11 @@ def task_stages(pose: dict[str, Any], constraints: list[dict[str, Any]]) -> list
             "axis": [0.0, 0.0, 1.0], "offsets": [0.0, 0.1], "offset_samples": 2}},
         {"kind": "place", "relative_to": "table", "region": turns | {
             "size": [0.1, 0.1], "samples": [2, 2]}},
-        {"kind": "close", "state": "shut"},
+        {"kind": "close", "state": "shut", "until": "contact"},
         {"kind": "open", "joints": {"claw": 0.02}},
+        *({"kind": "grasp", "object": "crate", "grasps": {kind: {
+            "count": 8, "angles": 4, "friction": 0.3, "depth": 0.01, "radius": 0.01, "seed": 2}}}
+          for kind in ("antipodal", "top", "side", "suction")),
         {"kind": "wait", "duration": 1.0},
         {"kind": "move", "end_of": "#1"},
     ]  # fmt: skip
@@ -180,6 +185,8 @@ def tasks(
     """The schema of tasks, with a task that has every field and stages of every kind."""
     body = {
         "robot": "panda",
+        "tool": "gripper_a",
+        "tcp": "tip",
         "scene": "table",
         "frame": "base",
         "start": {"joints": [0.1]},
@@ -268,6 +275,8 @@ CONSTRAINTS: list[dict[str, Any]] = [
     {"type": "torque", "limits": [10.0, 20.0]},
 ]  # fmt: skip
 MODEL: dict[str, Any] = {
+    "tool": "gripper_a",
+    "tcp": "tip",
     "gravity": [0.0, 0.0, -9.81],
     "payload": PAYLOAD,
     "motor_inertia": [0.1, 0.2],
@@ -305,7 +314,12 @@ TOOL_MOTIONS = {
 }  # fmt: skip
 #: Most requests refer to these; one of each kind has them in full.
 SMALL_SCENE = {"obstacles": OBSTACLES[1:2]}
-ABOUT: dict[str, Any] = {"attached": ATTACHED[1:], "allowed_collisions": [["hand", "o0"]]}
+ABOUT: dict[str, Any] = {
+    "tool": "gripper_a",
+    "tcp": "tip",
+    "attached": ATTACHED[1:],
+    "allowed_collisions": [["hand", "o0"]],
+}
 PLAN: dict[str, Any] = ABOUT | {
     "robot": "panda", "fingers": {"claw": 0.01}, "scene": SMALL_SCENE, "frame": "base",
     "start": {"joints": [0.0, 0.1]} | RATES,
@@ -373,7 +387,35 @@ IK: dict[str, Any] = ABOUT | {
                  "form": "flow", "trace": True, "trace_points": 50, "duration": 0.3},
 }  # fmt: skip
 
+SOLIDS = [{"shape": SHAPES[0], "pose": POSE}]
+TOOL: dict[str, Any] = {
+    "name": "gripper_a", "link": "hand", "tcp": {"tip": POSE}, "solids": SOLIDS, "mass": 0.5,
+    "center_of_mass": [0.0, 0.0, 0.1], "inertia": IDENTITY, "grip": "jaws",
+    "opening": [0.0, 0.1], "speed": 0.1,
+    "fingers": {"left": {"type": "prismatic", "pose": POSE, "axis": [1.0, 0.0, 0.0],
+                         "travel": 0.5, "solids": SOLIDS}},
+}  # fmt: skip
+_FINGER = {"finger_length": 0.05, "finger_width": 0.02, "finger_thickness": 0.01}
+_GRIPPER = {"opening": 0.1, "height": 0.1, "speed": 0.1, "mass": 1.0} | _FINGER
+FORMS: list[dict[str, Any]] = [
+    {"type": "parallel_jaw", "width": 0.1, "depth": 0.05} | _GRIPPER,
+    {"type": "three_jaw", "radius": 0.05} | _GRIPPER,
+    {"type": "suction_cup", "radius": 0.02, "height": 0.03, "stem_radius": 0.01,
+     "stem_length": 0.1, "mass": 0.2},
+    {"type": "torch", "radius": 0.02, "length": 0.2, "neck_radius": 0.01, "neck_length": 0.1,
+     "angle": 0.5, "stick_out": 0.01, "mass": 1.0},
+    {"type": "spindle", "radius": 0.04, "length": 0.2, "bit_radius": 0.003, "bit_length": 0.05,
+     "mass": 2.0},
+]  # fmt: skip
+#: What requests that may mount a tool have for it.
+MOUNTED = {"tool": "gripper_a", "tcp": "tip"}
+
 FULL: list[tuple[type[BaseModel], dict[str, Any]]] = [
+    (NamedTool, TOOL),
+    *((kind, {"link": "hand", "name": "it", "form": form})
+      for kind in (Tool, NamedTool) for form in FORMS),
+    (FkRequest, {"joints": [0.0, 0.1], "tool": TOOL,
+                 "tcp": {"object": "part", "pose": POSE}}),
     (NamedScene, SCENE),
     (NamedScene, {"name": "table", "moveit": "name: x"}),
     (ProjectRequest, {"points": [[0.5, 0.0, 0.4]], "engine": "fcl"}),
@@ -381,20 +423,20 @@ FULL: list[tuple[type[BaseModel], dict[str, Any]]] = [
                             "fingers": {"claw": 0.01},
                             "joints": [[0.0, 0.1], [0.2, 0.3]], "margin": 0.01, "timeout": 5.0,
                             "frame": "base", "depth": False}),
-    (FkRequest, {"joints": [0.0, 0.1], "link": "hand", "orientation": "rpy",
+    (FkRequest, MOUNTED | {"joints": [0.0, 0.1], "link": "hand", "orientation": "rpy",
                  "frame": "base", "fingers": {"claw": 0.01}}),
     (FkRequest, {"joints": [[0.0, 0.1], [0.2, 0.3]], "fingers": {"claw": [0.0, 0.01]}}),
-    (JacobianRequest, {"joints": [0.0, 0.1], "link": "hand", "point": [0.0, 0.0, 0.1],
+    (JacobianRequest, MOUNTED | {"joints": [0.0, 0.1], "link": "hand", "point": [0.0, 0.0, 0.1],
                        "kind": "analytic_zyz", "frame": "tool", "axes": ["x", "rz"]}),
     (IkRequest, IK),
     (IkRequest, {"poses": [POSE | orientation for orientation in ORIENTATIONS]}),
     (VelocityRequest, {"joints": [0.0, 0.1], "joint_velocities": [0.1, 0.2]}),
-    (VelocityRequest, {"joints": [0.0, 0.1], "twist": [0.1] * 6, "nullspace": [0.1, 0.2],
+    (VelocityRequest, MOUNTED | {"joints": [0.0, 0.1], "twist": [0.1] * 6, "nullspace": [0.1, 0.2],
                        "link": "hand", "point": [0.0, 0.0, 0.1], "damped_below": 0.01,
                        "frame": "tool"}),
     (VelocityRequest, {"joints": [0.0, 0.1], "twist": [0.1, 0.2], "axes": ["x", "y"]}),
     (WrenchRequest, {"joints": [0.0, 0.1], "torques": [1.0, 2.0], "axes": ["x", "y"]}),
-    (WrenchRequest, {"joints": [0.0, 0.1], "wrench": [1.0] * 6, "link": "hand",
+    (WrenchRequest, MOUNTED | {"joints": [0.0, 0.1], "wrench": [1.0] * 6, "link": "hand",
                      "point": [0.0, 0.0, 0.1], "frame": "tool"}),
     (DynamicsRequest, MODEL | FRAME | RATES | {"joints": [0.0, 0.1], "wrench": [1.0] * 6,
                                        "christoffel_symbols": True, "partial_jacobians": True}),
@@ -424,8 +466,8 @@ FULL: list[tuple[type[BaseModel], dict[str, Any]]] = [
     (ReachRequest, {"poses": [POSE], "tolerance": {"rz": [0.0, 0.1]},
                     "base_region": {"x": [0.0, 1.0], "y": [0.0, 1.0], "z": 0.1, "spacing": 0.5,
                                     "yaws": 2}}),
-    (PotentialRequest, {"joints": [0.0, 0.1], "goal_joints": [0.5, 0.6], "scene": SMALL_SCENE,
-                        "engine": "fcl", "timeout": 5.0, "frame": "base",
+    (PotentialRequest, MOUNTED | {"joints": [0.0, 0.1], "goal_joints": [0.5, 0.6],
+                        "scene": SMALL_SCENE, "engine": "fcl", "timeout": 5.0, "frame": "base",
                         "options": {"attractive_weights": [1.0, 2.0], "attractive_cap": 0.2,
                                     "repulsive_weights": 1e-4, "influence_distance": 0.1,
                                     "least_distance": 1e-3, "preset": "notes",
@@ -447,7 +489,7 @@ FULL: list[tuple[type[BaseModel], dict[str, Any]]] = [
         "constraints": CONSTRAINTS[:1], "margin": 0.01, "collisions": "ignore",
         "tool_motions": TOOL_MOTIONS, "torque_limits": True, "payload": PAYLOAD, "tool_speed": 0.5,
         "stops": "joints", "timeout": 5.0}),
-    (RetimeRequest, {
+    (RetimeRequest, MOUNTED | {
         "path": {"joints": [[0.0, 0.1], [0.2, 0.3]], "knots": [0.0, 1.0],
                  "joint_names": ["a", "b"]},
         "robot": "panda", "limits": LIMITS, "stops": "path", "timeout": 5.0,

@@ -6,8 +6,10 @@ import pytest
 from armwright_wire import pose
 from armwright_wire.goals import goal
 from armwright_wire.plans import plan
+from armwright_wire.scenes import tool
 from kinematics.errors import InvalidPose
 from kinematics.rounding import check_axis_length, check_quaternion_norm, check_rotation
+from obstacles.robots.tool_forms import SIZES
 from planning.pipeline.planners import PLANNERS
 from planning.values.goal_costs import GoalCosts
 from planning.values.preferred_clearance import DEFAULT_PREFERRED, MAX_PREFERRED
@@ -20,6 +22,13 @@ def test_defaults_and_names_are_those_of_planning() -> None:
     }
     assert goal.DEFAULT_PREFERRED == DEFAULT_PREFERRED
     assert goal.MAX_PREFERRED == MAX_PREFERRED
+
+
+def test_built_in_tools_have_the_same_sizes() -> None:
+    forms = (tool.ParallelJaw, tool.ThreeJaw, tool.SuctionCup, tool.Torch, tool.Spindle)
+    sizes = {form().type: form().model_dump(exclude={"type"}) for form in forms}
+    assert sizes == SIZES
+    assert tuple(sizes) == tool.BUILTIN_TOOLS
 
 
 def refusal(check: object, value: object) -> str | None:

@@ -1,0 +1,81 @@
+"""Tools that requests mount: found by name, and packed for the workers."""
+
+from collections.abc import Callable, Mapping
+from typing import Any
+
+from pydantic import BaseModel
+from pydantic_core import to_json
+
+from armwright_wire.scenes.tool import BUILTIN_TOOLS
+from kinematics.errors import InvalidObjectName, InvalidOption
+from service.storage.caches.cache_key import Mount
+
+#: What a request is asked for: its fields, or an instance of its model.
+Asked = Mapping[str, Any] | BaseModel
+
+
+def builtin_tool(name: str) -> bytes | None:
+    """The document of a built-in tool of the usual sizes; None where there is none."""
+    if name not in BUILTIN_TOOLS:
+        return None
+    return to_json({"name": name, "form": {"type": name}})
+
+
+def mount_of(asked: Asked, stored: Callable[[str], bytes]) -> Mount | None:
+    """The tool and the tip of a request; None where it names neither.
+
+    Args:
+        asked: The request, which follows its model.
+        stored: Finds the document of a stored tool by its name.
+
+    Raises:
+        InvalidOption: A tip is named and no tool.
+        InvalidObjectName: The tip is that of an object which is not attached.
+    """
+    tool, tcp = _field(asked, "tool"), _field(asked, "tcp")
+    if tool is None and tcp is None:
+        return None
+    document = None
+    if tool is not None:
+        is_name = isinstance(tool, str)
+        document = (builtin_tool(tool) or stored(tool)) if is_name else _packed(tool)
+    if tcp is None or isinstance(tcp, str):
+        if document is None:
+            raise InvalidOption(
+                f"tcp: {tcp!r} is the tip of a tool, and the request names none",
+                hint='Give tool, or {"object": id, "pose": ...} for a tip of what is held.',
+            )
+        return Mount(document, tcp)
+    return Mount(document, None, _held(asked, tcp))
+
+
+def _held(asked: Asked, tcp: Any) -> bytes:
+    """The attached object whose tip is meant, with the pose of the tip."""
+    name, items = _field(tcp, "object"), _field(asked, "attached") or ()
+    item = next((item for item in items if _field(item, "id") == name), None)
+    if item is None:
+        known = ", ".join(str(_field(item, "id")) for item in items) or "none"
+        raise InvalidObjectName(
+            f"tcp: nothing that is called {name!r} is attached",
+            hint=f"Attached are: {known}.",
+            name=name,
+        )
+    if _field(item, "pose") is None:
+        raise InvalidOption(
+            f"tcp: {name!r} is attached by grasp_joints: where its tip is would need the scene",
+            hint="Give its pose in the frame of the link that holds it.",
+        )
+    place = {field: _plain(_field(item, field)) for field in ("id", "link", "pose")}
+    return to_json({"attached": place, "pose": _plain(_field(tcp, "pose"))})
+
+
+def _field(part: Any, name: str) -> Any:
+    return part.get(name) if isinstance(part, Mapping) else getattr(part, name, None)
+
+
+def _plain(part: Any) -> Any:
+    return part.model_dump(exclude_none=True) if isinstance(part, BaseModel) else part
+
+
+def _packed(part: Any) -> bytes:
+    return to_json(_plain(part))

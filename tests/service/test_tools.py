@@ -1,0 +1,340 @@
+"""Tools over HTTP: stored, mounted in requests of every kind, and told in what is answered."""
+
+from typing import Any
+
+import httpx
+import numpy as np
+import pytest
+
+from kinematics.pose import from_quaternion, transform
+from tests.service.processes import wait_until
+from tests.service.robots import answer, problem
+
+HOME = [0.0, -1.2, 1.2, -1.5, -1.5, 0.0]
+TIP = {"position": [0.02, -0.01, 0.18], "quaternion_xyzw": [0.0, 0.0, 0.0, 1.0]}
+GRIPPER: dict[str, Any] = {
+    "tcp": {"tip": TIP, "side": {"position": [0.1, 0.0, 0.05]}},
+    "solids": [
+        {
+            "shape": {"type": "cylinder", "radius": 0.05, "height": 0.16},
+            "pose": {"position": [0.0, 0.0, 0.08]},
+        }
+    ],
+    "mass": 2.0,
+    "center_of_mass": [0.0, 0.0, 0.1],
+}
+
+
+def matrix(pose: dict[str, Any]) -> np.ndarray:
+    return transform(from_quaternion(pose["quaternion_xyzw"]), pose["position"])
+
+
+@pytest.fixture
+def gripper(client: httpx.Client) -> str:
+    """A stored tool."""
+    assert client.put("/v1/tools/gripper_a", json=GRIPPER).is_success
+    return "gripper_a"
+
+
+def ask(client: httpx.Client, what: str, **body: Any) -> dict[str, Any]:
+    return answer(client.post(f"/v1/robots/ur5e/{what}", json=body))
+
+
+def test_tools_are_stored_listed_and_forgotten(client: httpx.Client) -> None:
+    told = answer(
+        client.post("/v1/tools", json={"name": "torch_a", "form": {"type": "torch"}}), 201
+    )
+    assert (told["name"], told["version"], told["built_in"]) == ("torch_a", 1, False)
+    problem(client.post("/v1/tools", json=GRIPPER | {"name": "torch_a"}), 409, "CONFLICT")
+    assert answer(client.get("/v1/tools/torch_a"))["form"]["type"] == "torch"
+    replaced = client.put("/v1/tools/torch_a", json=GRIPPER)
+    assert answer(replaced)["version"] == 2
+    assert answer(client.get("/v1/tools/torch_a"))["mass"] == 2.0
+    names = [tool["name"] for tool in answer(client.get("/v1/tools"))["tools"]]
+    assert names == sorted(names)
+    assert {"torch_a", "parallel_jaw", "spindle"} <= set(names)
+    first = answer(client.get("/v1/tools?limit=1"))
+    after = answer(client.get(f"/v1/tools?limit=1&after={first['next']}"))
+    assert [first["tools"][0]["name"], after["tools"][0]["name"]] == names[:2]
+    assert client.delete("/v1/tools/torch_a").status_code == 204
+    problem(client.get("/v1/tools/torch_a"), 404, "NOT_FOUND")
+    assert answer(client.get("/v1/tools/torch"))["form"] == {"type": "torch"}
+    for asked in (client.put("/v1/tools/torch", json=GRIPPER), client.delete("/v1/tools/torch")):
+        problem(asked, 409, "CONFLICT")
+
+
+def test_kinematics_mean_the_tip_of_the_tool(client: httpx.Client, gripper: str) -> None:
+    flange = matrix(ask(client, "fk", joints=HOME)["pose"])
+    mounted = {"tool": gripper, "tcp": "tip"}
+    there = ask(client, "fk", joints=HOME, **mounted)
+    np.testing.assert_allclose(matrix(there["pose"]), flange @ matrix(TIP), atol=1e-12)
+    assert {"gripper_a", "gripper_a/tip", "gripper_a/side"} <= there["links"].keys()
+    many = ask(client, "fk", joints=[HOME] * 300, **mounted)
+    assert many["pose"][0] == there["pose"]
+    point = ask(client, "jacobian", joints=HOME, link="tool0", point=TIP["position"])["jacobian"]
+    own = ask(client, "jacobian", joints=HOME, **mounted)["jacobian"]
+    np.testing.assert_allclose(own, point, atol=1e-12)
+    found = ask(client, "ik", pose=there["pose"], seed_joints=HOME, **mounted)["solutions"][0]
+    np.testing.assert_allclose(found["joints"], HOME, atol=1e-6)
+    reached = ask(client, "reach", poses=[there["pose"]], **mounted)
+    assert reached["reached"] == 1
+
+
+def test_dynamics_carry_the_mass_of_the_tool(client: httpx.Client, gripper: str) -> None:
+    load = {"mass": 2.0, "center_of_mass": [0.0, 0.0, 0.1], "link": "tool0"}
+    loaded = ask(client, "dynamics", joints=HOME, payload=load)
+    mounted = ask(client, "dynamics", joints=HOME, tool=gripper, tcp="tip")
+    np.testing.assert_allclose(mounted["gravity"], loaded["gravity"], rtol=1e-12)
+    np.testing.assert_allclose(mounted["mass_matrix"], loaded["mass_matrix"], rtol=1e-12)
+
+
+def test_the_solids_of_the_tool_collide_and_it_is_named(client: httpx.Client, gripper: str) -> None:
+    flange = matrix(ask(client, "fk", joints=HOME)["pose"])
+    wall = {
+        "id": "wall",
+        "shape": {"type": "sphere", "radius": 0.02},
+        "pose": {"position": (flange @ [0.0, 0.0, 0.15, 1.0])[:3].tolist()},
+    }
+    body = {"robot": "ur5e", "joints": HOME, "scene": {"obstacles": [wall]}}
+    assert answer(client.post("/v1/check", json=body))["valid"]
+    body |= {"tool": gripper, "tcp": "tip"}
+    told = answer(client.post("/v1/check", json=body))
+    assert [sorted(hit["pair"]) for hit in told["collisions"]] == [["gripper_a", "wall"]]
+    allowed = body | {"allowed_collisions": [["gripper_a", "wall"]]}
+    assert answer(client.post("/v1/check", json=allowed))["valid"]
+    every = body | {"allowed_collisions": [["*", "wall"]]}
+    assert answer(client.post("/v1/check", json=every))["valid"]
+    part = {
+        "id": "part", "shape": {"type": "sphere", "radius": 0.0205}, "link": "gripper_a/tip",
+        "pose": {"position": [0.0, 0.0, 0.0]}, "touch_links": ["gripper_a"],
+    }  # fmt: skip
+    held = {"robot": "ur5e", "joints": HOME, "tool": gripper, "tcp": "tip", "attached": [part]}
+    assert answer(client.post("/v1/check", json=held))["valid"]
+
+
+def plan_body(gripper: str) -> dict[str, Any]:
+    return {
+        "robot": "ur5e",
+        "tool": gripper,
+        "tcp": "tip",
+        "start": {"joints": HOME},
+        "goal": {"joints": [0.5, -1.0, 1.0, -1.5, -1.5, 0.3]},
+        "scene": {"obstacles": []},
+    }
+
+
+def test_a_certificate_names_the_tool(client: httpx.Client, gripper: str) -> None:
+    body = plan_body(gripper)
+    there = ask(client, "fk", joints=body["goal"]["joints"], tool=gripper, tcp="tip")["pose"]
+    plan = answer(client.post("/v1/plan", json=body | {"goal": {"pose": there}}))
+    assert plan["certificate"]["verified"]
+    assert plan["certificate"]["premises"]["tool"] == "gripper_a/tip"
+    last = plan["path"]["joints"][-1]
+    reached = ask(client, "fk", joints=last, tool=gripper, tcp="tip")["pose"]
+    np.testing.assert_allclose(matrix(reached), matrix(there), atol=1e-5)
+    proof = {name: body[name] for name in ("robot", "tool", "tcp", "scene")}
+    proved = answer(client.post("/v1/validate", json=proof | {"trajectory": plan["trajectory"]}))
+    assert proved["verified"]
+    assert proved["premises"]["tool"] == "gripper_a/tip"
+    assert proved["premises"]["robot_hash"] == plan["certificate"]["premises"]["robot_hash"]
+    told = answer(client.post("/v1/validate", json=proof | {
+        "trajectory": plan["trajectory"], "tool": "spindle", "tcp": None,
+    }))  # fmt: skip
+    assert told["premises"]["tool"] == "spindle/tip"
+
+
+def test_a_kept_plan_holds_the_tool_as_it_was(client: httpx.Client) -> None:
+    answer(client.put("/v1/tools/kept_tool", json=GRIPPER), 201)
+    plan = answer(client.post("/v1/plan", json=plan_body("kept_tool") | {"keep": True}))
+    plan_id = plan["plan_id"]
+    assert client.delete("/v1/tools/kept_tool").status_code == 204
+    kept = answer(client.get(f"/v1/plans/{plan_id}"))
+    assert kept["request"]["tool"]["mass"] == 2.0
+    assert answer(client.post(f"/v1/plans/{plan_id}/replay", json={}))["same"]
+    page = client.get(f"/v1/plans/{plan_id}/view")
+    assert page.status_code == 200
+    assert "kept_tool" in page.text
+
+
+def test_a_batch_mounts_a_tool_for_all_or_each(client: httpx.Client, gripper: str) -> None:
+    body = plan_body(gripper)
+    goal = body.pop("goal")
+    body["problems"] = [{"goal": goal}, {"goal": goal, "tool": "spindle"}]
+    job = answer(client.post("/v1/plan/batch", json=body), 202)
+    place = f"/v1/jobs/{job['id']}"
+    assert wait_until(lambda: answer(client.get(place))["status"] == "succeeded", 30.0)
+    results = answer(client.get(place))["result"]["results"]
+    tools = [result["certificate"]["premises"]["tool"] for result in results]
+    assert tools == ["gripper_a/tip", "spindle/tip"]
+
+
+def test_the_tip_can_be_that_of_a_held_object(client: httpx.Client) -> None:
+    peg = {
+        "id": "peg", "link": "parallel_jaw/tip",
+        "shape": {"type": "box", "size": [0.01, 0.01, 0.1]},
+        "pose": {"position": [0.0, 0.0, 0.04]}, "touch_links": ["parallel_jaw"],
+    }  # fmt: skip
+    body = {
+        "tool": "parallel_jaw",
+        "tcp": {"object": "peg", "pose": {"position": [0.0, 0.0, 0.05]}},
+    }
+    target = {"position": [0.4, 0.1, 0.4], "rpy": [3.14159, 0.0, 0.0]}
+    found = ask(client, "ik", pose=target, attached=[peg], seed_joints=HOME, **body)["solutions"][0]
+    tip = ask(client, "fk", joints=found["joints"], tool="parallel_jaw")["pose"]
+    end = matrix(tip) @ np.array([0.0, 0.0, 0.09, 1.0])
+    np.testing.assert_allclose(end[:3], target["position"], atol=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("body", "code", "told"),
+    [
+        ({"tool": "nothing_such"}, "NOT_FOUND", "nothing_such"),
+        ({"tool": "torch", "tcp": "end"}, "INVALID_LINK_NAME", "'torch' has no tip 'end'"),
+        ({"tcp": "tip"}, "VALIDATION_ERROR", "names none"),
+        ({"tcp": {"object": "peg"}}, "INVALID_OBJECT_NAME", "'peg'"),
+        ({"tool": {"name": "a"}}, "VALIDATION_ERROR", "tcp, form"),
+        ({"tool": {"name": "tool", "form": {"type": "torch"}}}, "VALIDATION_ERROR", "'tool'"),
+        ({"tool": {"name": "a", "form": {"type": "claw"}}}, "VALIDATION_ERROR", "parallel_jaw"),
+        (
+            {"tool": GRIPPER | {"name": "a", "link": "elbow"}, "tcp": "tip"},
+            "INVALID_LINK_NAME", "'elbow'",
+        ),
+        ({"tool": GRIPPER | {"name": "a"}}, "INVALID_LINK_NAME", "2 tips"),
+        (
+            {"tool": GRIPPER | {"name": "a", "inertia": np.diag([1.0, 1.0, 3.0]).tolist()}},
+            "VALIDATION_ERROR", "principal moments",
+        ),
+        ({"tool": GRIPPER | {"name": "a", "opening": [0.0, 0.1]}}, "VALIDATION_ERROR", "opening"),
+    ],
+)  # fmt: skip
+def test_odd_tools_are_refused_by_name(
+    client: httpx.Client, body: dict[str, Any], code: str, told: str
+) -> None:
+    status = 404 if code == "NOT_FOUND" else 422
+    asked = {"robot": "ur5e", "joints": HOME} | body
+    refused = problem(client.post("/v1/check", json=asked), status, code)
+    assert told in refused["detail"] + str(refused.get("errors", ""))
+
+
+def test_tours_exports_and_simulations_work_with_the_tool(
+    client: httpx.Client, gripper: str
+) -> None:
+    mounted = {"robot": "ur5e", "tool": gripper, "tcp": "tip"}
+    ends = [HOME, [0.5, -1.0, 1.0, -1.5, -1.5, 0.3]]
+    poses = [ask(client, "fk", joints=q, tool=gripper, tcp="tip")["pose"] for q in ends]
+    tour = answer(client.post("/v1/tours", json=mounted | {"goals": [{"pose": p} for p in poses]}))
+    reached = ask(client, "fk", joints=tour["visits"][0]["joints"], tool=gripper, tcp="tip")["pose"]
+    wanted = poses[int(tour["visits"][0]["id"])]
+    np.testing.assert_allclose(matrix(reached), matrix(wanted), atol=1e-5)
+    leg = tour["legs"][-1]
+    assert leg["certificate"]["premises"]["tool"] == "gripper_a/tip"
+    body = {"trajectory": leg["trajectory"], "format": "csv"}
+    told = answer(client.post("/v1/export", json=mounted | body))
+    assert told["certificate"]["premises"]["tool"] == "gripper_a/tip"
+    premises = {"premises": leg["certificate"]["premises"], "tool": "spindle", "tcp": None}
+    assert client.post("/v1/export", json=mounted | body | premises).status_code == 422
+    follow = {
+        "reference": {"type": "hold", "joints": HOME, "duration": 0.2},
+        "controller": {"type": "pd_gravity", "Kp": 100.0, "Kd": 20.0},
+    }
+    torques = [
+        answer(client.post("/v1/simulate", json=follow | robot))["torque"][0]
+        for robot in (mounted, {"robot": "ur5e"})
+    ]
+    gravity = [
+        ask(client, "dynamics", joints=HOME, **tool)["gravity"]
+        for tool in ({"tool": gripper, "tcp": "tip"}, {})
+    ]
+    np.testing.assert_allclose(torques, gravity, atol=1e-6)
+
+
+def test_a_task_picks_with_a_built_in_jaw(client: httpx.Client) -> None:
+    crate = {
+        "id": "crate",
+        "shape": {"type": "box", "size": [0.03, 0.06, 0.08]},
+        "pose": {"position": [-0.5, 0.1, 0.04]},
+    }
+    table = {
+        "id": "table",
+        "shape": {"type": "box", "size": [0.8, 1.2, 0.04]},
+        "pose": {"position": [-0.6, 0.0, -0.02]},
+    }
+    stages = [
+        {"kind": "move"},
+        {"kind": "approach", "distance": [0.04, 0.08]},
+        {"kind": "grasp", "object": "crate", "grasps": {"top": {}},
+         "touch_links": ["parallel_jaw"],
+         "support": "table"},
+        {"kind": "close", "until": "contact"},
+        {"kind": "attach", "object": "crate"},
+        {"kind": "lift", "distance": [0.05, 0.1]},
+        {"kind": "open", "state": "parallel_jaw/open"},
+    ]  # fmt: skip
+    body = {
+        "robot": "ur5e", "tool": "parallel_jaw", "start": {"joints": HOME},
+        "scene": {"obstacles": [crate, table]}, "stages": stages, "keep": True,
+    }  # fmt: skip
+    plan = answer(client.post("/v1/tasks", json=body))
+    assert plan["status"] == "success"
+    assert all(stage["certificate"]["verified"] for stage in plan["stages"])
+    openings = [stage["after"]["fingers"]["parallel_jaw/opening"] for stage in plan["stages"]]
+    assert min(abs(openings[3] - width) for width in (0.03, 0.06)) < 1e-5
+    assert (openings[0], openings[-1]) == (0.085, 0.085)
+    wide = [
+        stage | {"grasps": {"side": {}}} if stage["kind"] == "grasp" else stage for stage in stages
+    ]
+    crate["shape"]["size"] = [0.2, 0.2, 0.2]
+    refused = problem(
+        client.post("/v1/tasks", json=body | {"stages": wide}), 422, "VALIDATION_ERROR"
+    )
+    assert "no side grasp of 'crate' was found; the fingers open 0.085 m" in refused["detail"]
+    page = client.get(f"/v1/plans/{plan['plan_id']}/view")
+    assert page.status_code == 200
+    swept = client.get(f"/v1/plans/{plan['plan_id']}/swept?tolerance=0.2")
+    assert swept.status_code == 200
+
+
+def test_a_tool_of_a_large_request_is_mounted_whole(client: httpx.Client) -> None:
+    """Such a body is validated by a worker, and the server has an outline of it."""
+    corners = np.random.default_rng(1).normal(size=(1_500, 3))
+    corners *= 0.04 / np.linalg.norm(corners, axis=1)[:, None]
+    ball = {"type": "convex", "vertices": corners.tolist()}
+    tool = GRIPPER | {
+        "name": "ball_a",
+        "solids": [
+            {"shape": ball, "pose": {"position": [0.0, 0.0, z]}} for z in (0.05, 0.15)
+        ],
+    }  # fmt: skip
+    peg = {
+        "id": "peg", "link": "ball_a", "shape": ball, "touch_links": ["ball_a"],
+        "pose": {"position": [0.0, 0.0, 0.2]}, "touch_depth": None,
+    }  # fmt: skip
+    other = peg | {"id": "other", "link": "tool0", "pose": {"position": [0.0, 0.0, -0.5]}}
+    flange = matrix(ask(client, "fk", joints=HOME)["pose"])
+    far = (flange @ [0.0, 0.0, 0.15, 1.0])[:3].tolist()
+    dot = {
+        "id": "dot", "shape": {"type": "sphere", "radius": 0.001}, "pose": {"position": far},
+    }  # fmt: skip
+    told = answer(client.post("/v1/check", json={
+        "robot": "ur5e", "joints": HOME, "tool": tool, "tcp": "tip",
+        "scene": {"obstacles": [dot]},
+    }))  # fmt: skip
+    assert ["ball_a", "dot"] in [sorted(hit["pair"]) for hit in told["collisions"]]
+    target = {"position": [0.4, 0.1, 0.4], "rpy": [3.14159, 0.0, 0.0]}
+    held = {"tool": tool, "tcp": {"object": "peg"}, "attached": [other, peg]}
+    found = ask(client, "ik", pose=target, seed_joints=HOME, all_solutions=True, **held)
+    tip = ask(client, "fk", joints=found["solutions"][0]["joints"])["pose"]
+    end = matrix(tip) @ np.array([0.0, 0.0, 0.2, 1.0])
+    np.testing.assert_allclose(end[:3], target["position"], atol=1e-6)
+
+
+def test_a_job_works_with_its_tool(client: httpx.Client, gripper: str) -> None:
+    body = plan_body(gripper)
+    headers = {"Prefer": "respond-async"}
+    job = answer(client.post("/v1/plan", json=body, headers=headers), 202)
+    place = f"/v1/jobs/{job['id']}"
+    assert wait_until(lambda: answer(client.get(place))["status"] == "succeeded", 30.0)
+    result = answer(client.get(place))["result"]
+    assert result["certificate"]["premises"]["tool"] == "gripper_a/tip"
+    refused = body | {"tool": "nothing_such"}
+    problem(client.post("/v1/plan", json=refused, headers=headers), 404, "NOT_FOUND")
