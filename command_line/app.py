@@ -9,6 +9,7 @@ from command_line.commands.bench import bench
 from command_line.commands.doctor import doctor
 from command_line.commands.files import export, project, sweep
 from command_line.commands.kinematics import fk, ik, reach
+from command_line.commands.mcp import mcp
 from command_line.commands.motions import check, convert, plan, retime, simulate, validate
 from command_line.commands.robots import robots, scenes
 from command_line.commands.studio import studio
@@ -44,6 +45,7 @@ _COMMANDS: tuple[Callable[..., None], ...] = (
     sweep,
     view,
     studio,
+    mcp,
     robots,
     scenes,
     bench,

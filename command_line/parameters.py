@@ -117,8 +117,7 @@ def command(function: Callable[..., None]) -> Callable[..., None]:
     """A command whose parameter groups are spread out, and whose problems are shown.
 
     Args:
-        function: Takes values and groups (named tuples of annotated fields), `Connection` among
-            them.
+        function: Takes values and groups (named tuples of annotated fields), mostly `Connection`.
     """
     hints = get_type_hints(function, include_extras=True)
     groups: dict[str, Any] = {}
@@ -135,7 +134,7 @@ def command(function: Callable[..., None]) -> Callable[..., None]:
         arguments = dict(values)
         for name, kind in groups.items():
             arguments[name] = kind(**{field: arguments.pop(field) for field in kind._fields})
-        with shows_problems(values["as_json"]):
+        with shows_problems(values.get("as_json", False)):
             function(**arguments)
 
     run.__name__ = function.__name__
