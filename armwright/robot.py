@@ -40,17 +40,19 @@ def load_robot(
     default_limits: Mapping[str, str] | None = None,
     held: Mapping[str, float] | None = None,
     visual_solids: bool = False,
+    xacro_args: Mapping[str, str] | None = None,
     convention: Convention = "standard",
 ) -> RobotGeometry:
-    """The robot of a name, a URDF file or a Denavit-Hartenberg table, with its collision geometry.
+    """The robot of a name, a file (URDF or xacro) or a Denavit-Hartenberg table, with its geometry.
 
     Poses are in the frame of the root link. Pairs that are suspected to touch, named states and
     what is odd are in ``suspected``, ``states`` and ``lint`` of the robot.
 
     Args:
-        source: Name of a built-in robot (``builtin_names``), path of a URDF file, DH table, or
-            its rows (``DhRow`` or mappings of its fields). Mesh files are found relative to the
-            URDF's folder; for ``package://name/path`` also in the folder ``name`` above it.
+        source: Name of a built-in robot (``builtin_names``), path of a URDF or xacro file or of a
+            folder that holds one, DH table, or its rows (``DhRow`` or mappings of its fields). Mesh
+            files are found relative to the URDF's folder; for ``package://name/path`` also in the
+            folder ``name`` above it.
         srdf: Path of the SRDF that belongs to a URDF.
         base_link: Link that the chain begins at; may be left out.
         tip_link: Last link of the chain; the likely tip if left out.
@@ -60,6 +62,7 @@ def load_robot(
         default_limits: Rules for limits that nothing else gives: {"acceleration": "10 x velocity"}.
         held: Positions of joints off the chain [rad or m].
         visual_solids: Links of a URDF without collision geometry collide as they look.
+        xacro_args: Values of the arguments of a xacro file, by name.
         convention: How DH rows are read, "standard" or "modified".
 
     Raises:
@@ -68,7 +71,7 @@ def load_robot(
     """
     if isinstance(source, str | Path):
         asked = _Asked(base_link, tip_link, joint_limits, held or {}, visual_solids)
-        robot = _of_file(source, srdf, asked)
+        robot = _of_file(source, srdf, asked, xacro_args)
     else:
         table = source if isinstance(source, DhTable) else _table(source, convention)
         robot = robot_geometry(chain_from_dh("robot", table))
@@ -94,15 +97,34 @@ def _table(rows: Sequence[DhRow | Mapping[str, Any]], convention: Convention) ->
     )
 
 
-def _of_file(source: str | Path, srdf: str | Path | None, asked: _Asked) -> RobotGeometry:
-    """The robot of a built-in name or of a URDF file."""
+def _of_file(
+    source: str | Path,
+    srdf: str | Path | None,
+    asked: _Asked,
+    xacro_args: Mapping[str, str] | None,
+) -> RobotGeometry:
+    """The robot of a built-in name or of a file."""
     if isinstance(source, str) and source in builtin_names() and not Path(source).is_file():
         semantics = parse_srdf(builtin_srdf(source))
         return _from_urdf(builtin_urdf(source), source, None, semantics, asked)
-    path = _require_file(Path(source))
     text = None if srdf is None else _require_file(Path(srdf)).read_text("utf-8")
     semantics_of_file = None if text is None else parse_srdf(text)
-    return _from_urdf(path.read_text("utf-8"), path.stem, path.parent, semantics_of_file, asked)
+    path, urdf = _description(Path(source), xacro_args)
+    return _from_urdf(urdf, path.stem, path.parent, semantics_of_file, asked)
+
+
+def _description(path: Path, xacro_args: Mapping[str, str] | None) -> tuple[Path, str]:
+    """The file that is meant, and its URDF."""
+    if path.is_file() and path.suffix != ".xacro" and not xacro_args:
+        return path, path.read_text("utf-8")
+    # Readers of this machine's files, which are the client's: loaded for those files alone.
+    from armwright_client.robots.sources import description_in, urdf_text  # noqa: PLC0415
+
+    try:
+        path = description_in(path) if path.is_dir() else _require_file(path)
+        return path, urdf_text(path, xacro_args)
+    except ValueError as error:
+        raise InvalidRobotDescription(str(error)) from None
 
 
 def _from_urdf(

@@ -33,11 +33,15 @@ class RobotSource(NamedTuple):
     robot: Annotated[
         str,
         typer.Argument(
-            help="Name of a robot, or path of a URDF, a folder with one, a .zip, or the JSON of an "
-            "upload, or example-robot-data:NAME for a URDF of that package."
+            help="Name of a robot, or path of a URDF or .xacro, a folder with one, a .zip, or the "
+            "JSON of an upload, or example-robot-data:NAME for a URDF of that package."
         ),
     ]
     srdf: Annotated[Path | None, typer.Option(help="SRDF file that belongs to the URDF.")] = None
+    xacro: Annotated[
+        list[str] | None,
+        typer.Option(help="Argument of a .xacro file as name:=value; may be given several times."),
+    ] = None
     base_link: Annotated[str | None, typer.Option(help="Link that the chain begins at.")] = None
     tip_link: Annotated[str | None, typer.Option(help="Last link of the chain.")] = None
     joint_limits: Annotated[

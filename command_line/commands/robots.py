@@ -18,11 +18,14 @@ def robots(
     robot: Annotated[
         str | None, typer.Argument(help="A robot by name or file; all robots if left out.")
     ] = None,
+    xacro: Annotated[
+        list[str] | None, typer.Option(help="Argument of a .xacro file as name:=value.")
+    ] = None,
 ) -> None:
     """List robots, or show joints, limits, named states and lint of one."""
     with connect(connection) as backend:
         if robot is not None:
-            name = backend.robot_name(RobotSource(robot))
+            name = backend.robot_name(RobotSource(robot, xacro=xacro))
             _show_robot(backend.robot_model(name), connection.as_json)
             return
         rows = backend.robot_names()

@@ -168,7 +168,8 @@ def _readable(text: str | bytes) -> str:
 def _unexpanded(what: str, found: str) -> InvalidRobotDescription:
     return InvalidRobotDescription(
         f"the {what} is an unexpanded xacro file: it has {found}",
-        hint="Expand it first (`xacro robot.urdf.xacro > robot.urdf`), send the result.",
+        hint="Expand it first (`xacro robot.urdf.xacro > robot.urdf`), send the result: a service "
+        "never expands one. The command line, the client and the studio do, on your machine.",
     )
 
 

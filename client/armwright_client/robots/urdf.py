@@ -19,6 +19,7 @@ from urllib.parse import unquote
 from xml.etree import ElementTree as ET
 from xml.sax.saxutils import escape
 
+from armwright_client.robots.sources import description_in, urdf_text
 from armwright_wire.errors import InvalidArgument
 
 _PACKAGE = "package://"
@@ -44,20 +45,26 @@ class UrdfFile:
 
 
 def read_urdf(
-    path: Path, package_dirs: Sequence[Path] = (), max_visual_bytes: int = MAX_VISUAL_BYTES
+    path: Path,
+    package_dirs: Sequence[Path] = (),
+    max_visual_bytes: int = MAX_VISUAL_BYTES,
+    xacro_args: Mapping[str, str] | None = None,
 ) -> UrdfFile:
-    """Read a URDF file, its collision meshes and the visual ones that are there.
+    """Read a URDF or xacro file, its collision meshes and the visual ones that are there.
 
     Args:
-        path: Path of the URDF.
+        path: Path of the file, or of a folder that holds one such file.
         package_dirs: Folders of packages, or that hold them.
         max_visual_bytes: Largest size of visual mesh files together [byte]; small ones go first.
+        xacro_args: Values of the arguments of a xacro file, by name.
 
     Raises:
         OSError: A file can't be read.
-        InvalidArgument: It is not XML, names meshes that are not there or that can't be sent.
+        InvalidArgument: It is not XML, names meshes that are not there or that can't be sent, or a
+            xacro file can't be expanded.
     """
-    text = path.read_text(encoding="utf-8")
+    path = description_in(path) if path.is_dir() else path
+    text = urdf_text(path, xacro_args, package_dirs)
     try:
         root = ET.fromstring(text)  # nosec B314
     except ET.ParseError as error:
