@@ -33,8 +33,8 @@ class RobotSource(NamedTuple):
     robot: Annotated[
         str,
         typer.Argument(
-            help="Name of a robot, or path of a URDF or .xacro, a folder with one, a .zip, or the "
-            "JSON of an upload, or example-robot-data:NAME for a URDF of that package."
+            help="Name of a robot, or path of a URDF, .xacro or MJCF, a folder with one, a .zip, "
+            "or the JSON of an upload, or example-robot-data:NAME for a URDF of that package."
         ),
     ]
     srdf: Annotated[Path | None, typer.Option(help="SRDF file that belongs to the URDF.")] = None

@@ -7,7 +7,7 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any, ParamSpec, TypeVar
 
-from armwright_client.robots.sources import description_in, urdf_text
+from armwright_client.robots.sources import description_in, is_mjcf, urdf_text
 from armwright_client.robots.urdf import MAX_VISUAL_BYTES, read_urdf
 from armwright_wire.errors import InvalidArgument
 from command_line.parameters import RobotSource
@@ -19,7 +19,8 @@ A = TypeVar("A")
 #: Characters that names of robots do not have.
 _NOT_IN_NAMES = re.compile(r"[^A-Za-z0-9_.-]")
 _ROBOT_HINT = (
-    "Give the name of a robot (`armwright robots`), a .urdf, a .xacro, a folder, a .zip or a .json."
+    "Give the name of a robot (`armwright robots`), a .urdf, a .xacro, MJCF, a folder, a .zip or a "
+    ".json."
 )
 #: What a robot of the package example-robot-data begins with.
 _PACKAGE = "example-robot-data:"
@@ -36,7 +37,7 @@ def robot_document(source: RobotSource) -> dict[str, Any]:
     """The upload that describes a robot of a file.
 
     Args:
-        source: A .urdf or .xacro, a folder that holds one, a .zip, the JSON of an upload, or
+        source: A .urdf, .xacro or MJCF, a folder that holds one, a .zip, the JSON of an upload, or
             ``example-robot-data:`` with the name of a URDF of that package.
 
     Raises:
@@ -51,8 +52,8 @@ def robot_document(source: RobotSource) -> dict[str, Any]:
         raise invalid_value("robot", f"there is no file {source.robot!r}", _ROBOT_HINT)
     if path.suffix == ".urdf":
         document = _from_urdf(path, source.visual_solids)
-    elif path.suffix == ".xacro":
-        document = _from_xacro(path, source)
+    elif path.suffix == ".xacro" or is_mjcf(path):
+        document = _from_source(path, source)
     elif path.suffix == ".zip":
         document = _from_archive(path)
     elif path.suffix == ".json":
@@ -148,10 +149,13 @@ def _arguments(pairs: Sequence[str]) -> dict[str, str]:
     return {name: value for name, _, value in split}
 
 
-def _from_xacro(path: Path, source: RobotSource) -> dict[str, Any]:
+def _from_source(path: Path, source: RobotSource) -> dict[str, Any]:
+    """The robot of a file that the client makes URDF of."""
     looks = MAX_VISUAL_BYTES if source.visual_solids else 0
     file = _described(read_urdf, path, (), looks, _arguments(source.xacro or ()))
-    return {"name": file.name, "urdf": file.text} | ({"meshes": file.meshes} if file.meshes else {})
+    document: dict[str, Any] = {"name": file.name, "urdf": file.text}
+    document |= {"meshes": dict(file.meshes)} if file.meshes else {}
+    return document | ({} if file.srdf is None else {"srdf": file.srdf})
 
 
 def _from_urdf(path: Path, visual_solids: bool) -> dict[str, Any]:

@@ -68,7 +68,7 @@ _NEW_PLACE = (0.4, 0.3, 0.3)
 _FREE_RANGE = 3.141592653589793
 #: URDF knows no accelerations: without a rule no uploaded robot could be planned for.
 _RULES = DefaultLimits(acceleration="10 x velocity")
-#: Largest size of an archive of xacro files that is unpacked here [byte].
+#: Largest size of an archive that is unpacked here [byte].
 _MOST_UNPACKED = 512 * 2**20
 
 
@@ -488,9 +488,9 @@ def home(model: Robot) -> tuple[float, ...]:
 def robot_upload(
     file_name: str, content: bytes, tip_link: str | None
 ) -> RobotUpload | RobotArchive:
-    """The upload of a URDF, a xacro file, or a .zip with one of them and its meshes.
+    """The upload of a URDF, a xacro or MJCF file, or a .zip with one of them and its meshes.
 
-    xacro is expanded here, in the studio's own process, and never by the service.
+    xacro and MJCF become URDF here, in the studio's own process, and never in the service.
 
     Args:
         file_name: Name whose stem becomes the robot's name.
@@ -504,29 +504,30 @@ def robot_upload(
     options: RobotOptions = {"default_limits": _RULES}
     if tip_link is not None:
         options["tip_link"] = tip_link
-    if suffix.lower() in ("urdf", "xml"):
+    is_model = suffix.lower() == "xml" and b"<mujoco" in content
+    if suffix.lower() in ("urdf", "xml") and not is_model:
         return RobotUpload(name=stem, urdf=content.decode("utf-8"), **options)
-    if suffix.lower() not in ("zip", "xacro"):
-        raise ValueError(f"{file_name}: give a .urdf, a .xacro, or a .zip with it and its meshes")
+    if suffix.lower() not in ("zip", "xacro") and not is_model:
+        raise ValueError(f"{file_name}: give a .urdf, .xacro or MJCF, or a .zip with its meshes")
     stem = stem.removesuffix(".urdf")
     with TemporaryDirectory() as folder:
-        path = Path(folder) / "robot.xacro"
-        if suffix.lower() == "xacro":
+        path = Path(folder) / f"robot.{suffix.lower()}"
+        if suffix.lower() != "zip":
             path.write_bytes(content)
-        elif _unpack_xacro(file_name, content, folder):
+        elif _unpacked(file_name, content, folder):
             path = Path(folder)
         else:
             return RobotArchive(stem, content, options)
         return RobotUpload.from_urdf(path, name=stem, **options)
 
 
-def _unpack_xacro(file_name: str, content: bytes, folder: str) -> bool:
-    """Unpack an archive that has a .xacro and no .urdf; whether it is one."""
+def _unpacked(file_name: str, content: bytes, folder: str) -> bool:
+    """Unpack an archive that has a .xacro or .xml and no .urdf; whether it is one."""
     if not is_zipfile(io.BytesIO(content)):
         return False
     with ZipFile(io.BytesIO(content)) as archive:
         suffixes = {Path(name).suffix.lower() for name in archive.namelist()}
-        if ".urdf" in suffixes or ".xacro" not in suffixes:
+        if ".urdf" in suffixes or suffixes.isdisjoint((".xacro", ".xml")):
             return False
         if sum(item.file_size for item in archive.infolist()) > _MOST_UNPACKED:
             raise ValueError(f"{file_name} unpacks to more than {_MOST_UNPACKED >> 20} MiB")

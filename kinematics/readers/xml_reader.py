@@ -92,7 +92,8 @@ def read_robot(text: str | bytes, what: str, foreign: list[str] | None = None) -
     if root.tag != "robot":
         raise InvalidRobotDescription(
             f"the root element of the {what} is <{root.tag}>, it must be <robot>",
-            hint="SDF and MJCF are other formats: convert them to URDF first.",
+            hint="SDF and MJCF are other formats: convert them to URDF first. The command line, "
+            "the client and the studio do that of MJCF, on your machine.",
         )
     return root
 

@@ -71,9 +71,10 @@ class RobotUpload(RobotBody):
         xacro_args: Mapping[str, str] | None = None,
         **options: Unpack[RobotOptions],
     ) -> Self:
-        """Read a URDF or xacro file and the meshes it names.
+        """Read a URDF, xacro or MJCF file and the meshes it names.
 
-        A .xacro file is expanded here: that needs xacrodoc, and the service never does it.
+        A .xacro file is expanded here, which needs xacrodoc; an MJCF file is compiled here, which
+        needs mujoco, and has its own SRDF if none is given. The service does neither.
 
         Meshes are looked for beside the URDF, in the folders above it and in `package_dirs`, as
         `armwright_client.robots.urdf` says. Visual ones that are missing are left out.
@@ -89,15 +90,15 @@ class RobotUpload(RobotBody):
 
         Raises:
             OSError: A file can't be read.
-            InvalidArgument: The URDF is not XML, meshes are missing, or a xacro file can't be
-                expanded.
+            InvalidArgument: The URDF is not XML, meshes are missing, or a xacro or MJCF file can't
+                be made a URDF.
         """
         folders = [Path(folder) for folder in package_dirs]
         description = read_urdf(Path(path), folders, MAX_VISUAL_BYTES if visuals else 0, xacro_args)
         return cls.of(
             name=name or description.name,
             urdf=description.text,
-            srdf=None if srdf is None else urdf_text(Path(srdf), package_dirs=folders),
+            srdf=description.srdf if srdf is None else urdf_text(Path(srdf), None, folders),
             meshes=dict(description.meshes) or None,
             **options,
         )

@@ -1,4 +1,4 @@
-"""Descriptions of robots on this machine: the file that is meant, and xacro files as URDF.
+"""Descriptions of robots on this machine: which file is meant, and the URDF of xacro files.
 
 xacro reads files, variables of the environment and expressions of Python where it is expanded. It
 is expanded here, on the machine of whoever asks, and never by the service.
@@ -7,6 +7,7 @@ is expanded here, on the machine of whoever asks, and never by the service.
 import os
 import re
 from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 
 from armwright_wire.errors import InvalidArgument
@@ -21,8 +22,25 @@ _SHOWN = 10
 _MAX_PACKAGES = 100
 
 
+@dataclass(frozen=True, slots=True)
+class UrdfFile:
+    """A URDF with its meshes.
+
+    Args:
+        name: Name as the description says.
+        text: Text to send.
+        meshes: Files in base64 by the URI that the text names them by.
+        srdf: Text of the SRDF that was made with it.
+    """
+
+    name: str
+    text: str
+    meshes: Mapping[str, str]
+    srdf: str | None = None
+
+
 def description_in(folder: Path) -> Path:
-    """The description that a folder holds: its one .urdf, or else its one .xacro of a whole robot.
+    """The description that a folder holds: a .urdf, else a .xacro of a whole robot, else MJCF.
 
     Args:
         folder: Folder, looked through to its depth.
@@ -37,13 +55,24 @@ def description_in(folder: Path) -> Path:
             file for file in every if not file.name.endswith(".srdf.xacro") and _is_whole(file)
         ]
         found = [file for file in found if file.name.endswith(".urdf.xacro")] or found
+    if not found:
+        models = [file for file in sorted(folder.rglob("*.xml")) if is_mjcf(file)]
+        # A model that includes others is a scene with a robot in it.
+        found = [file for file in models if "<include" not in _read(file)] or models
     if len(found) == 1:
         return found[0]
     names = ", ".join(str(file.relative_to(folder)) for file in found[:_SHOWN]) or "none"
     raise InvalidArgument(
-        f"{folder}: which .urdf or .xacro is meant is open; it holds {names}",
+        f"{folder}: which .urdf, .xacro or MJCF is meant is open; it holds {names}",
         hint="Give the path of the file itself.",
     )
+
+
+def is_mjcf(path: Path) -> bool:
+    """Whether a file is a model of MuJoCo."""
+    if path.suffix.lower() not in (".xml", ".mjcf"):
+        return False
+    return "<mujoco" in _read(path)
 
 
 def urdf_text(
@@ -72,7 +101,11 @@ def urdf_text(
 
 
 def _is_whole(path: Path) -> bool:
-    return _NAMED.search(path.read_text(encoding="utf-8", errors="replace")) is not None
+    return _NAMED.search(_read(path)) is not None
+
+
+def _read(path: Path) -> str:
+    return path.read_text(encoding="utf-8", errors="replace")
 
 
 def _expanded(path: Path, arguments: Mapping[str, str], package_dirs: Sequence[Path]) -> str:
