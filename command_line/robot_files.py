@@ -47,7 +47,7 @@ def robot_document(source: RobotSource) -> dict[str, Any]:
     path = Path(source.robot)
     if source.robot.startswith(_PACKAGE):
         path = _of_package(source.robot.removeprefix(_PACKAGE))
-    path = _described(description_in, path) if path.is_dir() else path
+    path = described(description_in, path) if path.is_dir() else path
     if not path.is_file():
         raise invalid_value("robot", f"there is no file {source.robot!r}", _ROBOT_HINT)
     if path.suffix == ".urdf":
@@ -60,8 +60,12 @@ def robot_document(source: RobotSource) -> dict[str, Any]:
         document = read_json(path)
     else:
         raise invalid_value("robot", f"{path.name} is no robot description", _ROBOT_HINT)
-    name = _NOT_IN_NAMES.sub("_", document.get("name", path.stem)) or "robot"
-    return document | {"name": name} | _options(source)
+    return document | {"name": valid_name(document.get("name", path.stem))} | options(source)
+
+
+def valid_name(text: str) -> str:
+    """A name that robots may have, made of any text."""
+    return _NOT_IN_NAMES.sub("_", text) or "robot"
 
 
 def read_json(path: Path) -> dict[str, Any]:
@@ -99,10 +103,11 @@ def _of_package(name: str) -> Path:
     return Path(str(urdfs[name].locate())).resolve()
 
 
-def _options(source: RobotSource) -> dict[str, Any]:
+def options(source: RobotSource) -> dict[str, Any]:
+    """What the options of a command say of a robot, as fields of its upload."""
     given: dict[str, Any] = {"base_link": source.base_link, "tip_link": source.tip_link}
     if source.srdf is not None:
-        given["srdf"] = _described(urdf_text, source.srdf)
+        given["srdf"] = described(urdf_text, source.srdf)
     if source.joint_limits is not None:
         path = source.joint_limits
         given["joint_limits"] = read_json(path) if path.suffix == ".json" else path.read_text()
@@ -132,7 +137,7 @@ def _default_limits(text: str) -> Any:
     return {limit.strip(): rule.strip() for limit, _, rule in rules}
 
 
-def _described(read: Callable[P, A], *args: P.args, **kwargs: P.kwargs) -> A:
+def described(read: Callable[P, A], *args: P.args, **kwargs: P.kwargs) -> A:
     """What a reader of the client gives, its refusals as problems of the command."""
     try:
         return read(*args, **kwargs)
@@ -141,7 +146,7 @@ def _described(read: Callable[P, A], *args: P.args, **kwargs: P.kwargs) -> A:
         raise invalid_value("robot", detail, error.hint) from None
 
 
-def _arguments(pairs: Sequence[str]) -> dict[str, str]:
+def xacro_arguments(pairs: Sequence[str]) -> dict[str, str]:
     """The values of ``--xacro name:=value``."""
     split = [pair.partition(":=") for pair in pairs]
     if not all(name and equals for name, equals, _ in split):
@@ -152,7 +157,7 @@ def _arguments(pairs: Sequence[str]) -> dict[str, str]:
 def _from_source(path: Path, source: RobotSource) -> dict[str, Any]:
     """The robot of a file that the client makes URDF of."""
     looks = MAX_VISUAL_BYTES if source.visual_solids else 0
-    file = _described(read_urdf, path, (), looks, _arguments(source.xacro or ()))
+    file = described(read_urdf, path, (), looks, xacro_arguments(source.xacro or ()))
     document: dict[str, Any] = {"name": file.name, "urdf": file.text}
     document |= {"meshes": dict(file.meshes)} if file.meshes else {}
     return document | ({} if file.srdf is None else {"srdf": file.srdf})

@@ -1,8 +1,8 @@
 """MJCF models read as robots, held against MuJoCo's own numbers: joints, frames, geoms, pairs.
 
-``python -m benchmarks.judges.mujoco_models FOLDER...`` reads every model below the folders, and prints for each the
-largest difference of poses and of support functions over random configurations [m], and how many
-pairs of bodies one of the two lets collide and the other does not.
+``python -m benchmarks.judges.mujoco_models FOLDER...`` reads every model below the folders, and
+prints for each the largest difference of poses and of support functions over random configurations
+[m], and how many pairs of bodies one of the two lets collide and the other does not.
 """
 
 import argparse
