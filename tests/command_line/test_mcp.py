@@ -2,6 +2,7 @@
 
 import asyncio
 import json
+import os
 import sys
 from collections.abc import Callable, Iterator
 from typing import Any
@@ -10,7 +11,7 @@ import httpx
 import pytest
 from mcp import Client, MCPError, StdioServerParameters
 
-import command_line.commands.mcp
+import command_line.commands.studio
 from armwright_client import AsyncClient
 from command_line.mcp_server import mcp_server
 from service.app import create_app
@@ -179,7 +180,9 @@ def test_the_command_serves_them_over_standard_input_and_output(url: str) -> Non
     command = ["-m", "command_line.main", "mcp", "--url", url]
 
     async def run() -> None:
-        parameters = StdioServerParameters(command=sys.executable, args=command)
+        parameters = StdioServerParameters(
+            command=sys.executable, args=command, env=dict(os.environ)
+        )
         async with Client(parameters) as client:
             assert "armwright://plans/" in str(client.instructions)
             answer = await Session(client)("list_robots")
@@ -191,7 +194,7 @@ def test_the_command_serves_them_over_standard_input_and_output(url: str) -> Non
 def test_missing_packages_are_named_with_the_extra(
     run: Run, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(command_line.commands.mcp, "_NEEDED", ("no_such_package",))
+    monkeypatch.setitem(command_line.commands.studio._NEEDED, "mcp", ("no_such_package",))
     refused = run("mcp")
     assert refused.code == 3
     assert "no_such_package" in refused.err
