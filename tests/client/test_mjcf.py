@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 import armwright as aw
-from armwright_client import InvalidArgument, RobotUpload
+from armwright_client import InvalidArgument, RobotUpload, scene_from_mjcf
 from benchmarks.judges.mujoco_models import differences, placed
 from command_line.parameters import RobotSource
 from command_line.robot_files import robot_document
@@ -52,6 +52,14 @@ ARM = """<mujoco model="bent arm"><compiler angle="degree"/>
 <actuator><position joint="pan" kp="10" forcerange="-30 20" gear="2"/></actuator>
 <keyframe><key name="home" qpos="1 0 .5 1 0 0 0 0.1 0.2 0.03 0.4 0.01 0.006"/></keyframe>
 </mujoco>"""
+
+#: A link that turns beside a box.
+BESIDE_A_BOX = """<mujoco><worldbody>
+<geom name="box" type="box" size=".1 .1 .1" pos=".6 0 .5" euler="0 0 30"/>
+<body name="base"><geom type="sphere" size=".05"/><body name="link" pos="0 0 .5">
+<joint name="j" axis="0 1 0" range="-90 90"/>
+<geom type="capsule" size=".03 .05" pos=".3 0 0" euler="0 90 0"/></body></body></worldbody></mujoco>
+"""
 
 
 def chain(body: str, joints: str = "", geoms: str = '<geom size=".1"/>') -> str:
@@ -153,6 +161,8 @@ def test_clearances_are_those_of_mujoco(arm: Path) -> None:
     model = mujoco.MjModel.from_xml_path(str(arm))
     data, random = mujoco.MjData(model), np.random.default_rng(0)
     tree = parse_urdf(str(RobotUpload.from_urdf(arm, name="arm").urdf))
+    semantics = parse_srdf(str(RobotUpload.from_urdf(arm, name="arm").srdf))
+    assert {*robot.allowed} == semantics.disabled_collisions
     allowed = {frozenset(pair) for pair in robot.allowed}
     free = 0
     for _ in range(200):
@@ -201,6 +211,50 @@ def test_what_is_no_robot_of_ours_is_refused_by_name(tmp_path: Path, text: str, 
         RobotUpload.from_urdf(path)
     with pytest.raises(InvalidRobotDescription, match=f"(?s){words}"):
         aw.load_robot(path)
+
+
+def test_the_rest_of_a_model_is_a_scene(arm: Path) -> None:
+    scene = scene_from_mjcf(arm)
+    found = {item.id: item for item in scene.obstacles or ()}
+    assert {name: item.shape.type for name, item in found.items()} == {
+        "geom0": "halfspace",
+        "table": "box",
+        "ball": "sphere",
+    }
+    assert found["ball"].pose.position == [1.0, 0.0, 0.5]
+    assert {tuple(pair) for pair in scene.allowed_collisions or ()} == {
+        ("geom0", "base"),
+        ("table", "base"),
+        ("geom0", "right"),
+        ("table", "right"),
+        ("ball", "right"),
+    }, "what stands still never meets, and the right finger's mask meets nothing"
+
+
+def test_clearances_in_a_scene_are_those_of_mujoco(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = write(tmp_path, BESIDE_A_BOX)
+    run: Run = runner(capsys)
+    model = mujoco.MjModel.from_xml_path(str(path))
+    data = mujoco.MjData(model)
+    nearest = set()
+    for angle in (-1.2, -0.3, 0.1, 0.5, 1.2):
+        data.qpos[0] = angle
+        mujoco.mj_forward(model, data)
+        # Both of the link, which alone moves: with the box, and with the base.
+        distances = [mujoco.mj_geomDistance(model, data, 2, geom, 10.0, None) for geom in (0, 1)]
+        told = run("check", str(path), "-q", str(angle), "--scene", str(path), "--json")
+        assert told.code == 0, told.out
+        assert told.json["clearance"] == pytest.approx(min(distances), abs=2e-5)
+        nearest |= {*told.json["clearance_pair"]}
+    assert nearest == {"link", "box", "base"}
+
+
+def test_shapes_that_scenes_have_no_word_for_are_refused(tmp_path: Path) -> None:
+    text = "<mujoco><worldbody><geom type='ellipsoid' size='.1 .2 .3'/></worldbody></mujoco>"
+    with pytest.raises(InvalidArgument, match="ellipsoid"):
+        scene_from_mjcf(write(tmp_path, text))
 
 
 def test_a_base_on_a_free_joint_stands_where_the_model_puts_it(tmp_path: Path) -> None:

@@ -98,6 +98,21 @@ def bodies_of_robot(model: Any) -> list[int]:
     return [body for body in range(1, model.nbody) if int(model.body_rootid[body]) in movable]
 
 
+def link_names(model: Any, bodies: Sequence[int]) -> dict[int, str]:
+    """Names of the links of bodies, and of the root."""
+    return {0: _ROOT} | {body: model.body(body).name or f"body{body}" for body in bodies}
+
+
+def body_pose(model: Any, body: int) -> Pose:
+    """The pose of a body in its parent, where the model puts it: free bodies too."""
+    first = int(model.body_jntadr[body])
+    if first >= 0 and model.jnt_type[first] == _FREE:
+        start = int(model.jnt_qposadr[first])
+        held = model.qpos0[start : start + 7]
+        return Pose(held[:3], held[3:])
+    return Pose(model.body_pos[body], model.body_quat[body])
+
+
 def turned(quaternion: Vector, vector: Vector) -> list[float]:
     """A vector turned by a quaternion w, x, y, z."""
     inverse = [quaternion[0], *(-part for part in quaternion[1:])]
@@ -152,10 +167,8 @@ class _Writer:
         self._bodies = bodies_of_robot(model)
         if not self._bodies:
             raise InvalidArgument(f"{name!r} is no robot: no body of it has a hinge or a slide")
-        self._taken = {_ROOT}
-        self._links = {0: _ROOT}
-        for body in self._bodies:
-            self._links[body] = self._unused(model.body(body).name or f"body{body}")
+        self._links = link_names(model, self._bodies)
+        self._taken = {*self._links.values()}
         self._robot = ET.Element("robot", name=name)
         self._meshes: dict[str, bytes] = {}
 
@@ -270,13 +283,11 @@ class _Writer:
         """The joints of a body, each on a link of its own before the body's."""
         model, name = self._model, self._links[body]
         parent = self._links[int(model.body_parentid[body])]
-        pose = Pose(model.body_pos[body], model.body_quat[body])
+        pose = body_pose(model, body)
         first = int(model.body_jntadr[body])
         joints = [*range(first, first + int(model.body_jntnum[body]))]
         if joints and model.jnt_type[joints[0]] == _FREE:
-            start = int(model.jnt_qposadr[joints[0]])
-            held = model.qpos0[start : start + 7]
-            pose, joints = Pose(held[:3], held[3:]), joints[1:]
+            joints = joints[1:]
         for joint in joints:
             anchor = Pose(model.jnt_pos[joint])
             back = Pose([-value for value in anchor.position])
@@ -327,7 +338,8 @@ class _Writer:
 
     def _srdf(self) -> str:
         root = ET.Element("robot", name=self._name)
-        for a, b in filtered(self._model, self._bodies):
+        # The root has nothing that collides. An SRDF that disables no pair says nothing of any.
+        for a, b in ((0, self._bodies[0]), *filtered(self._model, self._bodies)):
             pair = {"link1": self._links[a], "link2": self._links[b], "reason": "MJCF"}
             ET.SubElement(root, "disable_collisions", pair)
         model = self._model
@@ -359,7 +371,6 @@ def collides(model: Any, geom: int) -> bool:
 
 def filtered(model: Any, bodies: Sequence[int]) -> Iterator[tuple[int, int]]:
     """Pairs of bodies that MuJoCo never lets collide, as its collision driver decides."""
-    excluded = {int(signature) for signature in model.exclude_signature}
     paired = {
         frozenset((int(model.geom_bodyid[a]), int(model.geom_bodyid[b])))
         for a, b in zip(model.pair_geom1, model.pair_geom2, strict=True)
@@ -369,9 +380,26 @@ def filtered(model: Any, bodies: Sequence[int]) -> Iterator[tuple[int, int]]:
         for b in solid[i + 1 :]:
             if frozenset((a, b)) in paired:
                 continue
-            out = (a << 16) + b in excluded or (b << 16) + a in excluded
-            if out or _related(model, a, b) or not _masks_meet(model, a, b):
+            if never_meet(model, a, b, geoms_of(model, b)):
                 yield a, b
+
+
+def never_meet(model: Any, a: int, b: int, geoms: Sequence[int]) -> bool:
+    """Whether a body never meets geoms of another one: excluded, related, or by their masks.
+
+    Args:
+        model: The compiled model.
+        a: Number of the body.
+        b: Number of the other body.
+        geoms: Numbers of geoms of the other body.
+    """
+    excluded = {int(signature) for signature in model.exclude_signature}
+    if not excluded.isdisjoint(((a << 16) + b, (b << 16) + a)) or _related(model, a, b):
+        return True
+    kinds, answers = model.geom_contype, model.geom_conaffinity
+    return not any(
+        kinds[g] & answers[h] or kinds[h] & answers[g] for g in geoms_of(model, a) for h in geoms
+    )
 
 
 def _related(model: Any, a: int, b: int) -> bool:
@@ -384,16 +412,6 @@ def _related(model: Any, a: int, b: int) -> bool:
         return True
     filters = not int(model.opt.disableflags) & int(mjtDisableBit.mjDSBL_FILTERPARENT)
     return filters and all(weld) and (weld[0] == above[1] or weld[1] == above[0])
-
-
-def _masks_meet(model: Any, a: int, b: int) -> bool:
-    """Whether the masks of some geoms of two bodies let them collide."""
-    kinds, answers = model.geom_contype, model.geom_conaffinity
-    return any(
-        kinds[g] & answers[h] or kinds[h] & answers[g]
-        for g in geoms_of(model, a)
-        for h in geoms_of(model, b)
-    )
 
 
 def led(model: Any, joint: int) -> Iterator[tuple[int, float, float]]:
