@@ -173,7 +173,7 @@ def test_clearances_are_those_of_mujoco(arm: Path) -> None:
         frames = placed(tree, dict(zip(robot.chain.joint_names, joints, strict=True)) | held)
         for name, value in (dict(zip(robot.chain.joint_names, joints, strict=True)) | held).items():
             data.qpos[model.jnt_qposadr[model.joint(name).id]] = value
-        mujoco.mj_forward(model, data)
+        mujoco.mj_kinematics(model, data)
         np.testing.assert_allclose(aw.fk(robot, joints), frames["tool"], atol=1e-12)
         nearest = np.inf
         for a in range(model.ngeom):
@@ -205,12 +205,16 @@ def test_clearances_are_those_of_mujoco(arm: Path) -> None:
         ("<mujoco><worldbody>", "can't compile"),
     ],
 )
-def test_what_is_no_robot_of_ours_is_refused_by_name(tmp_path: Path, text: str, words: str) -> None:
+def test_what_is_no_robot_of_ours_is_refused_by_name(
+    tmp_path: Path, text: str, words: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
     path = write(tmp_path, text)
     with pytest.raises(InvalidArgument, match=f"(?s){words}"):
         RobotUpload.from_urdf(path)
     with pytest.raises(InvalidRobotDescription, match=f"(?s){words}"):
         aw.load_robot(path)
+    assert [file.name for file in tmp_path.iterdir()] == [path.name], "no file of MuJoCo's warnings"
 
 
 def test_the_rest_of_a_model_is_a_scene(arm: Path) -> None:
@@ -241,7 +245,7 @@ def test_clearances_in_a_scene_are_those_of_mujoco(
     nearest = set()
     for angle in (-1.2, -0.3, 0.1, 0.5, 1.2):
         data.qpos[0] = angle
-        mujoco.mj_forward(model, data)
+        mujoco.mj_kinematics(model, data)
         # Both of the link, which alone moves: with the box, and with the base.
         distances = [mujoco.mj_geomDistance(model, data, 2, geom, 10.0, None) for geom in (0, 1)]
         told = run("check", str(path), "-q", str(angle), "--scene", str(path), "--json")

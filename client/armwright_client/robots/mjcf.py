@@ -82,10 +82,14 @@ def compiled(path: Path) -> Any:
             "is not installed",
             hint=_INSTALL,
         ) from None
+    before = mujoco.get_mju_user_warning()
+    mujoco.set_mju_user_warning(lambda _: None)  # else they go to a file in the folder at hand
     try:
         return mujoco.MjModel.from_xml_path(str(path))
     except ValueError as error:
         raise InvalidArgument(f"MuJoCo can't compile {path}: {error}") from None
+    finally:
+        mujoco.set_mju_user_warning(before)
 
 
 def bodies_of_robot(model: Any) -> list[int]:
