@@ -1,7 +1,9 @@
 """Robots by name, from files and from Denavit-Hartenberg rows."""
 
-from collections.abc import Collection, Mapping, Sequence
+from base64 import b64decode
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -10,6 +12,7 @@ from kinematics.errors import InvalidRobotDescription
 from kinematics.model.dh import chain_from_dh
 from kinematics.model.dh_table import Convention, DhRow, DhTable
 from kinematics.readers.lint import tidy
+from kinematics.readers.mesh_uri import resolve_mesh
 from kinematics.robots import builtin_names, builtin_srdf, builtin_urdf
 from kinematics.root_frame import root_notes, tool_notes
 from kinematics.tree.fingers import fingers
@@ -28,6 +31,8 @@ from obstacles.robots.touching_pairs import suspected_pairs
 
 #: Prefix of ROS's mesh names: package://<package>/<path in it>.
 _PACKAGE = "package://"
+#: Files that readers of the client, on this machine, make URDF of: xacro and MJCF.
+_CONVERTED = (".xacro", ".xml", ".mjcf")
 
 
 def load_robot(
@@ -40,17 +45,19 @@ def load_robot(
     default_limits: Mapping[str, str] | None = None,
     held: Mapping[str, float] | None = None,
     visual_solids: bool = False,
+    xacro_args: Mapping[str, str] | None = None,
     convention: Convention = "standard",
 ) -> RobotGeometry:
-    """The robot of a name, a URDF file or a Denavit-Hartenberg table, with its collision geometry.
+    """The robot of a name, a file (URDF, xacro or MJCF) or a DH table, with its collision geometry.
 
     Poses are in the frame of the root link. Pairs that are suspected to touch, named states and
     what is odd are in ``suspected``, ``states`` and ``lint`` of the robot.
 
     Args:
-        source: Name of a built-in robot (``builtin_names``), path of a URDF file, DH table, or
-            its rows (``DhRow`` or mappings of its fields). Mesh files are found relative to the
-            URDF's folder; for ``package://name/path`` also in the folder ``name`` above it.
+        source: Name of a built-in robot (``builtin_names``), path of a URDF, xacro or MJCF file or
+            of a folder that holds one, DH table, or its rows (``DhRow`` or mappings of its fields).
+            Mesh files are found relative to the URDF's folder; for ``package://name/path`` also in
+            the folder ``name`` above it.
         srdf: Path of the SRDF that belongs to a URDF.
         base_link: Link that the chain begins at; may be left out.
         tip_link: Last link of the chain; the likely tip if left out.
@@ -60,6 +67,7 @@ def load_robot(
         default_limits: Rules for limits that nothing else gives: {"acceleration": "10 x velocity"}.
         held: Positions of joints off the chain [rad or m].
         visual_solids: Links of a URDF without collision geometry collide as they look.
+        xacro_args: Values of the arguments of a xacro file, by name.
         convention: How DH rows are read, "standard" or "modified".
 
     Raises:
@@ -68,7 +76,7 @@ def load_robot(
     """
     if isinstance(source, str | Path):
         asked = _Asked(base_link, tip_link, joint_limits, held or {}, visual_solids)
-        robot = _of_file(source, srdf, asked)
+        robot = _of_file(source, srdf, asked, xacro_args)
     else:
         table = source if isinstance(source, DhTable) else _table(source, convention)
         robot = robot_geometry(chain_from_dh("robot", table))
@@ -94,21 +102,50 @@ def _table(rows: Sequence[DhRow | Mapping[str, Any]], convention: Convention) ->
     )
 
 
-def _of_file(source: str | Path, srdf: str | Path | None, asked: _Asked) -> RobotGeometry:
-    """The robot of a built-in name or of a URDF file."""
+def _of_file(
+    source: str | Path,
+    srdf: str | Path | None,
+    asked: _Asked,
+    xacro_args: Mapping[str, str] | None,
+) -> RobotGeometry:
+    """The robot of a built-in name or of a file."""
     if isinstance(source, str) and source in builtin_names() and not Path(source).is_file():
         semantics = parse_srdf(builtin_srdf(source))
-        return _from_urdf(builtin_urdf(source), source, None, semantics, asked)
-    path = _require_file(Path(source))
+        return _from_urdf(builtin_urdf(source), source, _mesh_beside(None), semantics, asked)
+    path = Path(source)
     text = None if srdf is None else _require_file(Path(srdf)).read_text("utf-8")
+    if path.is_dir() or path.suffix.lower() in _CONVERTED or xacro_args:
+        urdf, mesh, made = _converted(path, asked.visual_solids, xacro_args)
+        text = made if text is None else text
+    else:
+        urdf, mesh = _require_file(path).read_text("utf-8"), _mesh_beside(path.parent)
     semantics_of_file = None if text is None else parse_srdf(text)
-    return _from_urdf(path.read_text("utf-8"), path.stem, path.parent, semantics_of_file, asked)
+    return _from_urdf(urdf, path.stem, mesh, semantics_of_file, asked)
+
+
+def _mesh_beside(folder: Path | None) -> Callable[[str], bytes]:
+    return lambda uri: read_mesh(uri, folder)
+
+
+def _converted(
+    path: Path, visual_solids: bool, xacro_args: Mapping[str, str] | None
+) -> tuple[str, Callable[[str], bytes], str | None]:
+    """URDF of a file of another form, its meshes, and the SRDF that comes with it."""
+    from armwright_client.robots.urdf import MAX_VISUAL_BYTES, read_urdf  # noqa: PLC0415
+
+    try:
+        looks = MAX_VISUAL_BYTES if visual_solids else 0
+        file = read_urdf(path if path.is_dir() else _require_file(path), (), looks, xacro_args)
+    except ValueError as error:
+        raise InvalidRobotDescription(str(error)) from None
+    meshes = {name: b64decode(data) for name, data in file.meshes.items()}
+    return file.text, partial(resolve_mesh, uploaded=meshes), file.srdf
 
 
 def _from_urdf(
     urdf: str,
     name: str,
-    folder: Path | None,
+    mesh: Callable[[str], bytes],
     semantics: Semantics | None,
     asked: _Asked,
 ) -> RobotGeometry:
@@ -124,9 +161,6 @@ def _from_urdf(
     chain = serial_chain(
         description, *ends, held=asked.held, joint_limits=limits, semantics=semantics
     )
-
-    def mesh(uri: str) -> bytes:
-        return read_mesh(uri, folder)
 
     robot = robot_geometry(replace(chain, name=name), description, mesh, semantics)
     robot = replace(robot, fingers=fingers(description, chosen, semantics))

@@ -11,7 +11,7 @@ from command_line.commands.files import export, project, sweep
 from command_line.commands.kinematics import fk, ik, reach
 from command_line.commands.motions import check, convert, plan, retime, simulate, validate
 from command_line.commands.robots import robots, scenes
-from command_line.commands.studio import studio
+from command_line.commands.studio import mcp, studio
 from command_line.commands.task import task, tour
 from command_line.commands.view import view
 from command_line.exit_codes import ExitCode
@@ -44,6 +44,7 @@ _COMMANDS: tuple[Callable[..., None], ...] = (
     sweep,
     view,
     studio,
+    mcp,
     robots,
     scenes,
     bench,

@@ -33,11 +33,15 @@ class RobotSource(NamedTuple):
     robot: Annotated[
         str,
         typer.Argument(
-            help="Name of a robot, or path of a URDF, a folder with one, a .zip, or the JSON of an "
-            "upload, or example-robot-data:NAME for a URDF of that package."
+            help="Name of a robot, or path of a URDF, .xacro or MJCF, a folder with one, a .zip, "
+            "or the JSON of an upload, or example-robot-data:NAME for a URDF of that package."
         ),
     ]
     srdf: Annotated[Path | None, typer.Option(help="SRDF file that belongs to the URDF.")] = None
+    xacro: Annotated[
+        list[str] | None,
+        typer.Option(help="Argument of a .xacro file as name:=value; may be given several times."),
+    ] = None
     base_link: Annotated[str | None, typer.Option(help="Link that the chain begins at.")] = None
     tip_link: Annotated[str | None, typer.Option(help="Last link of the chain.")] = None
     joint_limits: Annotated[
@@ -117,8 +121,7 @@ def command(function: Callable[..., None]) -> Callable[..., None]:
     """A command whose parameter groups are spread out, and whose problems are shown.
 
     Args:
-        function: Takes values and groups (named tuples of annotated fields), `Connection` among
-            them.
+        function: Takes values and groups (named tuples of annotated fields), mostly `Connection`.
     """
     hints = get_type_hints(function, include_extras=True)
     groups: dict[str, Any] = {}
@@ -135,7 +138,7 @@ def command(function: Callable[..., None]) -> Callable[..., None]:
         arguments = dict(values)
         for name, kind in groups.items():
             arguments[name] = kind(**{field: arguments.pop(field) for field in kind._fields})
-        with shows_problems(values["as_json"]):
+        with shows_problems(values.get("as_json", False)):
             function(**arguments)
 
     run.__name__ = function.__name__

@@ -3,15 +3,25 @@
 import base64
 import json
 import re
+from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, ParamSpec, TypeVar
 
+from armwright_client.robots.sources import description_in, is_mjcf, urdf_text
+from armwright_client.robots.urdf import MAX_VISUAL_BYTES, read_urdf
+from armwright_wire.errors import InvalidArgument
 from command_line.parameters import RobotSource
 from command_line.problems import invalid_value
 
+P = ParamSpec("P")
+A = TypeVar("A")
+
 #: Characters that names of robots do not have.
 _NOT_IN_NAMES = re.compile(r"[^A-Za-z0-9_.-]")
-_ROBOT_HINT = "Give the name of a robot (`armwright robots`), a .urdf, a folder, a .zip or a .json."
+_ROBOT_HINT = (
+    "Give the name of a robot (`armwright robots`), a .urdf, a .xacro, MJCF, a folder, a .zip or a "
+    ".json."
+)
 #: What a robot of the package example-robot-data begins with.
 _PACKAGE = "example-robot-data:"
 
@@ -27,7 +37,7 @@ def robot_document(source: RobotSource) -> dict[str, Any]:
     """The upload that describes a robot of a file.
 
     Args:
-        source: A .urdf, a folder that holds one, a .zip, the JSON of an upload, or
+        source: A .urdf, .xacro or MJCF, a folder that holds one, a .zip, the JSON of an upload, or
             ``example-robot-data:`` with the name of a URDF of that package.
 
     Raises:
@@ -37,20 +47,25 @@ def robot_document(source: RobotSource) -> dict[str, Any]:
     path = Path(source.robot)
     if source.robot.startswith(_PACKAGE):
         path = _of_package(source.robot.removeprefix(_PACKAGE))
-    if path.is_dir():
-        document = _from_urdf(_only_urdf(path), source.visual_solids)
-    elif not path.is_file():
+    path = described(description_in, path) if path.is_dir() else path
+    if not path.is_file():
         raise invalid_value("robot", f"there is no file {source.robot!r}", _ROBOT_HINT)
-    elif path.suffix == ".urdf":
+    if path.suffix == ".urdf":
         document = _from_urdf(path, source.visual_solids)
+    elif path.suffix == ".xacro" or is_mjcf(path):
+        document = _from_source(path, source)
     elif path.suffix == ".zip":
         document = _from_archive(path)
     elif path.suffix == ".json":
         document = read_json(path)
     else:
         raise invalid_value("robot", f"{path.name} is no robot description", _ROBOT_HINT)
-    name = _NOT_IN_NAMES.sub("_", path.stem) or "robot"
-    return {"name": name} | document | _options(source)
+    return document | {"name": valid_name(document.get("name", path.stem))} | options(source)
+
+
+def valid_name(text: str) -> str:
+    """A name that robots may have, made of any text."""
+    return _NOT_IN_NAMES.sub("_", text) or "robot"
 
 
 def read_json(path: Path) -> dict[str, Any]:
@@ -88,10 +103,11 @@ def _of_package(name: str) -> Path:
     return Path(str(urdfs[name].locate())).resolve()
 
 
-def _options(source: RobotSource) -> dict[str, Any]:
+def options(source: RobotSource) -> dict[str, Any]:
+    """What the options of a command say of a robot, as fields of its upload."""
     given: dict[str, Any] = {"base_link": source.base_link, "tip_link": source.tip_link}
     if source.srdf is not None:
-        given["srdf"] = source.srdf.read_text("utf-8")
+        given["srdf"] = described(urdf_text, source.srdf)
     if source.joint_limits is not None:
         path = source.joint_limits
         given["joint_limits"] = read_json(path) if path.suffix == ".json" else path.read_text()
@@ -121,16 +137,30 @@ def _default_limits(text: str) -> Any:
     return {limit.strip(): rule.strip() for limit, _, rule in rules}
 
 
-def _only_urdf(folder: Path) -> Path:
-    paths = sorted(folder.rglob("*.urdf"))
-    if len(paths) == 1:
-        return paths[0]
-    names = ", ".join(str(path.relative_to(folder)) for path in paths[:10]) or "none"
-    raise invalid_value(
-        str(folder),
-        f"which .urdf is meant is open; it holds {names}",
-        "Give the path of the .urdf itself; a xacro file has to be expanded first.",
-    )
+def described(read: Callable[P, A], *args: P.args, **kwargs: P.kwargs) -> A:
+    """What a reader of the client gives, its refusals as problems of the command."""
+    try:
+        return read(*args, **kwargs)
+    except InvalidArgument as error:
+        detail = str(error).removesuffix(f". {error.hint}")
+        raise invalid_value("description", detail, error.hint) from None
+
+
+def xacro_arguments(pairs: Sequence[str]) -> dict[str, str]:
+    """The values of ``--xacro name:=value``."""
+    split = [pair.partition(":=") for pair in pairs]
+    if not all(name and equals for name, equals, _ in split):
+        raise invalid_value("--xacro", "an argument has no value", "Give it as name:=value.")
+    return {name: value for name, _, value in split}
+
+
+def _from_source(path: Path, source: RobotSource) -> dict[str, Any]:
+    """The robot of a file that the client makes URDF of."""
+    looks = MAX_VISUAL_BYTES if source.visual_solids else 0
+    file = described(read_urdf, path, (), looks, xacro_arguments(source.xacro or ()))
+    document: dict[str, Any] = {"name": file.name, "urdf": file.text}
+    document |= {"meshes": dict(file.meshes)} if file.meshes else {}
+    return document | ({} if file.srdf is None else {"srdf": file.srdf})
 
 
 def _from_urdf(path: Path, visual_solids: bool) -> dict[str, Any]:

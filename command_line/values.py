@@ -5,9 +5,10 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
+from armwright_client.robots.sources import is_mjcf
 from command_line.parameters import Cell, Mounted
 from command_line.problems import invalid_value
-from command_line.robot_files import read_json
+from command_line.robot_files import described, read_json
 
 #: Fields of a goal; an object without any of them is a pose.
 _GOAL_FIELDS = {"joints", "state", "pose", "any_of"}
@@ -96,7 +97,8 @@ def scene(text: str | None) -> dict[str, Any] | str | None:
     """The scene of an option: that of a file, or the name of a stored one.
 
     Args:
-        text: A JSON file, a MoveIt planning scene (YAML or .scene), JSON, or a name; None for none.
+        text: A JSON file, a MoveIt planning scene (YAML or .scene), a model of MuJoCo, JSON, or a
+            name; None for none.
 
     Raises:
         ProblemError: The file is not there or is not JSON.
@@ -106,6 +108,10 @@ def scene(text: str | None) -> dict[str, Any] | str | None:
     path = Path(text)
     if path.suffix in _MOVEIT_FILES:
         return {"moveit": path.read_text("utf-8")}
+    if path.is_file() and is_mjcf(path):
+        from armwright_client.robots.mjcf_scene import scene_from_mjcf  # noqa: PLC0415
+
+        return described(scene_from_mjcf, path).model_dump(mode="json", exclude_none=True)
     value = read_value("--scene", text)
     if isinstance(value, list):
         raise invalid_value("--scene", "a JSON object is needed")

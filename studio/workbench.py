@@ -1,10 +1,14 @@
 """Commands of the studio: each changes the state or asks the service, and knows no browser."""
 
+import io
 import json
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from pathlib import Path
+from tempfile import TemporaryDirectory
 from types import MappingProxyType
 from typing import Any, Literal
+from zipfile import ZipFile, is_zipfile
 
 from armwright_client import (
     CheckAnswer,
@@ -16,6 +20,7 @@ from armwright_client import (
     Pose,
     Robot,
     RobotArchive,
+    RobotOptions,
     RobotUpload,
     Scene,
 )
@@ -63,6 +68,8 @@ _NEW_PLACE = (0.4, 0.3, 0.3)
 _FREE_RANGE = 3.141592653589793
 #: URDF knows no accelerations: without a rule no uploaded robot could be planned for.
 _RULES = DefaultLimits(acceleration="10 x velocity")
+#: Largest size of an archive that is unpacked here [byte].
+_MOST_UNPACKED = 512 * 2**20
 
 
 class Workbench:
@@ -481,7 +488,9 @@ def home(model: Robot) -> tuple[float, ...]:
 def robot_upload(
     file_name: str, content: bytes, tip_link: str | None
 ) -> RobotUpload | RobotArchive:
-    """The upload of a URDF or a .zip.
+    """The upload of a URDF, a xacro or MJCF file, or a .zip with one of them and its meshes.
+
+    xacro and MJCF become URDF here, in the studio's own process, and never in the service.
 
     Args:
         file_name: Name whose stem becomes the robot's name.
@@ -489,19 +498,38 @@ def robot_upload(
         tip_link: Link that the chain ends at, for a tree with several arms.
 
     Raises:
-        ValueError: The file is neither a URDF nor a .zip.
+        ValueError: The file is of another kind, or can't be expanded.
     """
     stem, _, suffix = file_name.rpartition(".")
-    if suffix.lower() == "zip":
-        if tip_link is None:
-            return RobotArchive(stem, content, {"default_limits": _RULES})
-        return RobotArchive(stem, content, {"default_limits": _RULES, "tip_link": tip_link})
-    if suffix.lower() in ("urdf", "xml"):
-        text = content.decode("utf-8")
-        return RobotUpload(name=stem, urdf=text, tip_link=tip_link, default_limits=_RULES)
-    if suffix.lower() == "xacro":
-        raise ValueError(
-            f"{file_name} is a xacro file, of which a URDF is made: expand it first "
-            f"(`xacro {file_name} > robot.urdf`), and give the result"
-        )
-    raise ValueError(f"{file_name}: give a .urdf, or a .zip with the URDF and its meshes")
+    options: RobotOptions = {"default_limits": _RULES}
+    if tip_link is not None:
+        options["tip_link"] = tip_link
+    is_model = suffix.lower() == "xml" and b"<mujoco" in content
+    if suffix.lower() in ("urdf", "xml") and not is_model:
+        return RobotUpload(name=stem, urdf=content.decode("utf-8"), **options)
+    if suffix.lower() not in ("zip", "xacro") and not is_model:
+        raise ValueError(f"{file_name}: give a .urdf, .xacro or MJCF, or a .zip with its meshes")
+    stem = stem.removesuffix(".urdf")
+    with TemporaryDirectory() as folder:
+        path = Path(folder) / f"robot.{suffix.lower()}"
+        if suffix.lower() != "zip":
+            path.write_bytes(content)
+        elif _unpacked(file_name, content, folder):
+            path = Path(folder)
+        else:
+            return RobotArchive(stem, content, options)
+        return RobotUpload.from_urdf(path, name=stem, **options)
+
+
+def _unpacked(file_name: str, content: bytes, folder: str) -> bool:
+    """Unpack an archive that has a .xacro or .xml and no .urdf; whether it is one."""
+    if not is_zipfile(io.BytesIO(content)):
+        return False
+    with ZipFile(io.BytesIO(content)) as archive:
+        suffixes = {Path(name).suffix.lower() for name in archive.namelist()}
+        if ".urdf" in suffixes or suffixes.isdisjoint((".xacro", ".xml")):
+            return False
+        if sum(item.file_size for item in archive.infolist()) > _MOST_UNPACKED:
+            raise ValueError(f"{file_name} unpacks to more than {_MOST_UNPACKED >> 20} MiB")
+        archive.extractall(folder)
+    return True

@@ -56,7 +56,7 @@ MAX_EXEMPTIONS = 8
 MANY_ARGUMENTS = {
     "plane_bound": 9,
     "implicit_step": 9,
-    "load_robot": 9,
+    "load_robot": 10,
 }
 #: Folders with more loose modules than MAX_LOOSE that are still to be sorted.
 CROWDED = {"planning/proof/collision"}

@@ -113,6 +113,7 @@ from armwright_client.options.plan_options import SimulateOptions as SimulateOpt
 from armwright_client.options.plan_options import TaskOptions as TaskOptions
 from armwright_client.options.plan_options import TourOptions as TourOptions
 from armwright_client.options.plan_options import ValidateOptions as ValidateOptions
+from armwright_client.robots.mjcf_scene import scene_from_mjcf as scene_from_mjcf
 from armwright_client.robots.robot import ArchiveOptions as ArchiveOptions
 from armwright_client.robots.robot import RobotArchive as RobotArchive
 from armwright_client.robots.robot import RobotOptions as RobotOptions

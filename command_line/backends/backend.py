@@ -20,6 +20,12 @@ class Backend(Protocol):
     def robot_names(self) -> list[dict[str, Any]]:
         """Summaries of all robots: name, whether it is built in, number of joints."""
 
+    def keep_robot(self, document: dict[str, Any]) -> str:
+        """Keep a robot under its name, which must be free; gives where."""
+
+    def forget_robot(self, name: str) -> None:
+        """Forget a robot that was kept."""
+
     def scenes(self) -> list[dict[str, Any]]:
         """Summaries of the stored scenes."""
 

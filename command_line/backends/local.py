@@ -14,6 +14,7 @@ from rich.console import Console
 from armwright_wire.robots.robot import RobotBody
 from armwright_wire.scenes.scene import ProjectRequest, Scene
 from armwright_wire.scenes.tool import BUILTIN_TOOLS
+from command_line.added_robots import added, folder, keep
 from command_line.backends.endpoints import Endpoint, answering
 from command_line.parameters import RobotSource
 from command_line.robot_files import is_file, robot_document
@@ -63,11 +64,15 @@ class LocalBackend:
         """
         if source.robot in builtin_names():
             return source.robot
-        if not is_file(source):
+        kept = added(source.robot)
+        if kept is not None:
+            source = source._replace(robot=str(kept))
+        elif not is_file(source):
             raise ProblemError(
                 "NOT_FOUND",
                 f"there is neither a built-in robot nor a file {source.robot!r}",
-                hint=f"Built in are: {', '.join(builtin_names())}.",
+                hint=f"Built in are: {', '.join(builtin_names())}. "
+                "`armwright robots add` adds others.",
             )
         body = validate_as(RobotBody, robot_document(source))
         return self.add_robot(body.name, body.model_dump_json(exclude_none=True).encode())
@@ -184,12 +189,40 @@ class LocalBackend:
         return dict(json.loads(model.answer))
 
     def robot_names(self) -> list[dict[str, Any]]:
-        """Summaries of the built-in robots."""
-        models = (self.robot_model(name) for name in builtin_names())
+        """Summaries of the built-in robots, and of those that were added on this machine."""
+        paths = sorted(folder().glob("*.json"))
+        others = [self.robot_name(RobotSource(path.stem)) for path in paths]
+        models = (self.robot_model(name) for name in (*builtin_names(), *others))
         return [
-            {"name": model["name"], "built_in": True, "joints": len(model["joint_names"])}
+            {
+                "name": model["name"],
+                "built_in": model["name"] in builtin_names(),
+                "joints": len(model["joint_names"]),
+            }
             for model in models
         ]
+
+    def keep_robot(self, document: dict[str, Any]) -> str:
+        """Keep a robot on this machine, once it can be read; gives where.
+
+        Raises:
+            ProblemError: The name is taken, or the robot is malformed.
+        """
+        body = validate_as(RobotBody, document)
+        self.add_robot(body.name, body.model_dump_json(exclude_none=True).encode())
+        self.robot_model(body.name)
+        return str(keep(document))
+
+    def forget_robot(self, name: str) -> None:
+        """Forget a robot that was added on this machine.
+
+        Raises:
+            ProblemError: There is none of this name.
+        """
+        path = added(name)
+        if path is None:
+            raise ProblemError("NOT_FOUND", f"no robot {name!r} was added on this machine")
+        path.unlink()
 
     def scenes(self) -> list[dict[str, Any]]:
         """Summaries of the scenes in the data folder of this user's service."""

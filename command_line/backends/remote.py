@@ -114,6 +114,27 @@ class RemoteBackend:
                 pass
         return name
 
+    def keep_robot(self, document: dict[str, Any]) -> str:
+        """Store a robot in the service; gives where.
+
+        Raises:
+            CommandProblem: The service refuses it.
+        """
+        from armwright_client import RobotUpload  # noqa: PLC0415
+
+        with _problems(self._url):
+            self._client.robots.create(RobotUpload.of(**document))
+        return self._url
+
+    def forget_robot(self, name: str) -> None:
+        """Delete a robot of the service.
+
+        Raises:
+            CommandProblem: The service refuses it.
+        """
+        with _problems(self._url):
+            self._client.robots.delete(name)
+
     def robot_model(self, name: str) -> dict[str, Any]:
         """The model of a robot."""
         from armwright_client.call import path  # noqa: PLC0415

@@ -15,7 +15,10 @@ from command_line.problems import CommandProblem, negative
 
 #: Where Linux says which processor it runs on.
 _PROCESSORS = Path("/proc/cpuinfo")
-_OPTIONAL = ("armwright-client", "httpx", "matplotlib", "viser")
+_OPTIONAL = (
+    *("armwright-client", "httpx", "matplotlib", "viser"),
+    *("mcp", "mujoco", "robot_descriptions", "xacrodoc"),
+)
 
 
 class Finding(NamedTuple):

@@ -1,13 +1,16 @@
 """The commands ``armwright robots`` and ``armwright scenes``."""
 
+from pathlib import Path
 from typing import Annotated
 
 import typer
 
 from command_line import values
-from command_line.backends.backend import connect
+from command_line.backends.backend import Backend, connect
 from command_line.output import print_json, print_line, print_table
 from command_line.parameters import Connection, RobotSource, command
+from command_line.problems import invalid_value
+from command_line.robot_files import valid_name
 
 _LIMITS = ("lower", "upper", "velocity", "acceleration", "jerk", "effort")
 
@@ -15,17 +18,47 @@ _LIMITS = ("lower", "upper", "velocity", "acceleration", "jerk", "effort")
 @command
 def robots(
     connection: Connection,
-    robot: Annotated[
-        str | None, typer.Argument(help="A robot by name or file; all robots if left out.")
+    words: Annotated[
+        list[str] | None,
+        typer.Argument(
+            help="A robot by name or file to show; add, and a file, folder or public name to add; "
+            "remove, and a name. All robots if left out."
+        ),
+    ] = None,
+    xacro: Annotated[
+        list[str] | None, typer.Option(help="Argument of a .xacro file as name:=value.")
+    ] = None,
+    tip_link: Annotated[
+        str | None, typer.Option(help="Last link of the chain of a robot that is added.")
+    ] = None,
+    default_limits: Annotated[
+        str | None, typer.Option(help="Rules for limits that a robot that is added does not have.")
+    ] = None,
+    kept_as: Annotated[
+        str | None, typer.Option("--as", help="Name to add a robot under, in place of its own.")
     ] = None,
 ) -> None:
-    """List robots, or show joints, limits, named states and lint of one."""
+    """List robots; show joints, limits, named states and lint of one; add or remove one."""
     with connect(connection) as backend:
-        if robot is not None:
-            name = backend.robot_name(RobotSource(robot))
-            _show_robot(backend.robot_model(name), connection.as_json)
-            return
-        rows = backend.robot_names()
+        match words or []:
+            case []:
+                rows = backend.robot_names()
+            case ["add", name]:
+                source = RobotSource(
+                    name, xacro=xacro, tip_link=tip_link, default_limits=default_limits
+                )
+                _add(backend, source, kept_as, connection.as_json)
+                return
+            case ["remove", name]:
+                backend.forget_robot(name)
+                return
+            case [robot]:
+                name = backend.robot_name(RobotSource(robot, xacro=xacro))
+                _show_robot(backend.robot_model(name), connection.as_json)
+                return
+            case _:
+                hint = "Give one robot, `add` and what to add, or `remove` and a name."
+                raise invalid_value("robots", "these are too many words", hint)
     if connection.as_json:
         print_json({"robots": rows})
         return
@@ -34,6 +67,22 @@ def robots(
         ("name", "joints", "built in"),
         ((row["name"], row["joints"], row["built_in"]) for row in rows),
     )
+
+
+def _add(backend: Backend, source: RobotSource, kept_as: str | None, as_json: bool) -> None:
+    """Add a robot of a description, and tell whose it is."""
+    from command_line.added_robots import document_of, find  # noqa: PLC0415
+
+    found = find(source.robot)
+    name = kept_as or valid_name(Path(source.robot).name.partition(".")[0])
+    kept = backend.keep_robot(document_of(found, source, name))
+    told = {"name": name, "source": found.source, "licence": found.licence, "kept": kept}
+    if as_json:
+        print_json(told)
+        return
+    print_line(f"{name}: kept in {kept}")
+    print_line(f"source: {found.source}")
+    print_line(f"licence: {found.licence or 'none is told; ask its authors before you use it'}")
 
 
 def _show_robot(model: dict[str, object], as_json: bool) -> None:

@@ -1,4 +1,4 @@
-"""The command ``armwright studio``: a page to set up, plan and watch motions."""
+"""The commands ``armwright studio``, a page for people, and ``armwright mcp``, tools for models."""
 
 import signal
 import webbrowser
@@ -14,9 +14,11 @@ from command_line.output import print_line
 from command_line.parameters import Connection, command
 from command_line.problems import invalid_value, unreachable
 
-#: Packages of the extra `studio`, and the client, by the names that they are imported by.
-_NEEDED = ("armwright_client", "httpx", "viser")
-_INSTALL = 'pip install -e ".[studio]" ./client'
+#: Packages of each extra, and the client, by the names that they are imported by.
+_NEEDED = {
+    "studio": ("armwright_client", "httpx", "viser"),
+    "mcp": ("armwright_client", "httpx", "mcp"),
+}
 
 
 @command
@@ -34,9 +36,7 @@ def studio(
     ] = True,
 ) -> None:
     """Serve a page on this machine to set up, plan and watch motions."""
-    missing = [name for name in _NEEDED if find_spec(name) is None]
-    if missing:
-        raise invalid_value("studio", f"{', '.join(missing)} can't be imported", f"{_INSTALL}")
+    _need("studio")
 
     def announce(address: str) -> None:
         print_line(f"Armwright studio: {address} (Ctrl+C ends it)")
@@ -51,6 +51,37 @@ def studio(
         print_line("Ended.")
     finally:
         signal.signal(signal.SIGTERM, before)
+
+
+@command
+def mcp(
+    url: Annotated[
+        str, typer.Option(envvar="ARMWRIGHT_URL", help="Address of the service.")
+    ] = "http://127.0.0.1:8000",
+    token: Annotated[
+        str | None, typer.Option(envvar="ARMWRIGHT_TOKEN", help="API key of that service.")
+    ] = None,
+) -> None:
+    """Serve tools to a language model over standard input and output (MCP)."""
+    _need("mcp")
+    from armwright_client import AsyncClient, ClientOptions  # noqa: PLC0415
+    from armwright_wire.errors import InvalidArgument  # noqa: PLC0415
+    from command_line.mcp_server import mcp_server  # noqa: PLC0415
+
+    options: ClientOptions = {} if token is None else {"token": token}
+    try:
+        client = AsyncClient(url, **options)
+    except InvalidArgument as error:
+        raise invalid_value("--url or --token", str(error)) from None
+    mcp_server(client, url).run()
+
+
+def _need(extra: str) -> None:
+    """Refuse a command whose extra is not installed."""
+    missing = [name for name in _NEEDED[extra] if find_spec(name) is None]
+    if missing:
+        install = f'pip install -e ".[{extra}]" ./client'
+        raise invalid_value(extra, f"{', '.join(missing)} can't be imported", install)
 
 
 def _serve(

@@ -92,7 +92,8 @@ def read_robot(text: str | bytes, what: str, foreign: list[str] | None = None) -
     if root.tag != "robot":
         raise InvalidRobotDescription(
             f"the root element of the {what} is <{root.tag}>, it must be <robot>",
-            hint="SDF and MJCF are other formats: convert them to URDF first.",
+            hint="SDF and MJCF are other formats: convert them to URDF first. The command line, "
+            "the client and the studio do that of MJCF, on your machine.",
         )
     return root
 
@@ -168,7 +169,8 @@ def _readable(text: str | bytes) -> str:
 def _unexpanded(what: str, found: str) -> InvalidRobotDescription:
     return InvalidRobotDescription(
         f"the {what} is an unexpanded xacro file: it has {found}",
-        hint="Expand it first (`xacro robot.urdf.xacro > robot.urdf`), send the result.",
+        hint="Expand it first (`xacro robot.urdf.xacro > robot.urdf`), send the result: a service "
+        "never expands one. The command line, the client and the studio do, on your machine.",
     )
 
 

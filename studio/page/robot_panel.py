@@ -35,7 +35,8 @@ class RobotPanel:
             "Tip link", "", hint="Of an upload with several arms: where the chain ends."
         )
         upload = gui.add_upload_button(
-            "Upload a URDF or .zip", hint="A .zip holds the URDF and its meshes, perhaps an SRDF."
+            "Upload a URDF or .zip",
+            hint="Or a .xacro or MJCF. A .zip holds it with its meshes, perhaps an SRDF.",
         )
 
         @upload.on_upload

@@ -34,7 +34,7 @@ def test_the_page_is_served_until_the_command_is_ended(tmp_path: Path) -> None:
 def test_missing_packages_are_named_with_the_extra(
     run: Run, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(command_line.commands.studio, "_NEEDED", ("no_such_package",))
+    monkeypatch.setitem(command_line.commands.studio._NEEDED, "studio", ("no_such_package",))
     refused = run("studio", "--no-open")
     assert refused.code == 3
     assert "no_such_package" in refused.err

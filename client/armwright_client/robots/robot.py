@@ -1,11 +1,12 @@
 """Robots to upload: descriptions in files, archives and tables."""
 
 import json
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Self, TypedDict, Unpack
 
+from armwright_client.robots.sources import urdf_text
 from armwright_client.robots.urdf import MAX_VISUAL_BYTES, read_urdf
 from armwright_wire.robots.robot import (
     ArchiveFields,
@@ -67,31 +68,37 @@ class RobotUpload(RobotBody):
         srdf: Path | str | None = None,
         package_dirs: Iterable[Path | str] = (),
         visuals: bool = True,
+        xacro_args: Mapping[str, str] | None = None,
         **options: Unpack[RobotOptions],
     ) -> Self:
-        """Read a URDF file and the meshes it names.
+        """Read a URDF, xacro or MJCF file and the meshes it names.
+
+        A .xacro file is expanded here, which needs xacrodoc; an MJCF file is compiled here, which
+        needs mujoco, and has its own SRDF if none is given. The service does neither.
 
         Meshes are looked for beside the URDF, in the folders above it and in `package_dirs`, as
         `armwright_client.robots.urdf` says. Visual ones that are missing are left out.
 
         Args:
-            path: Path of the URDF file.
+            path: Path of the file, or of a folder that holds one.
             name: Name to be stored under; the name in the URDF if left out.
-            srdf: Text of an SRDF file.
+            srdf: Path of an SRDF file, .xacro or not.
             package_dirs: Folders of packages, or that hold folders of packages.
             visuals: Whether visual meshes are sent, too: up to 16 MiB of them, small ones first.
+            xacro_args: Values of the arguments of a xacro file, by name.
             options: Options that the description leaves open.
 
         Raises:
             OSError: A file can't be read.
-            InvalidArgument: The URDF is not XML, or meshes are missing.
+            InvalidArgument: The URDF is not XML, meshes are missing, or a xacro or MJCF file can't
+                be made a URDF.
         """
         folders = [Path(folder) for folder in package_dirs]
-        description = read_urdf(Path(path), folders, MAX_VISUAL_BYTES if visuals else 0)
+        description = read_urdf(Path(path), folders, MAX_VISUAL_BYTES if visuals else 0, xacro_args)
         return cls.of(
             name=name or description.name,
             urdf=description.text,
-            srdf=None if srdf is None else Path(srdf).read_text(encoding="utf-8"),
+            srdf=description.srdf if srdf is None else urdf_text(Path(srdf), None, folders),
             meshes=dict(description.meshes) or None,
             **options,
         )
@@ -114,7 +121,7 @@ class RobotArchive:
 
     name: str
     content: bytes
-    options: ArchiveOptions = field(default_factory=ArchiveOptions)
+    options: ArchiveOptions | RobotOptions = field(default_factory=ArchiveOptions)
 
     @classmethod
     def from_file(

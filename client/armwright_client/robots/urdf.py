@@ -13,12 +13,13 @@ the text that is sent names the mesh by a path that does not.
 import base64
 import posixpath
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
 from pathlib import Path
 from urllib.parse import unquote
 from xml.etree import ElementTree as ET
 from xml.sax.saxutils import escape
 
+from armwright_client.robots.mjcf import read_mjcf
+from armwright_client.robots.sources import UrdfFile, description_in, is_mjcf, urdf_text
 from armwright_wire.errors import InvalidArgument
 
 _PACKAGE = "package://"
@@ -28,36 +29,29 @@ MAX_VISUAL_BYTES = 16 * 2**20
 _SUFFIXES = (".stl", ".obj", ".ply", ".off", ".dae")
 
 
-@dataclass(frozen=True, slots=True)
-class UrdfFile:
-    """A URDF with its meshes.
-
-    Args:
-        name: Name as the description says.
-        text: Text to send.
-        meshes: Files in base64 by the URI that the text names them by.
-    """
-
-    name: str
-    text: str
-    meshes: Mapping[str, str]
-
-
 def read_urdf(
-    path: Path, package_dirs: Sequence[Path] = (), max_visual_bytes: int = MAX_VISUAL_BYTES
+    path: Path,
+    package_dirs: Sequence[Path] = (),
+    max_visual_bytes: int = MAX_VISUAL_BYTES,
+    xacro_args: Mapping[str, str] | None = None,
 ) -> UrdfFile:
-    """Read a URDF file, its collision meshes and the visual ones that are there.
+    """Read a URDF, xacro or MJCF file, its collision meshes and the visual ones that are there.
 
     Args:
-        path: Path of the URDF.
+        path: Path of the file, or of a folder that holds one such file.
         package_dirs: Folders of packages, or that hold them.
         max_visual_bytes: Largest size of visual mesh files together [byte]; small ones go first.
+        xacro_args: Values of the arguments of a xacro file, by name.
 
     Raises:
         OSError: A file can't be read.
-        InvalidArgument: It is not XML, names meshes that are not there or that can't be sent.
+        InvalidArgument: It is not XML, names meshes that are not there or that can't be sent, or a
+            xacro or MJCF file can't be made a URDF.
     """
-    text = path.read_text(encoding="utf-8")
+    path = description_in(path) if path.is_dir() else path
+    if is_mjcf(path):
+        return read_mjcf(path, max_visual_bytes)
+    text = urdf_text(path, xacro_args, package_dirs)
     try:
         root = ET.fromstring(text)  # nosec B314
     except ET.ParseError as error:

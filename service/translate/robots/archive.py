@@ -151,7 +151,9 @@ def _no_urdf(names: list[str]) -> InvalidRobotDescription:
     name = min(xacro, key=lambda name: (len(PurePosixPath(name).name), name))
     return _archive_error(
         f"there is no .urdf file in it, only xacro files: {', '.join(xacro[:10])}",
-        hint=f"Expand the robot's, say `xacro {name} > robot.urdf`, and put the result into it.",
+        hint=f"Expand the robot's, say `xacro {name} > robot.urdf`, and put the result into it: a "
+        "service never expands one. The command line, the client and the studio do, on your "
+        "machine, of the folder.",
     )
 
 
