@@ -1,0 +1,179 @@
+"""Witnesses of certified motions are accepted by the checker, and of others never wholly."""
+
+import json
+import subprocess
+import sys
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from kinematics.arrays import Array
+from kinematics.errors import InvalidOption, InvalidTrajectory
+from kinematics.trajectory.trajectory import Trajectory
+from obstacles.scenes.scene import Scene
+from planning.proof.certificate import certify
+from planning.values.limits import EffortLimits, MotionLimits
+from planning.witness.witness import Asked, witness
+from tests.mimic_joints import mimic_robot
+from tests.planning.pinocchio_arm import PinocchioArm
+from tests.planning.scenes import HOME, builtin, shelf
+from tests.planning.witness.problems import (
+    CHECKER,
+    checker,
+    meshes,
+    peg_in_tube,
+    planned,
+    rejected,
+)
+
+CASES = [("panda", "shelf", 4, 0.0), ("panda", "crowd", 3, 0.01), ("ur5e", "crowd", 4, 0.0)]
+
+
+@pytest.mark.parametrize("case", CASES)
+def test_certified_motions_are_accepted(case: tuple[str, str, int, float]) -> None:
+    """Every pair, all of time, read from the very text that the file has."""
+    for item in planned(*case):
+        text = json.dumps(item.document)
+        assert json.loads(text) == item.document
+        report = checker().check(json.loads(text))
+        assert report.unwitnessed == []
+        assert report.facts >= report.pairs > 0
+        solids = len(item.robot.pieces) + len(item.scene.pieces()[1])
+        assert len(item.document["solids"]) == solids
+
+
+def test_an_arm_of_meshes_is_accepted() -> None:
+    """Convex parts stand for meshes wherever these stay apart."""
+    for item in meshes(3):
+        assert checker().check(item.document).unwitnessed == []
+
+
+def test_what_triangles_decide_is_named() -> None:
+    """A bar in a tube, near the wall: hulls of the tube's parts reach to the bar."""
+    item = peg_in_tube()
+    assert certify(item.trajectory, item.robot, item.scene).verified
+    told = checker().check(item.document).unwitnessed
+    assert told
+    for row in told:
+        assert row["what"] == "pair"
+        assert row["count"] == len(row["cells"]) > 0
+        assert row["names"] == ["cart", "tube"]
+    assert "nothing parts solids" in str(rejected({**item.document, "unwitnessed": []}))
+
+
+def _wild(random: np.random.Generator, name: str) -> Trajectory:
+    """A cubic from a random place, slow enough for the limits."""
+    chain = builtin(name).chain
+    c = np.zeros((1, chain.n, 4))
+    c[0, :, 0] = HOME + random.uniform(-0.6, 0.6, chain.n)
+    c[0, :, 1:] = random.uniform(-0.2, 0.2, (chain.n, 3))
+    return Trajectory(chain.joint_names, np.array([0.0, 1.0]), c)
+
+
+def test_no_motion_that_collides_is_accepted() -> None:
+    """Random motions: what the checker accepts whole the proof certifies, and the other way."""
+    random, robot, scene, both = np.random.default_rng(3), builtin("panda"), shelf(0.55), [0, 0]
+    for _ in range(30):
+        motion = _wild(random, "panda")
+        proved = certify(motion, robot, scene).verified
+        document = witness(motion, robot, scene)
+        accepted = rejected(document) is None and not document["unwitnessed"]
+        assert accepted is proved
+        both[proved] += 1
+    assert min(both) > 3
+
+
+def test_gaps_are_below_every_distance_that_pinocchio_finds() -> None:
+    """Of corners of two solids on links, at random instants of a cell."""
+    item, random = planned("panda", "shelf", 4)[0], np.random.default_rng(1)
+    module, arm = checker(), PinocchioArm("panda")
+    d, names = item.document, item.trajectory.joint_names
+    bodies = [module.Body(row, k, len(names)) for k, row in enumerate(d["joints"])]
+    motion = module.Motion(d, len(names))
+    solids = [module.Solid(row, len(bodies)) for row in d["solids"]]
+    looked = 0
+    for a, b, rows in d["facts"]["plane"][::7]:
+        for number, *way in rows[:2]:
+            begin, end = d["cells"][number]
+            cell = module.Cell(motion, bodies, module.arb(begin), module.arb(end))
+            gap = float(cell.gap(solids[a], solids[b], [module.arb(x) for x in way]).upper())
+            for t in random.uniform(begin, end, 3):
+                places = [_corners(arm, d, k, item.trajectory.sample([t])[0]) for k in (a, b)]
+                distances = np.linalg.norm(places[0][:, None] - places[1], axis=2)
+                round_ = d["solids"][a]["rounding"] + d["solids"][b]["rounding"]
+                assert gap <= distances.min() - round_ + 1e-9
+                looked += 1
+    assert looked > 100
+
+
+def _corners(arm: PinocchioArm, d: dict[str, Any], k: int, q: Array) -> Array:
+    """Corners of a hull, or points of a cylinder's rims, joints placed by pinocchio."""
+    row = d["solids"][k]
+    T = np.array(row["transform"]).reshape(3, 4)
+    if row["kind"] == "cylinder":
+        turns = np.linspace(0.0, 2.0 * np.pi, 24)
+        rim = row["radius"] * np.cos(turns), row["radius"] * np.sin(turns)
+        sides = [np.full(24, z) for z in (row["half_height"], -row["half_height"])]
+        row["vertices"] = np.vstack([np.column_stack([*rim, side]) for side in sides]).tolist()
+    points = np.array(row["vertices"]) @ T[:, :3].T + T[:, 3]
+    if row["body"] < 0:
+        return np.asarray(points)
+    link = arm.chain.links[arm.chain.index[row["name"]]]
+    M = arm.pose(q, row["name"]) @ np.linalg.inv(link.T_joint_link)
+    return np.asarray(points @ M[:3, :3].T + M[:3, 3])
+
+
+def test_joints_that_follow_others_are_witnessed() -> None:
+    """Cranks, covers and pistons are bodies of their own."""
+    robot = mimic_robot()
+    c = np.zeros((1, robot.chain.n, 2))
+    c[0, :, 1] = 0.3
+    motion = Trajectory(robot.chain.joint_names, np.array([0.0, 1.0]), c)
+    document = witness(motion, robot, Scene(()))
+    assert any("follows" in row for row in document["joints"])
+    assert rejected(document) is None
+
+
+def test_what_the_format_has_no_words_for_is_counted() -> None:
+    """Limits of tool speed and torque, tool motions, and a jerk that is not kept."""
+    robot, item = builtin("panda"), planned("panda", "shelf", 4)[0]
+    effort = EffortLimits(robot.chain, np.full(robot.chain.n, 1e3), 9.0)
+    asked = Asked(MotionLimits(effort=effort), tool_motions=2)
+    told = witness(item.trajectory, robot, item.scene, asked=asked)["unwitnessed"]
+    counts = {row["what"]: row["count"] for row in told}
+    assert counts == {"torque": robot.chain.n, "tool_speed": 1, "tool_motions": 2}
+    bounds = {"velocity": np.full(7, 1e-3)}
+    tight = witness(item.trajectory, robot, item.scene, asked=Asked(MotionLimits(bounds)))
+    assert "velocity of joint 0" in str(rejected(tight))
+
+
+def test_odd_questions_are_refused() -> None:
+    """Other joints, and a margin below 0."""
+    item = planned("ur5e", "crowd", 4)[0]
+    with pytest.raises(InvalidTrajectory, match="joints"):
+        witness(item.trajectory, builtin("panda"), item.scene)
+    with pytest.raises(InvalidOption, match="margin is -1"):
+        witness(item.trajectory, item.robot, item.scene, -1.0)
+
+
+def test_the_checker_imports_nothing_of_the_product(tmp_path: Path) -> None:
+    """It runs in a folder without it, and answers by its exit code."""
+    item = planned("ur5e", "crowd", 4)[0]
+    code = (
+        "import sys; sys.path[:0] = [sys.argv.pop(1)]; import armwright_checker as c; n = c.main()"
+    )
+    code += (
+        "; bad = {'numpy', 'planning', 'kinematics', 'obstacles', 'armwright'} & set(sys.modules)"
+    )
+    code += "; sys.exit(9 if bad else n)"
+    for name, document in (("true", item.document), ("false", {**item.document, "cells": []})):
+        path = tmp_path / f"{name}.json"
+        path.write_text(json.dumps(document))
+        command = [sys.executable, "-c", code, str(CHECKER.parent), str(path)]
+        done = subprocess.run(
+            command, capture_output=True, text=True, check=False, env={"PATH": ""}, timeout=60
+        )
+        assert done.returncode == (0 if name == "true" else 1), done
+        assert done.stdout.startswith("accepted" if name == "true" else "rejected")
