@@ -120,6 +120,7 @@ if TYPE_CHECKING:
     from planning.values.limits import MotionLimits
     from planning.values.preferred_clearance import PreferredClearance
     from planning.values.search_trees import Explored
+    from planning.witness.witness import witness
     from tracking.controllers.adaptive import Adaptive
     from tracking.controllers.computed_torque import ComputedTorque
     from tracking.controllers.independent_joint import IndependentJoint
@@ -268,6 +269,7 @@ _MODULES = {
     "swept_volume": "planning.exports.swept_volume",
     "with_fingers": "obstacles.robots.finger_geometry",
     "with_tip": "obstacles.robots.tool",
+    "witness": "planning.witness.witness",
 }
 
 __all__ = [
@@ -410,6 +412,7 @@ __all__ = [
     "swept_volume",
     "with_fingers",
     "with_tip",
+    "witness",
 ]
 
 

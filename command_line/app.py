@@ -9,7 +9,15 @@ from command_line.commands.bench import bench
 from command_line.commands.doctor import doctor
 from command_line.commands.files import export, project, sweep
 from command_line.commands.kinematics import fk, ik, reach
-from command_line.commands.motions import check, convert, plan, retime, simulate, validate
+from command_line.commands.motions import (
+    check,
+    convert,
+    plan,
+    retime,
+    simulate,
+    validate,
+    witness,
+)
 from command_line.commands.robots import robots, scenes
 from command_line.commands.studio import mcp, studio
 from command_line.commands.task import task, tour
@@ -33,6 +41,7 @@ _COMMANDS: tuple[Callable[..., None], ...] = (
     fk,
     check,
     validate,
+    witness,
     retime,
     simulate,
     reach,

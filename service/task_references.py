@@ -23,6 +23,7 @@ if TYPE_CHECKING:
     import service.endpoints.plans.stop
     import service.endpoints.plans.swept
     import service.endpoints.plans.view
+    import service.endpoints.plans.witness
     import service.endpoints.potential.task
     import service.endpoints.reach.task
     import service.endpoints.retime.task
@@ -74,6 +75,7 @@ if TYPE_CHECKING:
     swept = service.endpoints.plans.swept.swept
     view = service.endpoints.plans.view.view
     tour = service.endpoints.tours.task.tour
+    witness = service.endpoints.plans.witness.witness
 else:
     cut = TaskReference("service.endpoints.batch.task:cut")
     plan_part = TaskReference("service.endpoints.batch.task:plan_part", GRACE + TURN)
@@ -117,6 +119,7 @@ else:
     swept = TaskReference("service.endpoints.plans.swept:swept")
     view = TaskReference("service.endpoints.plans.view:view")
     tour = TaskReference("service.endpoints.tours.task:tour", GRACE)
+    witness = TaskReference("service.endpoints.plans.witness:witness", GRACE)
 
 #: Modules that workers load: those that define the tasks.
 MODULES = tuple(

@@ -1,7 +1,8 @@
 """The interface of the service: each request is made here and nowhere else."""
 
+import json
 from collections.abc import Sequence
-from typing import Literal, Unpack
+from typing import Any, Literal, Unpack
 
 from armwright_client.answers import CheckAnswer, CheckBatch, Health, Readiness
 from armwright_client.call import (
@@ -268,6 +269,11 @@ class PlanEndpoints:
         """The stop of a kept motion from an instant on [s], with its certificate."""
         body = StopRequest.of(at=at, kind=kind, timeout=timeout)
         return Call("POST", path("plans", plan, "stop"), Stop.read, body, deadline=timeout)
+
+    @Endpoint
+    def witness(self, plan: str) -> Call[dict[str, Any]]:
+        """A document from which anybody can check a kept plan or proof without the service."""
+        return Call("GET", path("plans", plan, "witness"), json.loads)
 
     # Last, since it hides the built-in type from what follows.
     @Endpoint

@@ -163,6 +163,37 @@ def validate(
         raise negative()
 
 
+@command
+def witness(
+    connection: Connection,
+    robot: RobotSource,
+    motion: Motion,
+    request: Request,
+    cell: Cell,
+) -> None:
+    """Prove a motion and write the witness, for others to check; exit with 1 where not proved."""
+    body = values.mounted(cell) | {
+        "trajectory": values.motion(motion),
+        "scene": values.scene(cell.scene),
+        "margin": cell.margin,
+        "witness": True,
+    }
+    quiet = connection._replace(as_json=False)
+    certificate = json.loads(_ask(quiet, VALIDATE, robot, request._replace(output=None), body))
+    document = json.dumps(certificate["witness"], separators=(",", ":")).encode()
+    if request.output is not None:
+        save(request.output, document)
+    if connection.as_json or request.output is None:
+        print_json(document)
+    else:
+        _show_certificate(certificate)
+        for row in certificate["witness"]["unwitnessed"]:
+            names = " and ".join(row.get("names", []))
+            print_line(f"not witnessed: {row['what']} ({row['count']}) {names}".rstrip(), "yellow")
+    if not certificate["verified"]:
+        raise negative()
+
+
 def _show_certificate(certificate: dict[str, Any]) -> None:
     verified = certificate["verified"]
     print_line("proved" if verified else "not proved", "bold green" if verified else "bold red")

@@ -50,6 +50,7 @@ from planning.timing.time_scaling import ScaledTime
 from planning.tool_motions.tool_path import ToolPath
 from planning.tool_paths.tool_timing import TimedToolPath, time_tool_path
 from planning.values.deadline import Deadline
+from planning.values.limits import MotionLimits
 from planning.values.optimize_options import OPTIMIZE
 
 
@@ -104,6 +105,11 @@ def plan(
         details = deadline.interruptions.reported_in(answer.code, answer.details)
         return replace(answer, details=details, stages=tuple(stages.reports))
     return replace(answer, notes=(*moved, *answer.notes)) if moved else answer
+
+
+def proved_limits(problem: Problem, options: Options) -> MotionLimits:
+    """Limits that a plan for a problem is proved within, but for a jerk that splines can't keep."""
+    return _time_parametrization(problem, with_limits(options, problem.constraints)).motion_limits
 
 
 def _measured_rates(

@@ -5,7 +5,7 @@ touch) are told exactly; the hints are directions that part solids over cells of
 one proves nothing. The format is defined in docs/witness.md.
 """
 
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
@@ -18,6 +18,7 @@ from obstacles.robots.allowed_pairs import allowed_pairs
 from obstacles.robots.robot_geometry import RobotGeometry
 from obstacles.scenes.scene import Scene
 from planning.constraints.constraint_set import ConstraintSet
+from planning.proof.constraints.constraint_limits import constrained_margin
 from planning.proof.limits.limits import check_limits
 from planning.proof.premises import Premises
 from planning.values.limits import MotionLimits
@@ -37,27 +38,16 @@ _SOLID_KINDS = {
 _QUANTITIES = ("velocity", "acceleration", "jerk")
 
 
-class Asked(NamedTuple):
-    """What a certificate was asked to prove beside that nothing collides.
-
-    Args:
-        limits: Limits in place of the robot's; None for the robot's own.
-        constraints: Constraints of the path; they are counted, not witnessed.
-        tool_motions: How many tool motions the tool has to keep to; they are counted likewise.
-    """
-
-    limits: MotionLimits | None = None
-    constraints: ConstraintSet | None = None
-    tool_motions: int = 0
-
-
 @typed
 def witness(
     trajectory: Trajectory,
     robot: RobotGeometry,
     scene: Scene,
+    *,
     margin: float = 0.0,
-    asked: Asked | None = None,
+    limits: MotionLimits | None = None,
+    constraints: ConstraintSet | None = None,
+    tool_motions: int = 0,
 ) -> dict[str, Any]:
     """Witness of a motion, as a JSON document of the format in docs/witness.md.
 
@@ -68,20 +58,31 @@ def witness(
         robot: The arm with its geometry and what it holds.
         scene: The obstacles.
         margin: Distance to keep from obstacles beyond their own margins [m].
-        asked: What else was proved of the motion.
+        limits: Limits in place of the robot's.
+        constraints: Constraints of the path; they are counted, not witnessed, but for clearance.
+        tool_motions: Number of motions that the tool has to keep to; they are counted likewise.
 
     Raises:
         InvalidTrajectory: It is not of the joints of the robot, in its order.
         InvalidOption: The margin is negative, or frames of joints are no rotations.
     """
-    asked = asked or Asked()
+    wanted = limits or MotionLimits()
     scene.check_placed()
     _check(trajectory, robot.chain, margin)
+    margin = constrained_margin(margin, constraints)
     solids, pairs = solids_of(robot, scene), pairs_of(robot, scene, margin)
     facts = facts_of(trajectory, robot, scene, pairs)
     premises = Premises.of_cell(robot, scene, margin)
-    limits, untold = _limits(trajectory, robot.chain, asked)
-    joints = len(trajectory.joint_names)
+    bounds, untold = _limits(trajectory, robot.chain, wanted)
+    effort = wanted.effort
+    counts = {
+        "jerk": trajectory.n if untold else 0,
+        "constraints": len(constraints.constraints) if constraints else 0,
+        "tool_motions": tool_motions,
+        "torque": 0 if effort is None or effort.effort is None else len(effort.effort),
+        "tool_speed": int(effort is not None and effort.tool_speed is not None),
+        "touch_depth": sum(item.limited for item in allowed_pairs(robot, scene)),
+    }
     return {
         "format": FORMAT,
         "version": VERSION,
@@ -93,7 +94,7 @@ def witness(
         "joints": _joints(robot.chain),
         "solids": _solids(robot, scene, solids, margin),
         "may_touch": [[*item.pair, item.reason] for item in allowed_pairs(robot, scene)],
-        "limits": limits,
+        "limits": bounds,
         "knots": trajectory.breaks.tolist(),
         "polynomials": trajectory.coefficients.tolist(),
         "start": trajectory.start.tolist(),
@@ -102,8 +103,7 @@ def witness(
         "facts": _facts(facts, pairs, solids),
         "unwitnessed": [
             *_unsettled(facts, pairs, robot, scene),
-            *_uncarried(robot, scene, asked),
-            *([{"what": "jerk", "count": joints}] if untold else []),
+            *({"what": what, "count": count} for what, count in counts.items() if count),
         ],
     }
 
@@ -177,10 +177,10 @@ def _solids(
 
 
 def _limits(
-    trajectory: Trajectory, chain: Chain, asked: Asked
+    trajectory: Trajectory, chain: Chain, wanted: MotionLimits
 ) -> tuple[dict[str, list[Any]], bool]:
     """Limits of each joint, None where there is none, and whether a jerk limit is left out."""
-    wanted, limits = asked.limits or MotionLimits(), chain.limits
+    limits = chain.limits
     told: dict[str, list[Any]] = {
         "position": [
             [_known(low), _known(high)]
@@ -231,17 +231,3 @@ def _unsettled(
         told = {"pair": [a, b], "names": [names[a], names[b]], "cells": cells}
         rows.append({"what": "pair", "count": len(cells), **told})
     return rows
-
-
-def _uncarried(robot: RobotGeometry, scene: Scene, asked: Asked) -> list[dict[str, Any]]:
-    """Parts of a proof that this format has no words for, with how many of each there are."""
-    effort = asked.limits.effort if asked.limits else None
-    depths = sum(item.limited for item in allowed_pairs(robot, scene))
-    counts = {
-        "constraints": len(asked.constraints.constraints) if asked.constraints else 0,
-        "tool_motions": asked.tool_motions,
-        "torque": 0 if effort is None or effort.effort is None else len(effort.effort),
-        "tool_speed": int(effort is not None and effort.tool_speed is not None),
-        "touch_depth": depths,
-    }
-    return [{"what": what, "count": count} for what, count in counts.items() if count]

@@ -13,6 +13,7 @@ from armwright_wire.plans.kept_plan import Bundle, KeptPlan, PlanList, ReplayAns
 from service.app import create_app
 from service.http.keeping import answer_digest
 from service.settings import Settings
+from tests.planning.witness.problems import rejected
 from tests.service.processes import wait_until
 from tests.service.robots import FLOOR, HOME, answer, bench, problem, scene
 from tests.service.schemas.bodies import BUNDLE
@@ -144,6 +145,31 @@ def test_the_space_of_a_kept_motion_is_a_mesh(here: httpx.Client, plan: dict[str
     still = answer(here.post("/v1/check", json=checked))["plan_id"]
     told = problem(here.get(f"/v1/plans/{still}/swept"), 422, "VALIDATION_ERROR")
     assert "no motion" in told["detail"]
+
+
+def test_the_witness_of_a_kept_motion_is_accepted(here: httpx.Client, plan: dict[str, Any]) -> None:
+    """That of the kept plan is the one which the answer would have had."""
+    with Client(str(here.base_url)) as client:
+        later = client.plans.witness(plan["plan_id"])
+    assert rejected(later) is None
+    assert later["unwitnessed"] == []
+    assert later["polynomials"]
+    asked = answer(here.post("/v1/plan", json=PLAN | {"witness": True, "keep": True}))
+    assert asked["certificate"]["witness"] == later
+    assert asked["reproducibility"]["request_hash"] == plan["reproducibility"]["request_hash"]
+    assert answer(here.get(f"/v1/plans/{asked['plan_id']}/witness")) == later
+    proof = {"robot": ARM, "trajectory": plan["trajectory"], "scene": PLAN["scene"], "keep": True}
+    certificate = answer(here.post("/v1/validate", json=proof | {"witness": True}))
+    assert rejected(certificate["witness"]) is None
+    assert certificate["witness"]["facts"] == later["facts"]
+    plain = answer(here.post("/v1/validate", json=proof))
+    assert "witness" not in plain
+    kept = answer(here.get(f"/v1/plans/{plain['plan_id']}/witness"))
+    assert kept == certificate["witness"]
+    checked = {"robot": ARM, "joints": [0.0, 0.0], "keep": True}
+    still = answer(here.post("/v1/check", json=checked))["plan_id"]
+    told = problem(here.get(f"/v1/plans/{still}/witness"), 422, "VALIDATION_ERROR")
+    assert "no witness" in told["detail"]
 
 
 def test_a_failure_is_kept_with_its_reason(here: httpx.Client) -> None:

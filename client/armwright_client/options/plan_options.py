@@ -49,6 +49,7 @@ class PlanOptions(PlanningOptions, total=False):
         start_state_tolerance: A start or goal so little outside a limit is moved onto it
             [rad or m]; if left out a start by 0.01 % of the limit, a goal by 1e-6.
         stops: Stops that the motion is proved to have from every instant; it is slowed down for it.
+        witness: Whether the certificate has a witness, from which anybody can check it.
     """
 
     planner: PlannerName
@@ -60,6 +61,7 @@ class PlanOptions(PlanningOptions, total=False):
     collisions: Literal["check", "ignore"]
     start_state_tolerance: float
     stops: Stops
+    witness: bool
 
 
 class ValidateOptions(SceneOptions, total=False):
@@ -76,6 +78,7 @@ class ValidateOptions(SceneOptions, total=False):
         payload: Payload that the tip carries, for torques.
         tool_speed: Largest speed of the tip [m/s].
         stops: Stops that the motion is proved to have from every instant.
+        witness: Whether the certificate has a witness, from which anybody can check it.
         keep: Whether request and answer are kept as a plan, see `Client.plans`.
     """
 
@@ -89,6 +92,7 @@ class ValidateOptions(SceneOptions, total=False):
     payload: Payload
     tool_speed: float
     stops: Stops
+    witness: bool
     keep: bool
 
 

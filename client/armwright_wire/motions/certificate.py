@@ -199,6 +199,9 @@ class CertificateAnswer(Answer):
     )
     cells: int = Field(0, description="intervals of time that were looked at")
     violation: dict[str, Any] | None = Field(None, description="the first, with its time")
+    witness: dict[str, Any] | None = Field(
+        None, description="where it was asked for: a document to check the proof by"
+    )
     frame: str | None = Field(None, description="of an answer to validate: that poses are in")
     frame_note: str | None = Field(
         None, description="where the chain begins, if that is not the root frame"

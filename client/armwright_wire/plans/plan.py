@@ -44,6 +44,13 @@ from armwright_wire.scenes.scene import SceneReference
 from armwright_wire.scenes.tool import WithTool
 
 Tolerance = Annotated[Positive, Field(le=10.0)]
+Witness = Annotated[
+    bool,
+    Field(
+        description="answer `witness` in the certificate, from which anybody can check it without "
+        "this service"
+    ),
+]
 Collisions = Annotated[
     Literal["check", "ignore"],
     Field(
@@ -199,6 +206,7 @@ class PlanRequest(WithTool, WithFingers, Keepable):
     timing: Timing = Field(default_factory=Timing)
     limits: LimitsBody | None = None
     stops: Stops = "none"
+    witness: Witness = False
     timeout: Timeout | None = Field(None, description="for all stages together [s]")
     seed: Seed = 0
 
@@ -247,6 +255,7 @@ class ValidateRequest(WithTool, WithFingers, Keepable):
     payload: Payload | None = Field(None, description="what the tip carries, for torques")
     tool_speed: Positive | None = Field(None, description="largest speed of the tip [m/s]")
     stops: Stops = "none"
+    witness: Witness = False
     timeout: Timeout | None = None
 
 

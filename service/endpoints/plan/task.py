@@ -21,12 +21,14 @@ from kinematics.errors import InvalidRobotDescription
 from kinematics.trajectory.trajectory import Trajectory
 from obstacles.robots.robot_geometry import RobotGeometry
 from obstacles.scenes.scene import Scene
+from planning.options import Options
 from planning.pipeline import pipeline
 from planning.problem import Problem
 from planning.proof.certificate import certify, has_solids
 from planning.result import Failure, Plan
 from planning.stops.certificate import Surroundings, certify_stops
 from planning.values.limits import MotionLimits
+from planning.witness.witness import witness
 from service.endpoints.attached_objects import RobotInScene, robot_in_scene, with_surroundings
 from service.storage.caches import worker_cache
 from service.storage.caches.cache_key import Reference
@@ -129,9 +131,35 @@ def plan_outcome(
             certificate=dataclasses.replace(outcome.certificate, verified=False),
             notes=(*outcome.notes, _BODILESS),
         )
-    content = to_json(_answer(outcome, body, cell), inf_nan_mode="null")
+    answer = _answer(outcome, body, cell)
+    if body.witness:
+        answer["certificate"]["witness"] = plan_witness(problem, options, outcome.trajectory)
+    content = to_json(answer, inf_nan_mode="null")
     stages = tuple((stage.name, 1e-3 * stage.milliseconds) for stage in outcome.stages)
     return PlanOutcome(content, outcome.planner, stages)
+
+
+def plan_witness(problem: Problem, options: Options, motion: Trajectory) -> dict[str, Any]:
+    """Witness of a motion that was planned.
+
+    Args:
+        problem: What it was planned for.
+        options: How.
+        motion: The motion.
+    """
+    limits = pipeline.proved_limits(problem, options)
+    cartesian = options.planner == "cartesian"
+    if cartesian:
+        limits = dataclasses.replace(limits, holds_jerk=False)
+    return witness(
+        motion,
+        problem.robot,
+        problem.scene,
+        margin=problem.margin,
+        limits=limits,
+        constraints=problem.constraints,
+        tool_motions=max(len(options.cartesian.motions), 1) if cartesian else 0,
+    )
 
 
 def question(
@@ -218,6 +246,16 @@ def validate(robot: Reference, scene: Reference | None, content: bytes) -> bytes
         if stops.late:
             return timed_out("the work was done", "stops")
         answer |= certificates.stops_answer(stops, begins)
+    if body.witness:
+        answer["witness"] = witness(
+            motion,
+            arm,
+            cell.scene,
+            margin=body.margin,
+            limits=limits,
+            constraints=wanted,
+            tool_motions=0 if body.tool_motions is None else len(body.tool_motions.motions),
+        )
     return to_json(answer | in_frame(chain) | notes_of(body, cell.notes), inf_nan_mode="null")
 
 
@@ -325,13 +363,13 @@ def reproducibility(
     """Fields of an answer that say what it depends on.
 
     Args:
-        body: The request; whether its answer is kept does not change its hash, nor does its tool,
-            which is a part of the robot.
+        body: The request; whether its answer is kept or has a witness does not change its hash, nor
+            does its tool, which is a part of the robot.
         robot: The robot.
         scene: The scene.
         deterministic: Whether the same request has the same answer.
     """
-    content = body.model_dump_json(exclude={"keep", "tool", "tcp"}).encode()
+    content = body.model_dump_json(exclude={"keep", "tool", "tcp", "witness"}).encode()
     return {
         "seed": body.seed,
         "deterministic": deterministic,

@@ -3,7 +3,7 @@
 import asyncio
 import time
 from dataclasses import replace
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal
 
 from fastapi import Query, Request, Response
 from fastapi.exceptions import RequestValidationError
@@ -42,6 +42,7 @@ from service.storage.stores.plan_store import PlanContent, PlanRecord, document_
 from service.task_references import stop as stop_task
 from service.task_references import swept as swept_task
 from service.task_references import view as view_task
+from service.task_references import witness as witness_task
 from service.validation import parse_json
 from service.viewer.page import content_security_policy
 
@@ -235,6 +236,24 @@ async def stop_plan(id: str, body: StopRequest, request: Request) -> Response:  
         record.robot or "",
         record.scene,
         timeout=body.timeout,
+    )
+    return Response(result, media_type="application/json")
+
+
+@router.get(
+    "/{id}/witness", summary="Get the witness of a kept plan", response_model=dict[str, Any]
+)
+async def plan_witness(id: str, request: Request) -> Response:  # noqa: A002
+    """A document from which anybody can check a kept plan or proof without this service."""
+    record, content = await _plan(id, request)
+    document = plan_document(record, content, settings_of(request).plan_lifetime)
+    request.scope[REPLAY] = Replay(record.id, pinned_references(request, record))
+    result = await answers.answer(
+        request,
+        lambda robot, scene: witness_task.job(robot, scene, document),
+        record.robot or "",
+        record.scene,
+        timeout=min(_VIEW_TIMEOUT, settings_of(request).max_timeout),
     )
     return Response(result, media_type="application/json")
 

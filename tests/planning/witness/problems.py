@@ -99,7 +99,7 @@ def planned(name: str, scene: str, count: int, margin: float = 0.0) -> tuple[Pro
         start, goal = random.uniform(low, high, (2, chain.n))
         answer = plan(Problem(robot, around, start, (JointGoal(goal),), margin), Options())
         if isinstance(answer, Plan):
-            document = witness(answer.trajectory, robot, around, margin)
+            document = witness(answer.trajectory, robot, around, margin=margin)
             found.append(Proved(answer.trajectory, robot, around, document))
     return tuple(found)
 

@@ -15,7 +15,7 @@ from kinematics.trajectory.trajectory import Trajectory
 from obstacles.scenes.scene import Scene
 from planning.proof.certificate import certify
 from planning.values.limits import EffortLimits, MotionLimits
-from planning.witness.witness import Asked, witness
+from planning.witness.witness import witness
 from tests.mimic_joints import mimic_robot
 from tests.planning.pinocchio_arm import PinocchioArm
 from tests.planning.scenes import HOME, builtin, shelf
@@ -140,12 +140,13 @@ def test_what_the_format_has_no_words_for_is_counted() -> None:
     """Limits of tool speed and torque, tool motions, and a jerk that is not kept."""
     robot, item = builtin("panda"), planned("panda", "shelf", 4)[0]
     effort = EffortLimits(robot.chain, np.full(robot.chain.n, 1e3), 9.0)
-    asked = Asked(MotionLimits(effort=effort), tool_motions=2)
-    told = witness(item.trajectory, robot, item.scene, asked=asked)["unwitnessed"]
+    told = witness(
+        item.trajectory, robot, item.scene, limits=MotionLimits(effort=effort), tool_motions=2
+    )["unwitnessed"]
     counts = {row["what"]: row["count"] for row in told}
     assert counts == {"torque": robot.chain.n, "tool_speed": 1, "tool_motions": 2}
     bounds = {"velocity": np.full(7, 1e-3)}
-    tight = witness(item.trajectory, robot, item.scene, asked=Asked(MotionLimits(bounds)))
+    tight = witness(item.trajectory, robot, item.scene, limits=MotionLimits(bounds))
     assert "velocity of joint 0" in str(rejected(tight))
 
 
@@ -155,7 +156,7 @@ def test_odd_questions_are_refused() -> None:
     with pytest.raises(InvalidTrajectory, match="joints"):
         witness(item.trajectory, builtin("panda"), item.scene)
     with pytest.raises(InvalidOption, match="margin is -1"):
-        witness(item.trajectory, item.robot, item.scene, -1.0)
+        witness(item.trajectory, item.robot, item.scene, margin=-1.0)
 
 
 def test_the_checker_imports_nothing_of_the_product(tmp_path: Path) -> None:
