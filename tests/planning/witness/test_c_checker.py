@@ -1,0 +1,115 @@
+"""The checker in C: the same verdicts as the one on balls, with arithmetic of its own."""
+
+import json
+import subprocess
+import sys
+from collections.abc import Callable
+from copy import deepcopy
+from typing import Any
+
+import numpy as np
+import pytest
+
+from tests.planning.witness.by_hand import document
+from tests.planning.witness.problems import ROOT, checker, meshes, peg_in_tube, planned, rejected
+from tests.planning.witness.test_by_hand import FALSE, split
+from tests.planning.witness.test_mutations import MUTATIONS
+
+SOURCE = ROOT / "checkers/c/armwright_check.c"
+MOST_LINES = 700
+Check = Callable[[dict[str, Any] | str], tuple[int, str]]
+
+
+@pytest.fixture(scope="module")
+def check(tmp_path_factory: pytest.TempPathFactory) -> Check:
+    """The exit code of the command and what it says, for a witness."""
+    folder = tmp_path_factory.mktemp("checker")
+    program, file = folder / "armwright-check", folder / "witness.json"
+    flags = ("-std=c11", "-O2", "-Wall", "-Wextra", "-Werror", "-ffp-contract=off")
+    words = (sys.executable, "-m", "ziglang", "cc", *flags, "-o", program, SOURCE, "-lm")
+    subprocess.run(words, check=True, timeout=120)
+
+    def checked(witness: dict[str, Any] | str) -> tuple[int, str]:
+        file.write_text(witness if isinstance(witness, str) else json.dumps(witness))
+        done = subprocess.run(
+            (program, file), capture_output=True, text=True, check=False, timeout=20
+        )
+        return done.returncode, done.stdout
+
+    return checked
+
+
+def test_it_is_small() -> None:
+    lines = [line for line in SOURCE.read_text().splitlines() if line.strip()]
+    assert len(lines) < MOST_LINES
+
+
+def test_certified_motions_are_accepted(check: Check) -> None:
+    """With the gap that balls prove, but for its own rounding."""
+    items = [*planned("ur5e", "crowd", 4), *planned("panda", "crowd", 3, 0.01)[:1], *meshes(3)[:1]]
+    for item in items:
+        code, said = check(item.document)
+        assert (code, said[:9]) == (0, "accepted:")
+        report = checker().check(item.document)
+        told = float(said.partition("apart by ")[2].partition(" m ")[0])
+        # It is told with six digits.
+        assert told == pytest.approx(report.clearance, rel=1e-5, abs=1e-10)
+    code, said = check(peg_in_tube().document)
+    assert code == 2
+    assert "not witnessed: pair" in said
+
+
+def test_the_witness_by_hand_is_accepted(check: Check) -> None:
+    """In one piece and in two."""
+    assert check(document())[0] == 0
+    halves = document()
+    split([])(halves)
+    assert check(halves)[0] == 0
+
+
+@pytest.mark.parametrize("name", FALSE)
+def test_a_false_witness_is_rejected(check: Check, name: str) -> None:
+    """As by the other checker."""
+    change, _ = FALSE[name]
+    false = document()
+    change(false)
+    code, said = check(false)
+    assert code == 1
+    assert said.startswith("rejected:")
+
+
+def test_both_checkers_agree_on_mutations(check: Check) -> None:
+    """On each kind, of several motions."""
+    random, verdicts = np.random.default_rng(29), {True: 0, False: 0}
+    for item in planned("ur5e", "crowd", 4):
+        for mutation in MUTATIONS:
+            mutant = deepcopy(item.document)
+            mutation(mutant, random)
+            good = rejected(mutant) is None
+            assert (check(mutant)[0] == 0) is good, mutation.__name__
+            verdicts[good] += 1
+    assert verdicts[False] > 40
+
+
+def test_many_mutations_are_rejected(check: Check) -> None:
+    """A thousand of them; what is left is harmless: a cell or a fact that others stand for."""
+    random, left = np.random.default_rng(31), set[str]()
+    items = [*planned("ur5e", "crowd", 4), planned("panda", "shelf", 4)[1]]
+    for k in range(1000):
+        mutation = MUTATIONS[k % len(MUTATIONS)]
+        mutant = deepcopy(items[k % len(items)].document)
+        mutation(mutant, random)
+        if check(mutant)[0] == 0:
+            left.add(mutation.__name__)
+    assert left <= {"dropped", "shrunk", "widened"}
+
+
+def test_a_file_that_ends_early_is_rejected(check: Check) -> None:
+    """Wherever it ends, and with more behind it."""
+    text = json.dumps(document())
+    assert check(text)[0] == 0
+    for end in range(0, len(text), 97):
+        assert check(text[:end])[0] == 1
+    assert check(text + "1") == (1, "rejected: something stands behind the document\n")
+    assert check("[" * 100_000)[0] == 1
+    assert check(text.replace('"version"', '"format"'))[0] == 1
