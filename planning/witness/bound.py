@@ -34,8 +34,8 @@ TOUCHING = 2
 _HOPELESS = 0.15
 #: ... and no more than so many times what the first one leaves.
 _HALVES = 4.0
-#: Decimals of the directions that are told: few where they do.
-_COARSE, _FINE = 1e3, 1e9
+#: Lengths of the directions that are told, in whole numbers: short ones where they do.
+_COARSE, _FINE = 1e2, 1e9
 #: What is left to checkers, whose bounds are a little wider [m].
 _SPARE = 1e-8
 
@@ -110,7 +110,7 @@ def settle(solids: Solids, motion: Motion, pairs: Indices, needs: Array, way: Ar
         pairs: Pairs of solids; no first one is a half-space, shape (m, 2).
         needs: Distance that each pair has to keep, shape (m,) [m].
         way: Direction to try first, 0 for none, in the frame of the body where the two solids'
-            bodies meet; overwritten by the one that settles the pair, shape (m, 3).
+            bodies meet; overwritten by the one that settles the pair, of any length, shape (m, 3).
     """
     found, proposal = np.zeros(pairs.shape[0], dtype=np.int64), empty_proposal()
     b = motion.frames.shape[0]
@@ -192,7 +192,7 @@ def _try(
             R[0, 2] * u[0] + R[1, 2] * u[1] + R[2, 2] * u[2],
         )
     for k in range(3):
-        way[k] = np.rint(u[k] / length * digits) / digits
+        way[k] = np.rint(u[k] / length * digits)
     w = _turned(motion.frames, meeting, (way[0], way[1], way[2]))
     length = math.sqrt(dot(w, w))
     w = (w[0] / length, w[1] / length, w[2] / length)

@@ -5,6 +5,8 @@ touch) are told exactly; the hints are directions that part solids over cells of
 one proves nothing. The format is defined in docs/witness.md.
 """
 
+from itertools import groupby
+from operator import itemgetter
 from typing import Any
 
 import numpy as np
@@ -203,18 +205,21 @@ def _known(value: float) -> float | None:
 
 def _facts(facts: Facts, pairs: Pairs, solids: Solids) -> dict[str, list[Any]]:
     """Facts by their kind, those of a pair together."""
-    told: dict[str, list[Any]] = {"plane": [], "half-space": []}
     order = np.lexsort([facts.within, facts.pairs])
     order = order[facts.known[order]]
-    cuts = np.flatnonzero(np.diff(facts.pairs[order])) + 1
-    for rows in np.split(order, cuts) if len(order) else []:
-        a, b = pairs.rows[facts.pairs[rows[0]]].tolist()
-        cells = facts.within[rows].tolist()
-        if solids.kinds[b] == PieceKind.HALFSPACE:
-            told["half-space"].append([a, b, cells])
-            continue
-        ways = facts.directions[rows].tolist()
-        told["plane"].append([a, b, [[c, *way] for c, way in zip(cells, ways, strict=True)]])
+    halfspace = (solids.kinds == PieceKind.HALFSPACE).tolist()
+    both, cells = pairs.rows.tolist(), facts.within[order].tolist()
+    ways = facts.directions[order].astype(np.int64).tolist()
+    told: dict[str, list[Any]] = {"plane": [], "half-space": []}
+    facts_of_pairs = groupby(
+        zip(facts.pairs[order].tolist(), cells, ways, strict=True), key=itemgetter(0)
+    )
+    for number, group in facts_of_pairs:
+        a, b = both[number]
+        if halfspace[b]:
+            told["half-space"].append([a, b, [cell for _, cell, _ in group]])
+        else:
+            told["plane"].append([a, b, [[cell, *way] for _, cell, way in group]])
     return told
 
 
