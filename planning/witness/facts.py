@@ -20,10 +20,11 @@ from obstacles.robots.allowed_pairs import sorted_pair
 from obstacles.robots.robot_geometry import RobotGeometry
 from obstacles.scenes.scene import Scene
 from planning.proof.collision.proposals import ProposalRows, packed_pieces
+from planning.values.deadline import Deadline
 from planning.witness.bound import SETTLED, TOUCHING, Motion, Solids, settle
 
 #: Cells are halved at most so often.
-MAX_DEPTH = 24
+MAX_DEPTH = 16
 Cell = tuple[float, float]
 
 
@@ -120,7 +121,13 @@ def _apart(
     return np.asarray(apart & (robot.joints >= 0)[:, None])
 
 
-def facts_of(trajectory: Trajectory, robot: RobotGeometry, scene: Scene, pairs: Pairs) -> Facts:
+def facts_of(
+    trajectory: Trajectory,
+    robot: RobotGeometry,
+    scene: Scene,
+    pairs: Pairs,
+    deadline: Deadline | None = None,
+) -> Facts:
     """Facts that settle pairs over all of a motion, and the cells where none was found.
 
     Args:
@@ -128,11 +135,13 @@ def facts_of(trajectory: Trajectory, robot: RobotGeometry, scene: Scene, pairs: 
         robot: The robot.
         scene: Scene around the robot.
         pairs: The pairs.
+        deadline: Instant from which on cells are left as they are.
     """
     solids, e = solids_of(robot, scene), len(robot.pieces) + len(scene.pieces()[1])
     poses, centers = np.zeros((e, 4, 4)), np.zeros((e, 3))
-    cells, blocks = list[Cell](), list[tuple[Indices, Indices, Array, NDArray[np.bool_]]]()
-    everything = np.arange(len(pairs.rows))
+    cells, everything = list[Cell](), np.arange(len(pairs.rows))
+    none = everything[:0], everything[:0], np.zeros((0, 3)), np.zeros(0, dtype=np.bool_)
+    blocks: list[tuple[Indices, Indices, Array, NDArray[np.bool_]]] = [none]
     waiting = [(0, 0, everything, np.zeros((len(everything), 3)))]
     while waiting and len(everything):
         depth, number, rows, way = waiting.pop()
@@ -140,7 +149,8 @@ def facts_of(trajectory: Trajectory, robot: RobotGeometry, scene: Scene, pairs: 
         cell = (begin, trajectory.duration * ((number + 1) / 2**depth))
         motion = Motion(*_motion(trajectory, robot.chain, cell), poses, centers)
         found = settle(solids, motion, pairs.rows[rows], pairs.needs[rows], way)
-        done = (found == SETTLED) | (depth == MAX_DEPTH) | (found == TOUCHING)
+        last = depth == MAX_DEPTH or (deadline is not None and deadline.passed)
+        done = (found == SETTLED) | (found == TOUCHING) | last
         if done.any():
             within = np.full(int(done.sum()), len(cells))
             blocks.append((rows[done], within, way[done], found[done] == SETTLED))

@@ -20,9 +20,11 @@ from obstacles.robots.allowed_pairs import allowed_pairs
 from obstacles.robots.robot_geometry import RobotGeometry
 from obstacles.scenes.scene import Scene
 from planning.constraints.constraint_set import ConstraintSet
+from planning.proof.certificate import has_solids
 from planning.proof.constraints.constraint_limits import constrained_margin
 from planning.proof.limits.limits import check_limits
 from planning.proof.premises import Premises
+from planning.values.deadline import Deadline
 from planning.values.limits import MotionLimits
 from planning.witness.bound import Solids
 from planning.witness.facts import Facts, Pairs, facts_of, pairs_of, solids_of
@@ -50,6 +52,7 @@ def witness(
     limits: MotionLimits | None = None,
     constraints: ConstraintSet | None = None,
     tool_motions: int = 0,
+    deadline: Deadline | None = None,
 ) -> dict[str, Any]:
     """Witness of a motion, as a JSON document of the format in docs/witness.md.
 
@@ -63,6 +66,7 @@ def witness(
         limits: Limits in place of the robot's.
         constraints: Constraints of the path; they are counted, not witnessed, but for clearance.
         tool_motions: Number of motions that the tool has to keep to; they are counted likewise.
+        deadline: Instant from which on no more directions are looked for.
 
     Raises:
         InvalidTrajectory: It is not of the joints of the robot, in its order.
@@ -73,7 +77,7 @@ def witness(
     _check(trajectory, robot.chain, margin)
     margin = constrained_margin(margin, constraints)
     solids, pairs = solids_of(robot, scene), pairs_of(robot, scene, margin)
-    facts = facts_of(trajectory, robot, scene, pairs)
+    facts = facts_of(trajectory, robot, scene, pairs, deadline)
     premises = Premises.of_cell(robot, scene, margin)
     bounds, untold = _limits(trajectory, robot.chain, wanted)
     effort = wanted.effort
@@ -83,6 +87,7 @@ def witness(
         "tool_motions": tool_motions,
         "torque": 0 if effort is None or effort.effort is None else len(effort.effort),
         "tool_speed": int(effort is not None and effort.tool_speed is not None),
+        "solids": len(robot.unseen) if has_solids(robot) else 1,
         "touch_depth": sum(item.limited for item in allowed_pairs(robot, scene)),
     }
     return {

@@ -159,6 +159,7 @@ def plan_witness(problem: Problem, options: Options, motion: Trajectory) -> dict
         limits=limits,
         constraints=problem.constraints,
         tool_motions=max(len(options.cartesian.motions), 1) if cartesian else 0,
+        deadline=current.deadline(),
     )
 
 
@@ -255,6 +256,7 @@ def validate(robot: Reference, scene: Reference | None, content: bytes) -> bytes
             limits=limits,
             constraints=wanted,
             tool_motions=0 if body.tool_motions is None else len(body.tool_motions.motions),
+            deadline=current.deadline(),
         )
     return to_json(answer | in_frame(chain) | notes_of(body, cell.notes), inf_nan_mode="null")
 

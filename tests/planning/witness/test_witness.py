@@ -12,8 +12,10 @@ import pytest
 from kinematics.arrays import Array
 from kinematics.errors import InvalidOption, InvalidTrajectory
 from kinematics.trajectory.trajectory import Trajectory
+from obstacles.robots.robot_geometry import RobotGeometry
 from obstacles.scenes.scene import Scene
 from planning.proof.certificate import certify
+from planning.values.deadline import Deadline
 from planning.values.limits import EffortLimits, MotionLimits
 from planning.witness.witness import witness
 from tests.mimic_joints import mimic_robot
@@ -148,6 +150,24 @@ def test_what_the_format_has_no_words_for_is_counted() -> None:
     bounds = {"velocity": np.full(7, 1e-3)}
     tight = witness(item.trajectory, robot, item.scene, limits=MotionLimits(bounds))
     assert "velocity of joint 0" in str(rejected(tight))
+
+
+def test_a_robot_without_solids_is_told_of() -> None:
+    """Nothing collides with it, and nothing of that is proved."""
+    item, none = planned("panda", "shelf", 4)[0], np.zeros(0, dtype=np.int64)
+    bare = RobotGeometry(item.robot.chain, (), (), none, none, {})
+    document = witness(item.trajectory, bare, item.scene)
+    assert document["unwitnessed"] == [{"what": "solids", "count": 1}]
+    assert rejected(document) is None
+
+
+def test_what_there_was_no_time_for_is_named() -> None:
+    """A deadline that has passed leaves pairs open; the rest is a witness still."""
+    item = planned("ur5e", "crowd", 4)[0]
+    late = witness(item.trajectory, item.robot, item.scene, deadline=Deadline.after(0.0))
+    assert rejected(late) is None
+    assert len(late["cells"]) == 1
+    assert len(late["unwitnessed"]) > 3
 
 
 def test_odd_questions_are_refused() -> None:
