@@ -46,7 +46,7 @@ def test_it_is_small() -> None:
 
 def test_certified_motions_are_accepted(check: Check) -> None:
     """With the gap that balls prove, but for its own rounding."""
-    items = [*planned("ur5e", "crowd", 4), *planned("panda", "crowd", 3, 0.01)[:1], *meshes(3)[:1]]
+    items = [*planned("ur5e", "crowd", 4), *planned("panda", "crowd", 2, 0.01)[:1], *meshes(3)[:1]]
     for item in items:
         code, said = check(item.document)
         assert (code, said[:9]) == (0, "accepted:")
@@ -92,10 +92,10 @@ def test_both_checkers_agree_on_mutations(check: Check) -> None:
 
 
 def test_many_mutations_are_rejected(check: Check) -> None:
-    """A thousand of them; what is left is harmless: a cell or a fact that others stand for."""
+    """Four hundred of them; what is left is harmless: a cell or a fact that others stand for."""
     random, left = np.random.default_rng(31), set[str]()
-    items = [*planned("ur5e", "crowd", 4), planned("panda", "shelf", 4)[1]]
-    for k in range(1000):
+    items = [*planned("ur5e", "crowd", 4), planned("panda", "shelf", 2)[1]]
+    for k in range(400):
         mutation = MUTATIONS[k % len(MUTATIONS)]
         mutant = deepcopy(items[k % len(items)].document)
         mutation(mutant, random)

@@ -112,7 +112,7 @@ def _trajectory(d: Document) -> Trajectory:
 def test_mutations_are_rejected(mutation: Callable[[Document, Random], None]) -> None:
     """Of motions of two arms, each several times."""
     random, harmless = np.random.default_rng(17), 0
-    items = [*planned("ur5e", "crowd", 4), planned("panda", "shelf", 4)[1]]
+    items = [*planned("ur5e", "crowd", 4), planned("panda", "shelf", 2)[1]]
     for item in items:
         for _ in range(3):
             mutant = deepcopy(item.document)

@@ -30,7 +30,7 @@ from tests.planning.witness.problems import (
     rejected,
 )
 
-CASES = [("panda", "shelf", 4, 0.0), ("panda", "crowd", 3, 0.01), ("ur5e", "crowd", 4, 0.0)]
+CASES = [("panda", "shelf", 2, 0.0), ("panda", "crowd", 2, 0.01), ("ur5e", "crowd", 4, 0.0)]
 
 
 @pytest.mark.parametrize("case", CASES)
@@ -89,7 +89,7 @@ def test_no_motion_that_collides_is_accepted() -> None:
 
 def test_gaps_are_below_every_distance_that_pinocchio_finds() -> None:
     """Of corners of two solids on links, at random instants of a cell."""
-    item, random = planned("panda", "shelf", 4)[0], np.random.default_rng(1)
+    item, random = planned("panda", "shelf", 2)[0], np.random.default_rng(1)
     module, arm = checker(), PinocchioArm("panda")
     d, names = item.document, item.trajectory.joint_names
     bodies = [module.Body(row, k, len(names)) for k, row in enumerate(d["joints"])]
@@ -140,7 +140,7 @@ def test_joints_that_follow_others_are_witnessed() -> None:
 
 def test_what_the_format_has_no_words_for_is_counted() -> None:
     """Limits of tool speed and torque, tool motions, and a jerk that is not kept."""
-    robot, item = builtin("panda"), planned("panda", "shelf", 4)[0]
+    robot, item = builtin("panda"), planned("panda", "shelf", 2)[0]
     effort = EffortLimits(robot.chain, np.full(robot.chain.n, 1e3), 9.0)
     told = witness(
         item.trajectory, robot, item.scene, limits=MotionLimits(effort=effort), tool_motions=2
@@ -154,7 +154,7 @@ def test_what_the_format_has_no_words_for_is_counted() -> None:
 
 def test_a_robot_without_solids_is_told_of() -> None:
     """Nothing collides with it, and nothing of that is proved."""
-    item, none = planned("panda", "shelf", 4)[0], np.zeros(0, dtype=np.int64)
+    item, none = planned("panda", "shelf", 2)[0], np.zeros(0, dtype=np.int64)
     bare = RobotGeometry(item.robot.chain, (), (), none, none, {})
     document = witness(item.trajectory, bare, item.scene)
     assert document["unwitnessed"] == [{"what": "solids", "count": 1}]
