@@ -92,7 +92,7 @@ def test_both_checkers_agree_on_mutations(check: Check) -> None:
 
 
 def test_many_mutations_are_rejected(check: Check) -> None:
-    """Four hundred of them; what is left is harmless: a cell or a fact that others stand for."""
+    """Four hundred of them; what is left is harmless: others stand for it, or a solid is far."""
     random, left = np.random.default_rng(31), set[str]()
     items = [*planned("ur5e", "crowd", 4), planned("panda", "shelf", 2)[1]]
     for k in range(400):
@@ -101,7 +101,7 @@ def test_many_mutations_are_rejected(check: Check) -> None:
         mutation(mutant, random)
         if check(mutant)[0] == 0:
             left.add(mutation.__name__)
-    assert left <= {"dropped", "shrunk", "widened"}
+    assert left <= {"dropped", "shrunk", "widened", "enlarged"}
 
 
 def test_a_file_that_ends_early_is_rejected(check: Check) -> None:
