@@ -329,8 +329,7 @@ PLAN: dict[str, Any] = ABOUT | {
     "goal_costs": {"motion_time": 2.0, "joint_limits": 0.4, "manipulability": 0.3,
                    "clearance": 0.2, "turns": 0.1},
     "collisions": "ignore", "start_state_tolerance": 1e-5, "timing": TIMING, "limits": LIMITS,
-    "stops": "both", "timeout": 5.0, "seed": 3,
-    "timeout": 5.0, "seed": 3, "witness": True,
+    "stops": "both", "witness": True, "timeout": 5.0, "seed": 3,
     "refine": {"objective": {"time": 1.0, "jerk": 1e-6}, "duration": 3.0, "degree": 5,
                "control_points": 16, "rounds": 12, "solver": "ipopt"},
 }  # fmt: skip
@@ -489,8 +488,7 @@ FULL: list[tuple[type[BaseModel], dict[str, Any]]] = [
         "limits": LIMITS, "keep": True,
         "constraints": CONSTRAINTS[:1], "margin": 0.01, "collisions": "ignore",
         "tool_motions": TOOL_MOTIONS, "torque_limits": True, "payload": PAYLOAD, "tool_speed": 0.5,
-        "stops": "joints", "timeout": 5.0}),
-        "witness": True, "timeout": 5.0}),
+        "stops": "joints", "witness": True, "timeout": 5.0}),
     (RetimeRequest, MOUNTED | {
         "path": {"joints": [[0.0, 0.1], [0.2, 0.3]], "knots": [0.0, 1.0],
                  "joint_names": ["a", "b"]},
