@@ -59,7 +59,7 @@ def merge(waypoints: ArrayLike) -> Array:
         merged = _merge()(waypoints)
         if len(merged):
             return merged
-    points = _points(waypoints)
+    points = checked_waypoints(waypoints)
     return points[_keep(points)]
 
 
@@ -72,7 +72,7 @@ def corner_indices(waypoints: ArrayLike) -> Indices:
     Raises:
         InvalidTrajectory: As in ``merge``.
     """
-    return _keep(_points(waypoints))
+    return _keep(checked_waypoints(waypoints))
 
 
 def largest_reaches(waypoints: ArrayLike) -> Array:
@@ -87,7 +87,7 @@ def largest_reaches(waypoints: ArrayLike) -> Array:
         found = _find_largest()(waypoints)
         if len(found) == len(waypoints) - 2:
             return found
-    points = _points(waypoints)
+    points = checked_waypoints(waypoints)
     return _largest_reaches(points, _keep(points))
 
 
@@ -116,7 +116,9 @@ def _largest_reaches(points: Array, kept: Indices) -> Array:
     return reaches
 
 
-def reach_for_deviation(waypoints: ArrayLike, deviation: float, smooth: bool = False) -> Array:
+def reach_for_deviation(
+    waypoints: ArrayLike, deviation: float, smooth: bool = False, norm: float = 2.0
+) -> Array:
     """The reach at each inner waypoint whose curve passes its corner within ``deviation``.
 
     r = 4 deviation / |u_out - u_in| for a parabola, with 6 for cubics, at most
@@ -124,8 +126,9 @@ def reach_for_deviation(waypoints: ArrayLike, deviation: float, smooth: bool = F
 
     Args:
         waypoints: Shape (k, n).
-        deviation: Euclidean distance in joint space, not negative.
+        deviation: Distance in joint space, not negative.
         smooth: Whether cubics round the corners.
+        norm: 2 for the Euclidean distance, inf for that of the joint that is farthest off.
 
     Raises:
         InvalidOption: The deviation is negative or no number.
@@ -135,12 +138,12 @@ def reach_for_deviation(waypoints: ArrayLike, deviation: float, smooth: bool = F
         raise InvalidOption(
             f"the blend tolerance is {deviation}", hint="Give a number that is 0 or positive."
         )
-    points = _points(waypoints)
+    points = checked_waypoints(waypoints)
     kept = _keep(points)
     reaches = _largest_reaches(points, kept)
     if len(kept) > 2:
         _, directions = _legs(points[kept])
-        turns = np.linalg.norm(np.diff(directions, axis=0), axis=1)
+        turns = np.linalg.norm(np.diff(directions, axis=0), ord=norm, axis=1)
         inner = kept[1:-1] - 1
         reaches[inner] = np.minimum(reaches[inner], (6.0 if smooth else 4.0) * deviation / turns)
     return reaches
@@ -160,7 +163,7 @@ def blend(waypoints: ArrayLike, reaches: ArrayLike, smooth: bool = False) -> Joi
         InvalidTrajectory: As in ``merge``, or all waypoints are the same.
         InvalidOption: A reach is negative, or more than half of a neighbouring leg.
     """
-    points = _points(waypoints)
+    points = checked_waypoints(waypoints)
     kept = _keep(points)
     if len(kept) < 2:
         raise InvalidTrajectory(
@@ -279,7 +282,12 @@ def blend_kernel(
     return used
 
 
-def _points(waypoints: ArrayLike) -> Array:
+def checked_waypoints(waypoints: ArrayLike) -> Array:
+    """The waypoints as an array of their own.
+
+    Raises:
+        InvalidTrajectory: As in ``merge``.
+    """
     try:
         points = np.array(waypoints, dtype=np.float64)
     except (TypeError, ValueError) as error:

@@ -1,7 +1,7 @@
 """Polylines that stand for recorded or sampled paths: fewer waypoints, near all that are left out.
 
-From each corner the line goes on to the farthest waypoint that keeps those between near; then
-corners move to where the lines on both sides are about as near. Waypoints are matched in their
+The line has the fewest corners (``fewest_points``); then these move to where the lines on both
+sides are about as near. Waypoints are matched in their
 order with places on the line, never back, and both polylines are straight between them: at the same
 share of the way they are nowhere farther apart than at a waypoint. A curve that rounds a corner is
 matched with its legs likewise. Its offset and the distance of the waypoints are convex between
@@ -19,13 +19,19 @@ import numpy as np
 from compiled.kernel import kernel
 from kinematics.arrays import Array, Indices
 from planning.timing.path.blend import corner_indices, largest_reaches, reach_for_deviation
+from planning.timing.path.fewest_points import (
+    distance_from_leg_kernel,
+    fewest_kernel,
+    near_places_kernel,
+    share_of_leg_kernel,
+)
 
 
 class Polyline(NamedTuple):
     """Corners that stand for a path.
 
     Args:
-        corners: Shape (k', n) [rad or m].
+        corners: Shape (k', n); one where the path keeps near its start and ends there [rad or m].
         numbers: The waypoints that they are, shape (k',).
         left_out: How many waypoints are left out; 0 where all are exactly on the line.
         reaches: Largest reach of each inner corner for ``blend``, shape (k' - 2,); 0 for a stop.
@@ -43,17 +49,19 @@ class Polyline(NamedTuple):
 
 
 def simplified_polyline(
-    points: Array, tolerance: float, smooth: bool, moving: bool = False
+    points: Array, tolerance: float, smooth: bool, moving: bool = False, norm: float = 2.0
 ) -> Polyline:
     """The polyline with rounded corners that stands for a path.
 
     Args:
         points: Shape (k, n), at least two of them distinct.
-        tolerance: Largest distance of the line with rounded corners from the path, Euclidean in
-            joint space. Where it is 0, waypoints are left out that are off by no more than their
-            last decimal tells, and corners rounded whose widest curve is not farther off.
+        tolerance: Largest distance of the line with rounded corners from the path. Where it is 0,
+            waypoints are left out that are off by no more than their last decimal tells, and
+            corners rounded whose widest curve is not farther off.
         smooth: Whether cubics round corners, as in ``blend``, or parabolas.
         moving: Whether the motion has a velocity at an end, along the leg there: all legs stay.
+        norm: 2 for Euclidean distances in joint space, inf for those of the joint that is farthest
+            off.
 
     Raises:
         InvalidOption: The tolerance is negative or no number.
@@ -64,11 +72,13 @@ def simplified_polyline(
     rows = points[merged]
     # Share of the tolerance that waypoints left out may use: the rest is for corners beside them.
     within = 0.0 if moving else max(0.9 * tolerance, rounding)
-    kept, beside = _kept(rows, within)
+    kept, beside = _kept(rows, within, norm)
+    # Loops within the tolerance may leave a corner twice.
+    kept = kept[corner_indices(rows[kept])]
     corners = rows[kept]
-    reaches = reach_for_deviation(corners, tolerance or rounding, smooth)
-    if tolerance:
-        narrow_kernel(tolerance, 3 if smooth else 2, kept, beside, _turns(corners), reaches)
+    reaches = reach_for_deviation(corners, tolerance or rounding, smooth, norm)
+    if tolerance and len(kept) > 2:
+        narrow_kernel(tolerance, 3 if smooth else 2, kept, beside, _turns(corners, norm), reaches)
     else:
         reaches[reaches < largest_reaches(corners)] = 0.0
     left_out = len(points) - len(kept) if len(kept) < len(rows) else 0
@@ -82,13 +92,29 @@ def kept_waypoints(points: Array, within: float) -> Indices:
         points: Shape (k, n) [rad or m].
         within: Largest distance of a waypoint left out from its leg, Euclidean in joint space.
     """
-    return _kept(points, within)[0]
+    return _kept(points, within, 2.0)[0]
 
 
-def _kept(points: Array, within: float) -> tuple[Indices, Array]:
+def fewest_waypoints(points: Array, within: float) -> tuple[Indices, float]:
+    """Indices of the fewest waypoints (k, n) whose legs follow the path within a tolerance.
+
+    Args:
+        points: Shape (k, n), finite [rad or m].
+        within: Largest distance of any joint from the path, at every place.
+
+    Returns:
+        The indices, the first and last included, and the largest distance.
+    """
+    kept, beside = _kept(points, within, np.inf)
+    return kept, float(beside[0].max())
+
+
+def _kept(points: Array, within: float, norm: float) -> tuple[Indices, Array]:
     """The waypoints that stay, with what ``simplify_kernel`` writes beside them."""
-    kept, beside = np.empty(len(points), dtype=np.int64), np.zeros((3, len(points)))
-    count = simplify_kernel(np.ascontiguousarray(points), within, kept, beside)
+    kept, beside = np.zeros(len(points), dtype=np.int64), np.zeros((3, len(points)))
+    if len(points) < 2:
+        return kept, beside
+    count = simplify_kernel(np.ascontiguousarray(points), within, norm, kept, beside)
     return kept[:count], beside
 
 
@@ -112,117 +138,114 @@ def written_unit(points: Array) -> float:
     return 0.0
 
 
-def _turns(corners: Array) -> Array:
+def _turns(corners: Array, norm: float) -> Array:
     """|u_out - u_in| at inner corners, shape (k - 2,)."""
     legs = np.diff(corners, axis=0)
     directions = legs / np.linalg.norm(legs, axis=1)[:, None]
-    return np.asarray(np.linalg.norm(np.diff(directions, axis=0), axis=1))
+    return np.asarray(np.linalg.norm(np.diff(directions, axis=0), ord=norm, axis=1))
 
 
 @kernel
-def simplify_kernel(points: Array, within: float, kept: Indices, beside: Array) -> int:
+def simplify_kernel(points: Array, within: float, norm: float, kept: Indices, beside: Array) -> int:
     """Write the numbers of the waypoints that stay; how many.
 
     Args:
-        points: Shape (k, n).
+        points: Shape (k, n), k >= 2.
         within: Largest distance of a waypoint left out.
+        norm: 2 for Euclidean distances, inf for those of the joint that is farthest off.
         kept: Shape (k,).
         beside: Table of each waypoint, zeros come in: its distance from the line, and the lengths
             from the place that it is matched with back to the leg's beginning and on to its end,
             shape (3, k).
     """
-    k, count = points.shape[0], 1
-    kept[0] = 0
-    while kept[count - 1] < k - 1:
-        kept[count] = _farthest_end_kernel(points, kept[count - 1], within, beside)
-        count += 1
+    count = fewest_kernel(points, within, norm, kept)
     # Rounds in which corners move: more change durations by less than a hundredth.
     for _ in range(4):
         for i in range(1, count - 1):
-            kept[i] = _even_corner_kernel(points, kept[i - 1 : i + 2], within, beside)
+            kept[i] = _even_corner_kernel(points, kept[i - 1 : i + 2], within, norm, beside)
     for i in range(count - 1):
-        leg_kernel(points, kept[i], kept[i + 1], within, beside)
+        leg_kernel(points, (kept[i], kept[i + 1]), within, norm, beside)
     for i in range(count):
         beside[:, kept[i]] = 0.0
     return count
 
 
 @kernel(allocates=False)
-def _farthest_end_kernel(points: Array, first: int, within: float, beside: Array) -> int:
-    """About the last waypoint that a leg can end at: steps twice as long, then half as long."""
-    last, low, step = points.shape[0] - 1, first + 1, 2
-    while low < last:
-        far = min(first + step, last)
-        if leg_kernel(points, first, far, within, beside) == np.inf:
-            break
-        low, step = far, 2 * step
-    high = min(first + step, last)
-    while low < high - 1:
-        middle = (low + high) // 2
-        if leg_kernel(points, first, middle, within, beside) < np.inf:
-            low = middle
-        else:
-            high = middle
-    return low
-
-
-@kernel(allocates=False)
-def _even_corner_kernel(points: Array, corners: Indices, within: float, beside: Array) -> int:
+def _even_corner_kernel(
+    points: Array, corners: Indices, within: float, norm: float, beside: Array
+) -> int:
     """The waypoint at which the legs on both sides of a corner are about as near, if that helps.
 
     Args:
         points: Shape (k, n).
         corners: The one before, the corner, and the one after, shape (3,).
         within: Spans same as in ``simplify_kernel``.
+        norm: Same as in ``simplify_kernel``.
         beside: Scratch, shape (3, k).
     """
     before, here, after = corners
     low, high = before + 1, after - 1
     while low < high:
         middle = (low + high) // 2
-        left = leg_kernel(points, before, middle, within, beside)
-        if left < leg_kernel(points, middle, after, within, beside):
+        left = leg_kernel(points, (before, middle), within, norm, beside)
+        if left < leg_kernel(points, (middle, after), within, norm, beside):
             low = middle + 1
         else:
             high = middle
-    now = leg_kernel(points, before, here, within, beside)
-    now = max(now, leg_kernel(points, here, after, within, beside))
-    then = leg_kernel(points, before, low, within, beside)
-    then = max(then, leg_kernel(points, low, after, within, beside))
+    now = leg_kernel(points, (before, here), within, norm, beside)
+    now = max(now, leg_kernel(points, (here, after), within, norm, beside))
+    then = leg_kernel(points, (before, low), within, norm, beside)
+    then = max(then, leg_kernel(points, (low, after), within, norm, beside))
     return int(low if then < now else here)
 
 
 @kernel(allocates=False)
-def leg_kernel(points: Array, first: int, last: int, within: float, beside: Array) -> float:
+def leg_kernel(
+    points: Array, ends: tuple[int, int], within: float, norm: float, beside: Array
+) -> float:
     """The largest distance of waypoints from the leg between two others; inf where it is too large.
 
     Args:
         points: Shape (k, n).
-        first: Number of the waypoint that the leg begins at.
-        last: Number of that which it ends at.
+        ends: Waypoints at which the leg begins and ends.
         within: Spans same as in ``simplify_kernel``.
+        norm: Same as in ``simplify_kernel``.
         beside: Filled for the waypoints between, as in ``simplify_kernel``.
     """
-    n, square = points.shape[1], 0.0
-    for joint in range(n):
+    # Places nearest to the waypoints, in their order; else the first ones that are near.
+    most = _match_kernel(points, ends, (within, norm), False, beside)
+    if most > within:
+        most = _match_kernel(points, ends, (within, norm), True, beside)
+    return most
+
+
+@kernel(allocates=False)
+def _match_kernel(
+    points: Array,
+    ends: tuple[int, int],
+    near: tuple[float, float],
+    is_early: bool,
+    beside: Array,
+) -> float:
+    """Match waypoints with places on a leg; their largest distance, inf where it is too large."""
+    (first, last), (within, norm) = ends, near
+    square, most, share = 0.0, 0.0, 0.0
+    for joint in range(points.shape[1]):
         square += (points[last, joint] - points[first, joint]) ** 2
-    most, share = 0.0, 0.0
-    for i in range(first + 1, last):
-        along = 0.0
-        for joint in range(n):
-            step = points[last, joint] - points[first, joint]
-            along += (points[i, joint] - points[first, joint]) * step
-        if along > share * square:
-            share = min(along / square, 1.0)
-        away = 0.0
-        for joint in range(n):
-            step = points[last, joint] - points[first, joint]
-            away += (points[i, joint] - points[first, joint] - share * step) ** 2
-        away = math.sqrt(away)
+    length = math.sqrt(square)
+    for at in range(first + 1, last):
+        low, high = near_places_kernel(points, (first, last, at), within, norm)
+        if low > high or share > high:
+            return np.inf
+        if not is_early:
+            low = min(max(low, share_of_leg_kernel(points, first, last, at)), high)
+        share = max(share, low)
+        away = distance_from_leg_kernel(points, (first, last, at), share, norm)
+        # At the edge of what is near a place is as near as that, but for rounding.
+        away = min(away, within)
         most = max(most, away)
-        length = math.sqrt(square)
-        beside[0, i], beside[1, i], beside[2, i] = away, share * length, (1.0 - share) * length
-    return most if most <= within else np.inf
+        beside[0, at], beside[1, at], beside[2, at] = away, share * length, (1.0 - share) * length
+    return most
 
 
 @kernel

@@ -108,6 +108,16 @@ def test_ways_back_stay() -> None:
     assert len(simplified_polyline(loop, 0.5, smooth=True).corners) > 2
 
 
+def test_loops_within_the_tolerance_leave_no_corner_twice() -> None:
+    turn = np.linspace(0.0, 2.0 * np.pi, 30)
+    loop = 4e-4 * np.stack([np.cos(turn) - 1.0, np.sin(turn)], axis=-1)
+    assert len(simplified_polyline(loop, 1e-3, smooth=True).corners) == 1
+    through = np.concatenate([[[-1.0, 0.0]], loop, [[0.0, 1.0]]])
+    line = simplified_polyline(through, 1e-3, smooth=True)
+    assert len(line.corners) == 3
+    assert np.isfinite(line.reaches).all()
+
+
 def test_sparse_paths_are_as_they_are() -> None:
     rng = np.random.default_rng(3)
     for _ in range(20):
