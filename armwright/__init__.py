@@ -35,6 +35,7 @@ if TYPE_CHECKING:
         simulate,
         stop,
     )
+    from armwright.motion import certify, plan, plan_seam, retime, retime_states, simplify, simulate
     from armwright.robot import load_robot
     from kinematics.errors import ArmwrightError
     from kinematics.ik.solution import IkResult, IkSolution
@@ -86,6 +87,7 @@ if TYPE_CHECKING:
     from planning.reach.tolerance import Tolerance
     from planning.result import Failure, Plan
     from planning.retiming.retime import Retimed
+    from planning.retiming.simplify import SimplifiedPath
     from planning.sequence.result import SequenceFailure, SequencePlan, StagePlan, TaskOptions
     from planning.sequence.search import plan_task
     from planning.sequence.stage import (
@@ -204,6 +206,7 @@ _MODULES = {
     "SeamWaypoint": "planning.tool_motions.tool_tolerance",
     "SequenceFailure": "planning.sequence.result",
     "SequencePlan": "planning.sequence.result",
+    "SimplifiedPath": "planning.retiming.simplify",
     "Solid": "obstacles.robots.tool",
     "Sphere": "obstacles.shapes.shape",
     "SphereRegion": "planning.constraints.kinds.region",
@@ -263,6 +266,7 @@ _MODULES = {
     "retime": "armwright.motion",
     "retime_states": "armwright.motion",
     "scene_from_moveit": "obstacles.scenes.moveit",
+    "simplify": "armwright.motion",
     "simulate": "armwright.motion",
     "solve_lyapunov": "tracking.controllers.quadratic_form",
     "stop": "armwright.motion",
@@ -347,6 +351,7 @@ __all__ = [
     "SeamWaypoint",
     "SequenceFailure",
     "SequencePlan",
+    "SimplifiedPath",
     "Solid",
     "Sphere",
     "SphereRegion",
@@ -406,6 +411,7 @@ __all__ = [
     "retime",
     "retime_states",
     "scene_from_moveit",
+    "simplify",
     "simulate",
     "solve_lyapunov",
     "stop",

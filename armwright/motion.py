@@ -22,6 +22,7 @@ from planning.proof.certificate import certify
 from planning.result import Failure, Plan
 from planning.retiming import retime as timing
 from planning.retiming.retime import PathToTime, Retimed
+from planning.retiming.simplify import simplify
 from planning.retiming.state_motion import time_states
 from planning.stops.certificate import StopCertificate, Surroundings
 from planning.stops.certificate import certify_stops as prove_stops
@@ -39,6 +40,7 @@ __all__ = [
     "plan_seam",
     "retime",
     "retime_states",
+    "simplify",
     "simulate",
     "stop",
 ]
@@ -184,6 +186,7 @@ def retime(
     timing_options: TimingOptions | None = None,
     limits: Mapping[str, ArrayLike] | None = None,
     stops: StopKinds = "none",
+    tolerance: float | None = None,
 ) -> Retimed:
     """Time a path of joint waypoints within limits; nothing is proved of collisions.
 
@@ -194,6 +197,8 @@ def retime(
         limits: Limits by quantity ("velocity", "acceleration", "jerk"), each shape (n,), in place
             of the robot's.
         stops: "path" to bound the longest stop along the path too.
+        tolerance: How far any joint may be from the straight lines through the waypoints, for the
+            fewest corners [rad or m].
 
     Raises:
         MissingLimit: A limit that is needed is not known.
@@ -209,6 +214,8 @@ def retime(
     path = PathToTime(names, points)
     timed = timing.retime(path, timing_options or TimingOptions(), given, chain)
     return timing.with_path_stops(timed, stops, chain, given)
+    path = PathToTime(names, points, None, tolerance)
+    return timing.retime(path, timing_options or TimingOptions(), given, chain)
 
 
 @typed

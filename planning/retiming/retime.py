@@ -26,6 +26,7 @@ from planning.timing.time_scaling import ScaledTime
 from planning.values.limits import MotionLimits
 from planning.values.stop_kind import StopKinds
 
+_STILL = "The path has no length: the robot stays"
 _SIZES = "Look for limits or lengths of very different sizes."
 
 
@@ -38,11 +39,14 @@ class PathToTime:
         waypoints: Shape (k, n), k >= 1 [rad or m].
         knots: Knots of a spline through them, shape (k,); by distance in joint space where none are
             given. Times, for the method "spline" [s].
+        tolerance: How far any joint may be from straight lines through them, at every place, for
+            the motion to have the fewest corners [rad or m]; None for none.
     """
 
     joint_names: tuple[str, ...]
     waypoints: Array
     knots: Array | None = None
+    tolerance: float | None = None
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -113,35 +117,30 @@ def retime(
         require_limits(required_limits(method), names, overrides)
     parametrization = chosen_parametrization(timing, names, limits, overrides, chain)
     begins = 0.0 if times is None else float(times[0])
-    interpolation = timing.interpolation or _usual(timing)
+    interpolation = _interpolation(path, timing)
     notes, numbers = _notes(points), np.arange(len(points))
     is_still = len(merge(points)) < 2
     if interpolation != "linear" and times is None and path.knots is None and not is_still:
         numbers = led_by(points)
-        notes += _led_notes(points, numbers)
-        points = points[numbers]
+        notes, points = notes + _led_notes(points, numbers), points[numbers]
+    line = None
+    if interpolation == "linear" and not is_still:
+        line = _line(path, points, timing, parametrization)
+        notes += _line_notes(line)
+        is_still = len(line.corners) < 2
     attempts: Sequence[Callable[[], ScaledTime]]
     if is_still:
-        notes = (f"The path has no length: the robot stays where it is for {REST:g} s.",)
+        notes = (*(notes if line else ()), f"{_STILL} where it is for {REST:g} s.")
         shape = stay(names, points[0])
         attempts = [lambda: ScaledTime(shape, 1.0)]
+    elif line is not None:
+        attempts, shape = _linear(line, names, parametrization), _legs(names, points)
     elif not method.follows_path:
         ends = _ends(interpolation)
         shifted = None if times is None else times - times[0]
         timed = parametrization.time_spline(points, shifted, ends, names, timing.scale_times)
         notes += _spline_notes(timed.trajectory, ends, timing)
         attempts, shape = [lambda: timed], timed.trajectory
-    elif interpolation == "linear":
-        _refuse_knots(path)
-        line = simplified_polyline(
-            points,
-            timing.blend_tolerance or 0.0,
-            parametrization.smooth,
-            moving=timing.start_velocity is not None or timing.end_velocity is not None,
-        )
-        notes += _line_notes(line)
-        attempts = _linear(line, names, parametrization)
-        shape = _legs(names, points)
     else:
         curve = _curve(points, path.knots, interpolation)
         attempts = [lambda: parametrization.time(curve, names)]
@@ -194,8 +193,18 @@ def _with_method(timing: TimingOptions) -> TimingOptions:
     return timing
 
 
-def _usual(timing: TimingOptions) -> Interpolation:
-    return "natural_spline" if timing.method == "spline" else "linear"
+def _interpolation(path: PathToTime, timing: TimingOptions) -> Interpolation:
+    """The interpolation asked for, or the usual one of the method.
+
+    Raises:
+        InvalidOption: The path's knots or tolerance do not go with it.
+    """
+    usual: Interpolation = "natural_spline" if timing.method == "spline" else "linear"
+    interpolation = timing.interpolation or usual
+    if interpolation == "linear":
+        _refuse_knots(path)
+    _check_tolerance(path.tolerance, timing, interpolation)
+    return interpolation
 
 
 def _points(path: PathToTime) -> Array:
@@ -214,6 +223,39 @@ def _refuse_knots(path: PathToTime) -> None:
             "knots belong to splines; straight lines have none",
             hint="Ask for interpolation natural_spline or clamped_spline, or leave knots out.",
         )
+
+
+def _check_tolerance(
+    tolerance: float | None, timing: TimingOptions, interpolation: Interpolation
+) -> None:
+    if tolerance is None:
+        return
+    if not 0.0 < tolerance < np.inf:
+        raise InvalidOption(
+            f"path.tolerance is {tolerance}", hint="Give a positive number, or leave it out."
+        )
+    if interpolation != "linear":
+        raise InvalidOption(
+            "path.tolerance belongs to straight lines; a spline leads through all its waypoints",
+            hint="Ask for another method or interpolation linear, or simplify the path first.",
+        )
+    if timing.blend_tolerance is not None:
+        raise InvalidOption(
+            "both path.tolerance and timing.blend_tolerance are given",
+            hint="Give the first for each joint, or the second for the Euclidean distance.",
+        )
+
+
+def _line(
+    path: PathToTime, points: Array, timing: TimingOptions, parametrization: TimeParametrization
+) -> Polyline:
+    return simplified_polyline(
+        points,
+        path.tolerance or timing.blend_tolerance or 0.0,
+        parametrization.smooth,
+        moving=timing.start_velocity is not None or timing.end_velocity is not None,
+        norm=2.0 if path.tolerance is None else np.inf,
+    )
 
 
 def _linear(

@@ -1,0 +1,98 @@
+"""Simplified paths: proved in a scene, and timed within their tolerance."""
+
+import itertools
+
+import numpy as np
+import pytest
+
+import armwright as aw
+from kinematics.arrays import Array
+from kinematics.errors import InvalidOption, InvalidTrajectory
+from planning.timing.path.blend import merge
+
+HOME = np.array([0.0, -0.785, 0.0, -2.356, 0.0, 1.571, 0.785])
+
+
+def swing(k: int) -> Array:
+    """A bow of the Panda's first joints, shape (k, 7) [rad]."""
+    u = np.linspace(0.0, 1.0, k)[:, None]
+    bow = np.sin(np.pi * u) * [0.0, 0.3, 0.0, 0.0, 0.0, 0.0, 0.0]
+    return np.asarray(HOME + u * [1.5, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0] + bow)
+
+
+def test_a_simplified_path_is_proved() -> None:
+    robot, points = aw.load_robot("panda"), swing(300)
+    found = aw.simplify(points, 1e-3, robot, aw.Scene())
+    assert len(found.numbers) < 30
+    np.testing.assert_array_equal(found.waypoints, points[found.numbers])
+    assert found.certificate is not None
+    assert found.certificate.verified
+    assert found.certificate.proved.collisions
+    bare = aw.simplify(points, 1e-3)
+    assert bare.certificate is None
+    np.testing.assert_array_equal(bare.numbers, found.numbers)
+
+
+def test_nearer_lines_are_taken_where_lines_are_not_free() -> None:
+    robot, points = aw.load_robot("panda"), swing(300)
+    # The straight way hits what the bow goes round.
+    tip = aw.fk(robot, 0.5 * (points[0] + points[-1]))
+    scene = aw.Scene([aw.Obstacle("post", aw.Sphere(0.02), aw.pose(tip[:3, 3]))])
+    assert not aw.simplify(points[[0, -1]], 0.0, robot, scene).certificate.verified  # type: ignore[union-attr]
+    found = aw.simplify(points, 0.5, robot, scene)
+    assert found.certificate is not None
+    assert found.certificate.verified
+    assert 2 < len(found.numbers) < 30
+    assert "were proved free" in found.notes[0]
+    # What is not free itself is told, with where.
+    wrong = aw.simplify(points[::299], 0.5, robot, scene)
+    assert wrong.certificate is not None
+    assert wrong.certificate.violation is not None
+    assert 0.0 < wrong.certificate.violation.time < 1.0
+
+
+@pytest.mark.parametrize("method", ["toppra", "jerk_limited", None])
+def test_a_timed_path_keeps_to_its_tolerance_in_every_joint(method: str | None) -> None:
+    robot, points = aw.load_robot("panda"), swing(300) + 0.05 * np.sin(30.0 * swing(300))
+    limits = {"jerk": np.full(7, 500.0)}
+    timing = aw.TimingOptions(method)  # type: ignore[arg-type]
+    found = aw.retime(points, robot, tolerance=5e-3, timing_options=timing, limits=limits)
+    assert found.certificate.verified
+    motion = found.trajectory
+    places = motion.sample(np.linspace(0.0, motion.duration, 800))
+    fine = np.concatenate([np.linspace(a, b, 20) for a, b in itertools.pairwise(points)])
+    away = np.abs(places[:, None] - fine[None]).max(axis=2).min(axis=1)
+    step = np.abs(np.diff(fine, axis=0)).max()
+    assert 1e-3 < away.max() <= 5e-3 + step
+    np.testing.assert_allclose(places[[0, -1]], points[[0, -1]], atol=1e-9)
+    # Faster than within the same Euclidean distance, which is less for each joint.
+    euclidean = aw.TimingOptions(method, blend_tolerance=5e-3)  # type: ignore[arg-type]
+    other = aw.retime(points, robot, timing_options=euclidean, limits=limits)
+    assert motion.duration < 1.02 * other.trajectory.duration
+
+
+def test_odd_requests_are_refused() -> None:
+    robot = aw.load_robot("panda")
+    for tolerance in (-1e-3, np.nan, np.inf):
+        with pytest.raises(InvalidOption, match="the tolerance is"):
+            aw.simplify(swing(5), tolerance)
+    with pytest.raises(InvalidOption, match="needs a robot"):
+        aw.simplify(swing(5), 1e-3, None, aw.Scene())
+    with pytest.raises(InvalidTrajectory, match="waypoint 1 is not finite"):
+        aw.simplify([[0.0], [np.nan]], 1e-3)
+    with pytest.raises(InvalidTrajectory):
+        aw.simplify(swing(5)[:, :3], 1e-3, robot)
+    with pytest.raises(InvalidOption, match="tolerance is -1"):
+        aw.retime(swing(5), robot, tolerance=-1.0)
+    both, spline = aw.TimingOptions(blend_tolerance=1e-3), aw.TimingOptions("spline")
+    with pytest.raises(InvalidOption, match="blend_tolerance"):
+        aw.retime(swing(5), robot, tolerance=1e-3, timing_options=both)
+    with pytest.raises(InvalidOption, match="straight lines"):
+        aw.retime(swing(5), robot, tolerance=1e-3, timing_options=spline)
+
+
+def test_exact_copies_go_without_a_tolerance() -> None:
+    points = np.repeat(swing(6), 3, axis=0)
+    found = aw.simplify(points, 0.0)
+    assert found.deviation == 0.0
+    np.testing.assert_array_equal(found.waypoints, merge(points))
