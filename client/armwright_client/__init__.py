@@ -178,7 +178,10 @@ from armwright_wire.motions.certificate import Premises as Premises
 from armwright_wire.motions.certificate import Stops as Stops
 from armwright_wire.motions.export import ExportAnswer
 from armwright_wire.motions.export import ExportRequest as ExportRequest
+from armwright_wire.motions.paths import SimplifyAnswer
+from armwright_wire.motions.paths import SimplifyRequest as SimplifyRequest
 from armwright_wire.motions.retime import JointStateBody, RetimeAnswer
+from armwright_wire.motions.retime import PathBody as PathBody
 from armwright_wire.motions.retime import RetimePath as RetimePath
 from armwright_wire.motions.retime import RetimeRequest as RetimeRequest
 from armwright_wire.motions.retime import RetimeTiming as RetimeTiming
@@ -388,6 +391,7 @@ Proved = ProvedAnswer
 QuadraticForm = FormAnswer
 ReferencePose = ReferencePoseAnswer
 Retimed = RetimeAnswer
+Simplified = SimplifyAnswer
 Robot = RobotAnswer
 RoundedCornerReport = RoundedCornerAnswer
 SimulatedController = ControllerAnswer

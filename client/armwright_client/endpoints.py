@@ -36,9 +36,11 @@ from armwright_wire.motions.certificate import CertificateAnswer as Certificate
 from armwright_wire.motions.export import ExportAnswer as Export
 from armwright_wire.motions.export import ExportRequest
 from armwright_wire.motions.export import Format as ExportFormat
+from armwright_wire.motions.paths import SimplifyAnswer as Simplified
+from armwright_wire.motions.paths import SimplifyRequest
 from armwright_wire.motions.retime import JointStateBody as JointState
+from armwright_wire.motions.retime import PathBody, RetimePath, RetimeRequest, RetimeTiming
 from armwright_wire.motions.retime import RetimeAnswer as Retimed
-from armwright_wire.motions.retime import RetimePath, RetimeRequest, RetimeTiming
 from armwright_wire.motions.simulation import SimulateAnswer as Simulation
 from armwright_wire.motions.simulation import SimulateRequest
 from armwright_wire.motions.trajectory import LimitsBody as LimitValues
@@ -417,6 +419,7 @@ class ServiceEndpoints:
         joints: RowsLike,
         *,
         knots: VectorLike | None = None,
+        tolerance: float | None = None,
         robot: str | None = None,
         limits: LimitValues | None = None,
         timing: RetimeTiming | None = None,
@@ -426,7 +429,7 @@ class ServiceEndpoints:
     ) -> Call[Retimed]:
         """Time a path within the limits of a robot, or within those given."""
         body = RetimeRequest.of(
-            path=RetimePath.of(joints=joints, knots=knots),
+            path=RetimePath.of(joints=joints, knots=knots, tolerance=tolerance),
             robot=robot,
             limits=limits,
             timing=timing,
@@ -435,6 +438,28 @@ class ServiceEndpoints:
             **tool,
         )
         return Call("POST", path("retime"), Retimed.read, body, deadline=timeout)
+
+    @Endpoint
+    def simplify(
+        self,
+        joints: RowsLike,
+        tolerance: float,
+        *,
+        robot: str | None = None,
+        scene: str | Scene | None = None,
+        margin: float = 0.0,
+        timeout: float | None = None,
+    ) -> Call[Simplified]:
+        """Tell a path by the fewest waypoints within a tolerance, proved where a robot is named."""
+        body = SimplifyRequest.of(
+            path=PathBody.of(joints=joints),
+            tolerance=tolerance,
+            robot=robot,
+            scene=scene,
+            margin=margin,
+            timeout=timeout,
+        )
+        return Call("POST", path("paths", "simplify"), Simplified.read, body, deadline=timeout)
 
     @Endpoint
     def retime_states(

@@ -206,6 +206,7 @@ _MORE: dict[str, tuple[str, ...]] = {
     "validate": _MOTION,
     "export": _MOTION,
     "retime": ("INVALID_MOTION_PLAN", "MISSING_LIMIT", "INVALID_ROBOT_STATE"),
+    "simplify": (*_ROBOT, *_SCENE, "INVALID_MOTION_PLAN"),
     "convert": ("INVALID_MOTION_PLAN",),
     "dynamics": _DYNAMICS,
     "forward_dynamics": _DYNAMICS,

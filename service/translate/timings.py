@@ -129,6 +129,17 @@ def path_to_time(body: retime_schema.RetimePath, chain: Chain | None) -> PathToT
     Raises:
         InvalidTrajectory: Waypoints of different lengths, or names that do not fit.
     """
+    names, points = joint_path(body, chain)
+    knots = None if body.knots is None else np.array(body.knots, dtype=np.float64)
+    return PathToTime(names, points, knots, body.tolerance)
+
+
+def joint_path(body: retime_schema.PathBody, chain: Chain | None) -> tuple[tuple[str, ...], Array]:
+    """Names of the joints of a path, and its waypoints (k, n).
+
+    Raises:
+        InvalidTrajectory: Waypoints of different lengths, or names that do not fit.
+    """
     rows = body.joints
     n = len(rows[0]) if chain is None else chain.n
     wrong = next((i for i, row in enumerate(rows) if len(row) != n), None)
@@ -149,8 +160,7 @@ def path_to_time(body: retime_schema.RetimePath, chain: Chain | None) -> PathToT
         names = [f"joint{i + 1}" for i in range(n)]
     if len(names) != n or len(set(names)) != n:
         raise InvalidTrajectory(f"path.joint_names must be {n} different names")
-    knots = None if body.knots is None else np.array(body.knots, dtype=np.float64)
-    return PathToTime(tuple(names), np.array(rows, dtype=np.float64), knots)
+    return tuple(names), np.array(rows, dtype=np.float64)
 
 
 def state_joint_names(body: retime_schema.RetimeRequest, chain: Chain | None) -> tuple[str, ...]:

@@ -58,6 +58,9 @@ CALLS: list[tuple[str, Callable[[Any], Any], str, str, dict[str, Any] | None]] =
     ("retime", lambda c: c.retime([[0.0], [1.0]], knots=[0, 2], robot="r", timeout=3.0), "POST",
      "/v1/retime", {"path": {"joints": [[0.0], [1.0]], "knots": [0.0, 2.0]}, "robot": "r",
                     "timeout": 3.0}),
+    ("simplify", lambda c: c.simplify([[0.0], [1.0]], 1e-3, robot="r", scene="s", timeout=3.0),
+     "POST", "/v1/paths/simplify", {"path": {"joints": [[0.0], [1.0]]}, "tolerance": 1e-3,
+                                    "robot": "r", "scene": "s", "timeout": 3.0}),
     ("convert_pose", lambda c: c.convert_pose(
         motions=[ours.PoseMotion(rpy=[0.1, 0.2, 0.3], about="fixed")], inverse=True), "POST",
      "/v1/poses/convert", {"motions": [{"rpy": [0.1, 0.2, 0.3], "about": "fixed"}],

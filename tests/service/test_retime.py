@@ -201,3 +201,40 @@ def test_a_natural_spline_takes_the_velocity_of_one_end(client: httpx.Client) ->
     expected = CubicSpline(times, points, bc_type=((2, [0.0]), (1, [-0.65]))).c[::-1]
     segments = [segment["coefficients"] for segment in found["trajectory"]["segments"]]
     np.testing.assert_allclose(segments, np.moveaxis(expected, 0, 2), atol=1e-12)
+
+
+def test_a_path_is_told_by_its_fewest_waypoints(client: httpx.Client) -> None:
+    body: dict[str, Any] = {"path": {"joints": [[0.0, 0.0], [0.5, 0.1004], [1.0, 0.2], [1.2, 1.0]]}}
+    answer = client.post("/v1/paths/simplify", json=body | {"tolerance": 1e-3}).json()
+    assert (answer["status"], answer["waypoints"], answer["left_out"]) == ("success", [0, 2, 3], 1)
+    assert answer["deviation"] == pytest.approx(4e-4 / 1.04, rel=1e-9)
+    assert answer["certificate"] is None
+    exact = client.post("/v1/paths/simplify", json=body | {"tolerance": 0.0}).json()
+    assert exact["waypoints"] == [0, 1, 2, 3]
+    joints = np.linspace(HOME, ASIDE, 50).round(4).tolist()
+    about = {"path": {"joints": joints}, "robot": "panda", "tolerance": 1e-3}
+    free = client.post("/v1/paths/simplify", json=about).json()
+    assert (free["status"], free["waypoints"]) == ("success", [0, 49])
+    assert free["certificate"]["proved"]["collisions"]
+    wall = {"obstacles": [{"id": "wall", "shape": {"type": "box", "size": [0.1, 0.1, 1.0]},
+                           "pose": {"position": [0.3, 0.0, 0.5]}}]}  # fmt: skip
+    hit = client.post("/v1/paths/simplify", json=about | {"scene": wall}).json()
+    assert hit["status"] == "unverified"
+    assert "wall" in hit["certificate"]["violation"]["message"]
+    refused = client.post("/v1/paths/simplify", json=body | {"tolerance": 0.0, "scene": wall})
+    assert "needs a robot" in problem(refused, 422, "VALIDATION_ERROR")["detail"]
+    refused = client.post("/v1/paths/simplify", json=body | {"tolerance": 0.0, "robot": "panda"})
+    assert "path.joints[0]" in problem(refused, 422, "INVALID_MOTION_PLAN")["detail"]
+
+
+def test_a_motion_keeps_to_the_tolerance_of_its_path(client: httpx.Client) -> None:
+    u = np.linspace(0.0, 1.0, 400)[:, None]
+    path = {"joints": (u * [1.0, 0.3] + 0.1 * np.sin(u * [9.0, 7.0])).tolist(), "tolerance": 2e-3}
+    answer = retimed(client, path=path)
+    assert answer["status"] == "success"
+    assert "left out" in answer["notes"][0]
+    response = client.post(
+        "/v1/retime",
+        json={"path": path, "limits": LIMITS, "timing": {"interpolation": "natural_spline"}},
+    )
+    assert "path.tolerance" in problem(response, 422, "INVALID_REQUEST")["detail"]

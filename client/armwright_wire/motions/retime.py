@@ -14,6 +14,7 @@ from armwright_wire.base import (
     Name,
     NonNegative,
     Number,
+    Positive,
     Timeout,
 )
 from armwright_wire.motions.certificate import CertificateAnswer
@@ -22,7 +23,7 @@ from armwright_wire.motions.trajectory import LimitsBody, TrajectoryAnswer, Traj
 from armwright_wire.scenes.tool import WithTool
 
 #: A path of so many waypoints takes some seconds.
-MAX_WAYPOINTS = 5_000
+MAX_WAYPOINTS = 20_000
 
 Waypoints = Annotated[list[JointVector], Field(min_length=1, max_length=MAX_WAYPOINTS)]
 Names = Annotated[list[Label], Field(min_length=1, max_length=MAX_JOINTS)]
@@ -55,14 +56,25 @@ _STATE_TIMING = {
 }
 
 
-class RetimePath(Body):
-    """Waypoints in joint space, and what a spline through them is to have for knots."""
+class PathBody(Body):
+    """Waypoints in joint space."""
 
     joints: Waypoints = Field(description="waypoints in their order [rad or m]")
+    joint_names: Names | None = Field(None, description="where no robot is named")
+
+
+class RetimePath(PathBody):
+    """Waypoints in joint space, and what is to lead through them or near them."""
+
+    tolerance: Positive | None = Field(
+        None,
+        description="of straight lines: the motion may be so far from them, in any joint at every "
+        "place, and has the fewest corners for that [rad or m]",
+        examples=[0.001],
+    )
     knots: Annotated[list[Number], Field(min_length=2, max_length=MAX_WAYPOINTS)] | None = Field(
         None, description="of a spline, strictly increasing; times for the method spline [s]"
     )
-    joint_names: Names | None = Field(None, description="where no robot is named")
 
 
 class RetimeTiming(Timing):

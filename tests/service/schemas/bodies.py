@@ -6,6 +6,7 @@ import numpy as np
 from pydantic import BaseModel
 
 from armwright_wire.motions.export import ExportRequest
+from armwright_wire.motions.paths import SimplifyRequest
 from armwright_wire.motions.retime import ConvertRequest, RetimeRequest
 from armwright_wire.motions.simulation import SimulateRequest
 from armwright_wire.plans.batch import BatchRequest
@@ -493,7 +494,14 @@ FULL: list[tuple[type[BaseModel], dict[str, Any]]] = [
         "path": {"joints": [[0.0, 0.1], [0.2, 0.3]], "knots": [0.0, 1.0],
                  "joint_names": ["a", "b"]},
         "robot": "panda", "limits": LIMITS, "stops": "path", "timeout": 5.0,
+                 "joint_names": ["a", "b"], "tolerance": 1e-3},
+        "robot": "panda", "limits": LIMITS, "timeout": 5.0,
         "timing": TIMING | {"start_velocity": [0.1, 0.2], "end_velocity": [0.1, 0.2]}}),
+    (SimplifyRequest, ABOUT | {
+        "robot": "panda", "scene": SMALL_SCENE, "frame": "base", "fingers": {"claw": 0.01},
+        "margin": 0.01, "timeout": 5.0,
+        "path": {"joints": [[0.0, 0.1], [0.2, 0.3]], "joint_names": ["a", "b"]},
+        "tolerance": 1e-3}),
     (RetimeRequest, {
         "from": {"position": [0.0, 0.1], "velocity": [0.1, 0.2], "acceleration": [0.0, 0.1]},
         "to": {"position": [0.2, 0.3], "velocity": [0.1, 0.2], "acceleration": [0.0, 0.1]},

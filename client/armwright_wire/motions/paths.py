@@ -1,0 +1,68 @@
+"""Paths of fewer waypoints on the wire."""
+
+from typing import Literal
+
+from pydantic import ConfigDict, Field, model_validator
+from pydantic.config import JsonDict
+
+from armwright_wire.base import Answer, Body, Frame, Name, NonNegative, Timeout
+from armwright_wire.motions.certificate import CertificateAnswer
+from armwright_wire.motions.retime import PathBody
+from armwright_wire.scenes.check import AllowedCollisions, AttachedObjects, Margin, WithFingers
+from armwright_wire.scenes.scene import SceneReference
+
+_EXAMPLE: JsonDict = {
+    "path": {"joints": [[0.0, 0.0], [0.5, 0.1004], [1.0, 0.2], [1.2, 1.0]]},
+    "tolerance": 0.001,
+}
+
+
+class SimplifyRequest(WithFingers, Body):
+    """A path to be told by the fewest waypoints within a tolerance, in a scene perhaps."""
+
+    model_config = ConfigDict(json_schema_extra={"examples": [_EXAMPLE]})
+
+    path: PathBody
+    tolerance: NonNegative = Field(
+        description="largest distance of any joint from the path, at every place [rad or m]",
+        examples=[0.001],
+    )
+    robot: Name | None = Field(
+        None,
+        examples=["panda"],
+        description="name of a stored or built-in robot, against which the answer is proved",
+    )
+    scene: SceneReference | None = Field(None, examples=["table"])
+    frame: Frame | None = None
+    attached: AttachedObjects | None = None
+    allowed_collisions: AllowedCollisions | None = None
+    margin: Margin = 0.0
+    timeout: Timeout | None = None
+
+    @model_validator(mode="after")
+    def _check_robot(self) -> "SimplifyRequest":
+        if self.robot is None:
+            for name in ("scene", "frame", "attached", "allowed_collisions", "fingers"):
+                if getattr(self, name) is not None:
+                    raise ValueError(f"{name} needs a robot: name one, or leave {name} out")
+        return self
+
+
+class SimplifyAnswer(Answer):
+    """The fewest waypoints within the tolerance, and what was proved of the lines between."""
+
+    status: Literal["success", "unverified"] = Field(
+        description="success; unverified where a robot is named and the lines are not proved"
+    )
+    joints: list[list[float]] = Field(description="waypoints that stay [rad or m]")
+    waypoints: list[int] = Field(description="their numbers in the path given, from 0")
+    left_out: int = Field(description="number of waypoints that are left out")
+    deviation: float = Field(
+        description="bound of the distance of any joint from the path, at every place [rad or m]"
+    )
+    certificate: CertificateAnswer | None = Field(
+        None,
+        description="of positions and collisions, with a robot; leg i is run through from rest to "
+        "rest from the time i - 1 to i",
+    )
+    notes: list[str] = Field(default_factory=list, description="what is special about the path")
