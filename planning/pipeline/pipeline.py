@@ -11,6 +11,7 @@ from typing import NamedTuple
 
 from kinematics.arrays import Array
 from kinematics.caches.preparation_limit import PreparationTimedOut, preparation_limit
+from kinematics.errors import InvalidOption
 from kinematics.trajectory.trajectory import Trajectory
 from obstacles.collision.checker import Checker
 from planning.clearance_report import clearance_report
@@ -44,9 +45,9 @@ from planning.timing.choice import chosen_parametrization
 from planning.timing.failure import TimingFailed
 from planning.timing.method import TimingMethod
 from planning.timing.motion_timing import motions
-from planning.timing.options import Solver
+from planning.timing.options import Solver, TimingOptions
 from planning.timing.parametrization import TimeParametrization, timing_report
-from planning.timing.time_scaling import ScaledTime
+from planning.timing.time_scaling import ScaledTime, with_duration
 from planning.tool_motions.tool_path import ToolPath
 from planning.tool_paths.tool_timing import TimedToolPath, time_tool_path
 from planning.values.deadline import Deadline
@@ -306,11 +307,15 @@ class _Pipeline:
 
     def _candidates(self, found: FoundPath) -> Iterator[Callable[[], _Timed]]:
         """Ways to time the path, the fastest motion first."""
-        tool_path = found.attempt.tool_path
+        tool_path, timing = found.attempt.tool_path, self.options.timing
         if tool_path is not None:
+            if timing.duration is not None:
+                raise InvalidOption(
+                    "timing.duration belongs to free motions, not to those that lead the tool",
+                    hint="Give tool_speed, or leave it out.",
+                )
             yield from self._tool_candidates(found, tool_path)
             return
-        timing = self.options.timing
         for motion in motions(
             found.levels[-1],
             found.waypoints,
@@ -321,7 +326,7 @@ class _Pipeline:
             keep_path=found.attempt.keep_path,
             holds=found.checker.holds if isinstance(found.checker, ConstrainedChecker) else None,
         ):
-            yield partial(_time_polyline, motion, self.parametrization.method)
+            yield partial(_time_polyline, motion, self.parametrization.method, timing)
 
     def _tool_candidates(
         self, found: FoundPath, tool_path: ToolPath
@@ -410,7 +415,9 @@ class _Pipeline:
             offer = self.stages.run(OPTIMIZE, partial(work.offer, until), work.report)
             if offer is None:
                 break
-            timed = _Timed(offer.trajectory)
+            timing, offered = self.options.timing, ScaledTime(offer.trajectory, 1.0)
+            lasting = with_duration(offered, timing.duration, timing.at_least)
+            timed = _Timed(lasting.trajectory)
             certificate = self._prove(timed)
             if certificate.verified:
                 return _Proved(timed, certificate, offer.waypoints)
@@ -464,8 +471,10 @@ def _is_too_deep(failure: Failure) -> bool:
     return failure.stage == "certificate" and failure.details.keys() >= {"touch_depth", "time"}
 
 
-def _time_polyline(motion: Callable[[], ScaledTime], method: TimingMethod) -> _Timed:
-    scaled = motion()
+def _time_polyline(
+    motion: Callable[[], ScaledTime], method: TimingMethod, timing: TimingOptions
+) -> _Timed:
+    scaled = with_duration(motion(), timing.duration, timing.at_least)
     return _Timed(scaled.trajectory, notes=method.notes((scaled,)), solver=scaled.solver)
 
 

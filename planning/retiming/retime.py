@@ -22,7 +22,7 @@ from planning.timing.path.blend import merge
 from planning.timing.path.path import JointPath
 from planning.timing.path.simplification import Polyline, simplified_polyline
 from planning.timing.spline.spline import Ends, chord_knots, led_by, spline_path
-from planning.timing.time_scaling import ScaledTime
+from planning.timing.time_scaling import ScaledTime, with_duration
 from planning.values.limits import MotionLimits
 from planning.values.stop_kind import StopKinds
 
@@ -119,11 +119,10 @@ def retime(
     begins = 0.0 if times is None else float(times[0])
     interpolation = _interpolation(path, timing)
     notes, numbers = _notes(points), np.arange(len(points))
-    is_still = len(merge(points)) < 2
+    line, is_still = None, len(merge(points)) < 2
     if interpolation != "linear" and times is None and path.knots is None and not is_still:
         numbers = led_by(points)
         notes, points = notes + _led_notes(points, numbers), points[numbers]
-    line = None
     if interpolation == "linear" and not is_still:
         line = _line(path, points, timing, parametrization)
         notes += _line_notes(line)
@@ -145,7 +144,8 @@ def retime(
         curve = _curve(points, path.knots, interpolation)
         attempts = [lambda: parametrization.time(curve, names)]
         shape = Trajectory(names, curve.breaks, curve.coefficients)
-    timed, certificate = _first_verified(attempts, chain, parametrization.motion_limits)
+    lasting = [partial(_lasting, attempt, timing) for attempt in attempts]
+    timed, certificate = _first_verified(lasting, chain, parametrization.motion_limits)
     notes += method.notes((timed,))
     if times is None:
         if not certificate.verified:
@@ -285,6 +285,10 @@ def _legs(names: tuple[str, ...], points: Array) -> Trajectory:
     """Straight lines through waypoints, one in each unit of time."""
     legs = np.stack([points[:-1], np.diff(points, axis=0)], axis=-1)
     return Trajectory(names, np.arange(float(len(points))), legs)
+
+
+def _lasting(attempt: Callable[[], ScaledTime], timing: TimingOptions) -> ScaledTime:
+    return with_duration(attempt(), timing.duration, timing.at_least)
 
 
 def _first_verified(

@@ -1,5 +1,6 @@
 """Options of timing: the method, shares of the limits, what is carried."""
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import Literal
@@ -65,6 +66,8 @@ class TimingOptions:
         tool_speed: Largest speed of the tip [m/s].
         start_velocity: Velocity at the start, along the path, shape (n,).
         end_velocity: Velocity at the end, along the path, shape (n,).
+        duration: Duration that the motion is slowed down to [s]; None for the least.
+        at_least: Whether a motion that takes longer than the duration may stay as it is.
 
     Raises:
         InvalidOption: An unknown method or interpolation, a share outside (0, 1], or an option
@@ -85,6 +88,8 @@ class TimingOptions:
     tool_speed: float | None = None
     start_velocity: Sequence[float] | None = None
     end_velocity: Sequence[float] | None = None
+    duration: float | None = None
+    at_least: bool = False
 
     def __post_init__(self) -> None:
         for name in ("velocity_scaling", "acceleration_scaling", "jerk_scaling"):
@@ -119,4 +124,21 @@ class TimingOptions:
                     f"timing.{name} belongs to the method spline, not "
                     f"{self.method or DEFAULT_METHOD}",
                     hint="Ask for the method spline, or leave it out.",
+                )
+        self._check_duration()
+
+    def _check_duration(self) -> None:
+        if self.duration is None:
+            if self.at_least:
+                raise InvalidOption("timing.at_least needs timing.duration", hint="Give both.")
+            return
+        if not 0.0 < self.duration < math.inf:
+            raise InvalidOption(
+                f"timing.duration is {self.duration}", hint="Give a positive number of seconds."
+            )
+        for name in ("times", "start_velocity", "end_velocity"):
+            if getattr(self, name) is not None:
+                raise InvalidOption(
+                    f"timing.{name} does not go with timing.duration, which slows the motion down",
+                    hint="Give one of them.",
                 )

@@ -13,6 +13,7 @@ from compiled.kernel import kernel
 from kinematics.arrays import Array
 from kinematics.errors import InvalidOption
 from kinematics.trajectory.trajectory import Trajectory
+from planning.timing.failure import TimingFailed
 from planning.timing.limit_ratios import worst_kernel
 from planning.timing.options import Solver
 
@@ -105,6 +106,33 @@ def fit(
     return scaled_motion(
         trajectory.joint_names, breaks, coefficients, fit_kernel(breaks, coefficients, limits)
     )
+
+
+def with_duration(scaled: ScaledTime, duration: float | None, at_least: bool) -> ScaledTime:
+    """The motion slowed down uniformly to a duration.
+
+    Args:
+        scaled: The motion.
+        duration: Its duration then [s]; None leaves it as it is.
+        at_least: Whether a motion that takes longer stays as it is.
+
+    Raises:
+        TimingFailed: It takes longer.
+    """
+    motion = scaled.trajectory
+    if duration is None or (at_least and duration <= motion.duration):
+        return scaled
+    # Part of a duration by which rounding may miss it: an answer can be asked for again [-].
+    if duration < motion.duration * (1.0 - _HAIR):
+        raise TimingFailed(
+            f"the motion takes {motion.duration:.9g} s within its limits, and timing.duration is "
+            f"{duration:.9g} s",
+            hint="Give a longer duration, at_least, or higher limits.",
+            least_duration=motion.duration,
+        )
+    slower = motion.dilate(duration / motion.duration)
+    breaks = np.append(slower.breaks[:-1], duration)
+    return scaled._replace(trajectory=Trajectory(motion.joint_names, breaks, slower.coefficients))
 
 
 def scaled_motion(

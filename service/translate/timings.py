@@ -25,12 +25,21 @@ _USUAL, _NOT_OF_TIMING = TimingOptions(), frozenset({"sample_period"})
 _QUANTITIES = ("velocity", "acceleration", "jerk", "effort")
 
 
-def timing_options(timing: Timing) -> TimingOptions:
+def timing_options(timing: Timing, *, several: bool = False) -> TimingOptions:
     """Options of the timing.
+
+    Args:
+        timing: The options of a request.
+        several: Whether they are of several motions, which have no duration in common.
 
     Raises:
         InvalidOption: Values that do not go together.
     """
+    if several and timing.duration is not None:
+        raise InvalidOption(
+            "timing.duration belongs to one motion, and this request has several",
+            hint="Leave it out, or plan or retime the motion by itself.",
+        )
     if timing.model_fields_set <= _NOT_OF_TIMING:
         return _USUAL
     scalings = {
@@ -52,6 +61,8 @@ def timing_options(timing: Timing) -> TimingOptions:
         if load is None
         else Payload(load.mass, load.center_of_mass, load.inertia, load.link),
         tool_speed=timing.tool_speed,
+        duration=timing.duration,
+        at_least=bool(timing.at_least),
         start_velocity=ends.start_velocity if ends else None,
         end_velocity=ends.end_velocity if ends else None,
     )

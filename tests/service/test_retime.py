@@ -237,4 +237,22 @@ def test_a_motion_keeps_to_the_tolerance_of_its_path(client: httpx.Client) -> No
         "/v1/retime",
         json={"path": path, "limits": LIMITS, "timing": {"interpolation": "natural_spline"}},
     )
-    assert "path.tolerance" in problem(response, 422, "INVALID_REQUEST")["detail"]
+    assert "path.tolerance" in problem(response, 422, "VALIDATION_ERROR")["detail"]
+
+
+def test_a_motion_takes_as_long_as_asked(client: httpx.Client) -> None:
+    assert retimed(client, timing={"duration": 7.0})["trajectory"]["duration"] == 7.0
+    short = {"path": {"joints": JOINTS}, "limits": LIMITS, "timing": {"duration": 0.5}}
+    refused = problem(client.post("/v1/retime", json=short), 422, "INVALID_MOTION_PLAN")
+    least = refused["details"]["least_duration"]
+    assert f"{least:.9g} s" in refused["detail"]
+    kept = retimed(client, timing={"duration": 0.5, "at_least": True})
+    assert kept["trajectory"]["duration"] == pytest.approx(least)
+    body: dict[str, Any] = {"robot": "panda", "start": {"joints": HOME}, "goal": {"joints": ASIDE}}
+    planned = client.post("/v1/plan", json=body | {"timing": {"duration": 3.0}}).json()
+    assert planned["trajectory"]["duration"] == 3.0
+    tour = body | {"goals": [{"joints": ASIDE}, {"joints": HOME}], "timing": {"duration": 3.0}}
+    del tour["goal"]
+    assert (
+        "several" in problem(client.post("/v1/tours", json=tour), 422, "VALIDATION_ERROR")["detail"]
+    )

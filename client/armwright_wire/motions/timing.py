@@ -54,6 +54,15 @@ class Timing(Body):
     torque_limits: bool | None = Field(None, description="keep the robot's effort limits too")
     payload: Payload | None = Field(None, description="what the tip carries, for torques")
     tool_speed: Positive | None = Field(None, description="largest speed of the tip [m/s]")
+    duration: Positive | None = Field(
+        None,
+        description="the motion is slowed down to this duration; refused where it takes longer. Of "
+        "plan and retime, not of motions that lead the tool [s]",
+        examples=[2.0],
+    )
+    at_least: bool | None = Field(
+        None, description="a motion that takes longer than the duration stays as it is"
+    )
     sample_period: Annotated[float, Field(ge=1e-4, le=60.0)] | None = Field(
         None, description="samples are answered at this period [s], else none"
     )

@@ -139,7 +139,7 @@ class _Translator:
             constraints=tuple(constraint(item) for item in wanted or ()),
             options=Options(
                 planner=planner,
-                timing=timings.timing_options(timing),
+                timing=timings.timing_options(timing, several=True),
                 limits=timings.given_limits(body.limits or task.limits, chain.joint_names),
                 cartesian=deviations,
                 timeout=self._timeout,

@@ -83,7 +83,7 @@ def tour_options(body: schema.TourRequest, chain: Chain, timeout: float) -> doma
     """
     preferred = 0.0 if body.clearance is None else body.clearance.preferred
     planning = Options(
-        timing=timings.timing_options(body.timing),
+        timing=timings.timing_options(body.timing, several=True),
         limits=timings.given_limits(body.limits, chain.joint_names),
         timeout=min(timeout, MAX_TIMEOUT),
         seed=body.seed,

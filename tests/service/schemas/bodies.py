@@ -288,7 +288,7 @@ TIMING: dict[str, Any] = {
     "method": "spline", "solver": "toppra", "velocity_scaling": 0.5, "acceleration_scaling": 0.4,
     "jerk_scaling": 0.3, "times": [0.0, 1.0], "scale_times": True, "interpolation": "linear",
     "blend_tolerance": 0.01, "torque_limits": True, "payload": PAYLOAD, "tool_speed": 0.5,
-    "sample_period": 0.01,
+    "sample_period": 0.01, "duration": 2.0, "at_least": True,
 }  # fmt: skip
 LIMITS = {name: [1.0, 2.0] for name in ("velocity", "acceleration", "jerk", "effort")}
 FRAME = {"frame": "tool"}
