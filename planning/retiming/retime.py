@@ -449,6 +449,11 @@ def _line_notes(line: Polyline) -> tuple[str, ...]:
     if line.rounding and is_rounded.any():
         notes.append(f"{is_rounded.sum()} corner(s) are cut by at most {line.rounding:.3g}{why}")
     if not is_rounded.all():
-        places = ", ".join(map(str, line.numbers[1:-1][~is_rounded]))
+        stops = line.numbers[1:-1][~is_rounded]
+        # Stops that a note lists.
+        most = 20
+        places = ", ".join(map(str, stops[:most]))
+        if len(stops) > most:
+            places += f" and {len(stops) - most} more: path.tolerance spares most of them"
         notes.append(f"The motion stops at waypoint(s) {places}.")
     return tuple(notes)

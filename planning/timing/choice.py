@@ -17,9 +17,9 @@ from planning.values.limits import EffortLimits, MotionLimits
 
 # Limits that every method must know.
 _REQUIRED = ("velocity", "acceleration")
-# Jerk limit by rule, as a multiple of the acceleration limit [1/s]: full acceleration in 0.1 s,
-# which drives of industrial arms follow and their gears and mounts bear.
-_JERK_FACTOR = 10.0
+# Jerk limit by rule, as a multiple of the acceleration limit [1/s]: full acceleration in 40 ms. No
+# arm whose jerk limits are published has less (25 to 500, docs/timing.md).
+_JERK_FACTOR = 25.0
 #: Rule for jerk limits that are not known, where no method of timing is named.
 JERK_RULE = f"{_JERK_FACTOR:g} x acceleration"
 

@@ -263,6 +263,8 @@ def timing_method(name: Method | None, solver: Solver | None = None) -> TimingMe
     """
     if name == "toppra" or solver in TOPPRA_SOLVERS:
         return TimeOptimal(solver or "reachability")
-    if name is None:
-        return JerkLimited(solver or "quintic_spline", JerkUse.RULED)
-    return JerkLimited(solver or "interior_point") if name == "jerk_limited" else SplineInTime()
+    if name == "spline":
+        return SplineInTime()
+    if solver is None and name is not None:
+        return JerkLimited()
+    return JerkLimited(solver or "quintic_spline", JerkUse.RULED)

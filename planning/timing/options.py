@@ -46,8 +46,9 @@ class TimingOptions:
     """Options of the timing.
 
     Args:
-        method: "toppra", "spline" or "jerk_limited"; None for jerk_limited where jerk limits that
-            are not known follow ``planning.timing.choice.JERK_RULE``.
+        method: "toppra", "spline" or "jerk_limited"; None for jerk_limited. Jerk limits that are
+            not known follow ``planning.timing.choice.JERK_RULE``, unless jerk_limited is named
+            without a solver.
         solver: Solver for "toppra": "reachability" (ours) or "toppra" (the package); ours where
             None. For "jerk_limited": "quintic_spline" (fewest pieces, near the path), "double_s"
             (few pieces, on the path) or "interior_point" (nearly the least time); the first where

@@ -153,9 +153,9 @@ def test_a_robot_without_jerk_limits_moves_by_the_rule_which_the_answer_tells(
     told = answer(client.post("/v1/plan", json=THROUGH | {"timing": timing}))
     names = told["trajectory"]["joint_names"]
     assert told["timing"]["method"] == "jerk_limited"
-    assert told["timing"]["ruled"] == {"jerk": {"rule": "10 x acceleration", "joints": names}}
+    assert told["timing"]["ruled"] == {"jerk": {"rule": "25 x acceleration", "joints": names}}
     limits = told["timing"]["limits"]
-    assert limits == {"velocity": [2.0] * 2, "acceleration": [2.5] * 2, "jerk": [50.0] * 2}
+    assert limits == {"velocity": [2.0] * 2, "acceleration": [2.5] * 2, "jerk": [125.0] * 2}
     worst = told["certificate"]["limits"]["jerk"]["worst_ratio"]
     assert 0.99 < worst <= 1.0 + 1e-9
     # The motion again, held to the limits that the answer names.

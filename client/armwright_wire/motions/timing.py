@@ -19,7 +19,7 @@ class Timing(Body):
 
     method: TimingMethod | None = Field(
         None,
-        description="left out: jerk_limited, with the robot's jerk limits, and 10 x acceleration "
+        description="left out: jerk_limited, with the robot's jerk limits, and 25 x acceleration "
         "for joints that have none, which the answer tells; toppra for the least time. A path "
         "without a robot and without jerk limits is timed by toppra",
         examples=["jerk_limited"],
@@ -71,7 +71,7 @@ class Timing(Body):
 class RuledLimits(Answer):
     """Limits that are not known and follow a rule."""
 
-    rule: str = Field(description="multiple of another limit", examples=["10 x acceleration"])
+    rule: str = Field(description="multiple of another limit", examples=["25 x acceleration"])
     joints: list[str] = Field(description="that have no limit of their own")
 
 

@@ -23,7 +23,7 @@ from planning.timing.method import (
     TimeOptimal,
     timing_method,
 )
-from planning.timing.options import Method, Payload, TimingOptions
+from planning.timing.options import Method, Payload, Solver, TimingOptions
 from planning.timing.parametrization import TimeParametrization, timing_report
 from planning.timing.path.blend import blend
 from planning.timing.time_scaling import ScaledTime
@@ -131,8 +131,8 @@ def test_jerk_limits_that_are_not_known_follow_the_rule_where_no_method_is_named
     some = replace(Limits.unlimited(2), jerk=np.array([7.0, np.nan]))
     chosen = chosen_parametrization(TimingOptions(jerk_scaling=0.5), NAMES, some, GIVEN)
     assert chosen.method.name == "jerk_limited"
-    assert JERK_RULE == "10 x acceleration"
-    np.testing.assert_allclose(chosen.bounds["jerk"], [3.5, 20.0])
+    assert JERK_RULE == "25 x acceleration"
+    np.testing.assert_allclose(chosen.bounds["jerk"], [3.5, 50.0])
     assert chosen.ruled == ("b",)
     given = chosen_parametrization(TimingOptions(), NAMES, some, GIVEN | JERK)
     np.testing.assert_array_equal(given.bounds["jerk"], JERK["jerk"])
@@ -220,3 +220,12 @@ def test_retimed_paths_have_bounded_jerk_unless_all_limits_are_the_callers() -> 
     assert (asked.timing.solver, asked.timing.ruled_jerk) == ("interior_point", NAMES)
     limits = replace(Limits.unlimited(2), **GIVEN)
     assert np.isnan(limits.jerk).all()
+
+
+@pytest.mark.parametrize("solver", ["quintic_spline", "double_s", "interior_point"])
+@pytest.mark.parametrize("method", [None, "jerk_limited"])
+def test_a_named_solver_takes_the_rule(method: Method | None, solver: Solver) -> None:
+    timing = TimingOptions(method, solver=solver)
+    chosen = chosen_parametrization(timing, NAMES, Limits.unlimited(2), GIVEN)
+    np.testing.assert_array_equal(chosen.bounds["jerk"], 25.0 * GIVEN["acceleration"])
+    assert chosen.ruled == NAMES
