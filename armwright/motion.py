@@ -211,11 +211,9 @@ def retime(
     chain = None if robot is None else chain_of(robot)
     names = _names(points.shape[1]) if chain is None else chain.joint_names
     given = {name: frozen(value) for name, value in (limits or {}).items()}
-    path = PathToTime(names, points)
+    path = PathToTime(names, points, None, tolerance)
     timed = timing.retime(path, timing_options or TimingOptions(), given, chain)
     return timing.with_path_stops(timed, stops, chain, given)
-    path = PathToTime(names, points, None, tolerance)
-    return timing.retime(path, timing_options or TimingOptions(), given, chain)
 
 
 @typed

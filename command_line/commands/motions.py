@@ -229,6 +229,12 @@ def retime(
     scaling: Annotated[
         float, typer.Option(help="Share of the velocity limits that is used.", min=0.001, max=1.0)
     ] = 1.0,
+    tolerance: Annotated[
+        float | None, typer.Option(help="How far any joint may be off the path [rad or m].")
+    ] = None,
+    duration: Annotated[
+        float | None, typer.Option(help="Duration that the motion is slowed down to [s].")
+    ] = None,
     stops: Annotated[
         str | None, typer.Option(help="path: bound the longest stop along the path too.")
     ] = None,
@@ -236,11 +242,10 @@ def retime(
     """Time a path of waypoints within the robot's limits; collisions are not looked at."""
     document = read_json(path)
     waypoints = {"joints": document["path"]["joints"]} if "path" in document else document
-    body = values.mounted(mounted) | {
-        "path": waypoints,
-        "timing": {"method": method, "velocity_scaling": scaling},
-        "stops": stops,
-    }
+    if tolerance is not None:
+        waypoints = waypoints | {"tolerance": tolerance}
+    timing = {"method": method, "velocity_scaling": scaling, "duration": duration}
+    body = values.mounted(mounted) | {"path": waypoints, "timing": timing, "stops": stops}
     answer = json.loads(_ask(connection, RETIME, robot, request, body))
     if connection.as_json:
         return

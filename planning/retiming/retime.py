@@ -5,6 +5,7 @@ from dataclasses import dataclass, replace
 from functools import partial
 
 import numpy as np
+from scipy.spatial import cKDTree
 
 from kinematics.arrays import Array, Indices
 from kinematics.errors import InvalidOption, InvalidTrajectory
@@ -431,7 +432,7 @@ def _led_notes(points: Array, numbers: Indices) -> tuple[str, ...]:
     out = np.setdiff1d(np.arange(len(points)), numbers)
     if not len(out):
         return ()
-    away = np.linalg.norm(points[out][:, None] - points[numbers], axis=2).min(axis=1).max()
+    away = np.max(cKDTree(points[numbers]).query(points[out])[0])
     listed = ", ".join(map(str, out))
     return (f"The spline leaves out waypoint(s) {listed}, at most {away:.3g} from others.",)
 

@@ -59,6 +59,9 @@ def test_a_plan_is_proved_timed_followed_and_converted(run: Run, scene: str, pla
     assert half["trajectory"]["duration"] > 1.5 * duration
     assert max(half["peaks"]["velocity"]) <= 0.5 * 2.61 + 1e-9
     assert "Stops along the path" in run("retime", "panda", str(plan), "--stops", "path").out
+    assert "duration" in run("retime", "panda", str(plan)).out
+    options = ("--tolerance", "0.01", "--duration", "9.5")
+    assert "duration 9.5000 s" in run("retime", "panda", str(plan), *options).out
 
     tracked = run("simulate", "panda", str(plan), "--json").json
     assert tracked["outcome"] == "completed"
