@@ -21,7 +21,8 @@ from planning.problem import Goal, JointGoal, PoseGoal, Problem
 from planning.proof.certificate import certify
 from planning.result import Failure, Plan
 from planning.retiming import retime as timing
-from planning.retiming.retime import PathToTime, Retimed
+from planning.retiming.near_path import PathToTime
+from planning.retiming.retime import Retimed
 from planning.retiming.simplify import simplify
 from planning.retiming.state_motion import time_states
 from planning.stops.certificate import StopCertificate, Surroundings

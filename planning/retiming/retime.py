@@ -1,8 +1,7 @@
 """Timing of any path: of its limits all is proved, of collisions nothing is known."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import partial
 
 import numpy as np
 from scipy.spatial import cKDTree
@@ -14,40 +13,21 @@ from kinematics.trajectory.trajectory import REST, Trajectory, stay
 from planning.proof.certificate import Certificate, certify_limits
 from planning.proof.violation import Violation
 from planning.stops.certificate import StopCertificate, certify_path_stops
+from planning.retiming.near_path import Attempt, NearPath, PathToTime, first_verified
 from planning.timing.choice import chosen_parametrization, require_limits, required_limits
 from planning.timing.failure import TimingFailed
-from planning.timing.method import JerkLimited, JerkUse, timing_method
+from planning.timing.method import JerkUse, timing_method
 from planning.timing.options import Interpolation, TimingOptions
 from planning.timing.parametrization import TimeParametrization, TimingReport, timing_report
 from planning.timing.path.blend import merge
 from planning.timing.path.path import JointPath
-from planning.timing.path.simplification import Polyline, simplified_polyline
 from planning.timing.spline.spline import Ends, chord_knots, led_by, spline_path
-from planning.timing.time_scaling import ScaledTime, with_duration
+from planning.timing.time_scaling import ScaledTime
 from planning.values.limits import MotionLimits
 from planning.values.stop_kind import StopKinds
 
 _STILL = "The path has no length: the robot stays"
 _SIZES = "Look for limits or lengths of very different sizes."
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class PathToTime:
-    """A path whose motion is wanted.
-
-    Args:
-        joint_names: n names.
-        waypoints: Shape (k, n), k >= 1 [rad or m].
-        knots: Knots of a spline through them, shape (k,); by distance in joint space where none are
-            given. Times, for the method "spline" [s].
-        tolerance: How far any joint may be from straight lines through them, at every place, for
-            the motion to have the fewest corners [rad or m]; None for none.
-    """
-
-    joint_names: tuple[str, ...]
-    waypoints: Array
-    knots: Array | None = None
-    tolerance: float | None = None
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -120,34 +100,33 @@ def retime(
     begins = 0.0 if times is None else float(times[0])
     interpolation = _interpolation(path, timing)
     notes, numbers = _notes(points), np.arange(len(points))
-    line, is_still = None, len(merge(points)) < 2
+    near, is_still = None, len(merge(points)) < 2
     if interpolation != "linear" and times is None and path.knots is None and not is_still:
         numbers = led_by(points)
         notes, points = notes + _led_notes(points, numbers), points[numbers]
     if interpolation == "linear" and not is_still:
-        line = _line(path, points, timing, parametrization)
-        notes += _line_notes(line)
-        is_still = len(line.corners) < 2
-    attempts: Sequence[Callable[[], ScaledTime]]
+        near = NearPath(path, points, timing, parametrization)
+        is_still = len(near.line.corners) < 2
+    attempts: Sequence[Attempt]
     if is_still:
-        notes = (*(notes if line else ()), f"{_STILL} where it is for {REST:g} s.")
+        notes = (*(near.notes if near else ()), f"{_STILL} where it is for {REST:g} s.")
         shape = stay(names, points[0])
-        attempts = [lambda: ScaledTime(shape, 1.0)]
-    elif line is not None:
-        attempts, shape = _linear(line, names, parametrization), _legs(names, points)
+        attempts = [Attempt(lambda: ScaledTime(shape, 1.0))]
+    elif near is not None:
+        attempts, shape = near.attempts(), _legs(names, points)
     elif not method.follows_path:
         ends = _ends(interpolation)
         shifted = None if times is None else times - times[0]
         timed = parametrization.time_spline(points, shifted, ends, names, timing.scale_times)
         notes += _spline_notes(timed.trajectory, ends, timing)
-        attempts, shape = [lambda: timed], timed.trajectory
+        attempts, shape = [Attempt(lambda: timed)], timed.trajectory
     else:
         curve = _curve(points, path.knots, interpolation)
-        attempts = [lambda: parametrization.time(curve, names)]
+        attempts = [Attempt(lambda: parametrization.time(curve, names))]
         shape = Trajectory(names, curve.breaks, curve.coefficients)
-    lasting = [partial(_lasting, attempt, timing) for attempt in attempts]
-    timed, certificate = _first_verified(lasting, chain, parametrization.motion_limits)
-    notes += method.notes((timed,))
+    lasting = [attempt.lasting(timing) for attempt in attempts]
+    timed, certificate, told = first_verified(lasting, chain, parametrization.motion_limits)
+    notes += told + method.notes((timed,))
     if times is None:
         if not certificate.verified:
             raise _failure(certificate.violation, shape, numbers, chain)
@@ -247,70 +226,10 @@ def _check_tolerance(
         )
 
 
-def _line(
-    path: PathToTime, points: Array, timing: TimingOptions, parametrization: TimeParametrization
-) -> Polyline:
-    return simplified_polyline(
-        points,
-        path.tolerance or timing.blend_tolerance or 0.0,
-        parametrization.smooth,
-        moving=timing.start_velocity is not None or timing.end_velocity is not None,
-        norm=2.0 if path.tolerance is None else np.inf,
-    )
-
-
-def _linear(
-    line: Polyline, names: tuple[str, ...], parametrization: TimeParametrization
-) -> list[Callable[[], ScaledTime]]:
-    """Motions along straight lines by the solver asked for, then by another one.
-
-    With many corners the optimum on a grid can be slower than closed forms, which are found in a
-    moment: the faster of the two is taken.
-    """
-    solvers = [parametrization]
-    if isinstance(parametrization.method, JerkLimited):
-        solvers.append(replace(parametrization, method=parametrization.method.other))
-
-    def motion(by: TimeParametrization) -> ScaledTime:
-        return by.time_polyline(line.corners, by.widest_reaches(line.corners, line.reaches), names)
-
-    def fastest() -> ScaledTime:
-        closed = [motion(by) for by in solvers[1:] if by.even_corners]
-        found = [motion(parametrization), *closed]
-        return min(found, key=lambda timed: timed.trajectory.duration)
-
-    return [fastest, *(partial(motion, by) for by in solvers[1:])]
-
-
 def _legs(names: tuple[str, ...], points: Array) -> Trajectory:
     """Straight lines through waypoints, one in each unit of time."""
     legs = np.stack([points[:-1], np.diff(points, axis=0)], axis=-1)
     return Trajectory(names, np.arange(float(len(points))), legs)
-
-
-def _lasting(attempt: Callable[[], ScaledTime], timing: TimingOptions) -> ScaledTime:
-    return with_duration(attempt(), timing.duration, timing.at_least)
-
-
-def _first_verified(
-    attempts: Sequence[Callable[[], ScaledTime]], chain: Chain | None, wanted: MotionLimits
-) -> tuple[ScaledTime, Certificate]:
-    """The first motion that is proved, else the last one, and its certificate.
-
-    Raises:
-        TimingFailed: The last attempt finds none.
-    """
-    for number, attempt in enumerate(attempts, start=1):
-        try:
-            timed = attempt()
-        except TimingFailed:
-            if number == len(attempts):
-                raise
-            continue
-        certificate = certify_limits(timed.trajectory, chain, wanted)
-        if certificate.verified:
-            break
-    return timed, certificate
 
 
 def _failure(
@@ -435,26 +354,3 @@ def _led_notes(points: Array, numbers: Indices) -> tuple[str, ...]:
     away = np.max(cKDTree(points[numbers]).query(points[out])[0])
     listed = ", ".join(map(str, out))
     return (f"The spline leaves out waypoint(s) {listed}, at most {away:.3g} from others.",)
-
-
-def _line_notes(line: Polyline) -> tuple[str, ...]:
-    """Notes on waypoints that straight lines pass by, and on stops."""
-    notes = []
-    why = " for the rounding of the waypoints' last decimal." if line.rounding else "."
-    if line.left_out:
-        notes.append(
-            f"{line.left_out} waypoint(s) are left out, at most {line.deviation:.3g} from straight "
-            f"lines between the others{why}"
-        )
-    is_rounded = line.reaches > 0.0
-    if line.rounding and is_rounded.any():
-        notes.append(f"{is_rounded.sum()} corner(s) are cut by at most {line.rounding:.3g}{why}")
-    if not is_rounded.all():
-        stops = line.numbers[1:-1][~is_rounded]
-        # Stops that a note lists.
-        most = 20
-        places = ", ".join(map(str, stops[:most]))
-        if len(stops) > most:
-            places += f" and {len(stops) - most} more: path.tolerance spares most of them"
-        notes.append(f"The motion stops at waypoint(s) {places}.")
-    return tuple(notes)

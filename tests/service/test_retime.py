@@ -232,7 +232,7 @@ def test_a_motion_keeps_to_the_tolerance_of_its_path(client: httpx.Client) -> No
     path = {"joints": (u * [1.0, 0.3] + 0.1 * np.sin(u * [9.0, 7.0])).tolist(), "tolerance": 2e-3}
     answer = retimed(client, path=path)
     assert answer["status"] == "success"
-    assert "left out" in answer["notes"][0]
+    assert "smooth curve" in answer["notes"][0]
     response = client.post(
         "/v1/retime",
         json={"path": path, "limits": LIMITS, "timing": {"interpolation": "natural_spline"}},

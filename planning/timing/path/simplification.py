@@ -95,17 +95,18 @@ def kept_waypoints(points: Array, within: float) -> Indices:
     return _kept(points, within, 2.0)[0]
 
 
-def fewest_waypoints(points: Array, within: float) -> tuple[Indices, float]:
+def fewest_waypoints(points: Array, within: float, norm: float = np.inf) -> tuple[Indices, float]:
     """Indices of the fewest waypoints (k, n) whose legs follow the path within a tolerance.
 
     Args:
         points: Shape (k, n), finite [rad or m].
-        within: Largest distance of any joint from the path, at every place.
+        within: Largest distance from the path, at every place.
+        norm: inf for the distance of the joint that is farthest off, 2 for the Euclidean one.
 
     Returns:
         The indices, the first and last included, and the largest distance.
     """
-    kept, beside = _kept(points, within, np.inf)
+    kept, beside = _kept(points, within, norm)
     return kept, float(beside[0].max())
 
 

@@ -5,7 +5,7 @@ import itertools
 import numpy as np
 import pytest
 
-from kinematics.arrays import Array
+from kinematics.arrays import Array, Indices
 from planning.timing.path.fewest_points import leg_stands_kernel
 from planning.timing.path.simplification import fewest_waypoints, kept_waypoints
 
@@ -44,7 +44,7 @@ def fewest(points: Array, within: float) -> int:
     return int(best[-1])
 
 
-def matched_distance(points: Array, numbers: Array, count: int = 9) -> float:
+def matched_distance(points: Array, numbers: Indices, count: int = 9) -> float:
     """Largest distance of any joint between the path and the line, at samples of both, in order.
 
     Each leg is matched with its part of the path by the least largest distance over all ways to go
