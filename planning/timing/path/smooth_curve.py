@@ -1,13 +1,14 @@
 """Smooth curves that stand for a path within a tolerance: cubic splines with continuous curvature.
 
-A smoothing spline of few knots is fitted to places evenly spaced along the path, which is
-simplified within a part of the tolerance before. The two are matched by the path's length. Between
-knots and waypoints their difference is a cubic, whose Bernstein coefficients bound it: the curve is
-within the tolerance at every place, in the path's order, and nothing is sampled.
+The path is simplified within a part of the tolerance. A spline is fitted to it by least squares,
+with as few knots as do, spread as its corners are: they are dense where it bends. The two are
+matched by the path's length. Between knots and corners their difference is a cubic, whose Bernstein
+coefficients bound it: the curve is within the tolerance at every place, in the path's order, and
+nothing is sampled.
 """
 
 import numpy as np
-from scipy.interpolate import BSpline, make_splprep
+from scipy.interpolate import BSpline, make_lsq_spline
 
 from kinematics.arrays import Array
 from planning.timing.path.path import JointPath
@@ -16,10 +17,12 @@ from planning.timing.path.simplification import fewest_waypoints
 # Parts of the tolerance that the simplified path may be off, in turn; the rest is the curve's. The
 # first is for exact paths, the last for noise.
 _SIMPLIFIED = (0.1, 0.5)
-# Places along the path that the spline is fitted to: a few for each span of it.
-_PLACES = 400
-# Parts of the curve's tolerance that the root mean square of the places' distances may be, in turn.
-_ROOT_MEAN_SQUARES = (0.5, 0.3, 0.15, 0.07, 0.03)
+# Spans of the spline for each leg of the simplified path, in turn.
+_SPANS = (0.125, 0.25, 0.5, 1.0, 2.0)
+# Legs beyond which a path is no smooth one.
+_MOST_LEGS = 1000
+# Places in each span that it is fitted to.
+_PLACES = 6
 # Powers of a parameter from 0 to 1 in Bernstein polynomials of degree 3, a row for each of these.
 _BERNSTEIN = np.array(
     [[1.0, 0.0, 0.0, 0.0], [1.0, 1 / 3, 0.0, 0.0], [1.0, 2 / 3, 1 / 3, 0.0], [1.0, 1.0, 1.0, 1.0]]
@@ -48,21 +51,22 @@ def _near_simplified(
     numbers, off = fewest_waypoints(points, part * tolerance, norm)
     corners, left = points[numbers], tolerance - off
     steps = np.linalg.norm(np.diff(corners, axis=0), axis=1)
-    if not (steps > 0.0).all():
+    if len(steps) > _MOST_LEGS or not (steps > 0.0).all():
         return None
-    along = np.concatenate([[0.0], np.cumsum(steps)])
+    along, legs = np.concatenate([[0.0], np.cumsum(steps)]), np.arange(len(corners))
     line = BSpline(np.concatenate([along[:1], along, along[-1:]]), corners, 1)
-    places = np.linspace(0.0, along[-1], _PLACES)
-    for share in _ROOT_MEAN_SQUARES:
-        square = _PLACES * (share * left) ** 2
-        fitted, _ = make_splprep(line(places).T, u=places, s=square)
-        controls = fitted.c.copy()
+    for share in _SPANS:
+        spans = max(int(share * len(steps)), 2)
+        knots = np.interp(np.linspace(0.0, len(steps), spans + 1), legs, along)
+        fractions = np.linspace(0.0, spans, _PLACES * spans + 1)
+        places = np.interp(fractions, np.arange(spans + 1.0), knots)
+        ends = np.repeat(along[[0, -1]], 3)
+        all_knots = np.concatenate([ends[:3], knots, ends[3:]])
+        fitted = make_lsq_spline(places, line(places), all_knots, 3)
         # The ends are met exactly.
-        controls[0], controls[-1] = corners[0], corners[-1]
-        fitted = BSpline(fitted.t, controls, 3)
+        fitted.c[[0, -1]] = corners[[0, -1]]
         distance = _distance(fitted, line, norm)
         if distance <= left:
-            knots = np.unique(fitted.t)
             return JointPath(_powers(fitted, knots[:-1]), np.diff(knots)), off + distance
     return None
 
