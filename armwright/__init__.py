@@ -32,10 +32,10 @@ if TYPE_CHECKING:
         plan_seam,
         retime,
         retime_states,
+        simplify,
         simulate,
         stop,
     )
-    from armwright.motion import certify, plan, plan_seam, retime, retime_states, simplify, simulate
     from armwright.robot import load_robot
     from kinematics.errors import ArmwrightError
     from kinematics.ik.solution import IkResult, IkSolution

@@ -198,8 +198,8 @@ def retime(
         limits: Limits by quantity ("velocity", "acceleration", "jerk"), each shape (n,), in place
             of the robot's.
         stops: "path" to bound the longest stop along the path too.
-        tolerance: How far any joint may be from the straight lines through the waypoints, for the
-            fewest corners [rad or m].
+        tolerance: How far any joint may be from the straight lines through the waypoints, at every
+            place [rad or m]: few of them, or a smooth curve, stand for all.
 
     Raises:
         MissingLimit: A limit that is needed is not known.

@@ -21,7 +21,6 @@ from service.endpoints.kinematics import route as kinematics
 from service.endpoints.lyapunov import route as lyapunov
 from service.endpoints.pages import problems
 from service.endpoints.pages import route as pages
-from service.endpoints.paths import route as paths
 from service.endpoints.plan import route as plan
 from service.endpoints.plans import route as plans
 from service.endpoints.potential import route as potential
@@ -79,7 +78,6 @@ _ROUTERS = (
     potential.router,
     reach.router,
     retime.router,
-    paths.router,
     export.router,
     dynamics.router,
     simulate.router,

@@ -19,7 +19,6 @@ if TYPE_CHECKING:
     import service.endpoints.kinematics.task
     import service.endpoints.large_body
     import service.endpoints.lyapunov.task
-    import service.endpoints.paths.task
     import service.endpoints.plan.task
     import service.endpoints.plans.stop
     import service.endpoints.plans.swept
@@ -60,7 +59,7 @@ if TYPE_CHECKING:
     reach = service.endpoints.reach.task.reach
     convert = service.endpoints.retime.task.convert
     retime = service.endpoints.retime.task.retime
-    simplify = service.endpoints.paths.task.simplify
+    simplify = service.endpoints.retime.task.simplify
     change_robot = service.endpoints.robots.task.change_robot
     make_robot = service.endpoints.robots.task.make_robot
     make_scene = service.endpoints.robots.task.make_scene
@@ -105,7 +104,7 @@ else:
     reach = TaskReference("service.endpoints.reach.task:reach", GRACE)
     convert = TaskReference("service.endpoints.retime.task:convert")
     retime = TaskReference("service.endpoints.retime.task:retime")
-    simplify = TaskReference("service.endpoints.paths.task:simplify", GRACE)
+    simplify = TaskReference("service.endpoints.retime.task:simplify", GRACE)
     change_robot = TaskReference("service.endpoints.robots.task:change_robot")
     make_robot = TaskReference("service.endpoints.robots.task:make_robot")
     make_scene = TaskReference("service.endpoints.robots.task:make_scene")

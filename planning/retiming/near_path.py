@@ -16,7 +16,7 @@ from planning.timing.options import TimingOptions
 from planning.timing.parametrization import TimeParametrization
 from planning.timing.path.path import JointPath
 from planning.timing.path.simplification import Polyline, simplified_polyline
-from planning.timing.path.smooth_curve import smooth_curve
+from planning.timing.spline.spline import smooth_curve
 from planning.timing.time_scaling import ScaledTime, with_duration
 from planning.values.limits import MotionLimits
 

@@ -12,8 +12,8 @@ from kinematics.model.chain import Chain, Limits
 from kinematics.trajectory.trajectory import REST, Trajectory, stay
 from planning.proof.certificate import Certificate, certify_limits
 from planning.proof.violation import Violation
-from planning.stops.certificate import StopCertificate, certify_path_stops
 from planning.retiming.near_path import Attempt, NearPath, PathToTime, first_verified
+from planning.stops.certificate import StopCertificate, certify_path_stops
 from planning.timing.choice import chosen_parametrization, require_limits, required_limits
 from planning.timing.failure import TimingFailed
 from planning.timing.method import JerkUse, timing_method

@@ -68,8 +68,8 @@ class RetimePath(PathBody):
 
     tolerance: Positive | None = Field(
         None,
-        description="of straight lines: the motion may be so far from them, in any joint at every "
-        "place, and has the fewest corners for that [rad or m]",
+        description="how far the motion may be from the straight lines through the waypoints, in "
+        "any joint at every place: few of them, or a smooth curve, stand for all [rad or m]",
         examples=[0.001],
     )
     knots: Annotated[list[Number], Field(min_length=2, max_length=MAX_WAYPOINTS)] | None = Field(

@@ -492,10 +492,8 @@ FULL: list[tuple[type[BaseModel], dict[str, Any]]] = [
         "stops": "joints", "witness": True, "timeout": 5.0}),
     (RetimeRequest, MOUNTED | {
         "path": {"joints": [[0.0, 0.1], [0.2, 0.3]], "knots": [0.0, 1.0],
-                 "joint_names": ["a", "b"]},
-        "robot": "panda", "limits": LIMITS, "stops": "path", "timeout": 5.0,
                  "joint_names": ["a", "b"], "tolerance": 1e-3},
-        "robot": "panda", "limits": LIMITS, "timeout": 5.0,
+        "robot": "panda", "limits": LIMITS, "stops": "path", "timeout": 5.0,
         "timing": TIMING | {"start_velocity": [0.1, 0.2], "end_velocity": [0.1, 0.2]}}),
     (SimplifyRequest, ABOUT | {
         "robot": "panda", "scene": SMALL_SCENE, "frame": "base", "fingers": {"claw": 0.01},

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from planning.timing.path.smooth_curve import smooth_curve
+from planning.timing.spline.spline import smooth_curve
 from tests.planning.timing.path.test_fewest_points import KINDS, recorded
 from tests.planning.timing.path.test_simplification import are_near_in_order, dense
 

@@ -1,1 +1,0 @@
-"""Paths of fewer waypoints."""
