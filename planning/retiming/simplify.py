@@ -6,8 +6,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import ArrayLike
 
-from kinematics.arrays import Array, Indices
-from kinematics.errors import InvalidOption
+from kinematics.arrays import Array, Indices, typed
+from kinematics.errors import InvalidOption, InvalidTrajectory
 from kinematics.trajectory.trajectory import Trajectory
 from obstacles.robots.robot_geometry import RobotGeometry
 from obstacles.scenes.scene import Scene
@@ -40,8 +40,9 @@ class SimplifiedPath:
     notes: tuple[str, ...] = ()
 
 
+@typed
 def simplify(
-    points: ArrayLike,
+    waypoints: ArrayLike,
     tolerance: float,
     robot: RobotGeometry | None = None,
     scene: Scene | None = None,
@@ -56,7 +57,7 @@ def simplify(
     last those through all waypoints.
 
     Args:
-        points: Shape (k, n), k >= 1 [rad or m].
+        waypoints: Shape (k, n), k >= 1 [rad or m].
         tolerance: Largest distance of any joint from the path, at every place [rad or m].
         robot: The robot, its joints in their order.
         scene: The obstacles; none where left out.
@@ -71,11 +72,16 @@ def simplify(
         raise InvalidOption(
             f"the tolerance is {tolerance}", hint="Give a number that is 0 or positive [rad or m]."
         )
-    points = checked_waypoints(points)
+    points = checked_waypoints(waypoints)
     if robot is None:
         if scene is not None:
             raise InvalidOption("a scene needs a robot", hint="Name one, or leave the scene out.")
         return _simplified(points, tolerance)
+    if points.shape[1] != robot.chain.n:
+        raise InvalidTrajectory(
+            f"waypoints have {points.shape[1]} value(s) for {robot.chain.n} joint(s)",
+            hint=f"The joints are: {', '.join(robot.chain.joint_names)}; give one value for each.",
+        )
     # A violation mostly goes with the deviation: a few tries, then the path as it is.
     for within in (tolerance, tolerance / 4.0, tolerance / 16.0, 0.0):
         found = _simplified(points, within)

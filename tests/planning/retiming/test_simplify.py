@@ -80,7 +80,7 @@ def test_odd_requests_are_refused() -> None:
         aw.simplify(swing(5), 1e-3, None, aw.Scene())
     with pytest.raises(InvalidTrajectory, match="waypoint 1 is not finite"):
         aw.simplify([[0.0], [np.nan]], 1e-3)
-    with pytest.raises(InvalidTrajectory):
+    with pytest.raises(InvalidTrajectory, match="3 value"):
         aw.simplify(swing(5)[:, :3], 1e-3, robot)
     with pytest.raises(InvalidOption, match="tolerance is -1"):
         aw.retime(swing(5), robot, tolerance=-1.0)
