@@ -5,11 +5,12 @@ from typing import Literal
 from pydantic import ConfigDict, Field, model_validator
 from pydantic.config import JsonDict
 
-from armwright_wire.base import Answer, Body, Frame, Name, NonNegative, Timeout
+from armwright_wire.base import Answer, Frame, Name, NonNegative, Timeout
 from armwright_wire.motions.certificate import CertificateAnswer
 from armwright_wire.motions.retime import PathBody
 from armwright_wire.scenes.check import AllowedCollisions, AttachedObjects, Margin, WithFingers
 from armwright_wire.scenes.scene import SceneReference
+from armwright_wire.scenes.tool import WithTool
 
 _EXAMPLE: JsonDict = {
     "path": {"joints": [[0.0, 0.0], [0.5, 0.1004], [1.0, 0.2], [1.2, 1.0]]},
@@ -17,7 +18,11 @@ _EXAMPLE: JsonDict = {
 }
 
 
-class SimplifyRequest(WithFingers, Body):
+#: Fields that mean nothing without a robot.
+_OF_ROBOT = ("scene", "frame", "attached", "allowed_collisions", "fingers", "tool", "tcp")
+
+
+class SimplifyRequest(WithTool, WithFingers):
     """A path to be told by the fewest waypoints within a tolerance, in a scene perhaps."""
 
     model_config = ConfigDict(json_schema_extra={"examples": [_EXAMPLE]})
@@ -42,7 +47,7 @@ class SimplifyRequest(WithFingers, Body):
     @model_validator(mode="after")
     def _check_robot(self) -> "SimplifyRequest":
         if self.robot is None:
-            for name in ("scene", "frame", "attached", "allowed_collisions", "fingers"):
+            for name in _OF_ROBOT:
                 if getattr(self, name) is not None:
                     raise ValueError(f"{name} needs a robot: name one, or leave {name} out")
         return self
