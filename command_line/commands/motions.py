@@ -232,9 +232,6 @@ def retime(
     tolerance: Annotated[
         float | None, typer.Option(help="How far any joint may be off the path [rad or m].")
     ] = None,
-    duration: Annotated[
-        float | None, typer.Option(help="Duration that the motion is slowed down to [s].")
-    ] = None,
     stops: Annotated[
         str | None, typer.Option(help="path: bound the longest stop along the path too.")
     ] = None,
@@ -244,7 +241,7 @@ def retime(
     waypoints = {"joints": document["path"]["joints"]} if "path" in document else document
     if tolerance is not None:
         waypoints = waypoints | {"tolerance": tolerance}
-    timing = {"method": method, "velocity_scaling": scaling, "duration": duration}
+    timing = {"method": method, "velocity_scaling": scaling}
     body = values.mounted(mounted) | {"path": waypoints, "timing": timing, "stops": stops}
     answer = json.loads(_ask(connection, RETIME, robot, request, body))
     if connection.as_json:

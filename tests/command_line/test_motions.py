@@ -60,8 +60,11 @@ def test_a_plan_is_proved_timed_followed_and_converted(run: Run, scene: str, pla
     assert max(half["peaks"]["velocity"]) <= 0.5 * 2.61 + 1e-9
     assert "Stops along the path" in run("retime", "panda", str(plan), "--stops", "path").out
     assert "duration" in run("retime", "panda", str(plan)).out
-    options = ("--tolerance", "0.01", "--duration", "9.5")
-    assert "duration 9.5000 s" in run("retime", "panda", str(plan), *options).out
+    near = run("retime", "panda", str(plan), "--tolerance", "0.01", "--json").json
+    assert (
+        near["trajectory"]["duration"]
+        < run("retime", "panda", str(plan), "--json").json["trajectory"]["duration"]
+    )
 
     tracked = run("simulate", "panda", str(plan), "--json").json
     assert tracked["outcome"] == "completed"
