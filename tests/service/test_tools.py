@@ -249,7 +249,7 @@ def test_tours_exports_and_simulations_work_with_the_tool(
 
 
 def test_a_task_picks_with_a_built_in_jaw(client: httpx.Client) -> None:
-    crate = {
+    crate: dict[str, Any] = {
         "id": "crate",
         "shape": {"type": "box", "size": [0.03, 0.06, 0.08]},
         "pose": {"position": [-0.5, 0.1, 0.04]},
@@ -259,7 +259,7 @@ def test_a_task_picks_with_a_built_in_jaw(client: httpx.Client) -> None:
         "shape": {"type": "box", "size": [0.8, 1.2, 0.04]},
         "pose": {"position": [-0.6, 0.0, -0.02]},
     }
-    stages = [
+    stages: list[dict[str, Any]] = [
         {"kind": "move"},
         {"kind": "approach", "distance": [0.04, 0.08]},
         {"kind": "grasp", "object": "crate", "grasps": {"top": {}},
