@@ -218,17 +218,13 @@ def wrenches_of_torques(J: Array, torques: Array) -> tuple[Array, Array]:
     Raises:
         InvalidOption: The batches do not fit each other.
     """
-    found = singular_directions(J)
-    k = found.values.shape[-1]
-    inside = np.arange(k) < found.rank[..., None]
-    inverse = np.divide(1.0, found.values, out=np.zeros_like(found.values), where=inside)
     try:
-        along = np.einsum("...kn,...n->...k", found.motions[..., :k, :], torques)
-        F = np.einsum("...mk,...k->...m", found.twists, inverse * along)
-        left = torques - np.einsum("...mn,...m->...n", J, F)
+        np.broadcast_shapes(J.shape[:-2], torques.shape[:-1])
     except ValueError:
         raise _misfit(joints=J.shape[:-2], torques=torques.shape[:-1]) from None
-    return np.asarray(F), np.asarray(left)
+    # A task with the Jacobian J^T, whose rates are the wrench.
+    solved = rates_of_task(np.swapaxes(J, -1, -2), torques, damped_below=0.0)
+    return solved.joint_velocities, solved.residual
 
 
 def _misfit(**leads: tuple[int, ...]) -> InvalidOption:

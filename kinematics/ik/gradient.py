@@ -18,7 +18,7 @@ count, such as its position. Neither rule knows joint limits.
 import math
 from collections.abc import Collection
 from dataclasses import dataclass
-from typing import Any, Literal, get_args
+from typing import Any, Literal, NamedTuple, get_args
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -250,10 +250,8 @@ def follow(
     K = how.matrix
     system = _System(chain, T, link, how, K, float(np.abs(np.linalg.eigvals(K)).max()))
     points, times, told = [q], [0.0], [system.errors(q)]
-    still = False
     while how.duration is None and len(points) <= (how.steps or STEPS[how.rule]):
-        still = system.is_stationary(q)
-        if still or _done(told[-1], position_tolerance, orientation_tolerance):
+        if told[-1].stationary or _done(told[-1], position_tolerance, orientation_tolerance):
             break
         q, interval = _runge_kutta(system, q) if how.is_flow else (_step(system, q), 1.0)
         points.append(q)
@@ -262,18 +260,32 @@ def follow(
     if how.duration is not None:
         times, points = _flow_until(system, q, how.duration)
         told = [system.errors(q) for q in points]
-    damped = any(system.is_damped(q) for q in points)
     done = _done(told[-1], position_tolerance, orientation_tolerance)
     norms = np.array([item[:2] for item in told])
-    errors = np.array([item[2] for item in told])
+    errors = np.array([item.e for item in told])
+    still = how.duration is None and told[-1].stationary
     return Trace(
         np.array(times), np.array(points), errors, norms[:, 0], norms[:, 1], done,
-        still and not done, damped,
+        still and not done, any(item.damped for item in told),
     )  # fmt: skip
 
 
-#: ‖e‖ of positions and of the rotation vector, and e of the axes that count.
-_Errors = tuple[float, float, Array]
+class _Errors(NamedTuple):
+    """The error at a configuration.
+
+    Args:
+        position: Norm of its positions [m].
+        orientation: Norm of its rotation vector [rad], in zyz coordinates too.
+        e: Error of the r axes that count, shape (r,) [m or rad].
+        stationary: Whether J^T K e is nothing but rounding.
+        damped: Whether J^+ is damped.
+    """
+
+    position: float
+    orientation: float
+    e: Array
+    stationary: bool
+    damped: bool
 
 
 def _done(errors: _Errors, position: float, orientation: float) -> bool:
@@ -301,27 +313,20 @@ class _System:
     fastest: float
 
     def errors(self, q: Array) -> _Errors:
-        """Norms of e and e itself at q (n,); orientation by its rotation vector in both norms."""
-        _, e = self.jacobian(q)
+        """The error at q (n,), and whether the rule is stationary or damped there."""
+        J, e = self.jacobian(q)
         seen, positions = e, sum(row < len(POSITION) for row in self.options.rows)
         if self.options.coordinates == "zyz" and positions < len(e):
             turn = rotation_error(forward(self.chain, q, self.link)[:3, :3], self.T[:3, :3])
             seen = np.array([*e[:positions], *turn])
         norms = float(np.linalg.norm(seen[:positions])), float(np.linalg.norm(seen[positions:]))
-        return (*norms, e)
-
-    def is_stationary(self, q: Array) -> bool:
-        """Whether J^T K e is nothing but rounding at q (n,)."""
-        J, e = self.jacobian(q)
         pull = self.K @ e
         size = float(np.linalg.norm(J) * np.linalg.norm(pull))
-        return float(np.linalg.norm(J.T @ pull)) <= _STATIONARY * size
-
-    def is_damped(self, q: Array) -> bool:
-        """Whether J^+ is damped at q (n,)."""
-        if self.options.rule == "transpose":
-            return False
-        return _loses_rank(np.linalg.svd(self.jacobian(q)[0], compute_uv=False))
+        stationary = float(np.linalg.norm(J.T @ pull)) <= _STATIONARY * size
+        damped = self.options.rule == "pseudo_inverse" and _loses_rank(
+            np.linalg.svd(J, compute_uv=False)
+        )
+        return _Errors(*norms, e, stationary, damped)
 
     def jacobian(self, q: Array) -> tuple[Array, Array]:
         """J (r, n) and e (r,) of the axes that count, at q (n,)."""
