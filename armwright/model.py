@@ -1,7 +1,7 @@
-"""Kinematics and dynamics of a robot: frames, Jacobians, equations of motion."""
+"""Kinematics and dynamics of a robot: frames, their inverse, Jacobians, equations of motion."""
 
 from collections.abc import Sequence
-from typing import Literal, NamedTuple
+from typing import Any, Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -13,6 +13,8 @@ from dynamics.equations.writing import Notation
 from dynamics.terms import coriolis_matrix, gravity_vector, mass_matrix
 from kinematics.arrays import Array, numbers, typed
 from kinematics.forward import forward
+from kinematics.ik.inverse import IkOptions, inverse_kinematics
+from kinematics.ik.solution import IkResult
 from kinematics.jacobian import geometric
 from kinematics.model.chain import Chain
 from kinematics.pose import from_quaternion, transform
@@ -145,3 +147,31 @@ def inverse_dynamics(
         InvalidRobotState: A vector has the wrong length or is not finite.
     """
     return inverse.inverse_dynamics(chain_of(robot), joints, velocities, accelerations)
+
+
+@typed
+def ik(
+    robot: Robot,
+    T_base_link: ArrayLike,
+    *,
+    link: str | None = None,
+    seed_joints: ArrayLike | None = None,
+    **options: Any,
+) -> IkResult:
+    """Configurations that bring a link to a pose, best first.
+
+    Args:
+        robot: The robot or its chain.
+        T_base_link: Pose of the link, shape (4, 4).
+        link: The link to bring there; the tip where none is named.
+        seed_joints: Configuration to search from and to measure "nearest" from, shape (n,) [rad or
+            m]; the middle of the limits where not given.
+        options: Fields of ``kinematics.ik.inverse.IkOptions``: ``method``, ``most``, ``ranking``,
+            ...
+
+    Raises:
+        InvalidPose: The pose is not a finite rigid transform.
+        InvalidOption: An option has an invalid value.
+    """
+    how = IkOptions(**options) if options else None
+    return inverse_kinematics(chain_of(robot), T_base_link, how, link=link, seed_joints=seed_joints)

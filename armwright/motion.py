@@ -1,5 +1,6 @@
-"""Motions: planned, proved, timed and tracked."""
+"""Motions: checked, planned, proved and timed."""
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import cast
@@ -12,18 +13,18 @@ from kinematics.arrays import frozen, numbers, typed
 from kinematics.errors import InvalidGoal, InvalidOption
 from kinematics.model.chain import Chain
 from obstacles.robots.robot_geometry import RobotGeometry
+from obstacles.scenes.placement import place
 from obstacles.scenes.scene import Scene
+from planning.configuration_check import ConfigurationReport, configuration_checker
 from planning.constraints.constraint_set import ConstraintSet
 from planning.constraints.kinds.constraint import Constraint
 from planning.options import Options
 from planning.pipeline import pipeline
 from planning.problem import Goal, JointGoal, PoseGoal, Problem
-from planning.proof.certificate import certify
 from planning.result import Failure, Plan
 from planning.retiming import retime as timing
 from planning.retiming.near_path import PathToTime
 from planning.retiming.retime import Retimed
-from planning.retiming.simplify import simplify
 from planning.retiming.state_motion import time_states
 from planning.stops.certificate import StopCertificate, Surroundings
 from planning.stops.certificate import certify_stops as prove_stops
@@ -32,19 +33,6 @@ from planning.timing.jerk.state_to_state import JointState, Synchronization
 from planning.timing.options import TimingOptions
 from planning.tool_motions.tool_tolerance import SeamOptions
 from planning.values.stop_kind import StopKind, StopKinds
-from tracking.simulation.simulation import simulate
-
-__all__ = [
-    "certify",
-    "certify_stops",
-    "plan",
-    "plan_seam",
-    "retime",
-    "retime_states",
-    "simplify",
-    "simulate",
-    "stop",
-]
 
 
 @typed
@@ -251,3 +239,24 @@ def retime_states(
 
 def _names(n: int) -> tuple[str, ...]:
     return tuple(f"joint_{i + 1}" for i in range(n))
+
+
+@typed
+def check(
+    robot: RobotGeometry, scene: Scene, joints: ArrayLike, *, margin: float = 0.0
+) -> ConfigurationReport:
+    """Check one configuration for collisions and position limits.
+
+    Args:
+        robot: The robot with its geometry.
+        scene: The obstacles.
+        joints: Shape (n,) [rad or m].
+        margin: Distance to keep from obstacles beyond their own margins [m].
+
+    Raises:
+        InvalidRobotState: ``joints`` has the wrong length or is not finite.
+    """
+    q = robot.chain.state(joints)
+    if not 0.0 <= margin < math.inf:
+        raise InvalidOption(f"margin is {margin}", hint="Give 0 or more [m].")
+    return configuration_checker(robot, place(scene, robot.chain, q), margin).check(q)

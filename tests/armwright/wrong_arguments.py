@@ -9,7 +9,7 @@ import inspect
 import json
 import sys
 from collections.abc import Callable, Iterator
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 
@@ -98,7 +98,7 @@ ANY_VALUE = {
 
 def functions() -> dict[str, Callable[..., Any]]:
     """Public functions, classes and methods that take arguments."""
-    found = {name: getattr(aw, name) for name in aw.__all__}
+    found = {name: getattr(aw, name) for name in cast(list[str], aw.__all__)}
     known: dict[str, Callable[..., Any]] = {
         name: one for name, one in found.items() if inspect.isfunction(one)
     }
