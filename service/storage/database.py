@@ -75,8 +75,10 @@ def migrate(engine: Engine) -> None:
             connection.exec_driver_sql(f"SET LOCAL statement_timeout = {_MIGRATION_TIMEOUT}")
             connection.exec_driver_sql(f"SET LOCAL lock_timeout = {_MIGRATION_TIMEOUT}")
             connection.exec_driver_sql(f"SELECT pg_advisory_xact_lock({_MIGRATION_LOCK})")
-        if _revision(connection) != REVISIONS[-1]:
-            _upgrade(connection)
+        if (present := _revision(connection)) != REVISIONS[-1]:
+            from service.storage.migrations import upgrade  # noqa: PLC0415  (0.1 s: not each start)
+
+            upgrade(connection, present)
         if engine.dialect.name == "sqlite":
             connection.exec_driver_sql(f"PRAGMA user_version = {_WITH_MIGRATIONS}")
 
@@ -98,16 +100,6 @@ def _revision(connection: Connection) -> str | None:
     if revision is not None and revision not in REVISIONS:
         raise NewerSchema(revision)
     return revision
-
-
-def _upgrade(connection: Connection) -> None:
-    from alembic import command  # noqa: PLC0415  (0.1 s that a usual start does not need)
-    from alembic.config import Config  # noqa: PLC0415
-
-    config = Config()
-    config.set_main_option("script_location", str(Path(__file__).with_name("migrations")))
-    config.attributes["connection"] = connection
-    command.upgrade(config, REVISIONS[-1])
 
 
 class FileLocked(Exception):
