@@ -10,28 +10,20 @@ from fastapi import FastAPI
 from starlette.concurrency import run_in_threadpool
 
 from service.access.authentication import Authenticator
+from service.endpoints import routes
 from service.endpoints.batch import route as batch
-from service.endpoints.check import route as check
 from service.endpoints.dynamics import route as dynamics
-from service.endpoints.export import route as export
 from service.endpoints.health import route as health
 from service.endpoints.jobs import route as jobs
-from service.endpoints.kinematics import poses_route
 from service.endpoints.kinematics import route as kinematics
-from service.endpoints.lyapunov import route as lyapunov
 from service.endpoints.pages import problems
 from service.endpoints.pages import route as pages
 from service.endpoints.plan import route as plan
 from service.endpoints.plans import route as plans
-from service.endpoints.potential import route as potential
-from service.endpoints.reach import route as reach
-from service.endpoints.retime import route as retime
 from service.endpoints.robots import route as robots
 from service.endpoints.scenes import route as scenes
-from service.endpoints.simulate import route as simulate
 from service.endpoints.tasks import route as sequence
 from service.endpoints.tools import route as tools
-from service.endpoints.tours import route as tours
 from service.housekeeping import keep_house, watch_storage
 from service.http import errors, openapi
 from service.http.json_route import JsonRoute
@@ -68,21 +60,13 @@ _ROUTERS = (
     problems.router,
     robots.router,
     kinematics.router,
-    poses_route.router,
+    *routes.ROUTERS,
     scenes.router,
     tools.router,
-    check.router,
     plan.router,
     plans.router,
     sequence.router,
-    potential.router,
-    reach.router,
-    retime.router,
-    export.router,
     dynamics.router,
-    simulate.router,
-    tours.router,
-    lyapunov.router,
     batch.router,
     jobs.router,
 )

@@ -10,73 +10,53 @@ from service.workers.chunk_sizes import TURN
 from service.workers.task import GRACE, TaskReference
 
 if TYPE_CHECKING:
-    import service.endpoints.batch.task
-    import service.endpoints.check.task
-    import service.endpoints.dynamics.equations
-    import service.endpoints.dynamics.task
-    import service.endpoints.export.task
-    import service.endpoints.ik.task
-    import service.endpoints.kinematics.task
-    import service.endpoints.large_body
-    import service.endpoints.lyapunov.task
-    import service.endpoints.plan.task
-    import service.endpoints.plans.stop
-    import service.endpoints.plans.swept
-    import service.endpoints.plans.view
-    import service.endpoints.plans.witness
-    import service.endpoints.potential.task
-    import service.endpoints.reach.task
-    import service.endpoints.retime.task
-    import service.endpoints.robots.geometry
-    import service.endpoints.robots.task
-    import service.endpoints.simulate.task
-    import service.endpoints.tasks.task
-    import service.endpoints.tours.task
+    from service.endpoints.batch.task import cut as cut
+    from service.endpoints.batch.task import plan_part as plan_part
+    from service.endpoints.batch.task import split as split
+    from service.endpoints.check.task import check as check
+    from service.endpoints.check.task import project as project
+    from service.endpoints.dynamics import task as dynamics_tasks
+    from service.endpoints.dynamics.equations import equations as equations
+    from service.endpoints.export.task import export as export
+    from service.endpoints.ik.task import ik as ik
+    from service.endpoints.kinematics import task as kinematics_tasks
+    from service.endpoints.kinematics.task import convert_pose as convert_pose
+    from service.endpoints.large_body import outline as outline
+    from service.endpoints.lyapunov.task import lyapunov as lyapunov
+    from service.endpoints.plan.task import plan as plan
+    from service.endpoints.plan.task import validate as validate
+    from service.endpoints.plans.stop import stop as stop
+    from service.endpoints.plans.swept import swept as swept
+    from service.endpoints.plans.view import view as view
+    from service.endpoints.plans.witness import witness as witness
+    from service.endpoints.potential.task import potential as potential
+    from service.endpoints.reach.task import reach as reach
+    from service.endpoints.retime.task import convert as convert
+    from service.endpoints.retime.task import retime as retime
+    from service.endpoints.retime.task import simplify as simplify
+    from service.endpoints.robots.geometry import finger_poses as finger_poses
+    from service.endpoints.robots.geometry import robot_geometry as robot_geometry
+    from service.endpoints.robots.task import change_robot as change_robot
+    from service.endpoints.robots.task import make_robot as make_robot
+    from service.endpoints.robots.task import make_scene as make_scene
+    from service.endpoints.robots.task import make_tool as make_tool
+    from service.endpoints.robots.task import prepare_robot as prepare_robot
+    from service.endpoints.robots.task import prepare_scene as prepare_scene
+    from service.endpoints.robots.task import robot_model as robot_model
+    from service.endpoints.robots.task import robot_srdf as robot_srdf
+    from service.endpoints.robots.task import robot_urdf as robot_urdf
+    from service.endpoints.robots.task import unpack_robot as unpack_robot
+    from service.endpoints.simulate.task import simulate as simulate
+    from service.endpoints.tasks.task import plan_sequence as plan_sequence
+    from service.endpoints.tours.task import tour as tour
 
-    cut = service.endpoints.batch.task.cut
-    plan_part = service.endpoints.batch.task.plan_part
-    split = service.endpoints.batch.task.split
-    check = service.endpoints.check.task.check
-    project = service.endpoints.check.task.project
-    dynamics = service.endpoints.dynamics.task.dynamics_task
-    forward_dynamics = service.endpoints.dynamics.task.forward_dynamics_task
-    regressor = service.endpoints.dynamics.task.regressor_task
-    wrench = service.endpoints.dynamics.task.wrench_task
-    equations = service.endpoints.dynamics.equations.equations
-    export = service.endpoints.export.task.export
-    finger_poses = service.endpoints.robots.geometry.finger_poses
-    robot_geometry = service.endpoints.robots.geometry.robot_geometry
-    ik = service.endpoints.ik.task.ik
-    fk = service.endpoints.kinematics.task.fk_task
-    jacobian = service.endpoints.kinematics.task.jacobian_task
-    velocity = service.endpoints.kinematics.task.velocity_task
-    outline = service.endpoints.large_body.outline
-    lyapunov = service.endpoints.lyapunov.task.lyapunov
-    plan = service.endpoints.plan.task.plan
-    validate = service.endpoints.plan.task.validate
-    convert_pose = service.endpoints.kinematics.task.convert_pose
-    potential = service.endpoints.potential.task.potential
-    reach = service.endpoints.reach.task.reach
-    convert = service.endpoints.retime.task.convert
-    retime = service.endpoints.retime.task.retime
-    simplify = service.endpoints.retime.task.simplify
-    change_robot = service.endpoints.robots.task.change_robot
-    make_robot = service.endpoints.robots.task.make_robot
-    make_scene = service.endpoints.robots.task.make_scene
-    make_tool = service.endpoints.robots.task.make_tool
-    prepare_robot = service.endpoints.robots.task.prepare_robot
-    prepare_scene = service.endpoints.robots.task.prepare_scene
-    robot_model = service.endpoints.robots.task.robot_model
-    robot_srdf = service.endpoints.robots.task.robot_srdf
-    robot_urdf = service.endpoints.robots.task.robot_urdf
-    unpack_robot = service.endpoints.robots.task.unpack_robot
-    plan_sequence = service.endpoints.tasks.task.plan_sequence
-    simulate = service.endpoints.simulate.task.simulate
-    stop = service.endpoints.plans.stop.stop
-    swept = service.endpoints.plans.swept.swept
-    view = service.endpoints.plans.view.view
-    tour = service.endpoints.tours.task.tour
-    witness = service.endpoints.plans.witness.witness
+    dynamics = dynamics_tasks.dynamics_task
+    forward_dynamics = dynamics_tasks.forward_dynamics_task
+    regressor = dynamics_tasks.regressor_task
+    wrench = dynamics_tasks.wrench_task
+    fk = kinematics_tasks.fk_task
+    jacobian = kinematics_tasks.jacobian_task
+    velocity = kinematics_tasks.velocity_task
 else:
     cut = TaskReference("service.endpoints.batch.task:cut")
     plan_part = TaskReference("service.endpoints.batch.task:plan_part", GRACE + TURN)

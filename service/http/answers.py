@@ -190,20 +190,35 @@ async def answer_at_once(
     raise _replaced_meanwhile()
 
 
-async def answer_with(
+class RobotRequest(Protocol):
+    """Fields of a request that may be about a robot, which the server itself reads."""
+
+    @property
+    def robot(self) -> str | None:
+        """The name of the robot, if there is one."""
+
+    @property
+    def timeout(self) -> float | None:
+        """Time for the whole request, if one is named [s]."""
+
+
+async def respond_with(
     request: Request,
-    make_job: Callable[[Reference | None], Job[_R | TaskProblem | CacheMiss]],
-    robot_name: str | None,
-    *,
-    timeout: float | None = None,
-) -> _R:
-    """The result of a job that may be about a robot, computed in a worker.
+    make_job: Callable[[Reference | None, bytes], Job[bytes | TaskProblem | CacheMiss]],
+    body: RobotRequest,
+) -> Response:
+    """Response with the result of a job about the body of a request, and perhaps about a robot.
 
     Raises:
         ProblemError: As `answer`.
     """
-    mount = None if robot_name is None else await tool_mount(request)
-    return await _answer(request, make_job, [("robot", robot_name)], timeout, None, mount)
+    content = await request.body()
+    mount = None if body.robot is None else await tool_mount(request)
+    names: list[tuple[Kind, str | None]] = [("robot", body.robot)]
+    result = await _answer(
+        request, lambda robot: make_job(robot, content), names, body.timeout, None, mount
+    )
+    return Response(result, media_type="application/json")
 
 
 async def answer_scene(

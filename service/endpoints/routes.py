@@ -1,0 +1,177 @@
+"""Routes whose body is the work of one task."""
+
+from fastapi import Request, Response
+
+from armwright_wire.motions.export import ExportAnswer, ExportRequest
+from armwright_wire.motions.paths import SimplifyAnswer, SimplifyRequest
+from armwright_wire.motions.retime import (
+    ConvertRequest,
+    JointTrajectoryAnswer,
+    RetimeAnswer,
+    RetimeRequest,
+)
+from armwright_wire.motions.simulation import SimulateAnswer, SimulateRequest
+from armwright_wire.plans.tour import TourAnswer, TourRequest
+from armwright_wire.pose import ConvertPoseAnswer, ConvertPoseRequest
+from armwright_wire.robots.lyapunov import LyapunovAnswer, LyapunovRequest
+from armwright_wire.robots.potential import PotentialAnswer, PotentialRequest
+from armwright_wire.robots.reach import ReachAnswer, ReachRequest
+from armwright_wire.scenes.check import CheckAnswer, CheckRequest
+from service import task_references as tasks
+from service.endpoints.configurations import json_answer
+from service.http import answers
+from service.http.compute import compute
+from service.http.json_route import json_router
+
+checking = json_router("checking")
+kinematics = json_router("kinematics")
+planning = json_router("planning")
+timing = json_router("timing")
+tracking = json_router("tracking")
+ROUTERS = (kinematics, checking, planning, timing, tracking)
+
+_REACH = {
+    200: {
+        "description": "Arrays with a number for each pose, a picture or a mesh",
+        "model": ReachAnswer,
+        "content": {"image/svg+xml": {}, "model/gltf-binary": {}},
+    }
+}
+_MEDIA_TYPES = {
+    "json": "application/json",
+    "svg": "image/svg+xml",
+    "glb": "model/gltf-binary",
+}
+
+
+@kinematics.post(
+    "/poses/convert", summary="Convert and compose poses", response_model=ConvertPoseAnswer
+)
+async def convert_pose(body: ConvertPoseRequest, request: Request) -> Response:  # noqa: ARG001
+    """A pose, or motions carried out in turn about current or fixed axes, in every form.
+
+    Both branches of the angles are answered. Where an angle is not determined, `singular` says
+    which combination is, and the choice made for the rest.
+    """
+    return json_answer(await compute(request, tasks.convert_pose.job(await request.body())))
+
+
+@checking.post("/check", summary="Check configurations", response_model=CheckAnswer)
+async def check(body: CheckRequest, request: Request) -> Response:
+    """Whether configurations are within limits and free, and how far from anything they are."""
+    return await answers.respond(request, tasks.check.job, body.robot, body)
+
+
+@planning.post(
+    "/robots/{name}/potential", summary="The artificial potential", response_model=PotentialAnswer
+)
+async def potential(name: str, body: PotentialRequest, request: Request) -> Response:
+    """U(q), its slope, and the forces on the control points that make it.
+
+    Control points are the origins O_i of the robot's Denavit-Hartenberg frames, the last one that
+    of the tip. Each is pulled to where it is at the goal, with a force that no longer grows beyond
+    `attractive_cap`, and pushed away by every obstacle nearer than `influence_distance`, along the
+    line to its orthogonal projection. Inside an obstacle it is pushed along the shortest way out;
+    an obstacle of several pieces (a mesh, a cloud) pushes once, from the nearest of them.
+    """
+    return await answers.respond(request, tasks.potential.job, name, body)
+
+
+@kinematics.post(
+    "/robots/{name}/reach",
+    summary="Reach of task poses",
+    response_model=ReachAnswer,
+    responses=_REACH,  # type: ignore[arg-type]
+)
+async def reach(name: str, body: ReachRequest, request: Request) -> Response:
+    """For each pose whether it is reached free of collision, by how many branches and how well.
+
+    Poses are listed, or stand on a grid in a box. With candidates for the base they are answered
+    best first: those that reach most poses, then those with the largest least clearance.
+    """
+    return await answers.respond(request, tasks.reach.job, name, body, _MEDIA_TYPES[body.format])
+
+
+@timing.post(
+    "/retime", summary="Time a path, or the motion between two states", response_model=RetimeAnswer
+)
+async def retime(body: RetimeRequest, request: Request) -> Response:
+    """A path, or two states, as a timed motion within a robot's limits or those given.
+
+    The limits are certified. Of collisions nothing is known, which the certificate says.
+    """
+    return await answers.respond_with(request, tasks.retime.job, body)
+
+
+@timing.post(
+    "/paths/simplify",
+    summary="Tell a path by the fewest waypoints within a tolerance",
+    response_model=SimplifyAnswer,
+)
+async def simplify(body: SimplifyRequest, request: Request) -> Response:
+    """Waypoints of a path whose straight lines follow it within a tolerance in every joint.
+
+    With a robot the lines are proved against its limits of position and the scene; where they are
+    not free, nearer ones are tried.
+    """
+    if body.robot is not None:
+        return await answers.respond(request, tasks.simplify.job, body.robot, body)
+    return await answers.respond_with(
+        request, lambda robot, content: tasks.simplify.job(robot, None, content), body
+    )
+
+
+@timing.post(
+    "/convert", summary="Tell a motion in another shape", response_model=JointTrajectoryAnswer
+)
+async def convert(body: ConvertRequest, request: Request) -> Response:
+    """A motion as trajectory_msgs/JointTrajectory of ROS in JSON, or as a table in CSV."""
+    content = await request.body()
+    result = await compute(request, tasks.convert.job(content))
+    media_type = "text/csv" if body.format == "csv" else "application/json"
+    return Response(result, media_type=media_type)
+
+
+@timing.post(
+    "/export", summary="Write a motion for a robot controller", response_model=ExportAnswer
+)
+async def export(body: ExportRequest, request: Request) -> Response:
+    """A motion as a ROS 2 message, a table or a program, with a proof of its own.
+
+    Proved is the motion that the controller makes of the points in the file, by the interpolation
+    that its manual names. The file says what is proved and what is not.
+    """
+    return await answers.respond(request, tasks.export.job, body.robot, body)
+
+
+@tracking.post("/simulate", summary="Follow a motion", response_model=SimulateAnswer)
+async def simulate(body: SimulateRequest, request: Request) -> Response:
+    """Simulation of a controller that makes the robot follow a motion, for example a planned one.
+
+    With a scene the answer says what the tracking error leaves of the clearance.
+    """
+    return await answers.respond(request, tasks.simulate.job, body.robot, body)
+
+
+@planning.post("/tours", summary="Visit many goals in the best order", response_model=TourAnswer)
+async def tour(body: TourRequest, request: Request) -> Response:
+    """Order, configurations and proved motions of a tour over 2 to 500 goals.
+
+    The search goes by the times of straight motions; only legs that a tour takes are planned and
+    proved, and where one takes longer the order is searched again. The shortest tour proved before
+    the deadline is answered, with a bound that no tour beats.
+    """
+    return await answers.respond(request, tasks.tour.job, body.robot, body)
+
+
+@tracking.post("/lyapunov", summary="Examine V = x'Px", response_model=LyapunovAnswer)
+async def lyapunov(body: LyapunovRequest, request: Request) -> Response:  # noqa: ARG001
+    """The quadratic form V = xᵀ P x of dx/dt = A x, or V(x) of dx/dt = f(x), as Lyapunov function.
+
+    With Q in place of P the Lyapunov equation Aᵀ P + P A = −Q is solved. The answer has minors,
+    eigenvalues and definiteness of P and Q, V and dV/dt as formulas and at states, and a verdict.
+
+    Formulas `f` and `V`, or a `system` by name, are examined near x = 0: `reason` names the theorem
+    (Lyapunov, LaSalle, instability) or says what is not shown, `lasalle` has the sets.
+    """
+    return json_answer(await compute(request, tasks.lyapunov.job(await request.body())))
