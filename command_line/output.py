@@ -59,6 +59,12 @@ def print_line(text: str, style: str = "") -> None:
     console().print(Text(text, style=style))
 
 
+def print_notes(notes: Iterable[str]) -> None:
+    """Print the notes of an answer."""
+    for note in notes:
+        print_line(f"note: {note}", "yellow")
+
+
 def print_premises(what: str, certificates: Iterable[Mapping[str, Any]]) -> None:
     """Print what each of several motions is proved against, those together that share it.
 

@@ -138,6 +138,18 @@ def mounted(given: Mounted | Cell) -> dict[str, Any]:
     return fields
 
 
+def cell(given: Cell) -> dict[str, Any]:
+    """The fields of a request that mount a tool and place obstacles.
+
+    Args:
+        given: Options of the command.
+
+    Raises:
+        ProblemError: A file is not there or is not JSON.
+    """
+    return mounted(given) | {"scene": scene(given.scene), "margin": given.margin}
+
+
 def motion(path: Path) -> dict[str, Any]:
     """The trajectory of a file: one, or the answer or kept plan that holds it.
 

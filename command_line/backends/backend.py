@@ -1,7 +1,7 @@
 """Backends of commands: this process, or a service at a URL."""
 
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import closing, contextmanager
 from typing import Any, Protocol
 
 from command_line.backends.endpoints import Endpoint
@@ -44,7 +44,7 @@ def connect(connection: Connection) -> Iterator[Backend]:
         connection: Address and key of a service, or none for this process.
 
     Raises:
-        CommandProblem: The client of the service is not installed.
+        ProblemError: The address or the key of the service is malformed.
     """
     backend: Backend
     if connection.url is None:
@@ -55,7 +55,5 @@ def connect(connection: Connection) -> Iterator[Backend]:
         from command_line.backends.remote import remote_backend  # noqa: PLC0415
 
         backend = remote_backend(connection.url, connection.token)
-    try:
+    with closing(backend):
         yield backend
-    finally:
-        backend.close()

@@ -4,22 +4,31 @@ import hashlib
 import json
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
-from typing import TYPE_CHECKING, Any
+from typing import Any
 from urllib.parse import quote
 
+from pydantic import ConfigDict
 from rich.console import Console
 from rich.status import Status
 
-from armwright_client import ArmwrightError, Pending
+from armwright_client import (
+    ApiError,
+    ArmwrightError,
+    Client,
+    ClientOptions,
+    Conflict,
+    InvalidArgument,
+    Pending,
+    RobotUpload,
+)
 from armwright_client.call import Call, Sender
+from armwright_client.call import path as path_of
+from armwright_client.client import items
+from armwright_wire.base import Body
 from command_line.backends.endpoints import Endpoint
 from command_line.parameters import RobotSource
 from command_line.problems import CommandProblem, invalid_value, unreachable
 from command_line.robot_files import is_file, robot_document
-
-if TYPE_CHECKING:
-    from armwright_client import Client
-    from armwright_client.call import Call
 
 
 def answer_of_job(sender: Sender, call: Call[bytes], console: Console) -> bytes:
@@ -64,16 +73,8 @@ def remote_backend(url: str, token: str | None) -> "RemoteBackend":
         token: API key.
 
     Raises:
-        CommandProblem: The client package is not installed.
         ProblemError: The address or the key is malformed.
     """
-    try:
-        from armwright_client import Client, ClientOptions  # noqa: PLC0415
-    except ImportError as error:
-        raise unreachable(
-            f"the client of a service can't be imported: {error}",
-            "Install armwright-client (pip install ./client), or leave --url out.",
-        ) from None
     options: ClientOptions = {} if token is None else {"token": token}
     with _problems(url):
         return RemoteBackend(url, Client(url, **options))
@@ -87,7 +88,7 @@ class RemoteBackend:
         client: Connected to it.
     """
 
-    def __init__(self, url: str, client: "Client") -> None:
+    def __init__(self, url: str, client: Client) -> None:
         self._url = url
         self._client = client
         self._uploaded: list[str] = []
@@ -101,8 +102,6 @@ class RemoteBackend:
         """
         if not is_file(source):
             return source.robot
-        from armwright_client import Conflict, RobotUpload  # noqa: PLC0415
-
         document = robot_document(source)
         digest = hashlib.sha256(json.dumps(document, sort_keys=True).encode()).hexdigest()
         name = f"file-{digest[:_DIGITS]}"
@@ -120,8 +119,6 @@ class RemoteBackend:
         Raises:
             CommandProblem: The service refuses it.
         """
-        from armwright_client import RobotUpload  # noqa: PLC0415
-
         with _problems(self._url):
             self._client.robots.create(RobotUpload.of(**document))
         return self._url
@@ -137,9 +134,7 @@ class RemoteBackend:
 
     def robot_model(self, name: str) -> dict[str, Any]:
         """The model of a robot."""
-        from armwright_client.call import path  # noqa: PLC0415
-
-        return dict(json.loads(self._send("GET", path("robots", name))))
+        return dict(json.loads(self._send("GET", path_of("robots", name))))
 
     def robot_names(self) -> list[dict[str, Any]]:
         """Summaries of all robots."""
@@ -228,43 +223,27 @@ class RemoteBackend:
             return self._client._sender.send(_call(method, path, body))
 
     def _pages(self, read: Any, field: str) -> list[dict[str, Any]]:
-        items: list[dict[str, Any]] = []
-        after: str | None = None
         with _problems(self._url):
-            while True:
-                page = read(after=after).model_dump(mode="json")
-                items += page[field]
-                after = page.get("next")
-                if after is None:
-                    return items
+            found = items(lambda after: read(after=after), lambda page: getattr(page, field))
+            return [item.model_dump(mode="json") for item in found]
 
 
-def _call(method: str, path: str, body: dict[str, Any] | None) -> "Call[bytes]":
+class _OpenRequest(Body):
+    """A request of any fields: the service, not the client, says what is wrong with it."""
+
+    model_config = ConfigDict(extra="allow")
+
+
+def _call(method: str, path: str, body: dict[str, Any] | None) -> Call[bytes]:
     """A call whose answer stays as it comes."""
-    from armwright_client.call import Call  # noqa: PLC0415
-
-    request = None if body is None else _open_request(body)
+    request = None if body is None else _OpenRequest.model_validate(body)
     deadline = None if body is None else body.get("timeout")
     return Call(method, path, bytes, request, deadline=deadline)
-
-
-def _open_request(body: dict[str, Any]) -> Any:
-    """A request of any fields: the service, not the client, says what is wrong with it."""
-    from pydantic import ConfigDict  # noqa: PLC0415
-
-    from armwright_wire.base import Body  # noqa: PLC0415
-
-    class OpenRequest(Body):
-        model_config = ConfigDict(extra="allow")
-
-    return OpenRequest.model_validate(body)
 
 
 @contextmanager
 def _problems(url: str) -> Iterator[None]:
     """Problems of the client as problems of the command."""
-    from armwright_client import ApiError, ArmwrightError, InvalidArgument  # noqa: PLC0415
-
     try:
         yield
     except ApiError as error:

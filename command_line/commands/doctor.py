@@ -2,6 +2,7 @@
 
 import os
 import platform
+from contextlib import closing
 from importlib.metadata import PackageNotFoundError, requires, version
 from pathlib import Path
 from typing import Literal, NamedTuple
@@ -80,18 +81,13 @@ def _packages() -> list[Finding]:
     """Findings on the packages that Armwright needs, and on the optional ones."""
     findings = []
     for requirement in _requirements():
-        there = _version(requirement.name)
-        if there is None:
-            findings.append(
-                Finding(requirement.name, "fault", "not installed", f"pip install '{requirement}'")
-            )
-        elif not requirement.specifier.contains(there, prereleases=True):
-            detail = f"{there}, needed is {requirement.specifier}"
-            findings.append(
-                Finding(requirement.name, "fault", detail, f"pip install '{requirement}'")
-            )
+        name, there = requirement.name, _version(requirement.name)
+        if there is not None and requirement.specifier.contains(there, prereleases=True):
+            findings.append(Finding(name, "ok", there))
         else:
-            findings.append(Finding(requirement.name, "ok", there))
+            wanted = f"{there}, needed is {requirement.specifier}"
+            detail = "not installed" if there is None else wanted
+            findings.append(Finding(name, "fault", detail, f"pip install '{requirement}'"))
     for name in _OPTIONAL:
         there = _version(name)
         findings.append(
@@ -149,11 +145,8 @@ def _service(url: str, token: str | None) -> Finding:
     from command_line.backends.remote import remote_backend  # noqa: PLC0415
 
     try:
-        backend = remote_backend(url, token)
-        try:
+        with closing(remote_backend(url, token)) as backend:
             detail = backend.readiness()
-        finally:
-            backend.close()
     except CommandProblem as problem:
         return Finding("service", "fault", str(problem), str(problem.document["hint"] or ""))
     return Finding("service", "ok", f"{url}: {detail}")

@@ -1,6 +1,7 @@
 """The commands that write motions to files and project points onto obstacles."""
 
 import json
+from contextlib import closing
 from pathlib import Path
 from typing import Annotated, Any, NamedTuple
 
@@ -10,11 +11,10 @@ from rich.text import Text
 
 from armwright_wire.motions.trajectory import TrajectoryBody
 from command_line import values
-from command_line.backends.backend import connect
 from command_line.backends.endpoints import EXPORT
 from command_line.backends.local import LocalBackend
 from command_line.backends.remote import remote_backend
-from command_line.commands.motions import Motion
+from command_line.commands.motions import Motion, ask
 from command_line.output import print_json, print_line, print_table, save
 from command_line.parameters import (
     Connection,
@@ -26,7 +26,6 @@ from command_line.parameters import (
     command,
 )
 from command_line.problems import invalid_value, negative
-from command_line.robot_files import read_json
 from planning.exports.swept_volume import swept_volume
 from service.validation import validate_as
 from service.viewer.words import against
@@ -69,20 +68,14 @@ def project(
 
 def _answer(connection: Connection, scene: dict[str, Any] | str, body: dict[str, Any]) -> bytes:
     if connection.url is not None:
-        remote = remote_backend(connection.url, connection.token)
-        try:
+        with closing(remote_backend(connection.url, connection.token)) as remote:
             return remote.projections(scene, body)
-        finally:
-            remote.close()
     if isinstance(scene, str):
         raise invalid_value(
             "SCENE", f"there is no scene file {scene!r}", "Names are those of a service (--url)."
         )
-    backend = LocalBackend()
-    try:
+    with closing(LocalBackend()) as backend:
         return backend.projections(scene, body)
-    finally:
-        backend.close()
 
 
 #: Files of meshes that `sweep` writes, by their suffix.
@@ -130,17 +123,10 @@ def export(
         "sample_period": sample_period,
         "premises": values.premises(motion),
         "different_scene": around.different_scene,
-        "timeout": request.timeout,
     }
-    fields = {} if request.fields is None else read_json(request.fields)
-    fields |= {name: value for name, value in body.items() if value is not None}
-    with connect(connection) as backend:
-        name = backend.robot_name(robot)
-        content = backend.answer(EXPORT, name, fields | {"robot": name})
+    content = ask(connection, EXPORT, robot, request._replace(output=None), body)
     answer = json.loads(content)
-    if connection.as_json:
-        print_json(content)
-    elif request.output is None:
+    if not connection.as_json and request.output is None:
         print_line(answer["content"].rstrip("\n"))
     if request.output is not None:
         save(request.output, answer["content"].encode())
@@ -171,11 +157,8 @@ def sweep(
         raise invalid_value("--url", "swept volumes are computed here", "Leave it out.")
     if output.suffix not in _MESH_FILES:
         raise invalid_value("--output", f"a file {' or '.join(_MESH_FILES)} is written")
-    backend = LocalBackend()
-    try:
+    with closing(LocalBackend()) as backend:
         geometry = backend.geometry(backend.robot_name(robot))
-    finally:
-        backend.close()
     given = values.motion(motion)
     fields = {name: given[name] for name in ("joint_names", "segments") if name in given}
     body = validate_as(TrajectoryBody, fields)

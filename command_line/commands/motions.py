@@ -1,6 +1,7 @@
 """The commands that plan, check, prove, time, simulate and convert motions."""
 
 import json
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -18,7 +19,7 @@ from command_line.backends.endpoints import (
     Endpoint,
 )
 from command_line.commands.kinematics import Joints
-from command_line.output import print_json, print_line, print_table, save, word
+from command_line.output import print_json, print_line, print_notes, print_table, save, word
 from command_line.parameters import Cell, Connection, Mounted, Request, RobotSource, Scene, command
 from command_line.problems import negative
 from command_line.robot_files import read_json
@@ -35,12 +36,13 @@ Stops = Annotated[
 ]
 
 
-def _ask(
+def ask(
     connection: Connection,
     endpoint: Endpoint,
     robot: RobotSource | None,
     request: Request,
-    body: dict[str, Any],
+    body: Mapping[str, Any],
+    file: Path | None = None,
 ) -> bytes:
     """The answer to a request, printed as JSON or written to a file where that is asked for.
 
@@ -50,9 +52,11 @@ def _ask(
         robot: The robot, if there is one.
         request: Deadline, further fields and the file to write.
         body: Fields of the request; those that are None are left out.
+        file: Fields that all others override, a JSON object.
     """
-    further = {} if request.fields is None else read_json(request.fields)
-    given = body | {"timeout": request.timeout}
+    further = {} if file is None else read_json(file)
+    further |= {} if request.fields is None else read_json(request.fields)
+    given = {**body, "timeout": request.timeout}
     fields = further | {name: value for name, value in given.items() if value is not None}
     with connect(connection) as backend:
         name = None if robot is None else backend.robot_name(robot)
@@ -80,15 +84,13 @@ def plan(
     stops: Stops = None,
 ) -> None:
     """Plan a timed motion that is proved free of collision and inside all limits."""
-    body = values.mounted(cell) | {
+    body = values.cell(cell) | {
         "start": values.goal("--start", start),
         "goal": values.goal("--goal", goal),
-        "scene": values.scene(cell.scene),
-        "margin": cell.margin,
         "planner": planner,
         "stops": stops,
     }
-    answer = json.loads(_ask(connection, PLAN, robot, request, body))
+    answer = json.loads(ask(connection, PLAN, robot, request, body))
     if connection.as_json:
         return
     print_table(
@@ -98,8 +100,7 @@ def plan(
     )
     print_line(f"duration {answer['trajectory']['duration']:.4f} s")
     _show_certificate(answer["certificate"])
-    for note in answer["notes"]:
-        print_line(f"note: {note}", "yellow")
+    print_notes(answer["notes"])
 
 
 @command
@@ -113,12 +114,10 @@ def check(
     """Check one configuration for limits and collisions; exit with 1 where it is not valid."""
     with connect(connection) as backend:
         states = backend.robot_model(backend.robot_name(robot))["states"]
-    body = values.mounted(cell) | {
+    body = values.cell(cell) | {
         "joints": values.configuration("--joints", joints, states),
-        "scene": values.scene(cell.scene),
-        "margin": cell.margin,
     }
-    answer = json.loads(_ask(connection, CHECK, robot, request, body))
+    answer = json.loads(ask(connection, CHECK, robot, request, body))
     if not connection.as_json:
         _show_check(answer)
     if not answer["valid"]:
@@ -150,13 +149,11 @@ def validate(
     stops: Stops = None,
 ) -> None:
     """Prove a motion, and perhaps its stops, for every instant; exit with 1 where it is not."""
-    body = values.mounted(cell) | {
+    body = values.cell(cell) | {
         "trajectory": values.motion(motion),
-        "scene": values.scene(cell.scene),
-        "margin": cell.margin,
         "stops": stops,
     }
-    certificate = json.loads(_ask(connection, VALIDATE, robot, request, body))
+    certificate = json.loads(ask(connection, VALIDATE, robot, request, body))
     if not connection.as_json:
         _show_certificate(certificate)
     if not certificate["verified"] or not (certificate.get("stops") or {"proved": True})["proved"]:
@@ -172,14 +169,12 @@ def witness(
     cell: Cell,
 ) -> None:
     """Prove a motion and write the witness, for others to check; exit with 1 where not proved."""
-    body = values.mounted(cell) | {
+    body = values.cell(cell) | {
         "trajectory": values.motion(motion),
-        "scene": values.scene(cell.scene),
-        "margin": cell.margin,
         "witness": True,
     }
     quiet = connection._replace(as_json=False)
-    certificate = json.loads(_ask(quiet, VALIDATE, robot, request._replace(output=None), body))
+    certificate = json.loads(ask(quiet, VALIDATE, robot, request._replace(output=None), body))
     document = json.dumps(certificate["witness"], separators=(",", ":")).encode()
     if request.output is not None:
         save(request.output, document)
@@ -243,14 +238,13 @@ def retime(
         waypoints = waypoints | {"tolerance": tolerance}
     timing = {"method": method, "velocity_scaling": scaling}
     body = values.mounted(mounted) | {"path": waypoints, "timing": timing, "stops": stops}
-    answer = json.loads(_ask(connection, RETIME, robot, request, body))
+    answer = json.loads(ask(connection, RETIME, robot, request, body))
     if connection.as_json:
         return
     print_line(f"duration {answer['trajectory']['duration']:.4f} s")
     _show_certificate(answer["certificate"])
     print_table("Largest values of each joint", ("of", "joints"), answer["peaks"].items())
-    for note in answer["notes"]:
-        print_line(f"note: {note}", "yellow")
+    print_notes(answer["notes"])
 
 
 @command
@@ -273,7 +267,7 @@ def simulate(
         "controller": {"type": value} if isinstance(value, str) else value,
         "scene": values.scene(scene),
     }
-    answer = json.loads(_ask(connection, SIMULATE, robot, request, body))
+    answer = json.loads(ask(connection, SIMULATE, robot, request, body))
     if connection.as_json:
         return
     print_line(f"{answer['outcome']}: {answer['advice']}", "bold")
@@ -282,8 +276,7 @@ def simulate(
     names = trajectory.get("joint_names") or range(len(errors))
     rows = ((name, f"{error:.3g}") for name, error in zip(names, errors, strict=True))
     print_table("Largest tracking errors", ("joint", "error [rad or m]"), rows)
-    for note in answer["notes"]:
-        print_line(f"note: {note}", "yellow")
+    print_notes(answer["notes"])
 
 
 @command
@@ -302,6 +295,6 @@ def convert(
         "format": form,
         "sample_period": sample_period,
     }
-    answer = _ask(connection, CONVERT, None, request, body)
+    answer = ask(connection, CONVERT, None, request, body)
     if request.output is None and not connection.as_json:
         print_json(answer)

@@ -1,13 +1,13 @@
 """The commands ``armwright robots`` and ``armwright scenes``."""
 
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 
 from command_line import values
 from command_line.backends.backend import Backend, connect
-from command_line.output import print_json, print_line, print_table
+from command_line.output import print_json, print_line, print_notes, print_table
 from command_line.parameters import Connection, RobotSource, command
 from command_line.problems import invalid_value
 from command_line.robot_files import valid_name
@@ -85,25 +85,18 @@ def _add(backend: Backend, source: RobotSource, kept_as: str | None, as_json: bo
     print_line(f"licence: {found.licence or 'none is told; ask its authors before you use it'}")
 
 
-def _show_robot(model: dict[str, object], as_json: bool) -> None:
+def _show_robot(model: dict[str, Any], as_json: bool) -> None:
     if as_json:
         print_json(model)
         return
     limits, states = model["limits"], model["states"]
     names, types = model["joint_names"], model["joint_types"]
-    assert isinstance(limits, dict)
-    assert isinstance(states, dict)
-    assert isinstance(names, list)
-    assert isinstance(types, list)
     rows = ((name, types[i], *(limits[key][i] for key in _LIMITS)) for i, name in enumerate(names))
     title = f"{model['name']}: from {model['base_link']} to {model['tip_link']}"
     print_table(title, ("joint", "type", *_LIMITS), rows)
     if states:
         print_table("Named states", ("state", "joints"), states.items())
-    lint = model["lint"]
-    assert isinstance(lint, list)
-    for note in lint:
-        print_line(f"note: {note}", "yellow")
+    print_notes(model["lint"])
 
 
 @command

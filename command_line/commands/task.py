@@ -1,52 +1,17 @@
 """The commands ``armwright task`` and ``armwright tour``."""
 
 import json
-from collections.abc import Mapping
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Any
 
 import typer
 
 from command_line import values
-from command_line.backends.backend import connect
-from command_line.backends.endpoints import TASK, TOUR, Endpoint
-from command_line.output import print_json, print_line, print_premises, print_table, save
+from command_line.backends.endpoints import TASK, TOUR
+from command_line.commands.motions import ask
+from command_line.output import print_line, print_notes, print_premises, print_table
 from command_line.parameters import Cell, Connection, Request, RobotSource, command
-from command_line.robot_files import read_json
 from service.viewer.words import allowed_sentences
-
-
-@dataclass(frozen=True)
-class FileRequest:
-    """A request whose body is a file's, overridden by further fields and by options.
-
-    Args:
-        endpoint: Endpoint of the request.
-        file: A JSON object.
-        options: Fields that the options of the command give; None leaves a field as it is.
-    """
-
-    endpoint: Endpoint
-    file: Path
-    options: Mapping[str, Any]
-
-    def answer(
-        self, connection: Connection, robot: RobotSource, request: Request
-    ) -> dict[str, Any] | None:
-        """The answer, saved where the command says so; None if it was printed as JSON."""
-        body = read_json(self.file) | ({} if request.fields is None else read_json(request.fields))
-        body |= {name: value for name, value in self.options.items() if value is not None}
-        with connect(connection) as backend:
-            body["robot"] = backend.robot_name(robot)
-            answer = backend.answer(self.endpoint, body["robot"], body)
-        if request.output is not None:
-            save(request.output, answer)
-        if connection.as_json:
-            print_json(answer)
-            return None
-        told: dict[str, Any] = json.loads(answer)
-        return told
 
 
 @command
@@ -63,15 +28,14 @@ def tour(
 ) -> None:
     """Visit many goals in the order that takes the least time, every leg proved."""
     given: dict[str, Any] = values.mounted(cell) | {
-        "scene": None if cell.scene is None else values.scene(cell.scene),
+        "scene": values.scene(cell.scene),
         "margin": cell.margin or None,
         "start": None if start is None else values.goal("--start", start),
         "end": end if end in {None, "any", "start"} else values.goal("--end", str(end)),
-        "timeout": request.timeout,
     }
-    answer = FileRequest(TOUR, goals, given).answer(connection, robot, request)
-    if answer is not None:
-        _show_tour(answer)
+    answer = ask(connection, TOUR, robot, request, given, goals)
+    if not connection.as_json:
+        _show_tour(json.loads(answer))
 
 
 def _show_tour(tour: dict[str, Any]) -> None:
@@ -86,8 +50,7 @@ def _show_tour(tour: dict[str, Any]) -> None:
     if tour["unvisited"]:
         rows = ((one["id"], one["code"], one["message"]) for one in tour["unvisited"])
         print_table("Left out", ("goal", "code", "reason"), rows)
-    for note in tour["notes"]:
-        print_line(f"note: {note}", "yellow")
+    print_notes(tour["notes"])
 
 
 @command
@@ -106,15 +69,14 @@ def task(
 ) -> None:
     """Plan the stages of a task as one: grasps, places and motions, every stage proved."""
     given: dict[str, Any] = values.mounted(cell) | {
-        "scene": None if cell.scene is None else values.scene(cell.scene),
+        "scene": values.scene(cell.scene),
         "margin": cell.margin or None,
         "start": None if start is None else values.goal("--start", start),
         "improve": improve,
-        "timeout": request.timeout,
     }
-    answer = FileRequest(TASK, stages, given).answer(connection, robot, request)
-    if answer is not None:
-        _show(answer)
+    answer = ask(connection, TASK, robot, request, given, stages)
+    if not connection.as_json:
+        _show(json.loads(answer))
 
 
 def _show(planned: dict[str, Any]) -> None:

@@ -2,20 +2,21 @@
 
 import json
 import webbrowser
+from contextlib import closing
 from pathlib import Path
 from typing import Annotated, Any
 
 import typer
 
+from armwright_client import DEFAULT_URL
 from command_line import values
 from command_line.backends.local import LocalBackend
+from command_line.backends.remote import remote_backend
 from command_line.output import print_line, save
 from command_line.parameters import Connection, Mounted, RobotSource, Scene, command
 from command_line.problems import invalid_value
 from command_line.robot_files import read_json
 
-#: Where a service listens unless it is told otherwise.
-_DEFAULT_URL = "http://127.0.0.1:8000"
 #: Operation of a motion that is drawn with nothing but its certificate.
 _VALIDATE = "POST /v1/validate"
 
@@ -63,21 +64,15 @@ def view(
 
 
 def _of_service(connection: Connection, plan_id: str, *, tree: bool) -> bytes:
-    from command_line.backends.remote import remote_backend  # noqa: PLC0415
-
-    backend = remote_backend(connection.url or _DEFAULT_URL, connection.token)
-    try:
+    with closing(remote_backend(connection.url or DEFAULT_URL, connection.token)) as backend:
         return backend.page(plan_id, tree=tree)
-    finally:
-        backend.close()
 
 
 def _of_file(
     file: Path, robot: str | None, scene: str | None, tool: dict[str, Any], *, tree: bool
 ) -> bytes:
     document = read_json(file)
-    backend = LocalBackend()
-    try:
+    with closing(LocalBackend()) as backend:
         if "armwright_bundle" in document:
             name, plan, place = _of_bundle(document, backend)
         else:
@@ -89,8 +84,6 @@ def _of_file(
             plan, place = _plan(document, name, scene)
             plan["request"] = plan["request"] | tool
         return backend.page(name, plan, place, tree=tree)
-    finally:
-        backend.close()
 
 
 def _of_bundle(
