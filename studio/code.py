@@ -7,121 +7,74 @@ from typing import Any
 
 from pydantic import BaseModel
 
-from armwright_client import IkRequest, PlanRequest, Pose, TaskRequest, TourRequest
+from armwright_client import Pose, Start
 from armwright_wire.base import Body as Request
 from studio.requests import ik_request, path_request, plan_request, task_request, tour_request
 from studio.state import StudioState
 
-
-def plan_python(url: str, request: PlanRequest) -> str:
-    """A Python program that plans the same motion with `armwright_client`.
-
-    Args:
-        url: Address of the service.
-        request: The plan request.
-    """
-    fields = _changed_fields(request)
-    robot, start, goal = (fields.pop(name) for name in ("robot", "start", "goal"))
-    arguments = [repr(robot), _code(start.joints), _code(goal)]
-    arguments += [f"{name}={_code(value)}" for name, value in fields.items()]
-    names = sorted({"Client", *_models(goal), *(n for v in fields.values() for n in _models(v))})
-    return "\n".join(
+#: Methods of the client: the name of their answer, and lines of a program that print of it.
+_PROGRAMS = {
+    "plan": (
+        "plan",
+        ["print(plan.planner, plan.trajectory.duration, plan.certificate.min_clearance)"],
+    ),
+    "plan_task": (
+        "task",
         [
-            f"from armwright_client import {', '.join(names)}",
-            "",
-            f"with Client({url!r}) as client:",
-            "    plan = client.plan(",
-            *(f"        {argument}," for argument in arguments),
-            "    )",
-            "print(plan.planner, plan.trajectory.duration, plan.certificate.min_clearance)",
-            "",
-        ]
-    )
-
-
-def task_python(url: str, request: TaskRequest) -> str:
-    """A Python program that plans the same task with `armwright_client`.
-
-    Args:
-        url: Address of the service.
-        request: The task's request.
-    """
-    fields = _changed_fields(request)
-    robot, start, stages = (fields.pop(name) for name in ("robot", "start", "stages"))
-    arguments = [repr(robot), _code(start.joints)]
-    listed = [f"            {_code(stage)}," for stage in stages]
-    further = [f"        {name}={_code(value)}," for name, value in fields.items()]
-    used = [n for value in (*stages, *fields.values()) for n in _models(value)]
-    return "\n".join(
-        [
-            f"from armwright_client import {', '.join(sorted({'Client', *used}))}",
-            "",
-            f"with Client({url!r}) as client:",
-            "    task = client.plan_task(",
-            *(f"        {argument}," for argument in arguments),
-            "        [",
-            *listed,
-            "        ],",
-            *further,
-            "    )",
             "for stage in task.stages:",
             "    print(stage.kind, stage.trajectory.duration, stage.certificate.verified)",
-            "",
-        ]
-    )
-
-
-def tour_python(url: str, request: TourRequest) -> str:
-    """A Python program that plans the same tour with `armwright_client`.
-
-    Args:
-        url: Address of the service.
-        request: The tour's request.
-    """
-    fields = _changed_fields(request)
-    robot, goals = fields.pop("robot"), fields.pop("goals")
-    used = [n for value in (*goals, *fields.values()) for n in _models(value)]
-    return "\n".join(
+        ],
+    ),
+    "plan_tour": (
+        "tour",
         [
-            f"from armwright_client import {', '.join(sorted({'Client', *used}))}",
-            "",
-            f"with Client({url!r}) as client:",
-            "    tour = client.plan_tour(",
-            f"        {robot!r},",
-            "        [",
-            *(f"            {_code(goal)}," for goal in goals),
-            "        ],",
-            *(f"        {name}={_code(value)}," for name, value in fields.items()),
-            "    )",
             "for leg in tour.legs:",
             "    print(leg.origin, leg.target, leg.trajectory.duration, leg.certificate.verified)",
-            "",
-        ]
-    )
+        ],
+    ),
+    "robots.ik": (
+        "answer",
+        [
+            "for solution in answer.solutions:",
+            "    print(solution.rejected_because or 'valid', solution.joints)",
+        ],
+    ),
+}
 
 
-def ik_python(url: str, robot: str, request: IkRequest) -> str:
-    """A Python program that asks for the same inverse kinematics.
+def _program(url: str, robot: str, method: str, request: Request, places: Sequence[str]) -> str:
+    """A Python program that asks the same with `armwright_client`.
 
     Args:
         url: Address of the service.
         robot: Name of the robot.
+        method: Method of the client.
         request: The request.
+        places: Fields that the method takes by position, after the robot.
     """
     fields = _changed_fields(request)
-    arguments = [repr(robot), _code(fields.pop("pose"))]
+    fields.pop("robot", None)
+    given = [fields.pop(name) for name in places]
+    given = [value.joints if isinstance(value, Start) else value for value in given]
+    arguments = [repr(robot)]
+    for name, value in zip(places, given, strict=True):
+        if name in ("stages", "goals"):
+            items = "".join(f"            {_code(item)},\n" for item in value)
+            arguments.append(f"[\n{items}        ]")
+        else:
+            arguments.append(_code(value))
     arguments += [f"{name}={_code(value)}" for name, value in fields.items()]
-    names = sorted({"Client", *_models(request)} - {"IkRequest"})
+    answer, shows = _PROGRAMS[method]
+    names = sorted({"Client"}.union(*(_models(value) for value in (*given, *fields.values()))))
     return "\n".join(
         [
             f"from armwright_client import {', '.join(names)}",
             "",
             f"with Client({url!r}) as client:",
-            "    answer = client.robots.ik(",
+            f"    {answer} = client.{method}(",
             *(f"        {argument}," for argument in arguments),
             "    )",
-            "for solution in answer.solutions:",
-            "    print(solution.rejected_because or 'valid', solution.joints)",
+            *shows,
             "",
         ]
     )
@@ -180,7 +133,9 @@ def plan_code(url: str, state: StudioState) -> tuple[str, str]:
         state: State of the studio.
     """
     request = plan_request(state, keep=False)
-    return plan_python(url, request), curl(url, "/v1/plan", request)
+    return _program(url, state.robot, "plan", request, ("start", "goal")), curl(
+        url, "/v1/plan", request
+    )
 
 
 def task_code(url: str, state: StudioState) -> tuple[str, str]:
@@ -191,7 +146,8 @@ def task_code(url: str, state: StudioState) -> tuple[str, str]:
         state: State of the studio.
     """
     request = task_request(state, keep=False)
-    return task_python(url, request), curl(url, "/v1/tasks", request)
+    program = _program(url, state.robot, "plan_task", request, ("start", "stages"))
+    return program, curl(url, "/v1/tasks", request)
 
 
 def tour_code(url: str, state: StudioState) -> tuple[str, str]:
@@ -205,7 +161,9 @@ def tour_code(url: str, state: StudioState) -> tuple[str, str]:
         ValueError: There are no two goals.
     """
     request = tour_request(state, keep=False)
-    return tour_python(url, request), curl(url, "/v1/tours", request)
+    return _program(url, state.robot, "plan_tour", request, ("goals",)), curl(
+        url, "/v1/tours", request
+    )
 
 
 def path_code(url: str, state: StudioState) -> tuple[str, str]:
@@ -219,7 +177,9 @@ def path_code(url: str, state: StudioState) -> tuple[str, str]:
         ValueError: There are no two waypoints.
     """
     request = path_request(state, keep=False)
-    return plan_python(url, request), curl(url, "/v1/plan", request)
+    return _program(url, state.robot, "plan", request, ("start", "goal")), curl(
+        url, "/v1/plan", request
+    )
 
 
 def ik_code(url: str, state: StudioState, tip: Pose) -> str:
@@ -230,7 +190,7 @@ def ik_code(url: str, state: StudioState, tip: Pose) -> str:
         state: State of the studio.
         tip: Pose of the tip at the goal, in the root frame.
     """
-    return ik_python(url, state.robot, ik_request(state, tip))
+    return _program(url, state.robot, "robots.ik", ik_request(state, tip), ("pose",))
 
 
 def all_code(url: str, state: StudioState, tip: Pose) -> str:
