@@ -26,6 +26,7 @@ from service.endpoints.tasks import route as sequence
 from service.endpoints.tools import route as tools
 from service.housekeeping import keep_house, watch_storage
 from service.http import errors, openapi
+from service.http.audit import AuditAccount
 from service.http.json_route import JsonRoute
 from service.http.layer.admission import Admission
 from service.http.layer.middleware import ServiceMiddleware
@@ -153,6 +154,7 @@ def create_app(
     app.state.stopping = False
     app.state.defer = defer
     app.state.metrics = Metrics(app)
+    app.state.audit_account = AuditAccount()
     app.state.openapi = None
     app.router.route_class = JsonRoute
     app.state.swagger = pages.swagger_folder()

@@ -58,6 +58,11 @@ class Settings(BaseSettings):
     default_timeout: Positive = Field(10.0, description="deadline of a request that names none [s]")
     max_timeout: Positive = Field(300.0, description="longest deadline a request may name [s]")
     kill_grace: Positive = Field(0.1, description="overrun of a deadline before the kill [s]")
+    audit: Literal["sampled", "off"] = Field(
+        "sampled",
+        description="whether kept proofs are looked at once more by other code, at most 5 % of the "
+        "time they took",
+    )
     worker_memory: int = Field(
         2048 * _MEBIBYTE,
         ge=64 * _MEBIBYTE,

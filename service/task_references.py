@@ -25,6 +25,7 @@ if TYPE_CHECKING:
     from service.endpoints.lyapunov.task import lyapunov as lyapunov
     from service.endpoints.plan.task import plan as plan
     from service.endpoints.plan.task import validate as validate
+    from service.endpoints.plans.audit import audit as audit
     from service.endpoints.plans.stop import stop as stop
     from service.endpoints.plans.swept import swept as swept
     from service.endpoints.plans.view import view as view
@@ -102,6 +103,7 @@ else:
     view = TaskReference("service.endpoints.plans.view:view")
     tour = TaskReference("service.endpoints.tours.task:tour", GRACE)
     witness = TaskReference("service.endpoints.plans.witness:witness", GRACE)
+    audit = TaskReference("service.endpoints.plans.audit:audit", GRACE)
 
 #: Modules that workers load: those that define the tasks.
 MODULES = tuple(

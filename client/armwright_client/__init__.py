@@ -42,6 +42,7 @@ from armwright_client.client import Scenes as Scenes
 from armwright_client.client import Tools as Tools
 from armwright_client.errors import BY_CODE as BY_CODE
 from armwright_client.errors import ApiError as ApiError
+from armwright_client.errors import CertificateDisputed as CertificateDisputed
 from armwright_client.errors import Conflict as Conflict
 from armwright_client.errors import Forbidden as Forbidden
 from armwright_client.errors import GoalInCollision as GoalInCollision

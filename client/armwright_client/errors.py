@@ -298,6 +298,12 @@ class WorkerCrashed(ApiError):
     code = "CRASH"
 
 
+class CertificateDisputed(ApiError):
+    """A second look by other code does not agree with a proof: the motion must not be run."""
+
+    code = "CERTIFICATE_DISPUTED"
+
+
 class InvalidRobotDescription(ApiError):
     """The URDF, SRDF or DH table does not describe a robot that can be built."""
 

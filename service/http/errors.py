@@ -58,6 +58,7 @@ KINDS: Mapping[str, Kind] = {
     "INVALID_ROBOT_STATE": Kind(422, "The configuration does not fit the robot"),
     "UNRECOGNIZED_GOAL_TYPE": Kind(422, "The kind of goal is not known"),
     "CRASH": Kind(500, "The server failed"),
+    "CERTIFICATE_DISPUTED": Kind(500, "A second look does not agree with the proof"),
     # Ours.
     "INVALID_ROBOT_DESCRIPTION": Kind(422, "The robot description is not valid"),
     "INVALID_SCENE": Kind(422, "The scene is not valid"),
@@ -208,6 +209,8 @@ PROBLEM_HINTS: Mapping[str, str] = {
     "INVALID_GOAL_CONSTRAINTS": "Correct the field that `detail` names.",
     "INVALID_ROBOT_STATE": "Give one number for each joint, in the order of `joint_names`.",
     "UNRECOGNIZED_GOAL_TYPE": "Give `joints`, `state`, `pose` or `any_of`.",
+    "CERTIFICATE_DISPUTED": "Do not run the motion. Report `GET /v1/plans/{plan_id}/bundle`: "
+    "it holds all that the answer depends on.",
     "CRASH": "Ask again. If it happens again, report the request with the log of the service.",
     "INVALID_ROBOT_DESCRIPTION": "Correct the URDF, SRDF or table where `detail` says.",
     "INVALID_SCENE": "Correct the obstacle that `detail` names.",

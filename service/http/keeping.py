@@ -22,6 +22,7 @@ from starlette.concurrency import run_in_threadpool
 from armwright_wire.base import Keepable
 from kinematics.errors import ArmwrightError
 from service.access.caller import caller_of
+from service.http.audit import check_answer
 from service.http.errors import document, from_domain, status_of, with_headers
 from service.http.state import (
     DRY_RUN,
@@ -79,11 +80,14 @@ async def answer_and_keep(
     """
     if request.scope.get(DRY_RUN) or not await _is_wanted(request):
         return await handle(request)
+    begun = time.monotonic()
     try:
         response = await handle(request)
+        await check_answer(request, bytes(response.body), time.monotonic() - begun)
     except (ProblemError, ArmwrightError) as error:
         problem = from_domain(error) if isinstance(error, ArmwrightError) else error
-        if status_of(problem) not in _ANSWERING or problem.code in _MALFORMED:
+        answers_it = status_of(problem) in _ANSWERING and problem.code not in _MALFORMED
+        if not answers_it and problem.code != "CERTIFICATE_DISPUTED":
             raise
         content = json.dumps(document(problem, request.url.path), ensure_ascii=False)
         failure = _Outcome(status_of(problem), problem.code, content.encode())

@@ -52,6 +52,12 @@ class Metrics:
             ("code", "planner"),
             registry=self.registry,
         )
+        self._audits = Counter(
+            "armwright_audits",
+            "Second looks at certified answers, by outcome",
+            ("outcome",),
+            registry=self.registry,
+        )
         self._stages = Histogram(
             "armwright_stage_seconds",
             "Time that stages of planning took",
@@ -77,6 +83,10 @@ class Metrics:
         self._plans.labels(code if code in KINDS else _OTHER, "").inc()
         if isinstance(stages, Sequence):
             self._observe((stage["name"], 1e-3 * stage["milliseconds"]) for stage in stages)
+
+    def count_audit(self, outcome: str) -> None:
+        """Count a second look: "agreed", "disputed" or "left out"."""
+        self._audits.labels(outcome).inc()
 
     def _observe(self, stages: Iterable[tuple[str, float]]) -> None:
         for name, seconds in stages:

@@ -72,6 +72,11 @@ _OCCURRENCES = {
         "/v1/robots/ur5e/fk", "request", "joints: 7 numbers, the robot has 6 joints"
     ),
     "CRASH": _occurrence(_PLAN, "worker", "the worker process died while it computed the answer"),
+    "CERTIFICATE_DISPUTED": _occurrence(
+        _PLAN,
+        "audit",
+        "a second look by other code does not agree with the proof: frame of panda_link5",
+    ),
     "INVALID_ROBOT_DESCRIPTION": _occurrence(
         "/v1/robots", "urdf", "joint 'elbow' names the link 'forearm', which is missing"
     ),
@@ -200,10 +205,10 @@ _MORE: dict[str, tuple[str, ...]] = {
     "check": (*_ROBOT, *_SCENE),
     "potential": (*_ROBOT, *_SCENE),
     "reach": (*_ROBOT, *_SCENE),
-    "plan": _PLANNING,
+    "plan": (*_PLANNING, "CERTIFICATE_DISPUTED"),
     "plan_batch": (),
     "tour": _PLANNING,
-    "validate": _MOTION,
+    "validate": (*_MOTION, "CERTIFICATE_DISPUTED"),
     "export": _MOTION,
     "retime": ("INVALID_MOTION_PLAN", "MISSING_LIMIT", "INVALID_ROBOT_STATE"),
     "simplify": (*_ROBOT, *_SCENE, "INVALID_MOTION_PLAN"),

@@ -1,0 +1,150 @@
+"""Second look at a certified answer that is to be kept, in a worker."""
+
+import json
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+
+from armwright_wire.plans.plan import ValidateRequest
+from kinematics.robots import builtin_srdf, builtin_urdf
+from service.audit.bodies import Array, Part, Robot, Unread, pose, read_robot, shape_parts
+from service.audit.look import Cell, Motion, look
+from service.endpoints.attached_objects import RobotInScene
+from service.endpoints.plan.task import proof_question, question
+from service.storage.caches.cache_key import Reference
+from service.storage.caches.recent import Recent
+from service.workers.task import GRACE, task
+
+#: Robots as they were sent, by the hash of their document.
+_ROBOTS = Recent(16)
+
+
+@task(grace=GRACE)
+def audit(
+    robot: Reference, scene: Reference | None, content: bytes, documents: tuple[bytes | None, ...]
+) -> list[dict[str, Any]] | str:
+    """Look once more at a certified answer, by other code.
+
+    Args:
+        robot: The robot.
+        scene: The scene, where the request names a stored one.
+        content: Request and answer, JSON.
+        documents: Documents of the robot and the scene as they are stored; None for a built-in
+            robot, and where the request brings the scene or has none.
+
+    Returns:
+        Disagreements, none where all is well; a sentence where the form is one that is not read.
+
+    Raises:
+        NotPrepared: The robot or the scene has to be prepared first.
+    """
+    whole = json.loads(content)
+    request, answer = whole["request"], whole["answer"]
+    try:
+        _check_form(request)
+        sent = _ROBOTS.get(robot.hash, lambda: _sent_robot(robot, documents[0]))
+        obstacles = _obstacles(request, documents[1])
+        if "trajectory" in answer:
+            _, around, problem = question(robot, scene, json.dumps(request).encode())
+            motion, certificate = answer["trajectory"], answer["certificate"]
+            margin = problem.margin
+        else:
+            body = ValidateRequest.model_validate(request)
+            _, _, around = proof_question(robot, scene, body)
+            motion, certificate, margin = request["trajectory"], answer, body.margin
+        moves = _motion(motion)
+        cell = _cell(request, sent, obstacles, around, certificate, moves, margin)
+    except Unread as reason:
+        return str(reason)
+    return look(cell, moves, int(certificate.get("cells") or 0))
+
+
+def _check_form(request: Mapping[str, Any]) -> None:
+    if request.get("tool") is not None or request.get("tcp") is not None:
+        raise Unread("a mounted tool")
+    if request.get("collisions") == "ignore":
+        raise Unread("collisions are not looked at")
+
+
+def _sent_robot(reference: Reference, document: bytes | None) -> Robot:
+    if document is not None:
+        return read_robot(json.loads(document))
+    name = reference.name
+    return read_robot({"urdf": builtin_urdf(name), "srdf": builtin_srdf(name)})
+
+
+def _obstacles(request: Mapping[str, Any], document: bytes | None) -> dict[str, Any]:
+    """The scene of a request with the frame of its obstacles."""
+    inline = request.get("scene")
+    scene = json.loads(document) if document is not None else inline or {}
+    if scene.get("moveit") is not None:
+        raise Unread("the text of a MoveIt scene")
+    default = request.get("frame") if document is None else None
+    return {"frame": scene.get("frame") or default, "obstacles": scene.get("obstacles") or []}
+
+
+def _motion(trajectory: Mapping[str, Any]) -> Motion:
+    segments = trajectory.get("segments")
+    if not segments:
+        raise Unread("a motion by samples")
+    if not trajectory.get("joint_names"):
+        raise Unread("a motion without names of joints")
+    last = segments[-1]
+    return Motion(
+        tuple(trajectory["joint_names"]),
+        np.array([segment["t0"] for segment in segments]) - segments[0]["t0"],
+        last["t1"] - segments[0]["t0"],
+        tuple(
+            tuple(np.array(row, dtype=np.float64) for row in segment["coefficients"])
+            for segment in segments
+        ),
+    )
+
+
+def _cell(
+    request: Mapping[str, Any],
+    sent: Robot,
+    scene: Mapping[str, Any],
+    around: RobotInScene,
+    certificate: Mapping[str, Any],
+    motion: Motion,
+    margin: float,
+) -> Cell:
+    """What was proved beside what was sent."""
+    chain = around.robot.chain
+    fingers = dict(around.robot.fingers.positions)
+    base = chain.root_link
+
+    def frames(q: Array) -> dict[str, Array]:
+        found = sent.frames({**fingers, **dict(zip(motion.joints, q.tolist(), strict=True))})
+        back = np.linalg.inv(found[base])
+        found = {name: back @ T for name, T in found.items()}
+        return {**found, "tool": found[chain.tip_link]}
+
+    start = frames(motion.at(0.0))
+    placed: dict[str, Array] = {}
+    shapes: dict[str, Any] = {}
+    margins: dict[str, float] = {}
+    for item in scene["obstacles"]:
+        frame = item["pose"].get("frame") or scene["frame"]
+        placed[item["id"]] = (start[frame] if frame else np.eye(4)) @ pose(item["pose"])
+        shapes[item["id"]] = item["shape"]
+        margins[item["id"]] = margin + (item.get("margin") or 0.0)
+    held: dict[str, tuple[str, list[Part]]] = {}
+    for item in request.get("attached") or ():
+        name, link = item["id"], item["link"]
+        if item.get("grasp_joints") is not None:
+            T = np.linalg.inv(frames(np.array(item["grasp_joints"]))[link]) @ placed[name]
+        else:
+            T = pose(item["pose"])
+        held[name] = link, shape_parts(item.get("shape") or shapes[name], T)
+    obstacles = {
+        name: shape_parts(shapes[name], T) for name, T in placed.items() if name not in held
+    }
+    allowed = frozenset(
+        (min(item["pair"]), max(item["pair"])) for item in certificate["allowed_collisions"]
+    )
+    return Cell(
+        around.robot, around.scene, sent, base, fingers, obstacles, held, allowed, margin, margins
+    )

@@ -1,0 +1,81 @@
+"""Second looks over HTTP: counted, and a dispute is a problem, never a plan."""
+
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import httpx
+import pytest
+
+from service.app import create_app
+from service.http import audit
+from service.settings import Settings
+from tests.service.robots import answer, problem
+from tests.service.server import serving
+
+HOME = [0.0, -0.785, 0.0, -2.356, 0.0, 1.571, 0.785]
+PLAN: dict[str, Any] = {
+    "robot": "panda",
+    "start": {"joints": HOME},
+    "goal": {"joints": [0.5, -0.6, 0.0, -2.2, 0.0, 1.571, 0.785]},
+    "keep": True,
+}
+FAULT = {"kind": "frame", "link": "panda_link5", "time": 0.5, "by": 1e-3}
+
+
+@pytest.fixture(scope="module")
+def client(tmp_path_factory: pytest.TempPathFactory) -> Iterator[httpx.Client]:
+    with serving(create_app(Settings(data_dir=tmp_path_factory.mktemp("a"), workers=1))) as client:
+        yield client
+
+
+def looks(client: httpx.Client, outcome: str) -> float:
+    lines = client.get("/metrics").text.splitlines()
+    start = f'armwright_audits_total{{outcome="{outcome}"}} '
+    return sum(float(line.removeprefix(start)) for line in lines if line.startswith(start))
+
+
+def test_the_first_kept_plan_is_looked_at(client: httpx.Client) -> None:
+    answer(client.post("/v1/plan", json={**PLAN, "keep": False}))
+    assert looks(client, "agreed") == 0.0
+    answer(client.post("/v1/plan", json=PLAN))
+    assert looks(client, "agreed") == 1.0
+
+
+def test_a_dispute_is_a_problem_with_a_bundle(
+    client: httpx.Client, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    async def disputed(*_: Any) -> Any:
+        return [FAULT]
+
+    monkeypatch.setattr(audit, "_look", disputed)
+    monkeypatch.setattr(audit.AuditAccount, "earn", lambda *_: True)
+    refused = client.post("/v1/plan", json=PLAN)
+    told = problem(refused, 500, "CERTIFICATE_DISPUTED")
+    assert told["details"]["disagreements"] == [FAULT]
+    assert "panda_link5" in told["detail"]
+    kept = answer(client.get(refused.headers["location"]))
+    assert (kept["status"], kept["answer"]) == ("failed", None)
+    bundle = answer(client.get(f"/v1/plans/{told['details']['plan_id']}/bundle"))
+    assert bundle["status"] == "failed"
+    assert looks(client, "disputed") == 1.0
+
+
+def test_no_look_is_taken_where_it_is_turned_off(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(audit, "_look", None)  # calling it would be an error
+    app = create_app(Settings(data_dir=tmp_path, workers=1, audit="off"))
+    with serving(app) as client:
+        answer(client.post("/v1/plan", json=PLAN))
+
+
+def test_looks_take_a_share_of_the_time() -> None:
+    account = audit.AuditAccount()
+    spent = count = 0.0
+    for _ in range(10_000):
+        if account.earn(0.01):
+            account.spend(0.03)
+            spent, count = spent + 0.03, count + 1
+    assert count >= 100
+    assert spent <= 0.05 * 10_000 * 0.01 + 0.03
