@@ -10,6 +10,7 @@ from scipy.spatial.transform import Rotation
 from armwright_client import Obstacle, Pose
 from studio.pose import rotation, wxyz
 from studio.result import Planned, TaskPlanned, TourPlanned
+from studio.state import StudioState
 from studio.workbench import Workbench
 
 #: Frames each second: what browsers draw without falling behind.
@@ -60,15 +61,7 @@ def motion_frames(workbench: Workbench, planned: Planned) -> MotionFrames:
     trajectory = planned.plan.trajectory
     count = min(_MAX_FRAMES, max(2, int(trajectory.duration * _RATE) + 1))
     times = np.linspace(0.0, trajectory.duration, count)
-    joints = trajectory.sample(times)
-    asked = workbench.link_poses_of(joints, dict(planned.state.fingers))
-    links = {name: link_poses(poses) for name, poses in asked.items()}
-    obstacles = {item.id: item for item in planned.state.obstacles}
-    carried = {
-        name: _carried(links[link], obstacles[name].pose)
-        for name, link in planned.state.attached.items()
-    }
-    return MotionFrames(times, joints, links, carried)
+    return _frames(workbench, planned.state, times, trajectory.sample(times))
 
 
 def task_frames(workbench: Workbench, planned: TaskPlanned) -> MotionFrames:
@@ -121,12 +114,18 @@ def tour_frames(workbench: Workbench, planned: TourPlanned) -> MotionFrames:
     for number, leg in enumerate(legs):
         own = np.clip(times[numbers == number] - begins[number], 0.0, leg.trajectory.duration)
         joints += leg.trajectory.sample(own) if len(own) else []
-    asked = workbench.link_poses_of(joints, dict(planned.state.fingers))
+    return _frames(workbench, planned.state, times, joints)
+
+
+def _frames(
+    workbench: Workbench, state: StudioState, times: NDArray[np.float64], joints: list[list[float]]
+) -> MotionFrames:
+    """Frames in which the fingers stand still, and the robot carries what it does at the start."""
+    asked = workbench.link_poses_of(joints, dict(state.fingers))
     links = {name: link_poses(poses) for name, poses in asked.items()}
-    obstacles = {item.id: item for item in planned.state.obstacles}
+    obstacles = {item.id: item for item in state.obstacles}
     carried = {
-        name: _carried(links[link], obstacles[name].pose)
-        for name, link in planned.state.attached.items()
+        name: _carried(links[link], obstacles[name].pose) for name, link in state.attached.items()
     }
     return MotionFrames(times, joints, links, carried)
 

@@ -137,11 +137,7 @@ class EntriesPanel:
         self._chosen = min(max(chosen + steps, 0), len(entries) - 1)
 
     def _run(self, action: Callable[[], None]) -> None:
-        def command() -> None:
-            action()
-            self._page.refresh()
-
-        self._page.queue.put(f"{self._word} {id(action)}", command)
+        self._page.run(f"{self._word} {id(action)}", action)
 
 
 def field_widget(gui: viser.GuiApi, field: FormField) -> Any:
@@ -265,8 +261,6 @@ class FieldsPanel:
             put_value(self._widgets[field.path], text_of(field, values))
 
     def _set(self, field: FormField, text: str) -> None:
-        def command() -> None:
-            self._write(field.path, value_of(field, text))
-            self._page.refresh()
-
-        self._page.queue.put(f"{self._word} {field.path}", command)
+        self._page.run(
+            f"{self._word} {field.path}", lambda: self._write(field.path, value_of(field, text))
+        )

@@ -78,11 +78,7 @@ class GoalPanel:
         if not number.isdigit():
             return
 
-        def command() -> None:
-            self._page.workbench.choose_branch(int(number))
-            self._page.refresh()
-
-        self._page.queue.put("branch", command)
+        self._page.run("branch", lambda: self._page.workbench.choose_branch(int(number)))
 
     def _move(self, pose: Pose, *, ended: bool) -> None:
         page = self._page

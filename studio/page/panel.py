@@ -77,6 +77,14 @@ class Page(Protocol):
     def refresh(self) -> None:
         """Show the present state everywhere."""
 
+    def run(self, key: str, action: Callable[[], None]) -> None:
+        """Run an action behind those that wait, and show what came of it.
+
+        Args:
+            key: Name of the action; one of the same name that still waits is dropped.
+            action: Command to the workbench.
+        """
+
     def rebuild(self) -> None:
         """Make robot, sliders and scene anew for another robot."""
 

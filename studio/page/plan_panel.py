@@ -1,5 +1,7 @@
 """Panel of planning: settings from the API's schema, the plan, its certificate, or the failure."""
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 from functools import partial
 from typing import Any
 
@@ -27,9 +29,7 @@ class PlanPanel:
         self.button = gui.add_button("Plan", color="blue")
         self.button.on_click(lambda _: page.queue.put("plan", self._plan))
         history = gui.add_button_group("Changes", ["undo", "redo"])
-        history.on_click(
-            lambda event: page.queue.put("history", partial(self._step, event.target.value))
-        )
+        history.on_click(lambda event: page.run("history", partial(self._step, event.target.value)))
         self._text = Text(gui)
         with gui.add_folder("Settings", expand_by_default=False):
             for field in page.workbench.fields:
@@ -45,7 +45,7 @@ class PlanPanel:
                 lambda kind: {workbench.constraint_forms.tag: kind},
             )
         pin = gui.add_button("Pin to compare", hint="The next plan is drawn and listed beside it.")
-        pin.on_click(lambda _: page.queue.put("pin", self._pin))
+        pin.on_click(lambda _: page.run("pin", page.workbench.pin))
         self._comparison = Text(gui)
 
     def refresh(self) -> None:
@@ -63,11 +63,7 @@ class PlanPanel:
         self._text.show(describe(workbench.outcome), page_link(workbench.view_url()))
         pinned, outcome = workbench.pinned, workbench.outcome
         both = pinned is not None and isinstance(outcome, Planned) and outcome is not pinned
-        self._comparison.show(
-            compare(pinned, outcome)
-            if both and pinned is not None and isinstance(outcome, Planned)
-            else ""
-        )
+        self._comparison.show(compare(pinned, outcome) if both else "")  # type: ignore[arg-type]
 
     def _widget(self, field: FormField) -> Any:
         gui = self._page.server.gui
@@ -92,25 +88,14 @@ class PlanPanel:
         return widget
 
     def _set(self, field: FormField, value: Any) -> None:
-        def command() -> None:
-            self._page.workbench.set_setting(field.path, setting(field, value))
-            self._page.refresh()
-
-        self._page.queue.put(f"setting {field.path}", command)
+        self._page.run(
+            f"setting {field.path}",
+            lambda: self._page.workbench.set_setting(field.path, setting(field, value)),
+        )
 
     def _plan(self) -> None:
-        self._text.show("Planning …")
-        self.button.disabled = True
-        try:
+        with planning(self._page, self._text, self.button):
             self._page.workbench.plan()
-        finally:
-            self.button.disabled = False
-        self._page.refresh()
-        self._page.show_outcome()
-
-    def _pin(self) -> None:
-        self._page.workbench.pin()
-        self._page.refresh()
 
     def _step(self, word: str) -> None:
         workbench = self._page.workbench
@@ -120,7 +105,25 @@ class PlanPanel:
             workbench.redo()
         workbench.solve_goal()
         self._page.show_start()
-        self._page.refresh()
+
+
+@contextmanager
+def planning(page: Page, text: Text, button: Any) -> Iterator[None]:
+    """Context of a plan: its button waits, and its outcome is shown on the page.
+
+    Args:
+        page: Page of the studio.
+        text: Place that says that it is planned.
+        button: Button that was pressed.
+    """
+    text.show("Planning …")
+    button.disabled = True
+    try:
+        yield
+    finally:
+        button.disabled = False
+    page.refresh()
+    page.show_outcome()
 
 
 def setting(field: FormField, value: Any) -> Any:
@@ -165,6 +168,4 @@ def describe(outcome: Outcome | None) -> str:
 
 
 def _word(value: Any) -> str:
-    return (
-        {True: "yes", False: "no"}.get(value, str(value)) if isinstance(value, bool) else str(value)
-    )
+    return ("yes" if value else "no") if isinstance(value, bool) else str(value)

@@ -129,9 +129,8 @@ class JointSliders:
             else:
                 page.workbench.set_goal_joints(joints, key)
                 page.workbench.solve_goal()
-            page.refresh()
 
-        page.queue.put(f"joints {self._which}", command)
+        page.run(f"joints {self._which}", command)
 
 
 class FingerSliders:
@@ -173,9 +172,8 @@ class FingerSliders:
         def command() -> None:
             page.workbench.set_finger(name, float(value))
             page.show_start()
-            page.refresh()
 
-        page.queue.put(f"finger {name}", command)
+        page.run(f"finger {name}", command)
 
 
 def facts(model: Robot) -> str:

@@ -153,6 +153,5 @@ class ScenePanel:
         def command() -> None:
             action()
             self._page.workbench.solve_goal()
-            self._page.refresh()
 
-        self._page.queue.put(f"scene {id(action)}", command)
+        self._page.run(f"scene {id(action)}", command)

@@ -109,10 +109,10 @@ class StudioPage:
         self.server = server
         self.workbench = workbench
         self.queue = CommandQueue(self._report)
-        self._robot: RobotDrawing | None = None
-        self._pinned_robot: RobotDrawing | None = None
+        self._robot: RobotDrawing
+        self._pinned_robot: RobotDrawing
         self._pinned_frames: MotionFrames | None = None
-        self._ghosts: GhostDrawing | None = None
+        self._ghosts: GhostDrawing
         self._sliders: list[JointSliders | FingerSliders] = []
         self._pair = PairDrawing(server.scene)
         self._set_up_scene()
@@ -146,10 +146,9 @@ class StudioPage:
 
     def rebuild(self) -> None:
         """Make robot, sliders and ghosts anew for the present robot."""
-        for drawing in (self._robot, self._pinned_robot):
-            if drawing is not None:
-                drawing.remove()
-        if self._ghosts is not None:
+        if self._sliders:  # else it is the first robot
+            self._robot.remove()
+            self._pinned_robot.remove()
             self._ghosts.clear()
         bodies = surfaces(self.workbench.geometry())
         looks = surfaces(self.workbench.geometry("visual"))
@@ -187,61 +186,61 @@ class StudioPage:
             self.show_goal()
             self._code.show(all_code(self.workbench.url, self.workbench.state, tip))
 
+    def run(self, key: str, action: Callable[[], None]) -> None:
+        """Run an action behind those that wait, and show what came of it.
+
+        Args:
+            key: Name of the action; one of the same name that still waits is dropped.
+            action: Command to the workbench.
+        """
+
+        def command() -> None:
+            action()
+            self.refresh()
+
+        self.queue.put(key, command)
+
     def show_looks(self, looks: bool) -> None:
         """Draw the robot by what it looks like, or by its collision geometry.
 
         Args:
             looks: False for the collision geometry.
         """
-        if self._robot is not None:
-            self._robot.show_looks(looks)
+        self._robot.show_looks(looks)
 
     def show_start(self) -> None:
         """Draw the robot at the start."""
-        if self._robot is not None:
-            self._robot.show(self.workbench.link_poses(self.workbench.state.start))
+        self._robot.show(self.workbench.link_poses(self.workbench.state.start))
 
     def show_goal(self) -> None:
         """Draw the ghosts that reach the goal."""
         branches = self.workbench.branches
-        if self._ghosts is None:
-            return
-        if not branches:
-            self._ghosts.clear()
-            return
-        poses = self.workbench.link_poses_of([branch.joints for branch in branches])
-        self._ghosts.show(branches, poses)
+        rows = [branch.joints for branch in branches]
+        self._ghosts.show(branches, self.workbench.link_poses_of(rows) if rows else {})
 
     def show_outcome(self) -> None:
         """Load the motion that was planned, or show the pair of a failure."""
         outcome, pinned = self.workbench.outcome, self.workbench.pinned
         self._mark(outcome)
-        if isinstance(outcome, TaskPlanned | TourPlanned):
-            self._pinned_frames = None
-            if self._pinned_robot is not None:
-                self._pinned_robot.set_visible(False)
-            if self._ghosts is not None:
-                self._ghosts.clear()
-            if isinstance(outcome, TaskPlanned):
-                self._play.load(task_frames(self.workbench, outcome))
-            else:
-                self._play.load(tour_frames(self.workbench, outcome))
-        elif isinstance(outcome, Planned):
-            self._pinned_frames = None if pinned is None else motion_frames(self.workbench, pinned)
-            if self._pinned_robot is not None:
-                self._pinned_robot.set_visible(self._pinned_frames is not None)
-            if self._ghosts is not None:
-                self._ghosts.clear()
-            self._play.load(motion_frames(self.workbench, outcome))
-        elif isinstance(outcome, Failure):
+        if isinstance(outcome, Failure):
             self._play.load(None)
-            if outcome.shown is not None and self._robot is not None:
+            if outcome.shown is not None:
                 self._robot.show(self.workbench.link_poses(outcome.shown))
+            return
+        beside = pinned if isinstance(outcome, Planned) else None
+        self._pinned_frames = None if beside is None else motion_frames(self.workbench, beside)
+        self._pinned_robot.set_visible(self._pinned_frames is not None)
+        self._ghosts.clear()
+        match outcome:
+            case Planned():
+                self._play.load(motion_frames(self.workbench, outcome))
+            case TaskPlanned():
+                self._play.load(task_frames(self.workbench, outcome))
+            case TourPlanned():
+                self._play.load(tour_frames(self.workbench, outcome))
 
     def _mark(self, outcome: Outcome | None) -> None:
         """Mark what collides where a plan failed; nothing where it did not."""
-        if self._robot is None:
-            return
         failed = outcome if isinstance(outcome, Failure) else None
         pairs = [] if failed is None else colliding_pairs(self.workbench, failed)
         shown = None if failed is None else failed.shown
@@ -250,10 +249,9 @@ class StudioPage:
 
     def _show_frame(self, frames: MotionFrames, number: int) -> None:
         with self.server.atomic():
-            if self._robot is not None:
-                self._robot.show_frame(frames.links, number)
+            self._robot.show_frame(frames.links, number)
             pinned = self._pinned_frames
-            if pinned is not None and self._pinned_robot is not None:
+            if pinned is not None:
                 self._pinned_robot.show_frame(pinned.links, pinned.at(frames.times[number]))
             drawings = self._scene.carried()
             for name, poses in frames.carried.items():

@@ -7,7 +7,7 @@ from armwright_client import Obstacle
 from studio.page.entries_panel import EntriesPanel, FieldsPanel
 from studio.page.markdown import Text
 from studio.page.panel import Page, put_value
-from studio.page.plan_panel import describe, page_link
+from studio.page.plan_panel import describe, page_link, planning
 from studio.result import Outcome, TaskPlanned, TourPlanned
 from studio.stages import aimed, goal_entry, new_stage, pick_stages, place_stages, pose_entry
 from studio.state import Entries
@@ -65,14 +65,8 @@ class TaskPanel:
             self._text.show("Add stages, then plan them.")
 
     def _plan(self) -> None:
-        self._text.show("Planning …")
-        self.button.disabled = True
-        try:
+        with planning(self._page, self._text, self.button):
             self._outcome = self._page.workbench.plan_task()
-        finally:
-            self.button.disabled = False
-        self._page.refresh()
-        self._page.show_outcome()
 
     def _add_ready(self, word: str) -> None:
         workbench = self._page.workbench
@@ -99,11 +93,7 @@ class TaskPanel:
         raise ValueError("add an obstacle first: the object to be carried")
 
     def _run(self, action: Callable[[], None]) -> None:
-        def command() -> None:
-            action()
-            self._page.refresh()
-
-        self._page.queue.put(f"task {id(action)}", command)
+        self._page.run(f"task {id(action)}", action)
 
 
 class PathsPanel:
@@ -175,12 +165,6 @@ class PathsPanel:
     def _plan(self, which: str) -> None:
         workbench = self._page.workbench
         button = self._tour if which == "tour" else self._path
-        self._text.show("Planning …")
-        button.disabled = True
-        try:
-            ask = workbench.plan_tour if which == "tour" else workbench.plan_tool_path
+        ask = workbench.plan_tour if which == "tour" else workbench.plan_tool_path
+        with planning(self._page, self._text, button):
             self._outcome = ask()
-        finally:
-            button.disabled = False
-        self._page.refresh()
-        self._page.show_outcome()
