@@ -25,7 +25,7 @@ sys.path.insert(0, str(ROOT))
 
 from service.app import create_app  # noqa: E402
 from service.http import metrics  # noqa: E402
-from service.http.errors import KINDS, PROBLEM_HINTS  # noqa: E402
+from service.http.errors import KINDS  # noqa: E402
 from service.http.openapi import BUNDLE, Example, examples  # noqa: E402
 from service.settings import Settings  # noqa: E402
 
@@ -262,7 +262,7 @@ def _default(name: str) -> str:
 
 def _problems() -> str:
     rows = [
-        f"| `{code}` | {kind.status} | {kind.title} | {PROBLEM_HINTS[code]} |"
+        f"| `{code}` | {kind.status} | {kind.title} | {kind.hint} |"
         for code, kind in sorted(KINDS.items(), key=lambda item: (item[1].status, item[0]))
     ]
     return (

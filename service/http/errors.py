@@ -6,6 +6,7 @@ import logging
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
+from importlib.resources import files
 from typing import Any
 
 from fastapi import FastAPI, Request
@@ -31,59 +32,29 @@ _MAX_DEPTH = 8
 
 @dataclass(frozen=True, slots=True)
 class Kind:
-    """One kind of problem: its HTTP status and its title."""
+    """One kind of problem.
+
+    Args:
+        status: HTTP status.
+        title: What it says in general.
+        hint: What to do about it in general.
+        example: One occurrence: its instance, stage, detail and details.
+    """
 
     status: int
     title: str
+    hint: str
+    example: Mapping[str, Any] | None = None
 
 
-#: What is not listed here is a fault in the request (422).
+#: Kinds by code, MoveIt's first; what is not listed is a fault in the request (422).
 KINDS: Mapping[str, Kind] = {
-    # MoveIt's names.
-    "START_STATE_IN_COLLISION": Kind(422, "The start configuration is in collision"),
-    "GOAL_IN_COLLISION": Kind(422, "The goal configuration is in collision"),
-    "START_STATE_INVALID": Kind(422, "The start configuration is not valid"),
-    "GOAL_STATE_INVALID": Kind(422, "The goal configuration is not valid"),
-    "START_STATE_VIOLATES_PATH_CONSTRAINTS": Kind(422, "The start violates the path constraints"),
-    "GOAL_VIOLATES_PATH_CONSTRAINTS": Kind(422, "The goal violates the path constraints"),
-    "NO_IK_SOLUTION": Kind(422, "No configuration reaches the pose"),
-    "PLANNING_FAILED": Kind(422, "No valid motion was found"),
-    "INVALID_MOTION_PLAN": Kind(422, "The motion is not valid"),
-    "TIMED_OUT": Kind(504, "The deadline passed"),
-    "PREEMPTED": Kind(409, "The computation was cancelled"),
-    "INVALID_GROUP_NAME": Kind(422, "The robot has no such group"),
-    "INVALID_LINK_NAME": Kind(422, "The robot has no such link"),
-    "INVALID_OBJECT_NAME": Kind(422, "The scene has no such object"),
-    "INVALID_GOAL_CONSTRAINTS": Kind(422, "The goal is malformed"),
-    "INVALID_ROBOT_STATE": Kind(422, "The configuration does not fit the robot"),
-    "UNRECOGNIZED_GOAL_TYPE": Kind(422, "The kind of goal is not known"),
-    "CRASH": Kind(500, "The server failed"),
-    "CERTIFICATE_DISPUTED": Kind(500, "A second look does not agree with the proof"),
-    # Ours.
-    "INVALID_ROBOT_DESCRIPTION": Kind(422, "The robot description is not valid"),
-    "INVALID_SCENE": Kind(422, "The scene is not valid"),
-    "MISSING_LIMIT": Kind(422, "A limit that is needed is missing"),
-    "MISSING_INERTIA": Kind(422, "A mass or inertia that is needed is missing"),
-    "INVALID_REQUEST": Kind(422, "The request can't be answered"),
-    "VALIDATION_ERROR": Kind(422, "The request does not have the right form"),
-    "IDEMPOTENCY_KEY_REUSED": Kind(422, "The idempotency key belongs to another request"),
-    "UNAUTHENTICATED": Kind(401, "Credentials are missing or wrong"),
-    "FORBIDDEN": Kind(403, "The API key or the page that asks does not allow this"),
-    "QUOTA_EXCEEDED": Kind(403, "The storage of this tenant is used up"),
-    "NOT_FOUND": Kind(404, "There is no such thing"),
-    "METHOD_NOT_ALLOWED": Kind(405, "The endpoint does not have this method"),
-    "REQUEST_TIMEOUT": Kind(408, "The request body did not arrive in time"),
-    "CONFLICT": Kind(409, "The request conflicts with what exists"),
-    "PRECONDITION_FAILED": Kind(412, "What exists is not what the request expects"),
-    "PAYLOAD_TOO_LARGE": Kind(413, "The request body is too large"),
-    "UNSUPPORTED_MEDIA_TYPE": Kind(415, "The request body has the wrong content type"),
-    "HOST_NOT_ALLOWED": Kind(421, "The service does not answer for this host"),
-    "OUT_OF_MEMORY": Kind(422, "The request needs too much memory"),
-    "OVERLOADED": Kind(429, "The service has too many requests"),
-    "NOT_READY": Kind(503, "The service is not ready"),
-    "STORAGE_UNAVAILABLE": Kind(503, "The storage can't be used now"),
+    code: Kind(**fields)
+    for code, fields in json.loads(
+        files("service.http").joinpath("problems.json").read_text("utf-8")
+    ).items()
 }
-_UNLISTED = Kind(422, "The request can't be answered")
+_UNLISTED = Kind(422, "The request can't be answered", "")
 
 
 class HttpProblemError(ProblemError):
@@ -169,75 +140,6 @@ def plain(value: Any, depth: int = 0) -> Any:
 def _text(value: object) -> str:
     text = str(value).encode("utf-8", "replace").decode("utf-8")
     return text if len(text) <= _MAX_TEXT else f"{text[:_MAX_TEXT]}…"
-
-
-PROBLEM_HINTS: Mapping[str, str] = {
-    "START_STATE_IN_COLLISION": (
-        "Move the arm away from what `details.pair` names, or allow the pair if it may touch."
-    ),
-    "GOAL_IN_COLLISION": (
-        "Move the goal, lower the margin, or allow the pair that `details.pair` names."
-    ),
-    "START_STATE_INVALID": (
-        "Bring the joint that `details` names inside its limits, or raise `start_state_tolerance`."
-    ),
-    "GOAL_STATE_INVALID": "Choose a goal inside the joint limits that `details` names.",
-    "START_STATE_VIOLATES_PATH_CONSTRAINTS": (
-        "Start where the constraint holds, or widen its tolerance."
-    ),
-    "GOAL_VIOLATES_PATH_CONSTRAINTS": (
-        "Choose a goal where the constraint holds, or widen its tolerance."
-    ),
-    "NO_IK_SOLUTION": (
-        "Ask with `all_solutions` to see why candidates were rejected; loosen tolerances "
-        "or free an axis."
-    ),
-    "PLANNING_FAILED": (
-        "Read `details` for what is in the way; give more time, another planner or a "
-        "smaller margin."
-    ),
-    "INVALID_MOTION_PLAN": (
-        "Read which limit, constraint or pair is violated, and when; change the motion there."
-    ),
-    "TIMED_OUT": "Raise `timeout`, make the request smaller, or ask with `Prefer: respond-async`.",
-    "PREEMPTED": (
-        "The job was cancelled or its client left. Ask again if the answer is still wanted."
-    ),
-    "INVALID_GROUP_NAME": "Name a group of the robot's SRDF.",
-    "INVALID_LINK_NAME": "Name one of the links that `GET /v1/robots/{name}` lists.",
-    "INVALID_OBJECT_NAME": "Name an obstacle of the scene.",
-    "INVALID_GOAL_CONSTRAINTS": "Correct the field that `detail` names.",
-    "INVALID_ROBOT_STATE": "Give one number for each joint, in the order of `joint_names`.",
-    "UNRECOGNIZED_GOAL_TYPE": "Give `joints`, `state`, `pose` or `any_of`.",
-    "CERTIFICATE_DISPUTED": "Do not run the motion. Report `GET /v1/plans/{plan_id}/bundle`: "
-    "it holds all that the answer depends on.",
-    "CRASH": "Ask again. If it happens again, report the request with the log of the service.",
-    "INVALID_ROBOT_DESCRIPTION": "Correct the URDF, SRDF or table where `detail` says.",
-    "INVALID_SCENE": "Correct the obstacle that `detail` names.",
-    "MISSING_LIMIT": "Give the limit in `joint_limits`, or a rule in `default_limits`.",
-    "MISSING_INERTIA": "Give masses and inertias of all links, or leave out what needs them.",
-    "INVALID_REQUEST": "Change what `detail` names; the form of the request is right.",
-    "VALIDATION_ERROR": "Correct the fields that `details.errors` lists; `/docs` has their form.",
-    "IDEMPOTENCY_KEY_REUSED": "Take a new key for a new request.",
-    "UNAUTHENTICATED": "Send an API key as `Authorization: Bearer aw_...` or `X-API-Key`.",
-    "FORBIDDEN": "Ask with a key that has the scope which `detail` names; of a page, list its "
-    "origin in `cors_origins`.",
-    "QUOTA_EXCEEDED": "Delete robots, scenes or plans, or have the storage of the tenant raised.",
-    "NOT_FOUND": "Check the name; lists such as `GET /v1/robots` show those there are.",
-    "METHOD_NOT_ALLOWED": "Take a method that the header `Allow` names.",
-    "REQUEST_TIMEOUT": "Send the body faster, or in fewer bytes.",
-    "CONFLICT": "Choose another name, or wait until the other request has ended.",
-    "PRECONDITION_FAILED": "Fetch what is there now, and send its new `ETag`.",
-    "PAYLOAD_TOO_LARGE": "Send less, or have `ARMWRIGHT_MAX_BODY_SIZE` raised.",
-    "UNSUPPORTED_MEDIA_TYPE": "Send `Content-Type: application/json`, or a form for an archive.",
-    "HOST_NOT_ALLOWED": "Ask under an allowed name, or have it added to `ARMWRIGHT_ALLOWED_HOSTS`.",
-    "OUT_OF_MEMORY": "Make the request smaller, or have `ARMWRIGHT_WORKER_MEMORY` raised.",
-    "OVERLOADED": "Wait as long as `Retry-After` says, and ask again.",
-    "NOT_READY": (
-        "Wait as long as `Retry-After` says; kernels are being compiled, or workers start."
-    ),
-    "STORAGE_UNAVAILABLE": "Wait; the database is locked, full or away. The log says which.",
-}
 
 
 #: What the framework raises by status, with what to do about it.

@@ -3,7 +3,7 @@
 from pydantic import Field
 
 from armwright_wire.base import Answer
-from service.http.errors import KINDS, PROBLEM_HINTS
+from service.http.errors import KINDS
 from service.http.json_route import json_router
 from service.problem import ProblemError
 
@@ -48,4 +48,4 @@ async def get_problem(code: str) -> ProblemKind:
 
 def _kind(code: str) -> ProblemKind:
     kind = KINDS[code]
-    return ProblemKind(code=code, status=kind.status, title=kind.title, cure=PROBLEM_HINTS[code])
+    return ProblemKind(code=code, status=kind.status, title=kind.title, cure=kind.hint)
