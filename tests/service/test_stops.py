@@ -1,5 +1,6 @@
 """Stops over HTTP: proved with plans, proofs and timings, and as motions of kept plans."""
 
+import json
 from typing import Any
 
 import httpx
@@ -77,6 +78,21 @@ def test_a_stop_of_a_kept_plan_begins_on_it_and_ends_at_rest(
         )
     np.testing.assert_allclose(stop.sample([stop.duration], 1), 0.0, atol=1e-9)
     assert stop.duration <= kept["certificate"]["stops"]["longest"] + 1e-9
+
+
+def test_stops_and_witnesses_of_a_kept_plan_are_of_its_robot_with_its_tool(
+    here: httpx.Client,
+) -> None:
+    made = plan(here, tool="suction_cup", keep=True)
+    bare = plan(here, keep=True)
+    place = f"/v1/plans/{made['plan_id']}"
+    stopped = answer(here.post(f"{place}/stop", json={"at": 0.1}))
+    asked, told = made["certificate"]["premises"], stopped["certificate"]["premises"]
+    assert (told["tool"], told["robot_hash"]) == (asked["tool"], asked["robot_hash"])
+    assert asked["tool"] == "suction_cup/tip"
+    document = answer(here.get(f"{place}/witness"))
+    assert "suction_cup" in json.dumps(document)
+    assert "suction_cup" not in json.dumps(answer(here.get(f"/v1/plans/{bare['plan_id']}/witness")))
 
 
 def test_a_kept_proof_has_stops_too(here: httpx.Client, kept: dict[str, Any]) -> None:

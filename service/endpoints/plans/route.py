@@ -2,6 +2,7 @@
 
 import asyncio
 import time
+from collections.abc import Callable
 from dataclasses import replace
 from typing import Annotated, Any, Literal
 
@@ -38,6 +39,7 @@ from service.http.json_route import json_router
 from service.http.keeping import answer_digest, differences, named_robot, new_plan_id, states_proof
 from service.http.state import REPLAY, Replay, retention, settings_of, store_of
 from service.problem import ProblemError
+from service.storage.caches.cache_key import Reference
 from service.storage.stores.plan_store import PlanContent, PlanRecord, document_hash
 from service.task_references import stop as stop_task
 from service.task_references import swept as swept_task
@@ -45,6 +47,8 @@ from service.task_references import view as view_task
 from service.task_references import witness as witness_task
 from service.validation import parse_json
 from service.viewer.page import content_security_policy
+from service.workers.result import CacheMiss, TaskProblem
+from service.workers.task import Job
 
 router = json_router("kept plans", "/v1/plans")
 
@@ -167,16 +171,8 @@ async def view_plan(
 
     It opens from disk too, and asks no host for anything.
     """
-    record, content = await _plan(id, request)
-    document = plan_document(record, content, settings_of(request).plan_lifetime)
-    request.scope[REPLAY] = Replay(record.id, pinned_references(request, record))
-    result = await answers.answer(
-        request,
-        lambda robot, scene: view_task.job(robot, scene, document, tree),
-        record.robot or "",
-        record.scene,
-        asked=parse_json(content.request),
-        timeout=min(_VIEW_TIMEOUT, settings_of(request).max_timeout),
+    _, result = await _computed(
+        id, request, lambda robot, scene, kept: view_task.job(robot, scene, kept, tree)
     )
     return HTMLResponse(result, headers={"Content-Security-Policy": content_security_policy()})
 
@@ -206,16 +202,10 @@ async def swept_plan(
 
     For kept plans, proofs, tasks and tours. It is made of convex hulls that overlap.
     """
-    record, content = await _plan(id, request)
-    document = plan_document(record, content, settings_of(request).plan_lifetime)
-    request.scope[REPLAY] = Replay(record.id, pinned_references(request, record))
-    result = await answers.answer(
+    record, result = await _computed(
+        id,
         request,
-        lambda robot, scene: swept_task.job(robot, scene, document, format, tolerance),
-        record.robot or "",
-        record.scene,
-        asked=parse_json(content.request),
-        timeout=min(_VIEW_TIMEOUT, settings_of(request).max_timeout),
+        lambda robot, scene, kept: swept_task.job(robot, scene, kept, format, tolerance),
     )
     name = f'attachment; filename="armwright-swept-{record.id}.{format}"'
     return Response(result, media_type=_MESH, headers={"Content-Disposition": name})
@@ -227,15 +217,11 @@ async def stop_plan(id: str, body: StopRequest, request: Request) -> Response:  
 
     For kept plans and proofs. Where the stop meets something its certificate says what, and where.
     """
-    record, content = await _plan(id, request)
-    document = plan_document(record, content, settings_of(request).plan_lifetime)
-    request.scope[REPLAY] = Replay(record.id, pinned_references(request, record))
-    result = await answers.answer(
+    _, result = await _computed(
+        id,
         request,
-        lambda robot, scene: stop_task.job(robot, scene, document, body.at, body.kind),
-        record.robot or "",
-        record.scene,
-        timeout=body.timeout,
+        lambda robot, scene, kept: stop_task.job(robot, scene, kept, body.at, body.kind),
+        body.timeout,
     )
     return Response(result, media_type="application/json")
 
@@ -245,16 +231,7 @@ async def stop_plan(id: str, body: StopRequest, request: Request) -> Response:  
 )
 async def plan_witness(id: str, request: Request) -> Response:  # noqa: A002
     """A document from which anybody can check a kept plan or proof without this service."""
-    record, content = await _plan(id, request)
-    document = plan_document(record, content, settings_of(request).plan_lifetime)
-    request.scope[REPLAY] = Replay(record.id, pinned_references(request, record))
-    result = await answers.answer(
-        request,
-        lambda robot, scene: witness_task.job(robot, scene, document),
-        record.robot or "",
-        record.scene,
-        timeout=min(_VIEW_TIMEOUT, settings_of(request).max_timeout),
-    )
+    _, result = await _computed(id, request, witness_task.job)
     return Response(result, media_type="application/json")
 
 
@@ -301,6 +278,27 @@ async def _same_answer(request: Request, record: PlanRecord, content: PlanConten
         return None
     digest = await run_in_threadpool(answer_digest, result.content)
     return result.content if digest == record.digest else None
+
+
+async def _computed(
+    plan_id: str,
+    request: Request,
+    make_job: Callable[[Reference, Reference | None, bytes], Job[bytes | TaskProblem | CacheMiss]],
+    timeout: float | None = None,
+) -> tuple[PlanRecord, bytes]:
+    """A kept plan, and the result of a job about it: its robot with its tool, its scene, itself."""
+    record, content = await _plan(plan_id, request)
+    document = plan_document(record, content, settings_of(request).plan_lifetime)
+    request.scope[REPLAY] = Replay(record.id, pinned_references(request, record))
+    result = await answers.answer(
+        request,
+        lambda robot, scene: make_job(robot, scene, document),
+        record.robot or "",
+        record.scene,
+        asked=parse_json(content.request),
+        timeout=timeout or min(_VIEW_TIMEOUT, settings_of(request).max_timeout),
+    )
+    return record, result
 
 
 async def _plan(plan_id: str, request: Request) -> tuple[PlanRecord, PlanContent]:
